@@ -1,0 +1,27 @@
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE_PROGRAM})
+endif()
+
+# a run must hash the same in every preset: no contraction into fused multiply-adds, no fast maths
+add_compile_options(-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -ffp-contract=off)
+
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  # GCC 12 warns of impossible overlaps in std::string concatenation (GCC bug 105651)
+  add_compile_options(-Wno-restrict)
+endif()
+
+if(PALPATE_SANITIZE)
+  add_compile_options(-fsanitize=${PALPATE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  add_link_options(-fsanitize=${PALPATE_SANITIZE})
+endif()
+if(PALPATE_BUILD_FUZZERS)
+  # coverage for the library code; each fuzzer adds the driver
+  add_compile_options(-fsanitize=fuzzer-no-link)
+endif()

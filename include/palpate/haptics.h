@@ -1,0 +1,125 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/sampling.h"
+#include "palpate/volume.h"
+
+/// What is felt, and the laws by which it is felt: pure functions of state.
+namespace palpate {
+
+/// A group of labels that feel alike.
+struct Tissue {
+  std::string name;
+  bool felt = true;  ///< false: shown, not felt
+  double stiffness_N_per_mm = 1.0;
+  double friction_coefficient = 0.1;  ///< cap of the tangential force relative to the normal one
+  double friction_damping_N_s_per_mm = 0.005;
+  double friction_max_N = 0.5;  ///< preset cap of the tangential force (as published)
+  double viscosity_N_s_per_mm = 0.001;
+  Rgb colour;
+  double opacity = 1.0;
+  std::vector<int> rests_on;  ///< indices of tissues that support this one
+};
+
+/// The instrument: points fixed to the tip's frame (a point tool has one, at the origin). A tool of
+/// spheres with radii comes with the proxy.
+struct Tool {
+  std::string name = "point";
+  std::vector<Eigen::Vector3d> points_mm{Eigen::Vector3d::Zero()};  ///< 1 ... kMaxToolPoints
+};
+inline constexpr int kMaxToolPoints = 4;
+
+enum class Side : std::uint8_t { kUnknown, kLeft, kRight };
+
+/// Everything a tick reads, prepared once and never edited: a new version replaces it. Parts that did
+/// not change are shared between versions.
+struct Model {
+  std::uint32_t version = 1;
+  std::uint64_t content_hash = 0;  ///< of field, labels, tissues, tool and limits
+  std::string title;
+  Side side = Side::kUnknown;
+
+  std::shared_ptr<const Field> field;             ///< what the force is computed from
+  std::shared_ptr<const Volume<LabelId>> labels;  ///< flattened, on the field's grid
+  std::shared_ptr<const Volume<float>> scan;      ///< on the same grid; may be null
+  std::vector<Segment> segments;                  ///< names and colours by id
+  std::vector<Tissue> tissues;
+  std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1: belongs to no tissue
+  std::vector<float> level_of_label;          ///< field value deep inside that label, 0 ... 1
+
+  double sigma_mm = 1.0;    ///< smoothing that made the field
+  double full_force_N = 1;  ///< force where the field is 1: stiffest tissue * sigma * sqrt(2 pi)
+  Tool tool;
+  double scene_max_force_N = std::numeric_limits<double>::infinity();  ///< infinite: the scene sets none
+  /// Where the patient lies in the workspace when the object is not rotated: the volume's centre at
+  /// World's origin, patient supine, seen from the feet (right = patient's left, forward = superior,
+  /// up = anterior).
+  Transform<World, Patient> X_WorldPatient;
+
+  const Segment* find(const std::string& name) const;
+  const Segment* find(LabelId id) const;
+  /// The tissue of a label, or nullptr when it belongs to none.
+  const Tissue* tissue_of(LabelId id) const {
+    const int tissue = id < tissue_of_label.size() ? tissue_of_label[id] : -1;
+    return tissue >= 0 ? &tissues[tissue] : nullptr;
+  }
+  bool is_felt(LabelId id) const {
+    const Tissue* tissue = tissue_of(id);
+    return tissue != nullptr && tissue->felt;
+  }
+};
+
+/// The placement that Model::X_WorldPatient describes, for a grid.
+Transform<World, Patient> supine_from_feet(const GridGeometry& grid);
+
+/// Which structure is met at a point of the field, and how deep.
+struct ContactSite {
+  LabelId label = 0;  ///< 0: none within reach
+  int tissue = -1;
+  double level = 0;     ///< field value deep inside that label
+  double depth_mm = 0;  ///< tip below (> 0) or above (< 0) the level/2 isosurface, along the normal
+};
+
+/// Follows the inward normal from x to the first felt label, at most `reach_mm`, in half voxels. Deep
+/// inside, where the gradient vanishes, the tip's own label counts and the depth is `reach_mm`.
+ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample,
+                              double reach_mm);
+
+/// The founding force, trilinear + central differences: F = F_full * f(x) * n, n = -grad f / |grad f|.
+/// Zero where the gradient vanishes. N, patient frame.
+Vector<Patient> normal_force(const FieldSample& sample, double full_force_N);
+
+/// Velocity over a window of time: sum of displacements over sum of times of the last
+/// `window_s` seconds (MERL c. 1997; 0.01 s), never a one-tick difference.
+class VelocityWindow {
+ public:
+  static constexpr int kCapacity = 128;  ///< holds 0.01 s at up to 10 kHz with room to spare
+  void push(const Vector<Patient>& displacement_mm, double dt_s, double window_s = 0.01);
+  /// mm/s; zero before the first push.
+  Vector<Patient> velocity_mm_s() const;
+  void clear() { count_ = 0; }
+  /// Mixes the content into a state hash.
+  void hash_into(std::uint64_t& hash) const;
+
+ private:
+  std::array<double, kCapacity> x_{}, y_{}, z_{}, dt_{};
+  int first_ = 0, count_ = 0;
+};
+
+/// Viscosity: -c v, scaled by how far the tip is inside (field over the tissue's level, 0 ... 1), so
+/// that it enters without a step. N.
+Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside);
+
+/// The published pseudo-friction: a viscous force along the surface, capped at the tissue's maximum
+/// and at mu |F_n|. N.
+Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& velocity_mm_s,
+                                const Vector<Patient>& normal_force_N);
+
+}  // namespace palpate

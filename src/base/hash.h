@@ -1,0 +1,43 @@
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+namespace palpate {
+
+/// A 64-bit hash that is the same on every build and machine of one byte order; not for security.
+/// A rotation, a multiplication and a shift for every eight bytes, finished by the murmur3 avalanche.
+/// The shift matters: without it flips of two bits in neighbouring words cancel.
+inline constexpr std::uint64_t kHashSeed = 0x9e3779b97f4a7c15ull;
+
+inline void hash_word(std::uint64_t& hash, std::uint64_t word) {
+  hash = std::rotl(hash ^ word, 27) * 0x9fb21c651e98df25ull + 0x52dce729ull;
+  hash ^= hash >> 32;
+}
+/// Hashes the bits of a double; -0.0 and 0.0 differ, every NaN is its own bits.
+inline void hash_double(std::uint64_t& hash, double value) {
+  hash_word(hash, std::bit_cast<std::uint64_t>(value));
+}
+inline void hash_bytes(std::uint64_t& hash, const void* data, std::size_t size) {
+  const auto* bytes = static_cast<const unsigned char*>(data);
+  for (; size >= 8; size -= 8, bytes += 8) {
+    std::uint64_t word;
+    std::memcpy(&word, bytes, 8);
+    hash_word(hash, word);
+  }
+  std::uint64_t tail = 0;
+  std::memcpy(&tail, bytes, size);
+  hash_word(hash, tail ^ (static_cast<std::uint64_t>(size) << 56));
+}
+inline std::uint64_t hash_finish(std::uint64_t hash) {
+  hash ^= hash >> 33;
+  hash *= 0xff51afd7ed558ccdull;
+  hash ^= hash >> 33;
+  hash *= 0xc4ceb9fe1a85ec53ull;
+  hash ^= hash >> 33;
+  return hash;
+}
+
+}  // namespace palpate

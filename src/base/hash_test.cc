@@ -1,0 +1,41 @@
+#include "base/hash.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+
+namespace palpate {
+namespace {
+
+std::uint64_t hash_of(const std::string& bytes) {
+  std::uint64_t hash = kHashSeed;
+  hash_bytes(hash, bytes.data(), bytes.size());
+  return hash_finish(hash);
+}
+
+TEST(Hash, IsGolden) {
+  // pinned: recordings of older versions must keep their meaning
+  EXPECT_EQ(hash_of("palpate"), 4386694648486293637ull);
+  EXPECT_EQ(hash_of("the tip touches the femur"), 13214131960942926874ull);
+}
+
+TEST(Hash, EveryBitOfALongInputCounts) {
+  std::string bytes(100, 'x');
+  std::set<std::uint64_t> seen{hash_of(bytes)};
+  for (std::size_t i = 0; i < bytes.size(); ++i)
+    for (int bit = 0; bit < 8; ++bit) {
+      std::string changed = bytes;
+      changed[i] = static_cast<char>(changed[i] ^ (1 << bit));
+      EXPECT_TRUE(seen.insert(hash_of(changed)).second) << i << " " << bit;
+    }
+}
+
+TEST(Hash, LengthAndOrderCount) {
+  EXPECT_NE(hash_of(""), hash_of(std::string(1, '\0')));
+  EXPECT_NE(hash_of(std::string(8, '\0')), hash_of(std::string(16, '\0')));
+  EXPECT_NE(hash_of("abcdefgh12345678"), hash_of("12345678abcdefgh"));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "base/test_folder.h"
+
+namespace palpate::test {
+
+/// A file of the shared data, looked for in the folders of PALPATE_DATA.
+inline std::optional<std::filesystem::path> shared_file(const std::string& name) {
+  const char* folders = std::getenv("PALPATE_DATA");
+  std::string rest = folders != nullptr ? folders : "";
+  while (!rest.empty()) {
+    const auto end = rest.find(':');
+    const std::filesystem::path candidate = std::filesystem::path(rest.substr(0, end)) / name;
+    if (std::filesystem::exists(candidate)) return candidate;
+    rest = end == std::string::npos ? "" : rest.substr(end + 1);
+  }
+  return std::nullopt;
+}
+
+inline bool in_ci() {
+  const char* ci = std::getenv("CI");
+  return ci != nullptr && std::string(ci) == "true";
+}
+
+}  // namespace palpate::test
+
+/// Declares `variable` as the path of a shared file. Without it a test is skipped, in CI it fails.
+#define PALPATE_SHARED_FILE(variable, name)                                                        \
+  const auto variable##_found = ::palpate::test::shared_file(name);                                \
+  if (!variable##_found && ::palpate::test::in_ci()) FAIL() << "PALPATE_DATA holds no " << (name); \
+  if (!variable##_found) GTEST_SKIP() << "needs " << (name) << " in a folder of PALPATE_DATA";     \
+  const std::filesystem::path variable = *variable##_found

@@ -1,0 +1,128 @@
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/device.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMetresPerMm = 1e-3;
+constexpr double kStep_s = 1e-5;
+
+template <class Named>
+Result<Named> find_named(const std::vector<Named>& known, const std::string& name, const char* kind) {
+  const auto found = std::find_if(known.begin(), known.end(), [&](const Named& n) { return n.name == name; });
+  if (found != known.end()) return *found;
+  std::string names;
+  for (const Named& n : known) names += (names.empty() ? "" : ", ") + n.name;
+  return Error{ErrorKind::kBadInput, std::string("unknown ") + kind + " '" + name + "'", "",
+               "known are: " + names};
+}
+
+// the encoder sees whole steps
+Eigen::Vector3d quantised(const Eigen::Vector3d& position_m, double step_m) {
+  return step_m > 0 ? Eigen::Vector3d((position_m / step_m).array().floor() * step_m) : position_m;
+}
+
+Eigen::Vector3d saturated(const Eigen::Vector3d& force_N, double peak_N) {
+  const double magnitude = force_N.norm();
+  return magnitude > peak_N ? Eigen::Vector3d(force_N * (peak_N / magnitude)) : force_N;
+}
+
+}  // namespace
+
+const std::vector<PlantDevice>& known_plant_devices() {
+  // mass kg, damping N.s/m, Coulomb N, encoder step m, peak N, continuous N
+  static const std::vector<PlantDevice> devices{
+      {"premium-1.5", 0.075, 0.005, 0.04, 30e-6, 8.5, 1.4},
+      {"touch", 0.045, 0.1, 0.26, 55e-6, 3.3, 0.88},
+  };
+  return devices;
+}
+
+const std::vector<PlantHand>& known_plant_hands() {
+  // mass kg, damping N.s/m, stiffness N/m
+  static const std::vector<PlantHand> hands{
+      {"light-grip", 0.15, 2, 80},
+      {"firm-grip", 0.15, 6, 500},
+      {"whole-arm", 0.554, 6.45, 135},
+  };
+  return hands;
+}
+
+Result<PlantDevice> find_plant_device(const std::string& name) {
+  return find_named(known_plant_devices(), name, "device");
+}
+
+Result<PlantHand> find_plant_hand(const std::string& name) {
+  return find_named(known_plant_hands(), name, "hand");
+}
+
+SimulatedDevice::SimulatedDevice(const PlantDevice& device, const PlantHand& hand, double delay_s)
+    : device_(device), hand_(hand), delay_s_(delay_s) {
+  line_.push_back({0, Eigen::Vector3d::Zero()});
+}
+
+DeviceInfo SimulatedDevice::info() const {
+  DeviceInfo info;
+  info.name = device_.name + " (simulated)";
+  info.peak_force_N = device_.peak_force_N;
+  info.continuous_force_N = device_.continuous_force_N;
+  info.position_step_mm = device_.encoder_step_m / kMetresPerMm;
+  return info;
+}
+
+void SimulatedDevice::reset(const Point<World>& tip) {
+  target_mm_ = previous_target_mm_ = tip;
+  position_m_ = tip.eigen() * kMetresPerMm;
+  velocity_m_s_.setZero();
+  time_s_ = 0;
+  line_.assign(1, {0, Eigen::Vector3d::Zero()});
+}
+
+DeviceState SimulatedDevice::read() const {
+  DeviceState state;
+  state.tip = Point<World>(quantised(position_m_, device_.encoder_step_m) / kMetresPerMm);
+  return state;
+}
+
+Point<World> SimulatedDevice::true_tip() const {
+  return Point<World>(position_m_ / kMetresPerMm);
+}
+
+Vector<World> SimulatedDevice::true_velocity_mm_s() const {
+  return Vector<World>(velocity_m_s_ / kMetresPerMm);
+}
+
+void SimulatedDevice::advance(const Wrench& command, double dt_s) {
+  line_.push_back({time_s_ + delay_s_, saturated(command.force_N.eigen(), device_.peak_force_N)});
+
+  const double mass_kg = device_.mass_kg + hand_.mass_kg;
+  const Eigen::Vector3d from_m = previous_target_mm_.eigen() * kMetresPerMm;
+  const Eigen::Vector3d intended_velocity_m_s =
+      (target_mm_ - previous_target_mm_).eigen() * kMetresPerMm / dt_s;
+  const int steps = std::max(1, static_cast<int>(std::lround(dt_s / kStep_s)));
+  const double h = dt_s / steps;
+  for (int i = 0; i < steps; ++i) {
+    // zero-order hold: the newest command whose time has come
+    const double now_s = time_s_ + i * h;
+    while (line_.size() > 1 && line_[1].from_s <= now_s + 0.5 * h) line_.erase(line_.begin());
+
+    // the hand's spring and damper to the intended motion, the device's damping, then Coulomb friction
+    // as an impulse that can at most stop the motion: stick
+    const Eigen::Vector3d intended_m = from_m + intended_velocity_m_s * ((i + 1) * h);
+    const Eigen::Vector3d force_N = line_.front().force_N +
+                                    hand_.stiffness_N_per_m * (intended_m - position_m_) +
+                                    hand_.damping_N_s_per_m * (intended_velocity_m_s - velocity_m_s_) -
+                                    device_.damping_N_s_per_m * velocity_m_s_;
+    velocity_m_s_ += force_N * (h / mass_kg);
+    const double speed = velocity_m_s_.norm();
+    const double friction_step = device_.coulomb_N * h / mass_kg;
+    velocity_m_s_ *= speed > friction_step ? 1 - friction_step / speed : 0;
+    position_m_ += velocity_m_s_ * h;
+  }
+  time_s_ += dt_s;
+  previous_target_mm_ = target_mm_;
+}
+
+}  // namespace palpate

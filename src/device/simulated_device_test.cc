@@ -1,0 +1,133 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "palpate/device.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kTick_s = 1e-3;
+const PlantDevice kIdeal{"ideal", 0.05, 0, 0, 0, 1e9, 1e9};
+
+TEST(SimulatedDevice, SwingsAsADampedOscillator) {
+  // m x'' + b x' + k x = 0 from 10 mm, against the closed solution
+  const PlantHand hand{"hand", 0.15, 2, 80};
+  SimulatedDevice plant(kIdeal, hand);
+  plant.reset(Point<World>(10, 0, 0));
+  plant.intend(Point<World>(0, 0, 0));
+  // the first advance moves the intention there evenly; reset again so that it stands there from the start
+  plant.advance({}, 1e-9);
+  const double m = 0.2, b = 2, k = 80;
+  const double decay = b / (2 * m), omega = std::sqrt(k / m - decay * decay);
+  double largest = 0;
+  for (int n = 1; n <= 500; ++n) {
+    plant.advance({}, kTick_s);
+    const double t = n * kTick_s;
+    // the jump of the intention pushed once through the damper: x'(0) = -b/m * 10 mm
+    const double x0 = 10, v0 = -b / m * 10;
+    const double expected =
+        std::exp(-decay * t) * (x0 * std::cos(omega * t) + (v0 + decay * x0) / omega * std::sin(omega * t));
+    largest = std::max(largest, std::abs(plant.true_tip().x() - expected));
+  }
+  EXPECT_LT(largest, 0.01);
+}
+
+TEST(SimulatedDevice, NeverGainsEnergyWithoutAForce) {
+  const PlantHand hand{"hand", 0.15, 0.5, 80};
+  SimulatedDevice plant(kIdeal, hand);
+  plant.reset(Point<World>(0, 0, 0));
+  plant.intend(Point<World>(8, -3, 2));
+  plant.advance({}, kTick_s);
+  const auto energy = [&] {
+    const double stretch = (Point<World>(8, -3, 2) - plant.true_tip()).norm() * 1e-3;
+    const double speed = plant.true_velocity_mm_s().norm() * 1e-3;
+    return 0.5 * 80 * stretch * stretch + 0.5 * 0.2 * speed * speed;
+  };
+  double before = energy();
+  for (int n = 0; n < 2000; ++n) {
+    plant.advance({}, kTick_s);
+    const double now = energy();
+    // semi-implicit Euler conserves to the order of its step
+    ASSERT_LE(now, before * (1 + 1e-3) + 1e-12) << n;
+    before = now;
+  }
+  EXPECT_LT(before, 3.2e-3 * std::exp(-0.5 / 0.2 * 2) * 1.1) << "decays by b/m";
+}
+
+TEST(SimulatedDevice, SticksBelowCoulombAndSlipsAbove) {
+  const PlantDevice sticky{"sticky", 0.05, 0, 0.2, 0, 1e9, 1e9};
+  const PlantHand free_hand{"free", 0.1, 0, 0};
+  SimulatedDevice plant(sticky, free_hand);
+  plant.reset(Point<World>(1, 2, 3));
+  for (int n = 0; n < 100; ++n) plant.advance({Vector<World>(0.12, 0.15, 0), {}}, kTick_s);  // 0.192 N
+  EXPECT_EQ(plant.true_tip(), Point<World>(1, 2, 3));
+  for (int n = 0; n < 100; ++n) plant.advance({Vector<World>(0.15, 0.15, 0), {}}, kTick_s);  // 0.212 N
+  EXPECT_GT(plant.true_tip().x(), 1);
+}
+
+TEST(SimulatedDevice, EncoderFloorsToWholeSteps) {
+  SimulatedDevice plant(*find_plant_device("premium-1.5"), *find_plant_hand("light-grip"));
+  plant.reset(Point<World>(0.0449, -0.0001, 0));
+  const Point<World> read = plant.read().tip;
+  EXPECT_NEAR(read.x(), 0.030, 1e-9);
+  EXPECT_NEAR(read.y(), -0.030, 1e-9);
+  EXPECT_NEAR(read.z(), 0, 1e-12);
+}
+
+TEST(SimulatedDevice, DelaysTheForceAndSaturatesIt) {
+  const PlantDevice weak{"weak", 0.05, 0, 0, 0, 2, 1};
+  const PlantHand free_hand{"free", 0.05, 0, 0};
+  SimulatedDevice plant(weak, free_hand, 3e-3);
+  plant.reset(Point<World>());
+  for (int n = 0; n < 3; ++n) plant.advance({Vector<World>(0, 50, 0), {}}, kTick_s);
+  EXPECT_EQ(plant.true_tip(), Point<World>()) << "nothing may act before the delay";
+  plant.advance({Vector<World>(0, 50, 0), {}}, kTick_s);
+  // 2 N on 0.1 kg for 1 ms: 20 mm/s
+  EXPECT_NEAR(plant.true_velocity_mm_s().y(), 20, 1e-9);
+}
+
+TEST(SimulatedDevice, WallTurnsUnstableAtTheTheoreticalStiffness) {
+  // Colgate & Schenkel: a mass with damping b on a sampled bilateral spring holds up to b / (T/2 + t_d)
+  for (const double delay_s : {0.0, 1e-3, 3e-3}) {
+    const double b = 1.5;
+    const double critical_N_per_m = b / (kTick_s / 2 + delay_s);
+    const auto final_swing = [&](double stiffness_N_per_m) {
+      const PlantHand hand{"hand", 0.3, b, 0};
+      SimulatedDevice plant(kIdeal, hand, delay_s);
+      plant.reset(Point<World>(1, 0, 0));
+      double swing = 0;
+      for (int n = 0; n < 20000; ++n) {
+        const double x_mm = plant.read().tip.x();
+        plant.advance({Vector<World>(-stiffness_N_per_m * 1e-3 * x_mm, 0, 0), {}}, kTick_s);
+        if (n > 19000) swing = std::max(swing, std::abs(x_mm));
+      }
+      return swing;
+    };
+    EXPECT_LT(final_swing(0.95 * critical_N_per_m), 1) << "delay " << delay_s;
+    EXPECT_GT(final_swing(1.05 * critical_N_per_m), 1) << "delay " << delay_s;
+  }
+}
+
+TEST(SimulatedDevice, IsBitForBitRepeatable) {
+  const auto run = [] {
+    SimulatedDevice plant(*find_plant_device("touch"), *find_plant_hand("firm-grip"), 1e-3);
+    plant.reset(Point<World>(1, 2, 3));
+    for (int n = 0; n < 300; ++n) {
+      plant.intend(Point<World>(1 + 0.01 * n, 2, 3 - 0.02 * n));
+      plant.advance({Vector<World>(-0.1 * plant.read().tip.x(), 0, 0.3), {}}, kTick_s);
+    }
+    return plant.true_tip();
+  };
+  EXPECT_EQ(run(), run());
+}
+
+TEST(SimulatedDevice, UnknownNamesListTheKnownOnes) {
+  const auto device = find_plant_device("omega");
+  ASSERT_FALSE(device.ok());
+  EXPECT_NE(device.error().remedy.find("premium-1.5, touch"), std::string::npos);
+  EXPECT_FALSE(find_plant_hand("iron").ok());
+}
+
+}  // namespace
+}  // namespace palpate

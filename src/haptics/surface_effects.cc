@@ -1,0 +1,27 @@
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/haptics.h"
+
+namespace palpate {
+
+Vector<Patient> normal_force(const FieldSample& sample, double full_force_N) {
+  return sample.gradient.normalized() * (-full_force_N * sample.value);
+}
+
+Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside) {
+  return velocity_mm_s * (-tissue.viscosity_N_s_per_mm * std::clamp(inside, 0.0, 1.0));
+}
+
+Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& velocity_mm_s,
+                                const Vector<Patient>& normal_force_N) {
+  const Vector<Patient> n = normal_force_N.normalized();
+  const Vector<Patient> along_surface = velocity_mm_s - n * n.dot(velocity_mm_s);
+  const double speed = along_surface.norm();
+  if (speed == 0) return {};
+  const double cap = std::min(tissue.friction_max_N, tissue.friction_coefficient * normal_force_N.norm());
+  const double magnitude = std::min(tissue.friction_damping_N_s_per_mm * speed, cap);
+  return along_surface * (-magnitude / speed);
+}
+
+}  // namespace palpate

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cmath>
+#include <memory>
+
+#include "palpate/haptics.h"
+
+/// An exactly known model for tests: a ball of bone at the patient's origin with a shell of cartilage on
+/// it, the field an ideal Gaussian ramp sampled at voxel centres.
+namespace palpate::testing {
+
+inline constexpr double kBoneRadius_mm = 15;
+inline constexpr LabelId kBone = 5, kCartilage = 7, kFat = 9;
+
+inline double ramp(double distance_mm, double sigma_mm) {
+  return 0.5 * std::erfc(distance_mm / (sigma_mm * std::sqrt(2.0)));
+}
+
+/// @param cartilage_mm  thickness of the shell; 0: none
+inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, double sigma_mm = 1.0,
+                        double cartilage_mm = 0) {
+  GridGeometry grid;
+  for (int axis = 0; axis < 3; ++axis) grid.dims[axis] = static_cast<int>(60 / spacing_mm[axis]) | 1;
+  grid.spacing_mm = spacing_mm;
+  const Eigen::Vector3d corner =
+      -0.5 * (Eigen::Vector3d(grid.dims[0] - 1, grid.dims[1] - 1, grid.dims[2] - 1).cwiseProduct(spacing_mm));
+  grid.origin = Point<Patient>(corner);
+
+  Model model;
+  model.sigma_mm = sigma_mm;
+  Tissue bone;
+  bone.name = "bone";
+  bone.stiffness_N_per_mm = 1.5;
+  Tissue cartilage;
+  cartilage.name = "cartilage";
+  cartilage.stiffness_N_per_mm = 0.75;
+  cartilage.rests_on = {0};
+  Tissue fat;
+  fat.name = "fat";
+  fat.felt = false;
+  model.tissues = {bone, cartilage, fat};
+  model.full_force_N = 1.5 * sigma_mm * std::sqrt(2 * M_PI);
+  model.segments = {
+      {kBone, "ball", {}, 0, kBone}, {kCartilage, "shell", {}, 0, kCartilage}, {kFat, "fat", {}, 0, kFat}};
+  model.tissue_of_label.assign(kFat + 1, -1);
+  model.level_of_label.assign(kFat + 1, 0.f);
+  model.tissue_of_label[kBone] = 0;
+  model.tissue_of_label[kCartilage] = 1;
+  model.tissue_of_label[kFat] = 2;
+  model.level_of_label[kBone] = 1.f;
+  model.level_of_label[kCartilage] = 0.5f;
+
+  Volume<std::uint16_t> field(grid);
+  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const double r = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen().norm();
+        const double bone_part = ramp(r - kBoneRadius_mm, sigma_mm);
+        const double shell_part =
+            cartilage_mm > 0 ? ramp(r - kBoneRadius_mm - cartilage_mm, sigma_mm) - bone_part : 0;
+        field.at(i, j, k) = static_cast<std::uint16_t>(std::lround(65535 * (bone_part + 0.5 * shell_part)));
+        labels->at(i, j, k) = r < kBoneRadius_mm                  ? kBone
+                              : r < kBoneRadius_mm + cartilage_mm ? kCartilage
+                              : r < 24                            ? kFat
+                                                                  : LabelId{0};
+      }
+  model.field = std::make_shared<const Field>(std::move(field));
+  model.labels = labels;
+  model.X_WorldPatient = supine_from_feet(grid);
+  return model;
+}
+
+}  // namespace palpate::testing
