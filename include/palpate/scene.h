@@ -1,0 +1,182 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "palpate/haptics.h"
+#include "palpate/preparation.h"
+#include "palpate/volume.h"
+
+/// The scene file and the palpation script, both TOML: what they may hold, and how they are read.
+/// Unknown keys, absent labels and values out of range are errors with their line ("scene.toml:12: ...").
+/// docs/scene.md and docs/script.md document every key with default, unit and range.
+namespace palpate {
+
+inline constexpr std::size_t kMaxTissues = 64;
+inline constexpr std::size_t kMaxScriptSteps = 1000;
+inline constexpr std::size_t kMaxSceneBytes = std::size_t{4} << 20;  ///< of a scene or a script
+
+/// A label by its number (1 ... 65535) or by its exact name.
+using LabelReference = std::variant<int, std::string>;
+
+struct TissueSettings {
+  std::string name;
+  std::vector<LabelReference> labels;              ///< empty when `threshold` is given
+  bool optional = false;                           ///< labels that the map does not have only drop out
+  std::optional<std::array<double, 2>> threshold;  ///< ramp on the raw scan: 0 at [0], full at [1]
+  std::string preset;                              ///< the preset the other values started from, or empty
+  bool felt = true;
+  double stiffness_N_per_mm = 1.0;
+  double friction_coefficient = 0.1;
+  double friction_damping_N_s_per_mm = 0.005;
+  double friction_max_N = 0.5;
+  double viscosity_N_s_per_mm = 0.001;
+  std::optional<Rgb> colour;  ///< empty: the label's own colours are kept
+  double opacity = 1.0;
+  std::vector<std::string> rests_on;  ///< names of tissues in this scene
+  int line = 0;                       ///< of its [[tissue]] header, for errors
+};
+
+enum class FieldStorage : std::uint8_t { k8Bit, k16Bit };
+
+struct PreparationSettings {
+  double sigma_mm = 1.0;
+  GaussianEngine engine = GaussianEngine::kDirect;
+  FieldStorage storage = FieldStorage::k16Bit;
+};
+
+struct Scene {
+  std::string title;
+  Side side = Side::kUnknown;
+  std::optional<std::filesystem::path> scan;  ///< as written; relative to `folder`
+  std::optional<std::filesystem::path> labels;
+  std::optional<std::filesystem::path> names;  ///< colour table
+  std::vector<TissueSettings> tissues;
+  PreparationSettings preparation;
+  Tool tool;
+  std::optional<double> max_force_N;
+  std::filesystem::path folder;  ///< where the scene file stands
+  std::string source;            ///< its name, for errors
+
+  /// `file` as a path that opens from the current folder: absolute ones as they are, others below `folder`.
+  std::filesystem::path resolve(const std::filesystem::path& file) const;
+};
+
+/// A text without a [data] table is accepted, with neither scan nor labels: its volumes come from the
+/// caller, as for the embedded scenes.
+/// @param text    TOML, at most kMaxSceneBytes
+/// @param source  names the text in errors ("scene.toml:12: ...")
+Result<Scene> parse_scene(std::string_view text, const std::string& source);
+/// Reads a scene file, which has to name its data.
+Result<Scene> load_scene(const std::filesystem::path& file);
+
+/// The scene that suits a catalogue data set ("knee-phantom", "knee-atlas", "head"), or the one of that
+/// name ("knee", "head"); it has no [data] table. The file in data/scenes/, compiled in.
+std::optional<std::string_view> embedded_scene(std::string_view name);
+
+/// Mechanical starting values for a kind of tissue, and where they come from.
+struct TissuePreset {
+  std::string name;  ///< bone, cartilage, meniscus, ligament, muscle, fat, vessel, nerve
+  TissueSettings values;
+  std::string source;                        ///< publication, value there, and how ours follows from it
+  std::vector<std::string> kind_words;       ///< lower-case words that say what a structure is made of
+  std::vector<std::string> structure_names;  ///< lower-case names of structures made of it
+};
+const std::vector<TissuePreset>& tissue_presets();
+/// The preset that a structure's name suggests, or nullptr. Whole words are compared, in any case and with
+/// plural s or number; a kind word outranks a structure's name ("patellar_cartilage" is cartilage), then
+/// the last match in the name wins, then the longest.
+const TissuePreset* match_preset(const std::string& structure_name);
+
+/// Which ids each tissue of the scene takes from the label map, ascending; none for tissues by threshold.
+/// A name takes every segment so named. Error with the line of the tissue for an absent label, unless the
+/// tissue is optional, and for a label claimed twice.
+Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, const LabelMap& labels);
+
+/// What a new scene is written for: a label map with `labels` naming its file, or a scan alone.
+struct NewSceneInput {
+  std::optional<std::filesystem::path> scan = {}, labels = {}, names = {};
+  const LabelMap* label_map = nullptr;
+  const Volume<float>* scan_volume = nullptr;
+  std::string title = {};
+  Side side = Side::kUnknown;
+};
+/// The text of a scene file for these files, every structure in the tissue its name suggests; structures
+/// that suggest none get a tissue each that is shown and not felt (one together when they are too many).
+/// Paths are written relative to `folder` where they lie below it, else absolute. Without labels (a raw
+/// scan) the scene has one tissue by threshold, from the scan's values by Otsu's method (1979).
+/// Errors: neither labels nor scan, no structure, a scan of one value, a path that is not UTF-8.
+Result<std::string> new_scene_text(const NewSceneInput& input, const std::filesystem::path& folder);
+/// Writes the text whole or not at all. Errors are kOutput.
+Result<void> write_scene_text(const std::filesystem::path& file, std::string_view text);
+
+/// Every key of a scene file as Markdown tables (key, value, default, unit, range, meaning): the tables of
+/// docs/scene.md, from the declarations that the parser itself checks against.
+std::string scene_keys();
+/// The presets with their values and sources as a Markdown table.
+std::string tissue_preset_table();
+
+// ---- script -------------------------------------------------------------------------------------
+
+/// Move to a free point in front of a structure, then touch it.
+struct ApproachStep {
+  std::string structure;  ///< name, or "#95" for a label number
+  double speed_mm_s = 40;
+  double clearance_mm = 15;  ///< start at most this far in front of the surface, along its normal
+};
+/// Push along the surface normal until the force is reached.
+struct PressStep {
+  double force_N = 1.0;
+  double settle_s = 0.5;
+};
+/// Keep the force for a time.
+struct HoldStep {
+  double seconds = 0.6;
+};
+/// Move along the surface, keeping the force.
+struct SlideStep {
+  Vector<Patient> direction{0, 0, 1};  ///< made tangential; need not be unit
+  double distance_mm = 5;
+  double speed_mm_s = 10;
+};
+/// Turn the object by this much, commanded 10 times a second, while the hand stays.
+struct RotateStep {
+  Eigen::Vector3d axis_world{0, 0, 1};
+  double degrees = 10;
+  double seconds = 1;
+};
+/// Withdraw along the path of approach.
+struct LeaveStep {
+  double speed_mm_s = 60;
+};
+using ScriptStep = std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, LeaveStep>;
+
+struct Script {
+  std::string title;
+  std::string device = "premium-1.5";  ///< known_plant_devices()
+  std::string hand = "firm-grip";      ///< known_plant_hands()
+  double rate_hz = 1000;               ///< 250 ... 10000
+  double tremor_mm = 0.03;             ///< amplitude of physiological tremor (8-12 Hz), 0 ... 1
+  std::uint64_t seed = 1;
+  std::vector<ScriptStep> steps;
+  std::vector<int> lines;  ///< of each step, for errors
+  std::string source;
+};
+/// press, hold, slide and leave need the contact that an approach before them makes, and an approach needs
+/// the one before it to be left: errors with their line. Device and hand are looked up by the session.
+Result<Script> parse_script(std::string_view text, const std::string& source);
+Result<Script> load_script(const std::filesystem::path& file);
+
+/// The script that suits an embedded scene ("knee", "knee-phantom", "knee-atlas"). The file in
+/// data/scripts/, compiled in.
+std::optional<std::string_view> embedded_script(std::string_view name);
+
+/// Every key of a script as Markdown tables: the tables of docs/script.md.
+std::string script_keys();
+
+}  // namespace palpate

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "palpate/progress.h"
+#include "palpate/result.h"
+
+/// Figures about this build on this machine that anybody can check. See docs/verify.md.
+namespace palpate {
+
+struct Figure {
+  std::string name;             ///< a path: trilinear/sphere-20mm/0.625x0.625x0.9/direction/mean
+  double value = 0;             ///< finite
+  std::string unit;             ///< "deg", "percent", "us", ...
+  std::uint64_t n = 0;          ///< samples
+  std::optional<double> limit;  ///< at most
+  bool ok() const { return !limit || value <= *limit; }
+};
+
+struct SuiteReport {
+  std::string suite;
+  std::string machine;  ///< processor, cores, SIMD target
+  std::string build;    ///< version, commit, build type, compiler
+  std::vector<Figure> figures;
+  /// Every figure within its limit.
+  bool ok() const;
+};
+
+/// Names of the suites with a line about each.
+std::vector<std::pair<std::string, std::string>> verification_suites();
+/// Errors: kUsage for an unknown suite, with the names of those there are; kInterrupted.
+Result<SuiteReport> run_suite(const std::string& suite, const Progress& progress = {});
+/// {"suite", "machine", "build", "figures": {name: {"value", "unit", "n", "limit"?}}}
+std::string to_json(const SuiteReport& report);
+/// The same in a file that appears whole or not at all. Errors are kOutput.
+Result<void> write_json(const std::filesystem::path& file, const SuiteReport& report);
+/// For people: figures that differ in the last part of their name side by side, then what is beyond
+/// its limit.
+std::string to_table(const SuiteReport& report);
+
+}  // namespace palpate

@@ -1,0 +1,88 @@
+#include "palpate/catalog.h"
+
+#include <algorithm>
+
+#include "catalog/local_data.h"
+
+namespace palpate {
+namespace {
+
+CatalogEntry knee_phantom() {
+  CatalogEntry entry;
+  entry.name = "knee-phantom";
+  entry.summary = "left knee made of geometric primitives, with a synthetic MR image";
+  entry.licence = "none needed: generated on this machine, free for any use";
+  entry.source = DataSource::kGenerated;
+  entry.folder_hint = "knee-phantom";
+  entry.files = {{.role = DataRole::kLabels, .name = "knee-phantom.seg.nrrd"},
+                 {.role = DataRole::kScan, .name = "knee-phantom.nrrd"}};
+  return entry;
+}
+
+CatalogEntry knee_atlas() {
+  CatalogEntry entry;
+  entry.name = "knee-atlas";
+  entry.summary = "SPL knee atlas (Brigham and Women's Hospital): a left knee, hand segmented";
+  entry.licence =
+      "3D Slicer License (https://github.com/Slicer/Slicer/blob/main/License.txt): use, change and pass on "
+      "under the same terms; made for research, clinical use is neither recommended nor advised";
+  entry.home =
+      "https://raw.githubusercontent.com/mhalle/spl-knee-atlas/b8cb94143b88775671737e5bcad7783120ea5066";
+  entry.folder_hint = "knee_spl";
+  entry.files = {{.role = DataRole::kLabels,
+                  .name = "seg.nrrd",
+                  .remote = "Data/seg.nrrd",
+                  .bytes = 466251,
+                  .sha256 = "7b1eba4d06a24d8d769fe0342bf57042d6a6d3afb67da04f2749f62007670091"},
+                 {.role = DataRole::kNames,
+                  .name = "knee.ctbl",
+                  .remote = "Data/knee.ctbl",
+                  .bytes = 2042,
+                  .sha256 = "07cd0f28d8621b31b248e911951ed0d66a1b9b271f82b91e16ee013eb691c2f7"},
+                 // its size is published nowhere; the git object id pins it all the same
+                 {.role = DataRole::kScan,
+                  .name = "I.nrrd",
+                  .remote = "Data/I.nrrd",
+                  .git_blob = "3a6b7473737508b70fdc2c1dd57e2c122ff37795",
+                  .required = false}};
+  return entry;
+}
+
+CatalogEntry head() {
+  CatalogEntry entry;
+  entry.name = "head";
+  entry.summary = "head, T1 MR image (ch2) with the AAL parcellation of its brain, 116 labels, 1 mm";
+  entry.licence = "as in /usr/share/doc/mricron-data/copyright (MRIcron: BSD-3-Clause)";
+  entry.source = DataSource::kPackage;
+  entry.home = "mricron-data";
+  entry.folder_hint = "head";
+  // the package manager vouches for the content, and its version may change: no hashes
+  entry.files = {{.role = DataRole::kLabels, .name = "aal.nii.gz"},
+                 {.role = DataRole::kScan, .name = "ch2.nii.gz"},
+                 {.role = DataRole::kNames, .name = "aal.nii.txt"}};
+  return entry;
+}
+
+}  // namespace
+
+const std::vector<CatalogEntry>& catalog() {
+  static const std::vector<CatalogEntry> kEntries{knee_phantom(), knee_atlas(), head()};
+  return kEntries;
+}
+
+const CatalogFile& file_for(const CatalogEntry& entry, DataRole role) {
+  const auto file = std::ranges::find(entry.files, role, &CatalogFile::role);
+  PALPATE_CHECK(file != entry.files.end());
+  return *file;
+}
+
+Result<const CatalogEntry*> find_entry(const std::string& name) {
+  std::string known;
+  for (const auto& entry : catalog()) {
+    if (entry.name == name) return &entry;
+    known += (known.empty() ? "" : ", ") + entry.name;
+  }
+  return Error{ErrorKind::kBadInput, "there is no data set of this name", name, "the data sets are " + known};
+}
+
+}  // namespace palpate

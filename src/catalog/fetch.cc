@@ -1,0 +1,118 @@
+#include <unistd.h>
+
+#include <cerrno>
+
+#include "base/file.h"
+#include "catalog/fetch_files.h"
+#include "catalog/local_data.h"
+#include "palpate/catalog.h"
+#include "palpate/primitives.h"
+#include "palpate/volume_io.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+Result<void> check_options(const FetchOptions& options) {
+  const auto wrong = [](const char* what, const char* where, const char* remedy) {
+    return Error{ErrorKind::kUsage, what, where, remedy};
+  };
+  if (!(options.voxel_mm >= 0.2 && options.voxel_mm <= 3.0))
+    return wrong("the phantom's voxels are 0.2 to 3 mm wide", "--voxel", "the default is 0.6");
+  if (options.attempts < 1 || options.attempts > 100)
+    return wrong("the attempts are 1 to 100", "attempts", "the default is 4");
+  if (!(options.stall_timeout_s > 0)) return wrong("the stall timeout is above 0 s", "stall_timeout_s", "");
+  if (!options.mirror.empty() && !options.mirror.starts_with("https://") &&
+      !options.mirror.starts_with("http://"))
+    return wrong("the address of a mirror begins with https:// or http://", "--mirror", "");
+  return {};
+}
+
+// a folder for what is not whole yet, inside the target so that renaming stays on one disk
+class WorkFolder {
+ public:
+  static Result<WorkFolder> create(const fs::path& parent) {
+    std::string pattern = (parent / ".palpate-XXXXXX").string();
+    if (::mkdtemp(pattern.data()) == nullptr) return output_error(parent, errno);
+    return WorkFolder(pattern);
+  }
+  WorkFolder(WorkFolder&& other) noexcept : path_(std::move(other.path_)) { other.path_.clear(); }
+  WorkFolder& operator=(WorkFolder&&) = delete;
+  ~WorkFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  const fs::path& path() const { return path_; }
+
+ private:
+  explicit WorkFolder(fs::path path) : path_(std::move(path)) {}
+  fs::path path_;
+};
+
+// whether the phantom in `folder` has voxels of this width
+bool has_phantom(const CatalogEntry& entry, const fs::path& folder, double voxel_mm) {
+  const auto labels = read_header(folder / file_for(entry, DataRole::kLabels).name);
+  const auto scan = read_header(folder / file_for(entry, DataRole::kScan).name);
+  return labels && scan && labels->geometry.same_grid(scan->geometry) &&
+         (labels->geometry.spacing_mm.array() - voxel_mm).abs().maxCoeff() < 1e-6;
+}
+
+Result<void> generate(const CatalogEntry& entry, const fs::path& folder, double voxel_mm,
+                      const Progress& progress) {
+  if (has_phantom(entry, folder, voxel_mm)) return {};
+  const auto work = WorkFolder::create(folder);
+  if (!work) return work.error();
+  const auto phantom = make_knee_phantom(voxel_mm, 1, progress);
+  if (!phantom) return phantom.error();
+
+  // both are written before either appears
+  const std::string labels = file_for(entry, DataRole::kLabels).name;
+  const std::string scan = file_for(entry, DataRole::kScan).name;
+  if (const auto written = write_labels(work->path() / labels, phantom->labels); !written) return written;
+  if (const auto written = write_volume(work->path() / scan, phantom->scan); !written) return written;
+  if (progress.stopped()) return Progress::interrupted();
+  for (const auto& name : {labels, scan}) {
+    std::error_code failed;
+    fs::rename(work->path() / name, folder / name, failed);
+    if (failed) return output_error(folder / name, failed.value());
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<LocalData> fetch(const std::string& name, const FetchOptions& options, const Progress& progress,
+                        const Warn& warn) {
+  const auto found = find_entry(name);
+  if (!found) return found.error();
+  const CatalogEntry& entry = **found;
+  if (const auto checked = check_options(options); !checked) return checked.error();
+
+  // what others installed or put there is only pointed to; our own copy may still lack its extras
+  if (entry.source == DataSource::kPackage) return locate(name);
+  const fs::path own_folder = user_data_folder() / name;
+  if (entry.source == DataSource::kFetched && options.into.empty())
+    if (auto here = locate(name); here && here->labels.parent_path() != own_folder) return here;
+
+  const fs::path folder = options.into.empty() ? own_folder : options.into;
+  std::error_code failed;
+  const bool new_folder = fs::create_directories(folder, failed);
+  if (failed) return output_error(folder, failed.value());
+  const auto done = entry.source == DataSource::kGenerated
+                        ? generate(entry, folder, options.voxel_mm, progress)
+                        : fetch_files(entry, folder, options, progress, warn);
+  if (!done) {
+    // goes only when it is empty: a part to be resumed keeps it
+    if (new_folder) fs::remove(folder, failed);
+    return done.error();
+  }
+  const auto data = local_data_in(entry, folder);
+  if (!data) return data.error();
+  if (!*data)
+    return Error{ErrorKind::kOutput, "its files were removed while it was fetched", folder.string(),
+                 "try again"};
+  return **data;
+}
+
+}  // namespace palpate

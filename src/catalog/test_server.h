@@ -1,0 +1,132 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
+#include <string>
+
+extern char** environ;
+
+namespace palpate::test {
+
+/// A folder of its own for one test, removed with it.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-catalog-XXXXXX").string();
+    EXPECT_NE(::mkdtemp(pattern.data()), nullptr);
+    path_ = pattern;
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+inline void write_text(const std::filesystem::path& file, const std::string& bytes) {
+  std::filesystem::create_directories(file.parent_path());
+  std::ofstream(file, std::ios::binary) << bytes;
+}
+
+inline std::string read_text(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// An environment variable for the life of the object.
+class ScopedEnvironment {
+ public:
+  ScopedEnvironment(const char* name, const char* value) : name_(name) {
+    if (const char* old = std::getenv(name)) old_ = old;
+    value == nullptr ? ::unsetenv(name) : ::setenv(name, value, 1);
+  }
+  ScopedEnvironment(const ScopedEnvironment&) = delete;
+  ScopedEnvironment& operator=(const ScopedEnvironment&) = delete;
+  ~ScopedEnvironment() { old_ ? ::setenv(name_, old_->c_str(), 1) : ::unsetenv(name_); }
+
+ private:
+  const char* name_;
+  std::optional<std::string> old_;
+};
+
+/// test_server.py on a free loopback port; it ends when its standard input closes.
+class TestServer {
+ public:
+  explicit TestServer(const std::filesystem::path& folder) {
+    std::array<int, 2> to{}, from{};
+    EXPECT_EQ(::pipe(to.data()) + ::pipe(from.data()), 0);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, to[0], 0);
+    posix_spawn_file_actions_adddup2(&actions, from[1], 1);
+    for (const int fd : {to[0], to[1], from[0], from[1]}) posix_spawn_file_actions_addclose(&actions, fd);
+    std::string python = "python3", script = PALPATE_SOURCE_DIR "/src/catalog/test_server.py";
+    std::string root = folder.string();
+    std::array<char*, 4> arguments{python.data(), script.data(), root.data(), nullptr};
+    if (::posix_spawnp(&process_, "python3", &actions, nullptr, arguments.data(), environ) != 0) process_ = 0;
+    posix_spawn_file_actions_destroy(&actions);
+    ::close(to[0]);
+    ::close(from[1]);
+    input_ = to[1];
+
+    // its first line is its port
+    char c = 0;
+    while (process_ != 0 && ::read(from[0], &c, 1) == 1 && c != '\n') port_ += c;
+    ::close(from[0]);
+  }
+  TestServer(const TestServer&) = delete;
+  TestServer& operator=(const TestServer&) = delete;
+  ~TestServer() {
+    ::close(input_);
+    if (process_ == 0) return;
+    int status = 0;
+    ::waitpid(process_, &status, 0);
+  }
+
+  bool running() const { return !port_.empty(); }
+  /// "http://127.0.0.1:PORT/BEHAVIOUR"
+  std::string url(const std::string& behaviour) const {
+    return "http://127.0.0.1:" + port_ + "/" + behaviour;
+  }
+
+ private:
+  pid_t process_ = 0;
+  int input_ = -1;
+  std::string port_;
+};
+
+/// The first folder of PALPATE_DATA below which `file` stands.
+inline std::optional<std::filesystem::path> shared_data(const std::string& file) {
+  const char* list = std::getenv("PALPATE_DATA");
+  std::istringstream folders(list == nullptr ? "" : list);
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (std::filesystem::exists(std::filesystem::path(folder) / file)) return folder;
+  return {};
+}
+
+/// What a test does when something it needs is missing: skips with the reason, fails where CI is "true".
+#define PALPATE_REQUIRE(condition, what)                                        \
+  if (!(condition)) {                                                           \
+    const char* ci = std::getenv("CI");                                         \
+    if (ci != nullptr && std::string(ci) == "true") FAIL() << "needs " << what; \
+    GTEST_SKIP() << "needs " << what;                                           \
+  }                                                                             \
+  static_assert(true)
+
+}  // namespace palpate::test

@@ -1,0 +1,59 @@
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include "preparation/gaussian_test_volumes.h"
+
+namespace palpate {
+namespace {
+
+/// Lets Highway see only the given targets (0: only its fallback), and all again afterwards.
+class OnlyTargets {
+ public:
+  explicit OnlyTargets(std::int64_t targets) {
+    hwy::SetSupportedTargetsForTest(targets);
+    hwy::GetChosenTarget().Update(targets);
+  }
+  ~OnlyTargets() {
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().DeInit();
+  }
+};
+
+TEST(SimdTargets, AreNamedBestFirst) {
+  const auto names = simd_targets();
+  const auto targets = hwy::SupportedAndGeneratedTargets();
+  ASSERT_FALSE(names.empty());
+  ASSERT_EQ(names.size(), targets.size());
+  EXPECT_EQ(names.front(), hwy::TargetName(targets.front()));
+  const OnlyTargets only(targets.back());
+  EXPECT_EQ(simd_targets(), std::vector<std::string>{names.back()});
+}
+
+TEST(SimdTargets, GiveTheSameBits) {
+  const auto seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  for (const auto& dims : {std::array{150, 9, 7}, std::array{67, 5, 6}, std::array{16, 4, 4},
+                           std::array{5, 7, 3}, std::array{1, 11, 2}}) {
+    const GridGeometry grid = internal::test_grid(dims, {0.625, 0.625, 0.9});
+    const auto bytes = internal::random_bytes(grid, random);
+    const auto floats = internal::random_floats(grid, random);
+    const GaussianOptions options{.sigma_mm = 1.5, .threads = 1};
+    const auto smooth_bytes = gaussian_smooth(bytes, options);
+    const auto smooth_words = gaussian_smooth_16(bytes, options);
+    const auto smooth_floats = gaussian_smooth(floats, options);
+
+    auto targets = hwy::SupportedAndGeneratedTargets();
+    targets.push_back(0);
+    for (const std::int64_t target : targets) {
+      SCOPED_TRACE(target == 0 ? "fallback" : hwy::TargetName(target));
+      const OnlyTargets only(target);
+      EXPECT_EQ(gaussian_smooth(bytes, options)->voxels(), smooth_bytes->voxels());
+      EXPECT_EQ(gaussian_smooth_16(bytes, options)->voxels(), smooth_words->voxels());
+      EXPECT_EQ(gaussian_smooth(floats, options)->voxels(), smooth_floats->voxels());
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate

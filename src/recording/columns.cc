@@ -1,0 +1,100 @@
+#include "recording/columns.h"
+
+#include <array>
+#include <bit>
+
+#include "palpate/telemetry.h"
+
+namespace palpate::internal {
+namespace {
+
+// rows are copied between memory and file as they are
+static_assert(std::endian::native == std::endian::little);
+
+using enum Number;
+
+#define PALPATE_TICK(field) offsetof(TickRecord, field)
+#define PALPATE_DEVICE(field) offsetof(DeviceTick, field)
+
+constexpr std::array kTickColumns{
+    Column{"tick", kU64, 1, PALPATE_TICK(tick), "1", "-", "number of the tick, from 0"},
+    Column{"time_s", kF64, 1, PALPATE_TICK(time_s), "s", "-",
+           "virtual or real clock at the start of the tick"},
+    Column{"dt_s", kF64, 1, PALPATE_TICK(dt_s), "s", "-", "time step of the tick"},
+    Column{"model_version", kU32, 1, PALPATE_TICK(model_version), "1", "-",
+           "version of the model that was felt"},
+    Column{"method", kU8, 1, PALPATE_TICK(method), "1", "-", "force method"},
+    Column{"switches", kU8, 1, PALPATE_TICK(switches), "bits", "-", "1 friction, 2 viscosity, 4 paused"},
+    Column{"max_force_N", kF64, 1, PALPATE_TICK(max_force_N), "N", "-",
+           "limit of force in effect during the tick"},
+    Column{"rotation_target_wxyz", kF64, 4, PALPATE_TICK(rotation_target_wxyz), "1", "World",
+           "commanded rotation of the object, unit quaternion"},
+    Column{"rotation_felt_wxyz", kF64, 4, PALPATE_TICK(rotation_felt_wxyz), "1", "World",
+           "interpolated rotation of the object, the one that is felt, unit quaternion"},
+    Column{"state_hash", kU64, 1, PALPATE_TICK(state_hash), "1", "-",
+           "hash of the session state and the outputs after the tick"},
+};
+
+constexpr std::array kDeviceColumns{
+    Column{"tip_world_mm", kF64, 3, PALPATE_DEVICE(tip_world_mm), "mm", "World",
+           "input: position of the tip"},
+    Column{"orientation_wxyz", kF64, 4, PALPATE_DEVICE(orientation_wxyz), "1", "World",
+           "input: rotation from the tool's axes to World, unit quaternion"},
+    Column{"buttons", kU32, 1, PALPATE_DEVICE(buttons), "bits", "-",
+           "input: bit n is set while button n is held"},
+    Column{"force_N", kF64, 3, PALPATE_DEVICE(force_N), "N", "World", "output: force sent to the device"},
+    Column{"torque_Nmm", kF64, 3, PALPATE_DEVICE(torque_Nmm), "N mm", "World",
+           "output: torque about the tip sent to the device"},
+    Column{"unclamped_force_N", kF64, 1, PALPATE_DEVICE(unclamped_force_N), "N", "-",
+           "magnitude of the force before the safety stage"},
+    Column{"tip_patient_mm", kF64, 3, PALPATE_DEVICE(tip_patient_mm), "mm", "Patient", "position of the tip"},
+    Column{"normal_patient", kF64, 3, PALPATE_DEVICE(normal_patient), "1", "Patient",
+           "outward unit normal, zero in free space"},
+    Column{"velocity_patient_mm_s", kF64, 3, PALPATE_DEVICE(velocity_patient_mm_s), "mm/s", "Patient",
+           "velocity of the tip relative to the object, over a window of time"},
+    Column{"field", kF64, 1, PALPATE_DEVICE(field), "1", "-", "value of the field at the tip, 0 to 1"},
+    Column{"depth_mm", kF64, 1, PALPATE_DEVICE(depth_mm), "mm", "-",
+           "depth of the tip below the surface of the touched structure, negative above it"},
+    Column{"label", kU16, 1, PALPATE_DEVICE(label), "1", "-", "label of the touched structure, 0 none"},
+    Column{"flags", kU32, 1, PALPATE_DEVICE(flags), "bits", "-",
+           "1 clamped, 2 not finite, 4 outside, 8 paused, 16 contact"},
+};
+
+#undef PALPATE_TICK
+#undef PALPATE_DEVICE
+
+std::size_t sum_of_rows(std::span<const Column> columns) {
+  std::size_t bytes = 0;
+  for (const Column& column : columns) bytes += column.row_bytes();
+  return bytes;
+}
+
+}  // namespace
+
+std::size_t size_of(Number number) {
+  switch (number) {
+    case kU8:
+      return 1;
+    case kU16:
+      return 2;
+    case kU32:
+      return 4;
+    case kU64:
+    case kF64:
+      break;
+  }
+  return 8;
+}
+
+std::span<const Column> tick_columns() {
+  return kTickColumns;
+}
+std::span<const Column> device_columns() {
+  return kDeviceColumns;
+}
+
+std::size_t tick_bytes(int devices) {
+  return sum_of_rows(kTickColumns) + static_cast<std::size_t>(devices) * sum_of_rows(kDeviceColumns);
+}
+
+}  // namespace palpate::internal

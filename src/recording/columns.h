@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+/// The one table of what a recording stores for every tick. The writer, the reader and the check of
+/// docs/recording.md all walk it; a new column is one new line here and one in the document.
+namespace palpate::internal {
+
+/// How a value lies in memory and, identically, in the file: little-endian.
+enum class Number { kU8, kU16, kU32, kU64, kF64 };
+
+std::size_t size_of(Number number);
+
+/// One data set: `width` numbers for every tick.
+struct Column {
+  const char* name;  ///< of the data set in its group
+  Number number;
+  std::size_t width;        ///< numbers a tick; 1: the data set is [N], otherwise [N, width]
+  std::size_t offset;       ///< of the first number in TickRecord, or in DeviceTick
+  const char* unit;         ///< "1": a pure number
+  const char* frame;        ///< whose axes, or "-"
+  const char* description;  ///< ASCII, stored with the data set
+
+  std::size_t row_bytes() const { return size_of(number) * width; }
+};
+
+/// Columns of the group /ticks: offsets in TickRecord.
+std::span<const Column> tick_columns();
+/// Columns of the groups /device0 ... /device3: offsets in DeviceTick.
+std::span<const Column> device_columns();
+/// Bytes of one tick of a recording with that many devices.
+std::size_t tick_bytes(int devices);
+
+}  // namespace palpate::internal

@@ -1,0 +1,130 @@
+#include "recording/commit_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+namespace palpate::internal {
+namespace {
+
+class FileSink : public ByteSink {
+ public:
+  explicit FileSink(int descriptor) : descriptor_(descriptor) {}
+  FileSink(const FileSink&) = delete;
+  FileSink& operator=(const FileSink&) = delete;
+  ~FileSink() override { ::close(descriptor_); }
+
+  int write_at(std::uint64_t offset, std::span<const std::byte> bytes) override {
+    while (!bytes.empty()) {
+      const ssize_t wrote = ::pwrite(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+      if (wrote < 0 && errno == EINTR) continue;
+      if (wrote <= 0) return wrote < 0 ? errno : ENOSPC;
+      bytes = bytes.subspan(static_cast<std::size_t>(wrote));
+      offset += static_cast<std::uint64_t>(wrote);
+    }
+    return 0;
+  }
+
+  int read_at(std::uint64_t offset, std::span<std::byte> bytes) override {
+    while (!bytes.empty()) {
+      const ssize_t got = ::pread(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) return errno;
+      if (got == 0) break;
+      bytes = bytes.subspan(static_cast<std::size_t>(got));
+      offset += static_cast<std::uint64_t>(got);
+    }
+    std::ranges::fill(bytes, std::byte{0});
+    return 0;
+  }
+
+  int resize(std::uint64_t size) override {
+    return ::ftruncate(descriptor_, static_cast<off_t>(size)) == 0 ? 0 : errno;
+  }
+  int sync() override { return ::fsync(descriptor_) == 0 ? 0 : errno; }
+
+ private:
+  int descriptor_;
+};
+
+// the step of commit() to which a held write belongs
+int step_of(std::uint64_t offset, std::span<const std::byte> bytes) {
+  if (offset == 0) return 1;
+  return bytes.size() >= 4 && std::memcmp(bytes.data(), "OHDR", 4) == 0 ? 3 : 2;
+}
+
+}  // namespace
+
+std::unique_ptr<ByteSink> make_file_sink(int descriptor) {
+  return std::make_unique<FileSink>(descriptor);
+}
+
+void CommitFile::fail(int error) {
+  if (error_ == 0) error_ = error;
+  sealed_ = true;
+}
+
+void CommitFile::write(std::uint64_t offset, std::span<const std::byte> bytes) {
+  if (sealed_) return;
+  // what lies before the committed end waits, what lies after goes
+  const std::uint64_t before = offset < committed_end_ ? committed_end_ - offset : 0;
+  const std::size_t waiting = static_cast<std::size_t>(std::min<std::uint64_t>(before, bytes.size()));
+  if (waiting > 0) hold(offset, bytes.first(waiting));
+  if (waiting < bytes.size()) write_now(offset + waiting, bytes.subspan(waiting));
+}
+
+void CommitFile::write_now(std::uint64_t offset, std::span<const std::byte> bytes) {
+  if (const int error = sink_->write_at(offset, bytes)) return fail(error);
+  written_end_ = std::max(written_end_, offset + bytes.size());
+}
+
+void CommitFile::hold(std::uint64_t offset, std::span<const std::byte> bytes) {
+  // the same block written again replaces its older self
+  std::erase_if(held_,
+                [&](const Held& held) { return held.offset == offset && held.bytes.size() == bytes.size(); });
+  held_.push_back({offset, {bytes.begin(), bytes.end()}});
+}
+
+bool CommitFile::read(std::uint64_t offset, std::span<std::byte> bytes) const {
+  if (sink_->read_at(offset, bytes) != 0) return false;
+  // held writes lie over the file, later ones over earlier ones
+  for (const Held& held : held_) {
+    const std::uint64_t begin = std::max(offset, held.offset);
+    const std::uint64_t end = std::min(offset + bytes.size(), held.offset + held.bytes.size());
+    if (begin < end)
+      std::memcpy(bytes.data() + (begin - offset), held.bytes.data() + (begin - held.offset), end - begin);
+  }
+  return true;
+}
+
+bool CommitFile::commit() {
+  if (sealed_) return error_ == 0;
+  // space that HDF5 took and left unwritten must exist before the superblock counts it
+  if (written_end_ < end_) {
+    if (const int error = sink_->resize(end_)) {
+      fail(error);
+      return false;
+    }
+    written_end_ = end_;
+  }
+  // from the first of these writes on the file may refer to the new bytes
+  committed_end_ = end_;
+  std::ranges::stable_sort(held_, {}, [](const Held& held) { return step_of(held.offset, held.bytes); });
+  for (const Held& held : held_) {
+    write_now(held.offset, held.bytes);
+    if (sealed_) return false;
+  }
+  held_.clear();
+  return true;
+}
+
+void CommitFile::trim_and_sync() {
+  int error = sink_->resize(committed_end_);
+  if (error == 0) error = sink_->sync();
+  if (error != 0) fail(error);
+}
+
+}  // namespace palpate::internal

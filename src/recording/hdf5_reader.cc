@@ -1,0 +1,345 @@
+#include "recording/hdf5_reader.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <type_traits>
+
+#include "palpate/device.h"
+#include "recording/columns.h"
+#include "recording/hdf5_types.h"
+#include "recording/header_fields.h"
+
+namespace palpate::internal {
+namespace {
+
+// a recording compressed by other tools may unpack to this many times its size, not more
+constexpr std::uint64_t kMaxUnpacking = 100;
+constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 50;
+constexpr hsize_t kMaxChunkBytes = hsize_t{64} << 20;
+
+// thrown within this file only
+struct Refusal {
+  std::string what, remedy;
+};
+
+void require(bool condition, const std::string& what) {
+  if (!condition) throw Refusal{"the recording is damaged: " + what, ""};
+}
+
+// groups and data sets in the file itself: links to elsewhere are not followed
+bool is_there(hid_t parent, const std::string& name) {
+  H5L_info_t info;
+  return H5Lexists(parent, name.c_str(), H5P_DEFAULT) > 0 &&
+         H5Lget_info(parent, name.c_str(), &info, H5P_DEFAULT) >= 0 && info.type == H5L_TYPE_HARD;
+}
+
+Handle open_group(hid_t parent, const std::string& name) {
+  require(is_there(parent, name), "it has no group /" + name);
+  Handle group(H5Gopen2(parent, name.c_str(), H5P_DEFAULT), H5Gclose);
+  require(group.ok(), "the group /" + name + " does not open");
+  return group;
+}
+
+// like ours in class, size and sign; byte order may differ
+bool same_type(const Handle& type, hid_t ours) {
+  const H5T_class_t kind = H5Tget_class(ours);
+  return H5Tget_class(type.get()) == kind && H5Tget_size(type.get()) == H5Tget_size(ours) &&
+         (kind != H5T_INTEGER || H5Tget_sign(type.get()) == H5Tget_sign(ours));
+}
+
+// the bytes of a fixed-length text type, 0 when it is something else
+std::size_t text_size(const Handle& type) {
+  const bool fixed = H5Tget_class(type.get()) == H5T_STRING && H5Tis_variable_str(type.get()) == 0;
+  return fixed ? H5Tget_size(type.get()) : 0;
+}
+
+// texts are padded with zeros
+std::string unpadded(std::string text) {
+  text.resize(std::min(text.size(), text.find('\0')));
+  return text;
+}
+
+class Attribute {
+ public:
+  Attribute(hid_t object, const std::string& name) : name_("the attribute " + name) {
+    require(H5Aexists(object, name.c_str()) > 0, name_ + " is missing");
+    attribute_ = Handle(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose);
+    type_ = Handle(H5Aget_type(attribute_.get()), H5Tclose);
+    const Handle space(H5Aget_space(attribute_.get()), H5Sclose);
+    require(H5Sget_simple_extent_npoints(space.get()) == 1, name_ + " is not one value");
+  }
+
+  std::string text() const {
+    const std::size_t size = text_size(type_);
+    require(size >= 1 && size <= kMaxText, name_ + " is not a text of fixed length");
+    std::string text(size, '\0');
+    require(H5Aread(attribute_.get(), type_.get(), text.data()) >= 0, name_ + " cannot be read");
+    return unpadded(std::move(text));
+  }
+
+  template <class Plain>
+  Plain number(hid_t type) const {
+    Plain value{};
+    require(same_type(type_, type), name_ + " has another type");
+    require(H5Aread(attribute_.get(), type, &value) >= 0, name_ + " cannot be read");
+    return value;
+  }
+
+ private:
+  std::string name_;
+  Handle attribute_, type_;
+};
+
+void read(const Attribute& attribute, std::string& value) {
+  value = attribute.text();
+}
+void read(const Attribute& attribute, bool& value) {
+  value = attribute.number<std::uint8_t>(H5T_STD_U8LE) != 0;
+}
+void read(const Attribute& attribute, std::uint32_t& value) {
+  value = attribute.number<std::uint32_t>(H5T_STD_U32LE);
+}
+void read(const Attribute& attribute, std::uint64_t& value) {
+  value = attribute.number<std::uint64_t>(H5T_STD_U64LE);
+}
+void read(const Attribute& attribute, double& value) {
+  value = attribute.number<double>(H5T_IEEE_F64LE);
+}
+void read(const Attribute& attribute, int& value) {
+  const auto number = attribute.number<std::uint32_t>(H5T_STD_U32LE);
+  require(number <= kMaxDevices, "it names " + std::to_string(number) + " devices");
+  value = static_cast<int>(number);
+}
+
+class DataSet {
+ public:
+  DataSet(hid_t group, const std::string& group_name, const std::string& name)
+      : name_("the data set /" + group_name + "/" + name) {
+    require(is_there(group, name), name_ + " is missing");
+    data_set_ = Handle(H5Dopen2(group, name.c_str(), H5P_DEFAULT), H5Dclose);
+    require(data_set_.ok(), name_ + " does not open");
+    type_ = Handle(H5Dget_type(data_set_.get()), H5Tclose);
+    space_ = Handle(H5Dget_space(data_set_.get()), H5Sclose);
+    properties_ = Handle(H5Dget_create_plist(data_set_.get()), H5Pclose);
+    rank_ = H5Sget_simple_extent_ndims(space_.get());
+    require(rank_ >= 0 && rank_ <= 2 && H5Sget_simple_extent_dims(space_.get(), dims_.data(), nullptr) >= 0,
+            name_ + " has another shape");
+    require(H5Tget_size(type_.get()) >= 1 && dims_[1] >= 1 && dims_[1] <= kMaxChunkBytes,
+            name_ + " has another shape");
+    check_layout();
+  }
+
+  hsize_t rows() const { return dims_[0]; }
+  // [] for rank 0, [N] for rank 1, [N, width] for rank 2
+  void require_shape(int rank, hsize_t width = 1) const {
+    require(rank_ == rank && (rank < 2 || dims_[1] == width), name_ + " has another shape");
+  }
+  void require_rows(hsize_t rows) const { require(rows_or_one() == rows, name_ + " has another length"); }
+  void require_type(hid_t type) const { require(same_type(type_, type), name_ + " has another type"); }
+
+  void read_all(hid_t type, void* values) const {
+    require(H5Dread(data_set_.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0,
+            name_ + " cannot be read");
+  }
+  void read_rows(hid_t type, hsize_t first, hsize_t count, void* values) const {
+    const hsize_t start[2] = {first, 0}, size[2] = {count, dims_[1]};
+    const Handle memory(H5Screate_simple(rank_, size, nullptr), H5Sclose);
+    require(H5Sselect_hyperslab(space_.get(), H5S_SELECT_SET, start, nullptr, size, nullptr) >= 0 &&
+                H5Dread(data_set_.get(), type, memory.get(), space_.get(), H5P_DEFAULT, values) >= 0,
+            name_ + " cannot be read");
+  }
+
+  // texts of a fixed length: one for rank 0, one a row for rank 1
+  std::vector<std::string> texts(std::size_t most) const {
+    const std::size_t size = text_size(type_);
+    require(size >= 1 && size <= most, name_ + " is not a text of fixed length");
+    const std::size_t count = static_cast<std::size_t>(rows_or_one());
+    std::string bytes(size * count, '\0');
+    read_all(type_.get(), bytes.data());
+    std::vector<std::string> texts;
+    for (std::size_t i = 0; i < count; ++i) texts.push_back(unpadded(bytes.substr(i * size, size)));
+    return texts;
+  }
+
+  // every row is stored: HDF5 would fill gaps with zeros
+  void require_stored(std::uint64_t file_bytes) const {
+    const hsize_t rows = rows_or_one(), row_bytes = H5Tget_size(type_.get()) * dims_[1];
+    require(rows <= std::min(file_bytes, kMaxFileBytes) * kMaxUnpacking / row_bytes,
+            name_ + " is longer than the file can hold");
+    const H5D_layout_t layout = H5Pget_layout(properties_.get());
+    if (rows == 0 || layout == H5D_COMPACT) return;
+    hsize_t stored = H5Dget_storage_size(data_set_.get()) / row_bytes;
+    if (layout == H5D_CHUNKED) {
+      hsize_t chunks = 0;
+      require(H5Dget_num_chunks(data_set_.get(), space_.get(), &chunks) >= 0, name_ + " cannot be read");
+      const hsize_t chunks_side_by_side = (dims_[1] + chunk_[1] - 1) / chunk_[1];
+      stored = std::min(chunks / chunks_side_by_side, rows) * chunk_[0];
+    }
+    require(stored >= rows, name_ + " has gaps");
+  }
+
+ private:
+  hsize_t rows_or_one() const { return rank_ == 0 ? 1 : dims_[0]; }
+
+  void check_layout() {
+    const H5D_layout_t layout = H5Pget_layout(properties_.get());
+    require(layout == H5D_CHUNKED || layout == H5D_CONTIGUOUS || layout == H5D_COMPACT,
+            name_ + " is stored elsewhere");
+    require(H5Pget_external_count(properties_.get()) == 0, name_ + " is stored elsewhere");
+    if (layout != H5D_CHUNKED) return;
+    require(H5Pget_chunk(properties_.get(), 2, chunk_.data()) == rank_,
+            name_ + " has chunks of another shape");
+    require(chunk_[0] >= 1 && chunk_[0] <= kMaxChunkBytes && chunk_[1] >= 1 && chunk_[1] <= dims_[1] &&
+                chunk_[0] * chunk_[1] <= kMaxChunkBytes / H5Tget_size(type_.get()),
+            name_ + " has chunks of another shape");
+  }
+
+  std::string name_;
+  Handle data_set_, type_, space_, properties_;
+  int rank_ = 0;
+  std::array<hsize_t, 2> dims_{0, 1}, chunk_{1, 1};
+};
+
+// a column of ticks with the data set that holds it
+struct StoredColumn {
+  const Column* column;
+  DataSet data_set;
+};
+
+void check_format(hid_t file) {
+  if (H5Aexists(file, "format") <= 0 || Attribute(file, "format").text() != kFormat)
+    throw Refusal{"is an HDF5 file, but not a recording of palpate",
+                  "name a file that palpate simulate wrote"};
+  const auto major = Attribute(file, "format_major").number<std::uint32_t>(H5T_STD_U32LE);
+  if (major > kFormatMajor)
+    throw Refusal{"was written by a newer palpate: format " + std::to_string(major) +
+                      ", this one reads up to " + std::to_string(kFormatMajor),
+                  "use a newer palpate"};
+}
+
+void read_structures(hid_t file, std::uint64_t file_bytes,
+                     std::vector<RecordingHeader::Structure>& structures) {
+  const Handle group = open_group(file, "structures");
+  const auto open = [&](const char* name, int rank, std::size_t width) {
+    DataSet data_set(group.get(), "structures", name);
+    data_set.require_shape(rank, width);
+    return data_set;
+  };
+  const DataSet label = open("label", 1, 1), colour = open("colour", 2, 3), name = open("name", 1, 1),
+                tissue = open("tissue", 1, 1);
+  const hsize_t count = label.rows();
+  require(count <= kMaxStructures, "it lists too many structures");
+  for (const DataSet* data_set : {&label, &colour, &name, &tissue}) {
+    data_set->require_rows(count);
+    data_set->require_stored(file_bytes);
+  }
+  label.require_type(H5T_STD_U16LE);
+  colour.require_type(H5T_STD_U8LE);
+
+  std::vector<LabelId> labels(count);
+  std::vector<Rgb> colours(count);
+  label.read_all(H5T_STD_U16LE, labels.data());
+  colour.read_all(H5T_STD_U8LE, colours.data());
+  const auto names = name.texts(kMaxText), tissues = tissue.texts(kMaxText);
+  for (std::size_t i = 0; i < count; ++i) structures.push_back({labels[i], names[i], tissues[i], colours[i]});
+}
+
+RecordingHeader read_header(hid_t file, std::uint64_t file_bytes) {
+  RecordingHeader header;
+  const Handle group = open_group(file, "header");
+  visit_header(header, [&](const char* name, auto& value) { read(Attribute(group.get(), name), value); });
+  require(header.devices >= 1, "it names 0 devices");
+  const DataSet script(group.get(), "header", "script");
+  script.require_shape(0);
+  header.script_text = script.texts(kMaxScript).front();
+  read_structures(file, file_bytes, header.structures);
+  return header;
+}
+
+std::optional<RecordingSummary> read_summary(hid_t file) {
+  const Handle group = open_group(file, "summary");
+  const auto number = [&](const char* name, hid_t type, void* value) {
+    const DataSet data_set(group.get(), "summary", name);
+    data_set.require_shape(0);
+    data_set.require_type(type);
+    data_set.read_all(type, value);
+  };
+  std::uint8_t complete = 0;
+  number("complete", H5T_STD_U8LE, &complete);
+  if (complete == 0) return std::nullopt;
+  RecordingSummary summary;
+  visit_summary(summary,
+                [&](const char* name, std::uint64_t& value) { number(name, H5T_STD_U64LE, &value); });
+  return summary;
+}
+
+void open_columns(hid_t file, const std::string& group_name, std::span<const Column> columns,
+                  std::uint64_t file_bytes, std::vector<StoredColumn>& opened) {
+  const Handle group = open_group(file, group_name);
+  for (const Column& column : columns) {
+    DataSet data_set(group.get(), group_name, column.name);
+    data_set.require_type(hdf5_type(column.number));
+    data_set.require_shape(column.width == 1 ? 1 : 2, column.width);
+    data_set.require_stored(file_bytes);
+    opened.push_back({&column, std::move(data_set)});
+  }
+}
+
+std::uint64_t common_rows(const std::vector<StoredColumn>& columns, bool complete) {
+  std::uint64_t rows = columns.front().data_set.rows();
+  for (const StoredColumn& column : columns) {
+    // a run that was cut short may have grown in some columns and not yet in others
+    if (complete) column.data_set.require_rows(rows);
+    rows = std::min<std::uint64_t>(rows, column.data_set.rows());
+  }
+  return rows;
+}
+
+bool send_rows(const std::vector<StoredColumn>& columns, std::uint64_t rows, ByteTarget& target) {
+  std::vector<std::byte> buffer;
+  for (std::uint64_t first = 0; first < rows; first += kBlockRows) {
+    const std::uint64_t count = std::min(kBlockRows, rows - first);
+    for (const auto& [column, data_set] : columns) {
+      buffer.resize(static_cast<std::size_t>(count) * column->row_bytes());
+      data_set.read_rows(hdf5_type(column->number), first, count, buffer.data());
+      if (!target.write(buffer)) return false;
+    }
+  }
+  return true;
+}
+
+Handle open_file(const std::filesystem::path& file) {
+  // no code from elsewhere to unpack data, no waiting for locks of a program that writes
+  H5PLset_loading_state(0);
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_file_locking(access.get(), false, true);
+  return Handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
+}
+
+}  // namespace
+
+bool send_recording(const std::filesystem::path& file, ByteTarget& target) {
+  bool head_sent = false;
+  try {
+    const Handle opened = open_file(file);
+    require(opened.ok(), "HDF5 cannot open it");
+    check_format(opened.get());
+    hsize_t file_bytes = 0;
+    require(H5Fget_filesize(opened.get(), &file_bytes) >= 0, "HDF5 cannot open it");
+
+    RecordingHead head{read_header(opened.get(), file_bytes), read_summary(opened.get()), 0};
+    std::vector<StoredColumn> columns;
+    open_columns(opened.get(), "ticks", tick_columns(), file_bytes, columns);
+    for (int d = 0; d < head.header.devices; ++d)
+      open_columns(opened.get(), "device" + std::to_string(d), device_columns(), file_bytes, columns);
+    head.rows = common_rows(columns, head.summary.has_value());
+
+    head_sent = true;
+    return send_head(target, head) && send_rows(columns, head.rows, target);
+  } catch (const Refusal& refusal) {
+    return !head_sent && send_refusal(target, {ErrorKind::kBadInput, refusal.what, "", refusal.remedy});
+  }
+}
+
+}  // namespace palpate::internal

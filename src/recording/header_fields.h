@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/recording.h"
+
+/// The one list of the header's and the summary's plain fields, walked by the writer, by the reader and
+/// by the stream between the reader's two processes. `visit(name, field)` sees std::string, bool, int,
+/// std::uint32_t, std::uint64_t and double.
+namespace palpate::internal {
+
+inline constexpr const char* kFormat = "palpate recording";
+/// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
+inline constexpr std::uint32_t kFormatMajor = 1;
+/// Incremented when something is added that old readers can leave aside.
+inline constexpr std::uint32_t kFormatMinor = 0;
+
+inline constexpr std::size_t kMaxText = 4096;  ///< bytes of one text of the header
+inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
+inline constexpr std::size_t kMaxStructures = 65536;
+
+/// Everything of the header but the script and the structures: attributes of the group /header.
+template <class Header, class Visit>
+void visit_header(Header& header, Visit&& visit) {
+  visit("palpate_version", header.palpate_version);
+  visit("commit", header.commit);
+  visit("build_type", header.build_type);
+  visit("compiler", header.compiler);
+  visit("simd_target", header.simd_target);
+  visit("started_utc", header.started_utc);
+  visit("data_set", header.data_set);
+  visit("scene_title", header.scene_title);
+  visit("model_hash", header.model_hash);
+  visit("model_version", header.model_version);
+  visit("rate_hz", header.rate_hz);
+  visit("seed", header.seed);
+  visit("device", header.device);
+  visit("hand", header.hand);
+  visit("simulated", header.simulated);
+  visit("devices", header.devices);
+}
+
+/// Data sets of one number each in the group /summary.
+template <class Summary, class Visit>
+void visit_summary(Summary& summary, Visit&& visit) {
+  visit("ticks", summary.ticks);
+  visit("run_hash", summary.run_hash);
+  visit("clamped", summary.clamped);
+  visit("not_finite", summary.not_finite);
+  visit("outside", summary.outside);
+  visit("paused", summary.paused);
+}
+
+}  // namespace palpate::internal

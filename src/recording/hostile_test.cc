@@ -1,0 +1,317 @@
+// Recordings that are damaged, foreign or made to do harm.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+
+#include "recording/hdf5_handle.h"
+#include "recording/stream.h"
+#include "recording/test_support.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using internal::Handle;
+using testing::HasSubstr;
+
+constexpr std::size_t kTicks = 20;
+
+class Hostile : public testing::Test {
+ protected:
+  // a small whole recording
+  void SetUp() override {
+    auto writer = RecordingWriter::create(file_, test::example_header(1, 8));
+    ASSERT_TRUE(writer);
+    ASSERT_TRUE((*writer)->append(test::example_ticks(kTicks, 1, 8)));
+    ASSERT_TRUE((*writer)->finish(test::example_summary(kTicks)));
+    bytes_ = test::read_bytes(file_);
+  }
+
+  // the error after `change` was made to a fresh copy through HDF5
+  std::string error_after(const std::function<void(hid_t file)>& change) {
+    test::write_bytes(file_, bytes_);
+    {
+      const internal::Hdf5Section section;
+      const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
+      EXPECT_TRUE(file.ok());
+      change(file.get());
+    }
+    const auto read = read_recording(file_);
+    if (read) return "no error";
+    EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
+    EXPECT_EQ(read.error().where, file_.string());
+    return read.error().what;
+  }
+
+  static void set_attribute(hid_t object, const char* name, hid_t type, const void* value) {
+    H5Adelete(object, name);
+    const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
+    const Handle made(H5Acreate2(object, name, type, space.get(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
+    EXPECT_GE(H5Awrite(made.get(), type, value), 0);
+  }
+  static void set_header(hid_t file, const char* name, hid_t type, const void* value) {
+    const Handle header(H5Gopen2(file, "header", H5P_DEFAULT), H5Gclose);
+    set_attribute(header.get(), name, type, value);
+  }
+  static Handle string_type(std::size_t size) {
+    Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
+    H5Tset_size(type.get(), size);
+    return type;
+  }
+  // an empty data set in place of the one that is there
+  static void replace(hid_t file, const char* name, hid_t type, std::vector<hsize_t> dims,
+                      std::vector<hsize_t> chunk = {}, const Handle* properties = nullptr) {
+    H5Ldelete(file, name, H5P_DEFAULT);
+    const int rank = static_cast<int>(dims.size());
+    const Handle space(H5Screate_simple(rank, dims.data(), nullptr), H5Sclose);
+    const Handle own(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    if (chunk.empty()) H5Pset_alloc_time(own.get(), H5D_ALLOC_TIME_EARLY);
+    const Handle& used = properties != nullptr ? *properties : own;
+    if (!chunk.empty()) H5Pset_chunk(used.get(), rank, chunk.data());
+    const Handle made(H5Dcreate2(file, name, type, space.get(), H5P_DEFAULT, used.get(), H5P_DEFAULT),
+                      H5Dclose);
+    EXPECT_TRUE(made.ok());
+  }
+
+  test::TemporaryFolder folder_;
+  fs::path file_ = folder_ / "run.h5";
+  std::vector<std::byte> bytes_;
+};
+
+TEST_F(Hostile, ChangedShapesAndTypesAreNamed) {
+  EXPECT_EQ(error_after([](hid_t) {}), "no error");
+  EXPECT_THAT(error_after([](hid_t f) { H5Ldelete(f, "ticks/dt_s", H5P_DEFAULT); }),
+              HasSubstr("/ticks/dt_s is missing"));
+  EXPECT_THAT(error_after([](hid_t f) { H5Ldelete(f, "device0", H5P_DEFAULT); }),
+              HasSubstr("no group /device0"));
+  EXPECT_THAT(error_after([](hid_t f) { H5Ldelete(f, "summary", H5P_DEFAULT); }),
+              HasSubstr("no group /summary"));
+  const auto with = [&](const char* name, hid_t type, std::vector<hsize_t> dims) {
+    return error_after([&](hid_t f) { replace(f, name, type, dims); });
+  };
+  EXPECT_THAT(with("ticks/dt_s", H5T_IEEE_F32LE, {kTicks}), HasSubstr("/ticks/dt_s has another type"));
+  EXPECT_THAT(with("ticks/tick", H5T_STD_I64LE, {kTicks}), HasSubstr("another type"));
+  EXPECT_THAT(with("ticks/tick", H5T_IEEE_F64LE, {kTicks}), HasSubstr("another type"));
+  EXPECT_THAT(with("ticks/dt_s", H5T_IEEE_F64LE, {kTicks, 1}), HasSubstr("/ticks/dt_s has another shape"));
+  EXPECT_THAT(with("device0/force_N", H5T_IEEE_F64LE, {kTicks, 2}), HasSubstr("another shape"));
+  EXPECT_THAT(with("device0/force_N", H5T_IEEE_F64LE, {kTicks, 3, 1}), HasSubstr("another shape"));
+  EXPECT_THAT(with("device0/force_N", H5T_IEEE_F64LE, {}), HasSubstr("another shape"));
+  EXPECT_THAT(with("structures/label", H5T_STD_U16LE, {1}), HasSubstr("another length"));
+  EXPECT_THAT(with("structures/name", H5T_STD_U16LE, {2}), HasSubstr("not a text"));
+  EXPECT_THAT(with("header/script", H5T_STD_U64LE, {}), HasSubstr("not a text"));
+  EXPECT_THAT(with("summary/ticks", H5T_STD_U64LE, {2}), HasSubstr("another shape"));
+  const Handle endless(H5Tcopy(H5T_C_S1), H5Tclose);
+  H5Tset_size(endless.get(), H5T_VARIABLE);
+  EXPECT_THAT(with("header/script", endless.get(), {}), HasSubstr("not a text"));
+  const Handle huge = string_type(std::size_t{1} << 31);
+  EXPECT_THAT(with("header/script", huge.get(), {}), HasSubstr("not a text"));
+}
+
+TEST_F(Hostile, LengthsThatTheFileCannotHoldAreRefused) {
+  const auto with = [&](std::vector<hsize_t> dims, std::vector<hsize_t> chunk) {
+    return error_after([&](hid_t f) { replace(f, "ticks/dt_s", H5T_IEEE_F64LE, dims, chunk); });
+  };
+  EXPECT_THAT(with({hsize_t{1} << 40}, {1024}), HasSubstr("longer than the file can hold"));
+  EXPECT_THAT(with({kTicks}, {8}), HasSubstr("has gaps"));
+  EXPECT_THAT(with({hsize_t{1} << 27}, {hsize_t{1} << 27}), HasSubstr("chunks of another shape"));
+  EXPECT_THAT(error_after([](hid_t f) {
+                const Handle never_stored(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+                replace(f, "ticks/dt_s", H5T_IEEE_F64LE, {kTicks}, {}, &never_stored);
+              }),
+              HasSubstr("has gaps"));
+  // a whole run has columns of one length, and as many ticks as it says
+  EXPECT_THAT(error_after([](hid_t f) {
+                const Handle column(H5Dopen2(f, "device0/depth_mm", H5P_DEFAULT), H5Dclose);
+                const hsize_t fewer = kTicks - 1;
+                H5Dset_extent(column.get(), &fewer);
+              }),
+              HasSubstr("/device0/depth_mm has another length"));
+  EXPECT_THAT(error_after([](hid_t f) {
+                const Handle ticks(H5Dopen2(f, "summary/ticks", H5P_DEFAULT), H5Dclose);
+                const std::uint64_t more = kTicks + 1;
+                H5Dwrite(ticks.get(), H5T_STD_U64LE, H5S_ALL, H5S_ALL, H5P_DEFAULT, &more);
+              }),
+              HasSubstr("counts 21 ticks, the data sets hold 20"));
+}
+
+TEST_F(Hostile, HeadersAreChecked) {
+  const double nan = std::nan(""), negative = -1, infinite = std::numeric_limits<double>::infinity();
+  for (const double* rate : {&nan, &negative, &infinite})
+    EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "rate_hz", H5T_IEEE_F64LE, rate); }),
+                HasSubstr("rate"));
+  for (const std::uint32_t devices : {0u, 5u, 4'000'000'000u})
+    EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "devices", H5T_STD_U32LE, &devices); }),
+                HasSubstr("names " + std::to_string(devices) + " devices"));
+  const std::uint32_t two = 2;
+  EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "devices", H5T_STD_U32LE, &two); }),
+              HasSubstr("no group /device1"));
+  EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "seed", H5T_STD_U32LE, &two); }),
+              HasSubstr("seed has another type"));
+  const std::string text(5000, 'x');
+  EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "hand", string_type(5000).get(), text.data()); }),
+              HasSubstr("hand"));
+  const std::uint32_t newer = 2, minor = 77;
+  EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format_major", H5T_STD_U32LE, &newer); }),
+              HasSubstr("written by a newer palpate: format 2"));
+  EXPECT_EQ(error_after([&](hid_t f) { set_attribute(f, "format_minor", H5T_STD_U32LE, &minor); }),
+            "no error");
+  EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format", string_type(3).get(), "abc"); }),
+              HasSubstr("not a recording of palpate"));
+}
+
+TEST_F(Hostile, NothingIsReadFromOtherFiles) {
+  const auto other = (folder_ / "other.h5").string();
+  test::write_bytes(other, bytes_);
+  const auto dt_s = "ticks/dt_s";
+  EXPECT_THAT(error_after([&](hid_t f) {
+                H5Ldelete(f, dt_s, H5P_DEFAULT);
+                H5Lcreate_external(other.c_str(), "/ticks/dt_s", f, dt_s, H5P_DEFAULT, H5P_DEFAULT);
+              }),
+              HasSubstr("/ticks/dt_s is missing"));
+  EXPECT_THAT(error_after([&](hid_t f) {
+                H5Ldelete(f, "ticks", H5P_DEFAULT);
+                H5Lcreate_external(other.c_str(), "/ticks", f, "ticks", H5P_DEFAULT, H5P_DEFAULT);
+              }),
+              HasSubstr("no group /ticks"));
+  EXPECT_THAT(error_after([&](hid_t f) {
+                const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+                H5Pset_external(properties.get(), other.c_str(), 0, 8 * kTicks);
+                replace(f, dt_s, H5T_IEEE_F64LE, {kTicks}, {}, &properties);
+              }),
+              HasSubstr("stored elsewhere"));
+  EXPECT_THAT(error_after([&](hid_t f) {
+                const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+                const hsize_t rows = kTicks;
+                const Handle space(H5Screate_simple(1, &rows, nullptr), H5Sclose);
+                H5Pset_virtual(properties.get(), space.get(), other.c_str(), "/ticks/dt_s", space.get());
+                replace(f, dt_s, H5T_IEEE_F64LE, {kTicks}, {}, &properties);
+              }),
+              HasSubstr("stored elsewhere"));
+}
+
+TEST_F(Hostile, ForeignFilesAreToldApart) {
+  const auto error_of = [&](const fs::path& file) {
+    const auto read = read_recording(file);
+    if (read) return std::string("no error");
+    EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
+    return read.error().what;
+  };
+  EXPECT_EQ(error_of(folder_ / "missing.h5"), "no such file");
+  EXPECT_THAT(error_of(folder_ / ""), HasSubstr("is a folder"));
+  ASSERT_EQ(::mkfifo((folder_ / "fifo").c_str(), 0600), 0);
+  EXPECT_THAT(error_of(folder_ / "fifo"), HasSubstr("not a plain file"));
+  test::write_bytes(folder_ / "empty", {});
+  EXPECT_THAT(error_of(folder_ / "empty"), HasSubstr("no HDF5 file"));
+  const std::string text(5000, '#');
+  test::write_bytes(folder_ / "text", std::as_bytes(std::span(text)));
+  EXPECT_THAT(error_of(folder_ / "text"), HasSubstr("no HDF5 file"));
+  {
+    const internal::Hdf5Section section;
+    const Handle other(H5Fcreate((folder_ / "other.h5").c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT),
+                       H5Fclose);
+  }
+  EXPECT_THAT(error_of(folder_ / "other.h5"), HasSubstr("not a recording of palpate"));
+  // a block of somebody else's in front is part of HDF5's format
+  std::vector<std::byte> prefixed(512);
+  prefixed.insert(prefixed.end(), bytes_.begin(), bytes_.end());
+  test::write_bytes(folder_ / "prefixed.h5", prefixed);
+  EXPECT_EQ(error_of(folder_ / "prefixed.h5"), "no error");
+}
+
+TEST_F(Hostile, TruncatedFilesAreOneClearError) {
+  std::size_t steps = 0;
+  for (std::size_t size = 0; size < bytes_.size(); size += 1 + bytes_.size() / 61, ++steps) {
+    SCOPED_TRACE("first " + std::to_string(size) + " bytes");
+    test::write_bytes(file_, std::span(bytes_).first(size));
+    const auto read = read_recording(file_);
+    ASSERT_FALSE(read);
+    EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
+    EXPECT_THAT(read.error().what, testing::AnyOf(HasSubstr("damaged"), HasSubstr("no HDF5 file")));
+  }
+  EXPECT_GE(steps, 60u);
+}
+
+TEST_F(Hostile, FlippedBytesNeverCrash) {
+  const std::uint64_t seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  int refused = 0;
+  for (int round = 0; round < 150; ++round) {
+    auto bytes = bytes_;
+    for (std::uint64_t flips = 1 + random() % 8; flips > 0; --flips)
+      bytes[random() % bytes.size()] = static_cast<std::byte>(random());
+    test::write_bytes(file_, bytes);
+    const auto read = read_recording(file_);
+    if (read) continue;  // flipped in the rows
+    EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
+    EXPECT_FALSE(read.error().what.empty());
+    ++refused;
+  }
+  EXPECT_GT(refused, 15);
+}
+
+Result<Recording> receive(std::span<const std::byte> bytes) {
+  test::MemorySource source(bytes);
+  return internal::receive_recording(source, {});
+}
+
+TEST(Stream, EndsAreNoticedAtEveryByte) {
+  test::MemoryTarget sent;
+  const auto header = test::example_header(1);
+  ASSERT_TRUE(internal::send_head(sent, {header, test::example_summary(0), 0}));
+  for (std::size_t size = 0; size < sent.bytes.size(); ++size)
+    EXPECT_FALSE(receive(std::span(sent.bytes).first(size))) << size;
+  const auto whole = receive(sent.bytes);
+  ASSERT_TRUE(whole) << whole.error().message();
+  EXPECT_EQ(test::first_difference((*whole).header, header), "");
+}
+
+TEST(Stream, PromisesOfRowsTakeNoMemory) {
+  test::MemoryTarget sent;
+  ASSERT_TRUE(internal::send_head(sent, {test::example_header(4), std::nullopt, std::uint64_t{1} << 60}));
+  const auto read = receive(sent.bytes);
+  ASSERT_FALSE(read);
+  EXPECT_EQ(read.error().what, "ended");
+}
+
+TEST(Stream, BelievesNoHeader) {
+  const auto error_of = [](auto&& change) {
+    internal::RecordingHead head{test::example_header(1), test::example_summary(0), 0};
+    change(head);
+    test::MemoryTarget sent;
+    EXPECT_TRUE(internal::send_head(sent, head));
+    const auto read = receive(sent.bytes);
+    return read ? std::string("no error") : read.error().what;
+  };
+  EXPECT_THAT(error_of([](auto& head) { head.header.devices = 0; }), HasSubstr("names 0 devices"));
+  EXPECT_THAT(error_of([](auto& head) { head.header.devices = 5; }), HasSubstr("names 5 devices"));
+  EXPECT_THAT(error_of([](auto& head) { head.header.rate_hz = std::nan(""); }), HasSubstr("rate"));
+  EXPECT_THAT(error_of([](auto& head) { head.header.hand = std::string(5000, 'x'); }), HasSubstr("too long"));
+  EXPECT_THAT(error_of([](auto& head) { head.header.structures.resize(70000); }),
+              HasSubstr("too many structures"));
+  EXPECT_THAT(error_of([](auto& head) { head.summary->ticks = 1; }), HasSubstr("counts 1 ticks"));
+}
+
+TEST(Stream, RefusalsArriveAsPlainText) {
+  test::MemoryTarget sent;
+  ASSERT_TRUE(internal::send_refusal(sent, {ErrorKind::kBadInput, "bad \x1b[31mred", "", "try\nthis"}));
+  const auto read = receive(sent.bytes);
+  ASSERT_FALSE(read);
+  EXPECT_EQ(read.error().what, "bad ?[31mred");
+  EXPECT_EQ(read.error().remedy, "try?this");
+  // found by the fuzzer
+  test::MemoryTarget silent;
+  ASSERT_TRUE(internal::send_refusal(silent, {ErrorKind::kBadInput, "", "", ""}));
+  EXPECT_THAT(receive(silent.bytes).error().what, HasSubstr("HDF5 fails on it"));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <memory>
+
+#include "palpate/recording.h"
+#include "recording/commit_file.h"
+
+namespace palpate::internal {
+
+/// The writer behind RecordingWriter::create, on any sink. When it returns, the sink holds a whole
+/// recording without ticks. `file` only names errors.
+Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sink,
+                                                   const RecordingHeader& header,
+                                                   const std::filesystem::path& file);
+
+}  // namespace palpate::internal

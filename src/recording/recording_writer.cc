@@ -1,0 +1,419 @@
+#include <fcntl.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <optional>
+
+#include "base/file.h"
+#include "base/hash.h"
+#include "palpate/check.h"
+#include "palpate/device.h"
+#include "recording/columns.h"
+#include "recording/commit_driver.h"
+#include "recording/hdf5_types.h"
+#include "recording/header_fields.h"
+#include "recording/recording_file.h"
+
+namespace palpate {
+namespace internal {
+namespace {
+
+// A commit is due after a second. A chunk is full a little earlier, also on a clock that is somewhat slow,
+// so that commits write whole chunks and need not come back to them.
+constexpr double kMaxUnflushed_s = 1.0;
+constexpr double kChunk_s = 0.8;
+constexpr double kMaxChunkRows = 65536;
+
+std::size_t chunk_rows_at(double rate_hz) {
+  return static_cast<std::size_t>(std::clamp(std::floor(kChunk_s * rate_hz), 1.0, kMaxChunkRows));
+}
+
+Handle fixed_text_type(std::size_t size, H5T_cset_t characters) {
+  Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
+  H5Tset_size(type.get(), std::max<std::size_t>(size, 1));
+  H5Tset_strpad(type.get(), H5T_STR_NULLPAD);
+  H5Tset_cset(type.get(), characters);
+  return type;
+}
+
+Handle space_of(std::initializer_list<hsize_t> dims) {
+  if (dims.size() == 0) return Handle(H5Screate(H5S_SCALAR), H5Sclose);
+  return Handle(H5Screate_simple(static_cast<int>(dims.size()), dims.begin(), nullptr), H5Sclose);
+}
+
+// Writes groups, attributes and data sets; ok() tells whether all of it worked.
+class Scribe {
+ public:
+  explicit Scribe(hid_t file) : file_(file) {}
+  bool ok() const { return ok_; }
+
+  Handle group(const char* name) {
+    // in the object header, from which HDF5 would move more than eight attributes to a heap
+    Handle properties(H5Pcreate(H5P_GROUP_CREATE), H5Pclose);
+    check(H5Pset_attr_phase_change(properties.get(), 64, 0));
+    check(H5Pset_obj_track_times(properties.get(), false));
+    Handle made(H5Gcreate2(file_, name, H5P_DEFAULT, properties.get(), H5P_DEFAULT), H5Gclose);
+    check(made.ok() ? 0 : -1);
+    return made;
+  }
+
+  void raw_attribute(hid_t object, const char* name, hid_t type, const void* value) {
+    const Handle space = space_of({});
+    const Handle made(H5Acreate2(object, name, type, space.get(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
+    check(made.ok() ? H5Awrite(made.get(), type, value) : -1);
+  }
+  void attribute(hid_t object, const char* name, const std::string& text,
+                 H5T_cset_t characters = H5T_CSET_UTF8) {
+    raw_attribute(object, name, fixed_text_type(text.size(), characters).get(), text.c_str());
+  }
+  void attribute(hid_t object, const char* name, std::uint64_t value) {
+    raw_attribute(object, name, H5T_STD_U64LE, &value);
+  }
+  void attribute(hid_t object, const char* name, std::uint32_t value) {
+    raw_attribute(object, name, H5T_STD_U32LE, &value);
+  }
+  void attribute(hid_t object, const char* name, double value) {
+    raw_attribute(object, name, H5T_IEEE_F64LE, &value);
+  }
+  void attribute(hid_t object, const char* name, int value) {
+    attribute(object, name, static_cast<std::uint32_t>(value));
+  }
+  void attribute(hid_t object, const char* name, bool value) {
+    const auto byte = static_cast<std::uint8_t>(value);
+    raw_attribute(object, name, H5T_STD_U8LE, &byte);
+  }
+
+  // a data set of fixed size, with its content
+  Handle data_set(hid_t group, const char* name, hid_t type, std::initializer_list<hsize_t> dims,
+                  const void* values) {
+    const Handle space = space_of(dims);
+    Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    check(H5Pset_obj_track_times(properties.get(), false));
+    check(H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY));
+    Handle made(H5Dcreate2(group, name, type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT),
+                H5Dclose);
+    check(made.ok() ? H5Dwrite(made.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) : -1);
+    return made;
+  }
+
+  // a data set of no rows yet
+  Handle column(hid_t group, const Column& column, hsize_t chunk_rows) {
+    const int rank = column.width == 1 ? 1 : 2;
+    const hsize_t none[2] = {0, column.width}, chunk[2] = {chunk_rows, column.width};
+    const hsize_t most[2] = {H5S_UNLIMITED, column.width};
+    const Handle space(H5Screate_simple(rank, none, most), H5Sclose);
+    Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    check(H5Pset_obj_track_times(properties.get(), false));
+    check(H5Pset_chunk(properties.get(), rank, chunk));
+    check(H5Pset_shuffle(properties.get()));
+    check(H5Pset_deflate(properties.get(), 1));
+    // chunks go out when they are written, once: no cache
+    Handle access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
+    check(H5Pset_chunk_cache(access.get(), 1, 0, 0));
+    Handle made(H5Dcreate2(group, column.name, hdf5_type(column.number), space.get(), H5P_DEFAULT,
+                           properties.get(), access.get()),
+                H5Dclose);
+    check(made.ok() ? 0 : -1);
+    attribute(made.get(), "unit", column.unit, H5T_CSET_ASCII);
+    attribute(made.get(), "frame", column.frame, H5T_CSET_ASCII);
+    attribute(made.get(), "description", column.description, H5T_CSET_ASCII);
+    return made;
+  }
+
+  void check(herr_t status) { ok_ = ok_ && status >= 0; }
+
+ private:
+  hid_t file_;
+  bool ok_ = true;
+};
+
+// one column while it is being filled: the rows of the chunk that is not full yet
+struct GrowingColumn {
+  const Column* column;
+  int device;  // -1: of the tick itself
+  Handle data_set;
+  std::vector<std::byte> chunk;
+
+  void put(std::size_t row, const TickRecord& tick) {
+    const auto* record =
+        device < 0 ? reinterpret_cast<const std::byte*>(&tick)
+                   : reinterpret_cast<const std::byte*>(&tick.device[static_cast<std::size_t>(device)]);
+    std::memcpy(chunk.data() + row * column->row_bytes(), record + column->offset, column->row_bytes());
+  }
+
+  // the first `rows` of the chunk, which starts at row `first`, become the end of the data set
+  bool flush(hsize_t first, hsize_t rows) const {
+    const int rank = column->width == 1 ? 1 : 2;
+    const hsize_t extent[2] = {first + rows, column->width}, start[2] = {first, 0},
+                  size[2] = {rows, column->width};
+    if (H5Dset_extent(data_set.get(), extent) < 0) return false;
+    const Handle memory(H5Screate_simple(rank, size, nullptr), H5Sclose);
+    const Handle space(H5Dget_space(data_set.get()), H5Sclose);
+    return H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start, nullptr, size, nullptr) >= 0 &&
+           H5Dwrite(data_set.get(), hdf5_type(column->number), memory.get(), space.get(), H5P_DEFAULT,
+                    chunk.data()) >= 0;
+  }
+};
+
+class Hdf5Writer : public RecordingWriter {
+ public:
+  Hdf5Writer(std::unique_ptr<ByteSink> sink, const RecordingHeader& header, std::filesystem::path file)
+      : name_(std::move(file)),
+        bytes_(std::move(sink)),
+        devices_(header.devices),
+        chunk_rows_(chunk_rows_at(header.rate_hz)) {}
+  ~Hdf5Writer() override {
+    // a run that ends without a summary still keeps every tick it was given
+    const Hdf5Section section;
+    if (file_.ok() && bytes_.error() == 0) static_cast<void>(flush());
+    close();
+  }
+
+  Result<void> start(const RecordingHeader& header);
+  Result<void> append(std::span<const TickRecord> ticks) override;
+  Result<void> finish(const RecordingSummary& summary) override;
+
+ private:
+  bool write_fixed_part(const RecordingHeader& header);
+  bool write_summary(const RecordingSummary& summary);
+  void write_structures(Scribe& scribe, const std::vector<RecordingHeader::Structure>& structures);
+  Result<void> flush();
+  void close();
+  Error failure() const;
+
+  std::filesystem::path name_;
+  CommitFile bytes_;
+  int devices_;
+  std::size_t chunk_rows_;
+  Handle file_;
+  std::vector<GrowingColumn> columns_;
+  hsize_t chunk_start_ = 0;       // ticks in full chunks
+  std::size_t filled_ = 0;        // ticks in the chunk being filled
+  std::size_t flushed_ = 0;       // of these, already committed
+  double unflushed_since_s_ = 0;  // time of the first tick that is not
+  bool finished_ = false;
+};
+
+Error Hdf5Writer::failure() const {
+  Error error = output_error(name_, bytes_.error() != 0 ? bytes_.error() : EIO);
+  if (chunk_start_ + flushed_ > 0)
+    error.remedy += (error.remedy.empty() ? "" : "; ") + std::string("the first ") +
+                    std::to_string(chunk_start_ + flushed_) + " ticks are kept";
+  return error;
+}
+
+Result<void> Hdf5Writer::start(const RecordingHeader& header) {
+  const Hdf5Section section;
+  Handle access = access_through(bytes_);
+  Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
+  // A superblock of version 2 carries no "open for writing" mark that a killed program would leave behind;
+  // without free-space managers nothing that the committed file refers to is ever written over.
+  const bool made =
+      access.ok() && H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_LATEST) >= 0 &&
+      H5Pset_file_space_strategy(creation.get(), H5F_FSPACE_STRATEGY_NONE, false, 1) >= 0 &&
+      H5Pset_obj_track_times(creation.get(), false) >= 0 &&
+      (file_ = Handle(H5Fcreate("recording", H5F_ACC_TRUNC, creation.get(), access.get()), H5Fclose)).ok() &&
+      // data sets of version 1.10, whose index of chunks only gains entries
+      H5Fset_libver_bounds(file_.get(), H5F_LIBVER_V110, H5F_LIBVER_LATEST) >= 0 &&
+      write_fixed_part(header) && commit(file_, bytes_);
+  if (!made) return failure();
+  return {};
+}
+
+bool Hdf5Writer::write_fixed_part(const RecordingHeader& header) {
+  Scribe scribe(file_.get());
+  scribe.attribute(file_.get(), "format", kFormat, H5T_CSET_ASCII);
+  scribe.attribute(file_.get(), "format_major", kFormatMajor);
+  scribe.attribute(file_.get(), "format_minor", kFormatMinor);
+
+  const Handle header_group = scribe.group("header");
+  visit_header(header, [&](const char* name, const auto& value) {
+    scribe.attribute(header_group.get(), name, value);
+  });
+  const Handle script_type = fixed_text_type(header.script_text.size(), H5T_CSET_UTF8);
+  scribe.data_set(header_group.get(), "script", script_type.get(), {}, header.script_text.c_str());
+  write_structures(scribe, header.structures);
+
+  // zeros until finish(): nothing but their content changes then
+  const Handle summary = scribe.group("summary");
+  const std::uint64_t zero = 0;
+  const RecordingSummary unknown;
+  visit_summary(unknown, [&](const char* name, std::uint64_t) {
+    scribe.data_set(summary.get(), name, H5T_STD_U64LE, {}, &zero);
+  });
+  scribe.data_set(summary.get(), "complete", H5T_STD_U8LE, {}, &zero);
+
+  const auto add_columns = [&](const char* group_name, std::span<const Column> columns, int device) {
+    const Handle group = scribe.group(group_name);
+    for (const Column& column : columns)
+      columns_.push_back({&column, device, scribe.column(group.get(), column, chunk_rows_),
+                          std::vector<std::byte>(chunk_rows_ * column.row_bytes())});
+  };
+  add_columns("ticks", tick_columns(), -1);
+  for (int d = 0; d < devices_; ++d) add_columns(("device" + std::to_string(d)).c_str(), device_columns(), d);
+  return scribe.ok();
+}
+
+void Hdf5Writer::write_structures(Scribe& scribe, const std::vector<RecordingHeader::Structure>& structures) {
+  const Handle group = scribe.group("structures");
+  const hsize_t count = structures.size();
+  std::vector<LabelId> labels;
+  std::vector<Rgb> colours;
+  for (const auto& structure : structures) {
+    labels.push_back(structure.label);
+    colours.push_back(structure.colour);
+  }
+  static_assert(sizeof(Rgb) == 3);
+  scribe.data_set(group.get(), "label", H5T_STD_U16LE, {count}, labels.data());
+  scribe.data_set(group.get(), "colour", H5T_STD_U8LE, {count, 3}, colours.data());
+
+  // texts of one length, padded with zeros
+  const auto texts = [&](const char* name, std::string RecordingHeader::Structure::*text) {
+    std::size_t width = 1;
+    for (const auto& structure : structures) width = std::max(width, (structure.*text).size());
+    std::string padded(width * structures.size(), '\0');
+    for (std::size_t i = 0; i < structures.size(); ++i)
+      padded.replace(i * width, (structures[i].*text).size(), structures[i].*text);
+    const Handle type = fixed_text_type(width, H5T_CSET_UTF8);
+    scribe.data_set(group.get(), name, type.get(), {count}, padded.data());
+  };
+  texts("name", &RecordingHeader::Structure::name);
+  texts("tissue", &RecordingHeader::Structure::tissue);
+}
+
+Result<void> Hdf5Writer::append(std::span<const TickRecord> ticks) {
+  PALPATE_CHECK(!finished_);
+  if (bytes_.error() != 0) return failure();
+  const Hdf5Section section;
+  for (const TickRecord& tick : ticks) {
+    PALPATE_CHECK(tick.devices == devices_);
+    if (filled_ == flushed_) unflushed_since_s_ = tick.time_s;
+    for (GrowingColumn& column : columns_) column.put(filled_, tick);
+    ++filled_;
+    const bool due = filled_ == chunk_rows_ || tick.time_s - unflushed_since_s_ >= kMaxUnflushed_s;
+    if (!due) continue;
+    if (auto flushed = flush(); !flushed) return flushed;
+  }
+  return {};
+}
+
+Result<void> Hdf5Writer::flush() {
+  if (filled_ == flushed_) return {};
+  const bool written = std::ranges::all_of(columns_, [&](const GrowingColumn& column) {
+    return column.flush(chunk_start_, filled_) && bytes_.error() == 0;
+  });
+  if (!written || !commit(file_, bytes_)) {
+    bytes_.fail(EIO);
+    return failure();
+  }
+  flushed_ = filled_;
+  if (filled_ < chunk_rows_) return {};
+  // the next chunk
+  chunk_start_ += chunk_rows_;
+  filled_ = flushed_ = 0;
+  for (GrowingColumn& column : columns_) std::ranges::fill(column.chunk, std::byte{0});
+  return {};
+}
+
+bool Hdf5Writer::write_summary(const RecordingSummary& summary) {
+  const auto put = [&](const std::string& name, hid_t type, const void* value) {
+    const Handle data_set(H5Dopen2(file_.get(), ("summary/" + name).c_str(), H5P_DEFAULT), H5Dclose);
+    return H5Dwrite(data_set.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) >= 0;
+  };
+  bool written = true;
+  visit_summary(summary, [&](const char* name, std::uint64_t value) {
+    written = written && put(name, H5T_STD_U64LE, &value);
+  });
+  // the mark of a whole run comes after everything that it vouches for
+  const std::uint8_t complete = 1;
+  return written && commit(file_, bytes_) && put("complete", H5T_STD_U8LE, &complete) &&
+         commit(file_, bytes_);
+}
+
+Result<void> Hdf5Writer::finish(const RecordingSummary& summary) {
+  PALPATE_CHECK(!finished_);
+  if (bytes_.error() != 0) return failure();
+  const Hdf5Section section;
+  if (auto flushed = flush(); !flushed) return flushed;
+  if (!write_summary(summary)) {
+    bytes_.fail(EIO);
+    return failure();
+  }
+  finished_ = true;
+  close();
+  if (bytes_.error() != 0) return failure();
+  return {};
+}
+
+void Hdf5Writer::close() {
+  if (!file_.ok()) return;
+  bytes_.seal();
+  columns_.clear();
+  file_.reset();
+  bytes_.trim_and_sync();
+}
+
+std::optional<Error> header_error(const RecordingHeader& header) {
+  const auto bad = [](std::string what) { return Error{ErrorKind::kBadInput, std::move(what), "", ""}; };
+  if (header.devices < 1 || header.devices > kMaxDevices)
+    return bad("a recording holds 1 to " + std::to_string(kMaxDevices) + " devices, not " +
+               std::to_string(header.devices));
+  if (!std::isfinite(header.rate_hz) || header.rate_hz <= 0)
+    return bad("the rate of a recording must be finite and above 0 Hz");
+  if (header.structures.size() > kMaxStructures)
+    return bad("more than " + std::to_string(kMaxStructures) + " structures do not fit a recording");
+
+  // a text must come back as it went in
+  std::optional<Error> error;
+  const auto check = [&](const std::string& name, const std::string& text, std::size_t most) {
+    if (text.size() > most) error = bad("the " + name + " is longer than " + std::to_string(most) + " bytes");
+    if (text.find('\0') != std::string::npos) error = bad("the " + name + " contains a zero byte");
+  };
+  visit_header(header, [&](const char* name, const auto& value) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::string>) check(name, value, kMaxText);
+  });
+  check("script", header.script_text, kMaxScript);
+  for (const auto& structure : header.structures) {
+    check("name of a structure", structure.name, kMaxText);
+    check("tissue of a structure", structure.tissue, kMaxText);
+  }
+  return error;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sink,
+                                                   const RecordingHeader& header,
+                                                   const std::filesystem::path& file) {
+  if (auto error = header_error(header)) {
+    error->where = file.string();
+    return *error;
+  }
+  auto writer = std::make_unique<Hdf5Writer>(std::move(sink), header, file);
+  if (auto started = writer->start(header); !started) return started.error();
+  return std::unique_ptr<RecordingWriter>(std::move(writer));
+}
+
+}  // namespace internal
+
+Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::filesystem::path& file,
+                                                                 const RecordingHeader& header) {
+  // the name appears when there is a recording to open under it
+  auto pending = PendingFile::create(file);
+  if (!pending) return pending.error();
+  const int descriptor = ::open(pending->path().c_str(), O_RDWR | O_CLOEXEC);
+  if (descriptor < 0) return output_error(file, errno);
+  auto writer = internal::create_on(internal::make_file_sink(descriptor), header, file);
+  if (!writer) return writer;
+  if (auto committed = pending->commit(); !committed) return committed.error();
+  return writer;
+}
+
+std::uint64_t mix_run_hash(std::uint64_t run_hash, std::uint64_t state_hash) {
+  hash_word(run_hash, state_hash);
+  return run_hash;
+}
+
+}  // namespace palpate

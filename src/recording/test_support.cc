@@ -1,0 +1,283 @@
+#include "recording/test_support.h"
+
+#include <stdlib.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+
+#include "recording/hdf5_handle.h"
+#include "recording/hdf5_reader.h"
+
+namespace palpate::test {
+namespace {
+
+std::uint64_t bits(double value) {
+  return std::bit_cast<std::uint64_t>(value);
+}
+
+template <std::size_t N>
+bool same(const std::array<double, N>& a, const std::array<double, N>& b) {
+  return std::memcmp(a.data(), b.data(), sizeof a) == 0;
+}
+
+std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
+  if (!same(a.tip_world_mm, b.tip_world_mm)) return "tip_world_mm";
+  if (!same(a.orientation_wxyz, b.orientation_wxyz)) return "orientation_wxyz";
+  if (a.buttons != b.buttons) return "buttons";
+  if (!same(a.force_N, b.force_N)) return "force_N";
+  if (!same(a.torque_Nmm, b.torque_Nmm)) return "torque_Nmm";
+  if (bits(a.unclamped_force_N) != bits(b.unclamped_force_N)) return "unclamped_force_N";
+  if (!same(a.tip_patient_mm, b.tip_patient_mm)) return "tip_patient_mm";
+  if (!same(a.normal_patient, b.normal_patient)) return "normal_patient";
+  if (!same(a.velocity_patient_mm_s, b.velocity_patient_mm_s)) return "velocity_patient_mm_s";
+  if (bits(a.field) != bits(b.field)) return "field";
+  if (bits(a.depth_mm) != bits(b.depth_mm)) return "depth_mm";
+  if (a.label != b.label) return "label";
+  if (a.flags != b.flags) return "flags";
+  return "";
+}
+
+class RandomBits {
+ public:
+  explicit RandomBits(std::uint64_t seed) : engine_(seed) {}
+  std::uint64_t word() { return engine_(); }
+  double number() {
+    // the rare kinds of numbers must not be rare here
+    switch (engine_() % 8) {
+      case 0:
+        return -0.0;
+      case 1:
+        return std::bit_cast<double>(0x7ff0000000000000u |
+                                     (engine_() & 0x800fffffffffffffu));  // NaN, infinite
+      case 2:
+        return std::bit_cast<double>(engine_() & 0x800fffffffffffffu);  // denormal
+      default:
+        return std::bit_cast<double>(engine_());
+    }
+  }
+  template <std::size_t N>
+  void fill(std::array<double, N>& numbers) {
+    for (double& value : numbers) value = number();
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+DeviceTick random_device(RandomBits& random) {
+  DeviceTick device;
+  random.fill(device.tip_world_mm);
+  random.fill(device.orientation_wxyz);
+  device.buttons = static_cast<std::uint32_t>(random.word());
+  random.fill(device.force_N);
+  random.fill(device.torque_Nmm);
+  device.unclamped_force_N = random.number();
+  random.fill(device.tip_patient_mm);
+  random.fill(device.normal_patient);
+  random.fill(device.velocity_patient_mm_s);
+  device.field = random.number();
+  device.depth_mm = random.number();
+  device.label = static_cast<std::uint16_t>(random.word());
+  device.flags = static_cast<std::uint32_t>(random.word());
+  return device;
+}
+
+// a tip that circles and touches a plane at z = 0, 0.5 N/mm
+DeviceTick example_device(double t, int device) {
+  const double phase = 2 * t + device;
+  DeviceTick tick;
+  tick.tip_world_mm = {20 * std::cos(phase), 20 * std::sin(phase), 3 * std::sin(5 * phase)};
+  tick.tip_patient_mm = {tick.tip_world_mm[0], -tick.tip_world_mm[2], tick.tip_world_mm[1]};
+  tick.velocity_patient_mm_s = {-40 * std::sin(phase), -30 * std::cos(5 * phase), 40 * std::cos(phase)};
+  tick.depth_mm = -tick.tip_world_mm[2];
+  if (tick.depth_mm <= 0) return tick;
+  tick.unclamped_force_N = 0.5 * tick.depth_mm;
+  tick.force_N = {0, 0, std::min(tick.unclamped_force_N, 1.4)};
+  tick.normal_patient = {0, -1, 0};
+  tick.field = tick.depth_mm / 3;
+  tick.label = 7;
+  tick.flags = kFlagContact | (tick.unclamped_force_N > 1.4 ? kFlagClamped : 0u);
+  return tick;
+}
+
+}  // namespace
+
+RecordingHeader example_header(int devices, double rate_hz) {
+  RecordingHeader header;
+  header.palpate_version = "0.1.0";
+  header.commit = "0123456789ab";
+  header.build_type = "Release";
+  header.compiler = "GNU 12.2.0";
+  header.simd_target = "AVX2";
+  header.started_utc = "2026-03-01T12:34:56Z";
+  header.data_set = "knee-phantom";
+  header.scene_title = "Knee, ünïcode";
+  header.model_hash = 0xfedcba9876543210u;
+  header.model_version = 3;
+  header.rate_hz = rate_hz;
+  header.seed = 0xffffffffffffffffu;
+  header.device = "premium-1.5";
+  header.hand = "light-grip";
+  header.simulated = true;
+  header.devices = devices;
+  header.script_text = "[[step]]\napproach = \"femur\"\npress_N = 1.5\n";
+  header.structures = {{7, "femur", "bone", {221, 200, 170}}, {65535, "knorpel-größe", "", {0, 255, 1}}};
+  return header;
+}
+
+RecordingSummary example_summary(std::uint64_t ticks) {
+  return {ticks, 0x8000000000000001u, 2, 3, 5, 7};
+}
+
+std::vector<TickRecord> example_ticks(std::size_t count, int devices, double rate_hz) {
+  std::vector<TickRecord> ticks(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    TickRecord& tick = ticks[i];
+    tick.tick = i;
+    tick.time_s = static_cast<double>(i) / rate_hz;
+    tick.dt_s = 1 / rate_hz;
+    tick.model_version = 1;
+    tick.switches = 3;
+    tick.max_force_N = 1.4;
+    tick.devices = devices;
+    for (int d = 0; d < devices; ++d)
+      tick.device[static_cast<std::size_t>(d)] = example_device(tick.time_s, d);
+    tick.state_hash = (i + 1) * 0x9e3779b97f4a7c15u;
+  }
+  return ticks;
+}
+
+std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate_hz, std::uint64_t seed) {
+  RandomBits random(seed);
+  std::vector<TickRecord> ticks(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    TickRecord& tick = ticks[i];
+    tick.tick = random.word();
+    tick.time_s = static_cast<double>(i) / rate_hz;
+    tick.dt_s = random.number();
+    tick.model_version = static_cast<std::uint32_t>(random.word());
+    tick.method = static_cast<std::uint8_t>(random.word());
+    tick.switches = static_cast<std::uint8_t>(random.word());
+    tick.max_force_N = random.number();
+    random.fill(tick.rotation_target_wxyz);
+    random.fill(tick.rotation_felt_wxyz);
+    tick.devices = devices;
+    for (int d = 0; d < devices; ++d) tick.device[static_cast<std::size_t>(d)] = random_device(random);
+    tick.state_hash = random.word();
+  }
+  return ticks;
+}
+
+std::string first_difference(const TickRecord& a, const TickRecord& b) {
+  if (a.tick != b.tick) return "tick";
+  if (bits(a.time_s) != bits(b.time_s)) return "time_s";
+  if (bits(a.dt_s) != bits(b.dt_s)) return "dt_s";
+  if (a.model_version != b.model_version) return "model_version";
+  if (a.method != b.method) return "method";
+  if (a.switches != b.switches) return "switches";
+  if (bits(a.max_force_N) != bits(b.max_force_N)) return "max_force_N";
+  if (!same(a.rotation_target_wxyz, b.rotation_target_wxyz)) return "rotation_target_wxyz";
+  if (!same(a.rotation_felt_wxyz, b.rotation_felt_wxyz)) return "rotation_felt_wxyz";
+  if (a.devices != b.devices) return "devices";
+  for (std::size_t d = 0; d < a.device.size(); ++d)
+    if (const auto name = first_difference(a.device[d], b.device[d]); !name.empty())
+      return "device " + std::to_string(d) + " " + name;
+  if (a.state_hash != b.state_hash) return "state_hash";
+  return "";
+}
+
+std::string first_difference(const RecordingHeader& a, const RecordingHeader& b) {
+  if (a.palpate_version != b.palpate_version) return "palpate_version";
+  if (a.commit != b.commit) return "commit";
+  if (a.build_type != b.build_type) return "build_type";
+  if (a.compiler != b.compiler) return "compiler";
+  if (a.simd_target != b.simd_target) return "simd_target";
+  if (a.started_utc != b.started_utc) return "started_utc";
+  if (a.data_set != b.data_set) return "data_set";
+  if (a.scene_title != b.scene_title) return "scene_title";
+  if (a.model_hash != b.model_hash) return "model_hash";
+  if (a.model_version != b.model_version) return "model_version";
+  if (bits(a.rate_hz) != bits(b.rate_hz)) return "rate_hz";
+  if (a.seed != b.seed) return "seed";
+  if (a.device != b.device) return "device";
+  if (a.hand != b.hand) return "hand";
+  if (a.simulated != b.simulated) return "simulated";
+  if (a.devices != b.devices) return "devices";
+  if (a.script_text != b.script_text) return "script_text";
+  const auto same_structure = [](const auto& x, const auto& y) {
+    return x.label == y.label && x.name == y.name && x.tissue == y.tissue && x.colour == y.colour;
+  };
+  if (!std::ranges::equal(a.structures, b.structures, same_structure)) return "structures";
+  return "";
+}
+
+void replay_step(const SinkStep& step, std::vector<std::byte>& file) {
+  if (step.resize) return file.resize(step.offset);
+  file.resize(std::max(file.size(), step.offset + step.bytes.size()));
+  std::ranges::copy(step.bytes, file.begin() + static_cast<std::ptrdiff_t>(step.offset));
+}
+
+int MemorySink::write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
+  // a full disk still takes what lies within the file, and of the rest a part
+  const bool fails = disk_.steps.size() >= disk_.fails_at;
+  const std::size_t room = disk_.file.size() > offset ? disk_.file.size() - offset : 0;
+  const auto stored = !fails ? bytes : bytes.first(room > 0 ? 0 : bytes.size() / 2);
+  disk_.steps.push_back({offset, {stored.begin(), stored.end()}, false});
+  replay_step(disk_.steps.back(), disk_.file);
+  return fails ? ENOSPC : 0;
+}
+
+int MemorySink::read_at(std::uint64_t offset, std::span<std::byte> bytes) {
+  std::ranges::fill(bytes, std::byte{0});
+  if (offset >= disk_.file.size()) return 0;
+  const std::size_t count = std::min<std::size_t>(bytes.size(), disk_.file.size() - offset);
+  std::copy_n(disk_.file.begin() + static_cast<std::ptrdiff_t>(offset), count, bytes.begin());
+  return 0;
+}
+
+int MemorySink::resize(std::uint64_t size) {
+  disk_.steps.push_back({size, {}, true});
+  replay_step(disk_.steps.back(), disk_.file);
+  return 0;
+}
+
+Result<void> MemorySource::read(std::span<std::byte> bytes) {
+  if (rest_.size() < bytes.size()) return Error{ErrorKind::kBadInput, "ended", "", ""};
+  std::ranges::copy(rest_.first(bytes.size()), bytes.begin());
+  rest_ = rest_.subspan(bytes.size());
+  return {};
+}
+
+bool MemoryTarget::write(std::span<const std::byte> more) {
+  bytes.insert(bytes.end(), more.begin(), more.end());
+  return true;
+}
+
+Result<Recording> read_in_this_process(const std::filesystem::path& file) {
+  MemoryTarget sent;
+  {
+    const internal::Hdf5Section section;
+    internal::send_recording(file, sent);
+  }
+  MemorySource source(sent.bytes);
+  return internal::receive_recording(source, {});
+}
+
+void write_bytes(const std::filesystem::path& file, std::span<const std::byte> bytes) {
+  std::ofstream stream(file, std::ios::binary | std::ios::trunc);
+  stream.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+}
+
+std::vector<std::byte> read_bytes(const std::filesystem::path& file) {
+  std::vector<std::byte> bytes(std::filesystem::file_size(file));
+  std::ifstream(file, std::ios::binary)
+      .read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  return bytes;
+}
+
+}  // namespace palpate::test

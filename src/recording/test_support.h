@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "base/test_folder.h"
+#include "palpate/recording.h"
+#include "recording/commit_file.h"
+#include "recording/stream.h"
+
+/// What the tests, the fuzzer and the example of this room share.
+namespace palpate::test {
+
+/// A header with every field set.
+RecordingHeader example_header(int devices = 2, double rate_hz = 1000);
+RecordingSummary example_summary(std::uint64_t ticks);
+
+/// A smooth, plausible run on a virtual clock.
+std::vector<TickRecord> example_ticks(std::size_t count, int devices, double rate_hz);
+/// Any bits in every number but time_s, which follows the rate: NaNs with payloads, denormals, -0.0.
+std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate_hz, std::uint64_t seed);
+
+/// "" when both hold the same bits in every field, the name of the first differing field otherwise.
+/// Fields are listed by hand here, so that one forgotten in the table of columns is noticed.
+std::string first_difference(const TickRecord& a, const TickRecord& b);
+std::string first_difference(const RecordingHeader& a, const RecordingHeader& b);
+
+/// One write or, without bytes, one change of size.
+struct SinkStep {
+  std::uint64_t offset = 0;
+  std::vector<std::byte> bytes;
+  bool resize = false;
+};
+void replay_step(const SinkStep& step, std::vector<std::byte>& file);
+
+/// A sink in memory that keeps every step and can run out of space.
+class MemorySink : public internal::ByteSink {
+ public:
+  struct Disk {
+    std::vector<std::byte> file;
+    std::vector<SinkStep> steps;
+    std::size_t fails_at = SIZE_MAX;  ///< this write fails, and so do later ones
+  };
+  explicit MemorySink(Disk& disk) : disk_(disk) {}
+  int write_at(std::uint64_t offset, std::span<const std::byte> bytes) override;
+  int read_at(std::uint64_t offset, std::span<std::byte> bytes) override;
+  int resize(std::uint64_t size) override;
+  int sync() override { return 0; }
+
+ private:
+  Disk& disk_;
+};
+
+/// The two ends of the stream between the reader's processes, in memory.
+class MemorySource : public internal::ByteSource {
+ public:
+  explicit MemorySource(std::span<const std::byte> bytes) : rest_(bytes) {}
+  Result<void> read(std::span<std::byte> bytes) override;
+
+ private:
+  std::span<const std::byte> rest_;
+};
+class MemoryTarget : public internal::ByteTarget {
+ public:
+  bool write(std::span<const std::byte> more) override;
+  std::vector<std::byte> bytes;
+};
+
+/// read_recording without its child process, which takes long to start under sanitizers. For files that
+/// are not hostile.
+Result<Recording> read_in_this_process(const std::filesystem::path& file);
+
+void write_bytes(const std::filesystem::path& file, std::span<const std::byte> bytes);
+std::vector<std::byte> read_bytes(const std::filesystem::path& file);
+
+}  // namespace palpate::test

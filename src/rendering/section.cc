@@ -1,0 +1,63 @@
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "palpate/rendering.h"
+
+namespace palpate {
+namespace {
+
+/// Letters of the patient directions that `d` points to, the nearest axis first. Further axes appear
+/// once `d` is more than 20 degrees off the nearest one: the second always, the third when it too
+/// contributes sin 20 degrees.
+std::string direction_letters(const Vector<Patient>& d) {
+  constexpr double kPi = 3.14159265358979323846;
+  const double oblique = 20.0 * kPi / 180.0;
+  constexpr char kPositive[] = {'L', 'P', 'S'};
+  constexpr char kNegative[] = {'R', 'A', 'I'};
+
+  std::array<int, 3> axes{0, 1, 2};
+  std::stable_sort(axes.begin(), axes.end(), [&](int a, int b) { return std::abs(d[a]) > std::abs(d[b]); });
+  const auto letter = [&](int axis) { return d[axis] < 0 ? kNegative[axis] : kPositive[axis]; };
+  std::string letters(1, letter(axes[0]));
+  // a hair of tolerance, so that rounding does not name an axis at exactly 20 degrees
+  if (std::abs(d[axes[0]]) < std::cos(oblique) - 1e-9) {
+    letters += letter(axes[1]);
+    if (std::abs(d[axes[2]]) > std::sin(oblique) + 1e-9) letters += letter(axes[2]);
+  }
+  return letters;
+}
+
+}  // namespace
+
+Point<Patient> SectionPlane::at(double column, double row) const {
+  const double x_mm = (column - 0.5 * (width_px - 1)) * mm_per_px();
+  const double y_mm = (row - 0.5 * (height_px - 1)) * mm_per_px();
+  return centre + right * x_mm + down * y_mm;
+}
+
+std::array<double, 2> SectionPlane::pixel_of(const Point<Patient>& p) const {
+  const Vector<Patient> offset = p - centre;
+  return {offset.dot(right) / mm_per_px() + 0.5 * (width_px - 1),
+          offset.dot(down) / mm_per_px() + 0.5 * (height_px - 1)};
+}
+
+SectionPlane anatomical_section(AnatomicalPlane plane, const Point<Patient>& centre, double width_mm,
+                                int width_px, int height_px) {
+  const Vector<Patient> left(1, 0, 0), posterior(0, 1, 0), inferior(0, 0, -1);
+  SectionPlane section;
+  section.centre = centre;
+  section.right = plane == AnatomicalPlane::kSagittal ? posterior : left;
+  section.down = plane == AnatomicalPlane::kAxial ? posterior : inferior;
+  section.width_mm = width_mm;
+  section.width_px = width_px;
+  section.height_px = height_px;
+  return section;
+}
+
+OrientationLetters orientation_letters(const SectionPlane& plane) {
+  return {direction_letters(-plane.right), direction_letters(plane.right), direction_letters(-plane.down),
+          direction_letters(plane.down)};
+}
+
+}  // namespace palpate

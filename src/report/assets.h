@@ -1,0 +1,10 @@
+#pragma once
+
+#include "base/embedded_file.h"
+
+namespace palpate {
+
+/// The files that are part of every page: page.css and page.js of this folder, uPlot's from third_party.
+const std::vector<EmbeddedFile>& page_assets();
+
+}  // namespace palpate

@@ -1,0 +1,193 @@
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "palpate/rendering.h"
+#include "report/html.h"
+#include "report/overlay.h"
+#include "report/parts.h"
+
+namespace palpate::report {
+namespace {
+
+constexpr int kSection_px = 400;
+constexpr int kGreyLevels = 64;  // enough beside colours, and a third smaller than 256
+constexpr double kLongestArrow_mm = 20;
+
+struct View {
+  AnatomicalPlane plane;
+  const char* name;
+  int axis;  ///< across the plane
+  char positive, negative;
+};
+constexpr View kViews[] = {{AnatomicalPlane::kAxial, "Axial", 2, 'S', 'I'},
+                           {AnatomicalPlane::kCoronal, "Coronal", 1, 'P', 'A'},
+                           {AnatomicalPlane::kSagittal, "Sagittal", 0, 'L', 'R'}};
+
+/// Wide enough to know where one is, close enough to see the contact: 70 % of the volume, 40 ... 120 mm.
+double field_of_view_mm(const Model& model) {
+  constexpr double kLeast = 40, kMost = 120;
+  if (model.labels == nullptr) return kMost;
+  const GridGeometry& grid = model.labels->geometry();
+  double longest = 0;
+  for (int axis = 0; axis < 3; ++axis) longest = std::max(longest, grid.dims[axis] * grid.spacing_mm[axis]);
+  return std::clamp(10 * std::round(0.07 * longest), kLeast, kMost);
+}
+
+/// The largest of 1, 2, 5, 10, ... mm per newton with which an arrow at the limit stays in the picture.
+double arrow_mm_per_N(double limit_N) {
+  if (!(limit_N > 0)) return 1;
+  const double most = kLongestArrow_mm / limit_N, decade = std::pow(10, std::floor(std::log10(most)));
+  for (const double step : {5.0, 2.0}) {
+    if (step * decade <= most) return step * decade;
+  }
+  return decade;
+}
+
+/// "S 12.4 mm"
+std::string plane_position(const View& view, const Point<Patient>& p) {
+  const double value = p[view.axis];
+  return std::string(1, value < 0 ? view.negative : view.positive) + " " + number(std::abs(value), 1) + " mm";
+}
+
+std::string png_img(const std::string& css_class, const std::vector<std::uint8_t>& png) {
+  const std::string size = std::to_string(kSection_px);
+  return "<img class=\"" + css_class + "\" alt=\"\" width=\"" + size + "\" height=\"" + size +
+         "\" src=\"data:image/png;base64," + base64(png) + "\">";
+}
+
+std::string section_figure(const Run& run, const View& view, const SectionMarks& marks, double width_mm,
+                           const SectionStyle& style, const std::string& structure, std::set<LabelId>& seen) {
+  const SectionPlane plane =
+      anatomical_section(view.plane, marks.contact, width_mm, kSection_px, kSection_px);
+  for (const LabelId label : section_labels(run.model, plane)) {
+    if (label != 0) seen.insert(label);
+  }
+  const std::string description = std::string(view.name) + " section through the contact with " + structure +
+                                  ", " + plane_position(view, marks.contact);
+  return "<figure class=\"section\"><div class=\"picture\">" +
+         png_img("scan", encode_png(render_scan_layer(run.model, plane, style))) +
+         png_img("structures", encode_png(render_structure_layer(run.model, plane, style))) +
+         section_svg(plane, marks, description) + "</div><figcaption><span>" + view.name + "</span> <span>" +
+         plane_position(view, marks.contact) + "</span></figcaption></figure>\n";
+}
+
+std::string fact(const std::string& label, const std::string& value) {
+  return "<div><dt>" + label + "</dt><dd>" + value + "</dd></div>";
+}
+
+std::string facts(const Run& run, const Contact& contact) {
+  const DeviceTick& peak = run.at_peak(contact);
+  std::string html = "<dl class=\"facts\">";
+  html += fact("Largest force",
+               number(force_N(peak), 2) + " N at " + number(run.edges_s[contact.peak], 2) + " s");
+  html += fact("Depth there", number(peak.depth_mm, 2) + " mm");
+  html += fact("Contact", number(contact.begin_s(run.edges_s), 2) + " to " +
+                              number(contact.end_s(run.edges_s), 2) + " s");
+  if (device_count(run.recording) > 1) html += fact("Device", std::to_string(contact.device + 1));
+  return html + "</dl>";
+}
+
+/// The structures in view, the touched one first, the others by name.
+std::string legend(const Run& run, LabelId touched, const std::set<LabelId>& seen) {
+  std::vector<std::pair<std::string, LabelId>> names;
+  for (const LabelId label : seen) {
+    if (label != touched) names.emplace_back(run.name(label), label);
+  }
+  std::sort(names.begin(), names.end());
+  std::string html = "<ul class=\"legend\" aria-label=\"Structures in view\"><li class=\"touched\">" +
+                     swatch(run.colour(touched)) + escape(run.name(touched)) + "</li>";
+  for (const auto& [name, label] : names) html += "<li>" + swatch(run.colour(label)) + escape(name) + "</li>";
+  return html + "</ul>";
+}
+
+std::string panel(const Run& run, std::size_t index, const SectionStyle& style, double mm_per_N) {
+  const Contact& contact = run.shown[index];
+  const TickRecord& tick = run.recording.ticks[contact.peak];
+  const std::string number_text = std::to_string(index), name = run.name(contact.label);
+  const auto& tip = tick.device[contact.device].tip_patient_mm;
+
+  SectionMarks marks;
+  marks.contact = Point<Patient>(tip[0], tip[1], tip[2]);
+  marks.force_N = patient_force_N(run.model, tick, contact.device);
+  marks.arrow_mm_per_N = mm_per_N;
+  marks.side = run.model.side;
+  marks.ways = way_around(run.recording, run.edges_s, contact);
+
+  std::string html = "<section class=\"panel\" id=\"contact-" + number_text +
+                     "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
+                     swatch(run.colour(contact.label)) + escape(name) + "</h3>" + facts(run, contact) +
+                     "<div class=\"sections\">\n";
+  std::set<LabelId> seen;
+  const double width_mm = field_of_view_mm(run.model);
+  for (const View& view : kViews) html += section_figure(run, view, marks, width_mm, style, name, seen);
+  return html + "</div>\n" + legend(run, contact.label, seen) + "</section>\n";
+}
+
+std::string tabs(const Run& run) {
+  std::string html = "<div class=\"tabs\" role=\"tablist\" aria-label=\"Contacts\">\n";
+  for (std::size_t i = 0; i < run.shown.size(); ++i) {
+    const std::string index = std::to_string(i);
+    html += "<button type=\"button\" role=\"tab\" id=\"tab-" + index + "\" aria-controls=\"contact-" + index +
+            "\">" + swatch(run.colour(run.shown[i].label)) + escape(run.name(run.shown[i].label)) +
+            "</button>\n";
+  }
+  return html + "</div>\n";
+}
+
+std::string controls() {
+  return "<div class=\"controls\"><label>Structures <input type=\"range\" id=\"structures\" min=\"0\" "
+         "max=\"100\" "
+         "value=\"100\" aria-label=\"Opacity of the structures\"></label><label><input type=\"checkbox\" "
+         "id=\"marks\" "
+         "checked> Path and force</label><button type=\"button\" id=\"zoom-contact\">Show in the "
+         "plots</button></div>\n";
+}
+
+std::string key(double mm_per_N) {
+  return "<p class=\"key\"><span><svg viewBox=\"0 0 26 10\" aria-hidden=\"true\"><line class=\"way "
+         "touching\" x1=\"1\" "
+         "y1=\"5\" x2=\"25\" y2=\"5\"/></svg>path in contact</span><span><svg viewBox=\"0 0 26 10\" "
+         "aria-hidden=\"true\"><line class=\"way\" x1=\"1\" y1=\"5\" x2=\"25\" y2=\"5\"/></svg>path 1 s "
+         "before and "
+         "after</span><span><svg viewBox=\"0 0 26 10\" aria-hidden=\"true\"><line class=\"force\" x1=\"1\" "
+         "y1=\"5\" "
+         "x2=\"18\" y2=\"5\"/><polygon class=\"force-head\" points=\"25,5 16,1 16,9\"/></svg>force on the "
+         "hand at its "
+         "largest, " +
+         json_number(mm_per_N, 3) + " mm for 1 N</span><span>Path within " + number(kWayReach_mm, 0) +
+         " mm of the plane. Radiological view: patient's left on the right.</span></p>\n";
+}
+
+}  // namespace
+
+Result<std::string> contacts_html(const Run& run, const Progress& progress) {
+  std::string html =
+      "<section class=\"card\" aria-labelledby=\"contacts-title\"><h2 id=\"contacts-title\">Contacts</h2>\n";
+  if (run.shown.empty()) {
+    return html + "<p class=\"empty\">No structure was touched for 50 ms or longer.</p></section>\n";
+  }
+  if (run.structures.size() > run.shown.size()) {
+    html += "<p class=\"hint\">Sections of the " + std::to_string(run.shown.size()) +
+            " structures touched longest; the table below lists all.</p>\n";
+  }
+  SectionStyle style;
+  style.grey_levels = kGreyLevels;
+  if (run.model.scan == nullptr) {
+    style.label_opacity = 0.8;  // nothing beneath to be seen
+  } else {
+    const auto window = scan_window(*run.model.scan);
+    style.window_low = window[0];
+    style.window_high = window[1];
+  }
+  const double mm_per_N = arrow_mm_per_N(run.forces.highest_limit_N);
+  html += tabs(run) + controls() + "<div class=\"panels\">\n";
+  for (std::size_t i = 0; i < run.shown.size(); ++i) {
+    if (progress.stopped()) return Progress::interrupted();
+    progress.report("sections", static_cast<double>(i) / static_cast<double>(run.shown.size()));
+    html += panel(run, i, style, mm_per_N);
+  }
+  return html + "</div>\n" + key(mm_per_N) + "</section>\n";
+}
+
+}  // namespace palpate::report

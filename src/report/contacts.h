@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "palpate/recording.h"
+
+/// What happened in a run, worked out from its ticks: when which structure was touched, how hard, how
+/// deep. Times are on the run's own clock, in s.
+namespace palpate::report {
+
+/// Where each tick begins, and behind the last one where it ends: ticks + 1 values, strictly increasing.
+/// A clock that is not (a damaged file) is replaced by the tick's number over the rate.
+std::vector<double> tick_edges_s(const Recording& recording);
+
+/// Magnitude of the force sent; 0 where it is not finite.
+double force_N(const DeviceTick& device);
+
+/// Ticks first ... last (inclusive) during which one device touched one structure without a break.
+struct Contact {
+  int device = 0;
+  LabelId label = 0;
+  std::size_t first = 0, last = 0;
+  std::size_t peak = 0;  ///< the first tick with the largest force
+
+  double begin_s(const std::vector<double>& edges_s) const { return edges_s[first]; }
+  double end_s(const std::vector<double>& edges_s) const { return edges_s[last + 1]; }
+  double duration_s(const std::vector<double>& edges_s) const { return end_s(edges_s) - begin_s(edges_s); }
+};
+
+inline constexpr double kShortestContact_s = 0.05;
+
+/// Contacts that last at least `shortest_s`, by their first tick.
+std::vector<Contact> find_contacts(const Recording& recording, const std::vector<double>& edges_s,
+                                   double shortest_s = kShortestContact_s);
+
+/// One structure over the whole run: every tick that touched it, brief ones too. Means are over time.
+struct StructureFigures {
+  LabelId label = 0;
+  int contacts = 0;  ///< of those that find_contacts() returned
+  double contact_s = 0;
+  double mean_force_N = 0, peak_force_N = 0;
+  /// Negative: felt only in front of its surface, in the smoothed rim. NaN: never known.
+  double max_depth_mm = std::numeric_limits<double>::quiet_NaN();
+  double mean_speed_mm_s = 0;
+};
+
+/// In the order in which structures were first touched.
+std::vector<StructureFigures> summarise_structures(const Recording& recording,
+                                                   const std::vector<double>& edges_s,
+                                                   const std::vector<Contact>& contacts);
+
+/// The longest contact of each structure; of more than `most` structures those touched longest in all.
+/// By their first tick.
+std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
+                                   const std::vector<StructureFigures>& structures,
+                                   const std::vector<double>& edges_s, std::size_t most);
+
+/// Ticks in which the safety stage, or the volume's end, showed on any device.
+struct SafetyCounts {
+  std::uint64_t clamped = 0, not_finite = 0, outside = 0, paused = 0;
+};
+/// From the recording's summary; counted from the ticks when the run was cut short.
+SafetyCounts safety_counts(const Recording& recording);
+
+/// The largest force sent, and the limits in force.
+struct ForceExtremes {
+  double peak_N = 0;
+  double lowest_limit_N = 0, highest_limit_N = 0;
+};
+ForceExtremes force_extremes(const Recording& recording);
+
+/// 1 ... 4, whatever a damaged file says.
+int device_count(const Recording& recording);
+
+}  // namespace palpate::report

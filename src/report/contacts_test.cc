@@ -1,0 +1,218 @@
+#include "report/contacts.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace palpate::report {
+namespace {
+
+/// A run at 1 kHz with one device.
+struct Script {
+  Recording recording;
+  void ticks(int count, LabelId label, double force_N = 0, double depth_mm = 0, double speed_mm_s = 0) {
+    for (int i = 0; i < count; ++i) {
+      TickRecord tick;
+      tick.tick = recording.ticks.size();
+      tick.time_s = 1e-3 * static_cast<double>(tick.tick);
+      tick.max_force_N = 3;
+      tick.device[0].label = label;
+      if (label != 0) tick.device[0].flags = kFlagContact;
+      tick.device[0].force_N = {0.6 * force_N, 0, 0.8 * force_N};
+      tick.device[0].depth_mm = depth_mm;
+      tick.device[0].velocity_patient_mm_s = {0, speed_mm_s, 0};
+      recording.ticks.push_back(tick);
+    }
+  }
+  std::vector<double> edges() const { return tick_edges_s(recording); }
+  std::vector<Contact> contacts() const { return find_contacts(recording, edges()); }
+};
+
+TEST(Contacts, AreUnbrokenAndOfOneStructure) {
+  Script run;
+  run.ticks(100, 0);
+  run.ticks(80, 5, 1);
+  run.ticks(70, 6, 1);  // straight on to another structure
+  run.ticks(1, 0);      // one tick off
+  run.ticks(60, 6, 1);
+  const auto contacts = run.contacts();
+  ASSERT_EQ(contacts.size(), 3u);
+  EXPECT_EQ(contacts[0].label, 5);
+  EXPECT_EQ(contacts[0].first, 100u);
+  EXPECT_EQ(contacts[0].last, 179u);
+  EXPECT_NEAR(contacts[0].duration_s(run.edges()), 0.080, 1e-12);
+  EXPECT_EQ(contacts[1].first, 180u);
+  EXPECT_EQ(contacts[1].last, 249u);
+  // the last contact reaches to the end of the run
+  EXPECT_EQ(contacts[2].label, 6);
+  EXPECT_EQ(contacts[2].last, run.recording.ticks.size() - 1);
+  EXPECT_NEAR(contacts[2].duration_s(run.edges()), 0.060, 1e-12);
+}
+
+TEST(Contacts, LastFiftyMillisecondsAtLeast) {
+  Script run;
+  run.ticks(49, 5, 1);
+  run.ticks(10, 0);
+  run.ticks(50, 7, 1);
+  const auto contacts = run.contacts();
+  ASSERT_EQ(contacts.size(), 1u);
+  EXPECT_EQ(contacts[0].label, 7);
+}
+
+TEST(Contacts, LabelWithoutContactDoesNotCount) {
+  Script run;
+  run.ticks(200, 5, 1);
+  for (TickRecord& tick : run.recording.ticks) tick.device[0].flags = 0;
+  EXPECT_TRUE(run.contacts().empty());
+  EXPECT_TRUE(summarise_structures(run.recording, run.edges(), {}).empty());
+}
+
+TEST(Contacts, PeakIsTheFirstTickWithTheLargestForce) {
+  Script run;
+  run.ticks(60, 5, 1);
+  run.ticks(20, 5, 2.5);
+  run.ticks(60, 5, 2);
+  ASSERT_EQ(run.contacts().size(), 1u);
+  EXPECT_EQ(run.contacts()[0].peak, 60u);
+}
+
+TEST(Contacts, EachDeviceHasItsOwn) {
+  Script run;
+  run.ticks(300, 0);
+  run.recording.header.devices = 2;
+  for (int i = 0; i < 200; ++i) {
+    run.recording.ticks[50 + i].device[0].label = 4;
+    run.recording.ticks[50 + i].device[0].flags = kFlagContact;
+    run.recording.ticks[20 + i].device[1].label = 9;
+    run.recording.ticks[20 + i].device[1].flags = kFlagContact;
+    run.recording.ticks[20 + i].device[2].label = 3;  // there is no third device
+    run.recording.ticks[20 + i].device[2].flags = kFlagContact;
+  }
+  const auto contacts = run.contacts();
+  ASSERT_EQ(contacts.size(), 2u);
+  EXPECT_EQ(contacts[0].device, 1);
+  EXPECT_EQ(contacts[0].label, 9);
+  EXPECT_EQ(contacts[1].device, 0);
+  EXPECT_EQ(contacts[1].label, 4);
+}
+
+// against a slow oracle: every tick asks how far its own contact reaches in both directions
+TEST(Contacts, AgreeWithTheDefinitionOnRandomRuns) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    std::mt19937 random(seed);
+    Script run;
+    for (int i = 0; i < 40; ++i) {
+      run.ticks(1 + static_cast<int>(random() % 90), static_cast<LabelId>(random() % 4), 1);
+    }
+    const auto& ticks = run.recording.ticks;
+    std::vector<bool> expected(ticks.size()), found(ticks.size());
+    for (std::size_t i = 0; i < ticks.size(); ++i) {
+      std::size_t first = i, last = i;
+      while (first > 0 && ticks[first - 1].device[0].label == ticks[i].device[0].label) --first;
+      while (last + 1 < ticks.size() && ticks[last + 1].device[0].label == ticks[i].device[0].label) ++last;
+      expected[i] = ticks[i].device[0].label != 0 && last - first + 1 >= 50;
+    }
+    for (const Contact& contact : run.contacts()) {
+      for (std::size_t i = contact.first; i <= contact.last; ++i) {
+        EXPECT_FALSE(found[i]);
+        EXPECT_EQ(ticks[i].device[0].label, contact.label);
+        found[i] = true;
+      }
+    }
+    EXPECT_EQ(found, expected);
+  }
+}
+
+TEST(Structures, FiguresAreOverTimeAndCountBriefTouches) {
+  Script run;
+  run.ticks(100, 5, 1.0, 0.2, 10);
+  run.ticks(10, 0, 0, 0, 400);
+  run.ticks(20, 5, 3.0, 0.9, 4);   // brief
+  run.ticks(10, 8, 0.5, -0.4, 1);  // brief, the only one, and in front of the surface
+  const auto figures = summarise_structures(run.recording, run.edges(), run.contacts());
+  ASSERT_EQ(figures.size(), 2u);
+  EXPECT_EQ(figures[0].label, 5);
+  EXPECT_EQ(figures[0].contacts, 1);
+  EXPECT_NEAR(figures[0].contact_s, 0.120, 1e-12);
+  EXPECT_NEAR(figures[0].mean_force_N, (100 * 1.0 + 20 * 3.0) / 120, 1e-12);
+  EXPECT_NEAR(figures[0].peak_force_N, 3.0, 1e-12);
+  EXPECT_EQ(figures[0].max_depth_mm, 0.9);
+  EXPECT_NEAR(figures[0].mean_speed_mm_s, (100 * 10.0 + 20 * 4.0) / 120, 1e-12);
+  EXPECT_EQ(figures[1].label, 8);
+  EXPECT_EQ(figures[1].contacts, 0);
+  EXPECT_EQ(figures[1].max_depth_mm, -0.4);
+}
+
+TEST(MainContacts, AreTheLongestOfTheStructuresTouchedLongest) {
+  Script run;
+  run.ticks(60, 1, 1);
+  run.ticks(5, 0);
+  run.ticks(90, 1, 1);  // the longer one of structure 1
+  run.ticks(5, 0);
+  run.ticks(70, 2, 1);
+  run.ticks(5, 0);
+  run.ticks(300, 3, 1);
+  const auto edges = run.edges();
+  const auto contacts = run.contacts();
+  const auto figures = summarise_structures(run.recording, edges, contacts);
+  const auto all = main_contacts(contacts, figures, edges, 8);
+  ASSERT_EQ(all.size(), 3u);
+  EXPECT_EQ(all[0].label, 1);
+  EXPECT_EQ(all[0].first, 65u);
+  EXPECT_EQ(all[1].label, 2);
+  EXPECT_EQ(all[2].label, 3);
+  // structure 2 was touched least
+  const auto two = main_contacts(contacts, figures, edges, 2);
+  ASSERT_EQ(two.size(), 2u);
+  EXPECT_EQ(two[0].label, 1);
+  EXPECT_EQ(two[1].label, 3);
+}
+
+TEST(Safety, CutShortRunsAreCounted) {
+  Script run;
+  run.ticks(10, 0);
+  run.recording.ticks[1].device[0].flags = kFlagClamped | kFlagContact;
+  run.recording.ticks[2].device[0].flags = kFlagClamped | kFlagOutside;
+  run.recording.ticks[3].device[0].flags = kFlagNotFinite;
+  run.recording.ticks[4].device[0].flags = kFlagPaused;
+  run.recording.ticks[5].device[1].flags = kFlagClamped;  // no such device
+  SafetyCounts counts = safety_counts(run.recording);
+  EXPECT_EQ(counts.clamped, 2u);
+  EXPECT_EQ(counts.not_finite, 1u);
+  EXPECT_EQ(counts.outside, 1u);
+  EXPECT_EQ(counts.paused, 1u);
+  run.recording.summary = RecordingSummary{.ticks = 10, .clamped = 7};
+  EXPECT_EQ(safety_counts(run.recording).clamped, 7u);
+}
+
+TEST(Forces, ExtremesSkipWhatIsNotFinite) {
+  Script run;
+  run.ticks(5, 0, 1.25);
+  run.recording.ticks[2].device[0].force_N = {std::numeric_limits<double>::infinity(), 0, 0};
+  run.recording.ticks[3].max_force_N = 2;
+  run.recording.ticks[4].max_force_N = std::numeric_limits<double>::quiet_NaN();
+  const ForceExtremes extremes = force_extremes(run.recording);
+  EXPECT_NEAR(extremes.peak_N, 1.25, 1e-12);
+  EXPECT_EQ(extremes.lowest_limit_N, 2);
+  EXPECT_EQ(extremes.highest_limit_N, 3);
+}
+
+TEST(Edges, AClockThatDoesNotRiseIsReplaced) {
+  Script run;
+  run.ticks(4, 0);
+  EXPECT_EQ(run.edges().size(), 5u);
+  EXPECT_NEAR(run.edges()[4], 0.004, 1e-12);
+  run.recording.header.rate_hz = 500;
+  for (const double broken : {std::numeric_limits<double>::quiet_NaN(), 0.0, -1.0}) {
+    run.recording.ticks[2].time_s = broken;
+    const auto edges = run.edges();
+    for (int i = 0; i < 5; ++i) EXPECT_NEAR(edges[i], 0.002 * i, 1e-12) << broken;
+  }
+  EXPECT_EQ(tick_edges_s(Recording{}), std::vector<double>{0});
+}
+
+}  // namespace
+}  // namespace palpate::report

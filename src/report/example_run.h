@@ -1,0 +1,19 @@
+#pragma once
+
+#include "palpate/haptics.h"
+#include "palpate/recording.h"
+
+/// A made-up left knee of spheres and capsules, and a made-up run over it, for the tests of the page: what
+/// is in them is known exactly, and they need no servo.
+namespace palpate::report::example {
+
+inline constexpr LabelId kFemoralCartilage = 83, kFemur = 95, kTibia = 96, kFibula = 97, kPatella = 98;
+
+/// Labels and scan on a left-handed grid of 1.5 mm voxels around the origin. No field.
+Model model();
+
+/// Every structure approached, pressed, stroked and left in turn, at 1 kHz: tibia, femoral cartilage,
+/// patella, fibula, with a force of 2 N/mm of depth clamped to `limit_N`.
+Recording recording(const Model& model, double limit_N = 1.5);
+
+}  // namespace palpate::report::example

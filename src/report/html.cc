@@ -1,0 +1,139 @@
+#include "report/html.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <vector>
+
+namespace palpate::report {
+namespace {
+
+constexpr std::string_view kHexDigits = "0123456789abcdef";
+
+bool is_control(char c) {
+  return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
+}
+
+std::string fixed(double value, int decimals) {
+  // room for the largest double
+  std::array<char, 400> buffer;
+  const auto end =
+      std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, std::chars_format::fixed, decimals);
+  std::string text(buffer.data(), end.ptr);
+  const bool is_zero = text.find_first_not_of("-0.") == std::string::npos;
+  return is_zero && text.front() == '-' ? text.substr(1) : text;
+}
+
+std::uint8_t hex_value(char digit) {
+  return static_cast<std::uint8_t>(kHexDigits.find(digit));
+}
+
+}  // namespace
+
+std::string escape(std::string_view text) {
+  std::string result;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      case '"':
+        result += "&quot;";
+        break;
+      case '\'':
+        result += "&#39;";
+        break;
+      default:
+        result += is_control(c) && c != '\n' && c != '\t' ? ' ' : c;
+    }
+  }
+  return result;
+}
+
+std::string json_string(std::string_view text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    // '<' would let a name end the script element that it stands in
+    if (is_control(c) || c == '"' || c == '\\' || c == '<' || c == '>' || c == '&') {
+      result += "\\u00";
+      result += kHexDigits[static_cast<unsigned char>(c) >> 4];
+      result += kHexDigits[static_cast<unsigned char>(c) & 15];
+    } else {
+      result += c;
+    }
+  }
+  return result + '"';
+}
+
+std::string json_number(double value, int decimals) {
+  if (!std::isfinite(value)) return "null";
+  std::string text = fixed(value, decimals);
+  if (text.find('.') != std::string::npos) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.back() == '.') text.pop_back();
+  }
+  return text;
+}
+
+std::string number(double value, int decimals) {
+  return std::isfinite(value) ? fixed(value, decimals) : "-";
+}
+
+std::string grouped(std::uint64_t value) {
+  constexpr std::string_view kNarrowSpace = "\u202f";
+  const std::string digits = std::to_string(value);
+  std::string result;
+  for (std::size_t i = 0; i < digits.size(); ++i) {
+    if (i > 0 && (digits.size() - i) % 3 == 0) result += kNarrowSpace;
+    result += digits[i];
+  }
+  return result;
+}
+
+std::string hex(std::uint64_t value) {
+  std::string result;
+  for (int shift = 60; shift >= 0; shift -= 4) result += kHexDigits[(value >> shift) & 15];
+  return result;
+}
+
+std::string css_colour(const Rgb& colour) {
+  std::string result = "#";
+  for (const std::uint8_t channel : {colour.r, colour.g, colour.b}) {
+    result += kHexDigits[channel >> 4];
+    result += kHexDigits[channel & 15];
+  }
+  return result;
+}
+
+std::string base64(std::span<const std::uint8_t> bytes) {
+  constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string result;
+  result.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::size_t left = bytes.size() - i;
+    std::uint32_t word = std::uint32_t{bytes[i]} << 16;
+    if (left > 1) word |= std::uint32_t{bytes[i + 1]} << 8;
+    if (left > 2) word |= bytes[i + 2];
+    result += kDigits[word >> 18];
+    result += kDigits[(word >> 12) & 63];
+    result += left > 1 ? kDigits[(word >> 6) & 63] : '=';
+    result += left > 2 ? kDigits[word & 63] : '=';
+  }
+  return result;
+}
+
+std::string csp_hash(std::string_view sha256_hex) {
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t i = 0; i + 1 < sha256_hex.size(); i += 2) {
+    bytes.push_back(static_cast<std::uint8_t>(hex_value(sha256_hex[i]) << 4 | hex_value(sha256_hex[i + 1])));
+  }
+  return "'sha256-" + base64(bytes) + "'";
+}
+
+}  // namespace palpate::report

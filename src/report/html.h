@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "palpate/volume.h"
+
+/// Text that is safe to put into a page.
+namespace palpate::report {
+
+/// For element content and quoted attributes. Control characters become spaces.
+std::string escape(std::string_view text);
+/// A quoted JSON string that may stand inside a script element.
+std::string json_string(std::string_view text);
+/// A JSON number, rounded, without trailing zeros; null when not finite.
+std::string json_number(double value, int decimals);
+
+/// Fixed decimals and a point whatever the locale; "-" when not finite; never "-0".
+std::string number(double value, int decimals);
+/// Digits in groups of three.
+std::string grouped(std::uint64_t value);
+/// 16 lower-case hexadecimal digits.
+std::string hex(std::uint64_t value);
+/// "#rrggbb"
+std::string css_colour(const Rgb& colour);
+
+std::string base64(std::span<const std::uint8_t> bytes);
+/// The content-security-policy source for an inline script or style: 'sha256-...', from the hash in
+/// hexadecimal.
+std::string csp_hash(std::string_view sha256_hex);
+
+}  // namespace palpate::report

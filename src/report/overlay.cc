@@ -1,0 +1,190 @@
+#include "report/overlay.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "report/html.h"
+
+namespace palpate::report {
+namespace {
+
+constexpr double kWayMargin_s = 1.0;
+constexpr double kScaleBar_mm = 10;
+constexpr double kSmallestStep_px = 0.7;  // between drawn points of a way
+constexpr double kShortestArrow_px = 5;   // below, the force points out of or into the picture
+
+struct Pixel {
+  double x = 0, y = 0;
+};
+
+// pixel (0,0) has its centre at (0.5, 0.5) in the drawing
+Pixel to_drawing(const SectionPlane& plane, const Point<Patient>& p) {
+  const auto [column, row] = plane.pixel_of(p);
+  return {column + 0.5, row + 0.5};
+}
+
+std::string pair(const Pixel& p) {
+  return number(p.x, 1) + "," + number(p.y, 1);
+}
+
+std::string line(const std::string& css_class, const Pixel& a, const Pixel& b) {
+  return "<line class=\"" + css_class + "\" x1=\"" + number(a.x, 1) + "\" y1=\"" + number(a.y, 1) +
+         "\" x2=\"" + number(b.x, 1) + "\" y2=\"" + number(b.y, 1) + "\"/>";
+}
+
+std::string text(const std::string& css_class, const Pixel& at, const std::string& content) {
+  return "<text class=\"" + css_class + "\" x=\"" + number(at.x, 1) + "\" y=\"" + number(at.y, 1) + "\">" +
+         escape(content) + "</text>";
+}
+
+/// A dark halo under a bright line keeps it visible on every structure.
+std::string polyline(bool touching, const std::vector<Pixel>& points) {
+  if (points.size() < 2) return "";
+  std::string list;
+  for (const Pixel& p : points) {
+    if (!list.empty()) list += ' ';
+    list += pair(p);
+  }
+  std::string svg = "<polyline class=\"halo\" points=\"";
+  svg.append(list).append("\"/><polyline class=\"").append(touching ? "way touching" : "way");
+  return svg.append("\" points=\"").append(list).append("\"/>");
+}
+
+/// The parts of a way that run near the plane and in the picture, without points too close to tell apart.
+std::string draw_way(const SectionPlane& plane, const Way& way) {
+  const Vector<Patient> normal = plane.right.cross(plane.down);
+  std::string svg;
+  std::vector<Pixel> run;
+  for (const Point<Patient>& point : way.points) {
+    const Pixel p = to_drawing(plane, point);
+    const bool near = std::abs((point - plane.centre).dot(normal)) <= kWayReach_mm;
+    const bool in_picture = p.x >= 0 && p.y >= 0 && p.x <= plane.width_px && p.y <= plane.height_px;
+    if (!near || !in_picture) {
+      svg += polyline(way.touching, run);
+      run.clear();
+    } else if (run.empty() || std::hypot(p.x - run.back().x, p.y - run.back().y) >= kSmallestStep_px) {
+      run.push_back(p);
+    }
+  }
+  return svg + polyline(way.touching, run);
+}
+
+/// A circle with a dot (towards the viewer) or a cross (away), as for currents.
+std::string draw_end_on(const Pixel& tip, bool away) {
+  const Pixel at{tip.x + 16, tip.y - 16};
+  const std::string centre = "cx=\"" + number(at.x, 1) + "\" cy=\"" + number(at.y, 1) + "\"";
+  std::string svg = "<circle class=\"end-on\" " + centre + " r=\"6.5\"/>";
+  if (!away) return svg + "<circle class=\"force-head\" " + centre + " r=\"2.2\"/>";
+  constexpr double kArm = 4;
+  return svg + line("force", {at.x - kArm, at.y - kArm}, {at.x + kArm, at.y + kArm}) +
+         line("force", {at.x - kArm, at.y + kArm}, {at.x + kArm, at.y - kArm});
+}
+
+std::string draw_force(const SectionPlane& plane, const SectionMarks& marks) {
+  if (!(marks.force_N.norm() > 0)) return "";
+  const double px_per_N = marks.arrow_mm_per_N / plane.mm_per_px();
+  const double x = marks.force_N.dot(plane.right) * px_per_N, y = marks.force_N.dot(plane.down) * px_per_N;
+  const double length = std::hypot(x, y);
+  const Pixel tail = to_drawing(plane, marks.contact);
+  if (length < kShortestArrow_px)
+    return draw_end_on(tail, marks.force_N.dot(plane.right.cross(plane.down)) > 0);
+
+  // shaft up to the base of the head, head on top of it
+  const double ux = x / length, uy = y / length, head = std::min(11.0, 0.6 * length);
+  const Pixel tip{tail.x + x, tail.y + y}, base{tip.x - ux * head, tip.y - uy * head};
+  const double half = 0.45 * head;
+  const Pixel left{base.x - uy * half, base.y + ux * half}, right{base.x + uy * half, base.y - ux * half};
+  return line("force-halo", tail, base) + line("force", tail, base) +
+         "<polygon class=\"force-head\" points=\"" + pair(tip) + " " + pair(left) + " " + pair(right) +
+         "\"/>";
+}
+
+std::string draw_contact(const SectionPlane& plane, const Point<Patient>& contact) {
+  const Pixel p = to_drawing(plane, contact);
+  const std::string centre = "cx=\"" + number(p.x, 1) + "\" cy=\"" + number(p.y, 1) + "\"";
+  return "<circle class=\"contact-halo\" " + centre + " r=\"6\"/><circle class=\"contact\" " + centre +
+         " r=\"6\"/><circle class=\"tip\" " + centre + " r=\"1.8\"/>";
+}
+
+std::string draw_scale_bar(const SectionPlane& plane) {
+  const double length = kScaleBar_mm / plane.mm_per_px();
+  const Pixel left{14, plane.height_px - 16.0}, right{left.x + length, left.y};
+  std::string svg;
+  for (const std::string kind : {"scale-halo", "scale"}) {
+    svg += line(kind, left, right) + line(kind, {left.x, left.y - 4}, {left.x, left.y + 4}) +
+           line(kind, {right.x, right.y - 4}, {right.x, right.y + 4});
+  }
+  return svg + text("scale-text", {0.5 * (left.x + right.x), left.y - 8}, number(kScaleBar_mm, 0) + " mm");
+}
+
+std::string draw_letters(const SectionPlane& plane) {
+  const OrientationLetters letters = orientation_letters(plane);
+  const double width = plane.width_px, height = plane.height_px;
+  return text("letter start", {9, 0.5 * height + 6}, letters.left) +
+         text("letter end", {width - 9, 0.5 * height + 6}, letters.right) +
+         text("letter", {0.5 * width, 22}, letters.top) +
+         text("letter", {0.5 * width, height - 10}, letters.bottom);
+}
+
+}  // namespace
+
+std::vector<Way> way_around(const Recording& recording, const std::vector<double>& edges_s,
+                            const Contact& contact) {
+  const double from_s = contact.begin_s(edges_s) - kWayMargin_s, to_s = contact.end_s(edges_s) + kWayMargin_s;
+  std::vector<Way> ways;
+  for (std::size_t i = 0; i < recording.ticks.size(); ++i) {
+    if (edges_s[i] < from_s || edges_s[i] > to_s) continue;
+    const DeviceTick& device = recording.ticks[i].device[contact.device];
+    const Point<Patient> tip(device.tip_patient_mm[0], device.tip_patient_mm[1], device.tip_patient_mm[2]);
+    if (!tip.all_finite() || (device.flags & kFlagNotFinite) != 0) continue;
+    const bool touching = i >= contact.first && i <= contact.last;
+    if (ways.empty() || ways.back().touching != touching) {
+      // the next stretch begins where the last one ended
+      Way next{touching, {}};
+      if (!ways.empty()) next.points.push_back(ways.back().points.back());
+      ways.push_back(std::move(next));
+    }
+    ways.back().points.push_back(tip);
+  }
+  return ways;
+}
+
+Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device) {
+  const auto& w = tick.rotation_felt_wxyz;
+  const Eigen::Quaterniond felt(w[0], w[1], w[2], w[3]);
+  const auto& f = tick.device[device].force_N;
+  const Vector<World> force(f[0], f[1], f[2]);
+  if (!force.all_finite() || !felt.coeffs().allFinite() || !(felt.squaredNorm() > 0)) return {};
+  return model.X_WorldPatient.inverse() * (Rotation<World, World>(felt).inverse() * force);
+}
+
+std::string side_text(Side side) {
+  switch (side) {
+    case Side::kLeft:
+      return "LEFT";
+    case Side::kRight:
+      return "RIGHT";
+    case Side::kUnknown:
+      break;
+  }
+  return "SIDE UNKNOWN";
+}
+
+std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
+                        const std::string& description) {
+  std::string svg = "<svg viewBox=\"0 0 " + std::to_string(plane.width_px) + " " +
+                    std::to_string(plane.height_px) + "\" role=\"img\" aria-label=\"" + escape(description) +
+                    "\"><g class=\"marks\">";
+  // touching parts on top of free ones
+  for (const bool touching : {false, true}) {
+    for (const Way& way : marks.ways) {
+      if (way.touching == touching) svg += draw_way(plane, way);
+    }
+  }
+  svg += draw_force(plane, marks) + draw_contact(plane, marks.contact) + "</g>";
+  svg += draw_scale_bar(plane) + draw_letters(plane);
+  svg += text("side-mark", {plane.width_px - 10.0, 20}, side_text(marks.side));
+  return svg + "</svg>\n";
+}
+
+}  // namespace palpate::report

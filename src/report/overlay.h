@@ -1,0 +1,45 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "palpate/recording.h"
+#include "palpate/rendering.h"
+#include "report/contacts.h"
+
+/// What is drawn over a section, as SVG in the section's pixels.
+namespace palpate::report {
+
+/// One stretch of the tip's way, in the patient.
+struct Way {
+  bool touching = false;
+  std::vector<Point<Patient>> points;
+};
+
+/// The way of a contact's tip from a second before it to a second after it, cut where the contact
+/// begins and ends.
+std::vector<Way> way_around(const Recording& recording, const std::vector<double>& edges_s,
+                            const Contact& contact);
+
+/// The force sent in one tick, turned from the workspace into the patient as the object was felt then.
+Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device);
+
+struct SectionMarks {
+  Point<Patient> contact;
+  Vector<Patient> force_N;
+  double arrow_mm_per_N = 5;
+  Side side = Side::kUnknown;
+  std::vector<Way> ways;
+};
+
+/// Ways farther than this from the plane are not drawn.
+inline constexpr double kWayReach_mm = 5;
+
+/// "LEFT", "RIGHT", "SIDE UNKNOWN"
+std::string side_text(Side side);
+
+/// Way, contact, force, scale bar, orientation letters and side. `description` is for those who do not
+/// see the picture.
+std::string section_svg(const SectionPlane& plane, const SectionMarks& marks, const std::string& description);
+
+}  // namespace palpate::report

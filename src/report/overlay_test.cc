@@ -1,0 +1,112 @@
+#include "report/overlay.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "report/example_run.h"
+
+namespace palpate::report {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+// 1 mm is 4 px, the centre at (200, 200) in the drawing
+SectionPlane axial() {
+  return anatomical_section(AnatomicalPlane::kAxial, Point<Patient>(1, 2, 3), 100, 400, 400);
+}
+
+TEST(Overlay, MarksStandWhereTheyBelong) {
+  SectionMarks marks;
+  marks.contact = Point<Patient>(1, 2, 3);
+  marks.force_N = Vector<Patient>(0, -2, 0);  // forward: up in an axial view
+  marks.arrow_mm_per_N = 5;
+  marks.side = Side::kLeft;
+  const std::string svg = section_svg(axial(), marks, "A <section>");
+  EXPECT_THAT(svg, HasSubstr("class=\"contact\" cx=\"200.0\" cy=\"200.0\""));
+  // 2 N at 5 mm/N are 40 px
+  EXPECT_THAT(svg, HasSubstr("class=\"force-head\" points=\"200.0,160.0 "));
+  // 10 mm are 40 px
+  EXPECT_THAT(svg, HasSubstr("class=\"scale\" x1=\"14.0\" y1=\"384.0\" x2=\"54.0\" y2=\"384.0\""));
+  EXPECT_THAT(svg, HasSubstr(">10 mm</text>"));
+  for (const std::string letter : {"R", "L", "A", "P"}) EXPECT_THAT(svg, HasSubstr(">" + letter + "</text>"));
+  EXPECT_THAT(svg, HasSubstr(">LEFT</text>"));
+  EXPECT_THAT(svg, HasSubstr("aria-label=\"A &lt;section&gt;\""));
+}
+
+TEST(Overlay, ForceAcrossThePlaneIsDrawnEndOn) {
+  SectionMarks marks;
+  marks.contact = axial().centre;
+  // an axial view looks from the feet to the head: a force towards the head points away
+  marks.force_N = Vector<Patient>(0, 0, 1);
+  const std::string away = section_svg(axial(), marks, "");
+  marks.force_N = Vector<Patient>(0, 0, -1);
+  const std::string towards = section_svg(axial(), marks, "");
+  EXPECT_THAT(away, HasSubstr("class=\"end-on\""));
+  EXPECT_THAT(away, Not(HasSubstr("force-head")));
+  EXPECT_THAT(towards, HasSubstr("class=\"end-on\""));
+  EXPECT_THAT(towards, HasSubstr("force-head"));
+  marks.force_N = Vector<Patient>();
+  EXPECT_THAT(section_svg(axial(), marks, ""), Not(HasSubstr("class=\"end-on\"")));
+}
+
+TEST(Overlay, OnlyTheWayNearThePlaneIsDrawn) {
+  SectionMarks marks;
+  marks.contact = axial().centre;
+  // down through the plane along z, then along x within it
+  Way way{false, {}};
+  for (int i = -20; i <= 0; ++i) way.points.emplace_back(1, 2, 3.0 + i);
+  for (int i = 1; i <= 10; ++i) way.points.emplace_back(1.0 + i, 2, 3);
+  marks.ways = {way};
+  const std::string svg = section_svg(axial(), marks, "");
+  EXPECT_THAT(svg, HasSubstr("<polyline class=\"way\" points=\"200.0,200.0 204.0,200.0 208.0,200.0"));
+  EXPECT_THAT(svg, HasSubstr("240.0,200.0\""));
+
+  for (Point<Patient>& p : way.points) p[2] -= 5.5;
+  marks.ways = {way};
+  EXPECT_THAT(section_svg(axial(), marks, ""), Not(HasSubstr("polyline")));
+}
+
+TEST(Overlay, WayIsCutWhereTheContactBeginsAndEnds) {
+  const Model model = example::model();
+  const Recording recording = example::recording(model);
+  const auto edges = tick_edges_s(recording);
+  const auto contacts = find_contacts(recording, edges);
+  ASSERT_FALSE(contacts.empty());
+  const Contact& contact = contacts.front();
+  const auto ways = way_around(recording, edges, contact);
+  ASSERT_EQ(ways.size(), 3u);
+  EXPECT_FALSE(ways[0].touching);
+  EXPECT_TRUE(ways[1].touching);
+  EXPECT_FALSE(ways[2].touching);
+  // the touching stretch joins on to the one before it
+  EXPECT_EQ(ways[1].points.size(), contact.last - contact.first + 2);
+  EXPECT_EQ(ways[1].points.front(), ways[0].points.back());
+  EXPECT_NEAR(static_cast<double>(ways[2].points.size()), 1001, 2);  // a second after it
+}
+
+TEST(Overlay, ForceIsTurnedBackWithTheObject) {
+  const Model model = example::model();
+  TickRecord tick;
+  // the object is felt turned by 90 degrees about up; its anterior, which is up, stays
+  const double h = std::sqrt(0.5);
+  tick.rotation_felt_wxyz = {h, 0, 0, h};
+  tick.device[0].force_N = {0, 0, 2};
+  EXPECT_NEAR((patient_force_N(model, tick, 0) - Vector<Patient>(0, -2, 0)).norm(), 0, 1e-12);
+  // what was right before the turn (the patient's left) now points forward
+  tick.device[0].force_N = {0, 3, 0};
+  EXPECT_NEAR((patient_force_N(model, tick, 0) - Vector<Patient>(3, 0, 0)).norm(), 0, 1e-12);
+  tick.device[0].force_N = {NAN, 0, 0};
+  EXPECT_EQ(patient_force_N(model, tick, 0), Vector<Patient>());
+}
+
+TEST(Overlay, SideIsNeverGuessed) {
+  EXPECT_EQ(side_text(Side::kLeft), "LEFT");
+  EXPECT_EQ(side_text(Side::kRight), "RIGHT");
+  EXPECT_EQ(side_text(Side::kUnknown), "SIDE UNKNOWN");
+}
+
+}  // namespace
+}  // namespace palpate::report

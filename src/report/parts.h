@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+
+#include "palpate/progress.h"
+#include "report/run.h"
+
+/// The parts of the page, top to bottom. Everything that comes from a file is escaped in them.
+namespace palpate::report {
+
+/// Title, who and when, the figures that a person looks at first.
+std::string header_html(const Run& run);
+std::string tiles_html(const Run& run);
+
+/// Tabs, one a structure, each with three sections through its contact. Error kInterrupted.
+Result<std::string> contacts_html(const Run& run, const Progress& progress);
+
+/// The plots' places, and their data as a JSON block that page.js reads.
+std::string plots_html(const Run& run);
+
+std::string structure_table_html(const Run& run);
+std::string safety_table_html(const Run& run);
+std::string provenance_html(const Run& run);
+
+}  // namespace palpate::report

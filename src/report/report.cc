@@ -1,0 +1,91 @@
+#include "palpate/report.h"
+
+#include "base/file.h"
+#include "report/assets.h"
+#include "report/html.h"
+#include "report/parts.h"
+
+namespace palpate::report {
+namespace {
+
+const EmbeddedFile& asset(std::string_view name) {
+  const EmbeddedFile* file = find_file(page_assets(), name);
+  PALPATE_CHECK(file != nullptr);
+  return *file;
+}
+
+/// Nothing may be loaded or run but what stands in the page itself.
+std::string content_security_policy() {
+  return "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data:; style-src " +
+         csp_hash(asset("uPlot.min.css").sha256) + " " + csp_hash(asset("page.css").sha256) +
+         "; script-src " + csp_hash(asset("uPlot.iife.min.js").sha256) + " " +
+         csp_hash(asset("page.js").sha256);
+}
+
+std::string head_html(const RecordingHeader& header) {
+  const std::string title =
+      header.scene_title.empty() ? "Palpation report" : "Palpation report: " + escape(header.scene_title);
+  std::string html =
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"" +
+      content_security_policy() + "\">\n";
+  html +=
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+      "<meta name=\"color-scheme\" content=\"light dark\">\n<meta name=\"referrer\" "
+      "content=\"no-referrer\">\n"
+      "<link rel=\"icon\" href=\"data:,\">\n<title>" +
+      title + "</title>\n";
+  html.append("<style>")
+      .append(asset("uPlot.min.css").text)
+      .append("</style>\n<style>")
+      .append(asset("page.css").text);
+  return html + "</style>\n</head>\n";
+}
+
+std::string banner_html(bool simulated) {
+  return std::string(
+             "<div class=\"banner\" role=\"note\"><strong>Research and education - not for clinical "
+             "use</strong>") +
+         (simulated ? "<span class=\"badge\">Simulated hand</span>" : "") + "</div>\n";
+}
+
+Result<std::string> page_html(const Recording& recording, const Model& model, const Progress& progress) {
+  if (recording.header.model_hash != model.content_hash) {
+    return Error{ErrorKind::kBadInput,
+                 "the recording was made with another model (" + hex(recording.header.model_hash) +
+                     ") than the one at hand (" + hex(model.content_hash) + ")",
+                 "", "give the scene file or the data set with which it was recorded, unchanged since"};
+  }
+  const Run run(recording, model);
+  const auto contacts = contacts_html(run, progress);
+  if (!contacts.ok()) return contacts.error();
+
+  std::string html =
+      head_html(recording.header) + "<body>\n" + banner_html(recording.header.simulated) + "<main>\n";
+  html += header_html(run) + tiles_html(run) + *contacts + plots_html(run) + structure_table_html(run) +
+          safety_table_html(run) + provenance_html(run) + "</main>\n";
+  html.append("<script>")
+      .append(asset("uPlot.iife.min.js").text)
+      .append("</script>\n<script>")
+      .append(asset("page.js").text);
+  progress.report("sections", 1);
+  return html + "</script>\n</body>\n</html>\n";
+}
+
+}  // namespace
+}  // namespace palpate::report
+
+namespace palpate {
+
+Result<std::string> report_html(const Recording& recording, const Model& model, const Progress& progress) {
+  return report::page_html(recording, model, progress);
+}
+
+Result<void> write_report(const std::filesystem::path& file, const Recording& recording, const Model& model,
+                          const Progress& progress) {
+  const auto html = report_html(recording, model, progress);
+  if (!html.ok()) return html.error();
+  return write_file(file, *html);
+}
+
+}  // namespace palpate

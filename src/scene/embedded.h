@@ -1,0 +1,11 @@
+#pragma once
+
+#include "base/embedded_file.h"
+
+namespace palpate {
+
+/// The files of data/scenes/ and data/scripts/.
+const std::vector<EmbeddedFile>& embedded_scenes();
+const std::vector<EmbeddedFile>& embedded_scripts();
+
+}  // namespace palpate

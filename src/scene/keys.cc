@@ -1,0 +1,446 @@
+#include "scene/keys.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <numeric>
+
+#include "palpate/scene.h"
+
+namespace palpate {
+namespace {
+
+using enum KeyType;
+
+std::string concat(std::initializer_list<std::string_view> parts) {
+  std::string text;
+  for (const std::string_view part : parts) text += part;
+  return text;
+}
+
+std::string default_cell(const KeySpec& key) {
+  if (key.type == kTable || key.type == kTables) return "";
+  return key.default_text.empty() ? "—" : concat({"`", key.default_text, "`"});
+}
+
+std::string value_cell(const KeySpec& key) {
+  if (key.choices.empty()) return std::string(type_text(key.type));
+  std::string text;
+  for (const std::string_view choice : key.choices)
+    text += concat({text.empty() ? "" : ", ", "`\"", choice, "\"`"});
+  return key.type == kDirection ? text + " or [x, y, z]" : text;
+}
+
+std::string range_cell(const KeySpec& key) {
+  if (!key.has_range() || key.type == kDirection) return "";
+  return concat({number_text(key.min), " … ", number_text(key.max)});
+}
+
+std::string table_markdown(const TableSpec& table) {
+  std::string text = concat({"### ", table.heading, "\n\n", table.about, "\n\n"});
+  text += "| key | value | default | unit | range | meaning |\n|---|---|---|---|---|---|\n";
+  for (const KeySpec& key : table.keys) {
+    text += concat({"| `", key.name, "` | ", value_cell(key), " | ", default_cell(key), " | ", key.unit,
+                    " | ", range_cell(key), " | ", key.meaning, " |\n"});
+  }
+  return text;
+}
+
+/// Edits (insert, delete, replace) that turn a into b.
+int edit_distance(std::string_view a, std::string_view b) {
+  std::vector<int> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    int diagonal = row[0];
+    row[0] = static_cast<int>(i) + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const int replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
+    }
+  }
+  return row.back();
+}
+
+}  // namespace
+
+const KeySpec* TableSpec::find(std::string_view key) const {
+  const auto found = std::find_if(keys.begin(), keys.end(), [&](const KeySpec& k) { return k.name == key; });
+  return found == keys.end() ? nullptr : &*found;
+}
+
+const SceneKeys& scene_key_tables() {
+  static const SceneKeys keys{
+      .top =
+          {"top level",
+           "What the scene is, and its parts.",
+           {{.name = "title",
+             .type = kText,
+             .meaning = "Shown in the report; say nothing in it that names a patient."},
+            {.name = "side",
+             .type = kChoice,
+             .default_text = "\"unknown\"",
+             .choices = {"left", "right", "unknown"},
+             .meaning = "Side of the body, shown in the report."},
+            {.name = "data", .type = kTable, .meaning = "The files. A scene file has to have it."},
+            {.name = "tissue", .type = kTables, .meaning = "What is felt and how: 1 to 64 of them."},
+            {.name = "preparation", .type = kTable, .meaning = "How labels become the field that is felt."},
+            {.name = "tool", .type = kTable, .meaning = "The instrument."},
+            {.name = "limits", .type = kTable, .meaning = "What the hand is never given more of."}}},
+      .data =
+          {"[data]",
+           "The files, relative to the scene file's folder or absolute. At least one of `scan` and `labels`.",
+           {{.name = "scan", .type = kFile, .meaning = "The image: NRRD, NIfTI or MetaImage."},
+            {.name = "labels",
+             .type = kFile,
+             .meaning = "The segmentation on it, in the same formats or `.seg.nrrd`."},
+            {.name = "names",
+             .type = kFile,
+             .meaning =
+                 "Names and colours of the labels: Slicer's `.ctbl`, or `.tsv`. Without it the names in the "
+                 "label file count, else those of a single such table beside it."}}},
+      .tissue =
+          {"[[tissue]]",
+           "A group of structures that feel alike. Takes either `labels` or `threshold`. A preset gives the "
+           "starting values, keys beside it override them; the defaults here hold without one. A tissue may "
+           "not be stiffer than one that it rests on, nor rest on one that is not felt: the force at their "
+           "border would point inward.",
+           {{.name = "name",
+             .type = kText,
+             .meaning = "Unique in the scene; `rests_on` refers to it. Has to be there."},
+            {.name = "preset",
+             .type = kChoice,
+             .choices = {"bone", "cartilage", "meniscus", "ligament", "muscle", "fat", "vessel", "nerve"},
+             .meaning = "Starting values, see the presets."},
+            {.name = "labels",
+             .type = kLabels,
+             .min = 1,
+             .max = 65535,
+             .meaning =
+                 "The structures, by name exactly as the names have them, or by number. A name takes every "
+                 "structure so named; no structure belongs to two tissues."},
+            {.name = "optional",
+             .type = kFlag,
+             .default_text = "false",
+             .meaning =
+                 "`true`: labels that the map does not have only drop out, instead of being an error."},
+            {.name = "threshold",
+             .type = kInterval,
+             .unit = "the scan's unit",
+             .min = -1e9,
+             .max = 1e9,
+             .meaning = "`[low, high]` on the raw scan, without labels: nothing is felt at or below `low`, "
+                        "everything at "
+                        "or above `high`, a ramp between."},
+            {.name = "felt", .type = kFlag, .default_text = "true", .meaning = "`false`: shown, not felt."},
+            {.name = "stiffness",
+             .type = kNumber,
+             .default_text = "1",
+             .unit = "N/mm",
+             .min = 0.001,
+             .max = 20,
+             .meaning = "Force for each mm that the tip is inside."},
+            {.name = "friction",
+             .type = kNumber,
+             .default_text = "0.1",
+             .min = 0,
+             .max = 2,
+             .meaning =
+                 "Coefficient: the force along the surface is at most this times the force across it."},
+            {.name = "friction_damping",
+             .type = kNumber,
+             .default_text = "0.005",
+             .unit = "N·s/mm",
+             .min = 0,
+             .max = 0.1,
+             .meaning = "Force along the surface for each mm/s, below its two caps."},
+            {.name = "friction_max",
+             .type = kNumber,
+             .default_text = "0.5",
+             .unit = "N",
+             .min = 0,
+             .max = 10,
+             .meaning = "The other cap of the force along the surface."},
+            {.name = "viscosity",
+             .type = kNumber,
+             .default_text = "0.001",
+             .unit = "N·s/mm",
+             .min = 0,
+             .max = 0.1,
+             .meaning = "Force against each mm/s inside."},
+            {.name = "colour",
+             .type = kColour,
+             .meaning = "`\"#rrggbb\"`; without it the structures keep their own."},
+            {.name = "opacity",
+             .type = kNumber,
+             .default_text = "1",
+             .min = 0,
+             .max = 1,
+             .meaning = "In pictures: 0 unseen, 1 solid."},
+            {.name = "rests_on",
+             .type = kNames,
+             .default_text = "[]",
+             .meaning = "Tissues of this scene that support this one. They have to be felt and at least as "
+                        "stiff."}}},
+      .preparation = {"[preparation]",
+                      "The labels, weighted by stiffness, are smoothed with a Gaussian; the ramp that it "
+                      "leaves is felt.",
+                      {{.name = "sigma",
+                        .type = kNumber,
+                        .default_text = "1",
+                        .unit = "mm",
+                        .min = 0,
+                        .max = 10,
+                        .meaning = "Width of the Gaussian, the same on every axis. Wider is softer and "
+                                   "calmer and loses what is thin."},
+                       {.name = "engine",
+                        .type = kChoice,
+                        .default_text = "\"direct\"",
+                        .choices = {"direct", "fourier"},
+                        .meaning =
+                            "Separable convolution, or the filter in the frequency domain as published."},
+                       {.name = "bits",
+                        .type = kWhole,
+                        .default_text = "16",
+                        .unit = "bit",
+                        .meaning = "Storage of the field: 8, as published, or 16."}}},
+      .tool =
+          {"[tool]",
+           "A rigid set of points that touch; the first one's usual place is the origin, the tip.",
+           {{.name = "name", .type = kText, .default_text = "\"point\"", .meaning = "Shown in the report."},
+            {.name = "points",
+             .type = kPoints,
+             .default_text = "[[0, 0, 0]]",
+             .unit = "mm",
+             .min = -100,
+             .max = 100,
+             .meaning = "1 to 4 points [x, y, z] in the tip's frame."}}},
+      .limits = {"[limits]",
+                 "Besides what the device itself can give, and what `--max-force` says.",
+                 {{.name = "max_force",
+                   .type = kNumber,
+                   .unit = "N",
+                   .min = 0.1,
+                   .max = 40,
+                   .meaning = "The force is never larger. Without it the lesser of the device's continuous "
+                              "rating and 3 N."}}}};
+  return keys;
+}
+
+const ScriptKeys& script_key_tables() {
+  constexpr std::string_view kStructure =
+      "The structure, by name exactly as the labels have it, or `\"#95\"` by number. A place on it that a "
+      "hand can reach is found from the labels.";
+  static const ScriptKeys keys{
+      .top = {"top level",
+              "The hand and the device that are simulated.",
+              {{.name = "title", .type = kText, .meaning = "Shown in the report."},
+               {.name = "device",
+                .type = kText,
+                .default_text = "\"premium-1.5\"",
+                .meaning = "`\"premium-1.5\"` or `\"touch\"`."},
+               {.name = "hand",
+                .type = kText,
+                .default_text = "\"firm-grip\"",
+                .meaning = "`\"light-grip\"`, `\"firm-grip\"` or `\"whole-arm\"`."},
+               {.name = "rate",
+                .type = kNumber,
+                .default_text = "1000",
+                .unit = "Hz",
+                .min = 250,
+                .max = 10000,
+                .meaning = "Force updates a second."},
+               {.name = "tremor",
+                .type = kNumber,
+                .default_text = "0.03",
+                .unit = "mm",
+                .min = 0,
+                .max = 1,
+                .meaning = "Amplitude of the hand's tremor at 8 to 12 Hz."},
+               {.name = "seed",
+                .type = kWhole,
+                .default_text = "1",
+                .min = 0,
+                .max = 9007199254740991.0,
+                .meaning = "Of the tremor: the same seed, the same run."},
+               {.name = "step", .type = kTables, .meaning = "1 to 1000 of them, done in order."}}},
+      .actions = {
+          {"approach",
+           "Moves to a free place in front of a structure, then touches it. Whatever was touched before has "
+           "to be left first.",
+           {{.name = "approach", .type = kText, .meaning = kStructure},
+            {.name = "speed",
+             .type = kNumber,
+             .default_text = "40",
+             .unit = "mm/s",
+             .min = 0.1,
+             .max = 200,
+             .meaning = "Of the way there; the touch itself is slower."},
+            {.name = "clearance",
+             .type = kNumber,
+             .default_text = "15",
+             .unit = "mm",
+             .min = 1,
+             .max = 100,
+             .meaning = "Starts at most this far in front of the surface, along its normal."}}},
+          {"press",
+           "Pushes along the surface's normal until the force is reached. Needs an approach before.",
+           {{.name = "press",
+             .type = kNumber,
+             .unit = "N",
+             .min = 0.05,
+             .max = 40,
+             .meaning = "The force. Limits hold all the same."},
+            {.name = "settle",
+             .type = kNumber,
+             .default_text = "0.5",
+             .unit = "s",
+             .min = 0,
+             .max = 10,
+             .meaning = "Time in which the force is reached."}}},
+          {"hold",
+           "Keeps the force. Needs an approach before.",
+           {{.name = "hold", .type = kNumber, .unit = "s", .min = 0.01, .max = 60, .meaning = "How long."}}},
+          {"slide",
+           "Moves along the surface, keeping the force. Needs an approach before.",
+           {{.name = "slide", .type = kNumber, .unit = "mm", .min = 0.1, .max = 200, .meaning = "How far."},
+            {.name = "direction",
+             .type = kDirection,
+             .default_text = "\"superior\"",
+             .min = -1e6,
+             .max = 1e6,
+             .choices = {"superior", "inferior", "anterior", "posterior", "left", "right"},
+             .meaning = "The patient's; or in LPS: +x to the patient's left, +y posterior, +z superior. What "
+                        "points out of "
+                        "the surface is taken away; the length does not matter."},
+            {.name = "speed",
+             .type = kNumber,
+             .default_text = "10",
+             .unit = "mm/s",
+             .min = 0.1,
+             .max = 200,
+             .meaning = "Along the surface."}}},
+          {"rotate",
+           "Turns the object while the hand stays, commanded ten times a second.",
+           {{.name = "rotate",
+             .type = kNumber,
+             .unit = "degrees",
+             .min = -180,
+             .max = 180,
+             .meaning = "By how much, right-handed about the axis."},
+            {.name = "axis",
+             .type = kDirection,
+             .default_text = "\"up\"",
+             .min = -1e6,
+             .max = 1e6,
+             .choices = {"right", "forward", "up"},
+             .meaning = "The workspace's; or in its coordinates: +x right, +y forward, +z up."},
+            {.name = "seconds",
+             .type = kNumber,
+             .default_text = "1",
+             .unit = "s",
+             .min = 0.1,
+             .max = 60,
+             .meaning = "How long it takes."}}},
+          {"leave",
+           "Withdraws along the way of the approach. Needs an approach before.",
+           {{.name = "leave", .type = kFlag, .meaning = "`true`."},
+            {.name = "speed",
+             .type = kNumber,
+             .default_text = "60",
+             .unit = "mm/s",
+             .min = 0.1,
+             .max = 200,
+             .meaning = "Of the withdrawal."}}}}};
+  return keys;
+}
+
+std::string number_text(double value) {
+  // plain digits where a person would write them
+  const double size = std::abs(value);
+  const bool plain = size == 0 || (size >= 1e-6 && size < 1e16);
+  std::array<char, 64> digits{};
+  const auto format = plain ? std::chars_format::fixed : std::chars_format::general;
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value, format).ptr;
+  return {digits.data(), end};
+}
+
+std::string range_text(const KeySpec& key) {
+  if (!key.choices.empty()) {
+    std::string text;
+    for (std::size_t i = 0; i < key.choices.size(); ++i) {
+      const bool last = i + 1 == key.choices.size();
+      text += concat({i == 0 ? "" : last ? " or " : ", ", "\"", key.choices[i], "\""});
+    }
+    return key.type == kDirection ? text + ", or [x, y, z]" : text;
+  }
+  if (!key.has_range()) return "";
+  return concat({number_text(key.min), " ... ", number_text(key.max), key.unit.empty() ? "" : " ", key.unit});
+}
+
+std::string_view type_text(KeyType type) {
+  switch (type) {
+    case kText:
+      return "a text";
+    case kFile:
+      return "a path";
+    case kChoice:
+      return "a choice";
+    case kFlag:
+      return "true or false";
+    case kNumber:
+      return "a number";
+    case kWhole:
+      return "a whole number";
+    case kColour:
+      return "a colour";
+    case kLabels:
+      return "a list of label names and numbers";
+    case kNames:
+      return "a list of names";
+    case kInterval:
+      return "two numbers";
+    case kPoints:
+      return "a list of points";
+    case kDirection:
+      return "a direction";
+    case kTable:
+      return "a table";
+    case kTables:
+      return "tables";
+  }
+  return "";
+}
+
+std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates) {
+  // a name that a person mistyped is short; this bounds the work on any other
+  constexpr std::size_t kMaxCompared = 100;
+  std::string_view best;
+  int least = 0;
+  for (const auto candidate : candidates) {
+    const int edits = edit_distance(text.substr(0, kMaxCompared), candidate.substr(0, kMaxCompared));
+    if (best.empty() || edits < least) {
+      best = candidate;
+      least = edits;
+    }
+  }
+  return best;
+}
+
+std::string scene_keys() {
+  const SceneKeys& keys = scene_key_tables();
+  std::string text = table_markdown(keys.top);
+  for (const TableSpec* table : {&keys.data, &keys.tissue, &keys.preparation, &keys.tool, &keys.limits})
+    text += concat({"\n", table_markdown(*table)});
+  return text;
+}
+
+std::string script_keys() {
+  const ScriptKeys& keys = script_key_tables();
+  std::string text = table_markdown(keys.top);
+  for (const TableSpec& action : keys.actions) text += concat({"\n", table_markdown(action)});
+  return text;
+}
+
+}  // namespace palpate

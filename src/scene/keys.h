@@ -1,0 +1,69 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// The keys of a scene and of a script, declared once: the parser checks against these tables, and the
+/// tables of docs/scene.md and docs/script.md are printed from them.
+namespace palpate {
+
+enum class KeyType {
+  kText,       ///< not empty
+  kFile,       ///< a path
+  kChoice,     ///< one of `choices`
+  kFlag,       ///< true or false
+  kNumber,     ///< finite, min ... max
+  kWhole,      ///< whole number, min ... max
+  kColour,     ///< "#rrggbb"
+  kLabels,     ///< list of label numbers and names
+  kNames,      ///< list of names
+  kInterval,   ///< [low, high], low < high, each min ... max
+  kPoints,     ///< list of [x, y, z], each coordinate min ... max
+  kDirection,  ///< one of `choices`, or [x, y, z] that is not zero
+  kTable,      ///< [name]
+  kTables,     ///< [[name]], any number of times
+};
+
+struct KeySpec {
+  std::string_view name;
+  KeyType type;
+  std::string_view default_text = {};  ///< as written in TOML; empty: none
+  std::string_view unit = {};          ///< empty: none
+  double min = 0, max = 0;             ///< of numbers; both 0: no range
+  std::vector<std::string_view> choices = {};
+  std::string_view meaning = {};
+
+  bool has_range() const { return min != 0 || max != 0; }
+};
+
+struct TableSpec {
+  std::string_view heading;  ///< "[data]", "[[tissue]]", "top level"
+  std::string_view about;
+  std::vector<KeySpec> keys;
+
+  const KeySpec* find(std::string_view key) const;
+};
+
+struct SceneKeys {
+  TableSpec top, data, tissue, preparation, tool, limits;
+};
+const SceneKeys& scene_key_tables();
+
+struct ScriptKeys {
+  TableSpec top;
+  std::vector<TableSpec> actions;  ///< of a [[step]], in the order of ScriptStep; first key: the action
+};
+const ScriptKeys& script_key_tables();
+
+/// "0.001 ... 20 N/mm", "\"direct\" or \"fourier\"", "" where everything goes.
+std::string range_text(const KeySpec& key);
+/// "a number", "a list of label numbers and names", ...
+std::string_view type_text(KeyType type);
+/// The shortest decimal that reads back as the same number.
+std::string number_text(double value);
+
+/// The candidate with the least edits from `text`; empty when there is none.
+std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates);
+
+}  // namespace palpate

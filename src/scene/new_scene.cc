@@ -1,0 +1,240 @@
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "palpate/scene.h"
+#include "scene/keys.h"
+#include "scene/toml_text.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// How the scene file names a data file: relative where it lies below the folder, else absolute.
+std::string written_path(const fs::path& file, const fs::path& folder) {
+  std::error_code failed;
+  const fs::path whole = fs::absolute(file, failed).lexically_normal();
+  const fs::path base = fs::absolute(folder.empty() ? fs::path(".") : folder, failed).lexically_normal();
+  const fs::path relative = whole.lexically_relative(base);
+  return relative.empty() || *relative.begin() == ".." ? whole.string() : relative.string();
+}
+
+/// How labels = [...] names a structure: by name where that is unique and can be written, else by number.
+std::string written_label(const Segment& segment, const std::map<std::string, int>& uses) {
+  const bool by_name = !segment.name.empty() && is_utf8(segment.name) && uses.at(segment.name) == 1;
+  return by_name ? toml_string(segment.name) : std::to_string(segment.id);
+}
+
+struct Group {
+  const TissuePreset* preset = nullptr;  ///< null: no name suggested one
+  std::string name;
+  std::vector<const Segment*> segments;
+};
+
+/// A name that no tissue of the scene has yet.
+std::string unused_name(const Segment& segment, std::set<std::string>& taken) {
+  const std::string number = std::to_string(segment.id);
+  std::string name = "label " + number;
+  if (!segment.name.empty() && is_utf8(segment.name) && segment.name.find('\0') == std::string::npos)
+    name = segment.name;
+  while (!taken.insert(name).second) name += " (" + number + ")";
+  return name;
+}
+
+std::vector<Group> group_structures(const LabelMap& labels) {
+  // one tissue a preset, in the presets' order
+  std::vector<Group> groups;
+  std::vector<const Segment*> others;
+  for (const TissuePreset& preset : tissue_presets()) groups.push_back({&preset, preset.name, {}});
+  for (const Segment& segment : labels.segments) {
+    const TissuePreset* preset = match_preset(segment.name);
+    if (!preset) {
+      others.push_back(&segment);
+    } else {
+      groups[static_cast<std::size_t>(preset - tissue_presets().data())].segments.push_back(&segment);
+    }
+  }
+  std::erase_if(groups, [](const Group& group) { return group.segments.empty(); });
+
+  // the rest one by one, or all in one
+  std::set<std::string> taken;
+  for (const Group& group : groups) taken.insert(group.name);
+  if (groups.size() + others.size() <= kMaxTissues) {
+    for (const Segment* segment : others)
+      groups.push_back({nullptr, unused_name(*segment, taken), {segment}});
+  } else {
+    groups.push_back({nullptr, "other structures", others});
+  }
+  return groups;
+}
+
+/// Cartilage rests on bone, meniscus on cartilage, where the scene has both.
+std::string support_of(const Group& group, const std::vector<Group>& groups) {
+  if (!group.preset) return "";
+  const std::string support = group.preset->name == "cartilage"  ? "bone"
+                              : group.preset->name == "meniscus" ? "cartilage"
+                                                                 : "";
+  const bool present = std::any_of(groups.begin(), groups.end(), [&](const Group& other) {
+    return other.preset && other.preset->name == support;
+  });
+  return present ? support : "";
+}
+
+std::string list_text(const std::vector<std::string>& items) {
+  constexpr std::size_t kWidth = 100;
+  std::string text = "[", line;
+  for (const std::string& item : items) {
+    if (!line.empty() && line.size() + item.size() > kWidth) {
+      text += line + "\n          ";
+      line.clear();
+    }
+    line += (line.empty() ? "" : " ") + item + (&item == &items.back() ? "" : ",");
+  }
+  return text + line + "]";
+}
+
+std::string tissue_text(const Group& group, const std::vector<Group>& groups,
+                        const std::map<std::string, int>& uses) {
+  std::string text = "\n[[tissue]]\nname = " + toml_string(group.name) + "\n";
+  if (group.preset) {
+    const TissueSettings& values = group.preset->values;
+    text += "preset = \"" + group.preset->name + "\"  # stiffness " + number_text(values.stiffness_N_per_mm) +
+            " N/mm, friction " + number_text(values.friction_coefficient) + "\n";
+  } else if (group.segments.size() == 1) {
+    text += "# its name suggests no preset: give it one, or a stiffness, and let it be felt\n";
+  } else {
+    text += "# their names suggest no preset, and one tissue for each would be too many: group them\n";
+  }
+  std::vector<std::string> labels;
+  for (const Segment* segment : group.segments) labels.push_back(written_label(*segment, uses));
+  text += "labels = " + list_text(labels) + "\n";
+  if (!group.preset) text += "felt = false\n";
+  if (const std::string support = support_of(group, groups); !support.empty())
+    text += "rests_on = [\"" + support + "\"]\n";
+  return text;
+}
+
+/// Otsu's threshold (IEEE Trans SMC 9:62, 1979) on 256 bins, and the mean of what lies above it.
+struct Split {
+  double threshold = 0, mean_above = 0, bin_width = 0;
+};
+std::optional<Split> otsu_split(const Volume<float>& scan) {
+  constexpr std::size_t kBins = 256;
+  double low = HUGE_VAL, high = -HUGE_VAL;
+  for (const float value : scan.voxels()) {
+    if (!std::isfinite(value)) continue;
+    low = std::min(low, static_cast<double>(value));
+    high = std::max(high, static_cast<double>(value));
+  }
+  if (!(low < high)) return std::nullopt;
+
+  // counts and sums of values a bin
+  std::array<double, kBins> count{}, sum{};
+  double total = 0, total_sum = 0;
+  for (const float value : scan.voxels()) {
+    if (!std::isfinite(value)) continue;
+    const auto bin = static_cast<std::size_t>((value - low) / (high - low) * (kBins - 1));
+    count[bin] += 1;
+    sum[bin] += value;
+    total += 1;
+    total_sum += value;
+  }
+
+  // the border between bins that parts the two classes' means the most, weighted by their sizes
+  Split best{.bin_width = (high - low) / (kBins - 1)};
+  double below = 0, below_sum = 0, best_variance = -1;
+  for (std::size_t bin = 0; bin + 1 < kBins; ++bin) {
+    below += count[bin];
+    below_sum += sum[bin];
+    const double above = total - below;
+    if (below == 0 || above == 0) continue;
+    const double gap = (total_sum - below_sum) / above - below_sum / below;
+    const double variance = below * above * gap * gap;
+    if (variance <= best_variance) continue;
+    best_variance = variance;
+    best.threshold = low + static_cast<double>(bin + 1) * best.bin_width;
+    best.mean_above = (total_sum - below_sum) / above;
+  }
+  return best;
+}
+
+/// A ramp from the threshold half way to the mean of what is bright, so that most of that is felt in full;
+/// both ends rounded to a hundredth of its width, which is finer than a threshold means.
+std::array<double, 2> ramp_of(const Split& split) {
+  const double width = 0.5 * std::max(split.mean_above - split.threshold, split.bin_width);
+  const double step = std::pow(10.0, std::floor(std::log10(width)) - 2);
+  const double low = std::round(split.threshold / step), high = std::round((split.threshold + width) / step);
+  // divided, not multiplied, where the step is a fraction: that gives the decimal number nearest to it
+  return step < 1 ? std::array{low / std::round(1 / step), high / std::round(1 / step)}
+                  : std::array{low * step, high * step};
+}
+
+Result<std::string> threshold_text(const Volume<float>& scan) {
+  const auto split = otsu_split(scan);
+  if (!split) {
+    return Error{ErrorKind::kBadInput, "the scan has the same value everywhere, so nothing stands out in it",
+                 "", "check the scan, or give a label map"};
+  }
+  const auto [low, high] = ramp_of(*split);
+  const KeySpec& key = *scene_key_tables().tissue.find("threshold");
+  if (!(low >= key.min && high <= key.max && low < high)) {
+    return Error{ErrorKind::kBadInput,
+                 "the scan's values need a threshold of " + number_text(split->threshold) +
+                     ", which a scene cannot state",
+                 "", "scale the scan's values to the order of one to a million"};
+  }
+  return std::string("\n[[tissue]]\nname = \"surface\"\n") +
+         "# parts dark from bright by Otsu's method; for bone in a CT try [150, 400]\n" + "threshold = [" +
+         number_text(low) + ", " + number_text(high) + "]\nstiffness = 1.0\n";
+}
+
+}  // namespace
+
+Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& folder) {
+  if (!(input.labels && input.label_map) && !(input.scan && input.scan_volume)) {
+    return Error{ErrorKind::kUsage, "a scene needs a label map or a scan", "",
+                 "name a file of labels, or a scan"};
+  }
+  std::string text = "# Every key with default, unit and range: palpate scene keys\n";
+  if (!input.title.empty()) {
+    if (!is_utf8(input.title))
+      return Error{ErrorKind::kUsage, "the title is not valid UTF-8", "--title", "write it in UTF-8"};
+    text += "title = " + toml_string(input.title) + "\n";
+  }
+  if (input.side != Side::kUnknown)
+    text += input.side == Side::kLeft ? "side = \"left\"\n" : "side = \"right\"\n";
+
+  // the files
+  text += "\n[data]\n";
+  for (const auto& [key, file] :
+       {std::pair{"scan", &input.scan}, {"labels", &input.labels}, {"names", &input.names}}) {
+    if (!*file) continue;
+    const std::string path = written_path(**file, folder);
+    if (!is_utf8(path)) {
+      return Error{ErrorKind::kBadInput, "the path is not valid UTF-8, so no scene file can name it",
+                   (*file)->string(), "rename the file or its folder"};
+    }
+    text += std::string(key) + " = " + toml_string(path) + "\n";
+  }
+
+  // the tissues
+  if (!input.labels) {
+    const auto tissue = threshold_text(*input.scan_volume);
+    if (!tissue) return tissue.error();
+    text += *tissue;
+  } else {
+    if (input.label_map->segments.empty()) {
+      return Error{ErrorKind::kBadInput, "the label map is empty", input.labels->string(),
+                   "give one with structures"};
+    }
+    std::map<std::string, int> uses;
+    for (const Segment& segment : input.label_map->segments) ++uses[segment.name];
+    const std::vector<Group> groups = group_structures(*input.label_map);
+    for (const Group& group : groups) text += tissue_text(group, groups, uses);
+  }
+  return text + "\n[preparation]\nsigma = 1.0  # mm\n";
+}
+
+}  // namespace palpate

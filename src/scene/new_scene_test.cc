@@ -1,0 +1,250 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+#include <set>
+
+#include "palpate/scene.h"
+#include "scene/toml_document.h"
+#include "scene/toml_text.h"
+
+namespace palpate {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+LabelMap make_map(const std::vector<std::string>& names) {
+  LabelMap map;
+  map.layers.emplace_back();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    Segment segment;
+    segment.id = segment.value = static_cast<LabelId>(3 * i + 2);
+    segment.name = names[i];
+    map.segments.push_back(segment);
+  }
+  return map;
+}
+
+Scene new_scene(const NewSceneInput& input, const std::filesystem::path& folder = "/cases") {
+  const auto text = new_scene_text(input, folder);
+  EXPECT_TRUE(text.ok()) << text.error().message();
+  auto scene = parse_scene(*text, "new.toml");
+  EXPECT_TRUE(scene.ok()) << scene.error().message() << "\n" << *text;
+  return *scene;
+}
+
+TEST(NewScene, GroupsStructuresByWhatTheirNamesSuggest) {
+  const LabelMap map =
+      make_map({"femur", "femoral_cartilage", "spleen", "tibia", "medial_meniscus", "", "tumour"});
+  const Scene scene = new_scene({.labels = "/cases/a/labels.nrrd", .label_map = &map, .side = Side::kRight});
+  ASSERT_EQ(scene.tissues.size(), 6u);
+  EXPECT_EQ(scene.side, Side::kRight);
+  EXPECT_EQ(scene.labels, "a/labels.nrrd");
+  EXPECT_EQ(scene.tissues[0].name, "bone");
+  EXPECT_THAT(scene.tissues[0].labels, ElementsAre(LabelReference("femur"), LabelReference("tibia")));
+  EXPECT_EQ(scene.tissues[1].name, "cartilage");
+  EXPECT_THAT(scene.tissues[1].rests_on, ElementsAre("bone"));
+  EXPECT_EQ(scene.tissues[2].name, "meniscus");
+  EXPECT_THAT(scene.tissues[2].rests_on, ElementsAre("cartilage"));
+  EXPECT_EQ(scene.tissues[3].name, "spleen");
+  EXPECT_FALSE(scene.tissues[3].felt);
+  EXPECT_EQ(scene.tissues[4].name, "label 17");
+  EXPECT_THAT(scene.tissues[4].labels, ElementsAre(LabelReference(17)));
+  EXPECT_EQ(scene.tissues[5].name, "tumour");
+}
+
+TEST(NewScene, NothingRestsOnWhatIsNotThere) {
+  const LabelMap map = make_map({"femoral_cartilage", "femur_fat", "lateral_meniscus"});
+  const Scene with_cartilage = new_scene({.labels = "/l.nrrd", .label_map = &map});
+  EXPECT_TRUE(with_cartilage.tissues[0].rests_on.empty());
+  EXPECT_THAT(with_cartilage.tissues[1].rests_on, ElementsAre("cartilage"));
+  const LabelMap meniscus = make_map({"femur", "lateral_meniscus"});
+  EXPECT_TRUE(new_scene({.labels = "/l.nrrd", .label_map = &meniscus}).tissues[1].rests_on.empty());
+}
+
+TEST(NewScene, PutsStructuresTogetherWhenTheyAreTooMany) {
+  std::vector<std::string> names{"femur"};
+  for (int i = 0; i < 63; ++i) names.push_back("region " + std::to_string(i));
+  const LabelMap just_fits = make_map(names);
+  EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &just_fits}).tissues.size(), 64u);
+  names.push_back("region 63");
+  const LabelMap too_many = make_map(names);
+  const Scene scene = new_scene({.labels = "/l.nrrd", .label_map = &too_many});
+  ASSERT_EQ(scene.tissues.size(), 2u);
+  EXPECT_EQ(scene.tissues[1].labels.size(), 64u);
+  EXPECT_FALSE(scene.tissues[1].felt);
+}
+
+TEST(NewScene, WritesPathsRelativeToTheFolderOnlyBelowIt) {
+  const LabelMap map = make_map({"femur"});
+  const Scene scene = new_scene({.scan = "/cases/./a/../scan.nii.gz",
+                                 .labels = "/case/labels.nrrd",
+                                 .names = "/cases/..hidden/names.ctbl",
+                                 .label_map = &map},
+                                "/cases/");
+  EXPECT_EQ(scene.scan, "scan.nii.gz");
+  EXPECT_EQ(scene.labels, "/case/labels.nrrd");
+  EXPECT_EQ(scene.names, "..hidden/names.ctbl");
+  const Scene here = new_scene({.labels = "labels.nrrd", .label_map = &map}, "");
+  EXPECT_EQ(here.labels, "labels.nrrd");
+}
+
+// every structure comes back into exactly one tissue, whatever it is called
+TEST(NewScene, RoundTripsAnyNames) {
+  const unsigned seed = 20240611;
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const std::vector<std::string> parts{"\"",
+                                       "\\",
+                                       "\n",
+                                       "\r",
+                                       "\t",
+                                       "'",
+                                       "#",
+                                       "]",
+                                       "[[tissue]]",
+                                       std::string(1, '\0'),
+                                       "\x7f",
+                                       "\x1b",
+                                       "é",
+                                       "骨",
+                                       "😀",
+                                       "\xff",
+                                       "\xc0\x80",
+                                       "\xed\xa0\x80",
+                                       "femur",
+                                       "bone",
+                                       " ",
+                                       "_",
+                                       "a",
+                                       "\"\"\"",
+                                       "\\u0041",
+                                       "\xe2\x80\xa8",
+                                       "\xef\xbf\xbf",
+                                       "."};
+  for (int round = 0; round < 300; ++round) {
+    std::vector<std::string> names(1 + random() % 80);
+    for (std::string& name : names)
+      for (auto length = random() % 5; length > 0; --length) name += parts[random() % parts.size()];
+    std::string file = "/cases/";
+    for (int i = 0; i < 4; ++i) {
+      const std::string& part = parts[random() % parts.size()];
+      if (is_utf8(part) && part != std::string(1, '\0')) file += part;
+    }
+    const LabelMap map = make_map(names);
+    const Scene scene = new_scene({.labels = file + "x", .label_map = &map, .title = "\"\\\n# [x]"});
+    EXPECT_EQ(scene.title, "\"\\\n# [x]");
+    EXPECT_EQ("/cases" / *scene.labels, std::filesystem::path(file + "x").lexically_normal());
+    const auto ids = resolve_labels(scene, map);
+    ASSERT_TRUE(ids.ok()) << ids.error().message();
+    std::multiset<int> found, expected;
+    for (const auto& tissue : *ids) found.insert(tissue.begin(), tissue.end());
+    for (const Segment& segment : map.segments) expected.insert(segment.id);
+    ASSERT_EQ(found, expected);
+  }
+}
+
+TEST(NewScene, IsDeterministic) {
+  const LabelMap map = make_map({"femur", "x", "y", "patellar_cartilage"});
+  const NewSceneInput input{.labels = "/l.nrrd", .label_map = &map};
+  EXPECT_EQ(*new_scene_text(input, "/"), *new_scene_text(input, "/"));
+}
+
+Volume<float> scan_of(const std::vector<float>& values) {
+  GridGeometry grid;
+  grid.dims = {static_cast<int>(values.size()), 1, 1};
+  return {grid, values};
+}
+
+// two well-parted classes: the threshold lies between them, at any scale and offset
+TEST(NewScene, AScanAloneIsPartedBetweenItsTwoClasses) {
+  for (const float scale : {0.001f, 1.f, 500.f}) {
+    for (const float offset : {-1000.f, 0.f, 3000.f}) {
+      std::vector<float> values;
+      for (int i = 0; i < 100; ++i) values.push_back(offset * scale + scale * static_cast<float>(i % 10));
+      for (int i = 0; i < 40; ++i)
+        values.push_back(offset * scale + scale * static_cast<float>(100 + i % 10));
+      const Volume<float> scan = scan_of(values);
+      const Scene scene = new_scene({.scan = "/s.nii", .scan_volume = &scan});
+      ASSERT_EQ(scene.tissues.size(), 1u);
+      const auto [low, high] = *scene.tissues[0].threshold;
+      EXPECT_GE(low, scale * (offset + 8.5)) << scale << " " << offset;
+      EXPECT_LE(low, scale * (offset + 100)) << scale << " " << offset;
+      EXPECT_GT(high, low);
+      EXPECT_LE(high, scale * (offset + 105)) << scale << " " << offset;
+      EXPECT_TRUE(scene.tissues[0].felt);
+    }
+  }
+}
+
+TEST(NewScene, IgnoresValuesThatAreNotFinite) {
+  const Volume<float> scan = scan_of({NAN, 1, 1, 1, INFINITY, 5, 5, -INFINITY});
+  const auto threshold = *new_scene({.scan = "/s.nii", .scan_volume = &scan}).tissues[0].threshold;
+  EXPECT_GT(threshold[0], 1);
+  EXPECT_LT(threshold[1], 5);
+}
+
+TEST(NewScene, SaysWhatItCannotWrite) {
+  const LabelMap map = make_map({"femur"}), empty = make_map({});
+  const Volume<float> flat = scan_of({3, 3, 3}), none = scan_of({NAN, NAN}),
+                      huge = scan_of({0, 1e30f, 1e30f});
+  EXPECT_FALSE(new_scene_text({}, "/").ok());
+  EXPECT_FALSE(new_scene_text({.labels = "/l.nrrd", .label_map = &empty}, "/").ok());
+  EXPECT_FALSE(new_scene_text({.labels = "/\xff.nrrd", .label_map = &map}, "/").ok());
+  EXPECT_FALSE(new_scene_text({.labels = "/l.nrrd", .label_map = &map, .title = "\xff"}, "/").ok());
+  for (const auto* scan : {&flat, &none, &huge})
+    EXPECT_FALSE(new_scene_text({.scan = "/s.nii", .scan_volume = scan}, "/").ok());
+}
+
+TEST(TomlText, EscapesWhatABasicStringMayNotHold) {
+  EXPECT_EQ(toml_string("a\"b\\c\nd\x7f"), "\"a\\\"b\\\\c\\u000Ad\\u007F\"");
+  for (int c = 0; c < 128; ++c) {
+    const std::string text(1, static_cast<char>(c));
+    const auto table = parse_toml("a = " + toml_string(text), 100, "t");
+    ASSERT_TRUE(table.ok()) << c << table.error().message();
+    EXPECT_EQ(*table->find("a")->as<std::string>(), text);
+  }
+}
+
+// against the definition: decode every sequence of up to four bytes from a set that has all borders
+TEST(TomlText, KnowsWellFormedUtf8) {
+  const std::vector<int> bytes{0x00, 0x7F, 0x80, 0x8F, 0x90, 0x9F, 0xA0, 0xBF, 0xC0, 0xC1, 0xC2,
+                               0xDF, 0xE0, 0xE1, 0xED, 0xEE, 0xEF, 0xF0, 0xF1, 0xF4, 0xF5, 0xFF};
+  const auto reference = [](const std::vector<int>& s) {
+    std::size_t i = 0;
+    while (i < s.size()) {
+      const int n = s[i] < 0x80         ? 1
+                    : (s[i] >> 5) == 6  ? 2
+                    : (s[i] >> 4) == 14 ? 3
+                    : (s[i] >> 3) == 30 ? 4
+                                        : 0;
+      if (n == 0 || i + n > s.size()) return false;
+      int code = n == 1 ? s[i] : s[i] & (0x7F >> n);
+      for (int j = 1; j < n; ++j) {
+        if ((s[i + j] >> 6) != 2) return false;
+        code = (code << 6) | (s[i + j] & 0x3F);
+      }
+      const int least[] = {0, 0, 0x80, 0x800, 0x10000};
+      if (code < least[n] || code > 0x10FFFF || (code >= 0xD800 && code <= 0xDFFF)) return false;
+      i += n;
+    }
+    return true;
+  };
+  const std::size_t n = bytes.size();
+  for (std::size_t length = 1, total = n; length <= 4; ++length, total *= n) {
+    for (std::size_t k = 0; k < total; ++k) {
+      std::vector<int> sequence;
+      std::string text;
+      for (std::size_t j = 0, rest = k; j < length; ++j, rest /= n) {
+        sequence.push_back(bytes[rest % n]);
+        text += static_cast<char>(sequence.back());
+      }
+      ASSERT_EQ(is_utf8(text), reference(sequence)) << testing::PrintToString(sequence);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,168 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "base/test_files.h"
+#include "palpate/scene.h"
+#include "scene/keys.h"
+
+namespace palpate {
+namespace {
+
+using testing::ElementsAreArray;
+
+std::string preset_of(const std::string& name) {
+  const TissuePreset* preset = match_preset(name);
+  return preset ? preset->name : "";
+}
+
+/// The names in a colour table of Slicer's.
+std::vector<std::string> colour_table_names(const std::string& path) {
+  std::ifstream file(path);
+  std::vector<std::string> names;
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    std::string id, name;
+    if (words >> id >> name && id != "#") names.push_back(name);
+  }
+  return names;
+}
+
+double stiffness_of(const std::string& name) {
+  for (const TissuePreset& preset : tissue_presets()) {
+    if (preset.name == name) return preset.values.stiffness_N_per_mm;
+  }
+  ADD_FAILURE() << name;
+  return 0;
+}
+
+TEST(TissuePresets, AreTheChoicesOfTheKey) {
+  std::vector<std::string_view> names;
+  for (const TissuePreset& preset : tissue_presets()) names.push_back(preset.name);
+  EXPECT_THAT(scene_key_tables().tissue.find("preset")->choices, ElementsAreArray(names));
+}
+
+TEST(TissuePresets, EveryValueIsOneThatASceneMayHave) {
+  for (const TissuePreset& preset : tissue_presets()) {
+    const TissueSettings& v = preset.values;
+    for (const auto& [key, value] : {std::pair{"stiffness", v.stiffness_N_per_mm},
+                                     {"friction", v.friction_coefficient},
+                                     {"friction_damping", v.friction_damping_N_s_per_mm},
+                                     {"friction_max", v.friction_max_N},
+                                     {"viscosity", v.viscosity_N_s_per_mm},
+                                     {"opacity", v.opacity}}) {
+      const KeySpec& spec = *scene_key_tables().tissue.find(key);
+      EXPECT_GE(value, spec.min) << preset.name << " " << key;
+      EXPECT_LE(value, spec.max) << preset.name << " " << key;
+    }
+    EXPECT_FALSE(preset.source.empty());
+    EXPECT_TRUE(v.felt);
+    EXPECT_EQ(v.preset, preset.name);
+  }
+}
+
+// the stiffness that each published modulus gives under a flat punch of 1.5 mm radius, worked out by hand,
+// felt through a spring of 1.5 N/mm
+TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
+  EXPECT_EQ(stiffness_of("bone"), 1.5);        // 61 kN/mm
+  EXPECT_EQ(stiffness_of("ligament"), 1.45);   // 3 * 11 / 0.75 = 44 N/mm
+  EXPECT_EQ(stiffness_of("cartilage"), 0.91);  // 3 * 0.7724 / 0.99 = 2.341 N/mm
+  EXPECT_EQ(stiffness_of("meniscus"), 0.29);   // 3 * 0.12 = 0.36 N/mm
+  EXPECT_EQ(stiffness_of("nerve"), 0.14);      // 4 * 0.0387 = 0.155 N/mm
+  EXPECT_EQ(stiffness_of("muscle"), 0.052);    // 4 * 0.0135 = 0.054 N/mm
+  EXPECT_EQ(stiffness_of("vessel"), 0.046);    // 0.771 * 0.25 / (0.149 * 27) = 0.0479 N/mm
+  EXPECT_EQ(stiffness_of("fat"), 0.036);       // 4 * 0.00912 = 0.0365 N/mm
+}
+
+TEST(TissuePresets, WhatRestsOnSomethingIsSofter) {
+  EXPECT_LT(stiffness_of("cartilage"), stiffness_of("bone"));
+  EXPECT_LT(stiffness_of("meniscus"), stiffness_of("cartilage"));
+}
+
+TEST(MatchPreset, KnowsEveryNameOfTheKneeAtlas) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> expected{
+      {"bone", {"femur", "tibia", "fibula", "patella"}},
+      {"cartilage",
+       {"femoral_cartilage", "lateral_tibial_cartilage", "medial_tibial_cartilage", "patellar_cartilage"}},
+      {"meniscus", {"lateral_meniscus", "medial_meniscus"}},
+      {"ligament",
+       {"anterior_cruciate_ligament", "posterior_cruciate_ligament", "fibular_collateral_ligament",
+        "tibial_collateral_ligament", "patellar_ligament", "adductor_magnus_tendon", "biceps_femoris_tendon",
+        "iliotibial_tract", "popliteus_tendon", "soleus_tendon", "semitendinosus_tendon", "gracilis_tendon"}},
+      {"muscle",
+       {"vastus_lateralis_muscle", "vastus_medialis_muscle", "biceps_femoris_muscle",
+        "semimembranosus_muscle", "semitendinosus_muscle", "gracilis_muscle", "sartorius_muscle",
+        "medial_head_gastrocnemius_muscle", "lateral_head_gastrocnemius_muscle", "popliteus_muscle",
+        "soleus_muscle", "tibialis_anterior_muscle", "extensor_digitorum_longus_muscle",
+        "peroneus_longus_muscle"}},
+      {"fat", {"infrapatellar_fat_body"}},
+      {"vessel",
+       {"popliteal_artery", "popliteal_vein", "superior_medial_genicular_artery",
+        "superior_lateral_genicular_artery", "middle_genicular_artery", "great_saphenous_vein",
+        "small_saphenous_vein"}},
+      {"nerve",
+       {"peroneus_nerve", "tibialis_nerve", "muscular_branches_tibialis_nerve",
+        "medial_sural_cutaneous_nerve"}}};
+  for (const auto& [preset, names] : expected)
+    for (const std::string& name : names) EXPECT_EQ(preset_of(name), preset) << name;
+}
+
+TEST(MatchPreset, KnowsNamesOfWholeBodySegmentations) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> expected{
+      {"bone", {"vertebrae_L5", "vertebrae_S1",  "rib_left_4",     "rib_right_12",  "sacrum",
+                "hip_left",     "scapula_right", "clavicula_left", "humerus_right", "femur_left",
+                "skull",        "sternum",       "carpal",         "metatarsal",    "phalanges_hand",
+                "ulna",         "radius",        "LeftFemur",      "Femur2",        "T12 vertebra",
+                "bone"}},
+      {"cartilage", {"costal_cartilages", "Cartilage of the femur", "femurCartilage"}},
+      {"muscle", {"gluteus_maximus_left", "autochthon_right", "iliopsoas_left", "skeletal_muscle"}},
+      {"fat", {"subcutaneous_fat", "torso_fat", "intermuscular_fat"}},
+      {"vessel",
+       {"aorta", "inferior_vena_cava", "portal_vein_and_splenic_vein", "iliac_artery_left",
+        "iliac_vena_right", "pulmonary_vein", "brachiocephalic_trunk", "common_carotid_artery_left"}},
+      {"nerve", {"sciatic_nerve", "brachial_plexus"}},
+      {"ligament", {"Achilles Tendon", "patella tendon", "ACL", "ligamentum_flavum", "iliotibial band"}},
+      {"",
+       {"", "spleen", "kidney_right", "liver", "spinal_cord", "brain", "heart", "Hippocampus_L", "Rectus_L",
+        "trunk", "tract", "tribute", "fibril", "label 3", "95"}}};
+  for (const auto& [preset, names] : expected)
+    for (const std::string& name : names) EXPECT_EQ(preset_of(name), preset) << name;
+}
+
+// no structure of the real tables is left without a preset
+TEST(MatchPreset, CoversTheColourTableOfTheKneeAtlas) {
+  PALPATE_SHARED_FILE(path, "knee_spl/knee.ctbl");
+  const std::vector<std::string> names = colour_table_names(path);
+  EXPECT_EQ(names.size(), 48u);
+  for (const std::string& name : names) EXPECT_NE(preset_of(name), "") << name;
+}
+
+// the embedded scene has every structure of the atlas, in the tissue that its preset says, and no other
+TEST(EmbeddedScene, KneeIsTheAtlas) {
+  PALPATE_SHARED_FILE(path, "knee_spl/knee.ctbl");
+  const auto scene = parse_scene(*embedded_scene("knee-atlas"), "knee.toml");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  std::vector<std::string> labels;
+  for (const TissueSettings& tissue : scene->tissues) {
+    for (const LabelReference& label : tissue.labels) {
+      labels.push_back(std::get<std::string>(label));
+      EXPECT_EQ(preset_of(labels.back()), tissue.preset) << labels.back();
+    }
+  }
+  EXPECT_THAT(labels, testing::UnorderedElementsAreArray(colour_table_names(path)));
+}
+
+TEST(MatchPreset, CoversTheTableOfTheDessKnee) {
+  PALPATE_SHARED_FILE(path, "knee_dess/labels.tsv");
+  std::ifstream file(path);
+  std::string header;
+  std::getline(file, header);
+  int count = 0;
+  for (std::string id, name; file >> id >> name; ++count) EXPECT_NE(preset_of(name), "") << name;
+  EXPECT_EQ(count, 10);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,85 @@
+#include <algorithm>
+#include <map>
+
+#include "palpate/scene.h"
+
+namespace palpate {
+namespace {
+
+std::string quoted(const LabelReference& label) {
+  if (const auto* number = std::get_if<int>(&label)) return std::to_string(*number);
+  return "\"" + std::get<std::string>(label) + "\"";
+}
+
+/// The label map's segments by number and by name.
+class Index {
+ public:
+  explicit Index(const LabelMap& labels) {
+    for (const Segment& segment : labels.segments) {
+      by_number_[segment.id].push_back(segment.id);
+      by_name_[segment.name].push_back(segment.id);
+    }
+  }
+  /// Every segment that a reference means: one id, or all that bear the name.
+  const std::vector<LabelId>& find(const LabelReference& label) const {
+    static const std::vector<LabelId> none;
+    if (const auto* number = std::get_if<int>(&label)) {
+      const auto found = by_number_.find(*number);
+      return found == by_number_.end() ? none : found->second;
+    }
+    const auto found = by_name_.find(std::get<std::string>(label));
+    return found == by_name_.end() ? none : found->second;
+  }
+
+ private:
+  std::map<int, std::vector<LabelId>> by_number_;
+  std::map<std::string_view, std::vector<LabelId>> by_name_;
+};
+
+/// What the map has instead, shortened to a line.
+std::string known_labels(const LabelMap& labels) {
+  constexpr std::size_t kMaxListed = 400;
+  std::string list;
+  for (const Segment& segment : labels.segments) {
+    if (list.size() > kMaxListed) return list + ", ...";
+    list += (list.empty() ? "" : ", ") + std::to_string(segment.id);
+    if (!segment.name.empty()) list += " " + segment.name;
+  }
+  return list.empty() ? "the label map is empty" : "the label map has " + list;
+}
+
+}  // namespace
+
+Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, const LabelMap& labels) {
+  std::vector<std::vector<LabelId>> ids_of_tissue(scene.tissues.size());
+  const Index index(labels);
+  std::map<LabelId, const TissueSettings*> owner;
+  for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
+    const TissueSettings& tissue = scene.tissues[i];
+    const std::string where = scene.source + ":" + std::to_string(tissue.line);
+    for (const LabelReference& label : tissue.labels) {
+      const std::vector<LabelId>& ids = index.find(label);
+      if (ids.empty() && !tissue.optional) {
+        return Error{
+            ErrorKind::kBadInput,
+            "tissue \"" + tissue.name + "\" has the label " + quoted(label) + ", which the label map lacks",
+            where, known_labels(labels)};
+      }
+      for (const LabelId id : ids) {
+        const auto [entry, fresh] = owner.emplace(id, &tissue);
+        if (!fresh) {
+          return Error{ErrorKind::kBadInput,
+                       "tissue \"" + tissue.name + "\" claims label " + quoted(label) + ", which \"" +
+                           entry->second->name + "\" (line " + std::to_string(entry->second->line) +
+                           ") already has",
+                       where, "leave each structure in one tissue, once"};
+        }
+        ids_of_tissue[i].push_back(id);
+      }
+    }
+    std::sort(ids_of_tissue[i].begin(), ids_of_tissue[i].end());
+  }
+  return ids_of_tissue;
+}
+
+}  // namespace palpate

@@ -1,0 +1,261 @@
+#include "palpate/scene.h"
+
+#include <algorithm>
+
+#include "base/file.h"
+#include "scene/table_reader.h"
+
+namespace palpate {
+namespace {
+
+Side parse_side(const std::string& text) {
+  if (text == "left") return Side::kLeft;
+  if (text == "right") return Side::kRight;
+  return Side::kUnknown;
+}
+
+void read_data(const TableReader& data, Scene& scene) {
+  if (const auto scan = data.text("scan")) scene.scan = *scan;
+  if (const auto labels = data.text("labels")) scene.labels = *labels;
+  if (const auto names = data.text("names")) scene.names = *names;
+}
+
+TissueSettings starting_values(const TableReader& reader) {
+  const auto preset = reader.choice("preset");
+  if (!preset) return {};
+  const auto& presets = tissue_presets();
+  const auto found =
+      std::find_if(presets.begin(), presets.end(), [&](const auto& p) { return p.name == *preset; });
+  PALPATE_CHECK(found != presets.end());
+  return found->values;
+}
+
+TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
+  TissueSettings tissue = starting_values(reader);
+  tissue.line = reader.line();
+  tissue.name = reader.text("name").value_or("");
+  if (!reader.has("name")) problems.add(reader.line(), "a tissue without a name", "add: name = \"...\"");
+
+  // what belongs to it
+  if (const auto labels = reader.labels("labels")) tissue.labels = *labels;
+  tissue.threshold = reader.interval("threshold");
+  tissue.optional = reader.flag("optional").value_or(false);
+  const bool by_labels = reader.has("labels"), by_threshold = reader.has("threshold");
+  if (by_labels == by_threshold) {
+    problems.add(reader.line(),
+                 "tissue \"" + tissue.name + "\" has " + (by_labels ? "both" : "neither") +
+                     (by_labels ? " labels and" : " labels nor") + " a threshold",
+                 "a tissue is made of labels, or of what lies above a threshold in the scan");
+  }
+  if (by_threshold && tissue.optional) {
+    problems.add(reader.line("optional"), "a tissue by threshold cannot be optional",
+                 "optional is for labels that a map may lack");
+  }
+
+  // how it feels
+  const auto set = [&](const char* key, double& value) { value = reader.number(key).value_or(value); };
+  tissue.felt = reader.flag("felt").value_or(tissue.felt);
+  set("stiffness", tissue.stiffness_N_per_mm);
+  set("friction", tissue.friction_coefficient);
+  set("friction_damping", tissue.friction_damping_N_s_per_mm);
+  set("friction_max", tissue.friction_max_N);
+  set("viscosity", tissue.viscosity_N_s_per_mm);
+  if (const auto names = reader.names("rests_on")) tissue.rests_on = *names;
+
+  // how it looks
+  if (const auto colour = reader.colour("colour")) tissue.colour = *colour;
+  set("opacity", tissue.opacity);
+  return tissue;
+}
+
+void read_preparation(const TableReader& reader, PreparationSettings& preparation, Problems& problems) {
+  preparation.sigma_mm = reader.number("sigma").value_or(preparation.sigma_mm);
+  if (const auto engine = reader.choice("engine"))
+    preparation.engine = *engine == "fourier" ? GaussianEngine::kFourier : GaussianEngine::kDirect;
+  if (const auto bits = reader.whole("bits")) {
+    if (*bits != 8 && *bits != 16)
+      problems.add(reader.line("bits"), "bits = " + std::to_string(*bits) + " is neither 8 nor 16",
+                   "bits takes 8 or 16; default 16");
+    preparation.storage = *bits == 8 ? FieldStorage::k8Bit : FieldStorage::k16Bit;
+  }
+}
+
+void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
+  tool.name = reader.text("name").value_or(tool.name);
+  const auto points = reader.points("points");
+  if (!points) return;
+  if (points->empty() || points->size() > kMaxToolPoints) {
+    problems.add(reader.line("points"), "points has " + std::to_string(points->size()) + " points",
+                 "a tool has 1 to " + std::to_string(kMaxToolPoints) + " points");
+    return;
+  }
+  tool.points_mm = *points;
+}
+
+/// The index of a tissue by name, or -1.
+int index_of(const Scene& scene, const std::string& name) {
+  for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
+    if (scene.tissues[i].name == name) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+void check_names(const Scene& scene, Problems& problems) {
+  std::vector<std::string_view> all;
+  for (const auto& tissue : scene.tissues) all.push_back(tissue.name);
+  for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
+    const TissueSettings& tissue = scene.tissues[i];
+    const TissueSettings& first = scene.tissues[static_cast<std::size_t>(index_of(scene, tissue.name))];
+    if (&first != &tissue) {
+      problems.add(
+          tissue.line,
+          "a second tissue \"" + tissue.name + "\"; the first is on line " + std::to_string(first.line),
+          "give every tissue a name of its own");
+    }
+    const auto unknown = std::find_if(tissue.rests_on.begin(), tissue.rests_on.end(),
+                                      [&](const std::string& name) { return index_of(scene, name) < 0; });
+    if (unknown != tissue.rests_on.end()) {
+      problems.add(tissue.line,
+                   "tissue \"" + tissue.name + "\" rests on \"" + *unknown + "\", which is no tissue here",
+                   "did you mean \"" + std::string(nearest(*unknown, all)) + "\"?");
+    }
+  }
+}
+
+/// Walks the supports of a tissue; `path` holds the way down to it.
+bool check_cycle(const Scene& scene, int index, std::vector<int>& path, std::vector<bool>& done,
+                 Problems& problems) {
+  const auto begin = std::find(path.begin(), path.end(), index);
+  const TissueSettings& tissue = scene.tissues[static_cast<std::size_t>(index)];
+  if (begin != path.end()) {
+    std::string circle;
+    for (auto i = begin; i != path.end(); ++i)
+      circle += scene.tissues[static_cast<std::size_t>(*i)].name + " on ";
+    problems.add(tissue.line, "rests_on goes round in a circle: " + circle + tissue.name,
+                 "take one of them out; something has to stand by itself");
+    return false;
+  }
+  if (done[static_cast<std::size_t>(index)]) return true;
+  path.push_back(index);
+  for (const std::string& name : tissue.rests_on) {
+    if (!check_cycle(scene, index_of(scene, name), path, done, problems)) return false;
+  }
+  path.pop_back();
+  done[static_cast<std::size_t>(index)] = true;
+  return true;
+}
+
+/// The field is never to fall on the way from a tissue into its support: where it falls, the direct
+/// methods' force points inward.
+void check_stiffness_order(const Scene& scene, Problems& problems) {
+  for (const TissueSettings& tissue : scene.tissues) {
+    if (!tissue.felt) continue;
+    for (const std::string& name : tissue.rests_on) {
+      const TissueSettings& support = scene.tissues[static_cast<std::size_t>(index_of(scene, name))];
+      if (!support.felt) {
+        problems.add(
+            tissue.line, "tissue \"" + tissue.name + "\" rests on \"" + name + "\", which is not felt",
+            "the force would point inward where they meet; let both be felt, or take it out of rests_on");
+      } else if (tissue.stiffness_N_per_mm > support.stiffness_N_per_mm) {
+        problems.add(tissue.line,
+                     "tissue \"" + tissue.name + "\" (" + number_text(tissue.stiffness_N_per_mm) +
+                         " N/mm) is stiffer than \"" + name + "\" (" +
+                         number_text(support.stiffness_N_per_mm) + " N/mm), which it rests on",
+                     "the force would point inward where they meet; make the upper one at most as stiff");
+      }
+    }
+  }
+}
+
+/// Every tissue needs the volume that it is taken from.
+void check_volumes(const Scene& scene, int data_line, Problems& problems) {
+  if (!scene.scan && !scene.labels) {
+    problems.add(data_line, "[data] names neither a scan nor labels",
+                 "add: labels = \"...\", or scan = \"...\"");
+    return;
+  }
+  if (scene.names && !scene.labels)
+    problems.add(data_line, "[data] has names for labels, but no labels", "add: labels = \"...\"");
+  for (const TissueSettings& tissue : scene.tissues) {
+    if (tissue.threshold && !scene.scan)
+      problems.add(tissue.line, "tissue \"" + tissue.name + "\" has a threshold, but the scene has no scan",
+                   "add to [data]: scan = \"...\"");
+    if (!tissue.labels.empty() && !scene.labels)
+      problems.add(tissue.line, "tissue \"" + tissue.name + "\" has labels, but the scene has no label map",
+                   "add to [data]: labels = \"...\", or give the tissue a threshold");
+  }
+}
+
+void read_tissues(const TableReader& top, Scene& scene, Problems& problems) {
+  const auto tables = top.tables("tissue");
+  if (tables.empty()) {
+    problems.add(top.line("tissue"), "the scene has no tissue", "add a [[tissue]] with a name and labels");
+    return;
+  }
+  if (tables.size() > kMaxTissues) {
+    problems.add(tables[kMaxTissues]->line,
+                 std::to_string(tables.size()) + " tissues, more than " + std::to_string(kMaxTissues),
+                 "group structures that feel alike into one tissue");
+    return;
+  }
+  for (const TomlTable* table : tables)
+    scene.tissues.push_back(read_tissue(TableReader(table, scene_key_tables().tissue, problems), problems));
+}
+
+}  // namespace
+
+std::filesystem::path Scene::resolve(const std::filesystem::path& file) const {
+  return file.is_absolute() ? file : folder / file;
+}
+
+Result<Scene> parse_scene(std::string_view text, const std::string& source) {
+  auto document = parse_toml(text, kMaxSceneBytes, source);
+  if (!document) return document.error();
+
+  const SceneKeys& keys = scene_key_tables();
+  Problems problems(source);
+  Scene scene;
+  scene.source = source;
+  const TableReader top(&*document, keys.top, problems);
+  scene.title = top.text("title").value_or("");
+  scene.side = parse_side(top.choice("side").value_or("unknown"));
+  read_data(TableReader(top.table("data"), keys.data, problems), scene);
+  read_tissues(top, scene, problems);
+  read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,
+                   problems);
+  read_tool(TableReader(top.table("tool"), keys.tool, problems), scene.tool, problems);
+  scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");
+  if (problems.any()) return problems.first();
+
+  // what only the whole scene shows; the later checks need the names to be right
+  check_names(scene, problems);
+  if (top.has("data")) check_volumes(scene, top.line("data"), problems);
+  if (problems.any()) return problems.first();
+  std::vector<bool> done(scene.tissues.size(), false);
+  for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
+    std::vector<int> path;
+    if (!check_cycle(scene, static_cast<int>(i), path, done, problems)) return problems.first();
+  }
+  check_stiffness_order(scene, problems);
+  if (problems.any()) return problems.first();
+  return scene;
+}
+
+Result<Scene> load_scene(const std::filesystem::path& file) {
+  const auto text = read_file(file, kMaxSceneBytes);
+  if (!text) return text.error();
+  auto scene = parse_scene(*text, file.string());
+  if (!scene) return scene.error();
+  if (!scene->scan && !scene->labels) {
+    return Error{ErrorKind::kBadInput, "the scene names no data", file.string(),
+                 "add a [data] table with labels = \"...\", or scan = \"...\""};
+  }
+  scene->folder = file.parent_path();
+  return scene;
+}
+
+Result<void> write_scene_text(const std::filesystem::path& file, std::string_view text) {
+  return write_file(file, text);
+}
+
+}  // namespace palpate

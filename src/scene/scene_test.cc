@@ -1,0 +1,424 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+
+#include "palpate/scene.h"
+#include "scene/keys.h"
+
+namespace palpate {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+namespace fs = std::filesystem;
+
+constexpr const char* kKnee = R"(title = "A knee"
+side = "left"
+[data]
+scan = "scan.nii.gz"
+labels = "/data/labels.nrrd"
+names = "names.ctbl"
+[[tissue]]
+name = "bone"
+preset = "bone"
+labels = ["femur", 96]
+[[tissue]]
+name = "cartilage"
+preset = "cartilage"
+labels = ["femoral_cartilage"]
+optional = true
+stiffness = 0.5
+friction = 0.02
+friction_damping = 0.004
+friction_max = 0.3
+viscosity = 0.002
+colour = "#0aF1b2"
+opacity = 0.25
+felt = true
+rests_on = ["bone"]
+[[tissue]]
+name = "bright"
+threshold = [-150.5, 400]
+felt = false
+[preparation]
+sigma = 0.75
+engine = "fourier"
+bits = 8
+[tool]
+name = "probe"
+points = [[0, 0, 0], [1, 0.5, -2]]
+[limits]
+max_force = 2.5
+)";
+
+TEST(ParseScene, ReadsEveryKey) {
+  const auto parsed = parse_scene(kKnee, "scene.toml");
+  ASSERT_TRUE(parsed.ok()) << parsed.error().message();
+  const Scene& scene = *parsed;
+  EXPECT_EQ(scene.title, "A knee");
+  EXPECT_EQ(scene.side, Side::kLeft);
+  EXPECT_EQ(scene.scan, "scan.nii.gz");
+  EXPECT_EQ(scene.labels, "/data/labels.nrrd");
+  EXPECT_EQ(scene.names, "names.ctbl");
+  EXPECT_EQ(scene.source, "scene.toml");
+  ASSERT_EQ(scene.tissues.size(), 3u);
+
+  const TissueSettings& bone = scene.tissues[0];
+  EXPECT_EQ(bone.preset, "bone");
+  EXPECT_EQ(bone.line, 7);
+  EXPECT_THAT(bone.labels, ElementsAre(LabelReference("femur"), LabelReference(96)));
+  EXPECT_EQ(bone.stiffness_N_per_mm, tissue_presets()[0].values.stiffness_N_per_mm);
+  EXPECT_FALSE(bone.optional);
+  EXPECT_FALSE(bone.colour.has_value());
+
+  const TissueSettings& cartilage = scene.tissues[1];
+  EXPECT_TRUE(cartilage.optional);
+  EXPECT_EQ(cartilage.stiffness_N_per_mm, 0.5);
+  EXPECT_EQ(cartilage.friction_coefficient, 0.02);
+  EXPECT_EQ(cartilage.friction_damping_N_s_per_mm, 0.004);
+  EXPECT_EQ(cartilage.friction_max_N, 0.3);
+  EXPECT_EQ(cartilage.viscosity_N_s_per_mm, 0.002);
+  EXPECT_EQ(cartilage.colour, (Rgb{0x0a, 0xf1, 0xb2}));
+  EXPECT_EQ(cartilage.opacity, 0.25);
+  EXPECT_THAT(cartilage.rests_on, ElementsAre("bone"));
+
+  EXPECT_THAT(*scene.tissues[2].threshold, ElementsAre(-150.5, 400));
+  EXPECT_FALSE(scene.tissues[2].felt);
+  EXPECT_EQ(scene.preparation.sigma_mm, 0.75);
+  EXPECT_EQ(scene.preparation.engine, GaussianEngine::kFourier);
+  EXPECT_EQ(scene.preparation.storage, FieldStorage::k8Bit);
+  EXPECT_EQ(scene.tool.name, "probe");
+  ASSERT_EQ(scene.tool.points_mm.size(), 2u);
+  EXPECT_EQ(scene.tool.points_mm[1], Eigen::Vector3d(1, 0.5, -2));
+  EXPECT_EQ(scene.max_force_N, 2.5);
+}
+
+double default_of(const TableSpec& table, std::string_view key) {
+  return std::stod(std::string(table.find(key)->default_text));
+}
+
+// what the documentation says is the default is what an absent key gives
+TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
+  const auto scene = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n", "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  const SceneKeys& keys = scene_key_tables();
+  const TissueSettings& tissue = scene->tissues[0];
+  EXPECT_EQ(tissue.stiffness_N_per_mm, default_of(keys.tissue, "stiffness"));
+  EXPECT_EQ(tissue.friction_coefficient, default_of(keys.tissue, "friction"));
+  EXPECT_EQ(tissue.friction_damping_N_s_per_mm, default_of(keys.tissue, "friction_damping"));
+  EXPECT_EQ(tissue.friction_max_N, default_of(keys.tissue, "friction_max"));
+  EXPECT_EQ(tissue.viscosity_N_s_per_mm, default_of(keys.tissue, "viscosity"));
+  EXPECT_EQ(tissue.opacity, default_of(keys.tissue, "opacity"));
+  EXPECT_EQ(keys.tissue.find("felt")->default_text, tissue.felt ? "true" : "false");
+  EXPECT_EQ(keys.tissue.find("optional")->default_text, tissue.optional ? "true" : "false");
+  EXPECT_TRUE(tissue.rests_on.empty());
+  EXPECT_EQ(scene->preparation.sigma_mm, default_of(keys.preparation, "sigma"));
+  EXPECT_EQ(scene->preparation.engine, GaussianEngine::kDirect);
+  EXPECT_EQ(keys.preparation.find("engine")->default_text, "\"direct\"");
+  EXPECT_EQ(scene->preparation.storage, FieldStorage::k16Bit);
+  EXPECT_EQ(default_of(keys.preparation, "bits"), 16);
+  EXPECT_EQ(keys.tool.find("name")->default_text, "\"" + scene->tool.name + "\"");
+  ASSERT_EQ(scene->tool.points_mm.size(), 1u);
+  EXPECT_EQ(scene->tool.points_mm[0], Eigen::Vector3d::Zero());
+  EXPECT_EQ(keys.tool.find("points")->default_text, "[[0, 0, 0]]");
+  EXPECT_EQ(scene->side, Side::kUnknown);
+  EXPECT_FALSE(scene->max_force_N.has_value());
+}
+
+TEST(ParseScene, WithoutDataTheVolumesComeFromTheCaller) {
+  const auto scene =
+      parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[[tissue]]\nname = 'b'\nthreshold = [1, 2]\n", "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_FALSE(scene->labels.has_value());
+  EXPECT_FALSE(scene->scan.has_value());
+}
+
+struct BadScene {
+  const char* text;
+  int line;
+  const char* what;
+  const char* remedy;
+};
+
+void PrintTo(const BadScene& bad, std::ostream* out) {
+  *out << bad.text;
+}
+
+class ParseSceneError : public testing::TestWithParam<BadScene> {};
+
+TEST_P(ParseSceneError, NamesLineReasonAndRemedy) {
+  const auto scene = parse_scene(GetParam().text, "scene.toml");
+  ASSERT_FALSE(scene.ok());
+  EXPECT_EQ(scene.error().kind, ErrorKind::kBadInput);
+  EXPECT_EQ(scene.error().where, "scene.toml:" + std::to_string(GetParam().line)) << scene.error().message();
+  EXPECT_THAT(scene.error().what, HasSubstr(GetParam().what));
+  EXPECT_THAT(scene.error().remedy, HasSubstr(GetParam().remedy));
+}
+
+#define TISSUE "[[tissue]]\nname = 'a'\nlabels = [1]\n"
+
+INSTANTIATE_TEST_SUITE_P(
+    Keys, ParseSceneError,
+    testing::Values(
+        BadScene{TISSUE "stifness = 1\n", 4, "unknown key \"stifness\" in [[tissue]]",
+                 "did you mean stiffness?"},
+        BadScene{"tilte = 'x'\n" TISSUE, 1, "unknown key \"tilte\"", "did you mean title?"},
+        BadScene{TISSUE "[preperation]\nsigma = 1\n", 4, "unknown key \"preperation\"",
+                 "did you mean preparation?"},
+        BadScene{TISSUE "[data]\nlabels = 'l'\nscam = 's'\n", 6, "unknown key \"scam\" in [data]",
+                 "did you mean scan?"},
+        BadScene{TISSUE "[limits]\nmax_forse = 3\n", 5, "unknown key", "did you mean max_force?"},
+        BadScene{TISSUE "[tool]\npoint = [[0,0,0]]\n", 5, "unknown key", "did you mean points?"},
+        BadScene{TISSUE "preset = 'bome'\n", 4, "unknown preset \"bome\"", "did you mean \"bone\"?"},
+        BadScene{"side = 'lefft'\n" TISSUE, 1, "unknown side", "did you mean \"left\"?"},
+        BadScene{TISSUE "[preparation]\nengine = 'fft'\n", 5, "unknown engine", "\"direct\" or \"fourier\""},
+        // the problem that comes first in the file is the one that is told
+        BadScene{TISSUE "opacity = 2\nstifness = 1\n", 4, "opacity = 2 is outside 0 ... 1", ""},
+        BadScene{TISSUE "stifness = 1\nopacity = 2\n", 4, "unknown key", ""}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Types, ParseSceneError,
+    testing::Values(
+        BadScene{TISSUE "stiffness = 'hard'\n", 4, "stiffness is a text",
+                 "a number, 0.001 ... 20 N/mm; default 1"},
+        BadScene{TISSUE "felt = 1\n", 4, "felt is a whole number", "true or false"},
+        BadScene{TISSUE "colour = [1, 2, 3]\n", 4, "colour is a list", "a colour"},
+        BadScene{TISSUE "colour = '#12345g'\n", 4, "not a colour", "#e6e696"},
+        BadScene{TISSUE "colour = '#12345'\n", 4, "not a colour", "hexadecimal"},
+        BadScene{TISSUE "colour = '1234567'\n", 4, "not a colour", "hexadecimal"},
+        BadScene{TISSUE "rests_on = 'b'\n", 4, "rests_on is a text", "a list of names"},
+        BadScene{TISSUE "rests_on = [1]\n", 4, "rests_on holds a whole number", "a list of names"},
+        BadScene{"title = 3\n" TISSUE, 1, "title is a whole number", "a text"},
+        BadScene{"title = ''\n" TISSUE, 1, "title is empty", "give it a text"},
+        BadScene{"title = 1979-05-27\n" TISSUE, 1, "title is a date", "a text"},
+        BadScene{"side = 2\n" TISSUE, 1, "side is a whole number", "\"left\", \"right\" or \"unknown\""},
+        BadScene{"data = 'knee'\n" TISSUE, 1, "data is a text", "write [data]"},
+        BadScene{"tissue = 5\n", 1, "tissue is a whole number", "write [[tissue]]"},
+        BadScene{"tissue = [5]\n", 1, "tissue is a whole number", "write [[tissue]]"},
+        BadScene{"[tissue]\nname = 'a'\n", 1, "tissue is a table", "write [[tissue]]"},
+        BadScene{TISSUE "[data]\nscan = \"a\\u0000b\"\n", 5, "zero byte", ""},
+        BadScene{"[[tissue]]\nname = 'a'\nlabels = 'femur'\n", 3, "labels is a text",
+                 "a list of label names"},
+        BadScene{"[[tissue]]\nname = 'a'\nlabels = []\n", 3, "labels is an empty list", "at least one"},
+        BadScene{"[[tissue]]\nname = 'a'\nlabels = [1.5]\n", 3, "labels holds a number",
+                 "a list of label names"},
+        BadScene{"[[tissue]]\nname = 'a'\nlabels = [\n  1,\n  70000]\n", 5,
+                 "labels = 70000 is outside 1 ... 65535", ""},
+        BadScene{"[[tissue]]\nname = 'a'\nlabels = [0]\n", 3, "labels = 0 is outside", ""},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = 150\n", 3, "threshold is not a list of two numbers",
+                 ""},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2, 3]\n", 3,
+                 "threshold is not a list of two numbers", ""},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [2, 'x']\n", 3, "holds a text where a number belongs",
+                 ""},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [2, 2]\n", 3, "begins at 2, which is not below",
+                 "lower number first"},
+        BadScene{TISSUE "[tool]\npoints = [0, 0, 0]\n", 5, "not three numbers", "a list of points"},
+        BadScene{TISSUE "[tool]\npoints = [[0, 0]]\n", 5, "not three numbers", "a list of points"}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Ranges, ParseSceneError,
+    testing::Values(
+        BadScene{TISSUE "stiffness = 20.01\n", 4, "stiffness = 20.01 is outside 0.001 ... 20 N/mm", ""},
+        BadScene{TISSUE "stiffness = 0\n", 4, "stiffness = 0 is outside", ""},
+        BadScene{TISSUE "stiffness = nan\n", 4, "stiffness is not a finite number", ""},
+        BadScene{TISSUE "stiffness = -inf\n", 4, "stiffness is not a finite number", ""},
+        BadScene{TISSUE "friction = 2.5\n", 4, "outside 0 ... 2", ""},
+        BadScene{TISSUE "friction_damping = 0.2\n", 4, "outside 0 ... 0.1 N·s/mm", ""},
+        BadScene{TISSUE "friction_max = -1\n", 4, "outside 0 ... 10 N", ""},
+        BadScene{TISSUE "viscosity = 1\n", 4, "outside 0 ... 0.1 N·s/mm", ""},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [0, 1e300]\n", 3,
+                 "outside -1000000000 ... 1000000000 the scan's unit", ""},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [0, inf]\n", 3, "not a finite number", ""},
+        BadScene{TISSUE "[preparation]\nsigma = 10.5\n", 5, "sigma = 10.5 is outside 0 ... 10 mm", ""},
+        BadScene{TISSUE "[preparation]\nbits = 12\n", 5, "bits = 12 is neither 8 nor 16", ""},
+        BadScene{TISSUE "[preparation]\nbits = 8.0\n", 5, "bits is a number", "a whole number"},
+        BadScene{TISSUE "[limits]\nmax_force = 41\n", 5, "max_force = 41 is outside 0.1 ... 40 N", ""},
+        BadScene{TISSUE "[tool]\npoints = [[0, 0, 101]]\n", 5, "points = 101 is outside -100 ... 100 mm", ""},
+        BadScene{TISSUE "[tool]\npoints = []\n", 5, "points has 0 points", "1 to 4"},
+        BadScene{TISSUE "[tool]\npoints = [[0,0,0],[0,0,0],[0,0,0],[0,0,0],[0,0,0]]\n", 5,
+                 "points has 5 points", ""}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Meaning, ParseSceneError,
+    testing::Values(
+        BadScene{"", 1, "the scene has no tissue", "add a [[tissue]]"},
+        BadScene{"[[tissue]]\nlabels = [1]\n", 1, "a tissue without a name", "name = "},
+        BadScene{"[[tissue]]\nname = ''\nlabels = [1]\n", 2, "name is empty", ""},
+        BadScene{"[[tissue]]\nname = 'a'\n", 1, "neither labels nor a threshold", ""},
+        BadScene{TISSUE "threshold = [1, 2]\n", 1, "both labels and a threshold", ""},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2]\noptional = true\n", 4, "cannot be optional",
+                 ""},
+        BadScene{TISSUE "\n[[tissue]]\nname = 'a'\nlabels = [2]\n", 5,
+                 "a second tissue \"a\"; the first is on line 1", ""},
+        BadScene{TISSUE "rests_on = ['bone']\n[[tissue]]\nname = 'bones'\nlabels = [2]\n", 1,
+                 "rests on \"bone\", which is no tissue here", "did you mean \"bones\"?"},
+        BadScene{TISSUE "rests_on = ['a']\n", 1, "in a circle: a on a", ""},
+        BadScene{TISSUE "rests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\nrests_on = ['c']\n"
+                        "[[tissue]]\nname = 'c'\nlabels = [3]\nrests_on = ['b']\n",
+                 5, "in a circle: b on c on b", ""},
+        BadScene{TISSUE "rests_on = ['b']\nstiffness = 1.5\n[[tissue]]\nname = 'b'\nlabels = [2]\n", 1,
+                 "\"a\" (1.5 N/mm) is stiffer than \"b\" (1 N/mm)", "inward"},
+        BadScene{TISSUE "rests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\nfelt = false\n", 1,
+                 "rests on \"b\", which is not felt", "inward"},
+        BadScene{TISSUE "[data]\n", 4, "neither a scan nor labels", "labels = "},
+        BadScene{TISSUE "[data]\nscan = 's'\n", 1, "has labels, but the scene has no label map", "labels = "},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2]\n[data]\nlabels = 'l'\n", 1,
+                 "has a threshold, but the scene has no scan", "scan = "},
+        BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2]\n[data]\nscan = 's'\nnames = 'n'\n", 4,
+                 "names for labels, but no labels", ""}));
+
+TEST(NumberText, IsShortAndReadsBack) {
+  for (const auto& [value, text] : {std::pair{0.1, "0.1"},
+                                    {1e9, "1000000000"},
+                                    {-2.5, "-2.5"},
+                                    {0.0, "0"},
+                                    {9007199254740991.0, "9007199254740991"},
+                                    {1e300, "1e+300"},
+                                    {1e-9, "1e-09"}}) {
+    EXPECT_EQ(number_text(value), text);
+    EXPECT_EQ(std::stod(number_text(value)), value);
+  }
+}
+
+TEST(ParseScene, UnfeltTissueMayRestOnAnything) {
+  EXPECT_TRUE(
+      parse_scene(
+          TISSUE "felt = false\nstiffness = 5\nrests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\n", "t")
+          .ok());
+}
+
+TEST(ParseScene, LimitsTissuesAndSize) {
+  std::string text;
+  for (std::size_t i = 1; i <= kMaxTissues; ++i)
+    text += "[[tissue]]\nname = 'a" + std::to_string(i) + "'\nlabels = [" + std::to_string(i) + "]\n";
+  EXPECT_TRUE(parse_scene(text, "t").ok());
+  const auto too_many = parse_scene(text + "[[tissue]]\nname = 'one more'\nlabels = [100]\n", "t");
+  ASSERT_FALSE(too_many.ok());
+  EXPECT_EQ(too_many.error().where, "t:" + std::to_string(3 * kMaxTissues + 1));
+  EXPECT_THAT(too_many.error().what, HasSubstr("65 tissues, more than 64"));
+
+  text.resize(kMaxSceneBytes, '\n');
+  EXPECT_TRUE(parse_scene(text, "t").ok());
+  const auto too_long = parse_scene(text + "\n", "t");
+  ASSERT_FALSE(too_long.ok());
+  EXPECT_THAT(too_long.error().what, HasSubstr("4194305 bytes"));
+}
+
+// work that grows faster than the text would make these run for minutes
+TEST(ParseScene, HostileTextsAreRefusedSoon) {
+  const auto filled = [](std::string text, const std::function<std::string(int)>& unit) {
+    for (int i = 0; text.size() < kMaxSceneBytes - 100; ++i) text += unit(i);
+    return text;
+  };
+  const auto unknown_key = [](int i) {
+    std::string line = "k";
+    line += std::to_string(i);
+    return line += "=1\n";
+  };
+  EXPECT_FALSE(parse_scene(filled("", unknown_key), "t").ok());
+  EXPECT_FALSE(parse_scene(filled(TISSUE, unknown_key), "t").ok());
+  EXPECT_FALSE(parse_scene(filled(TISSUE "rests_on = [", [](int) { return "'b',"; }) + "]", "t").ok());
+  EXPECT_FALSE(parse_scene(filled("tissue = [", [](int) { return "5,"; }) + "]", "t").ok());
+  EXPECT_FALSE(parse_scene(filled("", [](int) { return "[[tissue]]\n"; }), "t").ok());
+  EXPECT_FALSE(parse_scene(filled("'", [](int) { return "x"; }) + "' = 1\n" TISSUE, "t").ok());
+  const auto many_labels = parse_scene(
+      filled("[[tissue]]\nname = 'a'\noptional = true\nlabels = [", [](int) { return "'b',"; }) + "]", "t");
+  ASSERT_TRUE(many_labels.ok()) << many_labels.error().message();
+  LabelMap map;
+  for (int id = 1; id < 1000; ++id) map.segments.push_back({static_cast<LabelId>(id), "x", {}, 0, 0});
+  EXPECT_TRUE(resolve_labels(*many_labels, map).ok());
+}
+
+class LoadScene : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("palpate-scene-test-" + std::to_string(::getpid()));
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path write(const std::string& text) {
+    const fs::path file = folder_ / "scene.toml";
+    std::ofstream(file, std::ios::binary) << text;
+    return file;
+  }
+  fs::path folder_;
+};
+
+TEST_F(LoadScene, ResolvesPathsBesideTheSceneFile) {
+  const auto scene = load_scene(write(kKnee));
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_EQ(scene->resolve(*scene->scan), folder_ / "scan.nii.gz");
+  EXPECT_EQ(scene->resolve(*scene->labels), "/data/labels.nrrd");
+}
+
+TEST_F(LoadScene, NeedsData) {
+  const auto scene = load_scene(write("[[tissue]]\nname = 'a'\nlabels = [1]\n"));
+  ASSERT_FALSE(scene.ok());
+  EXPECT_THAT(scene.error().what, HasSubstr("names no data"));
+}
+
+TEST_F(LoadScene, ErrorsNameTheFile) {
+  EXPECT_FALSE(load_scene(folder_ / "absent.toml").ok());
+  const auto scene = load_scene(write("title = 5\n"));
+  ASSERT_FALSE(scene.ok());
+  EXPECT_EQ(scene.error().where, (folder_ / "scene.toml").string() + ":1");
+}
+
+TEST_F(LoadScene, WritesWholeFiles) {
+  const fs::path file = folder_ / "new.toml";
+  ASSERT_TRUE(write_scene_text(file, kKnee).ok());
+  EXPECT_TRUE(load_scene(file).ok());
+  const auto failed = write_scene_text(folder_ / "absent" / "new.toml", kKnee);
+  ASSERT_FALSE(failed.ok());
+  EXPECT_EQ(failed.error().kind, ErrorKind::kOutput);
+}
+
+TEST(EmbeddedScene, EveryOneParses) {
+  for (const char* name : {"knee", "knee-phantom", "knee-atlas", "head"}) {
+    const auto text = embedded_scene(name);
+    ASSERT_TRUE(text.has_value()) << name;
+    const auto scene = parse_scene(*text, name);
+    ASSERT_TRUE(scene.ok()) << scene.error().message();
+    EXPECT_FALSE(scene->scan || scene->labels);
+  }
+  EXPECT_EQ(embedded_scene("knee-phantom"), embedded_scene("knee-atlas"));
+  EXPECT_FALSE(embedded_scene("elbow").has_value());
+}
+
+TEST(EmbeddedScene, IsTheFileInData) {
+  std::ifstream file(PALPATE_SOURCE_DIR "/data/scenes/knee.toml", std::ios::binary);
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  EXPECT_EQ(embedded_scene("knee"), text);
+}
+
+TEST(EmbeddedScene, KneeHasItsJointFeltAndTheRestShown) {
+  const auto scene = parse_scene(*embedded_scene("knee"), "knee.toml");
+  ASSERT_TRUE(scene.ok());
+  EXPECT_EQ(scene->side, Side::kUnknown) << "the anatomy tells";
+  for (const TissueSettings& tissue : scene->tissues) {
+    const bool of_the_joint = tissue.name == "bone" || tissue.name == "cartilage" ||
+                              tissue.name == "meniscus" || tissue.name == "ligament";
+    EXPECT_EQ(tissue.felt, of_the_joint) << tissue.name;
+  }
+}
+
+TEST(EmbeddedScene, HeadTakesEveryRegionOnce) {
+  const auto scene = parse_scene(*embedded_scene("head"), "head.toml");
+  ASSERT_TRUE(scene.ok());
+  std::vector<int> ids;
+  for (const TissueSettings& tissue : scene->tissues)
+    for (const LabelReference& label : tissue.labels) ids.push_back(std::get<int>(label));
+  std::sort(ids.begin(), ids.end());
+  ASSERT_EQ(ids.size(), 116u);
+  for (int i = 0; i < 116; ++i) EXPECT_EQ(ids[static_cast<std::size_t>(i)], i + 1);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,208 @@
+#include <algorithm>
+
+#include "base/file.h"
+#include "palpate/scene.h"
+#include "scene/table_reader.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::array<std::pair<std::string_view, std::array<double, 3>>, 6> kPatientDirections{
+    {{"superior", {0, 0, 1}},
+     {"inferior", {0, 0, -1}},
+     {"anterior", {0, -1, 0}},
+     {"posterior", {0, 1, 0}},
+     {"left", {1, 0, 0}},
+     {"right", {-1, 0, 0}}}};
+constexpr std::array<std::pair<std::string_view, std::array<double, 3>>, 3> kWorldDirections{
+    {{"right", {1, 0, 0}}, {"forward", {0, 1, 0}}, {"up", {0, 0, 1}}}};
+
+template <class Names>
+Eigen::Vector3d vector_of(const std::variant<std::string, Eigen::Vector3d>& direction, const Names& names) {
+  if (const auto* vector = std::get_if<Eigen::Vector3d>(&direction)) return *vector;
+  const auto found = std::find_if(names.begin(), names.end(), [&](const auto& named) {
+    return named.first == std::get<std::string>(direction);
+  });
+  PALPATE_CHECK(found != names.end());
+  return {found->second[0], found->second[1], found->second[2]};
+}
+
+/// "#95" has to be a number that a label can have.
+bool is_structure(const std::string& text) {
+  if (text.front() != '#') return true;
+  constexpr std::size_t kMaxDigits = 5;
+  if (text.size() < 2 || text.size() > 1 + kMaxDigits || text[1] == '0') return false;
+  int number = 0;
+  for (const char c : text.substr(1)) {
+    if (c < '0' || c > '9') return false;
+    number = 10 * number + (c - '0');
+  }
+  return number <= 65535;
+}
+
+ScriptStep read_approach(const TableReader& reader, Problems& problems) {
+  ApproachStep step;
+  step.structure = reader.text("approach").value_or("");
+  if (!step.structure.empty() && !is_structure(step.structure)) {
+    problems.add(reader.line("approach"), "approach = \"" + step.structure + "\" is no label number",
+                 "a label number is written \"#1\" ... \"#65535\"");
+  }
+  step.speed_mm_s = reader.number("speed").value_or(step.speed_mm_s);
+  step.clearance_mm = reader.number("clearance").value_or(step.clearance_mm);
+  return step;
+}
+
+ScriptStep read_press(const TableReader& reader, Problems&) {
+  PressStep step;
+  step.force_N = reader.number("press").value_or(step.force_N);
+  step.settle_s = reader.number("settle").value_or(step.settle_s);
+  return step;
+}
+
+ScriptStep read_hold(const TableReader& reader, Problems&) {
+  HoldStep step;
+  step.seconds = reader.number("hold").value_or(step.seconds);
+  return step;
+}
+
+ScriptStep read_slide(const TableReader& reader, Problems&) {
+  SlideStep step;
+  step.distance_mm = reader.number("slide").value_or(step.distance_mm);
+  if (const auto direction = reader.direction("direction"))
+    step.direction = Vector<Patient>(vector_of(*direction, kPatientDirections));
+  step.speed_mm_s = reader.number("speed").value_or(step.speed_mm_s);
+  return step;
+}
+
+ScriptStep read_rotate(const TableReader& reader, Problems&) {
+  RotateStep step;
+  step.degrees = reader.number("rotate").value_or(step.degrees);
+  if (const auto axis = reader.direction("axis"))
+    step.axis_world = vector_of(*axis, kWorldDirections).normalized();
+  step.seconds = reader.number("seconds").value_or(step.seconds);
+  return step;
+}
+
+ScriptStep read_leave(const TableReader& reader, Problems& problems) {
+  LeaveStep step;
+  if (!reader.flag("leave").value_or(true))
+    problems.add(reader.line("leave"), "leave = false does nothing",
+                 "write leave = true, or take the step out");
+  step.speed_mm_s = reader.number("speed").value_or(step.speed_mm_s);
+  return step;
+}
+
+using ReadStep = ScriptStep (*)(const TableReader&, Problems&);
+// in the order of script_key_tables().actions
+constexpr std::array<ReadStep, 6> kReadStep{read_approach, read_press,  read_hold,
+                                            read_slide,    read_rotate, read_leave};
+
+std::string action_names() {
+  std::string names;
+  for (const TableSpec& action : script_key_tables().actions)
+    names += (names.empty() ? "" : ", ") + std::string(action.heading);
+  return names;
+}
+
+/// Which action a [[step]] is for: the one whose key it has. Problem and nothing unless there is just one.
+std::optional<std::size_t> find_action(const TomlTable& table, Problems& problems) {
+  const auto& actions = script_key_tables().actions;
+  std::optional<std::size_t> found;
+  for (std::size_t i = 0; i < actions.size(); ++i) {
+    const TomlValue* value = table.find(actions[i].heading);
+    if (!value) continue;
+    if (found) {
+      problems.add(table.line,
+                   "a step with two actions, " + std::string(actions[*found].heading) + " and " +
+                       std::string(actions[i].heading),
+                   "give each a [[step]] of its own");
+      return std::nullopt;
+    }
+    found = i;
+  }
+  if (found) return found;
+  std::vector<std::string_view> names;
+  for (const TableSpec& action : actions) names.push_back(action.heading);
+  std::string remedy = "a step has one of " + action_names();
+  if (!table.entries.empty())
+    remedy = "did you mean " + std::string(nearest(table.entries.front().key, names)) + "? " + remedy;
+  problems.add(table.entries.empty() ? table.line : table.entries.front().value.line,
+               "a step without an action", remedy);
+  return std::nullopt;
+}
+
+/// Contact has to be made before it is used, and ended before the next one is made.
+void check_order(const Script& script, Problems& problems) {
+  const auto& actions = script_key_tables().actions;
+  const ApproachStep* touching = nullptr;
+  int since = 0;
+  for (std::size_t i = 0; i < script.steps.size(); ++i) {
+    const ScriptStep& step = script.steps[i];
+    if (const auto* approach = std::get_if<ApproachStep>(&step)) {
+      if (touching) {
+        problems.add(script.lines[i],
+                     "approach while still touching \"" + touching->structure + "\" (line " +
+                         std::to_string(since) + ")",
+                     "put a step with leave = true before it");
+      }
+      touching = approach;
+      since = script.lines[i];
+    } else if (!std::holds_alternative<RotateStep>(step)) {
+      if (!touching)
+        problems.add(script.lines[i], std::string(actions[step.index()].heading) + " without contact",
+                     "put a step with approach = \"...\" before it");
+      if (std::holds_alternative<LeaveStep>(step)) touching = nullptr;
+    }
+  }
+}
+
+void read_steps(const TableReader& top, Script& script, Problems& problems) {
+  const auto tables = top.tables("step");
+  if (tables.empty()) {
+    problems.add(top.line("step"), "the script has no step", "add a [[step]] with approach = \"...\"");
+    return;
+  }
+  if (tables.size() > kMaxScriptSteps) {
+    problems.add(tables[kMaxScriptSteps]->line,
+                 std::to_string(tables.size()) + " steps, more than " + std::to_string(kMaxScriptSteps),
+                 "split the script");
+    return;
+  }
+  for (const TomlTable* table : tables) {
+    const auto action = find_action(*table, problems);
+    if (!action) continue;
+    const TableReader reader(table, script_key_tables().actions[*action], problems);
+    script.steps.push_back(kReadStep[*action](reader, problems));
+    script.lines.push_back(table->line);
+  }
+}
+
+}  // namespace
+
+Result<Script> parse_script(std::string_view text, const std::string& source) {
+  auto document = parse_toml(text, kMaxSceneBytes, source);
+  if (!document) return document.error();
+
+  Problems problems(source);
+  Script script;
+  script.source = source;
+  const TableReader top(&*document, script_key_tables().top, problems);
+  script.title = top.text("title").value_or(script.title);
+  script.device = top.text("device").value_or(script.device);
+  script.hand = top.text("hand").value_or(script.hand);
+  script.rate_hz = top.number("rate").value_or(script.rate_hz);
+  script.tremor_mm = top.number("tremor").value_or(script.tremor_mm);
+  if (const auto seed = top.whole("seed")) script.seed = static_cast<std::uint64_t>(*seed);
+  read_steps(top, script, problems);
+  if (!problems.any()) check_order(script, problems);
+  if (problems.any()) return problems.first();
+  return script;
+}
+
+Result<Script> load_script(const std::filesystem::path& file) {
+  const auto text = read_file(file, kMaxSceneBytes);
+  if (!text) return text.error();
+  return parse_script(*text, file.string());
+}
+
+}  // namespace palpate

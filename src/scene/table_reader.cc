@@ -1,0 +1,366 @@
+#include "scene/table_reader.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+/// What a value is, for errors.
+std::string found_text(const TomlValue& value) {
+  constexpr std::array<const char*, 7> kKinds{"true or false", "a whole number", "a number", "a text",
+                                              "a date",        "a list",         "a table"};
+  return kKinds[value.content.index()];
+}
+
+/// What a key takes, as a remedy: "stiffness takes a number, 0.001 ... 20 N/mm; default 1".
+std::string remedy_text(const KeySpec& key) {
+  std::string text = std::string(key.name) + " takes ";
+  const std::string range = range_text(key);
+  if (key.type == KeyType::kChoice || key.type == KeyType::kDirection) {
+    text += range;
+  } else {
+    text += std::string(type_text(key.type)) + (range.empty() ? "" : ", " + range);
+  }
+  if (key.type == KeyType::kTable) text = "write [" + std::string(key.name) + "] on a line of its own";
+  if (key.type == KeyType::kTables) text = "write [[" + std::string(key.name) + "]] on a line of its own";
+  return key.default_text.empty() ? text : text + "; default " + std::string(key.default_text);
+}
+
+std::optional<double> as_number(const TomlValue& value) {
+  if (const auto* number = value.as<double>()) return *number;
+  if (const auto* whole = value.as<std::int64_t>()) return static_cast<double>(*whole);
+  return std::nullopt;
+}
+
+int hex_digit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+}  // namespace
+
+void Problems::add(int line, std::string what, std::string remedy) {
+  if (first_ && line >= line_) return;
+  line_ = line;
+  first_ =
+      Error{ErrorKind::kBadInput, std::move(what), source_ + ":" + std::to_string(line), std::move(remedy)};
+}
+
+TableReader::TableReader(const TomlTable* table, const TableSpec& spec, Problems& problems)
+    : table_(table), spec_(spec), problems_(problems) {
+  if (!table_) return;
+  // entries stand in the order of their lines, so the first unknown one is the one to tell
+  const auto unknown = std::find_if(table_->entries.begin(), table_->entries.end(),
+                                    [&](const TomlEntry& entry) { return !spec.find(entry.key); });
+  if (unknown == table_->entries.end()) return;
+  std::vector<std::string_view> known;
+  std::string list;
+  for (const KeySpec& key : spec.keys) {
+    known.push_back(key.name);
+    list += (list.empty() ? "" : ", ") + std::string(key.name);
+  }
+  problems_.add(unknown->value.line, "unknown key \"" + unknown->key + "\" in " + std::string(spec.heading),
+                "did you mean " + std::string(nearest(unknown->key, known)) + "? The keys here are " + list);
+}
+
+const TomlValue* TableReader::find(std::string_view key, const KeySpec** spec) const {
+  const KeySpec* declared = spec_.find(key);
+  PALPATE_CHECK(declared != nullptr);
+  if (spec) *spec = declared;
+  return table_ ? table_->find(key) : nullptr;
+}
+
+const TomlValue* TableReader::find(std::string_view key, KeyType type, const KeySpec** spec) const {
+  const TomlValue* value = find(key, spec);
+  PALPATE_CHECK((*spec)->type == type);
+  return value;
+}
+
+int TableReader::line(std::string_view key) const {
+  const TomlValue* value = find(key, nullptr);
+  return value ? value->line : line();
+}
+
+void TableReader::wrong_type(const KeySpec& key, const TomlValue& value) const {
+  problems_.add(value.line, std::string(key.name) + " is " + found_text(value), remedy_text(key));
+}
+
+std::optional<std::string> TableReader::text(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, &spec);
+  PALPATE_CHECK(spec->type == KeyType::kText || spec->type == KeyType::kFile);
+  if (!value) return std::nullopt;
+  const auto* text = value->as<std::string>();
+  if (!text) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  // a zero byte would end a file's name, and an empty text names nothing
+  if (text->empty() || text->find('\0') != std::string::npos) {
+    problems_.add(value->line, std::string(key) + (text->empty() ? " is empty" : " holds a zero byte"),
+                  spec->default_text.empty() ? "give it a text" : remedy_text(*spec));
+    return std::nullopt;
+  }
+  return *text;
+}
+
+std::optional<std::string> TableReader::choice(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kChoice, &spec);
+  if (!value) return std::nullopt;
+  const auto* text = value->as<std::string>();
+  if (!text) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  if (std::find(spec->choices.begin(), spec->choices.end(), *text) == spec->choices.end()) {
+    problems_.add(
+        value->line, "unknown " + std::string(key) + " \"" + *text + "\"",
+        "did you mean \"" + std::string(nearest(*text, spec->choices)) + "\"? " + remedy_text(*spec));
+    return std::nullopt;
+  }
+  return *text;
+}
+
+std::optional<bool> TableReader::flag(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kFlag, &spec);
+  if (!value) return std::nullopt;
+  if (const auto* flag = value->as<bool>()) return *flag;
+  wrong_type(*spec, *value);
+  return std::nullopt;
+}
+
+std::optional<double> TableReader::number_in_range(const KeySpec& key, const TomlValue& value,
+                                                   int line) const {
+  const std::string name(key.name);
+  const auto number = as_number(value);
+  if (!number) {
+    problems_.add(line, name + " holds " + found_text(value) + " where a number belongs", remedy_text(key));
+    return std::nullopt;
+  }
+  if (!std::isfinite(*number)) {
+    problems_.add(line, name + " is not a finite number", remedy_text(key));
+    return std::nullopt;
+  }
+  if (key.has_range() && (*number < key.min || *number > key.max)) {
+    problems_.add(line, name + " = " + number_text(*number) + " is outside " + range_text(key),
+                  remedy_text(key));
+    return std::nullopt;
+  }
+  return number;
+}
+
+std::optional<double> TableReader::number(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kNumber, &spec);
+  if (!value) return std::nullopt;
+  if (!as_number(*value)) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  return number_in_range(*spec, *value, value->line);
+}
+
+std::optional<std::int64_t> TableReader::whole(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kWhole, &spec);
+  if (!value) return std::nullopt;
+  const auto* whole = value->as<std::int64_t>();
+  if (!whole) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  return number_in_range(*spec, *value, value->line) ? std::optional(*whole) : std::nullopt;
+}
+
+std::optional<Rgb> TableReader::colour(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kColour, &spec);
+  if (!value) return std::nullopt;
+  const auto* text = value->as<std::string>();
+  if (!text) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  std::array<int, 6> digits{};
+  bool valid = text->size() == 7 && text->front() == '#';
+  for (std::size_t i = 0; valid && i < digits.size(); ++i) {
+    digits[i] = hex_digit((*text)[i + 1]);
+    valid = digits[i] >= 0;
+  }
+  if (!valid) {
+    problems_.add(value->line, std::string(key) + " = \"" + *text + "\" is not a colour",
+                  "write red, green and blue in hexadecimal digits, e.g. \"#e6e696\"");
+    return std::nullopt;
+  }
+  const auto channel = [&](std::size_t i) {
+    return static_cast<std::uint8_t>(16 * digits[2 * i] + digits[2 * i + 1]);
+  };
+  return Rgb{channel(0), channel(1), channel(2)};
+}
+
+std::optional<std::vector<LabelReference>> TableReader::labels(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kLabels, &spec);
+  if (!value) return std::nullopt;
+  const auto* items = value->as<TomlArray>();
+  if (!items) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  if (items->empty()) {
+    problems_.add(value->line, std::string(key) + " is an empty list", "name at least one structure");
+    return std::nullopt;
+  }
+  std::vector<LabelReference> labels;
+  for (const TomlValue& item : *items) {
+    if (const auto* name = item.as<std::string>()) {
+      labels.emplace_back(*name);
+    } else if (const auto* number = item.as<std::int64_t>()) {
+      if (!number_in_range(*spec, item, item.line)) return std::nullopt;
+      labels.emplace_back(static_cast<int>(*number));
+    } else {
+      problems_.add(item.line, std::string(key) + " holds " + found_text(item), remedy_text(*spec));
+      return std::nullopt;
+    }
+  }
+  return labels;
+}
+
+std::optional<std::vector<std::string>> TableReader::names(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kNames, &spec);
+  if (!value) return std::nullopt;
+  const auto* items = value->as<TomlArray>();
+  if (!items) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  std::vector<std::string> names;
+  for (const TomlValue& item : *items) {
+    const auto* name = item.as<std::string>();
+    if (!name) {
+      problems_.add(item.line, std::string(key) + " holds " + found_text(item), remedy_text(*spec));
+      return std::nullopt;
+    }
+    names.push_back(*name);
+  }
+  return names;
+}
+
+std::optional<std::array<double, 2>> TableReader::interval(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kInterval, &spec);
+  if (!value) return std::nullopt;
+  const auto* items = value->as<TomlArray>();
+  if (!items || items->size() != 2) {
+    problems_.add(value->line, std::string(key) + " is not a list of two numbers", remedy_text(*spec));
+    return std::nullopt;
+  }
+  const auto low = number_in_range(*spec, items->front(), items->front().line);
+  const auto high = number_in_range(*spec, items->back(), items->back().line);
+  if (!low || !high) return std::nullopt;
+  if (*low >= *high) {
+    problems_.add(value->line,
+                  std::string(key) + " begins at " + number_text(*low) + ", which is not below its end " +
+                      number_text(*high),
+                  "write the lower number first");
+    return std::nullopt;
+  }
+  return std::array{*low, *high};
+}
+
+std::optional<Eigen::Vector3d> TableReader::vector3(const KeySpec& key, const TomlValue& value,
+                                                    int line) const {
+  const auto* items = value.as<TomlArray>();
+  if (!items || items->size() != 3) {
+    problems_.add(line, std::string(key.name) + " holds something that is not three numbers [x, y, z]",
+                  remedy_text(key));
+    return std::nullopt;
+  }
+  Eigen::Vector3d vector;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto number = number_in_range(key, (*items)[i], (*items)[i].line);
+    if (!number) return std::nullopt;
+    vector[static_cast<int>(i)] = *number;
+  }
+  return vector;
+}
+
+std::optional<std::vector<Eigen::Vector3d>> TableReader::points(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kPoints, &spec);
+  if (!value) return std::nullopt;
+  const auto* items = value->as<TomlArray>();
+  if (!items) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  std::vector<Eigen::Vector3d> points;
+  for (const TomlValue& item : *items) {
+    const auto point = vector3(*spec, item, item.line);
+    if (!point) return std::nullopt;
+    points.push_back(*point);
+  }
+  return points;
+}
+
+std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::direction(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kDirection, &spec);
+  if (!value) return std::nullopt;
+  if (const auto* name = value->as<std::string>()) {
+    if (std::find(spec->choices.begin(), spec->choices.end(), *name) != spec->choices.end()) return *name;
+    problems_.add(
+        value->line, "unknown " + std::string(key) + " \"" + *name + "\"",
+        "did you mean \"" + std::string(nearest(*name, spec->choices)) + "\"? " + remedy_text(*spec));
+    return std::nullopt;
+  }
+  if (!value->as<TomlArray>()) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  const auto vector = vector3(*spec, *value, value->line);
+  if (!vector) return std::nullopt;
+  // shorter than this a direction is noise, and normalising it could divide by zero
+  if (vector->norm() < 1e-6) {
+    problems_.add(value->line, std::string(key) + " points nowhere", remedy_text(*spec));
+    return std::nullopt;
+  }
+  return *vector;
+}
+
+const TomlTable* TableReader::table(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kTable, &spec);
+  if (!value) return nullptr;
+  const auto* table = value->as<TomlTable>();
+  if (!table) wrong_type(*spec, *value);
+  return table;
+}
+
+std::vector<const TomlTable*> TableReader::tables(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kTables, &spec);
+  if (!value) return {};
+  const auto* items = value->as<TomlArray>();
+  if (!items) {
+    wrong_type(*spec, *value);
+    return {};
+  }
+  std::vector<const TomlTable*> tables;
+  for (const TomlValue& item : *items) {
+    if (const auto* table = item.as<TomlTable>()) {
+      tables.push_back(table);
+    } else {
+      wrong_type(*spec, item);
+    }
+  }
+  return tables;
+}
+
+}  // namespace palpate

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/scene.h"
+#include "scene/keys.h"
+#include "scene/toml_document.h"
+
+namespace palpate {
+
+/// Collects what is wrong with a text and keeps the problem that comes first in it.
+class Problems {
+ public:
+  explicit Problems(std::string source) : source_(std::move(source)) {}
+
+  void add(int line, std::string what, std::string remedy);
+  bool any() const { return first_.has_value(); }
+  /// The first one; only when any().
+  const Error& first() const { return *first_; }
+
+ private:
+  std::string source_;
+  int line_ = 0;
+  std::optional<Error> first_;
+};
+
+/// Reads one TOML table against its declaration: an unknown key, a wrong type and a value out of range
+/// become problems; a key that is absent or wrong reads as nothing. Asking for a key that is not declared,
+/// or as another type, is a bug.
+class TableReader {
+ public:
+  /// @param table  null where the text does not have it: every key is absent then
+  TableReader(const TomlTable* table, const TableSpec& spec, Problems& problems);
+
+  std::optional<std::string> text(std::string_view key) const;  ///< kText, kFile
+  std::optional<std::string> choice(std::string_view key) const;
+  std::optional<bool> flag(std::string_view key) const;
+  std::optional<double> number(std::string_view key) const;
+  std::optional<std::int64_t> whole(std::string_view key) const;
+  std::optional<Rgb> colour(std::string_view key) const;
+  std::optional<std::vector<LabelReference>> labels(std::string_view key) const;
+  std::optional<std::vector<std::string>> names(std::string_view key) const;
+  std::optional<std::array<double, 2>> interval(std::string_view key) const;
+  std::optional<std::vector<Eigen::Vector3d>> points(std::string_view key) const;
+  /// A name from the choices, or a vector.
+  std::optional<std::variant<std::string, Eigen::Vector3d>> direction(std::string_view key) const;
+  const TomlTable* table(std::string_view key) const;  ///< null when absent
+  std::vector<const TomlTable*> tables(std::string_view key) const;
+
+  bool has(std::string_view key) const { return find(key, nullptr) != nullptr; }
+  /// Line of a key, or of the table where it is absent.
+  int line(std::string_view key) const;
+  int line() const { return table_ ? table_->line : 1; }
+
+ private:
+  const TomlValue* find(std::string_view key, const KeySpec** spec) const;
+  const TomlValue* find(std::string_view key, KeyType type, const KeySpec** spec) const;
+  void wrong_type(const KeySpec& key, const TomlValue& value) const;
+  std::optional<double> number_in_range(const KeySpec& key, const TomlValue& value, int line) const;
+  std::optional<Eigen::Vector3d> vector3(const KeySpec& key, const TomlValue& value, int line) const;
+
+  const TomlTable* table_;
+  const TableSpec& spec_;
+  Problems& problems_;
+};
+
+}  // namespace palpate

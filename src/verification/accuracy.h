@@ -1,0 +1,16 @@
+#pragma once
+
+#include <vector>
+
+#include "palpate/verification.h"
+
+namespace palpate {
+
+/// How far the founding method's force is from the truth: direction and magnitude at random points near known
+/// surfaces, from prepared binary volumes and from exactly sampled ones.
+Result<std::vector<Figure>> run_accuracy(const Progress& progress);
+
+/// Most that a figure of the suite may be; nothing for figures without a limit.
+std::optional<double> accuracy_limit(const std::string& figure);
+
+}  // namespace palpate

@@ -1,0 +1,139 @@
+#include "verification/accuracy_cases.h"
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "verification/smoothed_indicator.h"
+
+namespace palpate {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kSphere_mm = 20, kCylinder_mm = 10, kMajor_mm = 20, kMinor_mm = 8;
+constexpr double kMargin_mm = 9;  // four sigma of 1.5 mm, the band and more than a voxel's diagonal
+
+// The same sequence with every standard library, which its distributions are not.
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : engine_(seed) {}
+  double between(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1.0p-53);
+  }
+  Vector3d direction() {
+    const double z = between(-1, 1), azimuth = between(0, 2 * std::numbers::pi);
+    const double r = std::sqrt(1 - z * z);
+    return {r * std::cos(azimuth), r * std::sin(azimuth), z};
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+// An orthonormal frame with no axis along the grid's; its third column is the shapes' axis.
+const Eigen::Matrix3d& tilted() {
+  static const Eigen::Matrix3d frame =
+      Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d(0.36, 0.48, 0.8)).toRotationMatrix();
+  return frame;
+}
+
+std::vector<Point<Patient>> scatter(int count, std::uint64_t seed,
+                                    const std::function<Vector3d(Random&)>& place) {
+  Random random(seed);
+  std::vector<Point<Patient>> points;
+  for (int n = 0; n < count; ++n) points.emplace_back(place(random));
+  return points;
+}
+
+double band(Random& random) {
+  return random.between(-kSurfaceBand_mm, kSurfaceBand_mm);
+}
+
+AccuracyCase sphere_case(int points) {
+  return {"sphere-20mm", Shape::sphere({}, kSphere_mm), kSphere_mm + kMargin_mm,
+          scatter(points, 1,
+                  [](Random& random) {
+                    const Vector3d out = random.direction();
+                    return Vector3d((kSphere_mm + band(random)) * out);
+                  }),
+          [](const Point<Patient>& p, double sigma) {
+            return smoothed_ball(p.eigen().norm(), kSphere_mm, sigma);
+          }};
+}
+
+AccuracyCase cylinder_case(int points) {
+  const double along = 10;
+  // longer than any diagonal of the volume: its caps lie outside
+  const Point<Patient> end(100 * tilted().col(2)), start(-100 * tilted().col(2));
+  return {"cylinder-10mm", Shape::cylinder(start, end, kCylinder_mm), kCylinder_mm + along + kMargin_mm,
+          scatter(points, 2,
+                  [along](Random& random) {
+                    const double turn = random.between(0, 2 * std::numbers::pi),
+                                 rho = kCylinder_mm + band(random);
+                    return Vector3d(tilted() * Vector3d(rho * std::cos(turn), rho * std::sin(turn),
+                                                        random.between(-along, along)));
+                  }),
+          [](const Point<Patient>& p, double sigma) {
+            const Vector3d q = tilted().transpose() * p.eigen();
+            return smoothed_disc(std::hypot(q.x(), q.y()), kCylinder_mm, sigma);
+          }};
+}
+
+AccuracyCase plane_case(int points) {
+  const double aside = 12;
+  const Vector<Patient> normal(tilted().col(2));
+  return {"tilted-plane", Shape::half_space({}, normal), aside * std::numbers::sqrt2 + kMargin_mm,
+          scatter(points, 3,
+                  [aside](Random& random) {
+                    const double u = random.between(-aside, aside), v = random.between(-aside, aside);
+                    return Vector3d(tilted() * Vector3d(u, v, band(random)));
+                  }),
+          [normal](const Point<Patient>& p, double sigma) {
+            return smoothed_half_space(normal.eigen().dot(p.eigen()), sigma);
+          }};
+}
+
+AccuracyCase torus_case(int points) {
+  return {
+      "torus-20-8mm", Shape::torus({}, Vector<Patient>(tilted().col(2)), kMajor_mm, kMinor_mm),
+      kMajor_mm + kMinor_mm + kMargin_mm,
+      scatter(points, 4,
+              [](Random& random) {
+                // evenly over the surface: less of it lies near the axis
+                double around = 0;
+                do {
+                  around = random.between(0, 2 * std::numbers::pi);
+                } while (random.between(0, kMajor_mm + kMinor_mm) > kMajor_mm + kMinor_mm * std::cos(around));
+                const double turn = random.between(0, 2 * std::numbers::pi), r = kMinor_mm + band(random);
+                const double rho = kMajor_mm + r * std::cos(around);
+                return Vector3d(tilted() *
+                                Vector3d(rho * std::cos(turn), rho * std::sin(turn), r * std::sin(around)));
+              }),
+      [](const Point<Patient>& p, double sigma) {
+        const Vector3d q = tilted().transpose() * p.eigen();
+        return smoothed_torus(std::hypot(q.x(), q.y()), q.z(), kMajor_mm, kMinor_mm, sigma);
+      }};
+}
+
+}  // namespace
+
+std::vector<AccuracyCase> accuracy_cases(int points) {
+  return {sphere_case(points), cylinder_case(points), plane_case(points), torus_case(points)};
+}
+
+GridGeometry accuracy_grid(const AccuracyCase& shape, const Vector3d& spacing_mm) {
+  GridGeometry grid;
+  grid.spacing_mm = spacing_mm;
+  Vector3d last;
+  for (int a = 0; a < 3; ++a) {
+    const int n = static_cast<int>(std::ceil(2 * shape.half_extent_mm / spacing_mm[a])) + 1;
+    grid.dims[static_cast<std::size_t>(a)] = n;
+    last[a] = n - 1;
+  }
+  const Vector3d shift(0.31, 0.17, 0.43);
+  grid.origin = Point<Patient>(spacing_mm.cwiseProduct(shift - 0.5 * last));
+  return grid;
+}
+
+}  // namespace palpate

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "palpate/primitives.h"
+
+namespace palpate {
+
+/// A solid whose surface is known exactly, to be felt through voxels.
+struct AccuracyCase {
+  std::string name;
+  Shape shape;
+  double half_extent_mm;  ///< of the cube around the origin that a volume must cover
+  std::vector<Point<Patient>>
+      points;  ///< within 0.75 mm of the surface, far from ends and from the volume's border
+  /// What a perfect Gaussian filter of that sigma makes of the solid (1 inside, 0 outside).
+  std::function<double(const Point<Patient>& p, double sigma_mm)> smoothed;
+};
+
+inline constexpr double kSurfaceBand_mm = 0.75;
+
+/// Sphere of 20 mm, cylinder of 10 mm, tilted plane, torus of 20 and 8 mm, the latter three tilted against
+/// every axis. `points` random ones each, the same at every call.
+std::vector<AccuracyCase> accuracy_cases(int points);
+
+/// A grid around the origin, off it by fractions of a voxel so that no shape is favoured.
+GridGeometry accuracy_grid(const AccuracyCase& shape, const Eigen::Vector3d& spacing_mm);
+
+}  // namespace palpate

@@ -1,0 +1,47 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+
+#include "palpate/verification.h"
+#include "verification/machine.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
+
+TEST(Suites, AreListedWithALineEach) {
+  const auto suites = verification_suites();
+  ASSERT_FALSE(suites.empty());
+  EXPECT_EQ(suites.front().first, "accuracy");
+  for (const auto& [name, line] : suites) EXPECT_FALSE(line.empty()) << name;
+}
+
+TEST(Suites, AnUnknownOneIsAnErrorThatNamesThoseThereAre) {
+  const auto report = run_suite("acuracy");
+  ASSERT_FALSE(report.ok());
+  EXPECT_EQ(report.error().kind, ErrorKind::kUsage);
+  EXPECT_THAT(report.error().what, HasSubstr("'acuracy'"));
+  for (const auto& suite : verification_suites()) EXPECT_THAT(report.error().remedy, HasSubstr(suite.first));
+}
+
+TEST(Suites, AKnownOneRunsAndCanBeInterrupted) {
+  const std::atomic<bool> stop = true;
+  const auto report = run_suite("accuracy", Progress({}, &stop));
+  ASSERT_FALSE(report.ok());
+  EXPECT_EQ(report.error().kind, ErrorKind::kInterrupted);
+}
+
+TEST(Machine, IsDescribedByProcessorCoresAndSimdTarget) {
+  EXPECT_THAT(machine_description(), MatchesRegex("..*, [0-9]+ cores?, SIMD [A-Z].*"));
+}
+
+TEST(Machine, BuildIsDescribedByVersionCommitTypeAndCompiler) {
+  EXPECT_THAT(build_description(),
+              MatchesRegex("palpate [0-9.]+, commit [0-9a-z+]+, [A-Za-z]*, [A-Za-z]+ [0-9.]+.*"));
+}
+
+}  // namespace
+}  // namespace palpate

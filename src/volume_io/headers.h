@@ -1,0 +1,49 @@
+#pragma once
+
+#include <string_view>
+
+#include "volume_io/voxel_source.h"
+
+/// The headers of the three formats, parsed without ITK: sizes, type and place of the voxels, and
+/// whatever of the geometry must be checked before a library that trusts its input looks at it. The bytes are
+/// untrusted. `source` names them in errors.
+namespace palpate::volume_io {
+
+/// The most bytes at the front of a file that can be its header.
+constexpr std::size_t kMostHeaderBytes = std::size_t{1} << 24;
+
+/// http://teem.sourceforge.net/nrrd/format.html
+struct NrrdHeader {
+  std::vector<std::int64_t> axes;  ///< without the layer axis
+  int layers = 1;
+  bool layers_first = true;
+  bool list_axis = false;  ///< there is a layer axis, be it of one layer
+  std::string data_file;   ///< empty: the voxels follow the header
+  int line_skip = 0;
+  bool has_geometry = false;
+  VoxelSource voxels;  ///< without its file; offset is where the header ends
+  std::vector<std::pair<std::string, std::string>> segment_fields;
+};
+Result<NrrdHeader> parse_nrrd_header(std::string_view bytes, const std::string& source);
+
+/// https://itk.org/Wiki/ITK/MetaIO/Documentation
+struct MetaImageHeader {
+  std::vector<std::int64_t> axes;
+  std::string data_file;  ///< empty: the voxels follow the header
+  bool has_geometry = false;
+  VoxelSource voxels;  ///< as above
+};
+Result<MetaImageHeader> parse_metaimage_header(std::string_view bytes, const std::string& source);
+
+/// https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h
+struct NiftiHeader {
+  std::vector<std::int64_t> axes;
+  bool has_geometry = false;
+  bool separate = false;                             ///< the voxels stand in a file of their own (.img)
+  std::optional<Eigen::Matrix<double, 3, 4>> sform;  ///< voxel index to RAS mm
+  VoxelSource voxels;                                ///< skip is the place of the voxels
+};
+constexpr std::size_t kNiftiHeaderBytes = 348;
+Result<NiftiHeader> parse_nifti_header(std::string_view bytes, const std::string& source);
+
+}  // namespace palpate::volume_io

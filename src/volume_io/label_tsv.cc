@@ -1,0 +1,113 @@
+#include <algorithm>
+#include <set>
+
+#include "volume_io/label_text.h"
+#include "volume_io/voxel_source.h"
+
+namespace palpate {
+
+using namespace volume_io;
+
+namespace {
+
+constexpr std::size_t kNowhere = ~std::size_t{0};
+
+// which column holds what
+struct Columns {
+  std::size_t value = kNowhere, name = kNowhere, r = kNowhere, g = kNowhere, b = kNowhere, colour = kNowhere;
+  std::size_t count = 0;
+};
+
+Result<Columns> parse_heading(std::string_view line, const std::string& where) {
+  Columns columns;
+  const auto fields = split_at(line, '\t');
+  columns.count = fields.size();
+  for (std::size_t n = 0; n < fields.size(); ++n) {
+    const std::string heading = lower_case(trimmed(fields[n]));
+    std::size_t* column = nullptr;
+    if (heading == "value" || heading == "index" || heading == "label" || heading == "id")
+      column = &columns.value;
+    if (heading == "name") column = &columns.name;
+    if (heading == "r") column = &columns.r;
+    if (heading == "g") column = &columns.g;
+    if (heading == "b") column = &columns.b;
+    if (heading == "color" || heading == "colour") column = &columns.colour;
+    if (column == nullptr) continue;
+    if (*column != kNowhere)
+      return bad_input(where, "two columns are headed for the " + heading, "keep one of them");
+    *column = n;
+  }
+  if (columns.value == kNowhere || columns.name == kNowhere)
+    return bad_input(where, "the first line does not head a 'value' and a 'name' column",
+                     "begin with a line like value<TAB>name (index, label and id mean value too)");
+  const int rgb = (columns.r != kNowhere) + (columns.g != kNowhere) + (columns.b != kNowhere);
+  if (rgb != 0 && rgb != 3) return bad_input(where, "heads only some of the columns r, g and b");
+  return columns;
+}
+
+// #rrggbb
+std::optional<Rgb> parse_hex_colour(std::string_view text) {
+  if (text.size() != 7 || text[0] != '#') return std::nullopt;
+  std::uint8_t part[3];
+  for (std::size_t c = 0; c < 3; ++c) {
+    const char* first = text.data() + 1 + 2 * c;
+    const auto result = std::from_chars(first, first + 2, part[c], 16);
+    if (result.ec != std::errc() || result.ptr != first + 2) return std::nullopt;
+  }
+  return Rgb{part[0], part[1], part[2]};
+}
+
+// nothing where the row gives none ("n/a" in BIDS)
+Result<std::optional<Rgb>> parse_colour(const Columns& columns, const std::vector<std::string_view>& fields,
+                                        const std::string& where) {
+  const auto missing = [](std::string_view text) { return text.empty() || text == "n/a"; };
+  if (columns.r != kNowhere) {
+    const std::string_view r = trimmed(fields[columns.r]), g = trimmed(fields[columns.g]),
+                           b = trimmed(fields[columns.b]);
+    if (missing(r) && missing(g) && missing(b)) return std::optional<Rgb>();
+    const auto red = parse_number<std::uint8_t>(r), green = parse_number<std::uint8_t>(g),
+               blue = parse_number<std::uint8_t>(b);
+    if (!red || !green || !blue) return bad_input(where, "a colour is not a whole number in 0 ... 255");
+    return std::optional(Rgb{*red, *green, *blue});
+  }
+  if (columns.colour == kNowhere || missing(trimmed(fields[columns.colour]))) return std::optional<Rgb>();
+  const auto colour = parse_hex_colour(trimmed(fields[columns.colour]));
+  if (!colour) return bad_input(where, "the colour is not of the form #rrggbb");
+  return colour;
+}
+
+}  // namespace
+
+Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std::string& source) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (text.substr(0, kByteOrderMark.size()) == kByteOrderMark) text.remove_prefix(kByteOrderMark.size());
+  const auto columns = parse_heading(take_line(text), source + ":1");
+  if (!columns) return columns.error();
+
+  std::vector<NamedLabel> labels;
+  std::set<LabelId> seen;
+  for (int number = 2; !text.empty(); ++number) {
+    const std::string_view line = take_line(text);
+    if (trimmed(line).empty()) continue;
+    const std::string where = source + ":" + std::to_string(number);
+    const auto fields = split_at(line, '\t');
+    if (fields.size() != columns->count)
+      return bad_input(where,
+                       "has " + std::to_string(fields.size()) + " columns, the first line heads " +
+                           std::to_string(columns->count),
+                       "columns are separated by one tabulator each");
+    const auto value = parse_number<LabelId>(trimmed(fields[columns->value]));
+    if (!value) return bad_input(where, "the value is not a whole number in 0 ... 65535");
+    if (!seen.insert(*value).second)
+      return bad_input(where, "value " + std::to_string(*value) + " is named a second time",
+                       "keep one of the lines");
+    const std::string_view name = trimmed(fields[columns->name]);
+    if (auto fault = name_fault(name)) return bad_input(where, *fault, "rename the structure");
+    const auto colour = parse_colour(*columns, fields, where);
+    if (!colour) return colour.error();
+    labels.push_back({*value, std::string(name), *colour});
+  }
+  return labels;
+}
+
+}  // namespace palpate

@@ -1,0 +1,160 @@
+#include <cmath>
+#include <map>
+
+#include "volume_io/headers.h"
+#include "volume_io/label_text.h"
+
+namespace palpate::volume_io {
+namespace {
+
+using Fields = std::map<std::string, std::string>;
+
+// the lines up to the one that says where the voxels are, which is the last
+Result<std::pair<Fields, std::size_t>> split_lines(std::string_view bytes, const std::string& source) {
+  constexpr std::size_t kLongestName = 100, kLongestLine = 4000;
+  Fields fields;
+  std::string_view rest = bytes;
+  for (int number = 1; !rest.empty(); ++number) {
+    const std::string_view line = take_line(rest);
+    if (trimmed(line).empty()) continue;
+    const auto equals = line.find('=');
+    const std::string where = source + ":" + std::to_string(number);
+    if (equals == std::string_view::npos || equals > kLongestName || line.size() > kLongestLine)
+      return bad_input(where, "is no line of a MetaImage header",
+                       "is the file whole and really a MetaImage?");
+    const std::string name(trimmed(line.substr(0, equals)));
+    if (!fields.emplace(name, std::string(trimmed(line.substr(equals + 1)))).second)
+      return bad_input(where, "gives the same field a second time");
+    if (name == "ElementDataFile") return std::pair(fields, bytes.size() - rest.size());
+  }
+  return bad_input(source, "its header does not say where the voxels are (ElementDataFile)",
+                   "is the file whole?");
+}
+
+std::optional<Component> parse_type(const std::string& name) {
+  static const std::map<std::string, Component> kTypes{
+      {"MET_CHAR", Component::kInt8},       {"MET_UCHAR", Component::kUint8},
+      {"MET_SHORT", Component::kInt16},     {"MET_USHORT", Component::kUint16},
+      {"MET_INT", Component::kInt32},       {"MET_UINT", Component::kUint32},
+      {"MET_LONG_LONG", Component::kInt64}, {"MET_ULONG_LONG", Component::kUint64},
+      {"MET_FLOAT", Component::kFloat32},   {"MET_DOUBLE", Component::kFloat64}};
+  const auto found = kTypes.find(name);
+  return found == kTypes.end() ? std::nullopt : std::optional(found->second);
+}
+
+const std::string* field(const Fields& fields, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (const auto found = fields.find(name); found != fields.end()) return &found->second;
+  return nullptr;
+}
+
+bool is_true(const std::string* text) {
+  return text != nullptr && !text->empty() &&
+         (text->front() == 'T' || text->front() == 't' || text->front() == '1');
+}
+
+// nothing unless there are `count` finite numbers
+std::optional<std::vector<double>> parse_numbers(const std::string& text, std::size_t count) {
+  std::vector<double> numbers;
+  for (const std::string_view part : split_spaces(text)) {
+    const auto number = parse_number<double>(part);
+    if (!number || !std::isfinite(*number)) return std::nullopt;
+    numbers.push_back(*number);
+  }
+  return numbers.size() == count ? std::optional(numbers) : std::nullopt;
+}
+
+Result<std::vector<std::int64_t>> parse_axes(const Fields& fields, const std::string& source) {
+  const std::string* object = field(fields, {"ObjectType"});
+  if (object != nullptr && *object != "Image")
+    return bad_input(source, "holds no image but another MetaIO object");
+  const std::string* dimensions = field(fields, {"NDims"});
+  const std::string* sizes = field(fields, {"DimSize"});
+  if (dimensions == nullptr || sizes == nullptr)
+    return bad_input(source, "its header lacks NDims or DimSize");
+  std::vector<std::int64_t> axes;
+  for (const std::string_view part : split_spaces(*sizes)) {
+    const auto size = parse_number<std::int64_t>(part);
+    if (!size) return bad_input(source, "a size in its header is not a whole number");
+    axes.push_back(*size);
+  }
+  const auto count = parse_number<std::uint32_t>(*dimensions);
+  // MetaIO keeps at most ten
+  if (!count || *count != axes.size() || *count == 0 || *count > 10)
+    return bad_input(source, "its NDims does not agree with its DimSize");
+  return axes;
+}
+
+Result<bool> check_geometry(const Fields& fields, std::size_t axes, const std::string& source) {
+  if (const std::string* text = field(fields, {"ElementSpacing", "ElementSize"})) {
+    const auto spacing = parse_numbers(*text, axes);
+    if (!spacing) return bad_input(source, "its spacing is not one finite number for each axis");
+    for (const double s : *spacing)
+      if (s <= 0) return bad_input(source, "its spacing is not positive");
+  }
+  const std::string* matrix = field(fields, {"TransformMatrix", "Rotation", "Orientation"});
+  if (matrix != nullptr && !parse_numbers(*matrix, axes * axes))
+    return bad_input(source, "its TransformMatrix is not " + std::to_string(axes * axes) + " finite numbers");
+  const std::string* origin = field(fields, {"Offset", "Position", "Origin"});
+  if (origin != nullptr && !parse_numbers(*origin, axes))
+    return bad_input(source, "its Offset is not one finite number for each axis");
+  return matrix != nullptr && axes >= 3;
+}
+
+Result<void> read_voxel_fields(const Fields& fields, const std::string& source, MetaImageHeader& header) {
+  const std::string* channels = field(fields, {"ElementNumberOfChannels"});
+  if (channels != nullptr && parse_number<int>(*channels) != 1)
+    return bad_input(source, "holds several values for each voxel", "extract one channel");
+  const std::string* type = field(fields, {"ElementType"});
+  if (type == nullptr) return bad_input(source, "its header lacks the ElementType");
+  const auto component = parse_type(*type);
+  if (!component)
+    return bad_input(source, "its ElementType " + type->substr(0, 30) + " is not a number that can be read",
+                     "save it with another type, for example MET_SHORT");
+  header.voxels.component = *component;
+  header.voxels.big_endian = is_true(field(fields, {"ElementByteOrderMSB", "BinaryDataByteOrderMSB"}));
+  const std::string* binary = field(fields, {"BinaryData"});
+  if (is_true(field(fields, {"CompressedData"})))
+    header.voxels.encoding = Encoding::kDeflate;
+  else if (binary != nullptr && !is_true(binary))
+    header.voxels.encoding = Encoding::kText;
+
+  if (const std::string* text = field(fields, {"HeaderSize"})) {
+    const auto size = parse_number<std::int64_t>(*text);
+    if (!size || *size < -1 || *size > (std::int64_t{1} << 40))
+      return bad_input(source, "its HeaderSize is not a number of bytes");
+    if (*size == -1) header.voxels.bytes_after = 0;
+    if (*size > 0) header.voxels.offset = static_cast<std::uint64_t>(*size);
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<MetaImageHeader> parse_metaimage_header(std::string_view bytes, const std::string& source) {
+  const auto lines = split_lines(bytes, source);
+  if (!lines) return lines.error();
+  const auto& [fields, end] = *lines;
+  auto axes = parse_axes(fields, source);
+  if (!axes) return axes.error();
+  const auto has_geometry = check_geometry(fields, axes->size(), source);
+  if (!has_geometry) return has_geometry.error();
+
+  MetaImageHeader header;
+  header.axes = std::move(*axes);
+  header.has_geometry = *has_geometry;
+  if (auto read = read_voxel_fields(fields, source, header); !read) return read.error();
+  const std::string& data = fields.at("ElementDataFile");
+  if (data == "LOCAL" || data == "Local" || data == "local") {
+    header.voxels.offset += end;
+  } else if (data.substr(0, 4) == "LIST" || data.find('%') != std::string::npos) {
+    return bad_input(source, "its voxels are spread over several files", "save it as one file");
+  } else if (data.empty()) {
+    return bad_input(source, "names an empty data file");
+  } else {
+    header.data_file = data;
+  }
+  return header;
+}
+
+}  // namespace palpate::volume_io

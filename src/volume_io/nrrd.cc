@@ -1,0 +1,82 @@
+#include "volume_io/formats.h"
+#include "volume_io/headers.h"
+#include "volume_io/voxel_stream.h"
+
+namespace palpate::volume_io {
+namespace {
+
+// the place after `lines` more line ends
+Result<std::uint64_t> skip_lines(const std::filesystem::path& file, std::uint64_t offset, int lines) {
+  if (lines == 0) return offset;
+  const auto bytes = read_front(file, Encoding::kRaw, offset + kMostHeaderBytes);
+  if (!bytes) return bytes.error();
+  for (; lines > 0; --lines) {
+    const auto end = bytes->find('\n', offset);
+    if (end == std::string::npos)
+      return bad_input(file.string(), "has fewer lines than its line skip passes over", "is the file whole?");
+    offset = end + 1;
+  }
+  return offset;
+}
+
+/// A negative byte skip that leads before the front of the file: ITK would only say that it cannot seek.
+Result<void> check_counted_from_end(const VoxelSource& voxels, const std::array<int, 3>& dims, int layers,
+                                    const std::string& source) {
+  if (voxels.encoding != Encoding::kRaw || !voxels.bytes_after) return {};
+  GridGeometry grid;
+  grid.dims = dims;
+  const std::uint64_t needed =
+      grid.voxel_count() * static_cast<std::uint64_t>(layers) * bytes_of(voxels.component);
+  std::error_code failed;
+  const std::uint64_t size = std::filesystem::file_size(voxels.file, failed);
+  if (!failed && size >= voxels.offset + needed + *voxels.bytes_after) return {};
+  return bad_input(
+      source,
+      "its byte skip of -" + std::to_string(*voxels.bytes_after + 1) + " asks for " +
+          std::to_string(voxels.offset + needed + *voxels.bytes_after) + " bytes of voxel data, there are " +
+          std::to_string(failed ? 0 : size),
+      "the data are cut short, or the byte skip is wrong: -1 means that the voxels end the file");
+}
+
+}  // namespace
+
+Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file) {
+  const std::string source = file.string();
+  const auto front = read_front(file, Encoding::kRaw, kMostHeaderBytes);
+  if (!front) return front.error();
+  auto header = parse_nrrd_header(*front, source);
+  if (!header) return header.error();
+  const auto dims = volume_dims(header->axes, source);
+  if (!dims) return dims.error();
+
+  // where the voxels are
+  VolumeFile volume;
+  volume.voxels = header->voxels;
+  volume.voxels.file = file;
+  if (!header->data_file.empty()) {
+    const auto data = data_file_beside(file, header->data_file);
+    if (!data) return data.error();
+    volume.voxels.file = *data;
+    volume.voxels.offset = 0;
+  }
+  const auto offset = skip_lines(volume.voxels.file, volume.voxels.offset, header->line_skip);
+  if (!offset) return offset.error();
+  volume.voxels.offset = *offset;
+
+  if (auto fits = check_counted_from_end(volume.voxels, *dims, header->layers, source); !fits)
+    return fits.error();
+
+  const auto geometry = itk_geometry(ItkFormat::kNrrd, file, *dims);
+  if (!geometry) return geometry.error();
+  volume.header.has_segments = !header->segment_fields.empty();
+  volume.header.format = volume.header.has_segments ? "Slicer segmentation (NRRD)" : "NRRD";
+  volume.header.component_type = name_of(header->voxels.component);
+  volume.header.geometry = *geometry;
+  volume.header.layers = header->layers;
+  volume.header.has_geometry = header->has_geometry;
+  volume.layers_first = header->layers_first;
+  volume.segment_fields = std::move(header->segment_fields);
+  return volume;
+}
+
+}  // namespace palpate::volume_io

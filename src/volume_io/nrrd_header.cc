@@ -1,0 +1,320 @@
+#include <cmath>
+#include <map>
+
+#include "volume_io/headers.h"
+#include "volume_io/label_text.h"
+
+namespace palpate::volume_io {
+namespace {
+
+// the lines of a header, names in lower case
+struct Lines {
+  std::map<std::string, std::string> fields;
+  std::vector<std::pair<std::string, std::string>> segment_fields;
+  std::size_t end = 0;
+};
+
+// in key:=value pairs a line end is written \n and a backslash is doubled
+std::string unescaped(std::string_view text) {
+  std::string plain;
+  for (std::size_t n = 0; n < text.size(); ++n) {
+    if (text[n] == '\\' && n + 1 < text.size() && (text[n + 1] == 'n' || text[n + 1] == '\\'))
+      plain.push_back(text[++n] == 'n' ? '\n' : '\\');
+    else
+      plain.push_back(text[n]);
+  }
+  return plain;
+}
+
+Result<Lines> split_lines(std::string_view bytes, const std::string& source) {
+  Lines lines;
+  std::string_view rest = bytes;
+  if (take_line(rest).substr(0, 5) != "NRRD0")
+    return bad_input(source, "does not begin as an NRRD file", "is it really one, and whole?");
+  for (int number = 2; !rest.empty(); ++number) {
+    const std::string_view line = take_line(rest);
+    if (line.empty()) break;
+    if (line.front() == '#') continue;
+    const auto colon = line.find(':');
+    const std::string where = source + ":" + std::to_string(number);
+    if (colon == std::string_view::npos)
+      return bad_input(where, "is no line of an NRRD header", "is the file whole?");
+
+    if (line.substr(colon, 2) == ":=") {
+      // of the free pairs only Slicer's are kept; the others may name a patient
+      if (line.substr(0, 7) == "Segment")
+        lines.segment_fields.emplace_back(std::string(trimmed(line.substr(0, colon))),
+                                          unescaped(line.substr(colon + 2)));
+      continue;
+    }
+    // "space origin" and "spaceorigin" are both in use
+    std::string name = lower_case(trimmed(line.substr(0, colon)));
+    std::erase(name, ' ');
+    if (!lines.fields.emplace(name, std::string(trimmed(line.substr(colon + 1)))).second)
+      return bad_input(where, "gives the same field a second time");
+  }
+  lines.end = bytes.size() - rest.size();
+  return lines;
+}
+
+std::optional<Component> parse_type(const std::string& name) {
+  static const std::map<std::string, Component> kTypes{{"signed char", Component::kInt8},
+                                                       {"int8", Component::kInt8},
+                                                       {"int8_t", Component::kInt8},
+                                                       {"uchar", Component::kUint8},
+                                                       {"unsigned char", Component::kUint8},
+                                                       {"uint8", Component::kUint8},
+                                                       {"uint8_t", Component::kUint8},
+                                                       {"short", Component::kInt16},
+                                                       {"short int", Component::kInt16},
+                                                       {"signed short", Component::kInt16},
+                                                       {"signed short int", Component::kInt16},
+                                                       {"int16", Component::kInt16},
+                                                       {"int16_t", Component::kInt16},
+                                                       {"ushort", Component::kUint16},
+                                                       {"unsigned short", Component::kUint16},
+                                                       {"unsigned short int", Component::kUint16},
+                                                       {"uint16", Component::kUint16},
+                                                       {"uint16_t", Component::kUint16},
+                                                       {"int", Component::kInt32},
+                                                       {"signed int", Component::kInt32},
+                                                       {"int32", Component::kInt32},
+                                                       {"int32_t", Component::kInt32},
+                                                       {"uint", Component::kUint32},
+                                                       {"unsigned int", Component::kUint32},
+                                                       {"uint32", Component::kUint32},
+                                                       {"uint32_t", Component::kUint32},
+                                                       {"longlong", Component::kInt64},
+                                                       {"long long", Component::kInt64},
+                                                       {"long long int", Component::kInt64},
+                                                       {"signed long long", Component::kInt64},
+                                                       {"signed long long int", Component::kInt64},
+                                                       {"int64", Component::kInt64},
+                                                       {"int64_t", Component::kInt64},
+                                                       {"ulonglong", Component::kUint64},
+                                                       {"unsigned long long", Component::kUint64},
+                                                       {"unsigned long long int", Component::kUint64},
+                                                       {"uint64", Component::kUint64},
+                                                       {"uint64_t", Component::kUint64},
+                                                       {"float", Component::kFloat32},
+                                                       {"double", Component::kFloat64}};
+  const auto found = kTypes.find(lower_case(name));
+  return found == kTypes.end() ? std::nullopt : std::optional(found->second);
+}
+
+std::optional<Encoding> parse_encoding(const std::string& name) {
+  const std::string lower = lower_case(name);
+  if (lower == "raw") return Encoding::kRaw;
+  if (lower == "gzip" || lower == "gz") return Encoding::kDeflate;
+  if (lower == "bzip2" || lower == "bz2") return Encoding::kBzip2;
+  if (lower == "text" || lower == "txt" || lower == "ascii") return Encoding::kText;
+  if (lower == "hex") return Encoding::kHex;
+  return std::nullopt;
+}
+
+// "(a,b,c)" or "none", one for each axis; nothing when the text is something else
+using AxisVector = std::optional<std::vector<double>>;
+std::optional<std::vector<AxisVector>> parse_vectors(std::string_view text) {
+  std::vector<AxisVector> vectors;
+  for (text = trimmed(text); !text.empty(); text = trimmed(text)) {
+    if (lower_case(text.substr(0, 4)) == "none") {
+      vectors.emplace_back();
+      text.remove_prefix(4);
+      continue;
+    }
+    const auto end = text.find(')');
+    if (text.front() != '(' || end == std::string_view::npos) return std::nullopt;
+    std::vector<double> numbers;
+    for (const std::string_view part : split_at(text.substr(1, end - 1), ',')) {
+      const auto number = parse_number<double>(trimmed(part));
+      if (!number || !std::isfinite(*number)) return std::nullopt;
+      numbers.push_back(*number);
+    }
+    vectors.emplace_back(std::move(numbers));
+    text.remove_prefix(end + 1);
+  }
+  return vectors;
+}
+
+class Parser {
+ public:
+  Parser(Lines lines, const std::string& source) : lines_(std::move(lines)), source_(source) {}
+
+  Result<NrrdHeader> parse() {
+    using Step = Result<void> (Parser::*)();
+    for (const Step step :
+         {&Parser::axes, &Parser::layer_axis, &Parser::geometry, &Parser::voxels, &Parser::skips})
+      if (auto done = (this->*step)(); !done) return done.error();
+    header_.segment_fields = std::move(lines_.segment_fields);
+    header_.voxels.offset = lines_.end;
+    return std::move(header_);
+  }
+
+ private:
+  // a field's text, or nothing
+  const std::string* field(const char* name, const char* other = "") const {
+    auto found = lines_.fields.find(name);
+    if (found == lines_.fields.end()) found = lines_.fields.find(other);
+    return found == lines_.fields.end() ? nullptr : &found->second;
+  }
+  Error bad(std::string what, std::string remedy = "") const {
+    return bad_input(source_, std::move(what), std::move(remedy));
+  }
+
+  Result<void> axes() {
+    const std::string* dimension = field("dimension");
+    const std::string* sizes = field("sizes");
+    if (dimension == nullptr || sizes == nullptr) return bad("its header lacks the dimension or the sizes");
+    for (const std::string_view text : split_spaces(*sizes)) {
+      const auto size = parse_number<std::int64_t>(text);
+      if (!size) return bad("a size in its header is not a whole number");
+      header_.axes.push_back(*size);
+    }
+    const auto count = parse_number<std::uint32_t>(*dimension);
+    if (!count || *count != header_.axes.size() || *count == 0 || *count > 16)
+      return bad("its dimension does not agree with its sizes");
+    return {};
+  }
+
+  // the axis that holds several values for each voxel, taken out of the axes
+  Result<void> layer_axis() {
+    const std::string* kinds = field("kinds");
+    if (kinds == nullptr) return {};
+    const auto names = split_spaces(*kinds);
+    if (names.size() != header_.axes.size()) return bad("its kinds do not agree with its dimension");
+    static const std::map<std::string, int> kSpatial{
+        {"domain", 0}, {"space", 0}, {"time", 0}, {"none", 0}, {"???", 0}};
+    for (std::size_t a = 0; a < names.size(); ++a) {
+      if (kSpatial.count(lower_case(names[a])) != 0) continue;
+      if (header_.list_axis || (a != 0 && a + 1 != names.size()))
+        return bad("holds several values for each voxel in a way that is not supported",
+                   "give one value for each voxel, or segmentation layers as the first axis");
+      header_.list_axis = true;
+      list_at_ = a;
+    }
+    if (!header_.list_axis) return {};
+    const std::int64_t layers = header_.axes[list_at_];
+    if (layers < 1 || layers > 4096) return bad("has " + std::to_string(layers) + " layers");
+    header_.layers = static_cast<int>(layers);
+    header_.layers_first = list_at_ == 0;
+    header_.axes.erase(header_.axes.begin() + static_cast<std::ptrdiff_t>(list_at_));
+    return {};
+  }
+
+  Result<void> geometry() {
+    if (const std::string* spacings = field("spacings")) {
+      const auto parts = split_spaces(*spacings);
+      if (parts.size() != header_.axes.size() + header_.list_axis)
+        return bad("its spacings do not agree with its dimension");
+      for (std::size_t a = 0; a < parts.size(); ++a) {
+        if (header_.list_axis && a == list_at_) continue;
+        const auto spacing = parse_number<double>(parts[a]);
+        if (!spacing || !std::isfinite(*spacing) || *spacing <= 0)
+          return bad("the spacing of axis " + std::to_string(a + 1) + " is not a positive number");
+      }
+    }
+    if (const std::string* units = field("spaceunits")) {
+      for (const std::string_view unit : split_spaces(*units))
+        if (unit != "\"mm\"" && unit != "\"\"" && unit != "\"millimeter\"" && unit != "\"millimeters\"")
+          return bad("its lengths are in " + std::string(unit.substr(0, 20)) + ", only millimetres are read",
+                     "convert it to millimetres");
+    }
+    return directions();
+  }
+
+  Result<void> directions() {
+    const std::string* text = field("spacedirections");
+    if (text == nullptr) return {};
+    const auto vectors = parse_vectors(*text);
+    if (!vectors || vectors->size() != header_.axes.size() + header_.list_axis)
+      return bad("its space directions are not one finite vector for each axis");
+    std::size_t length = 0;
+    for (std::size_t a = 0; a < vectors->size(); ++a) {
+      const bool spatial = !(header_.list_axis && a == list_at_);
+      if (spatial && !(*vectors)[a])
+        return bad("axis " + std::to_string(a + 1) + " has no space direction",
+                   "give one volume of three axes that all have one");
+      if ((*vectors)[a]) length = (*vectors)[a]->size();
+    }
+    for (const AxisVector& vector : *vectors)
+      if (vector && vector->size() != length) return bad("its space directions differ in length");
+    if (length != header_.axes.size())
+      return bad("its space has " + std::to_string(length) + " dimensions, its voxels " +
+                 std::to_string(header_.axes.size()));
+    if (const std::string* origin = field("spaceorigin")) {
+      const auto point = parse_vectors(*origin);
+      if (!point || point->size() != 1 || !point->front() || point->front()->size() != length)
+        return bad("its space origin is not one finite point");
+    }
+    const std::string space = field("space") != nullptr ? lower_case(*field("space")) : "";
+    header_.has_geometry = length == 3 && (space == "left-posterior-superior" || space == "lps" ||
+                                           space == "right-anterior-superior" || space == "ras" ||
+                                           space == "left-anterior-superior" || space == "las");
+    return {};
+  }
+
+  Result<void> voxels() {
+    const std::string* type = field("type");
+    const std::string* encoding = field("encoding");
+    if (type == nullptr || encoding == nullptr) return bad("its header lacks the type or the encoding");
+    const auto component = parse_type(*type);
+    if (!component) return bad("its type '" + type->substr(0, 30) + "' is not a number that can be read");
+    const auto how = parse_encoding(*encoding);
+    if (!how)
+      return bad("its encoding '" + encoding->substr(0, 30) + "' is not supported",
+                 "save it with gzip encoding");
+    header_.voxels.component = *component;
+    header_.voxels.encoding = *how;
+
+    const std::string* endian = field("endian");
+    if (endian != nullptr && lower_case(*endian) != "little" && lower_case(*endian) != "big")
+      return bad("its endian is neither little nor big");
+    if (endian == nullptr && *how != Encoding::kText && bytes_of(*component) > 1)
+      return bad("its header lacks the endian", "add 'endian: little' or 'endian: big'");
+    header_.voxels.big_endian = endian != nullptr && lower_case(*endian) == "big";
+    return {};
+  }
+
+  Result<void> skips() {
+    if (const std::string* name = field("datafile")) {
+      if (lower_case(name->substr(0, 4)) == "list" || name->find('%') != std::string::npos)
+        return bad("its voxels are spread over several files", "save it as one file");
+      if (name->empty()) return bad("names an empty data file");
+      header_.data_file = *name;
+    }
+    if (const std::string* text = field("lineskip")) {
+      const auto skip = parse_number<std::uint16_t>(*text);
+      if (!skip) return bad("its line skip is not a whole number in 0 ... 65535");
+      header_.line_skip = *skip;
+    }
+    if (const std::string* text = field("byteskip")) {
+      const auto skip = parse_number<std::int64_t>(*text);
+      if (!skip || *skip > (std::int64_t{1} << 40) || *skip < -(std::int64_t{1} << 40))
+        return bad("its byte skip is not a number of bytes");
+      // -1: the voxels end the file; -5: they end 4 bytes before its end
+      if (*skip < 0)
+        header_.voxels.bytes_after = static_cast<std::uint64_t>(-(*skip + 1));
+      else
+        header_.voxels.skip = static_cast<std::uint64_t>(*skip);
+      const bool text_numbers =
+          header_.voxels.encoding == Encoding::kText || header_.voxels.encoding == Encoding::kHex;
+      if (text_numbers && *skip != 0) return bad("has a byte skip before voxels written as text");
+    }
+    return {};
+  }
+
+  Lines lines_;
+  const std::string& source_;
+  NrrdHeader header_;
+  std::size_t list_at_ = 0;
+};
+
+}  // namespace
+
+Result<NrrdHeader> parse_nrrd_header(std::string_view bytes, const std::string& source) {
+  auto lines = split_lines(bytes, source);
+  if (!lines) return lines.error();
+  return Parser(std::move(*lines), source).parse();
+}
+
+}  // namespace palpate::volume_io

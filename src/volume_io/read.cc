@@ -1,0 +1,250 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <new>
+
+#include "volume_io/formats.h"
+#include "volume_io/label_names.h"
+#include "volume_io/segment_fields.h"
+#include "volume_io/voxel_stream.h"
+
+namespace palpate {
+
+using namespace volume_io;
+
+namespace {
+
+// calls value(index, stored value) for each value of a piece
+template <class T, class Value>
+void for_each_value(std::uint64_t first, std::span<const std::byte> bytes, const Value& value) {
+  for (std::size_t n = 0; n < bytes.size() / sizeof(T); ++n) {
+    T stored;
+    std::memcpy(&stored, bytes.data() + n * sizeof(T), sizeof(T));
+    value(first + n, stored);
+  }
+}
+
+bool is_scaled(const VoxelSource& source) {
+  return source.slope != 1 || source.intercept != 0;
+}
+
+Error out_of_memory(const std::filesystem::path& file) {
+  return bad_input(file.string(), "does not fit into the memory",
+                   "close other programs, or crop the volume first");
+}
+
+// turns what is not a number into the lowest value of the scan; false when there is nothing else
+bool replace_non_finite(std::vector<float>& voxels, std::size_t& replaced) {
+  float lowest = std::numeric_limits<float>::infinity();
+  replaced = 0;
+  for (const float v : voxels) {
+    if (std::isfinite(v))
+      lowest = std::min(lowest, v);
+    else
+      ++replaced;
+  }
+  if (replaced == voxels.size()) return false;
+  if (replaced == 0) return true;
+  for (float& v : voxels)
+    if (!std::isfinite(v)) v = lowest;
+  return true;
+}
+
+// puts the values of a label file into the layers, and notes which there are
+class LabelSink {
+ public:
+  explicit LabelSink(const VolumeFile& file)
+      : file_(file),
+        layers_(static_cast<std::size_t>(file.header.layers), Volume<LabelId>(file.header.geometry)),
+        present_(layers_.size(), std::vector<char>(65536)) {}
+
+  template <class T>
+  Result<void> take(std::uint64_t first, std::span<const std::byte> bytes) {
+    const std::uint64_t layers = layers_.size(), voxels = file_.header.geometry.voxel_count();
+    const bool scaled = is_scaled(file_.voxels);
+    std::optional<std::uint64_t> wrong;
+    for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
+      LabelId label = 0;
+      if (!to_label(stored, scaled, label)) {
+        if (!wrong) wrong = n;
+        return;
+      }
+      // one layer is the rule, and a division for each voxel would show
+      std::uint64_t layer = 0, voxel = n;
+      if (layers > 1) {
+        layer = file_.layers_first ? n % layers : n / voxels;
+        voxel = file_.layers_first ? n / layers : n % voxels;
+      }
+      layers_[layer].voxels()[voxel] = label;
+      present_[layer][label] = 1;
+    });
+    if (wrong) return not_a_label(*wrong);
+    return {};
+  }
+
+  std::vector<Volume<LabelId>>& layers() { return layers_; }
+  bool present(std::size_t layer, LabelId value) const { return present_[layer][value] != 0; }
+
+ private:
+  template <class T>
+  bool to_label(T stored, bool scaled, LabelId& label) const {
+    if constexpr (std::is_integral_v<T>) {
+      if (!scaled) {
+        if (!std::in_range<LabelId>(stored)) return false;
+        label = static_cast<LabelId>(stored);
+        return true;
+      }
+    }
+    const double value = file_.voxels.slope * static_cast<double>(stored) + file_.voxels.intercept;
+    if (!(value >= 0 && value <= 65535) || value != std::floor(value)) return false;
+    label = static_cast<LabelId>(value);
+    return true;
+  }
+  Error not_a_label(std::uint64_t n) const {
+    const auto& dims = file_.header.geometry.dims;
+    const std::uint64_t voxel =
+        file_.layers_first ? n / layers_.size() : n % file_.header.geometry.voxel_count();
+    const auto nx = static_cast<std::uint64_t>(dims[0]), ny = static_cast<std::uint64_t>(dims[1]);
+    return bad_input(file_.voxels.file.string(),
+                     "voxel (" + std::to_string(voxel % nx) + ", " + std::to_string(voxel / nx % ny) + ", " +
+                         std::to_string(voxel / nx / ny) +
+                         ") holds no label: labels are whole numbers in 0 ... 65535",
+                     "is it a scan? give it as the scan, not as the labels");
+  }
+
+  const VolumeFile& file_;
+  std::vector<Volume<LabelId>> layers_;
+  std::vector<std::vector<char>> present_;  // by layer and value
+};
+
+// names from a table put over those that the file has
+void apply_names(const std::vector<NamedLabel>& names, std::vector<Segment>& segments) {
+  for (const NamedLabel& named : names)
+    for (Segment& s : segments) {
+      if (s.id != named.value) continue;
+      s.name = named.name;
+      if (named.colour) s.colour = *named.colour;
+    }
+}
+
+// segments of the file's own fields, and one without a name for every other value in the voxels
+Result<std::vector<Segment>> find_segments(const VolumeFile& file, const LabelSink& sink) {
+  auto declared = parse_segment_fields(file.segment_fields, file.header.layers, file.voxels.file.string());
+  if (!declared) return declared.error();
+  std::vector<Segment> segments = std::move(*declared);
+  for (int layer = 0; layer < file.header.layers; ++layer)
+    for (int v = 1; v < 65536; ++v) {
+      const auto value = static_cast<LabelId>(v);
+      if (!sink.present(static_cast<std::size_t>(layer), value)) continue;
+      const bool known = std::any_of(segments.begin(), segments.end(),
+                                     [&](const Segment& s) { return s.layer == layer && s.value == value; });
+      if (!known) segments.push_back({0, "", colour_for(value), layer, value});
+    }
+  if (!number_segments(segments))
+    return bad_input(file.voxels.file.string(), "has more segments than there are numbers for");
+  return segments;
+}
+
+// the table that names the labels: the one given, else a single one in the folder, else nothing
+Result<std::vector<NamedLabel>> find_names(const VolumeFile& file, const std::filesystem::path& labels,
+                                           const std::optional<std::filesystem::path>& given,
+                                           const Warn& warn) {
+  if (given) return read_label_names(*given);
+  if (file.header.has_segments) return std::vector<NamedLabel>();
+  const auto table = only_table_beside(labels);
+  if (!table) return std::vector<NamedLabel>();
+  auto names = read_label_names(*table);
+  if (names) return names;
+  // nobody asked for this table: it may be about something else
+  if (warn) warn(names.error().message() + "\n  the table was not used, the labels stay without names");
+  return std::vector<NamedLabel>();
+}
+
+Result<ScanFile> read_scan_file(const std::filesystem::path& path, const Progress& progress,
+                                const Warn& warn) {
+  const auto file = inspect(path);
+  if (!file) return file.error();
+  if (file->header.layers > 1)
+    return bad_input(path.string(), "holds several values for each voxel, a scan has one",
+                     "if it is a segmentation give it as the labels");
+  if (auto plausible = check_plausible(*file, sizeof(float)); !plausible) return plausible.error();
+
+  ScanFile result{file->header, Volume<float>(file->header.geometry)};
+  std::vector<float>& voxels = result.scan.voxels();
+  const VoxelSource& source = file->voxels;
+  const bool scaled = is_scaled(source);
+  const auto read =
+      stream_voxels(*file, progress, [&](std::uint64_t first, std::span<const std::byte> bytes) {
+        with_type(source.component, [&](auto type) {
+          using T = decltype(type);
+          for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
+            voxels[n] =
+                scaled ? static_cast<float>(source.slope * static_cast<double>(stored) + source.intercept)
+                       : static_cast<float>(stored);
+          });
+        });
+        return Result<void>();
+      });
+  if (!read) return read.error();
+
+  std::size_t replaced = 0;
+  if (!replace_non_finite(voxels, replaced)) return bad_input(path.string(), "holds not a single number");
+  if (replaced > 0 && warn)
+    warn(path.string() + ": " + std::to_string(replaced) +
+         " voxels are not numbers (NaN or infinite); they are taken as the lowest value of the scan");
+  return result;
+}
+
+Result<LabelFile> read_label_file(const std::filesystem::path& path,
+                                  const std::optional<std::filesystem::path>& names, const Progress& progress,
+                                  const Warn& warn) {
+  const auto file = inspect(path);
+  if (!file) return file.error();
+  const auto table = find_names(*file, path, names, warn);
+  if (!table) return table.error();
+  if (auto plausible = check_plausible(*file, sizeof(LabelId)); !plausible) return plausible.error();
+
+  LabelSink sink(*file);
+  const auto read =
+      stream_voxels(*file, progress, [&](std::uint64_t first, std::span<const std::byte> bytes) {
+        return with_type(file->voxels.component,
+                         [&](auto type) { return sink.take<decltype(type)>(first, bytes); });
+      });
+  if (!read) return read.error();
+
+  auto segments = find_segments(*file, sink);
+  if (!segments) return segments.error();
+  apply_names(*table, *segments);
+  LabelFile result{file->header, {std::move(sink.layers()), std::move(*segments)}, {}};
+  for (const Segment& s : result.labels.segments)
+    if (s.name.empty()) result.unnamed.push_back(s.id);
+  return result;
+}
+
+}  // namespace
+
+Result<VolumeHeader> read_header(const std::filesystem::path& file) try {
+  const auto inspected = inspect(file);
+  if (!inspected) return inspected.error();
+  return inspected->header;
+} catch (const std::bad_alloc&) {
+  return out_of_memory(file);
+}
+
+Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress,
+                           const Warn& warn) try {
+  return read_scan_file(file, progress, warn);
+} catch (const std::bad_alloc&) {
+  return out_of_memory(file);
+}
+
+Result<LabelFile> read_labels(const std::filesystem::path& file,
+                              const std::optional<std::filesystem::path>& names, const Progress& progress,
+                              const Warn& warn) try {
+  return read_label_file(file, names, progress, warn);
+} catch (const std::bad_alloc&) {
+  return out_of_memory(file);
+}
+
+}  // namespace palpate

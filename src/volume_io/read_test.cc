@@ -1,0 +1,291 @@
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstring>
+
+#include "base/test_files.h"
+#include "palpate/volume_io.h"
+
+namespace palpate {
+namespace {
+
+using test::TemporaryFolder;
+using test::write_text;
+
+std::string nrrd(const std::string& type, const std::string& sizes, const std::string& more,
+                 const std::string& data) {
+  const bool flat = std::count(sizes.begin(), sizes.end(), ' ') == 1;
+  return "NRRD0004\ntype: " + type + "\ndimension: " + (flat ? "2" : "3") + "\nsizes: " + sizes + "\n" +
+         (flat ? "" : "space: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n") +
+         more + "\n" + data;
+}
+
+// values as bytes, in either order
+template <class T>
+std::string stored(const std::vector<T>& values, bool big_endian) {
+  std::string bytes;
+  for (const T value : values) {
+    char one[sizeof(T)];
+    std::memcpy(one, &value, sizeof(T));
+    if (big_endian) std::reverse(one, one + sizeof(T));
+    bytes.append(one, sizeof(T));
+  }
+  return bytes;
+}
+
+std::string gzipped(const std::string& bytes) {
+  z_stream z{};
+  EXPECT_EQ(deflateInit2(&z, 9, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY), Z_OK);
+  std::string packed(bytes.size() + 1000, '\0');
+  z.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+  z.avail_in = static_cast<uInt>(bytes.size());
+  z.next_out = reinterpret_cast<Bytef*>(packed.data());
+  z.avail_out = static_cast<uInt>(packed.size());
+  EXPECT_EQ(deflate(&z, Z_FINISH), Z_STREAM_END);
+  packed.resize(z.total_out);
+  deflateEnd(&z);
+  return packed;
+}
+
+template <class T>
+void expect_every_type(const std::string& name, const std::vector<T>& values) {
+  const TemporaryFolder folder;
+  std::vector<float> expected;
+  for (const T v : values) expected.push_back(static_cast<float>(v));
+  const std::string sizes = std::to_string(values.size()) + " 1 1";
+  for (const bool big : {false, true}) {
+    const std::string endian = big ? "endian: big\n" : "endian: little\n";
+    const auto raw = read_scan(
+        write_text(folder / "a.nrrd", nrrd(name, sizes, endian + "encoding: raw\n", stored(values, big))));
+    ASSERT_TRUE(raw) << name << ": " << raw.error().message();
+    EXPECT_EQ(raw->scan.voxels(), expected) << name;
+    EXPECT_EQ(raw->header.component_type, name);
+    const auto gz = read_scan(write_text(
+        folder / "b.nrrd", nrrd(name, sizes, endian + "encoding: gzip\n", gzipped(stored(values, big)))));
+    ASSERT_TRUE(gz) << gz.error().message();
+    EXPECT_EQ(gz->scan.voxels(), expected) << name;
+  }
+}
+
+TEST(ReadScan, ReadsEveryTypeInBothByteOrders) {
+  expect_every_type<std::int8_t>("int8", {-128, -1, 0, 127});
+  expect_every_type<std::uint8_t>("uint8", {0, 1, 255});
+  expect_every_type<std::int16_t>("int16", {-32768, -1, 258, 32767});
+  expect_every_type<std::uint16_t>("uint16", {0, 258, 65535});
+  expect_every_type<std::int32_t>("int32", {-16777216, 16909060, 16777216});
+  expect_every_type<std::uint32_t>("uint32", {0, 16777216});
+  expect_every_type<std::int64_t>("int64", {-16777216, 1});
+  expect_every_type<std::uint64_t>("uint64", {16777216, 1});
+}
+
+TEST(ReadScan, ReadsFloatsTextAndHexadecimal) {
+  const TemporaryFolder folder;
+  const auto text = read_scan(
+      write_text(folder / "t.nrrd", nrrd("float", "2 2 1", "encoding: text\n", "1.5, -2\n3e2\t0.25")));
+  ASSERT_TRUE(text) << text.error().message();
+  EXPECT_EQ(text->scan.voxels(), (std::vector<float>{1.5f, -2, 300, 0.25f}));
+  const auto hex = read_scan(write_text(
+      folder / "h.nrrd", nrrd("uint16", "2 1 1", "endian: big\nencoding: hex\n", "01 02\n fF10\n")));
+  ASSERT_TRUE(hex) << hex.error().message();
+  EXPECT_EQ(hex->scan.voxels(), (std::vector<float>{258, 65296}));
+}
+
+TEST(ReadScan, ASliceIsAVolumeOfOne) {
+  const TemporaryFolder folder;
+  const auto scan = read_scan(write_text(
+      folder / "s.nrrd", nrrd("uint8", "3 2", "spacings: 0.5 2\nencoding: ascii\n", "1 2 3 4 5 6")));
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_EQ(scan->scan.geometry().dims, (std::array{3, 2, 1}));
+  EXPECT_EQ(scan->scan.geometry().spacing_mm, Eigen::Vector3d(0.5, 2, 1));
+  EXPECT_FALSE(scan->header.has_geometry);
+}
+
+TEST(ReadScan, RasIsTurnedIntoLps) {
+  const TemporaryFolder folder;
+  std::string text = nrrd("uint8", "1 1 2", "encoding: ascii\n", "1 2");
+  text.replace(text.find("LPS"), 3, "RAS");
+  text.replace(text.find("(1,0,0)"), 7, "(2,0,0)");
+  text.replace(text.find("origin: (0,0,0)"), 15, "origin: (5,6,7)");
+  const auto header = read_header(write_text(folder / "r.nrrd", text));
+  ASSERT_TRUE(header) << header.error().message();
+  EXPECT_EQ(header->geometry.direction, Eigen::Matrix3d(Eigen::Vector3d(-1, -1, 1).asDiagonal()));
+  EXPECT_EQ(header->geometry.spacing_mm, Eigen::Vector3d(2, 1, 1));
+  EXPECT_EQ(header->geometry.origin, Point<Patient>(-5, -6, 7));
+}
+
+TEST(ReadScan, WhatIsNotANumberIsReplacedWithAWarning) {
+  const TemporaryFolder folder;
+  std::string warning;
+  const Warn warn = [&](const std::string& message) { warning = message; };
+  const auto scan = read_scan(
+      write_text(folder / "n.nrrd", nrrd("float", "2 2 1", "encoding: text\n", "nan -7 inf 3")), {}, warn);
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_EQ(scan->scan.voxels(), (std::vector<float>{-7, -7, -7, 3}));
+  EXPECT_NE(warning.find("2 voxels"), std::string::npos) << warning;
+  EXPECT_FALSE(
+      read_scan(write_text(folder / "m.nrrd", nrrd("float", "1 2 1", "encoding: text\n", "nan nan"))));
+}
+
+TEST(ReadScan, StopsWhenAskedTo) {
+  const TemporaryFolder folder;
+  const auto file = write_text(folder / "a.nrrd", nrrd("uint8", "2 1 1", "encoding: ascii\n", "1 2"));
+  const std::atomic<bool> stop = true;
+  const auto scan = read_scan(file, Progress({}, &stop));
+  ASSERT_FALSE(scan);
+  EXPECT_EQ(scan.error().kind, ErrorKind::kInterrupted);
+}
+
+// the detached data stand behind a header, 3 bytes from their end, compressed or not
+TEST(ReadScan, FindsDetachedDataBySkips) {
+  const TemporaryFolder folder;
+  const std::string data = "line\nheadABCDend";
+  write_text(folder / "a.raw", data);
+  write_text(folder / "a.raw.gz", gzipped(data.substr(5)));
+  const std::vector<float> expected{'A', 'B', 'C', 'D'};
+  for (const std::string& place : {std::string("encoding: raw\nbyte skip: 9\ndata file: a.raw\n"),
+                                   std::string("encoding: raw\nbyte skip: -4\ndata file: a.raw\n"),
+                                   std::string("encoding: gzip\nbyte skip: -4\ndata file: a.raw.gz\n")}) {
+    const auto scan = read_scan(write_text(folder / "a.nhdr", nrrd("uint8", "2 2 1", place, "")));
+    // what follows the voxels is only allowed where it has been announced
+    if (place.find("skip: 9") != std::string::npos) {
+      EXPECT_FALSE(scan) << "3 bytes too many";
+      continue;
+    }
+    ASSERT_TRUE(scan) << place << scan.error().message();
+    EXPECT_EQ(scan->scan.voxels(), expected) << place;
+  }
+  write_text(folder / "b.raw", "line\nheadABCD");
+  const auto lines = read_scan(write_text(
+      folder / "b.nhdr",
+      nrrd("uint8", "2 2 1", "encoding: raw\nline skip: 1\nbyte skip: 4\ndata file: b.raw\n", "")));
+  ASSERT_TRUE(lines) << lines.error().message();
+  EXPECT_EQ(lines->scan.voxels(), expected);
+}
+
+TEST(ReadScan, AHeaderMayNotLeadOutOfItsFolder) {
+  const TemporaryFolder folder;
+  write_text(folder / "secret.raw", "ABCD");
+  std::filesystem::create_directory(folder / "in");
+  for (const std::string& name :
+       {(folder / "secret.raw").string(), std::string("../secret.raw"), std::string("in/../../x"),
+        std::string("/dev/zero"), std::string("in"), std::string("missing.raw")}) {
+    const auto nhdr = read_scan(write_text(
+        folder / "in/a.nhdr", nrrd("uint8", "2 2 1", "encoding: raw\ndata file: " + name + "\n", "")));
+    EXPECT_FALSE(nhdr) << name;
+    const auto mhd = read_scan(write_text(
+        folder / "in/a.mhd",
+        "ObjectType = Image\nNDims = 3\nDimSize = 2 2 1\nElementType = MET_UCHAR\nElementDataFile = " + name +
+            "\n"));
+    EXPECT_FALSE(mhd) << name;
+  }
+}
+
+TEST(ReadScan, ReadsMetaImageWithItsDataElsewhere) {
+  const TemporaryFolder folder;
+  write_text(folder / "a.raw", stored<std::int16_t>({1, -2, 300, 4}, true));
+  const auto scan =
+      read_scan(write_text(folder / "a.mhd",
+                           "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = "
+                           "True\nTransformMatrix = 0 1 0 -1 0 0 0 0 "
+                           "1\nOffset = 1 2 3\nElementSpacing = 2 3 4\nDimSize = 2 2 1\nElementType = "
+                           "MET_SHORT\nElementDataFile = a.raw\n"));
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_EQ(scan->scan.voxels(), (std::vector<float>{1, -2, 300, 4}));
+  EXPECT_EQ(scan->header.format, "MetaImage");
+  // the first axis runs along +y, the second along -x
+  const auto X_PatientVoxel = scan->scan.geometry().X_PatientVoxel();
+  EXPECT_EQ(X_PatientVoxel * Point<Voxel>(1, 0, 0), Point<Patient>(1, 4, 3));
+  EXPECT_EQ(X_PatientVoxel * Point<Voxel>(0, 1, 0), Point<Patient>(-2, 2, 3));
+}
+
+TEST(ReadLabels, OnlyWholeNumbersFromZeroTo65535AreLabels) {
+  const TemporaryFolder folder;
+  const auto read = [&](const std::string& type, const std::string& values) {
+    return read_labels(write_text(folder / "l.nrrd", nrrd(type, "2 1 2", "encoding: text\n", values)));
+  };
+  const auto good = read("double", "0 65535 1 1");
+  ASSERT_TRUE(good) << good.error().message();
+  ASSERT_EQ(good->labels.segments.size(), 2u);
+  EXPECT_EQ(good->labels.segments[1].id, 65535);
+  EXPECT_FALSE(read("int", "0 1 -1 2"));
+  EXPECT_FALSE(read("int", "0 1 65536 2"));
+  EXPECT_FALSE(read("float", "0 1 nan 2"));
+  const auto half = read("float", "0 1 2 2.5");
+  ASSERT_FALSE(half);
+  EXPECT_NE(half.error().what.find("(1, 0, 1)"), std::string::npos) << half.error().message();
+}
+
+// overlapping segments as 3D Slicer saves them, and with the layers as the slowest axis
+TEST(ReadLabels, ReadsOverlappingSegmentsFromLayers) {
+  const TemporaryFolder folder;
+  const std::string fields =
+      "Segment0_ID:=a\nSegment0_Name:=bone\nSegment0_LabelValue:=1\nSegment0_Layer:=0\nSegment0_Color:=1 0 "
+      "0\n"
+      "Segment1_ID:=b\nSegment1_Name:=growth\nSegment1_LabelValue:=1\nSegment1_Layer:=1\nSegment1_Color:=0 1 "
+      "0\n";
+  const auto file = [&](const std::string& sizes, const std::string& kinds, const std::string& directions,
+                        const std::string& data) {
+    return write_text(folder / "s.seg.nrrd",
+                      "NRRD0004\ntype: uint8\ndimension: 4\nspace: left-posterior-superior\nsizes: " + sizes +
+                          "\nspace directions: " + directions + "\nkinds: " + kinds +
+                          "\nencoding: ascii\nspace origin: (0,0,0)\n" + fields + "\n" + data);
+  };
+  // voxels: bone, both, growth, 5 of the second layer that nobody names
+  const auto first = read_labels(
+      file("2 4 1 1", "list domain domain domain", "none (1,0,0) (0,1,0) (0,0,1)", "1 0 1 1 0 1 0 5"));
+  ASSERT_TRUE(first) << first.error().message();
+  EXPECT_EQ(first->header.layers, 2);
+  EXPECT_TRUE(first->header.has_segments);
+  EXPECT_EQ(first->header.format, "Slicer segmentation (NRRD)");
+  ASSERT_EQ(first->labels.layers.size(), 2u);
+  EXPECT_EQ(first->labels.layers[0].voxels(), (std::vector<LabelId>{1, 1, 0, 0}));
+  EXPECT_EQ(first->labels.layers[1].voxels(), (std::vector<LabelId>{0, 1, 1, 5}));
+  ASSERT_EQ(first->labels.segments.size(), 3u);
+  EXPECT_EQ(first->labels.find("bone")->id, 1);
+  EXPECT_EQ(first->labels.find("growth")->layer, 1);
+  EXPECT_EQ(first->labels.find("growth")->colour, (Rgb{0, 255, 0}));
+  EXPECT_EQ(first->unnamed, (std::vector<LabelId>{5}));
+  EXPECT_EQ(first->labels.flattened().voxels(), (std::vector<LabelId>{1, 6, 6, 5}));
+
+  const auto last = read_labels(
+      file("4 1 1 2", "domain domain domain list", "(1,0,0) (0,1,0) (0,0,1) none", "1 1 0 0 0 1 1 5"));
+  ASSERT_TRUE(last) << last.error().message();
+  EXPECT_EQ(last->labels.layers[1].voxels(), first->labels.layers[1].voxels());
+
+  EXPECT_FALSE(read_scan(folder / "s.seg.nrrd")) << "layers are no scan";
+}
+
+// nothing of a file's other texts is kept, so they cannot reach an output
+TEST(ReadLabels, KeepsNoTextButNames) {
+  const TemporaryFolder folder;
+  const auto labels = read_labels(
+      write_text(folder / "p.nrrd",
+                 nrrd("uint8", "2 1 1",
+                      "content: DOE^CANARY\nencoding: ascii\nDicom.PatientName:=DOE^CANARY\n", "0 1")));
+  ASSERT_TRUE(labels) << labels.error().message();
+  for (const Segment& s : labels->labels.segments) EXPECT_EQ(s.name, "");
+  EXPECT_EQ(labels->header.format, "NRRD");
+}
+
+TEST(Read, WhatIsNoVolumeFileIsAClearError) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "d.nrrd");
+  for (const auto& file :
+       {folder / "missing.nrrd", folder / "d.nrrd", write_text(folder / "a.txt", "x"),
+        write_text(folder / "nrrd", ""), write_text(folder / "a.nrrd", ""), write_text(folder / "a.nii", ""),
+        write_text(folder / "a.nii.gz", ""), write_text(folder / "a.mha", ""),
+        write_text(folder / "b.img", ""), write_text(folder / "a.hdr", "")}) {
+    const auto header = read_header(file);
+    ASSERT_FALSE(header) << file;
+    EXPECT_EQ(header.error().kind, ErrorKind::kBadInput);
+    EXPECT_NE(header.error().where.find(file.filename().string()), std::string::npos);
+    EXPECT_FALSE(header.error().what.empty());
+    EXPECT_FALSE(read_scan(file));
+    EXPECT_FALSE(read_labels(file));
+  }
+}
+
+}  // namespace
+}  // namespace palpate

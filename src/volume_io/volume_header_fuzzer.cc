@@ -1,0 +1,11 @@
+#include "volume_io/headers.h"
+
+// the three headers; a bug in one of them would meet untrusted bytes first
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string_view bytes(reinterpret_cast<const char*>(data), size);
+  using namespace palpate::volume_io;
+  if (const auto nrrd = parse_nrrd_header(bytes, "fuzz")) (void)volume_dims(nrrd->axes, "fuzz").ok();
+  if (const auto meta = parse_metaimage_header(bytes, "fuzz")) (void)volume_dims(meta->axes, "fuzz").ok();
+  if (const auto nifti = parse_nifti_header(bytes, "fuzz")) (void)volume_dims(nifti->axes, "fuzz").ok();
+  return 0;
+}

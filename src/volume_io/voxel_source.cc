@@ -1,0 +1,75 @@
+#include "volume_io/voxel_source.h"
+
+#include <limits>
+
+namespace palpate::volume_io {
+
+std::size_t bytes_of(Component component) {
+  return with_type(component, [](auto type) { return sizeof(type); });
+}
+
+const char* name_of(Component component) {
+  switch (component) {
+    case Component::kInt8:
+      return "int8";
+    case Component::kUint8:
+      return "uint8";
+    case Component::kInt16:
+      return "int16";
+    case Component::kUint16:
+      return "uint16";
+    case Component::kInt32:
+      return "int32";
+    case Component::kUint32:
+      return "uint32";
+    case Component::kInt64:
+      return "int64";
+    case Component::kUint64:
+      return "uint64";
+    case Component::kFloat32:
+      return "float32";
+    case Component::kFloat64:
+      break;
+  }
+  return "float64";
+}
+
+Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, const std::string& source) {
+  constexpr std::int64_t kMostVoxels = std::int64_t{1} << 40;
+  if (axes.size() < 2)
+    return bad_input(source, "has " + std::to_string(axes.size()) + " axis, a volume has three",
+                     "give a volume, or a single slice with two axes");
+  std::array<int, 3> dims{1, 1, 1};
+  std::int64_t voxels = 1;
+  for (std::size_t a = 0; a < axes.size(); ++a) {
+    if (axes[a] < 1)
+      return bad_input(source, "axis " + std::to_string(a + 1) + " has a size of " + std::to_string(axes[a]));
+    if (a >= 3) {
+      if (axes[a] == 1) continue;
+      return bad_input(source, "has " + std::to_string(axes.size()) + " axes, a volume has three",
+                       "extract one volume of the series and give that");
+    }
+    if (axes[a] > std::numeric_limits<int>::max() || axes[a] > kMostVoxels / voxels)
+      return bad_input(source, "promises more voxels than any scan has, the header is damaged");
+    voxels *= axes[a];
+    dims[a] = static_cast<int>(axes[a]);
+  }
+  return dims;
+}
+
+Result<std::filesystem::path> data_file_beside(const std::filesystem::path& header, const std::string& name) {
+  const std::filesystem::path relative(name);
+  bool leads_out = relative.empty() || relative.is_absolute() || name.find('\0') != std::string::npos;
+  for (const auto& part : relative) leads_out |= part == "..";
+  if (leads_out)
+    return bad_input(header.string(), "names a data file outside its own folder",
+                     "put the data file beside the header and name it without a path");
+  const std::filesystem::path file = header.parent_path() / relative;
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(file, ignored))
+    return bad_input(header.string(), "its data file " + relative.string() + " is missing",
+                     "put the data file beside the header");
+  return file;
+}
+
+}  // namespace palpate::volume_io

@@ -1,0 +1,446 @@
+#include "volume_io/voxel_stream.h"
+
+#include <bzlib.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <memory>
+
+namespace palpate::volume_io {
+namespace {
+
+// the file from an offset on, in pieces
+class FileBytes {
+ public:
+  ~FileBytes() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  FileBytes() = default;
+  FileBytes(const FileBytes&) = delete;
+  FileBytes& operator=(const FileBytes&) = delete;
+
+  Result<void> open(const std::filesystem::path& file, std::uint64_t offset) {
+    descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor_ < 0 || ::lseek(descriptor_, static_cast<off_t>(offset), SEEK_SET) < 0)
+      return bad_input(file.string(), std::string("cannot be read: ") + std::strerror(errno));
+    return {};
+  }
+  // fewer bytes than asked for only at the end or after a fault of the disk
+  std::size_t read(std::span<std::byte> out) {
+    std::size_t used = 0;
+    while (used < out.size()) {
+      const ssize_t got = ::read(descriptor_, out.data() + used, out.size() - used);
+      if (got < 0 && errno == EINTR) continue;
+      if (got <= 0) break;
+      used += static_cast<std::size_t>(got);
+    }
+    return used;
+  }
+
+ private:
+  int descriptor_ = -1;
+};
+
+// decoded bytes in order
+class ByteStream {
+ public:
+  virtual ~ByteStream() = default;
+  /// Fills `out` as far as the data go; fewer bytes mean that they ended, fault() whether badly.
+  virtual std::size_t read(std::span<std::byte> out) = 0;
+  const std::string& fault() const { return fault_; }
+  FileBytes& file() { return file_; }
+
+ protected:
+  FileBytes file_;
+  std::string fault_;
+};
+
+class RawStream : public ByteStream {
+ public:
+  std::size_t read(std::span<std::byte> out) override { return file_.read(out); }
+};
+
+constexpr std::size_t kPiece = 1 << 16;
+
+class DeflateStream : public ByteStream {
+ public:
+  DeflateStream() {
+    constexpr int kGzipOrZlib = 15 + 32;
+    good_ = inflateInit2(&z_, kGzipOrZlib) == Z_OK;
+    if (!good_) fault_ = "cannot be decompressed";
+  }
+  ~DeflateStream() override { inflateEnd(&z_); }
+
+  std::size_t read(std::span<std::byte> out) override {
+    std::size_t used = 0;
+    while (good_ && used < out.size()) {
+      if (z_.avail_in == 0 && !refill()) break;
+      const auto room = static_cast<uInt>(std::min<std::size_t>(out.size() - used, 1u << 30));
+      z_.next_out = reinterpret_cast<Bytef*>(out.data() + used);
+      z_.avail_out = room;
+      const int status = inflate(&z_, Z_NO_FLUSH);
+      used += room - z_.avail_out;
+      if (status == Z_STREAM_END)
+        good_ = next_member();
+      else if (status != Z_OK && status != Z_BUF_ERROR)
+        stop(std::string("the compressed data are damaged") +
+             (z_.msg ? std::string(" (") + z_.msg + ")" : ""));
+    }
+    return used;
+  }
+
+ private:
+  void stop(std::string fault) {
+    good_ = false;
+    fault_ = std::move(fault);
+  }
+  bool refill() {
+    const std::size_t got = file_.read(std::as_writable_bytes(std::span(in_)));
+    z_.next_in = in_;
+    z_.avail_in = static_cast<uInt>(got);
+    if (got == 0) stop("the compressed data break off");
+    return got != 0;
+  }
+  // gzip members may follow each other; anything else after the end is not ours
+  bool next_member() {
+    if (z_.avail_in < 2) {
+      std::memmove(in_, z_.next_in, z_.avail_in);
+      const std::size_t kept = z_.avail_in;
+      z_.next_in = in_;
+      z_.avail_in += static_cast<uInt>(file_.read(std::as_writable_bytes(std::span(in_).subspan(kept))));
+    }
+    return z_.avail_in >= 2 && z_.next_in[0] == 0x1f && z_.next_in[1] == 0x8b && inflateReset(&z_) == Z_OK;
+  }
+
+  z_stream z_{};
+  bool good_ = false;
+  Bytef in_[kPiece];
+};
+
+class Bzip2Stream : public ByteStream {
+ public:
+  Bzip2Stream() { good_ = BZ2_bzDecompressInit(&z_, 0, 0) == BZ_OK; }
+  ~Bzip2Stream() override { BZ2_bzDecompressEnd(&z_); }
+
+  std::size_t read(std::span<std::byte> out) override {
+    std::size_t used = 0;
+    while (good_ && used < out.size()) {
+      if (z_.avail_in == 0) {
+        z_.next_in = in_;
+        z_.avail_in = static_cast<unsigned>(file_.read(std::as_writable_bytes(std::span(in_))));
+        if (z_.avail_in == 0) {
+          good_ = false;
+          fault_ = "the compressed data break off";
+          break;
+        }
+      }
+      const auto room = static_cast<unsigned>(std::min<std::size_t>(out.size() - used, 1u << 30));
+      z_.next_out = reinterpret_cast<char*>(out.data() + used);
+      z_.avail_out = room;
+      const int status = BZ2_bzDecompress(&z_);
+      used += room - z_.avail_out;
+      if (status == BZ_OK) continue;
+      good_ = false;
+      if (status != BZ_STREAM_END) fault_ = "the compressed data are damaged";
+    }
+    return used;
+  }
+
+ private:
+  bz_stream z_{};
+  bool good_ = false;
+  char in_[kPiece];
+};
+
+// text in pieces, one character at a time
+class TextStream : public ByteStream {
+ protected:
+  // the next character, or -1
+  int next() {
+    if (at_ == held_) {
+      held_ = file_.read(std::as_writable_bytes(std::span(in_)));
+      at_ = 0;
+      if (held_ == 0) return -1;
+    }
+    return static_cast<unsigned char>(in_[at_++]);
+  }
+  static bool is_space(int c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+
+ private:
+  char in_[kPiece];
+  std::size_t at_ = 0, held_ = 0;
+};
+
+class NumberStream : public TextStream {
+ public:
+  explicit NumberStream(Component component) : component_(component), size_(bytes_of(component)) {}
+
+  // whole values only: `out` is a multiple of them except for the one byte that asks "is there more?"
+  std::size_t read(std::span<std::byte> out) override {
+    std::size_t used = 0;
+    while (used < out.size() && fault_.empty()) {
+      const std::string token = next_token();
+      if (token.empty()) break;
+      std::byte value[8];
+      if (!parse(token, value)) {
+        fault_ = token.substr(0, 20) + " is not a " + name_of(component_) + " number";
+        break;
+      }
+      const std::size_t room = std::min(size_, out.size() - used);
+      std::memcpy(out.data() + used, value, room);
+      used += room;
+    }
+    return used;
+  }
+
+ private:
+  std::string next_token() {
+    int c = next();
+    while (is_space(c) || c == ',') c = next();
+    std::string token;
+    constexpr std::size_t kLongest = 400;
+    for (; c >= 0 && !is_space(c) && c != ',' && token.size() < kLongest; c = next())
+      token.push_back(static_cast<char>(c));
+    return token;
+  }
+  bool parse(const std::string& token, std::byte* value) const {
+    const char* first = token.data() + (token[0] == '+' ? 1 : 0);
+    const char* last = token.data() + token.size();
+    return with_type(component_, [&](auto number) {
+      const auto result = std::from_chars(first, last, number);
+      std::memcpy(value, &number, sizeof number);
+      return result.ec == std::errc() && result.ptr == last;
+    });
+  }
+
+  Component component_;
+  std::size_t size_;
+};
+
+class HexStream : public TextStream {
+ public:
+  std::size_t read(std::span<std::byte> out) override {
+    std::size_t used = 0;
+    while (used < out.size() && fault_.empty()) {
+      const int high = next_digit();
+      if (high < 0) break;
+      const int low = next_digit();
+      if (low < 0) break;
+      out[used++] = static_cast<std::byte>(high * 16 + low);
+    }
+    return used;
+  }
+
+ private:
+  int next_digit() {
+    int c = next();
+    while (is_space(c)) c = next();
+    if (c < 0) return -1;
+    if (c >= '0' && c <= '9') return c - '0';
+    c |= 0x20;
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    fault_ = "the hexadecimal data hold something else";
+    return -1;
+  }
+};
+
+std::unique_ptr<ByteStream> stream_for(const VoxelSource& source) {
+  switch (source.encoding) {
+    case Encoding::kDeflate:
+      return std::make_unique<DeflateStream>();
+    case Encoding::kBzip2:
+      return std::make_unique<Bzip2Stream>();
+    case Encoding::kText:
+      return std::make_unique<NumberStream>(source.component);
+    case Encoding::kHex:
+      return std::make_unique<HexStream>();
+    case Encoding::kRaw:
+      break;
+  }
+  return std::make_unique<RawStream>();
+}
+
+std::uint64_t value_count(const VolumeFile& file) {
+  return file.header.geometry.voxel_count() * static_cast<std::uint64_t>(file.header.layers);
+}
+
+Error ended_early(const VolumeFile& file, std::uint64_t values, const std::string& fault) {
+  const auto& dims = file.header.geometry.dims;
+  const auto voxels = values / static_cast<std::uint64_t>(file.header.layers);
+  const auto slice = static_cast<std::uint64_t>(dims[0]) * static_cast<std::uint64_t>(dims[1]);
+  std::string what = "the voxel data end after ";
+  if (!file.layers_first)
+    what += std::to_string(values) + " of " + std::to_string(value_count(file)) + " values";
+  else if (dims[2] > 1)
+    what += std::to_string(voxels / slice) + " of " + std::to_string(dims[2]) + " slices";
+  else
+    what += std::to_string(voxels) + " of " + std::to_string(slice) + " voxels";
+  if (!fault.empty()) what += ", " + fault;
+  return bad_input(file.voxels.file.string(), what,
+                   "the file is cut short or damaged: copy or download it again");
+}
+
+Error surplus(const VolumeFile& file) {
+  return bad_input(file.voxels.file.string(), "holds more voxel data than its header promises",
+                   "sizes, type or encoding in the header may be wrong; an NRRD header whose data file has a "
+                   "header of its own needs 'byte skip: -1'");
+}
+
+// where reading stands before the first voxel
+struct Positioned {
+  std::unique_ptr<ByteStream> stream;
+  std::string fault;  // not empty: the first voxel is never reached
+};
+
+std::uint64_t pass_over(ByteStream& stream, std::uint64_t bytes) {
+  std::vector<std::byte> dump(kPiece);
+  std::uint64_t passed = 0;
+  while (passed < bytes) {
+    const auto piece = static_cast<std::size_t>(std::min<std::uint64_t>(dump.size(), bytes - passed));
+    const std::size_t got = stream.read(std::span(dump).first(piece));
+    passed += got;
+    if (got < piece) break;
+  }
+  return passed;
+}
+
+Result<std::unique_ptr<ByteStream>> open_stream(const VoxelSource& source) {
+  auto stream = stream_for(source);
+  if (auto opened = stream->file().open(source.file, source.offset); !opened) return opened.error();
+  return stream;
+}
+
+// a stream that stands at the first voxel
+Result<Positioned> at_first_voxel(const VolumeFile& file) {
+  const VoxelSource& source = file.voxels;
+  auto stream = open_stream(source);
+  if (!stream) return stream.error();
+  std::uint64_t skip = source.skip;
+  if (source.bytes_after) {
+    // counted back from the end, which only decoding tells
+    const std::uint64_t total = pass_over(**stream, ~std::uint64_t{0});
+    const std::uint64_t needed = value_count(file) * bytes_of(source.component) + *source.bytes_after;
+    if (total < needed || !(*stream)->fault().empty())
+      return Positioned{nullptr,
+                        (*stream)->fault().empty() ? "they are shorter than promised" : (*stream)->fault()};
+    skip = total - needed;
+    stream = open_stream(source);
+    if (!stream) return stream.error();
+  }
+  if (pass_over(**stream, skip) < skip)
+    return Positioned{nullptr,
+                      (*stream)->fault().empty() ? "they are shorter than promised" : (*stream)->fault()};
+  return Positioned{std::move(*stream), ""};
+}
+
+void swap_bytes(std::span<std::byte> values, std::size_t size) {
+  for (std::size_t n = 0; n + size <= values.size(); n += size)
+    std::reverse(values.begin() + static_cast<std::ptrdiff_t>(n),
+                 values.begin() + static_cast<std::ptrdiff_t>(n + size));
+}
+
+// the most values that stored bytes can become
+std::uint64_t most_values(const VoxelSource& source, std::uint64_t stored) {
+  // deflate: 258 bytes for 2 bits. bzip2: 900 000 bytes for some 32, each 5 of them a run of up to 259
+  constexpr std::uint64_t kMostDeflate = 1032, kMostBzip2 = 1 << 21;
+  const std::uint64_t size = bytes_of(source.component);
+  switch (source.encoding) {
+    case Encoding::kDeflate:
+      return stored * kMostDeflate / size;
+    case Encoding::kBzip2:
+      return stored * kMostBzip2 / size;
+    case Encoding::kText:
+      return (stored + 1) / 2;
+    case Encoding::kHex:
+      return stored / 2 / size;
+    case Encoding::kRaw:
+      break;
+  }
+  const std::uint64_t before = source.bytes_after.value_or(source.skip);
+  return (stored - std::min(stored, before)) / size;
+}
+
+}  // namespace
+
+Result<std::string> read_front(const std::filesystem::path& file, Encoding encoding, std::size_t bytes) {
+  VoxelSource source;
+  source.file = file;
+  source.encoding = encoding;
+  auto stream = open_stream(source);
+  if (!stream) return stream.error();
+  std::error_code failed;
+  const std::uint64_t stored = std::filesystem::file_size(file, failed);
+  if (!failed && encoding == Encoding::kRaw)
+    bytes = static_cast<std::size_t>(std::min<std::uint64_t>(bytes, stored));
+  std::string front(bytes, '\0');
+  front.resize((*stream)->read(std::as_writable_bytes(std::span(front))));
+  return front;
+}
+
+Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value) {
+  std::error_code failed;
+  const std::uint64_t bytes = std::filesystem::file_size(file.voxels.file, failed);
+  if (failed) return bad_input(file.voxels.file.string(), "cannot be read: " + failed.message());
+  const std::uint64_t stored = bytes - std::min<std::uint64_t>(bytes, file.voxels.offset);
+  const std::uint64_t promised = value_count(file), most = most_values(file.voxels, stored);
+  if (promised > most) {
+    if (file.voxels.encoding == Encoding::kRaw) return ended_early(file, most, "");
+    return bad_input(file.voxels.file.string(),
+                     "promises " + std::to_string(promised) + " voxels, but " + std::to_string(stored) +
+                         " bytes can hold at most " + std::to_string(most),
+                     "the file is cut short or its header is damaged: copy or download it again");
+  }
+  const auto memory = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
+                      static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+  if (promised > memory / bytes_per_value)
+    return bad_input(file.voxels.file.string(),
+                     "needs " + std::to_string((promised * bytes_per_value) >> 30) +
+                         " GiB, this machine has " + std::to_string(memory >> 30),
+                     "crop or resample it first");
+  return {};
+}
+
+Result<void> stream_voxels(const VolumeFile& file, const Progress& progress, const TakeVoxels& take) {
+  const VoxelSource& source = file.voxels;
+  auto at = at_first_voxel(file);
+  if (!at) return at.error();
+  if (!at->fault.empty()) return ended_early(file, 0, at->fault);
+  ByteStream& stream = *at->stream;
+
+  // whole pieces of values, swapped to the machine's order
+  const std::size_t size = bytes_of(source.component);
+  const bool swap = source.encoding != Encoding::kText && size > 1 &&
+                    source.big_endian != (std::endian::native == std::endian::big);
+  const std::uint64_t count = value_count(file);
+  std::vector<std::byte> piece((std::size_t{1} << 17) * size);
+  for (std::uint64_t first = 0; first < count;) {
+    if (progress.stopped()) return Progress::interrupted();
+    const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(count - first, piece.size() / size));
+    const auto values = std::span(piece).first(wanted * size);
+    const std::size_t got = stream.read(values);
+    if (got < values.size()) return ended_early(file, first + got / size, stream.fault());
+    if (swap) swap_bytes(values, size);
+    if (auto taken = take(first, values); !taken) return taken;
+    first += wanted;
+    progress.report("reading", static_cast<double>(first) / static_cast<double>(count));
+  }
+
+  // what follows: the rest of the stream carries its checksum
+  if (source.encoding == Encoding::kRaw && source.may_have_more) return {};
+  const std::uint64_t after = source.bytes_after.value_or(0);
+  const std::uint64_t more = pass_over(stream, source.may_have_more ? ~std::uint64_t{0} : after + 1);
+  if (!stream.fault().empty() && source.encoding != Encoding::kText)
+    return bad_input(source.file.string(), "all voxels are there, but " + stream.fault(),
+                     "copy or download the file again");
+  if (!source.may_have_more && (more > after || !stream.fault().empty())) return surplus(file);
+  return {};
+}
+
+}  // namespace palpate::volume_io
