@@ -1,0 +1,113 @@
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+std::atomic<bool> stop_requested{false};
+
+extern "C" void request_stop(int signal) {
+  stop_requested.store(true);
+  // a second one ends the program at once, the usual way
+  std::signal(signal, SIG_DFL);
+}
+
+// one line on a terminal, redrawn at most 20 times a second and erased when a stage is done
+class Bar {
+ public:
+  ~Bar() { clear(); }
+  void show(std::string_view stage, double fraction) {
+    const std::lock_guard lock(mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    if (fraction < 1 && stage == stage_ && now - drawn_ < std::chrono::milliseconds(50)) return;
+    stage_ = stage;
+    drawn_ = now;
+    constexpr int kWidth = 30;
+    const int filled = static_cast<int>(kWidth * std::min(1.0, std::max(0.0, fraction)));
+    std::fprintf(stderr, "\r\033[K%-34.34s [%s%s] %3d %%", stage_.c_str(), std::string(filled, '#').c_str(),
+                 std::string(kWidth - filled, ' ').c_str(), static_cast<int>(100 * fraction));
+    shown_ = true;
+    if (fraction >= 1) erase();
+    std::fflush(stderr);
+  }
+  void clear() {
+    const std::lock_guard lock(mutex_);
+    erase();
+  }
+
+ private:
+  void erase() {
+    if (shown_) std::fputs("\r\033[K", stderr);
+    shown_ = false;
+  }
+  std::mutex mutex_;
+  std::string stage_;
+  std::chrono::steady_clock::time_point drawn_{};
+  bool shown_ = false;
+};
+
+Bar& bar() {
+  static Bar the_bar;
+  return the_bar;
+}
+
+int exit_code(ErrorKind kind) {
+  switch (kind) {
+    case ErrorKind::kBadInput:
+      return kExitBadInput;
+    case ErrorKind::kUsage:
+      return kExitUsage;
+    case ErrorKind::kOutput:
+      return kExitOutput;
+    case ErrorKind::kUnavailable:
+      return kExitUnavailable;
+    case ErrorKind::kInterrupted:
+      return kExitInterrupted;
+  }
+  return kExitBadInput;
+}
+
+}  // namespace
+
+Progress Console::progress() {
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+  Progress::Show show;
+  if (!quiet && ::isatty(STDERR_FILENO))
+    show = [](std::string_view stage, double fraction) { bar().show(stage, fraction); };
+  return {show, &stop_requested};
+}
+
+Warn Console::warn() {
+  return [](const std::string& message) {
+    bar().clear();
+    std::fprintf(stderr, "palpate: warning: %s\n", message.c_str());
+  };
+}
+
+void Console::note(const std::string& text) {
+  if (quiet) return;
+  bar().clear();
+  std::fprintf(stderr, "%s\n", text.c_str());
+}
+
+int Console::fail(const Error& error) {
+  bar().clear();
+  std::fprintf(stderr, "palpate: error: %s\n", error.message().c_str());
+  return exit_code(error.kind);
+}
+
+bool Console::interrupted() {
+  return stop_requested.load();
+}
+
+}  // namespace palpate::app

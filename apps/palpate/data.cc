@@ -1,0 +1,160 @@
+#include "palpate/catalog.h"
+
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct DataOptions {
+  bool json = false;
+  std::string name;
+  FetchOptions fetch;
+};
+
+const char* source_word(DataSource source) {
+  switch (source) {
+    case DataSource::kGenerated:
+      return "generated";
+    case DataSource::kFetched:
+      return "fetched";
+    case DataSource::kPackage:
+      return "package";
+  }
+  return "";
+}
+
+// the files of a data set, one a line, for people and for `cut -f2`
+void print_files(const LocalData& data) {
+  std::cout << "labels\t" << data.labels.string() << '\n';
+  if (data.scan) std::cout << "scan\t" << data.scan->string() << '\n';
+  if (data.names) std::cout << "names\t" << data.names->string() << '\n';
+}
+
+std::string state(const CatalogEntry& entry, const Result<LocalData>& data) {
+  if (data) return "here, in " + data->labels.parent_path().string();
+  if (data.error().kind != ErrorKind::kUnavailable) return "unusable: " + data.error().message();
+  if (entry.source == DataSource::kGenerated) return "made in memory when it is asked for";
+  return "not here: " + data.error().remedy;
+}
+
+void print_table() {
+  for (const auto& entry : catalog()) {
+    std::printf("%-13s %s\n", entry.name.c_str(), entry.summary.c_str());
+    std::printf("%-13s %s\n", "", state(entry, locate(entry.name)).c_str());
+    std::printf("%-13s licence: %s\n", "", entry.licence.c_str());
+  }
+}
+
+void print_json() {
+  auto sets = nlohmann::json::array();
+  for (const auto& entry : catalog()) {
+    const auto data = locate(entry.name);
+    nlohmann::json set{{"name", entry.name},       {"summary", entry.summary},
+                       {"licence", entry.licence}, {"source", source_word(entry.source)},
+                       {"home", entry.home},       {"here", data.ok()}};
+    if (data) {
+      set["labels"] = data->labels.string();
+      if (data->scan) set["scan"] = data->scan->string();
+      if (data->names) set["names"] = data->names->string();
+    } else {
+      set["problem"] = data.error().message();
+    }
+    sets.push_back(std::move(set));
+  }
+  // a path may hold any bytes; JSON holds UTF-8
+  std::cout << sets.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+}
+
+int list(const DataOptions& options) {
+  options.json ? print_json() : print_table();
+  return kExitOk;
+}
+
+int where(const DataOptions& options, Console& console) {
+  const auto data = locate(options.name);
+  if (!data) return console.fail(data.error());
+  print_files(*data);
+  return kExitOk;
+}
+
+int fetch_set(const DataOptions& options, Console& console) {
+  const auto entry = find_entry(options.name);
+  if (!entry) return console.fail(entry.error());
+  console.note((*entry)->name + ": " + (*entry)->summary + "\nlicence: " + (*entry)->licence);
+  const auto before = locate(options.name);
+  bool warned = false;
+  const Warn warn = [&warned, show = console.warn()](const std::string& message) {
+    warned = true;
+    show(message);
+  };
+  const auto data = fetch(options.name, options.fetch, console.progress(), warn);
+  if (!data) return console.fail(data.error());
+  const bool same = before && before->labels == data->labels && (*entry)->source != DataSource::kGenerated;
+  if (same && !warned) console.note("already here; nothing to fetch");
+  if (!data->scan && !warned)
+    console.note("without its image; `palpate data fetch " + (*entry)->name +
+                 " -o FOLDER` tries to bring one");
+  print_files(*data);
+  return kExitOk;
+}
+
+void add_list(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
+  CLI::App* verb = data.add_subcommand("list", "List the data sets, their licences and where they are");
+  verb->add_flag("-j,--json", options->json, "Print JSON instead of text");
+  verb->callback([options, &run] { run = [options](Console&) { return list(*options); }; });
+}
+
+void add_fetch(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
+  CLI::App* verb = data.add_subcommand("fetch", "Fetch or generate a data set; a broken download is resumed");
+  verb->add_option("NAME", options->name, "The data set, as `palpate data list` names it")->required();
+  verb->add_option("-o,--output", options->fetch.into,
+                   "Folder for its files; default: the user's data folder")
+      ->type_name("FOLDER");
+  verb->add_option("-m,--mirror", options->fetch.mirror,
+                   "Fetch from here (http or https) instead of its home")
+      ->type_name("URL");
+  verb->add_option("--voxel", options->fetch.voxel_mm, "Voxels of the generated knee-phantom, mm, 0.2 ... 3")
+      ->type_name("MM")
+      ->capture_default_str();
+  verb->footer(
+      "Examples:\n"
+      "  palpate data fetch knee-atlas                  into the user's data folder\n"
+      "  palpate data fetch knee-atlas -o knee          a copy of its own\n"
+      "  palpate data fetch knee-phantom --voxel 0.4 -o phantom");
+  verb->callback([options, &run] { run = [options](Console& c) { return fetch_set(*options, c); }; });
+}
+
+void add_where(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
+  CLI::App* verb = data.add_subcommand("where", "Print the files of a data set: what it is, a tab, its path");
+  verb->add_option("NAME", options->name, "The data set, as `palpate data list` names it")->required();
+  verb->footer(
+      "Examples:\n"
+      "  palpate data where knee-atlas\n"
+      "  palpate info \"$(palpate data where head | grep ^labels | cut -f2)\"");
+  verb->callback([options, &run] { run = [options](Console& c) { return where(*options, c); }; });
+}
+
+}  // namespace
+
+void add_data(CLI::App& app, Run& run) {
+  CLI::App* data = app.add_subcommand("data", "List, fetch and find data sets that anybody can have");
+  data->require_subcommand(1);
+  data->footer(
+      "Data sets are looked for in the folders of PALPATE_DATA (separated by colons), in the user's data\n"
+      "folder ($XDG_DATA_HOME/palpate or ~/.local/share/palpate), and where packages put them.\n"
+      "\n"
+      "Examples:\n"
+      "  palpate data list\n"
+      "  palpate data fetch knee-atlas\n"
+      "  palpate data where knee-atlas");
+  const auto options = std::make_shared<DataOptions>();
+  add_list(*data, options, run);
+  add_fetch(*data, options, run);
+  add_where(*data, options, run);
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,386 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <limits>
+#include <numeric>
+#include <sstream>
+
+#include "palpate/volume_io.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct Options {
+  std::string file, names;
+  bool json = false, labels = false, scan = false;
+};
+
+// what `info` found out about a file
+struct Info {
+  VolumeHeader header;
+  double lowest = 0, highest = 0;
+  std::optional<LabelFile> labels;  // nothing for a scan
+  std::vector<SegmentStatistics> statistics;
+  std::vector<int> empty_slices;
+};
+
+// --- labels or scan -------------------------------------------------------------------------------------
+
+/// Label maps are whole numbers, few of them, in patches: most neighbours along i that are both not
+/// background are equal. An 8-bit scan has few values too, but they change from voxel to voxel.
+bool looks_like_labels(const ScanFile& file, bool named) {
+  const bool integer = file.header.component_type.find("int") != std::string::npos;
+  const std::vector<float>& voxels = file.scan.voxels();
+  const auto [low, high] = std::minmax_element(voxels.begin(), voxels.end());
+  constexpr float kHighestLabel = 4096;
+  if (!integer || *low < 0 || *high > kHighestLabel) return false;
+  if (named) return true;
+
+  std::vector<bool> seen(static_cast<std::size_t>(kHighestLabel) + 1);
+  std::size_t distinct = 0, equal = 0, unequal = 0;
+  for (std::size_t n = 0; n < voxels.size(); ++n) {
+    if (voxels[n] != std::floor(voxels[n])) return false;
+    const auto value = static_cast<std::size_t>(voxels[n]);
+    distinct += !seen[value];
+    seen[value] = true;
+    if (n > 0 && voxels[n] != 0 && voxels[n - 1] != 0) ++(voxels[n] == voxels[n - 1] ? equal : unequal);
+  }
+  return distinct <= 256 && equal >= unequal;
+}
+
+Result<Info> take_labels(const Options& options, Console& console) {
+  const std::optional<std::filesystem::path> names =
+      options.names.empty() ? std::nullopt : std::optional<std::filesystem::path>(options.names);
+  auto labels = read_labels(options.file, names, console.progress(), console.warn());
+  if (!labels) return labels.error();
+  Info info;
+  info.header = labels->header;
+  info.lowest = std::numeric_limits<double>::infinity();
+  for (const auto& layer : labels->labels.layers) {
+    const auto [low, high] = std::minmax_element(layer.voxels().begin(), layer.voxels().end());
+    info.lowest = std::min<double>(info.lowest, *low);
+    info.highest = std::max<double>(info.highest, *high);
+  }
+  info.statistics = segment_statistics(labels->labels);
+  info.empty_slices = empty_slices(labels->labels);
+  info.labels = std::move(*labels);
+  return info;
+}
+
+Result<Info> inspect(const Options& options, Console& console) {
+  const auto header = read_header(options.file);
+  if (!header) return header.error();
+  const bool surely_labels = header->has_segments || header->layers > 1;
+  if (options.labels || (surely_labels && !options.scan)) return take_labels(options, console);
+
+  const auto scan = read_scan(options.file, console.progress(), console.warn());
+  if (!scan) return scan.error();
+  if (!options.scan && looks_like_labels(*scan, !options.names.empty())) return take_labels(options, console);
+  Info info;
+  info.header = scan->header;
+  const auto [low, high] = std::minmax_element(scan->scan.voxels().begin(), scan->scan.voxels().end());
+  info.lowest = *low;
+  info.highest = *high;
+  return info;
+}
+
+// --- words ----------------------------------------------------------------------------------------------
+
+std::string number(double value, int digits = 6) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, value == 0 ? 0 : value);
+  return text;
+}
+
+// 31195136 as "31 195 136"
+std::string grouped(std::size_t count) {
+  std::string text = std::to_string(count);
+  for (int at = static_cast<int>(text.size()) - 3; at > 0; at -= 3)
+    text.insert(static_cast<std::size_t>(at), " ");
+  return text;
+}
+
+/// Where the axes point, as "LPS": the assignment of patient directions to axes that fits best.
+std::string axis_codes(const Eigen::Matrix3d& direction) {
+  std::array<int, 3> row{0, 1, 2}, best = row;
+  double best_fit = -1;
+  do {
+    const double fit =
+        std::abs(direction(row[0], 0)) + std::abs(direction(row[1], 1)) + std::abs(direction(row[2], 2));
+    if (fit <= best_fit + 1e-9) continue;
+    best_fit = fit;
+    best = row;
+  } while (std::next_permutation(row.begin(), row.end()));
+  std::string codes;
+  for (int a = 0; a < 3; ++a) {
+    const int r = best[static_cast<std::size_t>(a)];
+    codes += direction(r, a) >= 0 ? "LPS"[r] : "RAI"[r];
+  }
+  return codes;
+}
+
+bool is_oblique(const Eigen::Matrix3d& direction) {
+  return (direction.cwiseAbs().colwise().maxCoeff().array() < 1 - 1e-6).any();
+}
+
+Eigen::Vector3d extent_mm(const GridGeometry& g) {
+  return {g.dims[0] * g.spacing_mm[0], g.dims[1] * g.spacing_mm[1], g.dims[2] * g.spacing_mm[2]};
+}
+
+std::string name_of(const Info& info, LabelId id) {
+  const Segment* segment = info.labels->labels.find(id);
+  return segment->name.empty() ? "label " + std::to_string(id) : segment->name;
+}
+
+// 0, 1, 2, 118 as "0-2, 118"
+std::string ranges(const std::vector<int>& numbers) {
+  std::string text;
+  for (std::size_t n = 0; n < numbers.size();) {
+    std::size_t last = n;
+    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    text += (text.empty() ? "" : ", ") + std::to_string(numbers[n]);
+    if (last > n) text += "-" + std::to_string(numbers[last]);
+    n = last + 1;
+  }
+  return text;
+}
+
+// "a, b, c", cut where it would fill the screen
+std::string joined(const std::vector<std::string>& texts) {
+  constexpr std::size_t kMost = 24;
+  std::string text;
+  for (std::size_t n = 0; n < std::min(texts.size(), kMost); ++n) text += (n == 0 ? "" : ", ") + texts[n];
+  if (texts.size() > kMost) text += " and " + std::to_string(texts.size() - kMost) + " more";
+  return text;
+}
+
+/// What a person should know before trusting the file, a sentence each.
+std::vector<std::string> oddities(const Info& info) {
+  std::vector<std::string> odd;
+  if (!info.header.has_geometry)
+    odd.push_back(
+        "the file does not say how it lies in the patient: axes are taken as LPS, sides are unknown");
+  if (!info.header.geometry.right_handed())
+    odd.push_back("left-handed axes: software that ignores directions shows the mirror image");
+  if (!info.labels) return odd;
+
+  std::vector<std::string> unnamed, strays;
+  for (const SegmentStatistics& s : info.statistics)
+    if (info.labels->labels.find(s.id)->name.empty())
+      unnamed.push_back(std::to_string(s.id) + " (" + std::to_string(s.voxels) + ")");
+
+  // the label with most stray voxels first
+  const auto stray_voxels = [](const SegmentStatistics& s) { return s.voxels - s.largest_component_voxels; };
+  std::vector<SegmentStatistics> by_strays = info.statistics;
+  std::stable_sort(by_strays.begin(), by_strays.end(),
+                   [&](const auto& a, const auto& b) { return stray_voxels(a) > stray_voxels(b); });
+  for (const SegmentStatistics& s : by_strays)
+    if (s.components > 1)
+      strays.push_back(name_of(info, s.id) + " " + std::to_string(s.components - 1) + " (" +
+                       std::to_string(stray_voxels(s)) + ")");
+
+  if (unnamed.size() > 1 && unnamed.size() == info.statistics.size())
+    odd.push_back("no label has a name: a table can name them (--names)");
+  else if (!unnamed.empty())
+    odd.push_back("without a name, with their voxels: " + joined(unnamed));
+  for (const Segment& s : info.labels->labels.segments)
+    if (std::none_of(info.statistics.begin(), info.statistics.end(),
+                     [&](const auto& t) { return t.id == s.id; }))
+      odd.push_back("segment " + std::to_string(s.id) + (s.name.empty() ? "" : " (" + s.name + ")") +
+                    " has no voxels");
+  if (!info.empty_slices.empty())
+    odd.push_back(std::to_string(info.empty_slices.size()) + " of " +
+                  std::to_string(info.header.geometry.dims[2]) +
+                  " slices hold no label: " + ranges(info.empty_slices));
+  if (!strays.empty())
+    odd.push_back("in several parts, with how many besides the largest and their voxels: " + joined(strays));
+  return odd;
+}
+
+// --- for people -----------------------------------------------------------------------------------------
+
+// breaks at spaces so that no line passes 100 columns
+void print_wrapped(std::ostream& out, const std::string& text, const std::string& first,
+                   const std::string& others) {
+  constexpr std::size_t kColumns = 100;
+  std::istringstream words(text);
+  std::string line = first, word;
+  bool begun = false;
+  while (words >> word) {
+    if (begun && line.size() + 1 + word.size() > kColumns) {
+      out << line << '\n';
+      line = others;
+      begun = false;
+    }
+    line += (begun ? " " : "") + word;
+    begun = true;
+  }
+  out << line << '\n';
+}
+
+void print_geometry(std::ostream& out, const Info& info) {
+  const GridGeometry& g = info.header.geometry;
+  const Eigen::Vector3d extent = extent_mm(g);
+  out << "format      " << info.header.format << ", " << info.header.component_type << ", "
+      << (info.labels ? "labels" : "scan");
+  if (info.header.layers > 1) out << " in " << info.header.layers << " layers";
+  out << "\ndims        " << g.dims[0] << " x " << g.dims[1] << " x " << g.dims[2] << " ("
+      << grouped(g.voxel_count()) << " voxels)\n"
+      << "spacing     " << number(g.spacing_mm[0]) << " x " << number(g.spacing_mm[1]) << " x "
+      << number(g.spacing_mm[2]) << " mm\n"
+      << "extent      " << number(extent[0], 5) << " x " << number(extent[1], 5) << " x "
+      << number(extent[2], 5) << " mm\n"
+      << "origin      " << number(g.origin.x()) << ", " << number(g.origin.y()) << ", "
+      << number(g.origin.z()) << " mm (LPS, centre of the first voxel)\n";
+  for (int r = 0; r < 3; ++r) {
+    char row[80];
+    std::snprintf(row, sizeof row, "%9.6f %9.6f %9.6f", g.direction(r, 0), g.direction(r, 1),
+                  g.direction(r, 2));
+    out << (r == 0 ? "direction   " : "            ") << row << '\n';
+  }
+  out << "axes        " << axis_codes(g.direction) << (is_oblique(g.direction) ? ", oblique" : "")
+      << (g.right_handed() ? ", right-handed" : ", left-handed") << '\n'
+      << "values      " << number(info.lowest) << " ... " << number(info.highest) << '\n';
+}
+
+// bytes that continue a UTF-8 character take no column
+std::size_t columns_of(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+// padded, or cut with an ellipsis, to a width
+std::string fitted(std::string text, std::size_t width) {
+  if (columns_of(text) > width) {
+    while (columns_of(text) > width - 1) {
+      while ((static_cast<unsigned char>(text.back()) & 0xC0) == 0x80) text.pop_back();
+      text.pop_back();
+    }
+    text += "…";
+  }
+  return text + std::string(width - columns_of(text), ' ');
+}
+
+void print_labels(std::ostream& out, const Info& info) {
+  std::size_t width = 4;
+  for (const SegmentStatistics& s : info.statistics)
+    width = std::max(width, columns_of(info.labels->labels.find(s.id)->name));
+  width = std::min<std::size_t>(width, 32);
+  out << '\n' << info.statistics.size() << (info.statistics.size() == 1 ? " label\n" : " labels\n");
+  if (info.statistics.empty()) return;
+  char line[160];
+  std::snprintf(line, sizeof line, "%5s  %s %10s %11s  %-23s %10s\n", "id", fitted("name", width).c_str(),
+                "voxels", "mm3", "box i j k", "components");
+  out << line;
+  for (const SegmentStatistics& s : info.statistics) {
+    std::string box;
+    for (std::size_t a = 0; a < 3; ++a)
+      box += (a == 0 ? "" : " ") + std::to_string(s.box_min[a]) + "-" + std::to_string(s.box_max[a]);
+    const std::string& name = info.labels->labels.find(s.id)->name;
+    std::snprintf(line, sizeof line, "%5d  %s %10zu %11.1f  %-23s %10d\n", s.id,
+                  fitted(name.empty() ? "-" : name, width).c_str(), s.voxels, s.volume_mm3, box.c_str(),
+                  s.components);
+    out << line;
+  }
+}
+
+void print_text(std::ostream& out, const Info& info) {
+  print_geometry(out, info);
+  if (info.labels) print_labels(out, info);
+  const auto odd = oddities(info);
+  if (odd.empty()) return;
+  out << "\nodd\n";
+  for (const std::string& sentence : odd) print_wrapped(out, sentence, "  - ", "    ");
+}
+
+// --- for programs ---------------------------------------------------------------------------------------
+
+std::string quoted(const std::string& text) {
+  std::string json = "\"";
+  for (const char c : text) {
+    char escape[8];
+    if (c == '"' || c == '\\') json += '\\';
+    if (static_cast<unsigned char>(c) < 0x20) {
+      std::snprintf(escape, sizeof escape, "\\u%04x", c);
+      json += escape;
+    } else {
+      json += c;
+    }
+  }
+  return json + "\"";
+}
+
+template <class Values>
+std::string list(const Values& values) {
+  std::string json = "[";
+  for (const auto& value : values)
+    json += (json.size() == 1 ? "" : ", ") + number(static_cast<double>(value), 17);
+  return json + "]";
+}
+
+void print_json(std::ostream& out, const Info& info) {
+  const GridGeometry& g = info.header.geometry;
+  const Eigen::Vector3d extent = extent_mm(g);
+  const Eigen::RowVector3d rows[3] = {g.direction.row(0), g.direction.row(1), g.direction.row(2)};
+  out << std::boolalpha << "{\n  \"format\": " << quoted(info.header.format)
+      << ",\n  \"component_type\": " << quoted(info.header.component_type)
+      << ",\n  \"kind\": " << (info.labels ? "\"labels\"" : "\"scan\"")
+      << ",\n  \"layers\": " << info.header.layers << ",\n  \"dims\": " << list(g.dims)
+      << ",\n  \"spacing_mm\": " << list(g.spacing_mm) << ",\n  \"origin_lps_mm\": " << list(g.origin.eigen())
+      << ",\n  \"direction_rows\": [" << list(rows[0]) << ", " << list(rows[1]) << ", " << list(rows[2])
+      << "],\n  \"extent_mm\": " << list(extent) << ",\n  \"axes\": " << quoted(axis_codes(g.direction))
+      << ",\n  \"oblique\": " << is_oblique(g.direction) << ",\n  \"right_handed\": " << g.right_handed()
+      << ",\n  \"has_geometry\": " << info.header.has_geometry
+      << ",\n  \"range\": " << list(std::array{info.lowest, info.highest});
+  if (info.labels) {
+    out << ",\n  \"empty_slices\": " << list(info.empty_slices)
+        << ",\n  \"unnamed\": " << list(info.labels->unnamed) << ",\n  \"labels\": [";
+    for (std::size_t n = 0; n < info.statistics.size(); ++n) {
+      const SegmentStatistics& s = info.statistics[n];
+      const Segment& segment = *info.labels->labels.find(s.id);
+      out << (n == 0 ? "\n" : ",\n") << "    {\"id\": " << s.id << ", \"name\": " << quoted(segment.name)
+          << ", \"layer\": " << segment.layer << ", \"value\": " << segment.value
+          << ", \"colour\": " << list(std::array{segment.colour.r, segment.colour.g, segment.colour.b})
+          << ", \"voxels\": " << s.voxels << ", \"volume_mm3\": " << number(s.volume_mm3, 17)
+          << ", \"box_min\": " << list(s.box_min) << ", \"box_max\": " << list(s.box_max)
+          << ", \"centroid_lps_mm\": " << list(s.centroid.eigen()) << ", \"components\": " << s.components
+          << ", \"largest_component_voxels\": " << s.largest_component_voxels << "}";
+    }
+    out << "\n  ]";
+  }
+  out << ",\n  \"odd\": [";
+  const auto odd = oddities(info);
+  for (std::size_t n = 0; n < odd.size(); ++n) out << (n == 0 ? "" : ", ") << quoted(odd[n]);
+  out << "]\n}\n";
+}
+
+int run_info(const Options& options, Console& console) {
+  const auto info = inspect(options, console);
+  if (!info) return console.fail(info.error());
+  options.json ? print_json(std::cout, *info) : print_text(std::cout, *info);
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_info(CLI::App& app, Run& run) {
+  CLI::App* verb = app.add_subcommand("info", "Show what a volume holds and what is odd about it");
+  const auto options = std::make_shared<Options>();
+  verb->add_option("FILE", options->file, "NRRD, NIfTI or MetaImage file, scan or labels")->required();
+  verb->add_option("-n,--names", options->names, "table that names the labels (.ctbl, .txt or .tsv)");
+  verb->add_flag("-j,--json", options->json, "print JSON instead of text");
+  CLI::Option* labels =
+      verb->add_flag("-l,--labels", options->labels, "take it as labels whatever it looks like");
+  verb->add_flag("-s,--scan", options->scan, "take it as a scan whatever it looks like")->excludes(labels);
+  verb->footer(
+      "Examples:\n"
+      "  palpate info knee.seg.nrrd\n"
+      "  palpate info labels.nii.gz --names dseg.tsv\n"
+      "  palpate info ct.nrrd --json | jq .spacing_mm");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return run_info(*options, console); }; });
+}
+
+}  // namespace palpate::app

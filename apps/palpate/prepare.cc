@@ -1,0 +1,181 @@
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+
+#include "palpate/catalog.h"
+#include "palpate/output.h"
+#include "palpate/preparation.h"
+#include "palpate/session.h"
+#include "palpate/volume_io.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+constexpr const char* kExamples =
+    "Examples:\n"
+    "  palpate prepare knee.seg.nrrd -o field.nrrd --sigma 1.5\n"
+    "  palpate prepare ct.nii.gz --threshold 150 400 -o bone.nrrd --bits 8\n"
+    "  palpate prepare labels.nrrd -o field.nrrd --engine fourier --compare\n"
+    "  palpate prepare scene.toml -o field.nrrd             the field that the scene is felt by\n"
+    "\n"
+    "A label map is smoothed with every label at full weight. A scene file or a data set brings its own\n"
+    "tissues, sigma, engine and bits. The field is written in the file's own geometry: 0 is free space,\n"
+    "255 or 65535 the inside of the stiffest tissue.";
+
+struct Options {
+  std::string what, output;
+  double sigma_mm = 1.0;
+  std::string engine = "direct";
+  int bits = 16;
+  std::vector<double> threshold;
+  int threads = 0;
+  bool compare = false;
+  bool has_settings = false;  // any option that a scene decides for itself
+};
+
+using FieldVolume = std::variant<Volume<std::uint8_t>, Volume<std::uint16_t>>;
+
+GaussianOptions gaussian_options(const Options& options) {
+  const auto engine = options.engine == "fourier" ? GaussianEngine::kFourier : GaussianEngine::kDirect;
+  return {.sigma_mm = options.sigma_mm, .engine = engine, .threads = options.threads};
+}
+
+bool names_scene_or_data_set(const std::string& what) {
+  return find_entry(what).ok() || std::filesystem::path(what).extension() == ".toml";
+}
+
+/// The weights before smoothing: every label full, or the ramp of a scan.
+Result<Volume<std::uint8_t>> read_weights(const Options& options, Console& console) {
+  if (!options.threshold.empty()) {
+    const auto file = read_scan(options.what, console.progress(), console.warn());
+    if (!file) return file.error();
+    return ramp_scan(file->scan, options.threshold[0], options.threshold[1]);
+  }
+  const auto file = read_labels(options.what, {}, console.progress(), console.warn());
+  if (!file) {
+    Error error = file.error();
+    if (error.kind == ErrorKind::kBadInput && read_header(options.what).ok()) {
+      error.remedy += (error.remedy.empty() ? "" : "; ") +
+                      std::string("a scan without segmentation needs --threshold LOW HIGH");
+    }
+    return error;
+  }
+  std::vector<std::uint8_t> weights(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 255);
+  weights[0] = 0;
+  return weigh_labels(file->labels, weights);
+}
+
+Result<FieldVolume> smooth(const Volume<std::uint8_t>& weights, const Options& options, Console& console) {
+  if (options.bits == 8) {
+    auto field = gaussian_smooth(weights, gaussian_options(options), console.progress());
+    if (!field) return field.error();
+    return FieldVolume(*std::move(field));
+  }
+  auto field = gaussian_smooth_16(weights, gaussian_options(options), console.progress());
+  if (!field) return field.error();
+  return FieldVolume(*std::move(field));
+}
+
+Result<void> write(const std::string& output, const FieldVolume& field) {
+  return std::visit([&](const auto& volume) { return write_volume(output, volume); }, field);
+}
+
+const GridGeometry& geometry_of(const FieldVolume& field) {
+  return std::visit([](const auto& volume) -> const GridGeometry& { return volume.geometry(); }, field);
+}
+
+void print_field(const FieldVolume& field, double sigma_mm) {
+  const GridGeometry& grid = geometry_of(field);
+  const Eigen::Vector3d sigma = grid.spacing_mm.cwiseInverse() * sigma_mm;
+  std::printf("grid      %d x %d x %d voxels, %.4g x %.4g x %.4g mm\n", grid.dims[0], grid.dims[1],
+              grid.dims[2], grid.spacing_mm[0], grid.spacing_mm[1], grid.spacing_mm[2]);
+  std::printf("sigma     %.4g mm: %.3g x %.3g x %.3g voxels\n", sigma_mm, sigma[0], sigma[1], sigma[2]);
+  std::printf("field     %d bits\n", field.index() == 0 ? 8 : 16);
+}
+
+int compare_engines(const Volume<std::uint8_t>& weights, const Options& options, Console& console) {
+  const auto difference = compare_gaussian_engines(weights, options.sigma_mm, console.progress());
+  if (!difference) return console.fail(difference.error());
+  std::printf("engines   differ by at most %.4f of 255 before rounding, %.6f on average\n",
+              difference->max_abs, difference->mean_abs);
+  const auto& sigma = difference->sigma_voxels;
+  if (*std::min_element(sigma.begin(), sigma.end()) < 1.5) {
+    std::printf("          (sigma is less than 1.5 voxels on an axis: there the two need not agree)\n");
+  }
+  return kExitOk;
+}
+
+int prepare_file(const Options& options, Console& console) {
+  const auto weights = read_weights(options, console);
+  if (!weights) return console.fail(weights.error());
+  if (options.compare) {
+    if (const int failed = compare_engines(*weights, options, console); failed != kExitOk) return failed;
+  }
+  const auto field = smooth(*weights, options, console);
+  if (!field) return console.fail(field.error());
+  if (const auto written = write(options.output, *field); !written) return console.fail(written.error());
+  print_field(*field, options.sigma_mm);
+  return kExitOk;
+}
+
+int prepare_scene(const Options& options, Console& console) {
+  if (options.has_settings) {
+    return console.fail(
+        {ErrorKind::kUsage, "a scene decides its own preparation", options.what,
+         "set sigma_mm, engine and bits under [preparation] in the scene file, or give a volume"});
+  }
+  const auto loaded = load_scene_or_data_set(options.what, console.progress(), console.warn());
+  if (!loaded) return console.fail(loaded.error());
+  const Model& model = *loaded->model;
+  const FieldVolume& field = model.field->storage();
+  if (const auto written = write(options.output, field); !written) return console.fail(written.error());
+  print_field(field, model.sigma_mm);
+  return kExitOk;
+}
+
+int run_prepare(const Options& options, Console& console) {
+  if (const auto writable = check_output(options.output); !writable) return console.fail(writable.error());
+  if (names_scene_or_data_set(options.what)) return prepare_scene(options, console);
+  if (!options.threshold.empty() && !(options.threshold[0] < options.threshold[1])) {
+    return console.fail({ErrorKind::kUsage, "the first threshold is not below the second", "--threshold",
+                         "give the value where tissue begins, then the one where it is full"});
+  }
+  return prepare_file(options, console);
+}
+
+}  // namespace
+
+void add_prepare(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb =
+      app.add_subcommand("prepare", "Turn labels or a scan into the field that forces come from");
+  verb->footer(kExamples);
+  verb->add_option("what", options->what, "label map, scan, scene file or data set")->required();
+  verb->add_option("-o,--output", options->output, "field to write: .nrrd, .nii.gz or .mha")->required();
+  const std::array settings{
+      verb->add_option("-s,--sigma", options->sigma_mm, "width of the Gaussian in mm")
+          ->check(CLI::Range(0.0, 10.0))
+          ->capture_default_str(),
+      verb->add_option("-e,--engine", options->engine, "direct convolution, or the published Fourier filter")
+          ->check(CLI::IsMember({"direct", "fourier"}))
+          ->capture_default_str(),
+      verb->add_option("-b,--bits", options->bits, "bits a voxel: 8 as published, 16 for finer directions")
+          ->check(CLI::IsMember({8, 16}))
+          ->capture_default_str(),
+      verb->add_option("-t,--threshold", options->threshold, "scan value of free space, and of full tissue")
+          ->expected(2)
+          ->type_name("LOW HIGH"),
+      verb->add_option("-j,--threads", options->threads, "0: as many as the machine has")
+          ->check(CLI::Range(0, 1024))
+          ->capture_default_str(),
+      static_cast<CLI::Option*>(
+          verb->add_flag("-c,--compare", options->compare, "also tell how far the two engines differ"))};
+  verb->callback([options, settings, &run] {
+    for (const CLI::Option* setting : settings) options->has_settings |= setting->count() > 0;
+    run = [options](Console& console) { return run_prepare(*options, console); };
+  });
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,66 @@
+#include "palpate/report.h"
+
+#include <memory>
+#include <system_error>
+
+#include "palpate/output.h"
+#include "palpate/session.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct Options {
+  std::filesystem::path recording, output;
+  std::string target;
+};
+
+bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
+  std::error_code ignored;
+  return a == b || std::filesystem::equivalent(a, b, ignored);
+}
+
+int report_recording(const Options& options, Console& console) {
+  std::filesystem::path output = options.output;
+  if (output.empty()) output = std::filesystem::path(options.recording).replace_extension(".html");
+  if (same_file(output, options.recording))
+    return console.fail({ErrorKind::kUsage, "the report would replace the recording", output.string(),
+                         "name another file with -o"});
+
+  if (const auto writable = check_output(output); !writable) return console.fail(writable.error());
+
+  const Progress progress = console.progress();
+  const auto recording = read_recording(options.recording, progress);
+  if (!recording) return console.fail(recording.error());
+  const auto loaded = load_scene_of_recording(*recording, options.target, progress, console.warn());
+  if (!loaded) return console.fail(loaded.error());
+
+  const auto written = write_report(output, *recording, *loaded->model, progress);
+  if (!written) {
+    Error error = written.error();
+    if (error.where.empty()) error.where = options.recording.string();
+    return console.fail(error);
+  }
+  console.note("report: " + output.string());
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_report(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("report", "Turn a recording into one self-contained HTML page");
+  verb->add_option("recording", options->recording, "Recording made by palpate simulate")->required();
+  verb->add_option("target", options->target,
+                   "Scene file or data set it was made with; not needed for data sets");
+  verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");
+  verb->footer(
+      "Examples:\n"
+      "  palpate report run.h5\n"
+      "  palpate report run.h5 scene.toml -o palpation.html\n\n"
+      "The page loads nothing from anywhere. A scene that changed since the recording is refused.");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return report_recording(*options, console); }; });
+}
+
+}  // namespace palpate::app

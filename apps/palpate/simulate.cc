@@ -1,0 +1,102 @@
+#include <cstdio>
+#include <memory>
+#include <optional>
+
+#include "palpate/output.h"
+#include "palpate/report.h"
+#include "palpate/session.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct Options {
+  std::string target;
+  std::optional<std::filesystem::path> script, recording, report;
+  std::optional<double> max_force_N, rate_hz;
+  std::optional<std::uint64_t> seed;
+};
+
+Result<Script> script_of(const Options& options, const Model& model) {
+  return options.script ? load_script(*options.script)
+                        : parse_script(default_script_text(model), "embedded script");
+}
+
+void print(const SimulationResult& result) {
+  std::printf("%-28s %8s %8s %8s\n", "structure", "held s", "mean N", "peak N");
+  for (const HoldFigure& hold : result.holds)
+    std::printf("%-28.28s %8.2f %8.2f %8.2f\n", hold.structure.c_str(), hold.held_s, hold.mean_force_N,
+                hold.peak_force_N);
+  std::printf("largest force %.3f N of %.3f N allowed; %llu ticks, %llu clamped, %llu not finite\n",
+              result.max_force_N, result.limit_N, static_cast<unsigned long long>(result.summary.ticks),
+              static_cast<unsigned long long>(result.summary.clamped),
+              static_cast<unsigned long long>(result.summary.not_finite));
+  std::printf("run hash %016llx\n", static_cast<unsigned long long>(result.summary.run_hash));
+}
+
+int simulate_target(const Options& options, Console& console) {
+  for (const auto& output : {options.recording, options.report})
+    if (output)
+      if (const auto writable = check_output(*output); !writable) return console.fail(writable.error());
+  const Progress progress = console.progress();
+  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
+  if (!loaded) return console.fail(loaded.error());
+  const auto script = script_of(options, *loaded->model);
+  if (!script) return console.fail(script.error());
+
+  // a report is made from a recording: without a name for it, it stands beside the report
+  std::filesystem::path recording = options.recording.value_or("");
+  if (options.report && recording.empty())
+    recording = std::filesystem::path(*options.report).replace_extension(".h5");
+
+  SimulationOptions simulation;
+  simulation.max_force_N = options.max_force_N;
+  simulation.seed = options.seed;
+  simulation.rate_hz = options.rate_hz;
+  const auto result = simulate(*loaded, *script, simulation, recording, progress);
+  if (!result) return console.fail(result.error());
+  for (const std::string& trouble : result->trouble) console.warn()(trouble);
+  print(*result);
+  if (!recording.empty()) console.note("recording: " + recording.string());
+
+  if (options.report) {
+    const auto recorded = read_recording(recording, progress);
+    if (!recorded) return console.fail(recorded.error());
+    if (const auto written = write_report(*options.report, *recorded, *loaded->model, progress); !written)
+      return console.fail(written.error());
+    console.note("report: " + options.report->string());
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb =
+      app.add_subcommand("simulate", "Let a simulated hand palpate a scene and record what it feels");
+  verb->add_option("target", options->target, "A data set (palpate data list) or a scene file")->required();
+  verb->add_option("-s,--script", options->script,
+                   "Palpation script (TOML); default: one that suits the scene");
+  verb->add_option("-o,--output", options->recording, "Recording to write (HDF5)");
+  verb->add_option("--report", options->report,
+                   "Report page to write (HTML); the recording stands beside it unless -o names it");
+  verb->add_option("--max-force", options->max_force_N,
+                   "Limit of the force in N; default: the lesser of the device's continuous rating and 3 N")
+      ->check(CLI::Range(0.1, 40.0));
+  verb->add_option("--rate", options->rate_hz, "Ticks a second; default: the script's")
+      ->check(CLI::Range(250.0, 10000.0));
+  verb->add_option("--seed", options->seed, "Seed of the hand's tremor; default: the script's");
+  verb->footer(
+      "Examples:\n"
+      "  palpate simulate knee-phantom --report run.html\n"
+      "  palpate simulate knee-atlas -o atlas.h5 --max-force 3\n"
+      "  palpate simulate scene.toml --script press.toml -o run.h5\n\n"
+      "The simulated hand and device run on a virtual clock: the same scene, script and seed give the same "
+      "run\n"
+      "bit for bit. docs/script.md documents scripts, docs/recording.md what a recording holds.");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return simulate_target(*options, console); }; });
+}
+
+}  // namespace palpate::app

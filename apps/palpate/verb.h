@@ -1,0 +1,47 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+#include "palpate/progress.h"
+#include "palpate/result.h"
+
+/// The command line: one verb a file. A verb adds its subcommand to the application and, when it is
+/// chosen, leaves in `run` what is to be done.
+namespace palpate::app {
+
+/// Documented in `palpate --help` and docs/cli.md.
+enum ExitCode : int {
+  kExitOk = 0,
+  kExitBadInput = 1,     ///< a file or a setting cannot be used
+  kExitUsage = 2,        ///< the command line does not make sense
+  kExitLimit = 3,        ///< a figure beyond its limit, or a replay that differs
+  kExitOutput = 4,       ///< a result could not be written
+  kExitUnavailable = 5,  ///< a data set or the network is missing
+  kExitInterrupted = 130,
+};
+
+/// What a verb may say, and how it learns that the user wants it to stop (SIGINT, SIGTERM).
+class Console {
+ public:
+  bool quiet = false;  ///< -q: no progress and no notes; results, warnings and errors still appear
+
+  Progress progress();                 ///< a bar on stderr when that is a terminal
+  Warn warn();                         ///< "palpate: warning: ..." on stderr
+  void note(const std::string& text);  ///< a line on stderr unless quiet
+  int fail(const Error& error);        ///< prints the error on stderr; returns the exit code of its kind
+  static bool interrupted();
+};
+
+using Run = std::function<int(Console&)>;
+
+void add_info(CLI::App& app, Run& run);
+void add_data(CLI::App& app, Run& run);
+void add_scene(CLI::App& app, Run& run);
+void add_prepare(CLI::App& app, Run& run);
+void add_simulate(CLI::App& app, Run& run);
+void add_replay(CLI::App& app, Run& run);
+void add_report(CLI::App& app, Run& run);
+void add_verify(CLI::App& app, Run& run);
+
+}  // namespace palpate::app

@@ -1,0 +1,66 @@
+#include "palpate/output.h"
+#include "palpate/verification.h"
+
+#include <cstdio>
+#include <memory>
+
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+constexpr const char* kExamples =
+    "Examples:\n"
+    "  palpate verify --list                            the suites there are\n"
+    "  palpate verify accuracy                          a table of figures and limits\n"
+    "  palpate verify accuracy --json accuracy.json     the same for programs\n"
+    "\n"
+    "Exit code 3 when a figure is beyond its limit. See docs/verify.md.";
+
+struct Options {
+  std::string suite, json;
+  bool list = false;
+};
+
+void list_suites() {
+  for (const auto& [name, line] : verification_suites())
+    std::printf("%-12s %s\n", name.c_str(), line.c_str());
+}
+
+int verify(const Options& options, Console& console) {
+  if (options.list) {
+    list_suites();
+    return kExitOk;
+  }
+  if (options.suite.empty()) {
+    return console.fail({ErrorKind::kUsage, "which suite?", "", "palpate verify --list names them"});
+  }
+  if (!options.json.empty())
+    if (const auto writable = check_output(options.json); !writable) return console.fail(writable.error());
+  const auto report = run_suite(options.suite, console.progress());
+  if (!report) return console.fail(report.error());
+  std::fputs(to_table(*report).c_str(), stdout);
+  if (!options.json.empty()) {
+    if (const auto written = write_json(options.json, *report); !written)
+      return console.fail(written.error());
+    console.note("figures written to " + options.json);
+  }
+  return report->ok() ? kExitOk : kExitLimit;
+}
+
+}  // namespace
+
+void add_verify(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb =
+      app.add_subcommand("verify", "Measure what this build does on this machine, against limits");
+  verb->add_option("suite", options->suite, "What to measure")->type_name("SUITE");
+  verb->add_option("-o,--json", options->json, "Also write the figures as JSON, whole or not at all")
+      ->type_name("FILE");
+  verb->add_flag("-l,--list", options->list, "List the suites");
+  verb->footer(kExamples);
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return verify(*options, console); }; });
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/haptics.h"
+#include "palpate/progress.h"
+#include "palpate/recording.h"
+#include "palpate/scene.h"
+#include "palpate/servo.h"
+
+/// Where the rooms meet: a scene becomes a Model, a script becomes a run, a recording is run again.
+namespace palpate {
+
+/// A scene with its volumes read and its field prepared.
+struct LoadedScene {
+  Scene scene;
+  std::shared_ptr<const Model> model;
+  std::string data_set;  ///< catalogue name when it came from there, else empty
+};
+
+/// @param what  a catalogue name ("knee-phantom", "knee-atlas", "head") or a scene file. knee-phantom is
+///              generated in memory.
+Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
+                                           const Warn& warn = {});
+
+/// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
+/// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.
+Result<LoadedScene> load_scene_of_recording(const Recording& recording, const std::string& what,
+                                            const Progress& progress = {}, const Warn& warn = {});
+
+/// Builds the Model of a scene from volumes already read. `scan` may be null; grids may differ.
+Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
+                                                 const Volume<float>* scan, const Progress& progress = {},
+                                                 const Warn& warn = {});
+
+/// A point on a structure that a hand can reach and press: with the most free space in front, among
+/// flat places, found from labels and field.
+struct SurfacePoint {
+  Point<Patient> point;     ///< where the field is half of the structure's own level
+  Vector<Patient> normal;   ///< outward, unit
+  double clearance_mm = 0;  ///< free way along the normal
+};
+Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm);
+
+/// The text of a script that suits a model: every bone and cartilage of a knee, else the largest felt
+/// structures.
+std::string default_script_text(const Model& model);
+
+struct SimulationOptions {
+  std::optional<double> max_force_N;  ///< user limit; default the lesser of continuous rating and 3 N
+  std::optional<std::uint64_t> seed;
+  std::optional<double> rate_hz;
+};
+
+/// How one structure of the script was held.
+struct HoldFigure {
+  std::string structure;
+  LabelId label = 0;
+  double held_s = 0;  ///< longest time without a break at 0.5 ... 2 N on that structure
+  double mean_force_N = 0;
+  double peak_force_N = 0;
+};
+
+struct SimulationResult {
+  RecordingSummary summary;
+  std::vector<HoldFigure> holds;
+  double max_force_N = 0;  ///< largest force sent
+  double limit_N = 0;
+  std::vector<std::string> trouble;  ///< steps that did not reach what they asked, in words
+};
+
+/// Runs a script against a model with the simulated hand on the virtual clock, into a recording file
+/// (may be empty: none). Interrupted, the recording is finished and reopens.
+Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
+                                  const SimulationOptions& options, const std::filesystem::path& recording,
+                                  const Progress& progress = {});
+
+struct ReplayResult {
+  std::uint64_t ticks = 0;
+  std::uint64_t run_hash = 0;
+  bool identical = false;
+  std::optional<std::uint64_t> first_difference;  ///< tick
+  std::string difference;                         ///< in words
+};
+/// Runs every recorded input again through the tick and compares state hashes.
+Result<ReplayResult> replay(const Recording& recording, const Model& model, const Progress& progress = {});
+
+}  // namespace palpate

@@ -1,0 +1,253 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "base/hash.h"
+#include "palpate/preparation.h"
+#include "palpate/session.h"
+
+namespace palpate {
+namespace {
+
+// ids of structures that exist only by threshold: above what any segmentation is likely to use
+constexpr LabelId kFirstThresholdLabel = 60000;
+
+// scan and labels on one grid, the finer of the two; what moves is said
+struct CommonGrid {
+  std::optional<LabelMap> labels;
+  std::optional<Volume<float>> scan;
+};
+
+bool reaches_beyond(const GridGeometry& inner, const GridGeometry& outer) {
+  const auto X_OuterInner = outer.X_PatientVoxel().inverse() * inner.X_PatientVoxel();
+  for (int corner = 0; corner < 8; ++corner) {
+    Point<Voxel> p;
+    for (int axis = 0; axis < 3; ++axis) p[axis] = corner >> axis & 1 ? inner.dims[axis] - 1 : 0;
+    const Point<Voxel> q = X_OuterInner * p;
+    for (int axis = 0; axis < 3; ++axis)
+      if (q[axis] < -0.5 || q[axis] > outer.dims[axis] - 0.5) return true;
+  }
+  return false;
+}
+
+Result<CommonGrid> onto_one_grid(const LabelMap* labels, const Volume<float>* scan, const Warn& warn) {
+  CommonGrid common;
+  const bool same = labels && scan && labels->geometry().same_grid(scan->geometry());
+  if (!labels || !scan || same) {
+    if (labels) common.labels = *labels;
+    if (scan) common.scan = *scan;
+    return common;
+  }
+  const bool labels_finer = labels->geometry().voxel_volume_mm3() <= scan->geometry().voxel_volume_mm3();
+  if (labels_finer) {
+    auto moved = resample_linear(*scan, labels->geometry(), 0.f);
+    if (!moved) return moved.error();
+    if (warn)
+      warn(
+          "scan and labels lie on different grids: the scan was resampled onto the labels' grid, which is "
+          "finer");
+    common.labels = *labels;
+    common.scan = std::move(*moved);
+    return common;
+  }
+  auto moved = resample_nearest(*labels, scan->geometry());
+  if (!moved) return moved.error();
+  if (warn) {
+    warn(
+        "scan and labels lie on different grids: the labels were resampled onto the scan's grid, which is "
+        "finer, by nearest neighbour");
+    if (reaches_beyond(labels->geometry(), scan->geometry()))
+      warn("part of the label map lies outside the scan and is not felt");
+  }
+  common.labels = std::move(*moved);
+  common.scan = *scan;
+  return common;
+}
+
+Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSettings>& all) {
+  Tissue tissue;
+  tissue.name = settings.name;
+  tissue.felt = settings.felt;
+  tissue.stiffness_N_per_mm = settings.stiffness_N_per_mm;
+  tissue.friction_coefficient = settings.friction_coefficient;
+  tissue.friction_damping_N_s_per_mm = settings.friction_damping_N_s_per_mm;
+  tissue.friction_max_N = settings.friction_max_N;
+  tissue.viscosity_N_s_per_mm = settings.viscosity_N_s_per_mm;
+  if (settings.colour) tissue.colour = *settings.colour;
+  tissue.opacity = settings.opacity;
+  for (const std::string& support : settings.rests_on)
+    for (std::size_t t = 0; t < all.size(); ++t)
+      if (all[t].name == support) tissue.rests_on.push_back(static_cast<int>(t));
+  return tissue;
+}
+
+// a tissue's share of the field's full scale: its stiffness relative to the stiffest, at least one step
+std::uint8_t weight_of(const Tissue& tissue, double stiffest) {
+  return static_cast<std::uint8_t>(
+      std::clamp<long>(std::lround(255 * tissue.stiffness_N_per_mm / stiffest), 1, 255));
+}
+
+void set_label(Model& model, LabelId label, int tissue, std::uint8_t weight) {
+  if (label >= model.tissue_of_label.size()) {
+    model.tissue_of_label.resize(label + 1, -1);
+    model.level_of_label.resize(label + 1, 0.f);
+  }
+  model.tissue_of_label[label] = static_cast<std::int16_t>(tissue);
+  model.level_of_label[label] = model.tissues[tissue].felt ? static_cast<float>(weight) / 255.f : 0.f;
+}
+
+std::uint64_t content_hash(const Model& model) {
+  std::uint64_t hash = kHashSeed;
+  std::visit(
+      [&](const auto& volume) {
+        hash_bytes(hash, volume.voxels().data(), volume.voxels().size() * sizeof(volume.voxels()[0]));
+      },
+      model.field->storage());
+  hash_bytes(hash, model.labels->voxels().data(), model.labels->voxels().size() * sizeof(LabelId));
+  const auto X = model.field->geometry().X_PatientVoxel();
+  for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
+  for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);
+  for (const Tissue& t : model.tissues)
+    for (const double value : {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction_coefficient,
+                               t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
+      hash_double(hash, value);
+  for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
+  for (const Eigen::Vector3d& point : model.tool.points_mm)
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
+  for (const double value : {model.sigma_mm, model.full_force_N, model.scene_max_force_N})
+    hash_double(hash, value);
+  return hash_finish(hash);
+}
+
+// the patient's side from what only one side can show: the fibula lies lateral to the tibia
+Side side_from_anatomy(const Model& model) {
+  const Segment* tibia = model.find("tibia");
+  const Segment* fibula = model.find("fibula");
+  if (!tibia || !fibula) return Side::kUnknown;
+  const GridGeometry& grid = model.labels->geometry();
+  Eigen::Vector3d sum[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  double count[2] = {0, 0};
+  std::size_t at = 0;
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i, ++at) {
+        const LabelId label = model.labels->voxels()[at];
+        if (label != tibia->id && label != fibula->id) continue;
+        const int which = label == fibula->id;
+        sum[which] += Eigen::Vector3d(i, j, k);
+        count[which] += 1;
+      }
+  if (count[0] == 0 || count[1] == 0) return Side::kUnknown;
+  const auto X = grid.X_PatientVoxel();
+  const double lateral_mm =
+      (X * Point<Voxel>(sum[1] / count[1])).x() - (X * Point<Voxel>(sum[0] / count[0])).x();
+  // less than this and it is not a knee as we know it
+  constexpr double kClear_mm = 5;
+  return lateral_mm > kClear_mm ? Side::kLeft : lateral_mm < -kClear_mm ? Side::kRight : Side::kUnknown;
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
+                                                 const Volume<float>* scan, const Progress& progress,
+                                                 const Warn& warn) {
+  auto common = onto_one_grid(labels, scan, warn);
+  if (!common) {
+    Error error = common.error();
+    if (error.where.empty()) error.where = scene.source;
+    return error;
+  }
+
+  auto model = std::make_shared<Model>();
+  model->title = scene.title;
+  model->sigma_mm = scene.preparation.sigma_mm;
+  model->tool = scene.tool;
+  if (scene.max_force_N) model->scene_max_force_N = *scene.max_force_N;
+  for (const TissueSettings& settings : scene.tissues)
+    model->tissues.push_back(tissue_of(settings, scene.tissues));
+
+  double stiffest = 0;
+  for (const Tissue& tissue : model->tissues)
+    if (tissue.felt) stiffest = std::max(stiffest, tissue.stiffness_N_per_mm);
+  if (stiffest <= 0)
+    return Error{ErrorKind::kBadInput, "no tissue of the scene is felt", scene.source,
+                 "set felt = true on at least one [[tissue]]"};
+
+  // labels: each takes its tissue's weight
+  const GridGeometry grid = common->labels ? common->labels->geometry() : common->scan->geometry();
+  Volume<std::uint8_t> weights;
+  Volume<LabelId> flat;
+  if (common->labels) {
+    auto ids = resolve_labels(scene, *common->labels);
+    if (!ids) return ids.error();
+    std::vector<std::uint8_t> weight_of_label(65536, 0);
+    for (std::size_t t = 0; t < ids->size(); ++t)
+      for (const LabelId id : (*ids)[t]) {
+        const std::uint8_t weight = weight_of(model->tissues[t], stiffest);
+        set_label(*model, id, static_cast<int>(t), weight);
+        if (model->tissues[t].felt) weight_of_label[id] = weight;
+      }
+    progress.report("weighing labels", 0);
+    weights = weigh_labels(*common->labels, weight_of_label);
+    flat = common->labels->flattened();
+    model->segments = common->labels->segments;
+  } else {
+    weights = Volume<std::uint8_t>(grid);
+    flat = Volume<LabelId>(grid);
+  }
+
+  // thresholds on the raw scan: the same field, made by a ramp; the structure is what lies above its middle
+  for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
+    const TissueSettings& settings = scene.tissues[t];
+    if (!settings.threshold) continue;
+    if (!common->scan)
+      return Error{ErrorKind::kBadInput,
+                   "tissue '" + settings.name + "' has a threshold but the scene has no scan",
+                   scene.source + ":" + std::to_string(settings.line), "name the scan under [data]"};
+    const auto [low, high] = *settings.threshold;
+    const std::uint8_t weight = weight_of(model->tissues[t], stiffest);
+    const LabelId id = static_cast<LabelId>(kFirstThresholdLabel + t);
+    set_label(*model, id, static_cast<int>(t), weight);
+    model->segments.push_back({id, settings.name, settings.colour.value_or(Rgb{230, 210, 180}), 0, id});
+    const Volume<std::uint8_t> ramp = ramp_scan(*common->scan, low, high, weight / 255.0);
+    for (std::size_t v = 0; v < flat.voxels().size(); ++v) {
+      if (model->tissues[t].felt) weights.voxels()[v] = std::max(weights.voxels()[v], ramp.voxels()[v]);
+      if (flat.voxels()[v] == 0 && common->scan->voxels()[v] >= 0.5 * (low + high)) flat.voxels()[v] = id;
+    }
+  }
+  std::sort(model->segments.begin(), model->segments.end(),
+            [](const Segment& a, const Segment& b) { return a.id < b.id; });
+
+  // a tissue's own colour wins over its labels'
+  for (Segment& segment : model->segments) {
+    const int tissue = segment.id < model->tissue_of_label.size() ? model->tissue_of_label[segment.id] : -1;
+    if (tissue >= 0 && scene.tissues[tissue].colour) segment.colour = *scene.tissues[tissue].colour;
+  }
+
+  // smoothing makes the ramp that the force climbs
+  GaussianOptions options;
+  options.sigma_mm = scene.preparation.sigma_mm;
+  options.engine = scene.preparation.engine;
+  if (scene.preparation.storage == FieldStorage::k8Bit) {
+    auto field = gaussian_smooth(weights, options, progress);
+    if (!field) return field.error();
+    model->field = std::make_shared<const Field>(std::move(*field));
+  } else {
+    auto field = gaussian_smooth_16(weights, options, progress);
+    if (!field) return field.error();
+    model->field = std::make_shared<const Field>(std::move(*field));
+  }
+
+  // the steepest slope of a smoothed step is 1/(sigma sqrt(2 pi)); without smoothing it is a voxel wide
+  const double ramp_mm = std::max(model->sigma_mm * std::sqrt(2 * std::numbers::pi), grid.min_spacing_mm());
+  model->full_force_N = stiffest * ramp_mm;
+
+  model->labels = std::make_shared<const Volume<LabelId>>(std::move(flat));
+  if (common->scan) model->scan = std::make_shared<const Volume<float>>(std::move(*common->scan));
+  model->X_WorldPatient = supine_from_feet(grid);
+  model->side = scene.side != Side::kUnknown ? scene.side : side_from_anatomy(*model);
+  model->content_hash = content_hash(*model);
+  return std::shared_ptr<const Model>(std::move(model));
+}
+
+}  // namespace palpate

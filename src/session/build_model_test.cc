@@ -1,0 +1,192 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "palpate/session.h"
+
+namespace palpate {
+namespace {
+
+constexpr const char* kScene = R"(
+title = "two balls"
+[[tissue]]
+name = "bone"
+labels = ["hard", 2]
+stiffness = 1.5
+[[tissue]]
+name = "cartilage"
+labels = ["soft"]
+stiffness = 0.5
+rests_on = ["bone"]
+[[tissue]]
+name = "fat"
+labels = ["shown"]
+felt = false
+stiffness = 0.1
+[preparation]
+sigma = 1.0
+)";
+
+GridGeometry grid_of(double spacing_mm, int n, Point<Patient> origin = {}) {
+  GridGeometry grid;
+  grid.dims = {n, n, n};
+  grid.spacing_mm = Eigen::Vector3d::Constant(spacing_mm);
+  grid.origin = origin;
+  return grid;
+}
+
+// blocks of labels 1 ... 4 along x
+LabelMap blocks(const GridGeometry& grid) {
+  LabelMap map;
+  map.layers.emplace_back(grid);
+  for (int k = 8; k < grid.dims[2] - 8; ++k)
+    for (int j = 8; j < grid.dims[1] - 8; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i)
+        map.layers[0].at(i, j, k) = static_cast<LabelId>(1 + 4 * i / grid.dims[0]);
+  map.segments = {{1, "hard", {1, 2, 3}, 0, 1},
+                  {2, "also hard", {}, 0, 2},
+                  {3, "soft", {}, 0, 3},
+                  {4, "shown", {}, 0, 4}};
+  return map;
+}
+
+Scene scene_of(const std::string& text) {
+  auto scene = parse_scene(text, "test.toml");
+  EXPECT_TRUE(scene.ok()) << (scene.ok() ? "" : scene.error().message());
+  return *scene;
+}
+
+TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {
+  const LabelMap labels = blocks(grid_of(1, 40));
+  const auto model = build_model(scene_of(kScene), &labels, nullptr);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  const Model& m = **model;
+  EXPECT_EQ(m.tissue_of(1)->name, "bone");
+  EXPECT_EQ(m.tissue_of(2)->name, "bone");
+  EXPECT_EQ(m.tissue_of(3)->name, "cartilage");
+  EXPECT_FALSE(m.is_felt(4));
+  EXPECT_EQ(m.tissues[1].rests_on, std::vector<int>{0});
+  EXPECT_NEAR(m.level_of_label[3], 0.5 / 1.5, 1.0 / 255);
+  EXPECT_EQ(m.level_of_label[4], 0.f);
+  EXPECT_NEAR(m.full_force_N, 1.5 * std::sqrt(2 * M_PI), 1e-9);
+  // the field holds the levels deep inside, and nothing where nothing is felt
+  EXPECT_NEAR(sample_value(*m.field, Point<Patient>(10, 20, 20)), 1, 1e-3);
+  EXPECT_NEAR(sample_value(*m.field, Point<Patient>(25, 20, 20)), 0.5 / 1.5, 4e-3);
+  EXPECT_NEAR(sample_value(*m.field, Point<Patient>(36, 20, 20)), 0, 1e-3);
+}
+
+TEST(BuildModel, HashFollowsWhatIsFeltAndNothingElse) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto hash_of = [&](const std::string& text) {
+    return (*build_model(scene_of(text), &labels, nullptr))->content_hash;
+  };
+  const std::string text = kScene;
+  EXPECT_EQ(hash_of(text), hash_of(text));
+  const auto changed = [&](const std::string& from, const std::string& to) {
+    std::string other = text;
+    other.replace(other.find(from), from.size(), to);
+    return other;
+  };
+  EXPECT_EQ(hash_of(text), hash_of(changed("two balls", "another title")));
+  EXPECT_NE(hash_of(text), hash_of(changed("stiffness = 0.5", "stiffness = 0.6")));
+  EXPECT_NE(hash_of(text), hash_of(changed("sigma = 1.0", "sigma = 1.1")));
+  LabelMap other = labels;
+  other.layers[0].at(10, 10, 10) = 0;
+  EXPECT_NE(hash_of(text), (*build_model(scene_of(text), &other, nullptr))->content_hash);
+}
+
+TEST(BuildModel, AbsentLabelsAreErrorsWithTheirLine) {
+  LabelMap labels = blocks(grid_of(1, 30));
+  labels.segments.erase(labels.segments.begin() + 2);
+  const auto model = build_model(scene_of(kScene), &labels, nullptr);
+  ASSERT_FALSE(model.ok());
+  EXPECT_NE(model.error().where.find("test.toml:"), std::string::npos) << model.error().message();
+  EXPECT_NE(model.error().what.find("soft"), std::string::npos);
+}
+
+TEST(BuildModel, ACoarserScanMovesOntoTheLabelsGridWithAWarning) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  Volume<float> scan(grid_of(2, 15));
+  for (int k = 0; k < 15; ++k)
+    for (int j = 0; j < 15; ++j)
+      for (int i = 0; i < 15; ++i) scan.at(i, j, k) = static_cast<float>(2 * i);  // its x in mm
+  std::vector<std::string> warnings;
+  const auto model =
+      build_model(scene_of(kScene), &labels, &scan, {}, [&](const std::string& w) { warnings.push_back(w); });
+  ASSERT_TRUE(model.ok());
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_NE(warnings[0].find("resampled"), std::string::npos);
+  EXPECT_TRUE((*model)->scan->geometry().same_grid(labels.geometry()));
+  EXPECT_NEAR((*model)->scan->at(11, 5, 5), 11, 1e-5);
+}
+
+TEST(BuildModel, CoarserLabelsMoveOntoTheScansGridByNearestNeighbour) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const Volume<float> scan(grid_of(0.5, 40));
+  std::vector<std::string> warnings;
+  const auto model =
+      build_model(scene_of(kScene), &labels, &scan, {}, [&](const std::string& w) { warnings.push_back(w); });
+  ASSERT_TRUE(model.ok());
+  EXPECT_EQ(warnings.size(), 2u) << "moved, and part of the labels lies outside";
+  EXPECT_TRUE((*model)->labels->geometry().same_grid(scan.geometry()));
+  for (const LabelId label : (*model)->labels->voxels()) ASSERT_LE(label, 4) << "no label is invented";
+  EXPECT_EQ((*model)->labels->at(20, 30, 30), labels.layers[0].at(10, 15, 15));
+}
+
+TEST(BuildModel, NoOverlapIsAnError) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const Volume<float> scan(grid_of(2, 15, Point<Patient>(500, 0, 0)));
+  const auto model = build_model(scene_of(kScene), &labels, &scan);
+  ASSERT_FALSE(model.ok());
+  EXPECT_EQ(model.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(model.error().message().find("overlap"), std::string::npos) << model.error().message();
+}
+
+TEST(BuildModel, ARawScanIsFeltByThresholdWithTheSameCode) {
+  // a ramp of HU along x: 0 at x = 10, 300 at x = 20
+  Volume<float> scan(grid_of(1, 40));
+  for (int k = 0; k < 40; ++k)
+    for (int j = 0; j < 40; ++j)
+      for (int i = 0; i < 40; ++i) scan.at(i, j, k) = static_cast<float>(30 * (i - 10));
+  const auto model =
+      build_model(scene_of("[data]\nscan = \"x.nrrd\"\n[[tissue]]\nname = \"bone\"\nthreshold = [60, 240]\n"
+                           "stiffness = 1.0\n[preparation]\nsigma = 0.0\n"),
+                  nullptr, &scan);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  EXPECT_NEAR(sample_value(*(*model)->field, Point<Patient>(15, 20, 20)), 0.5, 0.01);
+  EXPECT_NEAR(sample_value(*(*model)->field, Point<Patient>(12, 20, 20)), 0, 0.01);
+  const Segment* bone = (*model)->find("bone");
+  ASSERT_NE(bone, nullptr);
+  EXPECT_EQ((*model)->labels->at(15, 20, 20), bone->id);
+  EXPECT_EQ((*model)->labels->at(14, 20, 20), 0);
+  const Point<Patient> x(15, 20, 20);
+  const ContactSite site = find_contact_site(**model, x, sample_central_differences(*(*model)->field, x), 3);
+  EXPECT_EQ(site.label, bone->id);
+}
+
+TEST(BuildModel, TheFibulaTellsTheSide) {
+  const auto side_with_fibula_at = [](double x_mm) {
+    LabelMap map;
+    map.layers.emplace_back(grid_of(1, 40, Point<Patient>(-20, -20, -20)));
+    for (int k = 0; k < 40; ++k) {
+      map.layers[0].at(20, 20, k) = 1;
+      map.layers[0].at(20 + static_cast<int>(x_mm), 20, k) = 2;
+    }
+    map.segments = {{1, "tibia", {}, 0, 1}, {2, "fibula", {}, 0, 2}};
+    return (*build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [1, 2]\n"), &map, nullptr))->side;
+  };
+  EXPECT_EQ(side_with_fibula_at(12), Side::kLeft);
+  EXPECT_EQ(side_with_fibula_at(-12), Side::kRight);
+  EXPECT_EQ(side_with_fibula_at(2), Side::kUnknown);
+}
+
+TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto model =
+      build_model(scene_of("[[tissue]]\nname = \"fat\"\nlabels = [4]\nfelt = false\n"), &labels, nullptr);
+  ASSERT_FALSE(model.ok());
+  EXPECT_NE(model.error().what.find("felt"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace palpate

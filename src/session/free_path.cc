@@ -1,0 +1,148 @@
+#include "session/free_path.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <queue>
+
+namespace palpate {
+namespace {
+
+constexpr double kCell_mm = 1.2;
+constexpr int kMargin = 4;        // cells of free space round the volume: the air about the patient
+constexpr std::uint8_t kFar = 8;  // clearance beyond this many cells is worth nothing more
+
+// what a millimetre costs at this clearance
+double price_of(std::uint8_t clearance) {
+  return 1 + 6.0 / clearance;
+}
+
+template <class Visit>
+void for_each_neighbour(const std::array<int, 3>& c, Visit visit) {
+  for (int dz = -1; dz <= 1; ++dz)
+    for (int dy = -1; dy <= 1; ++dy)
+      for (int dx = -1; dx <= 1; ++dx)
+        if (dx || dy || dz) visit(std::array<int, 3>{c[0] + dx, c[1] + dy, c[2] + dz});
+}
+
+}  // namespace
+
+FreeSpace::FreeSpace(const Model& model)
+    : X_PatientVoxel_(model.labels->geometry().X_PatientVoxel()), X_VoxelPatient_(X_PatientVoxel_.inverse()) {
+  const GridGeometry& grid = model.labels->geometry();
+  for (int axis = 0; axis < 3; ++axis) {
+    voxels_per_cell_[axis] = std::max(1, static_cast<int>(std::lround(kCell_mm / grid.spacing_mm[axis])));
+    cells_[axis] = (grid.dims[axis] + voxels_per_cell_[axis] - 1) / voxels_per_cell_[axis] + 2 * kMargin;
+  }
+
+  // a cell with any felt voxel in it is taken
+  clearance_.assign(static_cast<std::size_t>(cells_[0]) * cells_[1] * cells_[2], kFar);
+  std::vector<Cell> front;
+  std::size_t at = 0;
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i, ++at) {
+        const LabelId label = model.labels->voxels()[at];
+        if (label == 0 || !model.is_felt(label)) continue;
+        const Cell c{i / voxels_per_cell_[0] + kMargin, j / voxels_per_cell_[1] + kMargin,
+                     k / voxels_per_cell_[2] + kMargin};
+        if (clearance_[index(c)] == 0) continue;
+        clearance_[index(c)] = 0;
+        front.push_back(c);
+      }
+
+  // clearance in steps, breadth first from the taken cells
+  for (std::uint8_t steps = 1; steps < kFar && !front.empty(); ++steps) {
+    std::vector<Cell> next;
+    for (const Cell& c : front)
+      for_each_neighbour(c, [&](const Cell& n) {
+        if (!contains(n) || clearance_[index(n)] <= steps) return;
+        clearance_[index(n)] = steps;
+        next.push_back(n);
+      });
+    front = std::move(next);
+  }
+}
+
+FreeSpace::Cell FreeSpace::cell_at(const Point<Patient>& p) const {
+  const Point<Voxel> v = X_VoxelPatient_ * p;
+  Cell c;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double cell = std::floor((v[axis] + 0.5) / voxels_per_cell_[axis]) + kMargin;
+    c[axis] = static_cast<int>(std::clamp(cell, 0.0, cells_[axis] - 1.0));
+  }
+  return c;
+}
+
+Point<Patient> FreeSpace::centre(const Cell& c) const {
+  Point<Voxel> v;
+  for (int axis = 0; axis < 3; ++axis) v[axis] = (c[axis] - kMargin + 0.5) * voxels_per_cell_[axis] - 0.5;
+  return X_PatientVoxel_ * v;
+}
+
+std::optional<FreeSpace::Cell> FreeSpace::nearest_free(const Cell& c) const {
+  constexpr int kReach = 4;
+  std::optional<Cell> best;
+  int best_distance = std::numeric_limits<int>::max();
+  for (int dz = -kReach; dz <= kReach; ++dz)
+    for (int dy = -kReach; dy <= kReach; ++dy)
+      for (int dx = -kReach; dx <= kReach; ++dx) {
+        const Cell n{c[0] + dx, c[1] + dy, c[2] + dz};
+        const int distance = dx * dx + dy * dy + dz * dz;
+        if (distance >= best_distance || !contains(n) || clearance_[index(n)] == 0) continue;
+        best = n;
+        best_distance = distance;
+      }
+  return best;
+}
+
+std::vector<Point<Patient>> FreeSpace::path(const Point<Patient>& from, const Point<Patient>& to) const {
+  const auto start = nearest_free(cell_at(from)), goal = nearest_free(cell_at(to));
+  if (!start || !goal) return {};
+
+  // cheapest way first, with what is left at least (the straight way through open space) added, as in A*;
+  // ties by index, so that the way is the same on every run
+  const auto left_at_least = [&](const Cell& c) {
+    return static_cast<float>((centre(*goal) - centre(c)).norm() * price_of(kFar));
+  };
+  using Entry = std::pair<float, std::size_t>;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
+  std::vector<float> cost(clearance_.size(), std::numeric_limits<float>::infinity());
+  std::vector<std::uint32_t> previous(clearance_.size());
+  std::vector<bool> done(clearance_.size(), false);
+  const auto cell_of = [&](std::size_t i) {
+    return Cell{static_cast<int>(i % cells_[0]), static_cast<int>(i / cells_[0] % cells_[1]),
+                static_cast<int>(i / cells_[0] / cells_[1])};
+  };
+  cost[index(*start)] = 0;
+  open.push({left_at_least(*start), index(*start)});
+  while (!open.empty()) {
+    const std::size_t here = open.top().second;
+    open.pop();
+    if (here == index(*goal)) break;
+    if (done[here]) continue;
+    done[here] = true;
+    const Cell c = cell_of(here);
+    const Point<Patient> p = centre(c);
+    for_each_neighbour(c, [&](const Cell& n) {
+      if (!contains(n)) return;
+      const std::size_t there = index(n);
+      if (clearance_[there] == 0) return;
+      const float total =
+          cost[here] + static_cast<float>((centre(n) - p).norm() * price_of(clearance_[there]));
+      if (total >= cost[there]) return;
+      cost[there] = total;
+      previous[there] = static_cast<std::uint32_t>(here);
+      open.push({total + left_at_least(n), there});
+    });
+  }
+  if (!std::isfinite(cost[index(*goal)])) return {};
+
+  std::vector<Point<Patient>> way{to};
+  for (std::size_t i = index(*goal); i != index(*start); i = previous[i]) way.push_back(centre(cell_of(i)));
+  way.push_back(from);
+  std::reverse(way.begin(), way.end());
+  return way;
+}
+
+}  // namespace palpate

@@ -1,0 +1,99 @@
+#include "palpate/catalog.h"
+#include "palpate/primitives.h"
+#include "palpate/session.h"
+#include "palpate/volume_io.h"
+
+namespace palpate {
+namespace {
+
+// the embedded scene of a data set
+std::string scene_name_of(const std::string& data_set) {
+  return data_set == "head" ? "head" : "knee";
+}
+
+bool is_data_set(const std::string& what) {
+  for (const CatalogEntry& entry : catalog())
+    if (entry.name == what) return true;
+  return false;
+}
+
+Result<Scene> scene_of_data_set(const std::string& data_set) {
+  const std::string name = scene_name_of(data_set);
+  const auto text = embedded_scene(name);
+  PALPATE_CHECK(text.has_value());
+  return parse_scene(*text, data_set + " (embedded scene)");
+}
+
+// reads what the scene names and prepares it
+Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
+                                                    const std::optional<std::filesystem::path>& labels_file,
+                                                    const std::optional<std::filesystem::path>& names_file,
+                                                    const std::optional<std::filesystem::path>& scan_file,
+                                                    const Progress& progress, const Warn& warn) {
+  std::optional<LabelFile> labels;
+  std::optional<ScanFile> scan;
+  if (labels_file) {
+    auto read = read_labels(*labels_file, names_file, progress, warn);
+    if (!read) return read.error();
+    labels = std::move(*read);
+  }
+  if (progress.stopped()) return Progress::interrupted();
+  if (scan_file) {
+    auto read = read_scan(*scan_file, progress, warn);
+    if (!read) return read.error();
+    scan = std::move(*read);
+  }
+  if (progress.stopped()) return Progress::interrupted();
+  return build_model(scene, labels ? &labels->labels : nullptr, scan ? &scan->scan : nullptr, progress, warn);
+}
+
+Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& progress, const Warn& warn) {
+  auto scene = scene_of_data_set(data_set);
+  if (!scene) return scene.error();
+  Result<std::shared_ptr<const Model>> model = Error{};
+  if (data_set == "knee-phantom") {
+    auto phantom = make_knee_phantom(0.6, 1, progress);
+    if (!phantom) return phantom.error();
+    model = build_model(*scene, &phantom->labels, &phantom->scan, progress, warn);
+  } else {
+    const auto local = locate(data_set);
+    if (!local) return local.error();
+    model = model_of_files(*scene, local->labels, local->names, local->scan, progress, warn);
+  }
+  if (!model) return model.error();
+  return LoadedScene{std::move(*scene), std::move(*model), data_set};
+}
+
+}  // namespace
+
+Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
+                                           const Warn& warn) {
+  if (is_data_set(what)) return load_data_set(what, progress, warn);
+  auto scene = load_scene(what);
+  if (!scene) {
+    Error error = scene.error();
+    if (!std::filesystem::exists(what)) {
+      error.what = "neither a data set nor a scene file";
+      error.remedy = "palpate data list shows the data sets; palpate scene new writes a scene file";
+    }
+    return error;
+  }
+  const auto resolved = [&](const std::optional<std::filesystem::path>& file) {
+    return file ? std::optional(scene->resolve(*file)) : std::nullopt;
+  };
+  auto model = model_of_files(*scene, resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
+                              progress, warn);
+  if (!model) return model.error();
+  return LoadedScene{std::move(*scene), std::move(*model), ""};
+}
+
+Result<LoadedScene> load_scene_of_recording(const Recording& recording, const std::string& what,
+                                            const Progress& progress, const Warn& warn) {
+  const std::string& target = what.empty() ? recording.header.data_set : what;
+  if (target.empty())
+    return Error{ErrorKind::kUsage, "the recording was made with a scene file, which it does not hold", "",
+                 "name it after the recording: RECORDING SCENE"};
+  return load_scene_or_data_set(target, progress, warn);
+}
+
+}  // namespace palpate

@@ -1,0 +1,156 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "palpate/session.h"
+
+namespace palpate {
+namespace {
+
+// the field counts as free below this fraction of full scale
+constexpr double kFree = 0.02;
+// a fingertip's worth of surface that should be even
+constexpr double kPatch_mm = 1.5;
+constexpr int kRim = 8;
+// scans end in the middle of bones: the cut face is none of their surfaces
+constexpr double kCutMargin_mm = 4;
+
+Vector<Patient> outward_normal(const Model& model, const Point<Patient>& x) {
+  return -sample_central_differences(*model.field, x).gradient.normalized();
+}
+
+// whether a voxel lies so near the volume's border that a face there may be a cut and no surface of the
+// patient
+bool near_cut(const GridGeometry& grid, int i, int j, int k) {
+  const std::array<int, 3> index{i, j, k};
+  for (int axis = 0; axis < 3; ++axis) {
+    const double margin = kCutMargin_mm / grid.spacing_mm[axis];
+    if (index[axis] < margin || index[axis] > grid.dims[axis] - 1 - margin) return true;
+  }
+  return false;
+}
+
+// voxels of the structure with free space beside them
+std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure) {
+  const Volume<LabelId>& labels = *model.labels;
+  const auto& dims = labels.geometry().dims;
+  const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
+  constexpr std::array<std::array<int, 3>, 6> kFaces{
+      {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
+  std::vector<Point<Patient>> border;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j)
+      for (int i = 0; i < dims[0]; ++i) {
+        if (labels.at(i, j, k) != structure || near_cut(labels.geometry(), i, j, k)) continue;
+        const bool free = std::any_of(kFaces.begin(), kFaces.end(), [&](const auto& f) {
+          return !model.is_felt(labels.at_or(i + f[0], j + f[1], k + f[2], 0));
+        });
+        if (free) border.push_back(X_PatientVoxel * Point<Voxel>(i, j, k));
+      }
+  return border;
+}
+
+// moves along the normal to where the field is half of the structure's level
+std::optional<Point<Patient>> onto_surface(const Model& model, Point<Patient> x, double level) {
+  for (int step = 0; step < 12; ++step) {
+    const FieldSample sample = sample_central_differences(*model.field, x);
+    const double slope = sample.gradient.norm();
+    if (slope < 1e-3) return std::nullopt;
+    const double way_mm = std::clamp((sample.value - 0.5 * level) / slope, -0.5, 0.5);
+    x += sample.gradient.normalized() * -way_mm;
+    if (std::abs(way_mm) < 1e-3) return x;
+  }
+  return std::nullopt;
+}
+
+// the free way along the normal: down the ramp into free space, then until something rises again
+double clearance_along(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
+                       double most_mm) {
+  constexpr double kStep_mm = 0.25;
+  double previous = sample_value(*model.field, surface);
+  for (double way = kStep_mm; way <= most_mm; way += kStep_mm) {
+    const double here = sample_value(*model.field, surface + n * way);
+    if (here > previous + 1e-3 && here > kFree) return way - kStep_mm;
+    previous = here;
+  }
+  return most_mm;
+}
+
+// unit vectors along the surface, evenly round the normal
+std::array<Vector<Patient>, kRim> rim_directions(const Vector<Patient>& n) {
+  const Vector<Patient> helper = std::abs(n.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
+  const Vector<Patient> u = n.cross(helper).normalized(), v = n.cross(u);
+  std::array<Vector<Patient>, kRim> directions;
+  for (int d = 0; d < kRim; ++d) {
+    const double angle = d * 2 * std::numbers::pi / kRim;
+    directions[d] = u * std::cos(angle) + v * std::sin(angle);
+  }
+  return directions;
+}
+
+// the largest outward curvature of the patch around, 1/mm: pressing on a steep hill slips off
+double convexity(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n) {
+  double largest = 0;
+  for (const Vector<Patient>& t : rim_directions(n)) {
+    largest = std::max(largest, outward_normal(model, surface + t * kPatch_mm).dot(t) / kPatch_mm);
+  }
+  return largest;
+}
+
+// the part of the patch, its middle and rim, where the way inward meets the structure itself
+double own_share(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
+                 LabelId structure) {
+  const auto is_own = [&](const Vector<Patient>& along_surface) {
+    const Point<Patient> x = surface + along_surface + n * (0.5 * model.sigma_mm);
+    const FieldSample sample = sample_central_differences(*model.field, x);
+    return find_contact_site(model, x, sample, 4 * model.sigma_mm).label == structure ? 1 : 0;
+  };
+  int own = is_own({});
+  for (const Vector<Patient>& t : rim_directions(n)) own += is_own(t * kPatch_mm);
+  return own / (kRim + 1.0);
+}
+
+}  // namespace
+
+Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm) {
+  const Segment* segment = model.find(structure);
+  const std::string name =
+      segment && !segment->name.empty() ? "'" + segment->name + "'" : "label " + std::to_string(structure);
+  if (!model.is_felt(structure))
+    return Error{ErrorKind::kBadInput, name + " is not felt in this scene", "",
+                 "set felt = true on its [[tissue]], or choose another structure"};
+
+  const std::vector<Point<Patient>> border = border_voxels(model, structure);
+  constexpr std::size_t kMostCandidates = 4000;
+  const std::size_t stride = border.size() / kMostCandidates + 1;
+  const double level = model.level_of_label[structure];
+  std::optional<SurfacePoint> best;
+  double best_score = 0;
+  for (std::size_t c = 0; c < border.size(); c += stride) {
+    const auto surface = onto_surface(model, border[c], level);
+    if (!surface) continue;
+    SurfacePoint candidate;
+    candidate.point = *surface;
+    candidate.normal = outward_normal(model, *surface);
+    candidate.clearance_mm = clearance_along(model, *surface, candidate.normal, clearance_mm);
+
+    // reach, evenness and belonging, each between 0 and 1; belonging counts most
+    const double reach = candidate.clearance_mm / clearance_mm;
+    const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
+    const double own = own_share(model, *surface, candidate.normal, structure);
+    const double score = own * own * own * evenness * (0.15 + reach);
+    if (score > best_score) {
+      best_score = score;
+      best = candidate;
+    }
+  }
+  if (!best)
+    return Error{
+        ErrorKind::kBadInput,
+        "no surface of " + name + " can be touched: it is covered, or thinner than the smoothing leaves it",
+        "", "lower sigma in [preparation], or choose another structure"};
+  return *best;
+}
+
+}  // namespace palpate

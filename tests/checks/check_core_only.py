@@ -1,0 +1,60 @@
+#!/usr/bin/env python3
+"""Builds somebody else's program on palpate's core and looks at what it loads.
+
+The core (base, geometry, volume, sampling, haptics, device, servo) must build with Eigen and Highway
+alone. Every object of it is linked, so that nothing hides because it was not called.
+"""
+
+import argparse
+import os
+import pathlib
+import re
+import subprocess
+import sys
+
+# what the compiler brings, and Highway; Eigen is headers only
+ALLOWED = re.compile(r"^(linux-vdso|ld-linux-[a-z0-9-]+|libc|libm|libgcc_s|libstdc\+\+|libpthread|librt|libdl"
+                     r"|libhwy|libasan|libubsan|libtsan)\.so")
+# packages that the core must not even look for
+FORBIDDEN_IN_CACHE = ("ITK_DIR", "HDF5", "CURL", "TBB_DIR", "OPENSSL", "kissfft_DIR", "PNG_", "tomlplusplus",
+                      "nlohmann_json_DIR", "CLI11_DIR")
+
+
+def run(command):
+    result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+    if result.returncode != 0:
+        print(result.stdout[-8000:])
+        sys.exit(f"failed: {' '.join(map(str, command))}")
+    return result.stdout
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    for option in ("--source", "--build", "--cmake", "--cxx"):
+        parser.add_argument(option, required=True)
+    parser.add_argument("--sanitize", default="")
+    options = parser.parse_args()
+
+    # the consumer is a project of its own that takes palpate in as a folder
+    consumer = pathlib.Path(__file__).parent / "core_consumer"
+    run([options.cmake, "-S", consumer, "-B", options.build, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
+         f"-DCMAKE_CXX_COMPILER={options.cxx}", f"-DPALPATE_SOURCE={pathlib.Path(options.source).resolve()}",
+         f"-DPALPATE_SANITIZE={options.sanitize}"])
+    run([options.cmake, "--build", options.build, "--parallel", "2"])
+
+    cache = (pathlib.Path(options.build) / "CMakeCache.txt").read_text()
+    sought = [name for name in FORBIDDEN_IN_CACHE if re.search(rf"^{name}", cache, re.MULTILINE)]
+    if sought:
+        sys.exit(f"configuring the core looked for: {', '.join(sought)}")
+
+    program = os.path.join(options.build, "core_consumer")
+    print(run([program]).strip())
+    loaded = [line.split()[0] for line in run(["ldd", program]).splitlines() if line.strip()]
+    strangers = [name for name in loaded if not ALLOWED.match(os.path.basename(name))]
+    if strangers:
+        sys.exit(f"the core loads more than Highway and the compiler's libraries: {', '.join(strangers)}")
+    print("loads", ", ".join(sorted(os.path.basename(name) for name in loaded)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+"""tools/check_includes must flag each wrong include of a small bad tree, and nothing of a good one."""
+
+import pathlib
+import subprocess
+import tempfile
+import unittest
+
+TOOL = pathlib.Path(__file__).resolve().parents[2] / "tools" / "check_includes"
+
+
+def run(files):
+    """Lays out {path: text} in a new folder; returns (exit code, lines printed)."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in files.items():
+            file = pathlib.Path(folder) / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text)
+        result = subprocess.run([TOOL, folder], stdout=subprocess.PIPE, text=True, check=False)
+    return result.returncode, result.stdout.splitlines()
+
+
+GOOD = {
+    "include/palpate/result.h": "#include <optional>\n",
+    "include/palpate/volume.h": '#include "palpate/result.h"\n#include <Eigen/Core>\n',
+    "include/palpate/session.h": '#include "palpate/volume.h"\n',
+    "include/palpate/telemetry.h": "#include <array>\n",
+    "src/base/file.h": '#include "palpate/result.h"\n',
+    "src/volume_io/nrrd.cc": '#include <itkImage.h>\n#include "base/file.h"\n#include "palpate/volume.h"\n',
+    "src/servo/tick.cc": '#include "palpate/telemetry.h"\n#include "servo/tick.h"\n#include <sys/mman.h>\n',
+    "src/volume/volume_test.cc": '#include <gtest/gtest.h>\n#include "palpate/session.h"\n',
+    "src/volume/test_grids.h": "#include <gmock/gmock.h>\n",
+    "apps/palpate/verb.h": '#include <CLI/CLI.hpp>\n#include "palpate/result.h"\n',
+    "apps/palpate/info.cc": '#include "verb.h"\n#include "palpate/session.h"\n',
+    "bench/gaussian_bench.cc": '#include <itkImage.h>\n#include <CLI/CLI.hpp>\n',
+}
+
+# (path, include line, a word of the complaint)
+BAD = [
+    ("src/base/a.cc", '#include "palpate/volume.h"', "may not know 'volume'"),
+    ("src/volume/a.cc", '#include "servo/tick.h"', "may not know 'servo'"),
+    ("src/volume/a.cc", '#include "palpate/session.h"', "may not know 'session'"),
+    ("src/volume/a.cc", '#include "palpate/telemetry.h"', "may not know 'device'"),
+    ("src/volume/a.cc", '#include "palpate/absent.h"', "no public header"),
+    ("src/volume/a.cc", "#include <itkImage.h>", "may not include ITK"),
+    ("src/volume/a_test.cc", "#include <itkImage.h>", "may not include ITK"),
+    ("src/volume/a_test.cc", '#include "servo/tick.h"', "may not know 'servo'"),
+    ("src/session/a.cc", "#include <hdf5.h>", "may not include HDF5"),
+    ("src/session/a.cc", "#include <toml++/toml.h>", "may not include toml++"),
+    ("src/session/a.cc", "#include <curl/curl.h>", "may not include curl"),
+    ("src/recording/a.cc", "#include <openssl/evp.h>", "may not include OpenSSL"),
+    ("src/volume/a.cc", "#include <tbb/parallel_for.h>", "may not include TBB"),
+    ("src/volume/a.cc", "#  include <execution>", "may not include TBB"),
+    ("src/base/a.cc", "#include <Eigen/Core>", "may not include Eigen"),
+    ("src/scene/a.cc", "#include <nlohmann/json.hpp>", "may not include nlohmann"),
+    ("src/volume/a.cc", "#include <gtest/gtest.h>", "may not include GoogleTest"),
+    ("src/volume/test_grids.cc", "#include <gtest/gtest.h>", "may not include GoogleTest"),
+    ("src/volume/a.cc", "#include <boost/asio.hpp>", "unknown library header"),
+    ("src/volume/a.cc", '#include "../servo/tick.h"', "'..'"),
+    ("src/volume/a.cc", "#include <palpate/result.h>", "is ours"),
+    ("src/base/a.cc", '#include "file.h"', 'write it as "base/file.h"'),
+    ("include/palpate/volume.h", '#include "base/file.h"', "may not show the inside"),
+    ("apps/palpate/a.cc", '#include "base/file.h"', "not the inside of 'base'"),
+    ("tests/a.cc", '#include "servo/tick.h"', "not the inside of 'servo'"),
+    ("apps/palpate/a.cc", "#include <itkImage.h>", "may not include ITK"),
+    ("src/newroom/a.cc", "#include <vector>", "stands in no room"),
+]
+
+
+class CheckIncludes(unittest.TestCase):
+    def test_good_tree(self):
+        self.assertEqual(run(GOOD), (0, []))
+
+    def test_each_bad_include(self):
+        for path, line, complaint in BAD:
+            with self.subTest(path=path, line=line):
+                code, lines = run({**GOOD, path: "// one\n" + line + "\n"})
+                self.assertEqual(code, 1)
+                self.assertEqual(len(lines), 1, lines)
+                place = f"{path}:1:" if "no room" in complaint else f"{path}:2:"
+                self.assertTrue(lines[0].startswith(place), lines)
+                self.assertIn(complaint, lines[0])
+
+    def test_empty_tree_is_a_fault(self):
+        self.assertEqual(run({"README.md": ""})[0], 1)
+
+
+if __name__ == "__main__":
+    unittest.main()

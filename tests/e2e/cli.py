@@ -1,0 +1,83 @@
+"""What the end-to-end tests share: running palpate, finding data, skipping visibly."""
+
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PALPATE = os.environ["PALPATE"]
+
+OK, BAD_INPUT, USAGE, LIMIT, OUTPUT, UNAVAILABLE, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
+
+
+def run(*arguments, **options):
+    """Runs palpate and returns the finished process, its output as text."""
+    return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True, text=True,
+                          errors="replace", stdin=subprocess.DEVNULL, timeout=600, **options)
+
+
+def shared_data(name):
+    """A file below a folder of PALPATE_DATA, or None."""
+    for folder in os.environ.get("PALPATE_DATA", "").split(":"):
+        if folder and (pathlib.Path(folder) / name).exists():
+            return pathlib.Path(folder) / name
+    return None
+
+
+def need(name):
+    """A file below a folder of PALPATE_DATA; without it the test is skipped, in CI it fails."""
+    path = shared_data(name)
+    if path is None:
+        message = f"needs {name} in a folder of PALPATE_DATA"
+        if os.environ.get("CI") == "true":
+            raise AssertionError(message)
+        raise unittest.SkipTest(message)
+    return path
+
+
+def held(stdout):
+    """{structure: (held s, mean N, peak N)} from what simulate prints."""
+    rows = re.findall(r"^(\S+) +([\d.]+) +([\d.]+) +([\d.]+)$", stdout, re.MULTILINE)
+    return {name: tuple(map(float, values)) for name, *values in rows}
+
+
+def run_hash(stdout):
+    return re.search(r"run hash ([0-9a-f]{16})", stdout).group(1)
+
+
+class PalpateTest(unittest.TestCase):
+    def setUp(self):
+        self._folder = tempfile.TemporaryDirectory(prefix="palpate-e2e-")
+        self.folder = pathlib.Path(self._folder.name)
+
+    def tearDown(self):
+        self._folder.cleanup()
+
+    def succeed(self, *arguments, **options):
+        done = run(*arguments, **options)
+        self.assertEqual(done.returncode, OK, f"palpate {arguments}: {done.stderr}")
+        return done
+
+    def fail_clearly(self, code, *arguments, says="", **options):
+        """Fails with this exit code and one clear error, without a trace of a crash."""
+        done = run(*arguments, **options)
+        self.assertEqual(done.returncode, code, f"palpate {arguments}: {done.stdout} {done.stderr}")
+        if code == USAGE and "palpate: error:" not in done.stderr:
+            self.assertIn("help", done.stderr + done.stdout)  # the command line parser's own words
+        else:
+            self.assertEqual(done.stderr.count("palpate: error:"), 1, done.stderr)
+        self.assertNotIn("bug:", done.stderr)
+        self.assertNotIn("terminate called", done.stderr)
+        self.assertNotIn("Sanitizer", done.stderr)
+        self.assertIn(says, done.stderr)
+        return done
+
+
+def main():
+    result = unittest.main(exit=False).result
+    if result.wasSuccessful() and result.testsRun and len(result.skipped) == result.testsRun:
+        sys.exit(77)
+    sys.exit(not result.wasSuccessful())

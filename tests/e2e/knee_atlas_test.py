@@ -1,0 +1,40 @@
+"""The founding work's structures on a real, hand-segmented left knee."""
+
+import os
+import re
+
+import cli
+from knee_phantom_test import STRUCTURES
+
+
+class KneeAtlas(cli.PalpateTest):
+    def setUp(self):
+        super().setUp()
+        cli.need("knee_spl/seg.nrrd")
+
+    def test_every_bone_and_cartilage_is_held_within_the_limit(self):
+        recording = self.folder / "atlas.h5"
+        done = self.succeed("simulate", "knee-atlas", "-o", recording)
+        held = cli.held(done.stdout)
+        for structure in STRUCTURES:
+            self.assertGreaterEqual(held[structure][0], 0.5, f"{structure}: {held}")
+        largest, limit = map(float, re.search(r"largest force ([\d.]+) N of ([\d.]+) N", done.stdout).groups())
+        self.assertLessEqual(largest, limit)
+        hashes = {cli.run_hash(done.stdout)}
+        for _ in range(2):
+            again = self.succeed("replay", recording)
+            self.assertIn("identical", again.stdout)
+            hashes.add(cli.run_hash(again.stdout))
+        self.assertEqual(len(hashes), 1)
+
+        report = self.folder / "atlas.html"
+        self.succeed("report", recording, "-o", report)
+        page = report.read_text()
+        self.assertIn("LEFT", page)
+        # what the recording was made from is nowhere in it
+        for folder in os.environ["PALPATE_DATA"].split(":"):
+            self.assertNotIn(folder, page)
+
+
+if __name__ == "__main__":
+    cli.main()

@@ -1,0 +1,56 @@
+"""The demo's way: the generated knee, from a name to a force, a recording, a replay and a report."""
+
+import re
+
+import cli
+
+STRUCTURES = ["femur", "tibia", "fibula", "patella", "femoral_cartilage", "lateral_tibial_cartilage",
+              "medial_tibial_cartilage", "patellar_cartilage"]
+
+
+class KneePhantom(cli.PalpateTest):
+    def test_every_bone_and_cartilage_is_held_recorded_replayed_and_reported(self):
+        recording, report = self.folder / "run.h5", self.folder / "run.html"
+        done = self.succeed("simulate", "knee-phantom", "-o", recording, "--report", report)
+        held = cli.held(done.stdout)
+        for structure in STRUCTURES:
+            self.assertIn(structure, held)
+            self.assertGreaterEqual(held[structure][0], 0.5, structure)
+        largest, limit = map(float, re.search(r"largest force ([\d.]+) N of ([\d.]+) N", done.stdout).groups())
+        self.assertLessEqual(largest, limit)
+        self.assertEqual(limit, 1.4, "the simulated device's continuous rating")
+        self.assertIn("0 not finite", done.stdout)
+
+        again = self.succeed("replay", recording)
+        self.assertIn("identical", again.stdout)
+        self.assertEqual(cli.run_hash(again.stdout), cli.run_hash(done.stdout))
+        # the same run a second time is the same run
+        second = self.succeed("simulate", "knee-phantom")
+        self.assertEqual(cli.run_hash(second.stdout), cli.run_hash(done.stdout))
+
+        page = report.read_text()
+        for text in ["not for clinical use", "imulated hand", "LEFT", cli.run_hash(done.stdout), *STRUCTURES]:
+            self.assertIn(text, page)
+        self.assertIsNone(re.search(r"""(?:src|href)\s*=\s*["']?https?:""", page), "no network")
+
+    def test_a_changed_scene_is_another_model(self):
+        recording = self.folder / "run.h5"
+        labels = self.folder / "knee"
+        self.succeed("data", "fetch", "knee-phantom", "-o", labels, "--voxel", "1.5")
+        files = sorted(labels.glob("*.seg.nrrd"))
+        self.assertEqual(len(files), 1)
+        scene = self.folder / "scene.toml"
+        self.succeed("scene", "new", files[0], "-o", scene)
+        script = self.folder / "press.toml"
+        script.write_text('[[step]]\napproach = "femur"\n[[step]]\npress = 0.8\n[[step]]\nleave = true\n')
+        self.succeed("simulate", scene, "--script", script, "-o", recording)
+        self.assertIn("identical", self.succeed("replay", recording, scene).stdout)
+        self.fail_clearly(cli.USAGE, "replay", recording, says="SCENE")
+        text = scene.read_text()
+        scene.write_text(re.sub(r"(?m)^sigma = .*$", "sigma = 1.25", text) if re.search(r"(?m)^sigma", text)
+                         else text + "\n[preparation]\nsigma = 1.25\n")
+        self.fail_clearly(cli.BAD_INPUT, "replay", recording, scene, says="another scene")
+
+
+if __name__ == "__main__":
+    cli.main()
