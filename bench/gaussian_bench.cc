@@ -208,10 +208,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--labels", options.labels, "also smooth all labels of this file");
-  app.add_option("--json,--benchmark_out", options.json, "write the figures to this file");
-  // as programs of Google Benchmark take it, so that tools/bench runs all alike
-  std::string format;
-  app.add_option("--benchmark_out_format", format, "json, the only one")->check(CLI::IsMember({"json"}));
+  app.add_option("--json", options.json, "write the figures to this file");
   CLI11_PARSE(app, argc, argv);
   return palpate::bench::run(options);
 }

@@ -78,9 +78,12 @@ int exit_code(ErrorKind kind) {
 
 }  // namespace
 
-Progress Console::progress() {
+Console::Console() {
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);
+}
+
+Progress Console::progress() {
   Progress::Show show;
   if (!quiet && ::isatty(STDERR_FILENO))
     show = [](std::string_view stage, double fraction) { bar().show(stage, fraction); };
@@ -104,10 +107,6 @@ int Console::fail(const Error& error) {
   bar().clear();
   std::fprintf(stderr, "palpate: error: %s\n", error.message().c_str());
   return exit_code(error.kind);
-}
-
-bool Console::interrupted() {
-  return stop_requested.load();
 }
 
 }  // namespace palpate::app

@@ -117,8 +117,9 @@ void add_fetch(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run&
   verb->add_option("-m,--mirror", options->fetch.mirror,
                    "Fetch from here (http or https) instead of its home")
       ->type_name("URL");
-  verb->add_option("--voxel", options->fetch.voxel_mm, "Voxels of the generated knee-phantom, mm, 0.2 ... 3")
+  verb->add_option("--voxel", options->fetch.voxel_mm, "Voxels of the generated knee-phantom, mm")
       ->type_name("MM")
+      ->check(number_between(0.2, 3))
       ->capture_default_str();
   verb->footer(
       "Examples:\n"

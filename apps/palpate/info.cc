@@ -1,12 +1,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iomanip>
 #include <iostream>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <numeric>
 #include <sstream>
 
+#include "looks_like_labels.h"
 #include "palpate/volume_io.h"
+#include "text.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -27,28 +31,6 @@ struct Info {
 };
 
 // --- labels or scan -------------------------------------------------------------------------------------
-
-/// Label maps are whole numbers, few of them, in patches: most neighbours along i that are both not
-/// background are equal. An 8-bit scan has few values too, but they change from voxel to voxel.
-bool looks_like_labels(const ScanFile& file, bool named) {
-  const bool integer = file.header.component_type.find("int") != std::string::npos;
-  const std::vector<float>& voxels = file.scan.voxels();
-  const auto [low, high] = std::minmax_element(voxels.begin(), voxels.end());
-  constexpr float kHighestLabel = 4096;
-  if (!integer || *low < 0 || *high > kHighestLabel) return false;
-  if (named) return true;
-
-  std::vector<bool> seen(static_cast<std::size_t>(kHighestLabel) + 1);
-  std::size_t distinct = 0, equal = 0, unequal = 0;
-  for (std::size_t n = 0; n < voxels.size(); ++n) {
-    if (voxels[n] != std::floor(voxels[n])) return false;
-    const auto value = static_cast<std::size_t>(voxels[n]);
-    distinct += !seen[value];
-    seen[value] = true;
-    if (n > 0 && voxels[n] != 0 && voxels[n - 1] != 0) ++(voxels[n] == voxels[n - 1] ? equal : unequal);
-  }
-  return distinct <= 256 && equal >= unequal;
-}
 
 Result<Info> take_labels(const Options& options, Console& console) {
   const std::optional<std::filesystem::path> names =
@@ -245,22 +227,21 @@ void print_geometry(std::ostream& out, const Info& info) {
       << "values      " << number(info.lowest) << " ... " << number(info.highest) << '\n';
 }
 
-// bytes that continue a UTF-8 character take no column
-std::size_t columns_of(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(
-      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+// a row of the table of labels
+void print_row(std::ostream& out, const std::string& id, const std::string& name, std::size_t name_width,
+               const std::string& voxels, const std::string& volume, const std::string& box,
+               const std::string& components) {
+  const auto right = [](const std::string& text, std::size_t width) {
+    return std::string(width - std::min(width, text.size()), ' ') + text;
+  };
+  out << right(id, 5) << "  " << fitted(name, name_width) << ' ' << right(voxels, 10) << ' '
+      << right(volume, 11) << "  " << fitted(box, 23) << ' ' << right(components, 10) << '\n';
 }
 
-// padded, or cut with an ellipsis, to a width
-std::string fitted(std::string text, std::size_t width) {
-  if (columns_of(text) > width) {
-    while (columns_of(text) > width - 1) {
-      while ((static_cast<unsigned char>(text.back()) & 0xC0) == 0x80) text.pop_back();
-      text.pop_back();
-    }
-    text += "…";
-  }
-  return text + std::string(width - columns_of(text), ' ');
+std::string one_decimal(double value) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << value;
+  return text.str();
 }
 
 void print_labels(std::ostream& out, const Info& info) {
@@ -270,19 +251,14 @@ void print_labels(std::ostream& out, const Info& info) {
   width = std::min<std::size_t>(width, 32);
   out << '\n' << info.statistics.size() << (info.statistics.size() == 1 ? " label\n" : " labels\n");
   if (info.statistics.empty()) return;
-  char line[160];
-  std::snprintf(line, sizeof line, "%5s  %s %10s %11s  %-23s %10s\n", "id", fitted("name", width).c_str(),
-                "voxels", "mm3", "box i j k", "components");
-  out << line;
+  print_row(out, "id", "name", width, "voxels", "mm3", "box i j k", "components");
   for (const SegmentStatistics& s : info.statistics) {
     std::string box;
     for (std::size_t a = 0; a < 3; ++a)
       box += (a == 0 ? "" : " ") + std::to_string(s.box_min[a]) + "-" + std::to_string(s.box_max[a]);
     const std::string& name = info.labels->labels.find(s.id)->name;
-    std::snprintf(line, sizeof line, "%5d  %s %10zu %11.1f  %-23s %10d\n", s.id,
-                  fitted(name.empty() ? "-" : name, width).c_str(), s.voxels, s.volume_mm3, box.c_str(),
-                  s.components);
-    out << line;
+    print_row(out, std::to_string(s.id), name.empty() ? "-" : name, width, std::to_string(s.voxels),
+              one_decimal(s.volume_mm3), box, std::to_string(s.components));
   }
 }
 
@@ -297,63 +273,56 @@ void print_text(std::ostream& out, const Info& info) {
 
 // --- for programs ---------------------------------------------------------------------------------------
 
-std::string quoted(const std::string& text) {
-  std::string json = "\"";
-  for (const char c : text) {
-    char escape[8];
-    if (c == '"' || c == '\\') json += '\\';
-    if (static_cast<unsigned char>(c) < 0x20) {
-      std::snprintf(escape, sizeof escape, "\\u%04x", c);
-      json += escape;
-    } else {
-      json += c;
-    }
-  }
-  return json + "\"";
+// plain numbers of anything that can be walked through
+template <class Values>
+std::vector<typename std::decay_t<decltype(*std::begin(std::declval<const Values&>()))>> list(
+    const Values& values) {
+  return {std::begin(values), std::end(values)};
 }
 
-template <class Values>
-std::string list(const Values& values) {
-  std::string json = "[";
-  for (const auto& value : values)
-    json += (json.size() == 1 ? "" : ", ") + number(static_cast<double>(value), 17);
-  return json + "]";
+nlohmann::ordered_json label_json(const Segment& segment, const SegmentStatistics& s) {
+  return {{"id", s.id},
+          {"name", segment.name},
+          {"layer", segment.layer},
+          {"value", segment.value},
+          {"colour", {segment.colour.r, segment.colour.g, segment.colour.b}},
+          {"voxels", s.voxels},
+          {"volume_mm3", s.volume_mm3},
+          {"box_min", s.box_min},
+          {"box_max", s.box_max},
+          {"centroid_lps_mm", list(s.centroid.eigen())},
+          {"components", s.components},
+          {"largest_component_voxels", s.largest_component_voxels}};
 }
 
 void print_json(std::ostream& out, const Info& info) {
   const GridGeometry& g = info.header.geometry;
-  const Eigen::Vector3d extent = extent_mm(g);
-  const Eigen::RowVector3d rows[3] = {g.direction.row(0), g.direction.row(1), g.direction.row(2)};
-  out << std::boolalpha << "{\n  \"format\": " << quoted(info.header.format)
-      << ",\n  \"component_type\": " << quoted(info.header.component_type)
-      << ",\n  \"kind\": " << (info.labels ? "\"labels\"" : "\"scan\"")
-      << ",\n  \"layers\": " << info.header.layers << ",\n  \"dims\": " << list(g.dims)
-      << ",\n  \"spacing_mm\": " << list(g.spacing_mm) << ",\n  \"origin_lps_mm\": " << list(g.origin.eigen())
-      << ",\n  \"direction_rows\": [" << list(rows[0]) << ", " << list(rows[1]) << ", " << list(rows[2])
-      << "],\n  \"extent_mm\": " << list(extent) << ",\n  \"axes\": " << quoted(axis_codes(g.direction))
-      << ",\n  \"oblique\": " << is_oblique(g.direction) << ",\n  \"right_handed\": " << g.right_handed()
-      << ",\n  \"has_geometry\": " << info.header.has_geometry
-      << ",\n  \"range\": " << list(std::array{info.lowest, info.highest});
+  nlohmann::ordered_json rows;
+  for (int r = 0; r < 3; ++r) rows.push_back({g.direction(r, 0), g.direction(r, 1), g.direction(r, 2)});
+  nlohmann::ordered_json json{{"format", info.header.format},
+                              {"component_type", info.header.component_type},
+                              {"kind", info.labels ? "labels" : "scan"},
+                              {"layers", info.header.layers},
+                              {"dims", g.dims},
+                              {"spacing_mm", list(g.spacing_mm)},
+                              {"origin_lps_mm", list(g.origin.eigen())},
+                              {"direction_rows", rows},
+                              {"extent_mm", list(extent_mm(g))},
+                              {"axes", axis_codes(g.direction)},
+                              {"oblique", is_oblique(g.direction)},
+                              {"right_handed", g.right_handed()},
+                              {"has_geometry", info.header.has_geometry},
+                              {"range", {info.lowest, info.highest}}};
   if (info.labels) {
-    out << ",\n  \"empty_slices\": " << list(info.empty_slices)
-        << ",\n  \"unnamed\": " << list(info.labels->unnamed) << ",\n  \"labels\": [";
-    for (std::size_t n = 0; n < info.statistics.size(); ++n) {
-      const SegmentStatistics& s = info.statistics[n];
-      const Segment& segment = *info.labels->labels.find(s.id);
-      out << (n == 0 ? "\n" : ",\n") << "    {\"id\": " << s.id << ", \"name\": " << quoted(segment.name)
-          << ", \"layer\": " << segment.layer << ", \"value\": " << segment.value
-          << ", \"colour\": " << list(std::array{segment.colour.r, segment.colour.g, segment.colour.b})
-          << ", \"voxels\": " << s.voxels << ", \"volume_mm3\": " << number(s.volume_mm3, 17)
-          << ", \"box_min\": " << list(s.box_min) << ", \"box_max\": " << list(s.box_max)
-          << ", \"centroid_lps_mm\": " << list(s.centroid.eigen()) << ", \"components\": " << s.components
-          << ", \"largest_component_voxels\": " << s.largest_component_voxels << "}";
-    }
-    out << "\n  ]";
+    json["empty_slices"] = info.empty_slices;
+    json["unnamed"] = info.labels->unnamed;
+    json["labels"] = nlohmann::ordered_json::array();
+    for (const SegmentStatistics& s : info.statistics)
+      json["labels"].push_back(label_json(*info.labels->labels.find(s.id), s));
   }
-  out << ",\n  \"odd\": [";
-  const auto odd = oddities(info);
-  for (std::size_t n = 0; n < odd.size(); ++n) out << (n == 0 ? "" : ", ") << quoted(odd[n]);
-  out << "]\n}\n";
+  json["odd"] = oddities(info);
+  // a name in another encoding than UTF-8 is shown as far as it can be
+  out << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
 }
 
 int run_info(const Options& options, Console& console) {

@@ -1,8 +1,9 @@
-#include <array>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <limits>
 
+#include "inputs.h"
 #include "palpate/catalog.h"
 #include "palpate/output.h"
 #include "palpate/preparation.h"
@@ -32,7 +33,7 @@ struct Options {
   std::vector<double> threshold;
   int threads = 0;
   bool compare = false;
-  bool has_settings = false;  // any option that a scene decides for itself
+  std::string settings;  // the options given that a scene decides for itself, "--sigma, --bits"
 };
 
 using FieldVolume = std::variant<Volume<std::uint8_t>, Volume<std::uint16_t>>;
@@ -121,10 +122,11 @@ int prepare_file(const Options& options, Console& console) {
 }
 
 int prepare_scene(const Options& options, Console& console) {
-  if (options.has_settings) {
-    return console.fail(
-        {ErrorKind::kUsage, "a scene decides its own preparation", options.what,
-         "set sigma_mm, engine and bits under [preparation] in the scene file, or give a volume"});
+  if (!options.settings.empty()) {
+    return console.fail({ErrorKind::kUsage, "for volumes only: a scene decides its own preparation",
+                         options.settings,
+                         "leave it out, or give a volume; a scene file has sigma, engine and bits under "
+                         "[preparation]"});
   }
   const auto loaded = load_scene_or_data_set(options.what, console.progress(), console.warn());
   if (!loaded) return console.fail(loaded.error());
@@ -135,8 +137,20 @@ int prepare_scene(const Options& options, Console& console) {
   return kExitOk;
 }
 
+// Slicer would take the values of a field under such a name as labels.
+bool is_segmentation_name(std::string name) {
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  return name.ends_with(".seg.nrrd");
+}
+
 int run_prepare(const Options& options, Console& console) {
-  if (const auto writable = check_output(options.output); !writable) return console.fail(writable.error());
+  if (is_segmentation_name(options.output)) {
+    return console.fail({ErrorKind::kUsage, "is the name of a segmentation, and a field is none",
+                         options.output, "name it .nrrd without .seg, .nii.gz or .mha"});
+  }
+  if (const auto writable = check_output(options.output, input_files(options.what)); !writable)
+    return console.fail(writable.error());
   if (names_scene_or_data_set(options.what)) return prepare_scene(options, console);
   if (!options.threshold.empty() && !(options.threshold[0] < options.threshold[1])) {
     return console.fail({ErrorKind::kUsage, "the first threshold is not below the second", "--threshold",
@@ -154,26 +168,35 @@ void add_prepare(CLI::App& app, Run& run) {
   verb->footer(kExamples);
   verb->add_option("what", options->what, "label map, scan, scene file or data set")->required();
   verb->add_option("-o,--output", options->output, "field to write: .nrrd, .nii.gz or .mha")->required();
-  const std::array settings{
-      verb->add_option("-s,--sigma", options->sigma_mm, "width of the Gaussian in mm")
-          ->check(CLI::Range(0.0, 10.0))
-          ->capture_default_str(),
-      verb->add_option("-e,--engine", options->engine, "direct convolution, or the published Fourier filter")
-          ->check(CLI::IsMember({"direct", "fourier"}))
-          ->capture_default_str(),
-      verb->add_option("-b,--bits", options->bits, "bits a voxel: 8 as published, 16 for finer directions")
-          ->check(CLI::IsMember({8, 16}))
-          ->capture_default_str(),
-      verb->add_option("-t,--threshold", options->threshold, "scan value of free space, and of full tissue")
-          ->expected(2)
-          ->type_name("LOW HIGH"),
-      verb->add_option("-j,--threads", options->threads, "0: as many as the machine has")
-          ->check(CLI::Range(0, 1024))
-          ->capture_default_str(),
-      static_cast<CLI::Option*>(
-          verb->add_flag("-c,--compare", options->compare, "also tell how far the two engines differ"))};
-  verb->callback([options, settings, &run] {
-    for (const CLI::Option* setting : settings) options->has_settings |= setting->count() > 0;
+
+  constexpr const char* kForVolumes = "For a volume; a scene or a data set brings its own";
+  verb->add_option("-s,--sigma", options->sigma_mm, "width of the Gaussian in mm")
+      ->group(kForVolumes)
+      ->check(number_between(0, 10))
+      ->capture_default_str();
+  verb->add_option("-e,--engine", options->engine, "direct convolution, or the published Fourier filter")
+      ->group(kForVolumes)
+      ->check(CLI::IsMember({"direct", "fourier"}))
+      ->capture_default_str();
+  verb->add_option("-b,--bits", options->bits, "bits a voxel: 8 as published, 16 for finer directions")
+      ->group(kForVolumes)
+      ->check(CLI::IsMember({8, 16}))
+      ->capture_default_str();
+  verb->add_option("-t,--threshold", options->threshold, "scan value of free space, and of full tissue")
+      ->group(kForVolumes)
+      ->expected(2)
+      ->check(number_between(-1e9, 1e9))
+      ->type_name("LOW HIGH");
+  verb->add_option("-j,--threads", options->threads, "0: as many as the machine has")
+      ->group(kForVolumes)
+      ->check(whole_between(0, 1024))
+      ->capture_default_str();
+  verb->add_flag("-c,--compare", options->compare, "also tell how far the two engines differ")
+      ->group(kForVolumes);
+  verb->callback([options, verb, &run] {
+    for (const CLI::Option* setting : verb->get_options())
+      if (setting->get_group() == kForVolumes && setting->count() > 0)
+        options->settings += (options->settings.empty() ? "" : ", ") + setting->get_name();
     run = [options](Console& console) { return run_prepare(*options, console); };
   });
 }

@@ -1,8 +1,8 @@
 #include "palpate/report.h"
 
 #include <memory>
-#include <system_error>
 
+#include "inputs.h"
 #include "palpate/output.h"
 #include "palpate/session.h"
 #include "verb.h"
@@ -15,23 +15,15 @@ struct Options {
   std::string target;
 };
 
-bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
-  std::error_code ignored;
-  return a == b || std::filesystem::equivalent(a, b, ignored);
-}
-
 int report_recording(const Options& options, Console& console) {
   std::filesystem::path output = options.output;
   if (output.empty()) output = std::filesystem::path(options.recording).replace_extension(".html");
-  if (same_file(output, options.recording))
-    return console.fail({ErrorKind::kUsage, "the report would replace the recording", output.string(),
-                         "name another file with -o"});
-
-  if (const auto writable = check_output(output); !writable) return console.fail(writable.error());
-
   const Progress progress = console.progress();
   const auto recording = read_recording(options.recording, progress);
   if (!recording) return console.fail(recording.error());
+  auto inputs = input_files(options.target.empty() ? recording->header.data_set : options.target);
+  inputs.push_back(options.recording);
+  if (const auto writable = check_output(output, inputs); !writable) return console.fail(writable.error());
   const auto loaded = load_scene_of_recording(*recording, options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
 

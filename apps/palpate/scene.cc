@@ -4,7 +4,10 @@
 #include <cstdio>
 #include <set>
 
+#include "looks_like_labels.h"
+#include "palpate/output.h"
 #include "palpate/volume_io.h"
+#include "text.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -12,11 +15,65 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// ---- the data behind a scene --------------------------------------------------------------------
+
+/// What a scene is made on: a label map, a scan or both.
+struct Data {
+  std::optional<ScanFile> scan;
+  std::optional<LabelFile> labels;
+
+  const GridGeometry* scan_grid() const { return scan ? &scan->scan.geometry() : nullptr; }
+  const GridGeometry* labels_grid() const { return labels ? &labels->labels.geometry() : nullptr; }
+  /// Whether every file says how it lies in the patient.
+  bool oriented() const {
+    return (!scan || scan->header.has_geometry) && (!labels || labels->header.has_geometry);
+  }
+};
+
+void warn_if_silent(const VolumeHeader& header, const fs::path& file, Console& console) {
+  if (header.has_geometry) return;
+  console.warn()(file.string() +
+                 " does not say how it lies in the patient: axes are taken as LPS, sides are unknown");
+}
+
+/// Reads what is named, whole, so that a scene is only found good for what can be used.
+Result<Data> read_data(const std::optional<fs::path>& scan, const std::optional<fs::path>& labels,
+                       const std::optional<fs::path>& names, Console& console) {
+  Data data;
+  if (scan) {
+    auto read = read_scan(*scan, console.progress(), console.warn());
+    if (!read) return read.error();
+    data.scan = std::move(*read);
+    warn_if_silent(data.scan->header, *scan, console);
+  }
+  if (labels) {
+    auto read = read_labels(*labels, names, console.progress(), console.warn());
+    if (!read) return read.error();
+    data.labels = std::move(*read);
+    warn_if_silent(data.labels->header, *labels, console);
+  }
+  return data;
+}
+
+/// A scan and labels on two grids are brought onto field_grid(): said, and an error when they do not overlap.
+Result<void> compare_grids(const Data& data, Console& console) {
+  if (!data.scan || !data.labels || data.scan_grid()->same_grid(*data.labels_grid())) return {};
+  if (&field_grid(data.labels_grid(), data.scan_grid()) == data.labels_grid()) {
+    if (const auto moved = resample_linear(data.scan->scan, *data.labels_grid(), 0); !moved)
+      return moved.error();
+  } else if (const auto moved = resample_nearest(data.labels->labels, *data.scan_grid()); !moved) {
+    return moved.error();
+  }
+  console.note("The scan and the labels are on different grids; they will be resampled.");
+  return {};
+}
+
 // ---- scene new ----------------------------------------------------------------------------------
 
 struct NewOptions {
   std::vector<std::string> files;  ///< LABELS, or SCAN LABELS
   std::string scan, labels, names, side, title, output;
+  bool force = false;
 };
 
 /// The positional files take the places that --scan and --labels leave.
@@ -34,44 +91,54 @@ Result<void> assign_files(NewOptions& options) {
         ErrorKind::kUsage, "no file to write a scene for", "scene new",
         "palpate scene new SCAN LABELS, or palpate scene new LABELS, or palpate scene new --scan SCAN"};
   }
+  if (!options.scan.empty() && !options.labels.empty() && same_file(options.scan, options.labels)) {
+    return Error{ErrorKind::kUsage, "one file given as the scan and as its label map", options.scan,
+                 "name the label map alone, or the scan that it belongs to before it"};
+  }
+  return {};
+}
+
+/// A scene file holds a person's work: none is replaced unasked, and the data never.
+Result<void> check_new_output(const NewOptions& options) {
+  if (options.output.empty()) return {};
+  std::vector<fs::path> inputs;
+  for (const std::string& input : {options.scan, options.labels, options.names})
+    if (!input.empty()) inputs.emplace_back(input);
+  if (const auto writable = check_output(options.output, inputs); !writable) return writable.error();
+  std::error_code unknown;
+  if (!options.force && fs::exists(options.output, unknown))
+    return Error{ErrorKind::kUsage, "the file exists", options.output,
+                 "write to another file, or replace it with --force"};
   return {};
 }
 
 Side side_of(const std::string& text) {
-  return text == "left" ? Side::kLeft : text == "right" ? Side::kRight : Side::kUnknown;
-}
-
-/// Warns when a scan and its labels do not lie on one grid: the session will resample.
-void compare_grids(const GridGeometry& scan, const GridGeometry& labels, Console& console) {
-  if (!scan.same_grid(labels))
-    console.note("The scan and the labels are on different grids; they will be resampled.");
+  if (text == "left") return Side::kLeft;
+  if (text == "right") return Side::kRight;
+  return text == "both" ? Side::kBoth : Side::kUnknown;
 }
 
 int run_new(NewOptions options, Console& console) {
   if (const auto assigned = assign_files(options); !assigned) return console.fail(assigned.error());
+  if (const auto writable = check_new_output(options); !writable) return console.fail(writable.error());
+
   NewSceneInput input;
   input.title = options.title;
   input.side = side_of(options.side);
+  if (!options.scan.empty()) input.scan = options.scan;
+  if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
-
-  // the files are read whole, so that a scene is only written for what can be used
-  std::optional<ScanFile> scan;
-  std::optional<LabelFile> labels;
-  if (!options.scan.empty()) {
-    auto read = read_scan(options.scan, console.progress(), console.warn());
-    if (!read) return console.fail(read.error());
-    scan = std::move(*read);
-    input.scan = options.scan;
-    input.scan_volume = &scan->scan;
+  const auto data = read_data(input.scan, input.labels, input.names, console);
+  if (!data) return console.fail(data.error());
+  if (const auto grids = compare_grids(*data, console); !grids) {
+    Error error = grids.error();
+    error.where = options.labels;
+    return console.fail(error);
   }
-  if (!options.labels.empty()) {
-    auto read = read_labels(options.labels, input.names, console.progress(), console.warn());
-    if (!read) return console.fail(read.error());
-    labels = std::move(*read);
-    input.labels = options.labels;
-    input.label_map = &labels->labels;
-  }
-  if (scan && labels) compare_grids(scan->scan.geometry(), labels->labels.geometry(), console);
+  if (data->scan) input.scan_volume = &data->scan->scan;
+  if (data->labels) input.label_map = &data->labels->labels;
+  if (data->scan && (data->scan->header.has_segments || looks_like_labels(*data->scan, false)))
+    console.warn()(options.scan + " looks like a label map, not a scan: name it last, or after --labels");
 
   const auto text = new_scene_text(input, fs::path(options.output).parent_path());
   if (!text) return console.fail(text.error());
@@ -93,19 +160,31 @@ int run_new(NewOptions options, Console& console) {
   return kExitOk;
 }
 
+/// A positional's own words stand in the line "Usage:", where CLI11 would write "[files(0x)]".
+class UsageInWords : public CLI::Formatter {
+ public:
+  std::string make_option_usage(const CLI::Option* option) const override {
+    const std::string& words = option->get_option_text();
+    return words.empty() ? Formatter::make_option_usage(option) : words;
+  }
+};
+
 void add_new(CLI::App& app, Run& run) {
   const auto options = std::make_shared<NewOptions>();
   CLI::App* verb = app.add_subcommand("new", "Write a scene file for a scan, a label map, or both");
+  verb->formatter(std::make_shared<UsageInWords>());
   verb->add_option("files", options->files, "The scan and its label map, or a label map alone")
       ->expected(0, 2)
       ->option_text("[SCAN] LABELS");
   verb->add_option("-s,--scan", options->scan, "The scan; alone it gives a scene by threshold");
   verb->add_option("-l,--labels", options->labels, "The label map");
   verb->add_option("-n,--names", options->names, "Names and colours of the labels (.ctbl, .tsv)");
-  verb->add_option("--side", options->side, "Side of the body")->check(CLI::IsMember({"left", "right"}));
+  verb->add_option("--side", options->side, "Side of the body: left, right, or both for a head or a torso")
+      ->check(CLI::IsMember({"left", "right", "both"}));
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
   verb->add_option("-o,--output", options->output,
                    "The scene file; without it the text goes to standard output");
+  verb->add_flag("-f,--force", options->force, "Replace the scene file if it exists");
   verb->footer(
       "Examples:\n"
       "  palpate scene new scan.nii.gz labels.nii.gz -o scene.toml\n"
@@ -128,17 +207,56 @@ std::string display_name(const Segment& segment) {
 }
 
 /// A row for each tissue: what it feels like and what it is made of.
-void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& ids) {
+void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& ids,
+                   const GridGeometry& grid) {
   std::size_t width = 6;
-  for (const TissueSettings& tissue : scene.tissues) width = std::max(width, tissue.name.size());
-  std::printf("\n%-*s  felt  N/mm   friction  structures  rests on\n", static_cast<int>(width), "tissue");
+  for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
+  std::printf("\n%s  felt  N/mm   at most N  friction  structures  rests on\n",
+              fitted("tissue", width).c_str());
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
     const std::string structures = tissue.threshold ? "threshold" : std::to_string(ids[i].size());
-    std::printf("%-*s  %-4s  %-5.3g  %-8.3g  %-10s  %s\n", static_cast<int>(width), tissue.name.c_str(),
-                tissue.felt ? "yes" : "no", tissue.stiffness_N_per_mm, tissue.friction_coefficient,
+    const double most_N = tissue.felt ? most_force_N(tissue, scene.preparation.sigma_mm, grid) : 0;
+    std::printf("%s  %-4s  %-5.3g  %-9.3g  %-8.3g  %-10s  %s\n", fitted(tissue.name, width).c_str(),
+                tissue.felt ? "yes" : "no", tissue.stiffness_N_per_mm, most_N, tissue.friction_coefficient,
                 structures.c_str(), join(tissue.rests_on).c_str());
   }
+}
+
+/// The side as the program takes it.
+std::string side_text(const Scene& scene, const Data& data) {
+  switch (scene.side) {
+    case Side::kLeft:
+      return "left";
+    case Side::kRight:
+      return "right";
+    case Side::kBoth:
+      return "both";
+    case Side::kUnknown:
+      break;
+  }
+  if (!data.oriented()) return "unknown";
+  const LabelMap* labels = data.labels ? &data.labels->labels : nullptr;
+  if (labels && labels->find("tibia") && labels->find("fibula"))
+    return "not given: follows from the fibula, which lies lateral to the tibia";
+  return "unknown; say side = \"left\", \"right\" or \"both\"";
+}
+
+/// A Gaussian narrower than a voxel leaves the steps between voxels in what is felt. A ramp on the scan has
+/// no such steps, and may do without.
+void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console) {
+  const double sigma_mm = scene.preparation.sigma_mm;
+  const double widest_mm = widest_voxel_mm(data.labels_grid(), data.scan_grid());
+  constexpr double kRounding = 1e-3;
+  const bool labels_felt = std::any_of(scene.tissues.begin(), scene.tissues.end(),
+                                       [](const auto& tissue) { return tissue.felt && !tissue.threshold; });
+  if (sigma_mm >= widest_mm * (1 - kRounding) || (sigma_mm == 0 && !labels_felt)) return;
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "sigma = %.3g mm is less than a voxel, which is up to %.3g mm wide: its steps will be felt; "
+                "%.3g mm or more closes them",
+                sigma_mm, widest_mm, widest_mm);
+  console.warn()(text);
 }
 
 /// Structures that no tissue takes, and optional labels that the map does not have.
@@ -164,40 +282,37 @@ int run_check(const std::string& file, Console& console) {
   if (!scene) return console.fail(scene.error());
 
   // the files behind it
-  std::optional<GridGeometry> scan_grid;
-  if (scene->scan) {
-    const auto scan = read_scan(scene->resolve(*scene->scan), console.progress(), console.warn());
-    if (!scan) return console.fail(scan.error());
-    scan_grid = scan->header.geometry;
-  }
+  const auto resolved = [&](const std::optional<fs::path>& named) {
+    return named ? std::optional(scene->resolve(*named)) : std::nullopt;
+  };
+  const auto data =
+      read_data(resolved(scene->scan), resolved(scene->labels), resolved(scene->names), console);
+  if (!data) return console.fail(data.error());
   std::vector<std::vector<LabelId>> ids(scene->tissues.size());
-  std::optional<LabelFile> labels;
-  if (scene->labels) {
-    std::optional<fs::path> names;
-    if (scene->names) names = scene->resolve(*scene->names);
-    auto read = read_labels(scene->resolve(*scene->labels), names, console.progress(), console.warn());
-    if (!read) return console.fail(read.error());
-    labels = std::move(*read);
-    auto resolved = resolve_labels(*scene, labels->labels);
-    if (!resolved) return console.fail(resolved.error());
-    ids = std::move(*resolved);
+  if (data->labels) {
+    auto found = resolve_labels(*scene, data->labels->labels);
+    if (!found) return console.fail(found.error());
+    ids = std::move(*found);
   }
-  if (scan_grid && labels) compare_grids(*scan_grid, labels->labels.geometry(), console);
+  if (const auto grids = compare_grids(*data, console); !grids) {
+    Error error = grids.error();
+    error.where = scene->where(scene->lines.labels);
+    return console.fail(error);
+  }
+  warn_of_narrow_sigma(*scene, *data, console);
 
   // what it says
   std::printf("%s: a valid scene\n", file.c_str());
   if (!scene->title.empty()) std::printf("title      %s\n", scene->title.c_str());
-  std::printf("side       %s\n", scene->side == Side::kLeft    ? "left"
-                                 : scene->side == Side::kRight ? "right"
-                                                               : "unknown");
+  std::printf("side       %s\n", side_text(*scene, *data).c_str());
   std::printf("smoothing  sigma %g mm, %s, %d bits\n", scene->preparation.sigma_mm,
               scene->preparation.engine == GaussianEngine::kFourier ? "fourier" : "direct",
               scene->preparation.storage == FieldStorage::k8Bit ? 8 : 16);
   std::printf("tool       %s, %zu point%s\n", scene->tool.name.c_str(), scene->tool.points_mm.size(),
               scene->tool.points_mm.size() == 1 ? "" : "s");
   if (scene->max_force_N) std::printf("limit      %g N\n", *scene->max_force_N);
-  print_tissues(*scene, ids);
-  if (labels) print_left_over(*scene, labels->labels, ids);
+  print_tissues(*scene, ids, field_grid(data->labels_grid(), data->scan_grid()));
+  if (data->labels) print_left_over(*scene, data->labels->labels, ids);
   if (std::none_of(scene->tissues.begin(), scene->tissues.end(),
                    [](const auto& tissue) { return tissue.felt; }))
     console.warn()("nothing in this scene is felt: set felt = true on a tissue");

@@ -1,10 +1,13 @@
+#include <array>
 #include <cstdio>
 #include <memory>
 #include <optional>
 
+#include "inputs.h"
 #include "palpate/output.h"
 #include "palpate/report.h"
 #include "palpate/session.h"
+#include "text.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -22,11 +25,39 @@ Result<Script> script_of(const Options& options, const Model& model) {
                         : parse_script(default_script_text(model), "embedded script");
 }
 
+// where a run is written; empty: not at all
+struct Outputs {
+  std::filesystem::path recording, report;
+};
+
+// Checked before any work. A report is made from a recording: without a name for it, it stands beside the
+// report, and does not replace what it was not told to replace.
+Result<Outputs> outputs_of(const Options& options) {
+  Outputs outputs{options.recording.value_or(""), options.report.value_or("")};
+  const bool derived = !outputs.report.empty() && outputs.recording.empty();
+  if (derived) outputs.recording = std::filesystem::path(outputs.report).replace_extension(".h5");
+  if (same_file(outputs.recording, outputs.report))
+    return Error{ErrorKind::kUsage, "the recording and the report would be one file", outputs.report.string(),
+                 "name the recording with -o"};
+  std::error_code ignored;
+  if (derived && std::filesystem::exists(outputs.recording, ignored))
+    return Error{ErrorKind::kUsage, "the recording would stand beside the report, where this file is already",
+                 outputs.recording.string(), "name the recording with -o"};
+
+  auto inputs = input_files(options.target);
+  if (options.script) inputs.push_back(*options.script);
+  for (const auto& output : {outputs.recording, outputs.report})
+    if (!output.empty())
+      if (auto writable = check_output(output, inputs); !writable) return writable.error();
+  return outputs;
+}
+
 void print(const SimulationResult& result) {
-  std::printf("%-28s %8s %8s %8s\n", "structure", "held s", "mean N", "peak N");
+  constexpr std::size_t kNameWidth = 28;
+  std::printf("%s %8s %8s %8s\n", fitted("structure", kNameWidth).c_str(), "held s", "mean N", "peak N");
   for (const HoldFigure& hold : result.holds)
-    std::printf("%-28.28s %8.2f %8.2f %8.2f\n", hold.structure.c_str(), hold.held_s, hold.mean_force_N,
-                hold.peak_force_N);
+    std::printf("%s %8.2f %8.2f %8.2f\n", fitted(hold.structure, kNameWidth).c_str(), hold.held_s,
+                hold.mean_force_N, hold.peak_force_N);
   std::printf("largest force %.3f N of %.3f N allowed; %llu ticks, %llu clamped, %llu not finite\n",
               result.max_force_N, result.limit_N, static_cast<unsigned long long>(result.summary.ticks),
               static_cast<unsigned long long>(result.summary.clamped),
@@ -35,36 +66,34 @@ void print(const SimulationResult& result) {
 }
 
 int simulate_target(const Options& options, Console& console) {
-  for (const auto& output : {options.recording, options.report})
-    if (output)
-      if (const auto writable = check_output(*output); !writable) return console.fail(writable.error());
+  const auto outputs = outputs_of(options);
+  if (!outputs) return console.fail(outputs.error());
   const Progress progress = console.progress();
   const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
   const auto script = script_of(options, *loaded->model);
   if (!script) return console.fail(script.error());
 
-  // a report is made from a recording: without a name for it, it stands beside the report
-  std::filesystem::path recording = options.recording.value_or("");
-  if (options.report && recording.empty())
-    recording = std::filesystem::path(*options.report).replace_extension(".h5");
-
   SimulationOptions simulation;
   simulation.max_force_N = options.max_force_N;
   simulation.seed = options.seed;
   simulation.rate_hz = options.rate_hz;
-  const auto result = simulate(*loaded, *script, simulation, recording, progress);
-  if (!result) return console.fail(result.error());
+  const auto result = simulate(*loaded, *script, simulation, outputs->recording, progress);
+  if (!result) {
+    if (result.error().kind == ErrorKind::kInterrupted && !outputs->recording.empty())
+      console.note("the recording as far as it came is kept: " + outputs->recording.string());
+    return console.fail(result.error());
+  }
   for (const std::string& trouble : result->trouble) console.warn()(trouble);
   print(*result);
-  if (!recording.empty()) console.note("recording: " + recording.string());
+  if (!outputs->recording.empty()) console.note("recording: " + outputs->recording.string());
 
-  if (options.report) {
-    const auto recorded = read_recording(recording, progress);
+  if (!outputs->report.empty()) {
+    const auto recorded = read_recording(outputs->recording, progress);
     if (!recorded) return console.fail(recorded.error());
-    if (const auto written = write_report(*options.report, *recorded, *loaded->model, progress); !written)
+    if (const auto written = write_report(outputs->report, *recorded, *loaded->model, progress); !written)
       return console.fail(written.error());
-    console.note("report: " + options.report->string());
+    console.note("report: " + outputs->report.string());
   }
   return kExitOk;
 }
@@ -83,10 +112,11 @@ void add_simulate(CLI::App& app, Run& run) {
                    "Report page to write (HTML); the recording stands beside it unless -o names it");
   verb->add_option("--max-force", options->max_force_N,
                    "Limit of the force in N; default: the lesser of the device's continuous rating and 3 N")
-      ->check(CLI::Range(0.1, 40.0));
+      ->check(number_between(0.1, 40));
   verb->add_option("--rate", options->rate_hz, "Ticks a second; default: the script's")
-      ->check(CLI::Range(250.0, 10000.0));
-  verb->add_option("--seed", options->seed, "Seed of the hand's tremor; default: the script's");
+      ->check(number_between(250, 10000));
+  verb->add_option("--seed", options->seed, "Seed of the hand's tremor; default: the script's")
+      ->check(whole_between(0, 9007199254740991));
   verb->footer(
       "Examples:\n"
       "  palpate simulate knee-phantom --report run.html\n"

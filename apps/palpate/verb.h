@@ -1,7 +1,9 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <functional>
+#include <string>
 
 #include "palpate/progress.h"
 #include "palpate/result.h"
@@ -10,7 +12,7 @@
 /// chosen, leaves in `run` what is to be done.
 namespace palpate::app {
 
-/// Documented in `palpate --help` and docs/cli.md.
+/// Documented in `palpate --help` and README.md.
 enum ExitCode : int {
   kExitOk = 0,
   kExitBadInput = 1,     ///< a file or a setting cannot be used
@@ -24,16 +26,23 @@ enum ExitCode : int {
 /// What a verb may say, and how it learns that the user wants it to stop (SIGINT, SIGTERM).
 class Console {
  public:
+  /// From here on SIGINT and SIGTERM are remembered, and stop the work that progress() goes with.
+  Console();
+
   bool quiet = false;  ///< -q: no progress and no notes; results, warnings and errors still appear
 
   Progress progress();                 ///< a bar on stderr when that is a terminal
   Warn warn();                         ///< "palpate: warning: ..." on stderr
   void note(const std::string& text);  ///< a line on stderr unless quiet
   int fail(const Error& error);        ///< prints the error on stderr; returns the exit code of its kind
-  static bool interrupted();
 };
 
 using Run = std::function<int(Console&)>;
+
+/// For options with a number: finite, and from low to high, both included.
+CLI::Validator number_between(double low, double high);
+/// The same for whole numbers, written in digits alone.
+CLI::Validator whole_between(std::uint64_t low, std::uint64_t high);
 
 void add_info(CLI::App& app, Run& run);
 void add_data(CLI::App& app, Run& run);

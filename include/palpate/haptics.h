@@ -36,7 +36,8 @@ struct Tool {
 };
 inline constexpr int kMaxToolPoints = 4;
 
-enum class Side : std::uint8_t { kUnknown, kLeft, kRight };
+/// Whose side a scan shows: of a limb, or of both (head, torso) where no side mark is needed.
+enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
 
 /// Everything a tick reads, prepared once and never edited: a new version replaces it. Parts that did
 /// not change are shared between versions.
@@ -45,6 +46,8 @@ struct Model {
   std::uint64_t content_hash = 0;  ///< of field, labels, tissues, tool and limits
   std::string title;
   Side side = Side::kUnknown;
+  bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
+  bool oriented = true;            ///< false: the files do not say how the volume lies in the patient
 
   std::shared_ptr<const Field> field;             ///< what the force is computed from
   std::shared_ptr<const Volume<LabelId>> labels;  ///< flattened, on the field's grid
@@ -55,6 +58,7 @@ struct Model {
   std::vector<float> level_of_label;          ///< field value deep inside that label, 0 ... 1
 
   double sigma_mm = 1.0;    ///< smoothing that made the field
+  double reach_mm = 5.0;    ///< how far from a structure the field may still be felt
   double full_force_N = 1;  ///< force where the field is 1: stiffest tissue * sigma * sqrt(2 pi)
   Tool tool;
   double scene_max_force_N = std::numeric_limits<double>::infinity();  ///< infinite: the scene sets none
@@ -70,6 +74,8 @@ struct Model {
     const int tissue = id < tissue_of_label.size() ? tissue_of_label[id] : -1;
     return tissue >= 0 ? &tissues[tissue] : nullptr;
   }
+  /// Its name, or "label 7" where it has none.
+  std::string name_of(LabelId id) const;
   bool is_felt(LabelId id) const {
     const Tissue* tissue = tissue_of(id);
     return tissue != nullptr && tissue->felt;
@@ -87,10 +93,11 @@ struct ContactSite {
   double depth_mm = 0;  ///< tip below (> 0) or above (< 0) the level/2 isosurface, along the normal
 };
 
-/// Follows the inward normal from x to the first felt label, at most `reach_mm`, in half voxels. Deep
-/// inside, where the gradient vanishes, the tip's own label counts and the depth is `reach_mm`.
-ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample,
-                              double reach_mm);
+/// The first felt label on the way inward along the normal, within Model::reach_mm, in half voxels; where
+/// that way meets none (in a valley between two structures, deep inside where there is no normal) the nearest
+/// one along 14 directions. Its surface is where the field is midway between its own level and that of the
+/// felt label that covers it, or free space. Bounded: at most a few hundred voxels are looked at.
+ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample);
 
 /// The founding force, trilinear + central differences: F = F_full * f(x) * n, n = -grad f / |grad f|.
 /// Zero where the gradient vanishes. N, patient frame.

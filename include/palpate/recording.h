@@ -44,6 +44,9 @@ struct RecordingSummary {
   std::uint64_t ticks = 0;
   std::uint64_t run_hash = 0;  ///< over every tick's state hash, in order
   std::uint64_t clamped = 0, not_finite = 0, outside = 0, paused = 0;
+  /// What the simulated hand did not reach, a sentence each. A recording keeps 1000 of them, the last of
+  /// which then tells how many more there were, and 512 bytes of each.
+  std::vector<std::string> trouble;
 };
 
 struct Recording {

@@ -27,6 +27,7 @@ using LabelReference = std::variant<int, std::string>;
 struct TissueSettings {
   std::string name;
   std::vector<LabelReference> labels;              ///< empty when `threshold` is given
+  std::vector<int> label_lines;                    ///< of each label, for errors
   bool optional = false;                           ///< labels that the map does not have only drop out
   std::optional<std::array<double, 2>> threshold;  ///< ramp on the raw scan: 0 at [0], full at [1]
   std::string preset;                              ///< the preset the other values started from, or empty
@@ -62,9 +63,14 @@ struct Scene {
   std::optional<double> max_force_N;
   std::filesystem::path folder;  ///< where the scene file stands
   std::string source;            ///< its name, for errors
+  struct DataLines {
+    int scan = 0, labels = 0, names = 0;
+  } lines;  ///< where the data are named, for errors
 
   /// `file` as a path that opens from the current folder: absolute ones as they are, others below `folder`.
   std::filesystem::path resolve(const std::filesystem::path& file) const;
+  /// "scene.toml:12", for errors.
+  std::string where(int line) const;
 };
 
 /// A text without a [data] table is accepted, with neither scan nor labels: its volumes come from the
@@ -72,12 +78,24 @@ struct Scene {
 /// @param text    TOML, at most kMaxSceneBytes
 /// @param source  names the text in errors ("scene.toml:12: ...")
 Result<Scene> parse_scene(std::string_view text, const std::string& source);
-/// Reads a scene file, which has to name its data.
+/// Reads a scene file, which has to name its data. A data file that does not exist is an error with its line.
 Result<Scene> load_scene(const std::filesystem::path& file);
 
 /// The scene that suits a catalogue data set ("knee-phantom", "knee-atlas", "head"), or the one of that
 /// name ("knee", "head"); it has no [data] table. The file in data/scenes/, compiled in.
 std::optional<std::string_view> embedded_scene(std::string_view name);
+
+/// The grid that a scene's field is made on: the finer of the two by the volume of a voxel, the labels'
+/// where they are equal. Either may be null, not both.
+const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* scan);
+/// The widest voxel of the grids behind the field, mm: labels stand in steps of their own grid, the field is
+/// interpolated on field_grid(). A sigma below it leaves these steps to be felt (docs/verify.md).
+double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan);
+/// The force deep inside a tissue, N: stiffness * sigma * sqrt(2 pi), the height of a ramp that a Gaussian
+/// leaves of a step and that is as steep as the stiffness at the surface. Without smoothing the ramp is a
+/// voxel wide.
+/// @param grid  the field's
+double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid);
 
 /// Mechanical starting values for a kind of tissue, and where they come from.
 struct TissuePreset {
@@ -94,22 +112,23 @@ const std::vector<TissuePreset>& tissue_presets();
 const TissuePreset* match_preset(const std::string& structure_name);
 
 /// Which ids each tissue of the scene takes from the label map, ascending; none for tissues by threshold.
-/// A name takes every segment so named. Error with the line of the tissue for an absent label, unless the
-/// tissue is optional, and for a label claimed twice.
+/// A name takes every segment so named. Error with the line of the label where it is absent, unless the
+/// tissue is optional, and where it is claimed twice.
 Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, const LabelMap& labels);
 
 /// What a new scene is written for: a label map with `labels` naming its file, or a scan alone.
 struct NewSceneInput {
   std::optional<std::filesystem::path> scan = {}, labels = {}, names = {};
   const LabelMap* label_map = nullptr;
-  const Volume<float>* scan_volume = nullptr;
+  const Volume<float>* scan_volume = nullptr;  ///< beside labels only its grid counts
   std::string title = {};
   Side side = Side::kUnknown;
 };
 /// The text of a scene file for these files, every structure in the tissue its name suggests; structures
 /// that suggest none get a tissue each that is shown and not felt (one together when they are too many).
 /// Paths are written relative to `folder` where they lie below it, else absolute. Without labels (a raw
-/// scan) the scene has one tissue by threshold, from the scan's values by Otsu's method (1979).
+/// scan) the scene has one tissue by threshold, from the scan's values by Otsu's method (1979). Sigma is at
+/// least 1 mm and at least the widest voxel.
 /// Errors: neither labels nor scan, no structure, a scan of one value, a path that is not UTF-8.
 Result<std::string> new_scene_text(const NewSceneInput& input, const std::filesystem::path& folder);
 /// Writes the text whole or not at all. Errors are kOutput.
@@ -164,7 +183,8 @@ struct Script {
   double tremor_mm = 0.03;             ///< amplitude of physiological tremor (8-12 Hz), 0 ... 1
   std::uint64_t seed = 1;
   std::vector<ScriptStep> steps;
-  std::vector<int> lines;  ///< of each step, for errors
+  std::vector<int> lines;              ///< of each step, for errors
+  int device_line = 0, hand_line = 0;  ///< 0: the script does not name it
   std::string source;
 };
 /// press, hold, slide and leave need the contact that an approach before them makes, and an approach needs

@@ -34,9 +34,10 @@ Result<LoadedScene> load_scene_of_recording(const Recording& recording, const st
                                             const Progress& progress = {}, const Warn& warn = {});
 
 /// Builds the Model of a scene from volumes already read. `scan` may be null; grids may differ.
+/// @param oriented  false when the files do not say how they lie in the patient
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress = {},
-                                                 const Warn& warn = {});
+                                                 const Warn& warn = {}, bool oriented = true);
 
 /// A point on a structure that a hand can reach and press: with the most free space in front, among
 /// flat places, found from labels and field.
@@ -71,7 +72,8 @@ struct SimulationResult {
   std::vector<HoldFigure> holds;
   double max_force_N = 0;  ///< largest force sent
   double limit_N = 0;
-  std::vector<std::string> trouble;  ///< steps that did not reach what they asked, in words
+  std::vector<std::string>
+      trouble;  ///< steps that did not reach what they asked, in words without a file's name
 };
 
 /// Runs a script against a model with the simulated hand on the virtual clock, into a recording file
@@ -87,7 +89,8 @@ struct ReplayResult {
   std::optional<std::uint64_t> first_difference;  ///< tick
   std::string difference;                         ///< in words
 };
-/// Runs every recorded input again through the tick and compares state hashes.
+/// Runs every recorded input again through the tick and compares every output, bit for bit, and the state
+/// hash.
 Result<ReplayResult> replay(const Recording& recording, const Model& model, const Progress& progress = {});
 
 }  // namespace palpate

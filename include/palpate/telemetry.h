@@ -11,11 +11,12 @@ namespace palpate {
 
 /// Reasons why a tick's output was changed or withheld. Bits.
 enum TickFlag : std::uint32_t {
-  kFlagClamped = 1u << 0,    ///< the force was larger than the limit: lower stiffness or press less
-  kFlagNotFinite = 1u << 1,  ///< a state or force was NaN or infinite; the output was zero
-  kFlagOutside = 1u << 2,    ///< the tip is outside the volume: free space
-  kFlagPaused = 1u << 3,     ///< force off while paused
-  kFlagContact = 1u << 4,    ///< a felt structure is touched
+  kFlagClamped = 1u << 0,          ///< the force was larger than the limit: lower stiffness or press less
+  kFlagNotFinite = 1u << 1,        ///< a state or force was NaN or infinite; the output was zero
+  kFlagOutside = 1u << 2,          ///< the tip is outside the volume: free space
+  kFlagPaused = 1u << 3,           ///< force off while paused
+  kFlagContact = 1u << 4,          ///< a felt structure is touched
+  kFlagRotationIgnored = 1u << 5,  ///< the commanded rotation was no unit quaternion: the last one holds
 };
 
 /// TickRecord::switches. Bits.
@@ -38,9 +39,9 @@ struct DeviceTick {
   std::array<double, 3> normal_patient{};         ///< outward, unit; zero in free space
   std::array<double, 3> velocity_patient_mm_s{};  ///< windowed, relative to the object
   double field = 0;                               ///< 0 ... 1
-  double depth_mm = 0;                            ///< ContactSite::depth_mm
-  std::uint16_t label = 0;                        ///< touched structure, 0 none
-  std::uint32_t flags = 0;                        ///< TickFlag bits
+  double depth_mm = 0;      ///< ContactSite::depth_mm; NaN: no surface within reach, 0 where nothing is felt
+  std::uint16_t label = 0;  ///< touched structure, 0 none
+  std::uint32_t flags = 0;  ///< TickFlag bits
 };
 
 struct TickRecord {

@@ -25,6 +25,48 @@ std::filesystem::path folder_of(const std::filesystem::path& file) {
   return parent.empty() ? std::filesystem::path(".") : parent;
 }
 
+// Where a link leads, through further links, also when nothing is there; other names as they are.
+std::filesystem::path end_of_links(std::filesystem::path file) {
+  constexpr int kMostLinks = 40;  // as the kernel follows
+  std::error_code failed;
+  for (int links = 0; links < kMostLinks; ++links) {
+    if (!std::filesystem::is_symlink(std::filesystem::symlink_status(file, failed))) break;
+    const auto next = std::filesystem::read_symlink(file, failed);
+    if (failed) break;
+    file = folder_of(file) / next;
+  }
+  return file;
+}
+
+// Which part of the way to a file is missing, or is no folder.
+void tell_what_is_missing(Error& error, const std::filesystem::path& file, int error_number) {
+  std::error_code ignored;
+  const auto folder = folder_of(file);
+  auto there = error_number == ENOTDIR ? file : folder;
+  while (!there.empty() && !std::filesystem::exists(there, ignored)) there = there.parent_path();
+  if (!there.empty() && !std::filesystem::is_directory(there, ignored)) {
+    error.what = "cannot be written, " + there.filename().string() + " is a file and not a folder";
+    error.remedy = "choose a folder";
+  } else if (there == folder) {
+    error.what = "cannot be written, this folder takes no files";
+    error.remedy = "choose another";
+  } else {
+    error.what = "cannot be written, the folder does not exist";
+    error.remedy = "create it first, or choose another";
+  }
+}
+
+// The end of a name that writers choose the format by: ".nii.gz", ".seg.nrrd", ".h5". Short, so that the
+// temporary's name fits wherever the target's does.
+std::string ending_of(const std::string& name) {
+  constexpr std::size_t kLongest = 12;
+  const auto last = name.rfind('.');
+  if (last == std::string::npos || last == 0 || name.size() - last > kLongest) return "";
+  const auto before = name.rfind('.', last - 1);
+  const bool two = before != std::string::npos && before > 0 && name.size() - before <= kLongest;
+  return name.substr(two ? before : last);
+}
+
 }  // namespace
 
 Error output_error(const std::filesystem::path& file, int error_number) {
@@ -43,8 +85,11 @@ Error output_error(const std::filesystem::path& file, int error_number) {
       break;
     case ENOENT:
     case ENOTDIR:
-      error.what = "cannot be written, the folder does not exist";
-      error.remedy = "create it first, or choose another";
+      tell_what_is_missing(error, file, error_number);
+      break;
+    case ENAMETOOLONG:
+      error.what = "cannot be written, the name is too long";
+      error.remedy = "choose a shorter one";
       break;
     case EFBIG:
       error.what = "cannot be written, it would be larger than this session's file size limit";
@@ -63,13 +108,17 @@ Error output_error(const std::filesystem::path& file, int error_number) {
 Result<std::string> read_file(const std::filesystem::path& file, std::size_t max_bytes) {
   Descriptor d{::open(file.c_str(), O_RDONLY | O_CLOEXEC)};
   if (d.fd < 0) {
-    const char* remedy = errno == ENOENT ? "check the name and the folder" : "check its permissions";
-    const std::string what =
-        errno == ENOENT ? "no such file" : std::string("cannot be read: ") + std::strerror(errno);
-    return Error{ErrorKind::kBadInput, what, file.string(), remedy};
+    const bool missing = errno == ENOENT;
+    const char* remedy = errno == EACCES ? "check its permissions" : "check the name and the folder";
+    return Error{ErrorKind::kBadInput,
+                 missing ? "no such file" : std::string("cannot be read: ") + std::strerror(errno),
+                 file.string(), remedy};
   }
   struct stat status;
-  if (::fstat(d.fd, &status) == 0 && S_ISDIR(status.st_mode))
+  if (::fstat(d.fd, &status) != 0)
+    return Error{ErrorKind::kBadInput, std::string("cannot be read: ") + std::strerror(errno), file.string(),
+                 ""};
+  if (S_ISDIR(status.st_mode))
     return Error{ErrorKind::kBadInput, "is a folder, not a file", file.string(), "name a file in it"};
 
   // the size is only a hint: pipes have none and files grow
@@ -96,18 +145,19 @@ Result<std::string> read_file(const std::filesystem::path& file, std::size_t max
 }
 
 Result<PendingFile> PendingFile::create(const std::filesystem::path& target) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(target, ignored)) return output_error(target, EISDIR);
+  if (target.empty()) return Error{ErrorKind::kOutput, "an output has an empty name", "", "name a file"};
+  // a link stays, and what it leads to is written
+  const auto file = end_of_links(target);
+  std::error_code failed;
+  const auto status = std::filesystem::status(file, failed);
+  if (status.type() == std::filesystem::file_type::none) return output_error(target, failed.value());
+  if (std::filesystem::is_directory(status)) return output_error(target, EISDIR);
   // renaming over a device would replace it
-  if (std::filesystem::exists(target, ignored) && !std::filesystem::is_regular_file(target, ignored))
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
     return Error{ErrorKind::kOutput, "cannot be written, it is not an ordinary file", target.string(),
                  "name a file"};
-  const auto folder = folder_of(target);
-  // the ending is everything from the first dot, so that .nii.gz and .seg.nrrd survive
-  const std::string name = target.filename().string();
-  const auto dot = name.find('.', 1);
-  const std::string ending = dot == std::string::npos ? "" : name.substr(dot);
-  std::string pattern = (folder / (".palpate-XXXXXX" + ending)).string();
+  const std::string ending = ending_of(file.filename().string());
+  std::string pattern = (folder_of(file) / (".palpate-XXXXXX" + ending)).string();
   const int fd = ::mkostemps(pattern.data(), static_cast<int>(ending.size()), O_CLOEXEC);
   if (fd < 0) return output_error(target, errno);
   // the usual permissions of a new file instead of mkstemp's private ones
@@ -115,7 +165,7 @@ Result<PendingFile> PendingFile::create(const std::filesystem::path& target) {
   ::umask(mask);
   ::fchmod(fd, 0666 & ~mask);
   ::close(fd);
-  return PendingFile(target, pattern);
+  return PendingFile(file, pattern);
 }
 
 PendingFile::PendingFile(PendingFile&& other) noexcept
@@ -153,7 +203,21 @@ Result<void> write_file(const std::filesystem::path& file, std::string_view byte
   return pending->commit();
 }
 
-Result<void> check_output(const std::filesystem::path& file) {
+bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
+  std::error_code failed;
+  if (std::filesystem::equivalent(a, b, failed)) return true;
+  // a file that is not there yet is known by the place where it would be
+  const auto place = [&](const std::filesystem::path& file) {
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(end_of_links(file), failed), failed);
+  };
+  const auto place_a = place(a), place_b = place(b);
+  return !place_a.empty() && place_a == place_b;
+}
+
+Result<void> check_output(const std::filesystem::path& file, std::span<const std::filesystem::path> never) {
+  for (const auto& input : never)
+    if (same_file(file, input))
+      return Error{ErrorKind::kUsage, "would replace an input", file.string(), "write to another file"};
   if (auto pending = PendingFile::create(file); !pending) return pending.error();
   return {};
 }

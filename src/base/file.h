@@ -18,7 +18,8 @@ Result<std::string> read_file(const std::filesystem::path& file,
 class PendingFile {
  public:
   /// Checks that the target's folder exists and takes files, so that long work fails before it starts.
-  /// The temporary keeps the target's ending (".nii.gz"), because writers choose the format by it.
+  /// The temporary keeps the target's ending (".nii.gz"), because writers choose the format by it. Where the
+  /// target is a link, the file that it leads to is written.
   static Result<PendingFile> create(const std::filesystem::path& target);
   PendingFile(PendingFile&& other) noexcept;
   PendingFile& operator=(PendingFile&&) = delete;

@@ -1,6 +1,8 @@
 #include "catalog/digest.h"
 
-#include "catalog/test_server.h"
+#include <gtest/gtest.h>
+
+#include "base/test_folder.h"
 
 namespace palpate {
 namespace {

@@ -11,6 +11,7 @@
 #include <sstream>
 #include <vector>
 
+#include "base/test_folder.h"
 #include "catalog/digest.h"
 #include "catalog/test_server.h"
 #include "catalog/transfer.h"
@@ -18,7 +19,7 @@
 namespace palpate {
 namespace {
 
-using test::read_text;
+using test::bytes_of_file;
 using test::TemporaryFolder;
 using test::write_text;
 using testing::ElementsAre;
@@ -28,7 +29,7 @@ using testing::HasSubstr;
 class DownloadTest : public testing::Test {
  protected:
   void SetUp() override {
-    PALPATE_REQUIRE(server_.running(), "python3");
+    ASSERT_TRUE(server_.running()) << "needs python3";
     std::mt19937 random(7);
     for (int i = 0; i < 300000; ++i) content_ += static_cast<char>(random());
     write_text(served_ / "file.bin", content_);
@@ -48,7 +49,7 @@ class DownloadTest : public testing::Test {
   Result<void> get(const std::string& behaviour) const { return download(request(behaviour), {}); }
 
   void expect_whole() const {
-    EXPECT_TRUE(read_text(target_) == content_);
+    EXPECT_TRUE(bytes_of_file(target_) == content_);
     EXPECT_FALSE(std::filesystem::exists(part_));
   }
   void expect_nothing() const {
@@ -123,7 +124,7 @@ TEST_F(DownloadTest, AttemptsAreBoundedAndWhatArrivedIsKept) {
   auto patient = request("cut-100");
   patient.attempts = 3;
   expect_unavailable(download(patient, {}), "what has arrived is kept");
-  EXPECT_EQ(read_text(part_), content_.substr(0, 300));
+  EXPECT_EQ(bytes_of_file(part_), content_.substr(0, 300));
   EXPECT_EQ(ranges().size(), 3u);
   // a later call goes on from there
   ASSERT_TRUE(get("ok"));
@@ -278,7 +279,7 @@ TEST_F(DownloadTest, InterruptedAndResumed) {
   ASSERT_FALSE(done);
   EXPECT_EQ(done.error().kind, ErrorKind::kInterrupted);
   EXPECT_FALSE(std::filesystem::exists(target_));
-  EXPECT_FALSE(read_text(part_).empty());
+  EXPECT_FALSE(bytes_of_file(part_).empty());
   ASSERT_TRUE(get("ok"));
   expect_whole();
   EXPECT_THAT(ranges().back(), HasSubstr("bytes="));
@@ -314,7 +315,7 @@ TEST_F(DownloadTest, DiskThatTakesNoMore) {
   ASSERT_FALSE(done);
   EXPECT_EQ(done.error().kind, ErrorKind::kOutput);
   EXPECT_FALSE(std::filesystem::exists(target_));
-  EXPECT_EQ(read_text(part_), content_.substr(0, 100000));
+  EXPECT_EQ(bytes_of_file(part_), content_.substr(0, 100000));
   ASSERT_TRUE(get("ok"));
   expect_whole();
   EXPECT_THAT(ranges(), ElementsAre("-", "bytes=100000-"));

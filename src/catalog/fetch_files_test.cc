@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "base/test_folder.h"
 #include "catalog/digest.h"
 #include "catalog/local_data.h"
 #include "catalog/test_server.h"
@@ -11,7 +12,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
-using test::read_text;
+using test::bytes_of_file;
 using test::TemporaryFolder;
 using test::write_text;
 using testing::ElementsAre;
@@ -21,7 +22,7 @@ using testing::HasSubstr;
 class FetchFilesTest : public testing::Test {
  protected:
   void SetUp() override {
-    PALPATE_REQUIRE(server_.running(), "python3");
+    ASSERT_TRUE(server_.running()) << "needs python3";
     fs::create_directories(served_ / "data");
     ASSERT_TRUE(write_volume(served_ / "data/labels.nrrd", Volume<std::uint16_t>(grid_, 1)));
     write_text(served_ / "data/names.tsv", "value\tname\n1\tbone\n");
@@ -115,7 +116,7 @@ TEST_F(FetchFilesTest, OnlyWhatIsMissingOrDamagedIsFetched) {
   const auto labels_written = fs::last_write_time(into_ / "labels.nrrd");
   write_text(into_ / "names.tsv", "damaged");
   ASSERT_TRUE(get("ok"));
-  EXPECT_EQ(read_text(into_ / "names.tsv"), "value\tname\n1\tbone\n");
+  EXPECT_EQ(bytes_of_file(into_ / "names.tsv"), "value\tname\n1\tbone\n");
   EXPECT_EQ(fs::last_write_time(into_ / "labels.nrrd"), labels_written);
   // and a server that has nothing is not even asked
   ASSERT_TRUE(get("missing"));

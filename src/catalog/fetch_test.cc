@@ -2,6 +2,7 @@
 
 #include <atomic>
 
+#include "base/test_files.h"
 #include "catalog/test_server.h"
 #include "palpate/catalog.h"
 #include "palpate/volume_io.h"
@@ -10,7 +11,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
-using test::read_text;
+using test::bytes_of_file;
 using test::ScopedEnvironment;
 using test::TemporaryFolder;
 using test::write_text;
@@ -29,12 +30,11 @@ class FetchTest : public testing::Test {
 class FetchAtlasTest : public FetchTest {
  protected:
   void SetUp() override {
-    const auto shared = test::shared_data("knee_spl/seg.nrrd");
-    PALPATE_REQUIRE(shared, "knee_spl/seg.nrrd below a folder of PALPATE_DATA");
-    PALPATE_REQUIRE(server_.running(), "python3");
+    PALPATE_SHARED_FILE(atlas, "knee_spl/seg.nrrd");
+    ASSERT_TRUE(server_.running()) << "needs python3";
     fs::create_directories(served_ / "Data");
     for (const char* name : {"seg.nrrd", "knee.ctbl"})
-      fs::copy_file(*shared / "knee_spl" / name, served_ / "Data" / name);
+      fs::copy_file(atlas.parent_path() / name, served_ / "Data" / name);
     ::setenv("PALPATE_DATA", "", 1);
   }
   Result<LocalData> get(const std::string& behaviour) {
@@ -68,7 +68,7 @@ TEST_F(FetchAtlasTest, WithoutItsImage) {
 TEST_F(FetchAtlasTest, ThroughABadConnection) {
   const auto data = get("cut-200000");
   ASSERT_TRUE(data) << data.error().message();
-  EXPECT_EQ(read_text(data->labels), read_text(served_ / "Data/seg.nrrd"));
+  EXPECT_EQ(bytes_of_file(data->labels), bytes_of_file(served_ / "Data/seg.nrrd"));
 }
 
 TEST_F(FetchAtlasTest, AnotherFileUnderItsName) {

@@ -1,11 +1,13 @@
 #include "catalog/label_names.h"
 
-#include "catalog/test_server.h"
+#include <gtest/gtest.h>
+
+#include "base/test_folder.h"
 
 namespace palpate {
 namespace {
 
-using test::read_text;
+using test::bytes_of_file;
 using test::TemporaryFolder;
 using test::write_text;
 
@@ -35,13 +37,13 @@ TEST(MricronNames, TableIsKeptAndRenewed) {
   const auto list = folder / "list.txt", table = folder / "new/folder/names.tsv";
   write_text(list, "1 A\n");
   ASSERT_TRUE(keep_mricron_names(list, table));
-  EXPECT_EQ(read_text(table), "value\tname\n1\tA\n");
+  EXPECT_EQ(bytes_of_file(table), "value\tname\n1\tA\n");
   const auto written = std::filesystem::last_write_time(table);
   ASSERT_TRUE(keep_mricron_names(list, table));
   EXPECT_EQ(std::filesystem::last_write_time(table), written);
   write_text(list, "1 B\n");
   ASSERT_TRUE(keep_mricron_names(list, table));
-  EXPECT_EQ(read_text(table), "value\tname\n1\tB\n");
+  EXPECT_EQ(bytes_of_file(table), "value\tname\n1\tB\n");
 }
 
 TEST(MricronNames, FolderThatCannotBeMade) {

@@ -9,45 +9,12 @@
 #include <array>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <optional>
-#include <sstream>
 #include <string>
 
 extern char** environ;
 
 namespace palpate::test {
-
-/// A folder of its own for one test, removed with it.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-catalog-XXXXXX").string();
-    EXPECT_NE(::mkdtemp(pattern.data()), nullptr);
-    path_ = pattern;
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
-
-inline void write_text(const std::filesystem::path& file, const std::string& bytes) {
-  std::filesystem::create_directories(file.parent_path());
-  std::ofstream(file, std::ios::binary) << bytes;
-}
-
-inline std::string read_text(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
 
 /// An environment variable for the life of the object.
 class ScopedEnvironment {
@@ -110,23 +77,5 @@ class TestServer {
   int input_ = -1;
   std::string port_;
 };
-
-/// The first folder of PALPATE_DATA below which `file` stands.
-inline std::optional<std::filesystem::path> shared_data(const std::string& file) {
-  const char* list = std::getenv("PALPATE_DATA");
-  std::istringstream folders(list == nullptr ? "" : list);
-  for (std::string folder; std::getline(folders, folder, ':');)
-    if (std::filesystem::exists(std::filesystem::path(folder) / file)) return folder;
-  return {};
-}
-
-/// What a test does when something it needs is missing: skips with the reason, fails where CI is "true".
-#define PALPATE_REQUIRE(condition, what)                                        \
-  if (!(condition)) {                                                           \
-    const char* ci = std::getenv("CI");                                         \
-    if (ci != nullptr && std::string(ci) == "true") FAIL() << "needs " << what; \
-    GTEST_SKIP() << "needs " << what;                                           \
-  }                                                                             \
-  static_assert(true)
 
 }  // namespace palpate::test

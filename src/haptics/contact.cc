@@ -1,30 +1,92 @@
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include "palpate/haptics.h"
 
 namespace palpate {
 namespace {
 
-// the label of the nearest voxel, 0 outside the volume
-LabelId label_at(const Volume<LabelId>& labels, const Point<Voxel>& p) {
+// unit vectors along the patient's axes and space diagonals
+constexpr double kD = 0.57735026918962576;
+constexpr double kDirections[14][3] = {{1, 0, 0},      {-1, 0, 0},     {0, 1, 0},     {0, -1, 0},
+                                       {0, 0, 1},      {0, 0, -1},     {kD, kD, kD},  {kD, kD, -kD},
+                                       {kD, -kD, kD},  {kD, -kD, -kD}, {-kD, kD, kD}, {-kD, kD, -kD},
+                                       {-kD, -kD, kD}, {-kD, -kD, -kD}};
+
+// the felt label of the nearest voxel, 0 where nothing is felt
+LabelId felt_label_at(const Model& model, const Point<Voxel>& p) {
+  const Volume<LabelId>& labels = *model.labels;
   const auto& dims = labels.geometry().dims;
   int index[3];
   for (int axis = 0; axis < 3; ++axis) {
     if (!(p[axis] > -0.5 && p[axis] < dims[axis] - 0.5)) return 0;
-    index[axis] = static_cast<int>(p[axis] + 0.5);
+    index[axis] = std::min(static_cast<int>(p[axis] + 0.5), dims[axis] - 1);
   }
-  return labels.at(index[0], index[1], index[2]);
+  const LabelId label = labels.at(index[0], index[1], index[2]);
+  return model.is_felt(label) ? label : LabelId{0};
 }
+
+// walks through the labels from a point in steps of half a voxel
+class LabelWalk {
+ public:
+  LabelWalk(const Model& model, const Point<Patient>& x)
+      : model_(model),
+        start_(model.field->X_VoxelPatient() * x),
+        step_mm_(0.5 * model.labels->geometry().min_spacing_mm()),
+        steps_(static_cast<int>(model.reach_mm / step_mm_)) {}
+
+  LabelId here() const { return felt_label_at(model_, start_); }
+  double step_mm() const { return step_mm_; }
+
+  // the first felt label along a unit direction, x's own included
+  LabelId first_along(const Vector<Patient>& direction) const {
+    const Vector<Voxel> step = model_.field->X_VoxelPatient() * (direction * step_mm_);
+    Point<Voxel> p = start_;
+    for (int n = 0; n <= steps_; ++n, p += step)
+      if (const LabelId label = felt_label_at(model_, p)) return label;
+    return 0;
+  }
+
+  // the nearest felt label along the axes and the diagonals of the patient
+  LabelId nearest() const {
+    std::array<Vector<Voxel>, 14> step;
+    for (std::size_t d = 0; d < step.size(); ++d) {
+      const auto& u = kDirections[d];
+      step[d] = model_.field->X_VoxelPatient() * (Vector<Patient>(u[0], u[1], u[2]) * (2 * step_mm_));
+    }
+    for (int n = 0; n <= steps_ / 2; ++n)
+      for (const Vector<Voxel>& s : step)
+        if (const LabelId label = felt_label_at(model_, start_ + s * n)) return label;
+    return 0;
+  }
+
+  // the felt label that covers `own` on the way out of it, 0 for free space or none within reach
+  LabelId cover_of(LabelId own, const Vector<Patient>& outward) const {
+    const Vector<Voxel> step = model_.field->X_VoxelPatient() * (outward * step_mm_);
+    Point<Voxel> p = start_;
+    for (int n = 0; n <= steps_; ++n, p += step)
+      if (const LabelId label = felt_label_at(model_, p); label != own) return label;
+    return 0;
+  }
+
+ private:
+  const Model& model_;
+  Point<Voxel> start_;
+  double step_mm_;
+  int steps_;
+};
 
 // the signed way from x to where the field crosses `level`, positive when x is beyond it; x's own
 // value tells which way to look, and the crossing is interpolated linearly within a step
-double depth_of_level(const Field& field, const Point<Patient>& x, const Vector<Patient>& outward,
-                      double value, double level, double step_mm, double reach_mm) {
+double depth_of_level(const Model& model, const Point<Patient>& x, const Vector<Patient>& outward,
+                      double value, double level, double step_mm) {
   const bool inside = value >= level;
-  const Vector<Patient> step = outward * (inside ? step_mm : -step_mm);
+  const Vector<Patient> direction = inside ? outward : -outward;
   double previous = value;
-  for (double way = step_mm; way <= reach_mm; way += step_mm) {
-    const double here = sample_value(field, x + step * (way / step_mm));
+  for (double way = step_mm; way <= model.reach_mm; way += step_mm) {
+    const double here = sample_value(*model.field, x + direction * way);
     if ((here >= level) != inside) {
       const double part = (level - previous) / (here - previous);
       const double crossing = way - step_mm + part * step_mm;
@@ -32,38 +94,34 @@ double depth_of_level(const Field& field, const Point<Patient>& x, const Vector<
     }
     previous = here;
   }
-  return inside ? reach_mm : -reach_mm;
+  return std::numeric_limits<double>::quiet_NaN();
 }
 
 }  // namespace
 
-ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample,
-                              double reach_mm) {
+ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample) {
   if (sample.value == 0) return {};
-  const Transform<Voxel, Patient>& X_VoxelPatient = model.field->X_VoxelPatient();
-  const double step_mm = 0.5 * model.labels->geometry().min_spacing_mm();
+  const LabelWalk walk(model, x);
   const Vector<Patient> outward = -sample.gradient.normalized();
-
-  // the first felt label on the way inward; deep inside, where the gradient vanishes, there is no
-  // way and only the tip's own label counts
   const bool has_direction = outward != Vector<Patient>();
-  const Vector<Voxel> inward_step = X_VoxelPatient * (outward * -step_mm);
-  Point<Voxel> p = X_VoxelPatient * x;
-  ContactSite site;
-  for (double way = 0; way <= (has_direction ? reach_mm : 0); way += step_mm, p += inward_step) {
-    const LabelId label = label_at(*model.labels, p);
-    if (model.is_felt(label)) {
-      site.label = label;
-      break;
-    }
-  }
-  if (site.label == 0) return {};
 
+  ContactSite site;
+  site.label = has_direction ? walk.first_along(-outward) : walk.here();
+  if (site.label == 0) site.label = walk.nearest();
+  if (site.label == 0) {
+    site.depth_mm = std::numeric_limits<double>::quiet_NaN();
+    return site;
+  }
   site.tissue = model.tissue_of_label[site.label];
   site.level = model.level_of_label[site.label];
-  site.depth_mm = has_direction ? depth_of_level(*model.field, x, outward, sample.value, 0.5 * site.level,
-                                                 step_mm, reach_mm)
-                                : reach_mm;
+
+  // its surface lies midway between its level and that of what covers it
+  const LabelId cover =
+      has_direction && walk.here() == site.label ? walk.cover_of(site.label, outward) : LabelId{0};
+  const double cover_level = cover ? model.level_of_label[cover] : 0;
+  site.depth_mm = has_direction ? depth_of_level(model, x, outward, sample.value,
+                                                 0.5 * (cover_level + site.level), walk.step_mm())
+                                : std::numeric_limits<double>::quiet_NaN();
   return site;
 }
 

@@ -21,6 +21,11 @@ const Segment* Model::find(LabelId id) const {
   return find_segment(segments, [&](const Segment& s) { return s.id == id; });
 }
 
+std::string Model::name_of(LabelId id) const {
+  const Segment* segment = find(id);
+  return segment && !segment->name.empty() ? segment->name : "label " + std::to_string(id);
+}
+
 Transform<World, Patient> supine_from_feet(const GridGeometry& grid) {
   // rows: right = +L, forward = +S, up = +A = -P
   Eigen::Matrix3d R_WorldPatient;

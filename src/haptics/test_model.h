@@ -16,9 +16,10 @@ inline double ramp(double distance_mm, double sigma_mm) {
   return 0.5 * std::erfc(distance_mm / (sigma_mm * std::sqrt(2.0)));
 }
 
-/// @param cartilage_mm  thickness of the shell; 0: none
+/// @param cartilage_mm     thickness of the shell; 0: none
+/// @param cartilage_level  its stiffness relative to the bone's
 inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, double sigma_mm = 1.0,
-                        double cartilage_mm = 0) {
+                        double cartilage_mm = 0, float cartilage_level = 0.5f) {
   GridGeometry grid;
   for (int axis = 0; axis < 3; ++axis) grid.dims[axis] = static_cast<int>(60 / spacing_mm[axis]) | 1;
   grid.spacing_mm = spacing_mm;
@@ -28,12 +29,13 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
 
   Model model;
   model.sigma_mm = sigma_mm;
+  model.reach_mm = 4 * sigma_mm + spacing_mm.maxCoeff();
   Tissue bone;
   bone.name = "bone";
   bone.stiffness_N_per_mm = 1.5;
   Tissue cartilage;
   cartilage.name = "cartilage";
-  cartilage.stiffness_N_per_mm = 0.75;
+  cartilage.stiffness_N_per_mm = 1.5 * cartilage_level;
   cartilage.rests_on = {0};
   Tissue fat;
   fat.name = "fat";
@@ -48,7 +50,7 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
   model.tissue_of_label[kCartilage] = 1;
   model.tissue_of_label[kFat] = 2;
   model.level_of_label[kBone] = 1.f;
-  model.level_of_label[kCartilage] = 0.5f;
+  model.level_of_label[kCartilage] = cartilage_level;
 
   Volume<std::uint16_t> field(grid);
   auto labels = std::make_shared<Volume<LabelId>>(grid);
@@ -60,7 +62,8 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
         const double bone_part = ramp(r - kBoneRadius_mm, sigma_mm);
         const double shell_part =
             cartilage_mm > 0 ? ramp(r - kBoneRadius_mm - cartilage_mm, sigma_mm) - bone_part : 0;
-        field.at(i, j, k) = static_cast<std::uint16_t>(std::lround(65535 * (bone_part + 0.5 * shell_part)));
+        field.at(i, j, k) =
+            static_cast<std::uint16_t>(std::lround(65535 * (bone_part + cartilage_level * shell_part)));
         labels->at(i, j, k) = r < kBoneRadius_mm                  ? kBone
                               : r < kBoneRadius_mm + cartilage_mm ? kCartilage
                               : r < 24                            ? kFat

@@ -54,10 +54,11 @@ constexpr std::array kDeviceColumns{
            "velocity of the tip relative to the object, over a window of time"},
     Column{"field", kF64, 1, PALPATE_DEVICE(field), "1", "-", "value of the field at the tip, 0 to 1"},
     Column{"depth_mm", kF64, 1, PALPATE_DEVICE(depth_mm), "mm", "-",
-           "depth of the tip below the surface of the touched structure, negative above it"},
+           "depth of the tip below the surface of the touched structure, negative in front of it, NaN when "
+           "no surface is within reach, 0 where nothing is felt"},
     Column{"label", kU16, 1, PALPATE_DEVICE(label), "1", "-", "label of the touched structure, 0 none"},
     Column{"flags", kU32, 1, PALPATE_DEVICE(flags), "bits", "-",
-           "1 clamped, 2 not finite, 4 outside, 8 paused, 16 contact"},
+           "1 clamped, 2 not finite, 4 outside, 8 paused, 16 contact, 32 rotation ignored"},
 };
 
 #undef PALPATE_TICK

@@ -257,7 +257,7 @@ RecordingHeader read_header(hid_t file, std::uint64_t file_bytes) {
   return header;
 }
 
-std::optional<RecordingSummary> read_summary(hid_t file) {
+std::optional<RecordingSummary> read_summary(hid_t file, std::uint64_t file_bytes) {
   const Handle group = open_group(file, "summary");
   const auto number = [&](const char* name, hid_t type, void* value) {
     const DataSet data_set(group.get(), "summary", name);
@@ -271,6 +271,11 @@ std::optional<RecordingSummary> read_summary(hid_t file) {
   RecordingSummary summary;
   visit_summary(summary,
                 [&](const char* name, std::uint64_t& value) { number(name, H5T_STD_U64LE, &value); });
+  const DataSet trouble(group.get(), "summary", "trouble");
+  trouble.require_shape(1);
+  require(trouble.rows() <= kMaxTroubles, "it lists too many troubles");
+  trouble.require_stored(file_bytes);
+  summary.trouble = trouble.texts(kMaxText);
   return summary;
 }
 
@@ -328,7 +333,7 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target) {
     hsize_t file_bytes = 0;
     require(H5Fget_filesize(opened.get(), &file_bytes) >= 0, "HDF5 cannot open it");
 
-    RecordingHead head{read_header(opened.get(), file_bytes), read_summary(opened.get()), 0};
+    RecordingHead head{read_header(opened.get(), file_bytes), read_summary(opened.get(), file_bytes), 0};
     std::vector<StoredColumn> columns;
     open_columns(opened.get(), "ticks", tick_columns(), file_bytes, columns);
     for (int d = 0; d < head.header.devices; ++d)

@@ -19,6 +19,8 @@ inline constexpr std::uint32_t kFormatMinor = 0;
 inline constexpr std::size_t kMaxText = 4096;  ///< bytes of one text of the header
 inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxStructures = 65536;
+inline constexpr std::size_t kMaxTroubles = 1000;
+inline constexpr std::size_t kTroubleBytes = 512;  ///< of one of them, as written here
 
 /// Everything of the header but the script and the structures: attributes of the group /header.
 template <class Header, class Visit>

@@ -108,6 +108,13 @@ TEST_F(Hostile, ChangedShapesAndTypesAreNamed) {
   EXPECT_THAT(with("structures/name", H5T_STD_U16LE, {2}), HasSubstr("not a text"));
   EXPECT_THAT(with("header/script", H5T_STD_U64LE, {}), HasSubstr("not a text"));
   EXPECT_THAT(with("summary/ticks", H5T_STD_U64LE, {2}), HasSubstr("another shape"));
+  EXPECT_THAT(with("summary/trouble", H5T_STD_U64LE, {2}), HasSubstr("not a text"));
+  EXPECT_THAT(with("summary/trouble", string_type(8).get(), {2, 2}), HasSubstr("another shape"));
+  EXPECT_THAT(with("summary/trouble", string_type(8).get(), {1001}), HasSubstr("too many troubles"));
+  EXPECT_THAT(with("summary/trouble", string_type(5000).get(), {1}), HasSubstr("not a text"));
+  EXPECT_EQ(with("summary/trouble", string_type(8).get(), {1}), "no error");
+  EXPECT_THAT(error_after([](hid_t f) { H5Ldelete(f, "summary/trouble", H5P_DEFAULT); }),
+              HasSubstr("/summary/trouble is missing"));
   const Handle endless(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(endless.get(), H5T_VARIABLE);
   EXPECT_THAT(with("header/script", endless.get(), {}), HasSubstr("not a text"));
@@ -272,6 +279,8 @@ TEST(Stream, EndsAreNoticedAtEveryByte) {
   const auto whole = receive(sent.bytes);
   ASSERT_TRUE(whole) << whole.error().message();
   EXPECT_EQ(test::first_difference((*whole).header, header), "");
+  ASSERT_TRUE((*whole).summary);
+  EXPECT_EQ((*whole).summary->trouble, test::example_summary(0).trouble);
 }
 
 TEST(Stream, PromisesOfRowsTakeNoMemory) {
@@ -297,6 +306,10 @@ TEST(Stream, BelievesNoHeader) {
   EXPECT_THAT(error_of([](auto& head) { head.header.hand = std::string(5000, 'x'); }), HasSubstr("too long"));
   EXPECT_THAT(error_of([](auto& head) { head.header.structures.resize(70000); }),
               HasSubstr("too many structures"));
+  EXPECT_THAT(error_of([](auto& head) { head.summary->trouble.resize(1001); }),
+              HasSubstr("too many troubles"));
+  EXPECT_THAT(error_of([](auto& head) { head.summary->trouble = {std::string(5000, 'x')}; }),
+              HasSubstr("too long"));
   EXPECT_THAT(error_of([](auto& head) { head.summary->ticks = 1; }), HasSubstr("counts 1 ticks"));
 }
 

@@ -71,7 +71,7 @@ class OpenInH5py(unittest.TestCase):
                 attributes = {key: value.decode("ascii") for key, value in item.attrs.items()}
                 if attributes:
                     self.assertEqual(set(attributes), {"unit", "frame", "description"}, name)
-                rows = 2 if name.startswith("structures/") else ROWS
+                rows = 2 if name.startswith("structures/") or name == "summary/trouble" else ROWS
                 found["/" + name] = (
                     column_shape(item.shape, rows),
                     type_name(item),
@@ -138,6 +138,8 @@ class OpenInH5py(unittest.TestCase):
             self.assertTrue(file["header/script"][()].decode().startswith("[[step]]\n"))
             self.assertEqual(file["summary/complete"][()], 1)
             self.assertEqual(file["summary/ticks"][()], ROWS)
+            trouble = [sentence.decode() for sentence in file["summary/trouble"][:]]
+            self.assertEqual(trouble, ["line 3: asked for 2.00 N, felt 1.40 N", "größer"])
 
     def test_a_killed_one_opens(self):
         killed = subprocess.run([EXAMPLE, "killed", self.file], check=False)
@@ -145,6 +147,7 @@ class OpenInH5py(unittest.TestCase):
         with h5py.File(self.file, "r") as file:
             self.assertEqual(file["summary/complete"][()], 0)
             self.assertEqual(file["summary/ticks"][()], 0)
+            self.assertEqual(file["summary/trouble"].shape, (0,))
             for group in ("ticks", "device0", "device1"):
                 for name, data_set in file[group].items():
                     self.assertEqual(data_set.shape[0], 2400, name)

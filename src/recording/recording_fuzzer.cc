@@ -52,6 +52,7 @@ void must(bool condition) {
 void check(const Result<Recording>& read) {
   if (!read) return must(!read.error().what.empty());
   const RecordingHeader& header = read.value().header;
+  if (read.value().summary) must(read.value().summary->trouble.size() <= 1000);
   must(header.devices >= 1 && header.devices <= 4 && header.rate_hz > 0 &&
        header.script_text.size() <= (16u << 20));
   for (const TickRecord& tick : read.value().ticks) must(tick.devices == header.devices);
@@ -149,7 +150,7 @@ const std::vector<std::string>& data_set_names() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all{"header/script",   "structures/label",  "structures/colour",
                                  "structures/name", "structures/tissue", "summary/complete",
-                                 "summary/ticks",   "summary/run_hash"};
+                                 "summary/ticks",   "summary/run_hash",  "summary/trouble"};
     for (const auto& column : internal::tick_columns()) all.push_back(std::string("ticks/") + column.name);
     for (const auto& column : internal::device_columns())
       all.push_back(std::string("device0/") + column.name);

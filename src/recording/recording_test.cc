@@ -61,7 +61,41 @@ TEST(Recording, ComesBackBitForBit) {
       EXPECT_EQ(summary.not_finite, 3u);
       EXPECT_EQ(summary.outside, 5u);
       EXPECT_EQ(summary.paused, 7u);
+      EXPECT_EQ(summary.trouble, test::example_summary(count).trouble);
     }
+}
+
+std::vector<std::string> trouble_after_reading(const std::vector<std::string>& trouble) {
+  const test::TemporaryFolder folder;
+  auto writer = RecordingWriter::create(folder / "run.h5", test::example_header(1));
+  EXPECT_TRUE(writer);
+  RecordingSummary summary;
+  summary.trouble = trouble;
+  EXPECT_TRUE((*writer)->finish(summary));
+  const auto read = read_recording(folder / "run.h5");
+  EXPECT_TRUE(read) << read.error().message();
+  return read && read->summary ? read->summary->trouble : std::vector<std::string>{"no summary"};
+}
+
+TEST(Recording, KeepsTroubleWithinBounds) {
+  EXPECT_EQ(trouble_after_reading({}), std::vector<std::string>{});
+  // around the borders of a chunk (16) and up to the last that fits
+  for (const std::size_t count : {1u, 15u, 16u, 17u, 1000u}) {
+    std::vector<std::string> trouble;
+    for (std::size_t i = 0; i < count; ++i) trouble.push_back("step " + std::to_string(i));
+    EXPECT_EQ(trouble_after_reading(trouble), trouble);
+  }
+  const auto most = trouble_after_reading(std::vector<std::string>(1003, "again"));
+  ASSERT_EQ(most.size(), 1000u);
+  EXPECT_EQ(most[998], "again");
+  EXPECT_EQ(most[999], "and 4 more");
+
+  // a long one is cut between two characters, also where ü stands across the border
+  const std::string whole(512, 'x');
+  EXPECT_EQ(trouble_after_reading({whole, whole + "x"}),
+            (std::vector<std::string>{whole, std::string(509, 'x') + "..."}));
+  EXPECT_EQ(trouble_after_reading({std::string(508, 'x') + "üüü", std::string("a\0b", 3)}),
+            (std::vector<std::string>{std::string(508, 'x') + "...", "ab"}));
 }
 
 TEST(Recording, TableCoversEveryFieldOnce) {
@@ -115,7 +149,7 @@ TEST(Recording, HoldsNoPath) {
   EXPECT_EQ(text.find("DOE"), text.npos);
   EXPECT_EQ(text.find("CANARY"), text.npos);
   EXPECT_EQ(text.find("JANE"), text.npos);
-  EXPECT_EQ(text.find("palpate-recording-"), text.npos);
+  EXPECT_EQ(text.find(folder.path().filename().string()), text.npos);
   EXPECT_NE(text.find("knorpel-größe"), text.npos);
 }
 
@@ -132,7 +166,7 @@ TEST(Recording, ReplacesAnOlderOneOnlyWhenItCanStart) {
   ASSERT_TRUE(kept);
   EXPECT_EQ((*kept).ticks.size(), 10u);
   // and it leaves no temporary behind
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder / ""), {}), 1);
+  EXPECT_EQ(folder.count(), 1u);
 }
 
 TEST(Recording, RefusesHeadersThatWouldNotComeBack) {

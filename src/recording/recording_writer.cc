@@ -99,10 +99,10 @@ class Scribe {
   }
 
   // a data set of no rows yet
-  Handle column(hid_t group, const Column& column, hsize_t chunk_rows) {
-    const int rank = column.width == 1 ? 1 : 2;
-    const hsize_t none[2] = {0, column.width}, chunk[2] = {chunk_rows, column.width};
-    const hsize_t most[2] = {H5S_UNLIMITED, column.width};
+  Handle growing(hid_t group, const char* name, hid_t type, hsize_t width, hsize_t chunk_rows) {
+    const int rank = width == 1 ? 1 : 2;
+    const hsize_t none[2] = {0, width}, chunk[2] = {chunk_rows, width};
+    const hsize_t most[2] = {H5S_UNLIMITED, width};
     const Handle space(H5Screate_simple(rank, none, most), H5Sclose);
     Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
     check(H5Pset_obj_track_times(properties.get(), false));
@@ -112,10 +112,14 @@ class Scribe {
     // chunks go out when they are written, once: no cache
     Handle access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
     check(H5Pset_chunk_cache(access.get(), 1, 0, 0));
-    Handle made(H5Dcreate2(group, column.name, hdf5_type(column.number), space.get(), H5P_DEFAULT,
-                           properties.get(), access.get()),
+    Handle made(H5Dcreate2(group, name, type, space.get(), H5P_DEFAULT, properties.get(), access.get()),
                 H5Dclose);
     check(made.ok() ? 0 : -1);
+    return made;
+  }
+
+  Handle column(hid_t group, const Column& column, hsize_t chunk_rows) {
+    Handle made = growing(group, column.name, hdf5_type(column.number), column.width, chunk_rows);
     attribute(made.get(), "unit", column.unit, H5T_CSET_ASCII);
     attribute(made.get(), "frame", column.frame, H5T_CSET_ASCII);
     attribute(made.get(), "description", column.description, H5T_CSET_ASCII);
@@ -128,6 +132,48 @@ class Scribe {
   hid_t file_;
   bool ok_ = true;
 };
+
+// `rows` rows, of which the first gets the number `first`, become the end of a growing data set
+bool grow(const Handle& data_set, hid_t type, hsize_t width, hsize_t first, hsize_t rows,
+          const void* values) {
+  const int rank = width == 1 ? 1 : 2;
+  const hsize_t extent[2] = {first + rows, width}, start[2] = {first, 0}, size[2] = {rows, width};
+  if (H5Dset_extent(data_set.get(), extent) < 0) return false;
+  const Handle memory(H5Screate_simple(rank, size, nullptr), H5Sclose);
+  const Handle space(H5Dget_space(data_set.get()), H5Sclose);
+  return H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start, nullptr, size, nullptr) >= 0 &&
+         H5Dwrite(data_set.get(), type, memory.get(), space.get(), H5P_DEFAULT, values) >= 0;
+}
+
+// texts of one length, padded with zeros
+std::string padded(const std::vector<std::string>& texts, std::size_t width) {
+  std::string bytes(width * texts.size(), '\0');
+  for (std::size_t i = 0; i < texts.size(); ++i) bytes.replace(i * width, texts[i].size(), texts[i]);
+  return bytes;
+}
+
+// cut between two characters of UTF-8 where it is too long; a zero byte would end it
+std::string fitting(std::string text, std::size_t most) {
+  std::erase(text, '\0');
+  if (text.size() <= most) return text;
+  constexpr std::string_view kMore = "...";
+  std::size_t end = most - kMore.size();
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;
+  return text.substr(0, end).append(kMore);
+}
+
+// as many sentences of as many bytes as a recording keeps
+std::vector<std::string> kept_trouble(const std::vector<std::string>& trouble) {
+  std::vector<std::string> kept;
+  for (const std::string& sentence : trouble) {
+    if (kept.size() + 1 == kMaxTroubles && trouble.size() > kMaxTroubles) {
+      kept.push_back("and " + std::to_string(trouble.size() - kept.size()) + " more");
+      break;
+    }
+    kept.push_back(fitting(sentence, kTroubleBytes));
+  }
+  return kept;
+}
 
 // one column while it is being filled: the rows of the chunk that is not full yet
 struct GrowingColumn {
@@ -145,15 +191,7 @@ struct GrowingColumn {
 
   // the first `rows` of the chunk, which starts at row `first`, become the end of the data set
   bool flush(hsize_t first, hsize_t rows) const {
-    const int rank = column->width == 1 ? 1 : 2;
-    const hsize_t extent[2] = {first + rows, column->width}, start[2] = {first, 0},
-                  size[2] = {rows, column->width};
-    if (H5Dset_extent(data_set.get(), extent) < 0) return false;
-    const Handle memory(H5Screate_simple(rank, size, nullptr), H5Sclose);
-    const Handle space(H5Dget_space(data_set.get()), H5Sclose);
-    return H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start, nullptr, size, nullptr) >= 0 &&
-           H5Dwrite(data_set.get(), hdf5_type(column->number), memory.get(), space.get(), H5P_DEFAULT,
-                    chunk.data()) >= 0;
+    return grow(data_set, hdf5_type(column->number), column->width, first, rows, chunk.data());
   }
 };
 
@@ -189,6 +227,7 @@ class Hdf5Writer : public RecordingWriter {
   std::size_t chunk_rows_;
   Handle file_;
   std::vector<GrowingColumn> columns_;
+  Handle trouble_;
   hsize_t chunk_start_ = 0;       // ticks in full chunks
   std::size_t filled_ = 0;        // ticks in the chunk being filled
   std::size_t flushed_ = 0;       // of these, already committed
@@ -236,7 +275,7 @@ bool Hdf5Writer::write_fixed_part(const RecordingHeader& header) {
   scribe.data_set(header_group.get(), "script", script_type.get(), {}, header.script_text.c_str());
   write_structures(scribe, header.structures);
 
-  // zeros until finish(): nothing but their content changes then
+  // zeros and no sentence until finish(): nothing new is made then
   const Handle summary = scribe.group("summary");
   const std::uint64_t zero = 0;
   const RecordingSummary unknown;
@@ -244,6 +283,9 @@ bool Hdf5Writer::write_fixed_part(const RecordingHeader& header) {
     scribe.data_set(summary.get(), name, H5T_STD_U64LE, {}, &zero);
   });
   scribe.data_set(summary.get(), "complete", H5T_STD_U8LE, {}, &zero);
+  constexpr hsize_t kTroubleChunk = 16;
+  trouble_ = scribe.growing(summary.get(), "trouble", fixed_text_type(kTroubleBytes, H5T_CSET_UTF8).get(), 1,
+                            kTroubleChunk);
 
   const auto add_columns = [&](const char* group_name, std::span<const Column> columns, int device) {
     const Handle group = scribe.group(group_name);
@@ -269,15 +311,13 @@ void Hdf5Writer::write_structures(Scribe& scribe, const std::vector<RecordingHea
   scribe.data_set(group.get(), "label", H5T_STD_U16LE, {count}, labels.data());
   scribe.data_set(group.get(), "colour", H5T_STD_U8LE, {count, 3}, colours.data());
 
-  // texts of one length, padded with zeros
   const auto texts = [&](const char* name, std::string RecordingHeader::Structure::*text) {
+    std::vector<std::string> values;
+    for (const auto& structure : structures) values.push_back(structure.*text);
     std::size_t width = 1;
-    for (const auto& structure : structures) width = std::max(width, (structure.*text).size());
-    std::string padded(width * structures.size(), '\0');
-    for (std::size_t i = 0; i < structures.size(); ++i)
-      padded.replace(i * width, (structures[i].*text).size(), structures[i].*text);
+    for (const std::string& value : values) width = std::max(width, value.size());
     const Handle type = fixed_text_type(width, H5T_CSET_UTF8);
-    scribe.data_set(group.get(), name, type.get(), {count}, padded.data());
+    scribe.data_set(group.get(), name, type.get(), {count}, padded(values, width).data());
   };
   texts("name", &RecordingHeader::Structure::name);
   texts("tissue", &RecordingHeader::Structure::tissue);
@@ -326,6 +366,11 @@ bool Hdf5Writer::write_summary(const RecordingSummary& summary) {
   visit_summary(summary, [&](const char* name, std::uint64_t value) {
     written = written && put(name, H5T_STD_U64LE, &value);
   });
+  if (const auto sentences = kept_trouble(summary.trouble); !sentences.empty()) {
+    const Handle type = fixed_text_type(kTroubleBytes, H5T_CSET_UTF8);
+    written = written &&
+              grow(trouble_, type.get(), 1, 0, sentences.size(), padded(sentences, kTroubleBytes).data());
+  }
   // the mark of a whole run comes after everything that it vouches for
   const std::uint8_t complete = 1;
   return written && commit(file_, bytes_) && put("complete", H5T_STD_U8LE, &complete) &&
@@ -351,6 +396,7 @@ void Hdf5Writer::close() {
   if (!file_.ok()) return;
   bytes_.seal();
   columns_.clear();
+  trouble_.reset();
   file_.reset();
   bytes_.trim_and_sync();
 }

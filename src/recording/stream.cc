@@ -106,6 +106,16 @@ void receive_structures(Receiver& in, std::vector<RecordingHeader::Structure>& s
   }
 }
 
+RecordingSummary receive_summary(Receiver& in) {
+  RecordingSummary summary;
+  visit_summary(summary, [&](const char*, std::uint64_t& value) { in.get(value); });
+  std::uint32_t count = 0;
+  in.get(count);
+  if (count > kMaxTroubles) in.fail("it lists too many troubles");
+  for (std::uint32_t i = 0; i < count && in.ok(); ++i) in.get(summary.trouble.emplace_back());
+  return summary;
+}
+
 RecordingHead receive_head(Receiver& in) {
   RecordingHead head;
   RecordingHeader& header = head.header;
@@ -114,8 +124,7 @@ RecordingHead receive_head(Receiver& in) {
   receive_structures(in, header.structures);
   bool complete = false;
   in.get(complete);
-  if (complete)
-    visit_summary(head.summary.emplace(), [&](const char*, std::uint64_t& value) { in.get(value); });
+  if (complete) head.summary = receive_summary(in);
   in.get(head.rows);
 
   if (header.devices < 1 || header.devices > kMaxDevices)
@@ -149,6 +158,12 @@ void receive_block(Receiver& in, int devices, std::span<TickRecord> ticks, std::
   for (TickRecord& tick : ticks) tick.devices = devices;
 }
 
+void send_summary(Sender& out, const RecordingSummary& summary) {
+  visit_summary(summary, [&](const char*, std::uint64_t value) { out.put(value); });
+  out.put(static_cast<std::uint32_t>(summary.trouble.size()));
+  for (const std::string& sentence : summary.trouble) out.put(sentence);
+}
+
 }  // namespace
 
 bool send_refusal(ByteTarget& target, const Error& refusal) {
@@ -174,7 +189,7 @@ bool send_head(ByteTarget& target, const RecordingHead& head) {
     out.put(structure.colour.b);
   }
   out.put(head.summary.has_value());
-  if (head.summary) visit_summary(*head.summary, [&](const char*, std::uint64_t value) { out.put(value); });
+  if (head.summary) send_summary(out, *head.summary);
   out.put(head.rows);
   return out.ok();
 }
@@ -187,7 +202,7 @@ Result<Recording> receive_recording(ByteSource& source, const Progress& progress
   RecordingHead head = receive_head(in);
 
   // memory is taken as the rows arrive, not as their number promises
-  Recording recording{std::move(head.header), {}, head.summary};
+  Recording recording{std::move(head.header), {}, std::move(head.summary)};
   std::vector<std::byte> buffer;
   for (std::uint64_t first = 0; first < head.rows && in.ok(); first += kBlockRows) {
     progress.report("reading the recording", static_cast<double>(first) / static_cast<double>(head.rows));

@@ -131,7 +131,7 @@ RecordingHeader example_header(int devices, double rate_hz) {
 }
 
 RecordingSummary example_summary(std::uint64_t ticks) {
-  return {ticks, 0x8000000000000001u, 2, 3, 5, 7};
+  return {ticks, 0x8000000000000001u, 2, 3, 5, 7, {"line 3: asked for 2.00 N, felt 1.40 N", "größer"}};
 }
 
 std::vector<TickRecord> example_ticks(std::size_t count, int devices, double rate_hz) {

@@ -16,13 +16,16 @@ constexpr double kLongestArrow_mm = 20;
 
 struct View {
   AnatomicalPlane plane;
-  const char* name;
-  int axis;  ///< across the plane
+  const char* anatomical_name;
+  const char* plain_name;  ///< where it is not known how the volume lies in the patient
+  int axis;                ///< across the plane
   char positive, negative;
+
+  std::string name(const Model& model) const { return model.oriented ? anatomical_name : plain_name; }
 };
-constexpr View kViews[] = {{AnatomicalPlane::kAxial, "Axial", 2, 'S', 'I'},
-                           {AnatomicalPlane::kCoronal, "Coronal", 1, 'P', 'A'},
-                           {AnatomicalPlane::kSagittal, "Sagittal", 0, 'L', 'R'}};
+constexpr View kViews[] = {{AnatomicalPlane::kAxial, "Axial", "Plane x-y", 2, 'S', 'I'},
+                           {AnatomicalPlane::kCoronal, "Coronal", "Plane x-z", 1, 'P', 'A'},
+                           {AnatomicalPlane::kSagittal, "Sagittal", "Plane y-z", 0, 'L', 'R'}};
 
 /// Wide enough to know where one is, close enough to see the contact: 70 % of the volume, 40 ... 120 mm.
 double field_of_view_mm(const Model& model) {
@@ -44,9 +47,10 @@ double arrow_mm_per_N(double limit_N) {
   return decade;
 }
 
-/// "S 12.4 mm"
-std::string plane_position(const View& view, const Point<Patient>& p) {
+/// "S 12.4 mm", without orientation "z 12.4 mm"
+std::string plane_position(const Model& model, const View& view, const Point<Patient>& p) {
   const double value = p[view.axis];
+  if (!model.oriented) return std::string(1, "xyz"[view.axis]) + " " + number(value, 1) + " mm";
   return std::string(1, value < 0 ? view.negative : view.positive) + " " + number(std::abs(value), 1) + " mm";
 }
 
@@ -63,13 +67,13 @@ std::string section_figure(const Run& run, const View& view, const SectionMarks&
   for (const LabelId label : section_labels(run.model, plane)) {
     if (label != 0) seen.insert(label);
   }
-  const std::string description = std::string(view.name) + " section through the contact with " + structure +
-                                  ", " + plane_position(view, marks.contact);
+  const std::string name = view.name(run.model), position = plane_position(run.model, view, marks.contact);
+  const std::string description = name + " section through the contact with " + structure + ", " + position;
   return "<figure class=\"section\"><div class=\"picture\">" +
          png_img("scan", encode_png(render_scan_layer(run.model, plane, style))) +
          png_img("structures", encode_png(render_structure_layer(run.model, plane, style))) +
-         section_svg(plane, marks, description) + "</div><figcaption><span>" + view.name + "</span> <span>" +
-         plane_position(view, marks.contact) + "</span></figcaption></figure>\n";
+         section_svg(plane, marks, description) + "</div><figcaption><span>" + name + "</span> <span>" +
+         position + "</span></figcaption></figure>\n";
 }
 
 std::string fact(const std::string& label, const std::string& value) {
@@ -81,7 +85,8 @@ std::string facts(const Run& run, const Contact& contact) {
   std::string html = "<dl class=\"facts\">";
   html += fact("Largest force",
                number(force_N(peak), 2) + " N at " + number(run.edges_s[contact.peak], 2) + " s");
-  html += fact("Depth there", number(peak.depth_mm, 2) + " mm");
+  html += fact("Depth there",
+               is_deeper_than_measured(peak, run.model) ? "deeper than measured" : depth_text(peak.depth_mm));
   html += fact("Contact", number(contact.begin_s(run.edges_s), 2) + " to " +
                               number(contact.end_s(run.edges_s), 2) + " s");
   if (device_count(run.recording) > 1) html += fact("Device", std::to_string(contact.device + 1));
@@ -111,7 +116,8 @@ std::string panel(const Run& run, std::size_t index, const SectionStyle& style, 
   marks.contact = Point<Patient>(tip[0], tip[1], tip[2]);
   marks.force_N = patient_force_N(run.model, tick, contact.device);
   marks.arrow_mm_per_N = mm_per_N;
-  marks.side = run.model.side;
+  marks.side = run.side();
+  marks.oriented = run.model.oriented;
   marks.ways = way_around(run.recording, run.edges_s, contact);
 
   std::string html = "<section class=\"panel\" id=\"contact-" + number_text +
@@ -144,7 +150,7 @@ std::string controls() {
          "plots</button></div>\n";
 }
 
-std::string key(double mm_per_N) {
+std::string key(const Model& model, double mm_per_N) {
   return "<p class=\"key\"><span><svg viewBox=\"0 0 26 10\" aria-hidden=\"true\"><line class=\"way "
          "touching\" x1=\"1\" "
          "y1=\"5\" x2=\"25\" y2=\"5\"/></svg>path in contact</span><span><svg viewBox=\"0 0 26 10\" "
@@ -156,7 +162,8 @@ std::string key(double mm_per_N) {
          "hand at its "
          "largest, " +
          json_number(mm_per_N, 3) + " mm for 1 N</span><span>Path within " + number(kWayReach_mm, 0) +
-         " mm of the plane. Radiological view: patient's left on the right.</span></p>\n";
+         " mm of the plane." + (model.oriented ? " Radiological view: patient's left on the right." : "") +
+         "</span></p>\n";
 }
 
 }  // namespace
@@ -187,7 +194,7 @@ Result<std::string> contacts_html(const Run& run, const Progress& progress) {
     progress.report("sections", static_cast<double>(i) / static_cast<double>(run.shown.size()));
     html += panel(run, i, style, mm_per_N);
   }
-  return html + "</div>\n" + key(mm_per_N) + "</section>\n";
+  return html + "</div>\n" + key(run.model, mm_per_N) + "</section>\n";
 }
 
 }  // namespace palpate::report

@@ -8,9 +8,18 @@
 namespace palpate::report {
 namespace {
 
+double squared_norm(const std::array<double, 3>& v) {
+  return v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+}
+
 double norm(const std::array<double, 3>& v) {
-  const double squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+  const double squared = squared_norm(v);
   return std::isfinite(squared) ? std::sqrt(squared) : 0.0;
+}
+
+/// Within the limit but for the rounding of the clamp; what is not a number is not.
+bool is_within_limit(const DeviceTick& device, double limit_N) {
+  return std::sqrt(squared_norm(device.force_N)) <= limit_N * (1 + 1e-9);
 }
 
 bool touches(const DeviceTick& device) {
@@ -77,7 +86,13 @@ std::vector<Contact> find_contacts(const Recording& recording, const std::vector
   return contacts;
 }
 
-std::vector<StructureFigures> summarise_structures(const Recording& recording,
+bool is_deeper_than_measured(const DeviceTick& device, const Model& model) {
+  const std::vector<float>& levels = model.level_of_label;
+  const double level = device.label < levels.size() ? levels[device.label] : 0;
+  return std::isnan(device.depth_mm) && !(device.field < 0.5 * level);
+}
+
+std::vector<StructureFigures> summarise_structures(const Recording& recording, const Model& model,
                                                    const std::vector<double>& edges_s,
                                                    const std::vector<Contact>& contacts) {
   // sums first, means at the end
@@ -97,6 +112,8 @@ std::vector<StructureFigures> summarise_structures(const Recording& recording,
       // fmax passes over a NaN on either side
       if (std::isfinite(device.depth_mm))
         figure.max_depth_mm = std::fmax(figure.max_depth_mm, device.depth_mm);
+      figure.depth_has_gaps = figure.depth_has_gaps || std::isnan(device.depth_mm);
+      figure.deeper_than_measured = figure.deeper_than_measured || is_deeper_than_measured(device, model);
       figure.mean_speed_mm_s += norm(device.velocity_patient_mm_s) * dt_s;
     }
   }
@@ -134,18 +151,21 @@ std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
 }
 
 SafetyCounts safety_counts(const Recording& recording) {
-  if (recording.summary) {
-    const RecordingSummary& summary = *recording.summary;
-    return {summary.clamped, summary.not_finite, summary.outside, summary.paused};
-  }
   SafetyCounts counts;
   for (const TickRecord& tick : recording.ticks) {
     std::uint32_t flags = 0;
     for (int d = 0; d < device_count(recording); ++d) flags |= tick.device[d].flags;
     counts.clamped += (flags & kFlagClamped) != 0;
     counts.not_finite += (flags & kFlagNotFinite) != 0;
+    counts.rotation_ignored += (flags & kFlagRotationIgnored) != 0;
     counts.outside += (flags & kFlagOutside) != 0;
     counts.paused += (flags & kFlagPaused) != 0;
+  }
+  if (recording.summary) {
+    counts.clamped = recording.summary->clamped;
+    counts.not_finite = recording.summary->not_finite;
+    counts.outside = recording.summary->outside;
+    counts.paused = recording.summary->paused;
   }
   return counts;
 }
@@ -154,9 +174,12 @@ ForceExtremes force_extremes(const Recording& recording) {
   ForceExtremes extremes;
   bool first = true;
   for (const TickRecord& tick : recording.ticks) {
+    bool within_limit = true;
     for (int d = 0; d < device_count(recording); ++d) {
       extremes.peak_N = std::max(extremes.peak_N, force_N(tick.device[d]));
+      within_limit = within_limit && is_within_limit(tick.device[d], tick.max_force_N);
     }
+    extremes.above_limit += !within_limit;
     if (!std::isfinite(tick.max_force_N)) continue;
     extremes.lowest_limit_N = first ? tick.max_force_N : std::min(extremes.lowest_limit_N, tick.max_force_N);
     extremes.highest_limit_N =

@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "palpate/haptics.h"
 #include "palpate/recording.h"
 
 /// What happened in a run, worked out from its ticks: when which structure was touched, how hard, how
@@ -31,6 +32,8 @@ struct Contact {
 };
 
 inline constexpr double kShortestContact_s = 0.05;
+/// A structure that was touched for less than this in all was touched in passing.
+inline constexpr double kPassing_s = 0.5;
 
 /// Contacts that last at least `shortest_s`, by their first tick.
 std::vector<Contact> find_contacts(const Recording& recording, const std::vector<double>& edges_s,
@@ -42,13 +45,23 @@ struct StructureFigures {
   int contacts = 0;  ///< of those that find_contacts() returned
   double contact_s = 0;
   double mean_force_N = 0, peak_force_N = 0;
-  /// Negative: felt only in front of its surface, in the smoothed rim. NaN: never known.
+  /// The largest that was measured. Negative: felt only in front of its surface, in the smoothed rim.
+  /// NaN: never measured.
   double max_depth_mm = std::numeric_limits<double>::quiet_NaN();
+  bool depth_has_gaps = false;        ///< in some tick no surface was within reach
+  bool deeper_than_measured = false;  ///< in one of these the tip was deep inside
   double mean_speed_mm_s = 0;
+
+  bool in_passing() const { return contact_s < kPassing_s - 1e-9; }
 };
 
+/// Whether the tip is so deep inside what it touches that no surface was within reach: the depth is NaN,
+/// and the field at least half that of the structure. (It is NaN in front of a structure, too, where the
+/// normal leads past it.) Yes where the model does not know the structure.
+bool is_deeper_than_measured(const DeviceTick& device, const Model& model);
+
 /// In the order in which structures were first touched.
-std::vector<StructureFigures> summarise_structures(const Recording& recording,
+std::vector<StructureFigures> summarise_structures(const Recording& recording, const Model& model,
                                                    const std::vector<double>& edges_s,
                                                    const std::vector<Contact>& contacts);
 
@@ -60,15 +73,20 @@ std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
 
 /// Ticks in which the safety stage, or the volume's end, showed on any device.
 struct SafetyCounts {
-  std::uint64_t clamped = 0, not_finite = 0, outside = 0, paused = 0;
+  std::uint64_t clamped = 0, not_finite = 0, rotation_ignored = 0;  ///< the safety stage intervened
+  std::uint64_t outside = 0, paused = 0;                            ///< nothing was wrong
 };
-/// From the recording's summary; counted from the ticks when the run was cut short.
+/// From the recording's summary; counted from the ticks when the run was cut short, and what the summary
+/// does not count.
 SafetyCounts safety_counts(const Recording& recording);
 
 /// The largest force sent, and the limits in force.
 struct ForceExtremes {
   double peak_N = 0;
   double lowest_limit_N = 0, highest_limit_N = 0;
+  /// Ticks whose force is larger than the limit recorded for that tick, or no number. palpate sends no such
+  /// force: somebody changed the file.
+  std::uint64_t above_limit = 0;
 };
 ForceExtremes force_extremes(const Recording& recording);
 

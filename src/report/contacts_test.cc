@@ -66,7 +66,7 @@ TEST(Contacts, LabelWithoutContactDoesNotCount) {
   run.ticks(200, 5, 1);
   for (TickRecord& tick : run.recording.ticks) tick.device[0].flags = 0;
   EXPECT_TRUE(run.contacts().empty());
-  EXPECT_TRUE(summarise_structures(run.recording, run.edges(), {}).empty());
+  EXPECT_TRUE(summarise_structures(run.recording, Model{}, run.edges(), {}).empty());
 }
 
 TEST(Contacts, PeakIsTheFirstTickWithTheLargestForce) {
@@ -132,7 +132,7 @@ TEST(Structures, FiguresAreOverTimeAndCountBriefTouches) {
   run.ticks(10, 0, 0, 0, 400);
   run.ticks(20, 5, 3.0, 0.9, 4);   // brief
   run.ticks(10, 8, 0.5, -0.4, 1);  // brief, the only one, and in front of the surface
-  const auto figures = summarise_structures(run.recording, run.edges(), run.contacts());
+  const auto figures = summarise_structures(run.recording, Model{}, run.edges(), run.contacts());
   ASSERT_EQ(figures.size(), 2u);
   EXPECT_EQ(figures[0].label, 5);
   EXPECT_EQ(figures[0].contacts, 1);
@@ -146,6 +146,58 @@ TEST(Structures, FiguresAreOverTimeAndCountBriefTouches) {
   EXPECT_EQ(figures[1].max_depth_mm, -0.4);
 }
 
+TEST(Structures, DepthOutOfReachIsNoNumber) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  Script run;
+  run.ticks(60, 5, 1.0, 0.2);
+  run.ticks(60, 5, 2.0, kNan);
+  run.ticks(60, 6, 2.0, kNan);
+  run.ticks(60, 7, 2.0, 0.4);
+  run.ticks(60, 0, 0.0, kNan);  // nothing touched
+  const auto figures = summarise_structures(run.recording, Model{}, run.edges(), run.contacts());
+  ASSERT_EQ(figures.size(), 3u);
+  EXPECT_EQ(figures[0].max_depth_mm, 0.2);
+  EXPECT_TRUE(figures[0].deeper_than_measured);
+  EXPECT_TRUE(std::isnan(figures[1].max_depth_mm));
+  EXPECT_TRUE(figures[1].deeper_than_measured);
+  EXPECT_EQ(figures[2].max_depth_mm, 0.4);
+  EXPECT_FALSE(figures[2].deeper_than_measured);
+}
+
+TEST(Structures, TheFieldTellsDeepInsideFromInFront) {
+  Script run;
+  run.ticks(60, 2, 1.0, 0.2);
+  run.ticks(1, 2, 1.0, std::numeric_limits<double>::quiet_NaN());
+  Model model;
+  model.level_of_label = {0, 0, 0.8F};
+  DeviceTick& device = run.recording.ticks.back().device[0];
+  const auto deeper = [&](double field) {
+    device.field = field;
+    EXPECT_EQ(is_deeper_than_measured(device, model), field >= 0.4);
+    const auto figures = summarise_structures(run.recording, model, run.edges(), run.contacts());
+    EXPECT_TRUE(figures[0].depth_has_gaps);
+    EXPECT_EQ(figures[0].max_depth_mm, 0.2);
+    return figures[0].deeper_than_measured;
+  };
+  EXPECT_FALSE(deeper(0.01));
+  EXPECT_FALSE(deeper(0.39));
+  EXPECT_TRUE(deeper(0.41));
+  device.depth_mm = 3;
+  EXPECT_FALSE(is_deeper_than_measured(device, model));
+}
+
+TEST(Structures, BelowHalfASecondInAllIsInPassing) {
+  Script run;
+  run.ticks(250, 1, 1);
+  run.ticks(5, 0);
+  run.ticks(250, 1, 1);
+  run.ticks(499, 2, 1);
+  const auto figures = summarise_structures(run.recording, Model{}, run.edges(), run.contacts());
+  ASSERT_EQ(figures.size(), 2u);
+  EXPECT_FALSE(figures[0].in_passing());
+  EXPECT_TRUE(figures[1].in_passing());
+}
+
 TEST(MainContacts, AreTheLongestOfTheStructuresTouchedLongest) {
   Script run;
   run.ticks(60, 1, 1);
@@ -157,7 +209,7 @@ TEST(MainContacts, AreTheLongestOfTheStructuresTouchedLongest) {
   run.ticks(300, 3, 1);
   const auto edges = run.edges();
   const auto contacts = run.contacts();
-  const auto figures = summarise_structures(run.recording, edges, contacts);
+  const auto figures = summarise_structures(run.recording, Model{}, edges, contacts);
   const auto all = main_contacts(contacts, figures, edges, 8);
   ASSERT_EQ(all.size(), 3u);
   EXPECT_EQ(all[0].label, 1);
@@ -184,8 +236,11 @@ TEST(Safety, CutShortRunsAreCounted) {
   EXPECT_EQ(counts.not_finite, 1u);
   EXPECT_EQ(counts.outside, 1u);
   EXPECT_EQ(counts.paused, 1u);
-  run.recording.summary = RecordingSummary{.ticks = 10, .clamped = 7};
+  run.recording.summary.emplace().clamped = 7;
   EXPECT_EQ(safety_counts(run.recording).clamped, 7u);
+  // what the summary does not count
+  run.recording.ticks[6].device[0].flags = kFlagRotationIgnored;
+  EXPECT_EQ(safety_counts(run.recording).rotation_ignored, 1u);
 }
 
 TEST(Forces, ExtremesSkipWhatIsNotFinite) {
@@ -198,6 +253,26 @@ TEST(Forces, ExtremesSkipWhatIsNotFinite) {
   EXPECT_NEAR(extremes.peak_N, 1.25, 1e-12);
   EXPECT_EQ(extremes.lowest_limit_N, 2);
   EXPECT_EQ(extremes.highest_limit_N, 3);
+}
+
+TEST(Forces, EachTickIsHeldAgainstItsOwnLimit) {
+  Script run;
+  run.ticks(6, 0, 2.5);
+  EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
+  for (TickRecord& tick : run.recording.ticks) tick.max_force_N = 2.5;  // clamped, with its rounding
+  EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
+  // below the highest limit of the run, above that of its own tick
+  run.recording.ticks[0].max_force_N = 3;
+  run.recording.ticks[1].max_force_N = 2.4;
+  EXPECT_EQ(force_extremes(run.recording).above_limit, 1u);
+  // no number is within a limit, and nothing within a limit that is none
+  run.recording.ticks[2].device[0].force_N = {NAN, 0, 0};
+  run.recording.ticks[3].device[0].force_N = {0, -INFINITY, 0};
+  run.recording.ticks[4].max_force_N = NAN;
+  EXPECT_EQ(force_extremes(run.recording).above_limit, 4u);
+  // a device that there is not
+  run.recording.ticks[5].device[1].force_N = {99, 0, 0};
+  EXPECT_EQ(force_extremes(run.recording).above_limit, 4u);
 }
 
 TEST(Edges, AClockThatDoesNotRiseIsReplaced) {

@@ -233,6 +233,7 @@ Recording recording(const Model& model, double limit_N) {
   }
   summary.ticks = tips.size();
   summary.run_hash = 0x0123456789abcdefull;
+  summary.trouble = {"script line 9: asked for 2.00 N, felt 1.50 N on patella"};
   recording.summary = summary;
   return recording;
 }

@@ -17,6 +17,45 @@ std::string unit(const std::string& value, const std::string& unit_text) {
   return value + " <span class=\"unit\">" + unit_text + "</span>";
 }
 
+std::string ticks_text(std::uint64_t count) {
+  return grouped(count) + (count == 1 ? " tick" : " ticks");
+}
+
+std::string callout(const std::string& kind, const std::string& what, const std::string& meaning) {
+  return "<p class=\"callout " + kind + "\" role=\"note\"><strong>" + what + "</strong> " + meaning +
+         "</p>\n";
+}
+
+std::string side_badge(const Run& run) {
+  const std::string side = side_text(run.side());
+  if (side.empty()) return "";
+  const bool inferred = run.model.side_from_anatomy && run.side() != Side::kUnknown;
+  return "<span class=\"badge side\">" + side + (inferred ? ", from the fibula" : "") + "</span>";
+}
+
+/// What a reader must know before looking at anything else.
+std::string callouts(const Run& run) {
+  std::string html;
+  if (!run.model.oriented) {
+    html +=
+        callout("notice", "Orientation unknown.",
+                "The files do not say how the volume lies in the patient: left and right, front and back, "
+                "head and feet may be any way round in the sections, which bear no letters for them.");
+  }
+  if (!run.recording.summary) {
+    html += callout("notice", "This recording was cut short.",
+                    "It ends without a summary: everything below describes the part that was written, and "
+                    "there is no run hash to compare a replay with.");
+  }
+  if (run.forces.above_limit > 0) {
+    html += callout("alert", "Force above the limit.",
+                    "In " + ticks_text(run.forces.above_limit) +
+                        " the recorded force is larger than the limit recorded for the same tick. palpate "
+                        "sends no such force: the file was damaged or changed after the run.");
+  }
+  return html;
+}
+
 std::string force_tile(const Run& run) {
   const ForceExtremes& forces = run.forces;
   const double limit = forces.highest_limit_N;
@@ -29,26 +68,36 @@ std::string force_tile(const Run& run) {
       "<svg class=\"meter\" viewBox=\"0 0 100 4\" preserveAspectRatio=\"none\" aria-hidden=\"true\">"
       "<rect class=\"track\" width=\"100\" height=\"4\"/><rect class=\"value\" width=\"" +
       number(100 * part, 1) + "\" height=\"4\"/></svg>";
-  // rounding of the clamp is not a breach
-  const bool above = forces.peak_N > limit * (1 + 1e-9);
+  const bool above = forces.above_limit > 0;
   return tile("Largest force sent", unit(number(forces.peak_N, 2), "N") + bar,
-              (above ? "above the limit of " : "limit ") + limits + " N", above ? "alert" : "");
+              "limit " + limits + " N" + (above ? ", exceeded in " + ticks_text(forces.above_limit) : ""),
+              above ? "alert" : "");
 }
 
 std::string safety_tile(const Run& run) {
   const SafetyCounts& safety = run.safety;
-  const std::uint64_t interventions = safety.clamped + safety.not_finite;
-  return tile("Safety stage", unit(grouped(interventions), interventions == 1 ? "tick" : "ticks"),
-              grouped(safety.clamped) + " clamped, " + grouped(safety.not_finite) + " invalid",
+  const std::uint64_t invalid = safety.not_finite + safety.rotation_ignored;
+  const std::uint64_t interventions = safety.clamped + invalid;
+  return tile("Safety interventions", unit(grouped(interventions), interventions == 1 ? "tick" : "ticks"),
+              grouped(safety.clamped) + " clamped, " + grouped(invalid) + " invalid",
               interventions > 0 ? "notice" : "");
 }
 
 std::string hash_tile(const Run& run) {
   const std::string& data_set = run.recording.header.data_set;
-  const std::string replay =
-      data_set.empty() ? "replays with its scene file" : "replays with " + escape(data_set);
+  const std::string model = data_set.empty() ? "its scene file" : escape(data_set);
   if (!run.recording.summary) return tile("Run hash", "None", "the run was cut short", "notice");
-  return tile("Run hash", "<code>" + hex(run.recording.summary->run_hash) + "</code>", replay, "hash");
+  return tile("Run hash", "<code>" + hex(run.recording.summary->run_hash) + "</code>",
+              "as recorded; a replay with " + model + " verifies it", "hash");
+}
+
+std::string structures_tile(const Run& run) {
+  const auto passing = std::count_if(run.structures.begin(), run.structures.end(),
+                                     [](const StructureFigures& figure) { return figure.in_passing(); });
+  const auto touched = static_cast<std::ptrdiff_t>(run.structures.size()) - passing;
+  return tile("Structures touched", std::to_string(touched),
+              "for " + number(kPassing_s, 1) + " s or longer" +
+                  (passing > 0 ? ", " + std::to_string(passing) + " more in passing" : ""));
 }
 
 }  // namespace
@@ -58,31 +107,32 @@ std::string header_html(const Run& run) {
   std::string html = "<header class=\"title\"><p class=\"kicker\">Palpation report</p>\n<h1>" +
                      escape(header.scene_title.empty() ? "Untitled scene" : header.scene_title) +
                      "</h1>\n<p class=\"meta\">";
-  html += "<span class=\"badge side\">" + side_text(run.model.side) + "</span>";
+  html += side_badge(run);
   if (!header.data_set.empty()) html += "<span>Data set " + escape(header.data_set) + "</span>";
   if (!header.device.empty()) html += "<span>Device " + escape(header.device) + "</span>";
   if (!header.hand.empty()) html += "<span>Hand " + escape(header.hand) + "</span>";
   if (!header.started_utc.empty()) html += "<span>Recorded " + escape(header.started_utc) + "</span>";
-  html += "</p></header>\n";
-  if (!run.recording.summary) {
-    html +=
-        "<p class=\"callout\" role=\"note\"><strong>This recording was cut short.</strong> It ends without a "
-        "summary: everything below describes the part that was written, and there is no run hash to compare "
-        "a replay with.</p>\n";
-  }
-  return html;
+  return html + "</p></header>\n" + callouts(run);
 }
 
 std::string tiles_html(const Run& run) {
-  const std::size_t ticks = run.recording.ticks.size(), contacts = run.contacts.size();
   std::string html = "<dl class=\"tiles\">\n";
-  html += tile("Duration", unit(number(run.duration_s(), 1), "s"),
-               grouped(ticks) + " ticks at " + json_number(run.recording.header.rate_hz, 1) + " Hz");
-  html += force_tile(run);
-  html += tile("Structures touched", std::to_string(run.structures.size()),
-               std::to_string(contacts) + (contacts == 1 ? " contact" : " contacts") + " of 50 ms or more");
-  html += safety_tile(run) + hash_tile(run);
+  html += tile(
+      "Duration", unit(number(run.duration_s(), 1), "s"),
+      ticks_text(run.recording.ticks.size()) + " at " + json_number(run.recording.header.rate_hz, 1) + " Hz");
+  html += force_tile(run) + structures_tile(run) + safety_tile(run) + hash_tile(run);
   return html + "</dl>\n";
+}
+
+std::string trouble_html(const Run& run) {
+  if (!run.recording.summary || run.recording.summary->trouble.empty()) return "";
+  std::string html =
+      "<section class=\"card notice\" aria-labelledby=\"trouble-title\"><h2 id=\"trouble-title\">What the "
+      "hand did not reach</h2>\n<ul class=\"trouble\">\n";
+  for (const std::string& sentence : run.recording.summary->trouble) {
+    html += "<li>" + escape(sentence) + "</li>\n";
+  }
+  return html + "</ul></section>\n";
 }
 
 }  // namespace palpate::report

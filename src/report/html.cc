@@ -85,6 +85,13 @@ std::string number(double value, int decimals) {
   return std::isfinite(value) ? fixed(value, decimals) : "-";
 }
 
+std::string depth_text(double depth_mm) {
+  if (!std::isfinite(depth_mm)) return "not measured";
+  const std::string text = number(depth_mm, 2) + " mm";
+  if (text.front() != '-') return text;
+  return text + ", " + number(-depth_mm, 2) + " mm in front of the segmented surface";
+}
+
 std::string grouped(std::uint64_t value) {
   constexpr std::string_view kNarrowSpace = "\u202f";
   const std::string digits = std::to_string(value);

@@ -39,6 +39,13 @@ TEST(Numbers, AreShortAndNeverNegativeZero) {
   EXPECT_EQ(css_colour({1, 160, 255}), "#01a0ff");
 }
 
+TEST(Numbers, DepthsInFrontOfTheSurfaceAreExplained) {
+  EXPECT_EQ(depth_text(0.625), "0.62 mm");
+  EXPECT_EQ(depth_text(-0.634), "-0.63 mm, 0.63 mm in front of the segmented surface");
+  EXPECT_EQ(depth_text(-0.001), "0.00 mm");
+  EXPECT_EQ(depth_text(std::numeric_limits<double>::quiet_NaN()), "not measured");
+}
+
 TEST(Base64, MatchesRfc4648) {
   const auto encode = [](std::string_view text) {
     return base64({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});

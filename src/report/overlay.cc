@@ -117,6 +117,13 @@ std::string draw_scale_bar(const SectionPlane& plane) {
   return svg + text("scale-text", {0.5 * (left.x + right.x), left.y - 8}, number(kScaleBar_mm, 0) + " mm");
 }
 
+/// What the letters at the edges do not tell: whose side this is, or that they are missing.
+std::string corner_text(const SectionMarks& marks) {
+  if (!marks.oriented) return "ORIENTATION UNKNOWN";
+  const bool one_sided = marks.side == Side::kLeft || marks.side == Side::kRight;
+  return (one_sided ? "Side: " : "") + side_text(marks.side);
+}
+
 std::string draw_letters(const SectionPlane& plane) {
   const OrientationLetters letters = orientation_letters(plane);
   const double width = plane.width_px, height = plane.height_px;
@@ -164,6 +171,8 @@ std::string side_text(Side side) {
       return "LEFT";
     case Side::kRight:
       return "RIGHT";
+    case Side::kBoth:
+      return "";
     case Side::kUnknown:
       break;
   }
@@ -182,8 +191,10 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
     }
   }
   svg += draw_force(plane, marks) + draw_contact(plane, marks.contact) + "</g>";
-  svg += draw_scale_bar(plane) + draw_letters(plane);
-  svg += text("side-mark", {plane.width_px - 10.0, 20}, side_text(marks.side));
+  svg += draw_scale_bar(plane);
+  if (marks.oriented) svg += draw_letters(plane);
+  const std::string corner = corner_text(marks);
+  if (!corner.empty()) svg += text("side-mark", {plane.width_px - 10.0, plane.height_px - 12.0}, corner);
   return svg + "</svg>\n";
 }
 

@@ -29,17 +29,19 @@ struct SectionMarks {
   Vector<Patient> force_N;
   double arrow_mm_per_N = 5;
   Side side = Side::kUnknown;
+  bool oriented = true;  ///< false: how the volume lies in the patient is not known
   std::vector<Way> ways;
 };
 
 /// Ways farther than this from the plane are not drawn.
 inline constexpr double kWayReach_mm = 5;
 
-/// "LEFT", "RIGHT", "SIDE UNKNOWN"
+/// The side of the patient that was scanned: "LEFT", "RIGHT", "SIDE UNKNOWN", empty for both sides.
 std::string side_text(Side side);
 
-/// Way, contact, force, scale bar, orientation letters and side. `description` is for those who do not
-/// see the picture.
+/// Way, contact, force, scale bar, orientation letters, and the side in the lower right corner, where no
+/// letter stands that it could be taken for. Without orientation no letter, and a mark that says so.
+/// `description` is for those who do not see the picture.
 std::string section_svg(const SectionPlane& plane, const SectionMarks& marks, const std::string& description);
 
 }  // namespace palpate::report

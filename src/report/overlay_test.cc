@@ -32,7 +32,8 @@ TEST(Overlay, MarksStandWhereTheyBelong) {
   EXPECT_THAT(svg, HasSubstr("class=\"scale\" x1=\"14.0\" y1=\"384.0\" x2=\"54.0\" y2=\"384.0\""));
   EXPECT_THAT(svg, HasSubstr(">10 mm</text>"));
   for (const std::string letter : {"R", "L", "A", "P"}) EXPECT_THAT(svg, HasSubstr(">" + letter + "</text>"));
-  EXPECT_THAT(svg, HasSubstr(">LEFT</text>"));
+  // below and to the right, away from the letter L at half height and from the one below the middle
+  EXPECT_THAT(svg, HasSubstr("<text class=\"side-mark\" x=\"390.0\" y=\"388.0\">Side: LEFT</text>"));
   EXPECT_THAT(svg, HasSubstr("aria-label=\"A &lt;section&gt;\""));
 }
 
@@ -106,6 +107,31 @@ TEST(Overlay, SideIsNeverGuessed) {
   EXPECT_EQ(side_text(Side::kLeft), "LEFT");
   EXPECT_EQ(side_text(Side::kRight), "RIGHT");
   EXPECT_EQ(side_text(Side::kUnknown), "SIDE UNKNOWN");
+  EXPECT_EQ(side_text(Side::kBoth), "");
+  SectionMarks marks;
+  marks.contact = axial().centre;
+  EXPECT_THAT(section_svg(axial(), marks, ""), HasSubstr(">SIDE UNKNOWN</text>"));
+}
+
+TEST(Overlay, BothSidesNeedNoMarkButLetters) {
+  SectionMarks marks;
+  marks.contact = axial().centre;
+  marks.side = Side::kBoth;
+  const std::string svg = section_svg(axial(), marks, "");
+  EXPECT_THAT(svg, Not(HasSubstr("side-mark")));
+  for (const std::string letter : {"R", "L", "A", "P"}) EXPECT_THAT(svg, HasSubstr(">" + letter + "</text>"));
+}
+
+TEST(Overlay, WithoutOrientationThereAreNoLetters) {
+  SectionMarks marks;
+  marks.contact = axial().centre;
+  marks.side = Side::kLeft;
+  marks.oriented = false;
+  const std::string svg = section_svg(axial(), marks, "");
+  EXPECT_THAT(svg, HasSubstr(">ORIENTATION UNKNOWN</text>"));
+  for (const std::string letter : {"R", "L", "A", "P", "S", "I"})
+    EXPECT_THAT(svg, Not(HasSubstr(">" + letter + "</text>")));
+  EXPECT_THAT(svg, Not(HasSubstr("LEFT")));
 }
 
 }  // namespace

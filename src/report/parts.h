@@ -11,6 +11,8 @@ namespace palpate::report {
 /// Title, who and when, the figures that a person looks at first.
 std::string header_html(const Run& run);
 std::string tiles_html(const Run& run);
+/// What the simulated hand did not reach; empty when it reached everything.
+std::string trouble_html(const Run& run);
 
 /// Tabs, one a structure, each with three sections through its contact. Error kInterrupted.
 Result<std::string> contacts_html(const Run& run, const Progress& progress);

@@ -99,10 +99,14 @@ std::string plot(const std::string& id, const std::string& title, const std::str
          escape(description) + "\"></div></div>\n";
 }
 
-double deepest_mm(const Run& run) {
+/// "; largest 0.90 mm"
+std::string deepest_text(const Run& run) {
   double deepest = kGap;
   for (const StructureFigures& figure : run.structures) deepest = std::fmax(deepest, figure.max_depth_mm);
-  return deepest;
+  std::string text;
+  if (std::isfinite(deepest)) text += "; largest " + number(deepest, 2) + " mm";
+  if (run.deeper_than_measured()) text += "; in places deeper than measured";
+  return text;
 }
 
 }  // namespace
@@ -115,14 +119,15 @@ std::string plots_html(const Run& run) {
   }
   html +=
       "<p class=\"hint\">Shaded: contacts, in the structure's colour. Drag to zoom, double-click to see "
-      "all. A negative depth is felt in the smoothed rim, in front of the surface.</p>\n";
+      "all. A negative depth is felt in the smoothed rim, in front of the surface.";
+  if (run.depth_has_gaps()) html += " Where its curve has a gap in a contact, no surface was within reach.";
+  html += "</p>\n";
   const std::string duration = " over " + number(run.duration_s(), 1) + " s";
   html += plot("force", "Force sent <span class=\"unit\">N</span>",
                "Force sent" + duration + "; largest " + number(run.forces.peak_N, 2) + " N, limit " +
                    number(run.forces.highest_limit_N, 2) + " N");
   html += plot("depth", "Depth below the surface <span class=\"unit\">mm</span>",
-               "Depth of the tip below the touched surface" + duration + "; largest " +
-                   number(deepest_mm(run), 2) + " mm");
+               "Depth of the tip below the touched surface" + duration + deepest_text(run));
   html += plot("speed", "Speed of the tip <span class=\"unit\">mm/s</span>", "Speed of the tip" + duration);
   html += "<ul class=\"legend\" aria-label=\"Structures touched\">";
   for (const StructureFigures& figure : run.structures) {

@@ -42,11 +42,12 @@ std::string head_html(const RecordingHeader& header) {
   return html + "</style>\n</head>\n";
 }
 
-std::string banner_html(bool simulated) {
+std::string banner_html(const Run& run) {
   return std::string(
              "<div class=\"banner\" role=\"note\"><strong>Research and education - not for clinical "
              "use</strong>") +
-         (simulated ? "<span class=\"badge\">Simulated hand</span>" : "") + "</div>\n";
+         (run.recording.header.simulated ? "<span class=\"badge\">Simulated hand</span>" : "") +
+         (run.model.oriented ? "" : "<span class=\"badge\">Orientation unknown</span>") + "</div>\n";
 }
 
 Result<std::string> page_html(const Recording& recording, const Model& model, const Progress& progress) {
@@ -60,10 +61,9 @@ Result<std::string> page_html(const Recording& recording, const Model& model, co
   const auto contacts = contacts_html(run, progress);
   if (!contacts.ok()) return contacts.error();
 
-  std::string html =
-      head_html(recording.header) + "<body>\n" + banner_html(recording.header.simulated) + "<main>\n";
-  html += header_html(run) + tiles_html(run) + *contacts + plots_html(run) + structure_table_html(run) +
-          safety_table_html(run) + provenance_html(run) + "</main>\n";
+  std::string html = head_html(recording.header) + "<body>\n" + banner_html(run) + "<main>\n";
+  html += header_html(run) + tiles_html(run) + trouble_html(run) + *contacts + plots_html(run) +
+          structure_table_html(run) + safety_table_html(run) + provenance_html(run) + "</main>\n";
   html.append("<script>")
       .append(asset("uPlot.iife.min.js").text)
       .append("</script>\n<script>")

@@ -3,11 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 
+#include "base/test_folder.h"
 #include "report/example_run.h"
 
 namespace palpate::report {
@@ -55,7 +53,7 @@ TEST_F(Report, ShowsThreeSectionsOfEachTouchedStructure) {
   EXPECT_EQ(count(html, "<figure class=\"section\">"), 12u);
   EXPECT_EQ(count(html, "src=\"data:image/png;base64,"), 24u);
   EXPECT_EQ(count(html, ">10 mm</text>"), 12u);
-  EXPECT_EQ(count(html, ">LEFT</text>"), 12u);
+  EXPECT_EQ(count(html, ">Side: LEFT</text>"), 12u);
 }
 
 TEST_F(Report, IsTheSameEachTimeAndSmall) {
@@ -85,6 +83,7 @@ TEST_F(Report, NamesCannotBringMarkup) {
         &recording.header.simd_target, &recording.header.script_text}) {
     *field = evil;
   }
+  recording.summary->trouble = {evil};
   const std::string html = page();
   EXPECT_THAT(html, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
   EXPECT_THAT(html, Not(HasSubstr("<img src=x")));
@@ -103,7 +102,135 @@ TEST_F(Report, UnknownSideIsSaid) {
   model.side = Side::kUnknown;
   const std::string html = page();
   EXPECT_EQ(count(html, ">SIDE UNKNOWN</text>"), 12u);
-  EXPECT_EQ(count(html, ">LEFT<"), 0u);
+  EXPECT_EQ(count(html, "LEFT"), 0u);
+}
+
+TEST_F(Report, BothSidesNeedNoMark) {
+  model.side = Side::kBoth;
+  const std::string html = page();
+  EXPECT_EQ(count(html, "class=\"side-mark\""), 0u);
+  EXPECT_EQ(count(html, "badge side"), 0u);
+  EXPECT_EQ(count(html, "UNKNOWN"), 0u);
+  EXPECT_EQ(count(html, ">L</text>"), 8u);  // axial and coronal
+}
+
+TEST_F(Report, ASideFromTheAnatomySaysSo) {
+  EXPECT_THAT(page(), HasSubstr("<span class=\"badge side\">LEFT</span>"));
+  model.side_from_anatomy = true;
+  EXPECT_THAT(page(), HasSubstr("<span class=\"badge side\">LEFT, from the fibula</span>"));
+  // where it did not follow either
+  model.side = Side::kUnknown;
+  EXPECT_THAT(page(), HasSubstr("<span class=\"badge side\">SIDE UNKNOWN</span>"));
+}
+
+TEST_F(Report, WithoutOrientationNothingAnatomicalIsClaimed) {
+  EXPECT_EQ(count(page(), "rientation unknown"), 0u);
+  model.oriented = false;
+  const std::string html = page();
+  EXPECT_EQ(count(html, ">ORIENTATION UNKNOWN</text>"), 12u);
+  EXPECT_EQ(count(html, "<span class=\"badge\">Orientation unknown</span>"), 1u);
+  EXPECT_THAT(html, HasSubstr("do not say how the volume lies in the patient"));
+  EXPECT_THAT(html, HasSubstr("<span class=\"badge side\">SIDE UNKNOWN</span>"));
+  for (const std::string plane : {"Plane x-y", "Plane x-z", "Plane y-z"})
+    EXPECT_EQ(count(html, "<figcaption><span>" + plane + "</span>"), 4u);
+  for (const std::string claim :
+       {"LEFT", "Axial", "Coronal", "Sagittal", "Radiological", "class=\"letter", "> S ", "> I ", "> P "})
+    EXPECT_EQ(count(html, claim), 0u) << claim;
+}
+
+TEST_F(Report, SaysWhatTheHandDidNotReach) {
+  recording.summary->trouble = {"line 9: asked for 2.00 N, felt 1.50 N on patella", "line 12: <no way>"};
+  const std::string html = page();
+  EXPECT_THAT(html, HasSubstr("What the hand did not reach"));
+  EXPECT_THAT(html,
+              HasSubstr("<li>line 9: asked for 2.00 N, felt 1.50 N on patella</li>\n<li>line 12: &lt;no"));
+  EXPECT_LT(html.find("What the hand did not reach"), html.find("id=\"contacts-title\""));
+  recording.summary->trouble.clear();
+  EXPECT_THAT(page(), Not(HasSubstr("did not reach")));
+}
+
+TEST_F(Report, DepthOutOfReachIsAGapAndIsSaid) {
+  EXPECT_THAT(page(), Not(HasSubstr("eeper than measured")));
+  EXPECT_THAT(page(), Not(HasSubstr("no surface was within reach")));
+  // the first contact, with the tibia, but for its beginning and its end
+  for (std::size_t i = 700; i < 1850; ++i)
+    recording.ticks[i].device[0].depth_mm = std::numeric_limits<double>::quiet_NaN();
+  const std::string html = page();
+  // at the largest force, in the table and below it, in the plot's description
+  EXPECT_EQ(count(html, "eeper than measured"), 4u);
+  EXPECT_THAT(html, HasSubstr("no surface was within reach"));
+  const std::string depth = html.substr(html.find("\"depth\":[["));
+  EXPECT_THAT(depth.substr(0, depth.find("]]")), HasSubstr("null,null,null,null,null,null,null,null,null"));
+}
+
+TEST_F(Report, DepthOutOfReachInFrontIsNotCalledDeep) {
+  model.level_of_label.assign(example::kPatella + 1, 0.8F);
+  for (TickRecord& tick : recording.ticks) {
+    tick.device[0].depth_mm = std::numeric_limits<double>::quiet_NaN();
+    tick.device[0].field = 0.1;
+  }
+  const std::string html = page();
+  EXPECT_THAT(html, Not(HasSubstr("eeper than measured")));
+  EXPECT_EQ(count(html, "<dt>Depth there</dt><dd>not measured</dd>"), 4u);
+  EXPECT_THAT(html, HasSubstr("no surface was within reach"));
+}
+
+TEST_F(Report, DepthInFrontOfTheSurfaceIsExplained) {
+  for (TickRecord& tick : recording.ticks) {
+    if (tick.device[0].label == example::kPatella) tick.device[0].depth_mm = -0.63;
+  }
+  const std::string html = page();
+  EXPECT_THAT(html, HasSubstr("-0.63 mm, 0.63 mm in front of the segmented surface"));
+  EXPECT_THAT(html, HasSubstr("<td>-0.63<span class=\"note\">in front of the surface</span></td>"));
+}
+
+TEST_F(Report, TouchesInPassingAreCountedApart) {
+  const auto tile = [this] {
+    const std::string html = page();
+    const auto at = html.find("<dt>Structures touched</dt>");
+    return html.substr(at, html.find("</div>", at) - at);
+  };
+  EXPECT_THAT(tile(), HasSubstr("<dd>4</dd>"));
+  EXPECT_THAT(tile(), Not(HasSubstr("in passing")));
+  // the femur, for 100 ms on the way from the tibia
+  for (std::size_t i = 2100; i < 2200; ++i) {
+    recording.ticks[i].device[0].label = example::kFemur;
+    recording.ticks[i].device[0].flags = kFlagContact;
+  }
+  EXPECT_THAT(tile(), HasSubstr("<dd>4</dd>"));
+  EXPECT_THAT(tile(), HasSubstr("for 0.5 s or longer, 1 more in passing"));
+}
+
+TEST_F(Report, ForceAboveTheLimitOfItsTickIsFlagged) {
+  EXPECT_EQ(count(page(), "<p class=\"callout alert\""), 0u);
+  recording.ticks[1500].device[0].force_N = {0, 0, 1.6};
+  recording.ticks[1501].max_force_N = 0.1;
+  const std::string html = page();
+  EXPECT_EQ(count(html, "<p class=\"callout alert\""), 1u);
+  EXPECT_EQ(count(html, "<div class=\"tile alert\">"), 1u);
+  EXPECT_THAT(html, HasSubstr("exceeded in 2 ticks"));
+}
+
+TEST_F(Report, OutsideIsNotAnIntervention) {
+  recording.summary->clamped = 0;
+  recording.summary->outside = 4800;
+  const std::string html = page();
+  EXPECT_THAT(html, HasSubstr("<dt>Safety interventions</dt><dd>0 "));
+  const auto interventions = html.find(">Interventions</th>"),
+             others = html.find(">Not an intervention</th>");
+  ASSERT_NE(interventions, html.npos);
+  ASSERT_NE(others, html.npos);
+  for (const std::string row : {"Clamped", "Not finite", "Rotation ignored"}) {
+    EXPECT_GT(html.find(">" + row + "</th>"), interventions);
+    EXPECT_LT(html.find(">" + row + "</th>"), others);
+  }
+  for (const std::string row : {"Outside", "Paused"}) EXPECT_GT(html.find(">" + row + "</th>"), others);
+}
+
+TEST_F(Report, SaysThatTheHashIsTheRecordedOne) {
+  EXPECT_THAT(page(), HasSubstr("<code>palpate replay</code> computes the run anew and verifies it"));
+  recording.summary.reset();
+  EXPECT_THAT(page(), Not(HasSubstr("palpate replay")));
 }
 
 TEST_F(Report, ARealDeviceIsNotCalledSimulated) {
@@ -178,20 +305,16 @@ TEST_F(Report, CanBeInterrupted) {
 }
 
 TEST_F(Report, IsWrittenWholeOrNotAtAll) {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "palpate_report_test";
-  std::filesystem::create_directories(folder);
+  const test::TemporaryFolder folder;
   ASSERT_TRUE(write_report(folder / "run.html", recording, model).ok());
-  std::ifstream stream(folder / "run.html", std::ios::binary);
-  const std::string written{std::istreambuf_iterator<char>(stream), {}};
-  EXPECT_EQ(written, page());
+  EXPECT_TRUE(test::bytes_of_file(folder / "run.html") == page());
 
-  const auto failed = write_report(folder / "absent" / "run.html", recording, model);
+  const auto failed = write_report(folder / "absent/run.html", recording, model);
   ASSERT_FALSE(failed.ok());
   EXPECT_EQ(failed.error().kind, ErrorKind::kOutput);
   recording.header.model_hash ^= 1;
   EXPECT_FALSE(write_report(folder / "other.html", recording, model).ok());
-  EXPECT_FALSE(std::filesystem::exists(folder / "other.html"));
-  std::filesystem::remove_all(folder);
+  EXPECT_EQ(folder.count(), 1u);
 }
 
 }  // namespace

@@ -21,17 +21,25 @@ Run::Run(const Recording& recording_in, const Model& model_in)
       model(model_in),
       edges_s(tick_edges_s(recording)),
       contacts(find_contacts(recording, edges_s)),
-      structures(summarise_structures(recording, edges_s, contacts)),
+      structures(summarise_structures(recording, model, edges_s, contacts)),
       shown(main_contacts(contacts, structures, edges_s, kMostShown)),
       safety(safety_counts(recording)),
       forces(force_extremes(recording)) {}
 
+bool Run::depth_has_gaps() const {
+  return std::any_of(structures.begin(), structures.end(),
+                     [](const StructureFigures& figure) { return figure.depth_has_gaps; });
+}
+
+bool Run::deeper_than_measured() const {
+  return std::any_of(structures.begin(), structures.end(),
+                     [](const StructureFigures& figure) { return figure.deeper_than_measured; });
+}
+
 std::string Run::name(LabelId label) const {
   const RecordingHeader::Structure* structure = find_structure(recording, label);
   if (structure != nullptr && !structure->name.empty()) return structure->name;
-  const Segment* segment = model.find(label);
-  if (segment != nullptr && !segment->name.empty()) return segment->name;
-  return "label " + std::to_string(label);
+  return model.name_of(label);
 }
 
 Rgb Run::colour(LabelId label) const {

@@ -25,6 +25,11 @@ struct Run {
   SafetyCounts safety;
   ForceExtremes forces;
 
+  /// Unknown when it is not known how the volume lies in the patient, whatever the scene says.
+  Side side() const { return model.oriented ? model.side : Side::kUnknown; }
+  /// Of any structure.
+  bool depth_has_gaps() const;
+  bool deeper_than_measured() const;
   double duration_s() const { return edges_s.back() - edges_s.front(); }
   const DeviceTick& at_peak(const Contact& contact) const {
     return recording.ticks[contact.peak].device[contact.device];

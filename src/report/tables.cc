@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "report/html.h"
 #include "report/parts.h"
 
@@ -6,6 +8,24 @@ namespace {
 
 std::string cell(const std::string& value) {
   return "<td>" + value + "</td>";
+}
+
+std::string note(const std::string& text) {
+  return "<span class=\"note\">" + text + "</span>";
+}
+
+/// The largest depth that was measured, and what to know about it.
+std::string depth_cell(const StructureFigures& figure) {
+  std::string depth = number(figure.max_depth_mm, 2);
+  if (depth.front() == '-' && std::isfinite(figure.max_depth_mm)) depth += note("in front of the surface");
+  if (!figure.deeper_than_measured) return cell(depth);
+  return cell(std::isnan(figure.max_depth_mm) ? note("deeper than measured")
+                                              : depth + note("and deeper than measured"));
+}
+
+std::string group(const std::string& css_class, const std::string& title) {
+  return "<tbody class=\"" + css_class + "\"><tr class=\"group\"><th scope=\"rowgroup\" colspan=\"4\">" +
+         title + "</th></tr>\n";
 }
 
 std::string safety_row(const Run& run, const std::string& name, std::uint64_t count,
@@ -42,29 +62,40 @@ std::string structure_table_html(const Run& run) {
       "</tr></thead><tbody>\n";
   for (const StructureFigures& figure : run.structures) {
     html += "<tr><th scope=\"row\">" + swatch(run.colour(figure.label)) + escape(run.name(figure.label)) +
-            "</th>" + cell(figure.contacts > 0 ? std::to_string(figure.contacts) : "brief") +
+            (figure.in_passing() ? note("in passing") : "") + "</th>" +
+            cell(figure.contacts > 0 ? std::to_string(figure.contacts) : "brief") +
             cell(number(figure.contact_s, 2)) + cell(number(figure.mean_force_N, 2)) +
-            cell(number(figure.peak_force_N, 2)) + cell(number(figure.max_depth_mm, 2)) +
+            cell(number(figure.peak_force_N, 2)) + depth_cell(figure) +
             cell(number(figure.mean_speed_mm_s, 1)) + "</tr>\n";
   }
-  return html +
-         "</tbody></table></div>\n<p class=\"hint\">Contacts last at least 50 ms; times and means include "
-         "briefer touches.</p></section>\n";
+  html +=
+      "</tbody></table></div>\n<p class=\"hint\">Contacts last at least 50 ms; times and means include "
+      "briefer touches. In passing: less than " +
+      number(kPassing_s, 1) +
+      " s in all. A negative depth lies in front of the segmented surface, in its smoothed rim.";
+  if (run.deeper_than_measured())
+    html += " Deeper than measured: inside the structure, and no surface of it was within reach.";
+  return html + "</p></section>\n";
 }
 
 std::string safety_table_html(const Run& run) {
   std::string html =
       "<section class=\"card\" aria-labelledby=\"safety-title\"><h2 id=\"safety-title\">Safety stage</h2>\n"
       "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">What happened</th><th scope=\"col\">Ticks"
-      "</th><th scope=\"col\">Share</th><th scope=\"col\" class=\"text\">What it means</th></tr></thead>"
-      "<tbody>\n";
+      "</th><th scope=\"col\">Share</th><th scope=\"col\" class=\"text\">What it means</th></tr></thead>\n";
+  html += group("interventions", "Interventions");
   html +=
       safety_row(run, "Clamped", run.safety.clamped,
                  "The computed force was larger than the limit; the limit was sent, in the same direction.");
   html += safety_row(run, "Not finite", run.safety.not_finite,
                      "A position or a force was not a number; no force was sent.");
-  html += safety_row(run, "Outside", run.safety.outside,
-                     "The tip was outside the volume, where there is nothing to feel.");
+  html += safety_row(run, "Rotation ignored", run.safety.rotation_ignored,
+                     "The commanded rotation of the object was no rotation; the last one was kept.");
+  html += "</tbody>" + group("others", "Not an intervention");
+  html +=
+      safety_row(run, "Outside", run.safety.outside,
+                 "The tip was outside the scanned volume. Less than a voxel beyond its border it may still "
+                 "press on the face where the scan is cut off; farther out there is nothing to feel.");
   html += safety_row(run, "Paused", run.safety.paused, "The session was paused; no force was sent.");
   return html + "</tbody></table></div></section>\n";
 }
@@ -85,6 +116,11 @@ std::string provenance_html(const Run& run) {
   html +=
       entry("Run", run.recording.summary ? hex(run.recording.summary->run_hash) : "none: cut short", true);
   html += "</dl>\n";
+  if (run.recording.summary) {
+    html +=
+        "<p class=\"hint\">The hash of the run is the one that stands in the recording; <code>palpate "
+        "replay</code> computes the run anew and verifies it.</p>\n";
+  }
   if (!header.script_text.empty()) {
     html +=
         "<details><summary>Script as run</summary><pre>" + escape(header.script_text) + "</pre></details>\n";

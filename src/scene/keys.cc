@@ -47,18 +47,25 @@ std::string table_markdown(const TableSpec& table) {
   return text;
 }
 
-/// Edits (insert, delete, replace) that turn a into b.
+char lower(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+
+/// Edits (insert, delete, replace, swap two neighbours) that turn a into b; a capital for a small letter is
+/// none. Of a letter no more than one edit: "optimal string alignment".
 int edit_distance(std::string_view a, std::string_view b) {
-  std::vector<int> row(b.size() + 1);
+  std::vector<int> before(b.size() + 1), row(b.size() + 1), next(b.size() + 1);
   std::iota(row.begin(), row.end(), 0);
   for (std::size_t i = 0; i < a.size(); ++i) {
-    int diagonal = row[0];
-    row[0] = static_cast<int>(i) + 1;
+    next[0] = static_cast<int>(i) + 1;
     for (std::size_t j = 0; j < b.size(); ++j) {
-      const int replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
+      const bool equal = lower(a[i]) == lower(b[j]);
+      next[j + 1] = std::min({row[j] + (equal ? 0 : 1), row[j + 1] + 1, next[j] + 1});
+      const bool swapped = i > 0 && j > 0 && lower(a[i]) == lower(b[j - 1]) && lower(a[i - 1]) == lower(b[j]);
+      if (swapped) next[j + 1] = std::min(next[j + 1], before[j - 1] + 1);
     }
+    std::swap(before, row);
+    std::swap(row, next);
   }
   return row.back();
 }
@@ -81,8 +88,10 @@ const SceneKeys& scene_key_tables() {
             {.name = "side",
              .type = kChoice,
              .default_text = "\"unknown\"",
-             .choices = {"left", "right", "unknown"},
-             .meaning = "Side of the body, shown in the report."},
+             .choices = {"left", "right", "both", "unknown"},
+             .meaning =
+                 "Side of the body, shown in the report; `\"both\"` for a head or a torso. Without it a "
+                 "leg's side follows from its fibula, see below."},
             {.name = "data", .type = kTable, .meaning = "The files. A scene file has to have it."},
             {.name = "tissue", .type = kTables, .meaning = "What is felt and how: 1 to 64 of them."},
             {.name = "preparation", .type = kTable, .meaning = "How labels become the field that is felt."},
@@ -140,7 +149,9 @@ const SceneKeys& scene_key_tables() {
              .unit = "N/mm",
              .min = 0.001,
              .max = 20,
-             .meaning = "Force for each mm that the tip is inside."},
+             .meaning =
+                 "Force for each mm of depth at the surface, where it rises most steeply. It rises from "
+                 "about two sigma outside to two sigma inside, and no further: see below."},
             {.name = "friction",
              .type = kNumber,
              .default_text = "0.1",
@@ -216,15 +227,17 @@ const SceneKeys& scene_key_tables() {
              .min = -100,
              .max = 100,
              .meaning = "1 to 4 points [x, y, z] in the tip's frame."}}},
-      .limits = {"[limits]",
-                 "Besides what the device itself can give, and what `--max-force` says.",
-                 {{.name = "max_force",
-                   .type = kNumber,
-                   .unit = "N",
-                   .min = 0.1,
-                   .max = 40,
-                   .meaning = "The force is never larger. Without it the lesser of the device's continuous "
-                              "rating and 3 N."}}}};
+      .limits = {
+          "[limits]",
+          "Besides what the device itself can give, and what `--max-force` says.",
+          {{.name = "max_force",
+            .type = kNumber,
+            .unit = "N",
+            .min = 0.1,
+            .max = 40,
+            .meaning = "The force is never larger. It can only lower the limit that device and user set: "
+                       "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
+                       "`premium-1.5`) and 3 N."}}}};
   return keys;
 }
 
@@ -289,7 +302,7 @@ const ScriptKeys& script_key_tables() {
            {{.name = "press",
              .type = kNumber,
              .unit = "N",
-             .min = 0.05,
+             .min = 0.02,
              .max = 40,
              .meaning = "The force. Limits hold all the same."},
             {.name = "settle",
@@ -416,16 +429,25 @@ std::string_view type_text(KeyType type) {
 std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates) {
   // a name that a person mistyped is short; this bounds the work on any other
   constexpr std::size_t kMaxCompared = 100;
+  text = text.substr(0, kMaxCompared);
   std::string_view best;
-  int least = 0;
+  int least = std::max(1, static_cast<int>(text.size()) / 3) + 1;
   for (const auto candidate : candidates) {
-    const int edits = edit_distance(text.substr(0, kMaxCompared), candidate.substr(0, kMaxCompared));
-    if (best.empty() || edits < least) {
-      best = candidate;
-      least = edits;
-    }
+    // each letter that one has more than the other is an edit
+    const auto length = static_cast<int>(std::min(candidate.size(), kMaxCompared));
+    if (std::abs(length - static_cast<int>(text.size())) >= least) continue;
+    const int edits = edit_distance(text, candidate.substr(0, kMaxCompared));
+    if (edits >= least) continue;
+    best = candidate;
+    least = edits;
   }
   return best;
+}
+
+std::string did_you_mean(std::string_view text, const std::vector<std::string_view>& candidates,
+                         std::string_view quote) {
+  const std::string_view candidate = nearest(text, candidates);
+  return candidate.empty() ? "" : concat({"did you mean ", quote, candidate, quote, "? "});
 }
 
 std::string scene_keys() {

@@ -63,7 +63,11 @@ std::string_view type_text(KeyType type);
 /// The shortest decimal that reads back as the same number.
 std::string number_text(double value);
 
-/// The candidate with the least edits from `text`; empty when there is none.
+/// The candidate that `text` is most likely a slip of: at most a third of its letters edited, capitals
+/// aside. Empty where none is that near.
 std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates);
+/// "did you mean stiffness? " for what nearest() finds, put between `quote`s; else "".
+std::string did_you_mean(std::string_view text, const std::vector<std::string_view>& candidates,
+                         std::string_view quote = "");
 
 }  // namespace palpate

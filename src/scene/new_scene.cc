@@ -190,6 +190,35 @@ Result<std::string> threshold_text(const Volume<float>& scan) {
          number_text(low) + ", " + number_text(high) + "]\nstiffness = 1.0\n";
 }
 
+const char* side_text(Side side) {
+  switch (side) {
+    case Side::kLeft:
+      return "left";
+    case Side::kRight:
+      return "right";
+    case Side::kBoth:
+      return "both";
+    case Side::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
+/// A millimetre, or as much as the widest voxel: a narrower Gaussian does not close the steps between
+/// slices, and the force points out of these instead of the surface (docs/verify.md).
+std::string preparation_text(const GridGeometry* labels, const GridGeometry* scan) {
+  const KeySpec& key = *scene_key_tables().preparation.find("sigma");
+  const double widest_mm = widest_voxel_mm(labels, scan);
+  // up to a tenth, unless only the rounding of a direction matrix lies above it
+  const double sigma_mm = std::clamp(std::ceil(10 * widest_mm - 1e-6) / 10, 1.0, key.max);
+  std::string text = "\n[preparation]\n";
+  if (sigma_mm > 1) {
+    text += "# voxels are up to " + number_text(std::round(1000 * widest_mm) / 1000) +
+            " mm wide: a smaller sigma leaves their steps to be felt\n";
+  }
+  return text + "sigma = " + number_text(sigma_mm) + "  # mm\n";
+}
+
 }  // namespace
 
 Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& folder) {
@@ -203,8 +232,7 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
       return Error{ErrorKind::kUsage, "the title is not valid UTF-8", "--title", "write it in UTF-8"};
     text += "title = " + toml_string(input.title) + "\n";
   }
-  if (input.side != Side::kUnknown)
-    text += input.side == Side::kLeft ? "side = \"left\"\n" : "side = \"right\"\n";
+  if (input.side != Side::kUnknown) text += "side = \"" + std::string(side_text(input.side)) + "\"\n";
 
   // the files
   text += "\n[data]\n";
@@ -234,7 +262,8 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     const std::vector<Group> groups = group_structures(*input.label_map);
     for (const Group& group : groups) text += tissue_text(group, groups, uses);
   }
-  return text + "\n[preparation]\nsigma = 1.0  # mm\n";
+  return text + preparation_text(input.labels ? &input.label_map->geometry() : nullptr,
+                                 input.scan_volume ? &input.scan_volume->geometry() : nullptr);
 }
 
 }  // namespace palpate

@@ -146,6 +146,57 @@ TEST(NewScene, RoundTripsAnyNames) {
   }
 }
 
+LabelMap map_with_spacing(double x, double y, double z) {
+  LabelMap map = make_map({"femur"});
+  GridGeometry grid;
+  grid.dims = {2, 2, 2};
+  grid.spacing_mm = {x, y, z};
+  map.layers[0] = Volume<LabelId>(grid);
+  return map;
+}
+
+// steps of the voxels are closed: at least a millimetre, at least the widest voxel, never above the range
+TEST(NewScene, SmoothsAsWideAsTheVoxels) {
+  const auto sigma_for = [](double x, double y, double z) {
+    const LabelMap map = map_with_spacing(x, y, z);
+    return new_scene({.labels = "/l.nrrd", .label_map = &map}).preparation.sigma_mm;
+  };
+  EXPECT_EQ(sigma_for(0.28, 0.28, 0.3), 1.0);
+  EXPECT_EQ(sigma_for(0.28, 0.28, 1.0), 1.0);
+  EXPECT_EQ(sigma_for(0.5, 1.0 + 1e-9, 0.5), 1.0) << "rounding is no reason";
+  EXPECT_EQ(sigma_for(0.5, 0.5, 1.21), 1.3);
+  EXPECT_EQ(sigma_for(3, 0.5, 0.5), 3.0);
+  EXPECT_EQ(sigma_for(0.5, 0.5, 25), 10.0);
+}
+
+TEST(NewScene, SmoothsByTheGridsThatTheFieldIsMadeFrom) {
+  const LabelMap fine = map_with_spacing(0.5, 0.5, 0.5), thick = map_with_spacing(0.5, 0.5, 4);
+  GridGeometry grid;
+  grid.dims = {2, 1, 1};
+  grid.spacing_mm = {2, 2, 2};
+  const Volume<float> scan(grid, {1, 2});
+  EXPECT_EQ(new_scene({.scan = "/s.nii", .scan_volume = &scan}).preparation.sigma_mm, 2.0);
+  const auto beside = [&](const LabelMap& map) {
+    return new_scene({.scan = "/s.nii", .labels = "/l.nrrd", .label_map = &map, .scan_volume = &scan})
+        .preparation.sigma_mm;
+  };
+  EXPECT_EQ(beside(fine), 1.0);
+  EXPECT_EQ(beside(thick), 4.0);
+}
+
+TEST(NewScene, SaysWhySigmaIsWide) {
+  const LabelMap thick = map_with_spacing(0.5, 0.5, 3), fine = map_with_spacing(0.5, 0.5, 0.5);
+  EXPECT_THAT(*new_scene_text({.labels = "/l.nrrd", .label_map = &thick}, "/"),
+              HasSubstr("# voxels are up to 3 mm wide"));
+  EXPECT_THAT(*new_scene_text({.labels = "/l.nrrd", .label_map = &fine}, "/"), Not(HasSubstr("mm wide")));
+}
+
+TEST(NewScene, WritesEverySide) {
+  const LabelMap map = make_map({"femur"});
+  for (const Side side : {Side::kUnknown, Side::kLeft, Side::kRight, Side::kBoth})
+    EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &map, .side = side}).side, side);
+}
+
 TEST(NewScene, IsDeterministic) {
   const LabelMap map = make_map({"femur", "x", "y", "patellar_cartilage"});
   const NewSceneInput input{.labels = "/l.nrrd", .label_map = &map};

@@ -2,6 +2,7 @@
 #include <map>
 
 #include "palpate/scene.h"
+#include "scene/keys.h"
 
 namespace palpate {
 namespace {
@@ -39,13 +40,29 @@ class Index {
 /// What the map has instead, shortened to a line.
 std::string known_labels(const LabelMap& labels) {
   constexpr std::size_t kMaxListed = 400;
-  std::string list;
+  if (labels.segments.empty()) return "the label map is empty";
+  std::string list = "the label map has ";
   for (const Segment& segment : labels.segments) {
-    if (list.size() > kMaxListed) return list + ", ...";
-    list += (list.empty() ? "" : ", ") + std::to_string(segment.id);
+    if (&segment != &labels.segments.front()) list += ", ";
+    if (list.size() > kMaxListed) return list + "...";
+    list += std::to_string(segment.id);
     if (!segment.name.empty()) list += " " + segment.name;
   }
-  return list.empty() ? "the label map is empty" : "the label map has " + list;
+  return list;
+}
+
+Error absent_label(const Scene& scene, const TissueSettings& tissue, std::size_t index,
+                   const LabelMap& labels) {
+  const LabelReference& label = tissue.labels[index];
+  std::string meant;
+  if (const auto* name = std::get_if<std::string>(&label)) {
+    std::vector<std::string_view> names;
+    for (const Segment& segment : labels.segments) names.push_back(segment.name);
+    meant = did_you_mean(*name, names, "\"");
+  }
+  return {ErrorKind::kBadInput,
+          "tissue \"" + tissue.name + "\" has the label " + quoted(label) + ", which the label map lacks",
+          scene.where(tissue.label_lines[index]), meant + known_labels(labels)};
 }
 
 }  // namespace
@@ -56,15 +73,11 @@ Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, con
   std::map<LabelId, const TissueSettings*> owner;
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
-    const std::string where = scene.source + ":" + std::to_string(tissue.line);
-    for (const LabelReference& label : tissue.labels) {
+    PALPATE_CHECK(tissue.label_lines.size() == tissue.labels.size());
+    for (std::size_t n = 0; n < tissue.labels.size(); ++n) {
+      const LabelReference& label = tissue.labels[n];
       const std::vector<LabelId>& ids = index.find(label);
-      if (ids.empty() && !tissue.optional) {
-        return Error{
-            ErrorKind::kBadInput,
-            "tissue \"" + tissue.name + "\" has the label " + quoted(label) + ", which the label map lacks",
-            where, known_labels(labels)};
-      }
+      if (ids.empty() && !tissue.optional) return absent_label(scene, tissue, n, labels);
       for (const LabelId id : ids) {
         const auto [entry, fresh] = owner.emplace(id, &tissue);
         if (!fresh) {
@@ -72,7 +85,7 @@ Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, con
                        "tissue \"" + tissue.name + "\" claims label " + quoted(label) + ", which \"" +
                            entry->second->name + "\" (line " + std::to_string(entry->second->line) +
                            ") already has",
-                       where, "leave each structure in one tissue, once"};
+                       scene.where(tissue.label_lines[n]), "leave each structure in one tissue, once"};
         }
         ids_of_tissue[i].push_back(id);
       }

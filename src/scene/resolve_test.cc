@@ -42,14 +42,26 @@ TEST(ResolveLabels, AbsentLabelIsAnErrorWithItsLine) {
   const LabelMap map = make_map({{1, "femur"}, {2, "tibia"}});
   for (const char* label : {"'Femur'", "3", "'femur '"}) {
     const auto ids = resolve_labels(
-        scene_of(std::string("[[tissue]]\nname = 'x'\nlabels = [2]\n\n[[tissue]]\nname = 'a'\nlabels = [") +
-                 label + "]\n"),
+        scene_of(
+            std::string("[[tissue]]\nname = 'x'\nlabels = [2]\n\n[[tissue]]\nname = 'a'\nlabels = [1,\n") +
+            label + "]\n"),
         map);
     ASSERT_FALSE(ids.ok());
-    EXPECT_EQ(ids.error().where, "scene.toml:5");
+    EXPECT_EQ(ids.error().where, "scene.toml:8");
     EXPECT_THAT(ids.error().what, HasSubstr("which the label map lacks"));
     EXPECT_THAT(ids.error().remedy, HasSubstr("1 femur, 2 tibia"));
   }
+}
+
+TEST(ResolveLabels, SuggestsTheNameThatIsNear) {
+  const LabelMap map = make_map({{1, "femur"}, {2, "tibia"}});
+  const auto remedy_of = [&](const std::string& label) {
+    const auto ids = resolve_labels(scene_of("[[tissue]]\nname = 'a'\nlabels = ['" + label + "']\n"), map);
+    return ids.ok() ? "" : ids.error().remedy;
+  };
+  EXPECT_THAT(remedy_of("tibea"), HasSubstr("did you mean \"tibia\"? the label map has 1 femur"));
+  EXPECT_THAT(remedy_of("Tibia"), HasSubstr("did you mean \"tibia\"?"));
+  EXPECT_THAT(remedy_of("spleen"), testing::StartsWith("the label map has 1 femur"));
 }
 
 TEST(ResolveLabels, OptionalLabelsDropOut) {
@@ -67,7 +79,7 @@ TEST(ResolveLabels, ALabelClaimedTwiceIsAnError) {
   const auto twice = resolve_labels(
       scene_of("[[tissue]]\nname = 'a'\nlabels = ['femur']\n[[tissue]]\nname = 'b'\nlabels = [2, 1]\n"), map);
   ASSERT_FALSE(twice.ok());
-  EXPECT_EQ(twice.error().where, "scene.toml:4");
+  EXPECT_EQ(twice.error().where, "scene.toml:6");
   EXPECT_THAT(twice.error().what, HasSubstr("claims label 1, which \"a\" (line 1) already has"));
   EXPECT_FALSE(resolve_labels(scene_of("[[tissue]]\nname = 'a'\nlabels = ['femur', 1]\n"), map).ok());
 }

@@ -11,6 +11,7 @@ namespace {
 Side parse_side(const std::string& text) {
   if (text == "left") return Side::kLeft;
   if (text == "right") return Side::kRight;
+  if (text == "both") return Side::kBoth;
   return Side::kUnknown;
 }
 
@@ -18,6 +19,7 @@ void read_data(const TableReader& data, Scene& scene) {
   if (const auto scan = data.text("scan")) scene.scan = *scan;
   if (const auto labels = data.text("labels")) scene.labels = *labels;
   if (const auto names = data.text("names")) scene.names = *names;
+  scene.lines = {data.line("scan"), data.line("labels"), data.line("names")};
 }
 
 TissueSettings starting_values(const TableReader& reader) {
@@ -34,18 +36,23 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   TissueSettings tissue = starting_values(reader);
   tissue.line = reader.line();
   tissue.name = reader.text("name").value_or("");
-  if (!reader.has("name")) problems.add(reader.line(), "a tissue without a name", "add: name = \"...\"");
+  if (!reader.has("name"))
+    problems.add_missing(reader.line(), "a tissue without a name", "add: name = \"...\"");
 
   // what belongs to it
-  if (const auto labels = reader.labels("labels")) tissue.labels = *labels;
+  if (auto labels = reader.labels("labels")) {
+    tissue.labels = std::move(labels->references);
+    tissue.label_lines = std::move(labels->lines);
+  }
   tissue.threshold = reader.interval("threshold");
   tissue.optional = reader.flag("optional").value_or(false);
   const bool by_labels = reader.has("labels"), by_threshold = reader.has("threshold");
-  if (by_labels == by_threshold) {
-    problems.add(reader.line(),
-                 "tissue \"" + tissue.name + "\" has " + (by_labels ? "both" : "neither") +
-                     (by_labels ? " labels and" : " labels nor") + " a threshold",
-                 "a tissue is made of labels, or of what lies above a threshold in the scan");
+  constexpr const char* kEither = "a tissue is made of labels, or of what lies above a threshold in the scan";
+  if (by_labels && by_threshold) {
+    problems.add(reader.line(), "tissue \"" + tissue.name + "\" has both labels and a threshold", kEither);
+  } else if (!by_labels && !by_threshold) {
+    problems.add_missing(reader.line(), "tissue \"" + tissue.name + "\" has neither labels nor a threshold",
+                         kEither);
   }
   if (by_threshold && tissue.optional) {
     problems.add(reader.line("optional"), "a tissue by threshold cannot be optional",
@@ -102,7 +109,11 @@ int index_of(const Scene& scene, const std::string& name) {
 
 void check_names(const Scene& scene, Problems& problems) {
   std::vector<std::string_view> all;
-  for (const auto& tissue : scene.tissues) all.push_back(tissue.name);
+  std::string list;
+  for (const auto& tissue : scene.tissues) {
+    all.push_back(tissue.name);
+    list += (list.empty() ? "" : ", ") + tissue.name;
+  }
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
     const TissueSettings& first = scene.tissues[static_cast<std::size_t>(index_of(scene, tissue.name))];
@@ -117,7 +128,7 @@ void check_names(const Scene& scene, Problems& problems) {
     if (unknown != tissue.rests_on.end()) {
       problems.add(tissue.line,
                    "tissue \"" + tissue.name + "\" rests on \"" + *unknown + "\", which is no tissue here",
-                   "did you mean \"" + std::string(nearest(*unknown, all)) + "\"?");
+                   did_you_mean(*unknown, all, "\"") + "the tissues here are " + list);
     }
   }
 }
@@ -189,7 +200,8 @@ void check_volumes(const Scene& scene, int data_line, Problems& problems) {
 void read_tissues(const TableReader& top, Scene& scene, Problems& problems) {
   const auto tables = top.tables("tissue");
   if (tables.empty()) {
-    problems.add(top.line("tissue"), "the scene has no tissue", "add a [[tissue]] with a name and labels");
+    problems.add_missing(top.line("tissue"), "the scene has no tissue",
+                         "add a [[tissue]] with a name and labels");
     return;
   }
   if (tables.size() > kMaxTissues) {
@@ -202,15 +214,41 @@ void read_tissues(const TableReader& top, Scene& scene, Problems& problems) {
     scene.tissues.push_back(read_tissue(TableReader(table, scene_key_tables().tissue, problems), problems));
 }
 
+/// Whether the files are there; what is in them is for those to say who read them.
+Result<void> check_files(const Scene& scene) {
+  const std::array<std::pair<const std::optional<std::filesystem::path>&, int>, 3> files{
+      {{scene.scan, scene.lines.scan}, {scene.labels, scene.lines.labels}, {scene.names, scene.lines.names}}};
+  for (const auto& [file, line] : files) {
+    if (!file) continue;
+    std::error_code unknown;
+    const std::filesystem::path path = scene.resolve(*file);
+    if (std::filesystem::status(path, unknown).type() != std::filesystem::file_type::not_found) continue;
+    return Error{ErrorKind::kBadInput, "no such file: " + path.string(), scene.where(line),
+                 "paths are absolute, or relative to the folder of the scene file"};
+  }
+  return {};
+}
+
 }  // namespace
 
 std::filesystem::path Scene::resolve(const std::filesystem::path& file) const {
   return file.is_absolute() ? file : folder / file;
 }
 
+std::string Scene::where(int line) const {
+  return source + ":" + std::to_string(line);
+}
+
 Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   auto document = parse_toml(text, kMaxSceneBytes, source);
   if (!document) return document.error();
+
+  const TomlValue* step = document->find("step");
+  if (step && !document->find("tissue")) {
+    return Error{ErrorKind::kBadInput, "this is a palpation script, not a scene",
+                 source + ":" + std::to_string(step->line),
+                 "give it after the scene: palpate simulate SCENE --script SCRIPT"};
+  }
 
   const SceneKeys& keys = scene_key_tables();
   Problems problems(source);
@@ -251,6 +289,7 @@ Result<Scene> load_scene(const std::filesystem::path& file) {
                  "add a [data] table with labels = \"...\", or scan = \"...\""};
   }
   scene->folder = file.parent_path();
+  if (auto found = check_files(*scene); !found) return found.error();
   return scene;
 }
 

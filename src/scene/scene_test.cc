@@ -178,6 +178,16 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "preset = 'bome'\n", 4, "unknown preset \"bome\"", "did you mean \"bone\"?"},
         BadScene{"side = 'lefft'\n" TISSUE, 1, "unknown side", "did you mean \"left\"?"},
         BadScene{TISSUE "[preparation]\nengine = 'fft'\n", 5, "unknown engine", "\"direct\" or \"fourier\""},
+        // where nothing is near, the choices stand alone
+        BadScene{TISSUE "[preparation]\nengine = 'fft'\n", 5, "unknown engine", "engine takes \"direct\""},
+        BadScene{"side = 'up'\n" TISSUE, 1, "unknown side", "side takes \"left\""},
+        BadScene{TISSUE "zzzzzz = 1\n", 4, "unknown key \"zzzzzz\"", "the keys here are name, preset"},
+        // a mistyped key comes before what is missing because of it
+        BadScene{"title = 'x'\n[[tissues]]\nname = 'a'\nlabels = [1]\n", 2, "unknown key \"tissues\"",
+                 "did you mean tissue?"},
+        BadScene{"[[tissue]]\nnam = 'a'\nlabels = [1]\n", 2, "unknown key \"nam\"", "did you mean name?"},
+        BadScene{"[[tissue]]\nname = 'a'\nlables = [1]\n", 3, "unknown key \"lables\"",
+                 "did you mean labels?"},
         // the problem that comes first in the file is the one that is told
         BadScene{TISSUE "opacity = 2\nstifness = 1\n", 4, "opacity = 2 is outside 0 ... 1", ""},
         BadScene{TISSUE "stifness = 1\nopacity = 2\n", 4, "unknown key", ""}));
@@ -197,7 +207,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"title = 3\n" TISSUE, 1, "title is a whole number", "a text"},
         BadScene{"title = ''\n" TISSUE, 1, "title is empty", "give it a text"},
         BadScene{"title = 1979-05-27\n" TISSUE, 1, "title is a date", "a text"},
-        BadScene{"side = 2\n" TISSUE, 1, "side is a whole number", "\"left\", \"right\" or \"unknown\""},
+        BadScene{"side = 2\n" TISSUE, 1, "side is a whole number",
+                 "\"left\", \"right\", \"both\" or \"unknown\""},
         BadScene{"data = 'knee'\n" TISSUE, 1, "data is a text", "write [data]"},
         BadScene{"tissue = 5\n", 1, "tissue is a whole number", "write [[tissue]]"},
         BadScene{"tissue = [5]\n", 1, "tissue is a whole number", "write [[tissue]]"},
@@ -258,7 +269,11 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "\n[[tissue]]\nname = 'a'\nlabels = [2]\n", 5,
                  "a second tissue \"a\"; the first is on line 1", ""},
         BadScene{TISSUE "rests_on = ['bone']\n[[tissue]]\nname = 'bones'\nlabels = [2]\n", 1,
-                 "rests on \"bone\", which is no tissue here", "did you mean \"bones\"?"},
+                 "rests on \"bone\", which is no tissue here",
+                 "did you mean \"bones\"? the tissues here are a, bones"},
+        BadScene{TISSUE "rests_on = ['skull']\n", 1, "rests on \"skull\"", "the tissues here are a"},
+        BadScene{"device = 'touch'\n[[step]]\napproach = 'femur'\n", 2, "a palpation script, not a scene",
+                 "--script"},
         BadScene{TISSUE "rests_on = ['a']\n", 1, "in a circle: a on a", ""},
         BadScene{TISSUE "rests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\nrests_on = ['c']\n"
                         "[[tissue]]\nname = 'c'\nlabels = [3]\nrests_on = ['b']\n",
@@ -273,6 +288,33 @@ INSTANTIATE_TEST_SUITE_P(
                  "has a threshold, but the scene has no scan", "scan = "},
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2]\n[data]\nscan = 's'\nnames = 'n'\n", 4,
                  "names for labels, but no labels", ""}));
+
+TEST(Nearest, IsOnlyWhatMayBeASlip) {
+  const std::vector<std::string_view> names{"femur", "tibia", "femoral_cartilage"};
+  EXPECT_EQ(nearest("tibea", names), "tibia");
+  EXPECT_EQ(nearest("Tibia", names), "tibia");
+  EXPECT_EQ(nearest("FEMUR", names), "femur");
+  EXPECT_EQ(nearest("femru", names), "femur");
+  EXPECT_EQ(nearest("femoral cartilage", names), "femoral_cartilage");
+  EXPECT_EQ(nearest("femorale_cartilages", names), "femoral_cartilage");
+  EXPECT_EQ(nearest("fibula", names), "");
+  EXPECT_EQ(nearest("up", names), "");
+  EXPECT_EQ(nearest("", names), "");
+  EXPECT_EQ(nearest("femur", {}), "");
+  EXPECT_EQ(did_you_mean("tibea", names, "'"), "did you mean 'tibia'? ");
+  EXPECT_EQ(did_you_mean("up", names), "");
+}
+
+TEST(ParseScene, TakesEverySide) {
+  for (const auto& [text, side] : {std::pair{"left", Side::kLeft},
+                                   {"right", Side::kRight},
+                                   {"both", Side::kBoth},
+                                   {"unknown", Side::kUnknown}}) {
+    const auto scene = parse_scene("side = '" + std::string(text) + "'\n" TISSUE, "t");
+    ASSERT_TRUE(scene.ok()) << scene.error().message();
+    EXPECT_EQ(scene->side, side);
+  }
+}
 
 TEST(NumberText, IsShortAndReadsBack) {
   for (const auto& [value, text] : {std::pair{0.1, "0.1"},
@@ -352,10 +394,24 @@ class LoadScene : public testing::Test {
 };
 
 TEST_F(LoadScene, ResolvesPathsBesideTheSceneFile) {
-  const auto scene = load_scene(write(kKnee));
+  const fs::path labels = folder_ / "elsewhere.nrrd";
+  std::ofstream(folder_ / "scan.nii.gz") << "x";
+  std::ofstream{labels} << "x";
+  const auto scene =
+      load_scene(write("[data]\nscan = 'scan.nii.gz'\nlabels = '" + labels.string() + "'\n" TISSUE));
   ASSERT_TRUE(scene.ok()) << scene.error().message();
   EXPECT_EQ(scene->resolve(*scene->scan), folder_ / "scan.nii.gz");
-  EXPECT_EQ(scene->resolve(*scene->labels), "/data/labels.nrrd");
+  EXPECT_EQ(scene->resolve(*scene->labels), labels);
+}
+
+TEST_F(LoadScene, AFileThatIsNotThereIsNamedWithItsLine) {
+  const fs::path labels = folder_ / "labels.nrrd";
+  std::ofstream{labels} << "x";
+  const auto scene =
+      load_scene(write("[data]\nlabels = 'labels.nrrd'\nnames = 'absent/names.ctbl'\n" TISSUE));
+  ASSERT_FALSE(scene.ok());
+  EXPECT_EQ(scene.error().where, (folder_ / "scene.toml").string() + ":3");
+  EXPECT_THAT(scene.error().what, HasSubstr((folder_ / "absent" / "names.ctbl").string()));
 }
 
 TEST_F(LoadScene, NeedsData) {
@@ -374,7 +430,8 @@ TEST_F(LoadScene, ErrorsNameTheFile) {
 TEST_F(LoadScene, WritesWholeFiles) {
   const fs::path file = folder_ / "new.toml";
   ASSERT_TRUE(write_scene_text(file, kKnee).ok());
-  EXPECT_TRUE(load_scene(file).ok());
+  std::ifstream written(file, std::ios::binary);
+  EXPECT_EQ(std::string((std::istreambuf_iterator<char>(written)), {}), kKnee);
   const auto failed = write_scene_text(folder_ / "absent" / "new.toml", kKnee);
   ASSERT_FALSE(failed.ok());
   EXPECT_EQ(failed.error().kind, ErrorKind::kOutput);
@@ -416,6 +473,7 @@ TEST(EmbeddedScene, HeadTakesEveryRegionOnce) {
   for (const TissueSettings& tissue : scene->tissues)
     for (const LabelReference& label : tissue.labels) ids.push_back(std::get<int>(label));
   std::sort(ids.begin(), ids.end());
+  EXPECT_EQ(scene->side, Side::kBoth);
   ASSERT_EQ(ids.size(), 116u);
   for (int i = 0; i < 116; ++i) EXPECT_EQ(ids[static_cast<std::size_t>(i)], i + 1);
 }

@@ -104,6 +104,20 @@ std::string action_names() {
   return names;
 }
 
+/// A step without an action: a mistyped one, or none.
+void add_actionless(const TomlTable& table, Problems& problems) {
+  std::vector<std::string_view> names;
+  for (const TableSpec& action : script_key_tables().actions) names.push_back(action.heading);
+  const std::string remedy = "a step has one of " + action_names();
+  for (const auto& [key, value] : table.entries) {
+    if (const std::string meant = did_you_mean(key, names); !meant.empty()) {
+      problems.add(value.line, "unknown key \"" + key + "\" in [[step]]", meant + remedy);
+      return;
+    }
+  }
+  problems.add_missing(table.line, "a step without an action", remedy);
+}
+
 /// Which action a [[step]] is for: the one whose key it has. Problem and nothing unless there is just one.
 std::optional<std::size_t> find_action(const TomlTable& table, Problems& problems) {
   const auto& actions = script_key_tables().actions;
@@ -120,15 +134,8 @@ std::optional<std::size_t> find_action(const TomlTable& table, Problems& problem
     }
     found = i;
   }
-  if (found) return found;
-  std::vector<std::string_view> names;
-  for (const TableSpec& action : actions) names.push_back(action.heading);
-  std::string remedy = "a step has one of " + action_names();
-  if (!table.entries.empty())
-    remedy = "did you mean " + std::string(nearest(table.entries.front().key, names)) + "? " + remedy;
-  problems.add(table.entries.empty() ? table.line : table.entries.front().value.line,
-               "a step without an action", remedy);
-  return std::nullopt;
+  if (!found) add_actionless(table, problems);
+  return found;
 }
 
 /// Contact has to be made before it is used, and ended before the next one is made.
@@ -159,7 +166,8 @@ void check_order(const Script& script, Problems& problems) {
 void read_steps(const TableReader& top, Script& script, Problems& problems) {
   const auto tables = top.tables("step");
   if (tables.empty()) {
-    problems.add(top.line("step"), "the script has no step", "add a [[step]] with approach = \"...\"");
+    problems.add_missing(top.line("step"), "the script has no step",
+                         "add a [[step]] with approach = \"...\"");
     return;
   }
   if (tables.size() > kMaxScriptSteps) {
@@ -183,6 +191,13 @@ Result<Script> parse_script(std::string_view text, const std::string& source) {
   auto document = parse_toml(text, kMaxSceneBytes, source);
   if (!document) return document.error();
 
+  const TomlValue* tissue = document->find("tissue");
+  if (tissue && !document->find("step")) {
+    return Error{ErrorKind::kBadInput, "this is a scene, not a palpation script",
+                 source + ":" + std::to_string(tissue->line),
+                 "give it before the script: palpate simulate SCENE --script SCRIPT"};
+  }
+
   Problems problems(source);
   Script script;
   script.source = source;
@@ -190,6 +205,8 @@ Result<Script> parse_script(std::string_view text, const std::string& source) {
   script.title = top.text("title").value_or(script.title);
   script.device = top.text("device").value_or(script.device);
   script.hand = top.text("hand").value_or(script.hand);
+  if (top.has("device")) script.device_line = top.line("device");
+  if (top.has("hand")) script.hand_line = top.line("hand");
   script.rate_hz = top.number("rate").value_or(script.rate_hz);
   script.tremor_mm = top.number("tremor").value_or(script.tremor_mm);
   if (const auto seed = top.whole("seed")) script.seed = static_cast<std::uint64_t>(*seed);

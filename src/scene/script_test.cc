@@ -55,6 +55,8 @@ TEST(ParseScript, ReadsEveryKey) {
   EXPECT_EQ(script.seed, 42u);
   EXPECT_EQ(script.source, "script.toml");
   EXPECT_THAT(script.lines, ElementsAre(7, 11, 14, 16, 20, 24, 27));
+  EXPECT_EQ(script.device_line, 2);
+  EXPECT_EQ(script.hand_line, 3);
   ASSERT_EQ(script.steps.size(), 7u);
   const auto& approach = std::get<ApproachStep>(script.steps[0]);
   EXPECT_EQ(approach.structure, "femur");
@@ -107,6 +109,8 @@ TEST(ParseScript, DefaultsAreTheDocumentedOnes) {
   const ScriptKeys& keys = script_key_tables();
   EXPECT_EQ(keys.top.find("device")->default_text, "\"" + script->device + "\"");
   EXPECT_EQ(keys.top.find("hand")->default_text, "\"" + script->hand + "\"");
+  EXPECT_EQ(script->device_line, 0);
+  EXPECT_EQ(script->hand_line, 0);
   EXPECT_EQ(script->rate_hz, default_of(keys.top, "rate"));
   EXPECT_EQ(script->tremor_mm, default_of(keys.top, "tremor"));
   EXPECT_EQ(static_cast<double>(script->seed), default_of(keys.top, "seed"));
@@ -160,7 +164,13 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"seed = 1.5\n" APPROACH, 1, "seed is a number", "a whole number"},
         BadScript{"device = 5\n" APPROACH, 1, "device is a whole number", "a text"},
         BadScript{"[[step]]\n", 1, "a step without an action", "approach, press, hold, slide, rotate, leave"},
-        BadScript{"[[step]]\naproach = 'femur'\n", 2, "a step without an action", "did you mean approach?"},
+        BadScript{"[[step]]\naproach = 'femur'\n", 2, "unknown key \"aproach\" in [[step]]",
+                  "did you mean approach?"},
+        BadScript{"[[step]]\nspeed = 5\nHold = 1\n", 3, "unknown key \"Hold\"", "did you mean hold?"},
+        BadScript{"[[step]]\nxyz = 'femur'\n", 1, "a step without an action", "a step has one of approach"},
+        BadScript{"seed = 2\n[[steps]]\napproach = 'femur'\n", 2, "unknown key \"steps\"",
+                  "did you mean step?"},
+        BadScript{"title = 'x'\n[[tissue]]\nname = 'a'\n", 2, "a scene, not a palpation script", "--script"},
         BadScript{APPROACH "[[step]]\npress = 1\nhold = 1\n", 3, "two actions, press and hold", "of its own"},
         BadScript{APPROACH "[[step]]\npress = 1\nspeed = 1\n", 5, "unknown key \"speed\" in press", "settle"},
         BadScript{APPROACH "clearence = 1\n", 3, "unknown key \"clearence\" in approach",
@@ -172,11 +182,11 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"[[step]]\napproach = '#65536'\n", 2, "no label number", ""},
         BadScript{"[[step]]\napproach = '#9x'\n", 2, "no label number", ""},
         BadScript{"[[step]]\napproach = '#4294967391'\n", 2, "no label number", ""},
-        BadScript{APPROACH "[[step]]\npress = 41\n", 4, "press = 41 is outside 0.05 ... 40 N", ""},
+        BadScript{APPROACH "[[step]]\npress = 41\n", 4, "press = 41 is outside 0.02 ... 40 N", ""},
         BadScript{APPROACH "[[step]]\nhold = 61\n", 4, "hold = 61 is outside 0.01 ... 60 s", ""},
         BadScript{APPROACH "[[step]]\nslide = 0\n", 4, "slide = 0 is outside 0.1 ... 200 mm", ""},
         BadScript{APPROACH "[[step]]\nslide = 1\ndirection = 'up'\n", 5, "unknown direction \"up\"",
-                  "superior"},
+                  "direction takes \"superior\", \"inferior\""},
         BadScript{APPROACH "[[step]]\nslide = 1\ndirection = [0, 0, 0]\n", 5, "direction points nowhere", ""},
         BadScript{APPROACH "[[step]]\nslide = 1\ndirection = [0, nan, 0]\n", 5,
                   "direction is not a finite number", ""},

@@ -42,11 +42,19 @@ int hex_digit(char c) {
 
 }  // namespace
 
+void Problems::keep_first(std::optional<Problem>& first, int line, std::string what,
+                          std::string remedy) const {
+  if (first && line >= first->line) return;
+  first = {line, Error{ErrorKind::kBadInput, std::move(what), source_ + ":" + std::to_string(line),
+                       std::move(remedy)}};
+}
+
 void Problems::add(int line, std::string what, std::string remedy) {
-  if (first_ && line >= line_) return;
-  line_ = line;
-  first_ =
-      Error{ErrorKind::kBadInput, std::move(what), source_ + ":" + std::to_string(line), std::move(remedy)};
+  keep_first(wrong_, line, std::move(what), std::move(remedy));
+}
+
+void Problems::add_missing(int line, std::string what, std::string remedy) {
+  keep_first(missing_, line, std::move(what), std::move(remedy));
 }
 
 TableReader::TableReader(const TomlTable* table, const TableSpec& spec, Problems& problems)
@@ -63,7 +71,7 @@ TableReader::TableReader(const TomlTable* table, const TableSpec& spec, Problems
     list += (list.empty() ? "" : ", ") + std::string(key.name);
   }
   problems_.add(unknown->value.line, "unknown key \"" + unknown->key + "\" in " + std::string(spec.heading),
-                "did you mean " + std::string(nearest(unknown->key, known)) + "? The keys here are " + list);
+                did_you_mean(unknown->key, known) + "the keys here are " + list);
 }
 
 const TomlValue* TableReader::find(std::string_view key, const KeySpec** spec) const {
@@ -117,9 +125,8 @@ std::optional<std::string> TableReader::choice(std::string_view key) const {
     return std::nullopt;
   }
   if (std::find(spec->choices.begin(), spec->choices.end(), *text) == spec->choices.end()) {
-    problems_.add(
-        value->line, "unknown " + std::string(key) + " \"" + *text + "\"",
-        "did you mean \"" + std::string(nearest(*text, spec->choices)) + "\"? " + remedy_text(*spec));
+    problems_.add(value->line, "unknown " + std::string(key) + " \"" + *text + "\"",
+                  did_you_mean(*text, spec->choices, "\"") + remedy_text(*spec));
     return std::nullopt;
   }
   return *text;
@@ -203,7 +210,7 @@ std::optional<Rgb> TableReader::colour(std::string_view key) const {
   return Rgb{channel(0), channel(1), channel(2)};
 }
 
-std::optional<std::vector<LabelReference>> TableReader::labels(std::string_view key) const {
+std::optional<TableReader::Labels> TableReader::labels(std::string_view key) const {
   const KeySpec* spec = nullptr;
   const TomlValue* value = find(key, KeyType::kLabels, &spec);
   if (!value) return std::nullopt;
@@ -216,17 +223,18 @@ std::optional<std::vector<LabelReference>> TableReader::labels(std::string_view 
     problems_.add(value->line, std::string(key) + " is an empty list", "name at least one structure");
     return std::nullopt;
   }
-  std::vector<LabelReference> labels;
+  Labels labels;
   for (const TomlValue& item : *items) {
     if (const auto* name = item.as<std::string>()) {
-      labels.emplace_back(*name);
+      labels.references.emplace_back(*name);
     } else if (const auto* number = item.as<std::int64_t>()) {
       if (!number_in_range(*spec, item, item.line)) return std::nullopt;
-      labels.emplace_back(static_cast<int>(*number));
+      labels.references.emplace_back(static_cast<int>(*number));
     } else {
       problems_.add(item.line, std::string(key) + " holds " + found_text(item), remedy_text(*spec));
       return std::nullopt;
     }
+    labels.lines.push_back(item.line);
   }
   return labels;
 }
@@ -315,9 +323,8 @@ std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::direction
   if (!value) return std::nullopt;
   if (const auto* name = value->as<std::string>()) {
     if (std::find(spec->choices.begin(), spec->choices.end(), *name) != spec->choices.end()) return *name;
-    problems_.add(
-        value->line, "unknown " + std::string(key) + " \"" + *name + "\"",
-        "did you mean \"" + std::string(nearest(*name, spec->choices)) + "\"? " + remedy_text(*spec));
+    problems_.add(value->line, "unknown " + std::string(key) + " \"" + *name + "\"",
+                  did_you_mean(*name, spec->choices, "\"") + remedy_text(*spec));
     return std::nullopt;
   }
   if (!value->as<TomlArray>()) {

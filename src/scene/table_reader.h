@@ -13,20 +13,27 @@
 
 namespace palpate {
 
-/// Collects what is wrong with a text and keeps the problem that comes first in it.
+/// Collects what is wrong with a text and keeps the problem that comes first in it. What is missing counts
+/// only when nothing that stands there is wrong: a mistyped key is often why something seems to be missing.
 class Problems {
  public:
   explicit Problems(std::string source) : source_(std::move(source)) {}
 
   void add(int line, std::string what, std::string remedy);
-  bool any() const { return first_.has_value(); }
+  void add_missing(int line, std::string what, std::string remedy);
+  bool any() const { return wrong_.has_value() || missing_.has_value(); }
   /// The first one; only when any().
-  const Error& first() const { return *first_; }
+  const Error& first() const { return wrong_ ? wrong_->error : missing_->error; }
 
  private:
+  struct Problem {
+    int line;
+    Error error;
+  };
+  void keep_first(std::optional<Problem>& first, int line, std::string what, std::string remedy) const;
+
   std::string source_;
-  int line_ = 0;
-  std::optional<Error> first_;
+  std::optional<Problem> wrong_, missing_;
 };
 
 /// Reads one TOML table against its declaration: an unknown key, a wrong type and a value out of range
@@ -34,6 +41,11 @@ class Problems {
 /// or as another type, is a bug.
 class TableReader {
  public:
+  struct Labels {
+    std::vector<LabelReference> references;
+    std::vector<int> lines;  ///< of each
+  };
+
   /// @param table  null where the text does not have it: every key is absent then
   TableReader(const TomlTable* table, const TableSpec& spec, Problems& problems);
 
@@ -43,7 +55,7 @@ class TableReader {
   std::optional<double> number(std::string_view key) const;
   std::optional<std::int64_t> whole(std::string_view key) const;
   std::optional<Rgb> colour(std::string_view key) const;
-  std::optional<std::vector<LabelReference>> labels(std::string_view key) const;
+  std::optional<Labels> labels(std::string_view key) const;
   std::optional<std::vector<std::string>> names(std::string_view key) const;
   std::optional<std::array<double, 2>> interval(std::string_view key) const;
   std::optional<std::vector<Eigen::Vector3d>> points(std::string_view key) const;

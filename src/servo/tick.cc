@@ -13,16 +13,17 @@ namespace {
 // below this the halo of a smoothed structure is not called a touch
 constexpr double kTouch_N = 0.02;
 
-// the kernel of the preparation ends at 4 sigma: no field lies farther from its structure
-double reach_mm(const Model& model) {
-  return 4 * model.sigma_mm + model.field->geometry().spacing_mm.maxCoeff();
+// a commanded rotation is a unit quaternion but for rounding
+bool is_rotation(const Eigen::Quaterniond& q) {
+  const double norm = q.norm();
+  return norm > 0.5 && norm < 2;
 }
 
-// a new command starts a turn from where the object is felt now; it takes kRotationInterval_s
+// a new command starts a turn from where the object is felt now; it takes kRotationInterval_s. A command
+// that is no rotation is left alone.
 void advance_rotation(const Parameters& parameters, double dt_s, SessionState& state) {
   const Eigen::Quaterniond& target = parameters.rotation_target;
-  if (target.coeffs() != state.rotation_target.coeffs() && target.coeffs().allFinite() &&
-      target.squaredNorm() > 0) {
+  if (target.coeffs() != state.rotation_target.coeffs() && is_rotation(target)) {
     state.rotation_start = state.rotation_felt;
     state.rotation_target = target;
     state.rotation_elapsed_s = 0;
@@ -47,7 +48,7 @@ PointContact touch(const Model& model, const Parameters& parameters, const Point
   contact.sample = sample_central_differences(*model.field, x);
   const Vector<Patient> normal_N = normal_force(contact.sample, model.full_force_N);
   contact.force_N = normal_N;
-  contact.site = find_contact_site(model, x, contact.sample, reach_mm(model));
+  contact.site = find_contact_site(model, x, contact.sample);
   if (contact.site.tissue < 0) return contact;
 
   const Tissue& tissue = model.tissues[contact.site.tissue];
@@ -55,6 +56,12 @@ PointContact touch(const Model& model, const Parameters& parameters, const Point
   if (parameters.viscosity)
     contact.force_N += viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level);
   return contact;
+}
+
+// felt, or so deep inside that there is no direction to push in
+bool is_touch(const PointContact& contact) {
+  const bool inside = contact.sample.value >= 0.5 * contact.site.level;
+  return contact.site.label != 0 && (inside || contact.force_N.norm() >= kTouch_N);
 }
 
 bool outside(const Field& field, const Point<Patient>& x) {
@@ -88,7 +95,7 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceS
 
   // a pose that is not finite changes nothing and gets no force
   if (!device.tip.all_finite() || !device.R_WorldTool.coeffs().allFinite() ||
-      device.R_WorldTool.squaredNorm() == 0) {
+      !is_rotation(device.R_WorldTool)) {
     hand.seen = false;
     hand.velocity.clear();
     out.flags = kFlagNotFinite;
@@ -123,7 +130,7 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceS
 
   out.flags = safe.flags;
   if (outside(*model.field, tip)) out.flags |= kFlagOutside;
-  if (strongest.site.label != 0 && strongest.force_N.norm() >= kTouch_N) {
+  if (is_touch(strongest)) {
     out.flags |= kFlagContact;
     out.label = strongest.site.label;
   }
@@ -164,9 +171,12 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
   // each device
-  for (std::size_t d = 0; d < devices.size(); ++d)
+  const std::uint32_t rotation_flag = is_rotation(parameters.rotation_target) ? 0u : kFlagRotationIgnored;
+  for (std::size_t d = 0; d < devices.size(); ++d) {
     tick_device(model, parameters, devices[d], dt_s, X_WorldPatient, X_PatientWorld, state.hands[d],
                 wrenches[d], record.device[d]);
+    record.device[d].flags |= rotation_flag;
+  }
   state.tick += 1;
   state.time_s += dt_s;
 

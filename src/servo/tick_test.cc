@@ -104,6 +104,29 @@ TEST(Tick, ARotationCommandIsInterpolatedWithoutAStepOfForce) {
   EXPECT_NEAR(felt.angularDistance(asked), 0, 1e-12) << "and arrives";
 }
 
+TEST(Tick, ACommandThatIsNoRotationIsIgnoredAndSaidSo) {
+  Loop loop;
+  const auto R = Rotation<World, World>::about(Eigen::Vector3d::UnitY(), 0.2);
+  loop.parameters.rotation_target = R.quaternion();
+  for (int n = 0; n < 150; ++n) loop.at(Point<World>(kBoneRadius_mm, 0, 0));
+  EXPECT_FALSE(loop.record.device[0].flags & kFlagRotationIgnored);
+  for (const double w : {0.0, 1e-300, 1e200, HUGE_VAL, std::nan("")}) {
+    loop.parameters.rotation_target = Eigen::Quaterniond(w, 0, 0, 0);
+    for (int n = 0; n < 150; ++n) loop.at(Point<World>(kBoneRadius_mm, 0, 0));
+    EXPECT_TRUE(loop.record.device[0].flags & kFlagRotationIgnored) << w;
+    EXPECT_NEAR(loop.state.rotation_felt.angularDistance(R.quaternion()), 0, 1e-12) << w;
+    EXPECT_GT(loop.wrench.force_N.norm(), 0.1) << "what is touched is still felt";
+  }
+}
+
+TEST(Tick, DeepInsideIsAContactThoughNothingPushes) {
+  Loop loop;
+  for (int n = 0; n < 30; ++n) loop.at(Point<World>(0, 0, 0));
+  EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+  EXPECT_EQ(loop.record.device[0].label, kBone);
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagContact);
+}
+
 TEST(Tick, VelocityIsRelativeToTheObject) {
   // a tip that rides on the turning object does not move relative to it
   Loop loop;

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "base/hash.h"
 #include "palpate/preparation.h"
@@ -11,6 +10,9 @@ namespace {
 
 // ids of structures that exist only by threshold: above what any segmentation is likely to use
 constexpr LabelId kFirstThresholdLabel = 60000;
+
+// how far before its structure the ramp of a threshold may begin
+constexpr double kThresholdRamp_mm = 5;
 
 // scan and labels on one grid, the finer of the two; what moves is said
 struct CommonGrid {
@@ -38,14 +40,18 @@ Result<CommonGrid> onto_one_grid(const LabelMap* labels, const Volume<float>* sc
     if (scan) common.scan = *scan;
     return common;
   }
-  const bool labels_finer = labels->geometry().voxel_volume_mm3() <= scan->geometry().voxel_volume_mm3();
-  if (labels_finer) {
-    auto moved = resample_linear(*scan, labels->geometry(), 0.f);
+  if (&field_grid(&labels->geometry(), &scan->geometry()) == &labels->geometry()) {
+    // what the scan does not reach counts as its darkest value: 0 HU would be tissue
+    const float darkest = *std::min_element(scan->voxels().begin(), scan->voxels().end());
+    auto moved = resample_linear(*scan, labels->geometry(), darkest);
     if (!moved) return moved.error();
-    if (warn)
+    if (warn) {
       warn(
           "scan and labels lie on different grids: the scan was resampled onto the labels' grid, which is "
           "finer");
+      if (reaches_beyond(labels->geometry(), scan->geometry()))
+        warn("the label map reaches beyond the scan; there the scan counts as its darkest value");
+    }
     common.labels = *labels;
     common.scan = std::move(*moved);
     return common;
@@ -114,9 +120,28 @@ std::uint64_t content_hash(const Model& model) {
   for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
   for (const Eigen::Vector3d& point : model.tool.points_mm)
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
-  for (const double value : {model.sigma_mm, model.full_force_N, model.scene_max_force_N})
+  for (const double value : {model.sigma_mm, model.full_force_N, model.reach_mm, model.scene_max_force_N})
     hash_double(hash, value);
   return hash_finish(hash);
+}
+
+// one label a voxel: of segments that overlap, the one that is felt most, which is the one whose weight the
+// field has; one that is not felt only where no other is
+Volume<LabelId> flatten_by_weight(const LabelMap& labels, const std::vector<std::uint8_t>& weight_of_label) {
+  if (labels.layers.size() == 1) return labels.flattened();
+  Volume<LabelId> flat(labels.geometry());
+  for (std::size_t layer = 0; layer < labels.layers.size(); ++layer) {
+    std::vector<LabelId> id_of_value(65536, 0);
+    for (const Segment& segment : labels.segments)
+      if (segment.layer == static_cast<int>(layer)) id_of_value[segment.value] = segment.id;
+    const std::vector<LabelId>& voxels = labels.layers[layer].voxels();
+    for (std::size_t v = 0; v < voxels.size(); ++v) {
+      LabelId& current = flat.voxels()[v];
+      const LabelId id = id_of_value[voxels[v]];
+      if (id != 0 && (current == 0 || weight_of_label[id] >= weight_of_label[current])) current = id;
+    }
+  }
+  return flat;
 }
 
 // the patient's side from what only one side can show: the fibula lies lateral to the tibia
@@ -150,7 +175,7 @@ Side side_from_anatomy(const Model& model) {
 
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress,
-                                                 const Warn& warn) {
+                                                 const Warn& warn, bool oriented) {
   auto common = onto_one_grid(labels, scan, warn);
   if (!common) {
     Error error = common.error();
@@ -175,12 +200,12 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
 
   // labels: each takes its tissue's weight
   const GridGeometry grid = common->labels ? common->labels->geometry() : common->scan->geometry();
+  std::vector<std::uint8_t> weight_of_label(65536, 0);
   Volume<std::uint8_t> weights;
   Volume<LabelId> flat;
   if (common->labels) {
     auto ids = resolve_labels(scene, *common->labels);
     if (!ids) return ids.error();
-    std::vector<std::uint8_t> weight_of_label(65536, 0);
     for (std::size_t t = 0; t < ids->size(); ++t)
       for (const LabelId id : (*ids)[t]) {
         const std::uint8_t weight = weight_of(model->tissues[t], stiffest);
@@ -189,14 +214,15 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
       }
     progress.report("weighing labels", 0);
     weights = weigh_labels(*common->labels, weight_of_label);
-    flat = common->labels->flattened();
+    flat = flatten_by_weight(*common->labels, weight_of_label);
     model->segments = common->labels->segments;
   } else {
     weights = Volume<std::uint8_t>(grid);
     flat = Volume<LabelId>(grid);
   }
 
-  // thresholds on the raw scan: the same field, made by a ramp; the structure is what lies above its middle
+  // thresholds on the raw scan: the same field, made by a ramp; the structure is what lies above its
+  // middle, and where tissues overlap the one that is felt most
   for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
     const TissueSettings& settings = scene.tissues[t];
     if (!settings.threshold) continue;
@@ -205,18 +231,30 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
                    "tissue '" + settings.name + "' has a threshold but the scene has no scan",
                    scene.source + ":" + std::to_string(settings.line), "name the scan under [data]"};
     const auto [low, high] = *settings.threshold;
+    const bool felt = model->tissues[t].felt;
     const std::uint8_t weight = weight_of(model->tissues[t], stiffest);
     const LabelId id = static_cast<LabelId>(kFirstThresholdLabel + t);
     set_label(*model, id, static_cast<int>(t), weight);
+    if (felt) weight_of_label[id] = weight;
     model->segments.push_back({id, settings.name, settings.colour.value_or(Rgb{230, 210, 180}), 0, id});
     const Volume<std::uint8_t> ramp = ramp_scan(*common->scan, low, high, weight / 255.0);
+    bool reached = false;
     for (std::size_t v = 0; v < flat.voxels().size(); ++v) {
-      if (model->tissues[t].felt) weights.voxels()[v] = std::max(weights.voxels()[v], ramp.voxels()[v]);
-      if (flat.voxels()[v] == 0 && common->scan->voxels()[v] >= 0.5 * (low + high)) flat.voxels()[v] = id;
+      if (felt) weights.voxels()[v] = std::max(weights.voxels()[v], ramp.voxels()[v]);
+      if (!(common->scan->voxels()[v] >= 0.5 * (low + high))) continue;
+      reached = true;
+      LabelId& current = flat.voxels()[v];
+      if (current == 0 || weight_of_label[id] > weight_of_label[current]) current = id;
     }
+    if (!reached && warn)
+      warn("nothing in the scan reaches " + std::to_string(std::lround(0.5 * (low + high))) +
+           ", the middle of tissue '" + settings.name + "'");
   }
   std::sort(model->segments.begin(), model->segments.end(),
             [](const Segment& a, const Segment& b) { return a.id < b.id; });
+  if (std::all_of(weights.voxels().begin(), weights.voxels().end(), [](std::uint8_t w) { return w == 0; }))
+    return Error{ErrorKind::kBadInput, "no voxel of the scene is felt", scene.source,
+                 "check the labels and thresholds of its tissues (palpate info shows what the files hold)"};
 
   // a tissue's own colour wins over its labels'
   for (Segment& segment : model->segments) {
@@ -238,14 +276,30 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
     model->field = std::make_shared<const Field>(std::move(*field));
   }
 
-  // the steepest slope of a smoothed step is 1/(sigma sqrt(2 pi)); without smoothing it is a voxel wide
-  const double ramp_mm = std::max(model->sigma_mm * std::sqrt(2 * std::numbers::pi), grid.min_spacing_mm());
-  model->full_force_N = stiffest * ramp_mm;
+  // the field is 1 deep inside the stiffest tissue
+  model->full_force_N = 0;
+  for (const TissueSettings& tissue : scene.tissues)
+    if (tissue.felt)
+      model->full_force_N = std::max(model->full_force_N, most_force_N(tissue, model->sigma_mm, grid));
+
+  // the kernel ends at 4 sigma; the ramp of a threshold begins before the structure does
+  const bool by_threshold = std::any_of(scene.tissues.begin(), scene.tissues.end(),
+                                        [](const TissueSettings& t) { return t.threshold.has_value(); });
+  model->reach_mm = 4 * model->sigma_mm + grid.spacing_mm.maxCoeff() + (by_threshold ? kThresholdRamp_mm : 0);
 
   model->labels = std::make_shared<const Volume<LabelId>>(std::move(flat));
   if (common->scan) model->scan = std::make_shared<const Volume<float>>(std::move(*common->scan));
   model->X_WorldPatient = supine_from_feet(grid);
-  model->side = scene.side != Side::kUnknown ? scene.side : side_from_anatomy(*model);
+  model->oriented = oriented;
+  const Side anatomy = oriented ? side_from_anatomy(*model) : Side::kUnknown;
+  model->side_from_anatomy = scene.side == Side::kUnknown && anatomy != Side::kUnknown;
+  model->side = model->side_from_anatomy ? anatomy : scene.side;
+  if (warn && (scene.side == Side::kLeft || scene.side == Side::kRight) && anatomy != Side::kUnknown &&
+      anatomy != scene.side)
+    warn("the scene says the other side than the anatomy: by the fibula this is a " +
+         std::string(anatomy == Side::kLeft ? "left" : "right") + " leg");
+  if (warn && !oriented)
+    warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
   model->content_hash = content_hash(*model);
   return std::shared_ptr<const Model>(std::move(model));
 }

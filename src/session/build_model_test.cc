@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -160,8 +161,90 @@ TEST(BuildModel, ARawScanIsFeltByThresholdWithTheSameCode) {
   EXPECT_EQ((*model)->labels->at(15, 20, 20), bone->id);
   EXPECT_EQ((*model)->labels->at(14, 20, 20), 0);
   const Point<Patient> x(15, 20, 20);
-  const ContactSite site = find_contact_site(**model, x, sample_central_differences(*(*model)->field, x), 3);
+  const ContactSite site = find_contact_site(**model, x, sample_central_differences(*(*model)->field, x));
   EXPECT_EQ(site.label, bone->id);
+}
+
+TEST(BuildModel, OverlappingSegmentsAreFeltByTheNameOfTheStiffest) {
+  // the same block in two layers: bone below, and above it once a region that no tissue takes, once cartilage
+  const GridGeometry grid = grid_of(1, 30);
+  LabelMap labels;
+  labels.layers.assign(2, Volume<LabelId>(grid));
+  for (int k = 8; k < 22; ++k)
+    for (int j = 8; j < 22; ++j)
+      for (int i = 8; i < 22; ++i) {
+        labels.layers[0].at(i, j, k) = 1;
+        labels.layers[1].at(i, j, k) = i < 15 ? 1 : 2;
+      }
+  labels.segments = {{1, "hard", {}, 0, 1}, {2, "region", {}, 1, 1}, {3, "soft", {}, 1, 2}};
+  const auto model =
+      build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [\"hard\"]\nstiffness = 1.5\n"
+                           "[[tissue]]\nname = \"cartilage\"\nlabels = [\"soft\"]\nstiffness = 0.5\n"),
+                  &labels, nullptr);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  EXPECT_EQ((*model)->labels->at(10, 15, 15), 1) << "a region that is not felt hides nothing";
+  EXPECT_EQ((*model)->labels->at(20, 15, 15), 1) << "the stiffer one is what the field has";
+}
+
+TEST(BuildModel, ThresholdTissuesThatOverlapDoNotDependOnTheirOrder) {
+  Volume<float> scan(grid_of(1, 30), -1000.f);
+  for (int k = 8; k < 22; ++k)
+    for (int j = 8; j < 22; ++j)
+      for (int i = 8; i < 22; ++i) scan.at(i, j, k) = 1000;
+  const std::string soft = "[[tissue]]\nname = \"soft\"\nthreshold = [-300, 0]\nfelt = false\n";
+  const std::string bone = "[[tissue]]\nname = \"bone\"\nthreshold = [200, 600]\nstiffness = 1.0\n";
+  for (const std::string& tissues : {soft + bone, bone + soft}) {
+    const auto model = build_model(scene_of("[data]\nscan = \"x.nrrd\"\n" + tissues), nullptr, &scan);
+    ASSERT_TRUE(model.ok()) << model.error().message();
+    EXPECT_EQ((*model)->name_of((*model)->labels->at(15, 15, 15)), "bone");
+  }
+}
+
+TEST(BuildModel, WhatTheScanDoesNotReachIsNotFelt) {
+  // 0 would lie in the threshold's ramp
+  const LabelMap labels = blocks(grid_of(1, 40));
+  const Volume<float> scan(grid_of(2, 8), -900.f);
+  std::vector<std::string> warnings;
+  const auto model = build_model(scene_of("[data]\nscan = \"x.nrrd\"\nlabels = \"y.nrrd\"\n"
+                                          "[[tissue]]\nname = \"bone\"\nlabels = [1]\n"
+                                          "[[tissue]]\nname = \"fat\"\nthreshold = [-500, -200]\n"),
+                                 &labels, &scan, {}, [&](const std::string& w) { warnings.push_back(w); });
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  EXPECT_EQ(sample_value(*(*model)->field, Point<Patient>(35, 35, 35)), 0);
+  EXPECT_THAT(warnings, ::testing::Contains(::testing::HasSubstr("beyond the scan")));
+}
+
+TEST(BuildModel, AThresholdThatNothingReachesIsAnError) {
+  const Volume<float> scan(grid_of(1, 20), 40.f);
+  const auto model = build_model(
+      scene_of("[data]\nscan = \"x.nrrd\"\n[[tissue]]\nname = \"bone\"\nthreshold = [3000, 4000]\n"), nullptr,
+      &scan);
+  ASSERT_FALSE(model.ok());
+  EXPECT_NE(model.error().what.find("no voxel"), std::string::npos);
+}
+
+TEST(BuildModel, ASideThatContradictsTheAnatomyIsSaid) {
+  LabelMap map;
+  map.layers.emplace_back(grid_of(1, 40, Point<Patient>(-20, -20, -20)));
+  for (int k = 0; k < 40; ++k) {
+    map.layers[0].at(20, 20, k) = 1;
+    map.layers[0].at(32, 20, k) = 2;
+  }
+  map.segments = {{1, "tibia", {}, 0, 1}, {2, "fibula", {}, 0, 2}};
+  std::vector<std::string> warnings;
+  const Warn warn = [&](const std::string& w) { warnings.push_back(w); };
+  const std::string tissue = "[[tissue]]\nname = \"bone\"\nlabels = [1, 2]\n";
+  EXPECT_EQ((*build_model(scene_of("side = \"left\"\n" + tissue), &map, nullptr, {}, warn))->side,
+            Side::kLeft);
+  EXPECT_TRUE(warnings.empty());
+  EXPECT_EQ((*build_model(scene_of("side = \"right\"\n" + tissue), &map, nullptr, {}, warn))->side,
+            Side::kRight);
+  EXPECT_EQ(warnings.size(), 1u);
+  // without a geometry there is no side to tell
+  const auto lost = *build_model(scene_of(tissue), &map, nullptr, {}, warn, false);
+  EXPECT_EQ(lost->side, Side::kUnknown);
+  EXPECT_FALSE(lost->oriented);
+  EXPECT_EQ(warnings.size(), 2u);
 }
 
 TEST(BuildModel, TheFibulaTellsTheSide) {

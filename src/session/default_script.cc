@@ -1,10 +1,13 @@
 #include <algorithm>
-#include <map>
+#include <cstdio>
 
 #include "palpate/session.h"
 
 namespace palpate {
 namespace {
+
+// the least that a script may ask for
+constexpr double kLeastPress_N = 0.05;
 
 bool has_every_structure(const Model& model, const Script& script) {
   return std::all_of(script.steps.begin(), script.steps.end(), [&](const ScriptStep& step) {
@@ -39,7 +42,12 @@ std::string default_script_text(const Model& model) {
   std::string text = "# the largest felt structures of this scene, each pressed with 1 N and held\n";
   text += "title = \"largest structures\"\n";
   for (const LabelId label : largest_felt(model, 6)) {
-    text += "\n[[step]]\napproach = \"#" + std::to_string(label) + "\"\n[[step]]\npress = 1.0\n";
+    // what cannot be touched is left out; what is soft is pressed as much as it can give
+    if (!find_surface_point(model, label, ApproachStep{}.clearance_mm)) continue;
+    const double most_N = model.full_force_N * model.level_of_label[label];
+    char press[32];
+    std::snprintf(press, sizeof press, "%.3f", std::max(kLeastPress_N, std::min(1.0, 0.6 * most_N)));
+    text += "\n[[step]]\napproach = \"#" + std::to_string(label) + "\"\n[[step]]\npress = " + press + "\n";
     text += "[[step]]\nhold = 0.7\n[[step]]\nleave = true\n";
   }
   return text;

@@ -1,3 +1,5 @@
+#include <system_error>
+
 #include "palpate/catalog.h"
 #include "palpate/primitives.h"
 #include "palpate/session.h"
@@ -9,12 +11,6 @@ namespace {
 // the embedded scene of a data set
 std::string scene_name_of(const std::string& data_set) {
   return data_set == "head" ? "head" : "knee";
-}
-
-bool is_data_set(const std::string& what) {
-  for (const CatalogEntry& entry : catalog())
-    if (entry.name == what) return true;
-  return false;
 }
 
 Result<Scene> scene_of_data_set(const std::string& data_set) {
@@ -44,7 +40,9 @@ Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
     scan = std::move(*read);
   }
   if (progress.stopped()) return Progress::interrupted();
-  return build_model(scene, labels ? &labels->labels : nullptr, scan ? &scan->scan : nullptr, progress, warn);
+  const bool oriented = (!labels || labels->header.has_geometry) && (!scan || scan->header.has_geometry);
+  return build_model(scene, labels ? &labels->labels : nullptr, scan ? &scan->scan : nullptr, progress, warn,
+                     oriented);
 }
 
 Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& progress, const Warn& warn) {
@@ -68,11 +66,12 @@ Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& p
 
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
                                            const Warn& warn) {
-  if (is_data_set(what)) return load_data_set(what, progress, warn);
+  if (find_entry(what)) return load_data_set(what, progress, warn);
   auto scene = load_scene(what);
   if (!scene) {
     Error error = scene.error();
-    if (!std::filesystem::exists(what)) {
+    std::error_code unreadable;
+    if (!std::filesystem::exists(what, unreadable) && !unreadable) {
       error.what = "neither a data set nor a scene file";
       error.remedy = "palpate data list shows the data sets; palpate scene new writes a scene file";
     }

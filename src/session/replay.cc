@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <bit>
 #include <cstdio>
 
 #include "palpate/session.h"
@@ -9,16 +11,58 @@ Eigen::Quaterniond quaternion(const std::array<double, 4>& wxyz) {
   return Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
 }
 
-// what differs between a recorded tick and the same tick run again
-std::string describe_difference(const TickRecord& recorded, const TickRecord& again) {
-  char text[160];
-  for (int d = 0; d < recorded.devices; ++d)
-    for (int axis = 0; axis < 3; ++axis)
-      if (recorded.device[d].force_N[axis] != again.device[d].force_N[axis]) {
-        std::snprintf(text, sizeof text, "device %d force %c: recorded %.17g N, now %.17g N", d, "xyz"[axis],
-                      recorded.device[d].force_N[axis], again.device[d].force_N[axis]);
-        return text;
-      }
+bool same_bits(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
+template <std::size_t n>
+bool same_bits(const std::array<double, n>& a, const std::array<double, n>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), [](double x, double y) { return same_bits(x, y); });
+}
+
+std::string text_of(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.17g", value);
+  return text;
+}
+template <std::size_t n>
+std::string text_of(const std::array<double, n>& values) {
+  std::string text;
+  for (const double value : values) text += (text.empty() ? "" : " ") + text_of(value);
+  return text;
+}
+
+// every output of a device's tick; the first that differs, in words, or nothing
+std::string first_different_output(const DeviceTick& recorded, const DeviceTick& again) {
+  std::string difference;
+  const auto compare = [&](const char* name, const auto& a, const auto& b) {
+    if (difference.empty() && !same_bits(a, b))
+      difference = std::string(name) + ": recorded " + text_of(a) + ", now " + text_of(b);
+  };
+  compare("force_N", recorded.force_N, again.force_N);
+  compare("torque_Nmm", recorded.torque_Nmm, again.torque_Nmm);
+  compare("unclamped_force_N", recorded.unclamped_force_N, again.unclamped_force_N);
+  compare("tip_patient_mm", recorded.tip_patient_mm, again.tip_patient_mm);
+  compare("normal_patient", recorded.normal_patient, again.normal_patient);
+  compare("velocity_patient_mm_s", recorded.velocity_patient_mm_s, again.velocity_patient_mm_s);
+  compare("field", recorded.field, again.field);
+  compare("depth_mm", recorded.depth_mm, again.depth_mm);
+  compare("label", static_cast<double>(recorded.label), static_cast<double>(again.label));
+  compare("flags", static_cast<double>(recorded.flags), static_cast<double>(again.flags));
+  return difference;
+}
+
+// what differs between a recorded tick and the same tick run again: outputs first, because they say
+// more than a hash; nothing when they are the same
+std::string first_difference(const TickRecord& recorded, const TickRecord& again) {
+  for (int d = 0; d < recorded.devices; ++d) {
+    const std::string difference = first_different_output(recorded.device[d], again.device[d]);
+    if (!difference.empty()) return "device " + std::to_string(d) + " " + difference;
+  }
+  if (!same_bits(recorded.rotation_felt_wxyz, again.rotation_felt_wxyz))
+    return "rotation_felt_wxyz: recorded " + text_of(recorded.rotation_felt_wxyz) + ", now " +
+           text_of(again.rotation_felt_wxyz);
+  if (recorded.state_hash == again.state_hash) return "";
+  char text[80];
   std::snprintf(text, sizeof text, "state hash: recorded %016llx, now %016llx",
                 static_cast<unsigned long long>(recorded.state_hash),
                 static_cast<unsigned long long>(again.state_hash));
@@ -69,9 +113,9 @@ Result<ReplayResult> replay(const Recording& recording, const Model& model, cons
     tick(model, parameters, {devices.data(), count}, recorded.dt_s, state, {wrenches.data(), count}, again);
     result.ticks += 1;
     result.run_hash = mix_run_hash(result.run_hash, again.state_hash);
-    if (again.state_hash != recorded.state_hash) {
+    result.difference = first_difference(recorded, again);
+    if (!result.difference.empty()) {
       result.first_difference = recorded.tick;
-      result.difference = describe_difference(recorded, again);
       return result;
     }
   }

@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -62,6 +63,22 @@ TEST_F(ReplayTest, EveryInputOfATickMatters) {
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.switches |= kSwitchPaused; }));
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.max_force_N = 0.1; }));
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.rotation_target_wxyz = {1, 0, 0, 0.1}; }));
+}
+
+TEST_F(ReplayTest, EveryOutputIsCompared) {
+  const auto difference_after = [&](auto change) {
+    Recording changed = recording_;
+    change(changed.ticks[321].device[0]);
+    const auto result = replay(changed, *loaded_.model);
+    EXPECT_TRUE(result.ok() && !result->identical && result->first_difference == 321u);
+    return result->difference;
+  };
+  using ::testing::HasSubstr;
+  EXPECT_THAT(difference_after([](DeviceTick& d) { d.force_N[1] += 1; }), HasSubstr("force_N"));
+  EXPECT_THAT(difference_after([](DeviceTick& d) { d.label ^= 1; }), HasSubstr("label"));
+  EXPECT_THAT(difference_after([](DeviceTick& d) { d.depth_mm -= 0.5; }), HasSubstr("depth_mm"));
+  EXPECT_THAT(difference_after([](DeviceTick& d) { d.flags ^= kFlagContact; }), HasSubstr("flags"));
+  EXPECT_THAT(difference_after([](DeviceTick& d) { d.normal_patient[0] = 2; }), HasSubstr("normal_patient"));
 }
 
 TEST_F(ReplayTest, ACutShortRecordingReplaysAsFarAsItGoes) {

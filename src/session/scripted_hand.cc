@@ -18,11 +18,10 @@ constexpr double kNormalFeeling_s = 0.15;
 // a press that has not settled by then is given up
 constexpr double kPatience_s = 6;
 constexpr double kSettledWithin = 0.1;
-
-std::string name_of(const Model& model, LabelId label) {
-  const Segment* segment = model.find(label);
-  return segment && !segment->name.empty() ? segment->name : "label " + std::to_string(label);
-}
+// how deep below the surface a press is given up
+constexpr double kMostDepthInSigmas = 2, kMostDepth_mm = 2;
+// leaving: so far that the ramp has ended, what counts as free, and how long the tip may lag behind
+constexpr double kWayOutInSigmas = 4, kWayOut_mm = 1, kFree_N = 0.02, kFollow_s = 1;
 
 // a name, or "#95"
 Result<LabelId> find_structure(const Model& model, const std::string& name, const std::string& where) {
@@ -80,8 +79,7 @@ Result<ScriptedHand> ScriptedHand::create(const Model& model, const Script& scri
   return hand;
 }
 
-ScriptedHand::ScriptedHand(const Model& model, const Script& script)
-    : model_(&model), free_space_(model), source_(script.source) {
+ScriptedHand::ScriptedHand(const Model& model, const Script& script) : model_(&model), free_space_(model) {
   // in the air, a hand's breadth in front of the patient
   const GridGeometry& grid = model.labels->geometry();
   double most_anterior_mm = grid.centre().y();
@@ -111,16 +109,16 @@ Vector<World> ScriptedHand::tremor() const {
 
 std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt_s,
                                                Eigen::Quaterniond& rotation_target) {
+  if (step_ == steps_.size()) return std::nullopt;
   feel(felt, dt_s);
   time_s_ += dt_s;
+  // one step a tick: the next one begins in the next tick
+  const bool done = run_step(steps_[step_], felt, dt_s, rotation_target);
   step_time_s_ += dt_s;
-  while (step_ < steps_.size() && run_step(steps_[step_], felt, dt_s, rotation_target)) {
+  if (done) {
     ++step_;
-    step_time_s_ = 0;
-    settled_s_ = 0;
-    slid_mm_ = 0;
+    step_time_s_ = settled_s_ = slid_mm_ = left_s_ = 0;
   }
-  if (step_ == steps_.size()) return std::nullopt;
   return intention_ + tremor();
 }
 
@@ -155,7 +153,7 @@ bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, dou
     }
     bool operator()(const SlideStep& slide) { return hand.slide(slide, felt, dt_s); }
     bool operator()(const RotateStep& rotate) { return hand.rotate(rotate, dt_s, rotation_target); }
-    bool operator()(const LeaveStep&) { return hand.leave(step, dt_s); }
+    bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
   };
   return std::visit(Visitor{*this, step, felt, dt_s, rotation_target}, step.action);
 }
@@ -179,7 +177,7 @@ bool ScriptedHand::walk(double speed_mm_s, double dt_s) {
 
 bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const auto& action = std::get<ApproachStep>(step.action);
-  if (step_time_s_ <= dt_s) {
+  if (step_time_s_ == 0) {
     // planned in the patient as it lies now, walked in the workspace
     const Transform<World, Patient> X = X_WorldPatient(felt);
     const SurfacePoint& surface = step.surface;
@@ -187,11 +185,12 @@ bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& felt, dou
         surface.point + surface.normal * std::min(surface.clearance_mm, action.clearance_mm);
     std::vector<Point<Patient>> way = free_space_.path(X.inverse() * intention_, before);
     if (way.empty()) {
-      trouble_.push_back(source_ + ":" + std::to_string(step.line) + ": no free way to " +
-                         name_of(*model_, step.structure) + "; the straight one was taken");
+      trouble_.push_back("script line " + std::to_string(step.line) + ": no free way to " +
+                         model_->name_of(step.structure) + "; the straight one was taken");
       way = {before};
     }
     way.push_back(surface.point + surface.normal * model_->sigma_mm);
+    way_in_ = way;
     way_.clear();
     for (auto corner = way.rbegin(); corner != way.rend(); ++corner) way_.push_back(X * *corner);
     inward_ = X * -surface.normal;
@@ -207,6 +206,17 @@ void ScriptedHand::keep_force(double dt_s) {
   intention_ += inward_ * (speed * dt_s);
 }
 
+// says what was not reached, and stops pressing where the tip is
+void ScriptedHand::give_up(const PlannedStep& step, const TickRecord& felt, const std::string& why) {
+  char text[80];
+  std::snprintf(text, sizeof text, ": asked for %.2f N, felt %.2f N on ", wanted_N_, felt_N_);
+  trouble_.push_back("script line " + std::to_string(step.line) + text + model_->name_of(step.structure) +
+                     "; " + why);
+  const auto& tip = felt.device[0].tip_world_mm;
+  intention_ = Point<World>(tip[0], tip[1], tip[2]);
+  wanted_N_ = 0;
+}
+
 bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const auto& action = std::get<PressStep>(step.action);
   wanted_N_ = action.force_N;
@@ -214,11 +224,17 @@ bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double
   const bool at_force = std::abs(felt_N_ - wanted_N_) <= kSettledWithin * wanted_N_;
   settled_s_ = at_force ? settled_s_ + dt_s : 0;
   if (settled_s_ >= action.settle_s) return true;
+
+  // a tip that has gone through the ramp will not find more force farther in
+  const auto& tip = felt.device[0].tip_patient_mm;
+  const double depth_mm =
+      (step.surface.point - Point<Patient>(tip[0], tip[1], tip[2])).dot(step.surface.normal);
+  if (depth_mm > kMostDepthInSigmas * model_->sigma_mm + kMostDepth_mm) {
+    give_up(step, felt, "it gave way");
+    return true;
+  }
   if (step_time_s_ < kPatience_s) return false;
-  char text[120];
-  std::snprintf(text, sizeof text, ": asked for %.2f N, felt %.2f N", wanted_N_, felt_N_);
-  trouble_.push_back(source_ + ":" + std::to_string(step.line) + text + " on " +
-                     (felt.device[0].label ? name_of(*model_, felt.device[0].label) : "nothing"));
+  give_up(step, felt, "it did not settle");
   return true;
 }
 
@@ -239,7 +255,7 @@ bool ScriptedHand::slide(const SlideStep& action, const TickRecord& felt, double
 }
 
 bool ScriptedHand::rotate(const RotateStep& action, double dt_s, Eigen::Quaterniond& rotation_target) {
-  if (step_time_s_ <= dt_s) rotation_start_ = rotation_target;
+  if (step_time_s_ == 0) rotation_start_ = rotation_target;
   // a command every tenth of a second, as a second person at a viewer would send
   const double commanded_s = std::floor(step_time_s_ / kRotationInterval_s + 1e-9) * kRotationInterval_s;
   const double part = std::min(1.0, commanded_s / action.seconds);
@@ -251,12 +267,28 @@ bool ScriptedHand::rotate(const RotateStep& action, double dt_s, Eigen::Quaterni
   return step_time_s_ >= action.seconds + kRotationInterval_s;
 }
 
-bool ScriptedHand::leave(const PlannedStep& step, double dt_s) {
-  if (step_time_s_ <= dt_s) {
+bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  const auto& tip = felt.device[0].tip_world_mm;
+  const Point<World> here(tip[0], tip[1], tip[2]);
+  if (step_time_s_ == 0) {
+    // back the way it came, as the patient lies now
+    const Transform<World, Patient> X = X_WorldPatient(felt);
+    way_.clear();
+    for (const Point<Patient>& corner : way_in_) way_.push_back(X * corner);
+    leaving_from_ = here;
     wanted_N_ = 0;
-    way_ = {intention_ - inward_ * std::max(step.surface.clearance_mm, model_->sigma_mm)};
   }
-  return walk(std::get<LeaveStep>(step.action).speed_mm_s, dt_s);
+  const bool at_its_end = walk(std::get<LeaveStep>(step.action).speed_mm_s, dt_s);
+
+  // it is left when the ramp has ended and nothing is felt
+  const bool ramp_ended = (here - leaving_from_).norm() > kWayOutInSigmas * model_->sigma_mm + kWayOut_mm;
+  if (ramp_ended && felt_N_ < kFree_N) return true;
+  left_s_ += at_its_end ? dt_s : 0;
+  if (left_s_ < kFollow_s) return false;
+  char text[80];
+  std::snprintf(text, sizeof text, ": still %.2f N on leaving ", felt_N_);
+  trouble_.push_back("script line " + std::to_string(step.line) + text + model_->name_of(step.structure));
+  return true;
 }
 
 }  // namespace palpate

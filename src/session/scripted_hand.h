@@ -46,7 +46,8 @@ class ScriptedHand {
   bool press(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool slide(const SlideStep& action, const TickRecord& felt, double dt_s);
   bool rotate(const RotateStep& action, double dt_s, Eigen::Quaterniond& rotation_target);
-  bool leave(const PlannedStep& step, double dt_s);
+  bool leave(const PlannedStep& step, const TickRecord& felt, double dt_s);
+  void give_up(const PlannedStep& step, const TickRecord& felt, const std::string& why);
   void keep_force(double dt_s);
   void follow_surface();
   Transform<World, Patient> X_WorldPatient(const TickRecord& felt) const;
@@ -56,7 +57,6 @@ class ScriptedHand {
 
   const Model* model_;
   FreeSpace free_space_;
-  std::string source_;
   std::vector<PlannedStep> steps_;
   std::vector<LabelId> structures_;
   std::vector<std::string> trouble_;
@@ -64,10 +64,13 @@ class ScriptedHand {
 
   // where it is
   std::size_t step_ = 0;
-  double step_time_s_ = 0, time_s_ = 0;
+  double step_time_s_ = 0, time_s_ = 0;  // in the step; 0 in its first tick
+  double left_s_ = 0;                    // since the way out was walked
   Point<World> intention_;
-  std::vector<Point<World>> way_;  // corners still to walk, last one first
-  Vector<World> inward_;           // the direction of pressing
+  std::vector<Point<World>> way_;       // corners still to walk, last one first
+  std::vector<Point<Patient>> way_in_;  // corners of the last approach, in order
+  Point<World> leaving_from_;
+  Vector<World> inward_;  // the direction of pressing
   double wanted_N_ = 0;
   double settled_s_ = 0;
   double slid_mm_ = 0;

@@ -51,6 +51,43 @@ TEST(Simulate, IsBitForBitRepeatableAndFollowsTheSeed) {
   EXPECT_NE(hash_of(3), hash_of(4));
 }
 
+TEST(Simulate, LeavesIntoFreeSpaceWithAnyGrip) {
+  for (const char* hand : {"light-grip", "firm-grip", "whole-arm"})
+    for (const double clearance_mm : {1.0, 15.0}) {
+      test::TemporaryFolder folder;
+      Script script = press_script("ball");
+      script.hand = hand;
+      std::get<ApproachStep>(script.steps[0]).clearance_mm = clearance_mm;
+      const auto result = simulate(loaded_ball(), script, {}, folder / "run.h5");
+      ASSERT_TRUE(result.ok()) << result.error().message();
+      EXPECT_TRUE(result->trouble.empty()) << hand << ": " << result->trouble.front();
+      const auto recording = read_recording(folder / "run.h5");
+      ASSERT_TRUE(recording.ok());
+      EXPECT_LT(recording->ticks.back().device[0].unclamped_force_N, 0.02) << hand << " " << clearance_mm;
+    }
+}
+
+TEST(Simulate, APressThatTheTissueCannotGiveIsGivenUpAtTheSurface) {
+  // the shell alone gives at most half of the bone's force: asked for more, the hand must not go through
+  LoadedScene loaded = loaded_ball();
+  SimulationOptions options;
+  options.max_force_N = 8;
+  test::TemporaryFolder folder;
+  const auto result = simulate(loaded, press_script("ball", 7.0), options, folder / "run.h5");
+  ASSERT_TRUE(result.ok());
+  ASSERT_EQ(result->trouble.size(), 2u) << "known before, and met";
+  EXPECT_NE(result->trouble[0].find("at most"), std::string::npos);
+  EXPECT_NE(result->trouble[1].find("ball"), std::string::npos);
+  const auto recording = read_recording(folder / "run.h5");
+  ASSERT_TRUE(recording.ok());
+  EXPECT_EQ(recording->summary->trouble, result->trouble);
+  for (const TickRecord& t : recording->ticks)
+    ASSERT_GT(Vector<Patient>(t.device[0].tip_patient_mm[0], t.device[0].tip_patient_mm[1],
+                              t.device[0].tip_patient_mm[2])
+                  .norm(),
+              testing::kBoneRadius_mm - 6);
+}
+
 TEST(Simulate, FeelsTheCartilageOnTheBone) {
   const auto result = simulate(loaded_ball(3), press_script("shell", 0.6), {}, "");
   ASSERT_TRUE(result.ok()) << result.error().message();
@@ -87,6 +124,7 @@ TEST(Simulate, InterruptedItLeavesARecordingThatReopens) {
   const auto recording = read_recording(folder / "run.h5");
   ASSERT_TRUE(recording.ok()) << recording.error().message();
   EXPECT_GE(recording->ticks.size(), 1000u);
+  EXPECT_FALSE(recording->summary.has_value()) << "it was cut short";
 }
 
 }  // namespace

@@ -57,8 +57,7 @@ class HoldMeter {
  public:
   HoldMeter(const Model& model, LabelId label) {
     figure_.label = label;
-    const Segment* segment = model.find(label);
-    figure_.structure = segment && !segment->name.empty() ? segment->name : "#" + std::to_string(label);
+    figure_.structure = model.name_of(label);
   }
   void see(const TickRecord& record) {
     const DeviceTick& device = record.device[0];
@@ -95,6 +94,26 @@ void count_flags(RecordingSummary& summary, const TickRecord& record) {
   summary.paused += (flags & kFlagPaused) != 0;
 }
 
+Error at_line(Error error, const Script& script, int line) {
+  error.where = line > 0 ? script.source + ":" + std::to_string(line) : script.source;
+  return error;
+}
+
+// presses that the limit or the tissue cannot give, known before the first tick
+std::vector<std::string> out_of_reach(const Script& script, const Model& model, double limit_N) {
+  std::vector<std::string> trouble;
+  for (std::size_t s = 0; s < script.steps.size(); ++s) {
+    const auto* press = std::get_if<PressStep>(&script.steps[s]);
+    if (!press || press->force_N <= std::min(limit_N, model.full_force_N)) continue;
+    char text[120];
+    std::snprintf(text, sizeof text,
+                  "script line %d: asks for %.2f N, where at most %.2f N are allowed and %.2f N can be given",
+                  script.lines[s], press->force_N, limit_N, model.full_force_N);
+    trouble.push_back(text);
+  }
+  return trouble;
+}
+
 }  // namespace
 
 Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
@@ -102,9 +121,9 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
                                   const Progress& progress) {
   const Model& model = *loaded.model;
   const auto plant_device = find_plant_device(script.device);
-  if (!plant_device) return plant_device.error();
+  if (!plant_device) return at_line(plant_device.error(), script, script.device_line);
   const auto plant_hand = find_plant_hand(script.hand);
-  if (!plant_hand) return plant_hand.error();
+  if (!plant_hand) return at_line(plant_hand.error(), script, script.hand_line);
   Script run = script;
   if (options.seed) run.seed = *options.seed;
   if (options.rate_hz) run.rate_hz = *options.rate_hz;
@@ -128,6 +147,8 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   result.limit_N = std::min(user_N, model.scene_max_force_N);
   Parameters parameters;
   parameters.max_force_N = result.limit_N;
+
+  result.trouble = out_of_reach(run, model, result.limit_N);
 
   SimulatedDevice device(*plant_device, *plant_hand);
   device.reset(hand->start());
@@ -177,12 +198,14 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   }
 
   if (auto written = write_block(); !written) return written.error();
+  // without its summary the recording counts as cut short, which it is
+  if (stopped) return Progress::interrupted();
+  result.trouble.insert(result.trouble.end(), hand->trouble().begin(), hand->trouble().end());
+  result.summary.trouble = result.trouble;
   if (writer)
     if (auto finished = writer->finish(result.summary); !finished) return finished.error();
-  if (stopped) return Progress::interrupted();
   progress.report("palpating", 1);
   for (const HoldMeter& meter : meters) result.holds.push_back(meter.figure());
-  result.trouble = hand->trouble();
   return result;
 }
 

@@ -14,21 +14,46 @@ constexpr double kFree = 0.02;
 constexpr double kPatch_mm = 1.5;
 constexpr int kRim = 8;
 // scans end in the middle of bones: the cut face is none of their surfaces
-constexpr double kCutMargin_mm = 4;
+constexpr double kCutMargin_mm = 4, kNearBorder_mm = 2;
 
 Vector<Patient> outward_normal(const Model& model, const Point<Patient>& x) {
   return -sample_central_differences(*model.field, x).gradient.normalized();
 }
 
-// whether a voxel lies so near the volume's border that a face there may be a cut and no surface of the
-// patient
-bool near_cut(const GridGeometry& grid, int i, int j, int k) {
-  const std::array<int, 3> index{i, j, k};
-  for (int axis = 0; axis < 3; ++axis) {
-    const double margin = kCutMargin_mm / grid.spacing_mm[axis];
-    if (index[axis] < margin || index[axis] > grid.dims[axis] - 1 - margin) return true;
+// the part of the grid, in voxels, where a structure's faces are its own surface and not the cut of the scan:
+// sides of the volume that the structure comes close to are kept off
+struct Uncut {
+  std::array<double, 3> low, high;
+  bool contains(int i, int j, int k) const {
+    const std::array<int, 3> index{i, j, k};
+    for (int axis = 0; axis < 3; ++axis)
+      if (index[axis] < low[axis] || index[axis] > high[axis]) return false;
+    return true;
   }
-  return false;
+};
+
+Uncut uncut_part(const Volume<LabelId>& labels, LabelId structure) {
+  const GridGeometry& grid = labels.geometry();
+  std::array<int, 3> first = grid.dims, last{-1, -1, -1};
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        if (labels.at(i, j, k) != structure) continue;
+        const std::array<int, 3> index{i, j, k};
+        for (int axis = 0; axis < 3; ++axis) {
+          first[axis] = std::min(first[axis], index[axis]);
+          last[axis] = std::max(last[axis], index[axis]);
+        }
+      }
+  Uncut part;
+  for (int axis = 0; axis < 3; ++axis) {
+    // scans are often padded by an empty slice or two
+    const double near = kNearBorder_mm / grid.spacing_mm[axis];
+    const double margin = std::min(kCutMargin_mm / grid.spacing_mm[axis], 0.25 * (last[axis] - first[axis]));
+    part.low[axis] = first[axis] <= near ? first[axis] + margin : first[axis];
+    part.high[axis] = last[axis] >= grid.dims[axis] - 1 - near ? last[axis] - margin : last[axis];
+  }
+  return part;
 }
 
 // voxels of the structure with free space beside them
@@ -38,11 +63,12 @@ std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure)
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
   constexpr std::array<std::array<int, 3>, 6> kFaces{
       {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
+  const Uncut uncut = uncut_part(labels, structure);
   std::vector<Point<Patient>> border;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
       for (int i = 0; i < dims[0]; ++i) {
-        if (labels.at(i, j, k) != structure || near_cut(labels.geometry(), i, j, k)) continue;
+        if (labels.at(i, j, k) != structure || !uncut.contains(i, j, k)) continue;
         const bool free = std::any_of(kFaces.begin(), kFaces.end(), [&](const auto& f) {
           return !model.is_felt(labels.at_or(i + f[0], j + f[1], k + f[2], 0));
         });
@@ -104,7 +130,7 @@ double own_share(const Model& model, const Point<Patient>& surface, const Vector
   const auto is_own = [&](const Vector<Patient>& along_surface) {
     const Point<Patient> x = surface + along_surface + n * (0.5 * model.sigma_mm);
     const FieldSample sample = sample_central_differences(*model.field, x);
-    return find_contact_site(model, x, sample, 4 * model.sigma_mm).label == structure ? 1 : 0;
+    return find_contact_site(model, x, sample).label == structure ? 1 : 0;
   };
   int own = is_own({});
   for (const Vector<Patient>& t : rim_directions(n)) own += is_own(t * kPatch_mm);
@@ -114,9 +140,7 @@ double own_share(const Model& model, const Point<Patient>& surface, const Vector
 }  // namespace
 
 Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm) {
-  const Segment* segment = model.find(structure);
-  const std::string name =
-      segment && !segment->name.empty() ? "'" + segment->name + "'" : "label " + std::to_string(structure);
+  const std::string name = "'" + model.name_of(structure) + "'";
   if (!model.is_felt(structure))
     return Error{ErrorKind::kBadInput, name + " is not felt in this scene", "",
                  "set felt = true on its [[tissue]], or choose another structure"};

@@ -28,6 +28,31 @@ TEST(SurfacePoint, CartilageIsFoundAndTheBoneItCoversIsNot) {
   EXPECT_NE(bone.error().what.find("covered"), std::string::npos);
 }
 
+TEST(SurfacePoint, ACutAtTheVolumesBorderIsNoSurface) {
+  // a column through the whole volume: its ends are cuts, its side is not; a flat disc in the middle has both
+  for (const bool column : {true, false}) {
+    Model model = testing::ball_model({1, 1, 1});
+    const GridGeometry& grid = model.labels->geometry();
+    auto labels = std::make_shared<Volume<LabelId>>(grid);
+    Volume<std::uint16_t> field(grid);
+    const auto X = grid.X_PatientVoxel();
+    for (int k = 0; k < grid.dims[2]; ++k)
+      for (int j = 0; j < grid.dims[1]; ++j)
+        for (int i = 0; i < grid.dims[0]; ++i) {
+          const Point<Patient> p = X * Point<Voxel>(i, j, k);
+          const double side = std::hypot(p.x(), p.y()) - 10, end = std::abs(p.z()) - (column ? 1000 : 3);
+          field.at(i, j, k) =
+              static_cast<std::uint16_t>(std::lround(65535 * testing::ramp(std::max(side, end), 1.0)));
+          labels->at(i, j, k) = std::max(side, end) < 0 ? kBone : LabelId{0};
+        }
+    model.labels = labels;
+    model.field = std::make_shared<const Field>(std::move(field));
+    const auto found = find_surface_point(model, kBone, 8);
+    ASSERT_TRUE(found.ok()) << found.error().message();
+    EXPECT_EQ(std::abs(found->normal.z()) < 0.3, column) << "the disc is touched on its flat";
+  }
+}
+
 TEST(SurfacePoint, WhatIsNotFeltCannotBeTouched) {
   const Model model = testing::ball_model();
   const auto found = find_surface_point(model, testing::kFat, 5);

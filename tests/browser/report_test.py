@@ -196,10 +196,35 @@ class ReportInABrowser(unittest.TestCase):
         for panel in sections:
             self.assertEqual([section["caption"] for section in panel], list(letters))
             for section in panel:
-                self.assertEqual(section["texts"], ["10 mm", *letters[section["caption"]], "LEFT"])
+                self.assertEqual(section["texts"], ["10 mm", *letters[section["caption"]], "Side: LEFT"])
                 self.assertTrue(section["decoded"])
                 self.assertEqual(section["contact"], 1)
                 self.assertGreaterEqual(section["force"], 1)
+
+    def test_side_mark_is_no_orientation_letter(self):
+        """It stands clear of every letter, in the lower right corner."""
+        boxes = self.page.run(
+            """const box = (text) => { const { left, top, right, bottom } = text.getBoundingClientRect();
+                                       return [left, top, right, bottom]; };
+               return [...document.querySelectorAll("#contact-0 .section svg")].map((svg) => ({
+                 picture: box(svg), side: box(svg.querySelector(".side-mark")),
+                 others: [...svg.querySelectorAll(".letter, .scale-text")].map(box),
+               }));""")
+        self.assertEqual(len(boxes), 3)
+        for section in boxes:
+            left, top, right, bottom = section["side"]
+            picture = section["picture"]
+            self.assertLess(picture[2] - right, 20)
+            self.assertLess(picture[3] - bottom, 20)
+            self.assertGreater(top, 0.85 * picture[3] + 0.15 * picture[1])
+            for other in section["others"]:
+                apart = other[2] < left or other[0] > right or other[3] < top or other[1] > bottom
+                self.assertTrue(apart, (section["side"], other))
+
+    def test_what_was_not_reached_is_in_view(self):
+        card = self.page.run("return document.querySelector('.card.notice').innerText")
+        self.assertIn("What the hand did not reach", card)
+        self.assertIn("asked for 2.00 N, felt 1.50 N on patella", card)
 
     def test_structures_and_marks_can_be_hidden(self):
         opacity = "return getComputedStyle(document.querySelector('.structures')).opacity"

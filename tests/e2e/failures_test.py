@@ -5,6 +5,7 @@ import os
 import pathlib
 import pty
 import resource
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -71,6 +72,94 @@ class Failures(cli.PalpateTest):
             with self.subTest(arguments):
                 self.fail_clearly(cli.USAGE, *arguments)
 
+    def test_unknown_words_are_named(self):
+        for arguments, says in ((["simulat", "x"], "simulat: unknown verb\n  did you mean simulate?"),
+                                (["--frob"], "--frob: unknown option"), (["frob", "--help"], "frob: unknown verb"),
+                                (["data", "fetc", "head"], "fetc: unknown verb\n  did you mean fetch?"),
+                                (["data"], "palpate data needs a verb"), ([], "palpate needs a verb"),
+                                (["simulate", "--max-forc", "3", "x"], "did you mean --max-force?"),
+                                (["-q", "info", "a", "b"], "b: unexpected argument")):
+            with self.subTest(arguments):
+                self.fail_clearly(cli.USAGE, *arguments, says=says)
+        # where the mistake comes after a verb, help on it is what was asked for
+        self.assertIn("--max-force", self.succeed("simulate", "--frob", "--help").stdout)
+
+    def test_numbers_out_of_range(self):
+        field = self.folder / "f.nrrd"
+        for arguments in (["simulate", self.scene, "--max-force"], ["simulate", self.scene, "--rate"],
+                          ["simulate", self.scene, "--seed"], ["prepare", self.labels, "-o", field, "--sigma"],
+                          ["prepare", self.labels, "-o", field, "--threads"],
+                          ["prepare", self.scan, "-o", field, "--threshold"],
+                          ["data", "fetch", "knee-phantom", "-o", self.folder / "out", "--voxel"]):
+            for value in ("nan", "-nan", "inf", "1e300", "-1e10", " ", "1,5", "0x", "18446744073709551617"):
+                with self.subTest(arguments[-2:], value=value):
+                    self.fail_clearly(cli.USAGE, *arguments, value, says="number between")
+        self.fail_clearly(cli.USAGE, "simulate", self.scene, "--seed", "-1", says="between 0 and 9007199254740991")
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+    def test_prepare_says_what_it_cannot_do(self):
+        field = self.folder / "f.nrrd"
+        self.fail_clearly(cli.USAGE, "prepare", self.scene, "-o", field, "--compare", says="--compare")
+        done = self.fail_clearly(cli.USAGE, "prepare", self.scene, "-o", field, "--sigma", "2", says="--sigma")
+        # the keys that it names are keys
+        keys = self.succeed("scene", "keys").stdout
+        for key in ("sigma", "engine", "bits"):
+            self.assertIn(key, done.stderr)
+            self.assertIn(f"`{key}`", keys)
+        self.fail_clearly(cli.USAGE, "prepare", self.labels, "-o", self.folder / "f.Seg.nrrd", says="segmentation")
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+    def test_outputs_do_not_replace_inputs(self):
+        inputs = {}
+        for path in (self.labels, self.scan, self.scene, self.script, self.recording):
+            inputs[path.suffixes[-1] + path.stem] = copy = self.folder / path.name
+            shutil.copy(path, copy)
+        labels, scan, scene, script, recording = inputs.values()
+        scene.write_text(scene.read_text().replace(str(self.made), str(self.folder)).replace("knee/", ""))
+        self.succeed("scene", "check", scene)
+        link = self.folder / "link.nrrd"
+        link.symlink_to(labels.name)
+        before = {path: path.read_bytes() for path in inputs.values()}
+        for arguments in (["prepare", scan, "-o", scan, "--threshold", "0", "1"], ["prepare", scene, "-o", link],
+                          ["prepare", scene, "-o", scan], ["simulate", scene, "-o", scene],
+                          ["simulate", scene, "--report", scene], ["simulate", scene, "-o", scan],
+                          ["simulate", scene, "-o", self.folder / "r.h5", "--report", labels],
+                          ["simulate", scene, "-s", script, "-o", script],
+                          ["simulate", scene, "-s", script, "--report", script],
+                          ["report", recording, scene, "-o", scene], ["report", recording, scene, "-o", recording],
+                          ["report", recording, scene, "-o", self.folder / "." / scan.name]):
+            with self.subTest(arguments):
+                self.fail_clearly(cli.USAGE, *arguments, says="would replace an input")
+        self.assertEqual({path: path.read_bytes() for path in inputs.values()}, before)
+        self.assertEqual({p for p in self.folder.iterdir()}, {link, *inputs.values()})
+
+    def test_the_files_of_a_data_set_are_inputs(self):
+        atlas = self.folder / "knee_spl"
+        shutil.copytree(cli.need("knee_spl/seg.nrrd").parent, atlas)
+        self.fail_clearly(cli.USAGE, "simulate", "knee-atlas", "-o", atlas / "seg.nrrd", says="would replace an input",
+                          env=dict(os.environ, PALPATE_DATA=str(self.folder)))
+
+    def test_two_outputs_are_two_files(self):
+        run, link = self.folder / "run.html", self.folder / "link"
+        link.symlink_to(run.name)
+        for arguments in (["-o", run, "--report", run], ["-o", link, "--report", run],
+                          ["--report", self.folder / "run.h5"]):
+            with self.subTest(arguments):
+                self.fail_clearly(cli.USAGE, "simulate", self.scene, *arguments, says="would be one file")
+        # a name that nobody gave replaces nothing
+        other = self.folder / "run.h5"
+        other.write_text("of somebody else")
+        self.fail_clearly(cli.USAGE, "simulate", self.scene, "--report", run, says="name the recording with -o")
+        self.assertEqual(other.read_text(), "of somebody else")
+        self.assertFalse(run.exists())
+
+    def test_what_a_link_leads_to_is_written(self):
+        link, target = self.folder / "link.nrrd", self.folder / "target.nrrd"
+        link.symlink_to(target.name)
+        self.succeed("prepare", self.labels, "-o", link)
+        self.assertTrue(link.is_symlink())
+        self.succeed("info", target)
+
     def test_a_folder_that_does_not_exist(self):
         for verb, arguments in self.writing_verbs(self.folder / "missing" / "out").items():
             if verb == "data":
@@ -86,24 +175,63 @@ class Failures(cli.PalpateTest):
                 self.fail_clearly(cli.OUTPUT, *arguments)
         self.assertEqual([p.name for p in self.folder.iterdir()], ["file"])
 
-    @unittest.skipIf(os.geteuid() == 0 and not pathlib.Path("/usr/bin/setpriv").exists(), "root may write anywhere")
+    def run_as_nobody(self, *arguments):
+        """Runs a copy of palpate that anybody may run, as somebody whom file permissions hold back."""
+        self.folder.chmod(0o755)
+        self.made.chmod(0o755)
+        palpate = self.folder / "palpate"
+        if not palpate.exists():
+            shutil.copy(cli.PALPATE, palpate)
+            palpate.chmod(0o755)
+        return subprocess.run([*cli.as_nobody(), palpate, *map(str, arguments)], capture_output=True, text=True,
+                              stdin=subprocess.DEVNULL, timeout=600, env=dict(os.environ, HOME="/nonexistent"))
+
     def test_an_unwritable_folder(self):
         locked = self.folder / "locked"
         locked.mkdir()
         locked.chmod(0o555)
-        self.folder.chmod(0o755)
-        self.made.chmod(0o755)
-        # root may write anywhere: run as nobody
-        as_nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.geteuid() == 0 else []
         for verb, arguments in self.writing_verbs(locked / "out").items():
             with self.subTest(verb):
-                done = subprocess.run([*as_nobody, cli.PALPATE, *map(str, arguments)], capture_output=True, text=True,
-                                      stdin=subprocess.DEVNULL, timeout=600, env=dict(os.environ, HOME="/nonexistent"))
-                if as_nobody and "Permission denied" in done.stderr and "setpriv" in done.stderr:
-                    self.skipTest("nobody may not run the binary here")
+                done = self.run_as_nobody(*arguments)
                 self.assertEqual(done.returncode, cli.OUTPUT, done.stderr)
                 self.assertIn("ermission", done.stderr)
         self.assertEqual(list(locked.iterdir()), [])
+
+    def test_an_unreadable_folder_and_names_that_are_too_long(self):
+        locked = self.folder / "locked"
+        locked.mkdir()
+        (locked / "in.nrrd").write_bytes(self.labels.read_bytes())
+        locked.chmod(0)
+        for name in (locked / "in", "n" * 300):
+            for arguments in (["info", f"{name}.nrrd"], ["info", self.labels, "--names", f"{name}.ctbl"],
+                              ["scene", "check", f"{name}.toml"], ["scene", "new", f"{name}.nrrd"],
+                              ["prepare", f"{name}.nrrd", "-o", locked.parent / "f.nrrd"],
+                              ["simulate", name], ["simulate", f"{name}.toml"],
+                              ["simulate", self.scene, "--script", f"{name}.toml"],
+                              ["simulate", self.scene, "-o", f"{name}.h5"],
+                              ["simulate", self.scene, "--report", f"{name}.html"],
+                              ["replay", f"{name}.h5"], ["report", f"{name}.h5"],
+                              ["report", self.recording, self.scene, "-o", f"{name}.html"],
+                              ["verify", "accuracy", "--json", f"{name}.json"],
+                              ["data", "fetch", "knee-phantom", "-o", name]):
+                with self.subTest(arguments):
+                    done = self.run_as_nobody(*arguments)
+                    self.assertIn(done.returncode, (cli.BAD_INPUT, cli.OUTPUT), done.stderr)
+                    self.assertEqual(done.stderr.count("palpate: error:"), 1, done.stderr)
+                    self.assertNotIn("bug:", done.stderr)
+        locked.chmod(0o755)
+
+    def test_a_lost_standard_output(self):
+        for arguments in (["info", self.labels], ["info", self.labels, "--json"], ["data", "list"],
+                          ["data", "list", "--json"], ["scene", "keys"], ["scene", "check", self.scene],
+                          ["scene", "new", self.labels], ["verify", "--list"], ["--help"], ["--version"],
+                          ["prepare", self.labels, "-o", self.folder / "f.nrrd"],
+                          ["simulate", self.scene, "--script", self.script], ["replay", self.recording, self.scene]):
+            with self.subTest(arguments), open("/dev/full", "w") as full:
+                done = subprocess.run([cli.PALPATE, *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=full,
+                                      stderr=subprocess.PIPE, text=True, timeout=600)
+                self.assertEqual(done.returncode, cli.OUTPUT, done.stderr)
+                self.assertIn("standard output", done.stderr)
 
     def test_a_full_disk(self):
         # a limit on file sizes stands in for it: writes fail half-way
@@ -126,15 +254,15 @@ class Failures(cli.PalpateTest):
         again = self.succeed("replay", recording, self.scene)
         self.assertIn("cut short", again.stdout)
 
-    def interrupt(self, arguments, growing=None, number=signal.SIGINT):
-        """Signals palpate in the middle of its work: when the file `growing` has content, else after 0.4 s."""
+    def interrupt(self, arguments, growing=None, number=signal.SIGINT, delay_s=0.4):
+        """Signals palpate in the middle of its work: when the file `growing` has content, else after a time."""
         process = subprocess.Popen([cli.PALPATE, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                    stdin=subprocess.DEVNULL, text=True)
         if growing:
             while process.poll() is None and not (growing.exists() and growing.stat().st_size > 50_000):
                 time.sleep(0.01)
         else:
-            time.sleep(0.4)
+            time.sleep(delay_s)
         process.send_signal(number)
         out, err = process.communicate(timeout=120)
         return process.returncode, out, err
@@ -156,9 +284,38 @@ class Failures(cli.PalpateTest):
                 code, _, err = self.interrupt(arguments, growing)
                 self.assertEqual(code, cli.INTERRUPTED, err)
                 self.assertIn("interrupted", err)
+                self.assertEqual("is kept" in err, verb == "simulate", err)
         self.assertIn("identical", self.succeed("replay", recording, self.scene).stdout)
         left = sorted(p.name for p in self.folder.rglob("*") if p.is_file())
         self.assertEqual(left, ["run.h5"])
+
+    def test_an_interrupt_at_any_moment_leaves_whole_files_or_none(self):
+        large = self.made / "large-for-moments"
+        self.succeed("data", "fetch", "knee-phantom", "-o", large, "--voxel", "0.6")
+        labels = next(large.glob("*.seg.nrrd"))
+        scan = next(p for p in large.glob("*.nrrd") if p != labels)
+        scene, recording = large / "scene.toml", large / "run.h5"
+        self.succeed("scene", "new", scan, labels, "-o", scene)
+        self.succeed("simulate", scene, "--script", self.script, "-o", recording)
+        page, made_scene = self.folder / "run.html", self.folder / "scene.toml"
+        interrupted = 0
+        for arguments in (["info", labels, "--json"], ["scene", "new", scan, labels, "-o", made_scene],
+                          ["scene", "check", scene], ["report", recording, scene, "-o", page],
+                          ["replay", recording, scene]):
+            for delay_s in (0, 0.01, 0.03, 0.1, 0.3, 1):
+                with self.subTest(arguments[0], delay_s=delay_s):
+                    page.unlink(missing_ok=True)
+                    made_scene.unlink(missing_ok=True)
+                    code, out, err = self.interrupt(arguments, delay_s=delay_s)
+                    # a program that has not begun yet dies of the signal
+                    self.assertIn(code, (cli.OK, cli.INTERRUPTED, -signal.SIGINT), err)
+                    if code == cli.OK:
+                        self.assertTrue(out.strip() or page.exists() or made_scene.exists())
+                    else:
+                        self.assertEqual(out, "")
+                        self.assertEqual([p for p in self.folder.iterdir()], [])
+                    interrupted += code == cli.INTERRUPTED
+        self.assertGreater(interrupted, 5)
 
     def test_killed_while_recording(self):
         recording = self.folder / "run.h5"

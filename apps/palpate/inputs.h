@@ -1,0 +1,14 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace palpate::app {
+
+/// The files that `what` stands for, none of which an output may replace: a volume; a scene file and the
+/// volumes and names that it gives; those of a data set as far as they are on this machine; none for an empty
+/// text.
+std::vector<std::filesystem::path> input_files(const std::string& what);
+
+}  // namespace palpate::app

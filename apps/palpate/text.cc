@@ -1,0 +1,59 @@
+#include "text.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace palpate::app {
+namespace {
+
+// bytes that continue a UTF-8 character take no column
+bool continues(char c) {
+  return (static_cast<unsigned char>(c) & 0xC0) == 0x80;
+}
+
+// letters inserted, removed or exchanged (Levenshtein), one row of the table at a time
+std::size_t edits_between(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t exchanged = diagonal + (a[i] != b[j]);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({exchanged, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+}  // namespace
+
+std::size_t columns_of(const std::string& text) {
+  return text.size() - static_cast<std::size_t>(std::count_if(text.begin(), text.end(), continues));
+}
+
+std::string fitted(std::string text, std::size_t width) {
+  if (columns_of(text) > width) {
+    while (columns_of(text) > width - 1) {
+      while (continues(text.back())) text.pop_back();
+      text.pop_back();
+    }
+    text += "…";
+  }
+  return text + std::string(width - columns_of(text), ' ');
+}
+
+std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {
+  std::string best;
+  std::size_t fewest = std::min<std::size_t>(3, (word.size() + 1) / 2);
+  for (const std::string& candidate : candidates) {
+    const std::size_t edits = edits_between(word, candidate);
+    if (edits >= fewest) continue;
+    fewest = edits;
+    best = candidate;
+  }
+  return best;
+}
+
+}  // namespace palpate::app

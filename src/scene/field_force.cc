@@ -1,0 +1,25 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "palpate/scene.h"
+
+namespace palpate {
+
+const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* scan) {
+  PALPATE_CHECK(labels || scan);
+  if (!labels || !scan) return labels ? *labels : *scan;
+  return labels->voxel_volume_mm3() <= scan->voxel_volume_mm3() ? *labels : *scan;
+}
+
+double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan) {
+  const double field_mm = field_grid(labels, scan).spacing_mm.maxCoeff();
+  return labels ? std::max(field_mm, labels->spacing_mm.maxCoeff()) : field_mm;
+}
+
+double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid) {
+  const double ramp_mm = std::max(sigma_mm * std::sqrt(2 * std::numbers::pi), grid.min_spacing_mm());
+  return tissue.stiffness_N_per_mm * ramp_mm;
+}
+
+}  // namespace palpate

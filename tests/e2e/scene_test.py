@@ -1,0 +1,123 @@
+"""Scenes written from files, and what is said about them."""
+
+import re
+
+import cli
+
+GEOMETRY = "space: left-posterior-superior\nspace directions: ({0},0,0) (0,{1},0) (0,0,{2})\nspace origin: ({3},0,0)\n"
+
+
+def write_nrrd(file, voxel, geometry, size=12):
+    """A cube of 8-bit voxels, each voxel(i, j, k)."""
+    voxels = bytes(voxel(i, j, k) for k in range(size) for j in range(size) for i in range(size))
+    header = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: {size} {size} {size}\n{geometry}encoding: raw\n\n"
+    file.write_bytes(header.encode() + voxels)
+    return file
+
+
+def block(i, j, k):
+    return int(3 <= i < 9 and 3 <= j < 9 and 3 <= k < 9)
+
+
+class SceneTest(cli.PalpateTest):
+    def labels(self, name="labels.nrrd", spacing=(1, 1, 1), x=0, geometry=None):
+        return write_nrrd(self.folder / name, block, geometry or GEOMETRY.format(*spacing, x))
+
+    def scan(self, name="scan.nrrd", x=0):
+        return write_nrrd(self.folder / name, lambda i, j, k: (i * 37 + j * 101 + k * 53) % 251,
+                          GEOMETRY.format(1, 1, 1, x))
+
+    def felt_scene(self, **data):
+        scene = self.folder / "felt.toml"
+        lines = "".join(f'{key} = "{file.name}"\n' for key, file in data.items())
+        scene.write_text(f'[data]\n{lines}[[tissue]]\nname = "block"\nlabels = [1]\n')
+        return scene
+
+    def test_new_replaces_no_data(self):
+        labels = self.labels()
+        table = self.folder / "names.ctbl"
+        table.write_text("1 femur 200 200 200 255\n")
+        link = self.folder / "link.toml"
+        link.symlink_to(labels.name)
+        before = labels.read_bytes(), table.read_bytes()
+        for output in (labels, link, table, f"{self.folder}/./labels.nrrd"):
+            for force in ([], ["--force"]):
+                with self.subTest(output=output, force=force):
+                    self.fail_clearly(cli.USAGE, "scene", "new", labels, "--names", table, "-o", output, *force,
+                                      says="would replace an input")
+                    self.assertEqual((labels.read_bytes(), table.read_bytes()), before)
+
+    def test_new_replaces_a_scene_only_when_told_to(self):
+        labels, scene = self.labels(), self.folder / "scene.toml"
+        scene.write_text("# a day's work\n")
+        self.fail_clearly(cli.USAGE, "scene", "new", labels, "-o", scene, says="--force")
+        self.assertEqual(scene.read_text(), "# a day's work\n")
+        self.succeed("scene", "new", labels, "-o", scene, "--force")
+        self.assertIn("[[tissue]]", scene.read_text())
+
+    def test_volumes_that_do_not_overlap(self):
+        labels, scan, scene = self.labels(), self.scan(x=500), self.folder / "scene.toml"
+        self.fail_clearly(cli.BAD_INPUT, "scene", "new", scan, labels, "-o", scene, says="do not overlap")
+        self.assertFalse(scene.exists())
+        self.fail_clearly(cli.BAD_INPUT, "scene", "check", self.felt_scene(scan=scan, labels=labels),
+                          says="felt.toml:3: the two volumes do not overlap")
+        self.succeed("scene", "check", self.felt_scene(scan=self.scan(x=5), labels=labels))
+
+    def test_one_file_twice_and_labels_for_a_scan(self):
+        labels = self.labels()
+        self.fail_clearly(cli.USAGE, "scene", "new", labels, labels, says="as its label map")
+        for arguments in (["--scan", labels], [labels, self.labels("more.nrrd")]):
+            self.assertIn("looks like a label map", self.succeed("scene", "new", *arguments).stderr)
+        self.assertNotIn("looks like", self.succeed("scene", "new", self.scan(), labels).stderr)
+
+    def test_a_data_file_that_is_missing(self):
+        labels = self.labels()
+        scene = self.felt_scene(labels=labels)
+        labels.unlink()
+        for verb in (["scene", "check"], ["simulate"]):
+            self.fail_clearly(cli.BAD_INPUT, *verb, scene, says="felt.toml:2: no such file")
+
+    def test_sigma_follows_the_voxels(self):
+        labels, scene = self.labels(spacing=(0.5, 0.5, 2.51)), self.folder / "scene.toml"
+        self.succeed("scene", "new", labels, "-o", scene)
+        self.assertRegex(scene.read_text(), r"(?m)^sigma = 2\.6 ")
+        self.assertNotIn("sigma", self.succeed("scene", "check", scene).stderr)
+        for sigma, warned in (("0", True), ("2.4", True), ("2.51", False)):
+            felt = re.sub(r"(?m)^sigma = \S+", f"sigma = {sigma}", scene.read_text())
+            scene.write_text(felt.replace("felt = false", "felt = true"))
+            self.assertEqual("less than a voxel" in self.succeed("scene", "check", scene).stderr, warned, sigma)
+
+    def test_check_prints_the_most_force(self):
+        scene = self.felt_scene(labels=self.labels())
+        scene.write_text(scene.read_text() + "stiffness = 0.8\n[preparation]\nsigma = 2\n")
+        row = re.search(r"(?m)^block +yes +0\.8 +(\S+)", self.succeed("scene", "check", scene).stdout)
+        self.assertAlmostEqual(float(row.group(1)), 0.8 * 2 * 2.5066, delta=0.01)
+
+    def test_sides(self):
+        def said(scene):
+            return re.search(r"(?m)^side +(.*)$", self.succeed("scene", "check", scene).stdout).group(1)
+
+        silent = self.labels("silent.nrrd", geometry="spacings: 1 1 1\n")
+        self.assertIn("sides are unknown", self.succeed("scene", "new", silent).stderr)
+        scene = self.felt_scene(labels=silent)
+        self.assertIn("sides are unknown", self.succeed("scene", "check", scene).stderr)
+        self.assertEqual(said(scene), "unknown")
+
+        labels, scene = self.labels(), self.folder / "scene.toml"
+        self.assertNotIn("sides", self.succeed("scene", "new", labels).stderr)
+        for side in ("left", "right", "both"):
+            self.succeed("scene", "new", labels, "--side", side, "-o", scene, "--force")
+            self.assertEqual(said(scene), side)
+        self.succeed("scene", "new", labels, "-o", scene, "--force")
+        self.assertRegex(said(scene), "^unknown; say side")
+        write_nrrd(labels, lambda i, j, k: block(i, j, k) * (1 + (i > 6)), GEOMETRY.format(1, 1, 1, 0))
+        (self.folder / "names.ctbl").write_text("1 tibia 1 1 1 255\n2 fibula 1 1 1 255\n")
+        self.succeed("scene", "new", labels, "-o", scene, "--force")
+        self.assertIn("from the fibula", said(scene))
+
+    def test_usage_line(self):
+        self.assertIn("scene new [OPTIONS] [SCAN] LABELS\n", self.succeed("scene", "new", "--help").stdout)
+
+
+if __name__ == "__main__":
+    cli.main()
