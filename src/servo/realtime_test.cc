@@ -124,7 +124,8 @@ bool runs_without_system_calls(const std::function<void()>& work) {
         ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &filter) != 0)
       ::_exit(3);
     work();
-    ::_exit(0);
+    // not _exit: under a sanitizer that looks for leaks first
+    ::syscall(SYS_exit_group, 0);
   }
   int status = 0;
   ::waitpid(child, &status, 0);
