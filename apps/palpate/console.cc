@@ -1,5 +1,8 @@
+#include <poll.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -8,6 +11,8 @@
 #include <mutex>
 #include <string>
 
+#include "keys.h"
+#include "text.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -16,9 +21,18 @@ namespace {
 std::atomic<bool> stop_requested{false};
 
 extern "C" void request_stop(int signal) {
-  stop_requested.store(true);
   // a second one ends the program at once, the usual way
+  if (!stop_requested.exchange(true)) return;
+  Keys::restore();
   std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
+// what a line on the terminal may take; the last column stays free, so that the cursor does not wrap
+std::size_t terminal_columns() {
+  winsize size{};
+  const bool known = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1;
+  return known ? size.ws_col - 1u : 79;
 }
 
 // one line on a terminal, redrawn at most 20 times a second and erased when a stage is done
@@ -37,6 +51,15 @@ class Bar {
                  std::string(kWidth - filled, ' ').c_str(), static_cast<int>(100 * fraction));
     shown_ = true;
     if (fraction >= 1) erase();
+    std::fflush(stderr);
+  }
+  void show(const std::string& line) {
+    const std::lock_guard lock(mutex_);
+    // a terminal that is held (Ctrl-S) must not hold what the line tells of
+    pollfd terminal{STDERR_FILENO, POLLOUT, 0};
+    if (::poll(&terminal, 1, 0) != 1) return;
+    std::fprintf(stderr, "\r\033[K%s", fitted(line, std::min(columns_of(line), terminal_columns())).c_str());
+    shown_ = true;
     std::fflush(stderr);
   }
   void clear() {
@@ -79,8 +102,7 @@ int exit_code(ErrorKind kind) {
 }  // namespace
 
 Console::Console() {
-  std::signal(SIGINT, request_stop);
-  std::signal(SIGTERM, request_stop);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, request_stop);
 }
 
 Progress Console::progress() {
@@ -88,6 +110,14 @@ Progress Console::progress() {
   if (!quiet && ::isatty(STDERR_FILENO))
     show = [](std::string_view stage, double fraction) { bar().show(stage, fraction); };
   return {show, &stop_requested};
+}
+
+void Console::live(const std::string& line) {
+  if (quiet || !::isatty(STDERR_FILENO)) return;
+  if (line.empty())
+    bar().clear();
+  else
+    bar().show(line);
 }
 
 Warn Console::warn() {

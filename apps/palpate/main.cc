@@ -16,6 +16,7 @@ constexpr const char* kExamples =
     "Examples:\n"
     "  palpate info knee.seg.nrrd                       what is in a file\n"
     "  palpate simulate knee-phantom --report run.html  palpate a generated knee\n"
+    "  palpate explore knee-phantom                     the same in real time\n"
     "  palpate scene new scan.nii.gz labels.nii.gz -o scene.toml\n"
     "  palpate simulate scene.toml -o run.h5            palpate your own data\n"
     "\n"
@@ -89,8 +90,8 @@ int run(int argc, char** argv) {
                "No progress and no notes; results, warnings and errors still appear");
 
   Run verb;
-  for (const auto add :
-       {add_info, add_data, add_scene, add_prepare, add_simulate, add_replay, add_report, add_verify})
+  for (const auto add : {add_info, add_data, add_scene, add_prepare, add_simulate, add_explore, add_replay,
+                         add_report, add_verify})
     add(app, verb);
   try {
     app.parse(argc, argv);

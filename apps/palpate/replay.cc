@@ -41,7 +41,8 @@ int replay_recording(const Options& options, Console& console) {
 void add_replay(CLI::App& app, Run& run) {
   auto options = std::make_shared<Options>();
   CLI::App* verb = app.add_subcommand("replay", "Run a recording's inputs again and compare every tick");
-  verb->add_option("recording", options->recording, "Recording made by palpate simulate")->required();
+  verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
+      ->required();
   verb->add_option("target", options->target, "Scene file it was made with; not needed for data sets");
   verb->footer(
       "Examples:\n"

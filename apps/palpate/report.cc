@@ -42,7 +42,8 @@ int report_recording(const Options& options, Console& console) {
 void add_report(CLI::App& app, Run& run) {
   auto options = std::make_shared<Options>();
   CLI::App* verb = app.add_subcommand("report", "Turn a recording into one self-contained HTML page");
-  verb->add_option("recording", options->recording, "Recording made by palpate simulate")->required();
+  verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
+      ->required();
   verb->add_option("target", options->target,
                    "Scene file or data set it was made with; not needed for data sets");
   verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");

@@ -206,21 +206,29 @@ std::string display_name(const Segment& segment) {
   return segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name;
 }
 
-/// A row for each tissue: what it feels like and what it is made of.
+/// A row for each tissue: what it feels like and what it is made of. Where the workspace makes the felt
+/// stiffness s g K another than the tissue's K, it gets a column.
 void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& ids,
                    const GridGeometry& grid) {
   std::size_t width = 6;
   for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
-  std::printf("\n%s  felt  N/mm   at most N  friction  structures  rests on\n",
-              fitted("tissue", width).c_str());
+  const double factor = felt_stiffness_N_per_mm(scene.workspace, 1);
+  std::printf("\n%s  felt  N/mm   %sat most N  friction  structures  rests on\n",
+              fitted("tissue", width).c_str(), factor == 1 ? "" : "hand N/mm  ");
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
     const std::string structures = tissue.threshold ? "threshold" : std::to_string(ids[i].size());
     const double most_N = tissue.felt ? most_force_N(tissue, scene.preparation.sigma_mm, grid) : 0;
-    std::printf("%s  %-4s  %-5.3g  %-9.3g  %-8.3g  %-10s  %s\n", fitted(tissue.name, width).c_str(),
-                tissue.felt ? "yes" : "no", tissue.stiffness_N_per_mm, most_N, tissue.friction_coefficient,
-                structures.c_str(), join(tissue.rests_on).c_str());
+    std::printf("%s  %-4s  %-5.3g  ", fitted(tissue.name, width).c_str(), tissue.felt ? "yes" : "no",
+                tissue.stiffness_N_per_mm);
+    if (factor != 1) std::printf("%-9.3g  ", tissue.felt ? factor * tissue.stiffness_N_per_mm : 0.0);
+    std::printf("%-9.3g  %-8.3g  %-10s  %s\n", most_N, tissue.friction_coefficient, structures.c_str(),
+                join(tissue.rests_on).c_str());
   }
+  if (factor != 1)
+    std::printf("hand N/mm: the felt stiffness, scale x force gain = %g times the tissue's\n", factor);
+  if (scene.workspace.force_gain != 1)
+    std::printf("at most N: in the patient; at the device %g times as much\n", scene.workspace.force_gain);
 }
 
 /// The side as the program takes it.
@@ -240,6 +248,19 @@ std::string side_text(const Scene& scene, const Data& data) {
   if (labels && labels->find("tibia") && labels->find("fibula"))
     return "not given: follows from the fibula, which lies lateral to the tibia";
   return "unknown; say side = \"left\", \"right\" or \"both\"";
+}
+
+/// How the device's reach lies in the patient, where the scene says anything of it.
+void print_workspace(const WorkspaceSettings& workspace) {
+  const WorkspaceSettings usual;
+  if (workspace.scale != usual.scale || workspace.force_gain != usual.force_gain ||
+      workspace.yaw_deg != usual.yaw_deg)
+    std::printf("workspace  scale %g, force gain %g, yaw %g degrees\n", workspace.scale, workspace.force_gain,
+                workspace.yaw_deg);
+  if (workspace.home)
+    std::printf("home       %g, %g, %g mm from the volume's centre\n", workspace.home->x(),
+                workspace.home->y(), workspace.home->z());
+  if (workspace.clutch_button >= 0) std::printf("clutch     button %d\n", workspace.clutch_button);
 }
 
 /// A Gaussian narrower than a voxel leaves the steps between voxels in what is felt. A ramp on the scan has
@@ -310,6 +331,7 @@ int run_check(const std::string& file, Console& console) {
               scene->preparation.storage == FieldStorage::k8Bit ? 8 : 16);
   std::printf("tool       %s, %zu point%s\n", scene->tool.name.c_str(), scene->tool.points_mm.size(),
               scene->tool.points_mm.size() == 1 ? "" : "s");
+  print_workspace(scene->workspace);
   if (scene->max_force_N) std::printf("limit      %g N\n", *scene->max_force_N);
   print_tissues(*scene, ids, field_grid(data->labels_grid(), data->scan_grid()));
   if (data->labels) print_left_over(*scene, data->labels->labels, ids);

@@ -7,7 +7,7 @@
 #include "palpate/output.h"
 #include "palpate/report.h"
 #include "palpate/session.h"
-#include "text.h"
+#include "palpation.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -19,11 +19,6 @@ struct Options {
   std::optional<double> max_force_N, rate_hz;
   std::optional<std::uint64_t> seed;
 };
-
-Result<Script> script_of(const Options& options, const Model& model) {
-  return options.script ? load_script(*options.script)
-                        : parse_script(default_script_text(model), "embedded script");
-}
 
 // where a run is written; empty: not at all
 struct Outputs {
@@ -53,11 +48,7 @@ Result<Outputs> outputs_of(const Options& options) {
 }
 
 void print(const SimulationResult& result) {
-  constexpr std::size_t kNameWidth = 28;
-  std::printf("%s %8s %8s %8s\n", fitted("structure", kNameWidth).c_str(), "held s", "mean N", "peak N");
-  for (const HoldFigure& hold : result.holds)
-    std::printf("%s %8.2f %8.2f %8.2f\n", fitted(hold.structure, kNameWidth).c_str(), hold.held_s,
-                hold.mean_force_N, hold.peak_force_N);
+  print_holds(result.holds);
   std::printf("largest force %.3f N of %.3f N allowed; %llu ticks, %llu clamped, %llu not finite\n",
               result.max_force_N, result.limit_N, static_cast<unsigned long long>(result.summary.ticks),
               static_cast<unsigned long long>(result.summary.clamped),
@@ -71,7 +62,7 @@ int simulate_target(const Options& options, Console& console) {
   const Progress progress = console.progress();
   const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
-  const auto script = script_of(options, *loaded->model);
+  const auto script = script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
 
   SimulationOptions simulation;

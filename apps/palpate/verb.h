@@ -23,15 +23,18 @@ enum ExitCode : int {
   kExitInterrupted = 130,
 };
 
-/// What a verb may say, and how it learns that the user wants it to stop (SIGINT, SIGTERM).
+/// What a verb may say, and how it learns that the user wants it to stop (SIGINT, SIGTERM, SIGHUP).
 class Console {
  public:
-  /// From here on SIGINT and SIGTERM are remembered, and stop the work that progress() goes with.
+  /// From here on these signals are remembered, and stop the work that progress() goes with.
   Console();
 
   bool quiet = false;  ///< -q: no progress and no notes; results, warnings and errors still appear
 
-  Progress progress();                 ///< a bar on stderr when that is a terminal
+  Progress progress();  ///< a bar on stderr when that is a terminal
+  /// A line on stderr that the next one replaces and everything else erases, cut to the terminal's width;
+  /// an empty one only erases. Nothing when quiet, or where there is no terminal.
+  void live(const std::string& line);
   Warn warn();                         ///< "palpate: warning: ..." on stderr
   void note(const std::string& text);  ///< a line on stderr unless quiet
   int fail(const Error& error);        ///< prints the error on stderr; returns the exit code of its kind
@@ -49,6 +52,7 @@ void add_data(CLI::App& app, Run& run);
 void add_scene(CLI::App& app, Run& run);
 void add_prepare(CLI::App& app, Run& run);
 void add_simulate(CLI::App& app, Run& run);
+void add_explore(CLI::App& app, Run& run);
 void add_replay(CLI::App& app, Run& run);
 void add_report(CLI::App& app, Run& run);
 void add_verify(CLI::App& app, Run& run);

@@ -1,9 +1,8 @@
-#include "palpate/output.h"
-#include "palpate/verification.h"
-
 #include <cstdio>
 #include <memory>
 
+#include "palpate/output.h"
+#include "palpate/verification.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -14,12 +13,15 @@ constexpr const char* kExamples =
     "  palpate verify --list                            the suites there are\n"
     "  palpate verify accuracy                          a table of figures and limits\n"
     "  palpate verify accuracy --json accuracy.json     the same for programs\n"
+    "  palpate verify latency                           the servo's timing, about a minute\n"
+    "  palpate verify latency --rate 4000 --spin 80     one rate, waiting awake before every tick\n"
     "\n"
     "Exit code 3 when a figure is beyond its limit. See docs/verify.md.";
 
 struct Options {
   std::string suite, json;
   bool list = false;
+  SuiteOptions suite_options;
 };
 
 void list_suites() {
@@ -37,7 +39,7 @@ int verify(const Options& options, Console& console) {
   }
   if (!options.json.empty())
     if (const auto writable = check_output(options.json); !writable) return console.fail(writable.error());
-  const auto report = run_suite(options.suite, console.progress());
+  const auto report = run_suite(options.suite, options.suite_options, console.progress(), console.warn());
   if (!report) return console.fail(report.error());
   std::fputs(to_table(*report).c_str(), stdout);
   if (!options.json.empty()) {
@@ -58,6 +60,16 @@ void add_verify(CLI::App& app, Run& run) {
   verb->add_option("-o,--json", options->json, "Also write the figures as JSON, whole or not at all")
       ->type_name("FILE");
   verb->add_flag("-l,--list", options->list, "List the suites");
+  SuiteOptions& of_suite = options->suite_options;
+  verb->add_option("--seconds", of_suite.seconds, "latency: time for each loop at each rate; default 3")
+      ->check(number_between(0.05, 3600));
+  verb->add_option("--spin", of_suite.spin_us,
+                   "latency: wait awake for the last microseconds before every tick; default 0")
+      ->check(number_between(0, 1000));
+  verb->add_option("--rate", of_suite.rate_hz, "latency: ticks a second; default: 1, 2, 4, 8 and 10 kHz")
+      ->check(number_between(250, 10000));
+  verb->add_option("--scene", of_suite.scene,
+                   "latency: a data set (palpate data list) or a scene file; default knee-phantom");
   verb->footer(kExamples);
   verb->callback(
       [options, &run] { run = [options](Console& console) { return verify(*options, console); }; });

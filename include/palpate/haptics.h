@@ -104,20 +104,28 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
 Vector<Patient> normal_force(const FieldSample& sample, double full_force_N);
 
 /// Velocity over a window of time: sum of displacements over sum of times of the last
-/// `window_s` seconds (MERL c. 1997; 0.01 s), never a one-tick difference.
+/// `window_s` seconds (MERL c. 1997; 0.01 s), never a one-tick difference. Kept as running sums, so that a
+/// push costs the same at every rate.
 class VelocityWindow {
  public:
   static constexpr int kCapacity = 128;  ///< holds 0.01 s at up to 10 kHz with room to spare
   void push(const Vector<Patient>& displacement_mm, double dt_s, double window_s = 0.01);
   /// mm/s; zero before the first push.
   Vector<Patient> velocity_mm_s() const;
-  void clear() { count_ = 0; }
-  /// Mixes the content into a state hash.
+  void clear() { *this = {}; }
+  /// Mixes everything pushed since it was cleared into a state hash.
   void hash_into(std::uint64_t& hash) const;
 
  private:
-  std::array<double, kCapacity> x_{}, y_{}, z_{}, dt_{};
+  // where the sum of all pushes stood after one of them
+  struct Sum {
+    Vector<Patient> way_mm;
+    double time_s = 0;
+  };
+  Sum now_, before_window_;
+  std::array<Sum, kCapacity> sums_;
   int first_ = 0, count_ = 0;
+  std::uint64_t pushed_ = 0;  // hash of every push
 };
 
 /// Viscosity: -c v, scaled by how far the tip is inside (field over the tissue's level, 0 ... 1), so

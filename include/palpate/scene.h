@@ -11,6 +11,7 @@
 #include "palpate/haptics.h"
 #include "palpate/preparation.h"
 #include "palpate/volume.h"
+#include "palpate/workspace.h"
 
 /// The scene file and the palpation script, both TOML: what they may hold, and how they are read.
 /// Unknown keys, absent labels and values out of range are errors with their line ("scene.toml:12: ...").
@@ -60,6 +61,7 @@ struct Scene {
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
   Tool tool;
+  WorkspaceSettings workspace;  ///< of every device; no part of the model
   std::optional<double> max_force_N;
   std::filesystem::path folder;  ///< where the scene file stands
   std::string source;            ///< its name, for errors

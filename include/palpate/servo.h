@@ -7,6 +7,7 @@
 #include "palpate/device.h"
 #include "palpate/haptics.h"
 #include "palpate/telemetry.h"
+#include "palpate/workspace.h"
 
 /// The tick: (Model, SessionState, DeviceStates, Parameters, dt) -> (SessionState, Wrenches).
 namespace palpate {
@@ -15,24 +16,64 @@ enum class ForceMethod : std::uint8_t {
   kTrilinear = 0,  ///< trilinear interpolation + central differences
 };
 
-/// Inputs of a tick that may change while the loop runs.
+/// What one device may be sent. kNotKnown where nobody knows: then the user's limit alone holds for forces,
+/// and torques and the gripper, for which the user sets no limit, stay off.
+struct OutputLimits {
+  double peak_force_N = kNotKnown;
+  double continuous_force_N = kNotKnown;  ///< of the thermal budget; unknown: there is none
+  double peak_torque_Nmm = kNotKnown;
+  double peak_gripper_N = kNotKnown;
+  /// Most change of force. A wall of 2 N/mm met at half a metre a second asks for 1000 N/s.
+  double slew_N_per_s = 2000;
+};
+OutputLimits limits_of(const DeviceInfo& info);
+
+/// Inputs of a tick that belong to one device.
+struct DeviceParameters {
+  double force_gain = 1;  ///< N at the device for one N in the patient (WorkspaceSettings::force_gain)
+  double scale = 1;  ///< mm in the patient for one mm of the device; torques shrink with it, as the tool does
+  OutputLimits limits;
+};
+DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
+
+/// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is felt as a
+/// blend over kBlend_s, not as a step.
 struct Parameters {
   ForceMethod method = ForceMethod::kTrilinear;
   bool friction = true;
   bool viscosity = true;
-  bool paused = false;
-  double max_force_N = 3.0;  ///< the least of device, user and scene limit
+  bool paused = false;          ///< forces fade out and stay off
+  bool emergency_stop = false;  ///< forces are off at once
+  double max_force_N = 3.0;     ///< the user's limit, beside the scene's; not finite or negative counts as 0
+  std::array<DeviceParameters, kMaxDevices> device;
   /// Rotation of the object about World's origin; commanded about 10 times a second.
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
+};
+
+/// A change of model, method or parameters is spread over this time.
+inline constexpr double kBlend_s = 0.1;
+
+/// What the output stage remembers of one device.
+struct OutputState {
+  Wrench sent;
+  double gain = 0;  ///< of the ramp, 0 ... 1
+  double heat = 0;  ///< part of the thermal budget that is used, 0 ... 1
 };
 
 /// Everything a tick remembers. Small, copyable, hashable; no pointers.
 struct SessionState {
   struct Hand {
     bool seen = false;  ///< a previous tip exists
+    Point<World> previous_world;
     Point<Patient> previous_tip;
     VelocityWindow velocity;
+    // what the force was last, and what is left of the difference to what made it
+    Wrench asked;
+    Wrench difference;
+    double blend_elapsed_s = kBlend_s;
+    OutputState output;
   };
+
   std::uint64_t tick = 0;
   double time_s = 0;
   // object rotation, interpolated over kRotationInterval from each command
@@ -40,6 +81,8 @@ struct SessionState {
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
   Eigen::Quaterniond rotation_felt = Eigen::Quaterniond::Identity();
   double rotation_elapsed_s = 1.0;
+  // what made the last forces, 0 before the first tick: another value starts a blend
+  std::uint64_t made_by = 0;
   std::array<Hand, kMaxDevices> hands;
 
   /// 64-bit hash of the state, equal for equal states on every build.
@@ -47,7 +90,7 @@ struct SessionState {
 };
 inline constexpr double kRotationInterval_s = 0.1;
 
-/// One servo tick. Allocates, locks, logs and throws nothing.
+/// One servo tick. Allocates, locks, logs, throws nothing and makes no system call.
 /// @param devices  1 ... kMaxDevices states; `wrenches` has the same length
 /// @param record   filled with what the tick took in and gave out
 void tick(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices, double dt_s,

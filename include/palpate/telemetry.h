@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -9,32 +10,63 @@
 /// Units are in the names; frames: tip_world and force in World, the rest in Patient.
 namespace palpate {
 
-/// Reasons why a tick's output was changed or withheld. Bits.
+inline constexpr int kMaxDevices = 4;
+
+/// What is not known is not a number.
+inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
+
+/// Reasons why a tick's output was changed or withheld, and what was met. Bits.
 enum TickFlag : std::uint32_t {
   kFlagClamped = 1u << 0,          ///< the force was larger than the limit: lower stiffness or press less
   kFlagNotFinite = 1u << 1,        ///< a state or force was NaN or infinite; the output was zero
   kFlagOutside = 1u << 2,          ///< the tip is outside the volume: free space
-  kFlagPaused = 1u << 3,           ///< force off while paused
+  kFlagPaused = 1u << 3,           ///< paused, or about to stop: the force fades out and stays off
   kFlagContact = 1u << 4,          ///< a felt structure is touched
   kFlagRotationIgnored = 1u << 5,  ///< the commanded rotation was no unit quaternion: the last one holds
+  kFlagThermal = 1u << 6,          ///< the limit stood below the peak to keep the motors cool
+  kFlagSlew = 1u << 7,             ///< the force was on its way to a value too far for one tick
+  kFlagRamp = 1u << 8,             ///< faded: coming in over 0.5 s or going out
+  kFlagStale = 1u << 9,            ///< the state was older than 5 ms: decaying, and zero from 10 ms
+  kFlagJump = 1u << 10,            ///< the tip moved farther in a tick than any hand can; the output was zero
+  kFlagDeviceFault = 1u << 11,     ///< the device withholds forces by itself; the output was zero
+  kFlagHalted = 1u << 12,          ///< the watchdog had stopped the device; the output was zero
+  kFlagEmergencyStop = 1u << 13,   ///< the output was zero
+  kFlagClutched = 1u << 14,        ///< the clutch was held: the force fades out and stays off
+  kFlagBlend = 1u << 15,           ///< on the way from the force of the last method, model or parameters
 };
+/// After these the force is zero at once, and comes back by the ramp.
+inline constexpr std::uint32_t kFaultFlags =
+    kFlagNotFinite | kFlagJump | kFlagDeviceFault | kFlagHalted | kFlagEmergencyStop;
 
 /// TickRecord::switches. Bits.
 enum TickSwitch : std::uint8_t {
   kSwitchFriction = 1u << 0,
   kSwitchViscosity = 1u << 1,
   kSwitchPaused = 1u << 2,
+  kSwitchEmergencyStop = 1u << 3,
 };
 
 struct DeviceTick {
   // in
   std::array<double, 3> tip_world_mm{};
   std::array<double, 4> orientation_wxyz{1, 0, 0, 0};
+  std::array<double, 3> velocity_world_mm_s{kNotKnown, kNotKnown, kNotKnown};  ///< the device's own estimate
+  std::array<double, 3> angular_velocity_world_rad_s{kNotKnown, kNotKnown, kNotKnown};  ///< likewise
+  double gripper_rad = kNotKnown;
   std::uint32_t buttons = 0;
+  std::uint32_t status = 0;  ///< DeviceStatus bits
+  double age_s = 0;          ///< of the pose
+  // in: DeviceParameters; NaN: not known
+  double force_gain = 1, scale = 1;
+  double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, peak_torque_Nmm = kNotKnown;
+  double peak_gripper_N = kNotKnown, slew_N_per_s = kNotKnown;
   // out
   std::array<double, 3> force_N{};     ///< sent, World
   std::array<double, 3> torque_Nmm{};  ///< about the tip, World
-  double unclamped_force_N = 0;        ///< magnitude before the safety stage
+  double gripper_N = 0;                ///< sent
+  double unclamped_force_N = 0;        ///< magnitude before the output stage
+  double limit_N = 0;                  ///< least of device, user, scene and thermal limit in this tick
+  double heat = 0;                     ///< part of the thermal budget that is used, 0 ... 1
   std::array<double, 3> tip_patient_mm{};
   std::array<double, 3> normal_patient{};         ///< outward, unit; zero in free space
   std::array<double, 3> velocity_patient_mm_s{};  ///< windowed, relative to the object
@@ -48,15 +80,18 @@ struct TickRecord {
   std::uint64_t tick = 0;
   double time_s = 0;  ///< virtual or real clock at the start of the tick
   double dt_s = 0;
+  double lateness_s = 0;  ///< real clock: how late the tick began; not part of the hash
+  double compute_s = 0;   ///< real clock: from reading the states to the commands; not part of the hash
   std::uint32_t model_version = 0;
   std::uint8_t method = 0;                                 ///< ForceMethod
   std::uint8_t switches = 0;                               ///< TickSwitch bits
-  double max_force_N = 0;                                  ///< limit in force during this tick
+  double max_force_N = 0;                                  ///< the user's limit
   std::array<double, 4> rotation_target_wxyz{1, 0, 0, 0};  ///< commanded object rotation
   std::array<double, 4> rotation_felt_wxyz{1, 0, 0, 0};    ///< interpolated, the one that is felt
   int devices = 1;
-  std::array<DeviceTick, 4> device{};
-  std::uint64_t state_hash = 0;  ///< of the session state and the outputs after the tick
+  std::uint64_t state_hash = 0;  ///< of the session state after the tick, what was sent included
+  std::array<DeviceTick, kMaxDevices>
+      device{};  ///< last, so that a copy may leave out those that there are not
 };
 
 }  // namespace palpate

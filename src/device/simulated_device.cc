@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/device.h"
+#include "palpate/simulated_device.h"
 
 namespace palpate {
 namespace {
@@ -32,10 +32,10 @@ Eigen::Vector3d saturated(const Eigen::Vector3d& force_N, double peak_N) {
 }  // namespace
 
 const std::vector<PlantDevice>& known_plant_devices() {
-  // mass kg, damping N.s/m, Coulomb N, encoder step m, peak N, continuous N
+  // mass kg, damping N.s/m, Coulomb N, encoder step m, peak N, continuous N, reach m
   static const std::vector<PlantDevice> devices{
-      {"premium-1.5", 0.075, 0.005, 0.04, 30e-6, 8.5, 1.4},
-      {"touch", 0.045, 0.1, 0.26, 55e-6, 3.3, 0.88},
+      {"premium-1.5", 0.075, 0.005, 0.04, 30e-6, 8.5, 1.4, 0.12},
+      {"touch", 0.045, 0.1, 0.26, 55e-6, 3.3, 0.88, 0.075},
   };
   return devices;
 }
@@ -60,42 +60,68 @@ Result<PlantHand> find_plant_hand(const std::string& name) {
 
 SimulatedDevice::SimulatedDevice(const PlantDevice& device, const PlantHand& hand, double delay_s)
     : device_(device), hand_(hand), delay_s_(delay_s) {
-  line_.push_back({0, Eigen::Vector3d::Zero()});
+  PALPATE_CHECK(delay_s >= 0 && delay_s <= kMostDelay_s);
+  push({0, Eigen::Vector3d::Zero()});
 }
 
 DeviceInfo SimulatedDevice::info() const {
   DeviceInfo info;
   info.name = device_.name + " (simulated)";
+  info.simulated = true;
   info.peak_force_N = device_.peak_force_N;
   info.continuous_force_N = device_.continuous_force_N;
   info.position_step_mm = device_.encoder_step_m / kMetresPerMm;
+  if (!std::isnan(device_.reach_m)) {
+    const double half_mm = device_.reach_m / kMetresPerMm / std::sqrt(3.0);
+    info.workspace = {Point<Device>(-half_mm, -half_mm, -half_mm), Point<Device>(half_mm, half_mm, half_mm)};
+  }
   return info;
 }
 
-void SimulatedDevice::reset(const Point<World>& tip) {
+void SimulatedDevice::reset(const Point<Device>& tip) {
   target_mm_ = previous_target_mm_ = tip;
   position_m_ = tip.eigen() * kMetresPerMm;
   velocity_m_s_.setZero();
   time_s_ = 0;
-  line_.assign(1, {0, Eigen::Vector3d::Zero()});
+  first_ = count_ = 0;
+  push({0, Eigen::Vector3d::Zero()});
 }
 
-DeviceState SimulatedDevice::read() const {
-  DeviceState state;
-  state.tip = Point<World>(quantised(position_m_, device_.encoder_step_m) / kMetresPerMm);
-  return state;
+// a full line, of ticks shorter than its capacity is made for, forgets its oldest command
+void SimulatedDevice::push(const Command& command) {
+  if (count_ == line_.size()) {
+    first_ = (first_ + 1) % line_.size();
+    --count_;
+  }
+  line_[(first_ + count_) % line_.size()] = command;
+  ++count_;
 }
 
-Point<World> SimulatedDevice::true_tip() const {
-  return Point<World>(position_m_ / kMetresPerMm);
+// the newest command whose time has come
+const SimulatedDevice::Command& SimulatedDevice::acting_at(double time_s) {
+  while (count_ > 1 && line_[(first_ + 1) % line_.size()].from_s <= time_s) {
+    first_ = (first_ + 1) % line_.size();
+    --count_;
+  }
+  return line_[first_];
 }
 
-Vector<World> SimulatedDevice::true_velocity_mm_s() const {
-  return Vector<World>(velocity_m_s_ / kMetresPerMm);
+DeviceSample SimulatedDevice::read() const {
+  DeviceSample sample;
+  sample.tip = Point<Device>(quantised(position_m_, device_.encoder_step_m) / kMetresPerMm);
+  return sample;
 }
 
-void SimulatedDevice::advance(const Wrench& command, double dt_s) {
-  line_.push_back({time_s_ + delay_s_, saturated(command.force_N.eigen(), device_.peak_force_N)});
+Point<Device> SimulatedDevice::true_tip() const {
+  return Point<Device>(position_m_ / kMetresPerMm);
+}
+
+Vector<Device> SimulatedDevice::true_velocity_mm_s() const {
+  return Vector<Device>(velocity_m_s_ / kMetresPerMm);
+}
+
+void SimulatedDevice::advance(const DeviceCommand& command, double dt_s) {
+  push({time_s_ + delay_s_, saturated(command.force_N.eigen(), device_.peak_force_N)});
 
   const double mass_kg = device_.mass_kg + hand_.mass_kg;
   const Eigen::Vector3d from_m = previous_target_mm_.eigen() * kMetresPerMm;
@@ -104,15 +130,13 @@ void SimulatedDevice::advance(const Wrench& command, double dt_s) {
   const int steps = std::max(1, static_cast<int>(std::lround(dt_s / kStep_s)));
   const double h = dt_s / steps;
   for (int i = 0; i < steps; ++i) {
-    // zero-order hold: the newest command whose time has come
-    const double now_s = time_s_ + i * h;
-    while (line_.size() > 1 && line_[1].from_s <= now_s + 0.5 * h) line_.erase(line_.begin());
+    // zero-order hold
+    const Eigen::Vector3d& held_N = acting_at(time_s_ + (i + 0.5) * h).force_N;
 
     // the hand's spring and damper to the intended motion, the device's damping, then Coulomb friction
     // as an impulse that can at most stop the motion: stick
     const Eigen::Vector3d intended_m = from_m + intended_velocity_m_s * ((i + 1) * h);
-    const Eigen::Vector3d force_N = line_.front().force_N +
-                                    hand_.stiffness_N_per_m * (intended_m - position_m_) +
+    const Eigen::Vector3d force_N = held_N + hand_.stiffness_N_per_m * (intended_m - position_m_) +
                                     hand_.damping_N_s_per_m * (intended_velocity_m_s - velocity_m_s_) -
                                     device_.damping_N_s_per_m * velocity_m_s_;
     velocity_m_s_ += force_N * (h / mass_kg);

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "palpate/device.h"
+#include "palpate/simulated_device.h"
 
 namespace palpate {
 namespace {
@@ -14,8 +14,8 @@ TEST(SimulatedDevice, SwingsAsADampedOscillator) {
   // m x'' + b x' + k x = 0 from 10 mm, against the closed solution
   const PlantHand hand{"hand", 0.15, 2, 80};
   SimulatedDevice plant(kIdeal, hand);
-  plant.reset(Point<World>(10, 0, 0));
-  plant.intend(Point<World>(0, 0, 0));
+  plant.reset(Point<Device>(10, 0, 0));
+  plant.intend(Point<Device>(0, 0, 0));
   // the first advance moves the intention there evenly; reset again so that it stands there from the start
   plant.advance({}, 1e-9);
   const double m = 0.2, b = 2, k = 80;
@@ -36,11 +36,11 @@ TEST(SimulatedDevice, SwingsAsADampedOscillator) {
 TEST(SimulatedDevice, NeverGainsEnergyWithoutAForce) {
   const PlantHand hand{"hand", 0.15, 0.5, 80};
   SimulatedDevice plant(kIdeal, hand);
-  plant.reset(Point<World>(0, 0, 0));
-  plant.intend(Point<World>(8, -3, 2));
+  plant.reset(Point<Device>(0, 0, 0));
+  plant.intend(Point<Device>(8, -3, 2));
   plant.advance({}, kTick_s);
   const auto energy = [&] {
-    const double stretch = (Point<World>(8, -3, 2) - plant.true_tip()).norm() * 1e-3;
+    const double stretch = (Point<Device>(8, -3, 2) - plant.true_tip()).norm() * 1e-3;
     const double speed = plant.true_velocity_mm_s().norm() * 1e-3;
     return 0.5 * 80 * stretch * stretch + 0.5 * 0.2 * speed * speed;
   };
@@ -59,17 +59,17 @@ TEST(SimulatedDevice, SticksBelowCoulombAndSlipsAbove) {
   const PlantDevice sticky{"sticky", 0.05, 0, 0.2, 0, 1e9, 1e9};
   const PlantHand free_hand{"free", 0.1, 0, 0};
   SimulatedDevice plant(sticky, free_hand);
-  plant.reset(Point<World>(1, 2, 3));
-  for (int n = 0; n < 100; ++n) plant.advance({Vector<World>(0.12, 0.15, 0), {}}, kTick_s);  // 0.192 N
-  EXPECT_EQ(plant.true_tip(), Point<World>(1, 2, 3));
-  for (int n = 0; n < 100; ++n) plant.advance({Vector<World>(0.15, 0.15, 0), {}}, kTick_s);  // 0.212 N
+  plant.reset(Point<Device>(1, 2, 3));
+  for (int n = 0; n < 100; ++n) plant.advance({Vector<Device>(0.12, 0.15, 0), {}}, kTick_s);  // 0.192 N
+  EXPECT_EQ(plant.true_tip(), Point<Device>(1, 2, 3));
+  for (int n = 0; n < 100; ++n) plant.advance({Vector<Device>(0.15, 0.15, 0), {}}, kTick_s);  // 0.212 N
   EXPECT_GT(plant.true_tip().x(), 1);
 }
 
 TEST(SimulatedDevice, EncoderFloorsToWholeSteps) {
   SimulatedDevice plant(*find_plant_device("premium-1.5"), *find_plant_hand("light-grip"));
-  plant.reset(Point<World>(0.0449, -0.0001, 0));
-  const Point<World> read = plant.read().tip;
+  plant.reset(Point<Device>(0.0449, -0.0001, 0));
+  const Point<Device> read = plant.read().tip;
   EXPECT_NEAR(read.x(), 0.030, 1e-9);
   EXPECT_NEAR(read.y(), -0.030, 1e-9);
   EXPECT_NEAR(read.z(), 0, 1e-12);
@@ -79,10 +79,10 @@ TEST(SimulatedDevice, DelaysTheForceAndSaturatesIt) {
   const PlantDevice weak{"weak", 0.05, 0, 0, 0, 2, 1};
   const PlantHand free_hand{"free", 0.05, 0, 0};
   SimulatedDevice plant(weak, free_hand, 3e-3);
-  plant.reset(Point<World>());
-  for (int n = 0; n < 3; ++n) plant.advance({Vector<World>(0, 50, 0), {}}, kTick_s);
-  EXPECT_EQ(plant.true_tip(), Point<World>()) << "nothing may act before the delay";
-  plant.advance({Vector<World>(0, 50, 0), {}}, kTick_s);
+  plant.reset(Point<Device>());
+  for (int n = 0; n < 3; ++n) plant.advance({Vector<Device>(0, 50, 0), {}}, kTick_s);
+  EXPECT_EQ(plant.true_tip(), Point<Device>()) << "nothing may act before the delay";
+  plant.advance({Vector<Device>(0, 50, 0), {}}, kTick_s);
   // 2 N on 0.1 kg for 1 ms: 20 mm/s
   EXPECT_NEAR(plant.true_velocity_mm_s().y(), 20, 1e-9);
 }
@@ -95,11 +95,11 @@ TEST(SimulatedDevice, WallTurnsUnstableAtTheTheoreticalStiffness) {
     const auto final_swing = [&](double stiffness_N_per_m) {
       const PlantHand hand{"hand", 0.3, b, 0};
       SimulatedDevice plant(kIdeal, hand, delay_s);
-      plant.reset(Point<World>(1, 0, 0));
+      plant.reset(Point<Device>(1, 0, 0));
       double swing = 0;
       for (int n = 0; n < 20000; ++n) {
         const double x_mm = plant.read().tip.x();
-        plant.advance({Vector<World>(-stiffness_N_per_m * 1e-3 * x_mm, 0, 0), {}}, kTick_s);
+        plant.advance({Vector<Device>(-stiffness_N_per_m * 1e-3 * x_mm, 0, 0), {}}, kTick_s);
         if (n > 19000) swing = std::max(swing, std::abs(x_mm));
       }
       return swing;
@@ -112,10 +112,10 @@ TEST(SimulatedDevice, WallTurnsUnstableAtTheTheoreticalStiffness) {
 TEST(SimulatedDevice, IsBitForBitRepeatable) {
   const auto run = [] {
     SimulatedDevice plant(*find_plant_device("touch"), *find_plant_hand("firm-grip"), 1e-3);
-    plant.reset(Point<World>(1, 2, 3));
+    plant.reset(Point<Device>(1, 2, 3));
     for (int n = 0; n < 300; ++n) {
-      plant.intend(Point<World>(1 + 0.01 * n, 2, 3 - 0.02 * n));
-      plant.advance({Vector<World>(-0.1 * plant.read().tip.x(), 0, 0.3), {}}, kTick_s);
+      plant.intend(Point<Device>(1 + 0.01 * n, 2, 3 - 0.02 * n));
+      plant.advance({Vector<Device>(-0.1 * plant.read().tip.x(), 0, 0.3), {}}, kTick_s);
     }
     return plant.true_tip();
   };

@@ -4,46 +4,31 @@
 namespace palpate {
 
 void VelocityWindow::push(const Vector<Patient>& displacement_mm, double dt_s, double window_s) {
-  // a full ring forgets its oldest entry
-  if (count_ == kCapacity) {
+  const auto drop_oldest = [&] {
+    before_window_ = sums_[first_];
     first_ = (first_ + 1) % kCapacity;
     --count_;
-  }
-  const int last = (first_ + count_) % kCapacity;
-  x_[last] = displacement_mm.x();
-  y_[last] = displacement_mm.y();
-  z_[last] = displacement_mm.z();
-  dt_[last] = dt_s;
+  };
+  if (count_ == kCapacity) drop_oldest();
+  now_.way_mm += displacement_mm;
+  now_.time_s += dt_s;
+  sums_[(first_ + count_) % kCapacity] = now_;
   ++count_;
+  for (int axis = 0; axis < 3; ++axis) hash_double(pushed_, displacement_mm[axis]);
+  hash_double(pushed_, dt_s);
 
   // entries that the window does not need go; a little slack, because times are sums of rounded steps
-  double time = 0;
-  for (int i = 0; i < count_; ++i) time += dt_[(first_ + i) % kCapacity];
-  while (count_ > 1 && time - dt_[first_] >= window_s - 1e-3 * dt_s) {
-    time -= dt_[first_];
-    first_ = (first_ + 1) % kCapacity;
-    --count_;
-  }
+  while (count_ > 1 && now_.time_s - sums_[first_].time_s >= window_s - 1e-3 * dt_s) drop_oldest();
 }
 
 Vector<Patient> VelocityWindow::velocity_mm_s() const {
-  double x = 0, y = 0, z = 0, time = 0;
-  for (int i = 0; i < count_; ++i) {
-    const int at = (first_ + i) % kCapacity;
-    x += x_[at];
-    y += y_[at];
-    z += z_[at];
-    time += dt_[at];
-  }
-  return time > 0 ? Vector<Patient>(x / time, y / time, z / time) : Vector<Patient>();
+  const double time_s = now_.time_s - before_window_.time_s;
+  return time_s > 0 ? (now_.way_mm - before_window_.way_mm) / time_s : Vector<Patient>();
 }
 
 void VelocityWindow::hash_into(std::uint64_t& hash) const {
   hash_word(hash, static_cast<std::uint64_t>(count_));
-  for (int i = 0; i < count_; ++i) {
-    const int at = (first_ + i) % kCapacity;
-    for (const double value : {x_[at], y_[at], z_[at], dt_[at]}) hash_double(hash, value);
-  }
+  hash_word(hash, pushed_);
 }
 
 }  // namespace palpate

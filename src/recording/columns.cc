@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "palpate/telemetry.h"
+#include "recording/bits.h"
 
 namespace palpate::internal {
 namespace {
@@ -21,18 +22,22 @@ constexpr std::array kTickColumns{
     Column{"time_s", kF64, 1, PALPATE_TICK(time_s), "s", "-",
            "virtual or real clock at the start of the tick"},
     Column{"dt_s", kF64, 1, PALPATE_TICK(dt_s), "s", "-", "time step of the tick"},
+    Column{"lateness_s", kF64, 1, PALPATE_TICK(lateness_s), "s", "-",
+           "real clock: how late the tick began, 0 on the virtual clock"},
+    Column{"compute_s", kF64, 1, PALPATE_TICK(compute_s), "s", "-",
+           "real clock: time from reading the devices to the commands, 0 on the virtual clock"},
     Column{"model_version", kU32, 1, PALPATE_TICK(model_version), "1", "-",
            "version of the model that was felt"},
     Column{"method", kU8, 1, PALPATE_TICK(method), "1", "-", "force method"},
-    Column{"switches", kU8, 1, PALPATE_TICK(switches), "bits", "-", "1 friction, 2 viscosity, 4 paused"},
+    Column{"switches", kU8, 1, PALPATE_TICK(switches), "bits", "-", "what was switched on", switch_bits},
     Column{"max_force_N", kF64, 1, PALPATE_TICK(max_force_N), "N", "-",
-           "limit of force in effect during the tick"},
+           "input: least of the user's and the scene's limit of force"},
     Column{"rotation_target_wxyz", kF64, 4, PALPATE_TICK(rotation_target_wxyz), "1", "World",
            "commanded rotation of the object, unit quaternion"},
     Column{"rotation_felt_wxyz", kF64, 4, PALPATE_TICK(rotation_felt_wxyz), "1", "World",
            "interpolated rotation of the object, the one that is felt, unit quaternion"},
     Column{"state_hash", kU64, 1, PALPATE_TICK(state_hash), "1", "-",
-           "hash of the session state and the outputs after the tick"},
+           "hash of the session state after the tick, what was sent included"},
 };
 
 constexpr std::array kDeviceColumns{
@@ -40,13 +45,43 @@ constexpr std::array kDeviceColumns{
            "input: position of the tip"},
     Column{"orientation_wxyz", kF64, 4, PALPATE_DEVICE(orientation_wxyz), "1", "World",
            "input: rotation from the tool's axes to World, unit quaternion"},
+    Column{"velocity_world_mm_s", kF64, 3, PALPATE_DEVICE(velocity_world_mm_s), "mm/s", "World",
+           "input: velocity of the tip as the device estimates it, NaN: it does not"},
+    Column{"angular_velocity_world_rad_s", kF64, 3, PALPATE_DEVICE(angular_velocity_world_rad_s), "rad/s",
+           "World", "input: angular velocity as the device estimates it, NaN: it does not"},
+    Column{"gripper_rad", kF64, 1, PALPATE_DEVICE(gripper_rad), "rad", "-",
+           "input: opening of the gripper, NaN: there is none"},
     Column{"buttons", kU32, 1, PALPATE_DEVICE(buttons), "bits", "-",
            "input: bit n is set while button n is held"},
+    Column{"status", kU32, 1, PALPATE_DEVICE(status), "bits", "-", "input: why the device gets no force",
+           status_bits},
+    Column{"age_s", kF64, 1, PALPATE_DEVICE(age_s), "s", "-",
+           "input: how long before the tick the pose was true"},
+    Column{"force_gain", kF64, 1, PALPATE_DEVICE(force_gain), "1", "-",
+           "input: N at the device for one N in the patient"},
+    Column{"scale", kF64, 1, PALPATE_DEVICE(scale), "1", "-",
+           "input: mm in the patient for one mm of the device"},
+    Column{"peak_force_N", kF64, 1, PALPATE_DEVICE(peak_force_N), "N", "-",
+           "input: most force of the device, NaN: not known"},
+    Column{"continuous_force_N", kF64, 1, PALPATE_DEVICE(continuous_force_N), "N", "-",
+           "input: force that the device bears for ever, NaN: not known, no thermal budget"},
+    Column{"peak_torque_Nmm", kF64, 1, PALPATE_DEVICE(peak_torque_Nmm), "N mm", "-",
+           "input: most torque of the device, NaN: not known, none is sent"},
+    Column{"peak_gripper_N", kF64, 1, PALPATE_DEVICE(peak_gripper_N), "N", "-",
+           "input: most force of the gripper, NaN: not known, none is sent"},
+    Column{"slew_N_per_s", kF64, 1, PALPATE_DEVICE(slew_N_per_s), "N/s", "-", "input: most change of force"},
     Column{"force_N", kF64, 3, PALPATE_DEVICE(force_N), "N", "World", "output: force sent to the device"},
     Column{"torque_Nmm", kF64, 3, PALPATE_DEVICE(torque_Nmm), "N mm", "World",
            "output: torque about the tip sent to the device"},
+    Column{"gripper_N", kF64, 1, PALPATE_DEVICE(gripper_N), "N", "-",
+           "output: force sent to the gripper, above 0 opens"},
     Column{"unclamped_force_N", kF64, 1, PALPATE_DEVICE(unclamped_force_N), "N", "-",
-           "magnitude of the force before the safety stage"},
+           "magnitude of the force before the output stage"},
+    Column{"limit_N", kF64, 1, PALPATE_DEVICE(limit_N), "N", "-",
+           "least of the device's, the user's, the scene's and the thermal limit, 0 when the output was off "
+           "at once"},
+    Column{"heat", kF64, 1, PALPATE_DEVICE(heat), "1", "-",
+           "part of the thermal budget that is used, 0 to 1"},
     Column{"tip_patient_mm", kF64, 3, PALPATE_DEVICE(tip_patient_mm), "mm", "Patient", "position of the tip"},
     Column{"normal_patient", kF64, 3, PALPATE_DEVICE(normal_patient), "1", "Patient",
            "outward unit normal, zero in free space"},
@@ -58,7 +93,7 @@ constexpr std::array kDeviceColumns{
            "no surface is within reach, 0 where nothing is felt"},
     Column{"label", kU16, 1, PALPATE_DEVICE(label), "1", "-", "label of the touched structure, 0 none"},
     Column{"flags", kU32, 1, PALPATE_DEVICE(flags), "bits", "-",
-           "1 clamped, 2 not finite, 4 outside, 8 paused, 16 contact, 32 rotation ignored"},
+           "what was met, and why the output was changed", flag_bits},
 };
 
 #undef PALPATE_TICK

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 
 /// The one table of what a recording stores for every tick. The writer, the reader and the check of
 /// docs/recording.md all walk it; a new column is one new line here and one in the document.
@@ -16,13 +17,16 @@ std::size_t size_of(Number number);
 struct Column {
   const char* name;  ///< of the data set in its group
   Number number;
-  std::size_t width;        ///< numbers a tick; 1: the data set is [N], otherwise [N, width]
-  std::size_t offset;       ///< of the first number in TickRecord, or in DeviceTick
-  const char* unit;         ///< "1": a pure number
-  const char* frame;        ///< whose axes, or "-"
-  const char* description;  ///< ASCII, stored with the data set
+  std::size_t width;                ///< numbers a tick; 1: the data set is [N], otherwise [N, width]
+  std::size_t offset;               ///< of the first number in TickRecord, or in DeviceTick
+  const char* unit;                 ///< "1": a pure number
+  const char* frame;                ///< whose axes, or "-"
+  const char* meaning;              ///< ASCII
+  std::string (*bits)() = nullptr;  ///< their list, for a set of bits
 
   std::size_t row_bytes() const { return size_of(number) * width; }
+  /// Stored with the data set.
+  std::string description() const { return bits == nullptr ? meaning : meaning + (": " + bits()); }
 };
 
 /// Columns of the group /ticks: offsets in TickRecord.

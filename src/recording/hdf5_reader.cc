@@ -210,12 +210,16 @@ struct StoredColumn {
 void check_format(hid_t file) {
   if (H5Aexists(file, "format") <= 0 || Attribute(file, "format").text() != kFormat)
     throw Refusal{"is an HDF5 file, but not a recording of palpate",
-                  "name a file that palpate simulate wrote"};
+                  "name a file that palpate simulate or explore wrote"};
   const auto major = Attribute(file, "format_major").number<std::uint32_t>(H5T_STD_U32LE);
   if (major > kFormatMajor)
     throw Refusal{"was written by a newer palpate: format " + std::to_string(major) +
-                      ", this one reads up to " + std::to_string(kFormatMajor),
+                      ", this one reads format " + std::to_string(kFormatMajor),
                   "use a newer palpate"};
+  if (major < kFormatMajor)
+    throw Refusal{"was made by an earlier palpate (format " + std::to_string(major) +
+                      "; this one reads format " + std::to_string(kFormatMajor) + ")",
+                  "record it again"};
 }
 
 void read_structures(hid_t file, std::uint64_t file_bytes,

@@ -12,9 +12,12 @@ namespace palpate::internal {
 
 inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
-inline constexpr std::uint32_t kFormatMajor = 1;
+inline constexpr std::uint32_t kFormatMajor = 2;
 /// Incremented when something is added that old readers can leave aside.
 inline constexpr std::uint32_t kFormatMinor = 0;
+
+inline constexpr const char* kVirtualClock = "virtual";
+inline constexpr const char* kRealClock = "real";
 
 inline constexpr std::size_t kMaxText = 4096;  ///< bytes of one text of the header
 inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
@@ -41,17 +44,38 @@ void visit_header(Header& header, Visit&& visit) {
   visit("hand", header.hand);
   visit("simulated", header.simulated);
   visit("devices", header.devices);
+  visit("clock", header.clock);
+  visit("scheduler", header.scheduler);
 }
 
-/// Data sets of one number each in the group /summary.
+/// Data sets of one number each in the group /summary: those that count a flag.
+template <class Summary, class Visit>
+void visit_flag_counts(Summary& summary, Visit&& visit) {
+  visit("clamped", summary.clamped, kFlagClamped);
+  visit("not_finite", summary.not_finite, kFlagNotFinite);
+  visit("outside", summary.outside, kFlagOutside);
+  visit("paused", summary.paused, kFlagPaused);
+  visit("rotation_ignored", summary.rotation_ignored, kFlagRotationIgnored);
+  visit("thermal", summary.thermal, kFlagThermal);
+  visit("slewed", summary.slewed, kFlagSlew);
+  visit("stale", summary.stale, kFlagStale);
+  visit("jumped", summary.jumped, kFlagJump);
+  visit("device_faults", summary.device_faults, kFlagDeviceFault);
+  visit("halted", summary.halted, kFlagHalted);
+  visit("emergency_stopped", summary.emergency_stopped, kFlagEmergencyStop);
+  visit("clutched", summary.clutched, kFlagClutched);
+  visit("faded", summary.faded, kFlagRamp);
+  visit("blended", summary.blended, kFlagBlend);
+}
+
+/// All of them.
 template <class Summary, class Visit>
 void visit_summary(Summary& summary, Visit&& visit) {
   visit("ticks", summary.ticks);
   visit("run_hash", summary.run_hash);
-  visit("clamped", summary.clamped);
-  visit("not_finite", summary.not_finite);
-  visit("outside", summary.outside);
-  visit("paused", summary.paused);
+  visit_flag_counts(summary, [&](const char* name, auto& count, TickFlag) { visit(name, count); });
+  visit("dropped", summary.dropped);
+  visit("skipped", summary.skipped);
 }
 
 }  // namespace palpate::internal

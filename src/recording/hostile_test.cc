@@ -165,13 +165,35 @@ TEST_F(Hostile, HeadersAreChecked) {
   const std::string text(5000, 'x');
   EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "hand", string_type(5000).get(), text.data()); }),
               HasSubstr("hand"));
-  const std::uint32_t newer = 2, minor = 77;
+  EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "clock", string_type(7).get(), "sundial"); }),
+              HasSubstr("clock is neither virtual nor real"));
+  const std::uint32_t newer = 3, minor = 77;
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format_major", H5T_STD_U32LE, &newer); }),
-              HasSubstr("written by a newer palpate: format 2"));
+              HasSubstr("written by a newer palpate: format 3"));
   EXPECT_EQ(error_after([&](hid_t f) { set_attribute(f, "format_minor", H5T_STD_U32LE, &minor); }),
             "no error");
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format", string_type(3).get(), "abc"); }),
               HasSubstr("not a recording of palpate"));
+}
+
+TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
+  test::write_bytes(file_, bytes_);
+  {
+    // without what came after format 1, as such a file is
+    const internal::Hdf5Section section;
+    const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
+    const std::uint32_t earlier = 1;
+    set_attribute(file.get(), "format_major", H5T_STD_U32LE, &earlier);
+    const Handle header(H5Gopen2(file.get(), "header", H5P_DEFAULT), H5Gclose);
+    H5Adelete(header.get(), "clock");
+    H5Ldelete(file.get(), "device0/force_gain", H5P_DEFAULT);
+  }
+  const auto read = read_recording(file_);
+  ASSERT_FALSE(read);
+  EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
+  EXPECT_EQ(read.error().where, file_.string());
+  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 1; this one reads format 2)");
+  EXPECT_EQ(read.error().remedy, "record it again");
 }
 
 TEST_F(Hostile, NothingIsReadFromOtherFiles) {
@@ -303,6 +325,7 @@ TEST(Stream, BelievesNoHeader) {
   EXPECT_THAT(error_of([](auto& head) { head.header.devices = 0; }), HasSubstr("names 0 devices"));
   EXPECT_THAT(error_of([](auto& head) { head.header.devices = 5; }), HasSubstr("names 5 devices"));
   EXPECT_THAT(error_of([](auto& head) { head.header.rate_hz = std::nan(""); }), HasSubstr("rate"));
+  EXPECT_THAT(error_of([](auto& head) { head.header.clock = "sundial"; }), HasSubstr("clock"));
   EXPECT_THAT(error_of([](auto& head) { head.header.hand = std::string(5000, 'x'); }), HasSubstr("too long"));
   EXPECT_THAT(error_of([](auto& head) { head.header.structures.resize(70000); }),
               HasSubstr("too many structures"));

@@ -87,6 +87,16 @@ class OpenInH5py(unittest.TestCase):
             if description is not None:
                 self.assertEqual(description, documented[name][4], name)
 
+    def test_every_bit_is_documented(self):
+        """The table of bits holds what the descriptions of the columns list, by value and by name."""
+        columns = {"flags": "device0/flags", "switches": "ticks/switches", "status": "device0/status"}
+        with self.write() as file:
+            for of, column in columns.items():
+                documented = [f"{value} {name}" for _, value, name, _ in rows_of_tables(of + "` | ")]
+                listed = file[column].attrs["description"].decode("ascii").split(": ")[-1].split(", ")
+                self.assertEqual(documented, listed)
+                self.assertEqual([int(bit.split()[0]) for bit in listed], [1 << n for n in range(len(listed))])
+
     def test_every_attribute_is_documented(self):
         documented = {name: kind for name, kind, _ in rows_of_tables("@")}
         with self.write() as file:
@@ -131,6 +141,11 @@ class OpenInH5py(unittest.TestCase):
             self.assertEqual(header["scene_title"].decode(), "Knee, ünïcode")
             self.assertEqual(header["rate_hz"], 1000)
             self.assertEqual(header["seed"], 2**64 - 1)
+            self.assertEqual(header["clock"].decode(), "real")
+            self.assertEqual(header["scheduler"].decode(), "SCHED_FIFO 80")
+            self.assertEqual(file["ticks/lateness_s"][99], 2e-3)
+            self.assertEqual(file["device1/peak_force_N"][7], 8.5)
+            self.assertTrue(numpy.isnan(file["device0/gripper_rad"][:]).all())
             names = [name.decode() for name in file["structures/name"][:]]
             self.assertEqual(names, ["femur", "knorpel-größe"])
             self.assertEqual(file["structures/label"][:].tolist(), [7, 65535])
@@ -138,6 +153,8 @@ class OpenInH5py(unittest.TestCase):
             self.assertTrue(file["header/script"][()].decode().startswith("[[step]]\n"))
             self.assertEqual(file["summary/complete"][()], 1)
             self.assertEqual(file["summary/ticks"][()], ROWS)
+            self.assertEqual(file["summary/clamped"][()], 1000)
+            self.assertEqual(file["summary/skipped"][()], 1016)
             trouble = [sentence.decode() for sentence in file["summary/trouble"][:]]
             self.assertEqual(trouble, ["line 3: asked for 2.00 N, felt 1.40 N", "größer"])
 

@@ -140,7 +140,7 @@ std::optional<Error> not_hdf5(const std::filesystem::path& file) {
     if (std::memcmp(bytes, "\x89HDF\r\n\x1a\n", sizeof bytes) == 0) return std::nullopt;
     stream.clear();
   }
-  return bad("is not a recording: it is no HDF5 file", "name a file that palpate simulate wrote");
+  return bad("is not a recording: it is no HDF5 file", "name a file that palpate simulate or explore wrote");
 }
 
 struct Child {

@@ -13,4 +13,10 @@ Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sin
                                                    const RecordingHeader& header,
                                                    const std::filesystem::path& file);
 
+/// The recorder behind Recorder::start, with any writer or none. `file` only names errors.
+Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
+                                                 std::unique_ptr<RecordingWriter> writer,
+                                                 const std::filesystem::path& file,
+                                                 std::function<void(const TickRecord&)> see);
+
 }  // namespace palpate::internal

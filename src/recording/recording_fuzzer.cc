@@ -53,6 +53,7 @@ void check(const Result<Recording>& read) {
   if (!read) return must(!read.error().what.empty());
   const RecordingHeader& header = read.value().header;
   if (read.value().summary) must(read.value().summary->trouble.size() <= 1000);
+  must(header.clock == "virtual" || header.clock == "real");
   must(header.devices >= 1 && header.devices <= 4 && header.rate_hz > 0 &&
        header.script_text.size() <= (16u << 20));
   for (const TickRecord& tick : read.value().ticks) must(tick.devices == header.devices);
@@ -160,8 +161,8 @@ const std::vector<std::string>& data_set_names() {
 }
 
 void rebuild(Input& input) {
-  static const std::array header{"palpate_version", "scene_title", "model_hash", "rate_hz", "seed",
-                                 "simulated",       "devices"};
+  static const std::array header{"palpate_version", "scene_title", "model_hash", "rate_hz",  "seed",
+                                 "simulated",       "devices",     "clock",      "scheduler"};
   static const std::array root{"format", "format_major"};
   static const std::array groups{"ticks", "device0", "header", "structures", "summary"};
   const test::TemporaryFolder folder;

@@ -7,7 +7,6 @@
 #include <optional>
 
 #include "base/file.h"
-#include "base/hash.h"
 #include "palpate/check.h"
 #include "palpate/device.h"
 #include "recording/columns.h"
@@ -122,7 +121,7 @@ class Scribe {
     Handle made = growing(group, column.name, hdf5_type(column.number), column.width, chunk_rows);
     attribute(made.get(), "unit", column.unit, H5T_CSET_ASCII);
     attribute(made.get(), "frame", column.frame, H5T_CSET_ASCII);
-    attribute(made.get(), "description", column.description, H5T_CSET_ASCII);
+    attribute(made.get(), "description", column.description(), H5T_CSET_ASCII);
     return made;
   }
 
@@ -408,6 +407,8 @@ std::optional<Error> header_error(const RecordingHeader& header) {
                std::to_string(header.devices));
   if (!std::isfinite(header.rate_hz) || header.rate_hz <= 0)
     return bad("the rate of a recording must be finite and above 0 Hz");
+  if (header.clock != kVirtualClock && header.clock != kRealClock)
+    return bad("the clock of a recording is virtual or real");
   if (header.structures.size() > kMaxStructures)
     return bad("more than " + std::to_string(kMaxStructures) + " structures do not fit a recording");
 
@@ -455,11 +456,6 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::file
   if (!writer) return writer;
   if (auto committed = pending->commit(); !committed) return committed.error();
   return writer;
-}
-
-std::uint64_t mix_run_hash(std::uint64_t run_hash, std::uint64_t state_hash) {
-  hash_word(run_hash, state_hash);
-  return run_hash;
 }
 
 }  // namespace palpate

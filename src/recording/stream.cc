@@ -130,6 +130,8 @@ RecordingHead receive_head(Receiver& in) {
   if (header.devices < 1 || header.devices > kMaxDevices)
     in.fail("it names " + std::to_string(header.devices) + " devices");
   if (!std::isfinite(header.rate_hz) || header.rate_hz <= 0) in.fail("its rate is not a number above 0 Hz");
+  if (header.clock != kVirtualClock && header.clock != kRealClock)
+    in.fail("its clock is neither virtual nor real");
   if (head.summary && head.summary->ticks != head.rows)
     in.fail("its summary counts " + std::to_string(head.summary->ticks) + " ticks, the data sets hold " +
             std::to_string(head.rows));

@@ -28,10 +28,26 @@ bool same(const std::array<double, N>& a, const std::array<double, N>& b) {
 std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (!same(a.tip_world_mm, b.tip_world_mm)) return "tip_world_mm";
   if (!same(a.orientation_wxyz, b.orientation_wxyz)) return "orientation_wxyz";
+  if (!same(a.velocity_world_mm_s, b.velocity_world_mm_s)) return "velocity_world_mm_s";
+  if (!same(a.angular_velocity_world_rad_s, b.angular_velocity_world_rad_s))
+    return "angular_velocity_world_rad_s";
+  if (bits(a.gripper_rad) != bits(b.gripper_rad)) return "gripper_rad";
   if (a.buttons != b.buttons) return "buttons";
+  if (a.status != b.status) return "status";
+  if (bits(a.age_s) != bits(b.age_s)) return "age_s";
+  if (bits(a.force_gain) != bits(b.force_gain)) return "force_gain";
+  if (bits(a.scale) != bits(b.scale)) return "scale";
+  if (bits(a.peak_force_N) != bits(b.peak_force_N)) return "peak_force_N";
+  if (bits(a.continuous_force_N) != bits(b.continuous_force_N)) return "continuous_force_N";
+  if (bits(a.peak_torque_Nmm) != bits(b.peak_torque_Nmm)) return "peak_torque_Nmm";
+  if (bits(a.peak_gripper_N) != bits(b.peak_gripper_N)) return "peak_gripper_N";
+  if (bits(a.slew_N_per_s) != bits(b.slew_N_per_s)) return "slew_N_per_s";
   if (!same(a.force_N, b.force_N)) return "force_N";
   if (!same(a.torque_Nmm, b.torque_Nmm)) return "torque_Nmm";
+  if (bits(a.gripper_N) != bits(b.gripper_N)) return "gripper_N";
   if (bits(a.unclamped_force_N) != bits(b.unclamped_force_N)) return "unclamped_force_N";
+  if (bits(a.limit_N) != bits(b.limit_N)) return "limit_N";
+  if (bits(a.heat) != bits(b.heat)) return "heat";
   if (!same(a.tip_patient_mm, b.tip_patient_mm)) return "tip_patient_mm";
   if (!same(a.normal_patient, b.normal_patient)) return "normal_patient";
   if (!same(a.velocity_patient_mm_s, b.velocity_patient_mm_s)) return "velocity_patient_mm_s";
@@ -73,10 +89,17 @@ DeviceTick random_device(RandomBits& random) {
   DeviceTick device;
   random.fill(device.tip_world_mm);
   random.fill(device.orientation_wxyz);
+  random.fill(device.velocity_world_mm_s);
+  random.fill(device.angular_velocity_world_rad_s);
   device.buttons = static_cast<std::uint32_t>(random.word());
+  device.status = static_cast<std::uint32_t>(random.word());
+  for (double* number :
+       {&device.gripper_rad, &device.age_s, &device.force_gain, &device.scale, &device.peak_force_N,
+        &device.continuous_force_N, &device.peak_torque_Nmm, &device.peak_gripper_N, &device.slew_N_per_s,
+        &device.gripper_N, &device.unclamped_force_N, &device.limit_N, &device.heat})
+    *number = random.number();
   random.fill(device.force_N);
   random.fill(device.torque_Nmm);
-  device.unclamped_force_N = random.number();
   random.fill(device.tip_patient_mm);
   random.fill(device.normal_patient);
   random.fill(device.velocity_patient_mm_s);
@@ -94,6 +117,11 @@ DeviceTick example_device(double t, int device) {
   tick.tip_world_mm = {20 * std::cos(phase), 20 * std::sin(phase), 3 * std::sin(5 * phase)};
   tick.tip_patient_mm = {tick.tip_world_mm[0], -tick.tip_world_mm[2], tick.tip_world_mm[1]};
   tick.velocity_patient_mm_s = {-40 * std::sin(phase), -30 * std::cos(5 * phase), 40 * std::cos(phase)};
+  tick.peak_force_N = 8.5;
+  tick.continuous_force_N = 1.4;
+  tick.slew_N_per_s = 2000;
+  tick.limit_N = 1.4;
+  tick.heat = 0.5 - 0.5 * std::cos(0.1 * t);
   tick.depth_mm = -tick.tip_world_mm[2];
   if (tick.depth_mm <= 0) return tick;
   tick.unclamped_force_N = 0.5 * tick.depth_mm;
@@ -125,13 +153,27 @@ RecordingHeader example_header(int devices, double rate_hz) {
   header.hand = "light-grip";
   header.simulated = true;
   header.devices = devices;
+  header.clock = "real";
+  header.scheduler = "SCHED_FIFO 80";
   header.script_text = "[[step]]\napproach = \"femur\"\npress_N = 1.5\n";
   header.structures = {{7, "femur", "bone", {221, 200, 170}}, {65535, "knorpel-größe", "", {0, 255, 1}}};
   return header;
 }
 
 RecordingSummary example_summary(std::uint64_t ticks) {
-  return {ticks, 0x8000000000000001u, 2, 3, 5, 7, {"line 3: asked for 2.00 N, felt 1.40 N", "größer"}};
+  RecordingSummary summary;
+  summary.ticks = ticks;
+  summary.run_hash = 0x8000000000000001u;
+  // no two counts are alike
+  std::uint64_t next = 1000;
+  for (std::uint64_t* count :
+       {&summary.clamped, &summary.not_finite, &summary.outside, &summary.paused, &summary.rotation_ignored,
+        &summary.thermal, &summary.slewed, &summary.stale, &summary.jumped, &summary.device_faults,
+        &summary.halted, &summary.emergency_stopped, &summary.clutched, &summary.faded, &summary.blended,
+        &summary.dropped, &summary.skipped})
+    *count = next++;
+  summary.trouble = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
+  return summary;
 }
 
 std::vector<TickRecord> example_ticks(std::size_t count, int devices, double rate_hz) {
@@ -141,6 +183,9 @@ std::vector<TickRecord> example_ticks(std::size_t count, int devices, double rat
     tick.tick = i;
     tick.time_s = static_cast<double>(i) / rate_hz;
     tick.dt_s = 1 / rate_hz;
+    // a late begin of 20 us, every 100th one of 2 ms
+    tick.lateness_s = i % 100 == 99 ? 2e-3 : 20e-6;
+    tick.compute_s = 8e-6;
     tick.model_version = 1;
     tick.switches = 3;
     tick.max_force_N = 1.4;
@@ -160,6 +205,8 @@ std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate
     tick.tick = random.word();
     tick.time_s = static_cast<double>(i) / rate_hz;
     tick.dt_s = random.number();
+    tick.lateness_s = random.number();
+    tick.compute_s = random.number();
     tick.model_version = static_cast<std::uint32_t>(random.word());
     tick.method = static_cast<std::uint8_t>(random.word());
     tick.switches = static_cast<std::uint8_t>(random.word());
@@ -177,6 +224,8 @@ std::string first_difference(const TickRecord& a, const TickRecord& b) {
   if (a.tick != b.tick) return "tick";
   if (bits(a.time_s) != bits(b.time_s)) return "time_s";
   if (bits(a.dt_s) != bits(b.dt_s)) return "dt_s";
+  if (bits(a.lateness_s) != bits(b.lateness_s)) return "lateness_s";
+  if (bits(a.compute_s) != bits(b.compute_s)) return "compute_s";
   if (a.model_version != b.model_version) return "model_version";
   if (a.method != b.method) return "method";
   if (a.switches != b.switches) return "switches";
@@ -208,11 +257,37 @@ std::string first_difference(const RecordingHeader& a, const RecordingHeader& b)
   if (a.hand != b.hand) return "hand";
   if (a.simulated != b.simulated) return "simulated";
   if (a.devices != b.devices) return "devices";
+  if (a.clock != b.clock) return "clock";
+  if (a.scheduler != b.scheduler) return "scheduler";
   if (a.script_text != b.script_text) return "script_text";
   const auto same_structure = [](const auto& x, const auto& y) {
     return x.label == y.label && x.name == y.name && x.tissue == y.tissue && x.colour == y.colour;
   };
   if (!std::ranges::equal(a.structures, b.structures, same_structure)) return "structures";
+  return "";
+}
+
+std::string first_difference(const RecordingSummary& a, const RecordingSummary& b) {
+  if (a.ticks != b.ticks) return "ticks";
+  if (a.run_hash != b.run_hash) return "run_hash";
+  if (a.clamped != b.clamped) return "clamped";
+  if (a.not_finite != b.not_finite) return "not_finite";
+  if (a.outside != b.outside) return "outside";
+  if (a.paused != b.paused) return "paused";
+  if (a.rotation_ignored != b.rotation_ignored) return "rotation_ignored";
+  if (a.thermal != b.thermal) return "thermal";
+  if (a.slewed != b.slewed) return "slewed";
+  if (a.stale != b.stale) return "stale";
+  if (a.jumped != b.jumped) return "jumped";
+  if (a.device_faults != b.device_faults) return "device_faults";
+  if (a.halted != b.halted) return "halted";
+  if (a.emergency_stopped != b.emergency_stopped) return "emergency_stopped";
+  if (a.clutched != b.clutched) return "clutched";
+  if (a.faded != b.faded) return "faded";
+  if (a.blended != b.blended) return "blended";
+  if (a.dropped != b.dropped) return "dropped";
+  if (a.skipped != b.skipped) return "skipped";
+  if (a.trouble != b.trouble) return "trouble";
   return "";
 }
 

@@ -27,6 +27,7 @@ std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate
 /// Fields are listed by hand here, so that one forgotten in the table of columns is noticed.
 std::string first_difference(const TickRecord& a, const TickRecord& b);
 std::string first_difference(const RecordingHeader& a, const RecordingHeader& b);
+std::string first_difference(const RecordingSummary& a, const RecordingSummary& b);
 
 /// One write or, without bytes, one change of size.
 struct SinkStep {

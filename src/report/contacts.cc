@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <span>
 
 namespace palpate::report {
 namespace {
@@ -17,9 +18,10 @@ double norm(const std::array<double, 3>& v) {
   return std::isfinite(squared) ? std::sqrt(squared) : 0.0;
 }
 
-/// Within the limit but for the rounding of the clamp; what is not a number is not.
-bool is_within_limit(const DeviceTick& device, double limit_N) {
-  return std::sqrt(squared_norm(device.force_N)) <= limit_N * (1 + 1e-9);
+/// Within both limits but for the rounding of the clamp; what is not a number is not.
+bool is_within_limits(const DeviceTick& device, double max_force_N) {
+  const double sent_N = std::sqrt(squared_norm(device.force_N));
+  return sent_N <= max_force_N * (1 + 1e-9) && sent_N <= device.limit_N * (1 + 1e-9);
 }
 
 bool touches(const DeviceTick& device) {
@@ -150,41 +152,48 @@ std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
   return chosen;
 }
 
-SafetyCounts safety_counts(const Recording& recording) {
-  SafetyCounts counts;
-  for (const TickRecord& tick : recording.ticks) {
-    std::uint32_t flags = 0;
-    for (int d = 0; d < device_count(recording); ++d) flags |= tick.device[d].flags;
-    counts.clamped += (flags & kFlagClamped) != 0;
-    counts.not_finite += (flags & kFlagNotFinite) != 0;
-    counts.rotation_ignored += (flags & kFlagRotationIgnored) != 0;
-    counts.outside += (flags & kFlagOutside) != 0;
-    counts.paused += (flags & kFlagPaused) != 0;
+RecordingSummary summary_of(const Recording& recording) {
+  if (recording.summary) return *recording.summary;
+  RecordingSummary summary;
+  for (const TickRecord& tick : recording.ticks) summary.see(tick);
+  if (!recording.ticks.empty()) {
+    const std::uint64_t computed = recording.ticks.back().tick - recording.ticks.front().tick + 1;
+    summary.dropped = computed > summary.ticks ? computed - summary.ticks : 0;
   }
-  if (recording.summary) {
-    counts.clamped = recording.summary->clamped;
-    counts.not_finite = recording.summary->not_finite;
-    counts.outside = recording.summary->outside;
-    counts.paused = recording.summary->paused;
-  }
-  return counts;
+  return summary;
+}
+
+std::uint64_t count_ticks_with(const Recording& recording, std::uint32_t flags) {
+  const auto has = [&](const TickRecord& tick) {
+    const auto devices = std::span(tick.device).first(static_cast<std::size_t>(device_count(recording)));
+    return std::ranges::any_of(devices,
+                               [&](const DeviceTick& device) { return (device.flags & flags) != 0; });
+  };
+  return static_cast<std::uint64_t>(std::ranges::count_if(recording.ticks, has));
+}
+
+double limit_N(const DeviceTick& device) {
+  const bool withheld = (device.flags & (kFaultFlags | kFlagStale)) != 0;
+  return withheld ? std::numeric_limits<double>::quiet_NaN() : device.limit_N;
 }
 
 ForceExtremes force_extremes(const Recording& recording) {
   ForceExtremes extremes;
   bool first = true;
   for (const TickRecord& tick : recording.ticks) {
-    bool within_limit = true;
+    bool within_limits = true;
     for (int d = 0; d < device_count(recording); ++d) {
-      extremes.peak_N = std::max(extremes.peak_N, force_N(tick.device[d]));
-      within_limit = within_limit && is_within_limit(tick.device[d], tick.max_force_N);
+      const DeviceTick& device = tick.device[static_cast<std::size_t>(d)];
+      extremes.peak_N = std::max(extremes.peak_N, force_N(device));
+      extremes.most_heat = std::fmax(extremes.most_heat, device.heat);
+      within_limits = within_limits && is_within_limits(device, tick.max_force_N);
+      const double limit = limit_N(device);
+      if (!std::isfinite(limit)) continue;
+      extremes.lowest_limit_N = first ? limit : std::min(extremes.lowest_limit_N, limit);
+      extremes.highest_limit_N = first ? limit : std::max(extremes.highest_limit_N, limit);
+      first = false;
     }
-    extremes.above_limit += !within_limit;
-    if (!std::isfinite(tick.max_force_N)) continue;
-    extremes.lowest_limit_N = first ? tick.max_force_N : std::min(extremes.lowest_limit_N, tick.max_force_N);
-    extremes.highest_limit_N =
-        first ? tick.max_force_N : std::max(extremes.highest_limit_N, tick.max_force_N);
-    first = false;
+    extremes.above_limit += !within_limits;
   }
   return extremes;
 }

@@ -71,22 +71,28 @@ std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
                                    const std::vector<StructureFigures>& structures,
                                    const std::vector<double>& edges_s, std::size_t most);
 
-/// Ticks in which the safety stage, or the volume's end, showed on any device.
-struct SafetyCounts {
-  std::uint64_t clamped = 0, not_finite = 0, rotation_ignored = 0;  ///< the safety stage intervened
-  std::uint64_t outside = 0, paused = 0;                            ///< nothing was wrong
-};
-/// From the recording's summary; counted from the ticks when the run was cut short, and what the summary
-/// does not count.
-SafetyCounts safety_counts(const Recording& recording);
+/// The recording's summary; counted from the ticks when the run was cut short, and then without `skipped`,
+/// which no tick tells of, and with the gaps between the ticks as `dropped`.
+RecordingSummary summary_of(const Recording& recording);
 
-/// The largest force sent, and the limits in force.
+/// After these the safety stage sent something else than was computed, or nothing. A pause and a clutch are
+/// the user's, and outside the volume there is nothing to send.
+inline constexpr std::uint32_t kInterventionFlags =
+    kFaultFlags | kFlagClamped | kFlagRotationIgnored | kFlagThermal | kFlagSlew | kFlagStale;
+/// Ticks with one of these flags on any device.
+std::uint64_t count_ticks_with(const Recording& recording, std::uint32_t flags);
+
+/// The limit that one device was held to; NaN where a fault or an old pose left nothing to limit.
+double limit_N(const DeviceTick& device);
+
+/// The largest force sent, the limits in force, and what the motors bore.
 struct ForceExtremes {
   double peak_N = 0;
   double lowest_limit_N = 0, highest_limit_N = 0;
-  /// Ticks whose force is larger than the limit recorded for that tick, or no number. palpate sends no such
+  /// Ticks whose force is larger than a limit recorded for that tick, or no number. palpate sends no such
   /// force: somebody changed the file.
   std::uint64_t above_limit = 0;
+  double most_heat = 0;  ///< of the thermal budget, 0 ... 1, of any device
 };
 ForceExtremes force_extremes(const Recording& recording);
 

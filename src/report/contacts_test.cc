@@ -18,6 +18,7 @@ struct Script {
       tick.tick = recording.ticks.size();
       tick.time_s = 1e-3 * static_cast<double>(tick.tick);
       tick.max_force_N = 3;
+      tick.device[0].limit_N = 3;
       tick.device[0].label = label;
       if (label != 0) tick.device[0].flags = kFlagContact;
       tick.device[0].force_N = {0.6 * force_N, 0, 0.8 * force_N};
@@ -231,48 +232,99 @@ TEST(Safety, CutShortRunsAreCounted) {
   run.recording.ticks[3].device[0].flags = kFlagNotFinite;
   run.recording.ticks[4].device[0].flags = kFlagPaused;
   run.recording.ticks[5].device[1].flags = kFlagClamped;  // no such device
-  SafetyCounts counts = safety_counts(run.recording);
+  run.recording.ticks[6].device[0].flags = kFlagRotationIgnored;
+  const RecordingSummary counts = summary_of(run.recording);
+  EXPECT_EQ(counts.ticks, 10u);
   EXPECT_EQ(counts.clamped, 2u);
   EXPECT_EQ(counts.not_finite, 1u);
   EXPECT_EQ(counts.outside, 1u);
   EXPECT_EQ(counts.paused, 1u);
+  EXPECT_EQ(counts.rotation_ignored, 1u);
+  EXPECT_EQ(counts.dropped, 0u);
+  // ticks that never came to the recorder
+  for (std::size_t i = 7; i < 10; ++i) run.recording.ticks[i].tick += 40;
+  run.recording.ticks[9].tick += 2;
+  EXPECT_EQ(summary_of(run.recording).dropped, 42u);
+  // numbers that a damaged file has
+  run.recording.ticks[9].tick = 0;
+  EXPECT_EQ(summary_of(run.recording).dropped, 0u);
+  EXPECT_EQ(summary_of(Recording{}).ticks, 0u);
+  // a whole run says it itself
   run.recording.summary.emplace().clamped = 7;
-  EXPECT_EQ(safety_counts(run.recording).clamped, 7u);
-  // what the summary does not count
-  run.recording.ticks[6].device[0].flags = kFlagRotationIgnored;
-  EXPECT_EQ(safety_counts(run.recording).rotation_ignored, 1u);
+  EXPECT_EQ(summary_of(run.recording).clamped, 7u);
+}
+
+TEST(Safety, ATickWithSeveralInterventionsIsOne) {
+  Script run;
+  run.ticks(10, 0);
+  run.recording.ticks[1].device[0].flags = kFlagClamped | kFlagThermal | kFlagSlew;
+  run.recording.ticks[2].device[0].flags =
+      kFlagOutside | kFlagPaused | kFlagRamp | kFlagClutched | kFlagBlend;
+  run.recording.ticks[3].device[0].flags = kFlagEmergencyStop;
+  run.recording.ticks[4].device[1].flags = kFlagClamped;  // no such device
+  EXPECT_EQ(count_ticks_with(run.recording, kInterventionFlags), 2u);
+  EXPECT_EQ(count_ticks_with(run.recording, kFlagSlew | kFlagOutside), 2u);
+  run.recording.header.devices = 2;
+  EXPECT_EQ(count_ticks_with(run.recording, kInterventionFlags), 3u);
 }
 
 TEST(Forces, ExtremesSkipWhatIsNotFinite) {
   Script run;
   run.ticks(5, 0, 1.25);
   run.recording.ticks[2].device[0].force_N = {std::numeric_limits<double>::infinity(), 0, 0};
-  run.recording.ticks[3].max_force_N = 2;
-  run.recording.ticks[4].max_force_N = std::numeric_limits<double>::quiet_NaN();
+  run.recording.ticks[2].device[0].heat = std::numeric_limits<double>::quiet_NaN();
+  run.recording.ticks[3].device[0].limit_N = 2;
+  run.recording.ticks[3].device[0].heat = 0.4;
+  run.recording.ticks[4].device[0].limit_N = std::numeric_limits<double>::quiet_NaN();
+  run.recording.ticks[4].device[0].heat = 0.3;
   const ForceExtremes extremes = force_extremes(run.recording);
   EXPECT_NEAR(extremes.peak_N, 1.25, 1e-12);
   EXPECT_EQ(extremes.lowest_limit_N, 2);
   EXPECT_EQ(extremes.highest_limit_N, 3);
+  EXPECT_EQ(extremes.most_heat, 0.4);
 }
 
-TEST(Forces, EachTickIsHeldAgainstItsOwnLimit) {
+TEST(Forces, EachTickIsHeldAgainstItsOwnLimits) {
+  // the user's and the scene's, and what the output stage made of them
+  for (const bool of_device : {false, true}) {
+    SCOPED_TRACE(of_device);
+    Script run;
+    run.ticks(6, 0, 2.5);
+    const auto limit = [&](std::size_t i) -> double& {
+      TickRecord& tick = run.recording.ticks[i];
+      return of_device ? tick.device[0].limit_N : tick.max_force_N;
+    };
+    EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
+    for (std::size_t i = 0; i < 6; ++i) limit(i) = 2.5;  // clamped, with its rounding
+    EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
+    // below the highest limit of the run, above that of its own tick
+    limit(0) = 3;
+    limit(1) = 2.4;
+    EXPECT_EQ(force_extremes(run.recording).above_limit, 1u);
+    // no number is within a limit, and nothing within a limit that is none
+    run.recording.ticks[2].device[0].force_N = {NAN, 0, 0};
+    run.recording.ticks[3].device[0].force_N = {0, -INFINITY, 0};
+    limit(4) = NAN;
+    EXPECT_EQ(force_extremes(run.recording).above_limit, 4u);
+    // a device that there is not
+    run.recording.ticks[5].device[1].force_N = {99, 0, 0};
+    EXPECT_EQ(force_extremes(run.recording).above_limit, 4u);
+  }
+}
+
+TEST(Forces, WhereNothingIsSentThereIsNoLimit) {
   Script run;
-  run.ticks(6, 0, 2.5);
+  run.ticks(4, 0, 0);
+  run.recording.ticks[1].device[0].flags = kFlagEmergencyStop;
+  run.recording.ticks[1].device[0].limit_N = 0;
+  run.recording.ticks[2].device[0].flags = kFlagStale;
+  run.recording.ticks[2].device[0].limit_N = 0;
+  EXPECT_EQ(force_extremes(run.recording).lowest_limit_N, 3);
+  EXPECT_TRUE(std::isnan(limit_N(run.recording.ticks[1].device[0])));
   EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
-  for (TickRecord& tick : run.recording.ticks) tick.max_force_N = 2.5;  // clamped, with its rounding
-  EXPECT_EQ(force_extremes(run.recording).above_limit, 0u);
-  // below the highest limit of the run, above that of its own tick
-  run.recording.ticks[0].max_force_N = 3;
-  run.recording.ticks[1].max_force_N = 2.4;
-  EXPECT_EQ(force_extremes(run.recording).above_limit, 1u);
-  // no number is within a limit, and nothing within a limit that is none
-  run.recording.ticks[2].device[0].force_N = {NAN, 0, 0};
-  run.recording.ticks[3].device[0].force_N = {0, -INFINITY, 0};
-  run.recording.ticks[4].max_force_N = NAN;
-  EXPECT_EQ(force_extremes(run.recording).above_limit, 4u);
-  // a device that there is not
-  run.recording.ticks[5].device[1].force_N = {99, 0, 0};
-  EXPECT_EQ(force_extremes(run.recording).above_limit, 4u);
+  // but a limit of zero is one
+  run.recording.ticks[3].device[0].limit_N = 0;
+  EXPECT_EQ(force_extremes(run.recording).lowest_limit_N, 0);
 }
 
 TEST(Edges, AClockThatDoesNotRiseIsReplaced) {

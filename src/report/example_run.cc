@@ -122,12 +122,17 @@ std::vector<Point<Patient>> tip_positions() {
   return tips;
 }
 
+constexpr double kContinuous_N = 1.4;
+
 DeviceTick touch(const Model& model, const Point<Patient>& tip, double limit_N) {
   DeviceTick device;
   const Nearest site = nearest(tip);
   device.tip_patient_mm = {tip.x(), tip.y(), tip.z()};
   const Point<World> tip_world = model.X_WorldPatient * tip;
   device.tip_world_mm = {tip_world.x(), tip_world.y(), tip_world.z()};
+  device.peak_force_N = 8.5;
+  device.continuous_force_N = kContinuous_N;
+  device.limit_N = limit_N;
   if (!(site.distance_mm < 0.1)) return device;
 
   // the gradient of the distance is the outward normal
@@ -217,6 +222,7 @@ Recording recording(const Model& model, double limit_N) {
   recording.header = header(model);
   const std::vector<Point<Patient>> tips = tip_positions();
   RecordingSummary summary;
+  double heat = 0;
   for (std::size_t i = 0; i < tips.size(); ++i) {
     TickRecord tick;
     tick.tick = i;
@@ -228,12 +234,45 @@ Recording recording(const Model& model, double limit_N) {
     const Vector<Patient> moved = i >= 10 ? tips[i] - tips[i - 10] : Vector<Patient>();
     if (moved.norm() < 5)
       tick.device[0].velocity_patient_mm_s = {100 * moved.x(), 100 * moved.y(), 100 * moved.z()};
-    summary.clamped += (tick.device[0].flags & kFlagClamped) != 0;
+    // motors that warm within 10 s
+    const double power = std::min(tick.device[0].unclamped_force_N, limit_N) / kContinuous_N;
+    heat += (power * power - heat) * tick.dt_s / 10;
+    tick.device[0].heat = heat;
+    summary.see(tick);
     recording.ticks.push_back(tick);
   }
-  summary.ticks = tips.size();
   summary.run_hash = 0x0123456789abcdefull;
   summary.trouble = {"script line 9: asked for 2.00 N, felt 1.50 N on patella"};
+  recording.summary = summary;
+  return recording;
+}
+
+Recording real_recording(const Model& model) {
+  Recording recording = example::recording(model);
+  RecordingHeader& header = recording.header;
+  header.clock = "real";
+  header.scheduler = "SCHED_FIFO 80";
+  RecordingSummary summary;
+  summary.run_hash = 0;
+  summary.skipped = 3;
+  std::uint32_t random = 3;
+  for (std::size_t i = 0; i < recording.ticks.size(); ++i) {
+    TickRecord& tick = recording.ticks[i];
+    tick.lateness_s = (12 + 4 * noise(random)) * 1e-6;
+    tick.compute_s = (9 + 2 * noise(random)) * 1e-6;
+    // another thread had the processor
+    if (i % 1000 == 700) tick.lateness_s = 300e-6;
+    if (i == 4700) tick.lateness_s = 3400e-6;
+    // a slow bus, and the emergency stop at the end
+    DeviceTick& device = tick.device[0];
+    if (i >= 3000 && i < 3006) device.flags |= kFlagStale;
+    if (i >= 9400) {
+      device.flags |= kFlagEmergencyStop;
+      device.force_N = {};
+      device.limit_N = 0;
+    }
+    summary.see(tick);
+  }
   recording.summary = summary;
   return recording;
 }

@@ -47,6 +47,13 @@ std::string callouts(const Run& run) {
                     "It ends without a summary: everything below describes the part that was written, and "
                     "there is no run hash to compare a replay with.");
   }
+  if (run.summary.dropped > 0) {
+    html += callout(
+        "notice", "Ticks are missing.",
+        ticks_text(run.summary.dropped) + (run.summary.dropped == 1 ? " was" : " were") +
+            " felt and not recorded, because the recorder did not keep up. What stands below is of the "
+            "others, and no replay can compute the same run.");
+  }
   if (run.forces.above_limit > 0) {
     html += callout("alert", "Force above the limit.",
                     "In " + ticks_text(run.forces.above_limit) +
@@ -75,12 +82,15 @@ std::string force_tile(const Run& run) {
 }
 
 std::string safety_tile(const Run& run) {
-  const SafetyCounts& safety = run.safety;
-  const std::uint64_t invalid = safety.not_finite + safety.rotation_ignored;
-  const std::uint64_t interventions = safety.clamped + invalid;
-  return tile("Safety interventions", unit(grouped(interventions), interventions == 1 ? "tick" : "ticks"),
-              grouped(safety.clamped) + " clamped, " + grouped(invalid) + " invalid",
-              interventions > 0 ? "notice" : "");
+  // a tick may be more than one of these
+  const std::uint64_t invalid = count_ticks_with(run.recording, kFlagNotFinite | kFlagRotationIgnored);
+  const std::uint64_t other = count_ticks_with(
+      run.recording, kInterventionFlags & ~(kFlagClamped | kFlagNotFinite | kFlagRotationIgnored));
+  return tile("Safety interventions",
+              unit(grouped(run.interventions), run.interventions == 1 ? "tick" : "ticks"),
+              grouped(run.summary.clamped) + " clamped, " + grouped(invalid) + " invalid" +
+                  (other > 0 ? ", " + grouped(other) + " other" : ""),
+              run.interventions > 0 ? "notice" : "");
 }
 
 std::string hash_tile(const Run& run) {
@@ -88,7 +98,9 @@ std::string hash_tile(const Run& run) {
   const std::string model = data_set.empty() ? "its scene file" : escape(data_set);
   if (!run.recording.summary) return tile("Run hash", "None", "the run was cut short", "notice");
   return tile("Run hash", "<code>" + hex(run.recording.summary->run_hash) + "</code>",
-              "as recorded; a replay with " + model + " verifies it", "hash");
+              run.summary.dropped > 0 ? "as recorded; ticks are missing, so no replay can verify it"
+                                      : "as recorded; a replay with " + model + " verifies it",
+              "hash");
 }
 
 std::string structures_tile(const Run& run) {

@@ -118,6 +118,16 @@ std::string css_colour(const Rgb& colour) {
   return result;
 }
 
+std::string cell(const std::string& value) {
+  return "<td>" + value + "</td>";
+}
+
+std::string entry(const std::string& term, const std::string& value, bool code) {
+  if (value.empty()) return "";
+  const std::string content = code ? "<code>" + escape(value) + "</code>" : escape(value);
+  return "<div><dt>" + term + "</dt><dd>" + content + "</dd></div>\n";
+}
+
 std::string base64(std::span<const std::uint8_t> bytes) {
   constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string result;

@@ -28,6 +28,11 @@ std::string hex(std::uint64_t value);
 /// "#rrggbb"
 std::string css_colour(const Rgb& colour);
 
+/// A cell of a table; `value` is HTML.
+std::string cell(const std::string& value);
+/// A term and its value in a list of them; nothing when the value is empty. `value` is text.
+std::string entry(const std::string& term, const std::string& value, bool code = false);
+
 std::string base64(std::span<const std::uint8_t> bytes);
 /// The content-security-policy source for an inline script or style: 'sha256-...', from the hash in
 /// hexadecimal.

@@ -113,7 +113,7 @@
 
   // one curve a device
   const curves = (name, decimals, unit) => run[name].map((_, i) => ({
-    label: run[name].length > 1 ? "Device " + (i + 1) : { force: "Force", depth: "Depth", speed: "Speed" }[name],
+    label: run[name].length > 1 ? "Device " + (i + 1) : name[0].toUpperCase() + name.slice(1),
     stroke: colour(name),
     width: 1.4,
     dash: [[], [6, 3], [2, 3], [8, 3, 2, 3]][i],
@@ -156,19 +156,21 @@
     plots.forEach((plot) => plot.destroy());
     plots = [];
     if (run === null) return;
-    const limit = {
-      label: "Limit",
+    const limits = run.limit.map((_, i) => ({
+      label: run.limit.length > 1 ? "Limit " + (i + 1) : "Limit",
       stroke: colour("limit"),
       width: 1.4,
       dash: [7, 4],
       points: { show: false },
       value: show(2, "N"),
-    };
+    }));
     plots = [
-      makePlot("force", 3, "N", withZero(0.3), [limit], [run.limit]),
+      makePlot("force", 3, "N", withZero(0.3), limits, run.limit),
       makePlot("depth", 3, "mm", withZero(0.1), [], []),
       makePlot("speed", 1, "mm/s", withZero(0.1), [], []),
     ];
+    // on the real clock
+    if (run.lateness) plots.push(makePlot("lateness", 1, "\u00b5s", withZero(0.1), [], []));
     if (shown) zoom(shown.min, shown.max);
   };
 

@@ -22,6 +22,8 @@ std::string plots_html(const Run& run);
 
 std::string structure_table_html(const Run& run);
 std::string safety_table_html(const Run& run);
+/// How the loop kept time; empty for a run on the virtual clock. Its plot's data stand in plots_html().
+std::string loop_html(const Run& run);
 std::string provenance_html(const Run& run);
 
 }  // namespace palpate::report

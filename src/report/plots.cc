@@ -24,19 +24,23 @@ std::vector<double> over_ticks(const Run& run, Value value) {
   return series;
 }
 
-/// The limit, then force, depth and speed of each device. Depth only while something is touched.
+/// Of each device limit, force, depth and speed, then, on the real clock, the lateness in microseconds. Depth
+/// only while something is touched.
+constexpr std::size_t kQuantities = 4;
 PlotData plot_data(const Run& run) {
   PlotData data;
   data.x.assign(run.edges_s.begin(), run.edges_s.end() - 1);
-  data.series.push_back(over_ticks(run, [](const TickRecord& tick) { return tick.max_force_N; }));
-  for (int d = 0; d < device_count(run.recording); ++d) {
-    data.series.push_back(over_ticks(run, [&](const TickRecord& tick) { return force_N(tick.device[d]); }));
-    data.series.push_back(over_ticks(run, [&](const TickRecord& tick) {
-      return (tick.device[d].flags & kFlagContact) != 0 ? tick.device[d].depth_mm : kGap;
-    }));
-    data.series.push_back(
-        over_ticks(run, [&](const TickRecord& tick) { return speed_mm_s(tick.device[d]); }));
+  for (std::size_t d = 0; d < static_cast<std::size_t>(device_count(run.recording)); ++d) {
+    const auto add = [&](auto value) {
+      data.series.push_back(over_ticks(run, [&](const TickRecord& tick) { return value(tick.device[d]); }));
+    };
+    add(limit_N);
+    add(force_N);
+    add([](const DeviceTick& device) { return (device.flags & kFlagContact) != 0 ? device.depth_mm : kGap; });
+    add(speed_mm_s);
   }
+  if (run.real_clock())
+    data.series.push_back(over_ticks(run, [](const TickRecord& tick) { return 1e6 * tick.lateness_s; }));
   return decimate(std::move(data), kMostPoints);
 }
 
@@ -74,9 +78,9 @@ std::string shown_json(const Run& run) {
 /// One array a device; `quantity` counts from 0 as plot_data() orders them.
 std::string devices_json(const PlotData& data, std::size_t quantity, int decimals) {
   std::string json = "[";
-  for (std::size_t s = 1 + quantity; s < data.series.size(); s += 3) {
+  for (std::size_t d = 0; d < data.series.size() / kQuantities; ++d) {
     if (json.size() > 1) json += ',';
-    json += json_array(data.series[s], decimals);
+    json += json_array(data.series[d * kQuantities + quantity], decimals);
   }
   return json + "]";
 }
@@ -84,10 +88,11 @@ std::string devices_json(const PlotData& data, std::size_t quantity, int decimal
 std::string data_json(const Run& run) {
   const PlotData data = plot_data(run);
   std::string json = "{\"time\":" + json_array(data.x, 4);
-  json += ",\"limit\":" + json_array(data.series[0], 3);
-  json += ",\"force\":" + devices_json(data, 0, 3);
-  json += ",\"depth\":" + devices_json(data, 1, 3);
-  json += ",\"speed\":" + devices_json(data, 2, 2);
+  json += ",\"limit\":" + devices_json(data, 0, 3);
+  json += ",\"force\":" + devices_json(data, 1, 3);
+  json += ",\"depth\":" + devices_json(data, 2, 3);
+  json += ",\"speed\":" + devices_json(data, 3, 2);
+  if (run.real_clock()) json += ",\"lateness\":[" + json_array(data.series.back(), 1) + "]";
   json += ",\"contacts\":" + contacts_json(run);
   json += ",\"shown\":" + shown_json(run);
   return json + "}";

@@ -80,10 +80,11 @@ TEST_F(Report, NamesCannotBringMarkup) {
        {&recording.header.scene_title, &recording.header.data_set, &recording.header.device,
         &recording.header.hand, &recording.header.started_utc, &recording.header.commit,
         &recording.header.palpate_version, &recording.header.build_type, &recording.header.compiler,
-        &recording.header.simd_target, &recording.header.script_text}) {
+        &recording.header.simd_target, &recording.header.script_text, &recording.header.scheduler}) {
     *field = evil;
   }
   recording.summary->trouble = {evil};
+  recording.header.clock = "real";
   const std::string html = page();
   EXPECT_THAT(html, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
   EXPECT_THAT(html, Not(HasSubstr("<img src=x")));
@@ -204,7 +205,7 @@ TEST_F(Report, TouchesInPassingAreCountedApart) {
 TEST_F(Report, ForceAboveTheLimitOfItsTickIsFlagged) {
   EXPECT_EQ(count(page(), "<p class=\"callout alert\""), 0u);
   recording.ticks[1500].device[0].force_N = {0, 0, 1.6};
-  recording.ticks[1501].max_force_N = 0.1;
+  recording.ticks[1501].device[0].limit_N = 0.1;
   const std::string html = page();
   EXPECT_EQ(count(html, "<p class=\"callout alert\""), 1u);
   EXPECT_EQ(count(html, "<div class=\"tile alert\">"), 1u);
@@ -212,8 +213,9 @@ TEST_F(Report, ForceAboveTheLimitOfItsTickIsFlagged) {
 }
 
 TEST_F(Report, OutsideIsNotAnIntervention) {
-  recording.summary->clamped = 0;
-  recording.summary->outside = 4800;
+  for (TickRecord& tick : recording.ticks) tick.device[0].flags = kFlagOutside | kFlagPaused | kFlagClutched;
+  *recording.summary = {};
+  for (const TickRecord& tick : recording.ticks) recording.summary->see(tick);
   const std::string html = page();
   EXPECT_THAT(html, HasSubstr("<dt>Safety interventions</dt><dd>0 "));
   const auto interventions = html.find(">Interventions</th>"),
@@ -224,7 +226,87 @@ TEST_F(Report, OutsideIsNotAnIntervention) {
     EXPECT_GT(html.find(">" + row + "</th>"), interventions);
     EXPECT_LT(html.find(">" + row + "</th>"), others);
   }
-  for (const std::string row : {"Outside", "Paused"}) EXPECT_GT(html.find(">" + row + "</th>"), others);
+  for (const std::string row : {"Outside", "Paused", "Clutched"})
+    EXPECT_GT(html.find(">" + row + "</th>"), others);
+}
+
+TEST_F(Report, EveryFlagThatWasMetHasARow) {
+  const auto row = [](const std::string& name) { return "<th scope=\"row\">" + name + "</th>"; };
+  const std::vector<std::pair<TickFlag, std::string>> rare{{kFlagThermal, "Thermal limit"},
+                                                           {kFlagSlew, "Slewed"},
+                                                           {kFlagStale, "Stale"},
+                                                           {kFlagJump, "Jumped"},
+                                                           {kFlagHalted, "Halted"},
+                                                           {kFlagDeviceFault, "Device fault"},
+                                                           {kFlagEmergencyStop, "Emergency stop"},
+                                                           {kFlagClutched, "Clutched"}};
+  const std::string without = page();
+  for (const auto& [flag, name] : rare) EXPECT_THAT(without, Not(HasSubstr(row(name))));
+  // 96 ticks with the first, 192 with the second, ...
+  std::size_t ticks = 0;
+  for (const auto& [flag, name] : rare) {
+    ticks += 96;
+    for (std::size_t i = 0; i < ticks; ++i) recording.ticks[i].device[0].flags |= flag;
+  }
+  recording.summary = RecordingSummary{};
+  for (const TickRecord& tick : recording.ticks) recording.summary->see(tick);
+  const std::string html = page();
+  for (std::size_t i = 0; i < rare.size(); ++i)
+    EXPECT_THAT(html, HasSubstr(row(rare[i].second) + "<td>" + std::to_string(96 * (i + 1)) + "</td><td>" +
+                                std::to_string(i + 1) + ".0 %</td>"));
+  // a clutch is no intervention
+  EXPECT_THAT(html, HasSubstr(" invalid, 672 other<"));
+}
+
+TEST_F(Report, SaysWhatTheForcesWereHeldTo) {
+  recording.ticks[3000].device[0].heat = 0.93;
+  recording.ticks[3001].device[0].limit_N = 1.45;
+  const std::string html = page();
+  for (const std::string text :
+       {"<dt>Limit in effect</dt><dd>1.45 to 1.50 N</dd>", "<dt>The device gives at most</dt><dd>8.50 N</dd>",
+        "<dt>The device bears for ever</dt><dd>1.40 N</dd>", "most used</dt><dd>93 %</dd>"})
+    EXPECT_THAT(html, HasSubstr(text));
+  for (TickRecord& tick : recording.ticks) tick.device[0].continuous_force_N = kNotKnown;
+  const std::string unknown = page();
+  EXPECT_THAT(unknown, HasSubstr("<dt>The device bears for ever</dt><dd>not known</dd>"));
+  EXPECT_THAT(unknown, HasSubstr("most used</dt><dd>none kept</dd>"));
+}
+
+TEST_F(Report, TheVirtualClockHasNoLoop) {
+  const std::string html = page();
+  EXPECT_THAT(html, Not(HasSubstr("loop-title")));
+  EXPECT_THAT(html, Not(HasSubstr("\"lateness\":[")));
+}
+
+TEST_F(Report, TheRealClockShowsHowTheLoopKeptTime) {
+  recording = example::real_recording(model);
+  const std::string html = page();
+  EXPECT_THAT(html, HasSubstr("<dt>Scheduler</dt><dd>SCHED_FIFO 80</dd>"));
+  EXPECT_THAT(html, HasSubstr("<dt>Rate, measured</dt><dd>1000.0 Hz of 1000 Hz</dd>"));
+  EXPECT_THAT(html, HasSubstr("<dt>Points in time without a tick</dt><dd>3 (0.031 %)</dd>"));
+  EXPECT_THAT(html, HasSubstr("<dt>Ticks felt and not recorded</dt><dd>0</dd>"));
+  // the largest is exact, and its plot keeps it
+  EXPECT_THAT(html, HasSubstr("<td>3400.0</td><td class=\"text\">How long after its point in time"));
+  const std::string plotted = html.substr(html.find("\"lateness\":[["));
+  EXPECT_THAT(plotted.substr(0, plotted.find("]]")), HasSubstr(",3400,"));
+  for (const std::string name : {"Stale", "Halted", "Emergency stop"})
+    EXPECT_THAT(html, HasSubstr("<th scope=\"row\">" + name + "</th>"));
+
+  // an unkept one cannot know what was skipped, but sees its gaps
+  recording.summary.reset();
+  for (std::size_t i = 5000; i < recording.ticks.size(); ++i) recording.ticks[i].tick += 96;
+  const std::string cut = page();
+  EXPECT_THAT(cut, HasSubstr("<dd>not known: cut short</dd>"));
+  EXPECT_THAT(cut, HasSubstr("<dt>Ticks felt and not recorded</dt><dd>96 (0.990 %)</dd>"));
+}
+
+TEST_F(Report, MissingTicksAreSaidWhereverTheyMatter) {
+  EXPECT_THAT(page(), Not(HasSubstr("Ticks are missing")));
+  recording.summary->dropped = 12;
+  const std::string html = page();
+  EXPECT_THAT(html, HasSubstr("<strong>Ticks are missing.</strong> 12 ticks were felt and not recorded"));
+  EXPECT_THAT(html, HasSubstr("so no replay can verify it"));
+  EXPECT_THAT(html, Not(HasSubstr("computes the run anew and verifies it")));
 }
 
 TEST_F(Report, SaysThatTheHashIsTheRecordedOne) {
@@ -256,12 +338,18 @@ TEST_F(Report, AnEmptyOrUntouchedRunIsStillAPage) {
 
 TEST_F(Report, DamagedNumbersDoNotReachThePage) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  recording = example::real_recording(model);
   recording.header.rate_hz = kNan;
   recording.header.devices = 99;
   for (std::size_t i = 700; i < recording.ticks.size(); i += 3) {
     TickRecord& tick = recording.ticks[i];
     tick.time_s = kNan;
     tick.max_force_N = -1e300;
+    tick.lateness_s = i % 2 == 0 ? kNan : 1e300;
+    tick.compute_s = -kNan;
+    tick.tick = 0;
+    tick.device[0].limit_N = kNan;
+    tick.device[0].heat = kNan;
     tick.rotation_felt_wxyz = {0, 0, 0, 0};
     tick.device[0].force_N = {kNan, 1e308, -1e308};
     tick.device[0].tip_patient_mm = {1e300, kNan, -1e300};

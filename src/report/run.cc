@@ -23,7 +23,8 @@ Run::Run(const Recording& recording_in, const Model& model_in)
       contacts(find_contacts(recording, edges_s)),
       structures(summarise_structures(recording, model, edges_s, contacts)),
       shown(main_contacts(contacts, structures, edges_s, kMostShown)),
-      safety(safety_counts(recording)),
+      summary(summary_of(recording)),
+      interventions(count_ticks_with(recording, kInterventionFlags)),
       forces(force_extremes(recording)) {}
 
 bool Run::depth_has_gaps() const {

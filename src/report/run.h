@@ -21,8 +21,9 @@ struct Run {
   std::vector<double> edges_s;
   std::vector<Contact> contacts;
   std::vector<StructureFigures> structures;
-  std::vector<Contact> shown;  ///< one contact a structure, with sections
-  SafetyCounts safety;
+  std::vector<Contact> shown;   ///< one contact a structure, with sections
+  RecordingSummary summary;     ///< counted from the ticks when the run was cut short
+  std::uint64_t interventions;  ///< ticks in which the safety stage intervened
   ForceExtremes forces;
 
   /// Unknown when it is not known how the volume lies in the patient, whatever the scene says.
@@ -30,6 +31,7 @@ struct Run {
   /// Of any structure.
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
+  bool real_clock() const { return recording.header.clock == "real"; }
   double duration_s() const { return edges_s.back() - edges_s.front(); }
   const DeviceTick& at_peak(const Contact& contact) const {
     return recording.ticks[contact.peak].device[contact.device];

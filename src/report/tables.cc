@@ -6,10 +6,6 @@
 namespace palpate::report {
 namespace {
 
-std::string cell(const std::string& value) {
-  return "<td>" + value + "</td>";
-}
-
 std::string note(const std::string& text) {
   return "<span class=\"note\">" + text + "</span>";
 }
@@ -21,26 +17,6 @@ std::string depth_cell(const StructureFigures& figure) {
   if (!figure.deeper_than_measured) return cell(depth);
   return cell(std::isnan(figure.max_depth_mm) ? note("deeper than measured")
                                               : depth + note("and deeper than measured"));
-}
-
-std::string group(const std::string& css_class, const std::string& title) {
-  return "<tbody class=\"" + css_class + "\"><tr class=\"group\"><th scope=\"rowgroup\" colspan=\"4\">" +
-         title + "</th></tr>\n";
-}
-
-std::string safety_row(const Run& run, const std::string& name, std::uint64_t count,
-                       const std::string& meaning) {
-  const double ticks = static_cast<double>(run.recording.ticks.size());
-  const double percent = ticks > 0 ? 100 * static_cast<double>(count) / ticks : 0;
-  return "<tr" + std::string(count == 0 ? " class=\"none\"" : "") + "><th scope=\"row\">" + name + "</th>" +
-         cell(grouped(count)) + cell(number(percent, percent > 0 && percent < 1 ? 2 : 1) + " %") +
-         "<td class=\"text\">" + meaning + "</td></tr>\n";
-}
-
-std::string entry(const std::string& term, const std::string& value, bool code = false) {
-  if (value.empty()) return "";
-  const std::string content = code ? "<code>" + escape(value) + "</code>" : escape(value);
-  return "<div><dt>" + term + "</dt><dd>" + content + "</dd></div>\n";
 }
 
 }  // namespace
@@ -78,28 +54,6 @@ std::string structure_table_html(const Run& run) {
   return html + "</p></section>\n";
 }
 
-std::string safety_table_html(const Run& run) {
-  std::string html =
-      "<section class=\"card\" aria-labelledby=\"safety-title\"><h2 id=\"safety-title\">Safety stage</h2>\n"
-      "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">What happened</th><th scope=\"col\">Ticks"
-      "</th><th scope=\"col\">Share</th><th scope=\"col\" class=\"text\">What it means</th></tr></thead>\n";
-  html += group("interventions", "Interventions");
-  html +=
-      safety_row(run, "Clamped", run.safety.clamped,
-                 "The computed force was larger than the limit; the limit was sent, in the same direction.");
-  html += safety_row(run, "Not finite", run.safety.not_finite,
-                     "A position or a force was not a number; no force was sent.");
-  html += safety_row(run, "Rotation ignored", run.safety.rotation_ignored,
-                     "The commanded rotation of the object was no rotation; the last one was kept.");
-  html += "</tbody>" + group("others", "Not an intervention");
-  html +=
-      safety_row(run, "Outside", run.safety.outside,
-                 "The tip was outside the scanned volume. Less than a voxel beyond its border it may still "
-                 "press on the face where the scan is cut off; farther out there is nothing to feel.");
-  html += safety_row(run, "Paused", run.safety.paused, "The session was paused; no force was sent.");
-  return html + "</tbody></table></div></section>\n";
-}
-
 std::string provenance_html(const Run& run) {
   const RecordingHeader& header = run.recording.header;
   std::string html =
@@ -111,15 +65,20 @@ std::string provenance_html(const Run& run) {
   html += entry("Started (UTC)", header.started_utc) + entry("Data set", header.data_set);
   html += entry("Device", header.device + (header.simulated ? " (simulated)" : ""));
   html += entry("Hand", header.hand.empty() ? "" : header.hand + (header.simulated ? " (simulated)" : ""));
-  html += entry("Rate", json_number(header.rate_hz, 1) + " Hz") + entry("Seed", std::to_string(header.seed));
+  html += entry("Rate", json_number(header.rate_hz, 1) + " Hz, " + header.clock + " clock") +
+          entry("Seed", std::to_string(header.seed));
   html += entry("Model", hex(header.model_hash), true);
   html +=
       entry("Run", run.recording.summary ? hex(run.recording.summary->run_hash) : "none: cut short", true);
   html += "</dl>\n";
   if (run.recording.summary) {
     html +=
-        "<p class=\"hint\">The hash of the run is the one that stands in the recording; <code>palpate "
-        "replay</code> computes the run anew and verifies it.</p>\n";
+        run.summary.dropped > 0
+            ? "<p class=\"hint\">The hash of the run is the one that stands in the recording. Ticks are "
+              "missing "
+              "from it, so it cannot be computed anew.</p>\n"
+            : "<p class=\"hint\">The hash of the run is the one that stands in the recording; <code>palpate "
+              "replay</code> computes the run anew and verifies it.</p>\n";
   }
   if (!header.script_text.empty()) {
     html +=

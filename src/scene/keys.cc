@@ -96,6 +96,7 @@ const SceneKeys& scene_key_tables() {
             {.name = "tissue", .type = kTables, .meaning = "What is felt and how: 1 to 64 of them."},
             {.name = "preparation", .type = kTable, .meaning = "How labels become the field that is felt."},
             {.name = "tool", .type = kTable, .meaning = "The instrument."},
+            {.name = "workspace", .type = kTable, .meaning = "How the device's reach lies in the patient."},
             {.name = "limits", .type = kTable, .meaning = "What the hand is never given more of."}}},
       .data =
           {"[data]",
@@ -227,6 +228,46 @@ const SceneKeys& scene_key_tables() {
              .min = -100,
              .max = 100,
              .meaning = "1 to 4 points [x, y, z] in the tip's frame."}}},
+      .workspace =
+          {"[workspace]",
+           "How the device's reach lies in the patient. What a hand feels of a tissue is `scale` · "
+           "`force_gain` "
+           "times its stiffness. The middle of the reach lies at `home`, in the workspace's coordinates: +x "
+           "right, +y forward, +z up, from the volume's centre.",
+           {{.name = "scale",
+             .type = kNumber,
+             .default_text = "1",
+             .min = kLowestScale,
+             .max = kHighestScale,
+             .meaning = "Millimetres in the patient for each one of the device: above 1 the reach is wider, "
+                        "below 1 the hand is finer."},
+            {.name = "force_gain",
+             .type = kNumber,
+             .default_text = "1",
+             .min = kLowestScale,
+             .max = kHighestScale,
+             .meaning = "Newtons at the device for each one in the patient. Limits hold for the device's."},
+            {.name = "yaw",
+             .type = kNumber,
+             .default_text = "0",
+             .unit = "degrees",
+             .min = -180,
+             .max = 180,
+             .meaning = "Turn of the device about the up axis, anticlockwise from above: where the person "
+                        "sits."},
+            {.name = "home",
+             .type = kPoint,
+             .default_text = "[0, 0, 0]",
+             .unit = "mm",
+             .min = -1000,
+             .max = 1000,
+             .meaning = "Where the middle of the device's reach lies. Without it: the volume's centre."},
+            {.name = "clutch_button",
+             .type = kWhole,
+             .min = 0,
+             .max = 31,
+             .meaning = "The button that, while held, lets the hand move and the tip rest. Without it there "
+                        "is no clutch."}}},
       .limits = {
           "[limits]",
           "Besides what the device itself can give, and what `--max-force` says.",
@@ -414,6 +455,8 @@ std::string_view type_text(KeyType type) {
       return "a list of names";
     case kInterval:
       return "two numbers";
+    case kPoint:
+      return "a point [x, y, z]";
     case kPoints:
       return "a list of points";
     case kDirection:
@@ -453,7 +496,8 @@ std::string did_you_mean(std::string_view text, const std::vector<std::string_vi
 std::string scene_keys() {
   const SceneKeys& keys = scene_key_tables();
   std::string text = table_markdown(keys.top);
-  for (const TableSpec* table : {&keys.data, &keys.tissue, &keys.preparation, &keys.tool, &keys.limits})
+  for (const TableSpec* table :
+       {&keys.data, &keys.tissue, &keys.preparation, &keys.tool, &keys.workspace, &keys.limits})
     text += concat({"\n", table_markdown(*table)});
   return text;
 }

@@ -19,6 +19,7 @@ enum class KeyType {
   kLabels,     ///< list of label numbers and names
   kNames,      ///< list of names
   kInterval,   ///< [low, high], low < high, each min ... max
+  kPoint,      ///< [x, y, z], each coordinate min ... max
   kPoints,     ///< list of [x, y, z], each coordinate min ... max
   kDirection,  ///< one of `choices`, or [x, y, z] that is not zero
   kTable,      ///< [name]
@@ -46,7 +47,7 @@ struct TableSpec {
 };
 
 struct SceneKeys {
-  TableSpec top, data, tissue, preparation, tool, limits;
+  TableSpec top, data, tissue, preparation, tool, workspace, limits;
 };
 const SceneKeys& scene_key_tables();
 

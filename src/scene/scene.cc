@@ -99,6 +99,15 @@ void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
   tool.points_mm = *points;
 }
 
+void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
+  const auto set = [&](const char* key, double& value) { value = reader.number(key).value_or(value); };
+  set("scale", workspace.scale);
+  set("force_gain", workspace.force_gain);
+  set("yaw", workspace.yaw_deg);
+  if (const auto home = reader.point("home")) workspace.home = Point<World>(*home);
+  if (const auto button = reader.whole("clutch_button")) workspace.clutch_button = static_cast<int>(*button);
+}
+
 /// The index of a tissue by name, or -1.
 int index_of(const Scene& scene, const std::string& name) {
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
@@ -262,6 +271,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,
                    problems);
   read_tool(TableReader(top.table("tool"), keys.tool, problems), scene.tool, problems);
+  read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");
   if (problems.any()) return problems.first();
 

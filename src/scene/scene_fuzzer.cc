@@ -12,6 +12,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   PALPATE_CHECK(!scene->tissues.empty() && scene->tissues.size() <= palpate::kMaxTissues);
   PALPATE_CHECK(!scene->tool.points_mm.empty());
+  const auto& workspace = scene->workspace;
+  PALPATE_CHECK(workspace.scale >= palpate::kLowestScale && workspace.scale <= palpate::kHighestScale);
+  PALPATE_CHECK(workspace.force_gain >= palpate::kLowestScale &&
+                workspace.force_gain <= palpate::kHighestScale);
+  PALPATE_CHECK(workspace.clutch_button >= -1 && workspace.clutch_button < 32);
+  PALPATE_CHECK(!workspace.home || workspace.home->all_finite());
   for (const auto& tissue : scene->tissues) {
     PALPATE_CHECK(tissue.labels.empty() == tissue.threshold.has_value());
     PALPATE_CHECK(tissue.stiffness_N_per_mm >= 0.001 && tissue.stiffness_N_per_mm <= 20);

@@ -53,6 +53,12 @@ bits = 8
 [tool]
 name = "probe"
 points = [[0, 0, 0], [1, 0.5, -2]]
+[workspace]
+scale = 2
+force_gain = 0.25
+yaw = -90
+home = [10, -20.5, 30]
+clutch_button = 1
 [limits]
 max_force = 2.5
 )";
@@ -96,6 +102,11 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_EQ(scene.tool.name, "probe");
   ASSERT_EQ(scene.tool.points_mm.size(), 2u);
   EXPECT_EQ(scene.tool.points_mm[1], Eigen::Vector3d(1, 0.5, -2));
+  EXPECT_EQ(scene.workspace.scale, 2);
+  EXPECT_EQ(scene.workspace.force_gain, 0.25);
+  EXPECT_EQ(scene.workspace.yaw_deg, -90);
+  EXPECT_EQ(scene.workspace.home, Point<World>(10, -20.5, 30));
+  EXPECT_EQ(scene.workspace.clutch_button, 1);
   EXPECT_EQ(scene.max_force_N, 2.5);
 }
 
@@ -127,8 +138,28 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   ASSERT_EQ(scene->tool.points_mm.size(), 1u);
   EXPECT_EQ(scene->tool.points_mm[0], Eigen::Vector3d::Zero());
   EXPECT_EQ(keys.tool.find("points")->default_text, "[[0, 0, 0]]");
+  EXPECT_EQ(scene->workspace.scale, default_of(keys.workspace, "scale"));
+  EXPECT_EQ(scene->workspace.force_gain, default_of(keys.workspace, "force_gain"));
+  EXPECT_EQ(scene->workspace.yaw_deg, default_of(keys.workspace, "yaw"));
+  EXPECT_EQ(keys.workspace.find("home")->default_text, "[0, 0, 0]");
+  EXPECT_FALSE(scene->workspace.home.has_value()) << "empty: World's origin";
+  EXPECT_EQ(scene->workspace.clutch_button, -1);
+  EXPECT_TRUE(keys.workspace.find("clutch_button")->default_text.empty());
   EXPECT_EQ(scene->side, Side::kUnknown);
   EXPECT_FALSE(scene->max_force_N.has_value());
+}
+
+TEST(ParseScene, WorkspaceTakesItsWholeRange) {
+  for (const auto& [number, button] : {std::pair{"0.05", "0"}, {"20", "31"}}) {
+    const auto scene =
+        parse_scene(std::string("[[tissue]]\nname = 'a'\nlabels = [1]\n[workspace]\nscale = ") + number +
+                        "\nforce_gain = " + number + "\nclutch_button = " + button,
+                    "t");
+    ASSERT_TRUE(scene.ok()) << scene.error().message();
+    EXPECT_EQ(scene->workspace.scale, std::stod(number));
+    EXPECT_EQ(scene->workspace.force_gain, std::stod(number));
+    EXPECT_EQ(scene->workspace.clutch_button, std::stoi(button));
+  }
 }
 
 TEST(ParseScene, WithoutDataTheVolumesComeFromTheCaller) {
@@ -175,6 +206,9 @@ INSTANTIATE_TEST_SUITE_P(
                  "did you mean scan?"},
         BadScene{TISSUE "[limits]\nmax_forse = 3\n", 5, "unknown key", "did you mean max_force?"},
         BadScene{TISSUE "[tool]\npoint = [[0,0,0]]\n", 5, "unknown key", "did you mean points?"},
+        BadScene{TISSUE "[workspace]\nforce_gian = 2\n", 5, "unknown key \"force_gian\" in [workspace]",
+                 "did you mean force_gain?"},
+        BadScene{TISSUE "[workpace]\nscale = 2\n", 4, "unknown key \"workpace\"", "did you mean workspace?"},
         BadScene{TISSUE "preset = 'bome'\n", 4, "unknown preset \"bome\"", "did you mean \"bone\"?"},
         BadScene{"side = 'lefft'\n" TISSUE, 1, "unknown side", "did you mean \"left\"?"},
         BadScene{TISSUE "[preparation]\nengine = 'fft'\n", 5, "unknown engine", "\"direct\" or \"fourier\""},
@@ -231,7 +265,17 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [2, 2]\n", 3, "begins at 2, which is not below",
                  "lower number first"},
         BadScene{TISSUE "[tool]\npoints = [0, 0, 0]\n", 5, "not three numbers", "a list of points"},
-        BadScene{TISSUE "[tool]\npoints = [[0, 0]]\n", 5, "not three numbers", "a list of points"}));
+        BadScene{TISSUE "[tool]\npoints = [[0, 0]]\n", 5, "not three numbers", "a list of points"},
+        BadScene{TISSUE "workspace = 2\n", 4, "unknown key", ""},
+        BadScene{"workspace = 2\n" TISSUE, 1, "workspace is a whole number", "write [workspace]"},
+        BadScene{TISSUE "[workspace]\nscale = 'wide'\n", 5, "scale is a text",
+                 "a number, 0.05 ... 20; default 1"},
+        BadScene{TISSUE "[workspace]\nhome = 5\n", 5, "home is a whole number",
+                 "a point [x, y, z], -1000 ... 1000 mm; default [0, 0, 0]"},
+        BadScene{TISSUE "[workspace]\nhome = [1, 2]\n", 5, "not three numbers", "a point [x, y, z]"},
+        BadScene{TISSUE "[workspace]\n\nhome = [1, 'a', 2]\n", 6, "holds a text where a number belongs", ""},
+        BadScene{TISSUE "[workspace]\nclutch_button = 1.5\n", 5, "clutch_button is a number",
+                 "a whole number, 0 ... 31"}));
 
 INSTANTIATE_TEST_SUITE_P(
     Ranges, ParseSceneError,
@@ -251,6 +295,17 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "[preparation]\nbits = 12\n", 5, "bits = 12 is neither 8 nor 16", ""},
         BadScene{TISSUE "[preparation]\nbits = 8.0\n", 5, "bits is a number", "a whole number"},
         BadScene{TISSUE "[limits]\nmax_force = 41\n", 5, "max_force = 41 is outside 0.1 ... 40 N", ""},
+        BadScene{TISSUE "[workspace]\nscale = 0.04\n", 5, "scale = 0.04 is outside 0.05 ... 20", ""},
+        BadScene{TISSUE "[workspace]\nscale = 2\nforce_gain = 20.5\n", 6,
+                 "force_gain = 20.5 is outside 0.05 ... 20", ""},
+        BadScene{TISSUE "[workspace]\nforce_gain = -1\n", 5, "force_gain = -1 is outside", ""},
+        BadScene{TISSUE "[workspace]\nscale = nan\n", 5, "scale is not a finite number", ""},
+        BadScene{TISSUE "[workspace]\nyaw = 181\n", 5, "yaw = 181 is outside -180 ... 180 degrees", ""},
+        BadScene{TISSUE "[workspace]\nhome = [0, 0, 1001]\n", 5, "home = 1001 is outside -1000 ... 1000 mm",
+                 ""},
+        BadScene{TISSUE "[workspace]\nhome = [0, inf, 0]\n", 5, "home is not a finite number", ""},
+        BadScene{TISSUE "[workspace]\nclutch_button = 32\n", 5, "clutch_button = 32 is outside 0 ... 31", ""},
+        BadScene{TISSUE "[workspace]\nclutch_button = -1\n", 5, "clutch_button = -1 is outside", ""},
         BadScene{TISSUE "[tool]\npoints = [[0, 0, 101]]\n", 5, "points = 101 is outside -100 ... 100 mm", ""},
         BadScene{TISSUE "[tool]\npoints = []\n", 5, "points has 0 points", "1 to 4"},
         BadScene{TISSUE "[tool]\npoints = [[0,0,0],[0,0,0],[0,0,0],[0,0,0],[0,0,0]]\n", 5,

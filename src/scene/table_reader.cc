@@ -299,6 +299,17 @@ std::optional<Eigen::Vector3d> TableReader::vector3(const KeySpec& key, const To
   return vector;
 }
 
+std::optional<Eigen::Vector3d> TableReader::point(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kPoint, &spec);
+  if (!value) return std::nullopt;
+  if (!value->as<TomlArray>()) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  return vector3(*spec, *value, value->line);
+}
+
 std::optional<std::vector<Eigen::Vector3d>> TableReader::points(std::string_view key) const {
   const KeySpec* spec = nullptr;
   const TomlValue* value = find(key, KeyType::kPoints, &spec);

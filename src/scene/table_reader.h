@@ -58,6 +58,7 @@ class TableReader {
   std::optional<Labels> labels(std::string_view key) const;
   std::optional<std::vector<std::string>> names(std::string_view key) const;
   std::optional<std::array<double, 2>> interval(std::string_view key) const;
+  std::optional<Eigen::Vector3d> point(std::string_view key) const;
   std::optional<std::vector<Eigen::Vector3d>> points(std::string_view key) const;
   /// A name from the choices, or a vector.
   std::optional<std::variant<std::string, Eigen::Vector3d>> direction(std::string_view key) const;

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
@@ -21,25 +22,27 @@
 
 #include "haptics/test_model.h"
 #include "palpate/servo.h"
+#include "palpate/simulated_device.h"
+#include "servo/loop.h"
 
 /// The proof that a tick allocates nothing, locks nothing, and asks the system for nothing: allocations and
 /// mutexes are counted by functions that stand in front of the real ones, and the ticks run once more in a
 /// child process that the kernel kills at its first system call.
 
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*)(const volatile void*, size_t),
                                                          void (*)(const volatile void*));
 #endif
 
 namespace {
 
-std::atomic<long> allocations{0};
+std::atomic<long> allocations{0}, frees{0};
 std::atomic<long> locks{0};
 
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 // the sanitizer owns malloc and tells of every call
 [[maybe_unused]] const int hooked = __sanitizer_install_malloc_and_free_hooks(
-    [](const volatile void*, size_t) { ++allocations; }, [](const volatile void*) {});
+    [](const volatile void*, size_t) { ++allocations; }, [](const volatile void*) { ++frees; });
 #endif
 
 }  // namespace
@@ -50,6 +53,7 @@ void* __libc_malloc(size_t size);
 void* __libc_calloc(size_t count, size_t size);
 void* __libc_realloc(void* old, size_t size);
 void* __libc_memalign(size_t alignment, size_t size);
+void __libc_free(void* old);
 
 void* malloc(size_t size) {
   ++allocations;
@@ -67,15 +71,40 @@ void* aligned_alloc(size_t alignment, size_t size) {
   ++allocations;
   return __libc_memalign(alignment, size);
 }
+int posix_memalign(void** room, size_t alignment, size_t size) {
+  ++allocations;
+  *room = __libc_memalign(alignment, size);
+  return *room == nullptr ? ENOMEM : 0;
+}
+void free(void* old) {
+  ++frees;
+  __libc_free(old);
+}
 }
 #endif
 
-extern "C" int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
+// under ThreadSanitizer mutexes are its own
+#if !defined(__SANITIZE_THREAD__)
+template <class Lock>
+int counted(const char* name, Lock* lock) {
   ++locks;
-  static const auto real =
-      reinterpret_cast<int (*)(pthread_mutex_t*)>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
-  return real(mutex);
+  return reinterpret_cast<int (*)(Lock*)>(dlsym(RTLD_NEXT, name))(lock);
 }
+extern "C" {
+int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
+  return counted("pthread_mutex_lock", mutex);
+}
+int pthread_mutex_trylock(pthread_mutex_t* mutex) noexcept {
+  return counted("pthread_mutex_trylock", mutex);
+}
+int pthread_rwlock_rdlock(pthread_rwlock_t* lock) noexcept {
+  return counted("pthread_rwlock_rdlock", lock);
+}
+int pthread_rwlock_wrlock(pthread_rwlock_t* lock) noexcept {
+  return counted("pthread_rwlock_wrlock", lock);
+}
+}
+#endif
 
 namespace palpate {
 namespace {
@@ -108,13 +137,15 @@ class Exercise {
   std::array<Wrench, 2> wrenches_;
 };
 
-// runs `work` in a child that may make no system call but its exit; whether it came through
-bool runs_without_system_calls(const std::function<void()>& work) {
+// runs `work` in a child that may make no system calls but these two and its exit; whether it came through
+bool runs_with_system_calls(const std::function<void()>& work, unsigned first, unsigned second) {
   std::fflush(nullptr);
   const pid_t child = ::fork();
   if (child == 0) {
     const sock_filter program[] = {
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, first, 2, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, second, 1, 0),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_exit_group, 0, 1),
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_KILL_PROCESS),
@@ -133,31 +164,91 @@ bool runs_without_system_calls(const std::function<void()>& work) {
   return WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
+bool runs_without_system_calls(const std::function<void()>& work) {
+  return runs_with_system_calls(work, SYS_exit_group, SYS_exit_group);
+}
+
+// the loop as it runs for real, with the simulated device, but in this thread and for so many ticks:
+// parameters, models, intentions and an emergency stop come in, the ring runs full
+class LoopExercise : private ServoClock {
+ public:
+  LoopExercise() { driver_.intend(Point<Device>(14, 0, 0), monotonic_ns() + 500'000'000); }
+  void leave_news() {
+    loop_.change([](Parameters& parameters) {
+      parameters.friction = !parameters.friction;
+      parameters.rotation_target =
+          Eigen::AngleAxisd(parameters.friction ? 0.1 : 0.0, Eigen::Vector3d::UnitZ());
+    });
+    loop_.set_model(model(++version_));
+    loop_.reset_health();
+  }
+  void run(int ticks) {
+    left_ = ticks;
+    driver_.run(loop_, *this);
+  }
+  std::uint64_t ticks() const { return loop_.health().ticks; }
+  std::uint64_t dropped() const { return loop_.health().dropped; }
+
+ private:
+  bool wait() noexcept override {
+    if (left_ % 64 == 0)
+      driver_.intend(Point<Device>(left_ % 128 ? 12 : 17, 0, 0), monotonic_ns() + 5'000'000);
+    if (left_ % 500 == 0) loop_.emergency_stop();
+    if (left_ % 500 == 50) loop_.rearm();
+    return left_-- > 0 && loop_.wait();
+  }
+  bool stopped() const noexcept override { return left_ <= 0; }
+
+  static SimulatedDevice device() {
+    SimulatedDevice device(known_plant_devices()[0], known_plant_hands()[1], 1e-3);
+    device.reset(Point<Device>(25, 0, 0));
+    return device;
+  }
+  SimulatedDriver driver_{device()};
+  static std::shared_ptr<const Model> model(std::uint32_t version) {
+    Model made = testing::ball_model({1, 1, 1}, 1.0, 3);
+    made.version = version;
+    return std::make_shared<const Model>(std::move(made));
+  }
+  std::uint32_t version_ = 1;
+  Loop loop_{
+      model(1), driver_, {}, {WorkspaceSettings{}}, {.rate_hz = 10000, .spin_s = 20e-6, .ring_s = 0.5}};
+  int left_ = 0;
+};
+
 TEST(Realtime, WhatCountsNoticesWhatIsForbidden) {
   // without this the proofs below could pass because nothing is noticed
-  const long allocated = allocations, locked = locks;
+  const long allocated = allocations;
   auto number = std::make_unique<int>(3);
   EXPECT_EQ(allocations - allocated, 1);
   Eigen::VectorXd vector = Eigen::VectorXd::Zero(*number * 100);
   EXPECT_EQ(allocations - allocated, 2) << "Eigen's own allocation";
   EXPECT_EQ(vector.sum(), 0);
+  const long freed = frees;
+  number.reset();
+  EXPECT_EQ(frees - freed, 1);
+#if !defined(__SANITIZE_THREAD__)
+  const long locked = locks;
   std::mutex mutex;
   mutex.lock();
   mutex.unlock();
   EXPECT_EQ(locks - locked, 1);
+#endif
 
   EXPECT_TRUE(runs_without_system_calls([] {}));
   EXPECT_FALSE(runs_without_system_calls([] { std::fprintf(stderr, "logged\n"); }));
   EXPECT_FALSE(runs_without_system_calls([] { std::cerr << "logged" << std::endl; }));
   EXPECT_FALSE(runs_without_system_calls([] { ::usleep(1); }));
+  EXPECT_TRUE(runs_with_system_calls([] { ::usleep(1); }, SYS_clock_nanosleep, SYS_clock_gettime));
+  EXPECT_FALSE(runs_with_system_calls([] { ::getppid(); }, SYS_clock_nanosleep, SYS_clock_gettime));
 }
 
 TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   Exercise exercise;
   exercise.run(100);
-  const long allocated = allocations, locked = locks;
+  const long allocated = allocations + frees, locked = locks;
   exercise.run(10000);
-  const long allocated_after = allocations, locked_after = locks;
+  const long allocated_after = allocations + frees, locked_after = locks;
   EXPECT_EQ(allocated_after - allocated, 0);
   EXPECT_EQ(locked_after - locked, 0);
 }
@@ -166,6 +257,30 @@ TEST(Realtime, TenThousandTicksMakeNoSystemCall) {
   Exercise exercise;
   exercise.run(100);
   EXPECT_TRUE(runs_without_system_calls([&] { exercise.run(10000); }));
+}
+
+TEST(Realtime, TenThousandTicksOfTheLoopAllocateAndLockNothing) {
+  LoopExercise exercise;
+  exercise.run(100);
+  long allocated = 0, locked = 0;
+  for (int stretch = 0; stretch < 4; ++stretch) {
+    exercise.leave_news();
+    const long allocated_before = allocations + frees, locked_before = locks;
+    exercise.run(2500);
+    allocated += allocations + frees - allocated_before;
+    locked += locks - locked_before;
+  }
+  EXPECT_EQ(allocated, 0);
+  EXPECT_EQ(locked, 0);
+  EXPECT_EQ(exercise.ticks(), 2500u) << "since the last reset";
+  EXPECT_EQ(exercise.dropped(), 10100u - 8192) << "the ring of half a second was full";
+}
+
+TEST(Realtime, TenThousandTicksOfTheLoopOnlyReadTheClockAndSleep) {
+  LoopExercise exercise;
+  exercise.run(100);
+  exercise.leave_news();
+  EXPECT_TRUE(runs_with_system_calls([&] { exercise.run(10000); }, SYS_clock_nanosleep, SYS_clock_gettime));
 }
 
 }  // namespace

@@ -8,6 +8,12 @@ void hash_quaternion(std::uint64_t& hash, const Eigen::Quaterniond& q) {
   for (const double value : {q.w(), q.x(), q.y(), q.z()}) hash_double(hash, value);
 }
 
+void hash_wrench(std::uint64_t& hash, const Wrench& wrench) {
+  for (int axis = 0; axis < 3; ++axis) hash_double(hash, wrench.force_N[axis]);
+  for (int axis = 0; axis < 3; ++axis) hash_double(hash, wrench.torque_Nmm[axis]);
+  hash_double(hash, wrench.gripper_N);
+}
+
 }  // namespace
 
 std::uint64_t SessionState::hash(int devices) const {
@@ -18,10 +24,20 @@ std::uint64_t SessionState::hash(int devices) const {
   hash_quaternion(hash, rotation_target);
   hash_quaternion(hash, rotation_felt);
   hash_double(hash, rotation_elapsed_s);
+  hash_word(hash, made_by);
   for (int d = 0; d < devices; ++d) {
     hash_word(hash, hands[d].seen);
-    for (int axis = 0; axis < 3; ++axis) hash_double(hash, hands[d].previous_tip[axis]);
+    for (int axis = 0; axis < 3; ++axis) {
+      hash_double(hash, hands[d].previous_world[axis]);
+      hash_double(hash, hands[d].previous_tip[axis]);
+    }
     hands[d].velocity.hash_into(hash);
+    hash_wrench(hash, hands[d].asked);
+    hash_wrench(hash, hands[d].difference);
+    hash_double(hash, hands[d].blend_elapsed_s);
+    hash_wrench(hash, hands[d].output.sent);
+    hash_double(hash, hands[d].output.gain);
+    hash_double(hash, hands[d].output.heat);
   }
   return hash_finish(hash);
 }

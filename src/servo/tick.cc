@@ -3,15 +3,17 @@
 
 #include "base/hash.h"
 #include "palpate/servo.h"
-#include "servo/safety.h"
+#include "servo/output_stage.h"
+#include "servo/tick_record.h"
+#include "servo/tool_contact.h"
 
 /// One tick, in order: object's pose -> tip in the patient -> velocity -> contact -> surface effects ->
-/// safety -> record. Nothing here allocates, locks, logs or throws.
+/// blend -> output stage -> record. Nothing here allocates, locks, logs or throws.
 namespace palpate {
 namespace {
 
-// below this the halo of a smoothed structure is not called a touch
-constexpr double kTouch_N = 0.02;
+// no hand moves a device farther than this in one tick, and none faster
+constexpr double kJump_mm = 10, kJump_mm_s = 10e3;
 
 // a commanded rotation is a unit quaternion but for rounding
 bool is_rotation(const Eigen::Quaterniond& q) {
@@ -35,33 +37,52 @@ void advance_rotation(const Parameters& parameters, double dt_s, SessionState& s
   state.rotation_felt = start.slerp(part, target_rotation).quaternion();
 }
 
-// what one point of the tool meets
-struct PointContact {
-  FieldSample sample;
-  ContactSite site;
-  Vector<Patient> force_N;
-};
-
-PointContact touch(const Model& model, const Parameters& parameters, const Point<Patient>& x,
-                   const Vector<Patient>& velocity_mm_s) {
-  PointContact contact;
-  contact.sample = sample_central_differences(*model.field, x);
-  const Vector<Patient> normal_N = normal_force(contact.sample, model.full_force_N);
-  contact.force_N = normal_N;
-  contact.site = find_contact_site(model, x, contact.sample);
-  if (contact.site.tissue < 0) return contact;
-
-  const Tissue& tissue = model.tissues[contact.site.tissue];
-  if (parameters.friction) contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N);
-  if (parameters.viscosity)
-    contact.force_N += viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level);
-  return contact;
+// what is wrong with a device's state (kFaultFlags)
+std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters, double scale, double dt_s,
+                        const SessionState::Hand& hand) {
+  std::uint32_t faults = 0;
+  const double jump_mm = std::max(kJump_mm, kJump_mm_s * dt_s) * scale;
+  if (!device.tip.all_finite() || !device.R_WorldTool.coeffs().allFinite() ||
+      !is_rotation(device.R_WorldTool))
+    faults |= kFlagNotFinite;
+  else if (hand.seen && (device.tip - hand.previous_world).norm() > jump_mm)
+    faults |= kFlagJump;
+  if (device.status & kDeviceFault) faults |= kFlagDeviceFault;
+  if (device.status & kDeviceHalted) faults |= kFlagHalted;
+  if (parameters.emergency_stop) faults |= kFlagEmergencyStop;
+  return faults;
 }
 
-// felt, or so deep inside that there is no direction to push in
-bool is_touch(const PointContact& contact) {
-  const bool inside = contact.sample.value >= 0.5 * contact.site.level;
-  return contact.site.label != 0 && (inside || contact.force_N.norm() >= kTouch_N);
+// tip in the patient, which carries the object's rotation, and its velocity relative to the object
+Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip, double dt_s, bool jumped,
+                           SessionState::Hand& hand) {
+  if (jumped) hand.velocity.clear();
+  if (hand.seen && !jumped) hand.velocity.push(tip - hand.previous_tip, dt_s);
+  hand.previous_world = device.tip;
+  hand.previous_tip = tip;
+  hand.seen = true;
+  return hand.velocity.velocity_mm_s();
+}
+
+// After a change of what makes the force (method, model, switches) the old force turns into the new one: its
+// difference at that moment fades out. Relative to the force now, so that the hand's motion is felt at once.
+Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Hand& hand) {
+  if (!asked.force_N.all_finite() || !asked.torque_Nmm.all_finite()) {
+    hand.asked = hand.difference = {};
+    return asked;
+  }
+  hand.blend_elapsed_s = std::min(kBlend_s, hand.blend_elapsed_s + dt_s);
+  if (changed) {
+    hand.difference = {hand.asked.force_N - asked.force_N, hand.asked.torque_Nmm - asked.torque_Nmm};
+    hand.blend_elapsed_s = 0;
+  }
+  hand.asked = asked;
+  if (hand.blend_elapsed_s >= kBlend_s) return asked;
+  const double u = hand.blend_elapsed_s / kBlend_s;
+  const double left = (1 - u) * (1 - u) * (1 + 2 * u);  // 1 to 0 with level ends
+  hand.asked.force_N += hand.difference.force_N * left;
+  hand.asked.torque_Nmm += hand.difference.torque_Nmm * left;
+  return hand.asked;
 }
 
 bool outside(const Field& field, const Point<Patient>& x) {
@@ -71,77 +92,53 @@ bool outside(const Field& field, const Point<Patient>& x) {
   return false;
 }
 
-template <class Frame>
-std::array<double, 3> plain(const Vector<Frame>& v) {
-  return {v.x(), v.y(), v.z()};
-}
-template <class Frame>
-std::array<double, 3> plain(const Point<Frame>& p) {
-  return {p.x(), p.y(), p.z()};
-}
-std::array<double, 4> plain(const Eigen::Quaterniond& q) {
-  return {q.w(), q.x(), q.y(), q.z()};
-}
-
-void tick_device(const Model& model, const Parameters& parameters, const DeviceState& device, double dt_s,
+void tick_device(const Model& model, const Parameters& parameters, const DeviceParameters& own,
+                 const DeviceState& device, double dt_s, bool changed,
                  const Transform<World, Patient>& X_WorldPatient,
                  const Transform<Patient, World>& X_PatientWorld, SessionState::Hand& hand, Wrench& wrench,
                  DeviceTick& out) {
-  out = {};
-  out.tip_world_mm = plain(device.tip);
-  out.orientation_wxyz = plain(device.R_WorldTool);
-  out.buttons = device.buttons;
-  wrench = {};
+  record_inputs(device, own, out);
+  const bool clutched = (device.status & kDeviceClutched) != 0;
+  OutputRequest request{{}, device.age_s, faults_of(device, parameters, own.scale, dt_s, hand), false};
+  request.off = parameters.paused || clutched;
 
-  // a pose that is not finite changes nothing and gets no force
-  if (!device.tip.all_finite() || !device.R_WorldTool.coeffs().allFinite() ||
-      !is_rotation(device.R_WorldTool)) {
+  ToolContact tool;
+  if (request.faults & kFlagNotFinite) {
+    // a pose that is not finite changes nothing
     hand.seen = false;
     hand.velocity.clear();
-    out.flags = kFlagNotFinite;
-    return;
+    hand.asked = {};
+  } else {
+    const Point<Patient> tip = X_PatientWorld * device.tip;
+    const Vector<Patient> velocity_mm_s =
+        follow_tip(device, tip, dt_s, (request.faults & kFlagJump) != 0, hand);
+    tool = touch_with_tool(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
+                           X_PatientWorld);
+    request.asked = blended(tool.asked, changed, dt_s, hand);
+    if (outside(*model.field, tip)) out.flags |= kFlagOutside;
+    if (hand.blend_elapsed_s < kBlend_s) out.flags |= kFlagBlend;
   }
 
-  // tip in the patient, which carries the object's rotation: the velocity is relative to the object
-  const Point<Patient> tip = X_PatientWorld * device.tip;
-  if (hand.seen) hand.velocity.push(tip - hand.previous_tip, dt_s);
-  hand.previous_tip = tip;
-  hand.seen = true;
-  const Vector<Patient> velocity_mm_s = hand.velocity.velocity_mm_s();
+  // the only way out
+  const double max_force_N = std::min(parameters.max_force_N, model.scene_max_force_N);
+  const Output sent = make_output(request, own.limits, max_force_N, dt_s, hand.output);
+  wrench = sent.wrench;
+  if (parameters.paused) out.flags |= kFlagPaused;
+  if (clutched) out.flags |= kFlagClutched;
+  record_outputs(tool, request, sent, hand, out);
+}
 
-  // contact and surface effects at each point of the tool; the strongest one is reported
-  const Eigen::Matrix3d R_WorldTool = device.R_WorldTool.normalized().toRotationMatrix();
-  Wrench asked;
-  PointContact strongest;
-  for (const Eigen::Vector3d& offset_mm : model.tool.points_mm) {
-    const Vector<World> arm_mm(R_WorldTool * offset_mm);
-    const PointContact contact = touch(model, parameters, tip + X_PatientWorld * arm_mm, velocity_mm_s);
-    const Vector<World> force_N = X_WorldPatient * contact.force_N;
-    asked.force_N += force_N;
-    asked.torque_Nmm += arm_mm.cross(force_N);
-    if (&offset_mm == &model.tool.points_mm.front() ||
-        contact.force_N.squared_norm() > strongest.force_N.squared_norm())
-      strongest = contact;
+// what makes the forces: another value and they are blended
+std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::size_t devices) {
+  std::uint64_t maker = kHashSeed;
+  hash_word(maker, model.version);
+  hash_word(maker, static_cast<std::uint64_t>(parameters.method) << 2 | parameters.friction << 1 |
+                       static_cast<std::uint64_t>(parameters.viscosity));
+  for (std::size_t d = 0; d < devices; ++d) {
+    hash_double(maker, parameters.device[d].force_gain);
+    hash_double(maker, parameters.device[d].scale);
   }
-
-  // safety: the only way out
-  const SafeWrench safe = make_safe(asked, parameters.max_force_N, parameters.paused);
-  wrench = safe.wrench;
-
-  out.flags = safe.flags;
-  if (outside(*model.field, tip)) out.flags |= kFlagOutside;
-  if (is_touch(strongest)) {
-    out.flags |= kFlagContact;
-    out.label = strongest.site.label;
-  }
-  out.force_N = plain(wrench.force_N);
-  out.torque_Nmm = plain(wrench.torque_Nmm);
-  out.unclamped_force_N = asked.force_N.norm();
-  out.tip_patient_mm = plain(tip);
-  out.normal_patient = plain(-strongest.sample.gradient.normalized());
-  out.velocity_patient_mm_s = plain(velocity_mm_s);
-  out.field = strongest.sample.value;
-  out.depth_mm = strongest.site.depth_mm;
+  return hash_finish(maker) | 1;
 }
 
 }  // namespace
@@ -150,18 +147,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
           SessionState& state, std::span<Wrench> wrenches, TickRecord& record) {
   PALPATE_CHECK(!devices.empty() && devices.size() <= kMaxDevices && devices.size() == wrenches.size());
 
-  // inputs, before anything moves
-  record.tick = state.tick;
-  record.time_s = state.time_s;
-  record.dt_s = dt_s;
-  record.model_version = model.version;
-  record.method = static_cast<std::uint8_t>(parameters.method);
-  record.switches = static_cast<std::uint8_t>((parameters.friction ? kSwitchFriction : 0) |
-                                              (parameters.viscosity ? kSwitchViscosity : 0) |
-                                              (parameters.paused ? kSwitchPaused : 0));
-  record.max_force_N = parameters.max_force_N;
-  record.rotation_target_wxyz = plain(parameters.rotation_target);
-  record.devices = static_cast<int>(devices.size());
+  record_inputs(model, parameters, state, dt_s, devices.size(), record);
 
   // the object's pose
   advance_rotation(parameters, dt_s, state);
@@ -170,23 +156,23 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const Transform<Patient, World> X_PatientWorld = X_WorldPatient.inverse();
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
+  // a change of what makes the forces starts a blend
+  const std::uint64_t maker = maker_of(model, parameters, devices.size());
+  const bool changed = state.made_by != 0 && state.made_by != maker;
+  state.made_by = maker;
+
   // each device
   const std::uint32_t rotation_flag = is_rotation(parameters.rotation_target) ? 0u : kFlagRotationIgnored;
   for (std::size_t d = 0; d < devices.size(); ++d) {
-    tick_device(model, parameters, devices[d], dt_s, X_WorldPatient, X_PatientWorld, state.hands[d],
-                wrenches[d], record.device[d]);
+    tick_device(model, parameters, parameters.device[d], devices[d], dt_s, changed, X_WorldPatient,
+                X_PatientWorld, state.hands[d], wrenches[d], record.device[d]);
     record.device[d].flags |= rotation_flag;
   }
   state.tick += 1;
   state.time_s += dt_s;
 
-  // what replay compares: the state and what was sent
-  std::uint64_t hash = state.hash(static_cast<int>(devices.size()));
-  for (const Wrench& wrench : wrenches) {
-    for (int axis = 0; axis < 3; ++axis) hash_double(hash, wrench.force_N[axis]);
-    for (int axis = 0; axis < 3; ++axis) hash_double(hash, wrench.torque_Nmm[axis]);
-  }
-  record.state_hash = hash_finish(hash);
+  // what replay compares
+  record.state_hash = state.hash(static_cast<int>(devices.size()));
 }
 
 }  // namespace palpate

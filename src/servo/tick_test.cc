@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <random>
 
 #include "haptics/test_model.h"
@@ -15,7 +17,7 @@ using testing::kBoneRadius_mm;
 
 constexpr double kTick_s = 1e-3;
 
-// one device, ticked at chosen places
+// one device, ticked at chosen places, by a stage that neither ramps nor slews unless a test wants it to
 struct Loop {
   Model model = ball_model();
   Parameters parameters;
@@ -23,10 +25,23 @@ struct Loop {
   TickRecord record;
   Wrench wrench;
 
+  Loop() {
+    state.hands[0].output.gain = 1;
+    parameters.device[0].limits.slew_N_per_s = std::numeric_limits<double>::infinity();
+    parameters.device[0].limits.peak_torque_Nmm = 1000;
+  }
+  void at(const DeviceState& device) {
+    tick(model, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
+  }
   void at(const Point<World>& tip) {
     DeviceState device;
     device.tip = tip;
-    tick(model, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
+    at(device);
+  }
+  // farther than a hand moves in a tick
+  void set_down_at(const Point<World>& tip) {
+    state.hands[0].seen = false;
+    at(tip);
   }
 };
 
@@ -39,7 +54,7 @@ TEST(Tick, PushesOutAlongTheAnalyticNormalWithTheAnalyticForce) {
   for (int i = 0; i < 200; ++i) {
     const Vector<World> n = Vector<World>(normal(random), normal(random), normal(random)).normalized();
     const double distance_mm = -0.6 + 0.006 * i;
-    loop.at(Point<World>() + n * (kBoneRadius_mm + distance_mm));
+    loop.set_down_at(Point<World>() + n * (kBoneRadius_mm + distance_mm));
     const double expected_N = loop.model.full_force_N * testing::ramp(distance_mm, 1.0);
     EXPECT_GT(loop.wrench.force_N.normalized().dot(n), std::cos(0.05))
         << "central differences over 0.9 mm of a 1 mm ramp, at " << distance_mm << " mm";
@@ -73,8 +88,8 @@ TEST(Tick, ForceTurnsWithTheObject) {
   for (int i = 0; i < 50; ++i) {
     const Point<World> tip(4 + kBoneRadius_mm * std::cos(0.1 * i), 1 + kBoneRadius_mm * std::sin(0.1 * i),
                            -2 + 0.1 * i);
-    still.at(tip);
-    turned.at(Point<World>((R * Vector<World>(tip.eigen())).eigen()));
+    still.set_down_at(tip);
+    turned.set_down_at(Point<World>((R * Vector<World>(tip.eigen())).eigen()));
     EXPECT_LT((turned.wrench.force_N - R * still.wrench.force_N).norm(), 1e-9);
     EXPECT_NEAR(turned.record.device[0].depth_mm, still.record.device[0].depth_mm, 1e-9);
   }
@@ -164,17 +179,179 @@ TEST(Tick, SurvivesPosesThatAreNotFinite) {
     EXPECT_EQ(loop.wrench.force_N, Vector<World>());
     EXPECT_TRUE(loop.record.device[0].flags & kFlagNotFinite);
   }
-  // the velocity window starts anew: the jump back is no motion
+  // the velocity window starts anew: the jump back is no motion; the force comes in by the ramp
+  loop.at(Point<World>(kBoneRadius_mm, 0, 0));
+  EXPECT_EQ(loop.record.device[0].velocity_patient_mm_s, (std::array<double, 3>{}));
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagRamp);
+  for (int n = 0; n < 600; ++n) loop.at(Point<World>(kBoneRadius_mm, 0, 0));
+  EXPECT_GT(loop.wrench.force_N.norm(), 0.1);
+}
+
+TEST(Tick, ATipThatJumpsGetsNothingAndThenTheRamp) {
+  Loop loop;
   loop.at(Point<World>(kBoneRadius_mm, 0, 0));
   EXPECT_GT(loop.wrench.force_N.norm(), 0.1);
-  EXPECT_EQ(loop.record.device[0].velocity_patient_mm_s, (std::array<double, 3>{}));
+  loop.at(Point<World>(kBoneRadius_mm - 10.1, 0, 0));
+  EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagJump);
+  loop.at(Point<World>(kBoneRadius_mm, 0, 0));
+  loop.at(Point<World>(kBoneRadius_mm, 0, 0));
+  EXPECT_FALSE(loop.record.device[0].flags & kFlagJump);
+  EXPECT_LT(loop.wrench.force_N.norm(), 0.01);
+  EXPECT_EQ(loop.record.device[0].velocity_patient_mm_s, (std::array<double, 3>{})) << "no speed of 10 m/s";
+  // what counts is how far the device moved: 4 mm with a scale of 4 are 16 mm in the patient
+  loop.parameters.device[0].scale = 4;
+  loop.set_down_at(Point<World>(kBoneRadius_mm, 0, 0));
+  loop.at(Point<World>(kBoneRadius_mm + 16, 0, 0));
+  EXPECT_FALSE(loop.record.device[0].flags & kFlagJump);
+  loop.at(Point<World>(kBoneRadius_mm + 57, 0, 0));
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagJump);
+  loop.parameters.device[0].scale = 1;
+  loop.set_down_at(Point<World>(kBoneRadius_mm, 0, 0));
+  // the fastest of hands is no jump
+  for (int n = 0; n < 40; ++n) {
+    loop.at(Point<World>(kBoneRadius_mm + 3 * n, 0, 0));
+    EXPECT_FALSE(loop.record.device[0].flags & kFlagJump) << n;
+  }
+}
+
+TEST(Tick, PauseFadesOutAndBackIn) {
+  Loop loop;
+  const Point<World> tip(kBoneRadius_mm, 0, 0);
+  loop.at(tip);
+  const double full_N = loop.wrench.force_N.norm();
+  double previous_N = full_N;
+  loop.parameters.paused = true;
+  for (int n = 0; n < 150; ++n) {
+    loop.at(tip);
+    EXPECT_TRUE(loop.record.device[0].flags & kFlagPaused);
+    EXPECT_NEAR(loop.wrench.force_N.norm(), previous_N, 0.0101 * full_N) << "no step";
+    previous_N = loop.wrench.force_N.norm();
+  }
+  EXPECT_EQ(previous_N, 0);
+  loop.parameters.paused = false;
+  for (int n = 0; n < 510; ++n) {
+    loop.at(tip);
+    EXPECT_NEAR(loop.wrench.force_N.norm(), previous_N, 0.0021 * full_N) << "no step";
+    previous_N = loop.wrench.force_N.norm();
+  }
+  EXPECT_NEAR(previous_N, full_N, 1e-12);
+}
+
+TEST(Tick, AForceThatIsNotFiniteLeavesNothingBehind) {
+  Loop loop;
+  const Point<World> tip(kBoneRadius_mm, 0, 0);
+  loop.at(tip);
+  const double full_N = loop.model.full_force_N;
+  loop.model.full_force_N = std::nan("");
+  loop.at(tip);
+  EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+  // the model is mended, by a new version: a blend that starts from what was not finite would stay so
+  loop.model.full_force_N = full_N;
+  ++loop.model.version;
+  loop.at(tip);
+  EXPECT_FALSE(loop.record.device[0].flags & kFlagNotFinite);
+}
+
+TEST(Tick, EmergencyStopIsAtOnceAndStatusBitsAreFaults) {
+  Loop loop;
+  DeviceState device;
+  device.tip = Point<World>(kBoneRadius_mm, 0, 0);
+  const auto expect_off = [&](std::uint32_t flag) {
+    loop.at(device);
+    EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+    EXPECT_TRUE(loop.record.device[0].flags & flag);
+    loop.state.hands[0].output.gain = 1;
+  };
+  loop.at(device);
+  ASSERT_GT(loop.wrench.force_N.norm(), 0.1);
+  loop.parameters.emergency_stop = true;
+  expect_off(kFlagEmergencyStop);
+  EXPECT_TRUE(loop.record.switches & kSwitchEmergencyStop);
+  loop.parameters.emergency_stop = false;
+  device.status = kDeviceFault;
+  expect_off(kFlagDeviceFault);
+  device.status = kDeviceHalted;
+  expect_off(kFlagHalted);
+  device.status = 0;
+  device.age_s = 0.02;
+  expect_off(kFlagStale);
+}
+
+TEST(Tick, GainsMultiplyWhatTheDeviceIsSentAndTheLimitHoldsForIt) {
+  Loop one, two;
+  one.parameters.max_force_N = two.parameters.max_force_N = 2;
+  two.parameters.device[0].force_gain = 2;
+  two.parameters.device[0].scale = 4;
+  one.model.tool.points_mm = two.model.tool.points_mm = {{0, 3, 0}};
+  one.at(Point<World>(kBoneRadius_mm, -3, 0));
+  two.at(Point<World>(kBoneRadius_mm, -3, 0));
+  ASSERT_GT(one.wrench.torque_Nmm.norm(), 0.1);
+  // the stage clamps what is above the limit, both alike
+  const double clamp = std::min(1.0, 2 / two.record.device[0].unclamped_force_N);
+  EXPECT_NEAR(two.record.device[0].unclamped_force_N, 2 * one.record.device[0].unclamped_force_N, 1e-12);
+  EXPECT_LT((two.wrench.force_N - one.wrench.force_N * 2 * clamp).norm(), 1e-9);
+  EXPECT_LT((two.wrench.torque_Nmm - one.wrench.torque_Nmm * (2.0 / 4) * clamp).norm(), 1e-9);
+}
+
+// what changes the force while the tip holds still
+struct Change {
+  const char* name;
+  std::function<void(Loop&)> apply;
+};
+
+TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
+  const Change changes[] = {
+      {"model", [](Loop& loop) { loop.model.full_force_N *= 1.7, ++loop.model.version; }},
+      {"gain", [](Loop& loop) { loop.parameters.device[0].force_gain = 0.4; }},
+      {"viscosity", [](Loop& loop) { loop.parameters.viscosity = false; }},
+      {"friction", [](Loop& loop) { loop.parameters.friction = false; }},
+  };
+  for (const Change& change : changes) {
+    // sliding along the surface, so that friction and viscosity act
+    Loop kept, changed;
+    kept.model.tissues[0].viscosity_N_s_per_mm = changed.model.tissues[0].viscosity_N_s_per_mm = 0.01;
+    double largest_step_N = 0, undisturbed_N = 0, apart_N = 0;
+    Vector<World> previous, previous_kept;
+    for (int n = 0; n < 400; ++n) {
+      const double angle = 1e-3 * n;
+      const Point<World> tip(kBoneRadius_mm * std::cos(angle), kBoneRadius_mm * std::sin(angle), 0);
+      if (n == 200) change.apply(changed);
+      kept.at(tip);
+      changed.at(tip);
+      if (n > 100) {
+        largest_step_N = std::max(largest_step_N, (changed.wrench.force_N - previous).norm());
+        undisturbed_N = std::max(undisturbed_N, (kept.wrench.force_N - previous_kept).norm());
+        apart_N = std::max(apart_N, (changed.wrench.force_N - kept.wrench.force_N).norm());
+      }
+      previous = changed.wrench.force_N;
+      previous_kept = kept.wrench.force_N;
+      // a tick more or less, by rounding
+      if (n != 300) {
+        ASSERT_EQ((changed.record.device[0].flags & kFlagBlend) != 0, n >= 200 && n < 300)
+            << change.name << n;
+      }
+    }
+    ASSERT_GT(apart_N, 0.02) << change.name << " must change something";
+    // a smooth step of that height over 0.1 s: 1.5 times the even slope at its steepest
+    EXPECT_LT(largest_step_N, 1.2 * undisturbed_N + 1.6 * apart_N * kTick_s / kBlend_s) << change.name;
+
+    // and what comes out in the end is what the change alone would give
+    Loop from_the_start;
+    from_the_start.model.tissues[0].viscosity_N_s_per_mm = 0.01;
+    change.apply(from_the_start);
+    for (int n = 0; n < 400; ++n)
+      from_the_start.at(
+          Point<World>(kBoneRadius_mm * std::cos(1e-3 * n), kBoneRadius_mm * std::sin(1e-3 * n), 0));
+    EXPECT_EQ(from_the_start.wrench.force_N, changed.wrench.force_N) << change.name;
+  }
 }
 
 TEST(Tick, OutsideTheVolumeIsFreeAndFlagged) {
   Loop loop;
   for (const Point<World>& tip :
        {Point<World>(35, 0, 0), Point<World>(0, -1e9, 0), Point<World>(0, 0, 1e300)}) {
-    loop.at(tip);
+    loop.set_down_at(tip);
     EXPECT_EQ(loop.wrench.force_N, Vector<World>());
     EXPECT_TRUE(loop.record.device[0].flags & kFlagOutside);
   }
@@ -196,7 +373,7 @@ TEST(Tick, SeveralPointsGiveATorqueAboutTheTip) {
   // the second point, turned towards +y, touches the ball's top; the tip hangs free
   device.tip = Point<World>(0, kBoneRadius_mm + 10, 0);
   device.R_WorldTool = Eigen::AngleAxisd(-M_PI / 2, Eigen::Vector3d::UnitZ());
-  tick(loop.model, loop.parameters, {&device, 1}, kTick_s, loop.state, {&loop.wrench, 1}, loop.record);
+  loop.at(device);
   EXPECT_GT(loop.wrench.force_N.y(), 0.5);
   const Vector<World> arm(0, -10, 0);
   EXPECT_LT((loop.wrench.torque_Nmm - arm.cross(loop.wrench.force_N)).norm(), 1e-9);
@@ -207,6 +384,8 @@ TEST(Tick, DevicesDoNotDisturbEachOther) {
   Loop both;
   std::array<DeviceState, 2> devices;
   std::array<Wrench, 2> wrenches;
+  both.state.hands[1].output.gain = 1;
+  both.parameters.device[1] = alone.parameters.device[0];
   for (int n = 0; n < 50; ++n) {
     const Point<World> tip(kBoneRadius_mm, 0.05 * n, 0);
     alone.at(tip);
@@ -238,11 +417,31 @@ TEST(Tick, RecordHoldsEveryInput) {
   loop.parameters.max_force_N = 1.25;
   loop.parameters.rotation_target = Rotation<World, World>::about(Eigen::Vector3d::UnitX(), 0.3).quaternion();
   loop.model.version = 9;
+  DeviceParameters& own = loop.parameters.device[0];
+  own = {1.5, 0.75, {8, 1.4, 300, 5, 900}};
   DeviceState device;
   device.tip = Point<World>(1, 2, 3);
   device.R_WorldTool = Rotation<World, World>::about(Eigen::Vector3d::UnitY(), 0.1).quaternion();
+  device.velocity_mm_s = Vector<World>(4, 5, 6);
+  device.angular_velocity_rad_s = Vector<World>(7, 8, 9);
+  device.gripper_rad = 0.25;
   device.buttons = 5;
+  device.status = kDeviceClutched;
+  device.age_s = 1e-3;
   tick(loop.model, loop.parameters, {&device, 1}, 2e-3, loop.state, {&loop.wrench, 1}, loop.record);
+  const DeviceTick& in = loop.record.device[0];
+  EXPECT_EQ(in.velocity_world_mm_s, (std::array<double, 3>{4, 5, 6}));
+  EXPECT_EQ(in.angular_velocity_world_rad_s, (std::array<double, 3>{7, 8, 9}));
+  EXPECT_EQ(in.gripper_rad, 0.25);
+  EXPECT_EQ(in.status, kDeviceClutched);
+  EXPECT_EQ(in.age_s, 1e-3);
+  EXPECT_EQ(in.force_gain, 1.5);
+  EXPECT_EQ(in.scale, 0.75);
+  EXPECT_EQ(in.peak_force_N, 8);
+  EXPECT_EQ(in.continuous_force_N, 1.4);
+  EXPECT_EQ(in.peak_torque_Nmm, 300);
+  EXPECT_EQ(in.peak_gripper_N, 5);
+  EXPECT_EQ(in.slew_N_per_s, 900);
   EXPECT_EQ(loop.record.device[0].tip_world_mm, (std::array<double, 3>{1, 2, 3}));
   EXPECT_EQ(loop.record.device[0].orientation_wxyz[0], device.R_WorldTool.w());
   EXPECT_EQ(loop.record.device[0].buttons, 5u);

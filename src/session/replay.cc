@@ -40,7 +40,10 @@ std::string first_different_output(const DeviceTick& recorded, const DeviceTick&
   };
   compare("force_N", recorded.force_N, again.force_N);
   compare("torque_Nmm", recorded.torque_Nmm, again.torque_Nmm);
+  compare("gripper_N", recorded.gripper_N, again.gripper_N);
   compare("unclamped_force_N", recorded.unclamped_force_N, again.unclamped_force_N);
+  compare("limit_N", recorded.limit_N, again.limit_N);
+  compare("heat", recorded.heat, again.heat);
   compare("tip_patient_mm", recorded.tip_patient_mm, again.tip_patient_mm);
   compare("normal_patient", recorded.normal_patient, again.normal_patient);
   compare("velocity_patient_mm_s", recorded.velocity_patient_mm_s, again.velocity_patient_mm_s);
@@ -69,6 +72,43 @@ std::string first_difference(const TickRecord& recorded, const TickRecord& again
   return text;
 }
 
+template <class Frame>
+Vector<Frame> vector(const std::array<double, 3>& v) {
+  return {v[0], v[1], v[2]};
+}
+
+DeviceState state_of(const DeviceTick& in) {
+  DeviceState state;
+  state.tip = Point<World>(in.tip_world_mm[0], in.tip_world_mm[1], in.tip_world_mm[2]);
+  state.R_WorldTool = quaternion(in.orientation_wxyz);
+  state.velocity_mm_s = vector<World>(in.velocity_world_mm_s);
+  state.angular_velocity_rad_s = vector<World>(in.angular_velocity_world_rad_s);
+  state.gripper_rad = in.gripper_rad;
+  state.buttons = in.buttons;
+  state.status = in.status;
+  state.age_s = in.age_s;
+  return state;
+}
+
+Parameters parameters_of(const TickRecord& recorded) {
+  Parameters parameters;
+  parameters.method = static_cast<ForceMethod>(recorded.method);
+  parameters.friction = recorded.switches & kSwitchFriction;
+  parameters.viscosity = recorded.switches & kSwitchViscosity;
+  parameters.paused = recorded.switches & kSwitchPaused;
+  parameters.emergency_stop = recorded.switches & kSwitchEmergencyStop;
+  parameters.max_force_N = recorded.max_force_N;
+  parameters.rotation_target = quaternion(recorded.rotation_target_wxyz);
+  for (int d = 0; d < recorded.devices; ++d) {
+    const DeviceTick& in = recorded.device[d];
+    parameters.device[d] = {
+        in.force_gain,
+        in.scale,
+        {in.peak_force_N, in.continuous_force_N, in.peak_torque_Nmm, in.peak_gripper_N, in.slew_N_per_s}};
+  }
+  return parameters;
+}
+
 }  // namespace
 
 Result<ReplayResult> replay(const Recording& recording, const Model& model, const Progress& progress) {
@@ -91,20 +131,25 @@ Result<ReplayResult> replay(const Recording& recording, const Model& model, cons
           "tick " + std::to_string(recorded.tick) + " used a force method that this version does not have",
           "", "replay it with the version that made it"};
 
+    if (recorded.model_version != model.version)
+      return Error{ErrorKind::kBadInput,
+                   "tick " + std::to_string(recorded.tick) + " felt version " +
+                       std::to_string(recorded.model_version) + " of the model, which no file holds",
+                   "", "only runs in which the model stayed the same can be replayed"};
+
     // every input of the tick as it was
-    Parameters parameters;
-    parameters.method = static_cast<ForceMethod>(recorded.method);
-    parameters.friction = recorded.switches & kSwitchFriction;
-    parameters.viscosity = recorded.switches & kSwitchViscosity;
-    parameters.paused = recorded.switches & kSwitchPaused;
-    parameters.max_force_N = recorded.max_force_N;
-    parameters.rotation_target = quaternion(recorded.rotation_target_wxyz);
+    const Parameters parameters = parameters_of(recorded);
     std::array<DeviceState, kMaxDevices> devices;
-    for (int d = 0; d < recorded.devices; ++d) {
-      const DeviceTick& in = recorded.device[d];
-      devices[d].tip = Point<World>(in.tip_world_mm[0], in.tip_world_mm[1], in.tip_world_mm[2]);
-      devices[d].R_WorldTool = quaternion(in.orientation_wxyz);
-      devices[d].buttons = in.buttons;
+    for (int d = 0; d < recorded.devices; ++d) devices[d] = state_of(recorded.device[d]);
+
+    // what the recorder never got cannot be felt again
+    if (recorded.tick != state.tick) {
+      result.first_difference = state.tick;
+      result.difference = recorded.tick < state.tick
+                              ? "the recorded ticks are out of order"
+                              : "the recorder lost ticks " + std::to_string(state.tick) + " to " +
+                                    std::to_string(recorded.tick - 1);
+      return result;
     }
 
     std::array<Wrench, kMaxDevices> wrenches;
@@ -121,7 +166,8 @@ Result<ReplayResult> replay(const Recording& recording, const Model& model, cons
   }
   progress.report("replaying", 1);
   // a complete recording also carries the hash of the whole run
-  result.identical = !recording.summary || recording.summary->run_hash == result.run_hash;
+  result.identical = !recording.summary ||
+                     (recording.summary->run_hash == result.run_hash && recording.summary->dropped == 0);
   if (!result.identical) {
     result.first_difference = result.ticks;
     result.difference = "the recording's ticks are not all there";

@@ -24,6 +24,8 @@ class ScriptedHand {
   /// The next intention after a tick, `dt_s` later; nullopt when the script is done. May change the
   /// object's commanded rotation.
   std::optional<Point<World>> next(const TickRecord& felt, double dt_s, Eigen::Quaterniond& rotation_target);
+  /// Runs the script once more from its first step, from where the hand and the object are now.
+  void begin_again() { step_ = 0; }
   /// 0 ... 1, by steps.
   double progress() const { return static_cast<double>(step_) / static_cast<double>(steps_.size()); }
   /// Steps that did not reach what they asked, in words.

@@ -26,24 +26,29 @@ struct Table {
   std::vector<Row> rows;
 };
 
-Table arrange(const std::vector<Figure>& figures) {
-  Table table;
+// A row whose first column is new to the table begins another table.
+std::vector<Table> arrange(const std::vector<Figure>& figures) {
+  std::vector<Table> tables;
   for (const Figure& figure : figures) {
     const auto slash = figure.name.rfind('/');
     const std::string path = slash == std::string::npos ? "" : figure.name.substr(0, slash);
     const std::string leaf = slash == std::string::npos ? figure.name : figure.name.substr(slash + 1);
-    auto column = std::find(table.columns.begin(), table.columns.end(), leaf);
-    if (column == table.columns.end()) column = table.columns.insert(column, leaf);
-    const auto index = static_cast<std::size_t>(column - table.columns.begin());
-    if (table.rows.empty() || table.rows.back().path != path || table.rows.back().unit != figure.unit ||
-        table.rows.back().n != figure.n) {
-      table.rows.push_back({path, figure.unit, figure.n, {}});
-    }
+    const Row* last = tables.empty() ? nullptr : &tables.back().rows.back();
+    const bool new_row =
+        last == nullptr || last->path != path || last->unit != figure.unit || last->n != figure.n;
+    const auto has_leaf = [&](const Table& table) {
+      return std::find(table.columns.begin(), table.columns.end(), leaf) != table.columns.end();
+    };
+    if (new_row && (tables.empty() || !has_leaf(tables.back()))) tables.emplace_back();
+    Table& table = tables.back();
+    if (!has_leaf(table)) table.columns.push_back(leaf);
+    if (new_row) table.rows.push_back({path, figure.unit, figure.n, {}});
+    const auto column = std::find(table.columns.begin(), table.columns.end(), leaf) - table.columns.begin();
     std::vector<const Figure*>& cells = table.rows.back().cells;
-    cells.resize(std::max(cells.size(), index + 1), nullptr);
-    cells[index] = &figure;
+    cells.resize(std::max(cells.size(), static_cast<std::size_t>(column) + 1), nullptr);
+    cells[static_cast<std::size_t>(column)] = &figure;
   }
-  return table;
+  return tables;
 }
 
 // Each cell padded to its column; the first to the left, the others to the right.
@@ -63,6 +68,30 @@ std::string aligned(const std::vector<std::vector<std::string>>& lines) {
     text += row.substr(0, row.find_last_not_of(' ') + 1) + "\n";
   }
   return text;
+}
+
+// counts are whole
+std::string cell_text(const Figure& figure) {
+  return formatted(figure.unit == "ticks" ? "%.0f" : "%.3f", figure.value) + (figure.ok() ? " " : "!");
+}
+
+// a column for the mark of a figure beyond its limit keeps the numbers in line
+std::vector<std::vector<std::string>> lines_of(const Table& table) {
+  std::vector<std::string> head = {"figure"};
+  for (const std::string& column : table.columns) head.push_back(column + " ");
+  head.insert(head.end(), {"unit", "n"});
+  std::vector<std::vector<std::string>> lines = {head};
+  for (const Row& row : table.rows) {
+    std::vector<std::string> line = {row.path};
+    for (std::size_t c = 0; c < table.columns.size(); ++c) {
+      const Figure* cell = c < row.cells.size() ? row.cells[c] : nullptr;
+      line.push_back(cell == nullptr ? "" : cell_text(*cell));
+    }
+    line.push_back(row.unit);
+    line.push_back(std::to_string(row.n));
+    lines.push_back(std::move(line));
+  }
+  return lines;
 }
 
 std::string limits_kept(const std::vector<Figure>& figures) {
@@ -90,8 +119,13 @@ std::string to_json(const SuiteReport& report) {
     entry = {{"value", figure.value}, {"unit", figure.unit}, {"n", figure.n}};
     if (figure.limit) entry["limit"] = *figure.limit;
   }
-  const nlohmann::ordered_json json = {
-      {"suite", report.suite}, {"machine", report.machine}, {"build", report.build}, {"figures", figures}};
+  nlohmann::ordered_json notes = nlohmann::ordered_json::object();
+  for (const auto& [name, text] : report.notes) notes[name] = text;
+  const nlohmann::ordered_json json = {{"suite", report.suite},
+                                       {"machine", report.machine},
+                                       {"build", report.build},
+                                       {"notes", notes},
+                                       {"figures", figures}};
   // bytes that are no UTF-8 are replaced rather than thrown at
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
@@ -101,24 +135,16 @@ Result<void> write_json(const std::filesystem::path& file, const SuiteReport& re
 }
 
 std::string to_table(const SuiteReport& report) {
-  const Table table = arrange(report.figures);
-  // a column for the mark of a figure beyond its limit keeps the numbers in line
-  std::vector<std::string> head = {"figure"};
-  for (const std::string& column : table.columns) head.push_back(column + " ");
-  head.insert(head.end(), {"unit", "n"});
-  std::vector<std::vector<std::string>> lines = {head};
-  for (const Row& row : table.rows) {
-    std::vector<std::string> line = {row.path};
-    for (std::size_t c = 0; c < table.columns.size(); ++c) {
-      const Figure* cell = c < row.cells.size() ? row.cells[c] : nullptr;
-      line.push_back(cell == nullptr ? "" : formatted("%.3f", cell->value) + (cell->ok() ? " " : "!"));
-    }
-    line.push_back(row.unit);
-    line.push_back(std::to_string(row.n));
-    lines.push_back(std::move(line));
-  }
-  return "suite    " + report.suite + "\nmachine  " + report.machine + "\nbuild    " + report.build + "\n\n" +
-         aligned(lines) + "\n" + limits_kept(report.figures);
+  std::string text;
+  std::vector<std::vector<std::string>> head = {
+      {"suite", report.suite}, {"machine", report.machine}, {"build", report.build}};
+  for (const auto& [name, note] : report.notes) head.push_back({name, note});
+  std::size_t width = 0;
+  for (const auto& line : head) width = std::max(width, line[0].size());
+  for (const auto& line : head)
+    text += line[0] + std::string(width + 2 - line[0].size(), ' ') + line[1] + "\n";
+  for (const Table& table : arrange(report.figures)) text += "\n" + aligned(lines_of(table));
+  return text + "\n" + limits_kept(report.figures);
 }
 
 }  // namespace palpate

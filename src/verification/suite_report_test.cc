@@ -16,6 +16,7 @@ SuiteReport example() {
   return {"accuracy",
           "some \"processor\"",
           "some build",
+          {{"scheduler", "some scheduler"}},
           {{"a/direction/mean", 0.6612345, "deg", 4000, 0.8},
            {"a/direction/p99", 3.7, "deg", 4000, 3.0},
            {"a/direction/max", 5.25, "deg", 4000, {}},
@@ -43,7 +44,8 @@ TEST(SuiteReport, JsonHoldsEverythingInOrder) {
   EXPECT_EQ(json["suite"], "accuracy");
   EXPECT_EQ(json["machine"], "some \"processor\"");
   EXPECT_EQ(json["build"], "some build");
-  EXPECT_EQ(json.size(), 4u);
+  EXPECT_EQ(json["notes"]["scheduler"], "some scheduler");
+  EXPECT_EQ(json.size(), 5u);
   const auto& figures = json["figures"];
   ASSERT_EQ(figures.size(), 4u);
   EXPECT_EQ(figures.begin().key(), "a/direction/mean");
@@ -62,12 +64,14 @@ TEST(SuiteReport, JsonSurvivesBytesThatAreNoUtf8) {
 
 TEST(SuiteReport, TablePutsFiguresOfOnePathSideBySideAndNamesWhatIsBeyondItsLimit) {
   const std::string table = to_table(example());
-  EXPECT_THAT(table, HasSubstr("figure        mean     p99     max     time   unit     n\n"
-                               "a/direction  0.661   3.700!  5.250             deg  4000\n"
-                               "b                                    12.500     us     7\n"));
+  EXPECT_THAT(table, HasSubstr("figure        mean     p99     max   unit     n\n"
+                               "a/direction  0.661   3.700!  5.250    deg  4000\n"
+                               "\n"
+                               "figure    time   unit  n\n"
+                               "b       12.500     us  7\n"));
   EXPECT_THAT(table, HasSubstr("1 of 2 limits kept\nbeyond its limit: a/direction/p99 3.7 > 3 deg\n"));
   EXPECT_THAT(table, HasSubstr("some \"processor\""));
-  EXPECT_THAT(table, HasSubstr("some build"));
+  EXPECT_THAT(table, HasSubstr("build      some build\nscheduler  some scheduler\n"));
 }
 
 TEST(SuiteReport, WrittenWholeOrNotAtAll) {

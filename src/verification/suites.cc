@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "verification/accuracy.h"
+#include "verification/latency.h"
 #include "verification/machine.h"
 
 namespace palpate {
@@ -9,12 +10,44 @@ namespace {
 struct Suite {
   const char* name;
   const char* line;
-  Result<std::vector<Figure>> (*run)(const Progress&);
+  bool takes_options;
+  // notes and figures
+  Result<SuiteReport> (*run)(const SuiteOptions&, const Progress&, const Warn&);
 };
 
+Result<SuiteReport> accuracy(const SuiteOptions&, const Progress& progress, const Warn&) {
+  auto figures = run_accuracy(progress);
+  if (!figures) return figures.error();
+  SuiteReport report;
+  report.figures = *std::move(figures);
+  return report;
+}
+
 constexpr Suite kSuites[] = {
-    {"accuracy", "direction and magnitude of the force against known surfaces", run_accuracy},
+    {"accuracy", "direction and magnitude of the force against known surfaces", false, accuracy},
+    {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", true, run_latency},
 };
+
+const Suite* find_suite(const std::string& name) {
+  const auto* suite = std::find_if(std::begin(kSuites), std::end(kSuites),
+                                   [&](const Suite& one) { return name == one.name; });
+  return suite != std::end(kSuites) ? suite : nullptr;
+}
+
+Error unknown_suite(const std::string& name) {
+  std::string names;
+  for (const Suite& suite : kSuites) names += (names.empty() ? "" : ", ") + std::string(suite.name);
+  return {ErrorKind::kUsage, "there is no verification suite '" + name + "'", "", "suites: " + names};
+}
+
+// the option that a suite which takes none was given, or null
+const char* given_option(const SuiteOptions& options) {
+  if (options.seconds) return "seconds";
+  if (options.spin_us) return "spin";
+  if (options.rate_hz) return "rate";
+  if (options.scene) return "scene";
+  return nullptr;
+}
 
 }  // namespace
 
@@ -28,17 +61,20 @@ std::vector<std::pair<std::string, std::string>> verification_suites() {
   return suites;
 }
 
-Result<SuiteReport> run_suite(const std::string& name, const Progress& progress) {
-  std::string names;
-  for (const Suite& suite : kSuites) {
-    if (suite.name == name) {
-      auto figures = suite.run(progress);
-      if (!figures) return figures.error();
-      return SuiteReport{name, machine_description(), build_description(), *std::move(figures)};
-    }
-    names += names.empty() ? suite.name : std::string(", ") + suite.name;
-  }
-  return Error{ErrorKind::kUsage, "there is no verification suite '" + name + "'", "", "suites: " + names};
+Result<SuiteReport> run_suite(const std::string& name, const SuiteOptions& options, const Progress& progress,
+                              const Warn& warn) {
+  const Suite* suite = find_suite(name);
+  if (suite == nullptr) return unknown_suite(name);
+  const char* option = given_option(options);
+  if (option != nullptr && !suite->takes_options)
+    return Error{ErrorKind::kUsage, "the suite '" + name + "' takes no --" + option, "",
+                 "leave it out; palpate verify --help says whose it is"};
+  auto report = suite->run(options, progress, warn);
+  if (!report) return report.error();
+  report->suite = name;
+  report->machine = machine_description();
+  report->build = build_description();
+  return report;
 }
 
 }  // namespace palpate

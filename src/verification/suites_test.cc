@@ -27,9 +27,25 @@ TEST(Suites, AnUnknownOneIsAnErrorThatNamesThoseThereAre) {
   for (const auto& suite : verification_suites()) EXPECT_THAT(report.error().remedy, HasSubstr(suite.first));
 }
 
+TEST(Suites, AnOptionThatASuiteDoesNotTakeIsRefusedByName) {
+  SuiteOptions seconds, spin, rate, scene;
+  seconds.seconds = 1;
+  spin.spin_us = 1;
+  rate.rate_hz = 1000;
+  scene.scene = "knee-phantom";
+  const std::pair<const char*, SuiteOptions> cases[] = {
+      {"--seconds", seconds}, {"--spin", spin}, {"--rate", rate}, {"--scene", scene}};
+  for (const auto& [option, options] : cases) {
+    const auto report = run_suite("accuracy", options);
+    ASSERT_FALSE(report.ok()) << option;
+    EXPECT_EQ(report.error().kind, ErrorKind::kUsage);
+    EXPECT_THAT(report.error().what, HasSubstr("'accuracy' takes no " + std::string(option)));
+  }
+}
+
 TEST(Suites, AKnownOneRunsAndCanBeInterrupted) {
   const std::atomic<bool> stop = true;
-  const auto report = run_suite("accuracy", Progress({}, &stop));
+  const auto report = run_suite("accuracy", {}, Progress({}, &stop));
   ASSERT_FALSE(report.ok());
   EXPECT_EQ(report.error().kind, ErrorKind::kInterrupted);
 }

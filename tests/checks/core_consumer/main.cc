@@ -5,7 +5,8 @@
 
 #include "palpate/servo.h"
 
-// somebody else's simulator: a block that grows stiffer downwards, one tip pressed into it, one tick
+// somebody else's simulator: a block that grows stiffer downwards, one tip pressed into it, until the force
+// has come in
 int main() {
   palpate::GridGeometry grid;
   grid.dims = {16, 16, 16};
@@ -30,7 +31,8 @@ int main() {
   palpate::SessionState state;
   palpate::Wrench wrench;
   palpate::TickRecord record;
-  palpate::tick(model, {}, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
+  // the force comes in over half a second
+  for (int n = 0; n < 600; ++n) palpate::tick(model, {}, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
 
   // the field at the centre is 7.5 voxels deep: 120/255 of the full force, towards +k
   const palpate::Vector<palpate::Patient> force = model.X_WorldPatient.inverse() * wrench.force_N;

@@ -1,0 +1,271 @@
+#include "palpate/explore.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <optional>
+
+#include "inputs.h"
+#include "keys.h"
+#include "palpate/output.h"
+#include "palpation.h"
+#include "text.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct Options {
+  std::string target;
+  std::optional<std::filesystem::path> script, recording;
+  std::optional<double> max_force_N, rate_hz, seconds;
+  std::optional<std::uint64_t> seed;
+  double spin_us = 0;
+  int cpu = -1;
+  bool repeat = false, no_realtime = false;
+};
+
+Result<void> check(const Options& options) {
+  const long cpus = ::sysconf(_SC_NPROCESSORS_CONF);
+  if (options.cpu >= cpus)
+    return Error{ErrorKind::kUsage, "this machine has no CPU " + std::to_string(options.cpu), "--cpu",
+                 "choose one from 0 to " + std::to_string(cpus - 1)};
+  if (!options.recording) return {};
+  auto inputs = input_files(options.target);
+  if (options.script) inputs.push_back(*options.script);
+  return check_output(*options.recording, inputs);
+}
+
+ExploreOptions session_of(const Options& options, Keys& keys) {
+  ExploreOptions session;
+  session.run = {options.max_force_N, options.seed, options.rate_hz};
+  session.loop.spin_s = options.spin_us * 1e-6;
+  session.loop.realtime = !options.no_realtime;
+  session.loop.cpu = options.cpu;
+  session.seconds = options.seconds;
+  session.repeat = options.repeat;
+  session.request = [&keys] {
+    switch (keys.next().value_or('\0')) {
+      case ' ':
+        return ExploreRequest::kEmergencyStop;
+      case 'p':
+        return ExploreRequest::kPause;
+      default:
+        return ExploreRequest::kNone;
+    }
+  };
+  return session;
+}
+
+// what a hand feels of each tissue where that is not what the scene gives it
+void note_felt_stiffness(const LoadedScene& loaded, Console& console) {
+  const double factor = felt_stiffness_N_per_mm(loaded.scene.workspace, 1);
+  if (factor == 1) return;
+  char text[120];
+  std::snprintf(text, sizeof text, "felt stiffness, scale x force gain = %g times the tissue's:", factor);
+  console.note(text);
+  for (const Tissue& tissue : loaded.model->tissues) {
+    if (!tissue.felt) continue;
+    std::snprintf(text, sizeof text, " %.3g N/mm", factor * tissue.stiffness_N_per_mm);
+    console.note("  " + fitted(tissue.name, 24) + text);
+  }
+}
+
+void note_scheduling(const Scheduling& scheduling, bool asked, Console& console) {
+  console.note("scheduler: " + scheduling.scheduler);
+  console.note("memory: " + scheduling.memory);
+  console.note("watchdog: " + scheduling.watchdog);
+  if (asked && !(scheduling.realtime && scheduling.memory_locked))
+    console.note("  ticks may come late; docs/explore.md says how to grant what was refused");
+}
+
+// the most serious reason why the force is not what the tissue gives
+std::string state_of(std::uint32_t flags) {
+  struct Word {
+    std::uint32_t flag;
+    const char* text;
+  };
+  constexpr Word kWords[] = {{kFlagEmergencyStop, "EMERGENCY STOP"},
+                             {kFlagHalted, "HALTED"},
+                             {kFlagDeviceFault, "DEVICE FAULT"},
+                             {kFlagNotFinite, "NOT FINITE"},
+                             {kFlagJump, "JUMP"},
+                             {kFlagStale, "stale"},
+                             {kFlagPaused, "PAUSED"},
+                             {kFlagClutched, "clutched"},
+                             {kFlagThermal, "cooling"},
+                             {kFlagClamped, "clamped"},
+                             {kFlagRamp, "fading"}};
+  for (const Word& word : kWords)
+    if ((flags & word.flag) != 0) return std::string(" ") + word.text;
+  return "";
+}
+
+// 79 columns: what is always there, the structure in what is left, and on the right what is not usual
+std::string live_line(const ExploreStatus& status) {
+  constexpr std::size_t kColumns = 79, kLeastForStructure = 8;
+  char late[60], text[160];
+  std::snprintf(late, sizeof late, "%.0f/%.0f/%.0f", status.lateness_p50_us, status.lateness_p99_us,
+                status.lateness_max_us);
+  std::snprintf(text, sizeof text, "%5.1f s %6.0f Hz  late %11s µs  %.2f/%.2f N  ", status.time_s,
+                status.rate_hz, late, status.force_N, status.limit_N);
+  const std::string usual = text;
+  std::string unusual = state_of(status.flags);
+  if (status.heat >= 0.005) unusual += " heat " + std::to_string(std::lround(100 * status.heat)) + "%";
+  if (status.skipped > 0) unusual += " skip " + std::to_string(status.skipped);
+  if (status.dropped > 0) unusual += " drop " + std::to_string(status.dropped);
+  const std::size_t taken = columns_of(usual) + columns_of(unusual);
+  const std::size_t left = kColumns > taken ? kColumns - taken : 0;
+  return usual + fitted(status.structure, std::max(kLeastForStructure, left)) + unusual;
+}
+
+// notes at the first call, then the live line; a recording that ends is told once
+std::function<void(const ExploreStatus&)> status_for(const Options& options, Console& console) {
+  return
+      [&console, asked = !options.no_realtime, first = true, told = false](const ExploreStatus& s) mutable {
+        if (first) note_scheduling(s.scheduling, asked, console);
+        first = false;
+        if (s.recording_failure && !told) {
+          console.warn()(s.recording_failure->message() + "\n  the session goes on without it");
+          told = true;
+        }
+        console.live(live_line(s));
+      };
+}
+
+void print_row(const char* name, const Percentiles& p) {
+  std::printf("%-28s %8.1f %8.1f %8.1f %8.1f\n", name, p.p50_us, p.p99_us, p.p999_us, p.max_us);
+}
+
+unsigned long long u(std::uint64_t count) {
+  return count;
+}
+
+void print_loop(const LoopHealth& health) {
+  std::printf("\n%-28s %8s %8s %8s %8s\n", "servo", "p50", "p99", "p99.9", "max");
+  print_row("lateness us", health.lateness);
+  print_row("compute us", health.compute);
+  std::printf("%llu ticks, %.2f a second, %.2f %% on time\n", u(health.ticks), health.rate_hz,
+              100 * health.on_time);
+  const LateCounts& late = health.late;
+  std::printf("%llu late: steal %llu, page fault %llu, pre-emption %llu, run queue %llu, unknown %llu\n",
+              u(late.total()), u(late.steal), u(late.page_fault), u(late.preemption), u(late.run_queue),
+              u(late.unknown));
+  std::printf("%llu skipped, %llu dropped, %llu stalls\n", u(health.skipped), u(health.dropped),
+              u(health.stalls));
+}
+
+// in how many ticks the force was changed or withheld, and why
+void print_changed(const RecordingSummary& s) {
+  const std::pair<const char*, std::uint64_t> counts[] = {
+      {"clamped", s.clamped},   {"thermal", s.thermal},
+      {"slewed", s.slewed},     {"faded", s.faded},
+      {"blended", s.blended},   {"paused", s.paused},
+      {"clutched", s.clutched}, {"outside", s.outside},
+      {"stale", s.stale},       {"not finite", s.not_finite},
+      {"jumped", s.jumped},     {"device fault", s.device_faults},
+      {"halted", s.halted},     {"emergency stop", s.emergency_stopped}};
+  std::string text;
+  for (const auto& [name, count] : counts)
+    if (count > 0) text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count);
+  std::printf("force changed in ticks: %s\n", text.empty() ? "none" : text.c_str());
+}
+
+void print(const ExploreResult& result) {
+  print_holds(result.holds);
+  print_loop(result.health);
+  print_changed(result.summary);
+  std::printf("largest force %.3f N of %.3f N allowed\n", result.max_force_N, result.limit_N);
+  std::printf("run hash %016llx\n", u(result.summary.run_hash));
+}
+
+// a script that repeats meets the same trouble again and again
+void warn_of_trouble(const std::vector<std::string>& trouble, Console& console) {
+  constexpr std::size_t kMost = 10;
+  for (std::size_t i = 0; i < std::min(kMost, trouble.size()); ++i) console.warn()(trouble[i]);
+  if (trouble.size() > kMost)
+    console.warn()("and " + std::to_string(trouble.size() - kMost) + " more like these");
+}
+
+int explore_target(const Options& options, Console& console) {
+  if (const auto fine = check(options); !fine) return console.fail(fine.error());
+  const Progress progress = console.progress();
+  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
+  if (!loaded) return console.fail(loaded.error());
+  const auto script = script_of(options.script, *loaded->model);
+  if (!script) return console.fail(script.error());
+  note_felt_stiffness(*loaded, console);
+
+  // stopped in the background, a device would hold its last force
+  std::signal(SIGTSTP, SIG_IGN);
+  std::optional<Keys> keys(std::in_place);
+  const auto result = explore(*loaded, *script, session_of(options, *keys), options.recording.value_or(""),
+                              progress, status_for(options, console));
+  keys.reset();
+  console.live("");
+  if (!result) return console.fail(result.error());
+  if (result->stopped_by_user) console.note("stopped");
+  warn_of_trouble(result->trouble, console);
+  print(*result);
+  if (result->recording_failure) return console.fail(*result->recording_failure);
+  if (result->device_lost)
+    return console.fail({ErrorKind::kUnavailable, "the device's driver gave up", "",
+                         "look at its connection and power; what was felt until then is kept"});
+  if (options.recording) console.note("recording: " + options.recording->string());
+  return kExitOk;
+}
+
+void add_options(CLI::App* verb, Options& options) {
+  verb->add_option("target", options.target, "A data set (palpate data list) or a scene file")->required();
+  verb->add_option("-s,--script", options.script,
+                   "Palpation script (TOML); default: one that suits the scene");
+  verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
+  verb->add_option("--max-force", options.max_force_N,
+                   "Limit of the force in N, beside the device's own; default: the lesser of its continuous "
+                   "rating and 3 N")
+      ->check(number_between(0.1, 40));
+  verb->add_option("--rate", options.rate_hz, "Ticks a second; default: the script's")
+      ->check(number_between(kLowestRate_hz, kHighestRate_hz));
+  verb->add_option(
+          "--spin", options.spin_us,
+          "Busy-wait so many microseconds before every tick, 0.8 of a period at most; default: 0, sleep")
+      ->check(number_between(0, 1000));
+  verb->add_option("--seconds", options.seconds, "End after so long; default: when the script ends")
+      ->check(number_between(0.1, 86400));
+  verb->add_flag("--repeat", options.repeat, "Begin the script again when it has ended, until stopped");
+  verb->add_option("--seed", options.seed, "Seed of the hand's tremor; default: the script's")
+      ->check(whole_between(0, 9007199254740991));
+  verb->add_option("--cpu", options.cpu, "The only CPU for the servo thread; default: any")
+      ->check(whole_between(0, 4095));
+  verb->add_flag("--no-realtime", options.no_realtime,
+                 "Ask for neither real-time scheduling nor locked memory");
+}
+
+}  // namespace
+
+void add_explore(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("explore", "Let a simulated hand palpate a scene in real time");
+  add_options(verb, *options);
+  verb->footer(
+      "Examples:\n"
+      "  palpate explore knee-phantom --seconds 10\n"
+      "  palpate explore knee-atlas -o run.h5 --rate 4000 --spin 100\n"
+      "  palpate explore scene.toml --script press.toml --repeat\n\n"
+      "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"
+      "second (median/99th percentile/largest), the force and its limit, and the structure touched.\n"
+      "Keys: space is the emergency stop, and space again brings the force back; p pauses and goes on.\n"
+      "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
+      "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"
+      "program at once. Ctrl-Z does nothing: a device would hold its last force meanwhile.\n"
+      "A disk that fills ends the recording, not the session; the exit code is then 4.\n"
+      "docs/explore.md: real-time privileges, and how to read the figures.");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return explore_target(*options, console); }; });
+}
+
+}  // namespace palpate::app

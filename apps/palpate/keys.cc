@@ -1,0 +1,36 @@
+#include "keys.h"
+
+#include <termios.h>
+#include <unistd.h>
+
+#include <atomic>
+
+namespace palpate::app {
+namespace {
+
+termios before;
+std::atomic<bool> changed{false};
+
+}  // namespace
+
+Keys::Keys() {
+  // a program in the background must not touch the terminal: it would be stopped
+  if (!::isatty(STDIN_FILENO) || ::tcgetpgrp(STDIN_FILENO) != ::getpgrp()) return;
+  if (::tcgetattr(STDIN_FILENO, &before) != 0) return;
+  termios keys = before;
+  keys.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
+  keys.c_cc[VMIN] = 0;
+  keys.c_cc[VTIME] = 0;
+  changed = ::tcsetattr(STDIN_FILENO, TCSANOW, &keys) == 0;
+}
+
+std::optional<char> Keys::next() {
+  char key = 0;
+  return changed && ::read(STDIN_FILENO, &key, 1) == 1 ? std::optional(key) : std::nullopt;
+}
+
+void Keys::restore() noexcept {
+  if (changed.exchange(false)) ::tcsetattr(STDIN_FILENO, TCSANOW, &before);
+}
+
+}  // namespace palpate::app

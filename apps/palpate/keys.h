@@ -1,0 +1,22 @@
+#pragma once
+
+#include <optional>
+
+namespace palpate::app {
+
+/// Single keys from the terminal, as they are pressed and without being shown, while this lives. Where
+/// standard input is no terminal, there are none.
+class Keys {
+ public:
+  Keys();
+  ~Keys() { restore(); }
+  Keys(const Keys&) = delete;
+  Keys& operator=(const Keys&) = delete;
+
+  /// The next key that has been pressed; never waits.
+  std::optional<char> next();
+  /// The terminal as it was. Signal handlers may call it.
+  static void restore() noexcept;
+};
+
+}  // namespace palpate::app

@@ -1,0 +1,21 @@
+#include "palpation.h"
+
+#include <cstdio>
+
+#include "text.h"
+
+namespace palpate::app {
+
+Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model) {
+  return file ? load_script(*file) : parse_script(default_script_text(model), "embedded script");
+}
+
+void print_holds(const std::vector<HoldFigure>& holds) {
+  constexpr std::size_t kNameWidth = 28;
+  std::printf("%s %8s %8s %8s\n", fitted("structure", kNameWidth).c_str(), "held s", "mean N", "peak N");
+  for (const HoldFigure& hold : holds)
+    std::printf("%s %8.2f %8.2f %8.2f\n", fitted(hold.structure, kNameWidth).c_str(), hold.held_s,
+                hold.mean_force_N, hold.peak_force_N);
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+#include "palpate/session.h"
+
+/// What simulate and explore share.
+namespace palpate::app {
+
+/// The script of that file; without one, a script that suits the model.
+Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model);
+
+/// A table on stdout: how each structure was held.
+void print_holds(const std::vector<HoldFigure>& holds);
+
+}  // namespace palpate::app

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/servo_loop.h"
+#include "palpate/session.h"
+
+/// A script on the real clock: the simulated hand feels a scene through the same loop as a person with a
+/// device would.
+///
+///    hand, 500 Hz ── where it wants to be ──► driver ◄─► servo ── every tick ──► recorder ─► file
+///        ▲                                                │              │
+///        └─────────── the latest tick ────────────────────┴─► status, 10 Hz (the calling thread)
+namespace palpate {
+
+/// What the user asks for while a session runs.
+enum class ExploreRequest : std::uint8_t {
+  kNone,
+  kEmergencyStop,  ///< forces off at once; asked for again: on, by the ramp
+  kPause,          ///< forces fade out; asked for again: in
+};
+
+struct ExploreOptions {
+  SimulationOptions run;
+  LoopSettings loop;              ///< its rate is ignored: the run's own holds
+  std::optional<double> seconds;  ///< end after that long; empty: when the script ends
+  bool repeat = false;            ///< begin the script again when it has ended, until stopped
+  /// Asked fifty times a second by the calling thread; must not wait. Empty: nobody asks for anything.
+  std::function<ExploreRequest()> request;
+};
+
+/// Where a session stands. Figures of time are of the last second that reached the recorder.
+struct ExploreStatus {
+  Scheduling scheduling;
+  double time_s = 0;   ///< since the session began
+  double rate_hz = 0;  ///< ticks a second, of the last second
+  double lateness_p50_us = 0, lateness_p99_us = 0, lateness_max_us = 0;
+  double compute_p50_us = 0;
+  // of the latest tick
+  double force_N = 0, limit_N = 0, heat = 0;
+  std::string structure;    ///< that is touched; empty: none
+  std::uint32_t flags = 0;  ///< TickFlag bits
+  // since the session began
+  std::uint64_t skipped = 0, dropped = 0, stalls = 0;
+  double progress = 0;  ///< of the script, 0 ... 1, by steps
+  /// Why the recording ended before the session, which goes on.
+  std::optional<Error> recording_failure;
+};
+
+struct ExploreResult {
+  RecordingSummary summary;
+  LoopHealth health;
+  Scheduling scheduling;
+  std::vector<HoldFigure> holds;
+  double max_force_N = 0;  ///< largest force sent
+  double limit_N = 0;
+  std::vector<std::string> trouble;  ///< steps that did not reach what they asked, in words
+  std::optional<Error> recording_failure;
+  bool stopped_by_user = false;  ///< by progress.stopped()
+  bool device_lost = false;      ///< the driver gave up, which ended the session
+};
+
+/// Lets a scripted hand feel a scene in real time, until the script is done, the time is up, or
+/// progress.stopped(): then the force fades out and the recording is finished, so that it replays. Stopped
+/// before the first tick: Error kInterrupted. A disk that fills is no error of the session: it goes on, and
+/// the result tells.
+/// @param recording  a file to write; empty: none
+/// @param status     called on this thread when the loop runs, and then ten times a second; may be empty
+/// Errors: those of set-up (a script's device, hand or structures, settings of the loop), and of creating
+/// the recording.
+Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
+                              const std::filesystem::path& recording, const Progress& progress = {},
+                              const std::function<void(const ExploreStatus&)>& status = {});
+
+}  // namespace palpate

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "palpate/servo_loop.h"
+#include "palpate/session.h"
+#include "palpate/simulated_device.h"
+
+/// Measuring the servo: along the path of a real palpation, at a pace beside a loop with nothing in it, and
+/// as fast as it goes. What `palpate verify latency` and bench/servo_bench are made of.
+namespace palpate {
+
+/// What a simulated hand did and felt, tick by tick, so that it can be done again.
+struct PalpationPath {
+  double rate_hz = 1000;
+  PlantDevice device;
+  PlantHand hand;
+  WorkspaceSettings workspace;
+  Parameters parameters;
+  std::vector<DeviceState> states;             ///< what each tick was told
+  std::vector<Point<World>> intended;          ///< where the hand then wanted to be
+  double in_contact = 0;                       ///< part of the ticks that met tissue, 0 ... 1
+  std::size_t touch_begin = 0, touch_end = 0;  ///< ticks of the longest unbroken contact
+};
+
+/// The path of the scene's own script (default_script_text) on the virtual clock, the object unturned, and
+/// every structure stroked for 5 mm before it is left.
+/// Errors: those of the script, kBadInput when nothing is touched, kInterrupted.
+Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& progress = {});
+
+// ---- at a pace
+
+struct PaceSettings {
+  double rate_hz = 1000;  ///< kLowestRate_hz ... kHighestRate_hz
+  double spin_s = 0;      ///< LoopSettings::spin_s, for both loops
+  bool realtime = true;   ///< LoopSettings::realtime, for both loops
+  int cpu = -1;           ///< LoopSettings::cpu, for both loops
+};
+
+/// The same percentile of both loops' lateness.
+struct LatenessPair {
+  double servo_us = 0, bare_us = 0;
+};
+
+/// Of all blocks so far. compute is LoopHealth's: from samples in to commands out.
+struct PaceFigures {
+  Percentiles compute, lateness, bare_lateness;
+  /// Of the servo block and the bare block after it whose ratio is the middle one of all such pairs: one pair
+  /// alone says as much about who else ran just then.
+  LatenessPair typical_p50, typical_p99;
+  std::uint64_t ticks = 0, skipped = 0, dropped = 0;
+  std::uint64_t bare_ticks = 0, bare_skipped = 0;
+  double on_time = 1;     ///< LoopHealth::on_time
+  double in_contact = 0;  ///< part of the ticks that met tissue, 0 ... 1
+  LateCounts late;
+  Scheduling scheduling;  ///< what the servo loop got
+};
+
+/// The servo on the real clock with a simulated hand that strokes a structure to and fro, its ticks taken
+/// from the ring by a recorder; and the bare loop, which waits for the same points in time and does nothing.
+/// Blocks of the two in turn meet the same machine.
+class PaceMeter {
+ public:
+  /// @param path  outlives the meter
+  static std::unique_ptr<PaceMeter> create(std::shared_ptr<const Model> model, const PalpationPath& path,
+                                           const PaceSettings& settings);
+  virtual ~PaceMeter() = default;
+  /// A tenth of a second to warm up, then `seconds` that count. Errors: those of ServoLoop::start,
+  /// kInterrupted.
+  virtual Result<void> servo_block(double seconds, const Progress& progress = {}) = 0;
+  /// Error kInterrupted.
+  virtual Result<void> bare_block(double seconds, const Progress& progress = {}) = 0;
+  virtual PaceFigures figures() const = 0;
+};
+
+// ---- as fast as it goes
+
+/// Every way there is of computing the force, with its name in figures.
+struct NamedMethod {
+  ForceMethod method;
+  std::string name;
+};
+std::span<const NamedMethod> force_methods();
+
+/// Ticks one after the other along the whole path, on the calling thread: ns of processor time a tick, one
+/// value a round.
+std::vector<double> time_ticks(const Model& model, const PalpationPath& path, ForceMethod method, int rounds);
+
+/// The servo loop's whole update without a clock: mapping, tick, heartbeat, snapshot, ring. The ring is
+/// emptied now and then, which is not timed. ns of processor time an update, one value a round.
+/// Errors: those of ServoLoop::start, kInterrupted.
+Result<std::vector<double>> time_updates(std::shared_ptr<const Model> model, const PalpationPath& path,
+                                         ForceMethod method, int rounds, const Progress& progress = {});
+
+/// The middle value; of an even number the greater of the two middle ones. At least one value.
+double median(std::vector<double> values);
+
+}  // namespace palpate

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <time.h>
+
+#include <cstdint>
+
+namespace palpate {
+
+/// Nanoseconds of CLOCK_MONOTONIC: never set back, comparable between the threads and processes of one
+/// machine, meaningless beyond it. Read in user space through the vDSO: no system call.
+inline std::int64_t monotonic_ns() noexcept {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
+}
+
+}  // namespace palpate

@@ -1,0 +1,76 @@
+#include <cmath>
+#include <numbers>
+
+#include "palpate/workspace.h"
+
+namespace palpate {
+namespace {
+
+Rotation<World, Device> axes_of(const DeviceInfo& info, const WorkspaceSettings& settings) {
+  const double yaw = settings.yaw_deg * std::numbers::pi / 180;
+  return Rotation<World, World>::about(Eigen::Vector3d::UnitZ(), yaw) * info.R_WorldDevice;
+}
+
+Point<Device> middle_of(const DeviceInfo& info) {
+  if (!info.workspace) return {};
+  return info.workspace->low + (info.workspace->high - info.workspace->low) * 0.5;
+}
+
+// no bit for a button that cannot be
+std::uint32_t button_mask(int button) {
+  return button >= 0 && button < 32 ? 1u << button : 0;
+}
+
+}  // namespace
+
+WorkspaceMapping::WorkspaceMapping(const DeviceInfo& info, const WorkspaceSettings& settings)
+    : R_WorldDevice_(axes_of(info, settings)),
+      scale_(settings.scale),
+      home_(settings.home.value_or(Point<World>())),
+      middle_(middle_of(info)),
+      clutch_mask_(button_mask(settings.clutch_button)) {
+  PALPATE_CHECK(settings.scale >= kLowestScale && settings.scale <= kHighestScale);
+  PALPATE_CHECK(std::isfinite(settings.yaw_deg) && home_.all_finite());
+}
+
+DeviceState WorkspaceMapping::to_world(const DeviceSample& sample, std::int64_t now_ns) {
+  DeviceState state;
+  const Vector<World> from_home = R_WorldDevice_ * (sample.tip - middle_) * scale_;
+  state.tip = home_ + from_home;
+  if ((sample.buttons & clutch_mask_) == 0) {
+    held_.reset();
+  } else {
+    state.status |= kDeviceClutched;
+    // home moves so that the tip rests; where the clutch is let go the device goes on
+    if (state.tip.all_finite()) {
+      if (!held_) held_ = state.tip;
+      home_ = *held_ - from_home;
+      state.tip = *held_;
+    }
+  }
+
+  state.R_WorldTool = R_WorldDevice_.quaternion() * sample.R_DeviceTool;
+  state.velocity_mm_s = R_WorldDevice_ * sample.velocity_mm_s * scale_;
+  state.angular_velocity_rad_s = R_WorldDevice_ * sample.angular_velocity_rad_s;
+  state.gripper_rad = sample.gripper_rad;
+  state.buttons = sample.buttons;
+  if (sample.fault) state.status |= kDeviceFault;
+  // in doubles: the difference of a driver's wildest numbers overflows no integer
+  state.age_s = (static_cast<double>(now_ns) - static_cast<double>(sample.taken_ns)) * 1e-9;
+  return state;
+}
+
+DeviceCommand WorkspaceMapping::to_device(const Wrench& wrench) const {
+  const auto R_DeviceWorld = R_WorldDevice_.inverse();
+  return {R_DeviceWorld * wrench.force_N, R_DeviceWorld * wrench.torque_Nmm, wrench.gripper_N};
+}
+
+Point<Device> WorkspaceMapping::to_device(const Point<World>& tip) const {
+  return middle_ + R_WorldDevice_.inverse() * (tip - home_) / scale_;
+}
+
+double felt_stiffness_N_per_mm(const WorkspaceSettings& settings, double stiffness_N_per_mm) {
+  return settings.scale * settings.force_gain * stiffness_N_per_mm;
+}
+
+}  // namespace palpate

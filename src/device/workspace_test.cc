@@ -1,0 +1,333 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <iostream>
+#include <limits>
+#include <random>
+
+#include "palpate/simulated_device.h"
+#include "palpate/workspace.h"
+
+namespace palpate {
+namespace {
+
+constexpr unsigned kSeed = 20261120;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+class Dice {
+ public:
+  double between(double low, double high) { return std::uniform_real_distribution(low, high)(engine_); }
+  Eigen::Vector3d vector(double size) {
+    return {between(-size, size), between(-size, size), between(-size, size)};
+  }
+  Eigen::Quaterniond rotation() {
+    return Eigen::Quaterniond(Eigen::Vector4d(between(-1, 1), between(-1, 1), between(-1, 1), between(-1, 1)))
+        .normalized();
+  }
+  // as often half as twice
+  double factor() { return std::exp(between(std::log(kLowestScale), std::log(kHighestScale))); }
+
+  WorkspaceSettings settings() {
+    return {factor(), factor(), between(-180, 180), Point<World>(vector(300)), -1};
+  }
+  DeviceInfo info() {
+    DeviceInfo info;
+    info.R_WorldDevice = Rotation<World, Device>(rotation());
+    info.workspace = {Point<Device>(vector(100)), Point<Device>(vector(100))};
+    return info;
+  }
+
+ private:
+  std::mt19937 engine_{kSeed};
+};
+
+DeviceSample at(const Point<Device>& tip, std::uint32_t buttons = 0) {
+  DeviceSample sample;
+  sample.tip = tip;
+  sample.buttons = buttons;
+  return sample;
+}
+
+TEST(Workspace, GoesThereAndBack) {
+  std::cout << "seed " << kSeed << "\n";
+  Dice dice;
+  for (int n = 0; n < 500; ++n) {
+    const DeviceInfo info = dice.info();
+    const WorkspaceSettings settings = dice.settings();
+    WorkspaceMapping mapping(info, settings);
+    const Point<Device> tip(dice.vector(200));
+    const Point<World> world = mapping.to_world(at(tip), 0).tip;
+    EXPECT_LT((mapping.to_device(world) - tip).norm(), 1e-9);
+    // lengths grow by the scale, and the middle of the reach lies at home
+    const Point<Device> other(dice.vector(200));
+    EXPECT_NEAR((mapping.to_world(at(other), 0).tip - world).norm(), settings.scale * (other - tip).norm(),
+                1e-9);
+    const Point<Device> middle = info.workspace->low + (info.workspace->high - info.workspace->low) * 0.5;
+    EXPECT_LT((mapping.to_world(at(middle), 0).tip - *settings.home).norm(), 1e-9);
+  }
+}
+
+TEST(Workspace, WithoutSettingsADeviceLiesInTheOrigin) {
+  WorkspaceMapping mapping(DeviceInfo{}, WorkspaceSettings{});
+  EXPECT_EQ(mapping.to_world(at(Point<Device>(1, -2, 3)), 0).tip, Point<World>(1, -2, 3));
+}
+
+TEST(Workspace, MakersAxesBecomeRightForwardUp) {
+  // by what each maker's axes mean to the person in front of the device
+  struct Maker {
+    Rotation<World, Device> R_WorldDevice;
+    Vector<Device> right, away, up;
+  };
+  const std::array<Maker, 3> makers{
+      {{openhaptics_axes(), {1, 0, 0}, {0, 0, -1}, {0, 1, 0}},      // right, up, to the user
+       {force_dimension_axes(), {0, 1, 0}, {-1, 0, 0}, {0, 0, 1}},  // to the user, right, up
+       {haply_axes(), {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};           // right, forward, up
+  const auto near = [](const Vector<World>& a, const Vector<World>& b) { return (a - b).norm() < 1e-15; };
+  for (const Maker& maker : makers) {
+    DeviceInfo info;
+    info.R_WorldDevice = maker.R_WorldDevice;
+    WorkspaceMapping mapping(info, {});
+    const auto led = [&](const Vector<Device>& v) {
+      return mapping.to_world(at(Point<Device>() + v), 0).tip - Point<World>();
+    };
+    EXPECT_TRUE(near(led(maker.right), {1, 0, 0}));
+    EXPECT_TRUE(near(led(maker.away), {0, 1, 0}));
+    EXPECT_TRUE(near(led(maker.up), {0, 0, 1}));
+    // and a force up pushes the hand up
+    EXPECT_LT((mapping.to_device(Wrench{Vector<World>(0, 0, 2), {}}).force_N - maker.up * 2).norm(), 1e-14);
+  }
+  // as device.h writes them
+  const Vector<Device> v(1, 2, 3);
+  EXPECT_TRUE(near(openhaptics_axes() * v, {1, -3, 2}));
+  EXPECT_TRUE(near(force_dimension_axes() * v, {2, -1, 3}));
+}
+
+TEST(Workspace, YawTurnsTheDeviceAboutUp) {
+  WorkspaceSettings settings;
+  settings.yaw_deg = 90;
+  WorkspaceMapping mapping(DeviceInfo{}, settings);
+  // anticlockwise from above: the device's right becomes forward
+  const Point<World> tip = mapping.to_world(at(Point<Device>(5, 0, 2)), 0).tip;
+  EXPECT_LT((tip - Point<World>(0, 5, 2)).norm(), 1e-14);
+}
+
+TEST(Workspace, WorkAtTheDeviceIsGainOverScaleOfThatInThePatient) {
+  // the tool as a rigid body: force and torque do work on velocity and turn; all of it by the same factor,
+  // and none is gained or lost where gain and scale are equal
+  Dice dice;
+  for (int n = 0; n < 500; ++n) {
+    WorkspaceSettings settings = dice.settings();
+    if (n % 5 == 0) settings.force_gain = settings.scale;
+    WorkspaceMapping mapping(dice.info(), settings);
+    DeviceSample sample = at(Point<Device>(dice.vector(50)));
+    sample.velocity_mm_s = Vector<Device>(dice.vector(300));
+    sample.angular_velocity_rad_s = Vector<Device>(dice.vector(5));
+    const DeviceState state = mapping.to_world(sample, 0);
+    const Vector<World> force_N(dice.vector(5)), torque_Nmm(dice.vector(100));
+
+    const double g = settings.force_gain, s = settings.scale;
+    const DeviceCommand command = mapping.to_device(Wrench{force_N * g, torque_Nmm * (g / s)});
+    const double patient = force_N.dot(state.velocity_mm_s) + torque_Nmm.dot(state.angular_velocity_rad_s);
+    const double device =
+        command.force_N.dot(sample.velocity_mm_s) + command.torque_Nmm.dot(sample.angular_velocity_rad_s);
+    EXPECT_NEAR(device, g / s * patient, 1e-9 * (1 + std::abs(device)));
+    if (n % 5 == 0) {
+      EXPECT_NEAR(device, patient, 1e-9 * (1 + std::abs(device)));
+    }
+  }
+}
+
+TEST(Workspace, VelocityIsThatOfTheTip) {
+  Dice dice;
+  WorkspaceMapping mapping(dice.info(), dice.settings());
+  DeviceSample sample = at(Point<Device>(dice.vector(50)));
+  sample.velocity_mm_s = Vector<Device>(dice.vector(300));
+  const DeviceState state = mapping.to_world(sample, 0);
+  constexpr double kStep_s = 1e-3;
+  const Point<World> next = mapping.to_world(at(sample.tip + sample.velocity_mm_s * kStep_s), 0).tip;
+  EXPECT_LT(((next - state.tip) / kStep_s - state.velocity_mm_s).norm(), 1e-6);
+}
+
+TEST(Workspace, TheToolTurnsWithTheDevice) {
+  // an axis of the tool seen in World is the axis seen by the device, brought to World
+  Dice dice;
+  for (int n = 0; n < 50; ++n) {
+    const DeviceInfo info = dice.info();
+    const WorkspaceSettings settings = dice.settings();
+    WorkspaceMapping mapping(info, settings);
+    DeviceSample sample = at(Point<Device>());
+    sample.R_DeviceTool = dice.rotation();
+    const Eigen::Vector3d axis = dice.vector(1);
+    const Point<World> from = mapping.to_world(sample, 0).tip;
+    const Point<World> to = mapping.to_world(at(Point<Device>(sample.R_DeviceTool * axis)), 0).tip;
+    EXPECT_LT((mapping.to_world(sample, 0).R_WorldTool * axis - (to - from).eigen() / settings.scale).norm(),
+              1e-9);
+  }
+}
+
+// A hand presses slowly against a linear wall of K N/mm in World; what it must give, over how far the device
+// goes, is the stiffness that it feels.
+double measured_stiffness_N_per_mm(const PlantDevice& device, const PlantHand& hand, const DeviceInfo& axes,
+                                   const WorkspaceSettings& settings, double wall_N_per_mm) {
+  const Vector<World> outward = Vector<World>(1, 2, -2) / 3;
+  const Point<World> surface = *settings.home + outward * 4;
+  DeviceInfo info = axes;
+  info.workspace = SimulatedDevice(device, hand).info().workspace;
+  WorkspaceMapping mapping(info, settings);
+  const Point<Device> start = mapping.to_device(surface);
+  const Vector<Device> inward = (mapping.to_device(surface - outward) - start).normalized();
+
+  SimulatedDevice plant(device, hand);
+  plant.reset(start);
+  constexpr double kTick_s = 1e-3, kSpeed_mm_s = 4;
+  constexpr int kSettled = 500, kEnd = 2000;
+  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
+  DeviceCommand command;
+  for (int i = 1; i <= kEnd; ++i) {
+    plant.intend(start + inward * (kSpeed_mm_s * kTick_s * i));
+    plant.advance(command, kTick_s);
+    const Point<World> tip = mapping.to_world(plant.read(), 0).tip;
+    const double depth_mm = std::max(0.0, (surface - tip).dot(outward));
+    command = mapping.to_device(Wrench{outward * (wall_N_per_mm * depth_mm * settings.force_gain), {}});
+    if (i <= kSettled) continue;
+    // the stretch of the hand's spring is the force; the line through all points, so that friction, which
+    // is a constant on the way in, stays out of it
+    const double way_mm = (plant.true_tip() - start).dot(inward);
+    const double force_N = hand.stiffness_N_per_m * 1e-3 * (plant.intention() - plant.true_tip()).dot(inward);
+    n += 1, sx += way_mm, sy += force_N, sxx += way_mm * way_mm, sxy += way_mm * force_N;
+  }
+  return (n * sxy - sx * sy) / (n * sxx - sx * sx);
+}
+
+TEST(Workspace, FeltStiffnessIsScaleTimesGainTimesTheTissues) {
+  struct Case {
+    double scale, gain, yaw_deg, wall_N_per_mm;
+  };
+  const PlantDevice premium = *find_plant_device("premium-1.5");
+  const PlantHand hand = *find_plant_hand("firm-grip");
+  DeviceInfo axes;
+  axes.R_WorldDevice = openhaptics_axes();
+  for (const Case& c : {Case{1, 1, 0, 0.5}, Case{2, 0.5, 30, 0.5}, Case{0.25, 3, -90, 0.8},
+                        Case{4, 0.05, 170, 1.5}, Case{0.2, 1, 45, 1.5}, Case{0.5, 4, 10, 0.3}}) {
+    const WorkspaceSettings settings{c.scale, c.gain, c.yaw_deg, Point<World>(20, -10, 5), -1};
+    const double expected = c.scale * c.gain * c.wall_N_per_mm;
+    EXPECT_NEAR(felt_stiffness_N_per_mm(settings, c.wall_N_per_mm), expected, 1e-12);
+    const double measured = measured_stiffness_N_per_mm(premium, hand, axes, settings, c.wall_N_per_mm);
+    EXPECT_NEAR(measured, expected, 0.01 * expected) << "scale " << c.scale << " gain " << c.gain;
+  }
+}
+
+// ---- clutch ----
+
+class Clutch : public ::testing::Test {
+ protected:
+  static constexpr std::uint32_t kHeld = 1u << 3;
+  static WorkspaceSettings settings() { return {1.7, 1, 33, Point<World>(5, 6, 7), 3}; }
+  DeviceState led(const Point<Device>& tip, std::uint32_t buttons) {
+    return mapping_.to_world(at(tip, buttons), 0);
+  }
+  WorkspaceMapping mapping_{DeviceInfo{}, settings()};
+};
+
+TEST_F(Clutch, HoldsTheTipBitForBitAndGoesOnWithoutAJump) {
+  Dice dice;
+  Point<Device> hand(dice.vector(40));
+  Point<World> before = led(hand, 0).tip;
+  for (int n = 0; n < 2000; ++n) {
+    // pressed for seven samples out of twenty-one; another button makes no difference
+    const bool held = n / 7 % 3 == 1, held_before = held && n % 7 > 0;
+    const Vector<Device> step(dice.vector(2));
+    hand += step;
+    const DeviceState state = led(hand, held ? kHeld | 1u : 1u);
+    EXPECT_EQ(state.status, held ? kDeviceClutched : 0u);
+    EXPECT_EQ(state.buttons, held ? kHeld | 1u : 1u);
+    // a step of the hand moves the tip by its length times the scale, or not at all
+    if (held_before) {
+      EXPECT_EQ(state.tip, before) << n;
+    } else {
+      EXPECT_NEAR((state.tip - before).norm(), settings().scale * step.norm(), 1e-9) << n;
+    }
+    before = state.tip;
+  }
+}
+
+TEST_F(Clutch, SurvivesTipsThatAreNoNumbers) {
+  const Point<World> start = led(Point<Device>(1, 2, 3), 0).tip;
+  const Point<Device> lost(kNan, 0, 0);
+  // pressed on a lost sample, and lost while it is held: told as it is, and forgotten
+  EXPECT_FALSE(led(lost, kHeld).tip.all_finite());
+  EXPECT_EQ(led(lost, kHeld).status, kDeviceClutched);
+  EXPECT_LT((led(Point<Device>(1, 2, 3), kHeld).tip - start).norm(), 1e-12);
+  EXPECT_LT((led(Point<Device>(9, 9, 9), kHeld).tip - start).norm(), 1e-12);
+  EXPECT_FALSE(led(Point<Device>(0, std::numeric_limits<double>::infinity(), 0), kHeld).tip.all_finite());
+  EXPECT_LT((led(Point<Device>(-4, 9, 9), kHeld).tip - start).norm(), 1e-12);
+  // let go on a lost sample
+  EXPECT_FALSE(led(lost, 0).tip.all_finite());
+  EXPECT_LT((led(Point<Device>(-4, 9, 9), 0).tip - start).norm(), 1e-12);
+}
+
+TEST_F(Clutch, TheWayBackMovesWithIt) {
+  // a simulated hand that asks where to be is told so behind a clutch too
+  led(Point<Device>(1, 2, 3), 0);
+  led(Point<Device>(1, 2, 3), kHeld);
+  led(Point<Device>(-30, 8, 1), kHeld);
+  const Point<World> tip = led(Point<Device>(-30, 8, 1), 0).tip;
+  EXPECT_LT((mapping_.to_device(tip) - Point<Device>(-30, 8, 1)).norm(), 1e-12);
+}
+
+TEST(Workspace, AClutchThatCannotBePressedIsNone) {
+  for (const int button : {-1, -7, 32, 33, 1000, std::numeric_limits<int>::min()}) {
+    WorkspaceSettings settings;
+    settings.clutch_button = button;
+    WorkspaceMapping mapping(DeviceInfo{}, settings);
+    for (const double x : {1.0, 2.0}) {
+      const DeviceState state = mapping.to_world(at(Point<Device>(x, 0, 0), 0xffffffffu), 0);
+      EXPECT_EQ(state.tip, Point<World>(x, 0, 0)) << button;
+      EXPECT_EQ(state.status, 0u) << button;
+    }
+  }
+  WorkspaceSettings settings;
+  settings.clutch_button = 31;
+  WorkspaceMapping mapping(DeviceInfo{}, settings);
+  EXPECT_EQ(mapping.to_world(at(Point<Device>(), 1u << 31), 0).status, kDeviceClutched);
+}
+
+// ---- what is carried ----
+
+TEST(Workspace, CarriesFaultButtonsGripperAndWhatIsUnknown) {
+  WorkspaceSettings settings;
+  settings.clutch_button = 0;
+  WorkspaceMapping mapping(DeviceInfo{}, settings);
+  DeviceSample sample = at(Point<Device>(), 5);
+  sample.fault = true;
+  sample.gripper_rad = 0.3;
+  const DeviceState state = mapping.to_world(sample, 0);
+  EXPECT_EQ(state.status, kDeviceFault | kDeviceClutched);
+  EXPECT_EQ(state.buttons, 5u);
+  EXPECT_EQ(state.gripper_rad, 0.3);
+  const DeviceState unknown = mapping.to_world(at(Point<Device>()), 0);
+  EXPECT_TRUE(std::isnan(unknown.velocity_mm_s.x()));
+  EXPECT_TRUE(std::isnan(unknown.angular_velocity_rad_s.z()));
+  EXPECT_TRUE(std::isnan(unknown.gripper_rad));
+  EXPECT_EQ(mapping.to_device(Wrench{{}, {}, 1.5}).gripper_N, 1.5);
+}
+
+TEST(Workspace, AgeIsTheTimeSinceThePoseWasTrue) {
+  WorkspaceMapping mapping(DeviceInfo{}, {});
+  DeviceSample sample;
+  sample.taken_ns = 5'000'000'000;
+  EXPECT_EQ(mapping.to_world(sample, 5'003'000'000).age_s, 3e-3);
+  EXPECT_EQ(mapping.to_world(sample, 5'000'000'000).age_s, 0);
+  // another clock's: negative, which the output stage takes as no state
+  EXPECT_EQ(mapping.to_world(sample, 4'000'000'000).age_s, -1);
+  for (const std::int64_t wild :
+       {std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()}) {
+    sample.taken_ns = wild;
+    const double age_s = mapping.to_world(sample, 4'000'000'000).age_s;
+    EXPECT_EQ(std::signbit(age_s), wild > 0);
+    EXPECT_GT(std::abs(age_s), 9e9);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

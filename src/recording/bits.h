@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+
+/// What the bits of a recording mean, as its columns describe them: "1 clamped, 2 not finite, ...". One list
+/// of names, in bits.cc; docs/recording.md is held against it.
+namespace palpate::internal {
+
+/// DeviceTick::flags
+std::string flag_bits();
+/// TickRecord::switches
+std::string switch_bits();
+/// DeviceTick::status
+std::string status_bits();
+
+}  // namespace palpate::internal

@@ -1,0 +1,172 @@
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <mutex>
+#include <new>
+#include <system_error>
+#include <thread>
+
+#include "base/file.h"
+#include "base/spsc_ring.h"
+#include "palpate/check.h"
+#include "recording/recording_file.h"
+
+namespace palpate {
+namespace internal {
+namespace {
+
+// The servo may not wake anybody, so the ring is looked at from time to time: far below the seconds that it
+// holds, far above what looking costs.
+constexpr std::chrono::milliseconds kPoll{5};
+// ticks taken at a time: their slots are free again before the disk is asked for anything
+constexpr std::size_t kBatch = 256;
+
+class RingRecorder : public Recorder {
+ public:
+  RingRecorder(SpscRing<TickRecord>& ring, std::unique_ptr<RecordingWriter> writer,
+               std::filesystem::path file, std::function<void(const TickRecord&)> see)
+      : ring_(ring),
+        writer_(std::move(writer)),
+        file_(std::move(file)),
+        see_(std::move(see)),
+        batch_(kBatch) {}
+  ~RingRecorder() override { stop(); }
+
+  void start() {
+    thread_ = std::thread([this] { run(); });
+  }
+  RecordingSummary so_far() const override {
+    const std::lock_guard lock(mutex_);
+    return summary_;
+  }
+  std::optional<Error> failure() const override {
+    const std::lock_guard lock(mutex_);
+    return failure_;
+  }
+  Result<RecordingSummary> finish(std::uint64_t dropped, std::uint64_t skipped,
+                                  const std::vector<std::string>& trouble) override;
+
+ private:
+  void run() noexcept;
+  void stop();
+  void drain();
+  void take(std::span<const TickRecord> ticks);
+  Result<void> write(std::span<const TickRecord> ticks);
+  void give_up(const Error& error);
+
+  // of the recorder's thread, and of others once it has ended
+  SpscRing<TickRecord>& ring_;
+  std::unique_ptr<RecordingWriter> writer_;  // none: nothing is kept
+  const std::filesystem::path file_;
+  const std::function<void(const TickRecord&)> see_;
+  std::vector<TickRecord> batch_;
+
+  std::thread thread_;
+  std::atomic<bool> stop_ = false;
+  mutable std::mutex mutex_;  // of what follows; never held while anything is written
+  RecordingSummary summary_;
+  std::optional<Error> failure_;
+};
+
+void RingRecorder::run() noexcept {
+  for (bool last = false; !last;) {
+    // asked before the ring is emptied: what was pushed before the stop is taken after it
+    last = stop_.load(std::memory_order_acquire);
+    drain();
+    if (!last) std::this_thread::sleep_for(kPoll);
+  }
+}
+
+void RingRecorder::stop() {
+  stop_.store(true, std::memory_order_release);
+  if (thread_.joinable()) thread_.join();
+}
+
+// what is in the ring by now; what comes meanwhile is for the next time
+void RingRecorder::drain() {
+  for (std::size_t left = ring_.size(); left > 0;) {
+    const std::size_t count = ring_.pop(std::span(batch_).first(std::min(left, batch_.size())));
+    take(std::span(batch_).first(count));
+    left -= count;
+  }
+}
+
+void RingRecorder::take(std::span<const TickRecord> ticks) {
+  {
+    const std::lock_guard lock(mutex_);
+    for (const TickRecord& tick : ticks) summary_.see(tick);
+  }
+  if (see_)
+    for (const TickRecord& tick : ticks) see_(tick);
+  if (!writer_) return;
+  if (auto written = write(ticks); !written) give_up(written.error());
+}
+
+Result<void> RingRecorder::write(std::span<const TickRecord> ticks) {
+  try {
+    return writer_->append(ticks);
+  } catch (const std::bad_alloc&) {
+    return output_error(file_, ENOMEM);
+  }
+}
+
+void RingRecorder::give_up(const Error& error) {
+  // closes the file, which keeps what was flushed
+  writer_.reset();
+  const std::lock_guard lock(mutex_);
+  failure_ = error;
+}
+
+Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64_t skipped,
+                                              const std::vector<std::string>& trouble) {
+  PALPATE_CHECK(thread_.joinable());
+  stop();
+  if (failure_) return *failure_;
+  RecordingSummary summary = so_far();
+  summary.dropped = dropped;
+  summary.skipped = skipped;
+  summary.trouble = trouble;
+  if (writer_) {
+    if (auto finished = writer_->finish(summary); !finished) {
+      give_up(finished.error());
+      return finished.error();
+    }
+    writer_.reset();
+  }
+  const std::lock_guard lock(mutex_);
+  summary_ = summary;
+  return summary;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
+                                                 std::unique_ptr<RecordingWriter> writer,
+                                                 const std::filesystem::path& file,
+                                                 std::function<void(const TickRecord&)> see) {
+  auto recorder = std::make_unique<RingRecorder>(ring, std::move(writer), file, std::move(see));
+  try {
+    recorder->start();
+  } catch (const std::system_error& refused) {
+    return Error{ErrorKind::kUnavailable, std::string("no thread to record on: ") + refused.what(), "",
+                 "close other programs, or raise the limit of processes (ulimit -u)"};
+  }
+  return std::unique_ptr<Recorder>(std::move(recorder));
+}
+
+}  // namespace internal
+
+Result<std::unique_ptr<Recorder>> Recorder::start(SpscRing<TickRecord>& ring,
+                                                  const std::filesystem::path& file,
+                                                  const RecordingHeader& header,
+                                                  std::function<void(const TickRecord&)> see) {
+  std::unique_ptr<RecordingWriter> writer;
+  if (!file.empty()) {
+    auto created = RecordingWriter::create(file, header);
+    if (!created) return created.error();
+    writer = std::move(*created);
+  }
+  return internal::start_recorder(ring, std::move(writer), file, std::move(see));
+}
+
+}  // namespace palpate

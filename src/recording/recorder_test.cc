@@ -1,0 +1,293 @@
+// A run's ticks on their way from the ring to the disk.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <random>
+#include <semaphore>
+#include <thread>
+
+#include "base/spsc_ring.h"
+#include "recording/recording_file.h"
+#include "recording/test_support.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr double kRate = 1000;
+const std::vector<std::string> kTrouble{"line 3: asked for 2.00 N, felt 1.40 N"};
+
+// a servo that waits for room, so that every tick is due to arrive
+void push_all(SpscRing<TickRecord>& ring, std::span<const TickRecord> ticks) {
+  for (const TickRecord& tick : ticks)
+    while (!ring.push(tick)) std::this_thread::yield();
+}
+
+RecordingSummary summary_of(std::span<const TickRecord> ticks) {
+  RecordingSummary summary;
+  for (const TickRecord& tick : ticks) summary.see(tick);
+  return summary;
+}
+
+void expect_beginning(const std::vector<TickRecord>& read, const std::vector<TickRecord>& pushed) {
+  ASSERT_LE(read.size(), pushed.size());
+  for (std::size_t i = 0; i < read.size(); ++i)
+    ASSERT_EQ(test::first_difference(read[i], pushed[i]), "") << "tick " << i;
+}
+
+TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
+  const test::TemporaryFolder folder;
+  const auto ticks = test::random_ticks(5000, 2, kRate, 11);
+  SpscRing<TickRecord> ring(128);  // many times around
+  std::vector<std::uint64_t> seen;
+  auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(2, kRate),
+                                  [&](const TickRecord& tick) { seen.push_back(tick.state_hash); });
+  ASSERT_TRUE(recorder) << recorder.error().message();
+
+  std::atomic<bool> pushed = false;
+  std::thread servo([&] {
+    push_all(ring, ticks);
+    pushed = true;
+  });
+  for (std::uint64_t last = 0; !pushed;) {
+    const RecordingSummary now = (*recorder)->so_far();
+    EXPECT_GE(now.ticks, last);
+    last = now.ticks;
+    EXPECT_FALSE((*recorder)->failure());
+    std::this_thread::yield();
+  }
+  servo.join();
+  // the last ones are still in the ring
+  const auto finished = (*recorder)->finish(3, 4, kTrouble);
+  ASSERT_TRUE(finished) << finished.error().message();
+
+  RecordingSummary expected = summary_of(ticks);
+  expected.dropped = 3;
+  expected.skipped = 4;
+  expected.trouble = kTrouble;
+  EXPECT_EQ(test::first_difference(*finished, expected), "");
+  EXPECT_EQ(test::first_difference((*recorder)->so_far(), expected), "");
+  ASSERT_EQ(seen.size(), ticks.size());
+  for (std::size_t i = 0; i < seen.size(); ++i) ASSERT_EQ(seen[i], ticks[i].state_hash) << "tick " << i;
+
+  const auto read = read_recording(folder / "run.h5");
+  ASSERT_TRUE(read) << read.error().message();
+  ASSERT_EQ((*read).ticks.size(), ticks.size());
+  expect_beginning((*read).ticks, ticks);
+  ASSERT_TRUE((*read).summary);
+  EXPECT_EQ(test::first_difference(*(*read).summary, expected), "");
+}
+
+TEST(Recorder, WithoutAFileStillCountsAndSees) {
+  const auto ticks = test::example_ticks(700, 1, kRate);
+  SpscRing<TickRecord> ring(1024);
+  std::uint64_t seen = 0;
+  auto recorder =
+      Recorder::start(ring, "", test::example_header(1, kRate), [&](const TickRecord&) { ++seen; });
+  ASSERT_TRUE(recorder);
+  push_all(ring, ticks);
+  const auto finished = (*recorder)->finish(0, 0, {});
+  ASSERT_TRUE(finished);
+  EXPECT_EQ(test::first_difference(*finished, summary_of(ticks)), "");
+  EXPECT_EQ(seen, ticks.size());
+}
+
+TEST(Recorder, TakesWhatIsLeftBeforeItLeaves) {
+  const test::TemporaryFolder folder;
+  const auto ticks = test::example_ticks(900, 1, kRate);
+  SpscRing<TickRecord> ring(1024);
+  {
+    auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(1, kRate));
+    ASSERT_TRUE(recorder);
+    push_all(ring, ticks);
+  }
+  EXPECT_EQ(ring.size(), 0u);
+  const auto read = read_recording(folder / "run.h5");
+  ASSERT_TRUE(read) << read.error().message();
+  EXPECT_FALSE((*read).summary) << "it was not finished";
+  ASSERT_EQ((*read).ticks.size(), ticks.size());
+  expect_beginning((*read).ticks, ticks);
+}
+
+TEST(Recorder, DoesNotStartWhereNoFileCanBe) {
+  SpscRing<TickRecord> ring(16);
+  const auto recorder = Recorder::start(ring, "/nonexistent-folder/run.h5", test::example_header(1));
+  ASSERT_FALSE(recorder);
+  EXPECT_EQ(recorder.error().kind, ErrorKind::kOutput);
+}
+
+// a writer whose disk has stopped, until it is let go
+class StuckWriter : public RecordingWriter {
+ public:
+  explicit StuckWriter(std::binary_semaphore& entered, std::binary_semaphore& let_go)
+      : entered_(entered), let_go_(let_go) {}
+  Result<void> append(std::span<const TickRecord>) override {
+    entered_.release();
+    let_go_.acquire();
+    return {};
+  }
+  Result<void> finish(const RecordingSummary&) override { return {}; }
+
+ private:
+  std::binary_semaphore& entered_;
+  std::binary_semaphore& let_go_;
+};
+
+TEST(Recorder, AStuckDiskHoldsUpNeitherTheRingNorWhoAsks) {
+  const auto ticks = test::example_ticks(17, 1, kRate);
+  SpscRing<TickRecord> ring(16);
+  std::binary_semaphore entered(0), let_go(0);
+  auto recorder =
+      internal::start_recorder(ring, std::make_unique<StuckWriter>(entered, let_go), "run.h5", {});
+  ASSERT_TRUE(recorder);
+  ASSERT_TRUE(ring.push(ticks[0]));
+  entered.acquire();
+  // while it is written the whole ring is free again, and it can be asked
+  EXPECT_EQ((*recorder)->so_far().ticks, 1u);
+  EXPECT_FALSE((*recorder)->failure());
+  for (std::size_t i = 1; i < ticks.size(); ++i) EXPECT_TRUE(ring.push(ticks[i])) << i;
+  EXPECT_FALSE(ring.push(ticks[0]));
+  let_go.release();
+  entered.acquire();
+  let_go.release();
+  const auto finished = (*recorder)->finish(1, 0, {});
+  ASSERT_TRUE(finished);
+  EXPECT_EQ(finished.value().ticks, ticks.size());
+  EXPECT_EQ(finished.value().dropped, 1u);
+}
+
+// steps of a healthy recorder: until the file is there, until the ticks are in, to the end
+struct Steps {
+  std::size_t created, appended, finished;
+};
+Steps healthy_steps(const std::vector<TickRecord>& ticks) {
+  test::MemorySink::Disk disk;
+  Steps steps{};
+  auto writer =
+      internal::create_on(std::make_unique<test::MemorySink>(disk), test::example_header(1, kRate), "run.h5");
+  EXPECT_TRUE(writer);
+  steps.created = disk.steps.size();
+  EXPECT_TRUE((*writer)->append(ticks));
+  steps.appended = disk.steps.size();
+  EXPECT_TRUE((*writer)->finish(summary_of(ticks)));
+  steps.finished = disk.steps.size();
+  return steps;
+}
+
+TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
+  const test::TemporaryFolder folder;
+  const auto ticks = test::example_ticks(2500, 1, kRate);
+  const Steps steps = healthy_steps(ticks);
+  // in the second chunk of ticks, so that the first is kept
+  test::MemorySink::Disk disk;
+  disk.fails_at = steps.created + (steps.appended - steps.created) / 2 - 3;
+  auto writer =
+      internal::create_on(std::make_unique<test::MemorySink>(disk), test::example_header(1, kRate), "run.h5");
+  ASSERT_TRUE(writer);
+  SpscRing<TickRecord> ring(64);
+  std::uint64_t seen = 0;
+  auto recorder =
+      internal::start_recorder(ring, std::move(*writer), "run.h5", [&](const TickRecord&) { ++seen; });
+  ASSERT_TRUE(recorder);
+  // would not return if the ring were not drained any more
+  push_all(ring, ticks);
+  const auto failure = [&] {
+    for (;; std::this_thread::yield())
+      if (auto error = (*recorder)->failure()) return *error;
+  }();
+  EXPECT_EQ(failure.kind, ErrorKind::kOutput);
+  EXPECT_EQ(failure.where, "run.h5");
+  EXPECT_THAT(failure.what, HasSubstr("disk is full"));
+  EXPECT_THAT(failure.remedy, HasSubstr("the first 800 ticks are kept"));
+  const std::size_t steps_at_failure = disk.steps.size();
+
+  // the same error, and every tick was taken all the same
+  push_all(ring, std::span(ticks).first(100));
+  const auto finished = (*recorder)->finish(0, 0, {});
+  ASSERT_FALSE(finished);
+  EXPECT_EQ(finished.error().message(), failure.message());
+  EXPECT_EQ((*recorder)->so_far().ticks, ticks.size() + 100);
+  EXPECT_EQ(seen, ticks.size() + 100);
+  EXPECT_EQ(disk.steps.size(), steps_at_failure) << "written to a full disk";
+
+  test::write_bytes(folder / "run.h5", disk.file);
+  const auto read = test::read_in_this_process(folder / "run.h5");
+  ASSERT_TRUE(read) << read.error().message();
+  EXPECT_FALSE((*read).summary);
+  EXPECT_EQ((*read).ticks.size(), 800u);
+  expect_beginning((*read).ticks, ticks);
+}
+
+TEST(Recorder, ADiskThatIsFullAtTheVeryEndIsAnErrorToo) {
+  const auto ticks = test::example_ticks(800, 1, kRate);
+  const Steps steps = healthy_steps(ticks);
+  ASSERT_LT(steps.appended, steps.finished);
+  test::MemorySink::Disk disk;
+  disk.fails_at = steps.appended;
+  auto writer =
+      internal::create_on(std::make_unique<test::MemorySink>(disk), test::example_header(1, kRate), "run.h5");
+  ASSERT_TRUE(writer);
+  SpscRing<TickRecord> ring(1024);
+  auto recorder = internal::start_recorder(ring, std::move(*writer), "run.h5", {});
+  ASSERT_TRUE(recorder);
+  push_all(ring, ticks);
+  const auto finished = (*recorder)->finish(0, 0, {});
+  ASSERT_FALSE(finished);
+  EXPECT_EQ(finished.error().kind, ErrorKind::kOutput);
+  ASSERT_TRUE((*recorder)->failure());
+  EXPECT_EQ((*recorder)->failure()->message(), finished.error().message());
+}
+
+// a child that records until it is killed, and says now and then how many ticks it has pushed
+void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks, int report) {
+  SpscRing<TickRecord> ring(512);
+  auto recorder = Recorder::start(ring, file, test::example_header(1, kRate));
+  if (!recorder) ::_exit(1);
+  for (std::uint64_t pushed = 0; pushed + 100 <= ticks.size(); pushed += 100) {
+    push_all(ring, ticks.subspan(pushed, 100));
+    const std::uint64_t total = pushed + 100;
+    if (::write(report, &total, sizeof total) != sizeof total) ::_exit(1);
+  }
+  ::_exit(0);
+}
+
+TEST(Recorder, KilledLeavesARecordingThatOpens) {
+  const test::TemporaryFolder folder;
+  const auto ticks = test::example_ticks(12'000, 1, kRate);
+  const std::uint64_t seed = 20260301;
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  for (int round = 0; round < 5; ++round) {
+    SCOPED_TRACE("round " + std::to_string(round));
+    int ends[2];
+    ASSERT_EQ(::pipe(ends), 0);
+    const fs::path file = folder / ("run" + std::to_string(round) + ".h5");
+    const pid_t child = ::fork();
+    if (child == 0) record_for_ever(file, ticks, ends[1]);
+    ::close(ends[1]);
+    std::uint64_t pushed = 0, total = 0;
+    for (std::uint64_t enough = 1000 + random() % 4000; pushed < enough;)
+      ASSERT_EQ(::read(ends[0], &pushed, sizeof pushed), static_cast<ssize_t>(sizeof pushed));
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    while (::read(ends[0], &total, sizeof total) == sizeof total) pushed = total;
+    ::close(ends[0]);
+
+    const auto read = read_recording(file);
+    ASSERT_TRUE(read) << read.error().message();
+    EXPECT_FALSE((*read).summary);
+    // lost: less than a second, what was in the ring and in the recorder's hands
+    EXPECT_GT((*read).ticks.size() + 1000 + 512 + 256, pushed);
+    expect_beginning((*read).ticks, ticks);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,127 @@
+#include <array>
+#include <cmath>
+
+#include "report/html.h"
+#include "report/parts.h"
+
+namespace palpate::report {
+namespace {
+
+/// When a row stands in the table.
+enum class Shown {
+  kAlways,
+  kOnRealClock,  ///< and wherever it is not zero
+  kWhenMet,
+};
+
+struct Row {
+  const char* name;
+  std::uint64_t RecordingSummary::*count;
+  Shown shown;
+  const char* meaning;
+};
+
+constexpr std::array kInterventions{
+    Row{"Clamped", &RecordingSummary::clamped, Shown::kAlways,
+        "The computed force was larger than the limit; the limit was sent, in the same direction."},
+    Row{"Not finite", &RecordingSummary::not_finite, Shown::kAlways,
+        "A position or a force was not a number; no force was sent."},
+    Row{"Rotation ignored", &RecordingSummary::rotation_ignored, Shown::kAlways,
+        "The commanded rotation of the object was no rotation; the last one was kept."},
+    Row{"Thermal limit", &RecordingSummary::thermal, Shown::kWhenMet,
+        "The motors had grown warm; the limit came down towards the force that they bear for ever."},
+    Row{"Slewed", &RecordingSummary::slewed, Shown::kWhenMet,
+        "The force would have changed by more than the device may change it in one tick; it took longer."},
+    Row{"Stale", &RecordingSummary::stale, Shown::kOnRealClock,
+        "The device's position was more than 5 ms old; the force decayed, and was off when it was 10 ms "
+        "old."},
+    Row{"Jumped", &RecordingSummary::jumped, Shown::kWhenMet,
+        "The tip moved farther in one tick than a hand can; no force was sent, and it came back slowly."},
+    Row{"Device fault", &RecordingSummary::device_faults, Shown::kWhenMet,
+        "The device withheld forces by itself: its brake, a lost connection; none was sent."},
+    Row{"Halted", &RecordingSummary::halted, Shown::kOnRealClock,
+        "The watchdog had stopped the device because the loop did not answer; no force was sent."},
+    Row{"Emergency stop", &RecordingSummary::emergency_stopped, Shown::kOnRealClock,
+        "The emergency stop was pressed; no force was sent."},
+};
+
+constexpr std::array kOthers{
+    Row{"Outside", &RecordingSummary::outside, Shown::kAlways,
+        "The tip was outside the scanned volume. Less than a voxel beyond its border it may still press on "
+        "the "
+        "face where the scan is cut off; farther out there is nothing to feel."},
+    Row{"Paused", &RecordingSummary::paused, Shown::kAlways,
+        "The session was paused; the force faded out and stayed off."},
+    Row{"Clutched", &RecordingSummary::clutched, Shown::kWhenMet,
+        "The clutch was held, so that the hand could move on without the tip; the force faded out and stayed "
+        "off."},
+    Row{"Faded", &RecordingSummary::faded, Shown::kWhenMet,
+        "The force was coming in, over half a second at the start and after every interruption, or going "
+        "out."},
+    Row{"Blended", &RecordingSummary::blended, Shown::kWhenMet,
+        "The model, the method or a switch had changed; the old force turned into the new one over a tenth "
+        "of a "
+        "second."},
+};
+
+std::string row_html(const Run& run, const Row& row) {
+  const std::uint64_t count = run.summary.*row.count;
+  const bool expected = row.shown == Shown::kAlways || (row.shown == Shown::kOnRealClock && run.real_clock());
+  if (count == 0 && !expected) return "";
+  const double ticks = static_cast<double>(run.recording.ticks.size());
+  const double percent = ticks > 0 ? 100 * static_cast<double>(count) / ticks : 0;
+  return "<tr" + std::string(count == 0 ? " class=\"none\"" : "") + "><th scope=\"row\">" + row.name +
+         "</th>" + cell(grouped(count)) + cell(number(percent, percent > 0 && percent < 1 ? 2 : 1) + " %") +
+         "<td class=\"text\">" + row.meaning + "</td></tr>\n";
+}
+
+template <std::size_t N>
+std::string group_html(const Run& run, const char* css_class, const char* title,
+                       const std::array<Row, N>& rows) {
+  std::string html = std::string("<tbody class=\"") + css_class +
+                     "\"><tr class=\"group\"><th scope=\"rowgroup\" colspan=\"4\">" + title + "</th></tr>\n";
+  for (const Row& row : rows) html += row_html(run, row);
+  return html + "</tbody>";
+}
+
+/// "8.50 N", or "not known".
+std::string newtons(double force_N) {
+  return std::isfinite(force_N) ? number(force_N, 2) + " N" : "not known";
+}
+
+/// What the forces were held to: the limit, what each device bears, how warm it got.
+std::string limits_html(const Run& run) {
+  if (run.recording.ticks.empty()) return "";
+  const ForceExtremes& forces = run.forces;
+  std::string limit = number(forces.highest_limit_N, 2) + " N";
+  if (forces.lowest_limit_N < forces.highest_limit_N)
+    limit = number(forces.lowest_limit_N, 2) + " to " + limit;
+  std::string html = "<dl class=\"provenance limits\">\n" + entry("Limit in effect", limit);
+  const int devices = device_count(run.recording);
+  bool thermal = false;
+  for (int d = 0; d < devices; ++d) {
+    const DeviceTick& device = run.recording.ticks.front().device[static_cast<std::size_t>(d)];
+    const std::string which = devices > 1 ? "Device " + std::to_string(d + 1) : "The device";
+    html += entry(which + " gives at most", newtons(device.peak_force_N));
+    html += entry(which + " bears for ever", newtons(device.continuous_force_N));
+    thermal = thermal || std::isfinite(device.continuous_force_N);
+  }
+  html +=
+      entry("Thermal budget, most used", thermal ? number(100 * forces.most_heat, 0) + " %" : "none kept");
+  return html + "</dl>\n";
+}
+
+}  // namespace
+
+std::string safety_table_html(const Run& run) {
+  return "<section class=\"card\" aria-labelledby=\"safety-title\"><h2 id=\"safety-title\">Safety "
+         "stage</h2>\n"
+         "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">What happened</th><th scope=\"col\">Ticks"
+         "</th><th scope=\"col\">Share</th><th scope=\"col\" class=\"text\">What it "
+         "means</th></tr></thead>\n" +
+         group_html(run, "interventions", "Interventions", kInterventions) +
+         group_html(run, "others", "Not an intervention", kOthers) + "</table></div>\n" + limits_html(run) +
+         "</section>\n";
+}
+
+}  // namespace palpate::report

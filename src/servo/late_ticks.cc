@@ -1,0 +1,61 @@
+#include "servo/late_ticks.h"
+
+#include <chrono>
+
+#include "servo/thread_monitor.h"
+
+namespace palpate {
+namespace {
+
+constexpr auto kLook = std::chrono::milliseconds(10);
+
+}  // namespace
+
+void LateTicks::begin(int tid) {
+  thread_ = std::thread([this, tid] { look_for_causes(tid); });
+}
+
+void LateTicks::end() {
+  end_.store(true);
+  if (thread_.joinable()) thread_.join();
+}
+
+void LateTicks::add(std::int64_t late_ns, std::uint64_t ticks) noexcept {
+  // the other thread only takes the worst away, so that losing one of two at the same moment does no harm
+  if (late_ns > worst_ns_.load(std::memory_order_relaxed))
+    worst_ns_.store(late_ns, std::memory_order_relaxed);
+  late_.store(late_.load(std::memory_order_relaxed) + ticks, std::memory_order_release);
+}
+
+void LateTicks::look_for_causes(int tid) {
+  ThreadMonitor monitor(tid);
+  ThreadMonitor::Counters before = monitor.read();
+  std::uint64_t seen = 0;
+  while (true) {
+    const bool last = end_.load();
+    const std::uint64_t late = late_.load(std::memory_order_acquire);
+    const std::int64_t worst_ns = worst_ns_.exchange(0, std::memory_order_relaxed);
+    ThreadMonitor::Counters after = monitor.read();
+    if (late > seen) {
+      const LateCause cause = late_cause(before, after, worst_ns);
+      by_cause_[static_cast<std::size_t>(cause)].fetch_add(late - seen);
+      seen = late;
+    }
+    before = std::move(after);
+    if (last) return;
+    std::this_thread::sleep_for(kLook);
+  }
+}
+
+LateCounts LateTicks::counts() const {
+  const auto of = [&](LateCause cause) { return by_cause_[static_cast<std::size_t>(cause)].load(); };
+  return {of(LateCause::kSteal), of(LateCause::kPageFault), of(LateCause::kPreemption),
+          of(LateCause::kRunQueue), of(LateCause::kUnknown)};
+}
+
+LateCounts operator-(const LateCounts& a, const LateCounts& b) {
+  return {a.steal - b.steal, a.page_fault - b.page_fault, a.preemption - b.preemption,
+          a.run_queue - b.run_queue, a.unknown - b.unknown};
+}
+
+}  // namespace palpate

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <thread>
+
+#include "palpate/servo_loop.h"
+
+namespace palpate {
+
+/// Counts ticks that were not on time, and finds out why from what the kernel counts about their thread. The
+/// looking is done on another thread, every hundredth of a second, so that the servo makes no system call for
+/// it; several late ticks between two looks share the cause of the worst.
+class LateTicks {
+ public:
+  LateTicks() = default;
+  ~LateTicks() { end(); }
+  LateTicks(const LateTicks&) = delete;
+  LateTicks& operator=(const LateTicks&) = delete;
+
+  /// @param tid  of the thread that ticks (gettid)
+  void begin(int tid);
+  void end();
+
+  /// The servo thread.
+  void add(std::int64_t late_ns, std::uint64_t ticks) noexcept;
+
+  LateCounts counts() const;
+
+ private:
+  void look_for_causes(int tid);
+
+  std::atomic<bool> end_{false};
+  std::atomic<std::uint64_t> late_{0};
+  std::atomic<std::int64_t> worst_ns_{0};
+  std::array<std::atomic<std::uint64_t>, 5> by_cause_{};  // LateCause
+  std::thread thread_;
+};
+
+LateCounts operator-(const LateCounts& a, const LateCounts& b);
+
+}  // namespace palpate

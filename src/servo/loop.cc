@@ -1,0 +1,276 @@
+#include "servo/loop.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <system_error>
+
+/// One tick on the real clock, in order: time -> inputs -> tick -> commands -> heartbeat -> what others see.
+/// update() allocates, locks, logs and throws nothing; its only system calls are those of the clock.
+namespace palpate {
+namespace {
+
+constexpr auto kStopPoll = std::chrono::milliseconds(2);
+// more than the ramp takes; a servo thread that hangs does not get there
+constexpr auto kStopPatience = std::chrono::milliseconds(500);
+
+// of the device's own clock, where it has one and says so
+double rate_of(const DeviceDriver& driver, const LoopSettings& settings) {
+  const DeviceInfo& info = driver.devices().front();
+  const bool own = info.drive != DeviceInfo::Drive::kPulled && info.rate_hz && *info.rate_hz > 0;
+  return own ? *info.rate_hz : settings.rate_hz;
+}
+
+Percentiles percentiles_of(const LatencyHistogram& histogram) {
+  const LatencyHistogram::Summary s = histogram.summary();
+  return {s.p50_us, s.p99_us, s.p999_us, s.max_us};
+}
+
+void add(std::atomic<std::uint64_t>& counter, std::uint64_t more) {
+  counter.store(counter.load(std::memory_order_relaxed) + more, std::memory_order_relaxed);
+}
+
+}  // namespace
+
+Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Parameters& parameters,
+           const std::vector<WorkspaceSettings>& workspaces, const LoopSettings& settings, TimeSource now)
+    : driver_(driver),
+      settings_(settings),
+      period_ns_(std::llround(1e9 / rate_of(driver, settings))),
+      now_(now),
+      model_(std::move(model)),
+      latest_(parameters),
+      pacer_(settings.rate_hz, settings.spin_s, stop_),
+      ring_(static_cast<std::size_t>(std::ceil(settings.ring_s * rate_of(driver, settings)))),
+      watchdog_(driver) {
+  const auto devices = driver.devices();
+  for (std::size_t d = 0; d < devices.size(); ++d) {
+    const WorkspaceSettings& workspace = workspaces[workspaces.size() == 1 ? 0 : d];
+    mappings_.emplace_back(devices[d], workspace);
+    latest_.device[d] = device_parameters(devices[d], workspace);
+  }
+  posted_ = latest_;
+  record_.devices = static_cast<int>(devices.size());
+}
+
+Loop::~Loop() {
+  stop();
+}
+
+Result<void> Loop::begin() {
+  std::promise<int> tid;
+  auto started = tid.get_future();
+  try {
+    scheduling_.watchdog = watchdog_.begin(settings_.realtime);
+    thread_ = std::thread([this, &tid] { run(tid); });
+    late_ticks_.begin(started.get());
+  } catch (const std::system_error& error) {
+    return Error{ErrorKind::kUnavailable, std::string("no thread for the servo: ") + error.what(), "",
+                 "close other programs, or raise the limit of processes (ulimit -u)"};
+  }
+  return {};
+}
+
+void Loop::run(std::promise<int>& tid) {
+  // a driver that calls back ticks in its vendor's thread, and this one only waits for it
+  const bool ticks_here = driver_.devices().front().drive != DeviceInfo::Drive::kCallback;
+  RealtimeRequest request;
+  request.fifo = settings_.realtime && ticks_here;
+  request.lock_memory = settings_.realtime;
+  request.cpu = ticks_here ? settings_.cpu : -1;
+  request.leave_above = 1;
+  const RealtimeGrant grant = make_this_thread_realtime(request);
+  scheduling_.realtime = grant.fifo;
+  scheduling_.memory_locked = grant.memory_locked;
+  scheduling_.scheduler = ticks_here ? grant.scheduler : "that of the vendor's thread";
+  scheduling_.memory = grant.memory;
+  running_.store(true);
+  tid.set_value(::gettid());
+  driver_.run(*this, *this);
+  watchdog_.rest();
+  running_.store(false);
+}
+
+// ---- callers
+
+void Loop::change(const std::function<void(Parameters&)>& edit) {
+  const std::lock_guard lock(callers_);
+  const auto own = latest_.device;
+  edit(latest_);
+  latest_.device = own;
+  parameters_in_.post(latest_);
+}
+
+Parameters Loop::parameters() const {
+  const std::lock_guard lock(callers_);
+  return latest_;
+}
+
+void Loop::stop() {
+  if (!thread_.joinable()) return;
+  // let the force fade out first
+  stopping_.store(true);
+  for (auto waited = kStopPoll; waited < kStopPatience && running() && !silent_.load(); waited += kStopPoll)
+    std::this_thread::sleep_for(kStopPoll);
+  // devices at rest need no watching while their driver shuts down; one that hangs does
+  if (silent_.load()) watchdog_.stand_down();
+  stop_.store(true);
+  thread_.join();
+  watchdog_.end();
+  late_ticks_.end();
+}
+
+LoopHealth Loop::health() const {
+  LoopHealth health;
+  health.ticks = counts_.ticks.load();
+  health.skipped = counts_.skipped.load();
+  health.dropped = counts_.dropped.load();
+  health.lateness = percentiles_of(lateness_);
+  health.compute = percentiles_of(compute_);
+  const std::lock_guard lock(callers_);
+  health.stalls = watchdog_.stalls() - stalls_before_;
+  health.late = late_ticks_.counts() - late_before_;
+
+  const double elapsed_s = static_cast<double>(counts_.last_ns.load() - counts_.first_ns.load()) * 1e-9;
+  if (health.ticks > 1 && elapsed_s > 0) health.rate_hz = static_cast<double>(health.ticks - 1) / elapsed_s;
+  const std::uint64_t due = health.ticks + health.skipped;
+  if (due > 0) health.on_time = static_cast<double>(counts_.on_time.load()) / static_cast<double>(due);
+  return health;
+}
+
+void Loop::reset_health() noexcept {
+  const std::lock_guard lock(callers_);
+  stalls_before_ = watchdog_.stalls();
+  late_before_ = late_ticks_.counts();
+  reset_.store(true);
+}
+
+// ---- the servo thread
+
+bool Loop::wait() noexcept {
+  paced_ = pacer_.wait();
+  lateness_ns_ = now_() - pacer_.scheduled_ns();
+  return paced_;
+}
+
+void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept {
+  const std::int64_t begun_ns = now_();
+  const std::size_t count = mappings_.size();
+  PALPATE_CHECK(samples.size() == count && commands.size() == count);
+  const double dt_s = keep_time(begun_ns);
+  take_inputs(samples, dt_s, begun_ns);
+
+  tick(model_.begin_tick(), parameters_, {states_.data(), count}, dt_s, state_, {wrenches_.data(), count},
+       record_);
+  model_.end_tick();
+  for (std::size_t d = 0; d < count; ++d) commands[d] = mappings_[d].to_device(wrenches_[d]);
+
+  const std::int64_t ended_ns = now_();
+  watchdog_.beat(ended_ns);
+  record_.lateness_s = static_cast<double>(lateness_ns_) * 1e-9;
+  record_.compute_s = static_cast<double>(ended_ns - begun_ns) * 1e-9;
+  publish();
+  count_tick(begun_ns, ended_ns);
+}
+
+// the time since the last tick, and how late this one is; a device with a clock of its own is late when its
+// ticks lie farther apart than their period
+double Loop::keep_time(std::int64_t now_ns) noexcept {
+  const std::int64_t since_ns = last_begun_ns_ == 0 ? period_ns_ : now_ns - last_begun_ns_;
+  if (!paced_) lateness_ns_ = std::max<std::int64_t>(0, since_ns - period_ns_);
+  paced_ = false;
+  last_begun_ns_ = now_ns;
+  return static_cast<double>(since_ns) * 1e-9;
+}
+
+void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept {
+  parameters_in_.take(posted_);
+  parameters_ = posted_;
+  parameters_.emergency_stop = posted_.emergency_stop || emergency_.load(std::memory_order_relaxed);
+  parameters_.paused = posted_.paused || stopping_.load(std::memory_order_relaxed);
+  // after a stall nothing is sent at first, also where the watchdog stood still with everything else
+  const bool stalled = dt_s > static_cast<double>(kStall_ns) * 1e-9;
+  const std::uint32_t halted = stalled || watchdog_.halted() ? kDeviceHalted : 0u;
+  for (std::size_t d = 0; d < samples.size(); ++d) {
+    states_[d] = mappings_[d].to_world(samples[d], now_ns);
+    states_[d].status |= halted;
+  }
+}
+
+// nobody who reads these can hold the loop up
+void Loop::publish() noexcept {
+  // devices stand last in a record: those that there are
+  const std::size_t bytes =
+      offsetof(TickRecord, device) + sizeof(DeviceTick) * static_cast<std::size_t>(record_.devices);
+  snapshot_.store(record_, bytes);
+  if (!ring_.push(record_, bytes)) add(counts_.dropped, 1);
+  bool silent = parameters_.paused;
+  for (int d = 0; d < record_.devices; ++d)
+    silent = silent && state_.hands[d].output.gain == 0 && wrenches_[d].force_N == Vector<World>();
+  silent_.store(silent, std::memory_order_relaxed);
+}
+
+void Loop::count_tick(std::int64_t begun_ns, std::int64_t ended_ns) noexcept {
+  // looked at first: an exchange waits for every store before it
+  if (reset_.load(std::memory_order_relaxed) && reset_.exchange(false)) clear_figures();
+  lateness_.add(lateness_ns_);
+  compute_.add(ended_ns - begun_ns);
+  if (counts_.ticks.load(std::memory_order_relaxed) == 0)
+    counts_.first_ns.store(begun_ns, std::memory_order_relaxed);
+  counts_.last_ns.store(begun_ns, std::memory_order_relaxed);
+  add(counts_.ticks, 1);
+
+  const std::uint64_t skipped = pacer_.skipped() - skipped_;
+  skipped_ += skipped;
+  add(counts_.skipped, skipped);
+  const bool on_time = lateness_ns_ <= period_ns_ / 2 && lateness_ns_ + (ended_ns - begun_ns) <= period_ns_;
+  add(counts_.on_time, on_time);
+  if (!on_time || skipped > 0) late_ticks_.add(lateness_ns_, skipped + !on_time);
+}
+
+void Loop::clear_figures() noexcept {
+  lateness_.clear();
+  compute_.clear();
+  for (auto* counter : {&counts_.ticks, &counts_.on_time, &counts_.skipped, &counts_.dropped})
+    counter->store(0);
+}
+
+// ---- start
+
+namespace {
+
+Error usage(const std::string& what, const std::string& remedy) {
+  return {ErrorKind::kUsage, what, "", remedy};
+}
+
+std::optional<Error> settings_error(const LoopSettings& settings) {
+  if (!(settings.rate_hz >= kLowestRate_hz && settings.rate_hz <= kHighestRate_hz))
+    return usage("a rate of " + std::to_string(settings.rate_hz) + " ticks a second",
+                 "choose one from " + std::to_string(static_cast<int>(kLowestRate_hz)) + " to " +
+                     std::to_string(static_cast<int>(kHighestRate_hz)));
+  if (!(settings.spin_s >= 0)) return usage("a negative time to spin", "0 never spins");
+  if (!(settings.ring_s > 0 && settings.ring_s <= 60))
+    return usage("a ring of " + std::to_string(settings.ring_s) + " s", "choose one of up to a minute");
+  return std::nullopt;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ServoLoop>> ServoLoop::start(std::shared_ptr<const Model> model, DeviceDriver& driver,
+                                                    const Parameters& parameters,
+                                                    const std::vector<WorkspaceSettings>& workspaces,
+                                                    const LoopSettings& settings) {
+  if (auto error = settings_error(settings)) return *error;
+  if (auto opened = driver.open(settings.may_move); !opened) return opened.error();
+  const std::size_t devices = driver.devices().size();
+  PALPATE_CHECK(devices >= 1 && devices <= kMaxDevices);
+  PALPATE_CHECK(workspaces.size() == 1 || workspaces.size() == devices);
+  auto loop = std::make_unique<Loop>(std::move(model), driver, parameters, workspaces, settings);
+  if (auto begun = loop->begin(); !begun) return begun.error();
+  return std::unique_ptr<ServoLoop>(std::move(loop));
+}
+
+}  // namespace palpate

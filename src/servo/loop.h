@@ -1,0 +1,111 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <future>
+#include <mutex>
+#include <thread>
+
+#include "base/clock.h"
+#include "base/latency_histogram.h"
+#include "base/mailbox.h"
+#include "base/snapshot.h"
+#include "base/spsc_ring.h"
+#include "palpate/servo_loop.h"
+#include "servo/late_ticks.h"
+#include "servo/model_slot.h"
+#include "servo/pacer.h"
+#include "servo/realtime.h"
+#include "servo/watchdog.h"
+
+namespace palpate {
+
+/// The servo thread's side of ServoLoop: update() is what every driver calls, wait() is the clock of those
+/// that have none. Members are grouped by who writes them.
+class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
+ public:
+  /// What time it is, ns: the monotonic clock, or a test's.
+  using TimeSource = std::int64_t (*)() noexcept;
+  Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Parameters& parameters,
+       const std::vector<WorkspaceSettings>& workspaces, const LoopSettings& settings,
+       TimeSource now = monotonic_ns);
+  ~Loop() override;
+  /// Starts the threads; returns when the servo thread knows what the system gave it. Error kUnavailable when
+  /// there is no thread to be had.
+  Result<void> begin();
+
+  void change(const std::function<void(Parameters&)>& edit) override;
+  Parameters parameters() const override;
+  void set_model(std::shared_ptr<const Model> model) override { model_.set(std::move(model)); }
+  std::size_t collect() override { return model_.collect(); }
+  void emergency_stop() noexcept override { emergency_.store(true); }
+  void rearm() noexcept override { emergency_.store(false); }
+  void stop() override;
+  bool running() const noexcept override { return running_.load(); }
+  TickRecord snapshot() const override { return snapshot_.load(); }
+  SpscRing<TickRecord>& ring() noexcept override { return ring_; }
+  LoopHealth health() const override;
+  void reset_health() noexcept override;
+  const Scheduling& scheduling() const noexcept override { return scheduling_; }
+  std::span<const DeviceInfo> devices() const override { return driver_.devices(); }
+
+  // ---- the servo thread
+  bool wait() noexcept override;
+  bool stopped() const noexcept override { return stop_.load(std::memory_order_relaxed); }
+  void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override;
+
+ private:
+  void run(std::promise<int>& tid);
+  double keep_time(std::int64_t now_ns) noexcept;
+  void take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
+  void publish() noexcept;
+  void count_tick(std::int64_t begun_ns, std::int64_t ended_ns) noexcept;
+  void clear_figures() noexcept;
+
+  DeviceDriver& driver_;
+  const LoopSettings settings_;
+  const std::int64_t period_ns_;
+  const TimeSource now_;
+
+  // written by callers
+  ModelSlot model_;
+  mutable std::mutex callers_;
+  Parameters latest_;
+  Mailbox<Parameters> parameters_in_;
+  std::atomic<bool> stop_{false}, stopping_{false}, emergency_{false}, reset_{false};
+
+  // the servo thread's own
+  Pacer pacer_;
+  Parameters posted_;      // by callers
+  Parameters parameters_;  // of this tick
+  std::vector<WorkspaceMapping> mappings_;
+  SessionState state_;
+  std::array<DeviceState, kMaxDevices> states_;
+  std::array<Wrench, kMaxDevices> wrenches_;
+  TickRecord record_;
+  std::int64_t last_begun_ns_ = 0;
+  std::int64_t lateness_ns_ = 0;
+  bool paced_ = false;  // this tick came from our own clock
+  std::uint64_t skipped_ = 0;
+
+  // written by the servo thread, read by others
+  Snapshot<TickRecord> snapshot_;
+  SpscRing<TickRecord> ring_;
+  LatencyHistogram lateness_, compute_;
+  struct Counts {
+    std::atomic<std::uint64_t> ticks{0}, on_time{0}, skipped{0}, dropped{0};
+    std::atomic<std::int64_t> first_ns{0}, last_ns{0};
+  } counts_;
+  std::atomic<bool> silent_{false}, running_{false};
+
+  // what health() is counted from
+  LateCounts late_before_;
+  std::uint64_t stalls_before_ = 0;
+
+  Scheduling scheduling_;
+  Watchdog watchdog_;
+  LateTicks late_ticks_;
+  std::thread thread_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,380 @@
+#include "servo/loop.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <functional>
+
+#include "haptics/test_model.h"
+#include "palpate/simulated_device.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::ball_model;
+using testing::kBoneRadius_mm;
+
+std::shared_ptr<const Model> ball(std::uint32_t version = 1, double stiffer = 1) {
+  Model model = ball_model({1, 1, 1});
+  model.version = version;
+  model.full_force_N *= stiffer;
+  return std::make_shared<const Model>(std::move(model));
+}
+
+DeviceInfo plain_device() {
+  DeviceInfo info;
+  info.name = "test";
+  info.peak_force_N = 8;
+  return info;
+}
+
+// a driver whose run() is the test's
+class TestDriver : public DeviceDriver {
+ public:
+  using Body = std::function<void(TestDriver&, ServoFunction&, ServoClock&)>;
+  explicit TestDriver(Body body) : body_(std::move(body)) {}
+
+  std::span<const DeviceInfo> devices() const override { return {&info, 1}; }
+  Result<void> open(bool may_move) override { return require_consent(info, may_move); }
+  void run(ServoFunction& servo, ServoClock& clock) noexcept override { body_(*this, servo, clock); }
+  void halt() noexcept override { halted_ns = monotonic_ns(); }
+  void resume() noexcept override { resumed_ns = monotonic_ns(); }
+
+  // one tick with the tip there
+  DeviceCommand tick_at(ServoFunction& servo, const Point<Device>& tip) {
+    DeviceSample sample;
+    sample.tip = tip;
+    sample.taken_ns = monotonic_ns();
+    DeviceCommand command;
+    servo.update({&sample, 1}, {&command, 1});
+    return command;
+  }
+
+  DeviceInfo info = plain_device();
+  std::atomic<std::int64_t> halted_ns{0}, resumed_ns{0};
+
+ private:
+  Body body_;
+};
+
+// rests on the ball until it is told to stop, and keeps every command
+struct Resting {
+  std::vector<double> forces_N;
+  TestDriver driver{[this](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
+    while (clock.wait())
+      forces_N.push_back(self.tick_at(servo, Point<Device>(kBoneRadius_mm, 0, 0)).force_N.norm());
+  }};
+};
+
+std::unique_ptr<ServoLoop> started(DeviceDriver& driver, const LoopSettings& settings = {},
+                                   std::shared_ptr<const Model> model = ball()) {
+  auto loop = ServoLoop::start(std::move(model), driver, {}, {WorkspaceSettings{}}, settings);
+  EXPECT_TRUE(loop.ok()) << (loop.ok() ? "" : loop.error().message());
+  return std::move(*loop);
+}
+
+// on a machine that stood still for a while the watchdog is right to halt the device
+bool undisturbed(const TickRecord& before, const TickRecord& record) {
+  return ((before.device[0].flags | record.device[0].flags) & kFaultFlags) == 0;
+}
+
+void wait_until(const std::function<bool()>& done) {
+  for (int n = 0; n < 5000 && !done(); ++n) std::this_thread::sleep_for(1ms);
+  EXPECT_TRUE(done());
+}
+
+TEST(Loop, TicksOnItsClockAndCountsThem) {
+  Resting resting;
+  const auto loop = started(resting.driver, {.rate_hz = 2000});
+  std::this_thread::sleep_for(300ms);
+  loop->stop();
+  const LoopHealth health = loop->health();
+  EXPECT_EQ(health.ticks, resting.forces_N.size());
+  EXPECT_GT(health.ticks, 100u);
+  EXPECT_EQ(loop->snapshot().tick + 1, health.ticks);
+  EXPECT_GT(health.compute.p50_us, 0);
+  EXPECT_LE(health.lateness.p50_us, health.lateness.p99_us);
+  EXPECT_FALSE(loop->scheduling().scheduler.empty());
+  EXPECT_FALSE(loop->running());
+
+  // every tick came through the ring, in order, with the times that it took
+  std::vector<TickRecord> records(health.ticks + 1);
+  ASSERT_EQ(loop->ring().pop(records), health.ticks);
+  double time_s = 0;
+  for (std::size_t n = 0; n < health.ticks; ++n) {
+    EXPECT_EQ(records[n].tick, n);
+    EXPECT_NEAR(records[n].time_s, time_s, 1e-9);
+    EXPECT_GT(records[n].compute_s, 0);
+    time_s += records[n].dt_s;
+  }
+  // every point in time had its tick or is counted as skipped, from the first tick's to the last one's
+  const double elapsed_s = records[health.ticks - 1].time_s - records[0].dt_s;
+  const double late = (records[0].lateness_s + records[health.ticks - 1].lateness_s) * 2000;
+  EXPECT_NEAR(static_cast<double>(health.ticks - 1 + health.skipped), elapsed_s * 2000, 1.5 + late);
+}
+
+TEST(Loop, ForceFadesOutBeforeItStops) {
+  Resting resting;
+  const auto loop = started(resting.driver);
+  wait_until([&] { return loop->snapshot().time_s > 0.7; });
+  loop->stop();
+  const double full_N = resting.forces_N[resting.forces_N.size() / 2 + 100];
+  EXPECT_GT(full_N, 0.5);
+  EXPECT_EQ(resting.forces_N.back(), 0);
+  // no step larger than the ramp or, after a late tick, the slew allows
+  std::vector<TickRecord> records(resting.forces_N.size());
+  ASSERT_EQ(loop->ring().pop(records), records.size());
+  for (std::size_t n = 1; n < records.size(); ++n) {
+    if (!undisturbed(records[n - 1], records[n])) continue;
+    const double fade = records[n].dt_s / 0.1 * full_N * 1.01;
+    ASSERT_LE(std::abs(resting.forces_N[n] - resting.forces_N[n - 1]), fade + 1e-9) << n;
+  }
+}
+
+TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
+  Resting resting;
+  const auto loop = started(resting.driver);
+  EXPECT_EQ(loop->parameters().device[0].limits.peak_force_N, 8);
+  loop->change([](Parameters& parameters) {
+    parameters.friction = false;
+    parameters.max_force_N = 0.25;
+    parameters.device[0].limits.peak_force_N = 100;
+    parameters.device[0].force_gain = 7;
+  });
+  wait_until([&] { return loop->snapshot().max_force_N == 0.25; });
+  const TickRecord seen = loop->snapshot();
+  EXPECT_FALSE(seen.switches & kSwitchFriction);
+  EXPECT_EQ(seen.device[0].peak_force_N, 8) << "nobody raises a device's limit from outside";
+  EXPECT_EQ(seen.device[0].force_gain, 1);
+  loop->stop();
+}
+
+TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
+  Resting resting;
+  const auto loop = started(resting.driver);
+  wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0.3; });
+  loop->emergency_stop();
+  wait_until([&] { return (loop->snapshot().device[0].flags & kFlagEmergencyStop) != 0; });
+  EXPECT_EQ(loop->snapshot().device[0].force_N[0], 0);
+  std::this_thread::sleep_for(20ms);
+  EXPECT_EQ(loop->snapshot().device[0].force_N[0], 0);
+  loop->rearm();
+  wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0; });
+  EXPECT_TRUE(loop->snapshot().device[0].flags & kFlagRamp);
+  loop->stop();
+}
+
+// a tick that hangs, as a vendor's call or a page fault from a dead disk would let it
+TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
+  std::atomic<std::int64_t> hang_began_ns{0}, hang_ended_ns{0};
+  std::atomic<bool> hang{false};
+  TestDriver driver([&](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
+    while (clock.wait()) {
+      if (hang.exchange(false)) {
+        hang_began_ns = monotonic_ns();
+        std::this_thread::sleep_for(150ms);
+        hang_ended_ns = monotonic_ns();
+      }
+      self.tick_at(servo, Point<Device>(kBoneRadius_mm, 0, 0));
+    }
+  });
+  const auto loop = started(driver);
+  wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0.5; });
+  const std::uint64_t before = loop->health().stalls;
+  hang = true;
+  wait_until([&] { return hang_ended_ns != 0; });
+  EXPECT_GE(driver.halted_ns - hang_began_ns, kStall_ns - 3'000'000);
+  EXPECT_LT(driver.halted_ns, hang_ended_ns) << "while it hung";
+  EXPECT_GT(loop->health().stalls, before);
+
+  // ticks that come again send nothing while the device is halted, and come in by the ramp
+  wait_until([&] { return driver.resumed_ns > hang_ended_ns; });
+  wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0.5; });
+  loop->stop();
+  std::vector<TickRecord> records(4000);
+  records.resize(loop->ring().pop(records));
+  bool halted = false;
+  for (const TickRecord& record : records) {
+    if ((record.device[0].flags & kFlagHalted) == 0) continue;
+    EXPECT_EQ(record.device[0].force_N, (std::array<double, 3>{}));
+    halted = true;
+  }
+  EXPECT_TRUE(halted);
+}
+
+TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
+  std::atomic<std::thread::id> servo_thread;
+  std::vector<double> forces_N;
+  TestDriver driver([&](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
+    servo_thread = std::this_thread::get_id();
+    while (clock.wait())
+      forces_N.push_back(self.tick_at(servo, Point<Device>(kBoneRadius_mm, 0, 0)).force_N.norm());
+  });
+  std::atomic<int> freed{0}, freed_by_servo{0};
+  const auto watched = [&](std::shared_ptr<const Model> model) {
+    const Model* raw = model.get();
+    return std::shared_ptr<const Model>(raw, [&, model](const Model*) mutable {
+      ++freed;
+      if (std::this_thread::get_id() == servo_thread.load()) ++freed_by_servo;
+      model.reset();
+    });
+  };
+  const auto loop = started(driver, {.rate_hz = 4000}, watched(ball(1)));
+  wait_until([&] { return loop->snapshot().time_s > 0.6; });
+  // soft and stiff by turns, faster than a blend takes
+  for (std::uint32_t version = 2; version <= 20; ++version) {
+    loop->set_model(watched(ball(version, version % 2 ? 1 : 0.5)));
+    std::this_thread::sleep_for(20ms);
+  }
+  wait_until([&] { return loop->snapshot().model_version == 20; });
+  wait_until([&] { return loop->collect() == 1; });
+  EXPECT_EQ(freed, 19);
+  EXPECT_EQ(freed_by_servo, 0);
+  loop->stop();
+
+  std::vector<TickRecord> records(forces_N.size());
+  ASSERT_EQ(loop->ring().pop(records), records.size());
+  std::uint32_t version = 1;
+  for (std::size_t n = 1; n < records.size(); ++n) {
+    ASSERT_GE(records[n].model_version, version) << "versions only go forward";
+    version = records[n].model_version;
+    if (!undisturbed(records[n - 1], records[n])) continue;
+    // a step of half the force over the blend, 1.5 times as steep in its middle, or the ramps
+    ASSERT_LE(std::abs(forces_N[n] - forces_N[n - 1]), 20 * records[n].dt_s * 2) << n;
+  }
+  EXPECT_EQ(version, 20u);
+}
+
+// ---- on a clock that only the test moves: two runs are the same tick for tick
+
+std::atomic<std::int64_t> test_time_ns{0};
+std::int64_t test_clock() noexcept {
+  return test_time_ns.load();
+}
+
+// a whole run of ticks, and its hash; `meanwhile` may get in the way
+std::uint64_t run_hash(const std::function<void(Loop&)>& meanwhile, double ring_s, std::uint64_t* dropped) {
+  constexpr int kTicks = 3000;
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {.rate_hz = 1000, .ring_s = ring_s}, test_clock);
+  std::atomic<bool> done{false};
+  std::thread other([&] {
+    while (!done) meanwhile(loop);
+  });
+  std::uint64_t hash = 0;
+  for (int n = 0; n < kTicks; ++n) {
+    test_time_ns += 1'000'000;
+    DeviceSample sample;
+    const double angle = 1e-3 * n;
+    sample.tip = Point<Device>(kBoneRadius_mm * std::cos(angle), kBoneRadius_mm * std::sin(angle), 0);
+    sample.taken_ns = test_time_ns;
+    DeviceCommand command;
+    loop.update({&sample, 1}, {&command, 1});
+    hash = hash * 31 + loop.snapshot().state_hash;
+  }
+  done = true;
+  other.join();
+  *dropped = loop.health().dropped;
+  return hash;
+}
+
+TEST(Loop, NobodyWhoWatchesChangesATick) {
+  std::uint64_t dropped = 0;
+  std::vector<TickRecord> taken(64);
+  const auto alone = run_hash([](Loop&) { std::this_thread::sleep_for(1ms); }, 4, &dropped);
+  EXPECT_EQ(dropped, 0u);
+
+  // a recorder that keeps up, and one that never comes
+  EXPECT_EQ(alone, run_hash([&](Loop& loop) { loop.ring().pop(taken); }, 4, &dropped));
+  EXPECT_EQ(dropped, 0u);
+  EXPECT_EQ(alone, run_hash([](Loop&) { std::this_thread::sleep_for(1ms); }, 0.1, &dropped));
+  EXPECT_EQ(dropped, 3000u - 128) << "all but what the ring holds";
+
+  // viewers that look without pause; what one does that is killed in the middle of it, base/snapshot_test.cc
+  // tells
+  EXPECT_EQ(alone, run_hash([](Loop& loop) { static_cast<void>(loop.snapshot()); }, 4, &dropped));
+}
+
+// one tick, a period or more after the last, at a place
+DeviceCommand tick_after(Loop& loop, std::int64_t passed_ns, double x_mm = kBoneRadius_mm) {
+  test_time_ns += passed_ns;
+  DeviceSample sample;
+  sample.tip = Point<Device>(x_mm, 0, 0);
+  sample.taken_ns = test_time_ns;
+  DeviceCommand command;
+  loop.update({&sample, 1}, {&command, 1});
+  return command;
+}
+
+TEST(Loop, AStallIsFollowedByNothingAndTheRampThoughEverythingStoodStill) {
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
+  for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
+  const double full_N = loop.snapshot().device[0].force_N[0];
+  ASSERT_GT(full_N, 1);
+  // no watchdog has run: the loop itself sees how much time has passed
+  EXPECT_EQ(tick_after(loop, kStall_ns + 1).force_N, Vector<Device>());
+  EXPECT_TRUE(loop.snapshot().device[0].flags & kFlagHalted);
+  EXPECT_LT(tick_after(loop, 1'000'000).force_N.norm(), 0.01 * full_N);
+}
+
+TEST(Loop, AnEmergencyStopMayComeAsAParameterToo) {
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
+  for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
+  loop.change([](Parameters& parameters) { parameters.emergency_stop = true; });
+  EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>());
+  loop.rearm();
+  EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>()) << "who asked for it still does";
+}
+
+TEST(Loop, ADeviceWithAClockOfItsOwnIsMeasuredByIt) {
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  driver.info.drive = DeviceInfo::Drive::kExchange;
+  driver.info.rate_hz = 500;
+  Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {.rate_hz = 1000}, test_clock);
+  for (int n = 0; n < 100; ++n) tick_after(loop, 2'000'000);
+  EXPECT_EQ(loop.health().on_time, 1);
+  EXPECT_EQ(loop.health().lateness.max_us, 0);
+  tick_after(loop, 3'500'000);
+  EXPECT_LT(loop.health().on_time, 1);
+  EXPECT_NEAR(loop.health().lateness.max_us, 1500, 1);
+}
+
+TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
+  for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
+  ASSERT_GT(loop.snapshot().device[0].force_N[0], 1);
+  Model strict = *ball(2);
+  strict.scene_max_force_N = 0.5;
+  loop.set_model(std::make_shared<const Model>(std::move(strict)));
+  EXPECT_LE(tick_after(loop, 1'000'000).force_N.norm(), 0.5);
+  EXPECT_EQ(loop.snapshot().device[0].limit_N, 0.5);
+}
+
+TEST(Loop, RefusesWhatCannotRun) {
+  Resting resting;
+  const auto refused = [&](const LoopSettings& settings) {
+    const auto loop = ServoLoop::start(ball(), resting.driver, {}, {WorkspaceSettings{}}, settings);
+    EXPECT_FALSE(loop.ok());
+    return loop.ok() ? "" : loop.error().message();
+  };
+  EXPECT_NE(refused({.rate_hz = 20}).find("250 to 10000"), std::string::npos);
+  EXPECT_NE(refused({.rate_hz = std::nan("")}), "");
+  EXPECT_NE(refused({.spin_s = -1}), "");
+  EXPECT_NE(refused({.ring_s = 0}), "");
+  resting.driver.info.moves_by_itself = true;
+  EXPECT_NE(refused({}).find("move"), std::string::npos);
+  EXPECT_NE(started(resting.driver, {.may_move = true}), nullptr);
+}
+
+}  // namespace
+}  // namespace palpate

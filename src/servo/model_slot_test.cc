@@ -1,0 +1,77 @@
+#include "servo/model_slot.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+namespace palpate {
+namespace {
+
+std::shared_ptr<const Model> model(std::uint32_t version) {
+  auto made = std::make_shared<Model>();
+  made->version = version;
+  return made;
+}
+
+TEST(ModelSlot, KeepsWhatATickMayStillUse) {
+  ModelSlot slot(model(1));
+  EXPECT_EQ(slot.begin_tick().version, 1u);
+  slot.set(model(2));
+  EXPECT_EQ(slot.collect(), 2u) << "the tick that began before still uses the first";
+  slot.end_tick();
+  EXPECT_EQ(slot.collect(), 1u);
+  EXPECT_EQ(slot.begin_tick().version, 2u);
+  slot.set(model(3));
+  slot.set(model(4));
+  EXPECT_EQ(slot.collect(), 3u);
+  slot.end_tick();
+  EXPECT_EQ(slot.collect(), 1u);
+  slot.set(model(5));
+  EXPECT_EQ(slot.collect(), 1u) << "between ticks nothing is used";
+}
+
+TEST(ModelSlot, NoTickEverSeesAFreedModel) {
+  // every model marks itself dead when it is freed; the ticks look
+  struct Marked {
+    std::atomic<bool> dead{false};
+  };
+  std::vector<std::unique_ptr<Marked>> marks(2001);
+  for (auto& mark : marks) mark = std::make_unique<Marked>();
+  const auto made = [&](std::uint32_t version) {
+    auto plain = std::make_shared<Model>();
+    plain->version = version;
+    const Model* raw = plain.get();
+    return std::shared_ptr<const Model>(raw,
+                                        [plain, &marks](const Model* m) { marks[m->version]->dead = true; });
+  };
+  ModelSlot slot(made(0));
+  std::atomic<bool> done{false};
+  std::atomic<int> wrong{0}, ticks{0};
+  std::thread servo([&] {
+    for (; !done; ++ticks) {
+      const Model& used = slot.begin_tick();
+      for (int n = 0; n < 50; ++n) wrong += marks[used.version]->dead.load();
+      slot.end_tick();
+    }
+  });
+  // some at full speed, some so that ticks fall between them
+  for (std::uint32_t version = 1; version <= 2000; ++version) {
+    const int before = ticks;
+    while (version % 20 == 0 && ticks == before) std::this_thread::yield();
+    slot.set(made(version));
+  }
+  done = true;
+  servo.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(ticks, 100);
+  EXPECT_EQ(slot.collect(), 1u);
+}
+
+TEST(ModelSlotDeathTest, AVersionThatIsNotAboveTheLastIsABug) {
+  ModelSlot slot(model(2));
+  EXPECT_DEATH(slot.set(model(2)), "version");
+  EXPECT_DEATH(slot.set(model(1)), "version");
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,157 @@
+#include "servo/output_stage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "palpate/telemetry.h"
+
+namespace palpate {
+namespace {
+
+// a tick that took longer warms and cools no more, and moves the force no farther
+constexpr double kLongest_s = 0.1;
+
+Wrench scaled(const Wrench& w, double factor) {
+  return {w.force_N * factor, w.torque_Nmm * factor, w.gripper_N * factor};
+}
+
+bool all_finite(const Wrench& w) {
+  return w.force_N.all_finite() && w.torque_Nmm.all_finite() && std::isfinite(w.gripper_N);
+}
+
+// a length without overflow or underflow of its square
+double magnitude(const Vector<World>& v) {
+  const double largest = v.eigen().cwiseAbs().maxCoeff();
+  return largest > 0 ? largest * (v / largest).norm() : 0;
+}
+
+// What a number allows: nothing when it is no number that can be a limit, or one that nobody can feel. No
+// device comes near the most. Squares and differences of what lies between cannot overflow or vanish.
+double allowed(double limit) {
+  constexpr double kLeast = 1e-9, kMost = 1e6;
+  return limit >= kLeast && std::isfinite(limit) ? std::min(limit, kMost) : 0;
+}
+
+// the factor that brings a magnitude down to its limit, a hair below it so that rounding never lifts it above
+double factor_to(double limit, double magnitude) {
+  return magnitude > limit ? limit / magnitude * (1 - 0x1p-50) : 1;
+}
+
+double least_limit_N(const OutputLimits& limits, double max_force_N) {
+  return std::isnan(limits.peak_force_N) ? allowed(max_force_N)
+                                         : std::min(allowed(max_force_N), allowed(limits.peak_force_N));
+}
+
+// Motors warm with the square of the force: heat follows (F / continuous)^2 with the time constant
+// kThermal_s, and 1 is what they bear for ever. What is left of the budget may be spent within
+// kThermalTaper_s, so that heat never passes 1 and the limit comes down to the continuous force.
+double thermal_limit_N(const OutputLimits& limits, double heat, double dt_s) {
+  if (std::isnan(limits.continuous_force_N)) return std::numeric_limits<double>::infinity();
+  const double power = heat + (1 - heat) * kThermal_s / std::max(dt_s, kThermalTaper_s);
+  return allowed(limits.continuous_force_N) * std::sqrt(power);
+}
+
+double warmed(const OutputLimits& limits, double heat, double force_N, double dt_s) {
+  const double continuous_N = allowed(limits.continuous_force_N);
+  if (continuous_N == 0) return heat;
+  const double power = force_N / continuous_N * (force_N / continuous_N);
+  return std::min(1.0, heat + (power - heat) * std::min(1.0, dt_s / kThermal_s));
+}
+
+double freshness_at(double age_s) {
+  if (!(age_s >= -kClockJitter_s)) return 0;
+  return std::clamp((kStale_s - age_s) / (kStale_s - kFresh_s), 0.0, 1.0);
+}
+
+// the part of the way to `wanted` that one tick may take
+double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& limits, double dt_s) {
+  const auto part = [](double way, double most) { return way > most ? most / way : 1.0; };
+  const double swing = dt_s / kFullSwing_s;
+  const double slew_N_per_s = limits.slew_N_per_s > 0 ? limits.slew_N_per_s : OutputLimits{}.slew_N_per_s;
+  return std::min(
+      {part(magnitude(wanted.force_N - sent.force_N), slew_N_per_s * dt_s),
+       part(magnitude(wanted.torque_Nmm - sent.torque_Nmm), allowed(limits.peak_torque_Nmm) * swing),
+       part(std::abs(wanted.gripper_N - sent.gripper_N), allowed(limits.peak_gripper_N) * swing)});
+}
+
+Wrench between(const Wrench& from, const Wrench& to, double part) {
+  if (part == 1) return to;
+  return {from.force_N + (to.force_N - from.force_N) * part,
+          from.torque_Nmm + (to.torque_Nmm - from.torque_Nmm) * part,
+          from.gripper_N + (to.gripper_N - from.gripper_N) * part};
+}
+
+// force and torque keep their directions and their ratio; the gripper stands alone
+Wrench clamped(const Wrench& w, const OutputLimits& limits, double limit_N) {
+  const double factor = std::min(factor_to(limit_N, magnitude(w.force_N)),
+                                 factor_to(allowed(limits.peak_torque_Nmm), magnitude(w.torque_Nmm)));
+  const double grip_N = allowed(limits.peak_gripper_N);
+  return {w.force_N * factor, w.torque_Nmm * factor, std::clamp(w.gripper_N, -grip_N, grip_N)};
+}
+
+// a device that takes no torque or gripper force is not asked for it, so that the force is whole
+Wrench within_reach_of(const OutputLimits& limits, Wrench w) {
+  if (allowed(limits.peak_torque_Nmm) == 0) w.torque_Nmm = {};
+  if (allowed(limits.peak_gripper_N) == 0) w.gripper_N = 0;
+  return w;
+}
+
+}  // namespace
+
+Output make_output(const OutputRequest& request, const OutputLimits& limits, double max_force_N, double dt_s,
+                   OutputState& state) {
+  dt_s = dt_s > 0 ? std::min(dt_s, kLongest_s) : 0;
+  Output out;
+  out.flags = request.faults & kFaultFlags;
+  if (!all_finite(request.asked)) out.flags |= kFlagNotFinite;
+
+  // an old state fades, a fault is off at once; both come back by the ramp
+  const double freshness = freshness_at(request.age_s);
+  if (freshness < 1) out.flags |= kFlagStale;
+  if ((out.flags & kFaultFlags) != 0 || freshness == 0) {
+    state.sent = {};
+    state.gain = 0;
+    state.heat = warmed(limits, state.heat, 0, dt_s);
+    return out;
+  }
+
+  // what the limit leaves of it
+  const double least_N = least_limit_N(limits, max_force_N);
+  out.limit_N = std::min(least_N, thermal_limit_N(limits, state.heat, dt_s));
+  if (out.limit_N < least_N) out.flags |= kFlagThermal;
+  const Wrench asked = within_reach_of(limits, request.asked);
+  const Wrench kept = clamped(asked, limits, out.limit_N);
+  if (magnitude(kept.force_N) < magnitude(asked.force_N) ||
+      magnitude(kept.torque_Nmm) < magnitude(asked.torque_Nmm))
+    out.flags |= kFlagClamped;
+
+  // ramp, then slew
+  state.gain = request.off ? std::max(0.0, state.gain - dt_s / kRampOut_s)
+                           : std::min(1.0, state.gain + dt_s / kRampIn_s);
+  if (state.gain < 1) out.flags |= kFlagRamp;
+  const Wrench wanted = scaled(kept, state.gain);
+  const double part = slew_part(state.sent, wanted, limits, dt_s);
+  if (part < 1) out.flags |= kFlagSlew;
+
+  // the limit again, for a slew from above it, and the decay of an ageing state
+  out.wrench = scaled(clamped(between(state.sent, wanted, part), limits, out.limit_N), freshness);
+  state.heat = warmed(limits, state.heat, magnitude(out.wrench.force_N), dt_s);
+  state.sent = out.wrench;
+  return out;
+}
+
+OutputLimits limits_of(const DeviceInfo& info) {
+  OutputLimits limits;
+  limits.peak_force_N = info.peak_force_N.value_or(kNotKnown);
+  limits.continuous_force_N = info.continuous_force_N.value_or(kNotKnown);
+  limits.peak_torque_Nmm = info.peak_torque_Nmm.value_or(kNotKnown);
+  limits.peak_gripper_N = info.peak_gripper_N.value_or(kNotKnown);
+  return limits;
+}
+
+DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings) {
+  return {settings.force_gain, settings.scale, limits_of(info)};
+}
+
+}  // namespace palpate

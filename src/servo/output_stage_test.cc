@@ -1,0 +1,348 @@
+#include "servo/output_stage.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "palpate/telemetry.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kTick_s = 1e-3;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// a stage whose device and user are given, ticked once a call
+struct Stage {
+  OutputLimits limits{8, kNotKnown, 500, 4};
+  double max_force_N = 3;
+  OutputState state;
+
+  Output step(const OutputRequest& request, double dt_s = kTick_s) {
+    return make_output(request, limits, max_force_N, dt_s, state);
+  }
+  Output step(const Vector<World>& force_N, double dt_s = kTick_s) { return step({{force_N, {}}}, dt_s); }
+  // until the ramp is over and the slew has caught up
+  void settle(const Vector<World>& force_N) {
+    for (int n = 0; n < 1000; ++n) step(force_N);
+  }
+};
+
+TEST(OutputStage, PassesWhatIsWithinEveryLimitUntouched) {
+  Stage stage;
+  const Wrench asked{Vector<World>(0.3, -0.4, 0), Vector<World>(1, 2, 3), 0.5};
+  Output out;
+  for (int n = 0; n < 1000; ++n) out = stage.step(OutputRequest{asked});
+  EXPECT_EQ(out.wrench.force_N, asked.force_N);
+  EXPECT_EQ(out.wrench.torque_Nmm, asked.torque_Nmm);
+  EXPECT_EQ(out.wrench.gripper_N, asked.gripper_N);
+  EXPECT_EQ(out.flags, 0u);
+  EXPECT_EQ(out.limit_N, 3);
+}
+
+TEST(OutputStage, RampsInOverHalfASecondAndOutOverATenth) {
+  Stage stage;
+  const Vector<World> asked(0, 1, 0);
+  double previous_N = 0;
+  for (int n = 1; n <= 500; ++n) {
+    const Output out = stage.step(asked);
+    ASSERT_NEAR(out.wrench.force_N.y(), n * kTick_s / kRampIn_s, 1e-9);
+    ASSERT_EQ((out.flags & kFlagRamp) != 0, n < 500) << n;
+    ASSERT_GT(out.wrench.force_N.y(), previous_N);
+    previous_N = out.wrench.force_N.y();
+  }
+  for (int n = 1; n <= 100; ++n) {
+    const Output out = stage.step({{asked, {}}, 0, 0, true});
+    ASSERT_NEAR(out.wrench.force_N.y(), 1 - n * kTick_s / kRampOut_s, 1e-9);
+  }
+  EXPECT_EQ(stage.step({{asked, {}}, 0, 0, true}).wrench.force_N, Vector<World>()) << "off while paused";
+}
+
+TEST(OutputStage, ClampKeepsDirectionAndScalesTheTorqueAlike) {
+  Stage stage;
+  const Wrench asked{Vector<World>(0, 6, 8), Vector<World>(40, 0, -20)};
+  Output out;
+  for (int n = 0; n < 1000; ++n) out = stage.step(OutputRequest{asked});
+  EXPECT_NEAR(out.wrench.force_N.norm(), 3, 1e-12);
+  EXPECT_NEAR(out.wrench.force_N.y() / out.wrench.force_N.z(), 0.75, 1e-12);
+  EXPECT_NEAR(out.wrench.torque_Nmm.x(), 12, 1e-10);
+  EXPECT_NEAR(out.wrench.torque_Nmm.z(), -6, 1e-10);
+  EXPECT_TRUE(out.flags & kFlagClamped);
+}
+
+TEST(OutputStage, ATorqueAboveItsLimitScalesTheForceToo) {
+  Stage stage;
+  stage.limits.peak_torque_Nmm = 100;
+  Output out;
+  for (int n = 0; n < 1000; ++n)
+    out = stage.step(OutputRequest{{Vector<World>(1, 0, 0), Vector<World>(0, 200, 0)}});
+  EXPECT_NEAR(out.wrench.torque_Nmm.y(), 100, 1e-9);
+  EXPECT_NEAR(out.wrench.force_N.x(), 0.5, 1e-9);
+}
+
+TEST(OutputStage, LeastOfDeviceAndUserLimitHolds) {
+  Stage stage;
+  stage.max_force_N = 40;
+  stage.settle(Vector<World>(100, 0, 0));
+  EXPECT_NEAR(stage.state.sent.force_N.x(), 8, 1e-12);
+  // a limit that is lowered is not waited for, whatever the slew
+  stage.max_force_N = 0.5;
+  const Output out = stage.step(Vector<World>(100, 0, 0));
+  EXPECT_NEAR(out.wrench.force_N.x(), 0.5, 1e-12);
+}
+
+TEST(OutputStage, WhatIsNotKnownIsNotANumberAndGivesNoLicence) {
+  Stage stage;
+  stage.limits = OutputLimits{};
+  stage.max_force_N = 2;
+  Output out;
+  for (int n = 0; n < 1000; ++n)
+    out = stage.step(OutputRequest{{Vector<World>(9, 0, 0), Vector<World>(0, 5, 0), 1}});
+  EXPECT_NEAR(out.wrench.force_N.x(), 2, 1e-12) << "the user's limit alone holds for forces";
+  EXPECT_EQ(out.wrench.torque_Nmm, Vector<World>()) << "nobody limits torques: none is sent";
+  EXPECT_EQ(out.wrench.gripper_N, 0);
+}
+
+TEST(OutputStage, ALimitThatIsNoNumberLetsNothingThrough) {
+  for (const double limit : {kNaN, -1.0, 0.0, kInfinity}) {
+    Stage stage;
+    stage.max_force_N = limit;
+    stage.settle(Vector<World>(0, 1, 0));
+    EXPECT_EQ(stage.state.sent.force_N, Vector<World>()) << limit;
+  }
+}
+
+TEST(OutputStage, FaultsAreOffAtOnceAndComeBackByTheRamp) {
+  for (const std::uint32_t fault :
+       {kFlagNotFinite, kFlagJump, kFlagDeviceFault, kFlagHalted, kFlagEmergencyStop}) {
+    Stage stage;
+    stage.settle(Vector<World>(0, 2, 0));
+    const Output out = stage.step({{Vector<World>(0, 2, 0), {}}, 0, fault});
+    EXPECT_EQ(out.wrench.force_N, Vector<World>()) << "past the slew";
+    EXPECT_EQ(out.flags, fault);
+    EXPECT_NEAR(stage.step(Vector<World>(0, 2, 0)).wrench.force_N.y(), 2 * kTick_s / kRampIn_s, 1e-12);
+  }
+}
+
+TEST(OutputStage, WhatIsNotFiniteBecomesNothing) {
+  for (const double bad : {kNaN, kInfinity, -kInfinity})
+    for (int axis = 0; axis < 3; ++axis)
+      for (const int part : {0, 1, 2}) {
+        Stage stage;
+        stage.settle(Vector<World>(0.1, 0.1, 0.1));
+        Wrench asked{Vector<World>(0.1, 0.1, 0.1), {}};
+        if (part == 0) asked.force_N[axis] = bad;
+        if (part == 1) asked.torque_Nmm[axis] = bad;
+        if (part == 2) asked.gripper_N = bad;
+        const Output out = stage.step(OutputRequest{asked});
+        EXPECT_EQ(out.wrench.force_N, Vector<World>());
+        EXPECT_EQ(out.flags, kFlagNotFinite);
+      }
+}
+
+TEST(OutputStage, AnAgeingStateDecaysFromFiveToTenMilliseconds) {
+  const auto sent_at = [](double age_s) {
+    Stage stage;
+    stage.settle(Vector<World>(0, 2, 0));
+    return stage.step({{Vector<World>(0, 2, 0), {}}, age_s}).wrench.force_N.y();
+  };
+  EXPECT_EQ(sent_at(0), 2);
+  EXPECT_EQ(sent_at(5e-3), 2);
+  EXPECT_NEAR(sent_at(7.5e-3), 1, 1e-9);
+  EXPECT_EQ(sent_at(10e-3), 0);
+  EXPECT_EQ(sent_at(1e9), 0);
+  EXPECT_EQ(sent_at(-0.5e-3), 2) << "a clock that is set to ours may be a little ahead";
+  for (const double no_age : {kNaN, kInfinity, -2e-3}) EXPECT_EQ(sent_at(no_age), 0) << no_age;
+  // and comes back by the ramp
+  Stage stage;
+  stage.settle(Vector<World>(0, 2, 0));
+  EXPECT_TRUE(stage.step({{Vector<World>(0, 2, 0), {}}, 1}).flags & kFlagStale);
+  EXPECT_LT(stage.step(Vector<World>(0, 2, 0)).wrench.force_N.y(), 0.01);
+}
+
+TEST(OutputStage, SlewSpreadsAStepAndArrives) {
+  Stage stage;
+  stage.settle(Vector<World>(2, 0, 0));
+  stage.limits.slew_N_per_s = 500;
+  Output out;
+  int ticks = 0;
+  Vector<World> previous(2, 0, 0);
+  do {
+    out = stage.step(Vector<World>(-1, 2, 0));
+    ASSERT_LE((out.wrench.force_N - previous).norm(), 0.5 * (1 + 1e-12));
+    previous = out.wrench.force_N;
+    ++ticks;
+  } while (out.flags & kFlagSlew);
+  EXPECT_EQ(out.wrench.force_N, Vector<World>(-1, 2, 0));
+  EXPECT_EQ(ticks, static_cast<int>(std::ceil(std::hypot(3, 2) / 0.5)));
+}
+
+// the motors' model: tau h' = (F / continuous)^2 - h
+TEST(OutputStage, ThermalBudgetEndsAtTheContinuousForce) {
+  for (const double rate_hz : {1000.0, 10000.0}) {
+    Stage stage;
+    stage.limits = {8.5, 1.4, kNotKnown, kNotKnown};
+    stage.max_force_N = 8.5;
+    double excess_s = 0, previous_N = 0;
+    for (int n = 0; n < 20 * rate_hz; ++n) {
+      const Output out = stage.step(Vector<World>(0, 0, 20), 1 / rate_hz);
+      const double force_N = out.wrench.force_N.norm();
+      ASSERT_LE(stage.state.heat, 1);
+      if (n > rate_hz) {
+        ASSERT_LE(force_N, previous_N) << "the limit only sinks while everything is asked";
+      }
+      previous_N = force_N;
+      excess_s += (force_N * force_N / (1.4 * 1.4) - 1) / rate_hz;
+    }
+    EXPECT_NEAR(previous_N, 1.4, 1e-3) << rate_hz;
+    // the work above the continuous rating is the budget: kThermal_s of it, less what cooled on the way
+    EXPECT_LE(excess_s, kThermal_s);
+    EXPECT_GT(excess_s, 0.9 * kThermal_s);
+    // rest cools it: after one time constant the heat is 1/e
+    for (int n = 0; n < kThermal_s * rate_hz; ++n) stage.step(Vector<World>(), 1 / rate_hz);
+    EXPECT_NEAR(stage.state.heat, std::exp(-1), 1e-3);
+  }
+}
+
+TEST(OutputStage, TheContinuousForceIsNeverLimitedByHeat) {
+  Stage stage;
+  stage.limits = {8.5, 1.4, kNotKnown, kNotKnown};
+  for (int n = 0; n < 60000; ++n) {
+    const Output out = stage.step(Vector<World>(0, 1.399, 0));
+    ASSERT_EQ(out.flags & kFlagClamped, 0u) << n;
+  }
+}
+
+double any_number(std::mt19937& random) {
+  std::uniform_real_distribution<double> part(-1, 1), exponent(-320, 308);
+  switch (random() % 12) {
+    case 0:
+      return kNaN;
+    case 1:
+      return random() % 2 ? kInfinity : -kInfinity;
+    case 2:
+      return part(random) * std::numeric_limits<double>::denorm_min() * 1000;
+    case 3:
+      return 0;
+    case 4:
+      return part(random) * std::pow(10, exponent(random));
+    default:
+      return 5 * part(random);
+  }
+}
+
+Vector<World> any_vector(std::mt19937& random) {
+  return {any_number(random), any_number(random), any_number(random)};
+}
+
+// a long stretch of ordinary ticks, then a burst of everything else
+bool is_wild(int n) {
+  return n % 4000 > 3800;
+}
+
+OutputRequest any_request(int n, std::mt19937& random) {
+  std::uniform_real_distribution<double> unit(0, 1);
+  OutputRequest request;
+  request.asked = {Vector<World>(6 * unit(random) - 3, 2, 4 * unit(random)),
+                   Vector<World>(30 * unit(random), 0, 1), 2 * unit(random)};
+  request.off = random() % 20000 == 0;
+  request.age_s = random() % 10 ? 0 : 0.006 * unit(random);
+  if (!is_wild(n)) return request;
+  if (random() % 2) request.asked = {any_vector(random), any_vector(random), any_number(random)};
+  request.age_s = random() % 4 ? 0.02 * unit(random) : any_number(random);
+  if (random() % 10 == 0) request.faults = kFlagEmergencyStop;
+  return request;
+}
+
+// limits that move, in the bursts to what is no limit too
+void change_limits(int n, std::mt19937& random, Stage& stage) {
+  std::uniform_real_distribution<double> unit(0, 1);
+  const auto limit = [&](double most) {
+    return is_wild(n) && random() % 3 == 0 ? any_number(random) : most * unit(random);
+  };
+  if (random() % 300 == 0) stage.max_force_N = limit(10);
+  if (random() % 1000 == 0) stage.limits = {limit(10), limit(4), limit(100), limit(8), limit(4000)};
+}
+
+TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
+  const auto seed = std::random_device{}();
+  std::printf("seed %u\n", seed);
+  std::mt19937 random(seed);
+  const auto at_most = [](double limit) { return limit > 0 && std::isfinite(limit) ? limit : 0; };
+  Stage stage;
+  int silent = 0, near_limit = 0, slewed = 0, warm = 0;
+  for (int n = 0; n < 1000000; ++n) {
+    change_limits(n, random, stage);
+    const OutputRequest request = any_request(n, random);
+    const double dt_s = is_wild(n) && random() % 10 == 0 ? any_number(random) : kTick_s;
+
+    const OutputState before = stage.state;
+    const Output out = stage.step(request, dt_s);
+    const double force_N = out.wrench.force_N.norm(), torque_Nmm = out.wrench.torque_Nmm.norm();
+    ASSERT_TRUE(std::isfinite(force_N) && std::isfinite(torque_Nmm) && std::isfinite(out.wrench.gripper_N))
+        << n;
+
+    // never above a limit, the thermal one included
+    ASSERT_LE(force_N, at_most(stage.max_force_N)) << n;
+    if (!std::isnan(stage.limits.peak_force_N)) {
+      ASSERT_LE(force_N, at_most(stage.limits.peak_force_N)) << n;
+    }
+    ASSERT_LE(force_N, out.limit_N) << n;
+    ASSERT_LE(torque_Nmm, at_most(stage.limits.peak_torque_Nmm)) << n;
+    ASSERT_LE(std::abs(out.wrench.gripper_N), at_most(stage.limits.peak_gripper_N)) << n;
+    ASSERT_LE(stage.state.heat, 1) << n;
+
+    // zero at once, whatever the slew, for faults and for states that are too old
+    const bool no_state = !(request.age_s >= -kClockJitter_s && request.age_s < kStale_s);
+    if (no_state || request.faults != 0 || (out.flags & kFaultFlags) != 0) {
+      ASSERT_EQ(force_N, 0) << n;
+      ++silent;
+      continue;
+    }
+    near_limit += force_N > 0.5 * out.limit_N && out.limit_N > 0.1;
+    warm += (out.flags & kFlagThermal) != 0;
+
+    // a force grows, turns and shrinks no faster than the slew; a limit and age take away without waiting for
+    // it
+    const double way_N = (out.wrench.force_N - before.sent.force_N).norm();
+    const double slew_N =
+        (stage.limits.slew_N_per_s > 0 ? stage.limits.slew_N_per_s : OutputLimits{}.slew_N_per_s) * dt_s;
+    const bool taken_away = before.sent.force_N.norm() > out.limit_N || request.age_s > kFresh_s ||
+                            before.sent.torque_Nmm.norm() > at_most(stage.limits.peak_torque_Nmm);
+    if (dt_s == kTick_s && !taken_away) {
+      ASSERT_LE(way_N, slew_N * (1 + 1e-9) + 1e-12) << n;
+      slewed += (out.flags & kFlagSlew) != 0;
+    }
+  }
+  // all of it has happened often, and most of the time there was a force
+  EXPECT_GT(silent, 10000);
+  EXPECT_GT(near_limit, 300000);
+  EXPECT_GT(slewed, 1000);
+  EXPECT_GT(warm, 10000);
+}
+
+TEST(OutputStage, ClampNeverTurnsAForceThatTheSlewLetsPass) {
+  const auto seed = std::random_device{}();
+  std::printf("seed %u\n", seed);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> component(-1, 1), exponent(-300, 300), limit(0.01, 40);
+  Stage stage;
+  stage.limits = {kNotKnown, kNotKnown, 1e-3, kNotKnown, kInfinity};
+  for (int i = 0; i < 1000000; ++i) {
+    stage.state = {};
+    stage.state.gain = 1;
+    stage.max_force_N = limit(random);
+    const Vector<World> direction(component(random), component(random), component(random));
+    const Output out = stage.step(direction * std::pow(10, exponent(random)));
+    ASSERT_LE(out.wrench.force_N.norm(), stage.max_force_N);
+    if ((out.flags & kFlagClamped) == 0) continue;
+    ASSERT_NEAR(out.wrench.force_N.norm(), stage.max_force_N, 1e-12 * stage.max_force_N);
+    ASSERT_NEAR(out.wrench.force_N.normalized().dot(direction.normalized()), 1, 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

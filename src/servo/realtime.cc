@@ -1,0 +1,211 @@
+#include "servo/realtime.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kStack_bytes = 512 << 10;
+// left alone below the touched part: the guard page, and what is called from here
+constexpr std::size_t kStackMargin_bytes = 32 << 10;
+
+std::size_t page_bytes() {
+  return static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+}
+
+// --- memory ---
+
+std::mutex memory_mutex;
+int memory_locks = 0;
+
+rlim_t memlock_limit() {
+  rlimit limit{};
+  return ::prlimit(0, RLIMIT_MEMLOCK, nullptr, &limit) == 0 ? limit.rlim_cur : 0;
+}
+
+std::string size_text(rlim_t bytes) {
+  constexpr rlim_t kMiB = 1 << 20;
+  return bytes >= kMiB ? std::to_string(bytes / kMiB) + " MiB" : std::to_string(bytes / 1024) + " KiB";
+}
+
+// whether more can be locked than the limit says. Tried and not looked up: a capability that is shown may
+// not count, as inside a user namespace.
+bool limit_does_not_apply(rlim_t limit) {
+  if (limit == RLIM_INFINITY) return true;
+  const std::size_t size = limit + page_bytes();
+  void* room = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (room == MAP_FAILED) return false;
+  const bool locked = ::mlock2(room, size, MLOCK_ONFAULT) == 0;
+  ::munmap(room, size);
+  return locked;
+}
+
+// --- scheduling ---
+
+int rtprio_limit() {
+  rlimit limit{};
+  return ::prlimit(0, RLIMIT_RTPRIO, nullptr, &limit) == 0
+             ? static_cast<int>(std::min<rlim_t>(limit.rlim_cur, 99))
+             : 0;
+}
+
+// the priority that was given, 0 none; errno says why
+int enter_fifo(int priority, int leave_above) {
+  const auto set = [](int value) {
+    sched_param parameters{};
+    parameters.sched_priority = value;
+    errno = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
+    return errno == 0;
+  };
+  if (set(priority)) return priority;
+
+  // a lower limit still puts us before every ordinary thread
+  const int refusal = errno;
+  const int limit = refusal == EPERM ? rtprio_limit() : 0;
+  if (limit > 0 && limit <= priority) {
+    const int lower = std::max(1, limit - leave_above);
+    if (set(lower)) return lower;
+  }
+  errno = refusal;
+  return 0;
+}
+
+std::string policy_name(int policy) {
+  switch (policy) {
+    case SCHED_OTHER:
+      return "SCHED_OTHER";
+    case SCHED_FIFO:
+      return "SCHED_FIFO";
+    case SCHED_RR:
+      return "SCHED_RR";
+    case SCHED_BATCH:
+      return "SCHED_BATCH";
+    case SCHED_IDLE:
+      return "SCHED_IDLE";
+    default:
+      return "policy " + std::to_string(policy);
+  }
+}
+
+void grant_scheduler(const RealtimeRequest& request, RealtimeGrant& grant) {
+  std::string remark;
+  if (!request.fifo) {
+    remark = " (SCHED_FIFO not asked for)";
+  } else if (const int given = enter_fifo(request.priority, request.leave_above); given == 0) {
+    const int why = errno;
+    remark = std::string(" (SCHED_FIFO refused: ") + ::strerror(why) +
+             (why == EPERM ? "; an rtprio limit or CAP_SYS_NICE allows it)" : ")");
+  } else if (given < request.priority) {
+    remark = " (" + std::to_string(request.priority) + " refused; the rtprio limit is " +
+             std::to_string(rtprio_limit()) + ")";
+  }
+
+  // what is, and not what was asked for
+  int policy = SCHED_OTHER;
+  sched_param parameters{};
+  ::pthread_getschedparam(::pthread_self(), &policy, &parameters);
+  grant.fifo = policy == SCHED_FIFO;
+  grant.priority = parameters.sched_priority;
+  grant.scheduler = policy_name(policy);
+  if (grant.priority > 0) grant.scheduler += " " + std::to_string(grant.priority);
+  grant.scheduler += remark;
+}
+
+void grant_cpu(int cpu, RealtimeGrant& grant) {
+  if (cpu < 0) return;
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  if (cpu < CPU_SETSIZE) CPU_SET(static_cast<unsigned>(cpu), &set);
+  if (::sched_setaffinity(0, sizeof(set), &set) == 0)
+    grant.cpu = cpu;
+  else
+    grant.scheduler += ", not bound to CPU " + std::to_string(cpu) + ": " + ::strerror(errno);
+}
+
+// --- stack ---
+
+// how much of this thread's stack lies below the caller and may be touched
+std::size_t stack_left() {
+  pthread_attr_t attributes;
+  if (::pthread_getattr_np(::pthread_self(), &attributes) != 0) return 0;
+  void* lowest = nullptr;
+  std::size_t size = 0;
+  const bool known = ::pthread_attr_getstack(&attributes, &lowest, &size) == 0;
+  ::pthread_attr_destroy(&attributes);
+  if (!known) return 0;
+  const std::size_t left =
+      reinterpret_cast<std::uintptr_t>(__builtin_frame_address(0)) - reinterpret_cast<std::uintptr_t>(lowest);
+  return left > kStackMargin_bytes ? left - kStackMargin_bytes : 0;
+}
+
+// a frame of its own, given back on return with its pages mapped
+[[gnu::noinline]] void touch_stack(std::size_t size) {
+  volatile char* stack = static_cast<volatile char*>(__builtin_alloca(size));
+  // downwards, as a stack grows
+  for (std::size_t i = size; i > 0; i -= std::min(i, page_bytes())) stack[i - 1] = 0;
+}
+
+}  // namespace
+
+MemoryLock::MemoryLock() {
+  const std::lock_guard guard(memory_mutex);
+  const rlim_t limit = memlock_limit();
+  const bool later_too = limit_does_not_apply(limit);
+  held_ = ::mlockall(later_too ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
+  if (held_) {
+    ++memory_locks;
+    text_ = "locked";
+    if (!later_too)
+      text_ += " as it was (what is allocated later is not: the memlock limit is " + size_text(limit) + ")";
+  } else {
+    text_ = std::string("not locked (mlockall refused: ") + ::strerror(errno) + "; a memlock limit above " +
+            size_text(limit) + " or CAP_IPC_LOCK allows it)";
+  }
+}
+
+MemoryLock::~MemoryLock() {
+  if (!held_) return;
+  const std::lock_guard guard(memory_mutex);
+  if (--memory_locks == 0) ::munlockall();
+}
+
+RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request) {
+  RealtimeGrant grant;
+  // before SCHED_FIFO, which needs no slack and on newer kernels cannot be given any
+  ::prctl(PR_SET_TIMERSLACK, 1UL, 0, 0, 0);
+  ::pthread_setname_np(::pthread_self(), request.name);
+  sigset_t all;
+  ::sigfillset(&all);
+  ::pthread_sigmask(SIG_BLOCK, &all, nullptr);
+
+  thread_local std::optional<MemoryLock> lock;
+  if (!request.lock_memory)
+    lock.reset();
+  else if (!lock || !lock->held())
+    lock.emplace();
+  grant.memory_locked = lock && lock->held();
+  grant.memory = lock ? lock->text() : "not locked (not asked for)";
+
+  touch_stack(std::min(kStack_bytes, stack_left()));
+
+  // last: all this is no work to do before every other thread
+  grant_scheduler(request, grant);
+  grant_cpu(request.cpu, grant);
+  return grant;
+}
+
+}  // namespace palpate

@@ -1,0 +1,332 @@
+#include <dlfcn.h>
+#include <errno.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <array>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "base/test_child.h"
+#include "servo/realtime.h"
+
+/// What the system gives, and what is said about it where it refuses. Refusals are provoked in child
+/// processes that give their rights away. Limits which even root may not set everywhere are played by
+/// functions that stand in front of the system's. (That a tick does nothing forbidden is proved in
+/// realtime_test.cc.)
+
+namespace {
+
+// while `on`, the system is one of these limits, and memory is only pretended to be locked
+struct PretendedSystem {
+  bool on = false;
+  rlim_t rtprio = 0, memlock_bytes = 0;
+  int mlockall_flags = 0;  // of the last call; 0 after munlockall
+  int mlockall_errno = 0;
+} pretended;
+
+template <class Function>
+Function* real(Function*, const char* name) {
+  return reinterpret_cast<Function*>(::dlsym(RTLD_NEXT, name));
+}
+
+}  // namespace
+
+extern "C" {
+int prlimit(pid_t process, __rlimit_resource resource, const rlimit* wanted, rlimit* limit) noexcept {
+  if (!pretended.on) return real(&prlimit, "prlimit")(process, resource, wanted, limit);
+  const rlim_t value = resource == RLIMIT_RTPRIO    ? pretended.rtprio
+                       : resource == RLIMIT_MEMLOCK ? pretended.memlock_bytes
+                                                    : RLIM_INFINITY;
+  *limit = {value, value};
+  return 0;
+}
+int pthread_setschedparam(pthread_t thread, int policy, const sched_param* parameters) noexcept {
+  if (pretended.on && static_cast<rlim_t>(parameters->sched_priority) > pretended.rtprio) return EPERM;
+  return real(&pthread_setschedparam, "pthread_setschedparam")(thread, policy, parameters);
+}
+int mlock2(const void* address, size_t size, unsigned flags) noexcept {
+  if (!pretended.on) return real(&mlock2, "mlock2")(address, size, flags);
+  errno = ENOMEM;
+  return size <= pretended.memlock_bytes ? 0 : -1;
+}
+int mlockall(int flags) noexcept {
+  if (!pretended.on) return real(&mlockall, "mlockall")(flags);
+  errno = pretended.mlockall_errno;
+  if (errno != 0) return -1;
+  pretended.mlockall_flags = flags;
+  return 0;
+}
+int munlockall() noexcept {
+  if (!pretended.on) return real(&munlockall, "munlockall")();
+  pretended.mlockall_flags = 0;
+  return 0;
+}
+}
+
+namespace palpate {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+// the sanitizers turn mlockall into nothing
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kRealLocks = false;
+#else
+constexpr bool kRealLocks = true;
+#endif
+
+long locked_KiB() {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;)
+    if (word == "VmLck:") {
+      long size = 0;
+      status >> size;
+      return size;
+    }
+  return -1;
+}
+
+// what a child without rights found out
+struct Found {
+  bool lost_rights = false, fifo = false, memory_locked = false;
+  int priority = 0, policy = -1;
+  long locked_KiB = -1;
+  std::array<char, 200> scheduler{}, memory{};
+};
+
+void note(const std::string& text, std::array<char, 200>& to) {
+  to[text.copy(to.data(), to.size() - 1)] = 0;
+}
+
+TEST(RealtimeThread, RefusalsAreSaidAndNoError) {
+  testing::Shared<Found> found;
+  testing::Child child([&] {
+    const rlimit none{0, 0};
+    constexpr uid_t kNobody = 65534;
+    // the capabilities go with root
+    found->lost_rights = ::setrlimit(RLIMIT_RTPRIO, &none) == 0 && ::setrlimit(RLIMIT_MEMLOCK, &none) == 0 &&
+                         (::getuid() != 0 || ::setuid(kNobody) == 0);
+    const RealtimeGrant grant = make_this_thread_realtime({});
+    sched_param parameters{};
+    ::pthread_getschedparam(::pthread_self(), &found->policy, &parameters);
+    found->fifo = grant.fifo;
+    found->priority = grant.priority;
+    found->memory_locked = grant.memory_locked;
+    found->locked_KiB = locked_KiB();
+    note(grant.scheduler, found->scheduler);
+    note(grant.memory, found->memory);
+  });
+  ASSERT_TRUE(child.finished());
+  ASSERT_TRUE(found->lost_rights);
+  EXPECT_FALSE(found->fifo);
+  EXPECT_EQ(found->priority, 0);
+  EXPECT_EQ(found->policy, SCHED_OTHER);
+  EXPECT_STREQ(found->scheduler.data(),
+               "SCHED_OTHER (SCHED_FIFO refused: Operation not permitted; an rtprio limit or CAP_SYS_NICE "
+               "allows it)");
+  if (!kRealLocks) return;
+  EXPECT_FALSE(found->memory_locked);
+  EXPECT_EQ(found->locked_KiB, 0);
+  EXPECT_STREQ(found->memory.data(),
+               "not locked (mlockall refused: Operation not permitted; a memlock limit above 0 KiB or "
+               "CAP_IPC_LOCK allows it)");
+}
+
+// as it is on the system that `pretended` plays
+class PretendedLimits : public ::testing::Test {
+ protected:
+  PretendedLimits() { pretended = {.on = true}; }
+  ~PretendedLimits() override { pretended = {}; }
+};
+
+TEST_F(PretendedLimits, ALowerPriorityIsTakenWhereTheLimitIsLower) {
+  sched_param lowest{};
+  lowest.sched_priority = 1;
+  pretended.rtprio = 7;
+  std::thread([&] {
+    const bool has_fifo = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &lowest) == 0;
+    const RealtimeGrant grant = make_this_thread_realtime({.lock_memory = false});
+    EXPECT_EQ(grant.fifo, has_fifo);
+    EXPECT_EQ(grant.priority, has_fifo ? 7 : 0);
+    EXPECT_EQ(grant.scheduler, has_fifo ? "SCHED_FIFO 7 (80 refused; the rtprio limit is 7)"
+                                        : "SCHED_OTHER (SCHED_FIFO refused: Operation not permitted; an "
+                                          "rtprio limit or CAP_SYS_NICE allows it)");
+  }).join();
+}
+
+TEST_F(PretendedLimits, TheWatchdogStaysAboveTheServoWhereTheLimitIsLower) {
+  sched_param lowest{};
+  lowest.sched_priority = 1;
+  pretended.rtprio = 7;
+  std::thread([&] {
+    if (::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &lowest) != 0) return;
+    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .leave_above = 1}).priority, 6);
+    EXPECT_EQ(make_this_thread_realtime({.priority = 90, .lock_memory = false}).priority, 7);
+  }).join();
+}
+
+TEST_F(PretendedLimits, AFiniteMemoryLimitMustNotMakeLaterAllocationsFail) {
+  // with MCL_FUTURE the kernel would refuse every mapping beyond the limit
+  pretended.memlock_bytes = 64 << 20;
+  {
+    const MemoryLock lock;
+    EXPECT_TRUE(lock.held());
+    EXPECT_EQ(pretended.mlockall_flags, MCL_CURRENT);
+    EXPECT_EQ(lock.text(), "locked as it was (what is allocated later is not: the memlock limit is 64 MiB)");
+  }
+  pretended.memlock_bytes = RLIM_INFINITY;
+  const MemoryLock lock;
+  EXPECT_EQ(pretended.mlockall_flags, MCL_CURRENT | MCL_FUTURE);
+  EXPECT_EQ(lock.text(), "locked");
+}
+
+TEST_F(PretendedLimits, AMemoryLockLastsUntilTheLastOneGoes) {
+  pretended.memlock_bytes = RLIM_INFINITY;
+  auto first = std::make_unique<MemoryLock>(), second = std::make_unique<MemoryLock>();
+  EXPECT_TRUE(first->held() && second->held());
+  first.reset();
+  EXPECT_NE(pretended.mlockall_flags, 0);
+  first = std::make_unique<MemoryLock>();
+  second.reset();
+  EXPECT_NE(pretended.mlockall_flags, 0);
+  // one that was refused holds nothing and frees nothing
+  pretended.mlockall_errno = EAGAIN;
+  second = std::make_unique<MemoryLock>();
+  EXPECT_FALSE(second->held());
+  EXPECT_THAT(second->text(), StartsWith("not locked (mlockall refused: Resource temporarily unavailable"));
+  second.reset();
+  EXPECT_NE(pretended.mlockall_flags, 0);
+  first.reset();
+  EXPECT_EQ(pretended.mlockall_flags, 0);
+}
+
+TEST(RealtimeThread, GrantsAreWhatTheSystemSays) {
+  // whether this system gives SCHED_FIFO, asked without us
+  bool gives_fifo = false;
+  std::thread([&] {
+    sched_param parameters{};
+    parameters.sched_priority = 42;
+    gives_fifo = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters) == 0;
+  }).join();
+
+  std::thread([&] {
+    const RealtimeGrant grant = make_this_thread_realtime({.priority = 42, .cpu = 0});
+    int policy = -1;
+    sched_param parameters{};
+    ::pthread_getschedparam(::pthread_self(), &policy, &parameters);
+    EXPECT_EQ(grant.fifo, policy == SCHED_FIFO);
+    EXPECT_EQ(grant.priority, parameters.sched_priority);
+    if (gives_fifo) {
+      EXPECT_EQ(grant.scheduler, "SCHED_FIFO 42");
+    }
+    if (kRealLocks) {
+      EXPECT_EQ(grant.memory_locked, locked_KiB() > 0) << grant.memory;
+    }
+    EXPECT_EQ(grant.memory_locked, grant.memory.starts_with("locked"));
+    if (grant.cpu == 0) {
+      EXPECT_EQ(::sched_getcpu(), 0);
+    }
+
+    std::array<char, 16> name{};
+    ::pthread_getname_np(::pthread_self(), name.data(), name.size());
+    EXPECT_STREQ(name.data(), "palpate-servo");
+  }).join();
+  if (kRealLocks) {
+    EXPECT_EQ(locked_KiB(), 0) << "unlocked when the thread ended";
+  }
+}
+
+TEST(RealtimeThread, WhatWasNotAskedForIsLeftAlone) {
+  std::thread([] {
+    const RealtimeGrant grant = make_this_thread_realtime({.fifo = false, .lock_memory = false});
+    EXPECT_FALSE(grant.fifo);
+    EXPECT_EQ(grant.priority, 0);
+    EXPECT_EQ(grant.cpu, -1);
+    EXPECT_FALSE(grant.memory_locked);
+    EXPECT_EQ(grant.scheduler, "SCHED_OTHER (SCHED_FIFO not asked for)");
+    EXPECT_EQ(grant.memory, "not locked (not asked for)");
+    // what costs nothing is done all the same
+    EXPECT_EQ(::prctl(PR_GET_TIMERSLACK, 0, 0, 0, 0), 1);
+    if (kRealLocks) {
+      EXPECT_EQ(locked_KiB(), 0);
+    }
+  }).join();
+}
+
+TEST(RealtimeThread, ACpuThatIsNotThereIsSaid) {
+  std::thread([] {
+    for (const int cpu : {CPU_SETSIZE - 1, CPU_SETSIZE, 1 << 30}) {
+      const RealtimeGrant grant =
+          make_this_thread_realtime({.fifo = false, .lock_memory = false, .cpu = cpu});
+      EXPECT_EQ(grant.cpu, -1);
+      EXPECT_THAT(grant.scheduler,
+                  HasSubstr("not bound to CPU " + std::to_string(cpu) + ": Invalid argument"));
+    }
+  }).join();
+}
+
+// --- stack ---
+
+long faults_of_this_thread() {
+  rusage usage{};
+  ::getrusage(RUSAGE_THREAD, &usage);
+  return usage.ru_minflt;
+}
+
+[[gnu::noinline]] void use_stack() {
+  volatile char room[400 << 10];
+  for (std::size_t i = 0; i < sizeof(room); i += 1024) room[i] = 1;
+}
+
+// how many pages had to be mapped while a thread used 400 KiB of a stack of this size
+long faults_of_using_the_stack(std::size_t stack_bytes, bool prepare, bool use) {
+  struct Job {
+    bool prepare, use;
+    long faults = -1;
+  } job{prepare, use};
+  void* stack = ::mmap(nullptr, stack_bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  ::madvise(stack, stack_bytes, MADV_NOHUGEPAGE);
+  pthread_attr_t attributes;
+  ::pthread_attr_init(&attributes);
+  ::pthread_attr_setstack(&attributes, stack, stack_bytes);
+  pthread_t thread{};
+  const auto run = [](void* argument) -> void* {
+    Job& task = *static_cast<Job*>(argument);
+    if (task.prepare) make_this_thread_realtime({.fifo = false, .lock_memory = false});
+    const long before = faults_of_this_thread();
+    if (task.use) use_stack();
+    task.faults = faults_of_this_thread() - before;
+    return nullptr;
+  };
+  EXPECT_EQ(::pthread_create(&thread, &attributes, run, &job), 0);
+  ::pthread_join(thread, nullptr);
+  ::pthread_attr_destroy(&attributes);
+  ::munmap(stack, stack_bytes);
+  return job.faults;
+}
+
+TEST(RealtimeThread, TheStackIsThereBeforeItIsNeeded) {
+  EXPECT_GE(faults_of_using_the_stack(2 << 20, false, true), 90) << "without it every page is a fault";
+  // a few may come from a sanitizer's own memory
+  EXPECT_LE(faults_of_using_the_stack(2 << 20, true, true), kRealLocks ? 0 : 30);
+}
+
+#if !defined(__SANITIZE_THREAD__)  // which keeps more than this on every stack for itself
+TEST(RealtimeThread, AShortStackIsNotOverrun) {
+  // below the 512 KiB that are touched where there is room
+  EXPECT_EQ(faults_of_using_the_stack(256 << 10, true, false), 0);
+}
+#endif
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,76 @@
+#include "servo/tick_record.h"
+
+namespace palpate {
+namespace {
+
+template <class Frame>
+std::array<double, 3> plain(const Vector<Frame>& v) {
+  return {v.x(), v.y(), v.z()};
+}
+template <class Frame>
+std::array<double, 3> plain(const Point<Frame>& p) {
+  return {p.x(), p.y(), p.z()};
+}
+
+}  // namespace
+
+std::array<double, 4> plain(const Eigen::Quaterniond& q) {
+  return {q.w(), q.x(), q.y(), q.z()};
+}
+
+void record_inputs(const Model& model, const Parameters& parameters, const SessionState& state, double dt_s,
+                   std::size_t devices, TickRecord& record) {
+  record.tick = state.tick;
+  record.time_s = state.time_s;
+  record.dt_s = dt_s;
+  record.lateness_s = record.compute_s = 0;
+  record.model_version = model.version;
+  record.method = static_cast<std::uint8_t>(parameters.method);
+  record.switches = static_cast<std::uint8_t>(
+      (parameters.friction ? kSwitchFriction : 0) | (parameters.viscosity ? kSwitchViscosity : 0) |
+      (parameters.paused ? kSwitchPaused : 0) | (parameters.emergency_stop ? kSwitchEmergencyStop : 0));
+  record.max_force_N = parameters.max_force_N;
+  record.rotation_target_wxyz = plain(parameters.rotation_target);
+  record.devices = static_cast<int>(devices);
+}
+
+void record_inputs(const DeviceState& device, const DeviceParameters& parameters, DeviceTick& out) {
+  out = {};
+  out.tip_world_mm = plain(device.tip);
+  out.orientation_wxyz = plain(device.R_WorldTool);
+  out.velocity_world_mm_s = plain(device.velocity_mm_s);
+  out.angular_velocity_world_rad_s = plain(device.angular_velocity_rad_s);
+  out.gripper_rad = device.gripper_rad;
+  out.buttons = device.buttons;
+  out.status = device.status;
+  out.age_s = device.age_s;
+  out.force_gain = parameters.force_gain;
+  out.scale = parameters.scale;
+  out.peak_force_N = parameters.limits.peak_force_N;
+  out.continuous_force_N = parameters.limits.continuous_force_N;
+  out.peak_torque_Nmm = parameters.limits.peak_torque_Nmm;
+  out.peak_gripper_N = parameters.limits.peak_gripper_N;
+  out.slew_N_per_s = parameters.limits.slew_N_per_s;
+}
+
+void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,
+                    const SessionState::Hand& hand, DeviceTick& out) {
+  if (tool.strongest.is_touch()) {
+    out.flags |= kFlagContact;
+    out.label = tool.strongest.site.label;
+  }
+  out.flags |= sent.flags;
+  out.force_N = plain(sent.wrench.force_N);
+  out.torque_Nmm = plain(sent.wrench.torque_Nmm);
+  out.gripper_N = sent.wrench.gripper_N;
+  out.unclamped_force_N = request.asked.force_N.norm();
+  out.limit_N = sent.limit_N;
+  out.heat = hand.output.heat;
+  if (hand.seen) out.tip_patient_mm = plain(hand.previous_tip);
+  out.normal_patient = plain(-tool.strongest.sample.gradient.normalized());
+  out.velocity_patient_mm_s = plain(hand.velocity.velocity_mm_s());
+  out.field = tool.strongest.sample.value;
+  out.depth_mm = tool.strongest.site.depth_mm;
+}
+
+}  // namespace palpate

@@ -1,0 +1,32 @@
+#pragma once
+
+#include "palpate/servo.h"
+
+namespace palpate {
+
+/// What one point of the tool meets.
+struct PointContact {
+  FieldSample sample;
+  ContactSite site;
+  Vector<Patient> force_N;  ///< surface effects included
+
+  /// Felt, or so deep inside that there is no direction to push in.
+  bool is_touch() const;
+};
+
+/// What all points of the tool ask for together, multiplied by the device's gains, and the contact that asks
+/// for most.
+struct ToolContact {
+  Wrench asked;
+  PointContact strongest;
+};
+
+/// @param tip             where the tool's origin is
+/// @param velocity_mm_s   of the tip, relative to the object
+ToolContact touch_with_tool(const Model& model, const Parameters& parameters, const DeviceParameters& gains,
+                            const Eigen::Quaterniond& R_WorldTool, const Point<Patient>& tip,
+                            const Vector<Patient>& velocity_mm_s,
+                            const Transform<World, Patient>& X_WorldPatient,
+                            const Transform<Patient, World>& X_PatientWorld);
+
+}  // namespace palpate

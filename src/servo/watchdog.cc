@@ -1,0 +1,65 @@
+#include "servo/watchdog.h"
+
+#include <chrono>
+#include <future>
+
+#include "base/clock.h"
+#include "servo/realtime.h"
+
+namespace palpate {
+namespace {
+
+constexpr auto kLook = std::chrono::milliseconds(2);
+// above the servo's, so that a tick that never ends cannot keep it from looking
+constexpr int kPriority = 90;
+// ticks that come again before the devices may go on
+constexpr std::uint64_t kTicksToTrust = 5;
+
+}  // namespace
+
+std::string Watchdog::begin(bool realtime) {
+  std::promise<std::string> scheduler;
+  auto started = scheduler.get_future();
+  thread_ = std::thread([this, realtime, &scheduler] {
+    // refused, it looks when its turn comes
+    scheduler.set_value(make_this_thread_realtime({.fifo = realtime,
+                                                   .priority = kPriority,
+                                                   .lock_memory = false,
+                                                   .cpu = -1,
+                                                   .leave_above = 0,
+                                                   .name = "palpate-guard"})
+                            .scheduler);
+    guard();
+  });
+  return started.get();
+}
+
+void Watchdog::end() {
+  end_.store(true);
+  if (thread_.joinable()) thread_.join();
+  if (halted_.exchange(false)) driver_.resume();
+}
+
+void Watchdog::guard() {
+  while (!end_.load(std::memory_order_relaxed)) {
+    std::this_thread::sleep_for(kLook);
+    look(monotonic_ns());
+  }
+}
+
+void Watchdog::look(std::int64_t now_ns) {
+  const std::int64_t beat_ns = beat_ns_.load(std::memory_order_acquire);
+  const std::uint64_t beats = beats_.load(std::memory_order_relaxed);
+  const bool stalled = !standing_down_.load() && beat_ns != kResting && now_ns - beat_ns > kStall_ns;
+  if (!halted_ && stalled) {
+    halted_.store(true, std::memory_order_release);
+    driver_.halt();
+    stalls_.fetch_add(1);
+    beats_when_halted_ = beats;
+  } else if (halted_ && !stalled && beats >= beats_when_halted_ + kTicksToTrust) {
+    driver_.resume();
+    halted_.store(false, std::memory_order_release);
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,71 @@
+#include "session/explore_hand.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "base/clock.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::chrono::nanoseconds kHandPeriod = std::chrono::milliseconds(2);
+// the way to the next intention, so that it is not reached before the one after it comes
+constexpr std::int64_t kLead_ns = 2 * kHandPeriod.count();
+// a hand that was held up longer goes on from where it was
+constexpr double kMostStep_s = 0.02;
+constexpr std::uint32_t kForceIsOff = kFaultFlags | kFlagRamp | kFlagStale;
+
+}  // namespace
+
+HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver,
+                       ServoLoop& loop, bool repeat)
+    : hand_(std::move(hand)),
+      mapping_(driver.devices()[0], workspace),
+      driver_(driver),
+      loop_(loop),
+      repeat_(repeat),
+      rotation_target_(loop.parameters().rotation_target) {}
+
+void HandThread::begin() {
+  thread_ = std::thread([this] { run(); });
+}
+
+void HandThread::end() {
+  end_.store(true);
+  if (thread_.joinable()) thread_.join();
+}
+
+void HandThread::run() {
+  auto next = std::chrono::steady_clock::now();
+  std::int64_t last_ns = monotonic_ns();
+  while (!end_.load() && !done_.load()) {
+    next = std::max(next + kHandPeriod, std::chrono::steady_clock::now());
+    std::this_thread::sleep_until(next);
+    const std::int64_t now_ns = monotonic_ns();
+    move(std::min(static_cast<double>(now_ns - last_ns) * 1e-9, kMostStep_s));
+    last_ns = now_ns;
+  }
+}
+
+void HandThread::move(double dt_s) {
+  const TickRecord felt = loop_.snapshot();
+  const bool felt_nothing_yet = felt.dt_s == 0;
+  if (felt_nothing_yet || (felt.device[0].flags & kForceIsOff) != 0) return;
+
+  Eigen::Quaterniond turned = rotation_target_;
+  const auto intention = hand_.next(felt, dt_s, turned);
+  progress_.store(hand_.progress());
+  if (!intention) {
+    if (repeat_)
+      hand_.begin_again();
+    else
+      done_.store(true);
+    return;
+  }
+  driver_.intend(mapping_.to_device(*intention), monotonic_ns() + kLead_ns);
+  if (turned.coeffs() == rotation_target_.coeffs()) return;
+  rotation_target_ = turned;
+  loop_.change([&](Parameters& parameters) { parameters.rotation_target = turned; });
+}
+
+}  // namespace palpate

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "palpate/servo_loop.h"
+#include "palpate/simulated_device.h"
+#include "session/scripted_hand.h"
+
+namespace palpate {
+
+/// A scripted hand on a thread of its own, as slow as a person beside the servo: it feels the latest tick and
+/// says where it wants to be a little later. It rests while the force is off or still coming in, as somebody
+/// does who feels it go, and does not catch up on time in which its thread did not run.
+class HandThread {
+ public:
+  /// @param repeat  begin again when the script has ended
+  HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver, ServoLoop& loop,
+             bool repeat);
+  ~HandThread() { end(); }
+  HandThread(const HandThread&) = delete;
+  HandThread& operator=(const HandThread&) = delete;
+
+  void begin();
+  /// The hand stays where it wants to be.
+  void end();
+
+  // ---- any thread
+  bool done() const { return done_.load(); }
+  double progress() const { return progress_.load(); }
+  /// After end().
+  const std::vector<std::string>& trouble() const { return hand_.trouble(); }
+
+ private:
+  void run();
+  void move(double dt_s);
+
+  ScriptedHand hand_;
+  const WorkspaceMapping mapping_;
+  SimulatedDriver& driver_;
+  ServoLoop& loop_;
+  const bool repeat_;
+  Eigen::Quaterniond rotation_target_;  // as commanded last
+  std::atomic<bool> end_{false}, done_{false};
+  std::atomic<double> progress_{0};
+  std::thread thread_;
+};
+
+}  // namespace palpate

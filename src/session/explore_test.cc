@@ -1,0 +1,225 @@
+// A session on the real clock. How punctual it is depends on the machine, so nothing here asks for that.
+#include "palpate/explore.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "servo/output_stage.h"
+#include "session/test_session.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::loaded_ball;
+
+// longer than anything here takes on a machine that has nothing else to do
+constexpr double kPatience_s = 30;
+
+Script script_of(const std::string& steps) {
+  auto script = parse_script(steps, "test script");
+  PALPATE_CHECK(script.ok());
+  return *script;
+}
+
+// quick: approach, press, hold, turn, leave
+const char* const kTouch =
+    "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\nsettle = 0.1\n"
+    "[[step]]\nhold = 0.2\n[[step]]\nrotate = 4.0\nseconds = 0.2\n[[step]]\nleave = true\nspeed = 200.0\n";
+const char* const kPress =
+    "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n";
+const char* const kPass =
+    "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\nleave = true\nspeed = 200.0\n";
+
+double force_N(const TickRecord& tick) {
+  const auto& f = tick.device[0].force_N;
+  return Eigen::Vector3d(f[0], f[1], f[2]).norm();
+}
+
+class Explore : public ::testing::Test {
+ protected:
+  // a session with its recording read again; replays to what was felt
+  ExploreResult run(const Script& script, const ExploreOptions& options,
+                    const std::function<void(const ExploreStatus&)>& status = {}) {
+    const auto file = folder_ / "run.h5";
+    auto result = explore(loaded_, script, options, file, Progress({}, &stop_), status);
+    PALPATE_CHECK(result.ok());
+    auto read = read_recording(file);
+    PALPATE_CHECK(read.ok());
+    recording_ = std::move(*read);
+    expect_whole(*result);
+    return std::move(*result);
+  }
+
+  void expect_whole(const ExploreResult& result) {
+    EXPECT_FALSE(result.recording_failure);
+    EXPECT_EQ(result.health.dropped, 0u);
+    EXPECT_EQ(result.summary.ticks, result.health.ticks);
+    EXPECT_EQ(recording_.ticks.size(), result.health.ticks);
+    ASSERT_TRUE(recording_.summary);
+    EXPECT_EQ(recording_.summary->run_hash, result.summary.run_hash);
+    EXPECT_EQ(recording_.summary->skipped, result.health.skipped);
+    EXPECT_EQ(recording_.header.clock, "real");
+    EXPECT_EQ(recording_.header.scheduler, result.scheduling.scheduler);
+    EXPECT_FALSE(result.scheduling.scheduler.empty());
+    const auto again = replay(recording_, *loaded_.model);
+    ASSERT_TRUE(again.ok()) << again.error().message();
+    EXPECT_TRUE(again->identical) << again->difference;
+    EXPECT_EQ(again->run_hash, result.summary.run_hash);
+  }
+
+  // every point in time had its tick or is counted as skipped
+  void expect_on_the_grid(const ExploreResult& result, double rate_hz) {
+    double elapsed_s = 0;
+    for (std::size_t t = 1; t < recording_.ticks.size(); ++t) elapsed_s += recording_.ticks[t].dt_s;
+    const double late = result.health.lateness.max_us * 1e-6 * rate_hz;
+    EXPECT_NEAR(static_cast<double>(result.health.ticks - 1 + result.health.skipped), elapsed_s * rate_hz,
+                1.5 + late);
+  }
+
+  test::TemporaryFolder folder_;
+  LoadedScene loaded_ = loaded_ball();
+  std::atomic<bool> stop_{false};
+  Recording recording_;
+};
+
+TEST_F(Explore, FeelsTheBallInRealTimeAndReplays) {
+  ExploreOptions options;
+  options.seconds = kPatience_s;
+  double last_s = -1, largest_N = 0;
+  bool touched = false;
+  const auto result = run(script_of(kTouch), options, [&](const ExploreStatus& status) {
+    EXPECT_GT(status.time_s, last_s);
+    EXPECT_FALSE(status.scheduling.scheduler.empty());
+    last_s = status.time_s;
+    largest_N = std::max(largest_N, status.force_N);
+    touched = touched || status.structure == "ball";
+  });
+  EXPECT_FALSE(result.stopped_by_user);
+  expect_on_the_grid(result, 1000);
+  EXPECT_TRUE(touched);
+  EXPECT_GT(largest_N, 0.4);
+  ASSERT_EQ(result.holds.size(), 1u);
+  EXPECT_EQ(result.holds[0].structure, "ball");
+  EXPECT_GT(result.holds[0].peak_force_N, 0.6);
+  EXPECT_GE(result.max_force_N, result.holds[0].peak_force_N);
+  EXPECT_LE(result.max_force_N, result.limit_N);
+
+  // the turn got to the servo
+  const auto& turned = recording_.ticks.back().rotation_target_wxyz;
+  EXPECT_NEAR(2 * std::acos(turned[0]) * 180 / M_PI, 4, 1e-6);
+}
+
+// From the tick in which the loop was told to stop: never more than the ramp leaves of what is asked and
+// allowed, and no step larger than the ramp's own and those of what is asked. The last force before it.
+double expect_fading(const std::vector<TickRecord>& ticks, double limit_N) {
+  const auto pause = std::find_if(ticks.begin(), ticks.end(),
+                                  [](const TickRecord& tick) { return tick.switches & kSwitchPaused; });
+  if (pause == ticks.begin() || pause == ticks.end()) {
+    ADD_FAILURE() << "nothing before or after the stop";
+    return 0;
+  }
+  double faded_s = 0;
+  for (auto tick = pause; tick != ticks.end(); ++tick) {
+    const DeviceTick& now = tick->device[0];
+    const DeviceTick& before = (tick - 1)->device[0];
+    faded_s += tick->dt_s;
+    const double left = std::max(0.0, 1 - faded_s / kRampOut_s);
+    EXPECT_LE(force_N(*tick), left * now.unclamped_force_N + 1e-9);
+    EXPECT_LE(force_N(*tick), limit_N);
+    // a machine that stands still gets nothing at once
+    if ((now.flags & (kFaultFlags | kFlagStale)) != 0) continue;
+    const double ramp_N = tick->dt_s / kRampOut_s * before.unclamped_force_N;
+    const double asked_N = std::abs(now.unclamped_force_N - before.unclamped_force_N);
+    EXPECT_LE(std::abs(force_N(*tick) - force_N(*(tick - 1))), ramp_N + asked_N + 1e-9);
+  }
+  EXPECT_EQ(force_N(ticks.back()), 0);
+  return force_N(*(pause - 1));
+}
+
+TEST_F(Explore, StoppedInMidPressTheForceFadesOut) {
+  ExploreOptions options;
+  options.seconds = kPatience_s;
+  // a hand without a processor bounces on the surface, and may be stopped in the air
+  double pressed_N = 0;
+  for (int attempt = 0; attempt < 5 && pressed_N < 0.3; ++attempt) {
+    stop_.store(false);
+    const auto result = run(script_of(kPress), options, [&](const ExploreStatus& status) {
+      if (status.force_N > 0.5) stop_.store(true);
+    });
+    EXPECT_TRUE(result.stopped_by_user);
+    pressed_N = expect_fading(recording_.ticks, result.limit_N);
+  }
+  EXPECT_GE(pressed_N, 0.3);
+}
+
+TEST_F(Explore, EndsAfterItsTime) {
+  ExploreOptions options;
+  options.seconds = 0.2;
+  const auto result = run(script_of(kPress), options);
+  EXPECT_FALSE(result.stopped_by_user);
+  EXPECT_GE(recording_.ticks.back().time_s, 0.19);
+}
+
+TEST_F(Explore, RepeatsUntilStopped) {
+  ExploreOptions options;
+  options.seconds = kPatience_s;
+  options.repeat = true;
+  double progress = 0;
+  int rounds = 0;
+  const auto result = run(script_of(kPass), options, [&](const ExploreStatus& status) {
+    rounds += status.progress < progress;
+    progress = status.progress;
+    if (rounds == 2) stop_.store(true);
+  });
+  EXPECT_TRUE(result.stopped_by_user);
+  EXPECT_EQ(rounds, 2);
+}
+
+class ExploreRates : public Explore, public ::testing::WithParamInterface<double> {};
+
+TEST_P(ExploreRates, TicksAtTheRateThatIsAsked) {
+  ExploreOptions options;
+  options.run.rate_hz = GetParam();
+  options.seconds = 0.15;
+  const auto result = run(script_of(kPress), options);
+  EXPECT_EQ(recording_.header.rate_hz, GetParam());
+  expect_on_the_grid(result, GetParam());
+}
+
+INSTANTIATE_TEST_SUITE_P(Rates, ExploreRates, ::testing::Values(250.0, 4000.0, 10000.0));
+
+TEST_F(Explore, WithoutARecordingItStillCounts) {
+  ExploreOptions options;
+  options.seconds = 0.1;
+  const auto result = explore(loaded_, script_of(kPress), options, "");
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_GT(result->summary.ticks, 0u);
+  EXPECT_EQ(result->summary.ticks, result->health.ticks);
+  EXPECT_FALSE(result->recording_failure);
+}
+
+TEST_F(Explore, WhatCannotBeginIsAnError) {
+  const auto error_of = [&](const Script& script, const ExploreOptions& options, const std::string& file) {
+    const auto result = explore(loaded_, script, options, file, Progress({}, &stop_));
+    PALPATE_CHECK(!result.ok());
+    return result.error();
+  };
+  EXPECT_THAT(error_of(script_of("device = \"spoon\"\n" + std::string(kPress)), {}, "").where,
+              HasSubstr("test script:1"));
+  EXPECT_THAT(error_of(script_of("[[step]]\napproach = \"cube\"\n"), {}, "").what, HasSubstr("cube"));
+  ExploreOptions slow;
+  slow.run.rate_hz = 100;
+  EXPECT_EQ(error_of(script_of(kPress), slow, folder_ / "run.h5").kind, ErrorKind::kUsage);
+  EXPECT_EQ(error_of(script_of(kPress), {}, folder_ / "missing" / "run.h5").kind, ErrorKind::kOutput);
+  stop_.store(true);
+  EXPECT_EQ(error_of(script_of(kPress), {}, folder_ / "run.h5").kind, ErrorKind::kInterrupted);
+  EXPECT_EQ(folder_.count(), 0u);
+}
+
+}  // namespace
+}  // namespace palpate

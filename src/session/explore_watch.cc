@@ -1,0 +1,66 @@
+#include "session/explore_watch.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+constexpr double kParts_per_s = 10;
+
+std::int64_t ns(double seconds) {
+  return std::llround(seconds * 1e9);
+}
+
+}  // namespace
+
+ExploreWatch::ExploreWatch(const Model& model, const std::vector<LabelId>& structures) {
+  for (const LabelId structure : structures) meters_.emplace_back(model, structure);
+}
+
+void ExploreWatch::see(const TickRecord& record) {
+  const std::lock_guard lock(mutex_);
+  for (HoldMeter& meter : meters_) meter.see(record);
+  for (int d = 0; d < record.devices; ++d) {
+    const auto& f = record.device[d].force_N;
+    max_force_N_ = std::max(max_force_N_, Eigen::Vector3d(f[0], f[1], f[2]).norm());
+  }
+
+  tenth_ = static_cast<std::uint64_t>(std::max(0.0, record.time_s) * kParts_per_s);
+  Part& part = parts_[tenth_ % kParts];
+  if (part.tenth != tenth_) {
+    part.tenth = tenth_;
+    part.lateness.clear();
+    part.compute.clear();
+  }
+  part.lateness.add(ns(record.lateness_s));
+  part.compute.add(ns(record.compute_s));
+}
+
+ExploreWatch::LastSecond ExploreWatch::last_second() const {
+  LatencyHistogram lateness, compute;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const Part& part : parts_) {
+      if (part.tenth + kParts <= tenth_) continue;
+      lateness.merge(part.lateness);
+      compute.merge(part.compute);
+    }
+  }
+  const auto late = lateness.summary();
+  return {late.p50_us, late.p99_us, late.max_us, compute.quantile_us(0.5)};
+}
+
+std::vector<HoldFigure> ExploreWatch::holds() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<HoldFigure> figures;
+  for (const HoldMeter& meter : meters_) figures.push_back(meter.figure());
+  return figures;
+}
+
+double ExploreWatch::max_force_N() const {
+  const std::lock_guard lock(mutex_);
+  return max_force_N_;
+}
+
+}  // namespace palpate

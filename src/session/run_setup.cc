@@ -1,0 +1,121 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+
+#include "palpate/preparation.h"
+#include "palpate_version.h"
+#include "session/run_setup.h"
+#include "session/script_text.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kDefaultUserLimit_N = 3;
+// a hold counts between these forces
+constexpr double kHoldLow_N = 0.5, kHoldHigh_N = 2;
+
+std::string utc_now() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  std::tm utc;
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
+Error at_line(Error error, const Script& script, int line) {
+  error.where = line > 0 ? script.source + ":" + std::to_string(line) : script.source;
+  return error;
+}
+
+// presses that the limit or the tissue cannot give
+std::vector<std::string> out_of_reach(const RunSetup& setup, const Model& model) {
+  std::vector<std::string> trouble;
+  const double most_N = model.full_force_N * setup.workspace.force_gain;
+  for (std::size_t s = 0; s < setup.script.steps.size(); ++s) {
+    const auto* press = std::get_if<PressStep>(&setup.script.steps[s]);
+    if (!press || press->force_N <= std::min(setup.limit_N, most_N)) continue;
+    char text[120];
+    std::snprintf(text, sizeof text,
+                  "script line %d: asks for %.2f N, where at most %.2f N are allowed and %.2f N can be given",
+                  setup.script.lines[s], press->force_N, setup.limit_N, most_N);
+    trouble.push_back(text);
+  }
+  return trouble;
+}
+
+}  // namespace
+
+Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script,
+                            const SimulationOptions& options) {
+  const auto device = find_plant_device(script.device);
+  if (!device) return at_line(device.error(), script, script.device_line);
+  const auto hand = find_plant_hand(script.hand);
+  if (!hand) return at_line(hand.error(), script, script.hand_line);
+
+  RunSetup setup{script, *device, *hand, loaded.scene.workspace, {}, 0, {}};
+  if (options.seed) setup.script.seed = *options.seed;
+  if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
+
+  // the least of device, user and scene limit
+  const double user_N = options.max_force_N ? std::min(*options.max_force_N, device->peak_force_N)
+                                            : std::min(device->continuous_force_N, kDefaultUserLimit_N);
+  setup.limit_N = std::min(user_N, loaded.model->scene_max_force_N);
+  setup.parameters.max_force_N = setup.limit_N;
+  setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);
+  setup.trouble = out_of_reach(setup, *loaded.model);
+  return setup;
+}
+
+RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) {
+  const Model& model = *loaded.model;
+  RecordingHeader header;
+  header.palpate_version = PALPATE_VERSION;
+  header.commit = PALPATE_COMMIT;
+  header.build_type = PALPATE_BUILD_TYPE;
+  header.compiler = PALPATE_COMPILER;
+  const auto targets = simd_targets();
+  header.simd_target = targets.empty() ? "" : targets.front();
+  header.started_utc = utc_now();
+  header.data_set = loaded.data_set;
+  header.scene_title = model.title;
+  header.model_hash = model.content_hash;
+  header.model_version = model.version;
+  header.rate_hz = setup.script.rate_hz;
+  header.seed = setup.script.seed;
+  header.device = setup.script.device;
+  header.hand = setup.script.hand;
+  header.script_text = script_text(setup.script);
+  for (const Segment& segment : model.segments)
+    if (const Tissue* tissue = model.tissue_of(segment.id))
+      header.structures.push_back({segment.id, segment.name, tissue->name, segment.colour});
+  return header;
+}
+
+HoldMeter::HoldMeter(const Model& model, LabelId label) {
+  figure_.label = label;
+  figure_.structure = model.name_of(label);
+}
+
+void HoldMeter::see(const TickRecord& record) {
+  const DeviceTick& device = record.device[0];
+  const auto& f = device.force_N;
+  const double force_N = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+  const bool own = device.label == figure_.label;
+  if (own) {
+    sum_N_ += force_N;
+    ++ticks_;
+    figure_.peak_force_N = std::max(figure_.peak_force_N, force_N);
+  }
+  unbroken_s_ = own && force_N >= kHoldLow_N && force_N <= kHoldHigh_N ? unbroken_s_ + record.dt_s : 0;
+  figure_.held_s = std::max(figure_.held_s, unbroken_s_);
+}
+
+HoldFigure HoldMeter::figure() const {
+  HoldFigure figure = figure_;
+  figure.mean_force_N = ticks_ ? sum_N_ / static_cast<double>(ticks_) : 0;
+  return figure;
+}
+
+}  // namespace palpate

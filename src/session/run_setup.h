@@ -1,0 +1,44 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "palpate/session.h"
+#include "palpate/simulated_device.h"
+
+/// What a run with the simulated hand needs, on whichever clock.
+namespace palpate {
+
+/// A script with the device and hand that it names, and the parameters of the first tick.
+struct RunSetup {
+  Script script;  ///< with the seed and rate of the options
+  PlantDevice device;
+  PlantHand hand;
+  WorkspaceSettings workspace;
+  Parameters parameters;
+  /// Least of device, user and scene limit, N.
+  double limit_N = 0;
+  /// Presses that the limit or the tissue cannot give, known before the first tick, a sentence each.
+  std::vector<std::string> trouble;
+};
+
+/// Errors: an unknown device or hand, with the script's line.
+Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script,
+                            const SimulationOptions& options);
+
+RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
+
+/// Longest unbroken hold, mean and peak of one structure, from every tick in order.
+class HoldMeter {
+ public:
+  HoldMeter(const Model& model, LabelId label);
+  void see(const TickRecord& record);
+  HoldFigure figure() const;
+
+ private:
+  HoldFigure figure_;
+  double sum_N_ = 0, unbroken_s_ = 0;
+  std::uint64_t ticks_ = 0;
+};
+
+}  // namespace palpate

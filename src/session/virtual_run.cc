@@ -1,0 +1,30 @@
+#include "session/virtual_run.h"
+
+namespace palpate {
+
+VirtualRun::VirtualRun(const Model& model, const RunSetup& setup, ScriptedHand hand)
+    : model_(model),
+      dt_s_(1 / setup.script.rate_hz),
+      hand_(std::move(hand)),
+      device_(setup.device, setup.hand),
+      mapping_(device_.info(), setup.workspace),
+      parameters_(setup.parameters) {
+  device_.reset(mapping_.to_device(hand_.start()));
+}
+
+const TickRecord& VirtualRun::tick() {
+  sensed_ = mapping_.to_world(device_.read(), 0);
+  palpate::tick(model_, parameters_, {&sensed_, 1}, dt_s_, state_, {&sent_, 1}, record_);
+  return record_;
+}
+
+bool VirtualRun::act() {
+  const auto intention = hand_.next(record_, dt_s_, parameters_.rotation_target);
+  if (!intention) return false;
+  intended_ = *intention;
+  device_.intend(mapping_.to_device(intended_));
+  device_.advance(mapping_.to_device(sent_), dt_s_);
+  return true;
+}
+
+}  // namespace palpate

@@ -1,0 +1,41 @@
+#pragma once
+
+#include "session/run_setup.h"
+#include "session/scripted_hand.h"
+
+namespace palpate {
+
+/// A scripted hand with a simulated device on the virtual clock: sense, tick, feel, act.
+class VirtualRun {
+ public:
+  /// @param model  outlives the run
+  VirtualRun(const Model& model, const RunSetup& setup, ScriptedHand hand);
+
+  /// Senses where the device is and ticks.
+  const TickRecord& tick();
+  /// The hand feels the last tick and acts; false: its script is done and nothing moved.
+  bool act();
+
+  // ---- of the last tick
+  const DeviceState& sensed() const { return sensed_; }
+  const Wrench& sent() const { return sent_; }
+  /// Where the hand wanted to be after it.
+  const Point<World>& intended() const { return intended_; }
+  double time_s() const { return state_.time_s; }
+  const ScriptedHand& hand() const { return hand_; }
+
+ private:
+  const Model& model_;
+  const double dt_s_;
+  ScriptedHand hand_;
+  SimulatedDevice device_;
+  WorkspaceMapping mapping_;
+  Parameters parameters_;
+  SessionState state_;
+  DeviceState sensed_;
+  Wrench sent_;
+  Point<World> intended_;
+  TickRecord record_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,193 @@
+#include "verification/latency.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace palpate {
+namespace {
+
+constexpr double kRates_hz[] = {1000, 2000, 4000, 8000, 10000};
+constexpr double kDefaultSeconds = 3, kLeastSeconds = 0.05, kMostSeconds = 3600;
+constexpr double kMostBlock_s = 1;
+
+constexpr double kMostLatenessRatio = 1.2, kNoDifference_us = 2;
+// fewer ticks tell of a p99 by fewer than ten of them
+constexpr std::uint64_t kLeastTicksForLimits = 1000;
+// of its period, the tick's; 10 us at 10 kHz
+constexpr double kMostComputePart = 0.1;
+constexpr double kMostTick_ns = 1000;
+
+constexpr int kRounds = 9;
+constexpr double kFoundingR4400_kHz = 4.8, kFoundingPentiumPro_kHz = 6.5;
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
+void add_percentiles(std::vector<Figure>& figures, const std::string& path, const Percentiles& p,
+                     std::uint64_t n, std::optional<double> p99_limit = {}) {
+  figures.push_back({path + "/p50", p.p50_us, "us", n, {}});
+  figures.push_back({path + "/p99", p.p99_us, "us", n, p99_limit});
+  figures.push_back({path + "/p99.9", p.p999_us, "us", n, {}});
+  figures.push_back({path + "/max", p.max_us, "us", n, {}});
+}
+
+void add_ratio(std::vector<Figure>& figures, const std::string& name, const LatenessPair& pair,
+               std::uint64_t n, bool limited) {
+  if (pair.bare_us == 0) return;
+  figures.push_back({name, pair.servo_us / pair.bare_us, "ratio", n,
+                     limited ? std::optional(lateness_ratio_limit(pair.bare_us)) : std::nullopt});
+}
+
+// the servo loop refuses a rate and a spin by itself, once the scene is loaded
+std::optional<Error> out_of_range(const SuiteOptions& options) {
+  const double seconds = options.seconds.value_or(kDefaultSeconds);
+  if (seconds >= kLeastSeconds && seconds <= kMostSeconds) return std::nullopt;
+  return Error{ErrorKind::kUsage, number(seconds) + " s of measuring", "",
+               "choose from " + number(kLeastSeconds) + " to " + number(kMostSeconds)};
+}
+
+Result<PaceFigures> measure_pace(const LoadedScene& loaded, const PalpationPath& path,
+                                 const PaceSettings& settings, double seconds, const Progress& progress) {
+  const auto meter = PaceMeter::create(loaded.model, path, settings);
+  const int blocks = static_cast<int>(std::ceil(seconds / kMostBlock_s));
+  const std::string stage = number(settings.rate_hz / 1000) + " kHz beside a bare loop";
+  for (int block = 0; block < blocks; ++block) {
+    progress.report(stage, static_cast<double>(block) / blocks);
+    if (auto measured = meter->servo_block(seconds / blocks, progress); !measured) return measured.error();
+    if (auto measured = meter->bare_block(seconds / blocks, progress); !measured) return measured.error();
+  }
+  progress.report(stage, 1);
+  return meter->figures();
+}
+
+// the same figures of tick and whole update side by side
+Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, const PalpationPath& path,
+                                                 const Progress& progress) {
+  std::vector<Figure> figures;
+  for (const NamedMethod& method : force_methods()) {
+    progress.report("as fast as it goes: " + method.name, 0);
+    const double tick_ns = median(time_ticks(*loaded.model, path, method.method, kRounds));
+    const auto updates = time_updates(loaded.model, path, method.method, kRounds, progress);
+    if (!updates) return updates.error();
+    progress.report("as fast as it goes: " + method.name, 1);
+
+    const double update_ns = median(*updates);
+    const std::uint64_t n = kRounds * path.states.size();
+    const std::string base = "free-running/" + method.name;
+    const auto add = [&](const std::string& what, double of_tick, double of_update, const char* unit,
+                         std::optional<double> tick_limit = {}) {
+      figures.push_back({base + what + "/tick", of_tick, unit, n, tick_limit});
+      figures.push_back({base + what + "/update", of_update, unit, n, {}});
+    };
+    const double tick_kHz = 1e6 / tick_ns, update_kHz = 1e6 / update_ns;
+    add("/time", tick_ns, update_ns, "ns",
+        method.method == ForceMethod::kTrilinear ? std::optional(kMostTick_ns) : std::nullopt);
+    add("/rate", tick_kHz, update_kHz, "kHz");
+    add("/of-R4400", tick_kHz / kFoundingR4400_kHz, update_kHz / kFoundingR4400_kHz, "times");
+    add("/of-Pentium-Pro", tick_kHz / kFoundingPentiumPro_kHz, update_kHz / kFoundingPentiumPro_kHz, "times");
+  }
+  return figures;
+}
+
+// figures of all rates, those of one kind together, as tables want them
+std::vector<Figure> sorted_by_kind(const std::vector<Figure>& figures) {
+  const auto kind_of = [](const Figure& figure) {
+    return figure.name.find("/share/") != std::string::npos   ? 1
+           : figure.name.find("/ticks/") != std::string::npos ? 2
+                                                              : 0;
+  };
+  std::vector<Figure> sorted = figures;
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [&](const Figure& a, const Figure& b) { return kind_of(a) < kind_of(b); });
+  return sorted;
+}
+
+}  // namespace
+
+double lateness_ratio_limit(double bare_us) {
+  return std::max(kMostLatenessRatio, 1 + kNoDifference_us / bare_us);
+}
+
+std::vector<Figure> pace_figures(double rate_hz, const PaceFigures& pace) {
+  const std::string base = number(rate_hz / 1000) + "-kHz";
+  const bool limited = std::min(pace.ticks, pace.bare_ticks) >= kLeastTicksForLimits;
+  // what an ordinary thread gets depends on who else runs
+  const bool lateness_limited = limited && pace.scheduling.realtime;
+  const double period_us = 1e6 / rate_hz;
+  std::vector<Figure> figures;
+
+  add_percentiles(figures, base + "/compute", pace.compute, pace.ticks,
+                  limited ? std::optional(kMostComputePart * period_us) : std::nullopt);
+  add_percentiles(figures, base + "/lateness/servo", pace.lateness, pace.ticks);
+  add_percentiles(figures, base + "/lateness/bare", pace.bare_lateness, pace.bare_ticks);
+  const std::uint64_t both = std::min(pace.ticks, pace.bare_ticks);
+  add_ratio(figures, base + "/lateness/ratio/p50", pace.typical_p50, both, lateness_limited);
+  add_ratio(figures, base + "/lateness/ratio/p99", pace.typical_p99, both, lateness_limited);
+
+  figures.push_back({base + "/share/on-time", 100 * pace.on_time, "percent", pace.ticks, {}});
+  figures.push_back({base + "/share/contact", 100 * pace.in_contact, "percent", pace.ticks, {}});
+
+  const auto count = [&](const char* name, std::uint64_t value, std::optional<double> limit = {}) {
+    figures.push_back({base + "/ticks/" + name, static_cast<double>(value), "ticks", pace.ticks, limit});
+  };
+  count("dropped", pace.dropped, 0.0);
+  count("skipped", pace.skipped);
+  count("bare-skipped", pace.bare_skipped);
+  count("late", pace.late.total());
+  count("steal", pace.late.steal);
+  count("page-fault", pace.late.page_fault);
+  count("pre-emption", pace.late.preemption);
+  count("run-queue", pace.late.run_queue);
+  count("unknown", pace.late.unknown);
+  return figures;
+}
+
+Result<SuiteReport> run_latency(const SuiteOptions& options, const Progress& progress, const Warn& warn) {
+  if (auto error = out_of_range(options)) return *error;
+  const auto loaded = load_scene_or_data_set(options.scene.value_or("knee-phantom"), progress, warn);
+  if (!loaded) return loaded.error();
+  return measure_latency(*loaded, options, progress);
+}
+
+Result<SuiteReport> measure_latency(const LoadedScene& loaded, const SuiteOptions& options,
+                                    const Progress& progress) {
+  if (auto error = out_of_range(options)) return *error;
+  const double seconds = options.seconds.value_or(kDefaultSeconds);
+  const double spin_us = options.spin_us.value_or(0);
+  std::vector<double> rates_hz(std::begin(kRates_hz), std::end(kRates_hz));
+  if (options.rate_hz) rates_hz = {*options.rate_hz};
+  const auto path = palpate_once(loaded, progress);
+  if (!path) return path.error();
+
+  SuiteReport report;
+  Scheduling scheduling;
+  for (const double rate_hz : rates_hz) {
+    const PaceSettings settings{.rate_hz = rate_hz, .spin_s = spin_us * 1e-6};
+    const auto pace = measure_pace(loaded, *path, settings, seconds, progress);
+    if (!pace) return pace.error();
+    scheduling = pace->scheduling;
+    const auto figures = pace_figures(rate_hz, *pace);
+    report.figures.insert(report.figures.end(), figures.begin(), figures.end());
+  }
+  report.figures = sorted_by_kind(report.figures);
+  const auto free_running = free_running_figures(loaded, *path, progress);
+  if (!free_running) return free_running.error();
+  report.figures.insert(report.figures.end(), free_running->begin(), free_running->end());
+
+  const Model& model = *loaded.model;
+  const auto& dims = model.field->geometry().dims;
+  report.notes = {
+      {"scheduler", scheduling.scheduler},
+      {"memory", scheduling.memory},
+      {"scene", model.title + ", " + std::to_string(dims[0]) + "x" + std::to_string(dims[1]) + "x" +
+                    std::to_string(dims[2]) + " voxels"},
+      {"pace", number(seconds) + " s of each loop at each rate, in turn; spin " + number(spin_us) + " us"},
+      {"founding", "4800 ticks/s on an R4400 at 250 MHz, 6500 on a Pentium Pro at 200 MHz"}};
+  return report;
+}
+
+}  // namespace palpate

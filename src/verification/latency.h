@@ -1,0 +1,24 @@
+#pragma once
+
+#include "palpate/servo_timing.h"
+#include "palpate/verification.h"
+
+namespace palpate {
+
+/// How the servo keeps time on this machine, beside a bare loop, and how fast it could go: notes and figures
+/// of the suite `latency`.
+Result<SuiteReport> run_latency(const SuiteOptions& options, const Progress& progress, const Warn& warn);
+
+/// The same of a scene that is loaded; options.scene is ignored.
+Result<SuiteReport> measure_latency(const LoadedScene& loaded, const SuiteOptions& options,
+                                    const Progress& progress = {});
+
+/// The figures of one rate.
+std::vector<Figure> pace_figures(double rate_hz, const PaceFigures& pace);
+
+/// Most that lateness of the servo may be of the bare loop's: a fifth more, or 2 us where that is more; no
+/// scheduler and no clock here is better than that.
+/// @param bare_us  > 0
+double lateness_ratio_limit(double bare_us);
+
+}  // namespace palpate

@@ -1,0 +1,152 @@
+#include <time.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <thread>
+
+#include "base/clock.h"
+#include "base/spsc_ring.h"
+#include "palpate/servo_timing.h"
+
+namespace palpate {
+namespace {
+
+// updates between two emptyings of the ring: far less than it holds
+constexpr std::size_t kBatch = 500;
+constexpr double kRate_hz = 4000;
+constexpr auto kPoll = std::chrono::milliseconds(5);
+
+// of the calling thread alone: who else runs on the machine does not count, only what he leaves of the caches
+std::int64_t busy_ns() noexcept {
+  timespec busy{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &busy);
+  return static_cast<std::int64_t>(busy.tv_sec) * 1'000'000'000 + busy.tv_nsec;
+}
+
+// a switch without default: a new method that is missing here does not compile without a warning
+std::string name_of(ForceMethod method) {
+  switch (method) {
+    case ForceMethod::kTrilinear:
+      return "trilinear";
+  }
+  return "";
+}
+
+/// Plays a path to the servo as fast as the servo takes it. Until it is given the ring, and when it has
+/// played all rounds, it keeps the loop's own pace.
+class PathDriver final : public DeviceDriver {
+ public:
+  PathDriver(const PalpationPath& path, int rounds)
+      : info_(SimulatedDevice(path.device, path.hand).info()), rounds_(rounds), taken_(kBatch) {
+    const WorkspaceMapping mapping(info_, path.workspace);
+    for (const DeviceState& state : path.states) {
+      samples_.emplace_back();
+      samples_.back().tip = mapping.to_device(state.tip);
+    }
+    round_ns_.reserve(static_cast<std::size_t>(rounds));
+  }
+
+  void go(SpscRing<TickRecord>& ring) { ring_.store(&ring); }
+  bool done() const { return done_.load(); }
+  /// ns an update, once done().
+  const std::vector<double>& round_ns() const { return round_ns_; }
+
+  std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
+  Result<void> open(bool /*may_move*/) override { return {}; }
+  void halt() noexcept override {}
+  void resume() noexcept override {}
+
+  void run(ServoFunction& servo, ServoClock& clock) noexcept override {
+    while (ring_.load() == nullptr && clock.wait()) update(servo, 0);
+    for (int round = 0; round < rounds_ && !clock.stopped(); ++round) round_ns_.push_back(play(servo));
+    done_.store(true);
+    while (clock.wait()) update(servo, 0);
+  }
+
+ private:
+  void update(ServoFunction& servo, std::size_t index) noexcept {
+    DeviceSample& sample = samples_[index];
+    sample.taken_ns = monotonic_ns();
+    servo.update({&sample, 1}, commands_);
+  }
+
+  // the whole path once; ns an update
+  double play(ServoFunction& servo) noexcept {
+    std::int64_t timed_ns = 0;
+    for (std::size_t begin = 0; begin < samples_.size(); begin += kBatch) {
+      const std::size_t end = std::min(begin + kBatch, samples_.size());
+      const std::int64_t begun_ns = busy_ns();
+      for (std::size_t index = begin; index < end; ++index) update(servo, index);
+      timed_ns += busy_ns() - begun_ns;
+      while (ring_.load()->pop(taken_) > 0) {
+      }
+    }
+    return static_cast<double>(timed_ns) / static_cast<double>(samples_.size());
+  }
+
+  DeviceInfo info_;
+  const int rounds_;
+  std::vector<DeviceSample> samples_;
+  std::array<DeviceCommand, 1> commands_;
+  std::vector<TickRecord> taken_;
+  std::vector<double> round_ns_;
+  std::atomic<SpscRing<TickRecord>*> ring_{nullptr};
+  std::atomic<bool> done_{false};
+};
+
+}  // namespace
+
+std::span<const NamedMethod> force_methods() {
+  static const std::array<NamedMethod, 1> methods = {
+      {{ForceMethod::kTrilinear, name_of(ForceMethod::kTrilinear)}}};
+  return methods;
+}
+
+std::vector<double> time_ticks(const Model& model, const PalpationPath& path, ForceMethod method,
+                               int rounds) {
+  Parameters parameters = path.parameters;
+  parameters.method = method;
+  const double dt_s = 1 / path.rate_hz;
+  std::vector<double> round_ns;
+  for (int round = 0; round < rounds; ++round) {
+    SessionState state;
+    Wrench wrench;
+    TickRecord record;
+    const std::int64_t begun_ns = busy_ns();
+    for (const DeviceState& sensed : path.states)
+      tick(model, parameters, {&sensed, 1}, dt_s, state, {&wrench, 1}, record);
+    round_ns.push_back(static_cast<double>(busy_ns() - begun_ns) / static_cast<double>(path.states.size()));
+  }
+  return round_ns;
+}
+
+Result<std::vector<double>> time_updates(std::shared_ptr<const Model> model, const PalpationPath& path,
+                                         ForceMethod method, int rounds, const Progress& progress) {
+  Parameters parameters = path.parameters;
+  parameters.method = method;
+  PathDriver driver(path, rounds);
+  LoopSettings settings;
+  settings.rate_hz = kRate_hz;
+  // a real-time thread that never sleeps is held back by the kernel
+  settings.realtime = false;
+  auto loop = ServoLoop::start(std::move(model), driver, parameters, {path.workspace}, settings);
+  if (!loop) return loop.error();
+  driver.go((*loop)->ring());
+  while (!driver.done()) {
+    if (progress.stopped()) return Progress::interrupted();
+    std::this_thread::sleep_for(kPoll);
+  }
+  (*loop)->stop();
+  return driver.round_ns();
+}
+
+double median(std::vector<double> values) {
+  PALPATE_CHECK(!values.empty());
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace palpate

@@ -1,0 +1,220 @@
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <future>
+#include <thread>
+
+#include "base/clock.h"
+#include "base/latency_histogram.h"
+#include "palpate/recording.h"
+#include "palpate/servo_timing.h"
+#include "servo/bare_loop.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kWarmUp_s = 0.1;
+// how often the calling thread wakes up, in both kinds of block
+constexpr auto kPoll = std::chrono::milliseconds(5);
+// how far ahead the hand is told where to go: it never has to wait for the calling thread
+constexpr double kAhead_s = 0.02;
+
+Percentiles percentiles_of(const LatencyHistogram& histogram) {
+  const LatencyHistogram::Summary s = histogram.summary();
+  return {s.p50_us, s.p99_us, s.p999_us, s.max_us};
+}
+
+// where the clock cannot tell that a loop was late
+constexpr double kLeast_us = 1e-3;
+
+LatenessPair pair_of(double servo_us, double bare_us) {
+  return {servo_us, std::max(bare_us, kLeast_us)};
+}
+
+// the pair whose ratio is the middle one; of an even number the greater of the two. None: zeros
+LatenessPair typical(std::vector<LatenessPair> pairs) {
+  if (pairs.empty()) return {};
+  const auto middle = pairs.begin() + static_cast<std::ptrdiff_t>(pairs.size() / 2);
+  std::nth_element(pairs.begin(), middle, pairs.end(), [](const LatenessPair& a, const LatenessPair& b) {
+    return a.servo_us * b.bare_us < b.servo_us * a.bare_us;
+  });
+  return *middle;
+}
+
+std::int64_t ns_of(double seconds) {
+  return std::llround(seconds * 1e9);
+}
+
+void add(LateCounts& sum, const LateCounts& more) {
+  sum.steal += more.steal;
+  sum.page_fault += more.page_fault;
+  sum.preemption += more.preemption;
+  sum.run_queue += more.run_queue;
+  sum.unknown += more.unknown;
+}
+
+// leads a hand along the touching part of a path, to and fro, in real time
+class Stroke {
+ public:
+  Stroke(const PalpationPath& path, SimulatedDriver& driver, const WorkspaceMapping& mapping)
+      : path_(path), driver_(driver), mapping_(mapping), start_ns_(monotonic_ns()) {}
+
+  // false: interrupted
+  bool keep_on_for(double seconds, const Progress& progress) {
+    const std::int64_t end_ns = monotonic_ns() + ns_of(seconds);
+    while (monotonic_ns() < end_ns) {
+      if (progress.stopped()) return false;
+      const std::int64_t at_ns = monotonic_ns() + ns_of(kAhead_s);
+      driver_.intend(mapping_.to_device(wanted_at(at_ns)), at_ns);
+      std::this_thread::sleep_for(kPoll);
+    }
+    return true;
+  }
+
+ private:
+  Point<World> wanted_at(std::int64_t time_ns) const {
+    const std::size_t length = path_.touch_end - path_.touch_begin;
+    const auto passed =
+        static_cast<std::size_t>(static_cast<double>(time_ns - start_ns_) * 1e-9 * path_.rate_hz);
+    const std::size_t way = passed % (2 * length);
+    return path_.intended[path_.touch_begin + (way < length ? way : 2 * length - 1 - way)];
+  }
+
+  const PalpationPath& path_;
+  SimulatedDriver& driver_;
+  const WorkspaceMapping& mapping_;
+  const std::int64_t start_ns_;
+};
+
+class Meter final : public PaceMeter {
+ public:
+  Meter(std::shared_ptr<const Model> model, const PalpationPath& path, const PaceSettings& settings)
+      : model_(std::move(model)), path_(path), settings_(settings) {
+    PALPATE_CHECK(path.touch_begin < path.touch_end && path.touch_end <= path.intended.size());
+  }
+
+  Result<void> servo_block(double seconds, const Progress& progress) override;
+  Result<void> bare_block(double seconds, const Progress& progress) override;
+  PaceFigures figures() const override;
+
+ private:
+  void see(const TickRecord& record);
+  void add_health(const LoopHealth& health);
+
+  const std::shared_ptr<const Model> model_;
+  const PalpationPath& path_;
+  const PaceSettings settings_;
+  std::atomic<bool> counting_{false};
+
+  LatencyHistogram compute_, lateness_, bare_lateness_;
+  LatencyHistogram block_lateness_;  // of the last servo block
+  std::uint64_t ticks_ = 0, touching_ = 0;
+  double on_time_ticks_ = 0, due_ticks_ = 0;
+  std::vector<LatenessPair> pairs_p50_, pairs_p99_;
+  PaceFigures sums_;
+};
+
+Result<void> Meter::servo_block(double seconds, const Progress& progress) {
+  SimulatedDevice device(path_.device, path_.hand);
+  const WorkspaceMapping mapping(device.info(), path_.workspace);
+  device.reset(mapping.to_device(path_.intended[path_.touch_begin]));
+  SimulatedDriver driver(device);
+
+  LoopSettings loop_settings;
+  loop_settings.rate_hz = settings_.rate_hz;
+  loop_settings.spin_s = settings_.spin_s;
+  loop_settings.realtime = settings_.realtime;
+  loop_settings.cpu = settings_.cpu;
+  auto started = ServoLoop::start(model_, driver, path_.parameters, {path_.workspace}, loop_settings);
+  if (!started) return started.error();
+  ServoLoop& loop = **started;
+  sums_.scheduling = loop.scheduling();
+
+  RecordingHeader header;
+  header.rate_hz = settings_.rate_hz;
+  header.clock = "real";
+  counting_ = false;
+  block_lateness_.clear();
+  auto recorder = Recorder::start(loop.ring(), "", header, [this](const TickRecord& record) { see(record); });
+  if (!recorder) return recorder.error();
+
+  Stroke stroke(path_, driver, mapping);
+  bool whole = stroke.keep_on_for(kWarmUp_s, progress);
+  loop.reset_health();
+  counting_ = true;
+  whole = whole && stroke.keep_on_for(seconds, progress);
+  counting_ = false;
+  const LoopHealth health = loop.health();
+  loop.stop();
+  // joins the recorder's thread: what it has counted is then ours to read
+  recorder->reset();
+  if (!whole) return Progress::interrupted();
+  lateness_.merge(block_lateness_);
+  add_health(health);
+  return {};
+}
+
+// on the recorder's thread
+void Meter::see(const TickRecord& record) {
+  if (!counting_) return;
+  compute_.add(ns_of(record.compute_s));
+  block_lateness_.add(ns_of(record.lateness_s));
+  touching_ += (record.device[0].flags & kFlagContact) != 0;
+  ++ticks_;
+}
+
+void Meter::add_health(const LoopHealth& health) {
+  sums_.skipped += health.skipped;
+  sums_.dropped += health.dropped;
+  add(sums_.late, health.late);
+  const auto due = static_cast<double>(health.ticks + health.skipped);
+  on_time_ticks_ += health.on_time * due;
+  due_ticks_ += due;
+}
+
+Result<void> Meter::bare_block(double seconds, const Progress& progress) {
+  RealtimeRequest request;
+  request.fifo = request.lock_memory = settings_.realtime;
+  request.cpu = settings_.cpu;
+  std::atomic<bool> stop{false};
+  LatencyHistogram lateness;
+  auto running = std::async(std::launch::async, [&] {
+    return run_bare_loop(settings_.rate_hz, seconds, settings_.spin_s, request, stop, lateness);
+  });
+  while (running.wait_for(kPoll) != std::future_status::ready)
+    if (progress.stopped()) stop = true;
+  const BareLoop bare = running.get();
+  if (progress.stopped()) return Progress::interrupted();
+  bare_lateness_.merge(lateness);
+  const Percentiles servo = percentiles_of(block_lateness_), beside = percentiles_of(lateness);
+  if (block_lateness_.summary().n > 0) {
+    pairs_p50_.push_back(pair_of(servo.p50_us, beside.p50_us));
+    pairs_p99_.push_back(pair_of(servo.p99_us, beside.p99_us));
+  }
+  sums_.bare_ticks += bare.ticks;
+  sums_.bare_skipped += bare.skipped;
+  return {};
+}
+
+PaceFigures Meter::figures() const {
+  PaceFigures figures = sums_;
+  figures.compute = percentiles_of(compute_);
+  figures.lateness = percentiles_of(lateness_);
+  figures.bare_lateness = percentiles_of(bare_lateness_);
+  figures.typical_p50 = typical(pairs_p50_);
+  figures.typical_p99 = typical(pairs_p99_);
+  figures.ticks = ticks_;
+  if (ticks_ > 0) figures.in_contact = static_cast<double>(touching_) / static_cast<double>(ticks_);
+  if (due_ticks_ > 0) figures.on_time = on_time_ticks_ / due_ticks_;
+  return figures;
+}
+
+}  // namespace
+
+std::unique_ptr<PaceMeter> PaceMeter::create(std::shared_ptr<const Model> model, const PalpationPath& path,
+                                             const PaceSettings& settings) {
+  return std::make_unique<Meter>(std::move(model), path, settings);
+}
+
+}  // namespace palpate

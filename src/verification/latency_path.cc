@@ -1,0 +1,92 @@
+#include <algorithm>
+
+#include "palpate/servo_timing.h"
+#include "session/virtual_run.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMostSeconds = 600;
+
+// the scene's own script; the object is not turned, so that a path is a list of points; every structure is
+// stroked before it is left
+Result<Script> stroking_script(const Model& model) {
+  auto script = parse_script(default_script_text(model), "embedded script");
+  if (!script) return script.error();
+  Script stroking = *script;
+  stroking.steps.clear();
+  stroking.lines.clear();
+  for (std::size_t s = 0; s < script->steps.size(); ++s) {
+    const auto add = [&](const ScriptStep& step) {
+      stroking.steps.push_back(step);
+      stroking.lines.push_back(script->lines[s]);
+    };
+    const ScriptStep& step = script->steps[s];
+    if (std::holds_alternative<RotateStep>(step) || std::holds_alternative<SlideStep>(step)) continue;
+    if (std::holds_alternative<LeaveStep>(step)) add(SlideStep{});
+    add(step);
+  }
+  return stroking;
+}
+
+// keeps the longest run of ticks in contact
+class LongestTouch {
+ public:
+  void see(bool contact, std::size_t tick) {
+    if (!contact)
+      began_ = tick + 1;
+    else if (tick + 1 - began_ > end_ - begin_) {
+      begin_ = began_;
+      end_ = tick + 1;
+    }
+  }
+  std::size_t begin() const { return begin_; }
+  std::size_t end() const { return end_; }
+
+ private:
+  std::size_t began_ = 0, begin_ = 0, end_ = 0;
+};
+
+}  // namespace
+
+Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& progress) {
+  const Model& model = *loaded.model;
+  const auto script = stroking_script(model);
+  if (!script) return script.error();
+  auto setup = set_up_run(loaded, *script, {});
+  if (!setup) return setup.error();
+  progress.report("finding surfaces", 0);
+  auto hand = ScriptedHand::create(model, setup->script);
+  if (!hand) return hand.error();
+
+  PalpationPath path{.rate_hz = setup->script.rate_hz,
+                     .device = setup->device,
+                     .hand = setup->hand,
+                     .workspace = setup->workspace,
+                     .parameters = setup->parameters,
+                     .states = {},
+                     .intended = {}};
+  const auto most_ticks = static_cast<std::size_t>(kMostSeconds * path.rate_hz);
+  VirtualRun run(model, *setup, std::move(*hand));
+  LongestTouch touch;
+  std::size_t touching = 0;
+  while (path.states.size() < most_ticks) {
+    if (progress.stopped()) return Progress::interrupted();
+    const bool contact = (run.tick().device[0].flags & kFlagContact) != 0;
+    if (!run.act()) break;
+    touch.see(contact, path.states.size());
+    touching += contact;
+    path.states.push_back(run.sensed());
+    path.intended.push_back(run.intended());
+  }
+
+  if (touching == 0)
+    return Error{ErrorKind::kBadInput, "the hand has not touched anything", model.title,
+                 "choose a scene with a structure that is felt and can be reached"};
+  path.in_contact = static_cast<double>(touching) / static_cast<double>(path.states.size());
+  path.touch_begin = touch.begin();
+  path.touch_end = touch.end();
+  return path;
+}
+
+}  // namespace palpate
