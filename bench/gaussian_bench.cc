@@ -11,6 +11,7 @@
 #include "itk_gaussian.h"
 #include "palpate/preparation.h"
 #include "palpate/volume_io.h"
+#include "work.h"
 
 namespace palpate::bench {
 
@@ -27,35 +28,8 @@ struct Work {
   Volume<std::uint8_t> volume;
 };
 
-GridGeometry founding_grid() {
-  GridGeometry grid;
-  grid.dims = {256, 256, 124};
-  grid.spacing_mm = {0.625, 0.625, 0.9};
-  return grid;
-}
-
-/// Two bones with rounded ends, 3 mm apart: what a segmented joint is to a filter.
-Work two_bones() {
-  Volume<std::uint8_t> volume(founding_grid());
-  const GridGeometry& grid = volume.geometry();
-  const auto inside = [](const Eigen::Vector3d& p, const Eigen::Vector3d& end, double away, double radius) {
-    const double along = (p[1] - end[1]) * away;
-    const double across = std::hypot(p[0] - end[0], p[2] - end[2]);
-    return along > 0 ? across < radius : std::hypot(across, along) < radius;
-  };
-  const double radius = 24, gap = 3;
-  const Eigen::Vector3d middle = grid.centre().eigen();
-  const Eigen::Vector3d offset(0, radius + gap / 2, 0);
-  for (int k = 0; k < grid.dims[2]; ++k) {
-    for (int j = 0; j < grid.dims[1]; ++j) {
-      for (int i = 0; i < grid.dims[0]; ++i) {
-        const Eigen::Vector3d p = (grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen();
-        const bool bone = inside(p, middle - offset, -1, radius) || inside(p, middle + offset, 1, radius);
-        volume.at(i, j, k) = bone ? 255 : 0;
-      }
-    }
-  }
-  return {"two bones 3 mm apart, 256x256x124, 0.625x0.625x0.9 mm", std::move(volume)};
+Work bones() {
+  return {"two bones 3 mm apart, 256x256x124, 0.625x0.625x0.9 mm", two_bones()};
 }
 
 /// No row to leave out.
@@ -157,7 +131,7 @@ nlohmann::json to_json(const Work& work, const std::vector<Timing>& timings) {
 
 int run(const Options& options) {
   std::vector<Work> works;
-  works.push_back(two_bones());
+  works.push_back(bones());
   works.push_back(full_of_noise());
   if (!options.labels.empty()) {
     auto work = labels_of_file(options.labels);

@@ -10,6 +10,7 @@ namespace palpate::bench {
 namespace {
 
 double elapsed_ms(const Contender& contender) {
+  if (contender.before) contender.before();
   const auto start = std::chrono::steady_clock::now();
   contender.work();
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();

@@ -12,6 +12,7 @@ struct Contender {
   int threads = 1;
   std::function<void()> work;                  ///< what is timed; keeps its result
   std::function<std::vector<float>()> result;  ///< of the last work, in the unit of the reference
+  std::function<void()> before = {};           ///< not timed: what warms the caches, say
 };
 
 struct Timing {

@@ -1,162 +1,179 @@
-#include <limits>
-
 #include "palpate/sampling.h"
 
 // The founding sample wants seven trilinear interpolations: at x, and at x +- 1 voxel along i, j, k. All
 // of them share the fraction (u, v, w) of x in its cell, because whole voxels lie between them. Hence the
-// 7 x 8 corners are only 32 different voxels, and every interpolation along i is needed once:
+// 7 x 8 corners are only 32 different voxels in 12 rows along i, named by their j and k from the cell:
 //
-//     along i   16 voxels   4 rows (the cell's own), from i-1 to i+2
-//     along j    8 voxels   4 rows at j-1 and j+2, from i to i+1
-//     along k    8 voxels   4 rows at k-1 and k+2, from i to i+1
+//     k+2         (0,2) (1,2)
+//     k+1  (-1,1) (0,1) (1,1) (2,1)        the four in the middle are needed from i-1 to i+2,
+//     k    (-1,0) (0,0) (1,0) (2,0)        the others from i to i+1
+//     k-1         (0,-1) (1,-1)
 //
-// Everything is computed in units of one stored step and scaled at the end.
+// A row is one vector (a b e f). With r_jk for the row, B(.) for the bilinear blend of four rows by v and w,
+//
+//     V = B(r_00,          r_10,          r_01,          r_11)
+//     J = B(r_10 - r_-1,0, r_20 - r_00,   r_11 - r_-1,1, r_21 - r_01)
+//     K = B(r_01 - r_0,-1, r_11 - r_1,-1, r_02 - r_00,   r_12 - r_10)
+//
+// and the value and twice the central differences are dot products along i, where the interpolation
+// weighs by p = (0, 1-u, u, 0) and the difference by q = (-(1-u), -u, 1-u, u):
+//
+//     f = p V,   2 g_i = q V,   2 g_j = p J,   2 g_k = p K
+//
+// Differences of rows are formed of whole numbers. What follows is double; SamplingMap has the half.
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "sampling/central_differences.cc"
+#include <hwy/foreach_target.h>
+// after foreach_target.h
+#include <hwy/highway.h>
+
+#include "sampling/vectors-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace palpate::internal::HWY_NAMESPACE {
+
+#if HWY_TARGET == HWY_SCALAR
+
+struct Row {
+  std::int32_t lane[4];
+};
+template <class T>
+HWY_INLINE Row load_row(const T* p) {
+  return {{p[0], p[1], p[2], p[3]}};
+}
+HWY_INLINE Row operator-(const Row& a, const Row& b) {
+  Row result;
+  for (int n = 0; n < 4; ++n) result.lane[n] = a.lane[n] - b.lane[n];
+  return result;
+}
+HWY_INLINE Quad to_doubles(const Row& row) {
+  return each_part([&](int n) HWY_ATTR { return hn::Set(D4(), static_cast<double>(row.lane[n])); });
+}
+/// The sums of two quads' lanes, (0 + 2) + (1 + 3).
+HWY_INLINE void add_up(const Quad& a, const Quad& b, double& sum_a, double& sum_b) {
+  sum_a = (lane<0>(a) + lane<2>(a)) + (lane<1>(a) + lane<3>(a));
+  sum_b = (lane<0>(b) + lane<2>(b)) + (lane<1>(b) + lane<3>(b));
+}
+
+#else
+
+using Int4 = hn::FixedTag<std::int32_t, 4>;
+/// Four voxels along i.
+struct Row {
+  hn::Vec<Int4> lanes;
+};
+template <class T>
+HWY_INLINE Row load_row(const T* p) {
+  return {hn::PromoteTo(Int4(), hn::LoadU(hn::Rebind<T, Int4>(), p))};
+}
+HWY_INLINE Row operator-(const Row& a, const Row& b) {
+  return {hn::Sub(a.lanes, b.lanes)};
+}
+#if HWY_MAX_BYTES == 16
+HWY_INLINE Quad to_doubles(const Row& row) {
+  const hn::Half<Int4> half;
+  return {{hn::PromoteTo(D4(), hn::LowerHalf(half, row.lanes)),
+           hn::PromoteTo(D4(), hn::UpperHalf(half, row.lanes))}};
+}
+#else
+HWY_INLINE Quad to_doubles(const Row& row) {
+  return {{hn::PromoteTo(D4(), row.lanes)}};
+}
+#endif
+/// The sums of two quads' lanes, (0 + 2) + (1 + 3).
+HWY_INLINE void add_up(const Quad& a, const Quad& b, double& sum_a, double& sum_b) {
+  const hn::FixedTag<double, 2> d;
+  const auto half_a = hn::Add(half_of<0>(a), half_of<1>(a));
+  const auto half_b = hn::Add(half_of<0>(b), half_of<1>(b));
+  const auto sums = hn::Add(hn::InterleaveLower(d, half_a, half_b), hn::InterleaveUpper(d, half_a, half_b));
+  sum_a = hn::GetLane(sums);
+  sum_b = hn::GetLane(hn::DupOdd(sums));
+}
+
+#endif
+
+template <class T>
+HWY_INLINE void sample_one(const VoxelView<T>& voxels, const SamplingMap& map, const double* point,
+                           double* sample) {
+  const Quad x = to_voxels(map, point);
+  if (!between(load_four(map.low), x, load_four(map.high))) return write_outside(map, sample);
+  const Cell c = cell_of(x);
+  const std::ptrdiff_t row = voxels.row, slice = voxels.slice;
+  const T* const first = voxels.origin + (c.i - 1) + c.j * row + c.k * slice;
+  const auto r = [&](int dj, int dk) HWY_ATTR { return load_row(first + dj * row + dk * slice); };
+
+  // the bilinear weights along j and k
+  const double v1 = 1 - c.v, w1 = 1 - c.w;
+  const Quad w00 = all_four(v1 * w1), w10 = all_four(c.v * w1);
+  const Quad w01 = all_four(v1 * c.w), w11 = all_four(c.v * c.w);
+  const auto blend = [&](const Row& a, const Row& b, const Row& e, const Row& f) HWY_ATTR {
+    return (to_doubles(a) * w00 + to_doubles(b) * w10) + (to_doubles(e) * w01 + to_doubles(f) * w11);
+  };
+
+  // twelve rows become three
+  const Row r00 = r(0, 0), r10 = r(1, 0), r01 = r(0, 1), r11 = r(1, 1);
+  const Quad V = blend(r00, r10, r01, r11);
+  const Quad J = blend(r10 - r(-1, 0), r(2, 0) - r00, r11 - r(-1, 1), r(2, 1) - r01);
+  const Quad K = blend(r01 - r(0, -1), r11 - r(1, -1), r(0, 2) - r00, r(1, 2) - r10);
+
+  // the weights along i, (0 1-u u 0) and (-(1-u) -u 1-u u), as constant + u * slope
+  HWY_ALIGN static constexpr double kConstantP[4] = {0, 1, 0, 0}, kSlopeP[4] = {0, -1, 1, 0};
+  HWY_ALIGN static constexpr double kConstantQ[4] = {-1, 0, 1, 0}, kSlopeQ[4] = {1, -1, -1, 1};
+  const Quad u = all_four(c.u);
+  const Quad p = load_four(kConstantP) + u * load_four(kSlopeP);
+  const Quad q = load_four(kConstantQ) + u * load_four(kSlopeQ);
+  double value, gi, gj, gk;
+  add_up(V * p, V * q, value, gi);
+  add_up(J * p, K * p, gj, gk);
+  write_sample(map, value, gi, gj, gk, sample);
+}
+
+void central_differences_u8(const VoxelView<std::uint8_t>& voxels, const SamplingMap& map,
+                            const double* point, double* sample) {
+  sample_one(voxels, map, point, sample);
+}
+void central_differences_u16(const VoxelView<std::uint16_t>& voxels, const SamplingMap& map,
+                             const double* point, double* sample) {
+  sample_one(voxels, map, point, sample);
+}
+void central_differences_i16(const VoxelView<std::int16_t>& voxels, const SamplingMap& map,
+                             const double* point, double* sample) {
+  sample_one(voxels, map, point, sample);
+}
+
+}  // namespace palpate::internal::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
 namespace palpate {
 
-namespace {
+namespace internal {
 
-/// The voxel whose centre lies at or just below a point on every axis, and the fraction beyond it.
-struct Cell {
-  int i, j, k;
-  double u, v, w;
-};
+HWY_EXPORT(central_differences_u8);
+HWY_EXPORT(central_differences_u16);
+HWY_EXPORT(central_differences_i16);
 
-/// Floor of a number that fits an int; std::floor is a library call on baseline x86-64.
-int floor_to_int(double x) {
-  const int truncated = static_cast<int>(x);
-  return truncated - (x < truncated ? 1 : 0);
-}
-
-Cell cell_of(const Eigen::Vector3d& x) {
-  const int i = floor_to_int(x[0]), j = floor_to_int(x[1]), k = floor_to_int(x[2]);
-  return {i, j, k, x[0] - i, x[1] - j, x[2] - k};
-}
-
-/// Less than `reach` voxels beyond the outermost centres on every axis. False for NaN.
-bool within_reach(const Eigen::Vector3d& x, const std::array<int, 3>& dims, double reach) {
-  for (int axis = 0; axis < 3; ++axis) {
-    if (!(x[axis] > -reach && x[axis] < dims[axis] - 1 + reach)) return false;
-  }
-  return true;
-}
-
-/// All voxels from `margin` before the cell to `margin` after it lie inside the grid.
-bool inside(const Cell& c, const std::array<int, 3>& dims, int margin) {
-  return c.i >= margin && c.j >= margin && c.k >= margin && c.i + margin + 1 < dims[0] &&
-         c.j + margin + 1 < dims[1] && c.k + margin + 1 < dims[2];
-}
-
-double lerp(double a, double b, double t) {
-  return a + t * (b - a);
-}
-
-double bilerp(const double (&c)[2][2], double v, double w) {
-  return lerp(lerp(c[0][0], c[0][1], v), lerp(c[1][0], c[1][1], v), w);
-}
-
-/// Reads voxels near a cell without asking whether they exist.
-template <class T>
-struct InsideReader {
-  const T* cell;
-  std::ptrdiff_t row, slice;
-  double operator()(int di, int dj, int dk) const { return cell[di + dj * row + dk * slice]; }
-};
-
-/// Reads voxels near a cell, 0 beyond the grid.
-template <class T>
-struct BorderReader {
-  const Volume<T>& volume;
-  const Cell& cell;
-  double operator()(int di, int dj, int dk) const {
-    return volume.at_or(cell.i + di, cell.j + dj, cell.k + dk, T{0});
-  }
-};
-
-template <class T>
-InsideReader<T> inside_reader(const Volume<T>& volume, const Cell& c) {
-  const GridGeometry& grid = volume.geometry();
-  const auto row = static_cast<std::ptrdiff_t>(grid.dims[0]);
-  return {volume.voxels().data() + grid.offset(c.i, c.j, c.k), row, row * grid.dims[1]};
-}
-
-template <class Reader>
-double value_at(const Reader& read, const Cell& c) {
-  double along_i[2][2];
-  for (int dk = 0; dk < 2; ++dk) {
-    for (int dj = 0; dj < 2; ++dj) along_i[dk][dj] = lerp(read(0, dj, dk), read(1, dj, dk), c.u);
-  }
-  return bilerp(along_i, c.v, c.w);
-}
-
-struct RawSample {
-  double value;
-  Eigen::Vector3d gradient_per_voxel;
-};
-
-template <class Reader>
-RawSample sample_at(const Reader& read, const Cell& c) {
-  const auto along_i = [&](int dj, int dk) { return lerp(read(0, dj, dk), read(1, dj, dk), c.u); };
-
-  // the cell's own rows give the value and the difference along i
-  double centre[2][2], before[2][2], after[2][2];
-  for (int dk = 0; dk < 2; ++dk) {
-    for (int dj = 0; dj < 2; ++dj) {
-      const double a = read(-1, dj, dk), b = read(0, dj, dk), e = read(1, dj, dk), f = read(2, dj, dk);
-      before[dk][dj] = lerp(a, b, c.u);
-      centre[dk][dj] = lerp(b, e, c.u);
-      after[dk][dj] = lerp(e, f, c.u);
-    }
-  }
-  const double gi = 0.5 * (bilerp(after, c.v, c.w) - bilerp(before, c.v, c.w));
-
-  // the rows beside them, shifted by one voxel each way
-  const double before_j[2][2] = {{along_i(-1, 0), centre[0][0]}, {along_i(-1, 1), centre[1][0]}};
-  const double after_j[2][2] = {{centre[0][1], along_i(2, 0)}, {centre[1][1], along_i(2, 1)}};
-  const double gj = 0.5 * (bilerp(after_j, c.v, c.w) - bilerp(before_j, c.v, c.w));
-
-  const double before_k[2][2] = {{along_i(0, -1), along_i(1, -1)}, {centre[0][0], centre[0][1]}};
-  const double after_k[2][2] = {{centre[1][0], centre[1][1]}, {along_i(0, 2), along_i(1, 2)}};
-  const double gk = 0.5 * (bilerp(after_k, c.v, c.w) - bilerp(before_k, c.v, c.w));
-
-  return {bilerp(centre, c.v, c.w), {gi, gj, gk}};
-}
-
-template <class T>
-constexpr double kFullScale = std::numeric_limits<T>::max();
-
-template <class T>
-double sample_value_of(const Volume<T>& volume, const Eigen::Vector3d& x) {
-  const auto& dims = volume.geometry().dims;
-  if (!within_reach(x, dims, 1)) return 0;
-  const Cell c = cell_of(x);
-  const double raw =
-      inside(c, dims, 0) ? value_at(inside_reader(volume, c), c) : value_at(BorderReader<T>{volume, c}, c);
-  return raw / kFullScale<T>;
-}
-
-template <class T>
-FieldSample sample_of(const Volume<T>& volume, const Eigen::Vector3d& x,
-                      const Eigen::Matrix3d& gradient_map) {
-  const auto& dims = volume.geometry().dims;
-  if (!within_reach(x, dims, 2)) return {};
-  const Cell c = cell_of(x);
-  const RawSample raw =
-      inside(c, dims, 1) ? sample_at(inside_reader(volume, c), c) : sample_at(BorderReader<T>{volume, c}, c);
-  return {raw.value / kFullScale<T>,
-          Vector<Patient>(gradient_map * (raw.gradient_per_voxel / kFullScale<T>))};
-}
-
-}  // namespace
-
-double sample_value(const Field& field, const Point<Patient>& x) {
-  const Eigen::Vector3d voxel = (field.X_VoxelPatient() * x).eigen();
-  return std::visit([&](const auto& volume) { return sample_value_of(volume, voxel); }, field.storage());
-}
+}  // namespace internal
 
 FieldSample sample_central_differences(const Field& field, const Point<Patient>& x) {
-  const Eigen::Vector3d voxel = (field.X_VoxelPatient() * x).eigen();
-  return std::visit([&](const auto& volume) { return sample_of(volume, voxel, field.gradient_map()); },
-                    field.storage());
+  FieldSample sample;
+  const double* const point = x.eigen().data();
+  if (const auto* bytes = std::get_if<PaddedVolume<std::uint8_t>>(&field.padded())) {
+    HWY_DYNAMIC_DISPATCH(internal::central_differences_u8)(bytes->view(), field.map(), point, &sample.value);
+  } else {
+    const auto& words = *std::get_if<PaddedVolume<std::uint16_t>>(&field.padded());
+    HWY_DYNAMIC_DISPATCH(internal::central_differences_u16)(words.view(), field.map(), point, &sample.value);
+  }
+  return sample;
+}
+
+FieldSample sample_central_differences(const SignedField& field, const Point<Patient>& x) {
+  FieldSample sample;
+  HWY_DYNAMIC_DISPATCH(internal::central_differences_i16)
+  (field.padded().view(), field.map(), x.eigen().data(), &sample.value);
+  return sample;
 }
 
 }  // namespace palpate
+#endif  // HWY_ONCE

@@ -1,0 +1,285 @@
+#include <algorithm>
+#include <limits>
+
+#include "palpate/sampling.h"
+#include "sampling/point_group.h"
+
+// The sample of central_differences.cc for many points, one point a lane. A gather of 32 bits brings the
+// four bytes of a row at once, or two 16-bit voxels. Points go through in groups of kPointsInGroup: their
+// cells in double, as for one point; the voxels' arithmetic in float; the way back to the patient in double
+// again. A point outside is moved to the border, where everything around it is `outside`.
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "sampling/central_differences_batch.cc"
+#include <hwy/foreach_target.h>
+// after foreach_target.h
+#include <hwy/highway.h>
+
+#include "sampling/vectors-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace palpate::internal::HWY_NAMESPACE {
+
+using DD = hn::ScalableTag<double>;
+using DF = hn::ScalableTag<float>;
+using DI = hn::ScalableTag<std::int32_t>;
+using VF = hn::Vec<DF>;
+using VI = hn::Vec<DI>;
+
+// ---- from points to cells -------------------------------------------------------------------------
+
+/// Between low and high; low for NaN.
+HWY_INLINE hn::Vec<DD> clamped(hn::Vec<DD> x, double low, double high) {
+  const auto least = hn::Set(DD(), low), most = hn::Set(DD(), high);
+  const auto above = hn::IfThenElse(hn::Gt(x, least), x, least);
+  return hn::IfThenElse(hn::Lt(above, most), above, most);
+}
+
+template <class T>
+HWY_INLINE void find_cells(const VoxelView<T>& voxels, const SamplingMap& map, const double* points,
+                           PointGroup& group) {
+  const auto& c = map.voxel_columns;
+  const auto to_axis = [&](int axis, hn::Vec<DD> x, hn::Vec<DD> y, hn::Vec<DD> z) HWY_ATTR {
+    const auto index =
+        hn::Add(hn::Add(hn::Mul(hn::Set(DD(), c[0][axis]), x), hn::Mul(hn::Set(DD(), c[1][axis]), y)),
+                hn::Add(hn::Mul(hn::Set(DD(), c[2][axis]), z), hn::Set(DD(), c[3][axis])));
+    return clamped(index, map.low[axis], map.high[axis]);
+  };
+  const hn::Rebind<float, DD> d_float;
+  const hn::Rebind<std::int32_t, DD> d_int;
+  for (std::size_t n = 0; n < kPointsInGroup; n += hn::Lanes(DD())) {
+    hn::Vec<DD> x, y, z;
+    hn::LoadInterleaved3(DD(), points + 3 * n, x, y, z);
+    const auto i = to_axis(0, x, y, z), j = to_axis(1, x, y, z), k = to_axis(2, x, y, z);
+    const auto fi = hn::Floor(i), fj = hn::Floor(j), fk = hn::Floor(k);
+    hn::StoreU(hn::DemoteTo(d_float, hn::Sub(i, fi)), d_float, group.u + n);
+    hn::StoreU(hn::DemoteTo(d_float, hn::Sub(j, fj)), d_float, group.v + n);
+    hn::StoreU(hn::DemoteTo(d_float, hn::Sub(k, fk)), d_float, group.w + n);
+
+    // whole numbers below 2^31, exact in double
+    const auto offset = hn::Add(hn::Sub(fi, hn::Set(DD(), 1)),
+                                hn::Add(hn::Mul(fj, hn::Set(DD(), static_cast<double>(voxels.row))),
+                                        hn::Mul(fk, hn::Set(DD(), static_cast<double>(voxels.slice)))));
+    const auto in_bytes = hn::Mul(offset, hn::Set(DD(), sizeof(T)));
+    hn::StoreU(hn::DemoteTo(d_int, in_bytes), d_int, group.byte_offset + n);
+  }
+}
+
+// ---- the voxels -------------------------------------------------------------------------------------
+
+/// The 32 bits at each lane's offset from `base`, aligned or not.
+HWY_INLINE VI gather(const void* base, VI byte_offset) {
+#if HWY_TARGET <= HWY_AVX2
+  return hn::GatherOffset(DI(), static_cast<const std::int32_t*>(base), byte_offset);
+#else
+  HWY_ALIGN std::int32_t offsets[hn::MaxLanes(DI())], words[hn::MaxLanes(DI())];
+  hn::Store(byte_offset, DI(), offsets);
+  for (std::size_t n = 0; n < hn::Lanes(DI()); ++n) {
+    hwy::CopyBytes<4>(static_cast<const char*>(base) + offsets[n], &words[n]);
+  }
+  return hn::Load(DI(), words);
+#endif
+}
+
+/// The two voxels of a row between which the cell lies, as floats, and those before and after them.
+struct Two {
+  VF b, e;
+};
+struct Four {
+  VF a, b, e, f;
+};
+
+template <int kBits, bool kSigned>
+HWY_INLINE VF voxel_in(VI word, int from_bit) {
+  if constexpr (kSigned) {
+    return hn::ConvertTo(DF(), hn::ShiftRight<32 - kBits>(hn::ShiftLeftSame(word, 32 - kBits - from_bit)));
+  } else {
+    const hn::RebindToUnsigned<DI> d;
+    const auto field = hn::ShiftRightSame(hn::BitCast(d, word), from_bit);
+    return hn::ConvertTo(DF(), hn::BitCast(DI(), hn::And(field, hn::Set(d, (1u << kBits) - 1))));
+  }
+}
+
+HWY_INLINE Two load_two(const std::uint8_t* p, VI offset) {
+  const VI word = gather(p, offset);
+  return {voxel_in<8, false>(word, 8), voxel_in<8, false>(word, 16)};
+}
+HWY_INLINE Four load_four_voxels(const std::uint8_t* p, VI offset) {
+  const VI word = gather(p, offset);
+  return {voxel_in<8, false>(word, 0), voxel_in<8, false>(word, 8), voxel_in<8, false>(word, 16),
+          voxel_in<8, false>(word, 24)};
+}
+template <class T>
+HWY_INLINE Two load_two(const T* p, VI offset) {
+  const VI word = gather(p + 1, offset);
+  return {voxel_in<16, T(-1) < 0>(word, 0), voxel_in<16, T(-1) < 0>(word, 16)};
+}
+template <class T>
+HWY_INLINE Four load_four_voxels(const T* p, VI offset) {
+  const VI first = gather(p, offset), second = gather(p + 2, offset);
+  return {voxel_in<16, T(-1) < 0>(first, 0), voxel_in<16, T(-1) < 0>(first, 16),
+          voxel_in<16, T(-1) < 0>(second, 0), voxel_in<16, T(-1) < 0>(second, 16)};
+}
+
+HWY_INLINE VF lerp(VF a, VF b, VF t) {
+  return hn::Add(a, hn::Mul(t, hn::Sub(b, a)));
+}
+
+/// One row interpolated along i, and its difference along i.
+struct Interpolated {
+  VF value, difference;
+};
+HWY_INLINE Interpolated along_i(const Four& row, VF u) {
+  return {lerp(row.b, row.e, u), hn::Sub(lerp(row.e, row.f, u), lerp(row.a, row.b, u))};
+}
+
+template <class T>
+HWY_INLINE void sample_lanes(const VoxelView<T>& voxels, PointGroup& group, std::size_t n) {
+  const VI offset = hn::Load(DI(), group.byte_offset + n);
+  const VF u = hn::Load(DF(), group.u + n), v = hn::Load(DF(), group.v + n), w = hn::Load(DF(), group.w + n);
+  const auto row = [&](int dj, int dk)
+                       HWY_ATTR { return voxels.origin + dj * voxels.row + dk * voxels.slice; };
+  const auto outer = [&](int dj, int dk) HWY_ATTR {
+    const Two two = load_two(row(dj, dk), offset);
+    return lerp(two.b, two.e, u);
+  };
+  const auto inner = [&](int dj, int dk)
+                         HWY_ATTR { return along_i(load_four_voxels(row(dj, dk), offset), u); };
+
+  // the bilinear weights along j and k
+  const VF one = hn::Set(DF(), 1);
+  const VF v1 = hn::Sub(one, v), w1 = hn::Sub(one, w);
+  const VF w00 = hn::Mul(v1, w1), w10 = hn::Mul(v, w1), w01 = hn::Mul(v1, w), w11 = hn::Mul(v, w);
+  const auto blend = [&](VF a, VF b, VF e, VF f) HWY_ATTR {
+    return hn::Add(hn::Add(hn::Mul(a, w00), hn::Mul(b, w10)), hn::Add(hn::Mul(e, w01), hn::Mul(f, w11)));
+  };
+
+  const Interpolated r00 = inner(0, 0), r10 = inner(1, 0), r01 = inner(0, 1), r11 = inner(1, 1);
+  hn::Store(blend(r00.value, r10.value, r01.value, r11.value), DF(), group.value + n);
+  hn::Store(blend(r00.difference, r10.difference, r01.difference, r11.difference), DF(), group.gi + n);
+  hn::Store(blend(hn::Sub(r10.value, outer(-1, 0)), hn::Sub(outer(2, 0), r00.value),
+                  hn::Sub(r11.value, outer(-1, 1)), hn::Sub(outer(2, 1), r01.value)),
+            DF(), group.gj + n);
+  hn::Store(blend(hn::Sub(r01.value, outer(0, -1)), hn::Sub(r11.value, outer(1, -1)),
+                  hn::Sub(outer(0, 2), r00.value), hn::Sub(outer(1, 2), r10.value)),
+            DF(), group.gk + n);
+}
+
+// ---- and back to the patient ------------------------------------------------------------------------
+
+HWY_INLINE void write_samples(const SamplingMap& map, const PointGroup& group, double* samples) {
+  const hn::Rebind<float, DD> d_float;
+  const auto& c = map.sample_columns;
+  for (std::size_t n = 0; n < kPointsInGroup; n += hn::Lanes(DD())) {
+    const auto widened = [&](const float* p)
+                             HWY_ATTR { return hn::PromoteTo(DD(), hn::LoadU(d_float, p + n)); };
+    const auto value = widened(group.value), gi = widened(group.gi), gj = widened(group.gj),
+               gk = widened(group.gk);
+    const auto to_axis = [&](int axis) HWY_ATTR {
+      return hn::Add(hn::Add(hn::Mul(hn::Set(DD(), c[0][axis]), gi), hn::Mul(hn::Set(DD(), c[1][axis]), gj)),
+                     hn::Mul(hn::Set(DD(), c[2][axis]), gk));
+    };
+    hn::StoreInterleaved4(hn::Add(hn::Mul(hn::Set(DD(), c[3][0]), value), hn::Set(DD(), c[4][0])), to_axis(1),
+                          to_axis(2), to_axis(3), DD(), samples + 4 * n);
+  }
+}
+
+/// Whole groups of kPointsInGroup points.
+template <class T>
+HWY_INLINE void sample_groups(const VoxelView<T>& voxels, const SamplingMap& map, const double* points,
+                              std::size_t groups, double* samples) {
+  PointGroup group;
+  for (; groups > 0; --groups, points += 3 * kPointsInGroup, samples += 4 * kPointsInGroup) {
+    find_cells(voxels, map, points, group);
+    for (std::size_t n = 0; n < kPointsInGroup; n += hn::Lanes(DF())) sample_lanes(voxels, group, n);
+    write_samples(map, group, samples);
+  }
+}
+
+void sample_groups_u8(const VoxelView<std::uint8_t>& voxels, const SamplingMap& map, const double* points,
+                      std::size_t groups, double* samples) {
+  sample_groups(voxels, map, points, groups, samples);
+}
+void sample_groups_u16(const VoxelView<std::uint16_t>& voxels, const SamplingMap& map, const double* points,
+                       std::size_t groups, double* samples) {
+  sample_groups(voxels, map, points, groups, samples);
+}
+void sample_groups_i16(const VoxelView<std::int16_t>& voxels, const SamplingMap& map, const double* points,
+                       std::size_t groups, double* samples) {
+  sample_groups(voxels, map, points, groups, samples);
+}
+
+}  // namespace palpate::internal::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace palpate {
+
+namespace internal {
+
+namespace {
+
+HWY_EXPORT(sample_groups_u8);
+HWY_EXPORT(sample_groups_u16);
+HWY_EXPORT(sample_groups_i16);
+
+void sample_groups(const VoxelView<std::uint8_t>& voxels, const SamplingMap& map, const double* points,
+                   std::size_t groups, double* samples) {
+  HWY_DYNAMIC_DISPATCH(sample_groups_u8)(voxels, map, points, groups, samples);
+}
+void sample_groups(const VoxelView<std::uint16_t>& voxels, const SamplingMap& map, const double* points,
+                   std::size_t groups, double* samples) {
+  HWY_DYNAMIC_DISPATCH(sample_groups_u16)(voxels, map, points, groups, samples);
+}
+void sample_groups(const VoxelView<std::int16_t>& voxels, const SamplingMap& map, const double* points,
+                   std::size_t groups, double* samples) {
+  HWY_DYNAMIC_DISPATCH(sample_groups_i16)(voxels, map, points, groups, samples);
+}
+
+/// Offsets of voxels in bytes are counted in 32 bits.
+template <class T>
+bool fits_gathers(const PaddedVolume<T>& voxels) {
+  return voxels.stored_voxels() * sizeof(T) <= std::numeric_limits<std::int32_t>::max();
+}
+
+template <class T, class AnyField>
+void sample_all(const PaddedVolume<T>& voxels, const AnyField& field, std::span<const Point<Patient>> points,
+                std::span<FieldSample> samples) {
+  PALPATE_CHECK(points.size() == samples.size());
+  if (points.empty()) return;
+  if (!fits_gathers(voxels)) {
+    for (std::size_t n = 0; n < points.size(); ++n) samples[n] = sample_central_differences(field, points[n]);
+    return;
+  }
+  const std::size_t groups = points.size() / kPointsInGroup, done = groups * kPointsInGroup,
+                    rest = points.size() - done;
+  sample_groups(voxels.view(), field.map(), points.front().eigen().data(), groups, &samples.front().value);
+  if (rest == 0) return;
+
+  // what does not fill a group, filled up with the last point
+  std::array<Point<Patient>, kPointsInGroup> last_points;
+  std::array<FieldSample, kPointsInGroup> last_samples;
+  last_points.fill(points.back());
+  std::copy_n(points.begin() + static_cast<std::ptrdiff_t>(done), rest, last_points.begin());
+  sample_groups(voxels.view(), field.map(), last_points.front().eigen().data(), 1,
+                &last_samples.front().value);
+  std::copy_n(last_samples.begin(), rest, samples.begin() + static_cast<std::ptrdiff_t>(done));
+}
+
+}  // namespace
+
+}  // namespace internal
+
+void sample_central_differences(const Field& field, std::span<const Point<Patient>> points,
+                                std::span<FieldSample> samples) {
+  std::visit([&](const auto& voxels) { internal::sample_all(voxels, field, points, samples); },
+             field.padded());
+}
+
+void sample_central_differences(const SignedField& field, std::span<const Point<Patient>> points,
+                                std::span<FieldSample> samples) {
+  internal::sample_all(field.padded(), field, points, samples);
+}
+
+}  // namespace palpate
+#endif  // HWY_ONCE

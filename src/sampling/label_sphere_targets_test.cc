@@ -1,0 +1,121 @@
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <iostream>
+
+#include "base/hash.h"
+#include "sampling/label_sphere_test_support.h"
+
+namespace palpate {
+namespace {
+
+using internal::label_test_grid;
+
+constexpr unsigned kSeed = 20261120;
+
+/// Bits, not numbers: -0 is not 0 to a hash.
+bool same_bits(const FieldSample& a, const FieldSample& b) {
+  return std::memcmp(&a, &b, sizeof a) == 0;
+}
+
+/// One point at a time and all together, on every target.
+template <class Method>
+void expect_same_bits_everywhere(const Method& method, const std::vector<Point<Patient>>& points) {
+  std::vector<FieldSample> expected(points.size());
+  method.sample(points, expected);
+  for (const std::int64_t target : internal::all_targets()) {
+    SCOPED_TRACE(internal::target_name(target));
+    const internal::OnlyTargets only(target);
+    std::vector<FieldSample> together(points.size());
+    method.sample(points, together);
+    for (std::size_t n = 0; n < points.size(); ++n) {
+      ASSERT_TRUE(same_bits(together[n], expected[n])) << "point " << n;
+      ASSERT_TRUE(same_bits(method.sample(points[n]), expected[n])) << "point " << n << " alone";
+    }
+  }
+}
+
+TEST(LabelMethodTargets, AreWhatTheMachineHas) {
+  std::string names;
+  for (const std::int64_t target : internal::all_targets()) names += " " + internal::target_name(target);
+  std::cout << "SIMD targets tested:" << names << "\n";
+  EXPECT_GE(internal::all_targets().size(), 2u);
+}
+
+TEST(LabelMethodTargets, GiveTheSameBitsForSpheres) {
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  std::mt19937 random(kSeed);
+  for (const auto& dims : {std::array{40, 22, 13}, std::array{9, 7, 8}, std::array{3, 1, 2}}) {
+    for (const int kind : {0, 3}) {
+      const GridGeometry grid = label_test_grid(dims, kind);
+      const auto labels = internal::random_labels(grid, random);
+      const auto points = internal::random_points(grid, 6, 60, random);
+      for (const LabelVoxels& voxels : {LabelVoxels(labels, {2, 3}), LabelVoxels(labels, {1, 3, 40000}),
+                                        LabelVoxels::mask(*labels, {2, 5})}) {
+        expect_same_bits_everywhere(GaussianSphere::make(voxels, 0.9).value(), points);
+        for (const double sigma : {0.05, 0.4, 1.1, 2.6}) {
+          expect_same_bits_everywhere(SmoothSphere::make(voxels, sigma).value(), points);
+        }
+      }
+    }
+  }
+}
+
+TEST(LabelMethodTargets, GiveTheSameBitsForStoredNormals) {
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  std::mt19937 random(kSeed);
+  for (const auto& dims : {std::array{12, 9, 7}, std::array{2, 1, 3}}) {
+    const GridGeometry grid = label_test_grid(dims, 3);
+    Volume<std::uint8_t> ramp(grid);
+    for (auto& voxel : ramp.voxels()) voxel = static_cast<std::uint8_t>(random());
+    const auto points = internal::random_points(grid, 2, 300, random);
+    for (const auto encoding :
+         {NormalEncoding::kBytes, NormalEncoding::kOctahedral16, NormalEncoding::kOctahedral24}) {
+      expect_same_bits_everywhere(StoredNormals::from_ramp(ramp, encoding), points);
+    }
+  }
+}
+
+/// Of 2000 samples in and around a grid of 11 x 10 x 9.
+template <class Method>
+std::uint64_t hash_of(const Method& method, const GridGeometry& grid) {
+  // numbers that no library's distribution has a say in
+  std::mt19937 random(kSeed);
+  const auto coordinate = [&] { return static_cast<double>(random()) / 268435456.0 - 3; };
+  std::uint64_t hash = kHashSeed;
+  for (int n = 0; n < 2000; ++n) {
+    const double i = coordinate(), j = coordinate(), k = coordinate();
+    const FieldSample sample = method.sample(grid.X_PatientVoxel() * Point<Voxel>(i, j, k));
+    for (const double number :
+         {sample.value, sample.gradient.x(), sample.gradient.y(), sample.gradient.z()}) {
+      hash_double(hash, number);
+    }
+  }
+  return hash_finish(hash);
+}
+
+// The hashes change only when a method does: with the tests above, the same bits on every target and in every
+// build, which is what a recorded run is run again with.
+TEST(LabelMethodTargets, GiveTheSameBitsInEveryBuild) {
+  std::mt19937 random(kSeed);
+  GridGeometry grid;
+  grid.dims = {11, 10, 9};
+  grid.spacing_mm = {0.625, 0.75, 0.9};
+  grid.direction << 0.6, -0.8, 0, 0.8, 0.6, 0, 0, 0, -1;
+  grid.origin = Point<Patient>(-12.5, 40.1, 7.3);
+  const LabelVoxels voxels(internal::random_labels(grid, random), {1, 2, 40000});
+  EXPECT_EQ(hash_of(GaussianSphere::make(voxels, 1).value(), grid), 13889385774946215327u);
+  EXPECT_EQ(hash_of(SmoothSphere::make(voxels, 0.1).value(), grid), 3839448529552132242u);
+  EXPECT_EQ(hash_of(SmoothSphere::make(voxels, 1.3).value(), grid), 3806171186135711995u);
+
+  Volume<std::uint16_t> ramp(grid);
+  for (auto& voxel : ramp.voxels()) voxel = static_cast<std::uint16_t>(random());
+  EXPECT_EQ(hash_of(StoredNormals::from_ramp(ramp, NormalEncoding::kBytes), grid), 15584758994966999840u);
+  EXPECT_EQ(hash_of(StoredNormals::from_ramp(ramp, NormalEncoding::kOctahedral16), grid),
+            15382511080697762402u);
+  EXPECT_EQ(hash_of(StoredNormals::from_ramp(ramp, NormalEncoding::kOctahedral24), grid),
+            6287413899728500385u);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,159 @@
+#pragma once
+
+#include <hwy/targets.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "palpate/voxel_methods.h"
+
+// What the tests of the label methods share.
+namespace palpate::internal {
+
+/// kind 0: cubes of 1 mm; 1: boxes; 2: turned boxes; 3: turned and left-handed.
+inline GridGeometry label_test_grid(const std::array<int, 3>& dims, int kind) {
+  GridGeometry grid;
+  grid.dims = dims;
+  grid.origin = Point<Patient>(-12.5, 40, 7.25);
+  if (kind >= 1) grid.spacing_mm = {0.28, 0.625, 1.0};
+  if (kind >= 2) {
+    grid.direction = Eigen::AngleAxisd(0.7, Eigen::Vector3d(-1, 2, 0.5).normalized()).toRotationMatrix();
+  }
+  if (kind >= 3) grid.direction.col(0) *= -1;
+  return grid;
+}
+
+/// Blobs of labels 0 ... 5 and 40 000: every voxel its own or its neighbour's.
+inline std::shared_ptr<const Volume<LabelId>> random_labels(const GridGeometry& grid, std::mt19937& random) {
+  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  LabelId last = 0;
+  for (LabelId& voxel : labels->voxels()) {
+    if (random() % 4 == 0) last = static_cast<LabelId>(random() % 7 == 6 ? 40000 : random() % 6);
+    voxel = last;
+  }
+  return labels;
+}
+
+/// A ball of label 1.
+inline std::shared_ptr<const Volume<LabelId>> ball_labels(const GridGeometry& grid,
+                                                          const Point<Patient>& centre, double radius_mm) {
+  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k) {
+    for (int j = 0; j < grid.dims[1]; ++j) {
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const double distance = (X_PatientVoxel * Point<Voxel>(i, j, k) - centre).norm();
+        labels->at(i, j, k) = distance < radius_mm ? 1 : 0;
+      }
+    }
+  }
+  return labels;
+}
+
+/// Points in and around the grid, whole and half voxel coordinates among them.
+inline std::vector<Point<Patient>> random_points(const GridGeometry& grid, double beyond_voxels, int count,
+                                                 std::mt19937& random) {
+  std::vector<Point<Patient>> points;
+  for (int n = 0; n < count; ++n) {
+    Point<Voxel> x;
+    for (int axis = 0; axis < 3; ++axis) {
+      x[axis] =
+          std::uniform_real_distribution<double>(-beyond_voxels, grid.dims[axis] - 1 + beyond_voxels)(random);
+      const auto snap = random() % 8;
+      if (snap == 0) x[axis] = std::round(x[axis]);
+      if (snap == 1) x[axis] = std::floor(x[axis]) + 0.5;
+    }
+    points.push_back(grid.X_PatientVoxel() * x);
+  }
+  return points;
+}
+
+/// Points that are no place, and some that are far away.
+inline std::vector<Point<Patient>> hopeless_points(const GridGeometry& grid) {
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  std::vector<Point<Patient>> points;
+  for (const double bad : {nan, inf, -inf, 1e300, -1e300, 1e12, -1e12, 3e9, -3e9}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      points.push_back(grid.centre());
+      points.back()[axis] = bad;
+    }
+  }
+  return points;
+}
+
+/// Lets Highway see only the given targets (0: only its fallback), and all again afterwards.
+class OnlyTargets {
+ public:
+  explicit OnlyTargets(std::int64_t targets) {
+    hwy::SetSupportedTargetsForTest(targets);
+    hwy::GetChosenTarget().Update(targets);
+  }
+  ~OnlyTargets() {
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().DeInit();
+  }
+};
+
+/// Every target of the machine, and 0 for the fallback.
+inline std::vector<std::int64_t> all_targets() {
+  std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
+  targets.push_back(0);
+  return targets;
+}
+inline std::string target_name(std::int64_t target) {
+  return target == 0 ? "fallback" : hwy::TargetName(target);
+}
+
+/// The founding force for a full force of 1: value times normal.
+inline Vector<Patient> unit_force(const FieldSample& sample) {
+  return sample.gradient.normalized() * -sample.value;
+}
+
+/// A path at constant distance from a centre, winding smoothly and at random, in steps of `step_mm`.
+inline std::vector<Point<Patient>> winding_path(const Point<Patient>& centre, double radius_mm,
+                                                double step_mm, int count, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  Eigen::Vector3d out = Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized();
+  Eigen::Vector3d along = out.unitOrthogonal();
+  const double turns = std::uniform_real_distribution<double>(0, 2 * std::numbers::pi)(random);
+  std::vector<Point<Patient>> path;
+  for (int n = 0; n < count; ++n) {
+    path.push_back(centre + Vector<Patient>(out * radius_mm));
+    // curvature up to 1/2 per mm, changing over 3 mm
+    const double turn = 0.5 * step_mm * std::sin(turns + n * step_mm / 3);
+    along = (along + turn * out.cross(along)).normalized();
+    const Eigen::Vector3d next = (out + along * (step_mm / radius_mm)).normalized();
+    along = (along - along.dot(next) * next).normalized();
+    out = next;
+  }
+  return path;
+}
+
+/// The force's change from point to point of a path.
+struct Choppiness {
+  std::vector<double> change_percent;  ///< of full force
+  double quantile(double part) const {
+    std::vector<double> sorted = change_percent;
+    std::sort(sorted.begin(), sorted.end());
+    return sorted[static_cast<std::size_t>(part * static_cast<double>(sorted.size() - 1))];
+  }
+};
+
+template <class Method>
+Choppiness choppiness(const Method& method, const std::vector<Point<Patient>>& path) {
+  std::vector<FieldSample> samples(path.size());
+  method.sample(path, samples);
+  Choppiness result;
+  for (std::size_t n = 1; n < samples.size(); ++n) {
+    result.change_percent.push_back(100 * (unit_force(samples[n]) - unit_force(samples[n - 1])).norm());
+  }
+  return result;
+}
+
+}  // namespace palpate::internal
