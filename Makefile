@@ -1,6 +1,6 @@
 # palpate: `make demo` shows it, `make test` proves it. See docs/development.md.
 SHELL := /bin/bash
-export FUZZ_SECONDS ?= 30
+export FUZZ_SECONDS ?= 20
 # of `make test`: some of checks release asan builds fuzz
 STAGES ?=
 
@@ -8,7 +8,7 @@ STAGES ?=
 
 help:
 	@echo "make demo     build palpate, let a simulated hand feel a generated knee, write a report"
-	@echo "make test     every test and check; FUZZ_SECONDS=30 for each fuzzer; STAGES='checks release' for some"
+	@echo "make test     every test and check; FUZZ_SECONDS=20 for each fuzzer; STAGES='checks release' for some"
 	@echo "make bench    comparisons with other libraries, same work in one run"
 	@echo "make format   clang-format every file"
 	@echo "make clean    remove build/ and out/"

@@ -19,6 +19,8 @@ function(palpate_room name)
   if(PALPATE_BUILD_TESTS AND ROOM_TESTS)
     add_executable(${name}_test ${ROOM_TESTS})
     target_link_libraries(${name}_test PRIVATE ${library} ${ROOM_TEST_LINK} GTest::gmock GTest::gtest_main)
+    # what is tested is optimised; the tests themselves compile in three quarters of the time
+    target_compile_options(${name}_test PRIVATE $<$<CONFIG:Release>:-O1>)
     target_compile_definitions(${name}_test PRIVATE
       PALPATE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" PALPATE_BINARY_DIR="${PROJECT_BINARY_DIR}")
     gtest_discover_tests(${name}_test TEST_PREFIX ${name}. DISCOVERY_MODE PRE_TEST

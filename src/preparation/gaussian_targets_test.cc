@@ -1,23 +1,10 @@
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include "preparation/gaussian_test_volumes.h"
+#include "sampling/test_targets.h"
 
 namespace palpate {
 namespace {
-
-/// Lets Highway see only the given targets (0: only its fallback), and all again afterwards.
-class OnlyTargets {
- public:
-  explicit OnlyTargets(std::int64_t targets) {
-    hwy::SetSupportedTargetsForTest(targets);
-    hwy::GetChosenTarget().Update(targets);
-  }
-  ~OnlyTargets() {
-    hwy::SetSupportedTargetsForTest(0);
-    hwy::GetChosenTarget().DeInit();
-  }
-};
 
 TEST(SimdTargets, AreNamedBestFirst) {
   const auto names = simd_targets();
@@ -25,7 +12,7 @@ TEST(SimdTargets, AreNamedBestFirst) {
   ASSERT_FALSE(names.empty());
   ASSERT_EQ(names.size(), targets.size());
   EXPECT_EQ(names.front(), hwy::TargetName(targets.front()));
-  const OnlyTargets only(targets.back());
+  const test::OnlyTargets only(targets.back());
   EXPECT_EQ(simd_targets(), std::vector<std::string>{names.back()});
 }
 
@@ -43,11 +30,9 @@ TEST(SimdTargets, GiveTheSameBits) {
     const auto smooth_words = gaussian_smooth_16(bytes, options);
     const auto smooth_floats = gaussian_smooth(floats, options);
 
-    auto targets = hwy::SupportedAndGeneratedTargets();
-    targets.push_back(0);
-    for (const std::int64_t target : targets) {
-      SCOPED_TRACE(target == 0 ? "fallback" : hwy::TargetName(target));
-      const OnlyTargets only(target);
+    for (const std::int64_t target : test::all_targets()) {
+      SCOPED_TRACE(test::target_name(target));
+      const test::OnlyTargets only(target);
       EXPECT_EQ(gaussian_smooth(bytes, options)->voxels(), smooth_bytes->voxels());
       EXPECT_EQ(gaussian_smooth_16(bytes, options)->voxels(), smooth_words->voxels());
       EXPECT_EQ(gaussian_smooth(floats, options)->voxels(), smooth_floats->voxels());

@@ -163,7 +163,7 @@ TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
 TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = label_test_grid({6, 5, 4}, 2);
   const GaussianSphere sphere = sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 1);
-  auto points = internal::hopeless_points(grid);
+  auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-4.1, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 7.6));
   for (const auto& p : points) {

@@ -44,7 +44,7 @@ template <class Sample>
 std::uint64_t hash_of(const Sample& sample) {
   std::uint64_t common = 0;
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    const test::OnlyTarget only(target);
+    const test::OnlyTargets only(target);
     Numbers numbers;
     std::uint64_t hash = kHashSeed;
     for (int n = 0; n < 2000; ++n) {

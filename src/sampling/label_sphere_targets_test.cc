@@ -23,9 +23,9 @@ template <class Method>
 void expect_same_bits_everywhere(const Method& method, const std::vector<Point<Patient>>& points) {
   std::vector<FieldSample> expected(points.size());
   method.sample(points, expected);
-  for (const std::int64_t target : internal::all_targets()) {
-    SCOPED_TRACE(internal::target_name(target));
-    const internal::OnlyTargets only(target);
+  for (const std::int64_t target : test::all_targets()) {
+    SCOPED_TRACE(test::target_name(target));
+    const test::OnlyTargets only(target);
     std::vector<FieldSample> together(points.size());
     method.sample(points, together);
     for (std::size_t n = 0; n < points.size(); ++n) {
@@ -37,9 +37,9 @@ void expect_same_bits_everywhere(const Method& method, const std::vector<Point<P
 
 TEST(LabelMethodTargets, AreWhatTheMachineHas) {
   std::string names;
-  for (const std::int64_t target : internal::all_targets()) names += " " + internal::target_name(target);
+  for (const std::int64_t target : test::all_targets()) names += " " + test::target_name(target);
   std::cout << "SIMD targets tested:" << names << "\n";
-  EXPECT_GE(internal::all_targets().size(), 2u);
+  EXPECT_GE(test::all_targets().size(), 2u);
 }
 
 TEST(LabelMethodTargets, GiveTheSameBitsForSpheres) {

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <hwy/targets.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,6 +10,7 @@
 #include <vector>
 
 #include "palpate/voxel_methods.h"
+#include "sampling/test_targets.h"
 
 // What the tests of the label methods share.
 namespace palpate::internal {
@@ -72,42 +71,6 @@ inline std::vector<Point<Patient>> random_points(const GridGeometry& grid, doubl
     points.push_back(grid.X_PatientVoxel() * x);
   }
   return points;
-}
-
-/// Points that are no place, and some that are far away.
-inline std::vector<Point<Patient>> hopeless_points(const GridGeometry& grid) {
-  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
-  std::vector<Point<Patient>> points;
-  for (const double bad : {nan, inf, -inf, 1e300, -1e300, 1e12, -1e12, 3e9, -3e9}) {
-    for (int axis = 0; axis < 3; ++axis) {
-      points.push_back(grid.centre());
-      points.back()[axis] = bad;
-    }
-  }
-  return points;
-}
-
-/// Lets Highway see only the given targets (0: only its fallback), and all again afterwards.
-class OnlyTargets {
- public:
-  explicit OnlyTargets(std::int64_t targets) {
-    hwy::SetSupportedTargetsForTest(targets);
-    hwy::GetChosenTarget().Update(targets);
-  }
-  ~OnlyTargets() {
-    hwy::SetSupportedTargetsForTest(0);
-    hwy::GetChosenTarget().DeInit();
-  }
-};
-
-/// Every target of the machine, and 0 for the fallback.
-inline std::vector<std::int64_t> all_targets() {
-  std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
-  targets.push_back(0);
-  return targets;
-}
-inline std::string target_name(std::int64_t target) {
-  return target == 0 ? "fallback" : hwy::TargetName(target);
 }
 
 /// The founding force for a full force of 1: value times normal.

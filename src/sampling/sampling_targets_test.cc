@@ -64,7 +64,7 @@ void expect_all_targets_right(const GridGeometry& grid, const Method& method) {
     std::transform(points.begin(), points.end(), expected.begin(), method.oracle);
     for (std::size_t t = 0; t < targets.size(); ++t) {
       SCOPED_TRACE(hwy::TargetName(targets[t]));
-      const test::OnlyTarget only(targets[t]);
+      const test::OnlyTargets only(targets[t]);
       std::transform(points.begin(), points.end(), one.begin(), method.one);
       method.many(points, many);
       for (std::size_t n = 0; n < points.size(); ++n) {

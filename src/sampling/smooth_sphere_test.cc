@@ -206,7 +206,7 @@ TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
 TEST(SmoothSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = label_test_grid({6, 5, 4}, 2);
   const SmoothSphere sphere = sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 0.5);
-  auto points = internal::hopeless_points(grid);
+  auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-sphere.radius_voxels()[0] - 0.1, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 3.1 + sphere.radius_voxels()[2]));
   for (const auto& p : points) {

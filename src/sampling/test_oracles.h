@@ -1,12 +1,11 @@
 #pragma once
 
-#include <hwy/targets.h>
-
 #include <cmath>
 #include <random>
 #include <vector>
 
 #include "palpate/sampling.h"
+#include "sampling/test_targets.h"
 
 /// The definitions, literally and in double, and what tests of the sampling room share.
 namespace palpate::test {
@@ -190,32 +189,5 @@ inline std::vector<Point<Patient>> border_points(const GridGeometry& grid) {
   }
   return points;
 }
-
-/// Points that are no place, or so far out that no index counts them.
-inline std::vector<Point<Patient>> places_that_are_none(const GridGeometry& grid) {
-  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
-  std::vector<Point<Patient>> points;
-  for (const double bad : {nan, inf, -inf, 1e300, -1e300, 1e12, -1e12, 3e9, -3e9}) {
-    for (int axis = 0; axis < 3; ++axis) {
-      points.push_back(grid.centre());
-      points.back()[axis] = bad;
-    }
-  }
-  return points;
-}
-
-/// Lets Highway see only the given target, and all again afterwards.
-class OnlyTarget {
- public:
-  explicit OnlyTarget(std::int64_t target) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(target);
-  }
-  OnlyTarget(const OnlyTarget&) = delete;
-  ~OnlyTarget() {
-    hwy::SetSupportedTargetsForTest(0);
-    hwy::GetChosenTarget().DeInit();
-  }
-};
 
 }  // namespace palpate::test

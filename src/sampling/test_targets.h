@@ -1,0 +1,53 @@
+#pragma once
+
+#include <hwy/targets.h>
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "palpate/volume.h"
+
+/// For tests that run the same work on every SIMD target of the machine.
+namespace palpate::test {
+
+/// Lets Highway see only the given targets (0: only its fallback), and all again afterwards.
+class OnlyTargets {
+ public:
+  explicit OnlyTargets(std::int64_t targets) {
+    hwy::SetSupportedTargetsForTest(targets);
+    hwy::GetChosenTarget().Update(targets);
+  }
+  OnlyTargets(const OnlyTargets&) = delete;
+  OnlyTargets& operator=(const OnlyTargets&) = delete;
+  ~OnlyTargets() {
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().DeInit();
+  }
+};
+
+/// Every target of the machine, and 0 for the fallback.
+inline std::vector<std::int64_t> all_targets() {
+  std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
+  targets.push_back(0);
+  return targets;
+}
+inline std::string target_name(std::int64_t target) {
+  return target == 0 ? "fallback" : hwy::TargetName(target);
+}
+
+/// Points that are no place, or so far out that no index counts them.
+inline std::vector<Point<Patient>> places_that_are_none(const GridGeometry& grid) {
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  std::vector<Point<Patient>> points;
+  for (const double bad : {nan, inf, -inf, 1e300, -1e300, 1e12, -1e12, 3e9, -3e9}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      points.push_back(grid.centre());
+      points.back()[axis] = bad;
+    }
+  }
+  return points;
+}
+
+}  // namespace palpate::test
