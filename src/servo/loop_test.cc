@@ -87,7 +87,7 @@ void wait_until(const std::function<bool()>& done) {
 
 TEST(Loop, TicksOnItsClockAndCountsThem) {
   Resting resting;
-  const auto loop = started(resting.driver, {.rate_hz = 2000});
+  const auto loop = started(resting.driver, {.rate_hz = 2000, .ring_s = 10});
   std::this_thread::sleep_for(300ms);
   loop->stop();
   const LoopHealth health = loop->health();
@@ -117,7 +117,7 @@ TEST(Loop, TicksOnItsClockAndCountsThem) {
 
 TEST(Loop, ForceFadesOutBeforeItStops) {
   Resting resting;
-  const auto loop = started(resting.driver);
+  const auto loop = started(resting.driver, {.ring_s = 10});
   wait_until([&] { return loop->snapshot().time_s > 0.7; });
   loop->stop();
   const double full_N = resting.forces_N[resting.forces_N.size() / 2 + 100];
@@ -180,7 +180,7 @@ TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
       self.tick_at(servo, Point<Device>(kBoneRadius_mm, 0, 0));
     }
   });
-  const auto loop = started(driver);
+  const auto loop = started(driver, {.ring_s = 10});
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0.5; });
   const std::uint64_t before = loop->health().stalls;
   hang = true;
@@ -193,7 +193,7 @@ TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
   wait_until([&] { return driver.resumed_ns > hang_ended_ns; });
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0.5; });
   loop->stop();
-  std::vector<TickRecord> records(4000);
+  std::vector<TickRecord> records(16384);
   records.resize(loop->ring().pop(records));
   bool halted = false;
   for (const TickRecord& record : records) {
@@ -221,7 +221,7 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
       model.reset();
     });
   };
-  const auto loop = started(driver, {.rate_hz = 4000}, watched(ball(1)));
+  const auto loop = started(driver, {.rate_hz = 4000, .ring_s = 10}, watched(ball(1)));
   wait_until([&] { return loop->snapshot().time_s > 0.6; });
   // soft and stiff by turns, faster than a blend takes
   for (std::uint32_t version = 2; version <= 20; ++version) {
