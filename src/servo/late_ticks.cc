@@ -2,6 +2,7 @@
 
 #include <chrono>
 
+#include "servo/realtime.h"
 #include "servo/thread_monitor.h"
 
 namespace palpate {
@@ -11,8 +12,11 @@ constexpr auto kLook = std::chrono::milliseconds(10);
 
 }  // namespace
 
-void LateTicks::begin(int tid) {
-  thread_ = std::thread([this, tid] { look_for_causes(tid); });
+void LateTicks::begin(int tid, int servo_cpu) {
+  thread_ = std::thread([this, tid, servo_cpu] {
+    keep_off_cpu(servo_cpu);
+    look_for_causes(tid);
+  });
 }
 
 void LateTicks::end() {

@@ -19,8 +19,9 @@ class LateTicks {
   LateTicks(const LateTicks&) = delete;
   LateTicks& operator=(const LateTicks&) = delete;
 
-  /// @param tid  of the thread that ticks (gettid)
-  void begin(int tid);
+  /// @param tid        of the thread that ticks (gettid)
+  /// @param servo_cpu  the CPU that it is bound to, -1: none; the looking is done elsewhere
+  void begin(int tid, int servo_cpu);
   void end();
 
   /// The servo thread.

@@ -64,9 +64,9 @@ Result<void> Loop::begin() {
   std::promise<int> tid;
   auto started = tid.get_future();
   try {
-    scheduling_.watchdog = watchdog_.begin(settings_.realtime);
+    scheduling_.watchdog = watchdog_.begin(settings_.realtime, settings_.cpu);
     thread_ = std::thread([this, &tid] { run(tid); });
-    late_ticks_.begin(started.get());
+    late_ticks_.begin(started.get(), settings_.cpu);
   } catch (const std::system_error& error) {
     return Error{ErrorKind::kUnavailable, std::string("no thread for the servo: ") + error.what(), "",
                  "close other programs, or raise the limit of processes (ulimit -u)"};

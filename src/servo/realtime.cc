@@ -183,6 +183,13 @@ MemoryLock::~MemoryLock() {
   if (--memory_locks == 0) ::munlockall();
 }
 
+void keep_off_cpu(int cpu) {
+  cpu_set_t set;
+  if (cpu < 0 || cpu >= CPU_SETSIZE || ::sched_getaffinity(0, sizeof(set), &set) != 0) return;
+  CPU_CLR(static_cast<unsigned>(cpu), &set);
+  if (CPU_COUNT(&set) > 0) ::sched_setaffinity(0, sizeof(set), &set);
+}
+
 RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request) {
   RealtimeGrant grant;
   // before SCHED_FIFO, which needs no slack and on newer kernels cannot be given any

@@ -32,6 +32,10 @@ struct RealtimeGrant {
 /// lock_memory. Allocates, so not from within the loop.
 RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request);
 
+/// Binds the calling thread to the CPUs that it may run on but `cpu`, which then is the servo's alone;
+/// nothing where `cpu` is negative or the only one.
+void keep_off_cpu(int cpu);
+
 /// Keeps the memory of the whole process locked (mlockall) while at least one of these lives, in whatever
 /// threads. What is mapped later is locked too, unless a finite memlock limit applies: there it would turn a
 /// later allocation into a failure, and only what is mapped now is locked.

@@ -17,10 +17,11 @@ constexpr std::uint64_t kTicksToTrust = 5;
 
 }  // namespace
 
-std::string Watchdog::begin(bool realtime) {
+std::string Watchdog::begin(bool realtime, int servo_cpu) {
   std::promise<std::string> scheduler;
   auto started = scheduler.get_future();
-  thread_ = std::thread([this, realtime, &scheduler] {
+  thread_ = std::thread([this, realtime, servo_cpu, &scheduler] {
+    keep_off_cpu(servo_cpu);
     // refused, it looks when its turn comes
     scheduler.set_value(make_this_thread_realtime({.fifo = realtime,
                                                    .priority = kPriority,

@@ -22,8 +22,9 @@ class Watchdog {
   Watchdog& operator=(const Watchdog&) = delete;
 
   /// Returns what scheduling its thread got. Throws std::system_error when there is no thread to be had.
-  /// @param realtime  ask for a priority above the servo's
-  std::string begin(bool realtime);
+  /// @param realtime   ask for a priority above the servo's
+  /// @param servo_cpu  the CPU that the servo is bound to, -1: none; the watchdog keeps off it
+  std::string begin(bool realtime, int servo_cpu);
   /// Nothing is a stall from here on: the devices are at rest, and their driver may take its time.
   void stand_down() noexcept { standing_down_.store(true); }
   /// After the servo thread has ended. A driver that is halted is let go, for the next loop.
