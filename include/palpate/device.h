@@ -30,7 +30,8 @@ struct DeviceSample {
   std::uint32_t buttons = 0;  ///< bit n: button n is held
   bool fault = false;         ///< the device withholds forces by itself
   /// When the pose was true, ns of CLOCK_MONOTONIC; where that is not known, the earliest time at which it
-  /// can have been (of a request and its reply, the sending). One from the future gets no force.
+  /// can have been (of a request and its reply, the sending). One from the future, by more than a
+  /// millisecond, gets no force.
   std::int64_t taken_ns = 0;
 };
 

@@ -18,7 +18,7 @@
 ///    servo thread   clock ─► samples ─► workspace ─► tick ─► workspace ─► commands
 ///         │             │                             │
 ///         │             └─ heartbeat ─► watchdog      ├─ latest value ─► snapshot(): viewers, publishers
-///         │                             halts a       └─ every tick, ring ─► take_records(): recorder
+///         │                             halts a       └─ every tick, ring ─► ring(): recorder
 ///         │                             hung device
 ///
 /// Nothing on the right can make a tick wait: the latest value is overwritten, a full ring counts a drop.

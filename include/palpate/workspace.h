@@ -21,7 +21,7 @@ inline constexpr double kLowestScale = 0.05, kHighestScale = 20;
 
 /// Takes a device's samples to the workspace and forces back: p_World = home + s R (p - middle) + o, where R
 /// is the device's axes and the user's yaw, and o is what the clutch has shifted. Forces arrive already
-/// multiplied by the gain g, torques by g / s (DeviceParameters), so that the safety stage limits what the
+/// multiplied by the gain g, torques by g / s (DeviceParameters), so that the output stage limits what the
 /// device really gets. The hand then feels a tissue of stiffness K as s g K, and its work is g / s of the
 /// work in the patient, for forces as for torques.
 class WorkspaceMapping {
@@ -31,7 +31,8 @@ class WorkspaceMapping {
   /// While the clutch is held the tip rests where it was first seen so, bit for bit; when it is let go the
   /// device goes on from there. A tip that is not a number is passed on as it is, and forgotten.
   /// @param now_ns  on the monotonic clock: the sample's age follows. It is negative for a sample from the
-  ///                future, which a driver with another clock takes; the output stage gives it no force.
+  ///                future, which a driver with another clock takes; beyond a millisecond the output stage
+  ///                gives it no force.
   DeviceState to_world(const DeviceSample& sample, std::int64_t now_ns);
   DeviceCommand to_device(const Wrench& wrench) const;
   /// Where the device has to be for its tip to be there; for simulated hands.

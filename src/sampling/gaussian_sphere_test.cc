@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-using internal::label_test_grid;
+using test::make_grid;
 
 constexpr unsigned kSeed = 4711;
 
@@ -52,7 +52,7 @@ TEST(GaussianSphere, FastFormGivesTheLiteralNumbersAnywhere) {
   std::mt19937 random(kSeed);
   for (const auto& dims : {std::array{11, 9, 8}, std::array{3, 4, 2}, std::array{1, 1, 1}}) {
     for (int kind = 0; kind < 4; ++kind) {
-      const auto labels = internal::random_labels(label_test_grid(dims, kind), random);
+      const auto labels = internal::random_labels(test::make_grid(dims, kind), random);
       const auto points = internal::random_points(labels->geometry(), 5, 300, random);
       for (const double sigma : {0.5, 0.8, 1.0, 2.0}) {
         for (const auto& voxels : {LabelVoxels(labels, {1, 2, 3}), LabelVoxels(labels, {1, 5, 40000}),
@@ -75,7 +75,7 @@ TEST(GaussianSphere, LiteralFormIsTheFormula) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   for (int kind = 0; kind < 4; ++kind) {
-    const GridGeometry grid = label_test_grid({9, 8, 7}, kind);
+    const GridGeometry grid = test::make_grid({9, 8, 7}, kind);
     const LabelVoxels voxels(internal::random_labels(grid, random), {1, 2, 40000});
     for (const double sigma : {0.5, 1.0, 2.0}) {
       const GaussianSphere sphere = sphere_of(voxels, sigma);
@@ -93,7 +93,7 @@ TEST(GaussianSphere, LiteralFormIsTheFormula) {
 }
 
 TEST(GaussianSphere, WeightsDoNotSumToOneAsPublished) {
-  const GridGeometry grid = label_test_grid({16, 16, 16}, 1);
+  const GridGeometry grid = test::make_grid({16, 16, 16}, 1);
   const auto full = std::make_shared<Volume<LabelId>>(grid, LabelId{1});
   const GaussianSphere sphere = sphere_of({full, {1}}, 1);
   double axis_sum = 0;
@@ -110,7 +110,7 @@ TEST(GaussianSphere, WeightsDoNotSumToOneAsPublished) {
 
 TEST(GaussianSphere, JumpsWhereTheWindowMovesAndNowhereElse) {
   // along i past a flat wall of everything beyond i = 8, at sigma 1
-  const GridGeometry grid = label_test_grid({20, 12, 12}, 0);
+  const GridGeometry grid = test::make_grid({20, 12, 12}, 0);
   auto wall = std::make_shared<Volume<LabelId>>(grid);
   for (int k = 0; k < 12; ++k) {
     for (int j = 0; j < 12; ++j) {
@@ -136,7 +136,7 @@ TEST(GaussianSphere, JumpsWhereTheWindowMovesAndNowhereElse) {
 TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
-  GridGeometry grid = label_test_grid({80, 80, 60}, 0);
+  GridGeometry grid = test::make_grid({80, 80, 60}, 0);
   grid.spacing_mm = {0.625, 0.625, 0.9};
   for (const double sigma : {1.0, 2.0}) {
     const GaussianSphere sphere = sphere_of({internal::ball_labels(grid, grid.centre(), 18), {1}}, sigma);
@@ -161,7 +161,7 @@ TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
 }
 
 TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
-  const GridGeometry grid = label_test_grid({6, 5, 4}, 2);
+  const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
   const GaussianSphere sphere = sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 1);
   auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-4.1, 2, 2));
@@ -175,7 +175,7 @@ TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
 }
 
 TEST(GaussianSphere, RefusesASigmaThatItsVoxelsCannotHold) {
-  const LabelVoxels voxels(std::make_shared<Volume<LabelId>>(label_test_grid({4, 4, 4}, 0)), {1});
+  const LabelVoxels voxels(std::make_shared<Volume<LabelId>>(test::make_grid({4, 4, 4}, 0)), {1});
   for (const double sigma : {0.0, -1.0, 0.49, 2.01, std::numeric_limits<double>::quiet_NaN()}) {
     const auto sphere = GaussianSphere::make(voxels, sigma);
     ASSERT_FALSE(sphere.ok()) << sigma;

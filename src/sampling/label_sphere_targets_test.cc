@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-using internal::label_test_grid;
+using test::make_grid;
 
 constexpr unsigned kSeed = 20261120;
 
@@ -47,7 +47,7 @@ TEST(LabelMethodTargets, GiveTheSameBitsForSpheres) {
   std::mt19937 random(kSeed);
   for (const auto& dims : {std::array{40, 22, 13}, std::array{9, 7, 8}, std::array{3, 1, 2}}) {
     for (const int kind : {0, 3}) {
-      const GridGeometry grid = label_test_grid(dims, kind);
+      const GridGeometry grid = test::make_grid(dims, kind);
       const auto labels = internal::random_labels(grid, random);
       const auto points = internal::random_points(grid, 6, 60, random);
       for (const LabelVoxels& voxels : {LabelVoxels(labels, {2, 3}), LabelVoxels(labels, {1, 3, 40000}),
@@ -65,7 +65,7 @@ TEST(LabelMethodTargets, GiveTheSameBitsForStoredNormals) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   for (const auto& dims : {std::array{12, 9, 7}, std::array{2, 1, 3}}) {
-    const GridGeometry grid = label_test_grid(dims, 3);
+    const GridGeometry grid = test::make_grid(dims, 3);
     Volume<std::uint8_t> ramp(grid);
     for (auto& voxel : ramp.voxels()) voxel = static_cast<std::uint8_t>(random());
     const auto points = internal::random_points(grid, 2, 300, random);

@@ -52,7 +52,7 @@ TEST(LabelSetDeathTest, RefusesBackground) {
 
 TEST(LabelVoxels, AreMembersInLabelsAndMaskAlike) {
   std::mt19937 random(5);
-  const GridGeometry grid = internal::label_test_grid({9, 7, 5}, 3);
+  const GridGeometry grid = test::make_grid({9, 7, 5}, 3);
   const auto labels = internal::random_labels(grid, random);
   for (const LabelSet& set : {LabelSet{1}, LabelSet{2, 3, 40000}, LabelSet::all(), LabelSet()}) {
     const LabelVoxels direct(labels, set), mask = LabelVoxels::mask(*labels, set);

@@ -15,19 +15,6 @@
 // What the tests of the label methods share.
 namespace palpate::internal {
 
-/// kind 0: cubes of 1 mm; 1: boxes; 2: turned boxes; 3: turned and left-handed.
-inline GridGeometry label_test_grid(const std::array<int, 3>& dims, int kind) {
-  GridGeometry grid;
-  grid.dims = dims;
-  grid.origin = Point<Patient>(-12.5, 40, 7.25);
-  if (kind >= 1) grid.spacing_mm = {0.28, 0.625, 1.0};
-  if (kind >= 2) {
-    grid.direction = Eigen::AngleAxisd(0.7, Eigen::Vector3d(-1, 2, 0.5).normalized()).toRotationMatrix();
-  }
-  if (kind >= 3) grid.direction.col(0) *= -1;
-  return grid;
-}
-
 /// Blobs of labels 0 ... 5 and 40 000: every voxel its own or its neighbour's.
 inline std::shared_ptr<const Volume<LabelId>> random_labels(const GridGeometry& grid, std::mt19937& random) {
   auto labels = std::make_shared<Volume<LabelId>>(grid);

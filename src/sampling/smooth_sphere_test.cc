@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-using internal::label_test_grid;
+using test::make_grid;
 
 constexpr unsigned kSeed = 1234;
 
@@ -20,7 +20,7 @@ TEST(SmoothSphere, VectorFormGivesTheLiteralNumbersAnywhere) {
   std::mt19937 random(kSeed);
   for (const auto& dims : {std::array{19, 9, 8}, std::array{3, 4, 2}, std::array{1, 1, 1}}) {
     for (int kind = 0; kind < 4; ++kind) {
-      const auto labels = internal::random_labels(label_test_grid(dims, kind), random);
+      const auto labels = internal::random_labels(test::make_grid(dims, kind), random);
       for (const double sigma : {0.05, 0.4, 0.8, 1.6}) {
         const auto points = internal::random_points(labels->geometry(), 6, 60, random);
         for (const auto& voxels : {LabelVoxels(labels, {1, 2, 3}), LabelVoxels(labels, {1, 5, 40000}),
@@ -40,7 +40,7 @@ TEST(SmoothSphere, VectorFormGivesTheLiteralNumbersAnywhere) {
 
 TEST(SmoothSphere, GivesTheLiteralNumbersForAKernelOfManyVectors) {
   std::mt19937 random(kSeed);
-  GridGeometry grid = label_test_grid({90, 12, 9}, 0);
+  GridGeometry grid = test::make_grid({90, 12, 9}, 0);
   grid.spacing_mm = {0.1, 0.9, 1.3};
   const auto labels = internal::random_labels(grid, random);
   const SmoothSphere sphere = sphere_of({labels, {1, 2, 3}}, 1.2);
@@ -55,7 +55,7 @@ TEST(SmoothSphere, GradientIsTheDerivativePerMillimetreInThePatientFrame) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   for (int kind = 0; kind < 4; ++kind) {
-    const GridGeometry grid = label_test_grid({14, 9, 8}, kind);
+    const GridGeometry grid = test::make_grid({14, 9, 8}, kind);
     const SmoothSphere sphere = sphere_of({internal::random_labels(grid, random), {1, 2, 3}}, 0.7);
     for (const auto& p : internal::random_points(grid, 1, 60, random)) {
       const Vector<Patient> gradient = sphere.sample(p).gradient;
@@ -76,7 +76,7 @@ TEST(SmoothSphere, IsExactlyFlatWhereAllVoxelsWithinReachAreEqual) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   for (int kind = 0; kind < 4; ++kind) {
-    const GridGeometry grid = label_test_grid({40, 24, 20}, kind);
+    const GridGeometry grid = test::make_grid({40, 24, 20}, kind);
     const auto full = std::make_shared<Volume<LabelId>>(grid, LabelId{3});
     const SmoothSphere inside = sphere_of({full, {3}}, 0.8);
     const SmoothSphere outside = sphere_of({full, {4}}, 0.8);
@@ -99,7 +99,7 @@ TEST(SmoothSphere, WeightsSumToOneEverywhereTheBorderIncluded) {
   // the same labels inside a larger volume of free space: the border makes no difference
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
-  const GridGeometry small_grid = label_test_grid({9, 8, 7}, 3);
+  const GridGeometry small_grid = test::make_grid({9, 8, 7}, 3);
   const auto labels = internal::random_labels(small_grid, random);
   GridGeometry grid = small_grid;
   const int margin = 12;
@@ -136,7 +136,7 @@ TEST(SmoothSphere, WeightsSumToOneEverywhereTheBorderIncluded) {
 TEST(SmoothSphere, FlatWallHasTheDocumentedSlope) {
   // a wall across each axis in turn; the surface lies half a voxel before its first centre
   for (int axis = 0; axis < 3; ++axis) {
-    GridGeometry grid = label_test_grid({40, 40, 40}, 0);
+    GridGeometry grid = test::make_grid({40, 40, 40}, 0);
     grid.spacing_mm = {0.4, 0.625, 0.9};
     auto wall = std::make_shared<Volume<LabelId>>(grid);
     for (int k = 0; k < 40; ++k) {
@@ -165,7 +165,7 @@ TEST(SmoothSphere, FlatWallHasTheDocumentedSlope) {
 TEST(SmoothSphere, DoesNotJumpWhereItsWindowMoves) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
-  const GridGeometry grid = label_test_grid({20, 20, 20}, 0);
+  const GridGeometry grid = test::make_grid({20, 20, 20}, 0);
   const SmoothSphere sphere = sphere_of({internal::random_labels(grid, random), {1, 2, 3}}, 1.1);
   const double tiny = 1e-7;
   for (int start = 5; start < 12; ++start) {
@@ -181,7 +181,7 @@ TEST(SmoothSphere, DoesNotJumpWhereItsWindowMoves) {
 TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
-  GridGeometry grid = label_test_grid({90, 90, 64}, 0);
+  GridGeometry grid = test::make_grid({90, 90, 64}, 0);
   grid.spacing_mm = {0.625, 0.625, 0.9};
   const LabelVoxels voxels(internal::ball_labels(grid, grid.centre(), 20), {1});
   const SmoothSphere smooth = sphere_of(voxels, 1.5), smallest = sphere_of(voxels, 0.05);
@@ -204,7 +204,7 @@ TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
 }
 
 TEST(SmoothSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
-  const GridGeometry grid = label_test_grid({6, 5, 4}, 2);
+  const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
   const SmoothSphere sphere = sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 0.5);
   auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-sphere.radius_voxels()[0] - 0.1, 2, 2));
@@ -218,7 +218,7 @@ TEST(SmoothSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
 }
 
 TEST(SmoothSphere, RadiusIsInMillimetresAndNeverLessThanTwoVoxels) {
-  GridGeometry grid = label_test_grid({4, 4, 4}, 0);
+  GridGeometry grid = test::make_grid({4, 4, 4}, 0);
   grid.spacing_mm = {0.5, 1, 3};
   const LabelVoxels voxels(std::make_shared<Volume<LabelId>>(grid), {1});
   EXPECT_EQ(sphere_of(voxels, 1).radius_voxels(), (std::array<double, 3>{6, 3, 2}));

@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-using internal::label_test_grid;
+using test::make_grid;
 
 constexpr unsigned kSeed = 31;
 constexpr std::array kEncodings{NormalEncoding::kBytes, NormalEncoding::kOctahedral16,
@@ -34,7 +34,7 @@ TEST(StoredNormals, VectorFormGivesTheLiteralNumbersAnywhere) {
   std::mt19937 random(kSeed);
   for (const auto& dims : {std::array{9, 8, 7}, std::array{1, 3, 2}, std::array{1, 1, 1}}) {
     for (int kind = 0; kind < 4; ++kind) {
-      const GridGeometry grid = label_test_grid(dims, kind);
+      const GridGeometry grid = test::make_grid(dims, kind);
       const auto ramp = random_ramp<std::uint16_t>(grid, random);
       const auto points = internal::random_points(grid, 2, 400, random);
       for (const auto encoding : kEncodings) {
@@ -80,7 +80,7 @@ TEST(StoredNormals, AreWeighedByInverseDistanceAsPublished) {
 TEST(StoredNormals, PointOutOfARampInThePatientFrameOfAnyGrid) {
   const Vector<Patient> into = Vector<Patient>(0.48, -0.6, 0.64);
   for (int kind = 0; kind < 4; ++kind) {
-    const GridGeometry grid = label_test_grid({9, 9, 9}, kind);
+    const GridGeometry grid = test::make_grid({9, 9, 9}, kind);
     Volume<std::uint16_t> ramp(grid);
     for (int k = 0; k < 9; ++k) {
       for (int j = 0; j < 9; ++j) {
@@ -128,7 +128,7 @@ TEST(StoredNormals, BytesFlattenASurfaceThatRunsNearlyParallelToAnAxis) {
 
 TEST(StoredNormals, CountTheirStorage) {
   std::mt19937 random(kSeed);
-  const auto ramp = random_ramp<std::uint8_t>(label_test_grid({10, 6, 5}, 1), random);
+  const auto ramp = random_ramp<std::uint8_t>(test::make_grid({10, 6, 5}, 1), random);
   const auto occupied =
       std::count_if(ramp.voxels().begin(), ramp.voxels().end(), [](auto v) { return v > 0; });
   for (const auto encoding : kEncodings) {
@@ -144,7 +144,7 @@ TEST(StoredNormals, CountTheirStorage) {
 }
 
 TEST(StoredNormals, FeelNothingInFreeSpaceNorWhereThereIsNoPlace) {
-  const GridGeometry grid = label_test_grid({6, 5, 4}, 2);
+  const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
   auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-1.01, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 4.01));

@@ -144,19 +144,6 @@ class SumOf64 {
   double outside_;
 };
 
-/// Grids of growing awkwardness: unit, anisotropic, oblique, left-handed.
-inline GridGeometry make_grid(std::array<int, 3> dims, int kind) {
-  GridGeometry grid;
-  grid.dims = dims;
-  grid.origin = Point<Patient>(-12.5, 40, 7.25);
-  if (kind >= 1) grid.spacing_mm = {0.28, 0.625, 1.0};
-  if (kind >= 2) {
-    grid.direction = Eigen::AngleAxisd(0.7, Eigen::Vector3d(-1, 2, 0.5).normalized()).toRotationMatrix();
-  }
-  if (kind >= 3) grid.direction.col(0) *= -1;
-  return grid;
-}
-
 template <class T>
 Volume<T> random_volume(const GridGeometry& grid, std::mt19937& random) {
   Volume<T> volume(grid);

@@ -2,6 +2,7 @@
 
 #include <hwy/targets.h>
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -9,7 +10,7 @@
 
 #include "palpate/volume.h"
 
-/// For tests that run the same work on every SIMD target of the machine.
+/// What tests of several rooms share: every SIMD target of the machine, grids and places that are awkward.
 namespace palpate::test {
 
 /// Lets Highway see only the given targets (0: only its fallback), and all again afterwards.
@@ -35,6 +36,19 @@ inline std::vector<std::int64_t> all_targets() {
 }
 inline std::string target_name(std::int64_t target) {
   return target == 0 ? "fallback" : hwy::TargetName(target);
+}
+
+/// Grids of growing awkwardness: unit, anisotropic, oblique, left-handed.
+inline GridGeometry make_grid(std::array<int, 3> dims, int kind) {
+  GridGeometry grid;
+  grid.dims = dims;
+  grid.origin = Point<Patient>(-12.5, 40, 7.25);
+  if (kind >= 1) grid.spacing_mm = {0.28, 0.625, 1.0};
+  if (kind >= 2) {
+    grid.direction = Eigen::AngleAxisd(0.7, Eigen::Vector3d(-1, 2, 0.5).normalized()).toRotationMatrix();
+  }
+  if (kind >= 3) grid.direction.col(0) *= -1;
+  return grid;
 }
 
 /// Points that are no place, or so far out that no index counts them.

@@ -53,7 +53,6 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     latest_.device[d] = device_parameters(devices[d], workspace);
   }
   posted_ = latest_;
-  record_.devices = static_cast<int>(devices.size());
 }
 
 Loop::~Loop() {

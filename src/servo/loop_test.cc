@@ -75,9 +75,11 @@ std::unique_ptr<ServoLoop> started(DeviceDriver& driver, const LoopSettings& set
   return std::move(*loop);
 }
 
-// on a machine that stood still for a while the watchdog is right to halt the device
+// on a machine that stood still for a while the watchdog is right to halt the device, and a pose that
+// waited is right to lose force
 bool undisturbed(const TickRecord& before, const TickRecord& record) {
-  return ((before.device[0].flags | record.device[0].flags) & kFaultFlags) == 0;
+  constexpr std::uint32_t disturbed = kFaultFlags | kFlagStale | kFlagSlew;
+  return ((before.device[0].flags | record.device[0].flags) & disturbed) == 0;
 }
 
 void wait_until(const std::function<bool()>& done) {

@@ -71,12 +71,13 @@ int enter_fifo(int priority, int leave_above) {
     errno = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
     return errno == 0;
   };
-  if (set(priority)) return priority;
+  // what is left above is tried: the limit may allow our priority and nothing beyond
+  if (set(priority + leave_above) && (leave_above == 0 || set(priority))) return priority;
 
   // a lower limit still puts us before every ordinary thread
   const int refusal = errno;
   const int limit = refusal == EPERM ? rtprio_limit() : 0;
-  if (limit > 0 && limit <= priority) {
+  if (limit > 0 && limit < priority + std::max(1, leave_above)) {
     const int lower = std::max(1, limit - leave_above);
     if (set(lower)) return lower;
   }
@@ -111,7 +112,7 @@ void grant_scheduler(const RealtimeRequest& request, RealtimeGrant& grant) {
              (why == EPERM ? "; an rtprio limit or CAP_SYS_NICE allows it)" : ")");
   } else if (given < request.priority) {
     remark = " (" + std::to_string(request.priority) + " refused; the rtprio limit is " +
-             std::to_string(rtprio_limit()) + ")";
+             std::to_string(rtprio_limit()) + (request.leave_above > 0 ? ", the watchdog's)" : ")");
   }
 
   // what is, and not what was asked for

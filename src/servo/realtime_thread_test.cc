@@ -175,6 +175,22 @@ TEST_F(PretendedLimits, TheWatchdogStaysAboveTheServoWhereTheLimitIsLower) {
   }).join();
 }
 
+TEST_F(PretendedLimits, ALimitOfJustTheServosPriorityIsSharedToo) {
+  sched_param lowest{};
+  lowest.sched_priority = 1;
+  pretended.rtprio = 80;
+  std::thread([&] {
+    if (::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &lowest) != 0) return;
+    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .leave_above = 1}).priority, 79);
+    EXPECT_EQ(make_this_thread_realtime({.priority = 90, .lock_memory = false}).priority, 80);
+  }).join();
+  pretended.rtprio = 81;
+  std::thread([&] {
+    if (::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &lowest) != 0) return;
+    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .leave_above = 1}).priority, 80);
+  }).join();
+}
+
 TEST_F(PretendedLimits, AFiniteMemoryLimitMustNotMakeLaterAllocationsFail) {
   // with MCL_FUTURE the kernel would refuse every mapping beyond the limit
   pretended.memlock_bytes = 64 << 20;

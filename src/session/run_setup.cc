@@ -62,7 +62,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script,
   const double user_N = options.max_force_N ? std::min(*options.max_force_N, device->peak_force_N)
                                             : std::min(device->continuous_force_N, kDefaultUserLimit_N);
   setup.limit_N = std::min(user_N, loaded.model->scene_max_force_N);
-  setup.parameters.max_force_N = setup.limit_N;
+  setup.parameters.max_force_N = user_N;
   setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);
   setup.trouble = out_of_reach(setup, *loaded.model);
   return setup;
