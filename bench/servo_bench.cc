@@ -164,7 +164,7 @@ Result<nlohmann::json> compare_free_running(const Knee& large, const Knee& small
   std::printf("\nas fast as it goes: ns, medians of %d rounds along %zu ticks, %.0f %% of them in contact\n",
               options.rounds, path.states.size(), 100 * path.in_contact);
   std::printf("%-24s %10s %10s %7s\n", "", "large", "small", "ratio");
-  for (const NamedMethod& method : force_methods()) {
+  for (const ForceMethodInfo& method : kForceMethods) {
     std::vector<double> tick_ns[2], update_ns[2];
     const Knee* knees[2] = {&large, &small};
     for (int round = 0; round < options.rounds; ++round) {

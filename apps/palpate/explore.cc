@@ -24,6 +24,7 @@ struct Options {
   std::optional<std::filesystem::path> script, recording;
   std::optional<double> max_force_N, rate_hz, seconds;
   std::optional<std::uint64_t> seed;
+  std::optional<ForceMethod> method;
   double spin_us = 0;
   int cpu = -1;
   bool repeat = false, no_realtime = false;
@@ -42,7 +43,7 @@ Result<void> check(const Options& options) {
 
 ExploreOptions session_of(const Options& options, Keys& keys) {
   ExploreOptions session;
-  session.run = {options.max_force_N, options.seed, options.rate_hz};
+  session.run = {options.max_force_N, options.seed, options.rate_hz, options.method};
   session.loop.spin_s = options.spin_us * 1e-6;
   session.loop.realtime = !options.no_realtime;
   session.loop.cpu = options.cpu;
@@ -54,6 +55,8 @@ ExploreOptions session_of(const Options& options, Keys& keys) {
         return ExploreRequest::kEmergencyStop;
       case 'p':
         return ExploreRequest::kPause;
+      case 'm':
+        return ExploreRequest::kNextMethod;
       default:
         return ExploreRequest::kNone;
     }
@@ -116,6 +119,7 @@ std::string live_line(const ExploreStatus& status) {
   const std::string usual = text;
   std::string unusual = state_of(status.flags);
   if (status.heat >= 0.005) unusual += " heat " + std::to_string(std::lround(100 * status.heat)) + "%";
+  if (status.method != ForceMethod::kTrilinear) unusual += " " + std::string(name_of(status.method));
   if (status.skipped > 0) unusual += " skip " + std::to_string(status.skipped);
   if (status.dropped > 0) unusual += " drop " + std::to_string(status.dropped);
   const std::size_t taken = columns_of(usual) + columns_of(unusual);
@@ -161,14 +165,21 @@ void print_loop(const LoopHealth& health) {
 
 // in how many ticks the force was changed or withheld, and why
 void print_changed(const RecordingSummary& s) {
-  const std::pair<const char*, std::uint64_t> counts[] = {
-      {"clamped", s.clamped},   {"thermal", s.thermal},
-      {"slewed", s.slewed},     {"faded", s.faded},
-      {"blended", s.blended},   {"paused", s.paused},
-      {"clutched", s.clutched}, {"outside", s.outside},
-      {"stale", s.stale},       {"not finite", s.not_finite},
-      {"jumped", s.jumped},     {"device fault", s.device_faults},
-      {"halted", s.halted},     {"emergency stop", s.emergency_stopped}};
+  const std::pair<const char*, std::uint64_t> counts[] = {{"clamped", s.clamped},
+                                                          {"thermal", s.thermal},
+                                                          {"slewed", s.slewed},
+                                                          {"faded", s.faded},
+                                                          {"blended", s.blended},
+                                                          {"paused", s.paused},
+                                                          {"clutched", s.clutched},
+                                                          {"outside", s.outside},
+                                                          {"stale", s.stale},
+                                                          {"not finite", s.not_finite},
+                                                          {"jumped", s.jumped},
+                                                          {"device fault", s.device_faults},
+                                                          {"halted", s.halted},
+                                                          {"emergency stop", s.emergency_stopped},
+                                                          {"method missing", s.method_missing}};
   std::string text;
   for (const auto& [name, count] : counts)
     if (count > 0) text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count);
@@ -239,6 +250,7 @@ void add_options(CLI::App* verb, Options& options) {
   verb->add_flag("--repeat", options.repeat, "Begin the script again when it has ended, until stopped");
   verb->add_option("--seed", options.seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
+  add_method_option(*verb, options.method);
   verb->add_option("--cpu", options.cpu, "The only CPU for the servo thread; default: any")
       ->check(whole_between(0, 4095));
   verb->add_flag("--no-realtime", options.no_realtime,
@@ -258,7 +270,8 @@ void add_explore(CLI::App& app, Run& run) {
       "  palpate explore scene.toml --script press.toml --repeat\n\n"
       "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"
       "second (median/99th percentile/largest), the force and its limit, and the structure touched.\n"
-      "Keys: space is the emergency stop, and space again brings the force back; p pauses and goes on.\n"
+      "Keys: space is the emergency stop, and space again brings the force back; p pauses and goes on;\n"
+      "m feels by the next force method (docs/methods.md).\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
       "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"
       "program at once. Ctrl-Z does nothing: a device would hold its last force meanwhile.\n"

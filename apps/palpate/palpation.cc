@@ -10,6 +10,15 @@ Result<Script> script_of(const std::optional<std::filesystem::path>& file, const
   return file ? load_script(*file) : parse_script(default_script_text(model), "embedded script");
 }
 
+void add_method_option(CLI::App& verb, std::optional<ForceMethod>& method) {
+  std::vector<std::string> names;
+  for (const ForceMethodInfo& info : kForceMethods) names.emplace_back(info.name);
+  verb.add_option_function<std::string>(
+          "--method", [&method](const std::string& name) { method = find_force_method(name); },
+          "Force method at first; default: the scene's")
+      ->check(CLI::IsMember(names));
+}
+
 void print_holds(const std::vector<HoldFigure>& holds) {
   constexpr std::size_t kNameWidth = 28;
   std::printf("%s %8s %8s %8s\n", fitted("structure", kNameWidth).c_str(), "held s", "mean N", "peak N");

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <optional>
 #include <vector>
@@ -11,6 +12,9 @@ namespace palpate::app {
 
 /// The script of that file; without one, a script that suits the model.
 Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model);
+
+/// --method NAME.
+void add_method_option(CLI::App& verb, std::optional<ForceMethod>& method);
 
 /// A table on stdout: how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);

@@ -19,7 +19,7 @@ int replay_recording(const Options& options, Console& console) {
   const auto loaded = load_scene_of_recording(*recording, options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
 
-  const auto result = replay(*recording, *loaded->model, progress);
+  const auto result = replay(*recording, loaded->model, progress);
   if (!result) {
     Error error = result.error();
     if (error.where.empty()) error.where = options.recording.string();

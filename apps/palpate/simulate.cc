@@ -18,6 +18,7 @@ struct Options {
   std::optional<std::filesystem::path> script, recording, report;
   std::optional<double> max_force_N, rate_hz;
   std::optional<std::uint64_t> seed;
+  std::optional<ForceMethod> method;
 };
 
 // where a run is written; empty: not at all
@@ -69,6 +70,7 @@ int simulate_target(const Options& options, Console& console) {
   simulation.max_force_N = options.max_force_N;
   simulation.seed = options.seed;
   simulation.rate_hz = options.rate_hz;
+  simulation.method = options.method;
   const auto result = simulate(*loaded, *script, simulation, outputs->recording, progress);
   if (!result) {
     if (result.error().kind == ErrorKind::kInterrupted && !outputs->recording.empty())
@@ -108,11 +110,13 @@ void add_simulate(CLI::App& app, Run& run) {
       ->check(number_between(250, 10000));
   verb->add_option("--seed", options->seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
+  add_method_option(*verb, options->method);
   verb->footer(
       "Examples:\n"
       "  palpate simulate knee-phantom --report run.html\n"
       "  palpate simulate knee-atlas -o atlas.h5 --max-force 3\n"
-      "  palpate simulate scene.toml --script press.toml -o run.h5\n\n"
+      "  palpate simulate scene.toml --script press.toml -o run.h5\n"
+      "  palpate simulate knee-phantom --method smooth-sphere -o smooth.h5\n\n"
       "The simulated hand and device run on a virtual clock: the same scene, script and seed give the same "
       "run\n"
       "bit for bit. docs/script.md documents scripts, docs/recording.md what a recording holds.");

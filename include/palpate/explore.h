@@ -23,6 +23,7 @@ enum class ExploreRequest : std::uint8_t {
   kNone,
   kEmergencyStop,  ///< forces off at once; asked for again: on, by the ramp
   kPause,          ///< forces fade out; asked for again: in
+  kNextMethod,     ///< feel by the next force method, in a circle
 };
 
 struct ExploreOptions {
@@ -43,7 +44,8 @@ struct ExploreStatus {
   double compute_p50_us = 0;
   // of the latest tick
   double force_N = 0, limit_N = 0, heat = 0;
-  std::string structure;    ///< that is touched; empty: none
+  std::string structure;  ///< that is touched; empty: none
+  ForceMethod method = ForceMethod::kTrilinear;
   std::uint32_t flags = 0;  ///< TickFlag bits
   // since the session began
   std::uint64_t skipped = 0, dropped = 0, stalls = 0;

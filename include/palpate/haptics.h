@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "palpate/sampling.h"
+#include "palpate/force_field.h"
+#include "palpate/progress.h"
 #include "palpate/volume.h"
 
 /// What is felt, and the laws by which it is felt: pure functions of state.
@@ -43,13 +44,13 @@ enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
 /// not change are shared between versions.
 struct Model {
   std::uint32_t version = 1;
-  std::uint64_t content_hash = 0;  ///< of field, labels, tissues, tool and limits
+  std::uint64_t content_hash = 0;  ///< of field, labels, tissues, tool, limits and the methods' settings
   std::string title;
   Side side = Side::kUnknown;
   bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
   bool oriented = true;            ///< false: the files do not say how the volume lies in the patient
 
-  std::shared_ptr<const Field> field;             ///< what the force is computed from
+  std::shared_ptr<const Field> field;             ///< labels weighted by stiffness, smoothed
   std::shared_ptr<const Volume<LabelId>> labels;  ///< flattened, on the field's grid
   std::shared_ptr<const Volume<float>> scan;      ///< on the same grid; may be null
   std::vector<Segment> segments;                  ///< names and colours by id
@@ -57,9 +58,12 @@ struct Model {
   std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1: belongs to no tissue
   std::vector<float> level_of_label;          ///< field value deep inside that label, 0 ... 1
 
-  double sigma_mm = 1.0;    ///< smoothing that made the field
-  double reach_mm = 5.0;    ///< how far from a structure the field may still be felt
-  double full_force_N = 1;  ///< force where the field is 1: stiffest tissue * sigma * sqrt(2 pi)
+  /// What forces are computed from, by ForceMethod; null: not prepared. The trilinear one always is.
+  std::array<std::shared_ptr<const ForceField>, kForceMethods.size()> methods;
+  MethodSettings method_settings;
+
+  double sigma_mm = 1.0;  ///< smoothing that made the field
+  double reach_mm = 5.0;  ///< how far from a structure the field may still be felt
   Tool tool;
   double scene_max_force_N = std::numeric_limits<double>::infinity();  ///< infinite: the scene sets none
   /// Where the patient lies in the workspace when the object is not rotated: the volume's centre at
@@ -74,6 +78,13 @@ struct Model {
     const int tissue = id < tissue_of_label.size() ? tissue_of_label[id] : -1;
     return tissue >= 0 ? &tissues[tissue] : nullptr;
   }
+  bool has(ForceMethod method) const { return methods[index_of(method)] != nullptr; }
+  /// The method, or the trilinear one where it is not prepared.
+  const ForceField& force_field(ForceMethod method) const {
+    return *methods[has(method) ? index_of(method) : 0];
+  }
+  /// N/mm, of the tissues that are felt: where the field is 1.
+  double greatest_stiffness_N_per_mm() const;
   /// Its name, or "label 7" where it has none.
   std::string name_of(LabelId id) const;
   bool is_felt(LabelId id) const {
@@ -81,6 +92,18 @@ struct Model {
     return tissue != nullptr && tissue->felt;
   }
 };
+
+/// One method for a model whose field, labels, levels, tissues and settings are there. Every method pushes
+/// with the stiffest tissue's stiffness at that tissue's flat surface; how far the force climbs from there
+/// follows from the method's own width (docs/methods.md). Errors: kBadInput where a sphere's width does not
+/// suit the voxels.
+Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method);
+
+/// The same model, ready for these methods as well; itself where it already is. What is added changes neither
+/// version nor content hash. Errors: those of make_force_field, kInterrupted.
+Result<std::shared_ptr<const Model>> with_methods(std::shared_ptr<const Model> model,
+                                                  std::span<const ForceMethod> methods,
+                                                  const Progress& progress = {});
 
 /// The placement that Model::X_WorldPatient describes, for a grid.
 Transform<World, Patient> supine_from_feet(const GridGeometry& grid);
@@ -96,12 +119,10 @@ struct ContactSite {
 /// The first felt label on the way inward along the normal, within Model::reach_mm, in half voxels; where
 /// that way meets none (in a valley between two structures, deep inside where there is no normal) the nearest
 /// one along 14 directions. Its surface is where the field is midway between its own level and that of the
-/// felt label that covers it, or free space. Bounded: at most a few hundred voxels are looked at.
+/// felt label that covers it, or free space: the same place for every force method. Bounded: at most a few
+/// hundred voxels are looked at.
+/// @param sample  the force method's, whose gradient tells the normal
 ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample);
-
-/// The founding force, trilinear + central differences: F = F_full * f(x) * n, n = -grad f / |grad f|.
-/// Zero where the gradient vanishes. N, patient frame.
-Vector<Patient> normal_force(const FieldSample& sample, double full_force_N);
 
 /// Velocity over a window of time: sum of displacements over sum of times of the last
 /// `window_s` seconds (MERL c. 1997; 0.01 s), never a one-tick difference. Kept as running sums, so that a

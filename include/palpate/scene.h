@@ -52,6 +52,12 @@ struct PreparationSettings {
   FieldStorage storage = FieldStorage::k16Bit;
 };
 
+/// By which method the structures are felt at first.
+struct ForceSettings {
+  ForceMethod method = ForceMethod::kTrilinear;
+  MethodSettings settings;
+};
+
 struct Scene {
   std::string title;
   Side side = Side::kUnknown;
@@ -60,6 +66,7 @@ struct Scene {
   std::optional<std::filesystem::path> names;  ///< colour table
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
+  ForceSettings force;
   Tool tool;
   WorkspaceSettings workspace;  ///< of every device; no part of the model
   std::optional<double> max_force_N;
@@ -171,11 +178,16 @@ struct RotateStep {
   double degrees = 10;
   double seconds = 1;
 };
+/// Feel by another method from here on; the force of the last one turns into the new one's.
+struct MethodStep {
+  ForceMethod method = ForceMethod::kTrilinear;
+};
 /// Withdraw along the path of approach.
 struct LeaveStep {
   double speed_mm_s = 60;
 };
-using ScriptStep = std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, LeaveStep>;
+using ScriptStep =
+    std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep, LeaveStep>;
 
 struct Script {
   std::string title;

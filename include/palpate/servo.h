@@ -12,10 +12,6 @@
 /// The tick: (Model, SessionState, DeviceStates, Parameters, dt) -> (SessionState, Wrenches).
 namespace palpate {
 
-enum class ForceMethod : std::uint8_t {
-  kTrilinear = 0,  ///< trilinear interpolation + central differences
-};
-
 /// What one device may be sent. kNotKnown where nobody knows: then the user's limit alone holds for forces,
 /// and torques and the gripper, for which the user sets no limit, stay off.
 struct OutputLimits {
@@ -39,6 +35,7 @@ DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettin
 /// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is felt as a
 /// blend over kBlend_s, not as a step.
 struct Parameters {
+  /// Trilinear where the model is not prepared for it (kFlagMethodMissing).
   ForceMethod method = ForceMethod::kTrilinear;
   bool friction = true;
   bool viscosity = true;

@@ -79,14 +79,8 @@ class PaceMeter {
 
 // ---- as fast as it goes
 
-/// Every way there is of computing the force, with its name in figures.
-struct NamedMethod {
-  ForceMethod method;
-  std::string name;
-};
-std::span<const NamedMethod> force_methods();
-
-/// Ticks one after the other along the whole path, on the calling thread: ns of processor time a tick, one
+/// Ticks one after the other along the whole path by a method that the model is prepared for, on the calling
+/// thread: ns of processor time a tick, one
 /// value a round.
 std::vector<double> time_ticks(const Model& model, const PalpationPath& path, ForceMethod method, int rounds);
 

@@ -56,6 +56,7 @@ struct SimulationOptions {
   std::optional<double> max_force_N;  ///< user limit; default the lesser of continuous rating and 3 N
   std::optional<std::uint64_t> seed;
   std::optional<double> rate_hz;
+  std::optional<ForceMethod> method;  ///< at first; default the scene's
 };
 
 /// How one structure of the script was held.
@@ -91,6 +92,9 @@ struct ReplayResult {
 };
 /// Runs every recorded input again through the tick and compares every output, bit for bit, and the state
 /// hash.
-Result<ReplayResult> replay(const Recording& recording, const Model& model, const Progress& progress = {});
+/// @param model  is prepared for the methods that were felt where it is not
+/// Errors: kBadInput for another scene's recording, or of a model or method that is not known here.
+Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Model> model,
+                            const Progress& progress = {});
 
 }  // namespace palpate

@@ -33,6 +33,7 @@ enum TickFlag : std::uint32_t {
   kFlagEmergencyStop = 1u << 13,   ///< the output was zero
   kFlagClutched = 1u << 14,        ///< the clutch was held: the force fades out and stays off
   kFlagBlend = 1u << 15,           ///< on the way from the force of the last method, model or parameters
+  kFlagMethodMissing = 1u << 16,   ///< the model is not prepared for the method: the trilinear one was felt
 };
 /// After these the force is zero at once, and comes back by the ramp.
 inline constexpr std::uint32_t kFaultFlags =

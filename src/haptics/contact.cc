@@ -78,10 +78,11 @@ class LabelWalk {
   int steps_;
 };
 
-// the signed way from x to where the field crosses `level`, positive when x is beyond it; x's own
-// value tells which way to look, and the crossing is interpolated linearly within a step
+// the signed way from x to where the field crosses `level`, positive when x is beyond it; the field's value
+// at x tells which way to look, and the crossing is interpolated linearly within a step
 double depth_of_level(const Model& model, const Point<Patient>& x, const Vector<Patient>& outward,
-                      double value, double level, double step_mm) {
+                      double level, double step_mm) {
+  const double value = sample_value(*model.field, x);
   const bool inside = value >= level;
   const Vector<Patient> direction = inside ? outward : -outward;
   double previous = value;
@@ -119,9 +120,9 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
   const LabelId cover =
       has_direction && walk.here() == site.label ? walk.cover_of(site.label, outward) : LabelId{0};
   const double cover_level = cover ? model.level_of_label[cover] : 0;
-  site.depth_mm = has_direction ? depth_of_level(model, x, outward, sample.value,
-                                                 0.5 * (cover_level + site.level), walk.step_mm())
-                                : std::numeric_limits<double>::quiet_NaN();
+  site.depth_mm = has_direction
+                      ? depth_of_level(model, x, outward, 0.5 * (cover_level + site.level), walk.step_mm())
+                      : std::numeric_limits<double>::quiet_NaN();
   return site;
 }
 

@@ -26,6 +26,13 @@ std::string Model::name_of(LabelId id) const {
   return segment && !segment->name.empty() ? segment->name : "label " + std::to_string(id);
 }
 
+double Model::greatest_stiffness_N_per_mm() const {
+  double greatest = 0;
+  for (const Tissue& tissue : tissues)
+    if (tissue.felt) greatest = std::max(greatest, tissue.stiffness_N_per_mm);
+  return greatest;
+}
+
 Transform<World, Patient> supine_from_feet(const GridGeometry& grid) {
   // rows: right = +L, forward = +S, up = +A = -P
   Eigen::Matrix3d R_WorldPatient;

@@ -5,10 +5,6 @@
 
 namespace palpate {
 
-Vector<Patient> normal_force(const FieldSample& sample, double full_force_N) {
-  return sample.gradient.normalized() * (-full_force_N * sample.value);
-}
-
 Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside) {
   return velocity_mm_s * (-tissue.viscosity_N_s_per_mm * std::clamp(inside, 0.0, 1.0));
 }

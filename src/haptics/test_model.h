@@ -41,7 +41,6 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
   fat.name = "fat";
   fat.felt = false;
   model.tissues = {bone, cartilage, fat};
-  model.full_force_N = 1.5 * sigma_mm * std::sqrt(2 * M_PI);
   model.segments = {
       {kBone, "ball", {}, 0, kBone}, {kCartilage, "shell", {}, 0, kCartilage}, {kFat, "fat", {}, 0, kFat}};
   model.tissue_of_label.assign(kFat + 1, -1);
@@ -71,7 +70,20 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
       }
   model.field = std::make_shared<const Field>(std::move(field));
   model.labels = labels;
+  model.methods[0] = *make_force_field(model, ForceMethod::kTrilinear);
   model.X_WorldPatient = supine_from_feet(grid);
+  return model;
+}
+
+/// Another force where the field is 1.
+inline void set_full_force(Model& model, double full_force_N) {
+  model.methods[0] = std::make_shared<const ForceField>(model.field, full_force_N);
+}
+
+/// The model, ready for every method.
+inline Model with_every_method(Model model) {
+  for (const ForceMethodInfo& info : kForceMethods)
+    model.methods[index_of(info.method)] = *make_force_field(model, info.method);
   return model;
 }
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "palpate/device.h"
+#include "palpate/force_method.h"
 #include "palpate/telemetry.h"
 
 // Without a default, so that the compiler names a bit that was added elsewhere and has no name here.
@@ -43,6 +44,8 @@ const char* name_of(TickFlag flag) {
       return "clutched";
     case kFlagBlend:
       return "blend";
+    case kFlagMethodMissing:
+      return "method missing";
   }
   return nullptr;
 }
@@ -94,6 +97,14 @@ std::string switch_bits() {
 }
 std::string status_bits() {
   return text_of_all<DeviceStatus>();
+}
+
+std::string method_numbers() {
+  std::string text;
+  for (const ForceMethodInfo& info : kForceMethods)
+    text += (text.empty() ? "" : ", ") + std::to_string(static_cast<int>(info.method)) + " " +
+            std::string(info.name);
+  return text;
 }
 
 }  // namespace palpate::internal

@@ -12,5 +12,7 @@ std::string flag_bits();
 std::string switch_bits();
 /// DeviceTick::status
 std::string status_bits();
+/// "0 trilinear, 1 b-spline, ..."
+std::string method_numbers();
 
 }  // namespace palpate::internal

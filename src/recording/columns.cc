@@ -28,7 +28,7 @@ constexpr std::array kTickColumns{
            "real clock: time from reading the devices to the commands, 0 on the virtual clock"},
     Column{"model_version", kU32, 1, PALPATE_TICK(model_version), "1", "-",
            "version of the model that was felt"},
-    Column{"method", kU8, 1, PALPATE_TICK(method), "1", "-", "force method"},
+    Column{"method", kU8, 1, PALPATE_TICK(method), "1", "-", "force method", method_numbers},
     Column{"switches", kU8, 1, PALPATE_TICK(switches), "bits", "-", "what was switched on", switch_bits},
     Column{"max_force_N", kF64, 1, PALPATE_TICK(max_force_N), "N", "-", "input: the user's limit of force"},
     Column{"rotation_target_wxyz", kF64, 4, PALPATE_TICK(rotation_target_wxyz), "1", "World",

@@ -22,7 +22,7 @@ struct Column {
   const char* unit;                 ///< "1": a pure number
   const char* frame;                ///< whose axes, or "-"
   const char* meaning;              ///< ASCII
-  std::string (*bits)() = nullptr;  ///< their list, for a set of bits
+  std::string (*bits)() = nullptr;  ///< the list of what its bits or numbers mean
 
   std::size_t row_bytes() const { return size_of(number) * width; }
   /// Stored with the data set.

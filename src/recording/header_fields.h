@@ -66,6 +66,7 @@ void visit_flag_counts(Summary& summary, Visit&& visit) {
   visit("clutched", summary.clutched, kFlagClutched);
   visit("faded", summary.faded, kFlagRamp);
   visit("blended", summary.blended, kFlagBlend);
+  visit("method_missing", summary.method_missing, kFlagMethodMissing);
 }
 
 /// All of them.

@@ -126,8 +126,8 @@ TEST(Recording, DescribesEveryBit) {
             "input: why the device gets no force: 1 fault, 2 clutched, 4 halted");
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
-  EXPECT_THAT(flags, testing::EndsWith(", 16384 clutched, 32768 blend"));
-  EXPECT_EQ(std::ranges::count(flags, ','), 15 + 1);  // and one in the sentence before
+  EXPECT_THAT(flags, testing::EndsWith(", 32768 blend, 65536 method missing"));
+  EXPECT_EQ(std::ranges::count(flags, ','), 16 + 1);  // and one in the sentence before
 }
 
 TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
@@ -147,7 +147,8 @@ TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
       {kFlagEmergencyStop, &RecordingSummary::emergency_stopped},
       {kFlagClutched, &RecordingSummary::clutched},
       {kFlagRamp, &RecordingSummary::faded},
-      {kFlagBlend, &RecordingSummary::blended}};
+      {kFlagBlend, &RecordingSummary::blended},
+      {kFlagMethodMissing, &RecordingSummary::method_missing}};
   for (const auto& [flag, count] : counted) {
     SCOPED_TRACE(flag);
     RecordingSummary summary, expected;

@@ -170,7 +170,7 @@ RecordingSummary example_summary(std::uint64_t ticks) {
        {&summary.clamped, &summary.not_finite, &summary.outside, &summary.paused, &summary.rotation_ignored,
         &summary.thermal, &summary.slewed, &summary.stale, &summary.jumped, &summary.device_faults,
         &summary.halted, &summary.emergency_stopped, &summary.clutched, &summary.faded, &summary.blended,
-        &summary.dropped, &summary.skipped})
+        &summary.method_missing, &summary.dropped, &summary.skipped})
     *count = next++;
   summary.trouble = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
   return summary;
@@ -285,6 +285,7 @@ std::string first_difference(const RecordingSummary& a, const RecordingSummary& 
   if (a.clutched != b.clutched) return "clutched";
   if (a.faded != b.faded) return "faded";
   if (a.blended != b.blended) return "blended";
+  if (a.method_missing != b.method_missing) return "method_missing";
   if (a.dropped != b.dropped) return "dropped";
   if (a.skipped != b.skipped) return "skipped";
   if (a.trouble != b.trouble) return "trouble";

@@ -33,6 +33,20 @@ std::string side_badge(const Run& run) {
   return "<span class=\"badge side\">" + side + (inferred ? ", from the fibula" : "") + "</span>";
 }
 
+/// The force methods that were felt, in the order of their first tick.
+std::string methods_text(const Recording& recording) {
+  std::vector<std::uint8_t> seen;
+  std::string text;
+  for (const TickRecord& tick : recording.ticks) {
+    if (std::find(seen.begin(), seen.end(), tick.method) != seen.end()) continue;
+    seen.push_back(tick.method);
+    text += (text.empty() ? "" : ", ") + (tick.method < kForceMethods.size()
+                                              ? std::string(kForceMethods[tick.method].name)
+                                              : "number " + std::to_string(tick.method));
+  }
+  return text;
+}
+
 /// What a reader must know before looking at anything else.
 std::string callouts(const Run& run) {
   std::string html;
@@ -123,6 +137,7 @@ std::string header_html(const Run& run) {
   if (!header.data_set.empty()) html += "<span>Data set " + escape(header.data_set) + "</span>";
   if (!header.device.empty()) html += "<span>Device " + escape(header.device) + "</span>";
   if (!header.hand.empty()) html += "<span>Hand " + escape(header.hand) + "</span>";
+  if (!run.recording.ticks.empty()) html += "<span>Force method " + methods_text(run.recording) + "</span>";
   if (!header.started_utc.empty()) html += "<span>Recorded " + escape(header.started_utc) + "</span>";
   return html + "</p></header>\n" + callouts(run);
 }

@@ -62,6 +62,8 @@ constexpr std::array kOthers{
         "The model, the method or a switch had changed; the old force turned into the new one over a tenth "
         "of a "
         "second."},
+    Row{"Method missing", &RecordingSummary::method_missing, Shown::kWhenMet,
+        "The model was not prepared for the chosen force method; the trilinear one was felt."},
 };
 
 std::string row_html(const Run& run, const Row& row) {

@@ -1,7 +1,3 @@
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-
 #include "palpate/scene.h"
 
 namespace palpate {
@@ -18,8 +14,7 @@ double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan) {
 }
 
 double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid) {
-  const double ramp_mm = std::max(sigma_mm * std::sqrt(2 * std::numbers::pi), grid.min_spacing_mm());
-  return tissue.stiffness_N_per_mm * ramp_mm;
+  return tissue.stiffness_N_per_mm * ramp_mm(sigma_mm, grid);
 }
 
 }  // namespace palpate

@@ -70,6 +70,12 @@ int edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
+std::vector<std::string_view> method_names() {
+  std::vector<std::string_view> names;
+  for (const ForceMethodInfo& info : kForceMethods) names.push_back(info.name);
+  return names;
+}
+
 }  // namespace
 
 const KeySpec* TableSpec::find(std::string_view key) const {
@@ -95,6 +101,7 @@ const SceneKeys& scene_key_tables() {
             {.name = "data", .type = kTable, .meaning = "The files. A scene file has to have it."},
             {.name = "tissue", .type = kTables, .meaning = "What is felt and how: 1 to 64 of them."},
             {.name = "preparation", .type = kTable, .meaning = "How labels become the field that is felt."},
+            {.name = "force", .type = kTable, .meaning = "By which method the force is computed."},
             {.name = "tool", .type = kTable, .meaning = "The instrument."},
             {.name = "workspace", .type = kTable, .meaning = "How the device's reach lies in the patient."},
             {.name = "limits", .type = kTable, .meaning = "What the hand is never given more of."}}},
@@ -217,6 +224,29 @@ const SceneKeys& scene_key_tables() {
                         .default_text = "16",
                         .unit = "bit",
                         .meaning = "Storage of the field: 8, as published, or 16."}}},
+      .force =
+          {"[force]",
+           "The method by which the force comes from the voxels, docs/methods.md. A script, the command line "
+           "and a key can change it later.",
+           {{.name = "method",
+             .type = kChoice,
+             .default_text = "\"trilinear\"",
+             .choices = method_names(),
+             .meaning = "The first two read the field; the spheres read the labels themselves as they are, "
+                        "the last a magnitude and a normal kept with every voxel."},
+            {.name = "sphere_sigma",
+             .type = kNumber,
+             .default_text = "1",
+             .unit = "voxels",
+             .min = GaussianSphere::kMinSigmaVoxels,
+             .max = GaussianSphere::kMaxSigmaVoxels,
+             .meaning = "Of the Gaussian sphere. The smooth sphere has the preparation's sigma."},
+            {.name = "normals",
+             .type = kChoice,
+             .default_text = "\"bytes\"",
+             .choices = {"bytes", "octahedral16", "octahedral24"},
+             .meaning = "How stored normals are kept: a byte for each component as published, or folded "
+                        "onto an octahedron in 16 or 24 bits."}}},
       .tool =
           {"[tool]",
            "A rigid set of points that touch; the first one's usual place is the origin, the tip.",
@@ -397,6 +427,13 @@ const ScriptKeys& script_key_tables() {
              .min = 0.1,
              .max = 60,
              .meaning = "How long it takes."}}},
+          {"method",
+           "Feels by another force method from here on; within a tenth of a second the force of the last one "
+           "turns into the new one's.",
+           {{.name = "method",
+             .type = kChoice,
+             .choices = method_names(),
+             .meaning = "One of docs/methods.md."}}},
           {"leave",
            "Withdraws along the way of the approach. Needs an approach before.",
            {{.name = "leave", .type = kFlag, .meaning = "`true`."},
@@ -497,7 +534,7 @@ std::string scene_keys() {
   const SceneKeys& keys = scene_key_tables();
   std::string text = table_markdown(keys.top);
   for (const TableSpec* table :
-       {&keys.data, &keys.tissue, &keys.preparation, &keys.tool, &keys.workspace, &keys.limits})
+       {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.tool, &keys.workspace, &keys.limits})
     text += concat({"\n", table_markdown(*table)});
   return text;
 }

@@ -47,7 +47,7 @@ struct TableSpec {
 };
 
 struct SceneKeys {
-  TableSpec top, data, tissue, preparation, tool, workspace, limits;
+  TableSpec top, data, tissue, preparation, force, tool, workspace, limits;
 };
 const SceneKeys& scene_key_tables();
 

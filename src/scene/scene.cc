@@ -87,6 +87,16 @@ void read_preparation(const TableReader& reader, PreparationSettings& preparatio
   }
 }
 
+void read_force(const TableReader& reader, ForceSettings& force) {
+  if (const auto method = reader.choice("method")) force.method = *find_force_method(*method);
+  force.settings.sphere_sigma_voxels =
+      reader.number("sphere_sigma").value_or(force.settings.sphere_sigma_voxels);
+  if (const auto normals = reader.choice("normals"))
+    force.settings.normals = *normals == "octahedral16"   ? NormalEncoding::kOctahedral16
+                             : *normals == "octahedral24" ? NormalEncoding::kOctahedral24
+                                                          : NormalEncoding::kBytes;
+}
+
 void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
   tool.name = reader.text("name").value_or(tool.name);
   const auto points = reader.points("points");
@@ -270,6 +280,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_tissues(top, scene, problems);
   read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,
                    problems);
+  read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
   read_tool(TableReader(top.table("tool"), keys.tool, problems), scene.tool, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");

@@ -50,6 +50,10 @@ felt = false
 sigma = 0.75
 engine = "fourier"
 bits = 8
+[force]
+method = "stored-normals"
+sphere_sigma = 1.5
+normals = "octahedral24"
 [tool]
 name = "probe"
 points = [[0, 0, 0], [1, 0.5, -2]]
@@ -99,6 +103,9 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_EQ(scene.preparation.sigma_mm, 0.75);
   EXPECT_EQ(scene.preparation.engine, GaussianEngine::kFourier);
   EXPECT_EQ(scene.preparation.storage, FieldStorage::k8Bit);
+  EXPECT_EQ(scene.force.method, ForceMethod::kStoredNormals);
+  EXPECT_EQ(scene.force.settings.sphere_sigma_voxels, 1.5);
+  EXPECT_EQ(scene.force.settings.normals, NormalEncoding::kOctahedral24);
   EXPECT_EQ(scene.tool.name, "probe");
   ASSERT_EQ(scene.tool.points_mm.size(), 2u);
   EXPECT_EQ(scene.tool.points_mm[1], Eigen::Vector3d(1, 0.5, -2));
@@ -134,6 +141,10 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(keys.preparation.find("engine")->default_text, "\"direct\"");
   EXPECT_EQ(scene->preparation.storage, FieldStorage::k16Bit);
   EXPECT_EQ(default_of(keys.preparation, "bits"), 16);
+  EXPECT_EQ(keys.force.find("method")->default_text, "\"" + std::string(name_of(scene->force.method)) + "\"");
+  EXPECT_EQ(scene->force.settings.sphere_sigma_voxels, default_of(keys.force, "sphere_sigma"));
+  EXPECT_EQ(scene->force.settings.normals, NormalEncoding::kBytes);
+  EXPECT_EQ(keys.force.find("normals")->default_text, "\"bytes\"");
   EXPECT_EQ(keys.tool.find("name")->default_text, "\"" + scene->tool.name + "\"");
   ASSERT_EQ(scene->tool.points_mm.size(), 1u);
   EXPECT_EQ(scene->tool.points_mm[0], Eigen::Vector3d::Zero());
@@ -291,6 +302,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [0, 1e300]\n", 3,
                  "outside -1000000000 ... 1000000000 the scan's unit", ""},
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [0, inf]\n", 3, "not a finite number", ""},
+        BadScene{TISSUE "[force]\nmethod = 'spline'\n", 5, "unknown method", "\"trilinear\""},
+        BadScene{TISSUE "[force]\nsphere_sigma = 2.5\n", 5, "sphere_sigma = 2.5 is outside 0.5 ... 2", ""},
+        BadScene{TISSUE "[force]\nnormals = 'float'\n", 5, "unknown normals", "\"octahedral16\""},
         BadScene{TISSUE "[preparation]\nsigma = 10.5\n", 5, "sigma = 10.5 is outside 0 ... 10 mm", ""},
         BadScene{TISSUE "[preparation]\nbits = 12\n", 5, "bits = 12 is neither 8 nor 16", ""},
         BadScene{TISSUE "[preparation]\nbits = 8.0\n", 5, "bits is a number", "a whole number"},

@@ -83,6 +83,12 @@ ScriptStep read_rotate(const TableReader& reader, Problems&) {
   return step;
 }
 
+ScriptStep read_method(const TableReader& reader, Problems&) {
+  MethodStep step;
+  if (const auto method = reader.choice("method")) step.method = *find_force_method(*method);
+  return step;
+}
+
 ScriptStep read_leave(const TableReader& reader, Problems& problems) {
   LeaveStep step;
   if (!reader.flag("leave").value_or(true))
@@ -94,8 +100,8 @@ ScriptStep read_leave(const TableReader& reader, Problems& problems) {
 
 using ReadStep = ScriptStep (*)(const TableReader&, Problems&);
 // in the order of script_key_tables().actions
-constexpr std::array<ReadStep, 6> kReadStep{read_approach, read_press,  read_hold,
-                                            read_slide,    read_rotate, read_leave};
+constexpr std::array<ReadStep, 7> kReadStep{read_approach, read_press,  read_hold, read_slide,
+                                            read_rotate,   read_method, read_leave};
 
 std::string action_names() {
   std::string names;
@@ -154,7 +160,7 @@ void check_order(const Script& script, Problems& problems) {
       }
       touching = approach;
       since = script.lines[i];
-    } else if (!std::holds_alternative<RotateStep>(step)) {
+    } else if (!std::holds_alternative<RotateStep>(step) && !std::holds_alternative<MethodStep>(step)) {
       if (!touching)
         problems.add(script.lines[i], std::string(actions[step.index()].heading) + " without contact",
                      "put a step with approach = \"...\" before it");

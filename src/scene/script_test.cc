@@ -41,6 +41,8 @@ leave = true
 speed = 50
 [[step]]
 approach = "#95"
+[[step]]
+method = "gaussian-sphere"
 )";
 
 TEST(ParseScript, ReadsEveryKey) {
@@ -54,10 +56,10 @@ TEST(ParseScript, ReadsEveryKey) {
   EXPECT_EQ(script.tremor_mm, 0.1);
   EXPECT_EQ(script.seed, 42u);
   EXPECT_EQ(script.source, "script.toml");
-  EXPECT_THAT(script.lines, ElementsAre(7, 11, 14, 16, 20, 24, 27));
+  EXPECT_THAT(script.lines, ElementsAre(7, 11, 14, 16, 20, 24, 27, 29));
   EXPECT_EQ(script.device_line, 2);
   EXPECT_EQ(script.hand_line, 3);
-  ASSERT_EQ(script.steps.size(), 7u);
+  ASSERT_EQ(script.steps.size(), 8u);
   const auto& approach = std::get<ApproachStep>(script.steps[0]);
   EXPECT_EQ(approach.structure, "femur");
   EXPECT_EQ(approach.speed_mm_s, 30);
@@ -76,6 +78,7 @@ TEST(ParseScript, ReadsEveryKey) {
   EXPECT_EQ(rotate.seconds, 2);
   EXPECT_EQ(std::get<LeaveStep>(script.steps[5]).speed_mm_s, 50);
   EXPECT_EQ(std::get<ApproachStep>(script.steps[6]).structure, "#95");
+  EXPECT_EQ(std::get<MethodStep>(script.steps[7]).method, ForceMethod::kGaussianSphere);
 }
 
 TEST(ParseScript, DirectionsAreThePatients) {
@@ -124,7 +127,7 @@ TEST(ParseScript, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(std::get<RotateStep>(script->steps[3]).seconds, default_of(actions[4], "seconds"));
   EXPECT_EQ(std::get<RotateStep>(script->steps[3]).axis_world, Eigen::Vector3d(0, 0, 1));
   EXPECT_EQ(actions[4].find("axis")->default_text, "\"up\"");
-  EXPECT_EQ(std::get<LeaveStep>(script->steps[4]).speed_mm_s, default_of(actions[5], "speed"));
+  EXPECT_EQ(std::get<LeaveStep>(script->steps[4]).speed_mm_s, default_of(actions[6], "speed"));
 }
 
 struct BadScript {
@@ -163,7 +166,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"seed = -1\n" APPROACH, 1, "seed = -1 is outside 0", ""},
         BadScript{"seed = 1.5\n" APPROACH, 1, "seed is a number", "a whole number"},
         BadScript{"device = 5\n" APPROACH, 1, "device is a whole number", "a text"},
-        BadScript{"[[step]]\n", 1, "a step without an action", "approach, press, hold, slide, rotate, leave"},
+        BadScript{"[[step]]\n", 1, "a step without an action", "slide, rotate, method, leave"},
         BadScript{"[[step]]\naproach = 'femur'\n", 2, "unknown key \"aproach\" in [[step]]",
                   "did you mean approach?"},
         BadScript{"[[step]]\nspeed = 5\nHold = 1\n", 3, "unknown key \"Hold\"", "did you mean hold?"},
@@ -194,6 +197,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{APPROACH "[[step]]\nslide = 1\ndirection = true\n", 5, "direction is true or false", ""},
         BadScript{"[[step]]\nrotate = 181\n", 2, "rotate = 181 is outside -180 ... 180 degrees", ""},
         BadScript{"[[step]]\nrotate = 1\naxis = 'left'\n", 3, "unknown axis \"left\"", "right"},
+        BadScript{"[[step]]\nmethod = 'spline'\n", 2, "unknown method \"spline\"",
+                  "method takes \"trilinear\""},
         BadScript{APPROACH "[[step]]\nleave = false\n", 4, "leave = false does nothing", ""},
         BadScript{APPROACH "[[step]]\nleave = 1\n", 4, "leave is a whole number", "true or false"}));
 
@@ -208,8 +213,10 @@ INSTANTIATE_TEST_SUITE_P(
                     BadScript{APPROACH "[[step]]\nhold = 1\n[[step]]\napproach = 'tibia'\n", 5,
                               "still touching \"femur\" (line 1)", "leave = true"}));
 
-TEST(ParseScript, RotatesWithOrWithoutContact) {
+TEST(ParseScript, RotatesAndChangesTheMethodWithOrWithoutContact) {
   EXPECT_TRUE(parse_script("[[step]]\nrotate = 1\n" APPROACH "[[step]]\nrotate = 1\n", "t").ok());
+  const std::string change = "[[step]]\nmethod = 'b-spline'\n";
+  EXPECT_TRUE(parse_script(change + APPROACH + change, "t").ok());
 }
 
 TEST(ParseScript, LimitsSteps) {

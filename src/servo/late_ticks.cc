@@ -57,9 +57,4 @@ LateCounts LateTicks::counts() const {
           of(LateCause::kRunQueue), of(LateCause::kUnknown)};
 }
 
-LateCounts operator-(const LateCounts& a, const LateCounts& b) {
-  return {a.steal - b.steal, a.page_fault - b.page_fault, a.preemption - b.preemption,
-          a.run_queue - b.run_queue, a.unknown - b.unknown};
-}
-
 }  // namespace palpate

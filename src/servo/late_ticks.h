@@ -39,6 +39,4 @@ class LateTicks {
   std::thread thread_;
 };
 
-LateCounts operator-(const LateCounts& a, const LateCounts& b);
-
 }  // namespace palpate

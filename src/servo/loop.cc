@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <system_error>
 
+#include "servo/figures.h"
+
 /// One tick on the real clock, in order: time -> inputs -> tick -> commands -> heartbeat -> what others see.
 /// update() allocates, locks, logs and throws nothing; its only system calls are those of the clock.
 namespace palpate {
@@ -22,11 +24,6 @@ double rate_of(const DeviceDriver& driver, const LoopSettings& settings) {
   const DeviceInfo& info = driver.devices().front();
   const bool own = info.drive != DeviceInfo::Drive::kPulled && info.rate_hz && *info.rate_hz > 0;
   return own ? *info.rate_hz : settings.rate_hz;
-}
-
-Percentiles percentiles_of(const LatencyHistogram& histogram) {
-  const LatencyHistogram::Summary s = histogram.summary();
-  return {s.p50_us, s.p99_us, s.p999_us, s.max_us};
 }
 
 void add(std::atomic<std::uint64_t>& counter, std::uint64_t more) {

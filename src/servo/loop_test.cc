@@ -19,7 +19,7 @@ using testing::kBoneRadius_mm;
 std::shared_ptr<const Model> ball(std::uint32_t version = 1, double stiffer = 1) {
   Model model = ball_model({1, 1, 1});
   model.version = version;
-  model.full_force_N *= stiffer;
+  testing::set_full_force(model, stiffer * model.methods[0]->full_force_N());
   return std::make_shared<const Model>(std::move(model));
 }
 

@@ -110,7 +110,7 @@ namespace palpate {
 namespace {
 
 // two devices led in and out of contact, deep inside, outside, through poses and rotations that are no
-// numbers, clamped and paused
+// numbers, clamped and paused, by every force method
 class Exercise {
  public:
   void run(int ticks) {
@@ -124,12 +124,13 @@ class Exercise {
       if (n % 900 == 0) parameters_.rotation_target = Eigen::Quaterniond(std::nan(""), 0, 0, 0);
       parameters_.paused = n % 1000 > 950;
       parameters_.max_force_N = n % 3 == 0 ? 0.5 : 3;
+      if (n % 40 == 0) parameters_.method = next_of(parameters_.method);
       tick(model_, parameters_, devices_, 1e-3, state_, wrenches_, record_);
     }
   }
 
  private:
-  Model model_ = testing::ball_model({1, 1, 1}, 1.0, 3);
+  Model model_ = testing::with_every_method(testing::ball_model({1, 1, 1}, 1.0, 3));
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;

@@ -132,7 +132,8 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
 std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::size_t devices) {
   std::uint64_t maker = kHashSeed;
   hash_word(maker, model.version);
-  hash_word(maker, static_cast<std::uint64_t>(parameters.method) << 2 | parameters.friction << 1 |
+  const ForceMethod felt = model.force_field(parameters.method).method();
+  hash_word(maker, static_cast<std::uint64_t>(felt) << 2 | parameters.friction << 1 |
                        static_cast<std::uint64_t>(parameters.viscosity));
   for (std::size_t d = 0; d < devices; ++d) {
     hash_double(maker, parameters.device[d].force_gain);
@@ -162,11 +163,12 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   state.made_by = maker;
 
   // each device
-  const std::uint32_t rotation_flag = is_rotation(parameters.rotation_target) ? 0u : kFlagRotationIgnored;
+  const std::uint32_t common_flags = (is_rotation(parameters.rotation_target) ? 0u : kFlagRotationIgnored) |
+                                     (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
     tick_device(model, parameters, parameters.device[d], devices[d], dt_s, changed, X_WorldPatient,
                 X_PatientWorld, state.hands[d], wrenches[d], record.device[d]);
-    record.device[d].flags |= rotation_flag;
+    record.device[d].flags |= common_flags;
   }
   state.tick += 1;
   state.time_s += dt_s;

@@ -49,16 +49,17 @@ TEST(Tick, PushesOutAlongTheAnalyticNormalWithTheAnalyticForce) {
   Loop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.parameters.max_force_N = 100;
+  const double full_N = loop.model.methods[0]->full_force_N();
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
   for (int i = 0; i < 200; ++i) {
     const Vector<World> n = Vector<World>(normal(random), normal(random), normal(random)).normalized();
     const double distance_mm = -0.6 + 0.006 * i;
     loop.set_down_at(Point<World>() + n * (kBoneRadius_mm + distance_mm));
-    const double expected_N = loop.model.full_force_N * testing::ramp(distance_mm, 1.0);
+    const double expected_N = full_N * testing::ramp(distance_mm, 1.0);
     EXPECT_GT(loop.wrench.force_N.normalized().dot(n), std::cos(0.05))
         << "central differences over 0.9 mm of a 1 mm ramp, at " << distance_mm << " mm";
-    EXPECT_NEAR(loop.wrench.force_N.norm(), expected_N, 0.06 * loop.model.full_force_N);
+    EXPECT_NEAR(loop.wrench.force_N.norm(), expected_N, 0.06 * full_N);
     EXPECT_EQ(loop.record.device[0].label, kBone);
     EXPECT_TRUE(loop.record.device[0].flags & kFlagContact);
   }
@@ -242,12 +243,12 @@ TEST(Tick, AForceThatIsNotFiniteLeavesNothingBehind) {
   Loop loop;
   const Point<World> tip(kBoneRadius_mm, 0, 0);
   loop.at(tip);
-  const double full_N = loop.model.full_force_N;
-  loop.model.full_force_N = std::nan("");
+  const double full_N = loop.model.methods[0]->full_force_N();
+  testing::set_full_force(loop.model, std::nan(""));
   loop.at(tip);
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
   // the model is mended, by a new version: a blend that starts from what was not finite would stay so
-  loop.model.full_force_N = full_N;
+  testing::set_full_force(loop.model, full_N);
   ++loop.model.version;
   loop.at(tip);
   EXPECT_FALSE(loop.record.device[0].flags & kFlagNotFinite);
@@ -302,14 +303,22 @@ struct Change {
 
 TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
   const Change changes[] = {
-      {"model", [](Loop& loop) { loop.model.full_force_N *= 1.7, ++loop.model.version; }},
+      {"model",
+       [](Loop& loop) {
+         testing::set_full_force(loop.model, 1.7 * loop.model.methods[0]->full_force_N());
+         ++loop.model.version;
+       }},
       {"gain", [](Loop& loop) { loop.parameters.device[0].force_gain = 0.4; }},
       {"viscosity", [](Loop& loop) { loop.parameters.viscosity = false; }},
       {"friction", [](Loop& loop) { loop.parameters.friction = false; }},
+      {"b-spline", [](Loop& loop) { loop.parameters.method = ForceMethod::kSpline; }},
+      {"smooth sphere", [](Loop& loop) { loop.parameters.method = ForceMethod::kSmoothSphere; }},
   };
+  const Model model = testing::with_every_method(ball_model());
   for (const Change& change : changes) {
     // sliding along the surface, so that friction and viscosity act
     Loop kept, changed;
+    kept.model = changed.model = model;
     kept.model.tissues[0].viscosity_N_s_per_mm = changed.model.tissues[0].viscosity_N_s_per_mm = 0.01;
     double largest_step_N = 0, undisturbed_N = 0, apart_N = 0;
     Vector<World> previous, previous_kept;
@@ -338,6 +347,7 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
 
     // and what comes out in the end is what the change alone would give
     Loop from_the_start;
+    from_the_start.model = model;
     from_the_start.model.tissues[0].viscosity_N_s_per_mm = 0.01;
     change.apply(from_the_start);
     for (int n = 0; n < 400; ++n)
@@ -345,6 +355,57 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
           Point<World>(kBoneRadius_mm * std::cos(1e-3 * n), kBoneRadius_mm * std::sin(1e-3 * n), 0));
     EXPECT_EQ(from_the_start.wrench.force_N, changed.wrench.force_N) << change.name;
   }
+}
+
+TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
+  // the tip holds still, so that nothing but the method changes the force
+  const Model model = testing::with_every_method(ball_model({0.6, 0.6, 0.9}, 1.0, 3));
+  for (const ForceMethodInfo& from : kForceMethods) {
+    Loop loop;
+    loop.model = model;
+    loop.parameters.method = from.method;
+    for (const ForceMethodInfo& to : kForceMethods) {
+      SCOPED_TRACE(std::string(from.name) + " to " + std::string(to.name));
+      const Point<World> tip(kBoneRadius_mm + 1.1, 0.2, -0.3);
+      loop.parameters.method = from.method;
+      for (int n = 0; n < 150; ++n) loop.at(tip);
+      const Vector<World> before = loop.wrench.force_N;
+      EXPECT_EQ(loop.record.device[0].flags & kFlagBlend, 0u);
+
+      loop.parameters.method = to.method;
+      Vector<World> previous = before;
+      double largest_step_N = 0;
+      for (int n = 0; n < 150; ++n) {
+        loop.at(tip);
+        EXPECT_EQ(loop.record.method, static_cast<std::uint8_t>(to.method));
+        largest_step_N = std::max(largest_step_N, (loop.wrench.force_N - previous).norm());
+        previous = loop.wrench.force_N;
+      }
+      EXPECT_LE(largest_step_N, 1.6 * (previous - before).norm() * kTick_s / kBlend_s + 1e-12);
+      // as if it had been felt by that method from the start
+      Loop fresh;
+      fresh.model = model;
+      fresh.parameters.method = to.method;
+      fresh.at(tip);
+      EXPECT_EQ(previous, fresh.wrench.force_N);
+    }
+  }
+}
+
+TEST(Tick, AMethodThatTheModelIsNotReadyForIsFlaggedAndTheTrilinearOneIsFelt) {
+  Loop with, without;
+  without.parameters.method = ForceMethod::kSmoothSphere;
+  const Point<World> tip(kBoneRadius_mm, 0, 0);
+  with.at(tip);
+  without.at(tip);
+  EXPECT_EQ(with.record.device[0].flags & kFlagMethodMissing, 0u);
+  EXPECT_NE(without.record.device[0].flags & kFlagMethodMissing, 0u);
+  EXPECT_EQ(without.wrench.force_N, with.wrench.force_N);
+  EXPECT_EQ(without.record.method, static_cast<std::uint8_t>(ForceMethod::kSmoothSphere)) << "the input";
+  // nothing changes what makes the force, so nothing blends
+  without.parameters.method = ForceMethod::kTrilinear;
+  without.at(tip);
+  EXPECT_EQ(without.record.device[0].flags & (kFlagMethodMissing | kFlagBlend), 0u);
 }
 
 TEST(Tick, OutsideTheVolumeIsFreeAndFlagged) {

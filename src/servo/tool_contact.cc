@@ -8,9 +8,10 @@ constexpr double kTouch_N = 0.02;
 
 PointContact touch(const Model& model, const Parameters& parameters, const Point<Patient>& x,
                    const Vector<Patient>& velocity_mm_s) {
+  const ForceField& field = model.force_field(parameters.method);
   PointContact contact;
-  contact.sample = sample_central_differences(*model.field, x);
-  const Vector<Patient> normal_N = normal_force(contact.sample, model.full_force_N);
+  contact.sample = field.sample(x);
+  const Vector<Patient> normal_N = normal_force(contact.sample, field.full_force_N());
   contact.force_N = normal_N;
   contact.site = find_contact_site(model, x, contact.sample);
   if (contact.site.tissue < 0) return contact;

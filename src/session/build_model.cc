@@ -120,8 +120,10 @@ std::uint64_t content_hash(const Model& model) {
   for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
   for (const Eigen::Vector3d& point : model.tool.points_mm)
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
-  for (const double value : {model.sigma_mm, model.full_force_N, model.reach_mm, model.scene_max_force_N})
+  for (const double value :
+       {model.sigma_mm, model.reach_mm, model.scene_max_force_N, model.method_settings.sphere_sigma_voxels})
     hash_double(hash, value);
+  hash_word(hash, static_cast<std::uint64_t>(model.method_settings.normals));
   return hash_finish(hash);
 }
 
@@ -186,14 +188,13 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   auto model = std::make_shared<Model>();
   model->title = scene.title;
   model->sigma_mm = scene.preparation.sigma_mm;
+  model->method_settings = scene.force.settings;
   model->tool = scene.tool;
   if (scene.max_force_N) model->scene_max_force_N = *scene.max_force_N;
   for (const TissueSettings& settings : scene.tissues)
     model->tissues.push_back(tissue_of(settings, scene.tissues));
 
-  double stiffest = 0;
-  for (const Tissue& tissue : model->tissues)
-    if (tissue.felt) stiffest = std::max(stiffest, tissue.stiffness_N_per_mm);
+  const double stiffest = model->greatest_stiffness_N_per_mm();
   if (stiffest <= 0)
     return Error{ErrorKind::kBadInput, "no tissue of the scene is felt", scene.source,
                  "set felt = true on at least one [[tissue]]"};
@@ -276,12 +277,6 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
     model->field = std::make_shared<const Field>(std::move(*field));
   }
 
-  // the field is 1 deep inside the stiffest tissue
-  model->full_force_N = 0;
-  for (const TissueSettings& tissue : scene.tissues)
-    if (tissue.felt)
-      model->full_force_N = std::max(model->full_force_N, most_force_N(tissue, model->sigma_mm, grid));
-
   // the kernel ends at 4 sigma; the ramp of a threshold begins before the structure does
   const bool by_threshold = std::any_of(scene.tissues.begin(), scene.tissues.end(),
                                         [](const TissueSettings& t) { return t.threshold.has_value(); });
@@ -301,7 +296,14 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   if (warn && !oriented)
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
   model->content_hash = content_hash(*model);
-  return std::shared_ptr<const Model>(std::move(model));
+  const std::array methods{ForceMethod::kTrilinear, scene.force.method};
+  auto ready = with_methods(std::move(model), methods, progress);
+  if (!ready && ready.error().where.empty()) {
+    Error error = ready.error();
+    error.where = scene.source;
+    return error;
+  }
+  return ready;
 }
 
 }  // namespace palpate

@@ -69,7 +69,7 @@ TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {
   EXPECT_EQ(m.tissues[1].rests_on, std::vector<int>{0});
   EXPECT_NEAR(m.level_of_label[3], 0.5 / 1.5, 1.0 / 255);
   EXPECT_EQ(m.level_of_label[4], 0.f);
-  EXPECT_NEAR(m.full_force_N, 1.5 * std::sqrt(2 * M_PI), 1e-9);
+  EXPECT_NEAR(m.force_field(ForceMethod::kTrilinear).full_force_N(), 1.5 * std::sqrt(2 * M_PI), 1e-9);
   // the field holds the levels deep inside, and nothing where nothing is felt
   EXPECT_NEAR(sample_value(*m.field, Point<Patient>(10, 20, 20)), 1, 1e-3);
   EXPECT_NEAR(sample_value(*m.field, Point<Patient>(25, 20, 20)), 0.5 / 1.5, 4e-3);
@@ -94,6 +94,36 @@ TEST(BuildModel, HashFollowsWhatIsFeltAndNothingElse) {
   LabelMap other = labels;
   other.layers[0].at(10, 10, 10) = 0;
   EXPECT_NE(hash_of(text), (*build_model(scene_of(text), &other, nullptr))->content_hash);
+}
+
+TEST(BuildModel, IsReadyForTheScenesMethodAndItsSettingsAreHashed) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto hash_with = [&](const std::string& force) {
+    const auto model = build_model(scene_of(std::string(kScene) + force), &labels, nullptr);
+    PALPATE_CHECK(model.ok());
+    return (*model)->content_hash;
+  };
+  const auto plain = build_model(scene_of(kScene), &labels, nullptr);
+  EXPECT_TRUE((*plain)->has(ForceMethod::kTrilinear));
+  EXPECT_FALSE((*plain)->has(ForceMethod::kSmoothSphere));
+  const auto smooth =
+      build_model(scene_of(std::string(kScene) + "[force]\nmethod = 'smooth-sphere'\n"), &labels, nullptr);
+  EXPECT_TRUE((*smooth)->has(ForceMethod::kTrilinear));
+  EXPECT_TRUE((*smooth)->has(ForceMethod::kSmoothSphere));
+  EXPECT_EQ((*smooth)->content_hash, (*plain)->content_hash) << "a run may change the method";
+  EXPECT_NE(hash_with("[force]\nsphere_sigma = 1.5\n"), (*plain)->content_hash);
+  EXPECT_NE(hash_with("[force]\nnormals = 'octahedral16'\n"), (*plain)->content_hash);
+}
+
+TEST(BuildModel, ASphereThatReachesTooFarIsTheScenesError) {
+  const LabelMap labels = blocks(grid_of(0.3, 90));
+  const auto model =
+      build_model(scene_of("[[tissue]]\nname = 'bone'\nlabels = [1]\n[preparation]\nsigma = 10\n"
+                           "[force]\nmethod = 'smooth-sphere'\n"),
+                  &labels, nullptr);
+  ASSERT_FALSE(model.ok());
+  EXPECT_EQ(model.error().kind, ErrorKind::kBadInput);
+  EXPECT_FALSE(model.error().where.empty());
 }
 
 TEST(BuildModel, AbsentLabelsAreErrorsWithTheirLine) {

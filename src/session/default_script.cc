@@ -44,7 +44,8 @@ std::string default_script_text(const Model& model) {
   for (const LabelId label : largest_felt(model, 6)) {
     // what cannot be touched is left out; what is soft is pressed as much as it can give
     if (!find_surface_point(model, label, ApproachStep{}.clearance_mm)) continue;
-    const double most_N = model.full_force_N * model.level_of_label[label];
+    const double most_N =
+        model.force_field(ForceMethod::kTrilinear).full_force_N() * model.level_of_label[label];
     char press[32];
     std::snprintf(press, sizeof press, "%.3f", std::max(kLeastPress_N, std::min(1.0, 0.6 * most_N)));
     text += "\n[[step]]\napproach = \"#" + std::to_string(label) + "\"\n[[step]]\npress = " + press + "\n";

@@ -70,6 +70,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate) 
   status.heat = device.heat;
   if (device.label != 0) status.structure = session.model.name_of(device.label);
   status.flags = device.flags;
+  status.method = static_cast<ForceMethod>(tick.method);
   status.skipped = health.skipped;
   status.dropped = health.dropped;
   status.stalls = health.stalls;
@@ -78,7 +79,14 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate) 
   return status;
 }
 
-void grant(ExploreRequest request, ServoLoop& loop) {
+// the next method that the model is ready for, in a circle
+ForceMethod next_method(const Model& model, ForceMethod method) {
+  do method = next_of(method);
+  while (!model.has(method));
+  return method;
+}
+
+void grant(ExploreRequest request, const Model& model, ServoLoop& loop) {
   const TickRecord latest = loop.snapshot();
   if (request == ExploreRequest::kEmergencyStop && (latest.switches & kSwitchEmergencyStop))
     loop.rearm();
@@ -86,6 +94,8 @@ void grant(ExploreRequest request, ServoLoop& loop) {
     loop.emergency_stop();
   else if (request == ExploreRequest::kPause)
     loop.change([](Parameters& parameters) { parameters.paused = !parameters.paused; });
+  else if (request == ExploreRequest::kNextMethod)
+    loop.change([&](Parameters& parameters) { parameters.method = next_method(model, parameters.method); });
 }
 
 // until the script is done, the time is up, the user stops it or the driver gives up
@@ -98,7 +108,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
     result.stopped_by_user = progress.stopped();
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
-    if (options.request) grant(options.request(), session.loop);
+    if (options.request) grant(options.request(), session.model, session.loop);
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
     if (show && Clock::now() >= next_status) {
       show(status_of(session, seconds_since(begun), rate));
@@ -106,6 +116,17 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
     }
     std::this_thread::sleep_for(kPoll);
   }
+}
+
+// Whoever explores may choose any method. One that does not suit the volume and that nobody asked for is
+// passed over.
+Result<void> with_what_can_be_chosen(std::shared_ptr<const Model>& model, const Progress& progress) {
+  for (const ForceMethodInfo& info : kForceMethods) {
+    auto ready = with_methods(model, {&info.method, 1}, progress);
+    if (!ready && ready.error().kind == ErrorKind::kInterrupted) return ready.error();
+    if (ready) model = *std::move(ready);
+  }
+  return {};
 }
 
 // ends the threads in the order in which they feed each other, and takes their figures
@@ -136,9 +157,10 @@ void finish(const Session& session, ExploreResult& result) {
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
                               const std::filesystem::path& recording, const Progress& progress,
                               const std::function<void(const ExploreStatus&)>& status) {
-  const Model& model = *loaded.model;
-  const auto setup = set_up_run(loaded, script, options.run);
+  auto setup = set_up_run(loaded, script, options.run, progress);
   if (!setup) return setup.error();
+  if (auto ready = with_what_can_be_chosen(setup->model, progress); !ready) return ready.error();
+  const Model& model = *setup->model;
   progress.report("finding surfaces", 0);
   auto planned = ScriptedHand::create(model, setup->script);
   progress.report("finding surfaces", 1);
@@ -151,7 +173,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   SimulatedDriver driver(device);
   LoopSettings settings = options.loop;
   settings.rate_hz = setup->script.rate_hz;
-  auto loop = ServoLoop::start(loaded.model, driver, setup->parameters, {setup->workspace}, settings);
+  auto loop = ServoLoop::start(setup->model, driver, setup->parameters, {setup->workspace}, settings);
   if (!loop) return loop.error();
 
   // the first ticks wait in the ring
@@ -164,7 +186,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   if (!recorder) return recorder.error();
 
   HandThread hand(std::move(*planned), setup->workspace, driver, **loop, options.repeat);
-  hand.begin();
+  if (auto begun = hand.begin(); !begun) return begun.error();
   const Session session{model, **loop, **recorder, hand, watch};
   ExploreResult result;
   result.limit_N = setup->limit_N;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <system_error>
 
 #include "base/clock.h"
 
@@ -24,10 +25,14 @@ HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, Si
       driver_(driver),
       loop_(loop),
       repeat_(repeat),
-      rotation_target_(loop.parameters().rotation_target) {}
+      commanded_{loop.parameters().rotation_target, loop.parameters().method} {}
 
-void HandThread::begin() {
+Result<void> HandThread::begin() try {
   thread_ = std::thread([this] { run(); });
+  return {};
+} catch (const std::system_error& error) {
+  return Error{ErrorKind::kUnavailable, std::string("no thread for the simulated hand: ") + error.what(), "",
+               "close other programs, or raise the limit of processes (ulimit -u)"};
 }
 
 void HandThread::end() {
@@ -52,8 +57,8 @@ void HandThread::move(double dt_s) {
   const bool felt_nothing_yet = felt.dt_s == 0;
   if (felt_nothing_yet || (felt.device[0].flags & kForceIsOff) != 0) return;
 
-  Eigen::Quaterniond turned = rotation_target_;
-  const auto intention = hand_.next(felt, dt_s, turned);
+  HandCommands commands = commanded_;
+  const auto intention = hand_.next(felt, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {
     if (repeat_)
@@ -63,9 +68,14 @@ void HandThread::move(double dt_s) {
     return;
   }
   driver_.intend(mapping_.to_device(*intention), monotonic_ns() + kLead_ns);
-  if (turned.coeffs() == rotation_target_.coeffs()) return;
-  rotation_target_ = turned;
-  loop_.change([&](Parameters& parameters) { parameters.rotation_target = turned; });
+  const bool turned = commands.rotation_target.coeffs() != commanded_.rotation_target.coeffs();
+  const bool other_method = commands.method != commanded_.method;
+  if (!turned && !other_method) return;
+  commanded_ = commands;
+  loop_.change([&](Parameters& parameters) {
+    if (turned) parameters.rotation_target = commands.rotation_target;
+    if (other_method) parameters.method = commands.method;
+  });
 }
 
 }  // namespace palpate

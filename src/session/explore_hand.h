@@ -24,7 +24,8 @@ class HandThread {
   HandThread(const HandThread&) = delete;
   HandThread& operator=(const HandThread&) = delete;
 
-  void begin();
+  /// Error kUnavailable where the system gives no thread.
+  Result<void> begin();
   /// The hand stays where it wants to be.
   void end();
 
@@ -43,7 +44,7 @@ class HandThread {
   SimulatedDriver& driver_;
   ServoLoop& loop_;
   const bool repeat_;
-  Eigen::Quaterniond rotation_target_;  // as commanded last
+  HandCommands commanded_;  // last, by the script: what others change meanwhile stays
   std::atomic<bool> end_{false}, done_{false};
   std::atomic<double> progress_{0};
   std::thread thread_;

@@ -66,7 +66,7 @@ class Explore : public ::testing::Test {
     EXPECT_EQ(recording_.header.clock, "real");
     EXPECT_EQ(recording_.header.scheduler, result.scheduling.scheduler);
     EXPECT_FALSE(result.scheduling.scheduler.empty());
-    const auto again = replay(recording_, *loaded_.model);
+    const auto again = replay(recording_, loaded_.model);
     ASSERT_TRUE(again.ok()) << again.error().message();
     EXPECT_TRUE(again->identical) << again->difference;
     EXPECT_EQ(again->run_hash, result.summary.run_hash);
@@ -112,6 +112,25 @@ TEST_F(Explore, FeelsTheBallInRealTimeAndReplays) {
   // the turn got to the servo
   const auto& turned = recording_.ticks.back().rotation_target_wxyz;
   EXPECT_NEAR(2 * std::acos(turned[0]) * 180 / M_PI, 4, 1e-6);
+}
+
+TEST_F(Explore, TheMethodChangesWhenAskedInACircle) {
+  ExploreOptions options;
+  options.seconds = kPatience_s;
+  // asked fifty times a second: a few times while the ball is touched
+  int asked = 0;
+  options.request = [&] { return ++asked % 12 == 0 ? ExploreRequest::kNextMethod : ExploreRequest::kNone; };
+  std::vector<ForceMethod> shown;
+  const auto result = run(script_of(kTouch), options, [&](const ExploreStatus& status) {
+    if (shown.empty() || shown.back() != status.method) shown.push_back(status.method);
+  });
+  EXPECT_EQ(result.summary.method_missing, 0u) << "explore prepares them all";
+  EXPECT_GE(shown.size(), 2u);
+  for (std::size_t t = 1; t < recording_.ticks.size(); ++t) {
+    const auto before = static_cast<ForceMethod>(recording_.ticks[t - 1].method);
+    const auto now = static_cast<ForceMethod>(recording_.ticks[t].method);
+    EXPECT_TRUE(now == before || now == next_of(before)) << t;
+  }
 }
 
 // From the tick in which the loop was told to stop: never more than the ramp leaves of what is asked and

@@ -109,12 +109,34 @@ Parameters parameters_of(const TickRecord& recorded) {
   return parameters;
 }
 
+// those that were felt
+Result<std::vector<ForceMethod>> methods_of(const Recording& recording) {
+  std::vector<ForceMethod> methods;
+  for (const TickRecord& recorded : recording.ticks) {
+    if (recorded.method >= kForceMethods.size())
+      return Error{
+          ErrorKind::kBadInput,
+          "tick " + std::to_string(recorded.tick) + " used a force method that this version does not have",
+          "", "replay it with the version that made it"};
+    const auto method = static_cast<ForceMethod>(recorded.method);
+    if (std::find(methods.begin(), methods.end(), method) == methods.end()) methods.push_back(method);
+  }
+  return methods;
+}
+
 }  // namespace
 
-Result<ReplayResult> replay(const Recording& recording, const Model& model, const Progress& progress) {
-  if (recording.header.model_hash != model.content_hash)
+Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Model> prepared,
+                            const Progress& progress) {
+  if (recording.header.model_hash != prepared->content_hash)
     return Error{ErrorKind::kBadInput, "the recording was made with another scene or other volumes", "",
                  "name the scene file or data set that it was made with; a changed scene is another model"};
+
+  const auto methods = methods_of(recording);
+  if (!methods) return methods.error();
+  const auto ready = with_methods(std::move(prepared), *methods, progress);
+  if (!ready) return ready.error();
+  const Model& model = **ready;
 
   ReplayResult result;
   SessionState state;
@@ -124,12 +146,6 @@ Result<ReplayResult> replay(const Recording& recording, const Model& model, cons
                       static_cast<double>(result.ticks) / static_cast<double>(recording.ticks.size()));
       if (progress.stopped()) return Progress::interrupted();
     }
-
-    if (recorded.method > static_cast<std::uint8_t>(ForceMethod::kTrilinear))
-      return Error{
-          ErrorKind::kBadInput,
-          "tick " + std::to_string(recorded.tick) + " used a force method that this version does not have",
-          "", "replay it with the version that made it"};
 
     if (recorded.model_version != model.version)
       return Error{ErrorKind::kBadInput,

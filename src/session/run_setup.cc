@@ -29,12 +29,22 @@ Error at_line(Error error, const Script& script, int line) {
   return error;
 }
 
+// what the script changes to, and what it begins with
+std::vector<ForceMethod> methods_of(const RunSetup& setup) {
+  std::vector<ForceMethod> methods{setup.parameters.method};
+  for (const ScriptStep& step : setup.script.steps)
+    if (const auto* change = std::get_if<MethodStep>(&step)) methods.push_back(change->method);
+  return methods;
+}
+
 // presses that the limit or the tissue cannot give
-std::vector<std::string> out_of_reach(const RunSetup& setup, const Model& model) {
+std::vector<std::string> out_of_reach(const RunSetup& setup) {
   std::vector<std::string> trouble;
-  const double most_N = model.full_force_N * setup.workspace.force_gain;
+  ForceMethod method = setup.parameters.method;
   for (std::size_t s = 0; s < setup.script.steps.size(); ++s) {
+    if (const auto* change = std::get_if<MethodStep>(&setup.script.steps[s])) method = change->method;
     const auto* press = std::get_if<PressStep>(&setup.script.steps[s]);
+    const double most_N = setup.model->force_field(method).full_force_N() * setup.workspace.force_gain;
     if (!press || press->force_N <= std::min(setup.limit_N, most_N)) continue;
     char text[120];
     std::snprintf(text, sizeof text,
@@ -47,14 +57,14 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, const Model& model)
 
 }  // namespace
 
-Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script,
-                            const SimulationOptions& options) {
+Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
+                            const Progress& progress) {
   const auto device = find_plant_device(script.device);
   if (!device) return at_line(device.error(), script, script.device_line);
   const auto hand = find_plant_hand(script.hand);
   if (!hand) return at_line(hand.error(), script, script.hand_line);
 
-  RunSetup setup{script, *device, *hand, loaded.scene.workspace, {}, 0, {}};
+  RunSetup setup{nullptr, script, *device, *hand, loaded.scene.workspace, {}, 0, {}};
   if (options.seed) setup.script.seed = *options.seed;
   if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
 
@@ -63,8 +73,12 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script,
                                             : std::min(device->continuous_force_N, kDefaultUserLimit_N);
   setup.limit_N = std::min(user_N, loaded.model->scene_max_force_N);
   setup.parameters.max_force_N = user_N;
+  setup.parameters.method = options.method.value_or(loaded.scene.force.method);
+  auto model = with_methods(loaded.model, methods_of(setup), progress);
+  if (!model) return model.error();
+  setup.model = *std::move(model);
   setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);
-  setup.trouble = out_of_reach(setup, *loaded.model);
+  setup.trouble = out_of_reach(setup);
   return setup;
 }
 

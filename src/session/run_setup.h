@@ -9,8 +9,10 @@
 /// What a run with the simulated hand needs, on whichever clock.
 namespace palpate {
 
-/// A script with the device and hand that it names, and the parameters of the first tick.
+/// A script with the device and hand that it names, the model ready for every method that it takes, and the
+/// parameters of the first tick.
 struct RunSetup {
+  std::shared_ptr<const Model> model;
   Script script;  ///< with the seed and rate of the options
   PlantDevice device;
   PlantHand hand;
@@ -22,9 +24,9 @@ struct RunSetup {
   std::vector<std::string> trouble;
 };
 
-/// Errors: an unknown device or hand, with the script's line.
-Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script,
-                            const SimulationOptions& options);
+/// Errors: an unknown device or hand, with the script's line; those of with_methods.
+Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
+                            const Progress& progress);
 
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
 

@@ -59,6 +59,9 @@ struct StepText {
     return line("rotate", number(s.degrees)) + line("axis", array(s.axis_world)) +
            line("seconds", number(s.seconds));
   }
+  std::string operator()(const MethodStep& s) const {
+    return line("method", quoted(std::string(name_of(s.method))));
+  }
   std::string operator()(const LeaveStep& s) const {
     return line("leave", "true") + line("speed", number(s.speed_mm_s));
   }

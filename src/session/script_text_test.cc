@@ -9,7 +9,8 @@ TEST(ScriptText, ParsesBackToTheSameScript) {
   const auto script = parse_script(
       "title = \"a \\\"quoted\\\" \\u0007 title\"\ndevice = \"touch\"\nrate = 4000\nseed = 99\ntremor = 0.1\n"
       "[[step]]\napproach = \"femur\"\nspeed = 33.3\n[[step]]\npress = 0.1\n[[step]]\nhold = 1\n"
-      "[[step]]\nslide = 4\ndirection = [1.0, 2.0, -0.5]\n[[step]]\nrotate = 12.5\n[[step]]\nleave = "
+      "[[step]]\nmethod = \"b-spline\"\n[[step]]\nslide = 4\ndirection = [1.0, 2.0, -0.5]\n[[step]]\nrotate "
+      "= 12.5\n[[step]]\nleave = "
       "true\nspeed = 7\n",
       "script");
   ASSERT_TRUE(script.ok()) << script.error().message();
@@ -23,8 +24,9 @@ TEST(ScriptText, ParsesBackToTheSameScript) {
   ASSERT_EQ(again->steps.size(), script->steps.size());
   EXPECT_EQ(std::get<ApproachStep>(again->steps[0]).speed_mm_s, 33.3);
   EXPECT_EQ(std::get<PressStep>(again->steps[1]).force_N, 0.1);
-  EXPECT_LT((std::get<SlideStep>(again->steps[3]).direction.normalized() -
-             std::get<SlideStep>(script->steps[3]).direction.normalized())
+  EXPECT_EQ(std::get<MethodStep>(again->steps[3]).method, ForceMethod::kSpline);
+  EXPECT_LT((std::get<SlideStep>(again->steps[4]).direction.normalized() -
+             std::get<SlideStep>(script->steps[4]).direction.normalized())
                 .norm(),
             1e-12);
 }

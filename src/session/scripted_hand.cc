@@ -107,13 +107,12 @@ Vector<World> ScriptedHand::tremor() const {
   return sum;
 }
 
-std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt_s,
-                                               Eigen::Quaterniond& rotation_target) {
+std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt_s, HandCommands& commands) {
   if (step_ == steps_.size()) return std::nullopt;
   feel(felt, dt_s);
   time_s_ += dt_s;
   // one step a tick: the next one begins in the next tick
-  const bool done = run_step(steps_[step_], felt, dt_s, rotation_target);
+  const bool done = run_step(steps_[step_], felt, dt_s, commands);
   step_time_s_ += dt_s;
   if (done) {
     ++step_;
@@ -138,13 +137,13 @@ void ScriptedHand::feel(const TickRecord& felt, double dt_s) {
 
 // one tick of a step; true when the step is done
 bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, double dt_s,
-                            Eigen::Quaterniond& rotation_target) {
+                            HandCommands& commands) {
   struct Visitor {
     ScriptedHand& hand;
     const PlannedStep& step;
     const TickRecord& felt;
     double dt_s;
-    Eigen::Quaterniond& rotation_target;
+    HandCommands& commands;
     bool operator()(const ApproachStep&) { return hand.approach(step, felt, dt_s); }
     bool operator()(const PressStep&) { return hand.press(step, felt, dt_s); }
     bool operator()(const HoldStep& hold) {
@@ -152,10 +151,15 @@ bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, dou
       return hand.step_time_s_ >= hold.seconds;
     }
     bool operator()(const SlideStep& slide) { return hand.slide(slide, felt, dt_s); }
-    bool operator()(const RotateStep& rotate) { return hand.rotate(rotate, dt_s, rotation_target); }
+    bool operator()(const RotateStep& rotate) { return hand.rotate(rotate, dt_s, commands.rotation_target); }
+    bool operator()(const MethodStep& change) {
+      hand.keep_force(dt_s);
+      commands.method = change.method;
+      return true;
+    }
     bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
   };
-  return std::visit(Visitor{*this, step, felt, dt_s, rotation_target}, step.action);
+  return std::visit(Visitor{*this, step, felt, dt_s, commands}, step.action);
 }
 
 // along the corners of the way; true when its end is reached

@@ -11,6 +11,12 @@
 
 namespace palpate {
 
+/// What the person commands besides moving the hand.
+struct HandCommands {
+  Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
+  ForceMethod method = ForceMethod::kTrilinear;
+};
+
 /// The person: follows a palpation script by moving where the hand intends the tip to be, feeling what
 /// a person feels (the force sent and where the tip is), with a person's slowness and tremor.
 class ScriptedHand {
@@ -21,9 +27,9 @@ class ScriptedHand {
 
   /// Where the tip rests before the first step: in the air before the patient.
   Point<World> start() const { return start_; }
-  /// The next intention after a tick, `dt_s` later; nullopt when the script is done. May change the
-  /// object's commanded rotation.
-  std::optional<Point<World>> next(const TickRecord& felt, double dt_s, Eigen::Quaterniond& rotation_target);
+  /// The next intention after a tick, `dt_s` later; nullopt when the script is done. May change the commands,
+  /// which hold what was commanded last.
+  std::optional<Point<World>> next(const TickRecord& felt, double dt_s, HandCommands& commands);
   /// Runs the script once more from its first step, from where the hand and the object are now.
   void begin_again() { step_ = 0; }
   /// 0 ... 1, by steps.
@@ -42,8 +48,7 @@ class ScriptedHand {
   };
   ScriptedHand(const Model& model, const Script& script);
 
-  bool run_step(const PlannedStep& step, const TickRecord& felt, double dt_s,
-                Eigen::Quaterniond& rotation_target);
+  bool run_step(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool approach(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool press(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool slide(const SlideStep& action, const TickRecord& felt, double dt_s);

@@ -16,9 +16,9 @@ constexpr double kMostSeconds = 3600;
 Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
                                   const SimulationOptions& options, const std::filesystem::path& recording,
                                   const Progress& progress) {
-  const Model& model = *loaded.model;
-  auto setup = set_up_run(loaded, script, options);
+  auto setup = set_up_run(loaded, script, options, progress);
   if (!setup) return setup.error();
+  const Model& model = *setup->model;
 
   progress.report("finding surfaces", 0);
   auto hand = ScriptedHand::create(model, setup->script);

@@ -25,15 +25,6 @@ std::int64_t busy_ns() noexcept {
   return static_cast<std::int64_t>(busy.tv_sec) * 1'000'000'000 + busy.tv_nsec;
 }
 
-// a switch without default: a new method that is missing here does not compile without a warning
-std::string name_of(ForceMethod method) {
-  switch (method) {
-    case ForceMethod::kTrilinear:
-      return "trilinear";
-  }
-  return "";
-}
-
 /// Plays a path to the servo as fast as the servo takes it. Until it is given the ring, and when it has
 /// played all rounds, it keeps the loop's own pace.
 class PathDriver final : public DeviceDriver {
@@ -97,12 +88,6 @@ class PathDriver final : public DeviceDriver {
 };
 
 }  // namespace
-
-std::span<const NamedMethod> force_methods() {
-  static const std::array<NamedMethod, 1> methods = {
-      {{ForceMethod::kTrilinear, name_of(ForceMethod::kTrilinear)}}};
-  return methods;
-}
 
 std::vector<double> time_ticks(const Model& model, const PalpationPath& path, ForceMethod method,
                                int rounds) {

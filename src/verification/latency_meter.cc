@@ -10,6 +10,7 @@
 #include "palpate/recording.h"
 #include "palpate/servo_timing.h"
 #include "servo/bare_loop.h"
+#include "servo/figures.h"
 
 namespace palpate {
 namespace {
@@ -19,11 +20,6 @@ constexpr double kWarmUp_s = 0.1;
 constexpr auto kPoll = std::chrono::milliseconds(5);
 // how far ahead the hand is told where to go: it never has to wait for the calling thread
 constexpr double kAhead_s = 0.02;
-
-Percentiles percentiles_of(const LatencyHistogram& histogram) {
-  const LatencyHistogram::Summary s = histogram.summary();
-  return {s.p50_us, s.p99_us, s.p999_us, s.max_us};
-}
 
 // where the clock cannot tell that a loop was late
 constexpr double kLeast_us = 1e-3;
@@ -44,14 +40,6 @@ LatenessPair typical(std::vector<LatenessPair> pairs) {
 
 std::int64_t ns_of(double seconds) {
   return std::llround(seconds * 1e9);
-}
-
-void add(LateCounts& sum, const LateCounts& more) {
-  sum.steal += more.steal;
-  sum.page_fault += more.page_fault;
-  sum.preemption += more.preemption;
-  sum.run_queue += more.run_queue;
-  sum.unknown += more.unknown;
 }
 
 // leads a hand along the touching part of a path, to and fro, in real time
@@ -167,7 +155,7 @@ void Meter::see(const TickRecord& record) {
 void Meter::add_health(const LoopHealth& health) {
   sums_.skipped += health.skipped;
   sums_.dropped += health.dropped;
-  add(sums_.late, health.late);
+  sums_.late = sums_.late + health.late;
   const auto due = static_cast<double>(health.ticks + health.skipped);
   on_time_ticks_ += health.on_time * due;
   due_ticks_ += due;

@@ -50,11 +50,11 @@ class LongestTouch {
 }  // namespace
 
 Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& progress) {
-  const Model& model = *loaded.model;
-  const auto script = stroking_script(model);
+  const auto script = stroking_script(*loaded.model);
   if (!script) return script.error();
-  auto setup = set_up_run(loaded, *script, {});
+  auto setup = set_up_run(loaded, *script, {}, progress);
   if (!setup) return setup.error();
+  const Model& model = *setup->model;
   progress.report("finding surfaces", 0);
   auto hand = ScriptedHand::create(model, setup->script);
   if (!hand) return hand.error();

@@ -1,10 +1,10 @@
 #include "verification/smoothed_indicator.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
-#include <vector>
+
+#include "verification/gauss_legendre.h"
 
 namespace palpate {
 namespace {
@@ -12,33 +12,9 @@ namespace {
 constexpr double kReach = 7.5;  // in sigma: beyond, a Gaussian weighs less than 1e-13
 constexpr int kNodes = 48;
 
-// Gauss-Legendre nodes and weights on [-1, 1], by Newton's method on the Legendre polynomial.
-struct Quadrature {
-  std::array<double, kNodes> node{}, weight{};
-  Quadrature() {
-    for (int i = 0; i < kNodes; ++i) {
-      double x = std::cos(std::numbers::pi * (i + 0.75) / (kNodes + 0.5));
-      double slope = 1;
-      for (int step = 0; step < 8; ++step) {
-        double before = 1, here = x;
-        for (int degree = 2; degree <= kNodes; ++degree) {
-          const double next = ((2 * degree - 1) * x * here - (degree - 1) * before) / degree;
-          before = here;
-          here = next;
-        }
-        slope = kNodes * (x * here - before) / (x * x - 1);
-        x -= here / slope;
-      }
-      const auto n = static_cast<std::size_t>(i);
-      node[n] = x;
-      weight[n] = 2 / ((1 - x * x) * slope * slope);
-    }
-  }
-};
-
 template <class Integrand>
 double integrate(double from, double to, const Integrand& f) {
-  static const Quadrature quadrature;
+  static const GaussLegendre<kNodes> quadrature;
   const double middle = 0.5 * (from + to), half = 0.5 * (to - from);
   double sum = 0;
   for (std::size_t i = 0; i < kNodes; ++i)

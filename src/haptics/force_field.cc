@@ -1,0 +1,160 @@
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "palpate/haptics.h"
+
+namespace palpate {
+namespace {
+
+// felt labels by how much of the full scale they are
+std::map<double, LabelSet> labels_by_level(const Model& model) {
+  std::map<double, LabelSet> by_level;
+  for (std::size_t id = 1; id < model.level_of_label.size(); ++id)
+    if (const double level = model.level_of_label[id]; level > 0)
+      by_level[level].insert(static_cast<LabelId>(id));
+  return by_level;
+}
+
+template <class Sphere, class Make>
+Result<LevelledSphere<Sphere>> make_levelled(const Model& model, const Make& make) {
+  std::vector<typename LevelledSphere<Sphere>::Part> parts;
+  const auto by_level = labels_by_level(model);
+  double below = 0;
+  for (auto level = by_level.begin(); level != by_level.end(); ++level) {
+    LabelSet this_and_harder;
+    for (auto harder = level; harder != by_level.end(); ++harder)
+      for (const LabelRange& range : harder->second.ranges())
+        for (int id = range.first; id <= range.last; ++id) this_and_harder.insert(static_cast<LabelId>(id));
+    auto sphere = make(LabelVoxels(model.labels, this_and_harder));
+    if (!sphere) return sphere.error();
+    parts.push_back({level->first - below, *std::move(sphere)});
+    below = level->first;
+  }
+  PALPATE_CHECK(!parts.empty());
+  return LevelledSphere<Sphere>(std::move(parts));
+}
+
+std::shared_ptr<const ForceField> force_field(ForceField::Source source, double full_force_N) {
+  return std::make_shared<const ForceField>(std::move(source), full_force_N);
+}
+
+Result<std::shared_ptr<const ForceField>> make_gaussian(const Model& model) {
+  const double sigma_voxels = model.method_settings.sphere_sigma_voxels;
+  auto sphere = make_levelled<GaussianSphere>(
+      model, [&](LabelVoxels voxels) { return GaussianSphere::make(std::move(voxels), sigma_voxels); });
+  if (!sphere) return sphere.error();
+  // its sigma is in voxels: steepest across the narrow side of one
+  const GridGeometry& grid = model.labels->geometry();
+  const double ramp = ramp_mm(sigma_voxels * grid.min_spacing_mm(), grid);
+  return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
+}
+
+Result<std::shared_ptr<const ForceField>> make_smooth(const Model& model) {
+  // a field that is not smoothed at all still has spheres of the least radius
+  constexpr double kLeastSigma_mm = 1e-6;
+  const double sigma_mm = std::max(model.sigma_mm, kLeastSigma_mm);
+  auto sphere = make_levelled<SmoothSphere>(
+      model, [&](LabelVoxels voxels) { return SmoothSphere::make(std::move(voxels), sigma_mm); });
+  if (!sphere) return sphere.error();
+  // the least radius counts along an axis whose voxels are wide
+  const GridGeometry& grid = model.labels->geometry();
+  const auto& radius_voxels = sphere->parts().front().sphere.radius_voxels();
+  double least_mm = radius_voxels[0] * grid.spacing_mm[0];
+  for (int axis = 1; axis < 3; ++axis)
+    least_mm = std::min(least_mm, radius_voxels[axis] * grid.spacing_mm[axis]);
+  const double ramp = ramp_mm(least_mm / SmoothSphere::kRadiusPerSigma, grid);
+  return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
+}
+
+StoredNormals stored_normals_of(const Field& field, NormalEncoding encoding) {
+  return std::visit([&](const auto& ramp) { return StoredNormals::from_ramp(ramp, encoding); },
+                    field.storage());
+}
+
+}  // namespace
+
+template <class Sphere>
+FieldSample LevelledSphere<Sphere>::sample(const Point<Patient>& x) const {
+  FieldSample sum;
+  for (const Part& part : parts_) {
+    const FieldSample sample = part.sphere.sample(x);
+    sum.value += part.weight * sample.value;
+    sum.gradient += sample.gradient * part.weight;
+  }
+  return sum;
+}
+
+template <class Sphere>
+FieldSample LevelledSphere<Sphere>::sample_literal(const Point<Patient>& x) const {
+  FieldSample sum;
+  for (const Part& part : parts_) {
+    const FieldSample sample = part.sphere.sample_literal(x);
+    sum.value += part.weight * sample.value;
+    sum.gradient += sample.gradient * part.weight;
+  }
+  return sum;
+}
+
+template class LevelledSphere<GaussianSphere>;
+template class LevelledSphere<SmoothSphere>;
+
+FieldSample ForceField::sample(const Point<Patient>& x) const {
+  struct Sampler {
+    const Point<Patient>& x;
+    FieldSample operator()(const std::shared_ptr<const Field>& field) const {
+      return sample_central_differences(*field, x);
+    }
+    FieldSample operator()(const SplineField& field) const { return sample_spline(field, x); }
+    FieldSample operator()(const LevelledSphere<GaussianSphere>& sphere) const { return sphere.sample(x); }
+    FieldSample operator()(const LevelledSphere<SmoothSphere>& sphere) const { return sphere.sample(x); }
+    FieldSample operator()(const StoredNormals& normals) const { return normals.sample(x); }
+  };
+  return std::visit(Sampler{x}, source_);
+}
+
+double ramp_mm(double sigma_mm, const GridGeometry& grid) {
+  return std::max(sigma_mm * std::sqrt(2 * std::numbers::pi), grid.min_spacing_mm());
+}
+
+Vector<Patient> normal_force(const FieldSample& sample, double full_force_N) {
+  return sample.gradient.normalized() * (-full_force_N * sample.value);
+}
+
+Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method) {
+  const double of_field_N =
+      model.greatest_stiffness_N_per_mm() * ramp_mm(model.sigma_mm, model.field->geometry());
+  switch (method) {
+    case ForceMethod::kTrilinear:
+      return force_field(model.field, of_field_N);
+    case ForceMethod::kSpline:
+      return force_field(SplineField(*model.field), of_field_N);
+    case ForceMethod::kGaussianSphere:
+      return make_gaussian(model);
+    case ForceMethod::kSmoothSphere:
+      return make_smooth(model);
+    case ForceMethod::kStoredNormals:
+      return force_field(stored_normals_of(*model.field, model.method_settings.normals), of_field_N);
+  }
+  PALPATE_CHECK(false);
+}
+
+Result<std::shared_ptr<const Model>> with_methods(std::shared_ptr<const Model> model,
+                                                  std::span<const ForceMethod> methods,
+                                                  const Progress& progress) {
+  std::shared_ptr<Model> more;
+  for (const ForceMethod method : methods) {
+    if ((more ? *more : *model).has(method)) continue;
+    if (progress.stopped()) return Progress::interrupted();
+    progress.report("preparing " + std::string(name_of(method)), 0);
+    auto field = make_force_field(*model, method);
+    if (!field) return field.error();
+    if (!more) more = std::make_shared<Model>(*model);
+    more->methods[index_of(method)] = *std::move(field);
+    progress.report("preparing " + std::string(name_of(method)), 1);
+  }
+  return more ? std::shared_ptr<const Model>(std::move(more)) : std::move(model);
+}
+
+}  // namespace palpate
