@@ -147,6 +147,7 @@ std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::si
 void tick(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices, double dt_s,
           SessionState& state, std::span<Wrench> wrenches, TickRecord& record) {
   PALPATE_CHECK(!devices.empty() && devices.size() <= kMaxDevices && devices.size() == wrenches.size());
+  PALPATE_CHECK(model.has(ForceMethod::kTrilinear));
 
   record_inputs(model, parameters, state, dt_s, devices.size(), record);
 

@@ -23,7 +23,10 @@ int main() {
   model.tissues.resize(1);
   model.tissue_of_label = {-1, 0};
   model.level_of_label = {0.0f, 1.0f};
-  model.full_force_N = 2.0;
+  model.tissues[0].stiffness_N_per_mm = 1.0;
+  const auto trilinear = palpate::make_force_field(model, palpate::ForceMethod::kTrilinear);
+  if (!trilinear) return 1;
+  model.methods[0] = *trilinear;
   model.X_WorldPatient = palpate::supine_from_feet(grid);
 
   palpate::DeviceState device;
@@ -36,7 +39,7 @@ int main() {
 
   // the field at the centre is 7.5 voxels deep: 120/255 of the full force, towards +k
   const palpate::Vector<palpate::Patient> force = model.X_WorldPatient.inverse() * wrench.force_N;
-  const double expected = 2.0 * 120.0 / 255.0;
+  const double expected = (*trilinear)->full_force_N() * 120.0 / 255.0;
   std::printf("force %.4f N, expected %.4f N along +k\n", force.eigen().z(), expected);
   return std::abs(force.eigen().z() - expected) < 1e-3 && force.eigen().head<2>().norm() < 1e-6 ? 0 : 1;
 }
