@@ -9,7 +9,7 @@
 #include "palpate/haptics.h"
 #include "palpate/result.h"
 
-/// Pictures of a model: oblique sections.
+/// Pictures of a model: oblique sections, and a force method's arrows over one.
 namespace palpate {
 
 /// An 8-bit RGB picture, row 0 on top.
@@ -75,5 +75,25 @@ std::vector<std::uint8_t> encode_png(const Image& image);
 std::vector<std::uint8_t> encode_png(const Overlay& overlay);
 /// Writes whole or not at all.
 Result<void> write_png(const std::filesystem::path& file, const Image& image);
+
+/// Where a force method is looked at: a square section along the patient's axes.
+struct ForceArrowsRequest {
+  AnatomicalPlane plane = AnatomicalPlane::kAxial;
+  Point<Patient> centre;
+  double size_mm = 20;
+  double spacing_mm = 0;  ///< between arrows; 0: size_mm / kArrowsPerSide
+};
+inline constexpr int kArrowsPerSide = 24, kMostArrowsPerSide = 200;
+
+/// The forces of one method on a grid of points in a section, as a self-contained SVG: arrows over the scan
+/// and the structures, lines of equal value, a scale for forces and one for lengths, orientation letters,
+/// and what it is a picture of. Structures' names are in it, no title and no path.
+/// @param method  the model is prepared for it (Model::has)
+/// Errors: kBadInput for a centre outside the volume and for more arrows than kMostArrowsPerSide each way.
+Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
+                                     const ForceArrowsRequest& request);
+/// Written whole or not at all.
+Result<void> write_force_arrows(const std::filesystem::path& file, const Model& model, ForceMethod method,
+                                const ForceArrowsRequest& request);
 
 }  // namespace palpate

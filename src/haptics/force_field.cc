@@ -8,6 +8,10 @@
 namespace palpate {
 namespace {
 
+// Slopes below this are rounding, of a spline whose coefficients are equal: the least that a field of 16 bits
+// can have is some ten times as steep. Their direction would get the full force.
+constexpr double kFlat_per_mm = 1e-6;
+
 // felt labels by how much of the full scale they are
 std::map<double, LabelSet> labels_by_level(const Model& model) {
   std::map<double, LabelSet> by_level;
@@ -111,7 +115,9 @@ FieldSample ForceField::sample(const Point<Patient>& x) const {
     FieldSample operator()(const LevelledSphere<SmoothSphere>& sphere) const { return sphere.sample(x); }
     FieldSample operator()(const StoredNormals& normals) const { return normals.sample(x); }
   };
-  return std::visit(Sampler{x}, source_);
+  FieldSample sample = std::visit(Sampler{x}, source_);
+  if (sample.gradient.squared_norm() < kFlat_per_mm * kFlat_per_mm) sample.gradient = {};
+  return sample;
 }
 
 double ramp_mm(double sigma_mm, const GridGeometry& grid) {

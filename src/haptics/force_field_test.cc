@@ -73,7 +73,9 @@ TEST(ForceField, GivesWhatItsMethodGives) {
     const auto expect_same = [&](ForceMethod method, const FieldSample& expected) {
       const FieldSample sample = model.force_field(method).sample(x);
       EXPECT_EQ(sample.value, expected.value) << name_of(method);
-      EXPECT_EQ(sample.gradient, expected.gradient) << name_of(method);
+      // rounding deep inside, which is taken away
+      const bool flat = expected.gradient.norm() < 1e-6;
+      EXPECT_EQ(sample.gradient, flat ? Vector<Patient>() : expected.gradient) << name_of(method);
     };
     expect_same(ForceMethod::kTrilinear, sample_central_differences(*model.field, x));
     expect_same(ForceMethod::kSpline, sample_spline(spline, x));
@@ -81,6 +83,19 @@ TEST(ForceField, GivesWhatItsMethodGives) {
   }
   for (const ForceMethodInfo& info : kForceMethods)
     EXPECT_EQ(model.force_field(info.method).method(), info.method);
+}
+
+TEST(ForceField, DeepInsideThereIsNoDirectionForAnyMethod) {
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  std::mt19937 random(kSeed);
+  const Model model = with_every_method(ball_model({0.6, 0.6, 0.9}, 1.0));
+  for (const ForceMethodInfo& info : kForceMethods)
+    for (int n = 0; n < 500; ++n) {
+      const Point<Patient> x = random_point(random, 4);
+      const FieldSample sample = model.force_field(info.method).sample(x);
+      ASSERT_EQ(sample.gradient, Vector<Patient>()) << info.name;
+      EXPECT_GT(sample.value, 0.9);
+    }
 }
 
 // the definition: every tissue's own sphere, times its level

@@ -27,7 +27,7 @@ std::string callout(const std::string& kind, const std::string& what, const std:
 }
 
 std::string side_badge(const Run& run) {
-  const std::string side = side_text(run.side());
+  const std::string side = markup::side_text(run.side());
   if (side.empty()) return "";
   const bool inferred = run.model.side_from_anatomy && run.side() != Side::kUnknown;
   return "<span class=\"badge side\">" + side + (inferred ? ", from the fibula" : "") + "</span>";

@@ -30,32 +30,6 @@ std::uint8_t hex_value(char digit) {
 
 }  // namespace
 
-std::string escape(std::string_view text) {
-  std::string result;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        result += "&amp;";
-        break;
-      case '<':
-        result += "&lt;";
-        break;
-      case '>':
-        result += "&gt;";
-        break;
-      case '"':
-        result += "&quot;";
-        break;
-      case '\'':
-        result += "&#39;";
-        break;
-      default:
-        result += is_control(c) && c != '\n' && c != '\t' ? ' ' : c;
-    }
-  }
-  return result;
-}
-
 std::string json_string(std::string_view text) {
   std::string result = "\"";
   for (const char c : text) {
@@ -109,15 +83,6 @@ std::string hex(std::uint64_t value) {
   return result;
 }
 
-std::string css_colour(const Rgb& colour) {
-  std::string result = "#";
-  for (const std::uint8_t channel : {colour.r, colour.g, colour.b}) {
-    result += kHexDigits[channel >> 4];
-    result += kHexDigits[channel & 15];
-  }
-  return result;
-}
-
 std::string cell(const std::string& value) {
   return "<td>" + value + "</td>";
 }
@@ -126,23 +91,6 @@ std::string entry(const std::string& term, const std::string& value, bool code) 
   if (value.empty()) return "";
   const std::string content = code ? "<code>" + escape(value) + "</code>" : escape(value);
   return "<div><dt>" + term + "</dt><dd>" + content + "</dd></div>\n";
-}
-
-std::string base64(std::span<const std::uint8_t> bytes) {
-  constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string result;
-  result.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t left = bytes.size() - i;
-    std::uint32_t word = std::uint32_t{bytes[i]} << 16;
-    if (left > 1) word |= std::uint32_t{bytes[i + 1]} << 8;
-    if (left > 2) word |= bytes[i + 2];
-    result += kDigits[word >> 18];
-    result += kDigits[(word >> 12) & 63];
-    result += left > 1 ? kDigits[(word >> 6) & 63] : '=';
-    result += left > 2 ? kDigits[word & 63] : '=';
-  }
-  return result;
 }
 
 std::string csp_hash(std::string_view sha256_hex) {

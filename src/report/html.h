@@ -5,13 +5,13 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/volume.h"
+#include "rendering/markup.h"
 
 /// Text that is safe to put into a page.
 namespace palpate::report {
 
-/// For element content and quoted attributes. Control characters become spaces.
-std::string escape(std::string_view text);
+using markup::base64, markup::css_colour, markup::escape;
+
 /// A quoted JSON string that may stand inside a script element.
 std::string json_string(std::string_view text);
 /// A JSON number, rounded, without trailing zeros; null when not finite.
@@ -25,15 +25,12 @@ std::string depth_text(double depth_mm);
 std::string grouped(std::uint64_t value);
 /// 16 lower-case hexadecimal digits.
 std::string hex(std::uint64_t value);
-/// "#rrggbb"
-std::string css_colour(const Rgb& colour);
 
 /// A cell of a table; `value` is HTML.
 std::string cell(const std::string& value);
 /// A term and its value in a list of them; nothing when the value is empty. `value` is text.
 std::string entry(const std::string& term, const std::string& value, bool code = false);
 
-std::string base64(std::span<const std::uint8_t> bytes);
 /// The content-security-policy source for an inline script or style: 'sha256-...', from the hash in
 /// hexadecimal.
 std::string csp_hash(std::string_view sha256_hex);

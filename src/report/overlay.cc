@@ -118,12 +118,6 @@ std::string draw_scale_bar(const SectionPlane& plane) {
 }
 
 /// What the letters at the edges do not tell: whose side this is, or that they are missing.
-std::string corner_text(const SectionMarks& marks) {
-  if (!marks.oriented) return "ORIENTATION UNKNOWN";
-  const bool one_sided = marks.side == Side::kLeft || marks.side == Side::kRight;
-  return (one_sided ? "Side: " : "") + side_text(marks.side);
-}
-
 std::string draw_letters(const SectionPlane& plane) {
   const OrientationLetters letters = orientation_letters(plane);
   const double width = plane.width_px, height = plane.height_px;
@@ -165,20 +159,6 @@ Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int 
   return model.X_WorldPatient.inverse() * (Rotation<World, World>(felt).inverse() * force);
 }
 
-std::string side_text(Side side) {
-  switch (side) {
-    case Side::kLeft:
-      return "LEFT";
-    case Side::kRight:
-      return "RIGHT";
-    case Side::kBoth:
-      return "";
-    case Side::kUnknown:
-      break;
-  }
-  return "SIDE UNKNOWN";
-}
-
 std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
                         const std::string& description) {
   std::string svg = "<svg viewBox=\"0 0 " + std::to_string(plane.width_px) + " " +
@@ -193,7 +173,7 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
   svg += draw_force(plane, marks) + draw_contact(plane, marks.contact) + "</g>";
   svg += draw_scale_bar(plane);
   if (marks.oriented) svg += draw_letters(plane);
-  const std::string corner = corner_text(marks);
+  const std::string corner = markup::side_mark(marks.side, marks.oriented);
   if (!corner.empty()) svg += text("side-mark", {plane.width_px - 10.0, plane.height_px - 12.0}, corner);
   return svg + "</svg>\n";
 }

@@ -36,9 +36,6 @@ struct SectionMarks {
 /// Ways farther than this from the plane are not drawn.
 inline constexpr double kWayReach_mm = 5;
 
-/// The side of the patient that was scanned: "LEFT", "RIGHT", "SIDE UNKNOWN", empty for both sides.
-std::string side_text(Side side);
-
 /// Way, contact, force, scale bar, orientation letters, and the side in the lower right corner, where no
 /// letter stands that it could be taken for. Without orientation no letter, and a mark that says so.
 /// `description` is for those who do not see the picture.

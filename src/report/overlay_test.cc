@@ -104,10 +104,6 @@ TEST(Overlay, ForceIsTurnedBackWithTheObject) {
 }
 
 TEST(Overlay, SideIsNeverGuessed) {
-  EXPECT_EQ(side_text(Side::kLeft), "LEFT");
-  EXPECT_EQ(side_text(Side::kRight), "RIGHT");
-  EXPECT_EQ(side_text(Side::kUnknown), "SIDE UNKNOWN");
-  EXPECT_EQ(side_text(Side::kBoth), "");
   SectionMarks marks;
   marks.contact = axial().centre;
   EXPECT_THAT(section_svg(axial(), marks, ""), HasSubstr(">SIDE UNKNOWN</text>"));

@@ -52,6 +52,7 @@ class Failures(cli.PalpateTest):
             "prepare": ["prepare", self.labels, "-o", pathlib.Path(f"{output}.nrrd")],
             "simulate": ["simulate", self.scene, "--script", self.script, "-o", pathlib.Path(f"{output}.h5")],
             "report": ["report", self.recording, self.scene, "-o", pathlib.Path(f"{output}.html")],
+            "forces": ["forces", self.scene, "-o", pathlib.Path(f"{output}.svg")],
             "verify": ["verify", "accuracy", "--json", pathlib.Path(f"{output}.json")],
         }
 

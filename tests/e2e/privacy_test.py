@@ -88,9 +88,10 @@ class Privacy(cli.PalpateTest):
         self.succeed("simulate", scene, "--script", script, "-o", out / "run.h5", env=environment)
         self.succeed("report", out / "run.h5", scene, "-o", out / "run.html", env=environment)
         self.succeed("replay", out / "run.h5", scene, env=environment)
+        self.succeed("forces", scene, "-o", out / "forces.svg", env=environment)
 
         outputs = [p for folder in (out, home) for p in folder.rglob("*") if p.is_file()]
-        self.assertGreaterEqual(len(outputs), 4)
+        self.assertGreaterEqual(len(outputs), 5)
         for path in outputs:
             self.assertNotIn(CANARY, path.name)
             for content in everything_in(path):

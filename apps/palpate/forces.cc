@@ -1,0 +1,101 @@
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "inputs.h"
+#include "palpate/output.h"
+#include "palpate/rendering.h"
+#include "palpate/session.h"
+#include "palpation.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct Options {
+  std::string target, plane = "axial";
+  std::filesystem::path output;
+  std::optional<ForceMethod> method;
+  std::vector<double> at;
+  double size_mm = 20;
+  std::optional<double> spacing_mm;
+};
+
+AnatomicalPlane plane_of(const std::string& name) {
+  if (name == "coronal") return AnatomicalPlane::kCoronal;
+  return name == "sagittal" ? AnatomicalPlane::kSagittal : AnatomicalPlane::kAxial;
+}
+
+// where a hand would touch the first structure that it can
+Result<Point<Patient>> place_to_look(const Model& model) {
+  for (const Segment& segment : model.segments) {
+    if (!model.is_felt(segment.id)) continue;
+    if (const auto found = find_surface_point(model, segment.id, ApproachStep{}.clearance_mm))
+      return found->point;
+  }
+  return Error{ErrorKind::kBadInput, "no structure of the scene has a surface that can be touched", "",
+               "say where to look with --at"};
+}
+
+int draw_forces(const Options& options, Console& console) {
+  if (const auto writable = check_output(options.output, input_files(options.target)); !writable)
+    return console.fail(writable.error());
+  const Progress progress = console.progress();
+  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
+  if (!loaded) return console.fail(loaded.error());
+  const ForceMethod method = options.method.value_or(loaded->scene.force.method);
+  const auto model = with_methods(loaded->model, std::array{method}, progress);
+  if (!model) return console.fail(model.error());
+
+  ForceArrowsRequest request;
+  request.plane = plane_of(options.plane);
+  request.size_mm = options.size_mm;
+  request.spacing_mm = options.spacing_mm.value_or(0);
+  if (options.at.empty()) {
+    const auto place = place_to_look(**model);
+    if (!place) return console.fail(place.error());
+    request.centre = *place;
+  } else {
+    request.centre = {options.at[0], options.at[1], options.at[2]};
+  }
+  const auto written = write_force_arrows(options.output, **model, method, request);
+  if (!written) return console.fail(written.error());
+  console.note("picture: " + options.output.string());
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_forces(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
+  verb->add_option("target", options->target, "A data set (palpate data list) or a scene file")->required();
+  verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
+  add_method_option(*verb, options->method);
+  verb->add_option("--plane", options->plane, "Section through the point")
+      ->check(CLI::IsMember({"axial", "coronal", "sagittal"}))
+      ->capture_default_str();
+  verb->add_option(
+          "--at", options->at,
+          "Middle of the picture: patient coordinates in mm, LPS; default: where a hand would touch the "
+          "first structure that is felt")
+      ->delimiter(',')
+      ->expected(3)
+      ->check(number_between(-1e6, 1e6))
+      ->type_name("X,Y,Z");
+  verb->add_option("--size", options->size_mm, "Width of the section in mm")
+      ->check(number_between(0.1, 1000))
+      ->capture_default_str();
+  verb->add_option("--arrows", options->spacing_mm,
+                   "Distance between arrows in mm; default: 24 of them side by side")
+      ->check(number_between(0.001, 1000));
+  verb->footer(
+      "Examples:\n"
+      "  palpate forces knee-phantom -o forces.svg\n"
+      "  palpate forces knee-phantom --method gaussian-sphere --plane sagittal --at 20,-2,0 -o gap.svg\n\n"
+      "docs/methods.md shows one picture a method.");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return draw_forces(*options, console); }; });
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,136 @@
+#include "rendering/force_arrows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "base/file.h"
+
+namespace palpate {
+namespace force_arrows {
+
+double Arrow::force_N() const {
+  return std::hypot(right_N, down_N, away_N);
+}
+
+double Arrow::in_plane_N() const {
+  return std::hypot(right_N, down_N);
+}
+
+double arrows_per_side(double size_mm, double spacing_mm) {
+  // a hair of tolerance, so that 20 mm holds 24 arrows at 20/24 mm
+  return std::max(1.0, std::floor(size_mm / spacing_mm + 1e-9));
+}
+
+std::vector<Arrow> sample_arrows(const ForceField& field, const SectionPlane& plane, double spacing_mm) {
+  const int count = static_cast<int>(arrows_per_side(plane.width_mm, spacing_mm));
+  const double step_px = spacing_mm / plane.mm_per_px();
+  const auto along = [&](int n, int size_px) {
+    return 0.5 * (size_px - 1) + (n - 0.5 * (count - 1)) * step_px;
+  };
+  const Vector<Patient> away = plane.right.cross(plane.down);
+  std::vector<Arrow> arrows;
+  for (int row = 0; row < count; ++row)
+    for (int column = 0; column < count; ++column) {
+      const Pixel at{along(column, plane.width_px), along(row, plane.height_px)};
+      const FieldSample sample = field.sample(plane.at(at[0], at[1]));
+      const Vector<Patient> force = normal_force(sample, field.full_force_N());
+      arrows.push_back({at, force.dot(plane.right), force.dot(plane.down), force.dot(away), sample.value});
+    }
+  return arrows;
+}
+
+ValueGrid::ValueGrid(const ForceField& field, const SectionPlane& plane, int cells)
+    : cells_(cells), cell_px_(static_cast<double>(plane.width_px) / cells) {
+  for (int row = 0; row <= cells; ++row)
+    for (int column = 0; column <= cells; ++column)
+      values_.push_back(field.sample(plane.at(column * cell_px_ - 0.5, row * cell_px_ - 0.5)).value);
+}
+
+void ValueGrid::add_cell(int column, int row, double level, std::vector<Stretch>& stretches) const {
+  constexpr int kCorners[5][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0}};
+  std::vector<Pixel> crossings;
+  for (int edge = 0; edge < 4; ++edge) {
+    const auto& [x0, y0] = kCorners[edge];
+    const auto& [x1, y1] = kCorners[edge + 1];
+    const double a = at(column + x0, row + y0), b = at(column + x1, row + y1);
+    if ((a < level) == (b < level)) continue;
+    const double t = (level - a) / (b - a);
+    crossings.push_back(
+        {(column + x0 + t * (x1 - x0)) * cell_px_ - 0.5, (row + y0 + t * (y1 - y0)) * cell_px_ - 0.5});
+  }
+  // two crossings, or four at a saddle
+  for (std::size_t n = 0; n + 1 < crossings.size(); n += 2)
+    stretches.push_back({crossings[n], crossings[n + 1]});
+}
+
+std::vector<Stretch> ValueGrid::contour(double level) const {
+  std::vector<Stretch> stretches;
+  for (int row = 0; row < cells_; ++row)
+    for (int column = 0; column < cells_; ++column) add_cell(column, row, level, stretches);
+  return stretches;
+}
+
+namespace {
+
+std::string point_text(const Point<Patient>& p) {
+  char text[120];
+  std::snprintf(text, sizeof text, "%.1f, %.1f, %.1f", p.x(), p.y(), p.z());
+  return text;
+}
+
+// the corners of the box around the volume, along the patient's axes
+std::string reach_text(const GridGeometry& grid) {
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  Eigen::Vector3d low = grid.origin.eigen(), high = low;
+  for (int corner = 0; corner < 8; ++corner) {
+    const auto end = [&](int axis) { return (corner >> axis & 1) != 0 ? grid.dims[axis] - 1 : 0; };
+    const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(end(0), end(1), end(2))).eigen();
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  return point_text(Point<Patient>(low)) + " to " + point_text(Point<Patient>(high));
+}
+
+bool reaches(const GridGeometry& grid, const Point<Patient>& p) {
+  const Point<Voxel> voxel = grid.X_PatientVoxel().inverse() * p;
+  for (int axis = 0; axis < 3; ++axis)
+    if (!(voxel[axis] >= -0.5 && voxel[axis] <= grid.dims[axis] - 0.5)) return false;
+  return true;
+}
+
+}  // namespace
+}  // namespace force_arrows
+
+Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
+                                     const ForceArrowsRequest& request) {
+  PALPATE_CHECK(model.has(method));
+  PALPATE_CHECK(request.size_mm > 0 && request.spacing_mm >= 0);
+  const GridGeometry& grid = model.field->geometry();
+  if (!force_arrows::reaches(grid, request.centre))
+    return Error{ErrorKind::kBadInput,
+                 "the point " + force_arrows::point_text(request.centre) + " mm lies outside the volume",
+                 "--at", "the volume reaches from " + force_arrows::reach_text(grid) + " mm (LPS)"};
+  const double spacing_mm = request.spacing_mm > 0 ? request.spacing_mm : request.size_mm / kArrowsPerSide;
+  if (const double count = force_arrows::arrows_per_side(request.size_mm, spacing_mm);
+      count > kMostArrowsPerSide) {
+    char what[120];
+    std::snprintf(what, sizeof what, "%.0f x %.0f arrows, and at most %d x %d can be drawn", count, count,
+                  kMostArrowsPerSide, kMostArrowsPerSide);
+    return Error{ErrorKind::kBadInput, what, "--arrows",
+                 "ask for arrows farther apart, or for a smaller section"};
+  }
+  const int side_px = force_arrows::kSection_px;
+  const SectionPlane section =
+      anatomical_section(request.plane, request.centre, request.size_mm, side_px, side_px);
+  return force_arrows::draw({model, model.force_field(method), request.plane, section, spacing_mm});
+}
+
+Result<void> write_force_arrows(const std::filesystem::path& file, const Model& model, ForceMethod method,
+                                const ForceArrowsRequest& request) {
+  const auto svg = force_arrows_svg(model, method, request);
+  if (!svg) return svg.error();
+  return write_file(file, *svg);
+}
+
+}  // namespace palpate

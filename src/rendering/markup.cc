@@ -1,0 +1,85 @@
+#include "rendering/markup.h"
+
+namespace palpate::markup {
+namespace {
+
+bool is_control(char c) {
+  return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
+}
+
+}  // namespace
+
+std::string escape(std::string_view text) {
+  std::string result;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      case '"':
+        result += "&quot;";
+        break;
+      case '\'':
+        result += "&#39;";
+        break;
+      default:
+        result += is_control(c) && c != '\n' && c != '\t' ? ' ' : c;
+    }
+  }
+  return result;
+}
+
+std::string css_colour(const Rgb& colour) {
+  constexpr std::string_view kHexDigits = "0123456789abcdef";
+  std::string result = "#";
+  for (const std::uint8_t channel : {colour.r, colour.g, colour.b}) {
+    result += kHexDigits[channel >> 4];
+    result += kHexDigits[channel & 15];
+  }
+  return result;
+}
+
+std::string base64(std::span<const std::uint8_t> bytes) {
+  constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string result;
+  result.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::size_t left = bytes.size() - i;
+    std::uint32_t word = std::uint32_t{bytes[i]} << 16;
+    if (left > 1) word |= std::uint32_t{bytes[i + 1]} << 8;
+    if (left > 2) word |= bytes[i + 2];
+    result += kDigits[word >> 18];
+    result += kDigits[(word >> 12) & 63];
+    result += left > 1 ? kDigits[(word >> 6) & 63] : '=';
+    result += left > 2 ? kDigits[word & 63] : '=';
+  }
+  return result;
+}
+
+std::string side_text(Side side) {
+  switch (side) {
+    case Side::kLeft:
+      return "LEFT";
+    case Side::kRight:
+      return "RIGHT";
+    case Side::kBoth:
+      return "";
+    case Side::kUnknown:
+      break;
+  }
+  return "SIDE UNKNOWN";
+}
+
+std::string side_mark(Side side, bool oriented) {
+  if (!oriented) return "ORIENTATION UNKNOWN";
+  const bool one_sided = side == Side::kLeft || side == Side::kRight;
+  return (one_sided ? "Side: " : "") + side_text(side);
+}
+
+}  // namespace palpate::markup
