@@ -53,8 +53,8 @@ class ForceField {
   ForceField(Source source, double full_force_N) : source_(std::move(source)), full_force_N_(full_force_N) {}
 
   ForceMethod method() const { return static_cast<ForceMethod>(source_.index()); }
-  /// Value 0 ... 1, gradient per mm in the patient frame; exactly 0 where it is no more than rounding, as deep
-  /// inside, so that no direction is made of it.
+  /// Value 0 ... 1, gradient per mm in the patient frame; exactly 0 where it is no more than rounding, as
+  /// deep inside, so that no direction is made of it.
   FieldSample sample(const Point<Patient>& x) const;
   double full_force_N() const { return full_force_N_; }
   const Source& source() const { return source_; }

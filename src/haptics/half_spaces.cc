@@ -1,0 +1,91 @@
+#include "haptics/half_spaces.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// mm: rounding of a point that lies on a plane
+constexpr double kOnPlane_mm = 1e-9;
+// of unit normals: below this two are one, or three lie in a plane
+constexpr double kLeastDeterminant = 1e-12;
+
+// tries sets of half-spaces as active ones, in coordinates relative to x
+class ActiveSet {
+ public:
+  ActiveSet(const Point<Patient>& x, std::span<const HalfSpace> half_spaces)
+      : x_(x), count_(half_spaces.size()) {
+    for (std::size_t i = 0; i < count_; ++i) {
+      normal_[i] = half_spaces[i].normal.eigen();
+      needed_mm_[i] = -half_spaces[i].clearance(x);
+      scale_mm_ = std::max(scale_mm_, std::abs(needed_mm_[i]));
+    }
+  }
+
+  std::optional<ClosestPoint> solve() const {
+    if (auto found = accept({}, {}, 0)) return found;
+    const int n = static_cast<int>(count_);
+    for (int i = 0; i < n; ++i)
+      if (auto found = accept({i}, {needed_mm_[i]}, 1)) return found;
+    for (int i = 0; i < n; ++i)
+      for (int j = i + 1; j < n; ++j)
+        if (auto found = at_edge(i, j)) return found;
+    for (int i = 0; i < n; ++i)
+      for (int j = i + 1; j < n; ++j)
+        for (int k = j + 1; k < n; ++k)
+          if (auto found = at_corner(i, j, k)) return found;
+    return std::nullopt;
+  }
+
+ private:
+  std::optional<ClosestPoint> at_edge(int i, int j) const {
+    const double c = normal_[i].dot(normal_[j]);
+    const double determinant = 1 - c * c;
+    if (determinant < kLeastDeterminant) return std::nullopt;
+    return accept({i, j},
+                  {(needed_mm_[i] - c * needed_mm_[j]) / determinant,
+                   (needed_mm_[j] - c * needed_mm_[i]) / determinant},
+                  2);
+  }
+
+  std::optional<ClosestPoint> at_corner(int i, int j, int k) const {
+    Eigen::Matrix3d normals;
+    normals << normal_[i], normal_[j], normal_[k];
+    const double volume = normals.determinant();
+    if (volume * volume < kLeastDeterminant) return std::nullopt;
+    // normals^T d = needed, d = normals pull
+    const Eigen::Vector3d needed(needed_mm_[i], needed_mm_[j], needed_mm_[k]);
+    const Eigen::Matrix3d inverse = normals.inverse();
+    const Eigen::Vector3d pull = inverse * (inverse.transpose() * needed);
+    return accept({i, j, k}, {pull[0], pull[1], pull[2]}, 3);
+  }
+
+  std::optional<ClosestPoint> accept(const std::array<int, 3>& active, const std::array<double, 3>& pull_mm,
+                                     int count) const {
+    Eigen::Vector3d way = Eigen::Vector3d::Zero();
+    for (int n = 0; n < count; ++n) {
+      if (!(pull_mm[n] > 0)) return std::nullopt;
+      way += normal_[active[n]] * pull_mm[n];
+    }
+    const double slack_mm = kOnPlane_mm + 1e-9 * (scale_mm_ + way.norm());
+    for (std::size_t i = 0; i < count_; ++i)
+      if (!(normal_[i].dot(way) >= needed_mm_[i] - slack_mm)) return std::nullopt;
+    return ClosestPoint{x_ + Vector<Patient>(way), active, pull_mm, count};
+  }
+
+  Point<Patient> x_;
+  std::size_t count_;
+  std::array<Eigen::Vector3d, kMostHalfSpaces> normal_;
+  std::array<double, kMostHalfSpaces> needed_mm_{};
+  double scale_mm_ = 0;
+};
+
+}  // namespace
+
+std::optional<ClosestPoint> closest_point(const Point<Patient>& x, std::span<const HalfSpace> half_spaces) {
+  PALPATE_CHECK(half_spaces.size() <= kMostHalfSpaces);
+  return ActiveSet(x, half_spaces).solve();
+}
+
+}  // namespace palpate
