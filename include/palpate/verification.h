@@ -52,7 +52,7 @@ std::string to_json(const SuiteReport& report);
 /// The same in a file that appears whole or not at all. Errors are kOutput.
 Result<void> write_json(const std::filesystem::path& file, const SuiteReport& report);
 /// For people: figures that differ in the last part of their name side by side, a table for each kind of
-/// them, then what is beyond its limit.
+/// them; of many figures a table for each method, its quantities side by side. Then what is beyond its limit.
 std::string to_table(const SuiteReport& report);
 
 }  // namespace palpate

@@ -6,8 +6,9 @@
 
 namespace palpate {
 
-/// How far the founding method's force is from the truth: direction and magnitude at random points near known
-/// surfaces, from prepared binary volumes and from exactly sampled ones.
+/// How far every method's force is from the truth: direction and magnitude at random points near known
+/// surfaces, and how it changes along them, from prepared binary volumes and from exactly sampled ones.
+/// Errors: kInterrupted; kBadInput where there is not enough memory.
 Result<std::vector<Figure>> run_accuracy(const Progress& progress);
 
 /// Most that a figure of the suite may be; nothing for figures without a limit.

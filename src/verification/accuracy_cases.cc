@@ -2,8 +2,8 @@
 
 #include <cmath>
 #include <numbers>
-#include <random>
 
+#include "verification/accuracy_random.h"
 #include "verification/smoothed_indicator.h"
 
 namespace palpate {
@@ -14,23 +14,6 @@ using Eigen::Vector3d;
 constexpr double kSphere_mm = 20, kCylinder_mm = 10, kMajor_mm = 20, kMinor_mm = 8;
 constexpr double kMargin_mm = 9;  // four sigma of 1.5 mm, the band and more than a voxel's diagonal
 
-// The same sequence with every standard library, which its distributions are not.
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : engine_(seed) {}
-  double between(double low, double high) {
-    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1.0p-53);
-  }
-  Vector3d direction() {
-    const double z = between(-1, 1), azimuth = between(0, 2 * std::numbers::pi);
-    const double r = std::sqrt(1 - z * z);
-    return {r * std::cos(azimuth), r * std::sin(azimuth), z};
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
-
 // An orthonormal frame with no axis along the grid's; its third column is the shapes' axis.
 const Eigen::Matrix3d& tilted() {
   static const Eigen::Matrix3d frame =
@@ -39,27 +22,30 @@ const Eigen::Matrix3d& tilted() {
 }
 
 std::vector<Point<Patient>> scatter(int count, std::uint64_t seed,
-                                    const std::function<Vector3d(Random&)>& place) {
-  Random random(seed);
+                                    const std::function<Vector3d(AccuracyRandom&)>& place) {
+  AccuracyRandom random(seed);
   std::vector<Point<Patient>> points;
   for (int n = 0; n < count; ++n) points.emplace_back(place(random));
   return points;
 }
 
-double band(Random& random) {
+double band(AccuracyRandom& random) {
   return random.between(-kSurfaceBand_mm, kSurfaceBand_mm);
 }
 
 AccuracyCase sphere_case(int points) {
-  return {"sphere-20mm", Shape::sphere({}, kSphere_mm), kSphere_mm + kMargin_mm,
+  return {"sphere-20mm",
+          Shape::sphere({}, kSphere_mm),
+          kSphere_mm + kMargin_mm,
           scatter(points, 1,
-                  [](Random& random) {
+                  [](AccuracyRandom& random) {
                     const Vector3d out = random.direction();
                     return Vector3d((kSphere_mm + band(random)) * out);
                   }),
           [](const Point<Patient>& p, double sigma) {
             return smoothed_ball(p.eigen().norm(), kSphere_mm, sigma);
-          }};
+          },
+          true};
 }
 
 AccuracyCase cylinder_case(int points) {
@@ -68,7 +54,7 @@ AccuracyCase cylinder_case(int points) {
   const Point<Patient> end(100 * tilted().col(2)), start(-100 * tilted().col(2));
   return {"cylinder-10mm", Shape::cylinder(start, end, kCylinder_mm), kCylinder_mm + along + kMargin_mm,
           scatter(points, 2,
-                  [along](Random& random) {
+                  [along](AccuracyRandom& random) {
                     const double turn = random.between(0, 2 * std::numbers::pi),
                                  rho = kCylinder_mm + band(random);
                     return Vector3d(tilted() * Vector3d(rho * std::cos(turn), rho * std::sin(turn),
@@ -85,7 +71,7 @@ AccuracyCase plane_case(int points) {
   const Vector<Patient> normal(tilted().col(2));
   return {"tilted-plane", Shape::half_space({}, normal), aside * std::numbers::sqrt2 + kMargin_mm,
           scatter(points, 3,
-                  [aside](Random& random) {
+                  [aside](AccuracyRandom& random) {
                     const double u = random.between(-aside, aside), v = random.between(-aside, aside);
                     return Vector3d(tilted() * Vector3d(u, v, band(random)));
                   }),
@@ -96,10 +82,11 @@ AccuracyCase plane_case(int points) {
 
 AccuracyCase torus_case(int points) {
   return {
-      "torus-20-8mm", Shape::torus({}, Vector<Patient>(tilted().col(2)), kMajor_mm, kMinor_mm),
+      "torus-20-8mm",
+      Shape::torus({}, Vector<Patient>(tilted().col(2)), kMajor_mm, kMinor_mm),
       kMajor_mm + kMinor_mm + kMargin_mm,
       scatter(points, 4,
-              [](Random& random) {
+              [](AccuracyRandom& random) {
                 // evenly over the surface: less of it lies near the axis
                 double around = 0;
                 do {
@@ -113,13 +100,21 @@ AccuracyCase torus_case(int points) {
       [](const Point<Patient>& p, double sigma) {
         const Vector3d q = tilted().transpose() * p.eigen();
         return smoothed_torus(std::hypot(q.x(), q.y()), q.z(), kMajor_mm, kMinor_mm, sigma);
-      }};
+      },
+      true};
 }
 
 }  // namespace
 
 std::vector<AccuracyCase> accuracy_cases(int points) {
   return {sphere_case(points), cylinder_case(points), plane_case(points), torus_case(points)};
+}
+
+const std::array<AccuracySpacing, 3>& accuracy_spacings() {
+  static const std::array<AccuracySpacing, 3> all = {{{"0.28x0.28x1.0", {0.28, 0.28, 1.0}},
+                                                      {"0.625x0.625x0.9", {0.625, 0.625, 0.9}},
+                                                      {"0.3x0.3x0.3", {0.3, 0.3, 0.3}}}};
+  return all;
 }
 
 GridGeometry accuracy_grid(const AccuracyCase& shape, const Vector3d& spacing_mm) {

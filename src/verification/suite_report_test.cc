@@ -74,6 +74,44 @@ TEST(SuiteReport, TablePutsFiguresOfOnePathSideBySideAndNamesWhatIsBeyondItsLimi
   EXPECT_THAT(table, HasSubstr("build      some build\nscheduler  some scheduler\n"));
 }
 
+TEST(SuiteReport, ManyFiguresAreLaidOutByTheirFirstPartWithTheirQuantitiesSideBySide) {
+  SuiteReport report;
+  for (const char* method : {"a", "b-spline"}) {
+    for (int n = 0; n < 15; ++n) {
+      const std::string path = std::string(method) + "/ball/" + std::to_string(n);
+      report.figures.push_back({path + "/direction/mean", 0.25 + n, "deg", 9, 1.5});
+      report.figures.push_back({path + "/direction/max", 123.5, "deg", 9, {}});
+      if (n == 1) report.figures.push_back({path + "/change-at-half-voxels/max", 7, "percent", 5, {}});
+    }
+  }
+  // short: one table as before
+  SuiteReport few = report;
+  few.figures.resize(20);
+  EXPECT_THAT(to_table(few), HasSubstr("\nfigure                           mean       max      unit  n\n"));
+
+  for (int n = 15; n < 40; ++n)
+    report.figures.push_back({"b-spline/ball/" + std::to_string(n) + "/direction/mean", 0.5, "deg", 9, {}});
+  const std::string table = to_table(report);
+  EXPECT_THAT(table, HasSubstr("\n"
+                               "            direction, deg   change-at-half-voxels, percent\n"
+                               "a           mean       max                              max\n"
+                               "ball/0     0.250   123.500\n"
+                               "ball/1     1.250   123.500                            7.000\n"
+                               "ball/2     2.250!  123.500\n"));
+  EXPECT_THAT(table, HasSubstr("\nb-spline     mean       max                              max\n"
+                               "ball/0      0.250   123.500\n"));
+  EXPECT_THAT(table, HasSubstr("ball/39     0.500\n"));
+  EXPECT_THAT(table, HasSubstr("beyond its limit: b-spline/ball/14/direction/mean 14.25 > 1.5 deg\n"));
+}
+
+// a long table whose names have too few parts to be laid out anew
+TEST(SuiteReport, ManyFiguresOfShortNamesStandOneBelowTheOther) {
+  SuiteReport report;
+  for (int n = 0; n < 60; ++n)
+    report.figures.push_back({"loop-" + std::to_string(n) + "/time", 1.0 * n, "us", 9, {}});
+  EXPECT_THAT(to_table(report), HasSubstr("\nloop-59  59.000     us  9\n"));
+}
+
 TEST(SuiteReport, WrittenWholeOrNotAtAll) {
   const auto folder = std::filesystem::path(::testing::TempDir()) / "palpate_suite_report_test";
   std::filesystem::create_directories(folder);

@@ -24,7 +24,8 @@ Result<SuiteReport> accuracy(const SuiteOptions&, const Progress& progress, cons
 }
 
 constexpr Suite kSuites[] = {
-    {"accuracy", "direction and magnitude of the force against known surfaces", false, accuracy},
+    {"accuracy", "direction, magnitude and choppiness of every method against known surfaces", false,
+     accuracy},
     {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", true, run_latency},
 };
 
