@@ -58,8 +58,8 @@ struct SampledWork {
 std::vector<Entrant> plain_entrants(const std::shared_ptr<const SampledWork>& work);
 /// Only what no way of sampling can do without: the cell, and the loads of its twelve rows.
 Entrant loads_alone(const std::shared_ptr<const SampledWork>& work);
-/// The plain sum of 64 coefficients.
-Entrant plain_spline(const SplineField& field);
+/// Of a spline with 16-bit coefficients; the reference, the plain sum of 64 terms, comes first.
+std::vector<Entrant> plain_splines(const SplineField& field);
 
 std::vector<Entrant> itk_entrants(const std::shared_ptr<const SampledWork>& work);
 Entrant itk_spline(const std::shared_ptr<const SampledWork>& work);

@@ -3,12 +3,11 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <nlohmann/json.hpp>
 #include <random>
 
 #include "interleaved.h"
 #include "itk_gaussian.h"
+#include "json_file.h"
 #include "palpate/preparation.h"
 #include "palpate/volume_io.h"
 #include "work.h"
@@ -154,18 +153,11 @@ int run(const Options& options) {
     print_table(work.title, timings);
     all.push_back(to_json(work, timings));
   }
-  if (options.json.empty()) return 0;
-  std::ofstream file(options.json);
-  file << nlohmann::json{{"sigma_mm", options.sigma_mm},
-                         {"rounds", options.rounds},
-                         {"simd_target", simd_targets().front()},
-                         {"works", all}}
-              .dump(2)
-       << '\n';
-  file.close();
-  if (file) return 0;
-  std::fprintf(stderr, "gaussian_bench: %s could not be written\n", options.json.c_str());
-  return 4;
+  return write_json("gaussian_bench", options.json,
+                    {{"sigma_mm", options.sigma_mm},
+                     {"rounds", options.rounds},
+                     {"simd_target", simd_targets().front()},
+                     {"works", all}});
 }
 
 }  // namespace

@@ -4,14 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <nlohmann/json.hpp>
-#include <numbers>
-#include <random>
 
 #include "interleaved.h"
+#include "json_file.h"
 #include "palpate/preparation.h"
 #include "palpate/voxel_methods.h"
+#include "work.h"
 
 namespace palpate::bench {
 
@@ -19,63 +17,24 @@ namespace {
 
 struct Options {
   double sigma_mm = 1.5;
-  int rounds = 9, points = 4000;
+  int rounds = 9;
+  std::size_t points = 4000;
   std::string json;
 };
 
 // ---- the work ---------------------------------------------------------------------------------------------
 
-constexpr double kBoneRadius = 24, kGap = 3;
-
-/// Two bones with rounded ends along y, 3 mm apart, labels 1 and 2.
-std::shared_ptr<const Volume<LabelId>> two_bones() {
-  GridGeometry grid;
-  grid.dims = {256, 256, 124};
-  grid.spacing_mm = {0.625, 0.625, 0.9};
+/// Labels 1 and 2.
+std::shared_ptr<const Volume<LabelId>> labelled(const Volume<std::uint8_t>& bones) {
+  const GridGeometry& grid = bones.geometry();
   auto labels = std::make_shared<Volume<LabelId>>(grid);
-  const auto inside = [](const Eigen::Vector3d& from_end, double away) {
-    const double along = from_end[1] * away;
-    const double across = std::hypot(from_end[0], from_end[2]);
-    return along > 0 ? across < kBoneRadius : std::hypot(across, along) < kBoneRadius;
-  };
-  const Eigen::Vector3d offset(0, kBoneRadius + kGap / 2, 0);
   for (int k = 0; k < grid.dims[2]; ++k) {
     for (int j = 0; j < grid.dims[1]; ++j) {
-      for (int i = 0; i < grid.dims[0]; ++i) {
-        const Eigen::Vector3d p = (grid.X_PatientVoxel() * Point<Voxel>(i, j, k) - grid.centre()).eigen();
-        labels->at(i, j, k) = inside(p + offset, -1) ? 1 : inside(p - offset, 1) ? 2 : 0;
-      }
+      const LabelId bone = j < grid.dims[1] / 2 ? 1 : 2;
+      for (int i = 0; i < grid.dims[0]; ++i) labels->at(i, j, k) = bones.at(i, j, k) > 0 ? bone : 0;
     }
   }
   return labels;
-}
-
-/// Along the rounded end of bone 2 in steps of 0.05 mm, from its tip outward.
-std::vector<Point<Patient>> along_surface(const GridGeometry& grid, int count) {
-  const Point<Patient> end = grid.centre() + Vector<Patient>(0, kBoneRadius + kGap / 2, 0);
-  std::vector<Point<Patient>> points;
-  double around = 0;
-  for (int n = 0; n < count; ++n) {
-    const double polar = 0.3 + 0.8 * n / count;
-    around += 0.05 / (kBoneRadius * std::sin(polar));
-    points.push_back(end + Vector<Patient>(std::sin(polar) * std::cos(around), -std::cos(polar),
-                                           std::sin(polar) * std::sin(around)) *
-                               kBoneRadius);
-  }
-  return points;
-}
-
-std::vector<Point<Patient>> anywhere(const GridGeometry& grid, int count) {
-  std::mt19937 random(1);
-  std::vector<Point<Patient>> points;
-  for (int n = 0; n < count; ++n) {
-    Point<Voxel> x;
-    for (int axis = 0; axis < 3; ++axis) {
-      x[axis] = std::uniform_real_distribution<double>(0, grid.dims[axis] - 1)(random);
-    }
-    points.push_back(grid.X_PatientVoxel() * x);
-  }
-  return points;
 }
 
 // ---- the contenders ---------------------------------------------------------------------------------------
@@ -193,46 +152,53 @@ constexpr Encoding kEncodings[] = {{NormalEncoding::kBytes, "3 bytes"},
                                    {NormalEncoding::kOctahedral16, "octahedral 16"},
                                    {NormalEncoding::kOctahedral24, "octahedral 24"}};
 
-// ---- what stored normals lose -----------------------------------------------------------------------------
+// ---- what they keep in memory
+// -------------------------------------------------------------------------------
 
-/// Angles in degrees between random directions and what is stored of them, and the founding work's flat
-/// places: a ball of 100 mm radius around its top, the tilt of the stored normals beside the true one.
-nlohmann::json normal_losses() {
-  nlohmann::json losses;
+struct Memory {
+  std::string name;
+  int bytes_per_voxel = 0;
+  std::size_t voxels = 0;
+  std::size_t occupied = 0;  ///< voxels that hold anything but 0
+  /// Of the voxels alone, without the border that some keep around them.
+  double dense_MB() const { return 1e-6 * bytes_per_voxel * static_cast<double>(voxels); }
+  double occupied_MB() const { return 1e-6 * bytes_per_voxel * static_cast<double>(occupied); }
+};
+
+template <class T>
+Memory memory_of(std::string name, int bytes_per_voxel, const Volume<T>& volume) {
+  const auto& voxels = volume.voxels();
+  const auto empty = static_cast<std::size_t>(std::count(voxels.begin(), voxels.end(), T{0}));
+  return {std::move(name), bytes_per_voxel, voxels.size(), voxels.size() - empty};
+}
+
+/// What is prepared from the bones, and what it is prepared from.
+struct Prepared {
+  explicit Prepared(const Options& options)
+      : bones(two_bones()),
+        labels(labelled(bones)),
+        ramp_8(gaussian_smooth(bones, {.sigma_mm = options.sigma_mm}).value()),
+        ramp_16(gaussian_smooth_16(bones, {.sigma_mm = options.sigma_mm}).value()) {}
+  Volume<std::uint8_t> bones;
+  std::shared_ptr<const Volume<LabelId>> labels;
+  Volume<std::uint8_t> ramp_8;
+  Volume<std::uint16_t> ramp_16;
+};
+
+std::vector<Memory> memory_of_all(const Prepared& prepared) {
+  const SplineField spline{Field(prepared.ramp_16)};
+  const auto& coefficients = *std::get_if<PaddedVolume<std::int16_t>>(&spline.coefficients());
+  std::vector<Memory> all = {memory_of("trilinear, uint8", 1, prepared.ramp_8),
+                             memory_of("trilinear, uint16", 2, prepared.ramp_16),
+                             memory_of("B-spline, int16", spline.bytes_per_voxel(), coefficients.unpadded()),
+                             memory_of("Gaussian and smooth sphere, labels (shared)", 2, *prepared.labels),
+                             memory_of("Gaussian and smooth sphere, mask", 1, prepared.bones)};
   for (const auto& [encoding, name] : kEncodings) {
-    std::mt19937 random(1);
-    std::normal_distribution<double> normal;
-    double sum = 0, most = 0;
-    const int count = 100000;
-    for (int n = 0; n < count; ++n) {
-      const auto direction = Vector<Patient>(normal(random), normal(random), normal(random)).normalized();
-      const auto stored = stored_normal(direction, encoding);
-      const double degrees = std::asin(stored.cross(direction).norm()) * 180 / std::numbers::pi;
-      sum += degrees;
-      most = std::max(most, degrees);
-    }
-    losses[name] = {{"mean_degrees", sum / count},
-                    {"max_degrees", most},
-                    {"bytes_per_voxel", 1 + normal_bytes(encoding)}};
+    const auto normals = StoredNormals::from_ramp(prepared.ramp_16, encoding);
+    all.push_back({std::string("stored normals, ") + name, normals.bytes_per_voxel(),
+                   normals.geometry().voxel_count(), normals.occupied_voxels()});
   }
-  GridGeometry grid;
-  grid.dims = {200, 1, 1};
-  grid.spacing_mm = {0.05, 1, 1};
-  grid.origin = Point<Patient>(0, 0, 100);
-  for (const auto& [encoding, name] : kEncodings) {
-    const auto normals = StoredNormals::from_field(grid, encoding, [](const Point<Patient>& p) {
-      return FieldSample{0.5, -(p - Point<Patient>()).normalized()};
-    });
-    for (int i = 0; i < grid.dims[0]; ++i) {
-      const auto degrees = [](double x, double z) { return std::atan2(x, z) * 180 / std::numbers::pi; };
-      const Vector<Patient> inward = normals.voxel(i, 0, 0).gradient;
-      losses[name]["stored_tilt_degrees"].push_back(degrees(-inward.x(), -inward.z()));
-      losses[name]["true_tilt_degrees"].push_back(degrees(0.05 * i, 100));
-    }
-    auto tilts = losses[name]["stored_tilt_degrees"].get<std::vector<double>>();
-    losses[name]["distinct_tilts"] = std::unique(tilts.begin(), tilts.end()) - tilts.begin();
-  }
-  return losses;
+  return all;
 }
 
 // ---- what is shown ----------------------------------------------------------------------------------------
@@ -265,54 +231,54 @@ nlohmann::json to_json(const std::vector<Row>& rows) {
   return all;
 }
 
-int run(const Options& options) {
-  const auto labels = two_bones();
-  const GridGeometry& grid = labels->geometry();
-  const auto path = std::make_shared<const std::vector<Point<Patient>>>(along_surface(grid, options.points));
-  const auto random = std::make_shared<const std::vector<Point<Patient>>>(anywhere(grid, options.points));
+void print_memory(const std::vector<Memory>& all) {
+  std::printf("\n%-50s %6s %10s %10s %10s\n", "memory; MB: 10^6 bytes, voxels alone", "bytes/", "occupied",
+              "MB", "MB of");
+  std::printf("%-50s %6s %10s %10s %10s\n", "", "voxel", "voxels", "", "occupied");
+  for (const Memory& memory : all) {
+    std::printf("%-50s %6d %10zu %10.1f %10.1f\n", memory.name.c_str(), memory.bytes_per_voxel,
+                memory.occupied, memory.dense_MB(), memory.occupied_MB());
+  }
+}
 
-  auto rows = time_spheres(labels, options, path, random);
-  Volume<std::uint8_t> felt(grid);
-  std::transform(labels->voxels().begin(), labels->voxels().end(), felt.voxels().begin(),
-                 [](LabelId label) { return static_cast<std::uint8_t>(label != 0 ? 255 : 0); });
-  const auto ramp = gaussian_smooth_16(felt, {.sigma_mm = options.sigma_mm}).value();
-  std::size_t occupied = 0;
+nlohmann::json to_json(const std::vector<Memory>& memories) {
+  nlohmann::json all = nlohmann::json::array();
+  for (const Memory& memory : memories) {
+    all.push_back({{"name", memory.name},
+                   {"bytes_per_voxel", memory.bytes_per_voxel},
+                   {"occupied_voxels", memory.occupied},
+                   {"MB", memory.dense_MB()},
+                   {"occupied_MB", memory.occupied_MB()}});
+  }
+  return all;
+}
+
+int run(const Options& options) {
+  const Prepared prepared(options);
+  const Points path = std::make_shared<const std::vector<Point<Patient>>>(probe_path(options.points));
+  const Points random = std::make_shared<const std::vector<Point<Patient>>>(random_points(options.points, 0));
+
+  auto rows = time_spheres(prepared.labels, options, path, random);
   for (const auto& [encoding, name] : kEncodings) {
-    const auto normals = StoredNormals::from_ramp(ramp, encoding);
-    occupied = normals.occupied_voxels();
+    const auto normals = StoredNormals::from_ramp(prepared.ramp_16, encoding);
     rows.push_back(time_method(std::string("stored normals, ") + name, normals.bytes_per_voxel(), normals,
                                path, random, options.rounds));
   }
-  const nlohmann::json losses = normal_losses();
+  const auto memory = memory_of_all(prepared);
 
   std::printf(
       "two bones 3 mm apart, 256x256x124, 0.625x0.625x0.9 mm; sigma %g mm, %d interleaved rounds, SIMD "
       "target %s\n",
       options.sigma_mm, options.rounds, simd_targets().front().c_str());
   print_rows(rows);
-  std::printf("\nstored normals: %zu of %zu voxels occupied\n", occupied, grid.voxel_count());
-  for (const auto& [encoding, name] : kEncodings) {
-    const auto& loss = losses[name];
-    std::printf(
-        "%-16s %d bytes a voxel, error %.4f degrees mean, %.4f max; %d tilts for 200 voxels near an axis\n",
-        name, loss["bytes_per_voxel"].get<int>(), loss["mean_degrees"].get<double>(),
-        loss["max_degrees"].get<double>(), loss["distinct_tilts"].get<int>());
-  }
-  if (options.json.empty()) return 0;
-  std::ofstream file(options.json);
-  file << nlohmann::json{{"sigma_mm", options.sigma_mm},
-                         {"rounds", options.rounds},
-                         {"simd_target", simd_targets().front()},
-                         {"rows", to_json(rows)},
-                         {"voxels", grid.voxel_count()},
-                         {"occupied_voxels", occupied},
-                         {"stored_normals", losses}}
-              .dump(2)
-       << '\n';
-  file.close();
-  if (file) return 0;
-  std::fprintf(stderr, "label_methods_bench: %s could not be written\n", options.json.c_str());
-  return 4;
+  print_memory(memory);
+  return write_json("label_methods_bench", options.json,
+                    {{"sigma_mm", options.sigma_mm},
+                     {"rounds", options.rounds},
+                     {"simd_target", simd_targets().front()},
+                     {"rows", to_json(rows)},
+                     {"voxels", prepared.bones.voxels().size()},
+                     {"memory", to_json(memory)}});
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// The servo on a large and a small volume in one run, and for as long as one likes. See README.md.
+// The servo on volumes of 8, 31 and 134 million voxels in one run, and for as long as one likes. See
+// README.md.
 
 #include <pthread.h>
 #include <sched.h>
@@ -8,11 +9,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
-#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
+#include <unordered_set>
 
+#include "json_file.h"
 #include "palpate/preparation.h"
 #include "palpate/primitives.h"
 #include "palpate/scene.h"
@@ -24,21 +25,27 @@ namespace palpate::bench {
 namespace {
 
 constexpr double kRates_hz[] = {1000, 2000, 4000, 8000, 10000};
-constexpr double kSmall_voxels = 8e6;
+// beside the knee as it is
+constexpr double kSmall_voxels = 8e6, kHuge_voxels = 134e6;
 // of the generated knee, as many voxels as the real one has
 constexpr double kGeneratedVoxel_mm = 0.36;
 constexpr double kEnduranceBlock_s = 10;
+constexpr std::size_t kLine_bytes = 64, kWindow_ticks = 1000;
 
 struct Options {
   int rounds = 5;
-  double block_s = 0.5, rate_hz = 0, spin_us = 0, endurance_s = 0;
+  double block_s = 0.5, rate_hz = 0, spin_us = 0, endurance_s = 0, largest = kHuge_voxels;
   bool load = false;
-  std::string labels, json;
+  std::string method{name_of(ForceMethod::kTrilinear)}, labels, json;
+
+  ForceMethod force_method() const { return *find_force_method(method); }
 };
 
 struct Knee {
   std::string title;
   LoadedScene loaded;
+
+  const Model& model() const { return *loaded.model; }
 };
 
 // ---- the volumes
@@ -77,30 +84,137 @@ Result<LabelMap> large_labels(const Options& options, std::string& what) {
 }
 
 // about that many voxels in the same box, about the same centre
-GridGeometry coarser(const GridGeometry& grid, double voxels) {
+GridGeometry resized(const GridGeometry& grid, double voxels) {
   const double part = std::cbrt(voxels / static_cast<double>(grid.voxel_count()));
-  GridGeometry coarse = grid;
-  coarse.spacing_mm /= part;
-  for (int& count : coarse.dims) count = std::max(1, static_cast<int>(std::lround(count * part)));
-  const Point<Voxel> middle(0.5 * (coarse.dims[0] - 1), 0.5 * (coarse.dims[1] - 1),
-                            0.5 * (coarse.dims[2] - 1));
-  coarse.origin += grid.centre() - coarse.X_PatientVoxel() * middle;
-  return coarse;
+  GridGeometry result = grid;
+  result.spacing_mm /= part;
+  for (int& count : result.dims) count = std::max(1, static_cast<int>(std::lround(count * part)));
+  result.origin += grid.centre() - result.centre();
+  return result;
 }
 
-Result<Knee> knee_of(const std::string& what, const LabelMap& labels) {
+Result<Knee> knee_of(const std::string& what, const LabelMap& labels, ForceMethod method) {
   auto scene = parse_scene(*embedded_scene("knee"), "embedded scene");
   if (!scene) return scene.error();
   auto model = build_model(*scene, &labels, nullptr);
   if (!model) return model.error();
-  return Knee{title_of(what, labels.geometry()), {*std::move(scene), *std::move(model), ""}};
+  auto ready = with_methods(*std::move(model), {&method, 1});
+  if (!ready) return ready.error();
+  return Knee{title_of(what, labels.geometry()), {*std::move(scene), *std::move(ready), ""}};
 }
 
-// ---- one volume beside the other
+// ---- what a tick reads
 
-double ratio_of(double large, double small) {
-  return small > 0 ? large / small : 0;
+/// Along the path: how far a tick looks, and how many cache lines 1000 ticks on end read.
+struct Footprint {
+  double steps = 0;  ///< half voxels from the tip to the surface, mean over ticks that know their depth
+  double field_lines = 0, label_lines = 0;  ///< distinct ones in 1000 ticks, mean over such windows
+};
+
+/// Cache lines by their addresses.
+class Lines {
+ public:
+  void add(const void* first, std::size_t bytes) {
+    const auto begin = reinterpret_cast<std::uintptr_t>(first);
+    for (auto line = begin / kLine_bytes; line <= (begin + bytes - 1) / kLine_bytes; ++line)
+      lines_.insert(line);
+  }
+  // how many there were
+  double take() {
+    const auto count = static_cast<double>(lines_.size());
+    lines_.clear();
+    return count;
+  }
+
+ private:
+  std::unordered_set<std::uintptr_t> lines_;
+};
+
+// the voxels that a sample reads in the volume: rows j and k from the cell, voxels from i on
+template <class T>
+void add_rows(const PaddedVolume<T>& volume, const Point<Voxel>& x, int before, int after, Lines& lines) {
+  const auto [i, j, k] = std::array{static_cast<int>(std::floor(x.x())), static_cast<int>(std::floor(x.y())),
+                                    static_cast<int>(std::floor(x.z()))};
+  for (int dk = -before; dk <= after; ++dk)
+    for (int dj = -before; dj <= after; ++dj)
+      lines.add(&volume.at(i - before, j + dj, k + dk),
+                sizeof(T) * static_cast<std::size_t>(1 + before + after));
 }
+
+/// Of trilinear interpolation with central differences, and of the way from the tip to the surface, which
+/// every method looks along for structure and depth.
+Footprint footprint_of(const Model& model, const PalpationPath& path) {
+  const Volume<LabelId>& labels = *model.labels;
+  const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
+  Lines field, label;
+  double steps = 0, deep = 0, field_lines = 0, label_lines = 0;
+  SessionState state;
+  Wrench wrench;
+  TickRecord record;
+  std::size_t windows = 0;
+  for (std::size_t n = 0; n < path.states.size(); ++n) {
+    tick(model, path.parameters, {&path.states[n], 1}, 1 / path.rate_hz, state, {&wrench, 1}, record);
+    const DeviceTick& device = record.device[0];
+    const Point<Patient> tip(device.tip_patient_mm[0], device.tip_patient_mm[1], device.tip_patient_mm[2]);
+    const Vector<Patient> outward(device.normal_patient[0], device.normal_patient[1],
+                                  device.normal_patient[2]);
+    const bool known = device.field > 0 && std::isfinite(device.depth_mm);
+    const int count = known ? static_cast<int>(std::ceil(std::abs(device.depth_mm) / step_mm)) : 0;
+    steps += count;
+    deep += known ? 1 : 0;
+    std::visit(
+        [&](const auto& volume) {
+          for (int way = 0; way <= count; ++way) {
+            const auto to_surface = outward * (std::copysign(step_mm, device.depth_mm) * way);
+            const Point<Voxel> x =
+                model.field->X_VoxelPatient() * (tip + (known ? to_surface : Vector<Patient>()));
+            bool inside = true;
+            for (int axis = 0; axis < 3; ++axis)
+              inside = inside && x[axis] >= 0 && x[axis] < labels.geometry().dims[axis] - 1;
+            if (!inside) continue;
+            way == 0 ? add_rows(volume, x, 1, 2, field) : add_rows(volume, x, 0, 1, field);
+            if (known)
+              label.add(&labels.at(static_cast<int>(x.x() + 0.5), static_cast<int>(x.y() + 0.5),
+                                   static_cast<int>(x.z() + 0.5)),
+                        sizeof(LabelId));
+          }
+        },
+        model.field->padded());
+    if ((n + 1) % kWindow_ticks != 0) continue;
+    field_lines += field.take();
+    label_lines += label.take();
+    ++windows;
+  }
+  const double per_window = 1 / static_cast<double>(std::max<std::size_t>(windows, 1));
+  return {deep > 0 ? steps / deep : 0, field_lines * per_window, label_lines * per_window};
+}
+
+nlohmann::json describe(const std::vector<Knee>& knees, const PalpationPath& path) {
+  nlohmann::json all = nlohmann::json::array();
+  std::printf("\n%-52s %9s %9s %8s %12s %12s\n", "", "field MB", "label MB", "steps", "field lines",
+              "label lines");
+  for (const Knee& knee : knees) {
+    const Model& model = knee.model();
+    const double voxels = static_cast<double>(model.labels->voxels().size());
+    const double field_MB = 1e-6 * voxels * model.field->bytes_per_voxel();
+    const double label_MB = 1e-6 * voxels * sizeof(LabelId);
+    const Footprint footprint = footprint_of(model, path);
+    std::printf("%-52s %9.0f %9.0f %8.2f %12.0f %12.0f\n", knee.title.c_str(), field_MB, label_MB,
+                footprint.steps, footprint.field_lines, footprint.label_lines);
+    all.push_back({{"title", knee.title},
+                   {"voxels", voxels},
+                   {"least_spacing_mm", model.labels->geometry().min_spacing_mm()},
+                   {"field_MB", field_MB},
+                   {"label_MB", label_MB},
+                   {"steps_to_surface", footprint.steps},
+                   {"field_lines_in_1000_ticks", footprint.field_lines},
+                   {"label_lines_in_1000_ticks", footprint.label_lines}});
+  }
+  std::printf("steps: half voxels from tip to surface; lines: of 64 bytes, distinct ones in 1000 ticks\n");
+  return all;
+}
+
+// ---- one volume beside the others
 
 nlohmann::json to_json(const Percentiles& p) {
   return {{"p50_us", p.p50_us}, {"p99_us", p.p99_us}, {"p99.9_us", p.p999_us}, {"max_us", p.max_us}};
@@ -127,65 +241,68 @@ nlohmann::json to_json(const PaceFigures& pace) {
             {"unknown", pace.late.unknown}}}};
 }
 
-Result<nlohmann::json> compare_pace(const Knee& large, const Knee& small, const PalpationPath& path,
+double ratio_of(double a, double b) {
+  return b > 0 ? a / b : 0;
+}
+
+Result<nlohmann::json> compare_pace(const std::vector<Knee>& knees, const PalpationPath& path,
                                     const Options& options) {
   nlohmann::json rows = nlohmann::json::array();
-  std::printf("\nat a pace: compute and lateness in us, %d rounds of %g s of each in turn\n", options.rounds,
-              options.block_s);
-  std::printf("%7s %10s %10s %7s %10s %10s %10s %10s %10s %10s\n", "Hz", "large p50", "small p50", "ratio",
-              "large p99", "small p99", "late p50", "bare p50", "late p99", "bare p99");
+  std::printf(
+      "\nat a pace: us, %d rounds of %g s of each in turn; compute and ratio to the smallest; lateness\n",
+      options.rounds, options.block_s);
+  std::printf("%7s %-52s %8s %8s %7s %9s %9s\n", "Hz", "", "p50", "p99", "ratio", "late p50", "late p99");
   for (const double rate_hz : kRates_hz) {
     if (options.rate_hz > 0 && options.rate_hz != rate_hz) continue;
     const PaceSettings settings{.rate_hz = rate_hz, .spin_s = options.spin_us * 1e-6};
-    const auto of_large = PaceMeter::create(large.loaded.model, path, settings);
-    const auto of_small = PaceMeter::create(small.loaded.model, path, settings);
+    std::vector<std::unique_ptr<PaceMeter>> meters;
+    for (const Knee& knee : knees) meters.push_back(PaceMeter::create(knee.loaded.model, path, settings));
     for (int round = 0; round < options.rounds; ++round) {
-      for (PaceMeter* meter : {of_large.get(), of_small.get()})
+      for (const auto& meter : meters)
         if (auto measured = meter->servo_block(options.block_s); !measured) return measured.error();
-      if (auto measured = of_large->bare_block(options.block_s); !measured) return measured.error();
+      if (auto measured = meters.front()->bare_block(options.block_s); !measured) return measured.error();
     }
-    const PaceFigures l = of_large->figures(), s = of_small->figures();
-    std::printf("%7.0f %10.3f %10.3f %7.3f %10.3f %10.3f %10.2f %10.2f %10.2f %10.2f\n", rate_hz,
-                l.compute.p50_us, s.compute.p50_us, ratio_of(l.compute.p50_us, s.compute.p50_us),
-                l.compute.p99_us, s.compute.p99_us, l.lateness.p50_us, l.bare_lateness.p50_us,
-                l.lateness.p99_us, l.bare_lateness.p99_us);
-    rows.push_back({{"rate_hz", rate_hz},
-                    {"large", to_json(l)},
-                    {"small", to_json(s)},
-                    {"median_ratio", ratio_of(l.compute.p50_us, s.compute.p50_us)}});
+    nlohmann::json row = {{"rate_hz", rate_hz}, {"volumes", nlohmann::json::array()}};
+    const PaceFigures smallest = meters.front()->figures();
+    for (std::size_t k = 0; k < knees.size(); ++k) {
+      const PaceFigures pace = meters[k]->figures();
+      const double ratio = ratio_of(pace.compute.p50_us, smallest.compute.p50_us);
+      std::printf("%7.0f %-52s %8.3f %8.3f %7.3f %9.2f %9.2f\n", rate_hz, knees[k].title.c_str(),
+                  pace.compute.p50_us, pace.compute.p99_us, ratio, pace.lateness.p50_us,
+                  pace.lateness.p99_us);
+      row["volumes"].push_back(to_json(pace));
+      row["volumes"].back()["median_ratio"] = ratio;
+    }
+    std::printf("%7.0f %-52s %8s %8s %7s %9.2f %9.2f\n", rate_hz, "bare loop", "-", "-", "-",
+                smallest.bare_lateness.p50_us, smallest.bare_lateness.p99_us);
+    rows.push_back(std::move(row));
   }
   return rows;
 }
 
-// the rounds of the two in turn; time of every kind in ns
-Result<nlohmann::json> compare_free_running(const Knee& large, const Knee& small, const PalpationPath& path,
+// the rounds of all in turn
+Result<nlohmann::json> compare_free_running(const std::vector<Knee>& knees, const PalpationPath& path,
                                             const Options& options) {
-  nlohmann::json rows = nlohmann::json::array();
   std::printf("\nas fast as it goes: ns, medians of %d rounds along %zu ticks, %.0f %% of them in contact\n",
               options.rounds, path.states.size(), 100 * path.in_contact);
-  std::printf("%-24s %10s %10s %7s\n", "", "large", "small", "ratio");
-  for (const ForceMethodInfo& method : kForceMethods) {
-    std::vector<double> tick_ns[2], update_ns[2];
-    const Knee* knees[2] = {&large, &small};
-    for (int round = 0; round < options.rounds; ++round) {
-      for (int k = 0; k < 2; ++k) {
-        const auto& model = knees[k]->loaded.model;
-        tick_ns[k].push_back(time_ticks(*model, path, method.method, 1).front());
-        const auto updates = time_updates(model, path, method.method, 1);
-        if (!updates) return updates.error();
-        update_ns[k].push_back(updates->front());
-      }
+  std::printf("%-52s %10s %10s %7s\n", "", "tick", "update", "ratio");
+  std::vector<std::vector<double>> tick_ns(knees.size()), update_ns(knees.size());
+  for (int round = 0; round < options.rounds; ++round) {
+    for (std::size_t k = 0; k < knees.size(); ++k) {
+      const auto& model = knees[k].loaded.model;
+      tick_ns[k].push_back(time_ticks(*model, path, path.parameters.method, 1).front());
+      const auto updates = time_updates(model, path, path.parameters.method, 1);
+      if (!updates) return updates.error();
+      update_ns[k].push_back(updates->front());
     }
-    const std::pair<const char*, std::vector<double>*> kinds[] = {{"tick", tick_ns}, {"update", update_ns}};
-    for (const auto& [kind, ns] : kinds) {
-      const double l = median(ns[0]), s = median(ns[1]);
-      std::printf("%-24s %10.0f %10.0f %7.3f\n", (method.name + ", " + kind).c_str(), l, s, ratio_of(l, s));
-      rows.push_back({{"method", method.name},
-                      {"what", kind},
-                      {"large_ns", l},
-                      {"small_ns", s},
-                      {"ratio", ratio_of(l, s)}});
-    }
+  }
+  nlohmann::json rows = nlohmann::json::array();
+  for (std::size_t k = 0; k < knees.size(); ++k) {
+    const double ratio = ratio_of(median(tick_ns[k]), median(tick_ns[0]));
+    std::printf("%-52s %10.0f %10.0f %7.3f\n", knees[k].title.c_str(), median(tick_ns[k]),
+                median(update_ns[k]), ratio);
+    rows.push_back(
+        {{"tick_ns", median(tick_ns[k])}, {"update_ns", median(update_ns[k])}, {"tick_ratio", ratio}});
   }
   return rows;
 }
@@ -279,30 +396,41 @@ Result<nlohmann::json> measured(const Options& options) {
   std::string what;
   const auto labels = large_labels(options, what);
   if (!labels) return labels.error();
-  const auto large = knee_of(what, *labels);
-  if (!large) return large.error();
-  const auto path = palpate_once(large->loaded);
+  auto as_it_is = knee_of(what, *labels, options.force_method());
+  if (!as_it_is) return as_it_is.error();
+  auto path = palpate_once(as_it_is->loaded);
   if (!path) return path.error();
-  std::printf("large: %s\n", large->title.c_str());
-  nlohmann::json json = {{"large", large->title}, {"spin_us", options.spin_us}};
+  path->parameters.method = options.force_method();
+  std::printf("%s; %s\n", as_it_is->title.c_str(), options.method.c_str());
+  nlohmann::json json = {{"method", options.method}, {"spin_us", options.spin_us}};
 
   if (options.endurance_s > 0) {
-    auto endurance = endure(*large, *path, options);
+    auto endurance = endure(*as_it_is, *path, options);
     if (!endurance) return endurance.error();
+    json["volume"] = as_it_is->title;
     json["endurance"] = *std::move(endurance);
     return json;
   }
 
-  const auto coarse = resample_nearest(*labels, coarser(labels->geometry(), kSmall_voxels));
-  if (!coarse) return coarse.error();
-  const auto small = knee_of("the same, resampled", *coarse);
-  if (!small) return small.error();
-  std::printf("small: %s\n", small->title.c_str());
-  json.update({{"small", small->title}, {"rounds", options.rounds}});
-  auto pace = compare_pace(*large, *small, *path, options);
+  // from the smallest to the largest
+  std::vector<Knee> knees;
+  for (const double voxels : {kSmall_voxels, 0.0, kHuge_voxels}) {
+    if (voxels == 0) {
+      knees.push_back(*std::move(as_it_is));
+    } else if (voxels <= options.largest) {
+      const auto resampled = resample_nearest(*labels, resized(labels->geometry(), voxels));
+      if (!resampled) return resampled.error();
+      auto knee = knee_of("the same, resampled", *resampled, options.force_method());
+      if (!knee) return knee.error();
+      knees.push_back(*std::move(knee));
+    }
+  }
+  json["rounds"] = options.rounds;
+  json["volumes"] = describe(knees, *path);
+  auto pace = compare_pace(knees, *path, options);
   if (!pace) return pace.error();
   json["pace"] = *std::move(pace);
-  auto free_running = compare_free_running(*large, *small, *path, options);
+  auto free_running = compare_free_running(knees, *path, options);
   if (!free_running) return free_running.error();
   json["free_running"] = *std::move(free_running);
   return json;
@@ -310,17 +438,9 @@ Result<nlohmann::json> measured(const Options& options) {
 
 int run(const Options& options) {
   const auto json = measured(options);
-  if (!json) {
-    std::fprintf(stderr, "servo_bench: %s\n", json.error().message().c_str());
-    return 1;
-  }
-  if (options.json.empty()) return 0;
-  std::ofstream file(options.json);
-  file << json->dump(2) << '\n';
-  file.close();
-  if (file) return 0;
-  std::fprintf(stderr, "servo_bench: %s could not be written\n", options.json.c_str());
-  return 4;
+  if (json) return write_json("servo_bench", options.json, *json);
+  std::fprintf(stderr, "servo_bench: %s\n", json.error().message().c_str());
+  return 1;
 }
 
 }  // namespace
@@ -329,7 +449,7 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   palpate::bench::Options options;
-  CLI::App app("The servo's tick on 31 and on 8 million voxels in one run, or the servo for a long time");
+  CLI::App app("The servo's tick on 8, 31 and 134 million voxels in one run, or the servo for a long time");
   app.add_option("--rounds", options.rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -345,6 +465,15 @@ int main(int argc, char** argv) {
                  "instead: servo and bare loop in turn, this many seconds of each, on one CPU")
       ->check(CLI::Range(1.0, 86400.0));
   app.add_flag("--load", options.load, "endurance: keep the other CPUs busy");
+  app.add_option("--largest", options.largest,
+                 "no resampled volume of more voxels; with 134e6, 1.8 GB of memory")
+      ->check(CLI::Range(1e6, 1e9))
+      ->capture_default_str();
+  std::vector<std::string> methods;
+  for (const palpate::ForceMethodInfo& info : palpate::kForceMethods) methods.emplace_back(info.name);
+  app.add_option("--method", options.method, "force method")
+      ->check(CLI::IsMember(methods))
+      ->capture_default_str();
   app.add_option("--labels", options.labels,
                  "label map of a knee; default: knee_spl in PALPATE_DATA, else a "
                  "generated one");

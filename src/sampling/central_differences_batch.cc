@@ -4,7 +4,7 @@
 #include "palpate/sampling.h"
 #include "sampling/point_group.h"
 
-// The sample of central_differences.cc for many points, one point a lane. A gather of 32 bits brings the
+// The sample of central_differences.cc for many points, one point a lane. A load of 32 bits brings the
 // four bytes of a row at once, or two 16-bit voxels. Points go through in groups of kPointsInGroup: their
 // cells in double, as for one point; the voxels' arithmetic in float; the way back to the patient in double
 // again. A point outside is moved to the border, where everything around it is `outside`.
@@ -15,6 +15,7 @@
 // after foreach_target.h
 #include <hwy/highway.h>
 
+#include "sampling/four_rows-inl.h"
 #include "sampling/vectors-inl.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -67,17 +68,32 @@ HWY_INLINE void find_cells(const VoxelView<T>& voxels, const SamplingMap& map, c
 
 // ---- the voxels -------------------------------------------------------------------------------------
 
-/// The 32 bits at each lane's offset from `base`, aligned or not.
-HWY_INLINE VI gather(const void* base, VI byte_offset) {
-#if HWY_TARGET <= HWY_AVX2
-  return hn::GatherOffset(DI(), static_cast<const std::int32_t*>(base), byte_offset);
+/// Offsets of the cells of as many points as there are lanes.
+struct Offsets {
+  HWY_INLINE explicit Offsets(const std::int32_t* bytes) : in_memory(bytes), lanes(hn::Load(DI(), bytes)) {}
+  const std::int32_t* in_memory;
+  VI lanes;
+};
+
+/// The 32 bits at each lane's offset from `base`, aligned or not, loaded one by one: faster than the gather
+/// instruction of AVX2 and AVX-512.
+HWY_INLINE VI load_each(const void* base, const Offsets& offsets) {
+#if HWY_TARGET == HWY_SCALAR
+  return hn::GatherOffset(DI(), static_cast<const std::int32_t*>(base), offsets.lanes);
 #else
-  HWY_ALIGN std::int32_t offsets[hn::MaxLanes(DI())], words[hn::MaxLanes(DI())];
-  hn::Store(byte_offset, DI(), offsets);
-  for (std::size_t n = 0; n < hn::Lanes(DI()); ++n) {
-    hwy::CopyBytes<4>(static_cast<const char*>(base) + offsets[n], &words[n]);
-  }
-  return hn::Load(DI(), words);
+  const auto* const bytes = static_cast<const std::uint8_t*>(base);
+  const hn::FixedTag<std::uint8_t, 4> four_bytes;
+  return joined<static_cast<int>(hn::MaxLanes(DI()))>([&](int n) HWY_ATTR {
+    return hn::BitCast(hn::FixedTag<std::int32_t, 1>(), hn::LoadU(four_bytes, bytes + offsets.in_memory[n]));
+  });
+#endif
+}
+/// The same, by the gather instruction where that makes the whole faster: beside single loads, on AVX-512.
+HWY_INLINE VI gather(const void* base, const Offsets& offsets) {
+#if HWY_TARGET <= HWY_AVX3
+  return hn::GatherOffset(DI(), static_cast<const std::int32_t*>(base), offsets.lanes);
+#else
+  return load_each(base, offsets);
 #endif
 }
 
@@ -100,23 +116,23 @@ HWY_INLINE VF voxel_in(VI word, int from_bit) {
   }
 }
 
-HWY_INLINE Two load_two(const std::uint8_t* p, VI offset) {
-  const VI word = gather(p, offset);
+HWY_INLINE Two load_two(const std::uint8_t* p, const Offsets& offsets) {
+  const VI word = gather(p, offsets);
   return {voxel_in<8, false>(word, 8), voxel_in<8, false>(word, 16)};
 }
-HWY_INLINE Four load_four_voxels(const std::uint8_t* p, VI offset) {
-  const VI word = gather(p, offset);
+HWY_INLINE Four load_four_voxels(const std::uint8_t* p, const Offsets& offsets) {
+  const VI word = load_each(p, offsets);
   return {voxel_in<8, false>(word, 0), voxel_in<8, false>(word, 8), voxel_in<8, false>(word, 16),
           voxel_in<8, false>(word, 24)};
 }
 template <class T>
-HWY_INLINE Two load_two(const T* p, VI offset) {
-  const VI word = gather(p + 1, offset);
+HWY_INLINE Two load_two(const T* p, const Offsets& offsets) {
+  const VI word = gather(p + 1, offsets);
   return {voxel_in<16, T(-1) < 0>(word, 0), voxel_in<16, T(-1) < 0>(word, 16)};
 }
 template <class T>
-HWY_INLINE Four load_four_voxels(const T* p, VI offset) {
-  const VI first = gather(p, offset), second = gather(p + 2, offset);
+HWY_INLINE Four load_four_voxels(const T* p, const Offsets& offsets) {
+  const VI first = load_each(p, offsets), second = load_each(p + 2, offsets);
   return {voxel_in<16, T(-1) < 0>(first, 0), voxel_in<16, T(-1) < 0>(first, 16),
           voxel_in<16, T(-1) < 0>(second, 0), voxel_in<16, T(-1) < 0>(second, 16)};
 }
@@ -135,16 +151,16 @@ HWY_INLINE Interpolated along_i(const Four& row, VF u) {
 
 template <class T>
 HWY_INLINE void sample_lanes(const VoxelView<T>& voxels, PointGroup& group, std::size_t n) {
-  const VI offset = hn::Load(DI(), group.byte_offset + n);
+  const Offsets offsets(group.byte_offset + n);
   const VF u = hn::Load(DF(), group.u + n), v = hn::Load(DF(), group.v + n), w = hn::Load(DF(), group.w + n);
   const auto row = [&](int dj, int dk)
                        HWY_ATTR { return voxels.origin + dj * voxels.row + dk * voxels.slice; };
   const auto outer = [&](int dj, int dk) HWY_ATTR {
-    const Two two = load_two(row(dj, dk), offset);
+    const Two two = load_two(row(dj, dk), offsets);
     return lerp(two.b, two.e, u);
   };
   const auto inner = [&](int dj, int dk)
-                         HWY_ATTR { return along_i(load_four_voxels(row(dj, dk), offset), u); };
+                         HWY_ATTR { return along_i(load_four_voxels(row(dj, dk), offsets), u); };
 
   // the bilinear weights along j and k
   const VF one = hn::Set(DF(), 1);

@@ -9,7 +9,8 @@
 //                                 Z(i) = sum_k s_k A        d/dk  = sum_i w_i Z
 //
 // Vectors lie along i, where every lane stands for itself until the last sums, which are taken in four parts
-// on every target. No operation is fused. Hence the same bits everywhere.
+// on every target. No operation is fused. Hence the same bits everywhere. The smallest smooth sphere, the one
+// for fine points, has a form of its own in small_sphere-inl.h.
 //
 // The slopes sum to 0 and the weights to a known total, but not to the last bit, and deep inside the tissue a
 // gradient of rounding errors would still have a direction. Where the box lies wholly inside the volume and
@@ -24,47 +25,14 @@
 // after foreach_target.h
 #include <hwy/highway.h>
 
+#include "sampling/label_members-inl.h"
 #include "sampling/label_sphere_weights-inl.h"
+#include "sampling/small_sphere-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace palpate::internal::label_sphere::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
-
-// ---- which voxels are no members ------------------------------------------------------------------------
-
-HWY_INLINE std::uint32_t first_to_last(const LabelRange& range) {
-  return static_cast<std::uint32_t>(range.last - range.first);
-}
-
-/// One run of consecutive labels, the usual set.
-struct OneRange {
-  template <class T>
-  HWY_INLINE explicit OneRange(const LabelGrid<T>& grid)
-      : first(grid.ranges[0].first), span(first_to_last(grid.ranges[0])) {}
-  template <class DU>
-  HWY_INLINE hn::Mask<DU> miss(DU du, hn::Vec<DU> label) const {
-    return hn::Gt(hn::Sub(label, hn::Set(du, first)), hn::Set(du, span));
-  }
-  std::uint32_t first, span;
-};
-
-struct AnyRanges {
-  template <class T>
-  HWY_INLINE explicit AnyRanges(const LabelGrid<T>& grid) : ranges(grid.ranges), count(grid.range_count) {}
-  template <class DU>
-  HWY_INLINE hn::Mask<DU> miss(DU du, hn::Vec<DU> label) const {
-    // no label has 32 bits: all of them miss so far
-    auto all = hn::Ne(label, hn::Set(du, ~std::uint32_t{0}));
-    for (std::size_t n = 0; n < count; ++n) {
-      const auto above = hn::Sub(label, hn::Set(du, std::uint32_t{ranges[n].first}));
-      all = hn::And(all, hn::Gt(above, hn::Set(du, first_to_last(ranges[n]))));
-    }
-    return all;
-  }
-  const LabelRange* ranges;
-  std::size_t count;
-};
 
 // ---- the sums --------------------------------------------------------------------------------------------
 
@@ -187,15 +155,6 @@ HWY_INLINE float dot(const float* a, const float* b, int count) {
 }
 
 template <class T>
-HWY_INLINE bool is_member(const LabelGrid<T>& grid, std::ptrdiff_t offset) {
-  const unsigned label = grid.voxels[offset];
-  for (std::size_t n = 0; n < grid.range_count; ++n) {
-    if (label >= grid.ranges[n].first && label <= grid.ranges[n].last) return true;
-  }
-  return false;
-}
-
-template <class T>
 HWY_INLINE std::ptrdiff_t offset_of(const LabelGrid<T>& grid, int i, int j, int k) {
   return (static_cast<std::ptrdiff_t>(k) * grid.dims[1] + j) * grid.dims[0] + i;
 }
@@ -220,20 +179,21 @@ HWY_INLINE BoxPart part_inside(const LabelGrid<T>& grid, const AxisWeights (&axe
 
 template <int kCount, class T, class Kernel>
 HWY_INLINE void sample_one(const LabelGrid<T>& grid, const Kernel& kernel, const SpherePoint& point,
-                           SphereSample& sample) {
+                           double* sample) {
   // too far away to see a voxel, or no place at all
-  sample = {0, {0, 0, 0}};
+  store_four(internal::HWY_NAMESPACE::all_four(0), sample);
   for (int a = 0; a < 3; ++a) {
     const double far = reach(kernel, a);
     if (!(point.x[a] > -far && point.x[a] < grid.dims[a] - 1 + far)) return;
   }
 
   AxisWeights axes[3];
-  weigh<kCount>(point, kernel, axes);
+  weigh(point, kernel, axes);
   const BoxPart part = part_inside(grid, axes);
-  const bool flip = part.whole && is_member(grid, offset_of(grid, static_cast<int>(nearest(point.x[0])),
-                                                            static_cast<int>(nearest(point.x[1])),
-                                                            static_cast<int>(nearest(point.x[2]))));
+  const bool flip =
+      part.whole && AnyRanges(grid).has(grid.voxels[offset_of(grid, static_cast<int>(nearest(point.x[0])),
+                                                              static_cast<int>(nearest(point.x[1])),
+                                                              static_cast<int>(nearest(point.x[2])))]);
 
   ColumnSums sums;
   const Box<T> box{grid, axes, part};
@@ -251,41 +211,44 @@ HWY_INLINE void sample_one(const LabelGrid<T>& grid, const Kernel& kernel, const
   const double along[3] = {per_sum * dot<kCount>(axes[0].slope, sums.v, count),
                            per_sum * dot<kCount>(axes[0].weight, sums.y, count),
                            per_sum * dot<kCount>(axes[0].weight, sums.z, count)};
-  sample.value = (flip ? axes[0].total * axes[1].total * axes[2].total : 0) + value;
-  for (int a = 0; a < 3; ++a) sample.gradient[a] = along[a] * axes[a].slope_unit - value * axes[a].drift;
+  const double whole = flip ? axes[0].total * axes[1].total * axes[2].total : 0;
+  const auto derivative = [&](int a) HWY_ATTR {
+    return gradient_column(grid, a) *
+           internal::HWY_NAMESPACE::all_four(along[a] * axes[a].slope_unit - value * axes[a].drift);
+  };
+  store_four((internal::HWY_NAMESPACE::of_four(whole + value, 0, 0, 0) + derivative(0)) +
+                 (derivative(1) + derivative(2)),
+             sample);
 }
 
 template <int kCount, class T, class Kernel>
 HWY_INLINE void sample_all(const LabelGrid<T>& grid, const Kernel& kernel, const SpherePoint* points,
-                           std::size_t count, SphereSample* samples) {
-  for (std::size_t n = 0; n < count; ++n) sample_one<kCount>(grid, kernel, points[n], samples[n]);
-}
-
-/// The smallest sphere, the one for fine points, is known at compile time.
-template <class T>
-HWY_INLINE void sample_smooth(const LabelGrid<T>& grid, const SmoothKernel& kernel, const SpherePoint* points,
-                              std::size_t count, SphereSample* samples) {
-  if (kernel.count[0] == 4 && kernel.count[1] == 4 && kernel.count[2] == 4) {
-    sample_all<4>(grid, kernel, points, count, samples);
-  } else {
-    sample_all<0>(grid, kernel, points, count, samples);
-  }
+                           std::size_t count, double* samples) {
+  for (std::size_t n = 0; n < count; ++n) sample_one<kCount>(grid, kernel, points[n], samples + 4 * n);
 }
 
 void smooth_in_mask(const LabelGrid<std::uint8_t>& grid, const SmoothKernel& kernel,
-                    const SpherePoint* points, std::size_t count, SphereSample* samples) {
-  sample_smooth(grid, kernel, points, count, samples);
+                    const SpherePoint* points, std::size_t count, double* samples) {
+  sample_all<0>(grid, kernel, points, count, samples);
 }
 void smooth_in_labels(const LabelGrid<std::uint16_t>& grid, const SmoothKernel& kernel,
-                      const SpherePoint* points, std::size_t count, SphereSample* samples) {
-  sample_smooth(grid, kernel, points, count, samples);
+                      const SpherePoint* points, std::size_t count, double* samples) {
+  sample_all<0>(grid, kernel, points, count, samples);
+}
+void small_in_mask(const LabelGrid<std::uint8_t>& grid, const double* points, std::size_t count,
+                   double* samples) {
+  sample_all_small(grid, points, count, samples);
+}
+void small_in_labels(const LabelGrid<std::uint16_t>& grid, const double* points, std::size_t count,
+                     double* samples) {
+  sample_all_small(grid, points, count, samples);
 }
 void gaussian_in_mask(const LabelGrid<std::uint8_t>& grid, const GaussianTable& table,
-                      const SpherePoint* points, std::size_t count, SphereSample* samples) {
+                      const SpherePoint* points, std::size_t count, double* samples) {
   sample_all<7>(grid, table, points, count, samples);
 }
 void gaussian_in_labels(const LabelGrid<std::uint16_t>& grid, const GaussianTable& table,
-                        const SpherePoint* points, std::size_t count, SphereSample* samples) {
+                        const SpherePoint* points, std::size_t count, double* samples) {
   sample_all<7>(grid, table, points, count, samples);
 }
 
@@ -297,23 +260,33 @@ namespace palpate::internal::label_sphere {
 
 HWY_EXPORT(smooth_in_mask);
 HWY_EXPORT(smooth_in_labels);
+HWY_EXPORT(small_in_mask);
+HWY_EXPORT(small_in_labels);
 HWY_EXPORT(gaussian_in_mask);
 HWY_EXPORT(gaussian_in_labels);
 
 void sample_sphere(const LabelGrid<std::uint8_t>& grid, const SmoothKernel& kernel, const SpherePoint* points,
-                   std::size_t count, SphereSample* samples) {
+                   std::size_t count, double* samples) {
   HWY_DYNAMIC_DISPATCH(smooth_in_mask)(grid, kernel, points, count, samples);
 }
 void sample_sphere(const LabelGrid<std::uint16_t>& grid, const SmoothKernel& kernel,
-                   const SpherePoint* points, std::size_t count, SphereSample* samples) {
+                   const SpherePoint* points, std::size_t count, double* samples) {
   HWY_DYNAMIC_DISPATCH(smooth_in_labels)(grid, kernel, points, count, samples);
 }
+void sample_sphere(const LabelGrid<std::uint8_t>& grid, const SmallKernel&, const Point<Patient>* points,
+                   std::size_t count, double* samples) {
+  HWY_DYNAMIC_DISPATCH(small_in_mask)(grid, points->eigen().data(), count, samples);
+}
+void sample_sphere(const LabelGrid<std::uint16_t>& grid, const SmallKernel&, const Point<Patient>* points,
+                   std::size_t count, double* samples) {
+  HWY_DYNAMIC_DISPATCH(small_in_labels)(grid, points->eigen().data(), count, samples);
+}
 void sample_sphere(const LabelGrid<std::uint8_t>& grid, const GaussianTable& table, const SpherePoint* points,
-                   std::size_t count, SphereSample* samples) {
+                   std::size_t count, double* samples) {
   HWY_DYNAMIC_DISPATCH(gaussian_in_mask)(grid, table, points, count, samples);
 }
 void sample_sphere(const LabelGrid<std::uint16_t>& grid, const GaussianTable& table,
-                   const SpherePoint* points, std::size_t count, SphereSample* samples) {
+                   const SpherePoint* points, std::size_t count, double* samples) {
   HWY_DYNAMIC_DISPATCH(gaussian_in_labels)(grid, table, points, count, samples);
 }
 

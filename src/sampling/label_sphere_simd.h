@@ -14,16 +14,18 @@ struct LabelGrid {
   int dims[3];
   const LabelRange* ranges;
   std::size_t range_count;
+  /// X_VoxelPatient: its matrix, column by column, and its translation. The matrix's transpose takes
+  /// gradients per voxel to gradients per mm.
+  const double *voxel_per_mm, *origin;
 };
 
-/// A point in continuous voxel indices, and what a sphere finds there.
+/// A point in continuous voxel indices.
 struct SpherePoint {
   double x[3];
 };
-struct SphereSample {
-  double value;
-  double gradient[3];  ///< per voxel, along i, j, k
-};
+
+/// The smooth sphere of two voxels along every axis, the smallest one.
+struct SmallKernel {};
 
 /// The smooth sphere's kernel along each axis.
 struct SmoothKernel {
@@ -40,14 +42,19 @@ struct GaussianTable {
 };
 
 /// Both spheres are sums of separable weights over a box of voxels; the same bits on every target, and
-/// whatever the number of points.
+/// whatever the number of points. Samples are written as four doubles each: value, gradient x, y, z per mm.
 void sample_sphere(const LabelGrid<std::uint8_t>& grid, const SmoothKernel& kernel, const SpherePoint* points,
-                   std::size_t count, SphereSample* samples);
+                   std::size_t count, double* samples);
 void sample_sphere(const LabelGrid<std::uint16_t>& grid, const SmoothKernel& kernel,
-                   const SpherePoint* points, std::size_t count, SphereSample* samples);
+                   const SpherePoint* points, std::size_t count, double* samples);
+/// The same for points in the patient frame.
+void sample_sphere(const LabelGrid<std::uint8_t>& grid, const SmallKernel& kernel,
+                   const Point<Patient>* points, std::size_t count, double* samples);
+void sample_sphere(const LabelGrid<std::uint16_t>& grid, const SmallKernel& kernel,
+                   const Point<Patient>* points, std::size_t count, double* samples);
 void sample_sphere(const LabelGrid<std::uint8_t>& grid, const GaussianTable& table, const SpherePoint* points,
-                   std::size_t count, SphereSample* samples);
+                   std::size_t count, double* samples);
 void sample_sphere(const LabelGrid<std::uint16_t>& grid, const GaussianTable& table,
-                   const SpherePoint* points, std::size_t count, SphereSample* samples);
+                   const SpherePoint* points, std::size_t count, double* samples);
 
 }  // namespace palpate::internal::label_sphere

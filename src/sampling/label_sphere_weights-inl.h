@@ -62,10 +62,9 @@ HWY_INLINE float sum_of_four(const float* p) {
 }
 
 /// t(u) and u (1-u^2)^2, of which t' = 6/r times. By the quotient rule (t/S)' = t'/S - t S'/S^2.
-template <int kCount>
 HWY_INLINE void smooth_axis(double x, double radius, float per_radius, int count, AxisWeights& axis) {
   const hn::CappedTag<float, 4> d;
-  const int lanes = static_cast<int>(hn::Lanes(d)), length = padded(count_or<kCount>(count));
+  const int lanes = static_cast<int>(hn::Lanes(d)), length = padded(count);
   const double start = floor(x - radius) + 1;
   axis.start = static_cast<int>(start);
   axis.count = count;
@@ -130,16 +129,14 @@ HWY_INLINE void gaussian_axis(double x, const GaussianTable& table, AxisWeights&
   axis.total = sum_of_four(sums);
 }
 
-template <int kCount>
 HWY_INLINE void weigh(const SpherePoint& p, const SmoothKernel& kernel, AxisWeights (&axes)[3]) {
   const auto weigh_axis = [&](int a) HWY_ATTR {
-    smooth_axis<kCount>(p.x[a], kernel.radius[a], kernel.per_radius[a], kernel.count[a], axes[a]);
+    smooth_axis(p.x[a], kernel.radius[a], kernel.per_radius[a], kernel.count[a], axes[a]);
   };
   weigh_axis(0);
   weigh_axis(1);
   weigh_axis(2);
 }
-template <int kCount>
 HWY_INLINE void weigh(const SpherePoint& p, const GaussianTable& table, AxisWeights (&axes)[3]) {
   gaussian_axis(p.x[0], table, axes[0]);
   gaussian_axis(p.x[1], table, axes[1]);

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <iostream>
 
+#include "sampling/label_sphere_test_support.h"
 #include "sampling/test_oracles.h"
 
 // Every method on every SIMD target of the machine: against its oracle, and against the other targets bit
@@ -154,6 +155,45 @@ TEST(SamplingTargets, SplineOf16Bits) {
 
 TEST(SamplingTargets, SplineOfFloats) {
   expect_all_targets_right_on_a_spline<float>(SplineStorage::kFloat);
+}
+
+/// Of a method that carries its own definition.
+template <class AnyMethod>
+void expect_all_targets_literal(const AnyMethod& method, double tolerance) {
+  expect_all_targets_right(kGrid,
+                           {.oracle = [&](const Point<Patient>& p) { return method.sample_literal(p); },
+                            .one = [&](const Point<Patient>& p) { return method.sample(p); },
+                            .many = [&](auto points, auto samples) { method.sample(points, samples); },
+                            .range = 1,
+                            .tolerance_one = tolerance,
+                            .tolerance_many = tolerance});
+}
+
+LabelVoxels random_members() {
+  std::mt19937 random(test::kSeed);
+  return {internal::random_labels(kGrid, random), {1, 2, 3}};
+}
+
+TEST(SamplingTargets, GaussianSphere) {
+  expect_all_targets_literal(GaussianSphere::make(random_members(), 1).value(), 1e-5);
+}
+
+TEST(SamplingTargets, SmoothSphereOfFourVoxels) {
+  expect_all_targets_literal(SmoothSphere::make(random_members(), 0.05).value(), 1e-5);
+}
+
+TEST(SamplingTargets, SmoothSphereOfManyVoxels) {
+  expect_all_targets_literal(SmoothSphere::make(random_members(), 0.5).value(), 1e-5);
+}
+
+TEST(SamplingTargets, StoredNormals) {
+  std::mt19937 random(test::kSeed);
+  const auto ramp = test::random_volume<std::uint16_t>(kGrid, random);
+  for (const auto encoding :
+       {NormalEncoding::kBytes, NormalEncoding::kOctahedral16, NormalEncoding::kOctahedral24}) {
+    // where the normals nearly cancel, the direction of their sum is less certain
+    expect_all_targets_literal(StoredNormals::from_ramp(ramp, encoding), 1e-4);
+  }
 }
 
 }  // namespace

@@ -63,6 +63,10 @@ FieldSample SmoothSphere::sample(const Point<Patient>& x) const {
 }
 
 void SmoothSphere::sample(std::span<const Point<Patient>> points, std::span<FieldSample> samples) const {
+  if (count_ == std::array{4, 4, 4}) {
+    return internal::label_sphere::sample_sphere_at(voxels_, internal::label_sphere::SmallKernel(), points,
+                                                    samples);
+  }
   internal::label_sphere::SmoothKernel kernel{};
   for (int axis = 0; axis < 3; ++axis) {
     kernel.radius[axis] = radius_voxels_[axis];

@@ -164,18 +164,13 @@ void StoredNormals::sample(std::span<const Point<Patient>> points, std::span<Fie
   // a few points at a time, so that nothing is allocated
   constexpr std::size_t kChunk = 32;
   std::array<internal::stored_normals::StoredPoint, kChunk> in_voxels;
-  std::array<internal::stored_normals::StoredSample, kChunk> found;
   for (std::size_t first = 0; first < points.size(); first += kChunk) {
     const std::size_t count = std::min(kChunk, points.size() - first);
     for (std::size_t n = 0; n < count; ++n) {
       const Point<Voxel> x = X_VoxelPatient_ * points[first + n];
       in_voxels[n] = {{x.x(), x.y(), x.z()}};
     }
-    internal::stored_normals::sample_stored(grid, in_voxels.data(), count, found.data());
-    for (std::size_t n = 0; n < count; ++n) {
-      const float* normal = found[n].normal;
-      samples[first + n] = {found[n].value, {-normal[0], -normal[1], -normal[2]}};
-    }
+    internal::stored_normals::sample_stored(grid, in_voxels.data(), count, &samples[first].value);
   }
 }
 

@@ -20,10 +20,13 @@
 // after foreach_target.h
 #include <hwy/highway.h>
 
+#include "sampling/vectors-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace palpate::internal::stored_normals::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
+namespace rows = internal::HWY_NAMESPACE;
 
 HWY_INLINE int floor_to_int(double x) {
   const int truncated = static_cast<int>(x);
@@ -74,9 +77,9 @@ HWY_INLINE float sum_of_eight(const float* p) {
 }
 
 template <NormalEncoding kEncoding>
-HWY_INLINE void sample_one(const StoredGrid& grid, const StoredPoint& point, StoredSample& sample) {
+HWY_INLINE void sample_one(const StoredGrid& grid, const StoredPoint& point, double* sample) {
   // more than a voxel outside, or no place at all
-  sample = {0, {0, 0, 0}};
+  store_four(rows::all_four(0), sample);
   for (int a = 0; a < 3; ++a) {
     if (!(point.x[a] > -1 && point.x[a] < grid.dims[a])) return;
   }
@@ -132,25 +135,24 @@ HWY_INLINE void sample_one(const StoredGrid& grid, const StoredPoint& point, Sto
     hn::Store(hn::Mul(weight, z), d, sums[4] + lane);
   }
 
-  sample.value = sum_of_eight(sums[1]) / (255 * sum_of_eight(sums[0]));
+  const double value = sum_of_eight(sums[1]) / (255 * sum_of_eight(sums[0]));
   const float x = sum_of_eight(sums[2]), y = sum_of_eight(sums[3]), z = sum_of_eight(sums[4]);
   const double squared = static_cast<double>(x) * x + static_cast<double>(y) * y + static_cast<double>(z) * z;
-  if (squared == 0) return;
   const hn::CappedTag<double, 1> one;
-  const double length = hn::GetLane(hn::Sqrt(hn::Set(one, squared)));
-  sample.normal[0] = static_cast<float>(x / length);
-  sample.normal[1] = static_cast<float>(y / length);
-  sample.normal[2] = static_cast<float>(z / length);
+  const double length = squared == 0 ? 1 : hn::GetLane(hn::Sqrt(hn::Set(one, squared)));
+  // minus the normal, as a gradient points
+  const auto component = [&](float c)
+                             HWY_ATTR { return 0 - static_cast<double>(static_cast<float>(c / length)); };
+  store_four(rows::of_four(value, component(x), component(y), component(z)), sample);
 }
 
 template <NormalEncoding kEncoding>
 HWY_INLINE void sample_all(const StoredGrid& grid, const StoredPoint* points, std::size_t count,
-                           StoredSample* samples) {
-  for (std::size_t n = 0; n < count; ++n) sample_one<kEncoding>(grid, points[n], samples[n]);
+                           double* samples) {
+  for (std::size_t n = 0; n < count; ++n) sample_one<kEncoding>(grid, points[n], samples + 4 * n);
 }
 
-void sample_voxels(const StoredGrid& grid, const StoredPoint* points, std::size_t count,
-                   StoredSample* samples) {
+void sample_voxels(const StoredGrid& grid, const StoredPoint* points, std::size_t count, double* samples) {
   switch (grid.encoding) {
     case NormalEncoding::kBytes:
       return sample_all<NormalEncoding::kBytes>(grid, points, count, samples);
@@ -169,8 +171,7 @@ namespace palpate::internal::stored_normals {
 
 HWY_EXPORT(sample_voxels);
 
-void sample_stored(const StoredGrid& grid, const StoredPoint* points, std::size_t count,
-                   StoredSample* samples) {
+void sample_stored(const StoredGrid& grid, const StoredPoint* points, std::size_t count, double* samples) {
   HWY_DYNAMIC_DISPATCH(sample_voxels)(grid, points, count, samples);
 }
 

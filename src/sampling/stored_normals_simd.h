@@ -27,13 +27,9 @@ struct StoredGrid {
 struct StoredPoint {
   double x[3];
 };
-struct StoredSample {
-  float value;
-  float normal[3];  ///< unit or 0
-};
 
-/// The same bits on every target, and whatever the number of points. Each voxel is read as 4 bytes.
-void sample_stored(const StoredGrid& grid, const StoredPoint* points, std::size_t count,
-                   StoredSample* samples);
+/// The same bits on every target, and whatever the number of points. Each voxel is read as 4 bytes. Samples
+/// are written as four doubles each: the value, then minus the normal, unit or 0.
+void sample_stored(const StoredGrid& grid, const StoredPoint* points, std::size_t count, double* samples);
 
 }  // namespace palpate::internal::stored_normals

@@ -48,6 +48,9 @@ HWY_INLINE Quad operator-(const Quad& a, const Quad& b) {
 HWY_INLINE Quad operator*(const Quad& a, const Quad& b) {
   return each_part([&](int n) HWY_ATTR { return hn::Mul(a.part[n], b.part[n]); });
 }
+HWY_INLINE Quad operator/(const Quad& a, const Quad& b) {
+  return each_part([&](int n) HWY_ATTR { return hn::Div(a.part[n], b.part[n]); });
+}
 HWY_INLINE Quad all_four(double x) {
   return each_part([&](int) HWY_ATTR { return hn::Set(D4(), x); });
 }
@@ -59,11 +62,29 @@ HWY_INLINE void store_four(const Quad& a, double* p) {
 }
 
 #if HWY_TARGET == HWY_SCALAR
+HWY_INLINE Quad of_four(double a, double b, double c, double d) {
+  return {{hn::Set(D4(), a), hn::Set(D4(), b), hn::Set(D4(), c), hn::Set(D4(), d)}};
+}
 template <int kLane>
 HWY_INLINE double lane(const Quad& a) {
   return hn::GetLane(a.part[kLane]);
 }
 #else
+template <class V>
+HWY_INLINE auto quad_of(V lower, V upper) {
+  if constexpr (kPartsOfQuad == 2) {
+    return Quad{{lower, upper}};
+  } else {
+    return Quad{{hn::Combine(D4(), upper, lower)}};
+  }
+}
+/// Without the way through memory, where a vector's load would wait for four stores.
+HWY_INLINE Quad of_four(double a, double b, double c, double d) {
+  const hn::FixedTag<double, 2> two;
+  const auto lower = hn::InterleaveLower(two, hn::Set(two, a), hn::Set(two, b));
+  const auto upper = hn::InterleaveLower(two, hn::Set(two, c), hn::Set(two, d));
+  return quad_of(lower, upper);
+}
 /// Lanes 0 and 1, or 2 and 3. A template, because only one of its branches is right on a target.
 template <int kHalf, class AnyQuad>
 HWY_INLINE auto half_of(const AnyQuad& a) {

@@ -1,0 +1,181 @@
+// Preparing surfaces from labels: whole structures, and a box of 32^3 voxels again. See README.md.
+
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <random>
+#include <sstream>
+
+#include "json_file.h"
+#include "palpate/primitives.h"
+#include "palpate/surfaces.h"
+#include "palpate/volume_io.h"
+
+namespace palpate::bench {
+
+namespace {
+
+constexpr std::size_t kStructures = 8;
+constexpr int kDirty = 32;
+// of the generated knee, as many voxels as the real one has
+constexpr double kGeneratedVoxel_mm = 0.36;
+
+struct Options {
+  int rounds = 9, threads = 0;
+  std::string labels, json;
+};
+
+double now_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+double peak_MB() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+// the file given, else the knee in PALPATE_DATA, else nothing
+std::string labels_file(const Options& options) {
+  if (!options.labels.empty()) return options.labels;
+  const char* folders = std::getenv("PALPATE_DATA");
+  std::istringstream list(folders != nullptr ? folders : "");
+  for (std::string folder; std::getline(list, folder, ':');) {
+    const auto file = std::filesystem::path(folder) / "knee_spl" / "seg.nrrd";
+    if (!folder.empty() && std::filesystem::exists(file)) return file.string();
+  }
+  return "";
+}
+
+Result<LabelMap> read(const Options& options) {
+  const std::string file = labels_file(options);
+  if (file.empty()) {
+    auto phantom = make_knee_phantom(kGeneratedVoxel_mm, 1);
+    if (!phantom) return phantom.error();
+    return std::move(phantom->labels);
+  }
+  auto read = read_labels(file);
+  if (!read) return read.error();
+  return std::move(read->labels);
+}
+
+// of a knee: its bones, cartilages and menisci, else the largest structures
+std::vector<Segment> choose(const LabelMap& labels) {
+  std::vector<Segment> chosen;
+  for (const char* name : {"femur", "tibia", "patella", "femoral_cartilage", "lateral_tibial_cartilage",
+                           "medial_tibial_cartilage", "lateral_meniscus", "medial_meniscus"}) {
+    if (const Segment* s = labels.find(std::string(name))) chosen.push_back(*s);
+  }
+  if (chosen.size() == kStructures) return chosen;
+  auto statistics = segment_statistics(labels);
+  std::sort(statistics.begin(), statistics.end(), [](const auto& a, const auto& b) { return a.voxels > b.voxels; });
+  chosen.clear();
+  for (const auto& s : statistics) {
+    const Segment* segment = labels.find(s.id);
+    if (segment->layer == 0 && chosen.size() < kStructures) chosen.push_back(*segment);
+  }
+  return chosen;
+}
+
+// removes a ball of tissue within a box around a random voxel of the structure's rim
+VoxelBox dig(const PreparedSurface& surface, std::mt19937& random, Volume<LabelId>& labels,
+             std::vector<LabelId*>& dug) {
+  const GridGeometry& grid = labels.geometry();
+  const auto& box = surface.workings.extent;
+  for (;;) {
+    std::array<int, 3> at;
+    for (int a = 0; a < 3; ++a) {
+      at[a] = std::uniform_int_distribution<int>(box.first[a], box.first[a] + box.size[a] - 1)(random);
+    }
+    const auto label = [&](int i) { return labels.at_or(at[0] + i, at[1], at[2], 0); };
+    if (label(0) != surface.label || (label(1) == surface.label && label(-1) == surface.label)) continue;
+    VoxelBox dirty{{at[0] - kDirty / 2, at[1] - kDirty / 2, at[2] - kDirty / 2}, {kDirty, kDirty, kDirty}};
+    for (int k = 0; k < kDirty; ++k) {
+      for (int j = 0; j < kDirty; ++j) {
+        for (int i = 0; i < kDirty; ++i) {
+          const std::array<int, 3> v{dirty.first[0] + i, dirty.first[1] + j, dirty.first[2] + k};
+          const double r = std::hypot(i - kDirty / 2, j - kDirty / 2, k - kDirty / 2);
+          if (!grid.contains(v[0], v[1], v[2]) || r >= kDirty / 2.0) continue;
+          LabelId& voxel = labels.at(v[0], v[1], v[2]);
+          if (voxel != surface.label) continue;
+          voxel = 0;
+          dug.push_back(&voxel);
+        }
+      }
+    }
+    return dirty;
+  }
+}
+
+Result<nlohmann::json> run(const Options& options) {
+  auto map = read(options);
+  if (!map) return map.error();
+  const std::vector<Segment> segments = choose(*map);
+  Volume<LabelId> labels = std::move(map->layers.front());
+  const double loaded_MB = peak_MB();
+  std::vector<LabelId> structures;
+  for (const Segment& s : segments) structures.push_back(s.value);
+
+  SurfaceOptions surface_options;
+  surface_options.threads = options.threads;
+  const double start = now_s();
+  const auto prepared = prepare_surfaces(labels, structures, surface_options);
+  const double all_s = now_s() - start;
+  if (!prepared) return prepared.error();
+  const GridGeometry& grid = labels.geometry();
+  std::printf("%zu structures of %dx%dx%d voxels: %.2f s, peak %.0f MB (%.0f MB before)\n", structures.size(),
+              grid.dims[0], grid.dims[1], grid.dims[2], all_s, peak_MB(), loaded_MB);
+
+  nlohmann::json report{{"structures_s", all_s}, {"peak_MB", peak_MB()}, {"voxels", grid.voxel_count()}};
+  std::printf("%-28s %9s %12s %14s %14s\n", "", "M voxels", "steepest", "patch, ms", "with copy, ms");
+  std::mt19937 random(1);
+  for (std::size_t n = 0; n < prepared->size(); ++n) {
+    const PreparedSurface& surface = (*prepared)[n];
+    std::vector<double> patch_ms, again_ms;
+    for (int round = 0; round < options.rounds; ++round) {
+      std::vector<LabelId*> dug;
+      const VoxelBox dirty = dig(surface, random, labels, dug);
+      double t = now_s();
+      const SurfacePatch patch = prepare_patch(surface, labels, dirty);
+      if (patch.local) patch_ms.push_back(1e3 * (now_s() - t));
+      t = now_s();
+      const auto again = prepare_surface_again(surface, labels, dirty);
+      if (patch.local && again) again_ms.push_back(1e3 * (now_s() - t));
+      for (LabelId* voxel : dug) *voxel = surface.label;
+    }
+    if (patch_ms.empty()) continue;
+    std::printf("%-28s %9.1f %12.2f %14.2f %14.2f\n", segments[n].name.c_str(),
+                static_cast<double>(surface.workings.distance.geometry().voxel_count()) / 1e6,
+                surface.surface.steepest(), median(patch_ms), median(again_ms));
+    report["dirty_ms"][segments[n].name] = {{"patch", median(patch_ms)}, {"again", median(again_ms)}};
+  }
+  return report;
+}
+
+}  // namespace
+
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  palpate::bench::Options options;
+  CLI::App app{"Preparing surfaces from labels"};
+  app.add_option("--labels", options.labels, "A label map; default: the knee of PALPATE_DATA, or a generated one");
+  app.add_option("--rounds", options.rounds, "Dirty boxes for each structure")->check(CLI::Range(1, 1000));
+  app.add_option("--threads", options.threads, "0: as many as the machine has")->check(CLI::Range(0, 256));
+  app.add_option("--json", options.json, "Writes the figures to this file");
+  CLI11_PARSE(app, argc, argv);
+  const auto figures = palpate::bench::run(options);
+  if (figures) return palpate::bench::write_json("surfaces_bench", options.json, *figures);
+  std::fprintf(stderr, "%s\n", figures.error().message().c_str());
+  return 1;
+}

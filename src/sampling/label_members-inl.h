@@ -1,0 +1,70 @@
+// Which voxels are members, and what derivatives add to a sample, for label_sphere_simd.cc. Included once per
+// target.
+#include "sampling/label_sphere_simd.h"
+#include "sampling/vectors-inl.h"
+
+#if defined(PALPATE_SAMPLING_LABEL_MEMBERS_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef PALPATE_SAMPLING_LABEL_MEMBERS_INL_H_
+#undef PALPATE_SAMPLING_LABEL_MEMBERS_INL_H_
+#else
+#define PALPATE_SAMPLING_LABEL_MEMBERS_INL_H_
+#endif
+
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace palpate::internal::label_sphere::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+HWY_INLINE std::uint32_t first_to_last(const LabelRange& range) {
+  return static_cast<std::uint32_t>(range.last - range.first);
+}
+
+/// One run of consecutive labels, the usual set.
+struct OneRange {
+  template <class T>
+  HWY_INLINE explicit OneRange(const LabelGrid<T>& grid)
+      : first(grid.ranges[0].first), span(first_to_last(grid.ranges[0])) {}
+  template <class DU>
+  HWY_INLINE hn::Mask<DU> miss(DU du, hn::Vec<DU> label) const {
+    return hn::Gt(hn::Sub(label, hn::Set(du, first)), hn::Set(du, span));
+  }
+  HWY_INLINE bool has(std::uint32_t label) const { return label - first <= span; }
+  std::uint32_t first, span;
+};
+
+struct AnyRanges {
+  template <class T>
+  HWY_INLINE explicit AnyRanges(const LabelGrid<T>& grid) : ranges(grid.ranges), count(grid.range_count) {}
+  template <class DU>
+  HWY_INLINE hn::Mask<DU> miss(DU du, hn::Vec<DU> label) const {
+    // no label has 32 bits: all of them miss so far
+    auto all = hn::Ne(label, hn::Set(du, ~std::uint32_t{0}));
+    for (std::size_t n = 0; n < count; ++n) {
+      const auto above = hn::Sub(label, hn::Set(du, std::uint32_t{ranges[n].first}));
+      all = hn::And(all, hn::Gt(above, hn::Set(du, first_to_last(ranges[n]))));
+    }
+    return all;
+  }
+  HWY_INLINE bool has(std::uint32_t label) const {
+    for (std::size_t n = 0; n < count; ++n) {
+      if (label >= ranges[n].first && label <= ranges[n].last) return true;
+    }
+    return false;
+  }
+  const LabelRange* ranges;
+  std::size_t count;
+};
+
+/// What a derivative along axis a of the grid adds to a sample, which is value and gradient per mm.
+template <class T>
+HWY_INLINE internal::HWY_NAMESPACE::Quad gradient_column(const LabelGrid<T>& grid, int a) {
+  const double* m = grid.voxel_per_mm + a;
+  return internal::HWY_NAMESPACE::of_four(0, m[0], m[3], m[6]);
+}
+
+}  // namespace palpate::internal::label_sphere::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif  // per target
