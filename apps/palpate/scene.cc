@@ -329,6 +329,7 @@ int run_check(const std::string& file, Console& console) {
   std::printf("smoothing  sigma %g mm, %s, %d bits\n", scene->preparation.sigma_mm,
               scene->preparation.engine == GaussianEngine::kFourier ? "fourier" : "direct",
               scene->preparation.storage == FieldStorage::k8Bit ? 8 : 16);
+  std::printf("force      %s\n", std::string(name_of(scene->force.method)).c_str());
   std::printf("tool       %s, %zu point%s\n", scene->tool.name.c_str(), scene->tool.points_mm.size(),
               scene->tool.points_mm.size() == 1 ? "" : "s");
   print_workspace(scene->workspace);
