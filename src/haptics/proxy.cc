@@ -17,7 +17,7 @@ constexpr double kDip_mm = 0.008;
 // can rise by half a stride.
 constexpr double kStride_mm = 2 * (kMostDip_mm - kDip_mm) - 0.004;
 // shorter ways are none, and so little below is outside
-constexpr double kStill_mm = 1e-6, kOutside_mm = 1e-5;
+constexpr double kStill_mm = 2e-5, kOutside_mm = 1e-5;
 constexpr int kMostStrides = 48, kMostTries = 4, kMostHalvings = 8, kMostCorrections = 8;
 // how far the proxy goes along surfaces in a tick, and beyond the tip's own way
 constexpr double kMostWay_mm = 3, kSlack_mm = 0.2;
@@ -43,6 +43,12 @@ struct Near {
   Vector<Patient> outward(const Point<Patient>& proxy) const { return surface->outward(proxy + offset_mm); }
 };
 
+/// What is known of a pair's clearance: it falls no faster than its surface is steep.
+struct Known {
+  Point<Patient> at;
+  double clearance_mm = 0;
+};
+
 class NearSurfaces {
  public:
   /// Those that the proxy can reach from `at` on a way of `reach_mm`. Where they are too many, the way is as
@@ -59,11 +65,26 @@ class NearSurfaces {
         if (clearance_mm <= reach_mm * surface.steepest()) insert(near, clearance_mm / surface.steepest());
       }
     }
+    for (std::size_t n = 0; n < count_; ++n)
+      known_[n] = {at, clearances_mm_[n] * near_[n].surface->steepest()};
     reach_mm_ = std::max(0.0, std::min(reach_mm, left_out_mm_));
   }
 
-  std::span<const Near> all() const { return {near_.data(), count_}; }
+  std::size_t count() const { return count_; }
+  const Near& operator[](std::size_t n) const { return near_[n]; }
   double reach_mm() const { return reach_mm_; }
+
+  /// The clearance of pair n, or, where that is cheaper to know, a lower bound of it above `enough_mm`.
+  double clearance(std::size_t n, const Point<Patient>& proxy,
+                   double enough_mm = std::numeric_limits<double>::infinity()) {
+    Known& known = known_[n];
+    const double moved_mm = (proxy - known.at).norm();
+    const double at_least_mm = known.clearance_mm - moved_mm * near_[n].surface->steepest();
+    if (moved_mm == 0) return known.clearance_mm;
+    if (at_least_mm > enough_mm) return at_least_mm;
+    known = {proxy, near_[n].clearance(proxy)};
+    return known.clearance_mm;
+  }
 
  private:
   // in order of clearance, so that the nearest ones are kept
@@ -84,6 +105,7 @@ class NearSurfaces {
 
   std::array<Near, kMostNear> near_;
   std::array<double, kMostNear> clearances_mm_{};
+  std::array<Known, kMostNear> known_;
   std::size_t count_ = 0;
   double left_out_mm_ = std::numeric_limits<double>::infinity();
   double reach_mm_ = 0;
@@ -117,17 +139,16 @@ class Walls {
 
 // Puts a place back outside every surface that it lies a little below, in steps of so much at most: walls
 // that nearly face each other would send it far away. False where there is no such place near.
-bool leave_surfaces(std::span<const Near> near_surfaces, int most_steps, double step_mm,
-                    Point<Patient>& proxy) {
+bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Patient>& proxy) {
   Walls walls;
   Point<Patient> outside = proxy;
   for (int n = 0; n <= most_steps; ++n) {
     walls.clear();
     double deepest_mm = 0;
-    for (const Near& near : near_surfaces) {
-      const double clearance_mm = near.clearance(outside);
+    for (std::size_t i = 0; i < near.count(); ++i) {
+      const double clearance_mm = near.clearance(i, outside, 0);
       deepest_mm = std::min(deepest_mm, clearance_mm);
-      if (clearance_mm < 0) walls.add(near, outside, clearance_mm);
+      if (clearance_mm < 0) walls.add(near[i], outside, clearance_mm);
     }
     if (deepest_mm > -kOutside_mm) {
       proxy = outside;
@@ -144,20 +165,20 @@ bool leave_surfaces(std::span<const Near> near_surfaces, int most_steps, double 
 /// The proxy's way in one tick.
 class Walk {
  public:
-  /// @param most_mm  how far it goes, and how far `near` looks
   /// @param way  gets every corner of it; may be null
-  Walk(std::span<const FeltSurface> surfaces, std::span<const Near> near, double most_mm,
-       const Point<Patient>& tip, ProxyState& state, ProxyWay* way)
+  Walk(std::span<const FeltSurface> surfaces, NearSurfaces& near, const Point<Patient>& tip,
+       ProxyState& state, ProxyWay* way)
       : surfaces_(surfaces),
         near_(near),
-        left_mm_(most_mm),
+        left_mm_(near.reach_mm()),
         tip_(tip),
         state_(state),
         proxy_(state.position),
         anchor_(state.position),
         anchored_(state.contacts > 0),
         way_(way) {
-    for (const Near& one : near) steepest_ = std::max(steepest_, one.surface->steepest());
+    for (std::size_t n = 0; n < near.count(); ++n)
+      steepest_ = std::max(steepest_, near[n].surface->steepest());
   }
 
   void go(ProxyResult& result) {
@@ -229,9 +250,7 @@ class Walk {
     for (int halving = 0; halving < kMostHalvings; ++halving) {
       stride = stride * 0.5;
       const Point<Patient> end = proxy_ + stride;
-      const bool below = std::any_of(near_.begin(), near_.end(),
-                                     [&](const Near& near) { return near.clearance(end) < -kDip_mm; });
-      if (!below) return go_to(end);
+      if (!is_below(end)) return go_to(end);
     }
     return false;
   }
@@ -240,11 +259,11 @@ class Walk {
   double touch_what_is_near() {
     walls_.clear();
     double free_mm = std::numeric_limits<double>::infinity();
-    for (const Near& near : near_) {
-      const double clearance_mm = near.clearance(proxy_);
-      if (clearance_mm <= kSkin_mm && walls_.add(near, proxy_, clearance_mm)) continue;
-      free_mm = std::min(free_mm, std::max(0.0, clearance_mm - 0.5 * kSkin_mm) / near.surface->steepest());
+    for (std::size_t n = 0; n < near_.count(); ++n) {
+      const double clearance_mm = near_.clearance(n, proxy_, kSkin_mm);
+      if (clearance_mm <= kSkin_mm) walls_.add(near_[n], proxy_, clearance_mm);
     }
+    if (walls_.count() == 0) free_mm = free_way_mm();
     if (walls_.count() > 0 && !anchored_) {
       anchor_ = proxy_;
       anchored_ = true;
@@ -253,13 +272,29 @@ class Walk {
     return free_mm;
   }
 
+  // how far no surface lies; nothing for one that is touched where it has no direction
+  double free_way_mm() {
+    double free_mm = std::numeric_limits<double>::infinity();
+    for (std::size_t n = 0; n < near_.count(); ++n) {
+      const double clearance_mm = std::max(0.0, near_.clearance(n, proxy_) - 0.5 * kSkin_mm);
+      free_mm = std::min(free_mm, clearance_mm / near_[n].surface->steepest());
+    }
+    return free_mm;
+  }
+
+  bool is_below(const Point<Patient>& end) {
+    for (std::size_t n = 0; n < near_.count(); ++n)
+      if (near_.clearance(n, end, -kDip_mm) < -kDip_mm) return true;
+    return false;
+  }
+
   // whether the end of a stride lies below a surface, whose tangent plane there is then a wall
   bool add_walls_below(const Point<Patient>& end) {
     bool below = false;
-    for (const Near& near : near_) {
-      const double clearance_mm = near.clearance(end);
+    for (std::size_t n = 0; n < near_.count(); ++n) {
+      const double clearance_mm = near_.clearance(n, end, -kDip_mm);
       if (clearance_mm >= -kDip_mm) continue;
-      walls_.add(near, end, clearance_mm);
+      walls_.add(near_[n], end, clearance_mm);
       below = true;
     }
     return below;
@@ -329,7 +364,7 @@ class Walk {
   }
 
   std::span<const FeltSurface> surfaces_;
-  std::span<const Near> near_;
+  NearSurfaces& near_;
   double left_mm_;
   double steepest_ = 1;
   const Point<Patient> tip_;
@@ -410,8 +445,8 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   // from free space it comes as far as the tip went; on a surface it is not led farther than a hand goes
   const double to_tip_mm = (tip - state.position).norm() + kSlack_mm;
   const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kMostWay_mm);
-  const NearSurfaces near(surfaces, spheres, state.punctured, state.position, most_mm);
-  Walk(surfaces, near.all(), near.reach_mm(), tip, state, way).go(result);
+  NearSurfaces near(surfaces, spheres, state.punctured, state.position, most_mm);
+  Walk(surfaces, near, tip, state, way).go(result);
   pull(surfaces, spheres, tip, state, result);
   return result;
 }
@@ -426,9 +461,9 @@ bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const 
   // a surface is looked for as far as the fields know of one
   constexpr double kFar_mm = 1000;
   constexpr int kMostSteps = 64;
-  const NearSurfaces near(surfaces, spheres, 0, tip, kFar_mm);
+  NearSurfaces near(surfaces, spheres, 0, tip, kFar_mm);
   Point<Patient> born = tip;
-  if (!leave_surfaces(near.all(), kMostSteps, kFar_mm, born)) return false;
+  if (!leave_surfaces(near, kMostSteps, kFar_mm, born)) return false;
   state = {};
   state.coupled = true;
   state.position = born;
