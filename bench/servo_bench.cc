@@ -8,12 +8,11 @@
 #include <atomic>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <sstream>
 #include <thread>
 #include <unordered_set>
 
 #include "json_file.h"
+#include "large_knee.h"
 #include "palpate/preparation.h"
 #include "palpate/primitives.h"
 #include "palpate/scene.h"
@@ -27,8 +26,6 @@ namespace {
 constexpr double kRates_hz[] = {1000, 2000, 4000, 8000, 10000};
 // beside the knee as it is
 constexpr double kSmall_voxels = 8e6, kHuge_voxels = 134e6;
-// of the generated knee, as many voxels as the real one has
-constexpr double kGeneratedVoxel_mm = 0.36;
 constexpr double kEnduranceBlock_s = 10;
 constexpr std::size_t kLine_bytes = 64, kWindow_ticks = 1000;
 
@@ -55,32 +52,6 @@ std::string title_of(const std::string& what, const GridGeometry& grid) {
   std::snprintf(text, sizeof text, "%s, %dx%dx%d = %.1f M voxels", what.c_str(), grid.dims[0], grid.dims[1],
                 grid.dims[2], static_cast<double>(grid.voxel_count()) / 1e6);
   return text;
-}
-
-// the file given, else the knee in PALPATE_DATA, else nothing
-std::string labels_file(const Options& options) {
-  if (!options.labels.empty()) return options.labels;
-  const char* folders = std::getenv("PALPATE_DATA");
-  std::istringstream list(folders != nullptr ? folders : "");
-  for (std::string folder; std::getline(list, folder, ':');) {
-    const auto file = std::filesystem::path(folder) / "knee_spl" / "seg.nrrd";
-    if (!folder.empty() && std::filesystem::exists(file)) return file.string();
-  }
-  return "";
-}
-
-Result<LabelMap> large_labels(const Options& options, std::string& what) {
-  const std::string file = labels_file(options);
-  if (file.empty()) {
-    what = "generated knee";
-    auto phantom = make_knee_phantom(kGeneratedVoxel_mm, 1);
-    if (!phantom) return phantom.error();
-    return std::move(phantom->labels);
-  }
-  what = "segmented knee";
-  auto read = read_labels(file);
-  if (!read) return read.error();
-  return std::move(read->labels);
 }
 
 // about that many voxels in the same box, about the same centre
@@ -394,7 +365,7 @@ Result<nlohmann::json> endure(const Knee& knee, const PalpationPath& path, const
 
 Result<nlohmann::json> measured(const Options& options) {
   std::string what;
-  const auto labels = large_labels(options, what);
+  const auto labels = large_knee(options.labels, what);
   if (!labels) return labels.error();
   auto as_it_is = knee_of(what, *labels, options.force_method());
   if (!as_it_is) return as_it_is.error();

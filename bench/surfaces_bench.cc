@@ -6,12 +6,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <cstdlib>
-#include <filesystem>
 #include <random>
-#include <sstream>
 
 #include "json_file.h"
+#include "large_knee.h"
 #include "palpate/primitives.h"
 #include "palpate/surfaces.h"
 #include "palpate/volume_io.h"
@@ -22,8 +20,6 @@ namespace {
 
 constexpr std::size_t kStructures = 8;
 constexpr int kDirty = 32;
-// of the generated knee, as many voxels as the real one has
-constexpr double kGeneratedVoxel_mm = 0.36;
 
 struct Options {
   int rounds = 9, threads = 0;
@@ -45,30 +41,6 @@ double peak_MB() {
   return static_cast<double>(usage.ru_maxrss) / 1024;
 }
 
-// the file given, else the knee in PALPATE_DATA, else nothing
-std::string labels_file(const Options& options) {
-  if (!options.labels.empty()) return options.labels;
-  const char* folders = std::getenv("PALPATE_DATA");
-  std::istringstream list(folders != nullptr ? folders : "");
-  for (std::string folder; std::getline(list, folder, ':');) {
-    const auto file = std::filesystem::path(folder) / "knee_spl" / "seg.nrrd";
-    if (!folder.empty() && std::filesystem::exists(file)) return file.string();
-  }
-  return "";
-}
-
-Result<LabelMap> read(const Options& options) {
-  const std::string file = labels_file(options);
-  if (file.empty()) {
-    auto phantom = make_knee_phantom(kGeneratedVoxel_mm, 1);
-    if (!phantom) return phantom.error();
-    return std::move(phantom->labels);
-  }
-  auto read = read_labels(file);
-  if (!read) return read.error();
-  return std::move(read->labels);
-}
-
 // of a knee: its bones, cartilages and menisci, else the largest structures
 std::vector<Segment> choose(const LabelMap& labels) {
   std::vector<Segment> chosen;
@@ -78,7 +50,8 @@ std::vector<Segment> choose(const LabelMap& labels) {
   }
   if (chosen.size() == kStructures) return chosen;
   auto statistics = segment_statistics(labels);
-  std::sort(statistics.begin(), statistics.end(), [](const auto& a, const auto& b) { return a.voxels > b.voxels; });
+  std::sort(statistics.begin(), statistics.end(),
+            [](const auto& a, const auto& b) { return a.voxels > b.voxels; });
   chosen.clear();
   for (const auto& s : statistics) {
     const Segment* segment = labels.find(s.id);
@@ -118,7 +91,8 @@ VoxelBox dig(const PreparedSurface& surface, std::mt19937& random, Volume<LabelI
 }
 
 Result<nlohmann::json> run(const Options& options) {
-  auto map = read(options);
+  std::string what;
+  auto map = large_knee(options.labels, what);
   if (!map) return map.error();
   const std::vector<Segment> segments = choose(*map);
   Volume<LabelId> labels = std::move(map->layers.front());
@@ -133,8 +107,8 @@ Result<nlohmann::json> run(const Options& options) {
   const double all_s = now_s() - start;
   if (!prepared) return prepared.error();
   const GridGeometry& grid = labels.geometry();
-  std::printf("%zu structures of %dx%dx%d voxels: %.2f s, peak %.0f MB (%.0f MB before)\n", structures.size(),
-              grid.dims[0], grid.dims[1], grid.dims[2], all_s, peak_MB(), loaded_MB);
+  std::printf("%s, %zu structures of %dx%dx%d voxels: %.2f s, peak %.0f MB (%.0f MB before)\n", what.c_str(),
+              structures.size(), grid.dims[0], grid.dims[1], grid.dims[2], all_s, peak_MB(), loaded_MB);
 
   nlohmann::json report{{"structures_s", all_s}, {"peak_MB", peak_MB()}, {"voxels", grid.voxel_count()}};
   std::printf("%-28s %9s %12s %14s %14s\n", "", "M voxels", "steepest", "patch, ms", "with copy, ms");
@@ -169,7 +143,8 @@ Result<nlohmann::json> run(const Options& options) {
 int main(int argc, char** argv) {
   palpate::bench::Options options;
   CLI::App app{"Preparing surfaces from labels"};
-  app.add_option("--labels", options.labels, "A label map; default: the knee of PALPATE_DATA, or a generated one");
+  app.add_option("--labels", options.labels,
+                 "A label map; default: the knee of PALPATE_DATA, or a generated one");
   app.add_option("--rounds", options.rounds, "Dirty boxes for each structure")->check(CLI::Range(1, 1000));
   app.add_option("--threads", options.threads, "0: as many as the machine has")->check(CLI::Range(0, 256));
   app.add_option("--json", options.json, "Writes the figures to this file");

@@ -250,7 +250,7 @@ void add_options(CLI::App* verb, Options& options) {
   verb->add_flag("--repeat", options.repeat, "Begin the script again when it has ended, until stopped");
   verb->add_option("--seed", options.seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
-  add_method_option(*verb, options.method);
+  add_method_option(*verb, "Force method at first; default: the scene's", options.method);
   verb->add_option("--cpu", options.cpu, "The only CPU for the servo thread; default: any")
       ->check(whole_between(0, 4095));
   verb->add_flag("--no-realtime", options.no_realtime,

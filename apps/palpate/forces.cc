@@ -37,7 +37,17 @@ Result<Point<Patient>> place_to_look(const Model& model) {
                "say where to look with --at"};
 }
 
+// which option a refused place or spacing came from
+Error at_option(Error error) {
+  if (error.where == "centre") error.where = "--at";
+  if (error.where == "spacing") error.where = "--arrows";
+  return error;
+}
+
 int draw_forces(const Options& options, Console& console) {
+  if (const auto extension = options.output.extension(); !extension.empty() && extension != ".svg")
+    return console.fail({ErrorKind::kUsage, "the picture is an SVG, whatever its name",
+                         options.output.string(), "give it a name that ends with .svg"});
   if (const auto writable = check_output(options.output, input_files(options.target)); !writable)
     return console.fail(writable.error());
   const Progress progress = console.progress();
@@ -58,8 +68,8 @@ int draw_forces(const Options& options, Console& console) {
   } else {
     request.centre = {options.at[0], options.at[1], options.at[2]};
   }
-  const auto written = write_force_arrows(options.output, **model, method, request);
-  if (!written) return console.fail(written.error());
+  const auto written = write_force_arrows(options.output, **model, method, request, progress);
+  if (!written) return console.fail(at_option(written.error()));
   console.note("picture: " + options.output.string());
   return kExitOk;
 }
@@ -71,7 +81,7 @@ void add_forces(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
   verb->add_option("target", options->target, "A data set (palpate data list) or a scene file")->required();
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
-  add_method_option(*verb, options->method);
+  add_method_option(*verb, "Force method; default: the scene's", options->method);
   verb->add_option("--plane", options->plane, "Section through the point")
       ->check(CLI::IsMember({"axial", "coronal", "sagittal"}))
       ->capture_default_str();

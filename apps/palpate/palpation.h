@@ -14,7 +14,7 @@ namespace palpate::app {
 Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model);
 
 /// --method NAME.
-void add_method_option(CLI::App& verb, std::optional<ForceMethod>& method);
+void add_method_option(CLI::App& verb, const std::string& help, std::optional<ForceMethod>& method);
 
 /// A table on stdout: how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);

@@ -22,7 +22,8 @@ struct MethodSettings {
 
 /// A sphere of weights over raw labels whose structures count differently: a sum of spheres, each over the
 /// structures of one level and all harder ones, times what that level adds to the one below. Soft tissue
-/// that lies on hard keeps its own surface and still pushes outward all the way down.
+/// that lies on hard keeps its own surface and still pushes outward all the way down. Labels are read in
+/// place; of a level whose labels are not consecutive numbers a mask is made, a byte a voxel.
 ///
 ///   f(x) = sum over levels l_1 < l_2 < ... of (l_k - l_(k-1)) S_k(x),    S_k over labels of level >= l_k
 template <class Sphere>

@@ -48,6 +48,7 @@ struct ProxyState {
   bool coupled = false;
   bool sticking = false;
   Point<Patient> position;      ///< of the tip's proxy
+  Vector<Patient> last_way;     ///< its last stride, mm: the next one is not to go to and fro
   std::uint64_t punctured = 0;  ///< bit n: the tool has gone through surface n and not come out yet
   int contacts = 0;
   std::array<ProxyContact, kMostContacts> contact;
@@ -57,7 +58,8 @@ struct ProxyResult {
   Vector<Patient> force_N;        ///< on the tip
   Vector<Patient> torque_Nmm;     ///< about the tip
   double stiffness_N_per_mm = 0;  ///< of the surfaces touched, weighted by their pulls
-  /// The tool is wider than the gap that it is in: no place is left by all walls, and the proxy stays.
+  /// The tool is wider than the gap that it is in: no place is left by all walls, and the proxy stays. Where a
+  /// turn of the tool has brought it there, without force, until the tip is free.
   bool wedged = false;
   bool ruptured = false;  ///< it went through a surface in this tick
   /// The tip moved farther than one tick's work follows; the proxy goes on in the next.
@@ -66,7 +68,9 @@ struct ProxyResult {
 
 /// One tick: the proxy goes from where it was towards the tip, along surfaces and never through them. The
 /// whole way is looked at, in steps that the clearance allows: at no place of it does a sphere lie deeper
-/// than kMostDip_mm below a surface. Then the spring. Bounded work; allocates, locks and throws nothing.
+/// than kMostDip_mm below a surface. Then the spring. Bounded work; allocates, locks and throws nothing. A turn
+/// of the tool is not a way: spheres that it puts a little below a surface are taken back, those that it puts
+/// on the other side of one are there.
 ///
 /// - Free space is crossed in strides of the clearance (sphere tracing, Hart 1996).
 /// - On surfaces the goal is the point nearest to the tip in the half-spaces of all that is touched, by
@@ -74,8 +78,8 @@ struct ProxyResult {
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are those of the surfaces touched, weighted by their pulls. A surface is gone
-///   through when its own part of the spring's force, before any limit, is above its puncture force; it
-///   closes again when the tool has left it.
+///   through when what it gives of the spring's force, friction aside and before any limit, is above its
+///   puncture force; it closes again when tip and proxy have left it.
 /// @param surfaces  at most kMostSurfaces; the same ones in every call with one state
 /// @param spheres   1 ... kMostToolSpheres
 /// @param tip       finite

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "palpate/haptics.h"
+#include "palpate/progress.h"
 #include "palpate/result.h"
 
 /// Pictures of a model: oblique sections, and a force method's arrows over one.
@@ -89,11 +90,12 @@ inline constexpr int kArrowsPerSide = 24, kMostArrowsPerSide = 200;
 /// and the structures, lines of equal value, a scale for forces and one for lengths, orientation letters,
 /// and what it is a picture of. Structures' names are in it, no title and no path.
 /// @param method  the model is prepared for it (Model::has)
-/// Errors: kBadInput for a centre outside the volume and for more arrows than kMostArrowsPerSide each way.
+/// Errors: kBadInput for a centre outside the volume and for more arrows than kMostArrowsPerSide each way,
+/// with "centre" or "spacing" as the place; kInterrupted.
 Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
-                                     const ForceArrowsRequest& request);
+                                     const ForceArrowsRequest& request, const Progress& progress = {});
 /// Written whole or not at all.
 Result<void> write_force_arrows(const std::filesystem::path& file, const Model& model, ForceMethod method,
-                                const ForceArrowsRequest& request);
+                                const ForceArrowsRequest& request, const Progress& progress = {});
 
 }  // namespace palpate

@@ -80,8 +80,7 @@ class PaceMeter {
 // ---- as fast as it goes
 
 /// Ticks one after the other along the whole path by a method that the model is prepared for, on the calling
-/// thread: ns of processor time a tick, one
-/// value a round.
+/// thread: ns of processor time a tick, one value a round.
 std::vector<double> time_ticks(const Model& model, const PalpationPath& path, ForceMethod method, int rounds);
 
 /// The servo loop's whole update without a clock: mapping, tick, heartbeat, snapshot, ring. The ring is

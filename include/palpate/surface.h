@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <utility>
 
 #include "palpate/sampling.h"
@@ -8,17 +9,20 @@
 namespace palpate {
 
 /// A structure's surface: where a signed distance is 0, positive outside, negative inside. It is read from
-/// two fields on the same voxels. The position comes from a lightly smoothed distance, so that thin tissue
-/// survives; the normal from a broader one, so that it does not show the voxels (docs/methods.md). Beyond its
-/// reach the distance stays at what it is there. Immutable; a query allocates, locks and throws nothing.
+/// two fields, each on a grid of its own. The position comes from a lightly smoothed distance, so that thin
+/// tissue survives; the normal from a broader one, so that it does not show the voxels (docs/methods.md).
+/// Beyond its reach the distance stays at what it is there. Immutable; a query allocates, locks and throws
+/// nothing.
 class Surface {
  public:
   Surface() = default;
   /// @param position   mm, trilinear; its value outside the volume is at most the true distance there
   /// @param normal     mm; only its gradient counts
-  /// @param steepest   the position's greatest slope anywhere, 1 for an exact distance: how fast it may fall
+  /// @param steepest   the position's greatest slope anywhere, its fall to the value outside included; below
+  /// 1
+  ///                   counts as 1, an exact distance's
   Surface(SignedField position, SignedField normal, double steepest)
-      : position_(std::move(position)), normal_(std::move(normal)), steepest_(steepest) {}
+      : position_(std::move(position)), normal_(std::move(normal)), steepest_(std::max(1.0, steepest)) {}
 
   /// mm, positive outside. Of a place that is none (NaN): as outside the volume.
   double distance_mm(const Point<Patient>& x) const { return sample_value(position_, x); }

@@ -35,7 +35,7 @@ struct SuiteReport {
 /// Names of the suites with a line about each.
 std::vector<std::pair<std::string, std::string>> verification_suites();
 
-/// What a person may choose of a suite; `latency` takes all of these, `accuracy` none.
+/// What a person may choose of a suite; `latency` takes all of these, the others none.
 struct SuiteOptions {
   std::optional<double> seconds;     ///< of each loop at each rate, 0.05 ... 3600; default 3
   std::optional<double> spin_us;     ///< of both loops before every tick (LoopSettings::spin_s); default 0

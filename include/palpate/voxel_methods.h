@@ -148,6 +148,8 @@ class SmoothSphere {
   const LabelVoxels& voxels() const { return voxels_; }
   /// Along i, j, k.
   const std::array<double, 3>& radius_voxels() const { return radius_voxels_; }
+  /// Of the Gaussian with the kernel's second moment, along the axis where it is narrowest.
+  double least_sigma_mm() const;
 
  private:
   SmoothSphere(LabelVoxels voxels, const std::array<double, 3>& radius_voxels);

@@ -8,8 +8,8 @@
 namespace palpate {
 namespace {
 
-// Slopes below this are rounding, of a spline whose coefficients are equal: the least that a field of 16 bits
-// can have is some ten times as steep. Their direction would get the full force.
+// Slopes below this are rounding, of a spline whose coefficients are equal; a step of a field of 16 bits,
+// from one voxel to the next, is some ten times as steep. Their direction would get the full force.
 constexpr double kFlat_per_mm = 1e-6;
 
 // felt labels by how much of the full scale they are
@@ -31,7 +31,9 @@ Result<LevelledSphere<Sphere>> make_levelled(const Model& model, const Make& mak
     for (auto harder = level; harder != by_level.end(); ++harder)
       for (const LabelRange& range : harder->second.ranges())
         for (int id = range.first; id <= range.last; ++id) this_and_harder.insert(static_cast<LabelId>(id));
-    auto sphere = make(LabelVoxels(model.labels, this_and_harder));
+    // every run of labels is asked of every voxel: of several a mask is made
+    auto sphere = make(this_and_harder.ranges().size() > 1 ? LabelVoxels::mask(*model.labels, this_and_harder)
+                                                           : LabelVoxels(model.labels, this_and_harder));
     if (!sphere) return sphere.error();
     parts.push_back({level->first - below, *std::move(sphere)});
     below = level->first;
@@ -62,13 +64,7 @@ Result<std::shared_ptr<const ForceField>> make_smooth(const Model& model) {
   auto sphere = make_levelled<SmoothSphere>(
       model, [&](LabelVoxels voxels) { return SmoothSphere::make(std::move(voxels), sigma_mm); });
   if (!sphere) return sphere.error();
-  // the least radius counts along an axis whose voxels are wide
-  const GridGeometry& grid = model.labels->geometry();
-  const auto& radius_voxels = sphere->parts().front().sphere.radius_voxels();
-  double least_mm = radius_voxels[0] * grid.spacing_mm[0];
-  for (int axis = 1; axis < 3; ++axis)
-    least_mm = std::min(least_mm, radius_voxels[axis] * grid.spacing_mm[axis]);
-  const double ramp = ramp_mm(least_mm / SmoothSphere::kRadiusPerSigma, grid);
+  const double ramp = ramp_mm(sphere->parts().front().sphere.least_sigma_mm(), model.labels->geometry());
   return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
 }
 
@@ -77,28 +73,27 @@ StoredNormals stored_normals_of(const Field& field, NormalEncoding encoding) {
                     field.storage());
 }
 
-}  // namespace
-
-template <class Sphere>
-FieldSample LevelledSphere<Sphere>::sample(const Point<Patient>& x) const {
+template <class Parts, class SampleOf>
+FieldSample weighted_sum(const Parts& parts, const SampleOf& sample_of) {
   FieldSample sum;
-  for (const Part& part : parts_) {
-    const FieldSample sample = part.sphere.sample(x);
+  for (const auto& part : parts) {
+    const FieldSample sample = sample_of(part.sphere);
     sum.value += part.weight * sample.value;
     sum.gradient += sample.gradient * part.weight;
   }
   return sum;
 }
 
+}  // namespace
+
+template <class Sphere>
+FieldSample LevelledSphere<Sphere>::sample(const Point<Patient>& x) const {
+  return weighted_sum(parts_, [&](const Sphere& sphere) { return sphere.sample(x); });
+}
+
 template <class Sphere>
 FieldSample LevelledSphere<Sphere>::sample_literal(const Point<Patient>& x) const {
-  FieldSample sum;
-  for (const Part& part : parts_) {
-    const FieldSample sample = part.sphere.sample_literal(x);
-    sum.value += part.weight * sample.value;
-    sum.gradient += sample.gradient * part.weight;
-  }
-  return sum;
+  return weighted_sum(parts_, [&](const Sphere& sphere) { return sphere.sample_literal(x); });
 }
 
 template class LevelledSphere<GaussianSphere>;

@@ -21,11 +21,16 @@ constexpr double kStill_mm = 2e-5, kOutside_mm = 1e-5;
 constexpr int kMostStrides = 48, kMostTries = 4, kMostHalvings = 8, kMostCorrections = 8;
 // how far the proxy goes along surfaces in a tick, and beyond the tip's own way
 constexpr double kMostWay_mm = 3, kSlack_mm = 0.2;
+// how far surfaces that the tool has turned into push it
+constexpr double kMostPush_mm = kMostCorrections * kStride_mm;
 // walls whose normals are as near as this do the same work
 constexpr double kParallel = 0.999, kBeside_mm = 0.02;
-// pairs of a sphere and a surface that one tick looks at; more never come near at once but in a scene made
-// for it, and then the nearest ones count
-constexpr std::size_t kMostNear = 12;
+// a stride that leads away from the tip by more than this part of itself is not taken: normals that are smoother
+// than the surface ask for less
+constexpr double kAway = 0.1;
+// pairs of a sphere and a surface that one tick looks at; more than these near at once, as in no tissue, and the
+// proxy goes no farther than the others allow
+constexpr std::size_t kMostNear = 32;
 // a tool that has gone through a surface is out of it when it has left it by so much
 constexpr double kSealed_mm = 0.2;
 
@@ -120,10 +125,12 @@ class Walls {
   /// False where there is no direction, or no room.
   bool add(const Near& near, const Point<Patient>& at, double clearance_mm) {
     const Vector<Patient> normal = near.outward(at);
-    if (full() || normal == Vector<Patient>()) return false;
-    half_spaces_[count_] = {normal, normal.eigen().dot(at.eigen()) - clearance_mm};
-    near_[count_] = &near;
-    ++count_;
+    if (normal == Vector<Patient>()) return false;
+    const HalfSpace wall{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
+    const std::size_t place = full() ? place_of_weaker(wall) : count_++;
+    if (place == kMostHalfSpaces) return false;
+    half_spaces_[place] = wall;
+    near_[place] = &near;
     return true;
   }
   std::size_t count() const { return count_; }
@@ -132,6 +139,15 @@ class Walls {
   const Near& near(std::size_t n) const { return *near_[n]; }
 
  private:
+  // one that does the same work and leaves more room, or none
+  std::size_t place_of_weaker(const HalfSpace& wall) const {
+    std::size_t n = 0;
+    while (n < kMostHalfSpaces &&
+           !(half_spaces_[n].normal.dot(wall.normal) > kParallel && half_spaces_[n].offset < wall.offset))
+      ++n;
+    return n;
+  }
+
   std::array<HalfSpace, kMostHalfSpaces> half_spaces_;
   std::array<const Near*, kMostHalfSpaces> near_{};
   std::size_t count_ = 0;
@@ -165,16 +181,18 @@ bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Pa
 /// The proxy's way in one tick.
 class Walk {
  public:
-  /// @param way  gets every corner of it; may be null
-  Walk(std::span<const FeltSurface> surfaces, NearSurfaces& near, const Point<Patient>& tip,
+  /// @param most_mm  how far it goes: `near` looks farther, by what a turn of the tool may push
+  /// @param way      gets every corner of it; may be null
+  Walk(std::span<const FeltSurface> surfaces, NearSurfaces& near, double most_mm, const Point<Patient>& tip,
        ProxyState& state, ProxyWay* way)
       : surfaces_(surfaces),
         near_(near),
-        left_mm_(near.reach_mm()),
+        left_mm_(most_mm),
         tip_(tip),
         state_(state),
         proxy_(state.position),
         anchor_(state.position),
+        last_way_(state.last_way),
         anchored_(state.contacts > 0),
         way_(way) {
     for (std::size_t n = 0; n < near.count(); ++n)
@@ -185,6 +203,7 @@ class Walk {
     // the tool may have turned into a surface while its tip stood
     if (!leave_surfaces(near_, kMostCorrections, stride_mm(), proxy_)) {
       result.wedged = true;
+      state_.contacts = 0;
       return;
     }
     note(proxy_);
@@ -192,6 +211,7 @@ class Walk {
     while (stride < kMostStrides && left_mm_ > 0 && step(result)) ++stride;
     result.lagging = stride == kMostStrides || left_mm_ <= 0;
     state_.position = proxy_;
+    state_.last_way = last_way_;
   }
 
  private:
@@ -217,25 +237,29 @@ class Walk {
 
   double stride_mm() const { return kStride_mm / steepest_; }
 
-  // the goal, or as far towards it as a stride may go
+  // The goal, or as far towards it as a stride may go; half of it where the last one went the other way, as it
+  // does where the surface is hollow and bends more than the tip is deep.
   Point<Patient> towards(const Point<Patient>& goal, double most_mm) const {
     const Vector<Patient> way = goal - proxy_;
     const double length_mm = way.norm();
-    most_mm = std::min(most_mm, left_mm_);
-    return length_mm > most_mm ? proxy_ + way * (most_mm / length_mm) : goal;
+    double part = std::min(1.0, std::min(most_mm, left_mm_) / length_mm);
+    if (walls_.count() > 0 && way.dot(last_way_) < 0) part *= 0.5;
+    return part < 1 ? proxy_ + way * part : goal;
   }
 
-  // There, and back onto surfaces. A stride that does not bring the proxy nearer to the tip is not taken: so
-  // it comes to rest where walls bend within a stride, and never goes to and fro.
+  // There, and back onto surfaces. A stride that leads away from the tip is not taken: so the proxy comes to
+  // rest where walls bend within a stride.
   bool go_to(const Point<Patient>& end) {
     Point<Patient> there = end;
     if (!leave_surfaces(near_, kMostCorrections, stride_mm(), there)) return false;
-    if ((tip_ - there).norm() > (tip_ - proxy_).norm() - kStill_mm) return false;
-    left_mm_ -= (end - proxy_).norm();
+    const Vector<Patient> way = there - proxy_;
+    if ((tip_ - there).norm() > (tip_ - proxy_).norm() + kAway * way.norm()) return false;
+    left_mm_ -= std::max((end - proxy_).norm(), way.norm());
     proxy_ = there;
+    last_way_ = way;
     note(end);
     note(there);
-    return true;
+    return way.norm() > kStill_mm;
   }
 
   void note(const Point<Patient>& corner) {
@@ -272,12 +296,14 @@ class Walk {
     return free_mm;
   }
 
-  // how far no surface lies; nothing for one that is touched where it has no direction
+  // how far no surface lies
   double free_way_mm() {
     double free_mm = std::numeric_limits<double>::infinity();
     for (std::size_t n = 0; n < near_.count(); ++n) {
-      const double clearance_mm = std::max(0.0, near_.clearance(n, proxy_) - 0.5 * kSkin_mm);
-      free_mm = std::min(free_mm, clearance_mm / near_[n].surface->steepest());
+      // of one that is touched where it has no direction, half of what is left
+      const double clearance_mm = near_.clearance(n, proxy_);
+      const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kSkin_mm, 0.5 * clearance_mm});
+      free_mm = std::min(free_mm, leaves_mm / near_[n].surface->steepest());
     }
     return free_mm;
   }
@@ -371,26 +397,34 @@ class Walk {
   ProxyState& state_;
   Point<Patient> proxy_;
   Point<Patient> anchor_;  // where friction holds it
+  Vector<Patient> last_way_;
   bool anchored_;
   Walls walls_;
   ProxyWay* way_;
 };
 
 bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-             const Point<Patient>& at) {
-  for (const FeltSurface& felt : surfaces)
+             std::uint64_t punctured, const Point<Patient>& at) {
+  for (std::size_t s = 0; s < surfaces.size(); ++s) {
+    if (punctured >> s & 1) continue;
     for (const ToolSphere& sphere : spheres)
-      if (felt.surface->distance_mm(at + sphere.offset_mm) < sphere.radius_mm) return false;
+      if (surfaces[s].surface->distance_mm(at + sphere.offset_mm) < sphere.radius_mm - kOutside_mm)
+        return false;
+  }
   return true;
 }
 
-// surfaces that the tool has left close again
+// Surfaces that tip and proxy have left close again: the tip may have come out of a layer below while the proxy
+// is held within it.
 std::uint64_t still_open(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                         const Point<Patient>& tip, std::uint64_t punctured) {
+                         const Point<Patient>& tip, const ProxyState& state) {
+  std::uint64_t punctured = state.punctured;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if ((punctured >> s & 1) == 0) continue;
     const bool left = std::all_of(spheres.begin(), spheres.end(), [&](const ToolSphere& sphere) {
-      return surfaces[s].surface->distance_mm(tip + sphere.offset_mm) > sphere.radius_mm + kSealed_mm;
+      const double sealed_mm = sphere.radius_mm + kSealed_mm;
+      return surfaces[s].surface->distance_mm(tip + sphere.offset_mm) > sealed_mm &&
+             surfaces[s].surface->distance_mm(state.position + sphere.offset_mm) > sealed_mm;
     });
     if (left) punctured &= ~(std::uint64_t{1} << s);
   }
@@ -421,7 +455,10 @@ void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> sph
     const Vector<Patient> force_N =
         contact.normal * (contact.pull_mm * stiffness) + along * (contact.pull_mm / all_mm);
     result.torque_Nmm += arm_mm.cross(force_N);
-    if (force_N.norm() > surfaces[static_cast<std::size_t>(contact.surface)].puncture_N) {
+    // a proxy that has not arrived is no measure of what the hand presses
+    const bool arrived = !result.lagging && !result.wedged;
+    if (arrived &&
+        contact.pull_mm * stiffness > surfaces[static_cast<std::size_t>(contact.surface)].puncture_N) {
       state.punctured |= std::uint64_t{1} << contact.surface;
       result.ruptured = true;
     }
@@ -435,18 +472,21 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
   ProxyResult result;
   if (!state.coupled) {
-    if (!is_free(surfaces, spheres, tip)) return result;
+    if (!is_free(surfaces, spheres, 0, tip)) return result;
     state = {};
     state.coupled = true;
     state.position = tip;
   }
-  state.punctured = still_open(surfaces, spheres, tip, state.punctured);
+  state.punctured = still_open(surfaces, spheres, tip, state);
 
   // from free space it comes as far as the tip went; on a surface it is not led farther than a hand goes
   const double to_tip_mm = (tip - state.position).norm() + kSlack_mm;
   const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kMostWay_mm);
-  NearSurfaces near(surfaces, spheres, state.punctured, state.position, most_mm);
-  Walk(surfaces, near, tip, state, way).go(result);
+  NearSurfaces near(surfaces, spheres, state.punctured, state.position, most_mm + kMostPush_mm);
+  Walk(surfaces, near, std::min(most_mm, near.reach_mm()), tip, state, way).go(result);
+  // lost by a turn of the tool, found again where the tip is free
+  if (result.wedged && state.contacts == 0 && is_free(surfaces, spheres, state.punctured, tip))
+    state.position = tip;
   pull(surfaces, spheres, tip, state, result);
   return result;
 }
@@ -458,12 +498,15 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
 
 bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                          const Point<Patient>& tip, ProxyState& state) {
-  // a surface is looked for as far as the fields know of one
+  // a surface is looked for as far as the fields know of one; from there, others may be nearer
   constexpr double kFar_mm = 1000;
-  constexpr int kMostSteps = 64;
-  NearSurfaces near(surfaces, spheres, 0, tip, kFar_mm);
+  constexpr int kMostSteps = 64, kMostLooks = 4;
   Point<Patient> born = tip;
-  if (!leave_surfaces(near, kMostSteps, kFar_mm, born)) return false;
+  for (int look = 0; look < kMostLooks && !is_free(surfaces, spheres, 0, born); ++look) {
+    NearSurfaces near(surfaces, spheres, 0, born, kFar_mm);
+    if (!leave_surfaces(near, kMostSteps, kFar_mm, born)) return false;
+  }
+  if (!is_free(surfaces, spheres, 0, born)) return false;
   state = {};
   state.coupled = true;
   state.position = born;

@@ -22,7 +22,8 @@ double arrows_per_side(double size_mm, double spacing_mm) {
   return std::max(1.0, std::floor(size_mm / spacing_mm + 1e-9));
 }
 
-std::vector<Arrow> sample_arrows(const ForceField& field, const SectionPlane& plane, double spacing_mm) {
+std::vector<Arrow> sample_arrows(const ForceField& field, const SectionPlane& plane, double spacing_mm,
+                                 const Progress& progress) {
   const int count = static_cast<int>(arrows_per_side(plane.width_mm, spacing_mm));
   const double step_px = spacing_mm / plane.mm_per_px();
   const auto along = [&](int n, int size_px) {
@@ -30,21 +31,29 @@ std::vector<Arrow> sample_arrows(const ForceField& field, const SectionPlane& pl
   };
   const Vector<Patient> away = plane.right.cross(plane.down);
   std::vector<Arrow> arrows;
-  for (int row = 0; row < count; ++row)
+  for (int row = 0; row < count && !progress.stopped(); ++row) {
+    progress.report("forces", static_cast<double>(row) / count);
     for (int column = 0; column < count; ++column) {
       const Pixel at{along(column, plane.width_px), along(row, plane.height_px)};
       const FieldSample sample = field.sample(plane.at(at[0], at[1]));
       const Vector<Patient> force = normal_force(sample, field.full_force_N());
       arrows.push_back({at, force.dot(plane.right), force.dot(plane.down), force.dot(away), sample.value});
     }
+  }
+  progress.report("forces", 1);
   return arrows;
 }
 
-ValueGrid::ValueGrid(const ForceField& field, const SectionPlane& plane, int cells)
-    : cells_(cells), cell_px_(static_cast<double>(plane.width_px) / cells) {
-  for (int row = 0; row <= cells; ++row)
+ValueGrid::ValueGrid(const ForceField& field, const SectionPlane& plane, int cells, const Progress& progress)
+    : cells_(cells),
+      cell_px_(static_cast<double>(plane.width_px) / cells),
+      values_(static_cast<std::size_t>((cells + 1) * (cells + 1))) {
+  for (int row = 0; row <= cells && !progress.stopped(); ++row) {
+    progress.report("lines of equal value", static_cast<double>(row) / cells);
     for (int column = 0; column <= cells; ++column)
-      values_.push_back(field.sample(plane.at(column * cell_px_ - 0.5, row * cell_px_ - 0.5)).value);
+      values_[static_cast<std::size_t>(row * (cells + 1) + column)] =
+          field.sample(plane.at(column * cell_px_ - 0.5, row * cell_px_ - 0.5)).value;
+  }
 }
 
 void ValueGrid::add_cell(int column, int row, double level, std::vector<Stretch>& stretches) const {
@@ -79,12 +88,12 @@ std::string point_text(const Point<Patient>& p) {
   return text;
 }
 
-// the corners of the box around the volume, along the patient's axes
+// the corners of the box around the volume's voxels, along the patient's axes
 std::string reach_text(const GridGeometry& grid) {
   const auto X_PatientVoxel = grid.X_PatientVoxel();
-  Eigen::Vector3d low = grid.origin.eigen(), high = low;
+  Eigen::Vector3d low = grid.centre().eigen(), high = low;
   for (int corner = 0; corner < 8; ++corner) {
-    const auto end = [&](int axis) { return (corner >> axis & 1) != 0 ? grid.dims[axis] - 1 : 0; };
+    const auto end = [&](int axis) { return (corner >> axis & 1) != 0 ? grid.dims[axis] - 0.5 : -0.5; };
     const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(end(0), end(1), end(2))).eigen();
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
@@ -103,32 +112,35 @@ bool reaches(const GridGeometry& grid, const Point<Patient>& p) {
 }  // namespace force_arrows
 
 Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
-                                     const ForceArrowsRequest& request) {
+                                     const ForceArrowsRequest& request, const Progress& progress) {
   PALPATE_CHECK(model.has(method));
   PALPATE_CHECK(request.size_mm > 0 && request.spacing_mm >= 0);
   const GridGeometry& grid = model.field->geometry();
   if (!force_arrows::reaches(grid, request.centre))
     return Error{ErrorKind::kBadInput,
                  "the point " + force_arrows::point_text(request.centre) + " mm lies outside the volume",
-                 "--at", "the volume reaches from " + force_arrows::reach_text(grid) + " mm (LPS)"};
+                 "centre", "the volume reaches from " + force_arrows::reach_text(grid) + " mm (LPS)"};
   const double spacing_mm = request.spacing_mm > 0 ? request.spacing_mm : request.size_mm / kArrowsPerSide;
   if (const double count = force_arrows::arrows_per_side(request.size_mm, spacing_mm);
       count > kMostArrowsPerSide) {
     char what[120];
     std::snprintf(what, sizeof what, "%.0f x %.0f arrows, and at most %d x %d can be drawn", count, count,
                   kMostArrowsPerSide, kMostArrowsPerSide);
-    return Error{ErrorKind::kBadInput, what, "--arrows",
+    return Error{ErrorKind::kBadInput, what, "spacing",
                  "ask for arrows farther apart, or for a smaller section"};
   }
   const int side_px = force_arrows::kSection_px;
   const SectionPlane section =
       anatomical_section(request.plane, request.centre, request.size_mm, side_px, side_px);
-  return force_arrows::draw({model, model.force_field(method), request.plane, section, spacing_mm});
+  auto svg =
+      force_arrows::draw({model, model.force_field(method), request.plane, section, spacing_mm}, progress);
+  if (progress.stopped()) return Progress::interrupted();
+  return svg;
 }
 
 Result<void> write_force_arrows(const std::filesystem::path& file, const Model& model, ForceMethod method,
-                                const ForceArrowsRequest& request) {
-  const auto svg = force_arrows_svg(model, method, request);
+                                const ForceArrowsRequest& request, const Progress& progress) {
+  const auto svg = force_arrows_svg(model, method, request, progress);
   if (!svg) return svg.error();
   return write_file(file, *svg);
 }

@@ -24,7 +24,9 @@ struct Arrow {
 
 /// Forces on a grid that is centred in the section, row by row; a grid has an arrow in the middle where an
 /// odd number of them fits.
-std::vector<Arrow> sample_arrows(const ForceField& field, const SectionPlane& plane, double spacing_mm);
+/// Interrupted, it has fewer.
+std::vector<Arrow> sample_arrows(const ForceField& field, const SectionPlane& plane, double spacing_mm,
+                                 const Progress& progress = {});
 
 /// How many arrows fit along a side of the section, at least one; may be too many to draw.
 double arrows_per_side(double size_mm, double spacing_mm);
@@ -35,7 +37,7 @@ struct Stretch {
 /// Values at the corners of square cells over a section.
 class ValueGrid {
  public:
-  ValueGrid(const ForceField& field, const SectionPlane& plane, int cells);
+  ValueGrid(const ForceField& field, const SectionPlane& plane, int cells, const Progress& progress = {});
   /// Where the value crosses a level, a stretch or two for every cell it crosses.
   std::vector<Stretch> contour(double level) const;
 
@@ -59,7 +61,7 @@ struct Picture {
   double spacing_mm = 1;
 };
 /// The page, as SVG.
-std::string draw(const Picture& picture);
+std::string draw(const Picture& picture, const Progress& progress);
 
 /// Side of the section on the page.
 inline constexpr int kSection_px = 540;

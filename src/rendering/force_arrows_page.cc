@@ -126,17 +126,17 @@ std::string draw_arrow(const Arrow& arrow, double full_force_N, double unit) {
   return circle("dot", at, 0.013 * unit, colour_attribute(share));
 }
 
-std::string draw_arrows(const Picture& p) {
+std::string draw_arrows(const Picture& p, const Progress& progress) {
   const double unit = unit_px(p);
   std::string svg = "<g stroke-width=\"" + number(std::min(kStroke * unit, kMostStroke_px)) + "\">\n";
-  for (const Arrow& arrow : sample_arrows(p.field, p.section, p.spacing_mm))
+  for (const Arrow& arrow : sample_arrows(p.field, p.section, p.spacing_mm, progress))
     svg += draw_arrow(arrow, p.field.full_force_N(), unit);
   return svg + "</g>\n";
 }
 
-std::string draw_contours(const Picture& p) {
+std::string draw_contours(const Picture& p, const Progress& progress) {
   constexpr int kCells = kSection_px / 4;
-  const ValueGrid grid(p.field, p.section, kCells);
+  const ValueGrid grid(p.field, p.section, kCells, progress);
   std::string svg;
   for (const double level : {0.25, 0.5, 0.75}) {
     std::string data;
@@ -155,10 +155,9 @@ std::string sigma_text(const Picture& p) {
     return format("%.3g", sigma_voxels) + (sigma_voxels == 1 ? " voxel" : " voxels") +
            format(" (%.3g mm)", sigma_voxels * voxel_mm);
   }
-  double sigma_mm = p.model.sigma_mm;
-  if (p.field.method() == ForceMethod::kSmoothSphere)
-    sigma_mm = std::max(sigma_mm, SmoothSphere::kMinRadiusVoxels * voxel_mm / SmoothSphere::kRadiusPerSigma);
-  return format("%.3g mm", sigma_mm);
+  // the smooth sphere's may be wider than the field's, which it then gives along the narrowest voxels
+  const auto* smooth = std::get_if<LevelledSphere<SmoothSphere>>(&p.field.source());
+  return format("%.3g mm", smooth ? smooth->parts().front().sphere.least_sigma_mm() : p.model.sigma_mm);
 }
 
 std::string draw_heading(const Picture& p) {
@@ -270,7 +269,7 @@ std::string draw_notes(const Picture& p) {
 
 }  // namespace
 
-std::string draw(const Picture& p) {
+std::string draw(const Picture& p, const Progress& progress) {
   const std::string size = "width=\"" + number(kWidth_px) + "\" height=\"" + number(kHeight_px) + "\"";
   SectionStyle style;
   // few colours make a small picture
@@ -280,9 +279,9 @@ std::string draw(const Picture& p) {
          number(kHeight_px) + "\" role=\"img\">\n<title>Force field of the method " +
          std::string(name_of(p.field.method())) + "</title>\n" + kStyle +
          rectangle("page", {0, 0}, kWidth_px, kHeight_px) +
-         picture(render_section(p.model, p.section, style), kSectionCorner) + draw_contours(p) +
-         draw_arrows(p) + rectangle("frame", kSectionCorner, kSection_px, kSection_px) + draw_heading(p) +
-         draw_letters(p) + draw_scale_bar(p) +
+         picture(render_section(p.model, p.section, style), kSectionCorner) + draw_contours(p, progress) +
+         draw_arrows(p, progress) + rectangle("frame", kSectionCorner, kSection_px, kSection_px) +
+         draw_heading(p) + draw_letters(p) + draw_scale_bar(p) +
          text("end", {kRight_px, kBottom_px + 18}, markup::side_mark(p.model.side, p.model.oriented)) +
          draw_force_scale(p) + draw_notes(p) + "</svg>\n";
 }

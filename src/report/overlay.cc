@@ -117,7 +117,6 @@ std::string draw_scale_bar(const SectionPlane& plane) {
   return svg + text("scale-text", {0.5 * (left.x + right.x), left.y - 8}, number(kScaleBar_mm, 0) + " mm");
 }
 
-/// What the letters at the edges do not tell: whose side this is, or that they are missing.
 std::string draw_letters(const SectionPlane& plane) {
   const OrientationLetters letters = orientation_letters(plane);
   const double width = plane.width_px, height = plane.height_px;

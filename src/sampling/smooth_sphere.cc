@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "sampling/label_sphere_query.h"
 
@@ -74,6 +76,14 @@ void SmoothSphere::sample(std::span<const Point<Patient>> points, std::span<Fiel
     kernel.count[axis] = count_[axis];
   }
   internal::label_sphere::sample_sphere_at(voxels_, kernel, points, samples);
+}
+
+double SmoothSphere::least_sigma_mm() const {
+  const Eigen::Vector3d& spacing_mm = voxels_.geometry().spacing_mm;
+  double least_mm = std::numeric_limits<double>::infinity();
+  for (int axis = 0; axis < 3; ++axis)
+    least_mm = std::min(least_mm, radius_voxels_[axis] * spacing_mm[axis] / kRadiusPerSigma);
+  return least_mm;
 }
 
 FieldSample SmoothSphere::sample_literal(const Point<Patient>& x) const {

@@ -25,7 +25,7 @@ HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, Si
       driver_(driver),
       loop_(loop),
       repeat_(repeat),
-      commanded_{loop.parameters().rotation_target, loop.parameters().method} {}
+      rotation_target_(loop.parameters().rotation_target) {}
 
 Result<void> HandThread::begin() try {
   thread_ = std::thread([this] { run(); });
@@ -57,7 +57,7 @@ void HandThread::move(double dt_s) {
   const bool felt_nothing_yet = felt.dt_s == 0;
   if (felt_nothing_yet || (felt.device[0].flags & kForceIsOff) != 0) return;
 
-  HandCommands commands = commanded_;
+  HandCommands commands{rotation_target_, {}};
   const auto intention = hand_.next(felt, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {
@@ -68,13 +68,12 @@ void HandThread::move(double dt_s) {
     return;
   }
   driver_.intend(mapping_.to_device(*intention), monotonic_ns() + kLead_ns);
-  const bool turned = commands.rotation_target.coeffs() != commanded_.rotation_target.coeffs();
-  const bool other_method = commands.method != commanded_.method;
-  if (!turned && !other_method) return;
-  commanded_ = commands;
+  const bool turned = commands.rotation_target.coeffs() != rotation_target_.coeffs();
+  if (!turned && !commands.method) return;
+  rotation_target_ = commands.rotation_target;
   loop_.change([&](Parameters& parameters) {
     if (turned) parameters.rotation_target = commands.rotation_target;
-    if (other_method) parameters.method = commands.method;
+    if (commands.method) parameters.method = *commands.method;
   });
 }
 

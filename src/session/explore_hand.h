@@ -44,7 +44,7 @@ class HandThread {
   SimulatedDriver& driver_;
   ServoLoop& loop_;
   const bool repeat_;
-  HandCommands commanded_;  // last, by the script: what others change meanwhile stays
+  Eigen::Quaterniond rotation_target_;  // as commanded last
   std::atomic<bool> end_{false}, done_{false};
   std::atomic<double> progress_{0};
   std::thread thread_;

@@ -129,8 +129,11 @@ Result<std::vector<ForceMethod>> methods_of(const Recording& recording) {
 Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Model> prepared,
                             const Progress& progress) {
   if (recording.header.model_hash != prepared->content_hash)
-    return Error{ErrorKind::kBadInput, "the recording was made with another scene or other volumes", "",
-                 "name the scene file or data set that it was made with; a changed scene is another model"};
+    return Error{
+        ErrorKind::kBadInput, "the recording was made with another scene or other volumes", "",
+        "name the scene file or data set that it was made with; a changed scene is another model, and so "
+        "may be the same scene to another version: this one was recorded by palpate " +
+            recording.header.palpate_version + ", commit " + recording.header.commit};
 
   const auto methods = methods_of(recording);
   if (!methods) return methods.error();

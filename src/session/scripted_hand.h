@@ -13,8 +13,8 @@ namespace palpate {
 
 /// What the person commands besides moving the hand.
 struct HandCommands {
-  Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
-  ForceMethod method = ForceMethod::kTrilinear;
+  Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();  ///< as it was commanded last
+  std::optional<ForceMethod> method;                                    ///< to be felt from now on
 };
 
 /// The person: follows a palpation script by moving where the hand intends the tip to be, feeling what
@@ -27,8 +27,7 @@ class ScriptedHand {
 
   /// Where the tip rests before the first step: in the air before the patient.
   Point<World> start() const { return start_; }
-  /// The next intention after a tick, `dt_s` later; nullopt when the script is done. May change the commands,
-  /// which hold what was commanded last.
+  /// The next intention after a tick, `dt_s` later; nullopt when the script is done. May change the commands.
   std::optional<Point<World>> next(const TickRecord& felt, double dt_s, HandCommands& commands);
   /// Runs the script once more from its first step, from where the hand and the object are now.
   void begin_again() { step_ = 0; }

@@ -19,11 +19,11 @@ const TickRecord& VirtualRun::tick() {
 }
 
 bool VirtualRun::act() {
-  HandCommands commands{parameters_.rotation_target, parameters_.method};
+  HandCommands commands{parameters_.rotation_target, {}};
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
   parameters_.rotation_target = commands.rotation_target;
-  parameters_.method = commands.method;
+  if (commands.method) parameters_.method = *commands.method;
   intended_ = *intention;
   device_.intend(mapping_.to_device(intended_));
   device_.advance(mapping_.to_device(sent_), dt_s_);

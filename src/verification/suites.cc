@@ -3,6 +3,7 @@
 #include "verification/accuracy.h"
 #include "verification/latency.h"
 #include "verification/machine.h"
+#include "verification/stability.h"
 
 namespace palpate {
 namespace {
@@ -23,10 +24,16 @@ Result<SuiteReport> accuracy(const SuiteOptions&, const Progress& progress, cons
   return report;
 }
 
+Result<SuiteReport> stability(const SuiteOptions&, const Progress& progress, const Warn&) {
+  return run_stability(progress);
+}
+
 constexpr Suite kSuites[] = {
     {"accuracy", "direction, magnitude and choppiness of every method against known surfaces", false,
      accuracy},
     {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", true, run_latency},
+    {"stability", "how stiff a wall simulated hands and devices hold without a limit cycle", false,
+     stability},
 };
 
 const Suite* find_suite(const std::string& name) {

@@ -1,13 +1,13 @@
 #include <algorithm>
 #include <span>
 
+#include "base/disjoint_sets.h"
 #include "palpate/volume.h"
 
 /// Connected components by runs. A run is a maximal stretch of one value along i. Each run is joined with
 /// the runs of equal value that share a face with it, which stand in the row before and in the same row of
 /// the slice before; only those rows' runs are looked at, so the volume is read once, front to back, and
-/// what is kept grows with the number of runs and not of voxels (Wu, Otoo, Suzuki, Two strategies to speed
-/// up connected component labeling algorithms, 2005: union by array with path compression).
+/// what is kept grows with the number of runs and not of voxels (base/disjoint_sets.h).
 namespace palpate {
 namespace {
 
@@ -15,28 +15,6 @@ struct Run {
   int first, last;  // inclusive i
   LabelId value;
   std::uint32_t node;  // in the forest
-};
-
-// disjoint sets of runs; the root of a set is its first run in memory order
-class Forest {
- public:
-  std::uint32_t add() {
-    parent_.push_back(static_cast<std::uint32_t>(parent_.size()));
-    return parent_.back();
-  }
-  std::uint32_t root(std::uint32_t n) {
-    while (parent_[n] != n) n = parent_[n] = parent_[parent_[n]];
-    return n;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = root(a);
-    b = root(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-  std::size_t size() const { return parent_.size(); }
-
- private:
-  std::vector<std::uint32_t> parent_;
 };
 
 // runs of one slice, row after row
@@ -56,7 +34,7 @@ struct SliceRuns {
 };
 
 // joins each run of `now` with the touching runs of equal value in an earlier row; both ascend in i
-void join_rows(std::span<const Run> now, std::span<const Run> before, Forest& forest) {
+void join_rows(std::span<const Run> now, std::span<const Run> before, DisjointSets& forest) {
   std::size_t begin = 0;
   for (const Run& run : now) {
     while (begin < before.size() && before[begin].last < run.first) ++begin;
@@ -87,7 +65,7 @@ struct Sums {
   }
 };
 
-void find_runs(const LabelId* row, int count, Forest& forest, std::vector<Run>& runs) {
+void find_runs(const LabelId* row, int count, DisjointSets& forest, std::vector<Run>& runs) {
   for (int i = 0; i < count;) {
     const LabelId value = row[i];
     int end = i + 1;
@@ -101,7 +79,7 @@ void find_runs(const LabelId* row, int count, Forest& forest, std::vector<Run>& 
 std::vector<Sums> layer_sums(const Volume<LabelId>& layer) {
   const GridGeometry& grid = layer.geometry();
   std::vector<Sums> sums(65536);
-  Forest forest;
+  DisjointSets forest;
   std::vector<std::uint32_t> length;  // of each run, by node
   std::vector<LabelId> value;
   SliceRuns now, before;

@@ -1,0 +1,120 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "palpate/progress.h"
+#include "palpate/surface.h"
+#include "palpate/volume.h"
+
+/// From labels to surfaces that contact can lean on, and the same again where tissue was removed.
+///
+///     labels == id -> signed distance -> smoothed, every voxel kept on its side -> position
+///                          |                                                       |
+///                          +-> broadly smoothed -> where that goes astray, gives way to it -> normal
+///
+/// Why so, and what was measured: docs/decisions/0009-surfaces-from-labels.md.
+namespace palpate {
+
+/// One setting serves bones and thin tissue alike; what each number moves is said beside it.
+struct SurfaceOptions {
+  /// mm, 1 ... 12. How far from the surface the position still grows; beyond, it stays at that. At least the
+  /// largest tool radius and 1 mm. The work grows with it.
+  double reach_mm = 4;
+  /// mm, 0 ... 3. Width of the filter of the position. It keeps quadratic shapes, so that a sphere hardly
+  /// shrinks. Wider repairs larger steps between slices; voxels whose class it would change stay on their
+  /// side all the same.
+  double position_sigma_mm = 1;
+  /// mm, 0.5 ... 5. Width of the Gaussian of the normal. Wider is steadier on bone.
+  double normal_sigma_mm = 2.5;
+  /// mm3. Components (voxels that share a face, an edge or a corner) below it are reported as strays.
+  double stray_below_mm3 = 20;
+  /// mm3. Components below it are left out. 0 keeps all.
+  double drop_below_mm3 = 0;
+  int threads = 0;  ///< 0: as many as the machine has; results do not depend on it
+};
+
+/// A box of voxels: first ... first + size - 1 along i, j, k.
+struct VoxelBox {
+  std::array<int, 3> first{0, 0, 0}, size{0, 0, 0};
+  bool operator==(const VoxelBox&) const = default;
+};
+
+/// A component of a structure that is so small that it is probably a slip of the pen.
+struct StrayComponent {
+  std::size_t voxels = 0;
+  double volume_mm3 = 0;
+  VoxelBox box;             ///< in the label volume
+  Point<Patient> centroid;  ///< mean of voxel centres
+  bool dropped = false;     ///< it is no part of the surface
+};
+
+/// What preparing a part of a structure again needs besides its fields. In steps of kSurfaceStep_mm.
+struct SurfaceWorkings {
+  VoxelBox extent;                ///< the structure's own voxels, in the label volume
+  Volume<std::int16_t> distance;  ///< to the nearest voxel centre of the other class, negative inside
+  Volume<std::int16_t> broad;     ///< the broadly smoothed distance, on the normal's grid
+  /// Squares of the position's greatest slope in every stretch of 32 cells along i; i fastest.
+  std::vector<float> slopes;
+};
+/// 15 mm fit into 16 bits.
+inline constexpr double kSurfaceStep_mm = 1.0 / 2048;
+
+struct PreparedSurface {
+  LabelId label = 0;
+  Surface surface;
+  SurfaceOptions options;
+  double volume_mm3 = 0;               ///< of the voxels that count; dropped ones do not
+  int components = 0;                  ///< of the structure, dropped ones included
+  std::vector<StrayComponent> strays;  ///< smallest first
+  /// What the position covers, in voxels of the label volume; wider than the structure, and than the
+  /// volume where the structure comes near its border.
+  VoxelBox box;
+  SurfaceWorkings workings;
+};
+
+/// Surfaces of some structures of one label volume. A structure ends where the volume does; the axes of the
+/// grid count as perpendicular. At the centre of every voxel of the grid the position's sign is the label, so
+/// that all labelled centres are inside and components (26 neighbours) stay as they are. The normal has a
+/// grid of its own, of every n-th voxel where voxels are small, about 0.6 mm apart: it holds nothing finer.
+/// The result is the same bit for bit with any number of threads and SIMD target.
+///
+/// Errors: kBadInput for an option out of range, a label without voxels, the label 0, a structure too large
+/// for memory; kInterrupted.
+Result<std::vector<PreparedSurface>> prepare_surfaces(const Volume<LabelId>& labels,
+                                                      const std::vector<LabelId>& structures,
+                                                      const SurfaceOptions& options,
+                                                      const Progress& progress = {});
+
+/// New values in a box of a grid, i fastest.
+template <class T>
+struct PatchOf {
+  VoxelBox box;
+  std::vector<T> values;
+};
+
+/// What changes of a surface, to be written over the old values. Steps of kSurfaceStep_mm.
+struct SurfacePatch {
+  /// False: a patch does not do. The structure needs another box, is gone, or small components are dropped.
+  bool local = false;
+  long voxels_more = 0;                      ///< that the structure gained; negative where tissue was removed
+  PatchOf<std::int16_t> distance, position;  ///< boxes in the position's grid
+  PatchOf<std::int16_t> broad, normal;       ///< boxes in the normal's grid
+  PatchOf<float> slopes;                     ///< box in stretches of cells
+  double steepest = 1;                       ///< of the whole position
+};
+
+/// What follows for a surface from labels that changed inside `dirty` and nowhere else. Reads the labels
+/// near it alone. Writing the patch over the old values gives the full rebuild, bit for bit.
+SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& labels, const VoxelBox& dirty);
+
+/// A surface after its labels changed inside `dirty` and nowhere else: what prepare_surfaces would give for
+/// the new labels with the old options, bit for bit, components and strays excepted, which are not looked for
+/// again. The patch, and a copy of the rest; the whole surface again where the patch does not do.
+/// Errors: those of prepare_surfaces.
+Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Volume<LabelId>& labels,
+                                              const VoxelBox& dirty);
+
+}  // namespace palpate

@@ -1,0 +1,218 @@
+#include "preparation/surface_stages.h"
+
+#include <cmath>
+#include <new>
+
+#include "preparation/signed_distance.h"
+#include "preparation/surface_rows.h"
+#include "preparation/surface_slopes.h"
+
+namespace palpate::internal {
+
+namespace {
+
+GridGeometry part_of(const GridGeometry& grid, const VoxelBox& box) {
+  GridGeometry part = grid;
+  part.dims = box.size;
+  part.origin = grid.X_PatientVoxel() * Point<Voxel>(box.first[0], box.first[1], box.first[2]);
+  return part;
+}
+
+/// Steps of every step-th voxel of a source in a box of that coarser grid; `outside` beyond the source.
+Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const Span3& span,
+                           std::int16_t outside) {
+  Block<std::int16_t> block(span, outside);
+  // the part of a box of fine voxels that stands in the coarser grid
+  const auto coarse = [&](const Span3& fine) {
+    Span3 s;
+    for (int a = 0; a < 3; ++a) {
+      s.low[a] = (fine.low[a] + step[a] - 1) / step[a];
+      s.high[a] = (fine.high[a] + step[a] - 1) / step[a];
+    }
+    return s.clipped(span);
+  };
+  const auto copy = [&](const Span3& fine, const auto& row_of) {
+    const Span3 part = coarse(fine);
+    for_each_row(part, [&](int j, int k) {
+      const std::int16_t* from = row_of(j * step[1], k * step[2]);
+      std::int16_t* to = block.row(j, k) + (part.low[0] - span.low[0]);
+      const auto count = static_cast<std::size_t>(part.size(0));
+      if (step[0] == 1) {
+        std::copy_n(from + part.low[0], count, to);
+      } else {
+        take_every(from + std::ptrdiff_t{part.low[0]} * step[0], static_cast<std::size_t>(step[0]), count,
+                   to);
+      }
+    });
+  };
+  copy(source.grid, [&](int j, int k) { return source.origin + j * source.row + k * source.slice; });
+  if (source.over != nullptr) {
+    const auto& [box, values] = *source.over;
+    copy(to_span(box), [&](int j, int k) {
+      return values.data() +
+             (std::ptrdiff_t{k - box.first[2]} * box.size[1] + (j - box.first[1])) * box.size[0] -
+             box.first[0];
+    });
+  }
+  return block;
+}
+
+/// The same in mm, at most `limit_mm` either way, which is also what stands outside.
+Block<float> gather_mm(const StepsSource& source, const Index3& step, const Span3& span, double limit_mm) {
+  const Block<std::int16_t> steps = gather(source, step, span, to_steps(limit_mm));
+  Block<float> mm(span);
+  steps_to_mm(steps.values().data(), steps.values().size(), static_cast<float>(limit_mm), mm.values().data());
+  return mm;
+}
+
+template <class T>
+void put(const Block<T>& block, const Target<T>& out) {
+  const auto length = static_cast<std::ptrdiff_t>(block.span().size(0));
+  for_each_row(block.span(), [&](int j, int k) {
+    const std::ptrdiff_t row = std::ptrdiff_t{k - out.span.low[2]} * out.span.size(1) + (j - out.span.low[1]);
+    std::copy_n(block.row(j, k), length,
+                out.values + row * out.span.size(0) + (block.span().low[0] - out.span.low[0]));
+  });
+}
+
+/// 1 where a voxel of the box has the label and is in no run that is left out.
+Block<std::uint8_t> mask_of(const Volume<LabelId>& labels, LabelId label,
+                            const std::vector<LabelRun>& without, const Span3& span, const VoxelBox& box) {
+  Block<std::uint8_t> mask(span, 0);
+  const Span3 there{{span.low[0] + box.first[0], span.low[1] + box.first[1], span.low[2] + box.first[2]},
+                    {span.high[0] + box.first[0], span.high[1] + box.first[1], span.high[2] + box.first[2]}};
+  const Span3 known = there.clipped(whole(labels.geometry()));
+  const auto row_of = [&](int j, int k) {
+    return mask.row(j - box.first[1], k - box.first[2]) - there.low[0];
+  };
+  for_each_row(known, [&](int j, int k) {
+    const LabelId* from = labels.voxels().data() + labels.geometry().offset(0, j, k);
+    std::uint8_t* to = row_of(j, k);
+    for (int i = known.low[0]; i < known.high[0]; ++i) to[i] = from[i] == label ? 1 : 0;
+  });
+  for (const LabelRun& run : without) {
+    const Span3 gone = Span3{{run.first, run.j, run.k}, {run.last + 1, run.j + 1, run.k + 1}}.clipped(known);
+    if (!gone.empty()) std::fill(row_of(run.j, run.k) + gone.low[0], row_of(run.j, run.k) + gone.high[0], 0);
+  }
+  return mask;
+}
+
+constexpr Index3 kEvery{1, 1, 1};
+
+}  // namespace
+
+StepsSource StepsSource::of(const Volume<std::int16_t>& volume) {
+  const GridGeometry& grid = volume.geometry();
+  return {volume.voxels().data(), grid.dims[0], std::ptrdiff_t{grid.dims[0]} * grid.dims[1], whole(grid)};
+}
+
+StepsSource StepsSource::of(const PaddedVolume<std::int16_t>& volume) {
+  const VoxelView<std::int16_t> view = volume.view();
+  return {view.origin, view.row, view.slice, whole(volume.geometry())};
+}
+
+SurfacePlan::SurfacePlan(const GridGeometry& labels, const VoxelBox& structure_box,
+                         const SurfaceOptions& options)
+    : box(structure_box),
+      fine(part_of(labels, structure_box)),
+      normal(fine),
+      reach_mm(options.reach_mm),
+      broad_reach_mm(std::min(options.reach_mm, kBroadReach_mm)),
+      window(distance_window(fine.spacing_mm, reach_mm)),
+      broad_window(distance_window(fine.spacing_mm, broad_reach_mm)),
+      position_filter(fine.spacing_mm, options.position_sigma_mm),
+      broad_filter(normal.geometry.spacing_mm, options.normal_sigma_mm),
+      normal_filter(normal.geometry.spacing_mm, options.normal_sigma_mm),
+      threads(options.threads) {}
+
+Index3 SurfacePlan::margin(const GridGeometry& labels, const SurfaceOptions& options) {
+  const Index3 window = distance_window(labels.spacing_mm, options.reach_mm);
+  const Index3 smooth = PositionFilter(labels.spacing_mm, options.position_sigma_mm).smooth.reach();
+  return {window[0] + smooth[0] + 1, window[1] + smooth[1] + 1, window[2] + smooth[2] + 1};
+}
+
+Result<void> SurfaceStages::by_slabs(const Span3& part, const ProgressSpan& span,
+                                     const std::function<void(const Span3& slab)>& work) const {
+  if (part.empty()) return {};
+  const int workers = worker_count(plan.threads, part.size(2));
+  const int thick = thickness > 0 ? thickness : (part.size(2) + workers - 1) / workers;
+  const int slabs = (part.size(2) + thick - 1) / thick;
+  std::atomic<bool> no_memory{false};
+  const auto done = for_each_slice(slabs, std::min(workers, slabs), progress, span, [&](int, int n) {
+    Span3 slab = part;
+    slab.low[2] = part.low[2] + n * thick;
+    slab.high[2] = std::min(part.high[2], slab.low[2] + thick);
+    try {
+      work(slab);
+    } catch (const std::bad_alloc&) {
+      no_memory = true;
+    }
+  });
+  if (!done) return done.error();
+  if (no_memory) {
+    return Error{ErrorKind::kBadInput, "not enough memory to prepare a surface", "",
+                 "close other programs, crop the volume, or prepare with fewer threads"};
+  }
+  return {};
+}
+
+Result<void> SurfaceStages::distance(const Volume<LabelId>& labels, LabelId label,
+                                     const std::vector<LabelRun>& without, const Target<std::int16_t>& out,
+                                     const ProgressSpan& span) const {
+  return by_slabs(out.span, span, [&](const Span3& slab) {
+    Block<float> mm(slab);
+    signed_distance(mask_of(labels, label, without, slab.grown(plan.window), plan.box), plan.fine.spacing_mm,
+                    plan.reach_mm, mm);
+    Block<std::int16_t> steps(slab);
+    mm_to_steps(mm.values().data(), mm.values().size(), steps.values().data());
+    put(steps, out);
+  });
+}
+
+Result<void> SurfaceStages::position(const StepsSource& distance, const Target<std::int16_t>& out,
+                                     const ProgressSpan& span) const {
+  return by_slabs(out.span, span, [&](const Span3& slab) {
+    Block<std::int16_t> steps(slab);
+    plan.position_filter.apply(
+        gather_mm(distance, kEvery, slab.grown(plan.position_filter.reach()), plan.reach_mm), steps);
+    put(steps, out);
+  });
+}
+
+Result<void> SurfaceStages::broad(const StepsSource& distance, const Target<std::int16_t>& out,
+                                  const ProgressSpan& span) const {
+  return by_slabs(out.span, span, [&](const Span3& slab) {
+    Block<std::int16_t> steps(slab);
+    plan.broad_filter.apply(
+        gather_mm(distance, plan.normal.step, slab.grown(plan.broad_filter.reach()), plan.broad_reach_mm),
+        steps);
+    put(steps, out);
+  });
+}
+
+Result<void> SurfaceStages::normal(const StepsSource& broad, const StepsSource& position,
+                                   const Target<std::int16_t>& out, const ProgressSpan& span) const {
+  return by_slabs(out.span, span, [&](const Span3& slab) {
+    const Span3 around = slab.grown(plan.normal_filter.reach());
+    Block<std::int16_t> steps(slab);
+    plan.normal_filter.apply(gather_mm(broad, kEvery, around, plan.broad_reach_mm),
+                             gather_mm(position, plan.normal.step, around, plan.reach_mm), steps);
+    put(steps, out);
+  });
+}
+
+Result<void> SurfaceStages::slopes(const StepsSource& position, const Target<float>& out,
+                                   const ProgressSpan& span) const {
+  return by_slabs(out.span, span, [&](const Span3& slab) {
+    Span3 voxels = slab;
+    voxels.low[0] = slab.low[0] * kStretch;
+    voxels.high[0] = slab.high[0] * kStretch;
+    for (int& high : voxels.high) ++high;
+    voxels = voxels.clipped(whole(plan.fine));
+    Block<float> squares(slab);
+    bound_slopes(plan.fine, gather(position, kEvery, voxels, 0), squares);
+    put(squares, out);
+  });
+}
+
+}  // namespace palpate::internal

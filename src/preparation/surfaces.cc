@@ -1,0 +1,369 @@
+#include "palpate/surfaces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "preparation/surface_slopes.h"
+#include "preparation/surface_stages.h"
+
+namespace palpate {
+
+namespace {
+
+using internal::Component;
+using internal::Components;
+using internal::LabelRun;
+using internal::ProgressSpan;
+using internal::Span3;
+using internal::StepsSource;
+using internal::SurfacePlan;
+using internal::SurfaceStages;
+using internal::to_box;
+using internal::to_span;
+using internal::whole;
+
+/// As many slices as are prepared at a time: few enough for the memory, enough for their margins not to cost
+/// more than they.
+constexpr int kSlabSlices = 24;
+
+Error out_of_range(const char* name, double value, const char* range) {
+  std::ostringstream what;
+  what << name << " is " << value;
+  return {ErrorKind::kBadInput, what.str(), "", range};
+}
+
+Result<void> check(const SurfaceOptions& o) {
+  if (!(o.reach_mm >= 1 && o.reach_mm <= 12)) {
+    return out_of_range("the reach of a surface in mm", o.reach_mm, "give 1 to 12 mm");
+  }
+  if (!(o.position_sigma_mm >= 0 && o.position_sigma_mm <= 3)) {
+    return out_of_range("sigma of a surface's position in mm", o.position_sigma_mm, "give 0 to 3 mm");
+  }
+  if (!(o.normal_sigma_mm >= 0.5 && o.normal_sigma_mm <= 5)) {
+    return out_of_range("sigma of a surface's normal in mm", o.normal_sigma_mm, "give 0.5 to 5 mm");
+  }
+  for (const double volume_mm3 : {o.stray_below_mm3, o.drop_below_mm3}) {
+    if (!(volume_mm3 >= 0 && std::isfinite(volume_mm3))) {
+      return out_of_range("the volume of a stray component in mm3", volume_mm3, "give 0 or more");
+    }
+  }
+  if (o.threads < 0) {
+    return out_of_range("the number of threads", o.threads,
+                        "give 0 for as many as the machine has, or at least 1");
+  }
+  return {};
+}
+
+Error no_voxels(LabelId label, const char* why) {
+  return {ErrorKind::kBadInput, "label " + std::to_string(label) + why, "",
+          "choose among the labels that the volume holds"};
+}
+
+StrayComponent to_stray(const Component& c, const GridGeometry& grid) {
+  StrayComponent stray;
+  stray.voxels = c.voxels;
+  stray.volume_mm3 = static_cast<double>(c.voxels) * grid.voxel_volume_mm3();
+  stray.box = to_box(c.span);
+  stray.centroid = grid.X_PatientVoxel() * Point<Voxel>(c.index_sum / static_cast<double>(c.voxels));
+  return stray;
+}
+
+/// A structure's components, sorted into what counts and what does not.
+struct Sorted {
+  std::size_t voxels = 0;  ///< that count
+  Span3 extent;            ///< theirs
+  std::vector<LabelRun> dropped;
+  std::vector<StrayComponent> strays;
+};
+
+Sorted sort_components(const Components& components, const GridGeometry& grid,
+                       const SurfaceOptions& options) {
+  Sorted sorted;
+  std::vector<char> dropped;
+  for (const Component& c : components.all) {
+    StrayComponent stray = to_stray(c, grid);
+    stray.dropped = stray.volume_mm3 < options.drop_below_mm3;
+    dropped.push_back(stray.dropped ? 1 : 0);
+    if (stray.dropped || stray.volume_mm3 < options.stray_below_mm3) sorted.strays.push_back(stray);
+    if (stray.dropped) continue;
+    for (int a = 0; a < 3; ++a) {
+      const bool fresh = sorted.voxels == 0;
+      sorted.extent.low[a] = fresh ? c.span.low[a] : std::min(sorted.extent.low[a], c.span.low[a]);
+      sorted.extent.high[a] = fresh ? c.span.high[a] : std::max(sorted.extent.high[a], c.span.high[a]);
+    }
+    sorted.voxels += c.voxels;
+  }
+  std::stable_sort(sorted.strays.begin(), sorted.strays.end(),
+                   [](const StrayComponent& a, const StrayComponent& b) { return a.voxels < b.voxels; });
+  for (const LabelRun& run : components.runs) {
+    if (dropped[run.component] != 0) sorted.dropped.push_back(run);
+  }
+  return sorted;
+}
+
+SignedField to_field(const Volume<std::int16_t>& steps, double outside_mm) {
+  return {steps, {.scale = kSurfaceStep_mm, .offset = 0, .outside = internal::to_steps(outside_mm)}};
+}
+
+/// All stages over a structure's whole box.
+Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& without,
+                   const Progress& progress, const ProgressSpan& span, PreparedSurface& prepared) {
+  const SurfacePlan plan(labels.geometry(), prepared.box, prepared.options);
+  const SurfaceStages stages{plan, kSlabSlices, progress};
+  const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
+  SurfaceWorkings& w = prepared.workings;
+  w.distance = Volume<std::int16_t>(plan.fine);
+  w.broad = Volume<std::int16_t>(plan.normal.geometry);
+  Volume<std::int16_t> position(plan.fine), normal(plan.normal.geometry);
+  const Span3 stretches = internal::stretches(plan.fine);
+  w.slopes.resize(stretches.count());
+
+  auto done =
+      stages.distance(labels, prepared.label, without, {w.distance.voxels().data(), fine}, span.part(0, 0.4));
+  if (!done) return done;
+  const auto distance = StepsSource::of(w.distance);
+  done = stages.position(distance, {position.voxels().data(), fine}, span.part(0.4, 0.8));
+  if (!done) return done;
+  done = stages.broad(distance, {w.broad.voxels().data(), coarse}, span.part(0.8, 0.9));
+  if (!done) return done;
+  const auto source = StepsSource::of(position);
+  done =
+      stages.normal(StepsSource::of(w.broad), source, {normal.voxels().data(), coarse}, span.part(0.9, 0.95));
+  if (!done) return done;
+  done = stages.slopes(source, {w.slopes.data(), stretches}, span.part(0.95, 1));
+  if (!done) return done;
+
+  prepared.surface = Surface(to_field(position, plan.reach_mm), to_field(normal, plan.broad_reach_mm),
+                             internal::steepest_of(internal::greatest(w.slopes)));
+  return {};
+}
+
+Result<PreparedSurface> prepare(const Volume<LabelId>& labels, LabelId label, const Span3& span_of_label,
+                                const SurfaceOptions& options, const Progress& progress,
+                                const ProgressSpan& span) {
+  const GridGeometry& grid = labels.geometry();
+  const Components components = internal::find_components(labels, label, span_of_label);
+  const Sorted sorted = sort_components(components, grid, options);
+  if (sorted.voxels == 0) return no_voxels(label, " has no component that is large enough");
+
+  PreparedSurface prepared;
+  prepared.label = label;
+  prepared.options = options;
+  prepared.volume_mm3 = static_cast<double>(sorted.voxels) * grid.voxel_volume_mm3();
+  prepared.components = static_cast<int>(components.all.size());
+  prepared.strays = sorted.strays;
+  prepared.workings.extent = to_box(sorted.extent);
+  prepared.box = to_box(sorted.extent.grown(SurfacePlan::margin(grid, options)));
+  try {
+    const auto done = build(labels, sorted.dropped, progress, span, prepared);
+    if (!done) return done.error();
+  } catch (const std::bad_alloc&) {
+    return Error{ErrorKind::kBadInput, "not enough memory for the surface of label " + std::to_string(label),
+                 "", "close other programs, or crop the volume"};
+  }
+  return prepared;
+}
+
+/// Whether what changed leaves a structure's box of voxels as it was: nothing is outside, and every side of
+/// it that the change touches still has a voxel.
+bool same_extent(const Volume<LabelId>& labels, LabelId label, const Span3& extent, const Span3& changed) {
+  const auto any = [&](const Span3& part) {
+    bool found = false;
+    internal::for_each_row(part, [&](int j, int k) {
+      const LabelId* row = labels.voxels().data() + labels.geometry().offset(0, j, k);
+      found = found || std::find(row + part.low[0], row + part.high[0], label) != row + part.high[0];
+    });
+    return found;
+  };
+  for (int a = 0; a < 3; ++a) {
+    for (const bool low : {true, false}) {
+      Span3 side = extent, beyond = changed;
+      if (low) {
+        side.high[a] = side.low[a] + 1;
+        beyond.high[a] = std::max(beyond.low[a], std::min(beyond.high[a], extent.low[a]));
+      } else {
+        side.low[a] = side.high[a] - 1;
+        beyond.low[a] = std::min(beyond.high[a], std::max(beyond.low[a], extent.high[a]));
+      }
+      if (!beyond.empty() && any(beyond)) return false;
+      if (!changed.clipped(side).empty() && !any(side)) return false;
+    }
+  }
+  return true;
+}
+
+/// The box of voxels whose class changed, in the structure's grid, and by how many voxels it grew.
+Span3 find_changes(const PreparedSurface& old, const Volume<LabelId>& labels, const Span3& dirty,
+                   long& more) {
+  Span3 changed;
+  more = 0;
+  internal::for_each_row(dirty, [&](int j, int k) {
+    const LabelId* now = labels.voxels().data() + labels.geometry().offset(0, j, k);
+    const int v = j - old.box.first[1], w = k - old.box.first[2];
+    for (int i = dirty.low[0]; i < dirty.high[0]; ++i) {
+      const int u = i - old.box.first[0];
+      const bool inside = now[i] == old.label;
+      if (inside == (old.workings.distance.at(u, v, w) < 0)) continue;
+      more += inside ? 1 : -1;
+      const bool fresh = changed.empty();
+      const internal::Index3 at{u, v, w};
+      for (int a = 0; a < 3; ++a) {
+        changed.low[a] = fresh ? at[a] : std::min(changed.low[a], at[a]);
+        changed.high[a] = fresh ? at[a] + 1 : std::max(changed.high[a], at[a] + 1);
+      }
+    }
+  });
+  return changed;
+}
+
+/// Both boxes and what lies between.
+Span3 hull(const Span3& a, const Span3& b) {
+  if (a.empty()) return b;
+  if (b.empty()) return a;
+  Span3 s = a;
+  for (int n = 0; n < 3; ++n) {
+    s.low[n] = std::min(a.low[n], b.low[n]);
+    s.high[n] = std::max(a.high[n], b.high[n]);
+  }
+  return s;
+}
+
+/// The box in which a patch differs from what was there.
+Span3 differences(const PatchOf<std::int16_t>& patch, const StepsSource& old) {
+  Span3 found;
+  const std::int16_t* now = patch.values.data();
+  const Span3 span = to_span(patch.box);
+  const int length = span.size(0);
+  internal::for_each_row(span, [&](int j, int k) {
+    const std::int16_t* before = old.origin + j * old.row + k * old.slice + span.low[0];
+    const auto first = static_cast<int>(std::mismatch(now, now + length, before).first - now);
+    if (first < length) {
+      int last = length - 1;
+      while (now[last] == before[last]) --last;
+      found = hull(found, {{span.low[0] + first, j, k}, {span.low[0] + last + 1, j + 1, k + 1}});
+    }
+    now += length;
+  });
+  return found;
+}
+
+template <class T>
+internal::Target<T> start(PatchOf<T>& patch, const Span3& span) {
+  patch.box = to_box(span);
+  patch.values.resize(span.count());
+  return {patch.values.data(), span};
+}
+
+template <class T>
+void write(const PatchOf<T>& patch, const internal::Index3& dims, std::vector<T>& values) {
+  const T* from = patch.values.data();
+  internal::for_each_row(to_span(patch.box), [&](int j, int k) {
+    const std::ptrdiff_t row = std::ptrdiff_t{k} * dims[1] + j;
+    std::copy_n(from, patch.box.size[0], values.data() + row * dims[0] + patch.box.first[0]);
+    from += patch.box.size[0];
+  });
+}
+
+}  // namespace
+
+Result<std::vector<PreparedSurface>> prepare_surfaces(const Volume<LabelId>& labels,
+                                                      const std::vector<LabelId>& structures,
+                                                      const SurfaceOptions& options,
+                                                      const Progress& progress) {
+  const auto checked = check(options);
+  if (!checked) return checked.error();
+  const std::vector<Span3> spans = internal::label_spans(labels);
+  for (const LabelId label : structures) {
+    if (label == 0) return no_voxels(label, " is the background");
+    if (spans[label].empty()) return no_voxels(label, " has no voxels");
+  }
+
+  std::vector<PreparedSurface> all;
+  const ProgressSpan whole_work{"preparing surfaces"};
+  const auto count = static_cast<double>(structures.size());
+  for (const LabelId label : structures) {
+    const auto n = static_cast<double>(all.size());
+    auto one =
+        prepare(labels, label, spans[label], options, progress, whole_work.part(n / count, (n + 1) / count));
+    if (!one) return one.error();
+    all.push_back(std::move(*one));
+  }
+  return all;
+}
+
+SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& labels, const VoxelBox& dirty) {
+  SurfacePatch patch;
+  if (old.options.drop_below_mm3 > 0) return patch;
+  const Span3 known = to_span(dirty).clipped(whole(labels.geometry()));
+  if (!same_extent(labels, old.label, to_span(old.workings.extent), known)) return patch;
+  const Span3 changed = find_changes(old, labels, known.clipped(to_span(old.box)), patch.voxels_more);
+  patch.local = true;
+  patch.steepest = old.surface.steepest();
+  if (changed.empty()) return patch;
+
+  // each stage over what the one before it can change
+  const SurfacePlan plan(labels.geometry(), old.box, old.options);
+  const SurfaceStages stages{plan, 0, {}};
+  const ProgressSpan span{"preparing surfaces"};
+  const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
+  const auto distance = StepsSource::of(old.workings.distance).with(patch.distance);
+  const auto position = StepsSource::of(old.surface.position().padded()).with(patch.position);
+  const auto broad = StepsSource::of(old.workings.broad).with(patch.broad);
+
+  const Span3 distance_part = changed.grown(plan.window).clipped(fine);
+  patch.local = stages.distance(labels, old.label, {}, start(patch.distance, distance_part), span).ok();
+  const Span3 moved = differences(patch.distance, StepsSource::of(old.workings.distance));
+  const Span3 position_part = moved.grown(plan.position_filter.reach()).clipped(fine);
+  patch.local = patch.local && stages.position(distance, start(patch.position, position_part), span).ok();
+  const Span3 broad_part = plan.normal.inside(changed.grown(plan.broad_window).clipped(moved))
+                               .grown(plan.broad_filter.reach())
+                               .clipped(coarse);
+  patch.local = patch.local && stages.broad(distance, start(patch.broad, broad_part), span).ok();
+  const Span3 normal_part =
+      hull(broad_part, plan.normal.inside(position_part)).grown(plan.normal_filter.reach()).clipped(coarse);
+  patch.local = patch.local && stages.normal(broad, position, start(patch.normal, normal_part), span).ok();
+  const Span3 slopes_part = internal::stretches_at(plan.fine, position_part);
+  patch.local = patch.local && stages.slopes(position, start(patch.slopes, slopes_part), span).ok();
+
+  const float beside =
+      internal::greatest_beside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
+  patch.steepest = internal::steepest_of(std::max(beside, internal::greatest(patch.slopes.values)));
+  return patch;
+}
+
+Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Volume<LabelId>& labels,
+                                              const VoxelBox& dirty) {
+  const SurfacePatch patch = prepare_patch(old, labels, dirty);
+  if (!patch.local) {
+    auto all = prepare_surfaces(labels, {old.label}, old.options);
+    if (!all) return all.error();
+    return std::move(all->front());
+  }
+  if (patch.distance.values.empty()) return old;
+  PreparedSurface now{.label = old.label,
+                      .surface = {},
+                      .options = old.options,
+                      .volume_mm3 = old.volume_mm3,
+                      .components = old.components,
+                      .strays = old.strays,
+                      .box = old.box,
+                      .workings = old.workings};
+  Volume<std::int16_t> position = old.surface.position().padded().unpadded();
+  Volume<std::int16_t> normal = old.surface.normal().padded().unpadded();
+  const auto& fine = position.geometry();
+  write(patch.distance, fine.dims, now.workings.distance.voxels());
+  write(patch.position, fine.dims, position.voxels());
+  write(patch.broad, normal.geometry().dims, now.workings.broad.voxels());
+  write(patch.normal, normal.geometry().dims, normal.voxels());
+  write(patch.slopes, internal::stretches(fine).high, now.workings.slopes);
+  now.surface = Surface(to_field(position, old.surface.position().outside()),
+                        to_field(normal, old.surface.normal().outside()), patch.steepest);
+  // from the count, as the full rebuild has it
+  const double voxel_mm3 = fine.voxel_volume_mm3();
+  now.volume_mm3 =
+      (std::round(old.volume_mm3 / voxel_mm3) + static_cast<double>(patch.voxels_more)) * voxel_mm3;
+  return now;
+}
+
+}  // namespace palpate

@@ -1,0 +1,115 @@
+#include "verification/stability.h"
+
+#include "session/critical_stiffness.h"
+#include "verification/stability_buzz.h"
+#include "verification/stability_names.h"
+#include "verification/stability_theory.h"
+
+namespace palpate {
+namespace {
+
+constexpr const char* kDevices[] = {"premium-1.5", "touch"};
+constexpr const char* kGrips[] = {"light-grip", "firm-grip"};
+constexpr std::uint64_t kTouches = 3;  // speeds of impact
+
+StabilityCase case_of(const char* device, const char* grip, double rate_hz, double delay_s) {
+  return {*find_plant_device(device), *find_plant_hand(grip), rate_hz, delay_s};
+}
+
+// at 1 kHz with each delay, then at each other rate with one sample of delay
+std::vector<StabilityCase> all_cases() {
+  std::vector<StabilityCase> cases;
+  for (const char* device : kDevices)
+    for (const char* grip : kGrips) {
+      for (const double delay_s : {0.0, 1e-3, 3e-3}) cases.push_back(case_of(device, grip, 1000, delay_s));
+      for (const double rate_hz : {500.0, 2000.0, 4000.0, 10000.0})
+        cases.push_back(case_of(device, grip, rate_hz, 1 / rate_hz));
+    }
+  return cases;
+}
+
+// Another simulation of the same plant, by the stiffness in N/m at which a limit cycle first appeared, in
+// steps of 5 to 10 %.
+struct Reference {
+  StabilityCase held;
+  double critical_N_per_m;
+};
+
+std::vector<Reference> references() {
+  return {{case_of("premium-1.5", "light-grip", 1000, 0), 7289},
+          {case_of("premium-1.5", "light-grip", 1000, 1e-3), 1919},
+          {case_of("premium-1.5", "light-grip", 1000, 3e-3), 740},
+          {case_of("premium-1.5", "firm-grip", 1000, 0), 18906},
+          {case_of("premium-1.5", "firm-grip", 1000, 1e-3), 5476},
+          {case_of("premium-1.5", "firm-grip", 1000, 3e-3), 2111},
+          {case_of("touch", "light-grip", 1000, 1e-3), 8820},
+          {case_of("touch", "light-grip", 1000, 3e-3), 2323},
+          {case_of("premium-1.5", "light-grip", 500, 2e-3), 856},
+          {case_of("premium-1.5", "light-grip", 2000, 0.5e-3), 4495},
+          {case_of("premium-1.5", "light-grip", 4000, 0.25e-3), 10819}};
+}
+
+// how far the critical stiffnesses found are from the reference, signed
+std::vector<Figure> reference_figures(const std::vector<Figure>& found) {
+  std::vector<Figure> figures;
+  for (const Reference& reference : references()) {
+    const std::string path = "stability/" + name_of(reference.held);
+    for (const Figure& figure : found)
+      if (figure.name == path + "/critical")
+        figures.push_back({path + "/from-reference",
+                           100 * (figure.value * 1e3 / reference.critical_N_per_m - 1),
+                           "percent",
+                           figure.n,
+                           {}});
+  }
+  return figures;
+}
+
+}  // namespace
+
+std::string name_of(const StabilityCase& held) {
+  return held.device.name + "/" + held.hand.name + "/" + loop_name(held.rate_hz, held.delay_s);
+}
+
+Result<std::vector<Figure>> stiffness_figures(const StabilityCase& held, const Progress& progress) {
+  const auto critical = critical_stiffness_N_per_mm(held, progress);
+  if (!critical) return critical.error();
+  const auto settling = settling_stiffness_N_per_mm(held, progress);
+  if (!settling) return settling.error();
+  const std::string path = "stability/" + name_of(held);
+  const auto figure = [&](const char* what, double value) {
+    return Figure{path + "/" + what, value, "N/mm", kTouches, {}};
+  };
+  return std::vector{figure("critical", *critical), figure("margin", kStiffnessMargin * *critical),
+                     figure("settling", *settling),
+                     figure("passive", passivity_bound_N_per_mm(held.device, held.rate_hz))};
+}
+
+Result<SuiteReport> run_stability(const Progress& progress) {
+  SuiteReport report;
+  progress.report("the plant beside theory", 0);
+  auto theory = theory_figures(progress);
+  if (!theory) return theory.error();
+  report.figures = *std::move(theory);
+
+  const auto cases = all_cases();
+  for (std::size_t n = 0; n < cases.size(); ++n) {
+    progress.report("critical stiffness: " + name_of(cases[n]),
+                    static_cast<double>(n) / static_cast<double>(cases.size()));
+    const auto figures = stiffness_figures(cases[n], progress);
+    if (!figures) return figures.error();
+    report.figures.insert(report.figures.end(), figures->begin(), figures->end());
+  }
+  progress.report("critical stiffness", 1);
+  const auto deviations = reference_figures(report.figures);
+  report.figures.insert(report.figures.end(), deviations.begin(), deviations.end());
+  const auto buzz = buzz_figures(progress);
+  if (!buzz) return buzz.error();
+  report.figures.insert(report.figures.end(), buzz->begin(), buzz->end());
+  report.notes = {
+      {"hold", "1 N on a single wall, touched at 0, 0.1 and 0.5 m/s; the least of them"},
+      {"limit cycle", "above two encoder steps in the 2nd second of the hold, and not dying down"}};
+  return report;
+}
+
+}  // namespace palpate
