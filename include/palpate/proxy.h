@@ -58,8 +58,8 @@ struct ProxyResult {
   Vector<Patient> force_N;        ///< on the tip
   Vector<Patient> torque_Nmm;     ///< about the tip
   double stiffness_N_per_mm = 0;  ///< of the surfaces touched, weighted by their pulls
-  /// The tool is wider than the gap that it is in: no place is left by all walls, and the proxy stays. Where a
-  /// turn of the tool has brought it there, without force, until the tip is free.
+  /// The tool is wider than the gap that it is in: no place is left by all walls, and the proxy stays. Where
+  /// a turn of the tool has brought it there, without force, until the tip is free.
   bool wedged = false;
   bool ruptured = false;  ///< it went through a surface in this tick
   /// The tip moved farther than one tick's work follows; the proxy goes on in the next.
@@ -68,9 +68,9 @@ struct ProxyResult {
 
 /// One tick: the proxy goes from where it was towards the tip, along surfaces and never through them. The
 /// whole way is looked at, in steps that the clearance allows: at no place of it does a sphere lie deeper
-/// than kMostDip_mm below a surface. Then the spring. Bounded work; allocates, locks and throws nothing. A turn
-/// of the tool is not a way: spheres that it puts a little below a surface are taken back, those that it puts
-/// on the other side of one are there.
+/// than kMostDip_mm below a surface. Then the spring. Bounded work; allocates, locks and throws nothing. A
+/// turn of the tool is not a way: spheres that it puts a little below a surface are taken back, those that it
+/// puts on the other side of one are there.
 ///
 /// - Free space is crossed in strides of the clearance (sphere tracing, Hart 1996).
 /// - On surfaces the goal is the point nearest to the tip in the half-spaces of all that is touched, by

@@ -25,11 +25,11 @@ constexpr double kMostWay_mm = 3, kSlack_mm = 0.2;
 constexpr double kMostPush_mm = kMostCorrections * kStride_mm;
 // walls whose normals are as near as this do the same work
 constexpr double kParallel = 0.999, kBeside_mm = 0.02;
-// a stride that leads away from the tip by more than this part of itself is not taken: normals that are smoother
-// than the surface ask for less
+// a stride that leads away from the tip by more than this part of itself is not taken: normals that are
+// smoother than the surface ask for less
 constexpr double kAway = 0.1;
-// pairs of a sphere and a surface that one tick looks at; more than these near at once, as in no tissue, and the
-// proxy goes no farther than the others allow
+// pairs of a sphere and a surface that one tick looks at; more than these near at once, as in no tissue, and
+// the proxy goes no farther than the others allow
 constexpr std::size_t kMostNear = 32;
 // a tool that has gone through a surface is out of it when it has left it by so much
 constexpr double kSealed_mm = 0.2;
@@ -237,8 +237,8 @@ class Walk {
 
   double stride_mm() const { return kStride_mm / steepest_; }
 
-  // The goal, or as far towards it as a stride may go; half of it where the last one went the other way, as it
-  // does where the surface is hollow and bends more than the tip is deep.
+  // The goal, or as far towards it as a stride may go; half of it where the last one went the other way, as
+  // it does where the surface is hollow and bends more than the tip is deep.
   Point<Patient> towards(const Point<Patient>& goal, double most_mm) const {
     const Vector<Patient> way = goal - proxy_;
     const double length_mm = way.norm();
@@ -414,8 +414,8 @@ bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> 
   return true;
 }
 
-// Surfaces that tip and proxy have left close again: the tip may have come out of a layer below while the proxy
-// is held within it.
+// Surfaces that tip and proxy have left close again: the tip may have come out of a layer below while the
+// proxy is held within it.
 std::uint64_t still_open(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                          const Point<Patient>& tip, const ProxyState& state) {
   std::uint64_t punctured = state.punctured;

@@ -162,8 +162,9 @@ TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
 TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
   // a floor and a ceiling 2 mm apart, and a tool that grows too tall for them
   ProxyRun run;
-  run.surfaces = {felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
-                  felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
+  run.surfaces = {
+      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
+      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
   run.spheres = {{Vector<Patient>(0, 0, 0.5), 0.4}, {Vector<Patient>(0, 0, -0.5), 0.4}};
   run.at({0, 0, 1});
   EXPECT_TRUE(run.state.coupled);
@@ -184,8 +185,9 @@ TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
 
 TEST(Proxy, SpheresThatATurnPutsALittleBelowAreTakenBackWithoutMeetingAnotherWall) {
   ProxyRun run;
-  run.surfaces = {felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
-                  felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
+  run.surfaces = {
+      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
+      felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
   run.spheres = {{Vector<Patient>(2, 0, 0), 0.5}, {Vector<Patient>(-2, 0, 0), 0.5}};
   run.at({0, 0, 1});
   for (int n = 1; n <= 40; ++n) {
@@ -252,17 +254,20 @@ TEST(Proxy, SlidesEvenlyUnderASlowTip) {
   // 3 micrometres a tick, 3 mm deep
   ProxyRun plane = run_on([](const Eigen::Vector3d& p) { return p.z(); });
   plane.lead({0, 0, 21}, {0, 0, -3}, 0.5);
-  expect_even(plane, [](double way) { return Point<Patient>(way, 0.2 * way, -3); }, 0.003);
+  expect_even(
+      plane, [](double way) { return Point<Patient>(way, 0.2 * way, -3); }, 0.003);
   ProxyRun ball = run_on([](const Eigen::Vector3d& p) { return p.norm() - 15; });
   ball.lead({0, 0, 21}, {0, 0, 12}, 0.5);
-  expect_even(ball, [](double way) { return Point<Patient>(12 * std::sin(way / 12), 0, 12 * std::cos(way / 12)); },
-              0.003);
+  expect_even(
+      ball, [](double way) { return Point<Patient>(12 * std::sin(way / 12), 0, 12 * std::cos(way / 12)); },
+      0.003);
   // a hollow whose bottom bends more than the tip is deep
   ProxyRun hollow = run_on([](const Eigen::Vector3d& p) { return 5 - p.tail<2>().norm(); });
   hollow.state.coupled = false;
   hollow.at({0, 0, 0});
   hollow.lead({0, 0, 0}, {0, 0, -8}, 0.2);
-  expect_even(hollow, [](double way) { return Point<Patient>(way, 0, -8); }, 0.003);
+  expect_even(
+      hollow, [](double way) { return Point<Patient>(way, 0, -8); }, 0.003);
 }
 
 TEST(Proxy, FrictionConeIsAsSet) {
