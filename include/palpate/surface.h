@@ -10,7 +10,7 @@ namespace palpate {
 
 /// A structure's surface: where a signed distance is 0, positive outside, negative inside. It is read from
 /// two fields, each on a grid of its own. The position comes from a lightly smoothed distance, so that thin
-/// tissue survives; the normal from a broader one, so that it does not show the voxels (docs/methods.md).
+/// tissue survives; the normal from a broader one, so that it does not show the voxels (docs/decisions/0009).
 /// Beyond its reach the distance stays at what it is there. Immutable; a query allocates, locks and throws
 /// nothing.
 class Surface {
