@@ -45,11 +45,11 @@ Error at_option(Error error) {
 }
 
 int draw_forces(const Options& options, Console& console) {
+  if (const auto writable = check_output(options.output, input_files(options.target)); !writable)
+    return console.fail(writable.error());
   if (const auto extension = options.output.extension(); !extension.empty() && extension != ".svg")
     return console.fail({ErrorKind::kUsage, "the picture is an SVG, whatever its name",
                          options.output.string(), "give it a name that ends with .svg"});
-  if (const auto writable = check_output(options.output, input_files(options.target)); !writable)
-    return console.fail(writable.error());
   const Progress progress = console.progress();
   const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());

@@ -26,8 +26,6 @@ class Surface {
 
   /// mm, positive outside. Of a place that is none (NaN): as outside the volume.
   double distance_mm(const Point<Patient>& x) const { return sample_value(position_, x); }
-  /// No surface lies nearer than this; negative inside.
-  double clearance_mm(const Point<Patient>& x) const { return distance_mm(x) / steepest_; }
   /// Unit vector, or zero where both fields are flat: beyond their reach, or on a medial plane.
   Vector<Patient> outward(const Point<Patient>& x) const {
     const Vector<Patient> slope = sample_central_differences(normal_, x).gradient;

@@ -333,7 +333,7 @@ TEST(ForceArrows, WhatCannotBeDrawnIsRefused) {
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
   EXPECT_THAT(refused.error().what, HasSubstr("500.0, 0.0, 0.0 mm lies outside the volume"));
-  EXPECT_THAT(refused.error().remedy, HasSubstr("reaches from -30.0, -30.0, -29.7 to 30.0, 30.0, 29.7 mm"));
+  EXPECT_THAT(refused.error().remedy, HasSubstr("reaches from -30.3, -30.3, -30.1 to 30.3"));
   request.centre = Point<Patient>(std::numeric_limits<double>::quiet_NaN(), 0, 0);
   EXPECT_FALSE(force_arrows_svg(model, ForceMethod::kTrilinear, request).ok());
 

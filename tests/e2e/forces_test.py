@@ -121,6 +121,7 @@ class Forces(cli.PalpateTest):
         before = self.labels.read_bytes()
         self.fail_clearly(cli.USAGE, "forces", self.scene, "-o", self.labels, says="would replace an input")
         self.assertEqual(self.labels.read_bytes(), before)
+        self.fail_clearly(cli.USAGE, "forces", self.scene, "-o", self.folder / "f.png", says="ends with .svg")
         self.assertEqual(os.listdir(self.folder), [])
 
 
