@@ -53,7 +53,7 @@ class Failures(cli.PalpateTest):
             "simulate": ["simulate", self.scene, "--script", self.script, "-o", pathlib.Path(f"{output}.h5")],
             "report": ["report", self.recording, self.scene, "-o", pathlib.Path(f"{output}.html")],
             "forces": ["forces", self.scene, "-o", pathlib.Path(f"{output}.svg")],
-            "verify": ["verify", "accuracy", "--json", pathlib.Path(f"{output}.json")],
+            "verify": ["verify", "stability", "--json", pathlib.Path(f"{output}.json")],
         }
 
     def test_missing_files(self):
