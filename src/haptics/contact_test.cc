@@ -4,6 +4,7 @@
 #include <random>
 
 #include "haptics/test_model.h"
+#include "haptics/test_random.h"
 
 namespace palpate {
 namespace {
@@ -12,11 +13,7 @@ using testing::ball_model;
 using testing::kBone;
 using testing::kBoneRadius_mm;
 using testing::kCartilage;
-
-Vector<Patient> random_direction(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  return Vector<Patient>(normal(random), normal(random), normal(random)).normalized();
-}
+using testing::random_direction;
 
 TEST(ContactSite, DepthIsTheDistanceBelowTheSurface) {
   const Model model = ball_model();

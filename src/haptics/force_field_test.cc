@@ -5,6 +5,7 @@
 #include <random>
 
 #include "haptics/test_model.h"
+#include "haptics/test_random.h"
 
 namespace palpate {
 namespace {
@@ -13,6 +14,7 @@ using testing::ball_model;
 using testing::kBone;
 using testing::kBoneRadius_mm;
 using testing::kCartilage;
+using testing::random_direction;
 using testing::with_every_method;
 
 constexpr unsigned kSeed = 20261120;
@@ -25,11 +27,6 @@ const Model& layered() {
 Point<Patient> random_point(std::mt19937& random, double reach_mm) {
   std::uniform_real_distribution<double> coordinate(-reach_mm, reach_mm);
   return {coordinate(random), coordinate(random), coordinate(random)};
-}
-
-Vector<Patient> random_direction(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  return Vector<Patient>(normal(random), normal(random), normal(random)).normalized();
 }
 
 // everything beyond x = 0 is bone

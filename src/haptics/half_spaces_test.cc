@@ -6,15 +6,14 @@
 #include <random>
 #include <vector>
 
+#include "haptics/test_random.h"
+
 namespace palpate {
 namespace {
 
-constexpr unsigned kSeed = 505;
+using testing::random_direction;
 
-Vector<Patient> random_direction(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  return Vector<Patient>(normal(random), normal(random), normal(random)).normalized();
-}
+constexpr unsigned kSeed = 505;
 
 Point<Patient> random_point(std::mt19937& random, double spread_mm) {
   std::normal_distribution<double> normal(0, spread_mm);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "haptics/proxy_way.h"
+#include "haptics/test_random.h"
 #include "palpate/proxy.h"
 
 /// Surfaces whose distance is known exactly, and an oracle of what a proxy may do, for tests.
@@ -72,11 +73,6 @@ inline FeltSurface felt_surface(const GridGeometry& grid, const Distance& distan
   felt.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
   felt.static_friction = felt.dynamic_friction = 0;
   return felt;
-}
-
-inline Vector<Patient> random_direction(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  return Vector<Patient>(normal(random), normal(random), normal(random)).normalized();
 }
 
 /// A tip led about, with what a proxy makes of it.
