@@ -100,6 +100,8 @@ std::string state_of(std::uint32_t flags) {
                              {kFlagStale, "stale"},
                              {kFlagPaused, "PAUSED"},
                              {kFlagClutched, "clutched"},
+                             {kFlagInside, "inside"},
+                             {kFlagWedged, "wedged"},
                              {kFlagThermal, "cooling"},
                              {kFlagClamped, "clamped"},
                              {kFlagRamp, "fading"}};
@@ -179,7 +181,10 @@ void print_changed(const RecordingSummary& s) {
                                                           {"device fault", s.device_faults},
                                                           {"halted", s.halted},
                                                           {"emergency stop", s.emergency_stopped},
-                                                          {"method missing", s.method_missing}};
+                                                          {"method missing", s.method_missing},
+                                                          {"inside", s.inside},
+                                                          {"wedged", s.wedged},
+                                                          {"ruptured", s.ruptured}};
   std::string text;
   for (const auto& [name, count] : counts)
     if (count > 0) text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count);
@@ -250,7 +255,7 @@ void add_options(CLI::App* verb, Options& options) {
   verb->add_flag("--repeat", options.repeat, "Begin the script again when it has ended, until stopped");
   verb->add_option("--seed", options.seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
-  add_method_option(*verb, "Force method at first; default: the scene's", options.method);
+  add_method_option(*verb, "Force method at first; default: the scene's", kForceMethods, options.method);
   verb->add_option("--cpu", options.cpu, "The only CPU for the servo thread; default: any")
       ->check(whole_between(0, 4095));
   verb->add_flag("--no-realtime", options.no_realtime,

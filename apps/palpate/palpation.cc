@@ -10,9 +10,10 @@ Result<Script> script_of(const std::optional<std::filesystem::path>& file, const
   return file ? load_script(*file) : parse_script(default_script_text(model), "embedded script");
 }
 
-void add_method_option(CLI::App& verb, const std::string& help, std::optional<ForceMethod>& method) {
+void add_method_option(CLI::App& verb, const std::string& help, std::span<const ForceMethodInfo> methods,
+                       std::optional<ForceMethod>& method) {
   std::vector<std::string> names;
-  for (const ForceMethodInfo& info : kForceMethods) names.emplace_back(info.name);
+  for (const ForceMethodInfo& info : methods) names.emplace_back(info.name);
   verb.add_option_function<std::string>(
           "--method", [&method](const std::string& name) { method = find_force_method(name); }, help)
       ->check(CLI::IsMember(names));

@@ -13,8 +13,9 @@ namespace palpate::app {
 /// The script of that file; without one, a script that suits the model.
 Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model);
 
-/// --method NAME.
-void add_method_option(CLI::App& verb, const std::string& help, std::optional<ForceMethod>& method);
+/// --method NAME, one of these.
+void add_method_option(CLI::App& verb, const std::string& help, std::span<const ForceMethodInfo> methods,
+                       std::optional<ForceMethod>& method);
 
 /// A table on stdout: how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);

@@ -110,7 +110,7 @@ void add_simulate(CLI::App& app, Run& run) {
       ->check(number_between(250, 10000));
   verb->add_option("--seed", options->seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
-  add_method_option(*verb, "Force method at first; default: the scene's", options->method);
+  add_method_option(*verb, "Force method at first; default: the scene's", kForceMethods, options->method);
   verb->footer(
       "Examples:\n"
       "  palpate simulate knee-phantom --report run.html\n"

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string_view>
 
 /// The names of the ways from voxels to a force. docs/methods.md has their equations, force_field.h what they
@@ -18,6 +19,7 @@ enum class ForceMethod : std::uint8_t {
   kGaussianSphere = 2,  ///< Gaussian-weighted raw labels at run time, as published
   kSmoothSphere = 3,    ///< raw labels through a compact smooth kernel, analytic gradient
   kStoredNormals = 4,   ///< magnitude and normal of every voxel, as published
+  kProxy = 5,           ///< a proxy on every structure's own surface, which keeps the tool out
 };
 
 struct ForceMethodInfo {
@@ -35,7 +37,10 @@ inline constexpr std::array kForceMethods{
     ForceMethodInfo{ForceMethod::kSmoothSphere, "smooth-sphere", "smooth sphere on raw labels"},
     ForceMethodInfo{ForceMethod::kStoredNormals, "stored-normals",
                     "magnitude and normal stored with every voxel"},
+    ForceMethodInfo{ForceMethod::kProxy, "proxy", "a proxy held out by every structure's surface"},
 };
+/// Those that need no memory: the force follows from where the tip is.
+inline constexpr std::span<const ForceMethodInfo, 5> kDirectMethods = std::span(kForceMethods).first<5>();
 
 constexpr std::size_t index_of(ForceMethod method) {
   return static_cast<std::size_t>(method);

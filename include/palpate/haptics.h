@@ -10,6 +10,7 @@
 
 #include "palpate/force_field.h"
 #include "palpate/progress.h"
+#include "palpate/proxy.h"
 #include "palpate/volume.h"
 
 /// What is felt, and the laws by which it is felt: pure functions of state.
@@ -21,6 +22,8 @@ struct Tissue {
   bool felt = true;  ///< false: shown, not felt
   double stiffness_N_per_mm = 1.0;
   double friction_coefficient = 0.1;  ///< cap of the tangential force relative to the normal one
+  double static_friction = 0.1;       ///< of the proxy: coefficient up to which it sticks
+  double puncture_N = std::numeric_limits<double>::infinity();  ///< of the proxy: force that goes through
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;  ///< preset cap of the tangential force (as published)
   double viscosity_N_s_per_mm = 0.001;
@@ -29,13 +32,14 @@ struct Tissue {
   std::vector<int> rests_on;  ///< indices of tissues that support this one
 };
 
-/// The instrument: points fixed to the tip's frame (a point tool has one, at the origin). A tool of
-/// spheres with radii comes with the proxy.
+/// The instrument: spheres fixed to the tip's frame (a point tool has one of radius 0, at the origin). The
+/// direct methods feel their centres, the proxy feels them whole.
 struct Tool {
   std::string name = "point";
   std::vector<Eigen::Vector3d> points_mm{Eigen::Vector3d::Zero()};  ///< 1 ... kMaxToolPoints
+  double radius_mm = 0;                                             ///< of every one
 };
-inline constexpr int kMaxToolPoints = 4;
+inline constexpr int kMaxToolPoints = static_cast<int>(kMostToolSpheres);
 
 /// Whose side a scan shows: of a limb, or of both (head, torso) where no side mark is needed.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
@@ -58,8 +62,12 @@ struct Model {
   std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1: belongs to no tissue
   std::vector<float> level_of_label;          ///< field value deep inside that label, 0 ... 1
 
-  /// What forces are computed from, by ForceMethod; null: not prepared. The trilinear one always is.
-  std::array<std::shared_ptr<const ForceField>, kForceMethods.size()> methods;
+  /// What the direct methods' forces are computed from, by ForceMethod; null: not prepared. The trilinear one
+  /// always is.
+  std::array<std::shared_ptr<const ForceField>, kDirectMethods.size()> methods;
+  /// What the proxy leans on, with the structure of each; empty: not prepared.
+  std::vector<FeltSurface> surfaces;
+  std::vector<LabelId> label_of_surface;
   MethodSettings method_settings;
 
   double sigma_mm = 1.0;  ///< smoothing that made the field
@@ -78,10 +86,12 @@ struct Model {
     const int tissue = id < tissue_of_label.size() ? tissue_of_label[id] : -1;
     return tissue >= 0 ? &tissues[tissue] : nullptr;
   }
-  bool has(ForceMethod method) const { return methods[index_of(method)] != nullptr; }
-  /// The method, or the trilinear one where it is not prepared.
+  bool has(ForceMethod method) const {
+    return method == ForceMethod::kProxy ? !surfaces.empty() : methods[index_of(method)] != nullptr;
+  }
+  /// The direct method, or the trilinear one where it is not prepared or not direct.
   const ForceField& force_field(ForceMethod method) const {
-    return *methods[has(method) ? index_of(method) : 0];
+    return *methods[has(method) && method != ForceMethod::kProxy ? index_of(method) : 0];
   }
   /// N/mm, of the tissues that are felt: where the field is 1.
   double greatest_stiffness_N_per_mm() const;
@@ -100,7 +110,8 @@ struct Model {
 Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method);
 
 /// The same model, ready for these methods as well; itself where it already is. What is added changes neither
-/// version nor content hash. Errors: those of make_force_field, kInterrupted.
+/// version nor content hash. Direct methods alone; palpate/session.h prepares the proxy's surfaces too.
+/// Errors: those of make_force_field, kInterrupted.
 Result<std::shared_ptr<const Model>> with_methods(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,
                                                   const Progress& progress = {});

@@ -54,6 +54,10 @@ struct ProxyState {
   std::array<ProxyContact, kMostContacts> contact;
 };
 
+struct ProxyOptions {
+  bool friction = true;
+};
+
 struct ProxyResult {
   Vector<Patient> force_N;        ///< on the tip
   Vector<Patient> torque_Nmm;     ///< about the tip
@@ -84,7 +88,7 @@ struct ProxyResult {
 /// @param spheres   1 ... kMostToolSpheres
 /// @param tip       finite
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, ProxyState& state);
+                          const Point<Patient>& tip, ProxyState& state, const ProxyOptions& options = {});
 inline constexpr double kMostDip_mm = 0.05;
 
 /// Couples a tip that is inside: its proxy is born at the nearest place outside all surfaces. False where

@@ -35,6 +35,8 @@ struct TissueSettings {
   bool felt = true;
   double stiffness_N_per_mm = 1.0;
   double friction_coefficient = 0.1;
+  std::optional<double> static_friction;  ///< empty: friction_coefficient
+  std::optional<double> puncture_N;       ///< empty: never
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;
   double viscosity_N_s_per_mm = 0.001;

@@ -64,6 +64,8 @@ struct SessionState {
     Point<World> previous_world;
     Point<Patient> previous_tip;
     VelocityWindow velocity;
+    ProxyState proxy;
+    std::uint32_t proxy_version = 0;  ///< of the model whose surfaces it is on
     // what the force was last, and what is left of the difference to what made it
     Wrench asked;
     Wrench difference;

@@ -39,6 +39,14 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
                                                  const Volume<float>* scan, const Progress& progress = {},
                                                  const Warn& warn = {}, bool oriented = true);
 
+/// The same model, ready for these methods as well; itself where it already is. For the proxy every felt
+/// structure gets its surface (palpate/surfaces.h), which takes seconds. What is added changes neither
+/// version nor content hash. Errors: those of with_methods and prepare_surfaces; more felt structures than
+/// the proxy takes; kInterrupted.
+Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
+                                               std::span<const ForceMethod> methods,
+                                               const Progress& progress = {});
+
 /// A point on a structure that a hand can reach and press: with the most free space in front, among
 /// flat places, found from labels and field.
 struct SurfacePoint {

@@ -34,6 +34,9 @@ enum TickFlag : std::uint32_t {
   kFlagClutched = 1u << 14,        ///< the clutch was held: the force fades out and stays off
   kFlagBlend = 1u << 15,           ///< on the way from the force of the last method, model or parameters
   kFlagMethodMissing = 1u << 16,   ///< the model is not prepared for the method: the trilinear one was felt
+  kFlagInside = 1u << 17,          ///< the proxy waits: the tip has been inside since contact began anew
+  kFlagWedged = 1u << 18,          ///< the tool is wider than the gap that it is in: the proxy stayed
+  kFlagRuptured = 1u << 19,        ///< the tool went through a surface
 };
 /// After these the force is zero at once, and comes back by the ramp.
 inline constexpr std::uint32_t kFaultFlags =
@@ -69,10 +72,13 @@ struct DeviceTick {
   double limit_N = 0;                  ///< least of device, user, scene and thermal limit in this tick
   double heat = 0;                     ///< part of the thermal budget that is used, 0 ... 1
   std::array<double, 3> tip_patient_mm{};
+  std::array<double, 3> proxy_patient_mm{};       ///< where the proxy is; by a direct method, the tip
   std::array<double, 3> normal_patient{};         ///< outward, unit; zero in free space
   std::array<double, 3> velocity_patient_mm_s{};  ///< windowed, relative to the object
   double field = 0;                               ///< 0 ... 1
-  double depth_mm = 0;      ///< ContactSite::depth_mm; NaN: no surface within reach, 0 where nothing is felt
+  /// ContactSite::depth_mm; NaN: no surface within reach, 0 where nothing is felt. Of the proxy: from it to
+  /// the tip.
+  double depth_mm = 0;
   std::uint16_t label = 0;  ///< touched structure, 0 none
   std::uint32_t flags = 0;  ///< TickFlag bits
 };

@@ -135,6 +135,8 @@ Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, F
       return make_gaussian(model);
     case ForceMethod::kSmoothSphere:
       return make_smooth(model);
+    case ForceMethod::kProxy:
+      break;
     case ForceMethod::kStoredNormals:
       return force_field(stored_normals_of(*model.field, model.method_settings.normals), of_field_N);
   }

@@ -55,7 +55,7 @@ TEST(ForceMethods, HaveNamesThatFindThem) {
     EXPECT_FALSE(kForceMethods[n].about.empty());
   }
   EXPECT_FALSE(find_force_method("proxies"));
-  EXPECT_EQ(next_of(ForceMethod::kStoredNormals), ForceMethod::kTrilinear);
+  EXPECT_EQ(next_of(ForceMethod::kProxy), ForceMethod::kTrilinear);
 }
 
 TEST(ForceField, GivesWhatItsMethodGives) {
@@ -78,7 +78,7 @@ TEST(ForceField, GivesWhatItsMethodGives) {
     expect_same(ForceMethod::kSpline, sample_spline(spline, x));
     expect_same(ForceMethod::kStoredNormals, normals.sample(x));
   }
-  for (const ForceMethodInfo& info : kForceMethods)
+  for (const ForceMethodInfo& info : kDirectMethods)
     EXPECT_EQ(model.force_field(info.method).method(), info.method);
 }
 
@@ -86,7 +86,7 @@ TEST(ForceField, DeepInsideThereIsNoDirectionForAnyMethod) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   const Model model = with_every_method(ball_model({0.6, 0.6, 0.9}, 1.0));
-  for (const ForceMethodInfo& info : kForceMethods)
+  for (const ForceMethodInfo& info : kDirectMethods)
     for (int n = 0; n < 500; ++n) {
       const Point<Patient> x = random_point(random, 4);
       const FieldSample sample = model.force_field(info.method).sample(x);
@@ -133,7 +133,7 @@ TEST(ForceField, CartilageKeepsItsOwnSurfaceAndPushesOutwardAllTheWayDown) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   const double shell_mm = 4;
-  for (const ForceMethodInfo& info : kForceMethods) {
+  for (const ForceMethodInfo& info : kDirectMethods) {
     SCOPED_TRACE(info.name);
     const ForceField& field = layered().force_field(info.method);
     for (int n = 0; n < 200; ++n) {
@@ -170,7 +170,7 @@ TEST(ForceField, EveryMethodIsAsStiffAsTheTissueAtAFlatSurface) {
   for (const Eigen::Vector3d& spacing_mm : {Eigen::Vector3d(0.3, 0.3, 0.9), Eigen::Vector3d(0.6, 0.6, 0.6)}) {
     const Model model = wall_model(spacing_mm, 1.0);
     const double stiffness = model.greatest_stiffness_N_per_mm();
-    for (const ForceMethodInfo& info : kForceMethods) {
+    for (const ForceMethodInfo& info : kDirectMethods) {
       SCOPED_TRACE(info.name);
       // over a voxel, because the published methods have steps and cusps
       const double found = steepest_N_per_mm(model.force_field(info.method), spacing_mm.x());
@@ -196,7 +196,7 @@ TEST(ForceField, WidthOfASphereIsItsOwn) {
 
 TEST(ForceField, WhatIsNoPlaceIsFreeSpace) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
-  for (const ForceMethodInfo& info : kForceMethods)
+  for (const ForceMethodInfo& info : kDirectMethods)
     for (const Point<Patient>& x : {Point<Patient>(nan, 0, 0), Point<Patient>(0, inf, 0),
                                     Point<Patient>(1e300, -1e300, 0), Point<Patient>(500, 0, 0)}) {
       const FieldSample sample = layered().force_field(info.method).sample(x);

@@ -184,8 +184,9 @@ class Walk {
   /// @param most_mm  how far it goes: `near` looks farther, by what a turn of the tool may push
   /// @param way      gets every corner of it; may be null
   Walk(std::span<const FeltSurface> surfaces, NearSurfaces& near, double most_mm, const Point<Patient>& tip,
-       ProxyState& state, ProxyWay* way)
+       ProxyState& state, const ProxyOptions& options, ProxyWay* way)
       : surfaces_(surfaces),
+        options_(options),
         near_(near),
         left_mm_(most_mm),
         tip_(tip),
@@ -329,8 +330,9 @@ class Walk {
   // Where on the walls friction lets the proxy go: it is dragged behind the place that would be nearest to
   // the tip, from where it was held, as far as the cone allows.
   Point<Patient> with_friction(const ClosestPoint& nearest) {
-    if (nearest.count == 0) {
-      anchored_ = false;
+    if (nearest.count == 0) anchored_ = false;
+    if (nearest.count == 0 || !options_.friction) {
+      state_.sticking = false;
       return nearest.point;
     }
     double still = 0, sliding = 0, all_mm = 0;
@@ -390,6 +392,7 @@ class Walk {
   }
 
   std::span<const FeltSurface> surfaces_;
+  const ProxyOptions options_;
   NearSurfaces& near_;
   double left_mm_;
   double steepest_ = 1;
@@ -468,7 +471,8 @@ void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> sph
 }  // namespace
 
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, ProxyState& state, ProxyWay* way) {
+                          const Point<Patient>& tip, ProxyState& state, const ProxyOptions& options,
+                          ProxyWay* way) {
   PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
   ProxyResult result;
   if (!state.coupled) {
@@ -483,7 +487,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   const double to_tip_mm = (tip - state.position).norm() + kSlack_mm;
   const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kMostWay_mm);
   NearSurfaces near(surfaces, spheres, state.punctured, state.position, most_mm + kMostPush_mm);
-  Walk(surfaces, near, std::min(most_mm, near.reach_mm()), tip, state, way).go(result);
+  Walk(surfaces, near, std::min(most_mm, near.reach_mm()), tip, state, options, way).go(result);
   // lost by a turn of the tool, found again where the tip is free
   if (result.wedged && state.contacts == 0 && is_free(surfaces, spheres, state.punctured, tip))
     state.position = tip;
@@ -492,8 +496,8 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
 }
 
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, ProxyState& state) {
-  return advance_proxy(surfaces, spheres, tip, state, nullptr);
+                          const Point<Patient>& tip, ProxyState& state, const ProxyOptions& options) {
+  return advance_proxy(surfaces, spheres, tip, state, options, nullptr);
 }
 
 bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,

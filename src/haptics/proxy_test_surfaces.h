@@ -85,7 +85,7 @@ struct ProxyRun {
 
   const ProxyResult& at(const Point<Patient>& tip) {
     ProxyWay way;
-    result = advance_proxy(surfaces, spheres, tip, state, &way);
+    result = advance_proxy(surfaces, spheres, tip, state, {}, &way);
     for (std::size_t n = 1; n < way.count; ++n) look_along(way.corner[n - 1], way.corner[n]);
     if (state.coupled && !result.wedged) look_along(state.position, state.position);
     return result;

@@ -18,6 +18,7 @@ struct ProxyWay {
 
 /// As palpate/proxy.h, and tells its way.
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, ProxyState& state, ProxyWay* way);
+                          const Point<Patient>& tip, ProxyState& state, const ProxyOptions& options,
+                          ProxyWay* way);
 
 }  // namespace palpate

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <memory>
 
+#include "haptics/proxy_test_surfaces.h"
 #include "palpate/haptics.h"
 
 /// An exactly known model for tests: a ball of bone at the patient's origin with a shell of cartilage on
@@ -82,8 +83,29 @@ inline void set_full_force(Model& model, double full_force_N) {
 
 /// The model, ready for every method.
 inline Model with_every_method(Model model) {
-  for (const ForceMethodInfo& info : kForceMethods)
+  for (const ForceMethodInfo& info : kDirectMethods)
     model.methods[index_of(info.method)] = *make_force_field(model, info.method);
+  return model;
+}
+
+/// The model, ready for the proxy on exactly known surfaces: the bone's ball, and its shell where there is
+/// one.
+inline Model with_exact_surfaces(Model model, double cartilage_mm = 0) {
+  const GridGeometry& grid = model.labels->geometry();
+  const auto add = [&](LabelId label, const Distance& distance_mm) {
+    const SignedField field = sampled_distance(grid, distance_mm, 4);
+    const Tissue& tissue = *model.tissue_of(label);
+    model.surfaces.push_back({std::make_shared<const Surface>(field, field, steepest_of(field)),
+                              tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction_coefficient,
+                              tissue.puncture_N});
+    model.label_of_surface.push_back(label);
+  };
+  add(kBone, [](const Eigen::Vector3d& p) { return p.norm() - kBoneRadius_mm; });
+  if (cartilage_mm > 0)
+    add(kCartilage, [&](const Eigen::Vector3d& p) {
+      const double half_mm = 0.5 * cartilage_mm;
+      return std::abs(p.norm() - kBoneRadius_mm - half_mm) - half_mm;
+    });
   return model;
 }
 

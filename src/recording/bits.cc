@@ -46,6 +46,12 @@ const char* name_of(TickFlag flag) {
       return "blend";
     case kFlagMethodMissing:
       return "method missing";
+    case kFlagInside:
+      return "inside";
+    case kFlagWedged:
+      return "wedged";
+    case kFlagRuptured:
+      return "ruptured";
   }
   return nullptr;
 }

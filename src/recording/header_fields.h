@@ -12,7 +12,7 @@ namespace palpate::internal {
 
 inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
-inline constexpr std::uint32_t kFormatMajor = 2;
+inline constexpr std::uint32_t kFormatMajor = 3;
 /// Incremented when something is added that old readers can leave aside.
 inline constexpr std::uint32_t kFormatMinor = 0;
 
@@ -67,6 +67,9 @@ void visit_flag_counts(Summary& summary, Visit&& visit) {
   visit("faded", summary.faded, kFlagRamp);
   visit("blended", summary.blended, kFlagBlend);
   visit("method_missing", summary.method_missing, kFlagMethodMissing);
+  visit("inside", summary.inside, kFlagInside);
+  visit("wedged", summary.wedged, kFlagWedged);
+  visit("ruptured", summary.ruptured, kFlagRuptured);
 }
 
 /// All of them.

@@ -167,9 +167,9 @@ TEST_F(Hostile, HeadersAreChecked) {
               HasSubstr("hand"));
   EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "clock", string_type(7).get(), "sundial"); }),
               HasSubstr("clock is neither virtual nor real"));
-  const std::uint32_t newer = 3, minor = 77;
+  const std::uint32_t newer = 4, minor = 77;
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format_major", H5T_STD_U32LE, &newer); }),
-              HasSubstr("written by a newer palpate: format 3"));
+              HasSubstr("written by a newer palpate: format 4"));
   EXPECT_EQ(error_after([&](hid_t f) { set_attribute(f, "format_minor", H5T_STD_U32LE, &minor); }),
             "no error");
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format", string_type(3).get(), "abc"); }),
@@ -192,7 +192,7 @@ TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(read.error().where, file_.string());
-  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 1; this one reads format 2)");
+  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 1; this one reads format 3)");
   EXPECT_EQ(read.error().remedy, "record it again");
 }
 

@@ -106,8 +106,8 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   const auto unclaimed = [](const std::vector<bool>& bytes) { return std::ranges::count(bytes, false); };
   EXPECT_EQ(unclaimed(tick), static_cast<std::ptrdiff_t>(sizeof(TickRecord) - internal::tick_bytes(0)));
   EXPECT_EQ(internal::tick_bytes(0), 126u);
-  EXPECT_EQ(internal::tick_bytes(1), 126u + 358u);
-  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 358u);
+  EXPECT_EQ(internal::tick_bytes(1), 126u + 382u);
+  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 382u);
   EXPECT_LT(unclaimed(device), 8) << "a field of DeviceTick without a column";
   EXPECT_LT(static_cast<std::size_t>(unclaimed(tick)),
             sizeof(TickRecord::device) + sizeof(TickRecord::devices) + 8)
@@ -126,8 +126,8 @@ TEST(Recording, DescribesEveryBit) {
             "input: why the device gets no force: 1 fault, 2 clutched, 4 halted");
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
-  EXPECT_THAT(flags, testing::EndsWith(", 32768 blend, 65536 method missing"));
-  EXPECT_EQ(std::ranges::count(flags, ','), 16 + 1);  // and one in the sentence before
+  EXPECT_THAT(flags, testing::EndsWith(", 262144 wedged, 524288 ruptured"));
+  EXPECT_EQ(std::ranges::count(flags, ','), 19 + 1);  // and one in the sentence before
 }
 
 TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
@@ -148,7 +148,10 @@ TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
       {kFlagClutched, &RecordingSummary::clutched},
       {kFlagRamp, &RecordingSummary::faded},
       {kFlagBlend, &RecordingSummary::blended},
-      {kFlagMethodMissing, &RecordingSummary::method_missing}};
+      {kFlagMethodMissing, &RecordingSummary::method_missing},
+      {kFlagInside, &RecordingSummary::inside},
+      {kFlagWedged, &RecordingSummary::wedged},
+      {kFlagRuptured, &RecordingSummary::ruptured}};
   for (const auto& [flag, count] : counted) {
     SCOPED_TRACE(flag);
     RecordingSummary summary, expected;

@@ -49,6 +49,7 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.limit_N) != bits(b.limit_N)) return "limit_N";
   if (bits(a.heat) != bits(b.heat)) return "heat";
   if (!same(a.tip_patient_mm, b.tip_patient_mm)) return "tip_patient_mm";
+  if (!same(a.proxy_patient_mm, b.proxy_patient_mm)) return "proxy_patient_mm";
   if (!same(a.normal_patient, b.normal_patient)) return "normal_patient";
   if (!same(a.velocity_patient_mm_s, b.velocity_patient_mm_s)) return "velocity_patient_mm_s";
   if (bits(a.field) != bits(b.field)) return "field";
@@ -101,6 +102,7 @@ DeviceTick random_device(RandomBits& random) {
   random.fill(device.force_N);
   random.fill(device.torque_Nmm);
   random.fill(device.tip_patient_mm);
+  random.fill(device.proxy_patient_mm);
   random.fill(device.normal_patient);
   random.fill(device.velocity_patient_mm_s);
   device.field = random.number();
@@ -116,6 +118,7 @@ DeviceTick example_device(double t, int device) {
   DeviceTick tick;
   tick.tip_world_mm = {20 * std::cos(phase), 20 * std::sin(phase), 3 * std::sin(5 * phase)};
   tick.tip_patient_mm = {tick.tip_world_mm[0], -tick.tip_world_mm[2], tick.tip_world_mm[1]};
+  tick.proxy_patient_mm = tick.tip_patient_mm;
   tick.velocity_patient_mm_s = {-40 * std::sin(phase), -30 * std::cos(5 * phase), 40 * std::cos(phase)};
   tick.peak_force_N = 8.5;
   tick.continuous_force_N = 1.4;
@@ -167,10 +170,12 @@ RecordingSummary example_summary(std::uint64_t ticks) {
   // no two counts are alike
   std::uint64_t next = 1000;
   for (std::uint64_t* count :
-       {&summary.clamped, &summary.not_finite, &summary.outside, &summary.paused, &summary.rotation_ignored,
-        &summary.thermal, &summary.slewed, &summary.stale, &summary.jumped, &summary.device_faults,
-        &summary.halted, &summary.emergency_stopped, &summary.clutched, &summary.faded, &summary.blended,
-        &summary.method_missing, &summary.dropped, &summary.skipped})
+       {&summary.clamped,          &summary.not_finite,    &summary.outside,  &summary.paused,
+        &summary.rotation_ignored, &summary.thermal,       &summary.slewed,   &summary.stale,
+        &summary.jumped,           &summary.device_faults, &summary.halted,   &summary.emergency_stopped,
+        &summary.clutched,         &summary.faded,         &summary.blended,  &summary.method_missing,
+        &summary.inside,           &summary.wedged,        &summary.ruptured, &summary.dropped,
+        &summary.skipped})
     *count = next++;
   summary.trouble = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
   return summary;
@@ -286,6 +291,9 @@ std::string first_difference(const RecordingSummary& a, const RecordingSummary& 
   if (a.faded != b.faded) return "faded";
   if (a.blended != b.blended) return "blended";
   if (a.method_missing != b.method_missing) return "method_missing";
+  if (a.inside != b.inside) return "inside";
+  if (a.wedged != b.wedged) return "wedged";
+  if (a.ruptured != b.ruptured) return "ruptured";
   if (a.dropped != b.dropped) return "dropped";
   if (a.skipped != b.skipped) return "skipped";
   if (a.trouble != b.trouble) return "trouble";

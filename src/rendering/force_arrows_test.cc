@@ -131,7 +131,7 @@ TEST(ForceArrows, PointOutwardAtTheSurfaceOfABall) {
 
 TEST(ForceArrows, EveryArrowIsTheForceAtItsMiddle) {
   const Model model = with_every_method(ball_model({0.6, 0.6, 0.9}, 1.0, 2.0));
-  for (const ForceMethodInfo& info : kForceMethods) {
+  for (const ForceMethodInfo& info : kDirectMethods) {
     const ForceField& field = model.force_field(info.method);
     for (const AnatomicalPlane plane : kPlanes) {
       SCOPED_TRACE(info.name);
@@ -279,7 +279,7 @@ TEST(ForceArrows, APageSaysWhatItShows) {
   Model model = with_every_method(ball_model());
   model.title = "CANARY";
   const auto request = request_at(AnatomicalPlane::kSagittal, {-3.25, 8.04, -12});
-  for (const ForceMethodInfo& info : kForceMethods) {
+  for (const ForceMethodInfo& info : kDirectMethods) {
     const std::string svg = draw(model, request, info.method);
     SCOPED_TRACE(info.name);
     char full[40];

@@ -62,6 +62,14 @@ constexpr std::array kOthers{
         "The model, the method or a switch had changed; the old force turned into the new one over a tenth "
         "of a "
         "second."},
+    Row{"Inside", &RecordingSummary::inside, Shown::kWhenMet,
+        "The tip was inside a structure since contact began anew (start, clutch, pause), where nobody knows "
+        "on "
+        "which side it belongs; no force until it was free."},
+    Row{"Wedged", &RecordingSummary::wedged, Shown::kWhenMet,
+        "The tool was wider than the gap that it was in; it was held where it was."},
+    Row{"Ruptured", &RecordingSummary::ruptured, Shown::kWhenMet,
+        "The tool went through a structure's surface at its puncture force."},
     Row{"Method missing", &RecordingSummary::method_missing, Shown::kWhenMet,
         "The model was not prepared for the chosen force method; the trilinear one was felt."},
 };

@@ -167,6 +167,18 @@ const SceneKeys& scene_key_tables() {
              .max = 2,
              .meaning =
                  "Coefficient: the force along the surface is at most this times the force across it."},
+            {.name = "static_friction",
+             .type = kNumber,
+             .min = 0,
+             .max = 2,
+             .meaning = "Of the proxy: coefficient up to which it sticks; at least `friction`, which it has "
+                        "without it."},
+            {.name = "puncture",
+             .type = kNumber,
+             .unit = "N",
+             .min = 0.05,
+             .max = 40,
+             .meaning = "Of the proxy: force at which the tool goes through; without it, never."},
             {.name = "friction_damping",
              .type = kNumber,
              .default_text = "0.005",
@@ -249,7 +261,8 @@ const SceneKeys& scene_key_tables() {
                         "onto an octahedron in 16 or 24 bits."}}},
       .tool =
           {"[tool]",
-           "A rigid set of points that touch; the first one's usual place is the origin, the tip.",
+           "A rigid set of spheres that touch; the first one's usual place is the origin, the tip. The proxy "
+           "feels them whole, the other methods feel their centres.",
            {{.name = "name", .type = kText, .default_text = "\"point\"", .meaning = "Shown in the report."},
             {.name = "points",
              .type = kPoints,
@@ -257,7 +270,14 @@ const SceneKeys& scene_key_tables() {
              .unit = "mm",
              .min = -100,
              .max = 100,
-             .meaning = "1 to 4 points [x, y, z] in the tip's frame."}}},
+             .meaning = "1 to 4 points [x, y, z] in the tip's frame."},
+            {.name = "radius",
+             .type = kNumber,
+             .default_text = "0",
+             .unit = "mm",
+             .min = 0,
+             .max = 3,
+             .meaning = "Of the sphere at every point; felt by the proxy."}}},
       .workspace =
           {"[workspace]",
            "How the device's reach lies in the patient. What a hand feels of a tissue is `scale` · "

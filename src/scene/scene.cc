@@ -64,6 +64,13 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   tissue.felt = reader.flag("felt").value_or(tissue.felt);
   set("stiffness", tissue.stiffness_N_per_mm);
   set("friction", tissue.friction_coefficient);
+  if (const auto still = reader.number("static_friction")) tissue.static_friction = still;
+  if (const auto force = reader.number("puncture")) tissue.puncture_N = force;
+  if (tissue.static_friction && *tissue.static_friction < tissue.friction_coefficient)
+    problems.add(reader.line("static_friction"),
+                 "static_friction = " + number_text(*tissue.static_friction) +
+                     " is less than friction = " + number_text(tissue.friction_coefficient),
+                 "what sticks holds at least as much as what slides");
   set("friction_damping", tissue.friction_damping_N_s_per_mm);
   set("friction_max", tissue.friction_max_N);
   set("viscosity", tissue.viscosity_N_s_per_mm);
@@ -99,6 +106,7 @@ void read_force(const TableReader& reader, ForceSettings& force) {
 
 void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
   tool.name = reader.text("name").value_or(tool.name);
+  tool.radius_mm = reader.number("radius").value_or(tool.radius_mm);
   const auto points = reader.points("points");
   if (!points) return;
   if (points->empty() || points->size() > kMaxToolPoints) {

@@ -37,6 +37,8 @@ stiffness = 0.5
 friction = 0.02
 friction_damping = 0.004
 friction_max = 0.3
+static_friction = 0.05
+puncture = 4
 viscosity = 0.002
 colour = "#0aF1b2"
 opacity = 0.25
@@ -57,6 +59,7 @@ normals = "octahedral24"
 [tool]
 name = "probe"
 points = [[0, 0, 0], [1, 0.5, -2]]
+radius = 1.5
 [workspace]
 scale = 2
 force_gain = 0.25
@@ -91,6 +94,8 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_TRUE(cartilage.optional);
   EXPECT_EQ(cartilage.stiffness_N_per_mm, 0.5);
   EXPECT_EQ(cartilage.friction_coefficient, 0.02);
+  EXPECT_EQ(cartilage.static_friction, 0.05);
+  EXPECT_EQ(cartilage.puncture_N, 4);
   EXPECT_EQ(cartilage.friction_damping_N_s_per_mm, 0.004);
   EXPECT_EQ(cartilage.friction_max_N, 0.3);
   EXPECT_EQ(cartilage.viscosity_N_s_per_mm, 0.002);
@@ -107,6 +112,7 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_EQ(scene.force.settings.sphere_sigma_voxels, 1.5);
   EXPECT_EQ(scene.force.settings.normals, NormalEncoding::kOctahedral24);
   EXPECT_EQ(scene.tool.name, "probe");
+  EXPECT_EQ(scene.tool.radius_mm, 1.5);
   ASSERT_EQ(scene.tool.points_mm.size(), 2u);
   EXPECT_EQ(scene.tool.points_mm[1], Eigen::Vector3d(1, 0.5, -2));
   EXPECT_EQ(scene.workspace.scale, 2);
@@ -302,6 +308,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [0, 1e300]\n", 3,
                  "outside -1000000000 ... 1000000000 the scan's unit", ""},
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [0, inf]\n", 3, "not a finite number", ""},
+        BadScene{"[[tissue]]\nname = 'a'\nlabels = [1]\nfriction = 0.3\nstatic_friction = 0.2\n", 5,
+                 "static_friction = 0.2 is less than friction = 0.3", "holds at least"},
         BadScene{TISSUE "[force]\nmethod = 'spline'\n", 5, "unknown method", "\"trilinear\""},
         BadScene{TISSUE "[force]\nsphere_sigma = 2.5\n", 5, "sphere_sigma = 2.5 is outside 0.5 ... 2", ""},
         BadScene{TISSUE "[force]\nnormals = 'float'\n", 5, "unknown normals", "\"octahedral16\""},

@@ -14,6 +14,24 @@ void hash_wrench(std::uint64_t& hash, const Wrench& wrench) {
   hash_double(hash, wrench.gripper_N);
 }
 
+void hash_proxy(std::uint64_t& hash, const ProxyState& proxy) {
+  hash_word(hash,
+            static_cast<std::uint64_t>(proxy.coupled) << 1 | static_cast<std::uint64_t>(proxy.sticking));
+  for (int axis = 0; axis < 3; ++axis) {
+    hash_double(hash, proxy.position[axis]);
+    hash_double(hash, proxy.last_way[axis]);
+  }
+  hash_word(hash, proxy.punctured);
+  hash_word(hash, static_cast<std::uint64_t>(proxy.contacts));
+  for (int n = 0; n < proxy.contacts; ++n) {
+    const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
+    hash_word(hash,
+              static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.sphere));
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, contact.normal[axis]);
+    hash_double(hash, contact.pull_mm);
+  }
+}
+
 }  // namespace
 
 std::uint64_t SessionState::hash(int devices) const {
@@ -32,6 +50,7 @@ std::uint64_t SessionState::hash(int devices) const {
       hash_double(hash, hands[d].previous_tip[axis]);
     }
     hands[d].velocity.hash_into(hash);
+    hash_proxy(hash, hands[d].proxy);
     hash_wrench(hash, hands[d].asked);
     hash_wrench(hash, hands[d].difference);
     hash_double(hash, hands[d].blend_elapsed_s);

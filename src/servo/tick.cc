@@ -85,6 +85,13 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
   return hand.asked;
 }
 
+// where nobody knows how the tip got to where it is, nobody knows on which side of a surface it is
+void begin_contact_anew(const Model& model, const OutputRequest& request, SessionState::Hand& hand) {
+  const bool lost = (request.faults & kFlagJump) != 0 || request.off;
+  if (lost || hand.proxy_version != model.version) hand.proxy = {};
+  hand.proxy_version = model.version;
+}
+
 bool outside(const Field& field, const Point<Patient>& x) {
   const Point<Voxel> p = field.X_VoxelPatient() * x;
   for (int axis = 0; axis < 3; ++axis)
@@ -108,12 +115,21 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
     hand.seen = false;
     hand.velocity.clear();
     hand.asked = {};
+    hand.proxy = {};
   } else {
     const Point<Patient> tip = X_PatientWorld * device.tip;
     const Vector<Patient> velocity_mm_s =
         follow_tip(device, tip, dt_s, (request.faults & kFlagJump) != 0, hand);
-    tool = touch_with_tool(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
-                           X_PatientWorld);
+    if (parameters.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
+      begin_contact_anew(model, request, hand);
+      tool = touch_by_proxy(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
+                            X_PatientWorld, hand.proxy);
+    } else {
+      hand.proxy = {};
+      tool = touch_with_tool(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
+                             X_PatientWorld);
+    }
+    out.flags |= tool.flags;
     request.asked = blended(tool.asked, changed, dt_s, hand);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
     if (hand.blend_elapsed_s < kBlend_s) out.flags |= kFlagBlend;
@@ -132,7 +148,7 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
 std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::size_t devices) {
   std::uint64_t maker = kHashSeed;
   hash_word(maker, model.version);
-  const ForceMethod felt = model.force_field(parameters.method).method();
+  const ForceMethod felt = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
   hash_word(maker, static_cast<std::uint64_t>(felt) << 2 | parameters.friction << 1 |
                        static_cast<std::uint64_t>(parameters.viscosity));
   for (std::size_t d = 0; d < devices; ++d) {

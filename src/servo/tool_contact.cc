@@ -1,5 +1,9 @@
 #include "servo/tool_contact.h"
 
+#include <algorithm>
+
+#include "palpate/telemetry.h"
+
 namespace palpate {
 namespace {
 
@@ -10,6 +14,7 @@ PointContact touch(const Model& model, const Parameters& parameters, const Point
                    const Vector<Patient>& velocity_mm_s) {
   const ForceField& field = model.force_field(parameters.method);
   PointContact contact;
+  contact.proxy = x;
   contact.sample = field.sample(x);
   const Vector<Patient> normal_N = normal_force(contact.sample, field.full_force_N());
   contact.force_N = normal_N;
@@ -20,6 +25,44 @@ PointContact touch(const Model& model, const Parameters& parameters, const Point
   if (parameters.friction) contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N);
   if (parameters.viscosity)
     contact.force_N += viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level);
+  return contact;
+}
+
+// viscosity is whole from this far inside
+constexpr double kInside_mm = 1;
+
+// the structure that a contact leans on: where structures touch or overlap, the one whose voxels lie there
+LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at) {
+  const GridGeometry& grid = model.labels->geometry();
+  const Point<Voxel> p =
+      model.field->X_VoxelPatient() * (at - contact.normal * (0.5 * grid.min_spacing_mm()));
+  int index[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(p[axis] > -0.5 && p[axis] < grid.dims[axis] - 0.5))
+      return model.label_of_surface[static_cast<std::size_t>(contact.surface)];
+    index[axis] = static_cast<int>(p[axis] + 0.5);
+  }
+  const LabelId label = model.labels->at(index[0], index[1], index[2]);
+  return model.is_felt(label) ? label : model.label_of_surface[static_cast<std::size_t>(contact.surface)];
+}
+
+// what the proxy leans on most, as a contact of the direct methods
+PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span<const ToolSphere> spheres,
+                          const Point<Patient>& tip, const Vector<Patient>& force_N) {
+  PointContact contact;
+  contact.proxy = proxy.position;
+  contact.force_N = force_N;
+  const auto contacts = std::span(proxy.contact).first(static_cast<std::size_t>(proxy.contacts));
+  const auto most = std::max_element(contacts.begin(), contacts.end(),
+                                     [](const auto& a, const auto& b) { return a.pull_mm < b.pull_mm; });
+  if (most == contacts.end()) return contact;
+  const ToolSphere& sphere = spheres[static_cast<std::size_t>(most->sphere)];
+  contact.sample.gradient = -most->normal;
+  contact.site.label =
+      label_under(model, *most, proxy.position + sphere.offset_mm - most->normal * sphere.radius_mm);
+  contact.site.tissue = model.tissue_of_label[contact.site.label];
+  contact.site.level = model.level_of_label[contact.site.label];
+  contact.site.depth_mm = (proxy.position - tip).norm();
   return contact;
 }
 
@@ -48,6 +91,34 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
       tool.strongest = contact;
     first = false;
   }
+  return tool;
+}
+
+ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, const DeviceParameters& gains,
+                           const Eigen::Quaterniond& R_WorldTool, const Point<Patient>& tip,
+                           const Vector<Patient>& velocity_mm_s,
+                           const Transform<World, Patient>& X_WorldPatient,
+                           const Transform<Patient, World>& X_PatientWorld, ProxyState& proxy) {
+  // the tool as it is turned now, in the patient
+  const Eigen::Matrix3d turn = R_WorldTool.normalized().toRotationMatrix();
+  std::array<ToolSphere, kMostToolSpheres> tool_spheres;
+  std::size_t count = 0;
+  for (const Eigen::Vector3d& offset_mm : model.tool.points_mm)
+    tool_spheres[count++] = {X_PatientWorld * Vector<World>(turn * offset_mm), model.tool.radius_mm};
+  const std::span<const ToolSphere> spheres{tool_spheres.data(), count};
+
+  const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy, {parameters.friction});
+  ToolContact tool;
+  tool.strongest = strongest_of(model, proxy, spheres, tip, result.force_N);
+  const ContactSite& site = tool.strongest.site;
+  if (parameters.viscosity && site.tissue >= 0)
+    tool.strongest.force_N += viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)],
+                                            velocity_mm_s, site.depth_mm / kInside_mm);
+  tool.asked.force_N = X_WorldPatient * tool.strongest.force_N * gains.force_gain;
+  tool.asked.torque_Nmm = X_WorldPatient * result.torque_Nmm * (gains.force_gain / gains.scale);
+  if (!proxy.coupled) tool.flags |= kFlagInside;
+  if (result.wedged) tool.flags |= kFlagWedged;
+  if (result.ruptured) tool.flags |= kFlagRuptured;
   return tool;
 }
 

@@ -9,6 +9,7 @@ struct PointContact {
   FieldSample sample;
   ContactSite site;
   Vector<Patient> force_N;  ///< surface effects included
+  Point<Patient> proxy;     ///< of the tool's origin
 
   /// Felt, or so deep inside that there is no direction to push in.
   bool is_touch() const;
@@ -19,6 +20,7 @@ struct PointContact {
 struct ToolContact {
   Wrench asked;
   PointContact strongest;
+  std::uint32_t flags = 0;  ///< of the proxy: kFlagInside, kFlagWedged, kFlagRuptured
 };
 
 /// @param tip             where the tool's origin is
@@ -28,5 +30,13 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
                             const Vector<Patient>& velocity_mm_s,
                             const Transform<World, Patient>& X_WorldPatient,
                             const Transform<Patient, World>& X_PatientWorld);
+
+/// The same by the proxy, which remembers where it is. Friction is its own, viscosity that of the direct
+/// methods.
+ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, const DeviceParameters& gains,
+                           const Eigen::Quaterniond& R_WorldTool, const Point<Patient>& tip,
+                           const Vector<Patient>& velocity_mm_s,
+                           const Transform<World, Patient>& X_WorldPatient,
+                           const Transform<Patient, World>& X_PatientWorld, ProxyState& proxy);
 
 }  // namespace palpate

@@ -76,6 +76,8 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   tissue.felt = settings.felt;
   tissue.stiffness_N_per_mm = settings.stiffness_N_per_mm;
   tissue.friction_coefficient = settings.friction_coefficient;
+  tissue.static_friction = settings.static_friction.value_or(settings.friction_coefficient);
+  if (settings.puncture_N) tissue.puncture_N = *settings.puncture_N;
   tissue.friction_damping_N_s_per_mm = settings.friction_damping_N_s_per_mm;
   tissue.friction_max_N = settings.friction_max_N;
   tissue.viscosity_N_s_per_mm = settings.viscosity_N_s_per_mm;
@@ -114,12 +116,14 @@ std::uint64_t content_hash(const Model& model) {
   for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);
   for (const Tissue& t : model.tissues)
-    for (const double value : {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction_coefficient,
-                               t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
+    for (const double value :
+         {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction_coefficient, t.static_friction, t.puncture_N,
+          t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
       hash_double(hash, value);
   for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
   for (const Eigen::Vector3d& point : model.tool.points_mm)
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
+  hash_double(hash, model.tool.radius_mm);
   for (const double value :
        {model.sigma_mm, model.reach_mm, model.scene_max_force_N, model.method_settings.sphere_sigma_voxels})
     hash_double(hash, value);
@@ -297,7 +301,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
   model->content_hash = content_hash(*model);
   const std::array methods{ForceMethod::kTrilinear, scene.force.method};
-  auto ready = with_methods(std::move(model), methods, progress);
+  auto ready = ready_for(std::move(model), methods, progress);
   if (!ready && ready.error().where.empty()) {
     Error error = ready.error();
     error.where = scene.source;

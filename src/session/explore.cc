@@ -122,7 +122,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
 // passed over.
 Result<void> with_what_can_be_chosen(std::shared_ptr<const Model>& model, const Progress& progress) {
   for (const ForceMethodInfo& info : kForceMethods) {
-    auto ready = with_methods(model, {&info.method, 1}, progress);
+    auto ready = ready_for(model, {&info.method, 1}, progress);
     if (!ready && ready.error().kind == ErrorKind::kInterrupted) return ready.error();
     if (ready) model = *std::move(ready);
   }

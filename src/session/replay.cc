@@ -45,6 +45,7 @@ std::string first_different_output(const DeviceTick& recorded, const DeviceTick&
   compare("limit_N", recorded.limit_N, again.limit_N);
   compare("heat", recorded.heat, again.heat);
   compare("tip_patient_mm", recorded.tip_patient_mm, again.tip_patient_mm);
+  compare("proxy_patient_mm", recorded.proxy_patient_mm, again.proxy_patient_mm);
   compare("normal_patient", recorded.normal_patient, again.normal_patient);
   compare("velocity_patient_mm_s", recorded.velocity_patient_mm_s, again.velocity_patient_mm_s);
   compare("field", recorded.field, again.field);
@@ -137,7 +138,7 @@ Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Mo
 
   const auto methods = methods_of(recording);
   if (!methods) return methods.error();
-  const auto ready = with_methods(std::move(prepared), *methods, progress);
+  const auto ready = ready_for(std::move(prepared), *methods, progress);
   if (!ready) return ready.error();
   const Model& model = **ready;
 

@@ -44,7 +44,10 @@ std::vector<std::string> out_of_reach(const RunSetup& setup) {
   for (std::size_t s = 0; s < setup.script.steps.size(); ++s) {
     if (const auto* change = std::get_if<MethodStep>(&setup.script.steps[s])) method = change->method;
     const auto* press = std::get_if<PressStep>(&setup.script.steps[s]);
-    const double most_N = setup.model->force_field(method).full_force_N() * setup.workspace.force_gain;
+    // the proxy gives more the deeper the tip goes
+    const double most_N = method == ForceMethod::kProxy
+                              ? setup.limit_N
+                              : setup.model->force_field(method).full_force_N() * setup.workspace.force_gain;
     if (!press || press->force_N <= std::min(setup.limit_N, most_N)) continue;
     char text[120];
     std::snprintf(text, sizeof text,
@@ -74,7 +77,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   setup.limit_N = std::min(user_N, loaded.model->scene_max_force_N);
   setup.parameters.max_force_N = user_N;
   setup.parameters.method = options.method.value_or(loaded.scene.force.method);
-  auto model = with_methods(loaded.model, methods_of(setup), progress);
+  auto model = ready_for(loaded.model, methods_of(setup), progress);
   if (!model) return model.error();
   setup.model = *std::move(model);
   setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);

@@ -74,7 +74,7 @@ class GridBench {
     if (!solid) return;
     // as a scene makes them, and with everything else that it may say of a method
     if (auto model = kept(solid->prepared(kSigma_mm, 2))) {
-      for (const ForceMethodInfo& info : kForceMethods)
+      for (const ForceMethodInfo& info : kDirectMethods)
         add_method(std::string(info.name) + on_, *model, info.method, values_of(info.method, truth_.wide));
       model->method_settings.sphere_sigma_voxels = GaussianSphere::kMaxSigmaVoxels;
       add_method("gaussian-sphere-sigma-2" + on_, *model, ForceMethod::kGaussianSphere, {});
@@ -85,7 +85,7 @@ class GridBench {
     }
     // the Gaussian sphere does not know this sigma
     if (const auto model = kept(solid->prepared(kNarrowSigma_mm, 2)))
-      for (const ForceMethodInfo& info : kForceMethods)
+      for (const ForceMethodInfo& info : kDirectMethods)
         if (info.method != ForceMethod::kGaussianSphere)
           add_method(std::string(info.name) + on_ + "/sigma-1.0", *model, info.method,
                      values_of(info.method, truth_.narrow), kWithoutChoppiness);

@@ -29,7 +29,7 @@ TEST(VoxelisedSolid, IsPreparedForEveryMethod) {
     const auto model = solid->prepared(1.5, bytes);
     ASSERT_TRUE(model.ok());
     EXPECT_EQ(model->field->bytes_per_voxel(), bytes);
-    for (const ForceMethodInfo& info : kForceMethods) {
+    for (const ForceMethodInfo& info : kDirectMethods) {
       const auto field = make_force_field(*model, info.method);
       ASSERT_TRUE(field.ok()) << info.name;
       EXPECT_EQ((*field)->method(), info.method);

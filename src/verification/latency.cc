@@ -69,7 +69,7 @@ Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, cons
                                                  const Progress& progress) {
   std::vector<Figure> figures;
   for (const ForceMethodInfo& info : kForceMethods) {
-    const auto model = with_methods(loaded.model, {&info.method, 1}, progress);
+    const auto model = ready_for(loaded.model, {&info.method, 1}, progress);
     if (!model) return model.error();
     const std::string name(info.name);
     progress.report("as fast as it goes: " + name, 0);

@@ -118,8 +118,8 @@ TEST(PaceMeter, BothBlocksCanBeInterrupted) {
 }
 
 TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
-  for (const ForceMethodInfo& info : kForceMethods) {
-    const auto model = with_methods(ball().model, {&info.method, 1});
+  for (const ForceMethodInfo& info : kDirectMethods) {
+    const auto model = ready_for(ball().model, {&info.method, 1});
     ASSERT_TRUE(model.ok());
     EXPECT_FALSE(info.name.empty());
     const auto ticks = time_ticks(**model, ball_path(), info.method, 3);

@@ -143,7 +143,7 @@ Result<std::shared_ptr<const Model>> two_plates(double stiffness_N_per_mm, const
   if (!model) return model;
   std::vector<ForceMethod> methods;
   for (const ForceMethodInfo& info : kForceMethods) methods.push_back(info.method);
-  return with_methods(*model, methods, progress);
+  return ready_for(*model, methods, progress);
 }
 
 Buzz hold_still(const Model& model, ForceMethod method, const PlantDevice& device, const PlantHand& hand,

@@ -35,7 +35,7 @@ struct HeldPlace {
 Buzz hold_still(const Model& model, ForceMethod method, const PlantDevice& device, const PlantHand& hand,
                 const HeldPlace& place);
 
-/// The figures of every direct method between the plates, at the outer wall of one
+/// The figures of every method between the plates, at the outer wall of one
 /// and 5 mm inside it. Errors: kInterrupted.
 Result<std::vector<Figure>> buzz_figures(const Progress& progress);
 
