@@ -56,6 +56,8 @@ struct ProxyState {
 
 struct ProxyOptions {
   bool friction = true;
+  /// Stiffer surfaces are felt as this stiff: the most that a hand holds with the device.
+  double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
 };
 
 struct ProxyResult {
@@ -82,7 +84,7 @@ struct ProxyResult {
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are those of the surfaces touched, weighted by their pulls. A surface is gone
-///   through when what it gives of the spring's force, friction aside and before any limit, is above its
+///   through when what it gives of the spring's force, friction aside and before any limit, stiffness included, is above its
 ///   puncture force; it closes again when tip and proxy have left it.
 /// @param surfaces  at most kMostSurfaces; the same ones in every call with one state
 /// @param spheres   1 ... kMostToolSpheres

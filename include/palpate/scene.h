@@ -196,6 +196,7 @@ struct Script {
   std::string device = "premium-1.5";  ///< known_plant_devices()
   std::string hand = "firm-grip";      ///< known_plant_hands()
   double rate_hz = 1000;               ///< 250 ... 10000
+  double delay_s = 0;                  ///< from a command to its force, 0 ... 0.02
   double tremor_mm = 0.03;             ///< amplitude of physiological tremor (8-12 Hz), 0 ... 1
   std::uint64_t seed = 1;
   std::vector<ScriptStep> steps;

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "palpate/device.h"
@@ -29,7 +30,11 @@ struct DeviceParameters {
   double force_gain = 1;  ///< N at the device for one N in the patient (WorkspaceSettings::force_gain)
   double scale = 1;  ///< mm in the patient for one mm of the device; torques shrink with it, as the tool does
   OutputLimits limits;
+  /// What a hand holds with the device, N/mm of the device. Stiffer tissues are felt as this stiff: by the
+  /// proxy each for itself, by the direct methods all softer by one factor.
+  double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
 };
+/// Without a limit of stiffness.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
 
 /// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is felt as a

@@ -64,6 +64,7 @@ struct DeviceTick {
   double force_gain = 1, scale = 1;
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, peak_torque_Nmm = kNotKnown;
   double peak_gripper_N = kNotKnown, slew_N_per_s = kNotKnown;
+  double most_stiffness_N_per_mm = kNotKnown;
   // out
   std::array<double, 3> force_N{};     ///< sent, World
   std::array<double, 3> torque_Nmm{};  ///< about the tip, World

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "haptics/half_spaces.h"
-#include "haptics/proxy_way.h"
+#include "palpate/proxy_way.h"
 
 namespace palpate {
 namespace {
@@ -253,6 +253,8 @@ class Walk {
   bool go_to(const Point<Patient>& end) {
     Point<Patient> there = end;
     if (!leave_surfaces(near_, kMostCorrections, stride_mm(), there)) return false;
+    // what comes in several steps is no way whose ends bound what lies between
+    if ((there - end).norm() > stride_mm()) return false;
     const Vector<Patient> way = there - proxy_;
     if ((tip_ - there).norm() > (tip_ - proxy_).norm() + kAway * way.norm()) return false;
     left_mm_ -= std::max((end - proxy_).norm(), way.norm());
@@ -436,16 +438,19 @@ std::uint64_t still_open(std::span<const FeltSurface> surfaces, std::span<const 
 
 // what the spring from the tip to the proxy gives, and through which surfaces it goes
 void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-          const Point<Patient>& tip, ProxyState& state, ProxyResult& result) {
+          const Point<Patient>& tip, const ProxyOptions& options, ProxyState& state, ProxyResult& result) {
   const std::span<const ProxyContact> contacts{state.contact.data(),
                                                static_cast<std::size_t>(state.contacts)};
-  double all_mm = 0, stiffness = 0;
+  double all_mm = 0, stiffness = 0, own_stiffness = 0;
   for (const ProxyContact& contact : contacts) {
+    const double own = surfaces[static_cast<std::size_t>(contact.surface)].stiffness_N_per_mm;
     all_mm += contact.pull_mm;
-    stiffness += contact.pull_mm * surfaces[static_cast<std::size_t>(contact.surface)].stiffness_N_per_mm;
+    own_stiffness += contact.pull_mm * own;
+    stiffness += contact.pull_mm * std::min(own, options.most_stiffness_N_per_mm);
   }
   if (!(all_mm > 0)) return;
   stiffness /= all_mm;
+  own_stiffness /= all_mm;
   result.stiffness_N_per_mm = stiffness;
   result.force_N = (state.position - tip) * stiffness;
 
@@ -461,7 +466,7 @@ void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> sph
     // a proxy that has not arrived is no measure of what the hand presses
     const bool arrived = !result.lagging && !result.wedged;
     if (arrived &&
-        contact.pull_mm * stiffness > surfaces[static_cast<std::size_t>(contact.surface)].puncture_N) {
+        contact.pull_mm * own_stiffness > surfaces[static_cast<std::size_t>(contact.surface)].puncture_N) {
       state.punctured |= std::uint64_t{1} << contact.surface;
       result.ruptured = true;
     }
@@ -491,7 +496,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   // lost by a turn of the tool, found again where the tip is free
   if (result.wedged && state.contacts == 0 && is_free(surfaces, spheres, state.punctured, tip))
     state.position = tip;
-  pull(surfaces, spheres, tip, state, result);
+  pull(surfaces, spheres, tip, options, state, result);
   return result;
 }
 

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "haptics/proxy_way.h"
+#include "palpate/proxy_way.h"
 #include "haptics/test_random.h"
 #include "palpate/proxy.h"
 

@@ -69,6 +69,8 @@ constexpr std::array kDeviceColumns{
     Column{"peak_gripper_N", kF64, 1, PALPATE_DEVICE(peak_gripper_N), "N", "-",
            "input: most force of the gripper, NaN: not known, none is sent"},
     Column{"slew_N_per_s", kF64, 1, PALPATE_DEVICE(slew_N_per_s), "N/s", "-", "input: most change of force"},
+    Column{"most_stiffness_N_per_mm", kF64, 1, PALPATE_DEVICE(most_stiffness_N_per_mm), "N/mm", "-",
+           "input: stiffness of the device that a hand holds; stiffer tissues are felt as this stiff"},
     Column{"force_N", kF64, 3, PALPATE_DEVICE(force_N), "N", "World", "output: force sent to the device"},
     Column{"torque_Nmm", kF64, 3, PALPATE_DEVICE(torque_Nmm), "N mm", "World",
            "output: torque about the tip sent to the device"},

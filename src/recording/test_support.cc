@@ -42,6 +42,7 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.peak_torque_Nmm) != bits(b.peak_torque_Nmm)) return "peak_torque_Nmm";
   if (bits(a.peak_gripper_N) != bits(b.peak_gripper_N)) return "peak_gripper_N";
   if (bits(a.slew_N_per_s) != bits(b.slew_N_per_s)) return "slew_N_per_s";
+  if (bits(a.most_stiffness_N_per_mm) != bits(b.most_stiffness_N_per_mm)) return "most_stiffness_N_per_mm";
   if (!same(a.force_N, b.force_N)) return "force_N";
   if (!same(a.torque_Nmm, b.torque_Nmm)) return "torque_Nmm";
   if (bits(a.gripper_N) != bits(b.gripper_N)) return "gripper_N";
@@ -94,10 +95,10 @@ DeviceTick random_device(RandomBits& random) {
   random.fill(device.angular_velocity_world_rad_s);
   device.buttons = static_cast<std::uint32_t>(random.word());
   device.status = static_cast<std::uint32_t>(random.word());
-  for (double* number :
-       {&device.gripper_rad, &device.age_s, &device.force_gain, &device.scale, &device.peak_force_N,
-        &device.continuous_force_N, &device.peak_torque_Nmm, &device.peak_gripper_N, &device.slew_N_per_s,
-        &device.gripper_N, &device.unclamped_force_N, &device.limit_N, &device.heat})
+  for (double* number : {&device.gripper_rad, &device.age_s, &device.force_gain, &device.scale,
+                         &device.peak_force_N, &device.continuous_force_N, &device.peak_torque_Nmm,
+                         &device.peak_gripper_N, &device.slew_N_per_s, &device.most_stiffness_N_per_mm,
+                         &device.gripper_N, &device.unclamped_force_N, &device.limit_N, &device.heat})
     *number = random.number();
   random.fill(device.force_N);
   random.fill(device.torque_Nmm);

@@ -214,6 +214,7 @@ Result<Script> parse_script(std::string_view text, const std::string& source) {
   if (top.has("device")) script.device_line = top.line("device");
   if (top.has("hand")) script.hand_line = top.line("hand");
   script.rate_hz = top.number("rate").value_or(script.rate_hz);
+  if (const auto delay_ms = top.number("delay")) script.delay_s = *delay_ms * 1e-3;
   script.tremor_mm = top.number("tremor").value_or(script.tremor_mm);
   if (const auto seed = top.whole("seed")) script.seed = static_cast<std::uint64_t>(*seed);
   read_steps(top, script, problems);

@@ -11,6 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   PALPATE_CHECK(!script->steps.empty() && script->steps.size() == script->lines.size());
   PALPATE_CHECK(script->rate_hz >= 250 && script->rate_hz <= 10000);
+  PALPATE_CHECK(script->delay_s >= 0 && script->delay_s <= 0.02);
   for (const auto& step : script->steps) {
     if (const auto* approach = std::get_if<palpate::ApproachStep>(&step))
       PALPATE_CHECK(!approach->structure.empty());

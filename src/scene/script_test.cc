@@ -17,6 +17,7 @@ constexpr const char* kScript = R"(title = "Touch"
 device = "touch"
 hand = "whole-arm"
 rate = 4000
+delay = 1.5
 tremor = 0.1
 seed = 42
 [[step]]
@@ -53,10 +54,11 @@ TEST(ParseScript, ReadsEveryKey) {
   EXPECT_EQ(script.device, "touch");
   EXPECT_EQ(script.hand, "whole-arm");
   EXPECT_EQ(script.rate_hz, 4000);
+  EXPECT_DOUBLE_EQ(script.delay_s, 1.5e-3);
   EXPECT_EQ(script.tremor_mm, 0.1);
   EXPECT_EQ(script.seed, 42u);
   EXPECT_EQ(script.source, "script.toml");
-  EXPECT_THAT(script.lines, ElementsAre(7, 11, 14, 16, 20, 24, 27, 29));
+  EXPECT_THAT(script.lines, ElementsAre(8, 12, 15, 17, 21, 25, 28, 30));
   EXPECT_EQ(script.device_line, 2);
   EXPECT_EQ(script.hand_line, 3);
   ASSERT_EQ(script.steps.size(), 8u);
@@ -115,6 +117,7 @@ TEST(ParseScript, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(script->device_line, 0);
   EXPECT_EQ(script->hand_line, 0);
   EXPECT_EQ(script->rate_hz, default_of(keys.top, "rate"));
+  EXPECT_EQ(script->delay_s, default_of(keys.top, "delay"));
   EXPECT_EQ(script->tremor_mm, default_of(keys.top, "tremor"));
   EXPECT_EQ(static_cast<double>(script->seed), default_of(keys.top, "seed"));
   const auto& actions = keys.actions;
@@ -161,6 +164,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"", 1, "the script has no step", "[[step]]"},
         BadScript{"divice = 'touch'\n" APPROACH, 1, "unknown key \"divice\"", "did you mean device?"},
         BadScript{"rate = 200\n" APPROACH, 1, "rate = 200 is outside 250 ... 10000 Hz", ""},
+        BadScript{"delay = 21\n" APPROACH, 1, "delay = 21 is outside 0 ... 20 ms", ""},
         BadScript{"rate = nan\n" APPROACH, 1, "rate is not a finite number", ""},
         BadScript{"tremor = 2\n" APPROACH, 1, "tremor = 2 is outside 0 ... 1 mm", ""},
         BadScript{"seed = -1\n" APPROACH, 1, "seed = -1 is outside 0", ""},

@@ -151,7 +151,11 @@ OutputLimits limits_of(const DeviceInfo& info) {
 }
 
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings) {
-  return {settings.force_gain, settings.scale, limits_of(info)};
+  DeviceParameters parameters;
+  parameters.force_gain = settings.force_gain;
+  parameters.scale = settings.scale;
+  parameters.limits = limits_of(info);
+  return parameters;
 }
 
 }  // namespace palpate

@@ -154,6 +154,7 @@ std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::si
   for (std::size_t d = 0; d < devices; ++d) {
     hash_double(maker, parameters.device[d].force_gain);
     hash_double(maker, parameters.device[d].scale);
+    hash_double(maker, parameters.device[d].most_stiffness_N_per_mm);
   }
   return hash_finish(maker) | 1;
 }

@@ -51,6 +51,7 @@ void record_inputs(const DeviceState& device, const DeviceParameters& parameters
   out.peak_torque_Nmm = parameters.limits.peak_torque_Nmm;
   out.peak_gripper_N = parameters.limits.peak_gripper_N;
   out.slew_N_per_s = parameters.limits.slew_N_per_s;
+  out.most_stiffness_N_per_mm = parameters.most_stiffness_N_per_mm;
 }
 
 void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,

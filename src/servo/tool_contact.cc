@@ -10,13 +10,19 @@ namespace {
 // below this the halo of a smoothed structure is not called a touch
 constexpr double kTouch_N = 0.02;
 
-PointContact touch(const Model& model, const Parameters& parameters, const Point<Patient>& x,
-                   const Vector<Patient>& velocity_mm_s) {
+// in the patient
+double most_stiffness_N_per_mm(const DeviceParameters& own) {
+  return own.most_stiffness_N_per_mm / (own.force_gain * own.scale);
+}
+
+/// @param full_force_N  where the field is 1
+PointContact touch(const Model& model, const Parameters& parameters, double full_force_N,
+                   const Point<Patient>& x, const Vector<Patient>& velocity_mm_s) {
   const ForceField& field = model.force_field(parameters.method);
   PointContact contact;
   contact.proxy = x;
   contact.sample = field.sample(x);
-  const Vector<Patient> normal_N = normal_force(contact.sample, field.full_force_N());
+  const Vector<Patient> normal_N = normal_force(contact.sample, full_force_N);
   contact.force_N = normal_N;
   contact.site = find_contact_site(model, x, contact.sample);
   if (contact.site.tissue < 0) return contact;
@@ -80,10 +86,16 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
                             const Transform<Patient, World>& X_PatientWorld) {
   const Eigen::Matrix3d turn = R_WorldTool.normalized().toRotationMatrix();
   ToolContact tool;
+  // points that touch together add up
+  const double stiffness_N_per_mm =
+      model.greatest_stiffness_N_per_mm() * static_cast<double>(model.tool.points_mm.size());
+  const double full_force_N = model.force_field(parameters.method).full_force_N() *
+                              std::min(1.0, most_stiffness_N_per_mm(gains) / stiffness_N_per_mm);
   bool first = true;
   for (const Eigen::Vector3d& offset_mm : model.tool.points_mm) {
     const Vector<World> arm_mm(turn * offset_mm);
-    const PointContact contact = touch(model, parameters, tip + X_PatientWorld * arm_mm, velocity_mm_s);
+    const PointContact contact =
+        touch(model, parameters, full_force_N, tip + X_PatientWorld * arm_mm, velocity_mm_s);
     const Vector<World> force_N = X_WorldPatient * contact.force_N;
     tool.asked.force_N += force_N * gains.force_gain;
     tool.asked.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
@@ -107,7 +119,8 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
     tool_spheres[count++] = {X_PatientWorld * Vector<World>(turn * offset_mm), model.tool.radius_mm};
   const std::span<const ToolSphere> spheres{tool_spheres.data(), count};
 
-  const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy, {parameters.friction});
+  const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy,
+                                           {parameters.friction, most_stiffness_N_per_mm(gains)});
   ToolContact tool;
   tool.strongest = strongest_of(model, proxy, spheres, tip, result.force_N);
   const ContactSite& site = tool.strongest.site;

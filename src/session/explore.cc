@@ -168,7 +168,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   if (progress.stopped()) return Progress::interrupted();
 
   // the device rests where the hand begins
-  SimulatedDevice device(setup->device, setup->hand);
+  SimulatedDevice device(setup->device, setup->hand, setup->script.delay_s);
   device.reset(WorkspaceMapping(device.info(), setup->workspace).to_device(planned->start()));
   SimulatedDriver driver(device);
   LoopSettings settings = options.loop;

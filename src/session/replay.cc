@@ -105,7 +105,8 @@ Parameters parameters_of(const TickRecord& recorded) {
     parameters.device[d] = {
         in.force_gain,
         in.scale,
-        {in.peak_force_N, in.continuous_force_N, in.peak_torque_Nmm, in.peak_gripper_N, in.slew_N_per_s}};
+        {in.peak_force_N, in.continuous_force_N, in.peak_torque_Nmm, in.peak_gripper_N, in.slew_N_per_s},
+        in.most_stiffness_N_per_mm};
   }
   return parameters;
 }

@@ -5,6 +5,7 @@
 
 #include "palpate/preparation.h"
 #include "palpate_version.h"
+#include "session/held_stiffness.h"
 #include "session/run_setup.h"
 #include "session/script_text.h"
 
@@ -37,17 +38,18 @@ std::vector<ForceMethod> methods_of(const RunSetup& setup) {
   return methods;
 }
 
-// presses that the limit or the tissue cannot give
-std::vector<std::string> out_of_reach(const RunSetup& setup) {
+/// Presses that the limit or the tissue cannot give.
+/// @param softer  what is left of the stiffest tissue's stiffness
+std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
   std::vector<std::string> trouble;
   ForceMethod method = setup.parameters.method;
   for (std::size_t s = 0; s < setup.script.steps.size(); ++s) {
     if (const auto* change = std::get_if<MethodStep>(&setup.script.steps[s])) method = change->method;
     const auto* press = std::get_if<PressStep>(&setup.script.steps[s]);
     // the proxy gives more the deeper the tip goes
-    const double most_N = method == ForceMethod::kProxy
-                              ? setup.limit_N
-                              : setup.model->force_field(method).full_force_N() * setup.workspace.force_gain;
+    const double most_N = method == ForceMethod::kProxy ? setup.limit_N
+                                                        : setup.model->force_field(method).full_force_N() *
+                                                              setup.workspace.force_gain * softer;
     if (!press || press->force_N <= std::min(setup.limit_N, most_N)) continue;
     char text[120];
     std::snprintf(text, sizeof text,
@@ -81,7 +83,13 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   if (!model) return model.error();
   setup.model = *std::move(model);
   setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);
-  setup.trouble = out_of_reach(setup);
+  const auto held = held_stiffness(*setup.model, setup.workspace, *device, setup.script.rate_hz,
+                                   setup.script.delay_s, progress);
+  if (!held) return held.error();
+  setup.parameters.device[0].most_stiffness_N_per_mm = held->most_N_per_mm;
+  setup.trouble =
+      out_of_reach(setup, held->most_N_per_mm / std::max(held->asked_N_per_mm, held->most_N_per_mm));
+  if (!held->clamped.empty()) setup.trouble.insert(setup.trouble.begin(), held->clamped);
   return setup;
 }
 

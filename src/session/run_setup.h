@@ -20,7 +20,8 @@ struct RunSetup {
   Parameters parameters;
   /// Least of device, user and scene limit, N.
   double limit_N = 0;
-  /// Presses that the limit or the tissue cannot give, known before the first tick, a sentence each.
+  /// Known before the first tick, a sentence each: stiffness that no hand holds, presses that the limit or
+  /// the tissue cannot give.
   std::vector<std::string> trouble;
 };
 

@@ -72,7 +72,8 @@ struct StepText {
 std::string script_text(const Script& script) {
   std::string text = line("title", quoted(script.title)) + line("device", quoted(script.device)) +
                      line("hand", quoted(script.hand)) + line("rate", number(script.rate_hz)) +
-                     line("tremor", number(script.tremor_mm)) + line("seed", std::to_string(script.seed));
+                     line("delay", number(script.delay_s * 1e3)) + line("tremor", number(script.tremor_mm)) +
+                     line("seed", std::to_string(script.seed));
   for (const ScriptStep& step : script.steps) text += "\n[[step]]\n" + std::visit(StepText{}, step);
   return text;
 }

@@ -7,7 +7,8 @@ namespace {
 
 TEST(ScriptText, ParsesBackToTheSameScript) {
   const auto script = parse_script(
-      "title = \"a \\\"quoted\\\" \\u0007 title\"\ndevice = \"touch\"\nrate = 4000\nseed = 99\ntremor = 0.1\n"
+      "title = \"a \\\"quoted\\\" \\u0007 title\"\ndevice = \"touch\"\nrate = 4000\ndelay = 2.5\nseed = "
+      "99\ntremor = 0.1\n"
       "[[step]]\napproach = \"femur\"\nspeed = 33.3\n[[step]]\npress = 0.1\n[[step]]\nhold = 1\n"
       "[[step]]\nmethod = \"b-spline\"\n[[step]]\nslide = 4\ndirection = [1.0, 2.0, -0.5]\n[[step]]\nrotate "
       "= 12.5\n[[step]]\nleave = "
@@ -21,6 +22,7 @@ TEST(ScriptText, ParsesBackToTheSameScript) {
   EXPECT_EQ(again->title, script->title);
   EXPECT_EQ(again->seed, 99u);
   EXPECT_EQ(again->rate_hz, 4000);
+  EXPECT_DOUBLE_EQ(again->delay_s, 2.5e-3);
   ASSERT_EQ(again->steps.size(), script->steps.size());
   EXPECT_EQ(std::get<ApproachStep>(again->steps[0]).speed_mm_s, 33.3);
   EXPECT_EQ(std::get<PressStep>(again->steps[1]).force_N, 0.1);

@@ -6,7 +6,7 @@ VirtualRun::VirtualRun(const Model& model, const RunSetup& setup, ScriptedHand h
     : model_(model),
       dt_s_(1 / setup.script.rate_hz),
       hand_(std::move(hand)),
-      device_(setup.device, setup.hand),
+      device_(setup.device, setup.hand, setup.script.delay_s),
       mapping_(device_.info(), setup.workspace),
       parameters_(setup.parameters) {
   device_.reset(mapping_.to_device(hand_.start()));

@@ -1,0 +1,63 @@
+#include "session/held_stiffness.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "session/critical_stiffness.h"
+
+namespace palpate {
+namespace {
+
+// The light grip has the least damping. Theory knows neither friction, which holds more, nor encoder steps,
+// which the margin covers (critical_stiffness_test).
+double held_by_theory(const PlantDevice& device, double rate_hz, double delay_s) {
+  const double damping_N_s_per_m =
+      device.damping_N_s_per_m + find_plant_hand("light-grip")->damping_N_s_per_m;
+  return kStiffnessMargin * theoretical_stiffness_N_per_mm(damping_N_s_per_m, rate_hz, delay_s);
+}
+
+const Tissue& stiffest_of(const Model& model) {
+  return *std::max_element(model.tissues.begin(), model.tissues.end(), [](const Tissue& a, const Tissue& b) {
+    return (a.felt ? a.stiffness_N_per_mm : 0) < (b.felt ? b.stiffness_N_per_mm : 0);
+  });
+}
+
+std::string loop_of(const PlantDevice& device, double rate_hz, double delay_s) {
+  char text[80];
+  std::snprintf(text, sizeof text, delay_s > 0 ? " at %g Hz with %g ms of delay" : " at %g Hz", rate_hz,
+                delay_s * 1e3);
+  return device.name + text;
+}
+
+}  // namespace
+
+Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings& workspace,
+                                     const PlantDevice& device, double rate_hz, double delay_s,
+                                     const Progress& progress) {
+  const Tissue& stiffest = stiffest_of(model);
+  HeldStiffness held;
+  held.asked_N_per_mm = felt_stiffness_N_per_mm(workspace, stiffest.stiffness_N_per_mm);
+  held.most_N_per_mm = held_by_theory(device, rate_hz, delay_s);
+  if (held.asked_N_per_mm <= held.most_N_per_mm) return held;
+
+  progress.report("how stiff a wall the device holds", 0);
+  const auto most = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
+  if (!most) return most.error();
+  progress.report("how stiff a wall the device holds", 1);
+  held.most_N_per_mm = *most;
+  if (held.asked_N_per_mm <= held.most_N_per_mm) return held;
+
+  char text[400];
+  std::snprintf(
+      text, sizeof text,
+      "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g): felt as %.3g, the "
+      "most that a hand holds with %s, %.1f of where a grip begins to swing (passive with any hand: "
+      "%.3g)",
+      stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
+      workspace.force_gain, held.most_N_per_mm, loop_of(device, rate_hz, delay_s).c_str(), kStiffnessMargin,
+      passivity_bound_N_per_mm(device, rate_hz));
+  held.clamped = text;
+  return held;
+}
+
+}  // namespace palpate

@@ -1,0 +1,85 @@
+#include "session/held_stiffness.h"
+
+#include <gtest/gtest.h>
+
+#include "session/test_session.h"
+
+namespace palpate {
+namespace {
+
+LoadedScene ball_of(double stiffness_N_per_mm) {
+  LoadedScene loaded = testing::loaded_ball();
+  Model model = *loaded.model;
+  for (Tissue& tissue : model.tissues)
+    tissue.stiffness_N_per_mm = std::min(tissue.stiffness_N_per_mm, stiffness_N_per_mm);
+  model.tissues[0].stiffness_N_per_mm = stiffness_N_per_mm;
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  return loaded;
+}
+
+TEST(HeldStiffness, OfASoftSceneIsNotClamped) {
+  const auto held = held_stiffness(*ball_of(1).model, {}, *find_plant_device("premium-1.5"), 1000, 0);
+  ASSERT_TRUE(held.ok());
+  EXPECT_EQ(held->asked_N_per_mm, 1);
+  EXPECT_GT(held->most_N_per_mm, 1);
+  EXPECT_EQ(held->clamped, "");
+}
+
+TEST(HeldStiffness, IsTheRecommendedOneWhereMoreIsAskedAndSaysSoWithTheNumbers) {
+  const PlantDevice premium = *find_plant_device("premium-1.5");
+  WorkspaceSettings workspace;
+  workspace.scale = 2;
+  workspace.force_gain = 0.5;
+  const auto held = held_stiffness(*ball_of(6).model, workspace, premium, 1000, 1e-3);
+  ASSERT_TRUE(held.ok());
+  EXPECT_EQ(held->asked_N_per_mm, 6);
+  EXPECT_EQ(held->most_N_per_mm, *recommended_stiffness_N_per_mm(premium, 1000, 1e-3));
+  for (const char* part : {"'bone' asks for 6 N/mm", "scale 2 x force gain 0.5", "felt as 1.16",
+                           "premium-1.5 at 1000 Hz with 1 ms of delay", "any hand: 0.01"})
+    EXPECT_NE(held->clamped.find(part), std::string::npos) << held->clamped;
+}
+
+TEST(HeldStiffness, WhatTheoryPromisesIsLessThanWhatIsRecommended) {
+  // otherwise a scene could be softer without anybody being told
+  for (const char* name : {"premium-1.5", "touch"})
+    for (const double rate_hz : {250.0, 1000.0, 10000.0}) {
+      const PlantDevice device = *find_plant_device(name);
+      const auto held = held_stiffness(*ball_of(1e-3).model, {}, device, rate_hz, 1e-3);
+      ASSERT_TRUE(held.ok());
+      EXPECT_LT(held->most_N_per_mm, *recommended_stiffness_N_per_mm(device, rate_hz, 1e-3));
+    }
+}
+
+TEST(HeldStiffness, AStiffWallIsFeltAsTheDeviceHoldsIt) {
+  const LoadedScene loaded = ball_of(20);
+  Script script = testing::press_script("ball");
+  script.delay_s = 1e-3;
+  for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
+    SCOPED_TRACE(name_of(method));
+    SimulationOptions options;
+    options.method = method;
+    test::TemporaryFolder folder;
+    const auto result = simulate(loaded, script, options, folder / "stiff.h5");
+    ASSERT_TRUE(result.ok()) << result.error().message();
+    ASSERT_FALSE(result->trouble.empty());
+    EXPECT_NE(result->trouble.front().find("felt as 1.16"), std::string::npos) << result->trouble.front();
+    const auto recording = read_recording(folder / "stiff.h5");
+    ASSERT_TRUE(recording.ok());
+    double deepest_mm = 0, most_N = 0;
+    for (const TickRecord& record : recording->ticks) {
+      const DeviceTick& device = record.device[0];
+      EXPECT_NEAR(device.most_stiffness_N_per_mm, 1.16, 0.01);
+      if (!(device.depth_mm > 0.2)) continue;
+      deepest_mm = std::max(deepest_mm, device.depth_mm);
+      most_N = std::max(most_N, device.unclamped_force_N / device.depth_mm);
+    }
+    if (method == ForceMethod::kProxy) {
+      EXPECT_NEAR(most_N, 1.16, 0.02);
+    }
+    EXPECT_GT(deepest_mm, 0.2);
+    EXPECT_TRUE(replay(*recording, loaded.model)->identical);
+  }
+}
+
+}  // namespace
+}  // namespace palpate
