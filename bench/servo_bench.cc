@@ -32,6 +32,7 @@ constexpr std::size_t kLine_bytes = 64, kWindow_ticks = 1000;
 struct Options {
   int rounds = 5;
   double block_s = 0.5, rate_hz = 0, spin_us = 0, endurance_s = 0, largest = kHuge_voxels;
+  double radius_mm = 0;
   bool load = false;
   std::string method{name_of(ForceMethod::kTrilinear)}, labels, json;
 
@@ -64,12 +65,13 @@ GridGeometry resized(const GridGeometry& grid, double voxels) {
   return result;
 }
 
-Result<Knee> knee_of(const std::string& what, const LabelMap& labels, ForceMethod method) {
+Result<Knee> knee_of(const std::string& what, const LabelMap& labels, ForceMethod method, double radius_mm) {
   auto scene = parse_scene(*embedded_scene("knee"), "embedded scene");
   if (!scene) return scene.error();
+  scene->tool.radius_mm = radius_mm;
   auto model = build_model(*scene, &labels, nullptr);
   if (!model) return model.error();
-  auto ready = with_methods(*std::move(model), {&method, 1});
+  auto ready = ready_for(*std::move(model), {&method, 1});
   if (!ready) return ready.error();
   return Knee{title_of(what, labels.geometry()), {*std::move(scene), *std::move(ready), ""}};
 }
@@ -367,7 +369,7 @@ Result<nlohmann::json> measured(const Options& options) {
   std::string what;
   const auto labels = large_knee(options.labels, what);
   if (!labels) return labels.error();
-  auto as_it_is = knee_of(what, *labels, options.force_method());
+  auto as_it_is = knee_of(what, *labels, options.force_method(), options.radius_mm);
   if (!as_it_is) return as_it_is.error();
   auto path = palpate_once(as_it_is->loaded);
   if (!path) return path.error();
@@ -391,7 +393,7 @@ Result<nlohmann::json> measured(const Options& options) {
     } else if (voxels <= options.largest) {
       const auto resampled = resample_nearest(*labels, resized(labels->geometry(), voxels));
       if (!resampled) return resampled.error();
-      auto knee = knee_of("the same, resampled", *resampled, options.force_method());
+      auto knee = knee_of("the same, resampled", *resampled, options.force_method(), options.radius_mm);
       if (!knee) return knee.error();
       knees.push_back(*std::move(knee));
     }
@@ -444,6 +446,9 @@ int main(int argc, char** argv) {
   for (const palpate::ForceMethodInfo& info : palpate::kForceMethods) methods.emplace_back(info.name);
   app.add_option("--method", options.method, "force method")
       ->check(CLI::IsMember(methods))
+      ->capture_default_str();
+  app.add_option("--radius", options.radius_mm, "of the tool's sphere in mm, felt by the proxy")
+      ->check(CLI::Range(0.0, 3.0))
       ->capture_default_str();
   app.add_option("--labels", options.labels,
                  "label map of a knee; default: knee_spl in PALPATE_DATA, else a "

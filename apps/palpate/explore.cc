@@ -104,6 +104,7 @@ std::string state_of(std::uint32_t flags) {
                              {kFlagWedged, "wedged"},
                              {kFlagThermal, "cooling"},
                              {kFlagClamped, "clamped"},
+                             {kFlagPassivity, "damped"},
                              {kFlagRamp, "fading"}};
   for (const Word& word : kWords)
     if ((flags & word.flag) != 0) return std::string(" ") + word.text;
@@ -121,7 +122,7 @@ std::string live_line(const ExploreStatus& status) {
   const std::string usual = text;
   std::string unusual = state_of(status.flags);
   if (status.heat >= 0.005) unusual += " heat " + std::to_string(std::lround(100 * status.heat)) + "%";
-  if (status.method != ForceMethod::kTrilinear) unusual += " " + std::string(name_of(status.method));
+  if (status.method != ForceMethod::kProxy) unusual += " " + std::string(name_of(status.method));
   if (status.skipped > 0) unusual += " skip " + std::to_string(status.skipped);
   if (status.dropped > 0) unusual += " drop " + std::to_string(status.dropped);
   const std::size_t taken = columns_of(usual) + columns_of(unusual);
@@ -184,7 +185,8 @@ void print_changed(const RecordingSummary& s) {
                                                           {"method missing", s.method_missing},
                                                           {"inside", s.inside},
                                                           {"wedged", s.wedged},
-                                                          {"ruptured", s.ruptured}};
+                                                          {"ruptured", s.ruptured},
+                                                          {"damped", s.passivated}};
   std::string text;
   for (const auto& [name, count] : counts)
     if (count > 0) text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count);

@@ -53,11 +53,10 @@ int draw_forces(const Options& options, Console& console) {
   const Progress progress = console.progress();
   const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
-  const ForceMethod method = options.method.value_or(loaded->scene.force.method);
-  if (method == ForceMethod::kProxy)
-    return console.fail({ErrorKind::kUsage,
-                         "the proxy's force follows from where the tip has been: there is no field of it",
-                         "--method", "choose one of the direct methods (see --help)"});
+  // where the tip has been decides the proxy's force: there is no field of it
+  const ForceMethod of_scene = loaded->scene.force.method;
+  const ForceMethod method =
+      options.method.value_or(of_scene == ForceMethod::kProxy ? ForceMethod::kTrilinear : of_scene);
   const auto model = with_methods(loaded->model, std::array{method}, progress);
   if (!model) return console.fail(model.error());
 
@@ -85,7 +84,8 @@ void add_forces(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
   verb->add_option("target", options->target, "A data set (palpate data list) or a scene file")->required();
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
-  add_method_option(*verb, "Force method; default: the scene's", kDirectMethods, options->method);
+  add_method_option(*verb, "Force method; default: the scene's, trilinear where that is the proxy",
+                    kDirectMethods, options->method);
   verb->add_option("--plane", options->plane, "Section through the point")
       ->check(CLI::IsMember({"axial", "coronal", "sagittal"}))
       ->capture_default_str();

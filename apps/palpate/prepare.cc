@@ -87,12 +87,16 @@ const GridGeometry& geometry_of(const FieldVolume& field) {
   return std::visit([](const auto& volume) -> const GridGeometry& { return volume.geometry(); }, field);
 }
 
-void print_field(const FieldVolume& field, double sigma_mm) {
+/// @param ramp_width_mm  0: it is smoothed with sigma
+void print_field(const FieldVolume& field, double sigma_mm, double ramp_width_mm) {
   const GridGeometry& grid = geometry_of(field);
   const Eigen::Vector3d sigma = grid.spacing_mm.cwiseInverse() * sigma_mm;
   std::printf("grid      %d x %d x %d voxels, %.4g x %.4g x %.4g mm\n", grid.dims[0], grid.dims[1],
               grid.dims[2], grid.spacing_mm[0], grid.spacing_mm[1], grid.spacing_mm[2]);
-  std::printf("sigma     %.4g mm: %.3g x %.3g x %.3g voxels\n", sigma_mm, sigma[0], sigma[1], sigma[2]);
+  if (ramp_width_mm > 0)
+    std::printf("ramps     %.4g mm wide, 0 outside\n", ramp_width_mm);
+  else
+    std::printf("sigma     %.4g mm: %.3g x %.3g x %.3g voxels\n", sigma_mm, sigma[0], sigma[1], sigma[2]);
   std::printf("field     %d bits\n", field.index() == 0 ? 8 : 16);
 }
 
@@ -117,7 +121,7 @@ int prepare_file(const Options& options, Console& console) {
   const auto field = smooth(*weights, options, console);
   if (!field) return console.fail(field.error());
   if (const auto written = write(options.output, *field); !written) return console.fail(written.error());
-  print_field(*field, options.sigma_mm);
+  print_field(*field, options.sigma_mm, 0);
   return kExitOk;
 }
 
@@ -133,7 +137,7 @@ int prepare_scene(const Options& options, Console& console) {
   const Model& model = *loaded->model;
   const FieldVolume& field = model.field->storage();
   if (const auto written = write(options.output, field); !written) return console.fail(written.error());
-  print_field(field, model.sigma_mm);
+  print_field(field, model.sigma_mm, model.ramp_width_mm);
   return kExitOk;
 }
 

@@ -6,6 +6,7 @@
 
 #include "looks_like_labels.h"
 #include "palpate/output.h"
+#include "palpate/ramps.h"
 #include "palpate/volume_io.h"
 #include "text.h"
 #include "verb.h"
@@ -206,6 +207,18 @@ std::string display_name(const Segment& segment) {
   return segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name;
 }
 
+/// What a direct method can give in a tissue that is thick enough.
+double most_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeometry& grid) {
+  if (!tissue.felt) return 0;
+  if (scene.preparation.method == PreparationMethod::kUnionGaussian)
+    return most_force_N(tissue, scene.preparation.sigma_mm, grid);
+  double stiffest = 0;
+  for (const TissueSettings& other : scene.tissues)
+    if (other.felt) stiffest = std::max(stiffest, other.stiffness_N_per_mm);
+  const auto width_mm = ramp_width_mm(scene.preparation, grid);
+  return std::min(tissue.stiffness_N_per_mm * kDeepestRamp_mm, width_mm ? stiffest * *width_mm : 0);
+}
+
 /// A row for each tissue: what it feels like and what it is made of. Where the workspace makes the felt
 /// stiffness s g K another than the tissue's K, it gets a column.
 void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& ids,
@@ -218,13 +231,15 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
     const std::string structures = tissue.threshold ? "threshold" : std::to_string(ids[i].size());
-    const double most_N = tissue.felt ? most_force_N(tissue, scene.preparation.sigma_mm, grid) : 0;
+    const double most_N = most_N_of(scene, tissue, grid);
     std::printf("%s  %-4s  %-5.3g  ", fitted(tissue.name, width).c_str(), tissue.felt ? "yes" : "no",
                 tissue.stiffness_N_per_mm);
     if (factor != 1) std::printf("%-9.3g  ", tissue.felt ? factor * tissue.stiffness_N_per_mm : 0.0);
     std::printf("%-9.3g  %-8.3g  %-10s  %s\n", most_N, tissue.friction_coefficient, structures.c_str(),
                 join(tissue.rests_on).c_str());
   }
+  if (scene.force.method == ForceMethod::kProxy)
+    std::printf("at most N: by the other methods; the proxy gives what the limit allows\n");
   if (factor != 1)
     std::printf("hand N/mm: the felt stiffness, scale x force gain = %g times the tissue's\n", factor);
   if (scene.workspace.force_gain != 1)
@@ -250,6 +265,16 @@ std::string side_text(const Scene& scene, const Data& data) {
   return "unknown; say side = \"left\", \"right\" or \"both\"";
 }
 
+/// What the methods but the proxy read.
+void print_preparation(const PreparationSettings& preparation, double width_mm) {
+  const int bits = preparation.storage == FieldStorage::k8Bit ? 8 : 16;
+  if (preparation.method == PreparationMethod::kInwardRamp)
+    std::printf("field      inward ramps, %g mm wide, %d bits\n", width_mm, bits);
+  else
+    std::printf("field      union Gaussian, sigma %g mm, %s, %d bits\n", preparation.sigma_mm,
+                preparation.engine == GaussianEngine::kFourier ? "fourier" : "direct", bits);
+}
+
 /// How the device's reach lies in the patient, where the scene says anything of it.
 void print_workspace(const WorkspaceSettings& workspace) {
   const WorkspaceSettings usual;
@@ -266,6 +291,7 @@ void print_workspace(const WorkspaceSettings& workspace) {
 /// A Gaussian narrower than a voxel leaves the steps between voxels in what is felt. A ramp on the scan has
 /// no such steps, and may do without.
 void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console) {
+  if (scene.preparation.method != PreparationMethod::kUnionGaussian) return;
   const double sigma_mm = scene.preparation.sigma_mm;
   const double widest_mm = widest_voxel_mm(data.labels_grid(), data.scan_grid());
   constexpr double kRounding = 1e-3;
@@ -321,20 +347,27 @@ int run_check(const std::string& file, Console& console) {
     return console.fail(error);
   }
   warn_of_narrow_sigma(*scene, *data, console);
+  const GridGeometry grid = field_grid(data->labels_grid(), data->scan_grid());
+  const auto width_mm = ramp_width_mm(scene->preparation, grid);
+  if (!width_mm) {
+    Error error = width_mm.error();
+    error.where = file;
+    return console.fail(error);
+  }
 
   // what it says
   std::printf("%s: a valid scene\n", file.c_str());
   if (!scene->title.empty()) std::printf("title      %s\n", scene->title.c_str());
   std::printf("side       %s\n", side_text(*scene, *data).c_str());
-  std::printf("smoothing  sigma %g mm, %s, %d bits\n", scene->preparation.sigma_mm,
-              scene->preparation.engine == GaussianEngine::kFourier ? "fourier" : "direct",
-              scene->preparation.storage == FieldStorage::k8Bit ? 8 : 16);
+  print_preparation(scene->preparation, *width_mm);
   std::printf("force      %s\n", std::string(name_of(scene->force.method)).c_str());
-  std::printf("tool       %s, %zu point%s\n", scene->tool.name.c_str(), scene->tool.points_mm.size(),
+  std::printf("tool       %s, %zu point%s", scene->tool.name.c_str(), scene->tool.points_mm.size(),
               scene->tool.points_mm.size() == 1 ? "" : "s");
+  if (scene->tool.radius_mm > 0) std::printf(", radius %g mm", scene->tool.radius_mm);
+  std::printf("\n");
   print_workspace(scene->workspace);
   if (scene->max_force_N) std::printf("limit      %g N\n", *scene->max_force_N);
-  print_tissues(*scene, ids, field_grid(data->labels_grid(), data->scan_grid()));
+  print_tissues(*scene, ids, grid);
   if (data->labels) print_left_over(*scene, data->labels->labels, ids);
   if (std::none_of(scene->tissues.begin(), scene->tissues.end(),
                    [](const auto& tissue) { return tissue.felt; }))

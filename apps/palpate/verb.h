@@ -52,6 +52,7 @@ void add_data(CLI::App& app, Run& run);
 void add_scene(CLI::App& app, Run& run);
 void add_prepare(CLI::App& app, Run& run);
 void add_forces(CLI::App& app, Run& run);
+void add_hold(CLI::App& app, Run& run);
 void add_simulate(CLI::App& app, Run& run);
 void add_explore(CLI::App& app, Run& run);
 void add_replay(CLI::App& app, Run& run);

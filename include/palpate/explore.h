@@ -45,7 +45,7 @@ struct ExploreStatus {
   // of the latest tick
   double force_N = 0, limit_N = 0, heat = 0;
   std::string structure;  ///< that is touched; empty: none
-  ForceMethod method = ForceMethod::kTrilinear;
+  ForceMethod method = ForceMethod::kProxy;
   std::uint32_t flags = 0;  ///< TickFlag bits
   // since the session began
   std::uint64_t skipped = 0, dropped = 0, stalls = 0;

@@ -16,6 +16,7 @@ namespace palpate {
 struct MethodSettings {
   double sphere_sigma_voxels = 1;  ///< of the Gaussian sphere, 0.5 ... 2
   NormalEncoding normals = NormalEncoding::kBytes;
+  double coupling_damping_N_s_per_mm = 0;  ///< of the proxy's spring, beside each tissue's stiffness
 
   friend bool operator==(const MethodSettings&, const MethodSettings&) = default;
 };

@@ -54,13 +54,14 @@ struct Model {
   bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
   bool oriented = true;            ///< false: the files do not say how the volume lies in the patient
 
-  std::shared_ptr<const Field> field;             ///< labels weighted by stiffness, smoothed
+  std::shared_ptr<const Field> field;             ///< what the direct methods read: ramps, or smoothed labels
   std::shared_ptr<const Volume<LabelId>> labels;  ///< flattened, on the field's grid
   std::shared_ptr<const Volume<float>> scan;      ///< on the same grid; may be null
   std::vector<Segment> segments;                  ///< names and colours by id
   std::vector<Tissue> tissues;
   std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1: belongs to no tissue
-  std::vector<float> level_of_label;          ///< field value deep inside that label, 0 ... 1
+  /// Stiffness over the greatest, 0 ... 1; what smoothed labels have deep inside that label.
+  std::vector<float> level_of_label;
 
   /// What the direct methods' forces are computed from, by ForceMethod; null: not prepared. The trilinear one
   /// always is.
@@ -70,8 +71,11 @@ struct Model {
   std::vector<LabelId> label_of_surface;
   MethodSettings method_settings;
 
-  double sigma_mm = 1.0;  ///< smoothing that made the field
-  double reach_mm = 5.0;  ///< how far from a structure the field may still be felt
+  double sigma_mm = 1.0;     ///< smoothing that made the field, unless it has ramps
+  double ramp_width_mm = 0;  ///< of the inward ramps that the field has (palpate/ramps.h); 0: it has none
+  /// How far to look for the structure that is felt at a place, and for its surface: a smoothed field is felt
+  /// that far from it, ramps only inside, at most that deep.
+  double reach_mm = 5.0;
   Tool tool;
   double scene_max_force_N = std::numeric_limits<double>::infinity();  ///< infinite: the scene sets none
   /// Where the patient lies in the workspace when the object is not rotated: the volume's centre at
@@ -123,15 +127,15 @@ Transform<World, Patient> supine_from_feet(const GridGeometry& grid);
 struct ContactSite {
   LabelId label = 0;  ///< 0: none within reach
   int tissue = -1;
-  double level = 0;     ///< field value deep inside that label
-  double depth_mm = 0;  ///< tip below (> 0) or above (< 0) the level/2 isosurface, along the normal
+  double level = 0;     ///< field value where it is entered: of smoothed labels deep inside, of ramps at 1 mm
+  double depth_mm = 0;  ///< tip below (> 0) or above (< 0) the structure's surface, along the normal
 };
 
 /// The first felt label on the way inward along the normal, within Model::reach_mm, in half voxels; where
 /// that way meets none (in a valley between two structures, deep inside where there is no normal) the nearest
-/// one along 14 directions. Its surface is where the field is midway between its own level and that of the
-/// felt label that covers it, or free space: the same place for every force method. Bounded: at most a few
-/// hundred voxels are looked at.
+/// one along 14 directions. Its surface is the same place for every force method: where a smoothed field is
+/// midway between its own level and that of the felt label that covers it, or free space; of ramps the border
+/// of its voxels. Bounded: at most a few hundred voxels are looked at.
 /// @param sample  the force method's, whose gradient tells the normal
 ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const FieldSample& sample);
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <bitset>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -22,7 +23,8 @@ struct FeltSurface {
   /// Force that makes the tool go through; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
 };
-inline constexpr std::size_t kMostSurfaces = 64;
+inline constexpr std::size_t kMostSurfaces = 256;
+using SurfaceSet = std::bitset<kMostSurfaces>;
 
 /// A part of the tool. A point is the smallest sphere there is.
 struct ToolSphere {
@@ -47,9 +49,9 @@ struct ProxyState {
   /// so that nobody knows on which side it is. No force then.
   bool coupled = false;
   bool sticking = false;
-  Point<Patient> position;      ///< of the tip's proxy
-  Vector<Patient> last_way;     ///< its last stride, mm: the next one is not to go to and fro
-  std::uint64_t punctured = 0;  ///< bit n: the tool has gone through surface n and not come out yet
+  Point<Patient> position;   ///< of the tip's proxy
+  Vector<Patient> last_way;  ///< its last stride, mm: the next one is not to go to and fro
+  SurfaceSet punctured;      ///< the tool has gone through surface n and not come out yet
   int contacts = 0;
   std::array<ProxyContact, kMostContacts> contact;
 };
@@ -84,8 +86,8 @@ struct ProxyResult {
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are those of the surfaces touched, weighted by their pulls. A surface is gone
-///   through when what it gives of the spring's force, friction aside and before any limit, stiffness included, is above its
-///   puncture force; it closes again when tip and proxy have left it.
+///   through when what it gives of the spring's force, friction aside and before any limit, stiffness
+///   included, is above its puncture force; it closes again when tip and proxy have left it.
 /// @param surfaces  at most kMostSurfaces; the same ones in every call with one state
 /// @param spheres   1 ... kMostToolSpheres
 /// @param tip       finite

@@ -53,7 +53,7 @@ struct RecordingSummary {
   std::uint64_t clamped = 0, not_finite = 0, outside = 0, paused = 0, rotation_ignored = 0, thermal = 0;
   std::uint64_t slewed = 0, stale = 0, jumped = 0, device_faults = 0, halted = 0, emergency_stopped = 0;
   std::uint64_t clutched = 0, faded = 0, blended = 0, method_missing = 0;
-  std::uint64_t inside = 0, wedged = 0, ruptured = 0;
+  std::uint64_t inside = 0, wedged = 0, ruptured = 0, passivated = 0;
   std::uint64_t dropped = 0;  ///< ticks that were computed and never reached the recorder: the ring was full
   std::uint64_t skipped = 0;  ///< points in time of the real clock that passed without a tick
   /// What the simulated hand did not reach, a sentence each. A recording keeps 1000 of them, the last of

@@ -48,15 +48,23 @@ struct TissueSettings {
 
 enum class FieldStorage : std::uint8_t { k8Bit, k16Bit };
 
+/// How labels become the field that the direct methods read.
+enum class PreparationMethod : std::uint8_t {
+  kInwardRamp,     ///< 0 outside, rising inside with the depth (palpate/ramps.h)
+  kUnionGaussian,  ///< all structures together, smoothed: as published
+};
+
 struct PreparationSettings {
-  double sigma_mm = 1.0;
+  PreparationMethod method = PreparationMethod::kInwardRamp;
+  std::optional<double> ramp_width_mm;  ///< of the inward ramp; empty: what ramp_width_mm() takes
+  double sigma_mm = 1.0;                ///< of the union Gaussian and of the smooth sphere
   GaussianEngine engine = GaussianEngine::kDirect;
   FieldStorage storage = FieldStorage::k16Bit;
 };
 
 /// By which method the structures are felt at first.
 struct ForceSettings {
-  ForceMethod method = ForceMethod::kTrilinear;
+  ForceMethod method = ForceMethod::kProxy;
   MethodSettings settings;
 };
 
@@ -102,9 +110,14 @@ const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* s
 /// The widest voxel of the grids behind the field, mm: labels stand in steps of their own grid, the field is
 /// interpolated on field_grid(). A sigma below it leaves these steps to be felt (docs/verify.md).
 double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan);
-/// The force deep inside a tissue, N: stiffness * sigma * sqrt(2 pi), the height of a ramp that a Gaussian
-/// leaves of a step and that is as steep as the stiffness at the surface. Without smoothing the ramp is a
-/// voxel wide.
+/// The width of a scene's inward ramp on a grid: what it says, or kUsualRampWidth_mm; more where that is not
+/// two of the grid's widest voxels. Error kBadInput where what it says is less than these, or they are more
+/// than a ramp can have.
+Result<double> ramp_width_mm(const PreparationSettings& preparation, const GridGeometry& grid);
+inline constexpr double kUsualRampWidth_mm = 4;
+/// The force deep inside a tissue under a union Gaussian, N: stiffness * sigma * sqrt(2 pi), the height of a
+/// ramp that a Gaussian leaves of a step and that is as steep as the stiffness at the surface. Without
+/// smoothing the ramp is a voxel wide.
 /// @param grid  the field's
 double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid);
 
@@ -182,7 +195,7 @@ struct RotateStep {
 };
 /// Feel by another method from here on; the force of the last one turns into the new one's.
 struct MethodStep {
-  ForceMethod method = ForceMethod::kTrilinear;
+  ForceMethod method = ForceMethod::kProxy;
 };
 /// Withdraw along the path of approach.
 struct LeaveStep {

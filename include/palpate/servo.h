@@ -33,6 +33,7 @@ struct DeviceParameters {
   /// What a hand holds with the device, N/mm of the device. Stiffer tissues are felt as this stiff: by the
   /// proxy each for itself, by the direct methods all softer by one factor.
   double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
+  double position_step_mm = kNotKnown;  ///< of its encoders: less is no motion to the passivity controller
 };
 /// Without a limit of stiffness.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
@@ -44,6 +45,7 @@ struct Parameters {
   ForceMethod method = ForceMethod::kTrilinear;
   bool friction = true;
   bool viscosity = true;
+  bool passivity = true;        ///< what gives out more energy than it got is damped; observed in any case
   bool paused = false;          ///< forces fade out and stay off
   bool emergency_stop = false;  ///< forces are off at once
   double max_force_N = 3.0;     ///< the user's limit, beside the scene's; not finite or negative counts as 0
@@ -62,6 +64,20 @@ struct OutputState {
   double heat = 0;  ///< part of the thermal budget that is used, 0 ... 1
 };
 
+/// What the spring and the damper between tip and proxy remember.
+struct CouplingState {
+  double stiffness_N_per_mm = 0;  ///< that is felt; 0: without contact
+  Vector<Patient> pull_mm;        ///< from the tip to the proxy
+  VelocityWindow pull_velocity;   ///< of its change, free space included; empty without damping
+};
+
+/// What the passivity observer remembers of one device.
+struct PassivityState {
+  double energy_mJ = 0;  ///< that the hand has put in and not got back; below 0: it got more
+  // the way along the force since a speed was told last, its time, and that speed
+  double way_mm = 0, time_s = 0, speed_mm_s = 0;
+};
+
 /// Everything a tick remembers. Small, copyable, hashable; no pointers.
 struct SessionState {
   struct Hand {
@@ -71,10 +87,12 @@ struct SessionState {
     VelocityWindow velocity;
     ProxyState proxy;
     std::uint32_t proxy_version = 0;  ///< of the model whose surfaces it is on
+    CouplingState coupling;
     // what the force was last, and what is left of the difference to what made it
     Wrench asked;
     Wrench difference;
     double blend_elapsed_s = kBlend_s;
+    PassivityState passivity;
     OutputState output;
   };
 

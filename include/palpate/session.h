@@ -50,7 +50,9 @@ Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> mode
 /// A point on a structure that a hand can reach and press: with the most free space in front, among
 /// flat places, found from labels and field.
 struct SurfacePoint {
-  Point<Patient> point;     ///< where the field is half of the structure's own level
+  /// Where a smoothed field is half of the structure's own level, and ramps what they are half a voxel below
+  /// their beginning.
+  Point<Patient> point;
   Vector<Patient> normal;   ///< outward, unit
   double clearance_mm = 0;  ///< free way along the normal
 };

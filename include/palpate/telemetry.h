@@ -37,6 +37,7 @@ enum TickFlag : std::uint32_t {
   kFlagInside = 1u << 17,          ///< the proxy waits: the tip has been inside since contact began anew
   kFlagWedged = 1u << 18,          ///< the tool is wider than the gap that it is in: the proxy stayed
   kFlagRuptured = 1u << 19,        ///< the tool went through a surface
+  kFlagPassivity = 1u << 20,       ///< damped, so that the hand gets no more energy than it has put in
 };
 /// After these the force is zero at once, and comes back by the ramp.
 inline constexpr std::uint32_t kFaultFlags =
@@ -48,6 +49,7 @@ enum TickSwitch : std::uint8_t {
   kSwitchViscosity = 1u << 1,
   kSwitchPaused = 1u << 2,
   kSwitchEmergencyStop = 1u << 3,
+  kSwitchPassivity = 1u << 4,
 };
 
 struct DeviceTick {
@@ -64,7 +66,7 @@ struct DeviceTick {
   double force_gain = 1, scale = 1;
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, peak_torque_Nmm = kNotKnown;
   double peak_gripper_N = kNotKnown, slew_N_per_s = kNotKnown;
-  double most_stiffness_N_per_mm = kNotKnown;
+  double most_stiffness_N_per_mm = kNotKnown, position_step_mm = kNotKnown;
   // out
   std::array<double, 3> force_N{};     ///< sent, World
   std::array<double, 3> torque_Nmm{};  ///< about the tip, World
@@ -72,6 +74,8 @@ struct DeviceTick {
   double unclamped_force_N = 0;        ///< magnitude before the output stage
   double limit_N = 0;                  ///< least of device, user, scene and thermal limit in this tick
   double heat = 0;                     ///< part of the thermal budget that is used, 0 ... 1
+  double energy_mJ = 0;                ///< that the hand has put in and not got back (passivity observer)
+  double damping_N_s_per_m = 0;        ///< along the force, added by the passivity controller
   std::array<double, 3> tip_patient_mm{};
   std::array<double, 3> proxy_patient_mm{};       ///< where the proxy is; by a direct method, the tip
   std::array<double, 3> normal_patient{};         ///< outward, unit; zero in free space

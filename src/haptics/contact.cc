@@ -62,6 +62,25 @@ class LabelWalk {
     return 0;
   }
 
+  // the signed way along a unit direction out of the voxels of `own`; negative from in front of them
+  double depth_in(LabelId own, const Vector<Patient>& outward) const {
+    const bool inside = here() == own;
+    const Vector<Voxel> per_mm = model_.field->X_VoxelPatient() * (inside ? outward : -outward);
+    const auto is_beyond = [&](double way_mm) {
+      return (felt_label_at(model_, start_ + per_mm * way_mm) == own) != inside;
+    };
+    for (int n = 1; n <= steps_; ++n) {
+      if (!is_beyond(n * step_mm_)) continue;
+      double near = (n - 1) * step_mm_, far = n * step_mm_;
+      for (int halving = 0; halving < 6; ++halving) {
+        const double middle = 0.5 * (near + far);
+        (is_beyond(middle) ? far : near) = middle;
+      }
+      return inside ? far : -far;
+    }
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+
   // the felt label that covers `own` on the way out of it, 0 for free space or none within reach
   LabelId cover_of(LabelId own, const Vector<Patient>& outward) const {
     const Vector<Voxel> step = model_.field->X_VoxelPatient() * (outward * step_mm_);
@@ -77,6 +96,9 @@ class LabelWalk {
   double step_mm_;
   int steps_;
 };
+
+// where the viscosity of ramps is whole
+constexpr double kInside_mm = 1;
 
 // the signed way from x to where the field crosses `level`, positive when x is beyond it; the field's value
 // at x tells which way to look, and the crossing is interpolated linearly within a step
@@ -116,7 +138,15 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
   site.tissue = model.tissue_of_label[site.label];
   site.level = model.level_of_label[site.label];
 
-  // its surface lies midway between its level and that of what covers it
+  // ramps begin at the surface of the structure's own voxels
+  if (model.ramp_width_mm > 0) {
+    site.level *= std::min(1.0, kInside_mm / model.ramp_width_mm);
+    site.depth_mm =
+        has_direction ? walk.depth_in(site.label, outward) : std::numeric_limits<double>::quiet_NaN();
+    return site;
+  }
+
+  // that of smoothed labels lies midway between its level and that of what covers it
   const LabelId cover =
       has_direction && walk.here() == site.label ? walk.cover_of(site.label, outward) : LabelId{0};
   const double cover_level = cover ? model.level_of_label[cover] : 0;

@@ -105,6 +105,26 @@ TEST(ContactSite, DeepInsideTheTipsOwnLabelCounts) {
   EXPECT_TRUE(std::isnan(site.depth_mm)) << "no direction, no depth";
 }
 
+TEST(ContactSite, OfRampsIsTheVoxelsOwnAndAsDeepAsTheyGo) {
+  const Model model = testing::with_ramps(ball_model({0.6, 0.6, 0.6}, 1, 3), 4, 3);
+  std::mt19937 random(8);
+  for (int n = 0; n < 300; ++n) {
+    const Vector<Patient> up = testing::random_direction(random);
+    for (const double radius_mm : {12.5, 14.0, 16.0, 17.5}) {
+      const Point<Patient> x = Point<Patient>() + up * radius_mm;
+      const ContactSite site = find_contact_site(model, x, sample_central_differences(*model.field, x));
+      const bool in_bone = radius_mm < kBoneRadius_mm;
+      EXPECT_EQ(site.label, in_bone ? kBone : kCartilage);
+      // as far as voxels go: half their diagonal
+      EXPECT_NEAR(site.depth_mm, (in_bone ? kBoneRadius_mm : kBoneRadius_mm + 3) - radius_mm, 0.6);
+      EXPECT_FLOAT_EQ(static_cast<float>(site.level), (in_bone ? 1.f : 0.5f) / 4) << "whole at a millimetre";
+    }
+    const Point<Patient> before = Point<Patient>() + up * 19.5;
+    EXPECT_EQ(find_contact_site(model, before, sample_central_differences(*model.field, before)).label, 0)
+        << "no halo";
+  }
+}
+
 TEST(ContactSite, NotANumberMeetsNothing) {
   const Model model = ball_model();
   const Point<Patient> x(std::nan(""), 0, 0);

@@ -105,7 +105,12 @@ FieldSample ForceField::sample(const Point<Patient>& x) const {
     FieldSample operator()(const std::shared_ptr<const Field>& field) const {
       return sample_central_differences(*field, x);
     }
-    FieldSample operator()(const SplineField& field) const { return sample_spline(field, x); }
+    // where it overshoots below 0, a direction would pull; a rounded coefficient is no value
+    FieldSample operator()(const SplineField& field) const {
+      const FieldSample sample = sample_spline(field, x);
+      const double rounding = field.bytes_per_voxel() == 2 ? field.scale() : 0;
+      return sample.value > rounding ? sample : FieldSample{};
+    }
     FieldSample operator()(const LevelledSphere<GaussianSphere>& sphere) const { return sphere.sample(x); }
     FieldSample operator()(const LevelledSphere<SmoothSphere>& sphere) const { return sphere.sample(x); }
     FieldSample operator()(const StoredNormals& normals) const { return normals.sample(x); }
@@ -124,8 +129,9 @@ Vector<Patient> normal_force(const FieldSample& sample, double full_force_N) {
 }
 
 Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method) {
-  const double of_field_N =
-      model.greatest_stiffness_N_per_mm() * ramp_mm(model.sigma_mm, model.field->geometry());
+  const double width_mm =
+      model.ramp_width_mm > 0 ? model.ramp_width_mm : ramp_mm(model.sigma_mm, model.field->geometry());
+  const double of_field_N = model.greatest_stiffness_N_per_mm() * width_mm;
   switch (method) {
     case ForceMethod::kTrilinear:
       return force_field(model.field, of_field_N);

@@ -25,9 +25,10 @@ constexpr double kMostWay_mm = 3, kSlack_mm = 0.2;
 constexpr double kMostPush_mm = kMostCorrections * kStride_mm;
 // walls whose normals are as near as this do the same work
 constexpr double kParallel = 0.999, kBeside_mm = 0.02;
-// a stride that leads away from the tip by more than this part of itself is not taken: normals that are
-// smoother than the surface ask for less
-constexpr double kAway = 0.1;
+// A stride that leads away from the tip by more than this part of itself is not taken: normals that are
+// smoother than the surface ask for less. What it leads away is energy that nobody put in: a tenth kept a
+// light grip swinging over an edge.
+constexpr double kAway = 0.02;
 // pairs of a sphere and a surface that one tick looks at; more than these near at once, as in no tissue, and
 // the proxy goes no farther than the others allow
 constexpr std::size_t kMostNear = 32;
@@ -59,9 +60,9 @@ class NearSurfaces {
   /// Those that the proxy can reach from `at` on a way of `reach_mm`. Where they are too many, the way is as
   /// long as the nearest ones allow.
   NearSurfaces(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-               std::uint64_t punctured, const Point<Patient>& at, double reach_mm) {
+               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
     for (std::size_t s = 0; s < surfaces.size(); ++s) {
-      if (punctured >> s & 1) continue;
+      if (punctured[s]) continue;
       const Surface& surface = *surfaces[s].surface;
       for (std::size_t k = 0; k < spheres.size(); ++k) {
         Near near{&surface, static_cast<int>(s), static_cast<int>(k), spheres[k].offset_mm,
@@ -409,9 +410,9 @@ class Walk {
 };
 
 bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-             std::uint64_t punctured, const Point<Patient>& at) {
+             const SurfaceSet& punctured, const Point<Patient>& at) {
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if (punctured >> s & 1) continue;
+    if (punctured[s]) continue;
     for (const ToolSphere& sphere : spheres)
       if (surfaces[s].surface->distance_mm(at + sphere.offset_mm) < sphere.radius_mm - kOutside_mm)
         return false;
@@ -421,17 +422,17 @@ bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> 
 
 // Surfaces that tip and proxy have left close again: the tip may have come out of a layer below while the
 // proxy is held within it.
-std::uint64_t still_open(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                         const Point<Patient>& tip, const ProxyState& state) {
-  std::uint64_t punctured = state.punctured;
+SurfaceSet still_open(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                      const Point<Patient>& tip, const ProxyState& state) {
+  SurfaceSet punctured = state.punctured;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if ((punctured >> s & 1) == 0) continue;
+    if (!punctured[s]) continue;
     const bool left = std::all_of(spheres.begin(), spheres.end(), [&](const ToolSphere& sphere) {
       const double sealed_mm = sphere.radius_mm + kSealed_mm;
       return surfaces[s].surface->distance_mm(tip + sphere.offset_mm) > sealed_mm &&
              surfaces[s].surface->distance_mm(state.position + sphere.offset_mm) > sealed_mm;
     });
-    if (left) punctured &= ~(std::uint64_t{1} << s);
+    if (left) punctured[s] = false;
   }
   return punctured;
 }
@@ -467,7 +468,7 @@ void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> sph
     const bool arrived = !result.lagging && !result.wedged;
     if (arrived &&
         contact.pull_mm * own_stiffness > surfaces[static_cast<std::size_t>(contact.surface)].puncture_N) {
-      state.punctured |= std::uint64_t{1} << contact.surface;
+      state.punctured[static_cast<std::size_t>(contact.surface)] = true;
       result.ruptured = true;
     }
   }
@@ -481,7 +482,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
   ProxyResult result;
   if (!state.coupled) {
-    if (!is_free(surfaces, spheres, 0, tip)) return result;
+    if (!is_free(surfaces, spheres, {}, tip)) return result;
     state = {};
     state.coupled = true;
     state.position = tip;
@@ -511,11 +512,11 @@ bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const 
   constexpr double kFar_mm = 1000;
   constexpr int kMostSteps = 64, kMostLooks = 4;
   Point<Patient> born = tip;
-  for (int look = 0; look < kMostLooks && !is_free(surfaces, spheres, 0, born); ++look) {
-    NearSurfaces near(surfaces, spheres, 0, born, kFar_mm);
+  for (int look = 0; look < kMostLooks && !is_free(surfaces, spheres, {}, born); ++look) {
+    NearSurfaces near(surfaces, spheres, {}, born, kFar_mm);
     if (!leave_surfaces(near, kMostSteps, kFar_mm, born)) return false;
   }
-  if (!is_free(surfaces, spheres, 0, born)) return false;
+  if (!is_free(surfaces, spheres, {}, born)) return false;
   state = {};
   state.coupled = true;
   state.position = born;

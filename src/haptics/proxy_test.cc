@@ -212,11 +212,11 @@ TEST(Proxy, ALayerThatWasGoneThroughDoesNotCloseRoundTheProxy) {
     run.state = {};
     run.at({0, 0, 5});
     run.lead({0, 0, 5}, {0, 0, -1.5}, 0.05);
-    EXPECT_EQ(run.state.punctured, 1u);
+    EXPECT_EQ(run.state.punctured, SurfaceSet(1));
     EXPECT_NEAR(run.state.position.z(), radius_mm, 0.02) << "through the cartilage, held by the bone";
     run.lead({0, 0, -1.5}, {0, 0, 5}, 0.05);
     EXPECT_EQ(run.state.position, Point<Patient>(0, 0, 5)) << "let out again";
-    EXPECT_EQ(run.state.punctured, 0u);
+    EXPECT_EQ(run.state.punctured, SurfaceSet());
     EXPECT_EQ(run.result.force_N, Vector<Patient>());
   }
 }
@@ -295,6 +295,47 @@ TEST(Proxy, FrictionConeIsAsSet) {
   EXPECT_TRUE(run.state.sticking);
 }
 
+// on a plane however it lies to the voxels, in any direction along it
+TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int n = 0; n < 40; ++n) {
+    const Vector<Patient> up = random_direction(random);
+    const Vector<Patient> along = up.cross(random_direction(random)).normalized();
+    const double mu_static = 0.05 + unit(random), mu_dynamic = mu_static * (0.3 + 0.7 * unit(random));
+    const double depth_mm = 0.5 + 2 * unit(random);
+    SCOPED_TRACE("plane " + std::to_string(n));
+    ProxyRun run;
+    run.surfaces = {
+        felt_surface(cube_grid(9, kKnee_mm), [&](const Eigen::Vector3d& p) { return up.eigen().dot(p); })};
+    run.surfaces[0].static_friction = mu_static;
+    run.surfaces[0].dynamic_friction = mu_dynamic;
+    run.spheres = {{{}, n % 2 == 0 ? 0 : 1.5 * unit(random)}};
+    const double above_mm = run.spheres[0].radius_mm;
+    const auto tip = [&](double way_mm, double height_mm) {
+      return Point<Patient>() + along * way_mm + up * (above_mm + height_mm);
+    };
+    const auto ratio = [&] {
+      const double normal_N = run.result.force_N.dot(up);
+      return (run.result.force_N - up * normal_N).norm() / normal_N;
+    };
+    run.at(tip(0, 1));
+    run.lead(tip(0, 1), tip(0, -depth_mm), 0.05);
+    ASSERT_TRUE(run.state.sticking);
+    double way_mm = 0, most_ratio = 0;
+    while (run.state.sticking && way_mm < 5) {
+      most_ratio = std::max(most_ratio, ratio());
+      run.at(tip(way_mm += 0.001, -depth_mm));
+    }
+    EXPECT_NEAR(most_ratio, mu_static, 0.02 * mu_static);
+    for (int slid = 0; slid < 300; ++slid) {
+      run.at(tip(way_mm += 0.003, -depth_mm));
+      ASSERT_NEAR(ratio(), mu_dynamic, 0.02 * mu_dynamic);
+    }
+  }
+}
+
 TEST(Proxy, DoesNotDriftWhileItSticks) {
   for (const bool curved : {false, true}) {
     ProxyRun run;
@@ -347,18 +388,18 @@ TEST(Proxy, GoesThroughAtThePunctureForceAndClosesWhenTheToolHasLeft) {
   ProxyRun run = on_floor();
   run.surfaces[0].puncture_N = 3;  // at 1.5 mm
   run.lead({0, 0, 1}, {0, 0, -1.4}, 0.05);
-  EXPECT_EQ(run.state.punctured, 0u);
+  EXPECT_EQ(run.state.punctured, SurfaceSet());
   EXPECT_NEAR(run.result.force_N.z(), 2.8, 0.01);
   run.lead({0, 0, -1.4}, {0, 0, -1.6}, 0.05);
-  EXPECT_EQ(run.state.punctured, 1u);
+  EXPECT_EQ(run.state.punctured, SurfaceSet(1));
   run.at({0, 0, -1.6});
   EXPECT_EQ(run.result.force_N, Vector<Patient>()) << "through";
   EXPECT_EQ(run.state.position, Point<Patient>(0, 0, -1.6));
   // moving about inside, and out
   run.lead({0, 0, -1.6}, {1, 0, -1}, 0.1);
-  EXPECT_EQ(run.state.punctured, 1u);
+  EXPECT_EQ(run.state.punctured, SurfaceSet(1));
   run.lead({1, 0, -1}, {1, 0, 1}, 0.1);
-  EXPECT_EQ(run.state.punctured, 0u);
+  EXPECT_EQ(run.state.punctured, SurfaceSet());
   run.lead({1, 0, 1}, {1, 0, -1}, 0.1);
   EXPECT_NEAR(run.result.force_N.z(), 2, 0.01) << "closed again";
 }

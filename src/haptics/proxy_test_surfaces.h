@@ -7,9 +7,9 @@
 #include <random>
 #include <vector>
 
-#include "palpate/proxy_way.h"
 #include "haptics/test_random.h"
 #include "palpate/proxy.h"
+#include "palpate/proxy_way.h"
 
 /// Surfaces whose distance is known exactly, and an oracle of what a proxy may do, for tests.
 namespace palpate::testing {
@@ -104,7 +104,7 @@ struct ProxyRun {
     for (int n = 0; n <= pieces; ++n) {
       const Point<Patient> p = a + (b - a) * (static_cast<double>(n) / pieces);
       for (std::size_t s = 0; s < surfaces.size(); ++s) {
-        if (state.punctured >> s & 1) continue;
+        if (state.punctured[s]) continue;
         for (const ToolSphere& sphere : spheres)
           deepest_mm =
               std::max(deepest_mm, sphere.radius_mm - surfaces[s].surface->distance_mm(p + sphere.offset_mm));

@@ -76,6 +76,29 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
   return model;
 }
 
+/// The ball with inward ramps for a field, exact at voxel centres.
+inline Model with_ramps(Model model, double width_mm, double cartilage_mm = 0) {
+  const GridGeometry& grid = model.labels->geometry();
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  const double bone = model.tissues[0].stiffness_N_per_mm, cartilage = model.tissues[1].stiffness_N_per_mm;
+  Volume<std::uint16_t> field(grid);
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const double depth_mm = kBoneRadius_mm - (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen().norm();
+        const double force_N = cartilage_mm == 0 ? bone * std::max(0.0, depth_mm)
+                                                 : cartilage * std::max(0.0, depth_mm + cartilage_mm) +
+                                                       (bone - cartilage) * std::max(0.0, depth_mm);
+        field.at(i, j, k) =
+            static_cast<std::uint16_t>(std::lround(65535 * std::min(1.0, force_N / (bone * width_mm))));
+      }
+  model.field = std::make_shared<const Field>(std::move(field));
+  model.ramp_width_mm = width_mm;
+  model.reach_mm = 12 + grid.spacing_mm.maxCoeff();
+  model.methods[0] = *make_force_field(model, ForceMethod::kTrilinear);
+  return model;
+}
+
 /// Another force where the field is 1.
 inline void set_full_force(Model& model, double full_force_N) {
   model.methods[0] = std::make_shared<const ForceField>(model.field, full_force_N);

@@ -23,5 +23,9 @@ namespace palpate::internal {
 Index3 distance_window(const Eigen::Vector3d& spacing_mm, double reach_mm);
 void signed_distance(const Block<std::uint8_t>& mask, const Eigen::Vector3d& spacing_mm, double reach_mm,
                      Block<float>& distance);
+/// One half of it: where the mask is not `other`, the signed distance to the nearest centre where it is;
+/// elsewhere `distance` stays as it was.
+void distance_to_class(const Block<std::uint8_t>& mask, std::uint8_t other, const Eigen::Vector3d& spacing_mm,
+                       double reach_mm, Block<float>& distance);
 
 }  // namespace palpate::internal

@@ -52,6 +52,8 @@ const char* name_of(TickFlag flag) {
       return "wedged";
     case kFlagRuptured:
       return "ruptured";
+    case kFlagPassivity:
+      return "passivity";
   }
   return nullptr;
 }
@@ -66,6 +68,8 @@ const char* name_of(TickSwitch one) {
       return "paused";
     case kSwitchEmergencyStop:
       return "emergency stop";
+    case kSwitchPassivity:
+      return "passivity";
   }
   return nullptr;
 }

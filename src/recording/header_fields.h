@@ -70,6 +70,7 @@ void visit_flag_counts(Summary& summary, Visit&& visit) {
   visit("inside", summary.inside, kFlagInside);
   visit("wedged", summary.wedged, kFlagWedged);
   visit("ruptured", summary.ruptured, kFlagRuptured);
+  visit("passivated", summary.passivated, kFlagPassivity);
 }
 
 /// All of them.

@@ -106,8 +106,8 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   const auto unclaimed = [](const std::vector<bool>& bytes) { return std::ranges::count(bytes, false); };
   EXPECT_EQ(unclaimed(tick), static_cast<std::ptrdiff_t>(sizeof(TickRecord) - internal::tick_bytes(0)));
   EXPECT_EQ(internal::tick_bytes(0), 126u);
-  EXPECT_EQ(internal::tick_bytes(1), 126u + 390u);
-  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 390u);
+  EXPECT_EQ(internal::tick_bytes(1), 126u + 414u);
+  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 414u);
   EXPECT_LT(unclaimed(device), 8) << "a field of DeviceTick without a column";
   EXPECT_LT(static_cast<std::size_t>(unclaimed(tick)),
             sizeof(TickRecord::device) + sizeof(TickRecord::devices) + 8)
@@ -121,13 +121,13 @@ TEST(Recording, DescribesEveryBit) {
     return found == columns.end() ? std::string("no such column") : found->description();
   };
   EXPECT_EQ(description(internal::tick_columns(), "switches"),
-            "what was switched on: 1 friction, 2 viscosity, 4 paused, 8 emergency stop");
+            "what was switched on: 1 friction, 2 viscosity, 4 paused, 8 emergency stop, 16 passivity");
   EXPECT_EQ(description(internal::device_columns(), "status"),
             "input: why the device gets no force: 1 fault, 2 clutched, 4 halted");
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
-  EXPECT_THAT(flags, testing::EndsWith(", 262144 wedged, 524288 ruptured"));
-  EXPECT_EQ(std::ranges::count(flags, ','), 19 + 1);  // and one in the sentence before
+  EXPECT_THAT(flags, testing::EndsWith(", 524288 ruptured, 1048576 passivity"));
+  EXPECT_EQ(std::ranges::count(flags, ','), 20 + 1);  // and one in the sentence before
 }
 
 TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
@@ -151,7 +151,8 @@ TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
       {kFlagMethodMissing, &RecordingSummary::method_missing},
       {kFlagInside, &RecordingSummary::inside},
       {kFlagWedged, &RecordingSummary::wedged},
-      {kFlagRuptured, &RecordingSummary::ruptured}};
+      {kFlagRuptured, &RecordingSummary::ruptured},
+      {kFlagPassivity, &RecordingSummary::passivated}};
   for (const auto& [flag, count] : counted) {
     SCOPED_TRACE(flag);
     RecordingSummary summary, expected;

@@ -43,12 +43,15 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.peak_gripper_N) != bits(b.peak_gripper_N)) return "peak_gripper_N";
   if (bits(a.slew_N_per_s) != bits(b.slew_N_per_s)) return "slew_N_per_s";
   if (bits(a.most_stiffness_N_per_mm) != bits(b.most_stiffness_N_per_mm)) return "most_stiffness_N_per_mm";
+  if (bits(a.position_step_mm) != bits(b.position_step_mm)) return "position_step_mm";
   if (!same(a.force_N, b.force_N)) return "force_N";
   if (!same(a.torque_Nmm, b.torque_Nmm)) return "torque_Nmm";
   if (bits(a.gripper_N) != bits(b.gripper_N)) return "gripper_N";
   if (bits(a.unclamped_force_N) != bits(b.unclamped_force_N)) return "unclamped_force_N";
   if (bits(a.limit_N) != bits(b.limit_N)) return "limit_N";
   if (bits(a.heat) != bits(b.heat)) return "heat";
+  if (bits(a.energy_mJ) != bits(b.energy_mJ)) return "energy_mJ";
+  if (bits(a.damping_N_s_per_m) != bits(b.damping_N_s_per_m)) return "damping_N_s_per_m";
   if (!same(a.tip_patient_mm, b.tip_patient_mm)) return "tip_patient_mm";
   if (!same(a.proxy_patient_mm, b.proxy_patient_mm)) return "proxy_patient_mm";
   if (!same(a.normal_patient, b.normal_patient)) return "normal_patient";
@@ -98,7 +101,8 @@ DeviceTick random_device(RandomBits& random) {
   for (double* number : {&device.gripper_rad, &device.age_s, &device.force_gain, &device.scale,
                          &device.peak_force_N, &device.continuous_force_N, &device.peak_torque_Nmm,
                          &device.peak_gripper_N, &device.slew_N_per_s, &device.most_stiffness_N_per_mm,
-                         &device.gripper_N, &device.unclamped_force_N, &device.limit_N, &device.heat})
+                         &device.position_step_mm, &device.gripper_N, &device.unclamped_force_N,
+                         &device.limit_N, &device.heat, &device.energy_mJ, &device.damping_N_s_per_m})
     *number = random.number();
   random.fill(device.force_N);
   random.fill(device.torque_Nmm);
@@ -175,8 +179,8 @@ RecordingSummary example_summary(std::uint64_t ticks) {
         &summary.rotation_ignored, &summary.thermal,       &summary.slewed,   &summary.stale,
         &summary.jumped,           &summary.device_faults, &summary.halted,   &summary.emergency_stopped,
         &summary.clutched,         &summary.faded,         &summary.blended,  &summary.method_missing,
-        &summary.inside,           &summary.wedged,        &summary.ruptured, &summary.dropped,
-        &summary.skipped})
+        &summary.inside,           &summary.wedged,        &summary.ruptured, &summary.passivated,
+        &summary.dropped,          &summary.skipped})
     *count = next++;
   summary.trouble = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
   return summary;
@@ -295,6 +299,7 @@ std::string first_difference(const RecordingSummary& a, const RecordingSummary& 
   if (a.inside != b.inside) return "inside";
   if (a.wedged != b.wedged) return "wedged";
   if (a.ruptured != b.ruptured) return "ruptured";
+  if (a.passivated != b.passivated) return "passivated";
   if (a.dropped != b.dropped) return "dropped";
   if (a.skipped != b.skipped) return "skipped";
   if (a.trouble != b.trouble) return "trouble";

@@ -70,6 +70,10 @@ constexpr std::array kOthers{
         "The tool was wider than the gap that it was in; it was held where it was."},
     Row{"Ruptured", &RecordingSummary::ruptured, Shown::kWhenMet,
         "The tool went through a structure's surface at its puncture force."},
+    Row{"Damped", &RecordingSummary::passivated, Shown::kWhenMet,
+        "The force would have given the hand more energy than the hand had put in; a damper took off what "
+        "was too "
+        "much."},
     Row{"Method missing", &RecordingSummary::method_missing, Shown::kWhenMet,
         "The model was not prepared for the chosen force method; the trilinear one was felt."},
 };

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "palpate/ramps.h"
 #include "palpate/scene.h"
 
 namespace palpate {
@@ -147,9 +148,9 @@ const SceneKeys& scene_key_tables() {
              .unit = "the scan's unit",
              .min = -1e9,
              .max = 1e9,
-             .meaning = "`[low, high]` on the raw scan, without labels: nothing is felt at or below `low`, "
-                        "everything at "
-                        "or above `high`, a ramp between."},
+             .meaning = "`[low, high]` on the raw scan, without labels: the structure is what reaches their "
+                        "middle. To the union Gaussian it is nothing at or below `low`, all at or above "
+                        "`high`, a ramp between."},
             {.name = "felt", .type = kFlag, .default_text = "true", .meaning = "`false`: shown, not felt."},
             {.name = "stiffness",
              .type = kNumber,
@@ -157,9 +158,8 @@ const SceneKeys& scene_key_tables() {
              .unit = "N/mm",
              .min = 0.001,
              .max = 20,
-             .meaning =
-                 "Force for each mm of depth at the surface, where it rises most steeply. It rises from "
-                 "about two sigma outside to two sigma inside, and no further: see below."},
+             .meaning = "Force for each mm of depth. Of inward ramps from the surface on; of a union "
+                        "Gaussian at the surface, where it rises most steeply: see below."},
             {.name = "friction",
              .type = kNumber,
              .default_text = "0.1",
@@ -215,22 +215,39 @@ const SceneKeys& scene_key_tables() {
              .meaning = "Tissues of this scene that support this one. They have to be felt and at least as "
                         "stiff."}}},
       .preparation = {"[preparation]",
-                      "The labels, weighted by stiffness, are smoothed with a Gaussian; the ramp that it "
-                      "leaves is felt.",
-                      {{.name = "sigma",
+                      "What the direct methods feel: ramps that begin at every structure's own surface, or, "
+                      "as published, the labels weighted by stiffness and smoothed together.",
+                      {{.name = "method",
+                        .type = kChoice,
+                        .default_text = "\"inward-ramp\"",
+                        .choices = {"inward-ramp", "union-gaussian"},
+                        .meaning =
+                            "The ramp is 0 outside the voxels of every structure and rises inside with "
+                            "the depth. The Gaussian grows structures and fills narrow gaps."},
+                       {.name = "ramp_width",
+                        .type = kNumber,
+                        .default_text = "4",
+                        .unit = "mm",
+                        .min = kLeastRampWidth_mm,
+                        .max = kMostRampWidth_mm,
+                        .meaning =
+                            "Of the inward ramp: depth at which the stiffest tissue gives its full "
+                            "force, `stiffness` times this. At least two of the widest voxels, which it "
+                            "has without this key where they are more."},
+                       {.name = "sigma",
                         .type = kNumber,
                         .default_text = "1",
                         .unit = "mm",
                         .min = 0,
                         .max = 10,
-                        .meaning = "Width of the Gaussian, the same on every axis. Wider is softer and "
-                                   "calmer and loses what is thin."},
+                        .meaning = "Width of the union Gaussian, the same on every axis, and of the smooth "
+                                   "sphere. Wider is softer and calmer and loses what is thin."},
                        {.name = "engine",
                         .type = kChoice,
                         .default_text = "\"direct\"",
                         .choices = {"direct", "fourier"},
-                        .meaning =
-                            "Separable convolution, or the filter in the frequency domain as published."},
+                        .meaning = "Of the union Gaussian: separable convolution, or the filter in the "
+                                   "frequency domain as published."},
                        {.name = "bits",
                         .type = kWhole,
                         .default_text = "16",
@@ -242,10 +259,11 @@ const SceneKeys& scene_key_tables() {
            "and a key can change it later.",
            {{.name = "method",
              .type = kChoice,
-             .default_text = "\"trilinear\"",
+             .default_text = "\"proxy\"",
              .choices = method_names(),
-             .meaning = "The first two read the field; the spheres read the labels themselves as they are, "
-                        "the last a magnitude and a normal kept with every voxel."},
+             .meaning = "The proxy is held out by every structure's own surface. Of the others the first two "
+                        "read the field; the spheres read the labels themselves as they are, the last a "
+                        "magnitude and a normal kept with every voxel."},
             {.name = "sphere_sigma",
              .type = kNumber,
              .default_text = "1",
@@ -258,7 +276,16 @@ const SceneKeys& scene_key_tables() {
              .default_text = "\"bytes\"",
              .choices = {"bytes", "octahedral16", "octahedral24"},
              .meaning = "How stored normals are kept: a byte for each component as published, or folded "
-                        "onto an octahedron in 16 or 24 bits."}}},
+                        "onto an octahedron in 16 or 24 bits."},
+            {.name = "coupling_damping",
+             .type = kNumber,
+             .default_text = "0",
+             .unit = "N·s/mm",
+             .min = 0,
+             .max = 0.02,
+             .meaning =
+                 "Of the proxy: a damper beside the spring between it and the tip. It lets a hand hold "
+                 "stiffer walls."}}},
       .tool =
           {"[tool]",
            "A rigid set of spheres that touch; the first one's usual place is the origin, the tip. The proxy "

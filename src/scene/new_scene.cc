@@ -216,7 +216,7 @@ std::string preparation_text(const GridGeometry* labels, const GridGeometry* sca
     text += "# voxels are up to " + number_text(std::round(1000 * widest_mm) / 1000) +
             " mm wide: a smaller sigma leaves their steps to be felt\n";
   }
-  return text + "sigma = " + number_text(sigma_mm) + "  # mm\n";
+  return text + "sigma = " + number_text(sigma_mm) + "  # mm, of the union Gaussian and the smooth sphere\n";
 }
 
 }  // namespace

@@ -83,6 +83,13 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
 }
 
 void read_preparation(const TableReader& reader, PreparationSettings& preparation, Problems& problems) {
+  if (const auto method = reader.choice("method"))
+    preparation.method =
+        *method == "union-gaussian" ? PreparationMethod::kUnionGaussian : PreparationMethod::kInwardRamp;
+  preparation.ramp_width_mm = reader.number("ramp_width");
+  if (preparation.ramp_width_mm && preparation.method != PreparationMethod::kInwardRamp)
+    problems.add(reader.line("ramp_width"), "ramp_width belongs to method = \"inward-ramp\"",
+                 "take it out, or change the method");
   preparation.sigma_mm = reader.number("sigma").value_or(preparation.sigma_mm);
   if (const auto engine = reader.choice("engine"))
     preparation.engine = *engine == "fourier" ? GaussianEngine::kFourier : GaussianEngine::kDirect;
@@ -102,6 +109,8 @@ void read_force(const TableReader& reader, ForceSettings& force) {
     force.settings.normals = *normals == "octahedral16"   ? NormalEncoding::kOctahedral16
                              : *normals == "octahedral24" ? NormalEncoding::kOctahedral24
                                                           : NormalEncoding::kBytes;
+  force.settings.coupling_damping_N_s_per_mm =
+      reader.number("coupling_damping").value_or(force.settings.coupling_damping_N_s_per_mm);
 }
 
 void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {

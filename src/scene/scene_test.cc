@@ -56,6 +56,7 @@ bits = 8
 method = "stored-normals"
 sphere_sigma = 1.5
 normals = "octahedral24"
+coupling_damping = 0.004
 [tool]
 name = "probe"
 points = [[0, 0, 0], [1, 0.5, -2]]
@@ -111,6 +112,7 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_EQ(scene.force.method, ForceMethod::kStoredNormals);
   EXPECT_EQ(scene.force.settings.sphere_sigma_voxels, 1.5);
   EXPECT_EQ(scene.force.settings.normals, NormalEncoding::kOctahedral24);
+  EXPECT_EQ(scene.force.settings.coupling_damping_N_s_per_mm, 0.004);
   EXPECT_EQ(scene.tool.name, "probe");
   EXPECT_EQ(scene.tool.radius_mm, 1.5);
   ASSERT_EQ(scene.tool.points_mm.size(), 2u);
@@ -125,6 +127,20 @@ TEST(ParseScene, ReadsEveryKey) {
 
 double default_of(const TableSpec& table, std::string_view key) {
   return std::stod(std::string(table.find(key)->default_text));
+}
+
+TEST(ParseScene, AWidthBelongsToRamps) {
+  const std::string tissue = "[[tissue]]\nname = 'a'\nlabels = [1]\n[preparation]\n";
+  const auto ramps = parse_scene(tissue + "method = 'inward-ramp'\nramp_width = 2.5\n", "t");
+  ASSERT_TRUE(ramps.ok()) << ramps.error().message();
+  EXPECT_EQ(ramps->preparation.ramp_width_mm, 2.5);
+  const auto founding = parse_scene(tissue + "method = 'union-gaussian'\n", "t");
+  ASSERT_TRUE(founding.ok()) << founding.error().message();
+  EXPECT_EQ(founding->preparation.method, PreparationMethod::kUnionGaussian);
+  const auto both = parse_scene(tissue + "method = 'union-gaussian'\nramp_width = 2.5\n", "t");
+  ASSERT_FALSE(both.ok());
+  EXPECT_EQ(both.error().where, "t:6");
+  EXPECT_FALSE(parse_scene(tissue + "ramp_width = 0.5\n", "t").ok());
 }
 
 // what the documentation says is the default is what an absent key gives
@@ -142,6 +158,10 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(keys.tissue.find("felt")->default_text, tissue.felt ? "true" : "false");
   EXPECT_EQ(keys.tissue.find("optional")->default_text, tissue.optional ? "true" : "false");
   EXPECT_TRUE(tissue.rests_on.empty());
+  EXPECT_EQ(scene->preparation.method, PreparationMethod::kInwardRamp);
+  EXPECT_EQ(keys.preparation.find("method")->default_text, "\"inward-ramp\"");
+  EXPECT_FALSE(scene->preparation.ramp_width_mm);
+  EXPECT_EQ(kUsualRampWidth_mm, default_of(keys.preparation, "ramp_width"));
   EXPECT_EQ(scene->preparation.sigma_mm, default_of(keys.preparation, "sigma"));
   EXPECT_EQ(scene->preparation.engine, GaussianEngine::kDirect);
   EXPECT_EQ(keys.preparation.find("engine")->default_text, "\"direct\"");
@@ -151,6 +171,7 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(scene->force.settings.sphere_sigma_voxels, default_of(keys.force, "sphere_sigma"));
   EXPECT_EQ(scene->force.settings.normals, NormalEncoding::kBytes);
   EXPECT_EQ(keys.force.find("normals")->default_text, "\"bytes\"");
+  EXPECT_EQ(scene->force.settings.coupling_damping_N_s_per_mm, default_of(keys.force, "coupling_damping"));
   EXPECT_EQ(keys.tool.find("name")->default_text, "\"" + scene->tool.name + "\"");
   ASSERT_EQ(scene->tool.points_mm.size(), 1u);
   EXPECT_EQ(scene->tool.points_mm[0], Eigen::Vector3d::Zero());

@@ -118,7 +118,7 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
 
   // what the limit leaves of it
   const double least_N = least_limit_N(limits, max_force_N);
-  out.limit_N = std::min(least_N, thermal_limit_N(limits, state.heat, dt_s));
+  out.limit_N = next_limit_N(limits, max_force_N, dt_s, state);
   if (out.limit_N < least_N) out.flags |= kFlagThermal;
   const Wrench asked = within_reach_of(limits, request.asked);
   const Wrench kept = clamped(asked, limits, out.limit_N);
@@ -141,6 +141,10 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   return out;
 }
 
+double next_limit_N(const OutputLimits& limits, double max_force_N, double dt_s, const OutputState& state) {
+  return std::min(least_limit_N(limits, max_force_N), thermal_limit_N(limits, state.heat, dt_s));
+}
+
 OutputLimits limits_of(const DeviceInfo& info) {
   OutputLimits limits;
   limits.peak_force_N = info.peak_force_N.value_or(kNotKnown);
@@ -155,6 +159,7 @@ DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettin
   parameters.force_gain = settings.force_gain;
   parameters.scale = settings.scale;
   parameters.limits = limits_of(info);
+  parameters.position_step_mm = info.position_step_mm.value_or(kNotKnown);
   return parameters;
 }
 

@@ -44,4 +44,7 @@ struct Output {
 Output make_output(const OutputRequest& request, const OutputLimits& limits, double max_force_N, double dt_s,
                    OutputState& state);
 
+/// The limit of force that the next call would keep, thermal limit included; N.
+double next_limit_N(const OutputLimits& limits, double max_force_N, double dt_s, const OutputState& state);
+
 }  // namespace palpate

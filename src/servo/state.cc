@@ -21,7 +21,10 @@ void hash_proxy(std::uint64_t& hash, const ProxyState& proxy) {
     hash_double(hash, proxy.position[axis]);
     hash_double(hash, proxy.last_way[axis]);
   }
-  hash_word(hash, proxy.punctured);
+  constexpr std::size_t kWord = 64;
+  constexpr SurfaceSet low(~std::uint64_t{0});
+  for (std::size_t bit = 0; bit < kMostSurfaces; bit += kWord)
+    hash_word(hash, (proxy.punctured >> bit & low).to_ullong());
   hash_word(hash, static_cast<std::uint64_t>(proxy.contacts));
   for (int n = 0; n < proxy.contacts; ++n) {
     const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
@@ -51,9 +54,16 @@ std::uint64_t SessionState::hash(int devices) const {
     }
     hands[d].velocity.hash_into(hash);
     hash_proxy(hash, hands[d].proxy);
+    const CouplingState& coupling = hands[d].coupling;
+    hash_double(hash, coupling.stiffness_N_per_mm);
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, coupling.pull_mm[axis]);
+    coupling.pull_velocity.hash_into(hash);
     hash_wrench(hash, hands[d].asked);
     hash_wrench(hash, hands[d].difference);
     hash_double(hash, hands[d].blend_elapsed_s);
+    const PassivityState& passivity = hands[d].passivity;
+    for (const double value : {passivity.energy_mJ, passivity.way_mm, passivity.time_s, passivity.speed_mm_s})
+      hash_double(hash, value);
     hash_wrench(hash, hands[d].output.sent);
     hash_double(hash, hands[d].output.gain);
     hash_double(hash, hands[d].output.heat);

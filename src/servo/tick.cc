@@ -4,11 +4,12 @@
 #include "base/hash.h"
 #include "palpate/servo.h"
 #include "servo/output_stage.h"
+#include "servo/passivity.h"
 #include "servo/tick_record.h"
 #include "servo/tool_contact.h"
 
 /// One tick, in order: object's pose -> tip in the patient -> velocity -> contact -> surface effects ->
-/// blend -> output stage -> record. Nothing here allocates, locks, logs or throws.
+/// blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or throws.
 namespace palpate {
 namespace {
 
@@ -85,11 +86,38 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
   return hand.asked;
 }
 
-// where nobody knows how the tip got to where it is, nobody knows on which side of a surface it is
+// Where nobody knows how the tip got to where it is, nobody knows on which side of a surface it is. While the
+// force still fades out it is known.
 void begin_contact_anew(const Model& model, const OutputRequest& request, SessionState::Hand& hand) {
-  const bool lost = (request.faults & kFlagJump) != 0 || request.off;
-  if (lost || hand.proxy_version != model.version) hand.proxy = {};
+  const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
+  if (lost || hand.proxy_version != model.version) {
+    hand.proxy = {};
+    hand.coupling = {};
+  }
   hand.proxy_version = model.version;
+}
+
+// Takes off what would give the hand more energy than it has put in.
+// @param way_mm  of the tip relative to the object since the last tick, in the patient
+void hold_energy(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
+                 const Vector<World>& way_mm, double max_force_N, double dt_s, SessionState::Hand& hand,
+                 OutputRequest& request, DeviceTick& out) {
+  if (request.off || request.faults != 0 || !request.asked.force_N.all_finite()) {
+    hand.passivity = {};
+    return;
+  }
+  const double asked_N = request.asked.force_N.norm();
+  const double limit_N = next_limit_N(own.limits, max_force_N, dt_s, hand.output);
+  const double within = asked_N > limit_N ? limit_N / asked_N : 1;
+  const PassivityOutput kept =
+      keep_passive({request.asked.force_N * (within * hand.output.gain), hand.output.sent.force_N,
+                    way_mm / own.scale, tool.stored_mJ, own.position_step_mm, dt_s},
+                   parameters.passivity, hand.passivity);
+  if (kept.factor == 1) return;
+  request.asked.force_N = request.asked.force_N * (within * kept.factor);
+  request.asked.torque_Nmm = request.asked.torque_Nmm * (within * kept.factor);
+  out.damping_N_s_per_m = kept.damping_N_s_per_m;
+  out.flags |= kFlagPassivity;
 }
 
 bool outside(const Field& field, const Point<Patient>& x) {
@@ -109,6 +137,7 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
   OutputRequest request{{}, device.age_s, faults_of(device, parameters, own.scale, dt_s, hand), false};
   request.off = parameters.paused || clutched;
 
+  const double max_force_N = std::min(parameters.max_force_N, model.scene_max_force_N);
   ToolContact tool;
   if (request.faults & kFlagNotFinite) {
     // a pose that is not finite changes nothing
@@ -116,27 +145,31 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
     hand.velocity.clear();
     hand.asked = {};
     hand.proxy = {};
+    hand.coupling = {};
+    hand.passivity = {};
   } else {
     const Point<Patient> tip = X_PatientWorld * device.tip;
+    const Vector<Patient> way_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
     const Vector<Patient> velocity_mm_s =
         follow_tip(device, tip, dt_s, (request.faults & kFlagJump) != 0, hand);
     if (parameters.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
       begin_contact_anew(model, request, hand);
       tool = touch_by_proxy(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
-                            X_PatientWorld, hand.proxy);
+                            X_PatientWorld, dt_s, hand.proxy, hand.coupling);
     } else {
       hand.proxy = {};
+      hand.coupling = {};
       tool = touch_with_tool(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
                              X_PatientWorld);
     }
     out.flags |= tool.flags;
     request.asked = blended(tool.asked, changed, dt_s, hand);
+    hold_energy(tool, parameters, own, X_WorldPatient * way_mm, max_force_N, dt_s, hand, request, out);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
     if (hand.blend_elapsed_s < kBlend_s) out.flags |= kFlagBlend;
   }
 
   // the only way out
-  const double max_force_N = std::min(parameters.max_force_N, model.scene_max_force_N);
   const Output sent = make_output(request, own.limits, max_force_N, dt_s, hand.output);
   wrench = sent.wrench;
   if (parameters.paused) out.flags |= kFlagPaused;
@@ -149,8 +182,8 @@ std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::si
   std::uint64_t maker = kHashSeed;
   hash_word(maker, model.version);
   const ForceMethod felt = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
-  hash_word(maker, static_cast<std::uint64_t>(felt) << 2 | parameters.friction << 1 |
-                       static_cast<std::uint64_t>(parameters.viscosity));
+  hash_word(maker, static_cast<std::uint64_t>(felt) << 3 | parameters.passivity << 2 |
+                       parameters.friction << 1 | static_cast<std::uint64_t>(parameters.viscosity));
   for (std::size_t d = 0; d < devices; ++d) {
     hash_double(maker, parameters.device[d].force_gain);
     hash_double(maker, parameters.device[d].scale);

@@ -28,7 +28,8 @@ void record_inputs(const Model& model, const Parameters& parameters, const Sessi
   record.method = static_cast<std::uint8_t>(parameters.method);
   record.switches = static_cast<std::uint8_t>(
       (parameters.friction ? kSwitchFriction : 0) | (parameters.viscosity ? kSwitchViscosity : 0) |
-      (parameters.paused ? kSwitchPaused : 0) | (parameters.emergency_stop ? kSwitchEmergencyStop : 0));
+      (parameters.passivity ? kSwitchPassivity : 0) | (parameters.paused ? kSwitchPaused : 0) |
+      (parameters.emergency_stop ? kSwitchEmergencyStop : 0));
   record.max_force_N = parameters.max_force_N;
   record.rotation_target_wxyz = plain(parameters.rotation_target);
   record.devices = static_cast<int>(devices);
@@ -52,6 +53,7 @@ void record_inputs(const DeviceState& device, const DeviceParameters& parameters
   out.peak_gripper_N = parameters.limits.peak_gripper_N;
   out.slew_N_per_s = parameters.limits.slew_N_per_s;
   out.most_stiffness_N_per_mm = parameters.most_stiffness_N_per_mm;
+  out.position_step_mm = parameters.position_step_mm;
 }
 
 void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,
@@ -67,6 +69,7 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
   out.unclamped_force_N = request.asked.force_N.norm();
   out.limit_N = sent.limit_N;
   out.heat = hand.output.heat;
+  out.energy_mJ = hand.passivity.energy_mJ;
   if (hand.seen) out.tip_patient_mm = plain(hand.previous_tip);
   out.proxy_patient_mm = hand.seen ? plain(tool.strongest.proxy) : out.tip_patient_mm;
   out.normal_patient = plain(-tool.strongest.sample.gradient.normalized());

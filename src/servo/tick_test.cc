@@ -18,7 +18,8 @@ using testing::kCartilage;
 
 constexpr double kTick_s = 1e-3;
 
-// one device, ticked at chosen places, by a stage that neither ramps nor slews unless a test wants it to
+// one device, ticked at chosen places, by a stage that neither ramps, slews nor damps unless a test wants it
+// to
 struct Loop {
   Model model = ball_model();
   Parameters parameters;
@@ -28,6 +29,7 @@ struct Loop {
 
   Loop() {
     state.hands[0].output.gain = 1;
+    parameters.passivity = false;
     parameters.device[0].limits.slew_N_per_s = std::numeric_limits<double>::infinity();
     parameters.device[0].limits.peak_torque_Nmm = 1000;
   }
@@ -480,6 +482,194 @@ TEST(Tick, FromADirectMethodToTheProxyTheForceIsNoStep) {
   EXPECT_LE(largest_step_N, 1.6 * before_N * kTick_s / kBlend_s);
 }
 
+// pressed and let go at a speed, again and again: the work that the force did on the tip
+double given_out_mJ(ProxyLoop& loop, double speed_mm_s) {
+  loop.parameters.friction = loop.parameters.viscosity = false;
+  double given_mJ = 0;
+  const double stride_mm = speed_mm_s * kTick_s;
+  double x_mm = kBoneRadius_mm + 10.5 * stride_mm;
+  for (int n = 0; n < 400; ++n) {
+    const double way_mm = n % 40 < 20 ? -stride_mm : stride_mm;
+    given_mJ += loop.wrench.force_N.x() * way_mm;
+    x_mm += way_mm;
+    loop.at({x_mm, 0, 0});
+  }
+  return given_mJ;
+}
+
+TEST(Tick, WhatTheHandHasNotPutInIsTakenOffTheForceAndSaidSo) {
+  ProxyLoop free, kept;
+  kept.parameters.passivity = true;
+  for (ProxyLoop* loop : {&free, &kept}) loop->parameters.device[0].position_step_mm = 0.03;
+  const double free_mJ = given_out_mJ(free, 100), kept_mJ = given_out_mJ(kept, 100);
+  EXPECT_NEAR(free_mJ, 10 * 1.5 * 0.1, 0.3) << "F v T of every press";
+  EXPECT_LT(kept_mJ, 0.15 * free_mJ);
+
+  // the last tick of a press that is let go
+  EXPECT_EQ(free.record.switches & kSwitchPassivity, 0);
+  EXPECT_LT(free.record.device[0].energy_mJ, -0.8 * free_mJ) << "observed in any case";
+  bool acted = false;
+  kept.lead({kBoneRadius_mm + 1, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 20);
+  for (int n = 1; n <= 20; ++n) {
+    kept.at({kBoneRadius_mm - 1 + 0.1 * n, 0, 0});
+    const DeviceTick& device = kept.record.device[0];
+    EXPECT_EQ(device.damping_N_s_per_m > 0, (device.flags & kFlagPassivity) != 0) << n;
+    acted = acted || (device.flags & kFlagPassivity) != 0;
+  }
+  EXPECT_TRUE(acted);
+}
+
+TEST(Tick, ATurningObjectIsNoActivity) {
+  // the tip rides on the ball, pressed by a millimetre, while the world turns it around
+  ProxyLoop loop;
+  loop.parameters.passivity = true;
+  loop.lead({kBoneRadius_mm + 1, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 100);
+  const double before_mJ = loop.record.device[0].energy_mJ;
+  EXPECT_NEAR(before_mJ, 0.5 * 1.5, 0.05) << "what the spring holds";
+  loop.parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()));
+  for (int n = 0; n < 100; ++n) {
+    // where the turn of this tick will put it
+    const double part = std::min(1.0, (n + 1) * kTick_s / kRotationInterval_s);
+    const auto turn = Rotation<World, World>::about(Eigen::Vector3d::UnitZ(), 0.3 * part);
+    loop.at(Point<World>((turn * Vector<World>(kBoneRadius_mm - 1, 0, 0)).eigen()));
+  }
+  EXPECT_NEAR(loop.record.device[0].energy_mJ, before_mJ, 0.02) << "1.5 N over 4.2 mm";
+}
+
+TEST(Tick, EnergyIsForgottenWithEveryOtherMemory) {
+  const std::pair<const char*, std::function<void(Loop&, DeviceState&)>> losses[] = {
+      {"pause", [](Loop& loop, DeviceState&) { loop.parameters.paused = true; }},
+      {"clutch", [](Loop&, DeviceState& device) { device.status = kDeviceClutched; }},
+      {"jump", [](Loop&, DeviceState& device) { device.tip += Vector<World>(0, 20, 0); }},
+      {"not finite", [](Loop&, DeviceState& device) { device.tip = Point<World>(0, std::nan(""), 0); }},
+      {"emergency stop", [](Loop& loop, DeviceState&) { loop.parameters.emergency_stop = true; }}};
+  for (const auto& [name, lose] : losses) {
+    SCOPED_TRACE(name);
+    ProxyLoop loop;
+    loop.parameters.passivity = true;
+    loop.lead({kBoneRadius_mm + 1, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 100);
+    ASSERT_GT(loop.record.device[0].energy_mJ, 0.5);
+    DeviceState device;
+    device.tip = Point<World>(kBoneRadius_mm - 1, 0, 0);
+    lose(loop, device);
+    loop.at(device);
+    EXPECT_EQ(loop.record.device[0].energy_mJ, 0);
+    EXPECT_EQ(loop.record.device[0].flags & kFlagPassivity, 0u);
+  }
+}
+
+TEST(Tick, SwitchingThePassivityControllerBlends) {
+  ProxyLoop loop;
+  const Point<World> tip(kBoneRadius_mm - 1, 0, 0);
+  loop.lead({kBoneRadius_mm + 1, 0, 0}, tip, 100);
+  for (const bool on : {true, false}) {
+    loop.parameters.passivity = on;
+    loop.at(tip);
+    EXPECT_TRUE(loop.record.device[0].flags & kFlagBlend);
+    for (int n = 0; n < 150; ++n) loop.at(tip);
+    EXPECT_FALSE(loop.record.device[0].flags & kFlagBlend);
+  }
+}
+
+// a floor at z = 0: bone for x < 1, cartilage of a third of its stiffness for x > -1; where they overlap, the
+// corners that voxels round leave no groove
+Model seamed_floor() {
+  Model model = testing::with_exact_surfaces(ball_model());
+  const GridGeometry& grid = model.labels->geometry();
+  const auto side = [&](double sign) {
+    const SignedField field = testing::sampled_distance(
+        grid, [sign](const Eigen::Vector3d& p) { return std::max(p.z(), sign * p.x() - 1); }, 4);
+    return std::make_shared<const Surface>(field, field, testing::steepest_of(field));
+  };
+  FeltSurface bone = model.surfaces[0], cartilage = bone;
+  bone.surface = side(1);
+  cartilage.surface = side(-1);
+  cartilage.stiffness_N_per_mm = bone.stiffness_N_per_mm / 3;
+  model.surfaces = {bone, cartilage};
+  model.label_of_surface = {kBone, kBone};
+  return model;
+}
+
+TEST(Tick, NothingThatHappensIsAStepOfTheProxysForce) {
+  // 1 mm below the floor, across the seam from 1.5 to 0.5 N/mm at 50 mm/s, and resting while things change
+  ProxyLoop loop;
+  loop.model = seamed_floor();
+  loop.parameters.passivity = true;
+  loop.parameters.viscosity = false;
+  loop.parameters.device[0].limits.slew_N_per_s = 2000;
+  const auto below = [&](double x_mm, double depth_mm) {
+    return loop.model.X_WorldPatient * Point<Patient>(x_mm, 0, -depth_mm);
+  };
+  Vector<World> previous;
+  const auto largest_step_N = [&](int ticks, const std::function<Point<World>(int)>& at) {
+    double largest_N = 0;
+    for (int n = 0; n < ticks; ++n) {
+      loop.at(at(n));
+      largest_N = std::max(largest_N, (loop.wrench.force_N - previous).norm());
+      previous = loop.wrench.force_N;
+    }
+    return largest_N;
+  };
+  const auto resting = [&](int) { return below(5, 1); };
+  const auto expect_no_step = [](const char* what, double largest_N, double most_N) {
+    RecordProperty(what, std::to_string(largest_N));
+    std::printf("largest change of force in a tick, %s: %.4f N\n", what, largest_N);
+    EXPECT_LT(largest_N, most_N) << what;
+  };
+  largest_step_N(200, [&](int n) { return below(-5, -1 + 0.01 * n); });
+  ASSERT_NEAR(previous.norm(), 1.5, 0.05) << "1 mm below bone";
+  expect_no_step("seam", largest_step_N(200, [&](int n) { return below(-5 + 0.05 * n, 1); }), 0.12);
+  EXPECT_NEAR(previous.norm(), 0.5, 0.05) << "1 mm below cartilage";
+
+  loop.parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitZ()));
+  expect_no_step("rotation", largest_step_N(300, resting), 0.02);
+  loop.parameters.device[0].force_gain = 2;
+  expect_no_step("gain", largest_step_N(300, resting), 0.02);
+  loop.parameters.friction = false;
+  expect_no_step("friction", largest_step_N(300, resting), 0.02);
+  loop.parameters.passivity = false;
+  expect_no_step("controller", largest_step_N(300, resting), 0.02);
+  loop.parameters.device[0].most_stiffness_N_per_mm = 0.5;
+  expect_no_step("most stiffness", largest_step_N(300, resting), 0.04);
+  ++loop.model.version;
+  expect_no_step("model", largest_step_N(300, resting), 0.02);
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagInside) << "another model's surfaces";
+  largest_step_N(200, [&](int n) { return below(5, 1 - 0.01 * n); });
+  largest_step_N(400, [&](int n) { return below(5, -1 + 0.005 * n); });
+  ASSERT_NEAR(previous.norm(), 0.5, 0.05);
+  loop.parameters.paused = true;
+  expect_no_step("pause", largest_step_N(300, resting), 0.02);
+}
+
+TEST(Tick, TheCouplingsDampingComesInWithTheSpringAndNeverPullsIn) {
+  ProxyLoop spring, damped;
+  damped.model.method_settings.coupling_damping_N_s_per_mm = 0.01;
+  for (ProxyLoop* loop : {&spring, &damped}) loop->parameters.friction = loop->parameters.viscosity = false;
+  constexpr double kSpeed_mm_s = 100;
+  double previous_N = 0, x_mm = kBoneRadius_mm + 2;
+  for (int n = 0; n < 80; ++n) {
+    SCOPED_TRACE(n);
+    const bool in = n < 40;
+    x_mm += in ? -0.1 : 0.1;
+    spring.at({x_mm, 0, 0});
+    damped.at({x_mm, 0, 0});
+    const double spring_N = spring.wrench.force_N.x(), damped_N = damped.wrench.force_N.x();
+    EXPECT_GE(damped_N, 0);
+    EXPECT_EQ(damped_N > 0, spring_N > 0 && damped_N > 0);
+    // the spring's own rise and the damper's, spread over the window of 10 ms; a turn changes it by twice
+    // that
+    EXPECT_LT(std::abs(damped_N - previous_N), 1.5 * 0.1 + 2 * 0.01 * kSpeed_mm_s / 10 + 0.05);
+    if (n >= 35 && n < 40) {
+      EXPECT_NEAR(damped_N - spring_N, 0.01 * kSpeed_mm_s, 0.05) << "B v";
+    }
+    if (n >= 52 && spring_N > 1.2) {
+      EXPECT_NEAR(damped_N - spring_N, -0.01 * kSpeed_mm_s, 0.05);
+    }
+    previous_N = damped_N;
+  }
+  EXPECT_EQ(previous_N, 0);
+}
+
 TEST(Tick, AMethodThatTheModelIsNotReadyForIsFlaggedAndTheTrilinearOneIsFelt) {
   Loop with, without;
   without.parameters.method = ForceMethod::kSmoothSphere;
@@ -563,11 +753,12 @@ TEST(Tick, StateHashRepeatsAndSeesEveryInput) {
 TEST(Tick, RecordHoldsEveryInput) {
   Loop loop;
   loop.parameters.viscosity = false;
+  loop.parameters.passivity = true;
   loop.parameters.max_force_N = 1.25;
   loop.parameters.rotation_target = Rotation<World, World>::about(Eigen::Vector3d::UnitX(), 0.3).quaternion();
   loop.model.version = 9;
   DeviceParameters& own = loop.parameters.device[0];
-  own = {1.5, 0.75, {8, 1.4, 300, 5, 900}};
+  own = {1.5, 0.75, {8, 1.4, 300, 5, 900}, 2.5, 0.03};
   DeviceState device;
   device.tip = Point<World>(1, 2, 3);
   device.R_WorldTool = Rotation<World, World>::about(Eigen::Vector3d::UnitY(), 0.1).quaternion();
@@ -591,10 +782,12 @@ TEST(Tick, RecordHoldsEveryInput) {
   EXPECT_EQ(in.peak_torque_Nmm, 300);
   EXPECT_EQ(in.peak_gripper_N, 5);
   EXPECT_EQ(in.slew_N_per_s, 900);
+  EXPECT_EQ(in.most_stiffness_N_per_mm, 2.5);
+  EXPECT_EQ(in.position_step_mm, 0.03);
   EXPECT_EQ(loop.record.device[0].tip_world_mm, (std::array<double, 3>{1, 2, 3}));
   EXPECT_EQ(loop.record.device[0].orientation_wxyz[0], device.R_WorldTool.w());
   EXPECT_EQ(loop.record.device[0].buttons, 5u);
-  EXPECT_EQ(loop.record.switches, kSwitchFriction);
+  EXPECT_EQ(loop.record.switches, kSwitchFriction | kSwitchPassivity);
   EXPECT_EQ(loop.record.max_force_N, 1.25);
   EXPECT_EQ(loop.record.dt_s, 2e-3);
   EXPECT_EQ(loop.record.model_version, 9u);

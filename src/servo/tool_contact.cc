@@ -1,6 +1,7 @@
 #include "servo/tool_contact.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "palpate/telemetry.h"
 
@@ -72,6 +73,26 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span
   return contact;
 }
 
+// Between tip and proxy: the spring's force over that with the stiffness of what is touched. The stiffness
+// that is felt follows it slowly, so that the seam of two structures is no step; contact begins with it. The
+// damper's velocity is a mean over a window of time that free space is part of, so that it comes in with the
+// spring; it takes off what the spring gives and no more.
+double coupled(const ProxyResult& result, const Vector<Patient>& pull_mm, double damping_N_s_per_mm,
+               double dt_s, CouplingState& state) {
+  if (damping_N_s_per_mm > 0) state.pull_velocity.push(pull_mm - state.pull_mm, dt_s);
+  state.pull_mm = pull_mm;
+  const double stiffness = result.stiffness_N_per_mm, length_mm = pull_mm.norm();
+  if (!(stiffness > 0) || !(length_mm > 0)) {
+    state.stiffness_N_per_mm = 0;
+    return 1;
+  }
+  double& felt = state.stiffness_N_per_mm;
+  felt = felt > 0 ? felt + (stiffness - felt) * -std::expm1(-dt_s / kSeam_s) : stiffness;
+  const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(pull_mm) / length_mm;
+  const double force_N = felt * length_mm + damping_N_s_per_mm * speed_mm_s;
+  return std::max(0.0, force_N) / (stiffness * length_mm);
+}
+
 }  // namespace
 
 bool PointContact::is_touch() const {
@@ -110,7 +131,8 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
                            const Eigen::Quaterniond& R_WorldTool, const Point<Patient>& tip,
                            const Vector<Patient>& velocity_mm_s,
                            const Transform<World, Patient>& X_WorldPatient,
-                           const Transform<Patient, World>& X_PatientWorld, ProxyState& proxy) {
+                           const Transform<Patient, World>& X_PatientWorld, double dt_s, ProxyState& proxy,
+                           CouplingState& coupling) {
   // the tool as it is turned now, in the patient
   const Eigen::Matrix3d turn = R_WorldTool.normalized().toRotationMatrix();
   std::array<ToolSphere, kMostToolSpheres> tool_spheres;
@@ -121,14 +143,19 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
 
   const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy,
                                            {parameters.friction, most_stiffness_N_per_mm(gains)});
+  const Vector<Patient> pull_mm = proxy.coupled ? proxy.position - tip : Vector<Patient>();
+  const double part =
+      coupled(result, pull_mm, model.method_settings.coupling_damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;
-  tool.strongest = strongest_of(model, proxy, spheres, tip, result.force_N);
+  tool.strongest = strongest_of(model, proxy, spheres, tip, result.force_N * part);
   const ContactSite& site = tool.strongest.site;
   if (parameters.viscosity && site.tissue >= 0)
     tool.strongest.force_N += viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)],
                                             velocity_mm_s, site.depth_mm / kInside_mm);
   tool.asked.force_N = X_WorldPatient * tool.strongest.force_N * gains.force_gain;
-  tool.asked.torque_Nmm = X_WorldPatient * result.torque_Nmm * (gains.force_gain / gains.scale);
+  tool.asked.torque_Nmm = X_WorldPatient * result.torque_Nmm * (part * gains.force_gain / gains.scale);
+  tool.stored_mJ =
+      0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm() * gains.force_gain / gains.scale;
   if (!proxy.coupled) tool.flags |= kFlagInside;
   if (result.wedged) tool.flags |= kFlagWedged;
   if (result.ruptured) tool.flags |= kFlagRuptured;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <limits>
+
 #include "palpate/servo.h"
 
 namespace palpate {
@@ -20,6 +22,8 @@ struct PointContact {
 struct ToolContact {
   Wrench asked;
   PointContact strongest;
+  /// Energy at the device that the contact can hold as a spring does; infinite: not known.
+  double stored_mJ = std::numeric_limits<double>::infinity();
   std::uint32_t flags = 0;  ///< of the proxy: kFlagInside, kFlagWedged, kFlagRuptured
 };
 
@@ -37,6 +41,9 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
                            const Eigen::Quaterniond& R_WorldTool, const Point<Patient>& tip,
                            const Vector<Patient>& velocity_mm_s,
                            const Transform<World, Patient>& X_WorldPatient,
-                           const Transform<Patient, World>& X_PatientWorld, ProxyState& proxy);
+                           const Transform<Patient, World>& X_PatientWorld, double dt_s, ProxyState& proxy,
+                           CouplingState& coupling);
+/// Time constant with which the stiffness that is felt follows that of the surfaces touched.
+inline constexpr double kSeam_s = 0.015;
 
 }  // namespace palpate

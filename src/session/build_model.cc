@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "base/hash.h"
 #include "palpate/preparation.h"
+#include "palpate/ramps.h"
 #include "palpate/session.h"
 
 namespace palpate {
@@ -125,7 +127,8 @@ std::uint64_t content_hash(const Model& model) {
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
   hash_double(hash, model.tool.radius_mm);
   for (const double value :
-       {model.sigma_mm, model.reach_mm, model.scene_max_force_N, model.method_settings.sphere_sigma_voxels})
+       {model.sigma_mm, model.ramp_width_mm, model.reach_mm, model.scene_max_force_N,
+        model.method_settings.sphere_sigma_voxels, model.method_settings.coupling_damping_N_s_per_mm})
     hash_double(hash, value);
   hash_word(hash, static_cast<std::uint64_t>(model.method_settings.normals));
   return hash_finish(hash);
@@ -175,6 +178,109 @@ Side side_from_anatomy(const Model& model) {
   // less than this and it is not a knee as we know it
   constexpr double kClear_mm = 5;
   return lateral_mm > kClear_mm ? Side::kLeft : lateral_mm < -kClear_mm ? Side::kRight : Side::kUnknown;
+}
+
+Error nothing_felt() {
+  return {ErrorKind::kBadInput, "no voxel of the scene is felt", "",
+          "check the labels and thresholds of its tissues (palpate info shows what the files hold)"};
+}
+
+// smoothing makes the ramp that the force climbs
+Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& preparation,
+                                                    const Volume<std::uint8_t>& weights,
+                                                    const Progress& progress) {
+  if (std::all_of(weights.voxels().begin(), weights.voxels().end(), [](std::uint8_t w) { return w == 0; }))
+    return nothing_felt();
+  GaussianOptions options;
+  options.sigma_mm = preparation.sigma_mm;
+  options.engine = preparation.engine;
+  const auto keep = [](auto smoothed) -> Result<std::shared_ptr<const Field>> {
+    if (!smoothed) return smoothed.error();
+    return std::make_shared<const Field>(*smoothed);
+  };
+  return preparation.storage == FieldStorage::k8Bit ? keep(gaussian_smooth(weights, options, progress))
+                                                    : keep(gaussian_smooth_16(weights, options, progress));
+}
+
+// every tissue that a tissue rests on, through others too
+std::vector<bool> supports_of(const Model& model, int tissue) {
+  std::vector<bool> supports(model.tissues.size(), false);
+  std::vector<int> left{tissue};
+  while (!left.empty()) {
+    const int next = left.back();
+    left.pop_back();
+    for (const int support : model.tissues[static_cast<std::size_t>(next)].rests_on) {
+      if (supports[static_cast<std::size_t>(support)]) continue;
+      supports[static_cast<std::size_t>(support)] = true;
+      left.push_back(support);
+    }
+  }
+  return supports;
+}
+
+// the felt structures that the volume has
+std::vector<RampStructure> ramp_structures(const Model& model, const Volume<LabelId>& labels) {
+  std::vector<bool> present(65536, false);
+  for (const LabelId label : labels.voxels()) present[label] = true;
+  std::vector<RampStructure> structures;
+  for (std::size_t id = 1; id < model.tissue_of_label.size(); ++id) {
+    const auto label = static_cast<LabelId>(id);
+    if (!present[id] || !model.is_felt(label)) continue;
+    const std::vector<bool> supports = supports_of(model, model.tissue_of_label[id]);
+    RampStructure structure{label, model.tissue_of(label)->stiffness_N_per_mm, {}};
+    for (std::size_t other = 1; other < model.tissue_of_label.size(); ++other)
+      if (present[other] && model.is_felt(static_cast<LabelId>(other)) &&
+          supports[static_cast<std::size_t>(model.tissue_of_label[other])])
+        structure.rests_on.push_back(static_cast<LabelId>(other));
+    structures.push_back(std::move(structure));
+  }
+  return structures;
+}
+
+// what is so thin that not even the limit's force can be given, the least first
+void warn_of_thin(const Model& model, const Ramps& ramps, const Warn& warn) {
+  if (!warn) return;
+  // without a limit of the scene's, the least that counts as held
+  constexpr double kHeld_N = 0.5;
+  constexpr std::size_t kNamed = 4;
+  const double wanted_N = std::min(
+      {std::isfinite(model.scene_max_force_N) ? model.scene_max_force_N : kHeld_N, ramps.full_force_N});
+  std::vector<RampFigures> thin;
+  for (const RampFigures& figures : ramps.structures) {
+    // what is soft would not give it at any depth
+    const double soft_N = model.tissue_of(figures.label)->stiffness_N_per_mm * kDeepestRamp_mm;
+    if (figures.most_N < std::min(wanted_N, 0.99 * soft_N)) thin.push_back(figures);
+  }
+  if (thin.empty()) return;
+  std::stable_sort(thin.begin(), thin.end(),
+                   [](const RampFigures& a, const RampFigures& b) { return a.most_N < b.most_N; });
+  const auto newtons = [](double force_N) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.2g N", force_N);
+    return std::string(text);
+  };
+  std::string text;
+  for (std::size_t n = 0; n < std::min(thin.size(), kNamed); ++n)
+    text += (n == 0 ? "thin: " : ", ") + model.name_of(thin[n].label) + (n == 0 ? " gives at most " : " ") +
+            newtons(thin[n].most_N);
+  if (thin.size() > kNamed) text += " and " + std::to_string(thin.size() - kNamed) + " more,";
+  warn(text + " of " + newtons(wanted_N) + " (direct methods)");
+}
+
+Result<std::shared_ptr<const Field>> ramp_field(const PreparationSettings& preparation,
+                                                const Volume<LabelId>& labels, const Progress& progress,
+                                                const Warn& warn, Model& model) {
+  const auto width_mm = ramp_width_mm(preparation, labels.geometry());
+  if (!width_mm) return width_mm.error();
+  const std::vector<RampStructure> structures = ramp_structures(model, labels);
+  if (structures.empty()) return nothing_felt();
+  auto ramps = prepare_ramps(labels, structures, {.width_mm = *width_mm}, progress);
+  if (!ramps) return ramps.error();
+  model.ramp_width_mm = *width_mm;
+  warn_of_thin(model, *ramps, warn);
+  if (preparation.storage == FieldStorage::k8Bit)
+    return std::make_shared<const Field>(in_eight_bits(ramps->field));
+  return std::make_shared<const Field>(ramps->field);
 }
 
 }  // namespace
@@ -257,34 +363,27 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   }
   std::sort(model->segments.begin(), model->segments.end(),
             [](const Segment& a, const Segment& b) { return a.id < b.id; });
-  if (std::all_of(weights.voxels().begin(), weights.voxels().end(), [](std::uint8_t w) { return w == 0; }))
-    return Error{ErrorKind::kBadInput, "no voxel of the scene is felt", scene.source,
-                 "check the labels and thresholds of its tissues (palpate info shows what the files hold)"};
-
   // a tissue's own colour wins over its labels'
   for (Segment& segment : model->segments) {
     const int tissue = segment.id < model->tissue_of_label.size() ? model->tissue_of_label[segment.id] : -1;
     if (tissue >= 0 && scene.tissues[tissue].colour) segment.colour = *scene.tissues[tissue].colour;
   }
 
-  // smoothing makes the ramp that the force climbs
-  GaussianOptions options;
-  options.sigma_mm = scene.preparation.sigma_mm;
-  options.engine = scene.preparation.engine;
-  if (scene.preparation.storage == FieldStorage::k8Bit) {
-    auto field = gaussian_smooth(weights, options, progress);
-    if (!field) return field.error();
-    model->field = std::make_shared<const Field>(std::move(*field));
-  } else {
-    auto field = gaussian_smooth_16(weights, options, progress);
-    if (!field) return field.error();
-    model->field = std::make_shared<const Field>(std::move(*field));
+  const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
+  auto field = ramps ? ramp_field(scene.preparation, flat, progress, warn, *model)
+                     : smoothed_field(scene.preparation, weights, progress);
+  if (!field) {
+    Error error = field.error();
+    if (error.where.empty()) error.where = scene.source;
+    return error;
   }
+  model->field = *std::move(field);
 
   // the kernel ends at 4 sigma; the ramp of a threshold begins before the structure does
   const bool by_threshold = std::any_of(scene.tissues.begin(), scene.tissues.end(),
                                         [](const TissueSettings& t) { return t.threshold.has_value(); });
-  model->reach_mm = 4 * model->sigma_mm + grid.spacing_mm.maxCoeff() + (by_threshold ? kThresholdRamp_mm : 0);
+  model->reach_mm = grid.spacing_mm.maxCoeff() +
+                    (ramps ? kDeepestRamp_mm : 4 * model->sigma_mm + (by_threshold ? kThresholdRamp_mm : 0));
 
   model->labels = std::make_shared<const Volume<LabelId>>(std::move(flat));
   if (common->scan) model->scan = std::make_shared<const Volume<float>>(std::move(*common->scan));

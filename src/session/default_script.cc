@@ -30,6 +30,21 @@ std::vector<LabelId> largest_felt(const Model& model, std::size_t most) {
   return labels;
 }
 
+// what every structure can give, by label: what is soft less, and of ramps what is thin
+std::vector<double> most_forces_N(const Model& model) {
+  std::vector<double> most(model.level_of_label.begin(), model.level_of_label.end());
+  if (model.ramp_width_mm > 0) {
+    std::fill(most.begin(), most.end(), 0.0);
+    const Volume<float> values = model.field->values();
+    for (std::size_t v = 0; v < values.voxels().size(); ++v)
+      if (const LabelId label = model.labels->voxels()[v]; label < most.size())
+        most[label] = std::max(most[label], static_cast<double>(values.voxels()[v]));
+  }
+  const double full_N = model.force_field(ForceMethod::kTrilinear).full_force_N();
+  for (double& value : most) value *= full_N;
+  return most;
+}
+
 }  // namespace
 
 std::string default_script_text(const Model& model) {
@@ -41,13 +56,12 @@ std::string default_script_text(const Model& model) {
 
   std::string text = "# the largest felt structures of this scene, each pressed with 1 N and held\n";
   text += "title = \"largest structures\"\n";
+  const std::vector<double> most_N = most_forces_N(model);
   for (const LabelId label : largest_felt(model, 6)) {
     // what cannot be touched is left out; what is soft is pressed as much as it can give
     if (!find_surface_point(model, label, ApproachStep{}.clearance_mm)) continue;
-    const double most_N =
-        model.force_field(ForceMethod::kTrilinear).full_force_N() * model.level_of_label[label];
     char press[32];
-    std::snprintf(press, sizeof press, "%.3f", std::max(kLeastPress_N, std::min(1.0, 0.6 * most_N)));
+    std::snprintf(press, sizeof press, "%.3f", std::max(kLeastPress_N, std::min(1.0, 0.6 * most_N[label])));
     text += "\n[[step]]\napproach = \"#" + std::to_string(label) + "\"\n[[step]]\npress = " + press + "\n";
     text += "[[step]]\nhold = 0.7\n[[step]]\nleave = true\n";
   }

@@ -44,6 +44,8 @@ std::string first_different_output(const DeviceTick& recorded, const DeviceTick&
   compare("unclamped_force_N", recorded.unclamped_force_N, again.unclamped_force_N);
   compare("limit_N", recorded.limit_N, again.limit_N);
   compare("heat", recorded.heat, again.heat);
+  compare("energy_mJ", recorded.energy_mJ, again.energy_mJ);
+  compare("damping_N_s_per_m", recorded.damping_N_s_per_m, again.damping_N_s_per_m);
   compare("tip_patient_mm", recorded.tip_patient_mm, again.tip_patient_mm);
   compare("proxy_patient_mm", recorded.proxy_patient_mm, again.proxy_patient_mm);
   compare("normal_patient", recorded.normal_patient, again.normal_patient);
@@ -96,6 +98,7 @@ Parameters parameters_of(const TickRecord& recorded) {
   parameters.method = static_cast<ForceMethod>(recorded.method);
   parameters.friction = recorded.switches & kSwitchFriction;
   parameters.viscosity = recorded.switches & kSwitchViscosity;
+  parameters.passivity = recorded.switches & kSwitchPassivity;
   parameters.paused = recorded.switches & kSwitchPaused;
   parameters.emergency_stop = recorded.switches & kSwitchEmergencyStop;
   parameters.max_force_N = recorded.max_force_N;
@@ -106,7 +109,8 @@ Parameters parameters_of(const TickRecord& recorded) {
         in.force_gain,
         in.scale,
         {in.peak_force_N, in.continuous_force_N, in.peak_torque_Nmm, in.peak_gripper_N, in.slew_N_per_s},
-        in.most_stiffness_N_per_mm};
+        in.most_stiffness_N_per_mm,
+        in.position_step_mm};
   }
   return parameters;
 }

@@ -90,6 +90,7 @@ TEST_F(ReplayTest, EveryInputOfATickMatters) {
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.dt_s *= 1.001; }));
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.switches ^= kSwitchFriction; }));
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.switches ^= kSwitchViscosity; }));
+  EXPECT_TRUE(differs_after([](TickRecord& t) { t.switches ^= kSwitchPassivity; }));
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.switches |= kSwitchPaused; }));
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.max_force_N = 0.1; }));
   EXPECT_TRUE(differs_after([](TickRecord& t) { t.rotation_target_wxyz = {1, 0, 0, 0.1}; }));

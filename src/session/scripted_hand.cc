@@ -229,11 +229,12 @@ bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double
   settled_s_ = at_force ? settled_s_ + dt_s : 0;
   if (settled_s_ >= action.settle_s) return true;
 
-  // a tip that has gone through the ramp will not find more force farther in
+  // a tip that has gone through the ramp will not find more force farther in; a proxy's does
   const auto& tip = felt.device[0].tip_patient_mm;
   const double depth_mm =
       (step.surface.point - Point<Patient>(tip[0], tip[1], tip[2])).dot(step.surface.normal);
-  if (depth_mm > kMostDepthInSigmas * model_->sigma_mm + kMostDepth_mm) {
+  const bool by_proxy = felt.method == static_cast<std::uint8_t>(ForceMethod::kProxy);
+  if (!by_proxy && depth_mm > kMostDepthInSigmas * model_->sigma_mm + kMostDepth_mm) {
     give_up(step, felt, "it gave way");
     return true;
   }

@@ -72,6 +72,7 @@ TEST(Simulate, APressThatTheTissueCannotGiveIsGivenUpAtTheSurface) {
   LoadedScene loaded = loaded_ball();
   SimulationOptions options;
   options.max_force_N = 8;
+  options.method = ForceMethod::kTrilinear;
   test::TemporaryFolder folder;
   const auto result = simulate(loaded, press_script("ball", 7.0), options, folder / "run.h5");
   ASSERT_TRUE(result.ok());

@@ -8,6 +8,10 @@
 namespace palpate {
 namespace {
 
+// where ramps have the direction of the surface around, and how deep they should go on rising
+constexpr double kInside_mm = 0.5, kPress_mm = 1.2;
+// in front of the surface, and how far from there a structure may lie
+constexpr double kInFront_mm = 1, kWayIn_mm = 2.5;
 // the field counts as free below this fraction of full scale
 constexpr double kFree = 0.02;
 // a fingertip's worth of surface that should be even
@@ -77,13 +81,20 @@ std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure)
   return border;
 }
 
-// moves along the normal to where the field is half of the structure's level
-std::optional<Point<Patient>> onto_surface(const Model& model, Point<Patient> x, double level) {
+// the value of the field at a structure's surface: half its level, and of ramps that half a voxel below
+double surface_value(const Model& model, LabelId structure) {
+  const double level = model.level_of_label[structure];
+  if (model.ramp_width_mm == 0) return 0.5 * level;
+  return level * 0.5 * model.labels->geometry().min_spacing_mm() / model.ramp_width_mm;
+}
+
+// moves along the normal to where the field has a value
+std::optional<Point<Patient>> onto_surface(const Model& model, Point<Patient> x, double value) {
   for (int step = 0; step < 12; ++step) {
     const FieldSample sample = sample_central_differences(*model.field, x);
     const double slope = sample.gradient.norm();
     if (slope < 1e-3) return std::nullopt;
-    const double way_mm = std::clamp((sample.value - 0.5 * level) / slope, -0.5, 0.5);
+    const double way_mm = std::clamp((sample.value - value) / slope, -0.5, 0.5);
     x += sample.gradient.normalized() * -way_mm;
     if (std::abs(way_mm) < 1e-3) return x;
   }
@@ -117,17 +128,50 @@ std::array<Vector<Patient>, kRim> rim_directions(const Vector<Patient>& n) {
 
 // the largest outward curvature of the patch around, 1/mm: pressing on a steep hill slips off
 double convexity(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n) {
+  // ramps have no direction outside
+  const bool ramps = model.ramp_width_mm > 0;
+  const Point<Patient> middle = ramps ? surface - n * kInside_mm : surface;
   double largest = 0;
   for (const Vector<Patient>& t : rim_directions(n)) {
-    largest = std::max(largest, outward_normal(model, surface + t * kPatch_mm).dot(t) / kPatch_mm);
+    const Vector<Patient> normal = outward_normal(model, middle + t * kPatch_mm);
+    // where the rim hangs in free space the hill is steep
+    const double tilt = ramps && normal == Vector<Patient>() ? 1 : normal.dot(t);
+    largest = std::max(largest, tilt / kPatch_mm);
   }
   return largest;
+}
+
+// the first felt label on the way inward
+LabelId first_felt(const Model& model, const Point<Patient>& from, const Vector<Patient>& inward) {
+  const Volume<LabelId>& labels = *model.labels;
+  const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
+  for (double way_mm = 0; way_mm <= kWayIn_mm; way_mm += step_mm) {
+    const Point<Voxel> p = model.field->X_VoxelPatient() * (from + inward * way_mm);
+    const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
+    const LabelId label = labels.at_or(index(0), index(1), index(2), 0);
+    if (model.is_felt(label)) return label;
+  }
+  return 0;
+}
+
+// the part of what its stiffness promises that a ramp gives to a press: less where tissue is thin, and where
+// the normal at the surface is none of what lies below
+double give(const Model& model, const SurfacePoint& candidate, LabelId structure) {
+  if (model.ramp_width_mm == 0) return 1;
+  const FieldSample below =
+      sample_central_differences(*model.field, candidate.point - candidate.normal * kPress_mm);
+  const double promised = model.level_of_label[structure] * std::min(1.0, kPress_mm / model.ramp_width_mm);
+  const double agreement = std::max(0.0, -below.gradient.normalized().dot(candidate.normal));
+  return std::min(1.0, below.value / promised) * agreement;
 }
 
 // the part of the patch, its middle and rim, where the way inward meets the structure itself
 double own_share(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
                  LabelId structure) {
   const auto is_own = [&](const Vector<Patient>& along_surface) {
+    // ramps are felt inside alone: the labels tell
+    if (model.ramp_width_mm > 0)
+      return first_felt(model, surface + along_surface + n * kInFront_mm, -n) == structure ? 1 : 0;
     const Point<Patient> x = surface + along_surface + n * (0.5 * model.sigma_mm);
     const FieldSample sample = sample_central_differences(*model.field, x);
     return find_contact_site(model, x, sample).label == structure ? 1 : 0;
@@ -148,22 +192,26 @@ Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, d
   const std::vector<Point<Patient>> border = border_voxels(model, structure);
   constexpr std::size_t kMostCandidates = 4000;
   const std::size_t stride = border.size() / kMostCandidates + 1;
-  const double level = model.level_of_label[structure];
+  const double value = surface_value(model, structure);
   std::optional<SurfacePoint> best;
   double best_score = 0;
   for (std::size_t c = 0; c < border.size(); c += stride) {
-    const auto surface = onto_surface(model, border[c], level);
+    const auto surface = onto_surface(model, border[c], value);
     if (!surface) continue;
     SurfacePoint candidate;
     candidate.point = *surface;
     candidate.normal = outward_normal(model, *surface);
+    if (model.ramp_width_mm > 0) {
+      const Vector<Patient> below = outward_normal(model, *surface - candidate.normal * kInside_mm);
+      if (below != Vector<Patient>()) candidate.normal = below;
+    }
     candidate.clearance_mm = clearance_along(model, *surface, candidate.normal, clearance_mm);
 
     // reach, evenness and belonging, each between 0 and 1; belonging counts most
     const double reach = candidate.clearance_mm / clearance_mm;
     const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
     const double own = own_share(model, *surface, candidate.normal, structure);
-    const double score = own * own * own * evenness * (0.15 + reach);
+    const double score = own * own * own * evenness * (0.15 + reach) * give(model, candidate, structure);
     if (score > best_score) {
       best_score = score;
       best = candidate;
@@ -173,7 +221,9 @@ Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, d
     return Error{
         ErrorKind::kBadInput,
         "no surface of " + name + " can be touched: it is covered, or thinner than the smoothing leaves it",
-        "", "lower sigma in [preparation], or choose another structure"};
+        "",
+        model.ramp_width_mm > 0 ? "choose another structure"
+                                : "lower sigma in [preparation], or choose another structure"};
   return *best;
 }
 

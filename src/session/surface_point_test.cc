@@ -53,6 +53,21 @@ TEST(SurfacePoint, ACutAtTheVolumesBorderIsNoSurface) {
   }
 }
 
+TEST(SurfacePoint, OfRampsIsFoundAsWell) {
+  const Model bare = testing::with_ramps(testing::ball_model(), 4);
+  const auto ball = find_surface_point(bare, kBone, 8);
+  ASSERT_TRUE(ball.ok());
+  EXPECT_NEAR(ball->point.eigen().norm(), kBoneRadius_mm, 0.5);
+  EXPECT_GT(ball->normal.dot(Vector<Patient>(ball->point.eigen()).normalized()), 0.99);
+  EXPECT_EQ(ball->clearance_mm, 8);
+
+  const Model covered = testing::with_ramps(testing::ball_model({0.6, 0.6, 0.6}, 0.7, 3), 4, 3);
+  const auto cartilage = find_surface_point(covered, kCartilage, 5);
+  ASSERT_TRUE(cartilage.ok());
+  EXPECT_NEAR(cartilage->point.eigen().norm(), kBoneRadius_mm + 3, 0.5);
+  EXPECT_FALSE(find_surface_point(covered, kBone, 5).ok());
+}
+
 TEST(SurfacePoint, WhatIsNotFeltCannotBeTouched) {
   const Model model = testing::ball_model();
   const auto found = find_surface_point(model, testing::kFat, 5);

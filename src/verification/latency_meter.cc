@@ -15,7 +15,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kWarmUp_s = 0.1;
+constexpr double kWarmUp_s = 0.2;
 // how often the calling thread wakes up, in both kinds of block
 constexpr auto kPoll = std::chrono::milliseconds(5);
 // how far ahead the hand is told where to go: it never has to wait for the calling thread
@@ -42,9 +42,15 @@ std::int64_t ns_of(double seconds) {
   return std::llround(seconds * 1e9);
 }
 
-// leads a hand along the touching part of a path, to and fro, in real time
+// A proxy is felt only by a tip that was free before: a stroke begins so long before the touch.
+constexpr double kLeadIn_s = 0.1;
+
+// leads a hand into the touching part of a path and along it, to and fro, in real time
 class Stroke {
  public:
+  static Point<World> start(const PalpationPath& path) {
+    return path.intended[path.touch_begin - lead_in(path)];
+  }
   Stroke(const PalpationPath& path, SimulatedDriver& driver, const WorkspaceMapping& mapping)
       : path_(path), driver_(driver), mapping_(mapping), start_ns_(monotonic_ns()) {}
 
@@ -61,11 +67,16 @@ class Stroke {
   }
 
  private:
+  static std::size_t lead_in(const PalpationPath& path) {
+    return std::min(path.touch_begin, static_cast<std::size_t>(kLeadIn_s * path.rate_hz));
+  }
+
   Point<World> wanted_at(std::int64_t time_ns) const {
-    const std::size_t length = path_.touch_end - path_.touch_begin;
+    const std::size_t length = path_.touch_end - path_.touch_begin, lead = lead_in(path_);
     const auto passed =
         static_cast<std::size_t>(static_cast<double>(time_ns - start_ns_) * 1e-9 * path_.rate_hz);
-    const std::size_t way = passed % (2 * length);
+    if (passed < lead) return path_.intended[path_.touch_begin - lead + passed];
+    const std::size_t way = (passed - lead) % (2 * length);
     return path_.intended[path_.touch_begin + (way < length ? way : 2 * length - 1 - way)];
   }
 
@@ -106,7 +117,7 @@ class Meter final : public PaceMeter {
 Result<void> Meter::servo_block(double seconds, const Progress& progress) {
   SimulatedDevice device(path_.device, path_.hand);
   const WorkspaceMapping mapping(device.info(), path_.workspace);
-  device.reset(mapping.to_device(path_.intended[path_.touch_begin]));
+  device.reset(mapping.to_device(Stroke::start(path_)));
   SimulatedDriver driver(device);
 
   LoopSettings loop_settings;

@@ -2,6 +2,7 @@
 
 #include "session/critical_stiffness.h"
 #include "verification/stability_buzz.h"
+#include "verification/stability_energy.h"
 #include "verification/stability_names.h"
 #include "verification/stability_theory.h"
 
@@ -106,6 +107,9 @@ Result<SuiteReport> run_stability(const Progress& progress) {
   const auto buzz = buzz_figures(progress);
   if (!buzz) return buzz.error();
   report.figures.insert(report.figures.end(), buzz->begin(), buzz->end());
+  const auto energies = energy_figures(progress);
+  if (!energies) return energies.error();
+  report.figures.insert(report.figures.end(), energies->begin(), energies->end());
   report.notes = {
       {"hold", "1 N on a single wall, touched at 0, 0.1 and 0.5 m/s; the least of them"},
       {"limit cycle", "above two encoder steps in the 2nd second of the hold, and not dying down"}};

@@ -84,14 +84,18 @@ class SceneTest(cli.PalpateTest):
         self.assertNotIn("sigma", self.succeed("scene", "check", scene).stderr)
         for sigma, warned in (("0", True), ("2.4", True), ("2.51", False)):
             felt = re.sub(r"(?m)^sigma = \S+", f"sigma = {sigma}", scene.read_text())
+            felt = felt.replace("[preparation]\nmethod = \"union-gaussian\"", "[preparation]")
+            felt = felt.replace("[preparation]", "[preparation]\nmethod = \"union-gaussian\"")
             scene.write_text(felt.replace("felt = false", "felt = true"))
             self.assertEqual("less than a voxel" in self.succeed("scene", "check", scene).stderr, warned, sigma)
 
     def test_check_prints_the_most_force(self):
         scene = self.felt_scene(labels=self.labels())
-        scene.write_text(scene.read_text() + "stiffness = 0.8\n[preparation]\nsigma = 2\n")
-        row = re.search(r"(?m)^block +yes +0\.8 +(\S+)", self.succeed("scene", "check", scene).stdout)
-        self.assertAlmostEqual(float(row.group(1)), 0.8 * 2 * 2.5066, delta=0.01)
+        scene.write_text(scene.read_text() + "stiffness = 0.8\n[preparation]\n")
+        for settings, most_N in (("ramp_width = 6\n", 0.8 * 6), ("method = \"union-gaussian\"\nsigma = 2\n", 0.8 * 2 * 2.5066)):
+            scene.write_text(scene.read_text().split("[preparation]\n")[0] + "[preparation]\n" + settings)
+            row = re.search(r"(?m)^block +yes +0\.8 +(\S+)", self.succeed("scene", "check", scene).stdout)
+            self.assertAlmostEqual(float(row.group(1)), most_N, delta=0.01)
 
     def test_sides(self):
         def said(scene):

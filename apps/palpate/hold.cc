@@ -1,0 +1,223 @@
+#include "palpate/hold.h"
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <vector>
+
+#include "inputs.h"
+#include "palpate/output.h"
+#include "palpate/session.h"
+#include "palpate/stability.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct Options {
+  std::string target, device = "premium-1.5", hand = "light-grip";
+  std::optional<std::filesystem::path> output;
+  std::vector<std::string> methods;
+  std::vector<int> voxel;
+  std::vector<double> at, from;
+  double rate_hz = 1000, delay_ms = 1;
+  std::optional<double> stiffness;
+  bool json = false;
+};
+
+Result<void> check(const Options& options) {
+  if (options.at.empty() == options.voxel.empty())
+    return Error{ErrorKind::kUsage, "where is the tip to be held?", "", "say it with --at or with --voxel"};
+  if (!options.output) return {};
+  if (const auto extension = options.output->extension(); !extension.empty() && extension != ".svg")
+    return Error{ErrorKind::kUsage, "the picture is an SVG, whatever its name", options.output->string(),
+                 "give it a name that ends with .svg"};
+  return check_output(*options.output, input_files(options.target));
+}
+
+Point<Patient> point_of(const std::vector<double>& at) {
+  return {at[0], at[1], at[2]};
+}
+
+Result<Point<Patient>> place_of(const Options& options, const GridGeometry& grid) {
+  if (!options.at.empty()) return point_of(options.at);
+  const auto& v = options.voxel;
+  if (!grid.contains(v[0], v[1], v[2]))
+    return Error{ErrorKind::kBadInput,
+                 "the volume has " + std::to_string(grid.dims[0]) + " x " + std::to_string(grid.dims[1]) +
+                     " x " + std::to_string(grid.dims[2]) + " voxels",
+                 "--voxel", "count from 0, along i, j and k"};
+  return grid.X_PatientVoxel() * Point<Voxel>(v[0], v[1], v[2]);
+}
+
+std::vector<ForceMethod> methods_of(const Options& options, const LoadedScene& loaded) {
+  std::vector<ForceMethod> methods;
+  for (const std::string& name : options.methods) methods.push_back(*find_force_method(name));
+  if (methods.empty()) methods.push_back(loaded.scene.force.method);
+  return methods;
+}
+
+// The gain with which the stiffest tissue is felt as this part of what is recommended.
+Result<double> force_gain(const Options& options, const Hold& hold, const Model& model,
+                          const Progress& progress) {
+  if (!options.stiffness) return 1.0;
+  const auto recommended = recommended_stiffness_N_per_mm(hold.device, hold.rate_hz, hold.delay_s, progress);
+  if (!recommended) return recommended;
+  return *options.stiffness * *recommended / model.greatest_stiffness_N_per_mm();
+}
+
+std::string heading_of(const Hold& hold, const Model& model) {
+  char text[200];
+  std::snprintf(text, sizeof text, "at %.1f, %.1f, %.1f mm (LPS); %s, %s; %g Hz, %g ms of delay; %.3g N/mm",
+                hold.at.x(), hold.at.y(), hold.at.z(), hold.device.name.c_str(), hold.hand.name.c_str(),
+                hold.rate_hz, 1e3 * hold.delay_s, hold.force_gain * model.greatest_stiffness_N_per_mm());
+  return text;
+}
+
+// why a tip that is quiet may be so
+const char* state_of(const HeldTip& held) {
+  if (held.inside) return "uncoupled: begun inside";
+  if (held.wedged) return held.quiet() ? "quiet, wedged" : "not quiet, wedged";
+  return held.quiet() ? "quiet" : "not quiet";
+}
+
+void print_table(const std::vector<HeldTip>& tips, const std::string& heading) {
+  std::printf("%s\n%-16s %9s %9s %9s %8s %10s\n", heading.c_str(), "", "peak-peak", "20-500 Hz", "dominant",
+              "force", "energy out");
+  std::printf("%-16s %9s %9s %9s %8s %10s\n", "method", "um", "rms um", "Hz", "N", "mJ");
+  for (const HeldTip& held : tips)
+    std::printf("%-16s %9.1f %9.2f %9.0f %8.3f %10.4f  %s\n", std::string(name_of(held.method)).c_str(),
+                held.buzz.peak_to_peak_um, held.buzz.rms_um, held.buzz.dominant_Hz, held.buzz.force_N,
+                held.buzz.energy_mJ, state_of(held));
+  std::printf("quiet: within two encoder steps, %g um\n", 2 * tips.front().encoder_step_um);
+}
+
+void print_json(const std::vector<HeldTip>& tips, const Hold& hold, const Model& model) {
+  nlohmann::ordered_json json{{"device", hold.device.name},
+                              {"hand", hold.hand.name},
+                              {"rate_Hz", hold.rate_hz},
+                              {"delay_ms", 1e3 * hold.delay_s},
+                              {"stiffness_N_per_mm", hold.force_gain * model.greatest_stiffness_N_per_mm()},
+                              {"from_mm", {hold.from.x(), hold.from.y(), hold.from.z()}},
+                              {"at_mm", {hold.at.x(), hold.at.y(), hold.at.z()}},
+                              {"quiet_within_um", 2 * tips.front().encoder_step_um}};
+  for (const HeldTip& held : tips)
+    json["methods"][std::string(name_of(held.method))] = {{"peak_to_peak_um", held.buzz.peak_to_peak_um},
+                                                          {"rms_um", held.buzz.rms_um},
+                                                          {"dominant_Hz", held.buzz.dominant_Hz},
+                                                          {"force_N", held.buzz.force_N},
+                                                          {"energy_out_mJ", held.buzz.energy_mJ},
+                                                          {"quiet", held.quiet()},
+                                                          {"inside", held.inside},
+                                                          {"wedged", held.wedged}};
+  std::printf("%s\n", json.dump(2).c_str());
+}
+
+int hold_target(const Options& options, Console& console) {
+  if (const auto right = check(options); !right) return console.fail(right.error());
+  const Progress progress = console.progress();
+  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
+  if (!loaded) return console.fail(loaded.error());
+  const auto methods = methods_of(options, *loaded);
+  const auto model = ready_for(loaded->model, methods, progress);
+  if (!model) return console.fail(model.error());
+
+  Hold hold;
+  hold.device = *find_plant_device(options.device);
+  hold.hand = *find_plant_hand(options.hand);
+  hold.rate_hz = options.rate_hz;
+  hold.delay_s = 1e-3 * options.delay_ms;
+  const auto place = place_of(options, (*model)->labels->geometry());
+  if (!place) return console.fail(place.error());
+  hold.at = *place;
+  hold.from = options.from.empty() ? hold.at : point_of(options.from);
+  const auto gain = force_gain(options, hold, **model, progress);
+  if (!gain) return console.fail(gain.error());
+  hold.force_gain = *gain;
+
+  std::vector<HeldTip> tips;
+  for (const ForceMethod method : methods) {
+    hold.method = method;
+    auto held = hold_tip(**model, hold, progress);
+    if (!held) return console.fail(held.error());
+    tips.push_back(*std::move(held));
+  }
+  const std::string heading = heading_of(hold, **model);
+  if (options.json)
+    print_json(tips, hold, **model);
+  else
+    print_table(tips, heading);
+  if (!options.output) return kExitOk;
+  if (const auto written = write_hold_picture(*options.output, tips, heading); !written)
+    return console.fail(written.error());
+  console.note("picture: " + options.output->string());
+  return kExitOk;
+}
+
+template <class Named>
+std::vector<std::string> names_of(const std::vector<Named>& all) {
+  std::vector<std::string> names;
+  for (const Named& one : all) names.push_back(one.name);
+  return names;
+}
+
+CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<double>& place,
+                       const std::string& help) {
+  return verb.add_option(name, place, help)
+      ->delimiter(',')
+      ->expected(3)
+      ->check(number_between(-1e6, 1e6))
+      ->type_name("X,Y,Z");
+}
+
+void add_options(CLI::App& verb, Options& options) {
+  verb.add_option("target", options.target, "A data set (palpate data list) or a scene file")->required();
+  add_place(verb, "--at", options.at, "Where the hand rests: patient coordinates in mm, LPS");
+  verb.add_option("--voxel", options.voxel, "The same as a voxel's indices, from 0")
+      ->delimiter(',')
+      ->expected(3)
+      ->check(whole_between(0, 1000000))
+      ->type_name("I,J,K");
+  add_place(verb, "--from", options.from, "Where the hand comes from, in a second; default: it begins there");
+  std::vector<std::string> names;
+  for (const ForceMethodInfo& info : kForceMethods) names.emplace_back(info.name);
+  verb.add_option("--method", options.methods, "Force method; give it more than once; default: the scene's")
+      ->check(CLI::IsMember(names));
+  verb.add_option("--device", options.device, "Simulated device")
+      ->check(CLI::IsMember(names_of(known_plant_devices())))
+      ->capture_default_str();
+  verb.add_option("--hand", options.hand, "Simulated hand")
+      ->check(CLI::IsMember(names_of(known_plant_hands())))
+      ->capture_default_str();
+  verb.add_option("--rate", options.rate_hz, "Ticks a second")
+      ->check(number_between(kLowestHold_hz, kHighestHold_hz))
+      ->capture_default_str();
+  verb.add_option("--delay", options.delay_ms, "From a command to its force, ms")
+      ->check(number_between(0, 1e3 * SimulatedDevice::kMostDelay_s))
+      ->capture_default_str();
+  verb.add_option("--stiffness", options.stiffness,
+                  "How stiff the stiffest tissue is felt, as a part of what is recommended for device, rate "
+                  "and delay; default: as stiff as the scene says")
+      ->check(number_between(0.01, 10));
+  verb.add_flag("-j,--json", options.json, "Print JSON instead of a table");
+  verb.add_option("-o,--output", options.output, "Picture of the tip's motion to write (SVG)");
+}
+
+}  // namespace
+
+void add_hold(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("hold", "Hold a tip still with a simulated hand: how much it buzzes");
+  add_options(*verb, *options);
+  verb->footer(
+      "Examples:\n"
+      "  palpate hold knee-phantom --at 20,0,0 --method trilinear --method proxy -o hold.svg\n"
+      "  palpate hold scene.toml --voxel 238,272,43 --device touch --hand firm-grip --delay 3\n\n"
+      "The hand goes to the place within a second and rests for two; the figures are of the last one.\n"
+      "docs/contact.md shows the gap between two bones before and after.");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return hold_target(*options, console); }; });
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "palpate/servo.h"
+
+/// Time-domain passivity (Hannaford & Ryu 2002): what is felt gives the hand no more energy than the hand has
+/// put in. docs/servo.md, "Passivity", has the choices and their figures.
+namespace palpate {
+
+struct PassivityInput {
+  Vector<World> force_N;  ///< asked, as far as limit and ramp let it through
+  Vector<World> sent_N;   ///< in the tick before
+  Vector<World> way_mm;   ///< of the tip since then, relative to the object, mm of the device
+  double stored_mJ = 0;   ///< that the contact can hold now, as a spring does; infinite: not known
+  double step_mm = 0;     ///< of the encoders; not known: that of a coarse one
+  double dt_s = 0;
+};
+
+/// What the controller takes off the asked force: a damper along the force.
+struct PassivityOutput {
+  double factor = 1;             ///< by which force and torque are multiplied, 0 ... 1
+  double damping_N_s_per_m = 0;  ///< of that damper; 0: it does not act
+};
+
+/// Observer: counts what the way cost the hand, as work of the force that was really sent over the true way.
+/// The sum over the axes: a force that only changes its direction, as around a ball, takes from one axis what
+/// it gives to another.
+///
+/// Controller: where the energy does not cover what the force would give out if the tip went on as it does,
+/// a damper along the force takes off what is not covered. It acts on forces that push the tip on its way and
+/// never turns one round.
+/// @param act  false: observes only
+PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state);
+
+/// More damping than this makes a firmly held tip swing by itself.
+inline constexpr double kMostDamping_N_s_per_m = 20;
+
+}  // namespace palpate

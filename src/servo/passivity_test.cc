@@ -1,0 +1,142 @@
+#include "servo/passivity.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace palpate {
+namespace {
+
+constexpr double kDt_s = 1e-3, kStep_mm = 0.03;
+constexpr double kUnknown_mJ = std::numeric_limits<double>::infinity();
+
+// a tip that is led, and what is sent there
+struct Led {
+  PassivityState state;
+  Vector<World> sent_N;
+  bool act = true;
+  double true_mJ = 0;  // of what was sent
+
+  PassivityOutput go(const Vector<World>& way_mm, const Vector<World>& force_N,
+                     double stored_mJ = kUnknown_mJ) {
+    true_mJ -= sent_N.dot(way_mm);
+    const PassivityOutput out =
+        keep_passive({force_N, sent_N, way_mm, stored_mJ, kStep_mm, kDt_s}, act, state);
+    sent_N = force_N * out.factor;
+    return out;
+  }
+};
+
+TEST(Passivity, CountsTheWorkOfWhatWasSent) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  const auto any = [&] { return Vector<World>(normal(random), normal(random), normal(random)); };
+  Led led;
+  led.act = false;
+  for (int n = 0; n < 1000; ++n) EXPECT_EQ(led.go(any(), any()).factor, 1) << "observes only";
+  EXPECT_NEAR(led.state.energy_mJ, led.true_mJ, 1e-9);
+}
+
+TEST(Passivity, ASpringGivesBackNoMoreThanItGot) {
+  // into a wall and out again, sampled: without the controller it gives out F v T every time
+  for (const double speed_mm_s : {20.0, 50.0, 100.0, 200.0}) {
+    SCOPED_TRACE(speed_mm_s);
+    for (const bool act : {false, true}) {
+      constexpr double kStiffness = 1.5;
+      const double stride_mm = speed_mm_s * kDt_s;
+      Led led;
+      led.act = act;
+      double x_mm = 0.5 * stride_mm;
+      for (int press = 0; press < 10; ++press) {
+        for (int n = 0; n < 60; ++n) {
+          const double way_mm = n < 30 ? -stride_mm : stride_mm;
+          x_mm += way_mm;
+          led.go({way_mm, 0, 0}, {kStiffness * std::max(0.0, -x_mm), 0, 0});
+        }
+      }
+      const double once_mJ = 30 * stride_mm * kStiffness * stride_mm;
+      if (act)
+        EXPECT_GT(led.true_mJ, -0.5 * once_mJ) << "F v T of one press at most, on the turn";
+      else
+        EXPECT_LT(led.true_mJ, -9 * once_mJ);
+    }
+  }
+}
+
+TEST(Passivity, OnlyPushesThatFollowTheTipAreDampedAndNoneIsTurnedRound) {
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> normal;
+  const auto any = [&] { return Vector<World>(normal(random), normal(random), normal(random)); };
+  Led led;
+  int acted = 0;
+  for (int n = 0; n < 10'000; ++n) {
+    const Vector<World> way_mm = any() * 0.1, force_N = any();
+    const PassivityOutput out = led.go(way_mm, force_N);
+    EXPECT_GE(out.factor, 0);
+    EXPECT_LE(out.factor, 1);
+    EXPECT_LE(out.damping_N_s_per_m, kMostDamping_N_s_per_m);
+    EXPECT_EQ(out.damping_N_s_per_m > 0, out.factor < 1);
+    acted += out.factor < 1;
+    const bool against = way_mm.dot(force_N) < -2 * kStep_mm * force_N.norm();
+    EXPECT_TRUE(out.factor == 1 || !against) << n;
+  }
+  EXPECT_GT(acted, 100);
+}
+
+TEST(Passivity, AnEncoderThatFlickersByOneStepIsNoMotion) {
+  Led led;
+  for (int n = 0; n < 5000; ++n) {
+    const double way_mm = n % 2 == 0 ? -kStep_mm : kStep_mm;
+    EXPECT_EQ(led.go({way_mm, 0, 0}, {n % 2 == 0 ? 1.03 : 1.0, 0, 0}).factor, 1) << n;
+  }
+  EXPECT_LT(led.state.energy_mJ, -0.5) << "though it is counted";
+}
+
+TEST(Passivity, WhatWasDissipatedIsNoLicence) {
+  // friction over a long way, more than the spring holds
+  Led led;
+  for (int n = 0; n < 1000; ++n) led.go({0, 0.1, 0}, {1, -0.3, 0}, 0.25);
+  EXPECT_LE(led.state.energy_mJ, 0.25);
+  // and in free space nothing of it is left
+  led.go({0, 0.1, 0}, {}, 0);
+  led.go({0, 0.1, 0}, {}, 0);
+  EXPECT_EQ(led.state.energy_mJ, 0);
+}
+
+TEST(Passivity, WhatIsOwedIsStillOwedAfterFreeSpace) {
+  Led led;
+  led.act = false;
+  led.go({}, {1, 0, 0});
+  led.go({0.5, 0, 0}, {});
+  for (int n = 0; n < 1000; ++n) led.go({0.1, 0, 0}, {});
+  EXPECT_NEAR(led.state.energy_mJ, -0.5, 1e-12);
+}
+
+TEST(Passivity, SlidingAroundABallIsNoActivity) {
+  // the force turns with the normal: one axis gives what the other takes, 1 N times the radius
+  constexpr double kRadius_mm = 15, kForce_N = 1;
+  Led led;
+  Vector<World> at(kRadius_mm, 0, 0);
+  const double stride = 0.1 / kRadius_mm;
+  for (int n = 1; n * stride < M_PI / 2; ++n) {
+    const Vector<World> next = Vector<World>(std::cos(n * stride), std::sin(n * stride), 0) * kRadius_mm;
+    EXPECT_EQ(led.go(next - at, next * (kForce_N / kRadius_mm)).factor, 1);
+    at = next;
+  }
+  EXPECT_NEAR(led.state.energy_mJ, 0, 0.1) << "per axis it would be 15 mJ";
+}
+
+TEST(Passivity, AnUnknownEncoderStepIsACoarseOne) {
+  PassivityState known, unknown;
+  const Vector<World> push(1, 0, 0);
+  const PassivityInput input{push, push, {0.08, 0, 0}, kUnknown_mJ, kStep_mm, kDt_s};
+  PassivityInput blind = input;
+  blind.step_mm = kNotKnown;
+  EXPECT_LT(keep_passive(input, true, known).factor, 1) << "more than two steps";
+  EXPECT_EQ(keep_passive(blind, true, unknown).factor, 1) << "perhaps one";
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,220 @@
+#include "verification/stability_energy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <random>
+
+#include "palpate/scene.h"
+#include "palpate/servo.h"
+#include "palpate/session.h"
+#include "palpate/stability.h"
+#include "palpate/workspace.h"
+#include "verification/stability_names.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kDt_s = 1e-3;
+constexpr double kSpacing_mm = 0.6, kUserLimit_N = 3;
+// where the hand wants to be next: so far from the surface, that much to the side of where it was
+constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMostAside_rad = 0.6;
+constexpr double kShortest_s = 0.12, kLongest_s = 0.6;
+// before that it waits for the force to have come in
+constexpr double kBegin_s = 0.6;
+// the object turns to another random rotation ten times a second
+constexpr int kTicksATurn = 100;
+constexpr double kMostObjectTurn_rad = 0.03;
+
+double between(std::mt19937_64& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+Eigen::Vector3d any_direction(std::mt19937_64& random) {
+  Eigen::Vector3d direction;
+  do {
+    for (int axis = 0; axis < 3; ++axis) direction[axis] = between(random, -1, 1);
+  } while (direction.norm() > 1 || direction.norm() < 0.1);
+  return direction.normalized();
+}
+
+// places about the ball, one after the other, with a bell of speed between them
+class RandomHand {
+ public:
+  explicit RandomHand(std::uint64_t seed) : random_(seed) {}
+  Point<Patient> start() const { return from_; }
+  Point<Patient> next() {
+    elapsed_s_ += kDt_s;
+    if (elapsed_s_ >= time_s_) choose();
+    const double u = elapsed_s_ / time_s_;
+    return from_ + (to_ - from_) * (u * u * u * (10 - 15 * u + 6 * u * u));
+  }
+
+ private:
+  void choose() {
+    elapsed_s_ = 0;
+    from_ = to_;
+    time_s_ = between(random_, kShortest_s, kLongest_s);
+    const Eigen::AngleAxisd aside(between(random_, 0, kMostAside_rad), any_direction(random_));
+    direction_ = aside * direction_;
+    to_ = Point<Patient>(direction_ * (kBallRadius_mm + between(random_, kDeepest_mm, kHighest_mm)));
+  }
+
+  std::mt19937_64 random_;
+  Eigen::Vector3d direction_ = Eigen::Vector3d::UnitX();
+  Point<Patient> from_{kBallRadius_mm + kHighest_mm, 0, 0}, to_ = from_;
+  double time_s_ = kBegin_s, elapsed_s_ = 0;
+};
+
+Transform<Patient, World> pose_of(const Model& model, const Eigen::Quaterniond& felt) {
+  const Transform<World, World> turn{Rotation<World, World>(felt), Vector<World>()};
+  return (turn * model.X_WorldPatient).inverse();
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress) {
+  GridGeometry grid;
+  grid.dims = {65, 65, 65};
+  grid.spacing_mm = Eigen::Vector3d::Constant(kSpacing_mm);
+  grid.origin = Point<Patient>(-32 * kSpacing_mm, -32 * kSpacing_mm, -32 * kSpacing_mm);
+  LabelMap labels;
+  labels.layers.emplace_back(grid);
+  labels.segments = {{1, "ball", {}, 0, 1}};
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i)
+        labels.layers[0].at(i, j, k) =
+            (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen().norm() < kBallRadius_mm ? 1 : 0;
+
+  Scene scene;
+  scene.title = "ball";
+  TissueSettings bone;
+  bone.name = "bone";
+  bone.labels = {LabelReference{1}};
+  bone.label_lines = {0};
+  bone.stiffness_N_per_mm = 1;
+  scene.tissues = {bone};
+  const auto model = build_model(scene, &labels, nullptr, progress);
+  if (!model) return model;
+  return ready_for(*model, std::array{ForceMethod::kTrilinear, ForceMethod::kProxy}, progress);
+}
+
+ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration) {
+  SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
+  WorkspaceSettings workspace;
+  workspace.force_gain = exploration.stiffness_N_per_mm;
+  WorkspaceMapping mapping(plant.info(), workspace);
+  Parameters parameters;
+  parameters.method = exploration.method;
+  parameters.friction = parameters.viscosity = false;
+  parameters.passivity = exploration.controller;
+  parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
+  parameters.device[0] = device_parameters(plant.info(), workspace);
+
+  RandomHand hand(exploration.seed);
+  std::mt19937_64 random(exploration.seed + 1);
+  const auto on_device = [&](const Point<Patient>& at) {
+    return mapping.to_device(ball.X_WorldPatient * at);
+  };
+  plant.reset(on_device(hand.start()));
+
+  // a command acts so many ticks after it was given
+  const int delay = static_cast<int>(std::lround(exploration.delay_s / kDt_s));
+  std::deque<Vector<World>> line(static_cast<std::size_t>(delay));
+  SessionState state;
+  TickRecord record;
+  Wrench sent;
+  ExploredEnergy result;
+  double energy_mJ = 0;
+  long touching = 0, damped = 0;
+  bool touched = false;
+  // the tip's way in a tick is relative to the object, which turns at the tick's end
+  Transform<Patient, World> X_PatientWorld = pose_of(ball, state.rotation_felt);
+  Point<Patient> tip = X_PatientWorld * Point<World>(plant.true_tip().eigen());
+  Vector<World> acted;
+  const long ticks = std::lround(exploration.time_s / kDt_s);
+  for (long n = 0; n < ticks; ++n) {
+    if (exploration.turning && n % kTicksATurn == 0)
+      parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(
+                                       between(random, 0, kMostObjectTurn_rad), any_direction(random))) *
+                                   parameters.rotation_target;
+    const DeviceState sensed = mapping.to_world(plant.read(), 0);
+    tick(ball, parameters, {&sensed, 1}, kDt_s, state, {&sent, 1}, record);
+
+    // the force of the last tick has acted up to now
+    X_PatientWorld = pose_of(ball, state.rotation_felt);
+    const Point<Patient> now = X_PatientWorld * Point<World>(plant.true_tip().eigen());
+    energy_mJ -= (X_PatientWorld * acted).dot(now - tip);
+    tip = now;
+    result.least_mJ = std::min(result.least_mJ, energy_mJ);
+
+    line.push_back(sent.force_N);
+    acted = line.front();
+    line.pop_front();
+    plant.intend(on_device(hand.next()));
+    plant.advance(mapping.to_device(sent), kDt_s);
+
+    const bool touches = acted.norm() > 0;
+    touching += touches;
+    result.contacts += touches && !touched;
+    touched = touches;
+    damped += (record.device[0].flags & kFlagPassivity) != 0;
+    result.largest_force_N = std::max(result.largest_force_N, acted.norm());
+  }
+  result.last_mJ = energy_mJ;
+  result.damped = touching > 0 ? static_cast<double>(damped) / static_cast<double>(touching) : 0;
+  return result;
+}
+
+Result<std::vector<Figure>> energy_figures(const Progress& progress) {
+  const auto ball = exploration_ball(progress);
+  if (!ball) return ball.error();
+
+  // one unit after the other, as tables want them
+  std::vector<Figure> energies, parts;
+  const auto add = [&](const Exploration& exploration, const std::string& path) {
+    Exploration free = exploration;
+    free.controller = false;
+    const ExploredEnergy with = explore_energy(**ball, exploration), without = explore_energy(**ball, free);
+    const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s / kDt_s));
+    energies.push_back({path + "/given-out/without", -without.least_mJ, "mJ", n, {}});
+    energies.push_back({path + "/given-out/with", -with.least_mJ, "mJ", n, {}});
+    // what an encoder step hides
+    const double step_mm = exploration.device.encoder_step_m * 1e3;
+    energies.push_back({path + "/given-out/hidden", with.largest_force_N * 2 * step_mm, "mJ", n, {}});
+    const double part = without.least_mJ < 0 ? 100 * with.least_mJ / without.least_mJ : 0;
+    parts.push_back({path + "/part-given-out", part, "percent", n, {}});
+    parts.push_back({path + "/damped-of-contact", 100 * with.damped, "percent", n, {}});
+  };
+  for (const char* device : {"premium-1.5", "touch"})
+    for (const double delay_s : {0.0, 1e-3, 3e-3}) {
+      progress.report(std::string("exploring: ") + device, delay_s / 4e-3);
+      Exploration exploration{*find_plant_device(device), {}};
+      const auto stiffness = recommended_stiffness_N_per_mm(exploration.device, 1 / kDt_s, delay_s, progress);
+      if (!stiffness) return stiffness.error();
+      exploration.stiffness_N_per_mm = *stiffness;
+      exploration.delay_s = delay_s;
+      for (const char* grip : {"light-grip", "firm-grip"})
+        for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
+          if (progress.stopped()) return Progress::interrupted();
+          exploration.hand = *find_plant_hand(grip);
+          exploration.method = method;
+          const std::string path = "stability/energy/" + std::string(name_of(method)) + "/" + device + "/" +
+                                   grip + "/" + loop_name(1 / kDt_s, delay_s);
+          add(exploration, path);
+          if (delay_s > 0 || method != ForceMethod::kProxy) continue;
+          Exploration other = exploration;
+          other.turning = true;
+          add(other, path + "/turning");
+          other = exploration;
+          other.stiffness_N_per_mm = 2 * *stiffness;
+          add(other, path + "/twice-as-stiff");
+        }
+    }
+  energies.insert(energies.end(), parts.begin(), parts.end());
+  return energies;
+}
+
+}  // namespace palpate

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "palpate/haptics.h"
+#include "palpate/progress.h"
+#include "palpate/simulated_device.h"
+#include "palpate/verification.h"
+
+namespace palpate {
+
+/// A ball of bone, kBallRadius_mm in radius, of 1 N/mm, for the trilinear method and the proxy. In the middle
+/// of the volume, at the patient's origin.
+Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress = {});
+inline constexpr double kBallRadius_mm = 12;
+
+/// A random exploration of the ball through the real tick at 1 kHz: the hand wants to be at random places in
+/// and outside the ball, one after the other, and goes there smoothly, as fast as hands palpate. Friction and
+/// viscosity are off.
+struct Exploration {
+  PlantDevice device;
+  PlantHand hand;
+  ForceMethod method = ForceMethod::kProxy;
+  double stiffness_N_per_mm = 1;  ///< that the hand feels
+  double delay_s = 0;
+  bool controller = true;
+  bool turning = false;  ///< the object turns, too
+  double time_s = 60;
+  std::uint64_t seed = 1;
+};
+
+/// What the virtual world did with it. The energy is the true one: of the force that acted over the way of
+/// the true tip, relative to the object.
+struct ExploredEnergy {
+  double least_mJ = 0;  ///< of what the hand had put in and not got back; below 0: the world gave it out
+  double last_mJ = 0;   ///< at the end
+  double largest_force_N = 0;
+  int contacts = 0;   ///< how often it was touched
+  double damped = 0;  ///< part of the ticks in contact in which the controller acted
+};
+ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration);
+
+/// The figures of a minute of exploration, with and without the controller, at the recommended stiffness of
+/// every delay, and without delay on a turning object and at twice that stiffness too. Errors: kInterrupted.
+Result<std::vector<Figure>> energy_figures(const Progress& progress);
+
+}  // namespace palpate

@@ -1,0 +1,85 @@
+#include "verification/stability_energy.h"
+
+#include <gtest/gtest.h>
+
+#include "palpate/hold.h"
+#include "palpate/stability.h"
+
+namespace palpate {
+namespace {
+
+TEST(StabilityEnergy, WithTheControllerABallGivesOutNoMoreThanAnEncoderHides) {
+  // 20 s without delay, at the recommended stiffness and at twice that, which is more than a hand holds
+  const auto ball = exploration_ball();
+  ASSERT_TRUE(ball) << ball.error().message();
+  const PlantDevice device = *find_plant_device("premium-1.5");
+  const auto recommended_N_per_mm = recommended_stiffness_N_per_mm(device, 1000, 0);
+  ASSERT_TRUE(recommended_N_per_mm);
+  for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear})
+    for (const double times : {1.0, 2.0})
+      for (const bool turning : {false, true}) {
+        Exploration exploration{device, *find_plant_hand("light-grip"), method,
+                                times * *recommended_N_per_mm};
+        exploration.turning = turning;
+        exploration.time_s = 20;
+        exploration.seed = 1;
+        SCOPED_TRACE("seed " + std::to_string(exploration.seed) + ", method " + std::string(name_of(method)) +
+                     ", " + std::to_string(times) + " times the recommended stiffness, turning " +
+                     std::to_string(turning));
+        const ExploredEnergy with = explore_energy(**ball, exploration);
+        exploration.controller = false;
+        const ExploredEnergy without = explore_energy(**ball, exploration);
+        EXPECT_GT(without.contacts, 20);
+        EXPECT_LT(without.least_mJ, -0.5);
+        EXPECT_GE(with.least_mJ, 0.05 * without.least_mJ);
+        EXPECT_GE(with.least_mJ, -with.largest_force_N * 2 * device.encoder_step_m * 1e3);
+        EXPECT_GT(with.damped, 0);
+        EXPECT_LT(with.damped, 0.2) << "the contact is still one";
+        EXPECT_EQ(without.damped, 0);
+      }
+}
+
+TEST(StabilityEnergy, TheControllerMakesNoQuietContactBuzz) {
+  // held with 0.8 N, which both devices bear for ever, at the recommended stiffness
+  constexpr double kHold_N = 0.8, kBefore_mm = 3;
+  const auto ball = exploration_ball();
+  ASSERT_TRUE(ball);
+  for (const char* device : {"premium-1.5", "touch"})
+    for (const double delay_s : {0.0, 1e-3}) {
+      const auto stiffness = recommended_stiffness_N_per_mm(*find_plant_device(device), 1000, delay_s);
+      ASSERT_TRUE(stiffness);
+      for (const char* grip : {"light-grip", "firm-grip"})
+        for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
+          SCOPED_TRACE(std::string(device) + " " + grip + " " + std::string(name_of(method)) + ", delay " +
+                       std::to_string(delay_s) + " s");
+          Hold hold;
+          hold.device = *find_plant_device(device);
+          hold.hand = *find_plant_hand(grip);
+          hold.method = method;
+          hold.delay_s = delay_s;
+          hold.force_gain = *stiffness;
+          const double spring_mm = kHold_N / *stiffness + kHold_N / (hold.hand.stiffness_N_per_m * 1e-3);
+          hold.from = Point<Patient>(kBallRadius_mm + kBefore_mm, 0, 0);
+          hold.at = Point<Patient>(kBallRadius_mm - spring_mm, 0, 0);
+          const auto held = hold_tip(**ball, hold);
+          ASSERT_TRUE(held) << held.error().message();
+          EXPECT_GT(held->buzz.force_N, 0.4);
+          EXPECT_TRUE(held->quiet()) << held->buzz.peak_to_peak_um << " um";
+        }
+    }
+}
+
+TEST(StabilityEnergy, AnExplorationRepeats) {
+  const auto ball = exploration_ball();
+  ASSERT_TRUE(ball);
+  Exploration exploration{*find_plant_device("touch"), *find_plant_hand("firm-grip")};
+  exploration.time_s = 3;
+  const ExploredEnergy once = explore_energy(**ball, exploration),
+                       again = explore_energy(**ball, exploration);
+  EXPECT_EQ(once.last_mJ, again.last_mJ);
+  exploration.seed = 2;
+  EXPECT_NE(explore_energy(**ball, exploration).last_mJ, once.last_mJ);
+}
+
+}  // namespace
+}  // namespace palpate

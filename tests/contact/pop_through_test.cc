@@ -1,0 +1,309 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "palpate/proxy_way.h"
+#include "palpate/scene.h"
+#include "palpate/surfaces.h"
+#include "palpate/volume_io.h"
+#include "shared_knee.h"
+
+/// Random presses on the thin tissues of two real knees, on voxels turned obliquely: the proxy's whole way
+/// stays outside, by an oracle of its own. PALPATE_TEST_PRESSES says how many presses in all.
+namespace palpate {
+namespace {
+
+using testing::in_ci;
+using testing::shared_file;
+
+constexpr unsigned kSeed = 5;
+const Eigen::Vector3d kVoxel_mm(0.277, 0.277, 1.0);
+constexpr int kKnees = 2, kStructures = 7;  // of each: cartilages, menisci, the patella
+constexpr double kMost_N = 8.5;
+constexpr double kFastest_mm = 0.5;  // a tick of 1 ms: half a metre a second
+constexpr double kWidest_mm = 3;     // the tool's radius
+constexpr double kEvery_mm = 0.01;
+
+int press_count() {
+  const char* asked = std::getenv("PALPATE_TEST_PRESSES");
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  constexpr int kDefault = 280;
+#else
+  constexpr int kDefault = 100'000;
+#endif
+  return asked != nullptr ? std::atoi(asked) : kDefault;
+}
+
+// of every structure; the labels are taken anew for each
+int turn_count() {
+  constexpr int kFew = 10'000;
+  return press_count() < kFew ? 1 : 4;
+}
+
+int presses_a_turn() {
+  const int turns = kKnees * kStructures * turn_count();
+  return (press_count() + turns - 1) / turns;
+}
+
+/// A signed field by its values alone: in double, trilinear, and its outside value beyond the voxels.
+class Oracle {
+ public:
+  explicit Oracle(const SignedField& field)
+      : voxels_(field.padded().unpadded()),
+        steps_(field.steps()),
+        X_VoxelPatient_(field.geometry().X_PatientVoxel().inverse()) {}
+
+  double distance_mm(const Point<Patient>& x) const {
+    const Point<Voxel> p = X_VoxelPatient_ * x;
+    const int i = below(p.x()), j = below(p.y()), k = below(p.z());
+    double sum = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+      const int a = corner & 1, b = corner >> 1 & 1, c = corner >> 2;
+      const double weight = (a ? p.x() - i : 1 - (p.x() - i)) * (b ? p.y() - j : 1 - (p.y() - j)) *
+                            (c ? p.z() - k : 1 - (p.z() - k));
+      sum += weight * voxels_.at_or(i + a, j + b, k + c, steps_.outside);
+    }
+    return steps_.offset + steps_.scale * sum;
+  }
+
+ private:
+  static int below(double x) { return static_cast<int>(std::floor(x)); }
+
+  Volume<std::int16_t> voxels_;
+  SignedSteps steps_;
+  Transform<Voxel, Patient> X_VoxelPatient_;
+};
+
+class Chance {
+ public:
+  explicit Chance(unsigned seed) : random_(seed) {}
+  double between(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
+  std::size_t below(std::size_t count) {
+    return std::uniform_int_distribution<std::size_t>(0, count - 1)(random_);
+  }
+  Vector<Patient> direction() {
+    std::normal_distribution<double> normal;
+    return Vector<Patient>(normal(random_), normal(random_), normal(random_)).normalized();
+  }
+  Eigen::Matrix3d turn() {
+    std::normal_distribution<double> normal;
+    return Eigen::Quaterniond(normal(random_), normal(random_), normal(random_), normal(random_))
+        .normalized()
+        .toRotationMatrix();
+  }
+
+ private:
+  std::mt19937 random_;
+};
+
+/// The voxel centres of one label.
+std::vector<Point<Patient>> places_of(const Volume<LabelId>& labels, LabelId label) {
+  std::vector<Point<Patient>> places;
+  const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
+  const auto& dims = labels.geometry().dims;
+  for (int k = 0; k < dims[2]; ++k) {
+    for (int j = 0; j < dims[1]; ++j) {
+      for (int i = 0; i < dims[0]; ++i)
+        if (labels.at(i, j, k) == label) places.push_back(X_PatientVoxel * Point<Voxel>(i, j, k));
+    }
+  }
+  return places;
+}
+
+/// One structure by its nearest voxels, on a grid whose axes are those of `direction`.
+Volume<LabelId> turned(const Volume<LabelId>& labels, LabelId label,
+                       const std::vector<Point<Patient>>& places, const Eigen::Matrix3d& direction) {
+  constexpr double kAround_mm = 3;
+  Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  for (const Point<Patient>& place : places) {
+    const Eigen::Array3d along = (direction.transpose() * place.eigen()).array();
+    low = low.min(along - kAround_mm);
+    high = high.max(along + kAround_mm);
+  }
+  GridGeometry grid;
+  for (int axis = 0; axis < 3; ++axis)
+    grid.dims[static_cast<std::size_t>(axis)] =
+        static_cast<int>(std::ceil((high[axis] - low[axis]) / kVoxel_mm[axis])) + 1;
+  grid.spacing_mm = kVoxel_mm;
+  grid.direction = direction;
+  grid.origin = Point<Patient>(direction * low.matrix());
+  Volume<LabelId> result(grid);
+  const auto to_source = labels.geometry().X_PatientVoxel().inverse() * grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k) {
+    for (int j = 0; j < grid.dims[1]; ++j) {
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const Point<Voxel> p = to_source * Point<Voxel>(i, j, k);
+        const auto nearest = [](double x) { return static_cast<int>(std::lround(x)); };
+        if (labels.at_or(nearest(p.x()), nearest(p.y()), nearest(p.z()), 0) == label)
+          result.at(i, j, k) = label;
+      }
+    }
+  }
+  return result;
+}
+
+struct Counted {
+  int presses = 0, touched = 0;
+  long ticks = 0;
+  double deepest_mm = -std::numeric_limits<double>::infinity();
+  void add(const Counted& other) {
+    presses += other.presses;
+    touched += other.touched;
+    ticks += other.ticks;
+    deepest_mm = std::max(deepest_mm, other.deepest_mm);
+  }
+};
+
+/// A hand that presses with a sphere on one structure, and the oracle that looks at the proxy's way.
+class Press {
+ public:
+  Press(const FeltSurface& felt, const Oracle& oracle, double radius_mm)
+      : felt_(felt), oracle_(oracle), tool_{{}, radius_mm} {}
+
+  /// From before the structure, along a random direction through `target`, askew, up to a random force; every
+  /// other one then slides. True when it was felt.
+  bool go(const Point<Patient>& target, Chance& chance) {
+    const Vector<Patient> inward = chance.direction();
+    tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);
+    follow();
+    most_mm_ = chance.between(0.5, kMost_N) / felt_.stiffness_N_per_mm;
+    const double speed_mm = chance.between(0.1, kFastest_mm);
+    const Vector<Patient> aside = inward.cross(chance.direction()).normalized();
+    const Vector<Patient> push = (inward + aside * chance.between(0, 0.6)).normalized() * speed_mm;
+    double way_mm = 0;
+    while (way_mm < most_mm_ + 6 && pull_mm() < most_mm_ - 1e-6) {
+      lead(push);
+      way_mm += speed_mm;
+    }
+    if (chance.between(0, 1) < 0.5) {
+      const Vector<Patient> along = inward.cross(chance.direction()).normalized() * speed_mm;
+      for (double slid_mm = 0; slid_mm < 10; slid_mm += speed_mm) lead(along);
+    }
+    return touched_;
+  }
+
+  double deepest_mm() const { return deepest_mm_; }
+  long ticks() const { return ticks_; }
+
+ private:
+  // where a straight way to the target first meets the structure
+  Point<Patient> first_touch(const Point<Patient>& target, const Vector<Patient>& inward) const {
+    const double far_mm = 150;
+    double to_go_mm = far_mm, clearance_mm = 0;
+    while ((clearance_mm = below_or_above(target - inward * to_go_mm)) > 0.01)
+      to_go_mm -= std::max(0.01, clearance_mm / felt_.surface->steepest());
+    return target - inward * to_go_mm;
+  }
+
+  double below_or_above(const Point<Patient>& at) const { return oracle_.distance_mm(at) - tool_.radius_mm; }
+  double pull_mm() const { return (state_.position - tip_).norm(); }
+
+  // A hand that presses no harder than it wants to, and moves no faster than it can.
+  void lead(const Vector<Patient>& way) {
+    Vector<Patient> pressed = tip_ + way - state_.position;
+    if (pressed.norm() > most_mm_) pressed = pressed * (most_mm_ / pressed.norm());
+    Vector<Patient> step = state_.position + pressed - tip_;
+    if (step.norm() > kFastest_mm) step = step * (kFastest_mm / step.norm());
+    tip_ += step;
+    follow();
+  }
+
+  void follow() {
+    ProxyWay way;
+    const ProxyResult result = advance_proxy({&felt_, 1}, {&tool_, 1}, tip_, state_, {}, &way);
+    ++ticks_;
+    ASSERT_TRUE(state_.coupled);
+    ASSERT_LT(way.count, way.corner.size()) << "no corner is lost";
+    ASSERT_EQ(way.corner[way.count - 1], state_.position);
+    touched_ = touched_ || result.force_N.norm() > 0.05;
+    for (std::size_t n = 1; n < way.count; ++n) look_along(way.corner[n - 1], way.corner[n]);
+  }
+
+  void look_along(const Point<Patient>& a, const Point<Patient>& b) {
+    const int pieces = static_cast<int>((b - a).norm() / kEvery_mm) + 1;
+    for (int n = 0; n <= pieces; ++n)
+      deepest_mm_ = std::max(deepest_mm_, -below_or_above(a + (b - a) * (static_cast<double>(n) / pieces)));
+  }
+
+  const FeltSurface& felt_;
+  const Oracle& oracle_;
+  ToolSphere tool_;
+  ProxyState state_;
+  Point<Patient> tip_;
+  double most_mm_ = 0;
+  bool touched_ = false;
+  double deepest_mm_ = -std::numeric_limits<double>::infinity();
+  long ticks_ = 0;
+};
+
+Counted press_on(const Volume<LabelId>& labels, const Segment& structure, Chance& chance) {
+  Counted counted;
+  const auto places = places_of(labels, structure.value);
+  const TissuePreset* preset = match_preset(structure.name);
+  for (int turn = 0; turn < turn_count(); ++turn) {
+    const auto grid = turned(labels, structure.value, places, chance.turn());
+    const auto prepared = prepare_surfaces(grid, {structure.value}, {});
+    EXPECT_TRUE(prepared.ok());
+    if (!prepared.ok() || preset == nullptr) return counted;
+    FeltSurface felt;
+    felt.surface = std::make_shared<const Surface>(prepared->front().surface);
+    felt.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
+    felt.static_friction = felt.dynamic_friction = preset->values.friction_coefficient;
+    const Oracle oracle(felt.surface->position());
+    // centres of voxels lie inside
+    const auto targets = places_of(grid, structure.value);
+    for (int n = 0; n < presses_a_turn(); ++n) {
+      Press press(felt, oracle, n % 4 == 0 ? 0 : chance.between(0, kWidest_mm));
+      const bool touched = press.go(targets[chance.below(targets.size())], chance);
+      counted.add({1, touched, press.ticks(), press.deepest_mm()});
+    }
+  }
+  return counted;
+}
+
+void expect_no_pop_through(const std::string& name) {
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  const auto file = shared_file(name);
+  if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
+  if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
+  const auto read = read_labels(*file);
+  ASSERT_TRUE(read.ok());
+  Chance chance(kSeed);
+  Counted all;
+  int structures = 0;
+  for (const Segment& segment : read->labels.segments) {
+    const auto named = [&](const char* part) { return segment.name.find(part) != std::string::npos; };
+    if (!named("cartilage") && !named("meniscus") && segment.name != "patella") continue;
+    SCOPED_TRACE(segment.name);
+    ++structures;
+    const Counted counted = press_on(read->labels.layers.front(), segment, chance);
+    std::printf("%-26s %6d presses, %6.2f %% touched, %8ld ticks, deepest %.4f mm\n", segment.name.c_str(),
+                counted.presses, 100.0 * counted.touched / counted.presses, counted.ticks,
+                counted.deepest_mm);
+    std::fflush(stdout);
+    EXPECT_LE(counted.deepest_mm, kMostDip_mm);
+    EXPECT_GE(counted.touched, 0.9 * counted.presses);
+    all.add(counted);
+  }
+  EXPECT_EQ(structures, kStructures);
+  std::printf("all: %d presses, %.2f %% touched, %ld ticks, deepest %.4f mm, seed %u\n", all.presses,
+              100.0 * all.touched / all.presses, all.ticks, all.deepest_mm, kSeed);
+}
+
+TEST(PopThrough, NoPressGoesThroughTheHandSegmentedKnee) {
+  expect_no_pop_through("knee_spl/seg.nrrd");
+}
+
+TEST(PopThrough, NoPressGoesThroughTheObliqueKnee) {
+  expect_no_pop_through("knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd");
+}
+
+}  // namespace
+}  // namespace palpate
