@@ -16,6 +16,7 @@ struct Options {
   std::string target, plane = "axial";
   std::filesystem::path output;
   std::optional<ForceMethod> method;
+  std::optional<PreparationMethod> preparation;
   std::vector<double> at;
   double size_mm = 20;
   std::optional<double> spacing_mm;
@@ -51,7 +52,7 @@ int draw_forces(const Options& options, Console& console) {
     return console.fail({ErrorKind::kUsage, "the picture is an SVG, whatever its name",
                          options.output.string(), "give it a name that ends with .svg"});
   const Progress progress = console.progress();
-  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
+  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn(), options.preparation);
   if (!loaded) return console.fail(loaded.error());
   // where the tip has been decides the proxy's force: there is no field of it
   const ForceMethod of_scene = loaded->scene.force.method;
@@ -86,6 +87,7 @@ void add_forces(CLI::App& app, Run& run) {
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
   add_method_option(*verb, "Force method; default: the scene's, trilinear where that is the proxy",
                     kDirectMethods, options->method);
+  add_preparation_option(*verb, options->preparation);
   verb->add_option("--plane", options->plane, "Section through the point")
       ->check(CLI::IsMember({"axial", "coronal", "sagittal"}))
       ->capture_default_str();

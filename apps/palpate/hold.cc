@@ -10,6 +10,7 @@
 #include "palpate/output.h"
 #include "palpate/session.h"
 #include "palpate/stability.h"
+#include "palpation.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -23,6 +24,7 @@ struct Options {
   std::vector<double> at, from;
   double rate_hz = 1000, delay_ms = 1;
   std::optional<double> stiffness;
+  std::optional<PreparationMethod> preparation;
   bool json = false;
 };
 
@@ -117,7 +119,7 @@ void print_json(const std::vector<HeldTip>& tips, const Hold& hold, const Model&
 int hold_target(const Options& options, Console& console) {
   if (const auto right = check(options); !right) return console.fail(right.error());
   const Progress progress = console.progress();
-  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
+  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn(), options.preparation);
   if (!loaded) return console.fail(loaded.error());
   const auto methods = methods_of(options, *loaded);
   const auto model = ready_for(loaded->model, methods, progress);
@@ -184,6 +186,7 @@ void add_options(CLI::App& verb, Options& options) {
   for (const ForceMethodInfo& info : kForceMethods) names.emplace_back(info.name);
   verb.add_option("--method", options.methods, "Force method; give it more than once; default: the scene's")
       ->check(CLI::IsMember(names));
+  add_preparation_option(verb, options.preparation);
   verb.add_option("--device", options.device, "Simulated device")
       ->check(CLI::IsMember(names_of(known_plant_devices())))
       ->capture_default_str();

@@ -19,6 +19,17 @@ void add_method_option(CLI::App& verb, const std::string& help, std::span<const 
       ->check(CLI::IsMember(names));
 }
 
+void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation) {
+  verb.add_option_function<std::string>(
+          "--preparation",
+          [&preparation](const std::string& name) {
+            preparation =
+                name == "inward-ramp" ? PreparationMethod::kInwardRamp : PreparationMethod::kUnionGaussian;
+          },
+          "How labels become the field; default: the scene's")
+      ->check(CLI::IsMember({"inward-ramp", "union-gaussian"}));
+}
+
 void print_holds(const std::vector<HoldFigure>& holds) {
   constexpr std::size_t kNameWidth = 28;
   std::printf("%s %8s %8s %8s\n", fitted("structure", kNameWidth).c_str(), "held s", "mean N", "peak N");

@@ -23,10 +23,12 @@ struct LoadedScene {
   std::string data_set;  ///< catalogue name when it came from there, else empty
 };
 
-/// @param what  a catalogue name ("knee-phantom", "knee-atlas", "head") or a scene file. knee-phantom is
-///              generated in memory.
+/// @param what         a catalogue name ("knee-phantom", "knee-atlas", "head") or a scene file. knee-phantom is
+///                     generated in memory.
+/// @param preparation  instead of the scene's
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
-                                           const Warn& warn = {});
+                                           const Warn& warn = {},
+                                           std::optional<PreparationMethod> preparation = {});
 
 /// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
 /// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.

@@ -148,16 +148,18 @@ std::string draw_contours(const Picture& p, const Progress& progress) {
 }
 
 // the width of what the method reads: the field's, or its own sphere's
-std::string sigma_text(const Picture& p) {
+std::string width_text(const Picture& p) {
   const double voxel_mm = p.model.field->geometry().min_spacing_mm();
   if (const auto* gaussian = std::get_if<LevelledSphere<GaussianSphere>>(&p.field.source())) {
     const double sigma_voxels = gaussian->parts().front().sphere.sigma_voxels();
-    return format("%.3g", sigma_voxels) + (sigma_voxels == 1 ? " voxel" : " voxels") +
+    return format("\u03c3 %.3g", sigma_voxels) + (sigma_voxels == 1 ? " voxel" : " voxels") +
            format(" (%.3g mm)", sigma_voxels * voxel_mm);
   }
   // the smooth sphere's may be wider than the field's, which it then gives along the narrowest voxels
   const auto* smooth = std::get_if<LevelledSphere<SmoothSphere>>(&p.field.source());
-  return format("%.3g mm", smooth ? smooth->parts().front().sphere.least_sigma_mm() : p.model.sigma_mm);
+  if (smooth) return format("\u03c3 %.3g mm", smooth->parts().front().sphere.least_sigma_mm());
+  return p.model.ramp_width_mm > 0 ? format("ramps of %.3g mm", p.model.ramp_width_mm)
+                                   : format("\u03c3 %.3g mm", p.model.sigma_mm);
 }
 
 std::string draw_heading(const Picture& p) {
@@ -170,7 +172,7 @@ std::string draw_heading(const Picture& p) {
   constexpr double kEnd_px = kWidth_px - 10;
   return text("name", {kSectionCorner[0], 24}, method.name) + text("end", {kEnd_px, 24}, method.about) +
          text("plain", {kSectionCorner[0], 46},
-              "\u03c3 " + sigma_text(p) + ", F_full " + format("%.2f N", p.field.full_force_N())) +
+              width_text(p) + ", F_full " + format("%.2f N", p.field.full_force_N())) +
          text("end", {kEnd_px, 46}, place);
 }
 

@@ -45,9 +45,17 @@ Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
                      oriented);
 }
 
-Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& progress, const Warn& warn) {
+void prepare_by(std::optional<PreparationMethod> method, PreparationSettings& preparation) {
+  if (!method) return;
+  preparation.method = *method;
+  if (*method != PreparationMethod::kInwardRamp) preparation.ramp_width_mm.reset();
+}
+
+Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& progress, const Warn& warn,
+                                  std::optional<PreparationMethod> preparation) {
   auto scene = scene_of_data_set(data_set);
   if (!scene) return scene.error();
+  prepare_by(preparation, scene->preparation);
   Result<std::shared_ptr<const Model>> model = Error{};
   if (data_set == "knee-phantom") {
     auto phantom = make_knee_phantom(0.6, 1, progress);
@@ -65,8 +73,8 @@ Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& p
 }  // namespace
 
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
-                                           const Warn& warn) {
-  if (find_entry(what)) return load_data_set(what, progress, warn);
+                                           const Warn& warn, std::optional<PreparationMethod> preparation) {
+  if (find_entry(what)) return load_data_set(what, progress, warn, preparation);
   auto scene = load_scene(what);
   if (!scene) {
     Error error = scene.error();
@@ -77,6 +85,7 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
     }
     return error;
   }
+  prepare_by(preparation, scene->preparation);
   const auto resolved = [&](const std::optional<std::filesystem::path>& file) {
     return file ? std::optional(scene->resolve(*file)) : std::nullopt;
   };
