@@ -2,10 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <sstream>
 
+#include "base/test_files.h"
 #include "palpate/session.h"
 #include "palpate/volume_io.h"
 
@@ -413,24 +411,10 @@ TEST(BuildModel, TheSplineOfARampNeitherGrowsItNorPulls) {
   EXPECT_LT(most_beyond_N, 0.05);
 }
 
-std::optional<std::filesystem::path> shared_file(const std::string& name) {
-  const char* folders = std::getenv("PALPATE_DATA");
-  std::istringstream list(folders != nullptr ? folders : "");
-  for (std::string folder; std::getline(list, folder, ':');)
-    if (std::filesystem::exists(std::filesystem::path(folder) / name))
-      return std::filesystem::path(folder) / name;
-  return std::nullopt;
-}
-
 // the founding fault: between close bones the smoothed field does not reach 0
 TEST(BuildModel, TheGapsOfAKneeAreFree) {
-  const auto file = shared_file("knee_spl/seg.nrrd");
-  if (!file) {
-    const char* ci = std::getenv("CI");
-    if (ci != nullptr && std::string(ci) == "true") FAIL() << "no knee_spl/seg.nrrd in PALPATE_DATA";
-    GTEST_SKIP() << "needs knee_spl/seg.nrrd in PALPATE_DATA";
-  }
-  const auto knee = read_labels(*file);
+  PALPATE_SHARED_FILE(file, "knee_spl/seg.nrrd");
+  const auto knee = read_labels(file);
   ASSERT_TRUE(knee.ok()) << knee.error().message();
   const auto built = [&](const std::string& preparation) {
     const auto model = build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [95, 96, 97, 98]\n"

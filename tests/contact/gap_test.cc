@@ -5,20 +5,20 @@
 #include <cstdio>
 #include <limits>
 
+#include "base/test_files.h"
 #include "palpate/hold.h"
 #include "palpate/scene.h"
 #include "palpate/session.h"
 #include "palpate/stability.h"
 #include "palpate/volume_io.h"
-#include "shared_knee.h"
 
 /// A tip held in the two narrow gaps between bones of a hand-segmented knee: the fault that the founding work
 /// left open, and that the proxy does not have it. PALPATE_TEST_GRID_MM says how near the places lie.
 namespace palpate {
 namespace {
 
-using testing::in_ci;
-using testing::shared_file;
+using test::in_ci;
+using test::shared_file;
 
 constexpr LabelId kFemur = 95, kTibia = 96, kFibula = 97, kPatella = 98;
 constexpr double kAround_mm = 18;  // of the knee around the gaps: what lies farther is not felt

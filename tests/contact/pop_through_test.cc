@@ -7,19 +7,19 @@
 #include <random>
 #include <vector>
 
+#include "base/test_files.h"
 #include "palpate/proxy_way.h"
 #include "palpate/scene.h"
 #include "palpate/surfaces.h"
 #include "palpate/volume_io.h"
-#include "shared_knee.h"
 
 /// Random presses on the thin tissues of two real knees, on voxels turned obliquely: the proxy's whole way
 /// stays outside, by an oracle of its own. PALPATE_TEST_PRESSES says how many presses in all.
 namespace palpate {
 namespace {
 
-using testing::in_ci;
-using testing::shared_file;
+using test::in_ci;
+using test::shared_file;
 
 constexpr unsigned kSeed = 5;
 const Eigen::Vector3d kVoxel_mm(0.277, 0.277, 1.0);

@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <optional>
-#include <sstream>
 
+#include "base/test_files.h"
 #include "palpate/surfaces.h"
 #include "palpate/volume_io.h"
 
@@ -16,20 +15,8 @@
 namespace palpate {
 namespace {
 
-std::optional<std::filesystem::path> shared_file(const std::string& name) {
-  const char* folders = std::getenv("PALPATE_DATA");
-  std::istringstream list(folders != nullptr ? folders : "");
-  for (std::string folder; std::getline(list, folder, ':');) {
-    if (std::filesystem::exists(std::filesystem::path(folder) / name))
-      return std::filesystem::path(folder) / name;
-  }
-  return std::nullopt;
-}
-
-bool in_ci() {
-  const char* ci = std::getenv("CI");
-  return ci != nullptr && std::string(ci) == "true";
-}
+using test::in_ci;
+using test::shared_file;
 
 /// Components of what a predicate holds for, over 26 neighbours.
 template <class Inside>
