@@ -23,7 +23,8 @@ struct LoadedScene {
   std::string data_set;  ///< catalogue name when it came from there, else empty
 };
 
-/// @param what         a catalogue name ("knee-phantom", "knee-atlas", "head") or a scene file. knee-phantom is
+/// @param what         a catalogue name ("knee-phantom", "knee-atlas", "head") or a scene file. knee-phantom
+/// is
 ///                     generated in memory.
 /// @param preparation  instead of the scene's
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
