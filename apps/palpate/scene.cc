@@ -291,7 +291,9 @@ void print_workspace(const WorkspaceSettings& workspace) {
 /// A Gaussian narrower than a voxel leaves the steps between voxels in what is felt. A ramp on the scan has
 /// no such steps, and may do without.
 void warn_of_narrow_sigma(const Scene& scene, const Data& data, Console& console) {
-  if (scene.preparation.method != PreparationMethod::kUnionGaussian) return;
+  if (scene.preparation.method != PreparationMethod::kUnionGaussian &&
+      scene.force.method != ForceMethod::kSmoothSphere)
+    return;
   const double sigma_mm = scene.preparation.sigma_mm;
   const double widest_mm = widest_voxel_mm(data.labels_grid(), data.scan_grid());
   constexpr double kRounding = 1e-3;

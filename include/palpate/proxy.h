@@ -95,6 +95,11 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
                           const Point<Patient>& tip, ProxyState& state, const ProxyOptions& options = {});
 inline constexpr double kMostDip_mm = 0.05;
 
+/// After a change of the surfaces: a proxy that is outside all of them stays where it is, any other is let
+/// go.
+void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                ProxyState& state);
+
 /// Couples a tip that is inside: its proxy is born at the nearest place outside all surfaces. False where
 /// there is none within their reach. The caller lets the force ramp in.
 bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,

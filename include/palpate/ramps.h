@@ -31,11 +31,16 @@ struct RampStructure {
 };
 
 struct RampOptions {
-  /// mm, kLeastRampWidth_mm ... kMostRampWidth_mm. Depth at which the stiffest structure gives its full
-  /// force, K_greatest * width_mm.
+  /// N/mm, of the scene's stiffest tissue, which need not be among the structures. At least theirs; 0:
+  /// theirs.
+  double stiffest_N_per_mm = 0;
+  /// mm, kLeastRampWidth_mm ... kMostRampWidth_mm. Depth at which the stiffest tissue gives its full force,
+  /// K_greatest * width_mm.
   double width_mm = 4;
   int threads = 0;  ///< 0: as many as the machine has; results do not depend on it
 };
+/// Chains of structures resting on each other that are looked at.
+inline constexpr int kMostRampChains = 2000;
 inline constexpr double kLeastRampWidth_mm = 1, kMostRampWidth_mm = 12;
 /// Softer structures go on rising below the width, as far as this.
 inline constexpr double kDeepestRamp_mm = 12;
@@ -59,7 +64,8 @@ struct Ramps {
 /// with any number of threads and SIMD target.
 ///
 /// Errors: kBadInput for an option out of range, a stiffness that is not positive, the label 0, a support
-/// that is none of the structures or softer than what rests on it, too little memory; kInterrupted.
+/// that is none of the structures, softer than what rests on it or rests on it in turn, more than
+/// kMostRampChains chains, too little memory; kInterrupted.
 Result<Ramps> prepare_ramps(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures,
                             const RampOptions& options, const Progress& progress = {});
 

@@ -87,6 +87,7 @@ struct SessionState {
     VelocityWindow velocity;
     ProxyState proxy;
     std::uint32_t proxy_version = 0;  ///< of the model whose surfaces it is on
+    bool held_directly = false;       ///< a direct method pushed the tip in the tick before
     CouplingState coupling;
     // what the force was last, and what is left of the difference to what made it
     Wrench asked;

@@ -36,7 +36,8 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
 Result<LoadedScene> load_scene_of_recording(const Recording& recording, const std::string& what,
                                             const Progress& progress = {}, const Warn& warn = {});
 
-/// Builds the Model of a scene from volumes already read. `scan` may be null; grids may differ.
+/// Builds the Model of a scene from volumes already read. `scan` may be null; grids may differ. Ready for the
+/// trilinear method and the scene's, but for the proxy: its surfaces come with ready_for.
 /// @param oriented  false when the files do not say how they lie in the patient
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress = {},

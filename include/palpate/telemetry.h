@@ -80,7 +80,7 @@ struct DeviceTick {
   std::array<double, 3> proxy_patient_mm{};       ///< where the proxy is; by a direct method, the tip
   std::array<double, 3> normal_patient{};         ///< outward, unit; zero in free space
   std::array<double, 3> velocity_patient_mm_s{};  ///< windowed, relative to the object
-  double field = 0;                               ///< 0 ... 1
+  double field = 0;                               ///< 0 ... 1; the proxy reads none: 0
   /// ContactSite::depth_mm; NaN: no surface within reach, 0 where nothing is felt. Of the proxy: from it to
   /// the tip.
   double depth_mm = 0;

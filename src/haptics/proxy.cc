@@ -506,6 +506,15 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   return advance_proxy(surfaces, spheres, tip, state, options, nullptr);
 }
 
+void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                ProxyState& state) {
+  const bool stays = state.coupled && is_free(surfaces, spheres, {}, state.position);
+  const Point<Patient> position = state.position;
+  state = {};
+  state.coupled = stays;
+  state.position = position;
+}
+
 bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                          const Point<Patient>& tip, ProxyState& state) {
   // a surface is looked for as far as the fields know of one; from there, others may be nearer

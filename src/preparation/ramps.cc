@@ -44,6 +44,9 @@ std::string text_of(const char* before, Value value, const char* after) {
 Result<void> check(const std::vector<RampStructure>& structures, const RampOptions& options) {
   if (!(options.width_mm >= kLeastRampWidth_mm && options.width_mm <= kMostRampWidth_mm))
     return bad_input(text_of("the width of a ramp is ", options.width_mm, " mm"), "give 1 to 12 mm");
+  if (!(options.stiffest_N_per_mm >= 0 && std::isfinite(options.stiffest_N_per_mm)))
+    return bad_input(text_of("the greatest stiffness is ", options.stiffest_N_per_mm, " N/mm"),
+                     "give 0 for that of the structures, or at least theirs");
   if (options.threads < 0)
     return bad_input(text_of("the number of threads is ", options.threads, ""),
                      "give 0 for as many as the machine has, or at least 1");
@@ -56,6 +59,9 @@ Result<void> check(const std::vector<RampStructure>& structures, const RampOptio
                                       [&](const RampStructure& other) { return other.label == support; });
       if (found == structures.end())
         return bad_input(text_of("label ", s.label, " rests on one that is not felt"), "let it be felt too");
+      if (std::find(found->rests_on.begin(), found->rests_on.end(), s.label) != found->rests_on.end())
+        return bad_input(text_of("label ", s.label, " rests on one that rests on it"),
+                         "leave one of them out");
       if (found->stiffness_N_per_mm < s.stiffness_N_per_mm)
         return bad_input(text_of("label ", s.label, " is stiffer than one that it rests on"),
                          "make it at most as stiff");
@@ -174,6 +180,10 @@ class ChainWalk {
   }
 
   Result<void> climb(std::size_t structure, const ProgressSpan& stage) {
+    if (++chains_ > kMostRampChains)
+      return bad_input(
+          text_of("more than ", kMostRampChains, " chains of structures that rest on each other"),
+          "let fewer rest on each other (rests_on), or prepare by method = \"union-gaussian\"");
     const DepthOptions depth{std::min(ramps_.full_force_N / stiffness(structure), kDeepestRamp_mm), sigma_mm_,
                              options_.threads};
     chain_.push_back({structure, static_cast<int>(depth.reach_mm / kSurfaceStep_mm),
@@ -247,6 +257,7 @@ class ChainWalk {
   const Progress& progress_;
   Ramps& ramps_;
   double sigma_mm_ = 0;
+  int chains_ = 0;
   std::vector<Link> chain_;
 };
 
@@ -280,6 +291,7 @@ Result<Ramps> prepare(const Volume<LabelId>& labels, const std::vector<RampStruc
                       const RampOptions& options, const Progress& progress) {
   Ramps ramps;
   ramps.field = Volume<std::uint16_t>(labels.geometry());
+  ramps.full_force_N = options.stiffest_N_per_mm * options.width_mm;
   for (const RampStructure& s : structures)
     ramps.full_force_N = std::max(ramps.full_force_N, s.stiffness_N_per_mm * options.width_mm);
 

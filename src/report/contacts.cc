@@ -114,6 +114,7 @@ std::vector<StructureFigures> summarise_structures(const Recording& recording, c
       // fmax passes over a NaN on either side
       if (std::isfinite(device.depth_mm))
         figure.max_depth_mm = std::fmax(figure.max_depth_mm, device.depth_mm);
+      figure.in_front = figure.in_front || device.depth_mm < 0;
       figure.depth_has_gaps = figure.depth_has_gaps || std::isnan(device.depth_mm);
       figure.deeper_than_measured = figure.deeper_than_measured || is_deeper_than_measured(device, model);
       figure.mean_speed_mm_s += norm(device.velocity_patient_mm_s) * dt_s;

@@ -49,6 +49,7 @@ struct StructureFigures {
   /// NaN: never measured.
   double max_depth_mm = std::numeric_limits<double>::quiet_NaN();
   bool depth_has_gaps = false;        ///< in some tick no surface was within reach
+  bool in_front = false;              ///< in some tick it was felt in front of its surface
   bool deeper_than_measured = false;  ///< in one of these the tip was deep inside
   double mean_speed_mm_s = 0;
 

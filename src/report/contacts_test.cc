@@ -178,6 +178,7 @@ TEST(Structures, TheFieldTellsDeepInsideFromInFront) {
     const auto figures = summarise_structures(run.recording, model, run.edges(), run.contacts());
     EXPECT_TRUE(figures[0].depth_has_gaps);
     EXPECT_EQ(figures[0].max_depth_mm, 0.2);
+    EXPECT_FALSE(figures[0].in_front);
     return figures[0].deeper_than_measured;
   };
   EXPECT_FALSE(deeper(0.01));

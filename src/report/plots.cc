@@ -123,8 +123,8 @@ std::string plots_html(const Run& run) {
     return html + "<p class=\"empty\">The recording holds no tick.</p></section>\n";
   }
   html +=
-      "<p class=\"hint\">Shaded: contacts, in the structure's colour. Drag to zoom, double-click to see "
-      "all. A negative depth is felt in the smoothed rim, in front of the surface.";
+      "<p class=\"hint\">Shaded: contacts, in the structure's colour. Drag to zoom, double-click to see all.";
+  if (run.felt_in_front()) html += " A negative depth is felt in the smoothed rim, in front of the surface.";
   if (run.depth_has_gaps()) html += " Where its curve has a gap in a contact, no surface was within reach.";
   html += "</p>\n";
   const std::string duration = " over " + number(run.duration_s(), 1) + " s";

@@ -27,6 +27,11 @@ Run::Run(const Recording& recording_in, const Model& model_in)
       interventions(count_ticks_with(recording, kInterventionFlags)),
       forces(force_extremes(recording)) {}
 
+bool Run::felt_in_front() const {
+  return std::any_of(structures.begin(), structures.end(),
+                     [](const StructureFigures& figure) { return figure.in_front; });
+}
+
 bool Run::depth_has_gaps() const {
   return std::any_of(structures.begin(), structures.end(),
                      [](const StructureFigures& figure) { return figure.depth_has_gaps; });

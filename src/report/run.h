@@ -29,6 +29,7 @@ struct Run {
   /// Unknown when it is not known how the volume lies in the patient, whatever the scene says.
   Side side() const { return model.oriented ? model.side : Side::kUnknown; }
   /// Of any structure.
+  bool felt_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
   bool real_clock() const { return recording.header.clock == "real"; }

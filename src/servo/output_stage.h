@@ -26,6 +26,7 @@ struct OutputRequest {
   double age_s = 0;  ///< of the state it answers; not finite or below -kClockJitter_s: no state at all
   std::uint32_t faults = 0;  ///< TickFlag bits out of kFaultFlags
   bool off = false;          ///< fade out: paused, clutched
+  double unclamped_N = 0;    ///< what was asked before anything was taken off, for the record
 };
 
 /// What goes to the device, and why it differs from what was asked (TickFlag bits).

@@ -54,6 +54,8 @@ std::uint64_t SessionState::hash(int devices) const {
     }
     hands[d].velocity.hash_into(hash);
     hash_proxy(hash, hands[d].proxy);
+    hash_word(hash, hands[d].proxy_version);
+    hash_word(hash, hands[d].held_directly);
     const CouplingState& coupling = hands[d].coupling;
     hash_double(hash, coupling.stiffness_N_per_mm);
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, coupling.pull_mm[axis]);

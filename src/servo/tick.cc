@@ -88,13 +88,16 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
 
 // Where nobody knows how the tip got to where it is, nobody knows on which side of a surface it is. While the
 // force still fades out it is known.
-void begin_contact_anew(const Model& model, const OutputRequest& request, SessionState::Hand& hand) {
+ProxyChange begin_contact_anew(const Model& model, const OutputRequest& request, SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
-  if (lost || hand.proxy_version != model.version) {
+  const ProxyChange change{hand.proxy_version != model.version, hand.held_directly && !lost};
+  if (lost) {
     hand.proxy = {};
     hand.coupling = {};
   }
   hand.proxy_version = model.version;
+  hand.held_directly = false;
+  return change;
 }
 
 // Takes off what would give the hand more energy than it has put in.
@@ -114,8 +117,11 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
                     way_mm / own.scale, tool.stored_mJ, own.position_step_mm, dt_s},
                    parameters.passivity, hand.passivity);
   if (kept.factor == 1) return;
+  if (within < 1) out.flags |= kFlagClamped;
   request.asked.force_N = request.asked.force_N * (within * kept.factor);
   request.asked.torque_Nmm = request.asked.torque_Nmm * (within * kept.factor);
+  // what a blend begins with is what was felt
+  hand.asked = request.asked;
   out.damping_N_s_per_m = kept.damping_N_s_per_m;
   out.flags |= kFlagPassivity;
 }
@@ -145,6 +151,7 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
     hand.velocity.clear();
     hand.asked = {};
     hand.proxy = {};
+    hand.held_directly = false;
     hand.coupling = {};
     hand.passivity = {};
   } else {
@@ -153,17 +160,19 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
     const Vector<Patient> velocity_mm_s =
         follow_tip(device, tip, dt_s, (request.faults & kFlagJump) != 0, hand);
     if (parameters.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
-      begin_contact_anew(model, request, hand);
+      const ProxyChange change = begin_contact_anew(model, request, hand);
       tool = touch_by_proxy(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
-                            X_PatientWorld, dt_s, hand.proxy, hand.coupling);
+                            X_PatientWorld, dt_s, change, hand.proxy, hand.coupling);
     } else {
       hand.proxy = {};
       hand.coupling = {};
       tool = touch_with_tool(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
                              X_PatientWorld);
+      hand.held_directly = tool.strongest.is_touch() && !request.off && request.faults == 0;
     }
     out.flags |= tool.flags;
     request.asked = blended(tool.asked, changed, dt_s, hand);
+    request.unclamped_N = request.asked.force_N.norm();
     hold_energy(tool, parameters, own, X_WorldPatient * way_mm, max_force_N, dt_s, hand, request, out);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
     if (hand.blend_elapsed_s < kBlend_s) out.flags |= kFlagBlend;

@@ -66,7 +66,7 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
   out.force_N = plain(sent.wrench.force_N);
   out.torque_Nmm = plain(sent.wrench.torque_Nmm);
   out.gripper_N = sent.wrench.gripper_N;
-  out.unclamped_force_N = request.asked.force_N.norm();
+  out.unclamped_force_N = request.unclamped_N;
   out.limit_N = sent.limit_N;
   out.heat = hand.output.heat;
   out.energy_mJ = hand.passivity.energy_mJ;

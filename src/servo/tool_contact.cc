@@ -13,7 +13,8 @@ constexpr double kTouch_N = 0.02;
 
 // in the patient
 double most_stiffness_N_per_mm(const DeviceParameters& own) {
-  return own.most_stiffness_N_per_mm / (own.force_gain * own.scale);
+  const double most = own.most_stiffness_N_per_mm / (own.force_gain * own.scale);
+  return most < 0 ? 0 : most;
 }
 
 /// @param full_force_N  where the field is 1
@@ -38,18 +39,32 @@ PointContact touch(const Model& model, const Parameters& parameters, double full
 // viscosity is whole from this far inside
 constexpr double kInside_mm = 1;
 
-// the structure that a contact leans on: where structures touch or overlap, the one whose voxels lie there
-LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at) {
-  const GridGeometry& grid = model.labels->geometry();
-  const Point<Voxel> p =
-      model.field->X_VoxelPatient() * (at - contact.normal * (0.5 * grid.min_spacing_mm()));
-  int index[3];
+// of the voxel there; 0 outside the volume
+LabelId label_at(const Model& model, const Point<Patient>& at) {
+  const Point<Voxel> p = model.field->X_VoxelPatient() * at;
+  const auto& dims = model.labels->geometry().dims;
+  std::array<int, 3> index{};
   for (int axis = 0; axis < 3; ++axis) {
-    if (!(p[axis] > -0.5 && p[axis] < grid.dims[axis] - 0.5))
-      return model.label_of_surface[static_cast<std::size_t>(contact.surface)];
+    if (!(p[axis] > -0.5 && p[axis] < dims[axis] - 0.5)) return 0;
     index[axis] = static_cast<int>(p[axis] + 0.5);
   }
-  const LabelId label = model.labels->at(index[0], index[1], index[2]);
+  return model.labels->at(index[0], index[1], index[2]);
+}
+
+ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
+  ContactSite site;
+  if (!model.is_felt(label)) return site;
+  site.label = label;
+  site.tissue = model.tissue_of_label[label];
+  site.level = model.level_of_label[label];
+  site.depth_mm = depth_mm;
+  return site;
+}
+
+// the structure that a contact leans on: where structures touch or overlap, the one whose voxels lie there
+LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at) {
+  const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
+  const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
   return model.is_felt(label) ? label : model.label_of_surface[static_cast<std::size_t>(contact.surface)];
 }
 
@@ -57,7 +72,7 @@ LabelId label_under(const Model& model, const ProxyContact& contact, const Point
 PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span<const ToolSphere> spheres,
                           const Point<Patient>& tip, const Vector<Patient>& force_N) {
   PointContact contact;
-  contact.proxy = proxy.position;
+  contact.proxy = proxy.coupled ? proxy.position : tip;
   contact.force_N = force_N;
   const auto contacts = std::span(proxy.contact).first(static_cast<std::size_t>(proxy.contacts));
   const auto most = std::max_element(contacts.begin(), contacts.end(),
@@ -65,11 +80,9 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span
   if (most == contacts.end()) return contact;
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(most->sphere)];
   contact.sample.gradient = -most->normal;
-  contact.site.label =
-      label_under(model, *most, proxy.position + sphere.offset_mm - most->normal * sphere.radius_mm);
-  contact.site.tissue = model.tissue_of_label[contact.site.label];
-  contact.site.level = model.level_of_label[contact.site.label];
-  contact.site.depth_mm = (proxy.position - tip).norm();
+  contact.site = site_of(
+      model, label_under(model, *most, proxy.position + sphere.offset_mm - most->normal * sphere.radius_mm),
+      (proxy.position - tip).norm());
   return contact;
 }
 
@@ -131,8 +144,8 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
                            const Eigen::Quaterniond& R_WorldTool, const Point<Patient>& tip,
                            const Vector<Patient>& velocity_mm_s,
                            const Transform<World, Patient>& X_WorldPatient,
-                           const Transform<Patient, World>& X_PatientWorld, double dt_s, ProxyState& proxy,
-                           CouplingState& coupling) {
+                           const Transform<Patient, World>& X_PatientWorld, double dt_s,
+                           const ProxyChange& change, ProxyState& proxy, CouplingState& coupling) {
   // the tool as it is turned now, in the patient
   const Eigen::Matrix3d turn = R_WorldTool.normalized().toRotationMatrix();
   std::array<ToolSphere, kMostToolSpheres> tool_spheres;
@@ -141,6 +154,8 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
     tool_spheres[count++] = {X_PatientWorld * Vector<World>(turn * offset_mm), model.tool.radius_mm};
   const std::span<const ToolSphere> spheres{tool_spheres.data(), count};
 
+  if (change.surfaces) keep_proxy(model.surfaces, spheres, proxy);
+  if (change.method && !proxy.coupled) give_birth_to_proxy(model.surfaces, spheres, tip, proxy);
   const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy,
                                            {parameters.friction, most_stiffness_N_per_mm(gains)});
   const Vector<Patient> pull_mm = proxy.coupled ? proxy.position - tip : Vector<Patient>();
@@ -148,7 +163,8 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
       coupled(result, pull_mm, model.method_settings.coupling_damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;
   tool.strongest = strongest_of(model, proxy, spheres, tip, result.force_N * part);
-  const ContactSite& site = tool.strongest.site;
+  ContactSite& site = tool.strongest.site;
+  if (site.tissue < 0 && proxy.punctured.any()) site = site_of(model, label_at(model, tip), kInside_mm);
   if (parameters.viscosity && site.tissue >= 0)
     tool.strongest.force_N += viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)],
                                             velocity_mm_s, site.depth_mm / kInside_mm);

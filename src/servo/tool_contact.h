@@ -35,14 +35,20 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
                             const Transform<World, Patient>& X_WorldPatient,
                             const Transform<Patient, World>& X_PatientWorld);
 
+/// What has changed since the last tick of the proxy.
+struct ProxyChange {
+  bool surfaces = false;  ///< it is on others'
+  bool method = false;    ///< a direct method pushed until now: where the tip is inside, a proxy is born
+};
+
 /// The same by the proxy, which remembers where it is. Friction is its own, viscosity that of the direct
 /// methods.
 ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, const DeviceParameters& gains,
                            const Eigen::Quaterniond& R_WorldTool, const Point<Patient>& tip,
                            const Vector<Patient>& velocity_mm_s,
                            const Transform<World, Patient>& X_WorldPatient,
-                           const Transform<Patient, World>& X_PatientWorld, double dt_s, ProxyState& proxy,
-                           CouplingState& coupling);
+                           const Transform<Patient, World>& X_PatientWorld, double dt_s,
+                           const ProxyChange& change, ProxyState& proxy, CouplingState& coupling);
 /// Time constant with which the stiffness that is felt follows that of the surfaces touched.
 inline constexpr double kSeam_s = 0.015;
 

@@ -274,7 +274,9 @@ Result<std::shared_ptr<const Field>> ramp_field(const PreparationSettings& prepa
   if (!width_mm) return width_mm.error();
   const std::vector<RampStructure> structures = ramp_structures(model, labels);
   if (structures.empty()) return nothing_felt();
-  auto ramps = prepare_ramps(labels, structures, {.width_mm = *width_mm}, progress);
+  auto ramps = prepare_ramps(
+      labels, structures, {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = *width_mm},
+      progress);
   if (!ramps) return ramps.error();
   model.ramp_width_mm = *width_mm;
   warn_of_thin(model, *ramps, warn);
@@ -399,8 +401,10 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   if (warn && !oriented)
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
   model->content_hash = content_hash(*model);
-  const std::array methods{ForceMethod::kTrilinear, scene.force.method};
-  auto ready = ready_for(std::move(model), methods, progress);
+  // surfaces take seconds and memory: who feels by the proxy has them made
+  std::vector<ForceMethod> methods{ForceMethod::kTrilinear};
+  if (scene.force.method != ForceMethod::kProxy) methods.push_back(scene.force.method);
+  auto ready = with_methods(std::move(model), methods, progress);
   if (!ready && ready.error().where.empty()) {
     Error error = ready.error();
     error.where = scene.source;

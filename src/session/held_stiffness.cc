@@ -1,6 +1,7 @@
 #include "session/held_stiffness.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "session/critical_stiffness.h"
@@ -32,13 +33,15 @@ std::string loop_of(const PlantDevice& device, double rate_hz, double delay_s) {
 }  // namespace
 
 Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings& workspace,
-                                     const PlantDevice& device, double rate_hz, double delay_s,
-                                     const Progress& progress) {
+                                     ForceMethod method, const PlantDevice& device, double rate_hz,
+                                     double delay_s, const Progress& progress) {
   const Tissue& stiffest = stiffest_of(model);
+  const double one_point = felt_stiffness_N_per_mm(workspace, stiffest.stiffness_N_per_mm);
+  const double all_points = one_point * static_cast<double>(model.tool.points_mm.size());
   HeldStiffness held;
-  held.asked_N_per_mm = felt_stiffness_N_per_mm(workspace, stiffest.stiffness_N_per_mm);
+  held.asked_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
   held.most_N_per_mm = held_by_theory(device, rate_hz, delay_s);
-  if (held.asked_N_per_mm <= held.most_N_per_mm) return held;
+  if (all_points <= held.most_N_per_mm) return held;
 
   progress.report("how stiff a wall the device holds", 0);
   const auto most = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
@@ -47,15 +50,17 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
   held.most_N_per_mm = *most;
   if (held.asked_N_per_mm <= held.most_N_per_mm) return held;
 
+  const auto points = static_cast<int>(std::lround(held.asked_N_per_mm / one_point));
   char text[400];
   std::snprintf(
       text, sizeof text,
-      "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g): felt as %.3g, the "
+      "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): felt as %.3g, "
+      "the "
       "most that a hand holds with %s, %.1f of where a grip begins to swing (passive with any hand: "
       "%.3g)",
       stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
-      workspace.force_gain, held.most_N_per_mm, loop_of(device, rate_hz, delay_s).c_str(), kStiffnessMargin,
-      passivity_bound_N_per_mm(device, rate_hz));
+      workspace.force_gain, points, points == 1 ? "" : "s", held.most_N_per_mm,
+      loop_of(device, rate_hz, delay_s).c_str(), kStiffnessMargin, passivity_bound_N_per_mm(device, rate_hz));
   held.clamped = text;
   return held;
 }

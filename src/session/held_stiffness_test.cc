@@ -18,7 +18,8 @@ LoadedScene ball_of(double stiffness_N_per_mm) {
 }
 
 TEST(HeldStiffness, OfASoftSceneIsNotClamped) {
-  const auto held = held_stiffness(*ball_of(1).model, {}, *find_plant_device("premium-1.5"), 1000, 0);
+  const auto held =
+      held_stiffness(*ball_of(1).model, {}, ForceMethod::kProxy, *find_plant_device("premium-1.5"), 1000, 0);
   ASSERT_TRUE(held.ok());
   EXPECT_EQ(held->asked_N_per_mm, 1);
   EXPECT_GT(held->most_N_per_mm, 1);
@@ -30,7 +31,7 @@ TEST(HeldStiffness, IsTheRecommendedOneWhereMoreIsAskedAndSaysSoWithTheNumbers) 
   WorkspaceSettings workspace;
   workspace.scale = 2;
   workspace.force_gain = 0.5;
-  const auto held = held_stiffness(*ball_of(6).model, workspace, premium, 1000, 1e-3);
+  const auto held = held_stiffness(*ball_of(6).model, workspace, ForceMethod::kProxy, premium, 1000, 1e-3);
   ASSERT_TRUE(held.ok());
   EXPECT_EQ(held->asked_N_per_mm, 6);
   EXPECT_EQ(held->most_N_per_mm, *recommended_stiffness_N_per_mm(premium, 1000, 1e-3));
@@ -39,12 +40,26 @@ TEST(HeldStiffness, IsTheRecommendedOneWhereMoreIsAskedAndSaysSoWithTheNumbers) 
     EXPECT_NE(held->clamped.find(part), std::string::npos) << held->clamped;
 }
 
+TEST(HeldStiffness, PointsThatTouchTogetherAddUpButNotForTheProxy) {
+  const PlantDevice premium = *find_plant_device("premium-1.5");
+  Model model = *ball_of(1.5).model;
+  model.tool.points_mm.assign(4, Eigen::Vector3d::Zero());
+  const auto directly = held_stiffness(model, {}, ForceMethod::kTrilinear, premium, 1000, 0);
+  const auto by_proxy = held_stiffness(model, {}, ForceMethod::kProxy, premium, 1000, 0);
+  ASSERT_TRUE(directly.ok() && by_proxy.ok());
+  EXPECT_EQ(directly->asked_N_per_mm, 6);
+  EXPECT_NE(directly->clamped.find("4 points): felt as 4.67"), std::string::npos) << directly->clamped;
+  EXPECT_EQ(by_proxy->asked_N_per_mm, 1.5);
+  EXPECT_EQ(by_proxy->clamped, "");
+  EXPECT_EQ(by_proxy->most_N_per_mm, directly->most_N_per_mm) << "the method may change";
+}
+
 TEST(HeldStiffness, WhatTheoryPromisesIsLessThanWhatIsRecommended) {
   // otherwise a scene could be softer without anybody being told
   for (const char* name : {"premium-1.5", "touch"})
     for (const double rate_hz : {250.0, 1000.0, 10000.0}) {
       const PlantDevice device = *find_plant_device(name);
-      const auto held = held_stiffness(*ball_of(1e-3).model, {}, device, rate_hz, 1e-3);
+      const auto held = held_stiffness(*ball_of(1e-3).model, {}, ForceMethod::kProxy, device, rate_hz, 1e-3);
       ASSERT_TRUE(held.ok());
       EXPECT_LT(held->most_N_per_mm, *recommended_stiffness_N_per_mm(device, rate_hz, 1e-3));
     }

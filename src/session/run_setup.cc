@@ -83,8 +83,8 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   if (!model) return model.error();
   setup.model = *std::move(model);
   setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);
-  const auto held = held_stiffness(*setup.model, setup.workspace, *device, setup.script.rate_hz,
-                                   setup.script.delay_s, progress);
+  const auto held = held_stiffness(*setup.model, setup.workspace, setup.parameters.method, *device,
+                                   setup.script.rate_hz, setup.script.delay_s, progress);
   if (!held) return held.error();
   setup.parameters.device[0].most_stiffness_N_per_mm = held->most_N_per_mm;
   setup.trouble =

@@ -2,6 +2,7 @@
 
 #include "session/critical_stiffness.h"
 #include "verification/stability_buzz.h"
+#include "verification/stability_contact.h"
 #include "verification/stability_energy.h"
 #include "verification/stability_names.h"
 #include "verification/stability_theory.h"
@@ -110,9 +111,14 @@ Result<SuiteReport> run_stability(const Progress& progress) {
   const auto energies = energy_figures(progress);
   if (!energies) return energies.error();
   report.figures.insert(report.figures.end(), energies->begin(), energies->end());
+  const auto contact = contact_figures(progress);
+  if (!contact) return contact.error();
+  report.figures.insert(report.figures.end(), contact->begin(), contact->end());
   report.notes = {
       {"hold", "1 N on a single wall, touched at 0, 0.1 and 0.5 m/s; the least of them"},
-      {"limit cycle", "above two encoder steps in the 2nd second of the hold, and not dying down"}};
+      {"limit cycle", "above two encoder steps in the 2nd second of the hold, and not dying down"},
+      {"chance", "seed " + std::to_string(Exploration{}.seed) + " of energy, seed " +
+                     std::to_string(kContactSeed) + " of friction, drift and pop-through"}};
   return report;
 }
 

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "palpate/scene.h"
 #include "palpate/session.h"
 #include "palpate/stability.h"
 
@@ -57,7 +56,18 @@ class BuzzFigures {
 
 }  // namespace
 
-Result<std::shared_ptr<const Model>> two_plates(double stiffness_N_per_mm, const Progress& progress) {
+std::vector<ForceMethodInfo> methods_on(PreparationMethod preparation) {
+  std::vector<ForceMethodInfo> methods;
+  for (const ForceMethodInfo& info : kForceMethods) {
+    const bool reads_field = info.method == ForceMethod::kTrilinear || info.method == ForceMethod::kSpline ||
+                             info.method == ForceMethod::kStoredNormals;
+    if (reads_field || preparation == PreparationMethod::kUnionGaussian) methods.push_back(info);
+  }
+  return methods;
+}
+
+Result<std::shared_ptr<const Model>> two_plates(double stiffness_N_per_mm, PreparationMethod preparation,
+                                                const Progress& progress) {
   // faces lie between voxels; the plates go on as far as no method looks for their ends
   GridGeometry grid;
   grid.dims = {79, 41, 41};
@@ -82,12 +92,12 @@ Result<std::shared_ptr<const Model>> two_plates(double stiffness_N_per_mm, const
   bone.label_lines = {0};
   bone.stiffness_N_per_mm = stiffness_N_per_mm;
   scene.tissues = {bone};
-  scene.preparation.method = PreparationMethod::kUnionGaussian;
+  scene.preparation.method = preparation;
   scene.preparation.sigma_mm = 1.5;
   auto model = build_model(scene, &labels, nullptr, progress);
   if (!model) return model;
   std::vector<ForceMethod> methods;
-  for (const ForceMethodInfo& info : kForceMethods) methods.push_back(info.method);
+  for (const ForceMethodInfo& info : methods_on(preparation)) methods.push_back(info.method);
   return ready_for(*model, methods, progress);
 }
 
@@ -99,31 +109,45 @@ std::vector<HeldPlace> places_on_plates(const Model& model, ForceMethod method, 
   return {{"gap", gap, gap}, {"wall", before, pressed}, {"inside", inside, inside}};
 }
 
-Result<std::vector<Figure>> buzz_figures(const Progress& progress) {
-  // one unit after the other, as tables want them
-  BuzzFigures figures;
-  for (const char* name : {"premium-1.5", "touch"}) {
-    const PlantDevice device = *find_plant_device(name);
-    const auto stiffness = recommended_stiffness_N_per_mm(device, kRate_hz, kDelay_s, progress);
-    if (!stiffness) return stiffness.error();
-    const auto model = two_plates(*stiffness, progress);
-    if (!model) return model.error();
-    for (const ForceMethodInfo& info : kForceMethods) {
-      progress.report("holding still: " + std::string(info.name) + ", " + name,
-                      static_cast<double>(index_of(info.method)) / kForceMethods.size());
-      for (const char* grip : {"light-grip", "firm-grip"}) {
-        const PlantHand hand = *find_plant_hand(grip);
-        for (const HeldPlace& place : places_on_plates(**model, info.method, hand)) {
-          const auto held = hold_tip(
-              **model, {device, hand, info.method, kRate_hz, kDelay_s, 1, place.from, place.at}, progress);
-          if (!held) return held.error();
-          figures.add(
-              "stability/buzz/" + device.name + "/" + std::string(info.name) + "/" + place.name + "/" + grip,
-              held->buzz);
-        }
+namespace {
+
+// every method on one preparation, at all places with both grips
+Result<void> add_holds(const PlantDevice& device, PreparationMethod preparation, const Progress& progress,
+                       BuzzFigures& figures) {
+  const auto stiffness = recommended_stiffness_N_per_mm(device, kRate_hz, kDelay_s, progress);
+  if (!stiffness) return stiffness.error();
+  const auto model = two_plates(*stiffness, preparation, progress);
+  if (!model) return model.error();
+  for (const ForceMethodInfo& info : methods_on(preparation)) {
+    std::string method(info.name);
+    if (preparation == PreparationMethod::kInwardRamp) method += "-on-ramps";
+    progress.report("holding still: " + method + ", " + device.name,
+                    static_cast<double>(index_of(info.method)) / kForceMethods.size());
+    for (const char* grip : {"light-grip", "firm-grip"}) {
+      const PlantHand hand = *find_plant_hand(grip);
+      for (const HeldPlace& place : places_on_plates(**model, info.method, hand)) {
+        const auto held = hold_tip(
+            **model, {device, hand, info.method, kRate_hz, kDelay_s, 1, place.from, place.at}, progress);
+        if (!held) return held.error();
+        figures.add("stability/buzz/" + device.name + "/" + method + "/" + place.name + "/" + grip,
+                    held->buzz);
       }
     }
   }
+  return {};
+}
+
+}  // namespace
+
+Result<std::vector<Figure>> buzz_figures(const Progress& progress) {
+  // one unit after the other, as tables want them
+  BuzzFigures figures;
+  for (const char* name : {"premium-1.5", "touch"})
+    for (const PreparationMethod preparation :
+         {PreparationMethod::kUnionGaussian, PreparationMethod::kInwardRamp}) {
+      const auto added = add_holds(*find_plant_device(name), preparation, progress, figures);
+      if (!added) return added.error();
+    }
   return figures.all();
 }
 

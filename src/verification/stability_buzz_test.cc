@@ -6,8 +6,11 @@ namespace palpate {
 namespace {
 
 // the last second at a place of the plates, 1 N/mm
-HeldTip held(ForceMethod method, const char* grip, const std::string& place_name) {
-  static const auto model = two_plates(1);
+HeldTip held(ForceMethod method, const char* grip, const std::string& place_name,
+             PreparationMethod preparation = PreparationMethod::kUnionGaussian) {
+  static const auto union_model = two_plates(1, PreparationMethod::kUnionGaussian),
+                    ramp_model = two_plates(1, PreparationMethod::kInwardRamp);
+  const auto& model = preparation == PreparationMethod::kUnionGaussian ? union_model : ramp_model;
   PALPATE_CHECK(model.ok());
   const PlantHand hand = *find_plant_hand(grip);
   for (const HeldPlace& place : places_on_plates(**model, method, hand)) {
@@ -27,6 +30,20 @@ TEST(BuzzOnPlates, AWallIsHeldQuietlyAtOneNewtonByEveryMethod) {
     EXPECT_TRUE(tip.quiet()) << info.name;
     // as far as Coulomb friction, an encoder step and where the prepared face lies allow
     EXPECT_NEAR(tip.buzz.force_N, 1, 0.1) << info.name;
+  }
+}
+
+TEST(BuzzOnPlates, ARampIsHeldQuietlyAtOneNewtonAndLeavesTheGapAlone) {
+  const auto methods = methods_on(PreparationMethod::kInwardRamp);
+  EXPECT_EQ(methods.size(), 3u) << "that read the field";
+  for (const ForceMethodInfo& info : methods) {
+    const HeldTip wall = held(info.method, "firm-grip", "wall", PreparationMethod::kInwardRamp);
+    EXPECT_TRUE(wall.quiet()) << info.name;
+    EXPECT_NEAR(wall.buzz.force_N, 1, 0.1) << info.name;
+    const HeldTip gap = held(info.method, "light-grip", "gap", PreparationMethod::kInwardRamp);
+    // outside, a spline swings by some thousandths where the ramp begins
+    EXPECT_LT(gap.buzz.force_N, 0.005) << info.name;
+    EXPECT_EQ(gap.buzz.peak_to_peak_um, 0) << info.name;
   }
 }
 

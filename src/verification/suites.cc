@@ -32,7 +32,7 @@ constexpr Suite kSuites[] = {
     {"accuracy", "direction, magnitude and choppiness of every method against known surfaces", false,
      accuracy},
     {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", true, run_latency},
-    {"stability", "how stiff a wall simulated hands and devices hold without a limit cycle", false,
+    {"stability", "what simulated hands and devices hold: stiffness, buzz, energy, friction, drift", false,
      stability},
 };
 
