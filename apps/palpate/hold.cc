@@ -215,7 +215,7 @@ void add_hold(CLI::App& app, Run& run) {
   add_options(*verb, *options);
   verb->footer(
       "Examples:\n"
-      "  palpate hold knee-phantom --at 20,0,0 --preparation union-gaussian --method trilinear --method "
+      "  palpate hold knee-phantom --at=20,-4,0.2 --preparation union-gaussian --method trilinear --method "
       "proxy \\\n"
       "      -o hold.svg\n"
       "  palpate hold scene.toml --voxel 238,272,43 --device touch --hand firm-grip --delay 3\n\n"
