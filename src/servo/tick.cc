@@ -168,7 +168,9 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
       hand.coupling = {};
       tool = touch_with_tool(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
                              X_PatientWorld);
-      hand.held_directly = tool.strongest.is_touch() && !request.off && request.faults == 0;
+      // deep inside, where it does not push, a proxy born far away would pull with all that is allowed
+      const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
+      hand.held_directly = pushes && !request.off && request.faults == 0;
     }
     out.flags |= tool.flags;
     request.asked = blended(tool.asked, changed, dt_s, hand);

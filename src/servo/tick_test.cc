@@ -673,6 +673,18 @@ TEST(Tick, FromADirectMethodInContactAProxyIsBornAtTheNearestSurface) {
   EXPECT_LT(largest_step_N, 0.05);
 }
 
+TEST(Tick, DeepInsideWhereADirectMethodDoesNotPushNoProxyIsBorn) {
+  ProxyLoop loop;
+  loop.parameters.viscosity = false;
+  loop.parameters.method = ForceMethod::kTrilinear;
+  for (int n = 0; n < 200; ++n) loop.at({1, 0, 0});
+  ASSERT_EQ(loop.wrench.force_N, Vector<World>());
+  loop.parameters.method = ForceMethod::kProxy;
+  for (int n = 0; n < 200; ++n) loop.at({1, 0, 0});
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagInside);
+  EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+}
+
 TEST(Tick, InsideAPuncturedStructureItsViscosityIsFelt) {
   ProxyLoop loop;
   loop.model.surfaces[0].puncture_N = 1;

@@ -55,8 +55,7 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
   std::snprintf(
       text, sizeof text,
       "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): felt as %.3g, "
-      "the "
-      "most that a hand holds with %s, %.1f of where a grip begins to swing (passive with any hand: "
+      "the most that a hand holds with %s, %.1f of where a grip begins to swing (passive with any hand: "
       "%.3g)",
       stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
       workspace.force_gain, points, points == 1 ? "" : "s", held.most_N_per_mm,
