@@ -76,6 +76,9 @@ struct PassivityState {
   double energy_mJ = 0;  ///< that the hand has put in and not got back; below 0: it got more
   // the way along the force since a speed was told last, its time, and that speed
   double way_mm = 0, time_s = 0, speed_mm_s = 0;
+  // how far within less than a step of its encoder the tip is, and whether it went with the force last
+  double play_mm = 0;
+  bool gives_way = false;
 };
 
 /// Everything a tick remembers. Small, copyable, hashable; no pointers.

@@ -12,6 +12,11 @@ constexpr double kCoarseStep_mm = 0.06;
 constexpr double kTellingSteps = 1.5, kLongest_s = 0.007;
 // what stays covered: as much as the encoder hides (F 2 steps, methods of Hannaford & Ryu with quantisation)
 constexpr double kReserveSteps = 2;
+// Slower than a speed is told the tip still has a direction: it turns where it has gone back so far, which is
+// less than one step and more than what a turning object adds to none.
+constexpr double kTurnSteps = 0.8;
+// so much of the force is taken off at most on the way out, besides an encoder step's worth
+constexpr double kMostHysteresis = 0.5;
 
 // speed along the force, from the shortest way that tells one; none after a turn
 void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& state) {
@@ -25,6 +30,39 @@ void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& 
   state.way_mm = state.time_s = 0;
 }
 
+// where the tip has gone last along the force, however slowly
+void follow_direction(double along_mm, double step_mm, PassivityState& state) {
+  const double half_mm = 0.5 * kTurnSteps * step_mm;
+  state.play_mm += along_mm;
+  if (std::abs(state.play_mm) < half_mm) return;
+  state.gives_way = state.play_mm > 0;
+  state.play_mm = std::copysign(half_mm, state.play_mm);
+}
+
+// The part of the force that is left to a damper that takes off what is not covered within the tick, as far
+// as it may.
+double damped(double force_N, double step_mm, double dt_s, const PassivityState& state,
+              double& damping_N_s_per_m) {
+  if (state.speed_mm_s <= 0) return 1;
+  constexpr double kMillimetresPerMetre = 1e3;
+  const double way_mm = state.speed_mm_s * dt_s;
+  const double missing_mJ = force_N * (way_mm + kReserveSteps * step_mm) - state.energy_mJ;
+  if (missing_mJ <= 0) return 1;
+  damping_N_s_per_m =
+      std::min(kMostDamping_N_s_per_m, missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
+  return std::max(0.0, 1 - damping_N_s_per_m * state.speed_mm_s / (kMillimetresPerMetre * force_N));
+}
+
+// The part that is left on the way out where the energy does not cover the reserve: so motions that are too
+// slow for a damper pay back what they give out. What the hand feels of it is no more than a step of the
+// encoder is anyway.
+double less_on_the_way_out(const PassivityInput& input, double force_N, double step_mm,
+                           const PassivityState& state) {
+  if (!state.gives_way) return 1;
+  const double missing = std::max(0.0, 1 - state.energy_mJ / (force_N * kReserveSteps * step_mm));
+  return 1 - std::min({missing, kMostHysteresis, input.stiffness_N_per_mm * step_mm / force_N});
+}
+
 }  // namespace
 
 PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state) {
@@ -34,25 +72,21 @@ PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivitySta
   // in free space nothing is left but what is owed
   const double force_N = input.force_N.norm();
   if (!(force_N > 0) || !(input.dt_s > 0)) {
-    state = {std::min(state.energy_mJ, 0.0), 0, 0, 0};
+    const double owed_mJ = std::min(state.energy_mJ, 0.0);
+    state = {};
+    state.energy_mJ = owed_mJ;
     return {};
   }
 
-  // what the force would give out, if the tip went on as it does
   const double step_mm = input.step_mm > 0 ? input.step_mm : kCoarseStep_mm;
-  follow_speed(input.way_mm.dot(input.force_N) / force_N, step_mm, input.dt_s, state);
-  if (!act || state.speed_mm_s <= 0) return {};
-  const double way_mm = state.speed_mm_s * input.dt_s;
-  const double missing_mJ = force_N * (way_mm + kReserveSteps * step_mm) - state.energy_mJ;
-  if (missing_mJ <= 0) return {};
+  const double along_mm = input.way_mm.dot(input.force_N) / force_N;
+  follow_speed(along_mm, step_mm, input.dt_s, state);
+  follow_direction(along_mm, step_mm, state);
+  if (!act) return {};
 
-  // a damper that takes it off within the tick, as far as it may
-  constexpr double kMillimetresPerMetre = 1e3;
   PassivityOutput out;
-  out.damping_N_s_per_m =
-      std::min(kMostDamping_N_s_per_m, missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
-  const double less_N = out.damping_N_s_per_m * state.speed_mm_s / kMillimetresPerMetre;
-  out.factor = std::max(0.0, 1 - less_N / force_N);
+  out.factor = std::min(damped(force_N, step_mm, input.dt_s, state, out.damping_N_s_per_m),
+                        less_on_the_way_out(input, force_N, step_mm, state));
   return out;
 }
 

@@ -7,11 +7,12 @@
 namespace palpate {
 
 struct PassivityInput {
-  Vector<World> force_N;  ///< asked, as far as limit and ramp let it through
-  Vector<World> sent_N;   ///< in the tick before
-  Vector<World> way_mm;   ///< of the tip since then, relative to the object, mm of the device
-  double stored_mJ = 0;   ///< that the contact can hold now, as a spring does; infinite: not known
-  double step_mm = 0;     ///< of the encoders; not known: that of a coarse one
+  Vector<World> force_N;          ///< asked, as far as limit and ramp let it through
+  Vector<World> sent_N;           ///< in the tick before
+  Vector<World> way_mm;           ///< of the tip since then, relative to the object, mm of the device
+  double stored_mJ = 0;           ///< that the contact can hold now, as a spring does; infinite: not known
+  double stiffness_N_per_mm = 0;  ///< of the contact, at the device
+  double step_mm = 0;             ///< of the encoders; not known: that of a coarse one
   double dt_s = 0;
 };
 
@@ -27,7 +28,8 @@ struct PassivityOutput {
 ///
 /// Controller: where the energy does not cover what the force would give out if the tip went on as it does,
 /// a damper along the force takes off what is not covered. It acts on forces that push the tip on its way and
-/// never turns one round.
+/// never turns one round. A tip too slow for its speed to be known is let out with less force than it was let
+/// in, by an encoder step's worth at most, where the energy does not cover two.
 /// @param act  false: observes only
 PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state);
 

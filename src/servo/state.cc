@@ -64,8 +64,10 @@ std::uint64_t SessionState::hash(int devices) const {
     hash_wrench(hash, hands[d].difference);
     hash_double(hash, hands[d].blend_elapsed_s);
     const PassivityState& passivity = hands[d].passivity;
-    for (const double value : {passivity.energy_mJ, passivity.way_mm, passivity.time_s, passivity.speed_mm_s})
+    for (const double value :
+         {passivity.energy_mJ, passivity.way_mm, passivity.time_s, passivity.speed_mm_s, passivity.play_mm})
       hash_double(hash, value);
+    hash_word(hash, passivity.gives_way);
     hash_wrench(hash, hands[d].output.sent);
     hash_double(hash, hands[d].output.gain);
     hash_double(hash, hands[d].output.heat);

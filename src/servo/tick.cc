@@ -114,7 +114,7 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
   const double within = asked_N > limit_N ? limit_N / asked_N : 1;
   const PassivityOutput kept =
       keep_passive({request.asked.force_N * (within * hand.output.gain), hand.output.sent.force_N,
-                    way_mm / own.scale, tool.stored_mJ, own.position_step_mm, dt_s},
+                    way_mm / own.scale, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s},
                    parameters.passivity, hand.passivity);
   if (kept.factor == 1) return;
   if (within < 1) out.flags |= kFlagClamped;

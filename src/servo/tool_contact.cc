@@ -123,8 +123,9 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
   // points that touch together add up
   const double stiffness_N_per_mm =
       model.greatest_stiffness_N_per_mm() * static_cast<double>(model.tool.points_mm.size());
-  const double full_force_N = model.force_field(parameters.method).full_force_N() *
-                              std::min(1.0, most_stiffness_N_per_mm(gains) / stiffness_N_per_mm);
+  const double softer = std::min(1.0, most_stiffness_N_per_mm(gains) / stiffness_N_per_mm);
+  const double full_force_N = model.force_field(parameters.method).full_force_N() * softer;
+  tool.stiffness_N_per_mm = stiffness_N_per_mm * softer * gains.force_gain * gains.scale;
   bool first = true;
   for (const Eigen::Vector3d& offset_mm : model.tool.points_mm) {
     const Vector<World> arm_mm(turn * offset_mm);
@@ -172,6 +173,7 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
   tool.asked.torque_Nmm = X_WorldPatient * result.torque_Nmm * (part * gains.force_gain / gains.scale);
   tool.stored_mJ =
       0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm() * gains.force_gain / gains.scale;
+  tool.stiffness_N_per_mm = coupling.stiffness_N_per_mm * gains.force_gain * gains.scale;
   if (!proxy.coupled) tool.flags |= kFlagInside;
   if (result.wedged) tool.flags |= kFlagWedged;
   if (result.ruptured) tool.flags |= kFlagRuptured;

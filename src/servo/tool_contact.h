@@ -24,7 +24,8 @@ struct ToolContact {
   PointContact strongest;
   /// Energy at the device that the contact can hold as a spring does; infinite: not known.
   double stored_mJ = std::numeric_limits<double>::infinity();
-  std::uint32_t flags = 0;  ///< of the proxy: kFlagInside, kFlagWedged, kFlagRuptured
+  double stiffness_N_per_mm = 0;  ///< of it, at the device, where it is stiffest
+  std::uint32_t flags = 0;        ///< of the proxy: kFlagInside, kFlagWedged, kFlagRuptured
 };
 
 /// @param tip             where the tool's origin is
