@@ -131,19 +131,49 @@ Index3 SurfacePlan::margin(const GridGeometry& labels, const SurfaceOptions& opt
   return {window[0] + smooth[0] + 1, window[1] + smooth[1] + 1, window[2] + smooth[2] + 1};
 }
 
-Result<void> SurfaceStages::by_slabs(const Span3& part, const ProgressSpan& span,
-                                     const std::function<void(const Span3& slab)>& work) const {
-  if (part.empty()) return {};
-  const int workers = worker_count(plan.threads, part.size(2));
-  const int thick = thickness > 0 ? thickness : (part.size(2) + workers - 1) / workers;
-  const int slabs = (part.size(2) + thick - 1) / thick;
+namespace {
+
+/// Slabs of a stage, as many as make one of the largest stage a worker unless they have a thickness.
+int slab_thickness(const SurfaceStage& stage, std::size_t largest, int workers, int thickness) {
+  if (thickness > 0) return thickness;
+  const double share = static_cast<double>(stage.part.count()) / static_cast<double>(largest);
+  const int slabs = std::max(1, static_cast<int>(std::lround(share * workers)));
+  return (stage.part.size(2) + slabs - 1) / slabs;
+}
+
+}  // namespace
+
+Result<void> SurfaceStages::run(std::span<const SurfaceStage> stages, int thickness, const Progress& progress,
+                                const ProgressSpan& span) const {
+  std::size_t largest = 0;
+  int slices = 0;
+  for (const SurfaceStage& stage : stages) {
+    largest = std::max(largest, stage.part.count());
+    slices = std::max(slices, stage.part.size(2));
+  }
+  if (largest == 0) return {};
+  struct Slab {
+    const SurfaceStage* stage;
+    Span3 span;
+  };
+  std::vector<Slab> slabs;
+  const int workers = worker_count(plan.threads, slices);
+  for (const SurfaceStage& stage : stages) {
+    if (stage.part.empty()) continue;
+    const int thick = slab_thickness(stage, largest, workers, thickness);
+    for (int k = stage.part.low[2]; k < stage.part.high[2]; k += thick) {
+      Slab slab{&stage, stage.part};
+      slab.span.low[2] = k;
+      slab.span.high[2] = std::min(stage.part.high[2], k + thick);
+      slabs.push_back(slab);
+    }
+  }
   std::atomic<bool> no_memory{false};
-  const auto done = for_each_slice(slabs, std::min(workers, slabs), progress, span, [&](int, int n) {
-    Span3 slab = part;
-    slab.low[2] = part.low[2] + n * thick;
-    slab.high[2] = std::min(part.high[2], slab.low[2] + thick);
+  const auto count = static_cast<int>(slabs.size());
+  const auto done = for_each_slice(count, std::min(workers, count), progress, span, [&](int, int n) {
     try {
-      work(slab);
+      const Slab& slab = slabs[static_cast<std::size_t>(n)];
+      slab.stage->work(slab.span);
     } catch (const std::bad_alloc&) {
       no_memory = true;
     }
@@ -156,63 +186,60 @@ Result<void> SurfaceStages::by_slabs(const Span3& part, const ProgressSpan& span
   return {};
 }
 
-Result<void> SurfaceStages::distance(const Volume<LabelId>& labels, LabelId label,
-                                     const std::vector<LabelRun>& without, const Target<std::int16_t>& out,
-                                     const ProgressSpan& span) const {
-  return by_slabs(out.span, span, [&](const Span3& slab) {
-    Block<float> mm(slab);
-    signed_distance(mask_of(labels, label, without, slab.grown(plan.window), plan.box), plan.fine.spacing_mm,
-                    plan.reach_mm, mm);
-    Block<std::int16_t> steps(slab);
-    mm_to_steps(mm.values().data(), mm.values().size(), steps.values().data());
-    put(steps, out);
-  });
+SurfaceStage SurfaceStages::distance(const Volume<LabelId>& labels, LabelId label,
+                                     const std::vector<LabelRun>& without,
+                                     const Target<std::int16_t>& out) const {
+  return {out.span, [&labels, label, &without, out, this](const Span3& slab) {
+            Block<float> mm(slab);
+            signed_distance(mask_of(labels, label, without, slab.grown(plan.window), plan.box),
+                            plan.fine.spacing_mm, plan.reach_mm, mm);
+            Block<std::int16_t> steps(slab);
+            mm_to_steps(mm.values().data(), mm.values().size(), steps.values().data());
+            put(steps, out);
+          }};
 }
 
-Result<void> SurfaceStages::position(const StepsSource& distance, const Target<std::int16_t>& out,
-                                     const ProgressSpan& span) const {
-  return by_slabs(out.span, span, [&](const Span3& slab) {
-    Block<std::int16_t> steps(slab);
-    plan.position_filter.apply(
-        gather_mm(distance, kEvery, slab.grown(plan.position_filter.reach()), plan.reach_mm), steps);
-    put(steps, out);
-  });
+SurfaceStage SurfaceStages::position(const StepsSource& distance, const Target<std::int16_t>& out) const {
+  return {out.span, [distance, out, this](const Span3& slab) {
+            Block<std::int16_t> steps(slab);
+            plan.position_filter.apply(
+                gather_mm(distance, kEvery, slab.grown(plan.position_filter.reach()), plan.reach_mm), steps);
+            put(steps, out);
+          }};
 }
 
-Result<void> SurfaceStages::broad(const StepsSource& distance, const Target<std::int16_t>& out,
-                                  const ProgressSpan& span) const {
-  return by_slabs(out.span, span, [&](const Span3& slab) {
-    Block<std::int16_t> steps(slab);
-    plan.broad_filter.apply(
-        gather_mm(distance, plan.normal.step, slab.grown(plan.broad_filter.reach()), plan.broad_reach_mm),
-        steps);
-    put(steps, out);
-  });
+SurfaceStage SurfaceStages::broad(const StepsSource& distance, const Target<std::int16_t>& out) const {
+  return {out.span, [distance, out, this](const Span3& slab) {
+            Block<std::int16_t> steps(slab);
+            plan.broad_filter.apply(gather_mm(distance, plan.normal.step,
+                                              slab.grown(plan.broad_filter.reach()), plan.broad_reach_mm),
+                                    steps);
+            put(steps, out);
+          }};
 }
 
-Result<void> SurfaceStages::normal(const StepsSource& broad, const StepsSource& position,
-                                   const Target<std::int16_t>& out, const ProgressSpan& span) const {
-  return by_slabs(out.span, span, [&](const Span3& slab) {
-    const Span3 around = slab.grown(plan.normal_filter.reach());
-    Block<std::int16_t> steps(slab);
-    plan.normal_filter.apply(gather_mm(broad, kEvery, around, plan.broad_reach_mm),
-                             gather_mm(position, plan.normal.step, around, plan.reach_mm), steps);
-    put(steps, out);
-  });
+SurfaceStage SurfaceStages::normal(const StepsSource& broad, const StepsSource& position,
+                                   const Target<std::int16_t>& out) const {
+  return {out.span, [broad, position, out, this](const Span3& slab) {
+            const Span3 around = slab.grown(plan.normal_filter.reach());
+            Block<std::int16_t> steps(slab);
+            plan.normal_filter.apply(gather_mm(broad, kEvery, around, plan.broad_reach_mm),
+                                     gather_mm(position, plan.normal.step, around, plan.reach_mm), steps);
+            put(steps, out);
+          }};
 }
 
-Result<void> SurfaceStages::slopes(const StepsSource& position, const Target<float>& out,
-                                   const ProgressSpan& span) const {
-  return by_slabs(out.span, span, [&](const Span3& slab) {
-    Span3 voxels = slab;
-    voxels.low[0] = slab.low[0] * kStretch;
-    voxels.high[0] = slab.high[0] * kStretch;
-    for (int& high : voxels.high) ++high;
-    voxels = voxels.clipped(whole(plan.fine));
-    Block<float> squares(slab);
-    bound_slopes(plan.fine, gather(position, kEvery, voxels, 0), squares);
-    put(squares, out);
-  });
+SurfaceStage SurfaceStages::slopes(const StepsSource& position, const Target<float>& out) const {
+  return {out.span, [position, out, this](const Span3& slab) {
+            Span3 voxels = slab;
+            voxels.low[0] = slab.low[0] * kStretch;
+            voxels.high[0] = slab.high[0] * kStretch;
+            for (int& high : voxels.high) ++high;
+            voxels = voxels.clipped(whole(plan.fine));
+            Block<float> squares(slab);
+            bound_slopes(plan.fine, gather(position, kEvery, voxels, 0), squares);
+            put(squares, out);
+          }};
 }
 
 }  // namespace palpate::internal

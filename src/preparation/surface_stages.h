@@ -2,6 +2,8 @@
 
 #include <cmath>
 #include <functional>
+#include <span>
+#include <vector>
 
 #include "preparation/gaussian_slices.h"
 #include "preparation/surface_components.h"
@@ -55,27 +57,29 @@ struct SurfacePlan {
   int threads;
 };
 
-/// One stage after the other over a part of the grids, by slabs and on the plan's threads. A slab's values do
-/// not depend on how the part is cut. Thickness 0: as thick as makes one slab a thread.
-/// Errors: kBadInput when memory is short, kInterrupted.
+/// A stage over a part of a grid. A slab's values do not depend on how the part is cut.
+struct SurfaceStage {
+  Span3 part;
+  std::function<void(const Span3& slab)> work;
+};
+
+/// The stages; what they are given outlives them.
 struct SurfaceStages {
   const SurfacePlan& plan;
-  int thickness;
-  const Progress& progress;
 
-  Result<void> distance(const Volume<LabelId>& labels, LabelId label, const std::vector<LabelRun>& without,
-                        const Target<std::int16_t>& out, const ProgressSpan& span) const;
-  Result<void> position(const StepsSource& distance, const Target<std::int16_t>& out,
-                        const ProgressSpan& span) const;
-  Result<void> broad(const StepsSource& distance, const Target<std::int16_t>& out,
-                     const ProgressSpan& span) const;
-  Result<void> normal(const StepsSource& broad, const StepsSource& position, const Target<std::int16_t>& out,
-                      const ProgressSpan& span) const;
-  Result<void> slopes(const StepsSource& position, const Target<float>& out, const ProgressSpan& span) const;
+  SurfaceStage distance(const Volume<LabelId>& labels, LabelId label, const std::vector<LabelRun>& without,
+                        const Target<std::int16_t>& out) const;
+  SurfaceStage position(const StepsSource& distance, const Target<std::int16_t>& out) const;
+  SurfaceStage broad(const StepsSource& distance, const Target<std::int16_t>& out) const;
+  SurfaceStage normal(const StepsSource& broad, const StepsSource& position,
+                      const Target<std::int16_t>& out) const;
+  SurfaceStage slopes(const StepsSource& position, const Target<float>& out) const;
 
- private:
-  Result<void> by_slabs(const Span3& part, const ProgressSpan& span,
-                        const std::function<void(const Span3& slab)>& work) const;
+  /// Stages that do not need each other, by slabs on the plan's threads.
+  /// @param thickness  of a slab; 0: as thick as makes one slab of the largest stage a thread
+  /// Errors: kBadInput when memory is short, kInterrupted.
+  Result<void> run(std::span<const SurfaceStage> stages, int thickness, const Progress& progress,
+                   const ProgressSpan& span) const;
 };
 
 }  // namespace palpate::internal

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <initializer_list>
 #include <sstream>
 
 #include "preparation/surface_slopes.h"
@@ -18,6 +20,7 @@ using internal::ProgressSpan;
 using internal::Span3;
 using internal::StepsSource;
 using internal::SurfacePlan;
+using internal::SurfaceStage;
 using internal::SurfaceStages;
 using internal::to_box;
 using internal::to_span;
@@ -110,7 +113,7 @@ SignedField to_field(const Volume<std::int16_t>& steps, double outside_mm) {
 Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& without,
                    const Progress& progress, const ProgressSpan& span, PreparedSurface& prepared) {
   const SurfacePlan plan(labels.geometry(), prepared.box, prepared.options);
-  const SurfaceStages stages{plan, kSlabSlices, progress};
+  const SurfaceStages stages{plan};
   const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
   SurfaceWorkings& w = prepared.workings;
   w.distance = Volume<std::int16_t>(plan.fine);
@@ -119,19 +122,21 @@ Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& w
   const Span3 stretches = internal::stretches(plan.fine);
   w.slopes.resize(stretches.count());
 
+  const auto run = [&](const SurfaceStage& stage, double from, double to) {
+    return stages.run({&stage, 1}, kSlabSlices, progress, span.part(from, to));
+  };
   auto done =
-      stages.distance(labels, prepared.label, without, {w.distance.voxels().data(), fine}, span.part(0, 0.4));
+      run(stages.distance(labels, prepared.label, without, {w.distance.voxels().data(), fine}), 0, 0.4);
   if (!done) return done;
   const auto distance = StepsSource::of(w.distance);
-  done = stages.position(distance, {position.voxels().data(), fine}, span.part(0.4, 0.8));
+  done = run(stages.position(distance, {position.voxels().data(), fine}), 0.4, 0.8);
   if (!done) return done;
-  done = stages.broad(distance, {w.broad.voxels().data(), coarse}, span.part(0.8, 0.9));
+  done = run(stages.broad(distance, {w.broad.voxels().data(), coarse}), 0.8, 0.9);
   if (!done) return done;
   const auto source = StepsSource::of(position);
-  done =
-      stages.normal(StepsSource::of(w.broad), source, {normal.voxels().data(), coarse}, span.part(0.9, 0.95));
+  done = run(stages.normal(StepsSource::of(w.broad), source, {normal.voxels().data(), coarse}), 0.9, 0.95);
   if (!done) return done;
-  done = stages.slopes(source, {w.slopes.data(), stretches}, span.part(0.95, 1));
+  done = run(stages.slopes(source, {w.slopes.data(), stretches}), 0.95, 1);
   if (!done) return done;
 
   prepared.surface = Surface(to_field(position, plan.reach_mm), to_field(normal, plan.broad_reach_mm),
@@ -201,10 +206,17 @@ Span3 find_changes(const PreparedSurface& old, const Volume<LabelId>& labels, co
   internal::for_each_row(dirty, [&](int j, int k) {
     const LabelId* now = labels.voxels().data() + labels.geometry().offset(0, j, k);
     const int v = j - old.box.first[1], w = k - old.box.first[2];
+    const std::int16_t* was =
+        old.workings.distance.voxels().data() + old.workings.distance.geometry().offset(0, v, w);
+    const auto differs = [&](int i) { return (now[i] == old.label) != (was[i - old.box.first[0]] < 0); };
+    // most rows are as they were
+    int found = 0;
+    for (int i = dirty.low[0]; i < dirty.high[0]; ++i) found += differs(i);
+    if (found == 0) return;
     for (int i = dirty.low[0]; i < dirty.high[0]; ++i) {
+      if (!differs(i)) continue;
       const int u = i - old.box.first[0];
       const bool inside = now[i] == old.label;
-      if (inside == (old.workings.distance.at(u, v, w) < 0)) continue;
       more += inside ? 1 : -1;
       const bool fresh = changed.empty();
       const internal::Index3 at{u, v, w};
@@ -237,8 +249,8 @@ Span3 differences(const PatchOf<std::int16_t>& patch, const StepsSource& old) {
   const int length = span.size(0);
   internal::for_each_row(span, [&](int j, int k) {
     const std::int16_t* before = old.origin + j * old.row + k * old.slice + span.low[0];
-    const auto first = static_cast<int>(std::mismatch(now, now + length, before).first - now);
-    if (first < length) {
+    if (std::memcmp(now, before, static_cast<std::size_t>(length) * sizeof *now) != 0) {
+      const auto first = static_cast<int>(std::mismatch(now, now + length, before).first - now);
       int last = length - 1;
       while (now[last] == before[last]) --last;
       found = hull(found, {{span.low[0] + first, j, k}, {span.low[0] + last + 1, j + 1, k + 1}});
@@ -304,27 +316,29 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& la
 
   // each stage over what the one before it can change
   const SurfacePlan plan(labels.geometry(), old.box, old.options);
-  const SurfaceStages stages{plan, 0, {}};
-  const ProgressSpan span{"preparing surfaces"};
+  const SurfaceStages stages{plan};
+  const auto run = [&](std::initializer_list<SurfaceStage> together) {
+    patch.local = patch.local && stages.run(together, 0, {}, {"preparing surfaces"}).ok();
+  };
   const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
   const auto distance = StepsSource::of(old.workings.distance).with(patch.distance);
   const auto position = StepsSource::of(old.surface.position().padded()).with(patch.position);
   const auto broad = StepsSource::of(old.workings.broad).with(patch.broad);
 
   const Span3 distance_part = changed.grown(plan.window).clipped(fine);
-  patch.local = stages.distance(labels, old.label, {}, start(patch.distance, distance_part), span).ok();
+  run({stages.distance(labels, old.label, {}, start(patch.distance, distance_part))});
   const Span3 moved = differences(patch.distance, StepsSource::of(old.workings.distance));
   const Span3 position_part = moved.grown(plan.position_filter.reach()).clipped(fine);
-  patch.local = patch.local && stages.position(distance, start(patch.position, position_part), span).ok();
   const Span3 broad_part = plan.normal.inside(changed.grown(plan.broad_window).clipped(moved))
                                .grown(plan.broad_filter.reach())
                                .clipped(coarse);
-  patch.local = patch.local && stages.broad(distance, start(patch.broad, broad_part), span).ok();
+  run({stages.position(distance, start(patch.position, position_part)),
+       stages.broad(distance, start(patch.broad, broad_part))});
   const Span3 normal_part =
       hull(broad_part, plan.normal.inside(position_part)).grown(plan.normal_filter.reach()).clipped(coarse);
-  patch.local = patch.local && stages.normal(broad, position, start(patch.normal, normal_part), span).ok();
   const Span3 slopes_part = internal::stretches_at(plan.fine, position_part);
-  patch.local = patch.local && stages.slopes(position, start(patch.slopes, slopes_part), span).ok();
+  run({stages.normal(broad, position, start(patch.normal, normal_part)),
+       stages.slopes(position, start(patch.slopes, slopes_part))});
 
   const float beside =
       internal::greatest_beside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
