@@ -1,9 +1,24 @@
-# palpate_room(NAME SOURCES ... [LINK ...] [PRIVATE_LINK ...] [TESTS ...] [FUZZERS ...])
+# palpate_tests(TARGET PREFIX [SLOW_SANITIZED FILTER]): the tests of an executable. Those that FILTER (as
+# --gtest_filter has it) names prove physics by so much work that a sanitizer run leaves them out; smaller
+# ones take the same code through it.
+function(palpate_tests target prefix)
+  cmake_parse_arguments(TESTS "" "SLOW_SANITIZED" "" ${ARGN})
+  set(discover TEST_PREFIX ${prefix}. DISCOVERY_MODE PRE_TEST)
+  if(TESTS_SLOW_SANITIZED)
+    gtest_discover_tests(${target} ${discover} TEST_FILTER "-${TESTS_SLOW_SANITIZED}" PROPERTIES TIMEOUT 600)
+    gtest_discover_tests(${target} ${discover} TEST_FILTER "${TESTS_SLOW_SANITIZED}"
+                         PROPERTIES TIMEOUT 600 LABELS slow-sanitized)
+  else()
+    gtest_discover_tests(${target} ${discover} PROPERTIES TIMEOUT 600)
+  endif()
+endfunction()
+
+# palpate_room(NAME SOURCES ... [LINK ...] [PRIVATE_LINK ...] [TESTS ...] [SLOW_SANITIZED FILTER] [FUZZERS ...])
 #
 # One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
 # for all *_test.cc of the room) and its fuzzers (one executable a file).
 function(palpate_room name)
-  cmake_parse_arguments(ROOM "" "" "SOURCES;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS" ${ARGN})
+  cmake_parse_arguments(ROOM "" "SLOW_SANITIZED" "SOURCES;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS" ${ARGN})
   set(library palpate_${name})
   if(ROOM_SOURCES)
     add_library(${library} STATIC ${ROOM_SOURCES})
@@ -23,8 +38,11 @@ function(palpate_room name)
     target_compile_options(${name}_test PRIVATE $<$<CONFIG:Release>:-O1>)
     target_compile_definitions(${name}_test PRIVATE
       PALPATE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" PALPATE_BINARY_DIR="${PROJECT_BINARY_DIR}")
-    gtest_discover_tests(${name}_test TEST_PREFIX ${name}. DISCOVERY_MODE PRE_TEST
-                         PROPERTIES TIMEOUT 600)
+    # undefined behaviour is looked for in what is tested: the tests compile in half the time without
+    if(PALPATE_SANITIZE MATCHES "undefined")
+      target_compile_options(${name}_test PRIVATE -fno-sanitize=undefined)
+    endif()
+    palpate_tests(${name}_test ${name} SLOW_SANITIZED "${ROOM_SLOW_SANITIZED}")
   endif()
 
   if(PALPATE_BUILD_FUZZERS)

@@ -27,12 +27,7 @@ constexpr double kIntoWalls_mm = 2, kBeside_mm = 1.5;
 
 double grid_mm() {
   const char* asked = std::getenv("PALPATE_TEST_GRID_MM");
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  constexpr double kDefault = 3;
-#else
-  constexpr double kDefault = 1;
-#endif
-  return asked != nullptr ? std::atof(asked) : kDefault;
+  return asked != nullptr ? std::atof(asked) : 1;
 }
 
 /// A gap by a voxel in its middle, as it is known, and the bones beside it.
