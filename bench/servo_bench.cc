@@ -258,8 +258,9 @@ Result<nlohmann::json> compare_free_running(const std::vector<Knee>& knees, cons
                                             const Options& options) {
   std::printf("\nas fast as it goes: ns, medians of %d rounds along %zu ticks, %.0f %% of them in contact\n",
               options.rounds, path.states.size(), 100 * path.in_contact);
-  std::printf("%-52s %10s %10s %7s\n", "", "tick", "update", "ratio");
-  std::vector<std::vector<double>> tick_ns(knees.size()), update_ns(knees.size());
+  std::printf("%-52s %8s %8s %8s %14s %8s\n", "", "tick", "update", "ratio", "in contact p50", "p99");
+  std::vector<std::vector<double>> tick_ns(knees.size()), update_ns(knees.size()), p50_ns(knees.size()),
+      p99_ns(knees.size());
   for (int round = 0; round < options.rounds; ++round) {
     for (std::size_t k = 0; k < knees.size(); ++k) {
       const auto& model = knees[k].loaded.model;
@@ -267,15 +268,21 @@ Result<nlohmann::json> compare_free_running(const std::vector<Knee>& knees, cons
       const auto updates = time_updates(model, path, path.parameters.method, 1);
       if (!updates) return updates.error();
       update_ns[k].push_back(updates->front());
+      const Percentiles contact = time_ticks_in_contact(*model, path, path.parameters.method);
+      p50_ns[k].push_back(1e3 * contact.p50_us);
+      p99_ns[k].push_back(1e3 * contact.p99_us);
     }
   }
   nlohmann::json rows = nlohmann::json::array();
   for (std::size_t k = 0; k < knees.size(); ++k) {
     const double ratio = ratio_of(median(tick_ns[k]), median(tick_ns[0]));
-    std::printf("%-52s %10.0f %10.0f %7.3f\n", knees[k].title.c_str(), median(tick_ns[k]),
-                median(update_ns[k]), ratio);
-    rows.push_back(
-        {{"tick_ns", median(tick_ns[k])}, {"update_ns", median(update_ns[k])}, {"tick_ratio", ratio}});
+    std::printf("%-52s %8.0f %8.0f %8.3f %14.0f %8.0f\n", knees[k].title.c_str(), median(tick_ns[k]),
+                median(update_ns[k]), ratio, median(p50_ns[k]), median(p99_ns[k]));
+    rows.push_back({{"tick_ns", median(tick_ns[k])},
+                    {"update_ns", median(update_ns[k])},
+                    {"tick_ratio", ratio},
+                    {"contact_p50_ns", median(p50_ns[k])},
+                    {"contact_p99_ns", median(p99_ns[k])}});
   }
   return rows;
 }

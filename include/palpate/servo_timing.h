@@ -83,6 +83,11 @@ class PaceMeter {
 /// thread: ns of processor time a tick, one value a round.
 std::vector<double> time_ticks(const Model& model, const PalpationPath& path, ForceMethod method, int rounds);
 
+/// Single ticks of the same, once along the path, those in free space left out: microseconds by the wall
+/// clock, what reading it costs (some 0.02) and what others take of the processor included. Zeros when no
+/// tick touches.
+Percentiles time_ticks_in_contact(const Model& model, const PalpationPath& path, ForceMethod method);
+
 /// The servo loop's whole update without a clock: mapping, tick, heartbeat, snapshot, ring. The ring is
 /// emptied now and then, which is not timed. ns of processor time an update, one value a round.
 /// Errors: those of ServoLoop::start, kInterrupted.

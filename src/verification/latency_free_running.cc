@@ -107,6 +107,29 @@ std::vector<double> time_ticks(const Model& model, const PalpationPath& path, Fo
   return round_ns;
 }
 
+Percentiles time_ticks_in_contact(const Model& model, const PalpationPath& path, ForceMethod method) {
+  Parameters parameters = path.parameters;
+  parameters.method = method;
+  const double dt_s = 1 / path.rate_hz;
+  SessionState state;
+  Wrench wrench;
+  TickRecord record;
+  std::vector<double> contact_us;
+  contact_us.reserve(path.states.size());
+  for (const DeviceState& sensed : path.states) {
+    const std::int64_t begun_ns = monotonic_ns();
+    tick(model, parameters, {&sensed, 1}, dt_s, state, {&wrench, 1}, record);
+    const std::int64_t ended_ns = monotonic_ns();
+    if (record.device[0].label != 0) contact_us.push_back(static_cast<double>(ended_ns - begun_ns) * 1e-3);
+  }
+  if (contact_us.empty()) return {};
+  std::sort(contact_us.begin(), contact_us.end());
+  const auto at = [&](double part) {
+    return contact_us[static_cast<std::size_t>(part * static_cast<double>(contact_us.size() - 1))];
+  };
+  return {at(0.5), at(0.99), at(0.999), contact_us.back()};
+}
+
 Result<std::vector<double>> time_updates(std::shared_ptr<const Model> model, const PalpationPath& path,
                                          ForceMethod method, int rounds, const Progress& progress) {
   Parameters parameters = path.parameters;

@@ -124,6 +124,11 @@ TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
     EXPECT_FALSE(info.name.empty());
     const auto ticks = time_ticks(**model, ball_path(), info.method, 3);
     const auto updates = time_updates(*model, ball_path(), info.method, 3);
+    const Percentiles contact = time_ticks_in_contact(**model, ball_path(), info.method);
+    EXPECT_GT(contact.p50_us, 0);
+    EXPECT_LE(contact.p50_us, contact.p99_us);
+    EXPECT_LE(contact.p99_us, contact.p999_us);
+    EXPECT_LE(contact.p999_us, contact.max_us);
     ASSERT_EQ(ticks.size(), 3u);
     ASSERT_TRUE(updates.ok());
     ASSERT_EQ(updates->size(), 3u);
