@@ -90,8 +90,8 @@ int run(int argc, char** argv) {
                "No progress and no notes; results, warnings and errors still appear");
 
   Run verb;
-  for (const auto add : {add_info, add_data, add_scene, add_prepare, add_forces, add_hold, add_simulate,
-                         add_explore, add_replay, add_report, add_verify})
+  for (const auto add : {add_info, add_data, add_scene, add_prepare, add_forces, add_hold, add_section,
+                         add_simulate, add_explore, add_replay, add_report, add_verify})
     add(app, verb);
   try {
     app.parse(argc, argv);

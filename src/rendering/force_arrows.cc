@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "base/file.h"
+#include "rendering/marks.h"
 
 namespace palpate {
 namespace force_arrows {
@@ -80,35 +81,6 @@ std::vector<Stretch> ValueGrid::contour(double level) const {
   return stretches;
 }
 
-namespace {
-
-std::string point_text(const Point<Patient>& p) {
-  char text[120];
-  std::snprintf(text, sizeof text, "%.1f, %.1f, %.1f", p.x(), p.y(), p.z());
-  return text;
-}
-
-// the corners of the box around the volume's voxels, along the patient's axes
-std::string reach_text(const GridGeometry& grid) {
-  const auto X_PatientVoxel = grid.X_PatientVoxel();
-  Eigen::Vector3d low = grid.centre().eigen(), high = low;
-  for (int corner = 0; corner < 8; ++corner) {
-    const auto end = [&](int axis) { return (corner >> axis & 1) != 0 ? grid.dims[axis] - 0.5 : -0.5; };
-    const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(end(0), end(1), end(2))).eigen();
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-  }
-  return point_text(Point<Patient>(low)) + " to " + point_text(Point<Patient>(high));
-}
-
-bool reaches(const GridGeometry& grid, const Point<Patient>& p) {
-  const Point<Voxel> voxel = grid.X_PatientVoxel().inverse() * p;
-  for (int axis = 0; axis < 3; ++axis)
-    if (!(voxel[axis] >= -0.5 && voxel[axis] <= grid.dims[axis] - 0.5)) return false;
-  return true;
-}
-
-}  // namespace
 }  // namespace force_arrows
 
 Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
@@ -116,10 +88,7 @@ Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
   PALPATE_CHECK(model.has(method));
   PALPATE_CHECK(request.size_mm > 0 && request.spacing_mm >= 0);
   const GridGeometry& grid = model.field->geometry();
-  if (!force_arrows::reaches(grid, request.centre))
-    return Error{ErrorKind::kBadInput,
-                 "the point " + force_arrows::point_text(request.centre) + " mm lies outside the volume",
-                 "centre", "the volume reaches from " + force_arrows::reach_text(grid) + " mm (LPS)"};
+  if (!marks::reaches(grid, request.centre)) return marks::not_reached(grid, request.centre);
   const double spacing_mm = request.spacing_mm > 0 ? request.spacing_mm : request.size_mm / kArrowsPerSide;
   if (const double count = force_arrows::arrows_per_side(request.size_mm, spacing_mm);
       count > kMostArrowsPerSide) {

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <map>
 
 #include "rendering/force_arrows_svg.h"
+#include "rendering/marks.h"
 
 namespace palpate::force_arrows {
 namespace {
@@ -187,16 +187,8 @@ std::string draw_letters(const Picture& p) {
          text("letter", {middle_x, kBottom_px + 18}, letters.bottom);
 }
 
-// the longest of 1, 2 and 5 times a power of ten that takes at most a quarter of the section
-double scale_bar_mm(double size_mm) {
-  const double most = 0.25 * size_mm, power = std::pow(10, std::floor(std::log10(most)));
-  for (const double factor : {5.0, 2.0})
-    if (factor * power <= most) return factor * power;
-  return power;
-}
-
 std::string draw_scale_bar(const Picture& p) {
-  const double bar_mm = scale_bar_mm(p.section.width_mm), length = bar_mm / p.section.mm_per_px();
+  const double bar_mm = marks::scale_bar_mm(p.section.width_mm), length = bar_mm / p.section.mm_per_px();
   const Pixel left{kSectionCorner[0], kBottom_px + 13};
   return path("scale", "M" + pair({left[0], left[1] - 4}) + "v8m0 -4h" + number(length) + "m0 -4v8") +
          text("plain", {left[0] + length + 7, left[1] + 4.5}, format("%.3g mm", bar_mm));
@@ -227,28 +219,12 @@ std::string draw_force_scale(const Picture& p) {
   return svg;
 }
 
-// A name as it may stand in the page: not too long, and of plain letters, because a file may hold bytes that
-// are no text at all.
-std::string short_name(const Model& model, LabelId label) {
-  constexpr std::size_t kLongest = 26;
-  const std::string name = model.name_of(label);
-  const bool plain = std::all_of(name.begin(), name.end(), [](char c) { return c >= 0x20 && c < 0x7f; });
-  return plain && name.size() <= kLongest ? name : "label " + std::to_string(label);
-}
-
 // names and colours of what the section shows, the largest first, as many as there is room for
 std::string draw_structures(const Picture& p) {
-  std::map<LabelId, std::size_t> area;
-  for (const LabelId label : section_labels(p.model, p.section))
-    if (label != 0) ++area[label];
-  std::vector<std::pair<std::size_t, LabelId>> order;
-  for (const auto& [label, pixels] : area) order.emplace_back(pixels, label);
-  std::sort(order.rbegin(), order.rend());
-
   std::string svg;
   Pixel at{kSectionCorner[0], kBottom_px + 34};
-  for (const auto& [pixels, label] : order) {
-    const std::string name = short_name(p.model, label);
+  for (const LabelId label : marks::largest_first(section_labels(p.model, p.section))) {
+    const std::string name = marks::short_name(p.model, label);
     const double width = 16 + 7.3 * static_cast<double>(name.size());
     if (at[0] + width > kWidth_px) break;
     const Segment* segment = p.model.find(label);

@@ -28,6 +28,18 @@ std::string direction_letters(const Vector<Patient>& d) {
   return letters;
 }
 
+/// The rotation by the least angle from one unit vector to another; of opposite ones half a turn about
+/// `spare`, which is at right angles to them.
+Rotation<Patient, Patient> least_turn(const Vector<Patient>& from, const Vector<Patient>& to,
+                                      const Vector<Patient>& spare) {
+  constexpr double kPi = 3.14159265358979323846;
+  // sine and cosine of half the angle, but for a common factor
+  const Eigen::Vector3d axis = from.cross(to).eigen();
+  const double cosine = from.dot(to);
+  if (cosine < 0 && axis.squaredNorm() < 1e-20) return Rotation<Patient, Patient>::about(spare.eigen(), kPi);
+  return Rotation<Patient, Patient>(Eigen::Quaterniond(1 + cosine, axis.x(), axis.y(), axis.z()));
+}
+
 }  // namespace
 
 Point<Patient> SectionPlane::at(double column, double row) const {
@@ -52,6 +64,26 @@ SectionPlane anatomical_section(AnatomicalPlane plane, const Point<Patient>& cen
   section.width_mm = width_mm;
   section.width_px = width_px;
   section.height_px = height_px;
+  return section;
+}
+
+SectionPlane oblique_section(const Point<Patient>& centre, const Vector<Patient>& direction, ObliqueView view,
+                             double width_mm, int width_px, int height_px, const SectionPlane* before) {
+  SectionPlane section = anatomical_section(AnatomicalPlane::kCoronal, centre, width_mm, width_px, height_px);
+  if (before != nullptr) {
+    section.right = before->right;
+    section.down = before->down;
+  }
+  // scaled first, because the square of a tiny or a huge length is none
+  const double largest = direction.eigen().cwiseAbs().maxCoeff();
+  if (!direction.all_finite() || !(largest > 0)) return section;
+  const Vector<Patient> to = (direction / largest).normalized();
+
+  const Vector<Patient> from = view == ObliqueView::kAlong ? section.down : section.right.cross(section.down);
+  const Vector<Patient> right = least_turn(from, to, section.right) * section.right;
+  // rounding must not add up from section to section
+  section.right = (right - to * to.dot(right)).normalized();
+  section.down = view == ObliqueView::kAlong ? to : to.cross(section.right);
   return section;
 }
 

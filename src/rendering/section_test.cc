@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "palpate/rendering.h"
@@ -99,6 +100,139 @@ TEST(Section, CentreIsInTheMiddleAndWidthSpansThePicture) {
   EXPECT_NEAR((plane.at(99.5, 0) - plane.at(-0.5, 0)).norm(), 50, 1e-12);
   // square pixels
   EXPECT_NEAR((plane.at(0, 59.5) - plane.at(0, -0.5)).norm(), 30, 1e-12);
+}
+
+// ---- oblique sections -----------------------------------------------------------------------------------
+
+constexpr ObliqueView kViews[] = {ObliqueView::kAlong, ObliqueView::kAcross};
+
+SectionPlane oblique(const Vector<Patient>& direction, ObliqueView view,
+                     const SectionPlane* before = nullptr) {
+  return oblique_section(Point<Patient>(1, 2, 3), direction, view, 80, 200, 100, before);
+}
+
+Vector<Patient> normal_of(const SectionPlane& plane) {
+  return plane.right.cross(plane.down);
+}
+
+Vector<Patient> random_direction(std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  const double x = normal(random), y = normal(random), z = normal(random);
+  return Vector<Patient>(x, y, z).normalized();
+}
+
+/// How far two sections are turned against each other.
+double turned(const SectionPlane& a, const SectionPlane& b) {
+  return std::max(
+      {(a.right - b.right).norm(), (a.down - b.down).norm(), (normal_of(a) - normal_of(b)).norm()});
+}
+
+std::vector<Vector<Patient>> awkward_directions() {
+  std::vector<Vector<Patient>> directions;
+  for (const double tiny : {0.0, 1e-20, 1e-12, 1e-9, 1e-6}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const double sign : {-1.0, 1.0}) {
+        Vector<Patient> d(tiny, -tiny, tiny);
+        d[axis] = sign;
+        directions.push_back(d);
+      }
+    }
+  }
+  directions.emplace_back(1e-300, 2e-300, -1e-300);
+  directions.emplace_back(1e300, 2e300, -1e300);
+  return directions;
+}
+
+TEST(ObliqueSection, LiesAlongOrAcrossEveryDirection) {
+  SCOPED_TRACE("seed 3");
+  std::mt19937 random(3);
+  auto directions = awkward_directions();
+  for (int n = 0; n < 1000; ++n) directions.push_back(random_direction(random) * 7.0);
+  const SectionPlane before = oblique(random_direction(random), ObliqueView::kAlong);
+  for (const Vector<Patient>& direction : directions) {
+    const Vector<Patient> d = (direction / direction.eigen().cwiseAbs().maxCoeff()).normalized();
+    for (const ObliqueView view : kViews) {
+      for (const SectionPlane* from : {static_cast<const SectionPlane*>(nullptr), &before}) {
+        const SectionPlane plane = oblique(direction, view, from);
+        EXPECT_NEAR(plane.right.norm(), 1, 1e-12);
+        EXPECT_NEAR(plane.down.norm(), 1, 1e-12);
+        EXPECT_NEAR(plane.right.dot(plane.down), 0, 1e-12);
+        EXPECT_NEAR(((view == ObliqueView::kAlong ? plane.down : normal_of(plane)) - d).norm(), 0, 1e-12);
+        EXPECT_EQ(plane.centre, Point<Patient>(1, 2, 3));
+        EXPECT_EQ(plane.width_mm, 80);
+        EXPECT_EQ(plane.width_px, 200);
+        EXPECT_EQ(plane.height_px, 100);
+      }
+    }
+  }
+}
+
+TEST(ObliqueSection, HangsAsTheAnatomicalViewsDo) {
+  const auto across = [](double x, double y, double z) {
+    return letters(oblique(Vector<Patient>(x, y, z), ObliqueView::kAcross));
+  };
+  EXPECT_EQ(across(0, 0, 1), letters(anatomical_section(AnatomicalPlane::kAxial, {}, 100, 64, 64)));
+  EXPECT_EQ(across(0, 1, 0), letters(anatomical_section(AnatomicalPlane::kCoronal, {}, 100, 64, 64)));
+  EXPECT_EQ(across(-1, 0, 0), letters(anatomical_section(AnatomicalPlane::kSagittal, {}, 100, 64, 64)));
+  // from the head, and from the patient's right
+  EXPECT_EQ(across(0, 0, -1), "R L P A");
+  EXPECT_EQ(across(1, 0, 0), "P A S I");
+  const auto along = [](double x, double y, double z) {
+    return letters(oblique(Vector<Patient>(x, y, z), ObliqueView::kAlong));
+  };
+  EXPECT_EQ(along(0, 0, -1), "R L S I");
+  EXPECT_EQ(along(0, 1, 0), "R L A P");
+  EXPECT_EQ(along(0, -1, 0), "R L P A");
+}
+
+TEST(ObliqueSection, WithoutADirectionIsCoronalOrTheOneBefore) {
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  const SectionPlane before = oblique(Vector<Patient>(1, 2, 3), ObliqueView::kAlong);
+  for (const ObliqueView view : kViews) {
+    for (const double none : {0.0, nan, inf, -inf}) {
+      EXPECT_EQ(letters(oblique(Vector<Patient>(none, 0, 0), view)), "R L S I");
+      EXPECT_EQ(turned(oblique(Vector<Patient>(0, none, 0), view, &before), before), 0);
+    }
+  }
+}
+
+// a direction that turns by an angle turns the picture by not much more, but near the one opposite to
+// coronal's
+TEST(ObliqueSection, DoesNotSpin) {
+  constexpr double kStep = 1e-4;
+  SCOPED_TRACE("seed 4");
+  std::mt19937 random(4);
+  for (int n = 0; n < 5000; ++n) {
+    const Vector<Patient> d = random_direction(random);
+    const Vector<Patient> moved = (d + d.cross(random_direction(random)).normalized() * kStep).normalized();
+    for (const ObliqueView view : kViews) {
+      const Vector<Patient> opposite =
+          view == ObliqueView::kAlong ? Vector<Patient>(0, 0, 1) : Vector<Patient>(0, -1, 0);
+      const double angle = std::acos(d.dot(opposite));
+      if (angle < 20 * kPi / 180) continue;
+      // the turn about the direction itself, of what the direction's own turn leaves over
+      EXPECT_LT(turned(oblique(d, view), oblique(moved, view)), (1 + 2 / std::tan(0.5 * angle)) * kStep) << n;
+    }
+  }
+}
+
+// with the section before, there is no such place
+TEST(ObliqueSection, FollowsADirectionAnywhere) {
+  for (const ObliqueView view : kViews) {
+    // through the opposite direction, straight and close by
+    for (const double off : {0.0, 1e-6, 1e-3, 0.1}) {
+      SectionPlane plane = oblique(Vector<Patient>(0, 1, -1), view);
+      for (int n = 0; n <= 360; ++n) {
+        const double angle = n * kPi / 180;
+        const Vector<Patient> d(off, std::cos(angle), -std::sin(angle));
+        const SectionPlane next = oblique(d, view, &plane);
+        if (n > 0) {
+          EXPECT_LT(turned(plane, next), 1.01 * kPi / 180) << n;
+        }
+        plane = next;
+      }
+    }
+  }
 }
 
 }  // namespace

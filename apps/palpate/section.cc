@@ -1,0 +1,150 @@
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "inputs.h"
+#include "palpate/output.h"
+#include "palpate/rendering.h"
+#include "palpate/session.h"
+#include "palpation.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct Options {
+  std::string target, view = "along";
+  std::optional<std::string> plane;
+  std::filesystem::path output;
+  std::vector<double> at, direction, window;
+  std::optional<double> size_mm;
+  int pixels = SectionRequest{}.pixels;
+  double opacity = SectionStyle{}.label_opacity;
+  bool fill = false, outline = false;
+};
+
+SectionKind kind_of(const Options& options) {
+  if (!options.plane) return options.direction.empty() ? SectionKind::kThree : SectionKind::kOblique;
+  if (*options.plane == "axial") return SectionKind::kAxial;
+  if (*options.plane == "coronal") return SectionKind::kCoronal;
+  if (*options.plane == "sagittal") return SectionKind::kSagittal;
+  return *options.plane == "oblique" ? SectionKind::kOblique : SectionKind::kThree;
+}
+
+Result<void> check(const Options& options) {
+  const auto usage = [](std::string what, std::string where, std::string remedy) {
+    return Error{ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
+  };
+  if (auto writable = check_output(options.output, input_files(options.target)); !writable) return writable;
+  if (const auto extension = options.output.extension(); !extension.empty() && extension != ".png")
+    return usage("the picture is a PNG, whatever its name", options.output.string(),
+                 "give it a name that ends with .png");
+  const bool oblique = kind_of(options) == SectionKind::kOblique;
+  if (oblique && options.direction.empty())
+    return usage("an oblique section needs a direction", "--plane", "say along what with --direction X,Y,Z");
+  if (!oblique && !options.direction.empty())
+    return usage("only an oblique section has a direction", "--direction", "leave out --plane");
+  if (oblique && options.direction == std::vector<double>{0, 0, 0})
+    return usage("0,0,0 is no direction", "--direction", "give a vector in patient coordinates, LPS");
+  if (!options.window.empty() && !(options.window[0] < options.window[1]))
+    return usage("the window's lower end is not below its upper end", "--window", "give LOW,HIGH");
+  return {};
+}
+
+SectionRequest request_of(const Options& options, const GridGeometry& grid) {
+  SectionRequest request;
+  request.kind = kind_of(options);
+  request.centre =
+      options.at.empty() ? grid.centre() : Point<Patient>(options.at[0], options.at[1], options.at[2]);
+  if (const auto& d = options.direction; !d.empty()) request.direction = {d[0], d[1], d[2]};
+  request.view = options.view == "across" ? ObliqueView::kAcross : ObliqueView::kAlong;
+  request.size_mm = options.size_mm.value_or(0);
+  request.pixels = options.pixels;
+  request.style.label_opacity = options.outline ? 0 : options.opacity;
+  request.style.outlines = !options.fill;
+  if (!options.window.empty()) {
+    request.style.window_low = options.window[0];
+    request.style.window_high = options.window[1];
+  }
+  return request;
+}
+
+int draw_section(const Options& options, Console& console) {
+  if (const auto right = check(options); !right) return console.fail(right.error());
+  const auto loaded = load_scene_or_data_set(options.target, console.progress(), console.warn());
+  if (!loaded) return console.fail(loaded.error());
+  const Model& model = *loaded->model;
+  const auto picture = section_picture(model, request_of(options, model.field->geometry()));
+  if (!picture) {
+    Error error = picture.error();
+    if (error.where == "centre") error.where = "--at";
+    return console.fail(error);
+  }
+  if (const auto written = write_png(options.output, *picture); !written)
+    return console.fail(written.error());
+  console.note("picture: " + options.output.string());
+  return kExitOk;
+}
+
+CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<double>& numbers, int count,
+                         double most, const std::string& help) {
+  return verb.add_option(name, numbers, help)
+      ->delimiter(',')
+      ->expected(count)
+      ->check(number_between(-most, most));
+}
+
+void add_options(CLI::App& verb, Options& options) {
+  verb.add_option("target", options.target, "A data set (palpate data list) or a scene file")->required();
+  verb.add_option("-o,--output", options.output, "Picture to write (PNG)")->required();
+  add_numbers(verb, "--at", options.at, 3, 1e6,
+              "The point to look at: patient coordinates in mm, LPS; default: the volume's centre")
+      ->type_name("X,Y,Z");
+  verb.add_option(
+          "--plane", options.plane,
+          "Section through the point; three: axial, coronal and sagittal side by side; default: three, "
+          "with --direction oblique")
+      ->check(CLI::IsMember({"axial", "coronal", "sagittal", "oblique", "three"}));
+  add_numbers(verb, "--direction", options.direction, 3, 1e6,
+              "Of an oblique section: the way a tool points or a hand pushes, in patient coordinates, LPS")
+      ->type_name("X,Y,Z");
+  verb.add_option(
+          "--view", options.view,
+          "How an oblique section lies: along the direction, which points down the picture, or across "
+          "it, seen along it")
+      ->check(CLI::IsMember({"along", "across"}))
+      ->capture_default_str();
+  verb.add_option("--size", options.size_mm,
+                  "Width and height of the section in mm; default: the volume's longest side")
+      ->check(number_between(1, 1000));
+  verb.add_option("--pixels", options.pixels, "Width and height of the picture, of each of three")
+      ->check(whole_between(kLeastSectionPixels, kMostSectionPixels))
+      ->capture_default_str();
+  CLI::Option* fill = verb.add_flag("--fill", options.fill, "Fill structures, without outlines");
+  verb.add_flag("--outline", options.outline, "Outline structures, without filling them; default: both")
+      ->excludes(fill);
+  verb.add_option("--opacity", options.opacity, "Of what fills structures, over the scan")
+      ->check(number_between(0, 1))
+      ->capture_default_str();
+  add_numbers(verb, "--window", options.window, 2, 1e9,
+              "Scan values shown black and white; default: the 1st and 99th percentile")
+      ->type_name("LOW,HIGH");
+}
+
+}  // namespace
+
+void add_section(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("section", "Draw scan and structures in a plane, as PNG");
+  add_options(*verb, *options);
+  verb->footer(
+      "Examples:\n"
+      "  palpate section knee-phantom -o three.png\n"
+      "  palpate section knee-phantom --plane coronal --at 20,0,0 --size 100 --outline -o coronal.png\n"
+      "  palpate section scene.toml --at=-12,40,8 --direction=0.3,1,-0.2 --window=-160,240 -o oblique.png\n\n"
+      "Pictures hang radiologically: the patient's left on the right (docs/section.md).");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return draw_section(*options, console); }; });
+}
+
+}  // namespace palpate::app

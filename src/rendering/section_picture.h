@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+
+#include "palpate/rendering.h"
+
+/// What is burned into a section.
+namespace palpate::section_marks {
+
+/// What the marks say besides what follows from plane and model.
+struct Caption {
+  std::string plane;                   ///< "coronal"; not shown without orientation
+  std::array<double, 2> window{0, 0};  ///< of the scan; not shown where there is none
+  std::vector<LabelId> structures;     ///< named, as many as there is room for
+  bool along = false;                  ///< the picture's vertical is a direction
+};
+
+void draw_marks(Image& image, const SectionPlane& plane, const Model& model, const Caption& caption);
+
+}  // namespace palpate::section_marks

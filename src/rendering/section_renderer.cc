@@ -1,0 +1,211 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "rendering/section_volumes.h"
+
+namespace palpate {
+namespace {
+
+using internal::section::Paint;
+using internal::section::PixelView;
+using internal::section::Row;
+
+/// How a picture's pixels lie in a grid: one origin and two steps.
+struct PixelsInGrid {
+  PixelsInGrid(const GridGeometry& grid, const SectionPlane& plane) : dims(grid.dims) {
+    const Transform<Voxel, Patient> X_VoxelPatient = grid.X_PatientVoxel().inverse();
+    origin = (X_VoxelPatient * plane.at(0, 0)).eigen();
+    step = (X_VoxelPatient * (plane.right * plane.mm_per_px())).eigen();
+    line = (X_VoxelPatient * (plane.down * plane.mm_per_px())).eigen();
+  }
+
+  Eigen::Vector3d start_of(int row) const { return origin + line * row; }
+  /// Whether a pixel lies in the volume, each voxel reaching half way to its neighbours. False for what is
+  /// not finite.
+  bool inside(const Eigen::Vector3d& start, int column) const {
+    const Eigen::Vector3d voxel = start + step * column;
+    for (int a = 0; a < 3; ++a) {
+      if (!(voxel[a] >= -0.5 && voxel[a] < dims[a] - 0.5)) return false;
+    }
+    return true;
+  }
+
+  std::array<int, 3> dims;
+  Eigen::Vector3d origin, step, line;
+};
+
+/// The pixels of a row that lie in the volume: a straight line through a box.
+Row clipped(const PixelsInGrid& pixels, int row, int width) {
+  const Eigen::Vector3d start = pixels.start_of(row);
+  double low = 0, high = width;
+  for (int a = 0; a < 3; ++a) {
+    if (pixels.step[a] == 0) continue;
+    const double at_0 = (-0.5 - start[a]) / pixels.step[a];
+    const double at_end = (pixels.dims[a] - 0.5 - start[a]) / pixels.step[a];
+    if (std::isnan(at_0) || std::isnan(at_end)) return {};
+    low = std::max(low, std::min(at_0, at_end));
+    high = std::min(high, std::max(at_0, at_end));
+  }
+  if (!(low <= high)) return {};
+
+  // which side of the border a pixel on it lies is for inside() to say
+  Row clip;
+  for (int a = 0; a < 3; ++a) clip.start[a] = start[a];
+  clip.begin = std::max(0, static_cast<int>(std::floor(low)) - 1);
+  clip.end = std::min(width, static_cast<int>(std::ceil(high)) + 2);
+  while (clip.begin < clip.end && !pixels.inside(start, clip.begin)) ++clip.begin;
+  while (clip.begin < clip.end && !pixels.inside(start, clip.end - 1)) --clip.end;
+  return clip;
+}
+
+std::uint8_t to_byte(double value) {
+  return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 1.0) * 255.0));
+}
+
+std::size_t pixel_count(const SectionPlane& plane) {
+  PALPATE_CHECK(plane.width_px > 0 && plane.height_px > 0 && plane.width_mm > 0);
+  return static_cast<std::size_t>(plane.width_px) * static_cast<std::size_t>(plane.height_px);
+}
+
+bool differs_from_neighbour(const PixelView& pixels, int column, int row) {
+  const LabelId* label = pixels.labels + row * pixels.stride + column;
+  return (column > 0 && label[-1] != *label) || (column + 1 < pixels.width && label[1] != *label) ||
+         (row > 0 && label[-pixels.stride] != *label) ||
+         (row + 1 < pixels.height && label[pixels.stride] != *label);
+}
+
+}  // namespace
+
+SectionRenderer::SectionRenderer(const Model& model, const SectionStyle& style, SectionStorage storage)
+    : volumes_(std::make_shared<const internal::section::Volumes>(model, storage)),
+      pixels_(std::make_unique<internal::section::Pixels>()) {
+  // the segment's colour, else the tissue's
+  for (std::size_t label = 0; label < model.tissue_of_label.size(); ++label) {
+    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
+    colours_.push_back(tissue != nullptr ? Colouring{tissue->colour, tissue->opacity} : Colouring{});
+  }
+  for (const Segment& segment : model.segments) {
+    if (segment.id >= colours_.size()) colours_.resize(std::size_t{segment.id} + 1);
+    colours_[segment.id].colour = segment.colour;
+  }
+  set_style(style);
+}
+
+SectionRenderer::SectionRenderer(const SectionRenderer& other)
+    : style_(other.style_),
+      volumes_(other.volumes_),
+      pixels_(std::make_unique<internal::section::Pixels>()),
+      colours_(other.colours_),
+      paints_(other.paints_) {}
+
+SectionRenderer::SectionRenderer(SectionRenderer&&) noexcept = default;
+SectionRenderer& SectionRenderer::operator=(SectionRenderer&&) noexcept = default;
+SectionRenderer& SectionRenderer::operator=(const SectionRenderer& other) {
+  return *this = SectionRenderer(other);
+}
+SectionRenderer::~SectionRenderer() = default;
+
+void SectionRenderer::set_style(const SectionStyle& style) {
+  PALPATE_CHECK(style.grey_levels >= 2 && style.grey_levels <= 256);
+  style_ = style;
+  paints_.assign(2 * (std::size_t{std::numeric_limits<LabelId>::max()} + 1), Paint{});
+  for (std::size_t label = 1; 2 * label < paints_.size(); ++label) {
+    const Colouring colouring = label < colours_.size() ? colours_[label] : Colouring{};
+    const Rgb& c = colouring.colour;
+    const std::uint8_t inside = to_byte(style.label_opacity * colouring.opacity);
+    const std::uint8_t outline = !style.outlines ? inside : colouring.opacity > 0 ? 255 : 0;
+    // one kind of transparent: all zero
+    if (inside > 0) paints_[2 * label] = {c.r, c.g, c.b, inside};
+    if (outline > 0) paints_[2 * label + 1] = {c.r, c.g, c.b, outline};
+  }
+}
+
+std::size_t SectionRenderer::prepared_bytes() const {
+  return volumes_->prepared_bytes();
+}
+
+PixelView SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
+  const PixelView pixels = pixels_->sized(plane.width_px, plane.height_px);
+  std::vector<Row>& rows = pixels_->rows();
+  internal::section::VolumeView view = volumes_->view();
+  if (layers == Layers::kLabels) view.scan = nullptr, view.codes = nullptr;
+  if (layers == Layers::kScan) view.labels = nullptr, view.numbers = nullptr;
+
+  std::fill_n(rows.begin(), plane.height_px, Row{});
+  if (!volumes_->empty()) {
+    const PixelsInGrid in_grid(volumes_->grid(), plane);
+    for (int y = 0; y < plane.height_px; ++y) rows[y] = clipped(in_grid, y, plane.width_px);
+    const bool has_window = style_.window_low < style_.window_high;
+    const std::array<double, 2> window = has_window || layers == Layers::kLabels
+                                             ? std::array{style_.window_low, style_.window_high}
+                                             : volumes_->automatic_window();
+    const double step[3] = {in_grid.step[0], in_grid.step[1], in_grid.step[2]};
+    internal::section::sample(view, volumes_->grey_scale(window, style_.grey_levels), rows.data(), step,
+                              pixels);
+  }
+
+  // what no voxel was found for
+  const bool scan = view.scan != nullptr || view.codes != nullptr,
+             labels = view.labels != nullptr || view.numbers != nullptr;
+  const std::uint8_t background =
+      volumes_->has_scan() ? internal::section::kOutsideScan : internal::section::kNoScan;
+  for (int y = 0; y < plane.height_px; ++y) {
+    const std::ptrdiff_t first = y * pixels.stride, end = first + plane.width_px;
+    const auto fill = [&](bool sampled, auto* to, auto value) {
+      std::fill(to + first, to + (sampled ? first + rows[y].begin : end), value);
+      if (sampled) std::fill(to + first + rows[y].end, to + end, value);
+    };
+    if (layers != Layers::kLabels) fill(scan, pixels.grey, background);
+    if (layers != Layers::kScan) fill(labels, pixels.labels, LabelId{0});
+  }
+  return pixels;
+}
+
+void SectionRenderer::render(const SectionPlane& plane, std::span<std::uint8_t> rgb) {
+  PALPATE_CHECK(rgb.size() == 3 * pixel_count(plane));
+  const PixelView pixels = sample(plane, Layers::kBoth);
+  for (int y = 0; y < plane.height_px; ++y) {
+    LabelId* labels = pixels.labels + y * pixels.stride;
+    // beyond the picture nothing differs
+    labels[-1] = labels[0];
+    labels[plane.width_px] = labels[plane.width_px - 1];
+    internal::section::blend_row(paints_.data(), pixels.grey + y * pixels.stride, labels,
+                                 y > 0 ? labels - pixels.stride : labels,
+                                 y + 1 < plane.height_px ? labels + pixels.stride : labels, plane.width_px,
+                                 rgb.data() + std::ptrdiff_t{3} * plane.width_px * y);
+  }
+}
+
+void SectionRenderer::render_scan(const SectionPlane& plane, std::span<std::uint8_t> rgb) {
+  PALPATE_CHECK(rgb.size() == 3 * pixel_count(plane));
+  const PixelView pixels = sample(plane, Layers::kScan);
+  auto out = rgb.begin();
+  for (int y = 0; y < plane.height_px; ++y) {
+    const std::uint8_t* grey = pixels.grey + y * pixels.stride;
+    for (int x = 0; x < plane.width_px; ++x) out = std::fill_n(out, 3, grey[x]);
+  }
+}
+
+void SectionRenderer::render_structures(const SectionPlane& plane, std::span<std::uint8_t> rgba) {
+  PALPATE_CHECK(rgba.size() == 4 * pixel_count(plane));
+  const PixelView pixels = sample(plane, Layers::kLabels);
+  auto out = rgba.begin();
+  for (int y = 0; y < plane.height_px; ++y) {
+    for (int x = 0; x < plane.width_px; ++x) {
+      const std::size_t label = pixels.labels[y * pixels.stride + x];
+      const Paint& paint = paints_[2 * label + (differs_from_neighbour(pixels, x, y) ? 1 : 0)];
+      out = std::copy(paint.begin(), paint.end(), out);
+    }
+  }
+}
+
+void SectionRenderer::labels(const SectionPlane& plane, std::span<LabelId> labels) {
+  PALPATE_CHECK(labels.size() == pixel_count(plane));
+  const PixelView pixels = sample(plane, Layers::kLabels);
+  auto out = labels.begin();
+  for (int y = 0; y < plane.height_px; ++y)
+    out = std::copy_n(pixels.labels + y * pixels.stride, plane.width_px, out);
+}
+
+}  // namespace palpate
