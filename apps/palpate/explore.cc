@@ -12,6 +12,7 @@
 #include "inputs.h"
 #include "keys.h"
 #include "palpate/output.h"
+#include "palpate/viewer_server.h"
 #include "palpation.h"
 #include "text.h"
 #include "verb.h"
@@ -27,10 +28,19 @@ struct Options {
   std::optional<ForceMethod> method;
   double spin_us = 0;
   int cpu = -1;
-  bool repeat = false, no_realtime = false;
+  bool repeat = false, no_realtime = false, pointer = false;
+  bool no_viewer = false;
+  std::optional<int> port;  // empty: kViewerPort, or the next that is free
+  ViewerServerOptions viewers;
 };
 
 Result<void> check(const Options& options) {
+  if (options.pointer && options.no_viewer)
+    return Error{ErrorKind::kUsage, "the pointer is a viewer's, and --no-viewer lets none look on",
+                 "--device", "leave out --no-viewer"};
+  if (options.pointer && (options.script || options.repeat))
+    return Error{ErrorKind::kUsage, "a pointer follows no script", options.script ? "--script" : "--repeat",
+                 "leave it out, or let the simulated hand feel: --device simulated"};
   const long cpus = ::sysconf(_SC_NPROCESSORS_CONF);
   if (options.cpu >= cpus)
     return Error{ErrorKind::kUsage, "this machine has no CPU " + std::to_string(options.cpu), "--cpu",
@@ -41,8 +51,39 @@ Result<void> check(const Options& options) {
   return check_output(*options.recording, inputs);
 }
 
+// the port that was asked for; without one the usual one, or one of those after it
+Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const Options& options, Console& console) {
+  constexpr int kTries = 20;
+  ViewerServerOptions settings = options.viewers;
+  settings.port = options.port.value_or(kViewerPort);
+  settings.log = [&console](const std::string& fault) { console.note("viewer: " + fault); };
+  auto server = ViewerServer::start(host, settings);
+  if (options.port) return server;
+  for (int tries = 1; tries < kTries && !server && server.error().kind == ErrorKind::kUnavailable; ++tries) {
+    ++settings.port;
+    auto next = ViewerServer::start(host, settings);
+    if (next) console.note("port " + std::to_string(kViewerPort) + " is taken");
+    // of an address that cannot be had the first error tells
+    if (next) return next;
+  }
+  return server;
+}
+
+// @param address  becomes that of the page
+std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const Options& options, Console& console,
+                                                                     std::string& address) {
+  if (options.no_viewer) return {};
+  return [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
+    auto server = serve(host, options, console);
+    if (!server) return server.error();
+    address = (*server)->url();
+    return std::shared_ptr<void>(*std::move(server));
+  };
+}
+
 ExploreOptions session_of(const Options& options, Keys& keys) {
   ExploreOptions session;
+  session.device = options.pointer ? ExploreDevice::kPointer : ExploreDevice::kSimulated;
   session.run = {options.max_force_N, options.seed, options.rate_hz, options.method};
   session.loop.spin_s = options.spin_us * 1e-6;
   session.loop.realtime = !options.no_realtime;
@@ -131,17 +172,19 @@ std::string live_line(const ExploreStatus& status) {
 }
 
 // notes at the first call, then the live line; a recording that ends is told once
-std::function<void(const ExploreStatus&)> status_for(const Options& options, Console& console) {
-  return
-      [&console, asked = !options.no_realtime, first = true, told = false](const ExploreStatus& s) mutable {
-        if (first) note_scheduling(s.scheduling, asked, console);
-        first = false;
-        if (s.recording_failure && !told) {
-          console.warn()(s.recording_failure->message() + "\n  the session goes on without it");
-          told = true;
-        }
-        console.live(live_line(s));
-      };
+std::function<void(const ExploreStatus&)> status_for(const Options& options, const std::string& address,
+                                                     Console& console) {
+  return [&console, &address, asked = !options.no_realtime, first = true,
+          told = false](const ExploreStatus& s) mutable {
+    if (first) note_scheduling(s.scheduling, asked, console);
+    if (first && !address.empty()) console.note("to see it, open " + address);
+    first = false;
+    if (s.recording_failure && !told) {
+      console.warn()(s.recording_failure->message() + "\n  the session goes on without it");
+      told = true;
+    }
+    console.live(live_line(s));
+  };
 }
 
 void print_row(const char* name, const Percentiles& p) {
@@ -214,15 +257,18 @@ int explore_target(const Options& options, Console& console) {
   const Progress progress = console.progress();
   const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
-  const auto script = script_of(options.script, *loaded->model);
+  const auto script = options.pointer ? Script{} : script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
   note_felt_stiffness(*loaded, console);
 
   // stopped in the background, a device would hold its last force
   std::signal(SIGTSTP, SIG_IGN);
   std::optional<Keys> keys(std::in_place);
-  const auto result = explore(*loaded, *script, session_of(options, *keys), options.recording.value_or(""),
-                              progress, status_for(options, console));
+  std::string address;
+  ExploreOptions session = session_of(options, *keys);
+  session.viewers = viewers_of(options, console, address);
+  const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
+                              status_for(options, address, console));
   keys.reset();
   console.live("");
   if (!result) return console.fail(result.error());
@@ -237,10 +283,34 @@ int explore_target(const Options& options, Console& console) {
   return kExitOk;
 }
 
+void add_viewer_options(CLI::App* verb, Options& options) {
+  verb->add_option("--port", options.port,
+                   "Port of the viewer's page, 0 for any that is free; default: " +
+                       std::to_string(kViewerPort) + " or the next free one")
+      ->check(whole_between(0, 65535));
+  verb->add_flag("--no-viewer", options.no_viewer, "Serve no page: nothing listens");
+  verb->add_option(
+      "--listen", options.viewers.address,
+      "Address of this machine on which the page is served, in numbers; other than a loopback one it "
+      "wants --token-file; default: 127.0.0.1");
+  verb->add_option(
+      "--token-file", options.viewers.token_file,
+      "Who may look on and who may change something: lines \"control TOKEN\" and \"view TOKEN\"");
+  verb->add_option("--tls-cert", options.viewers.tls_certificate,
+                   "Certificate for https (PEM), with --tls-key");
+  verb->add_option("--tls-key", options.viewers.tls_key, "Its key (PEM)");
+  verb->add_option("--host-name", options.viewers.host_names,
+                   "A further name by which the page is asked for; may be repeated");
+}
+
 void add_options(CLI::App* verb, Options& options) {
   verb->add_option("target", options.target, "A data set (palpate data list) or a scene file")->required();
   verb->add_option("-s,--script", options.script,
                    "Palpation script (TOML); default: one that suits the scene");
+  verb->add_option_function<std::string>(
+          "--device", [&options](const std::string& device) { options.pointer = device == "pointer"; },
+          "Who moves the tip: the simulated hand, or a viewer's pointer through the page; default: simulated")
+      ->check(CLI::IsMember({"simulated", "pointer"}));
   verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
   verb->add_option("--max-force", options.max_force_N,
                    "Limit of the force in N, beside the device's own; default: the lesser of its continuous "
@@ -258,6 +328,7 @@ void add_options(CLI::App* verb, Options& options) {
   verb->add_option("--seed", options.seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
   add_method_option(*verb, "Force method at first; default: the scene's", kForceMethods, options.method);
+  add_viewer_options(verb, options);
   verb->add_option("--cpu", options.cpu, "The only CPU for the servo thread; default: any")
       ->check(whole_between(0, 4095));
   verb->add_flag("--no-realtime", options.no_realtime,
@@ -268,13 +339,16 @@ void add_options(CLI::App* verb, Options& options) {
 
 void add_explore(CLI::App& app, Run& run) {
   auto options = std::make_shared<Options>();
-  CLI::App* verb = app.add_subcommand("explore", "Let a simulated hand palpate a scene in real time");
+  CLI::App* verb =
+      app.add_subcommand("explore", "Palpate a scene in real time, by a simulated hand or a pointer");
   add_options(verb, *options);
   verb->footer(
       "Examples:\n"
       "  palpate explore knee-phantom --seconds 10\n"
       "  palpate explore knee-atlas -o run.h5 --rate 4000 --spin 100\n"
-      "  palpate explore scene.toml --script press.toml --repeat\n\n"
+      "  palpate explore scene.toml --script press.toml --repeat\n"
+      "  palpate explore knee-phantom --device pointer\n\n"
+      "A page shows it in any browser, at the address that is told when the loop runs (docs/viewer.md).\n"
       "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"
       "second (median/99th percentile/largest), the force and its limit, and the structure touched.\n"
       "Keys: space is the emergency stop, and space again brings the force back; p pauses and goes on;\n"

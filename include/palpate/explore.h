@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,8 +15,9 @@
 /// device would.
 ///
 ///    hand, 500 Hz ── where it wants to be ──► driver ◄─► servo ── every tick ──► recorder ─► file
-///        ▲                                                │              │
-///        └─────────── the latest tick ────────────────────┴─► status, 10 Hz (the calling thread)
+///        ▲                                                │
+///        └─────────── the latest tick ────────────────────┼─► status, 10 Hz (the calling thread)
+///                                                         └─► viewers, who also ask for changes
 namespace palpate {
 
 /// What the user asks for while a session runs.
@@ -26,13 +28,26 @@ enum class ExploreRequest : std::uint8_t {
   kNextMethod,     ///< feel by the next force method, in a circle
 };
 
+/// Who moves the tip.
+enum class ExploreDevice : std::uint8_t {
+  kSimulated,  ///< a simulated hand that follows a script, with a simulated device
+  kPointer,    ///< a viewer's mouse, pen or finger; the force is shown and felt by nobody
+};
+
+class ViewerHost;
+
 struct ExploreOptions {
   SimulationOptions run;
+  ExploreDevice device = ExploreDevice::kSimulated;
   LoopSettings loop;              ///< its rate is ignored: the run's own holds
   std::optional<double> seconds;  ///< end after that long; empty: when the script ends
   bool repeat = false;            ///< begin the script again when it has ended, until stopped
   /// Asked fifty times a second by the calling thread; must not wait. Empty: nobody asks for anything.
   std::function<ExploreRequest()> request;
+  /// Shows the session to viewers and takes their requests: called once, before the loop runs and anything is
+  /// recorded. What it returns is destroyed when the session ends, before the host. Its error is explore()'s.
+  /// Empty: nobody looks on.
+  std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers;
 };
 
 /// Where a session stands. Figures of time are of the last second that reached the recorder.
@@ -59,22 +74,23 @@ struct ExploreResult {
   LoopHealth health;
   Scheduling scheduling;
   std::vector<HoldFigure> holds;
-  double max_force_N = 0;  ///< largest force sent
-  double limit_N = 0;
+  double max_force_N = 0;            ///< largest force sent
+  double limit_N = 0;                ///< the highest that held
   std::vector<std::string> trouble;  ///< steps that did not reach what they asked, in words
   std::optional<Error> recording_failure;
   bool stopped_by_user = false;  ///< by progress.stopped()
   bool device_lost = false;      ///< the driver gave up, which ended the session
 };
 
-/// Lets a scripted hand feel a scene in real time, until the script is done, the time is up, or
-/// progress.stopped(): then the force fades out and the recording is finished, so that it replays. Stopped
-/// before the first tick: Error kInterrupted. A disk that fills is no error of the session: it goes on, and
-/// the result tells.
+/// Lets a scripted hand or a viewer's pointer feel a scene in real time, until the script is done, the time
+/// is up, or progress.stopped(): then the force fades out and the recording is finished, so that it replays.
+/// Stopped before the first tick: Error kInterrupted. A disk that fills is no error of the session: it goes
+/// on, and the result tells.
+/// @param script     of the hand; a pointer has none
 /// @param recording  a file to write; empty: none
 /// @param status     called on this thread when the loop runs, and then ten times a second; may be empty
 /// Errors: those of set-up (a script's device, hand or structures, settings of the loop), and of creating
-/// the recording.
+/// the recording; the viewers'.
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
                               const std::filesystem::path& recording, const Progress& progress = {},
                               const std::function<void(const ExploreStatus&)>& status = {});

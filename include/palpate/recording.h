@@ -45,6 +45,18 @@ struct RecordingHeader {
   std::vector<Structure> structures;
 };
 
+/// How a version of the model follows from the one before it: a tissue was changed while it was felt, or the
+/// direct methods' fields were made anew for the stiffnesses as they are.
+struct ModelChange {
+  static constexpr std::uint32_t kFieldsMadeAnew = 0xffffffff;
+  std::uint32_t version = 0;  ///< one more than the version before it
+  std::uint32_t tissue = 0;   ///< its place in the scene, from 0, or kFieldsMadeAnew
+  // what the tissue has from that version on
+  double stiffness_N_per_mm = 0, static_friction = 0, dynamic_friction = 0, viscosity_N_s_per_mm = 0;
+
+  friend bool operator==(const ModelChange&, const ModelChange&) = default;
+};
+
 /// What is known after the last tick. A recording cut short has none.
 struct RecordingSummary {
   std::uint64_t ticks = 0;
@@ -59,6 +71,8 @@ struct RecordingSummary {
   /// What the simulated hand did not reach, a sentence each. A recording keeps 1000 of them, the last of
   /// which then tells how many more there were, and 512 bytes of each.
   std::vector<std::string> trouble;
+  /// How the model has changed, in the order of its versions. A recording keeps the first 100 000.
+  std::vector<ModelChange> changes;
 
   /// Counts a tick, its flags, each once whatever the number of devices that have it, and its state hash.
   void see(const TickRecord& tick);
@@ -106,7 +120,7 @@ class Recorder {
                                                  std::function<void(const TickRecord&)> see = {});
   /// Takes what is left in the ring and stops. A recording that was not finished counts as cut short.
   virtual ~Recorder() = default;
-  /// Of the ticks taken so far; `dropped`, `skipped` and `trouble` are finish()'s. Any thread.
+  /// Of the ticks taken so far; `dropped`, `skipped`, `trouble` and `changes` are finish()'s. Any thread.
   virtual RecordingSummary so_far() const = 0;
   /// Why the file stays as it was: the disk is full or gone. Ticks go on being taken, counted and seen. Any
   /// thread.
@@ -115,7 +129,8 @@ class Recorder {
   /// nothing is pushed any more. Fails with failure(), also when the last write is the one that fails.
   /// @param dropped, skipped  of the whole run, for the summary
   virtual Result<RecordingSummary> finish(std::uint64_t dropped, std::uint64_t skipped,
-                                          const std::vector<std::string>& trouble) = 0;
+                                          const std::vector<std::string>& trouble,
+                                          const std::vector<ModelChange>& changes = {}) = 0;
 };
 
 /// Reads a recording, a cut-short one up to its last whole flush, also while it is being written. Damaged

@@ -135,6 +135,14 @@ const std::vector<TissuePreset>& tissue_presets();
 /// the last match in the name wins, then the longest.
 const TissuePreset* match_preset(const std::string& structure_name);
 
+/// Whether a tissue may have these values: the ranges of its keys and the rules between tissues, in the words
+/// with which a scene's text is refused. For values that change while they are felt.
+/// @param index  of the one whose values are new
+/// Error kBadInput; its place is the key ("stiffness").
+Result<void> check_tissue_values(const std::vector<TissueSettings>& tissues, std::size_t index);
+/// From where to where a number among a tissue's keys may lie.
+std::array<double, 2> tissue_key_range(std::string_view key);
+
 /// Which ids each tissue of the scene takes from the label map, ascending; none for tissues by threshold.
 /// A name takes every segment so named. Error with the line of the label where it is absent, unless the
 /// tissue is optional, and where it is claimed twice.

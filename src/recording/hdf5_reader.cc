@@ -280,6 +280,20 @@ std::optional<RecordingSummary> read_summary(hid_t file, std::uint64_t file_byte
   require(trouble.rows() <= kMaxTroubles, "it lists too many troubles");
   trouble.require_stored(file_bytes);
   summary.trouble = trouble.texts(kMaxText);
+  // format 3.0 has none
+  if (!is_there(group.get(), "model_changes")) return summary;
+  const DataSet changes(group.get(), "summary", "model_changes");
+  changes.require_shape(2, std::tuple_size_v<ChangeRow>);
+  changes.require_type(H5T_IEEE_F64LE);
+  require(changes.rows() <= kMaxChanges, "it lists too many changes of the model");
+  changes.require_stored(file_bytes);
+  std::vector<ChangeRow> rows(static_cast<std::size_t>(changes.rows()));
+  if (!rows.empty()) changes.read_all(H5T_IEEE_F64LE, rows.data());
+  for (const ChangeRow& row : rows) {
+    const auto change = change_of(row);
+    require(change.has_value(), "a change of the model has no version or tissue");
+    summary.changes.push_back(*change);
+  }
   return summary;
 }
 

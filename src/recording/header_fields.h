@@ -1,7 +1,10 @@
 #pragma once
 
+#include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "palpate/recording.h"
 
@@ -14,7 +17,7 @@ inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
 inline constexpr std::uint32_t kFormatMajor = 3;
 /// Incremented when something is added that old readers can leave aside.
-inline constexpr std::uint32_t kFormatMinor = 0;
+inline constexpr std::uint32_t kFormatMinor = 1;
 
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";
@@ -23,6 +26,7 @@ inline constexpr std::size_t kMaxText = 4096;  ///< bytes of one text of the hea
 inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxStructures = 65536;
 inline constexpr std::size_t kMaxTroubles = 1000;
+inline constexpr std::size_t kMaxChanges = 100'000;
 inline constexpr std::size_t kTroubleBytes = 512;  ///< of one of them, as written here
 
 /// Everything of the header but the script and the structures: attributes of the group /header.
@@ -46,6 +50,26 @@ void visit_header(Header& header, Visit&& visit) {
   visit("devices", header.devices);
   visit("clock", header.clock);
   visit("scheduler", header.scheduler);
+}
+
+/// A row of /summary/model_changes: version, tissue, and its values in the order of the struct.
+using ChangeRow = std::array<double, 6>;
+inline ChangeRow row_of(const ModelChange& change) {
+  return {static_cast<double>(change.version),
+          static_cast<double>(change.tissue),
+          change.stiffness_N_per_mm,
+          change.static_friction,
+          change.dynamic_friction,
+          change.viscosity_N_s_per_mm};
+}
+/// Nothing for a row whose numbers are none that a version or a tissue can have.
+inline std::optional<ModelChange> change_of(const ChangeRow& row) {
+  const auto whole = [](double value) {
+    return value >= 0 && value <= 4294967295.0 && value == std::floor(value);
+  };
+  if (!whole(row[0]) || !whole(row[1])) return std::nullopt;
+  return ModelChange{
+      static_cast<std::uint32_t>(row[0]), static_cast<std::uint32_t>(row[1]), row[2], row[3], row[4], row[5]};
 }
 
 /// Data sets of one number each in the group /summary: those that count a flag.

@@ -115,6 +115,12 @@ TEST_F(Hostile, ChangedShapesAndTypesAreNamed) {
   EXPECT_EQ(with("summary/trouble", string_type(8).get(), {1}), "no error");
   EXPECT_THAT(error_after([](hid_t f) { H5Ldelete(f, "summary/trouble", H5P_DEFAULT); }),
               HasSubstr("/summary/trouble is missing"));
+  EXPECT_THAT(with("summary/model_changes", H5T_IEEE_F64LE, {2}), HasSubstr("another shape"));
+  EXPECT_THAT(with("summary/model_changes", H5T_IEEE_F64LE, {2, 5}), HasSubstr("another shape"));
+  EXPECT_THAT(with("summary/model_changes", H5T_IEEE_F32LE, {2, 6}), HasSubstr("another type"));
+  EXPECT_THAT(with("summary/model_changes", H5T_IEEE_F64LE, {100001, 6}), HasSubstr("too many changes"));
+  EXPECT_EQ(error_after([](hid_t f) { H5Ldelete(f, "summary/model_changes", H5P_DEFAULT); }), "no error")
+      << "format 3.0 has none";
   const Handle endless(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(endless.get(), H5T_VARIABLE);
   EXPECT_THAT(with("header/script", endless.get(), {}), HasSubstr("not a text"));
@@ -303,6 +309,7 @@ TEST(Stream, EndsAreNoticedAtEveryByte) {
   EXPECT_EQ(test::first_difference((*whole).header, header), "");
   ASSERT_TRUE((*whole).summary);
   EXPECT_EQ((*whole).summary->trouble, test::example_summary(0).trouble);
+  EXPECT_EQ((*whole).summary->changes, test::example_summary(0).changes);
 }
 
 TEST(Stream, PromisesOfRowsTakeNoMemory) {
@@ -333,6 +340,8 @@ TEST(Stream, BelievesNoHeader) {
               HasSubstr("too many troubles"));
   EXPECT_THAT(error_of([](auto& head) { head.summary->trouble = {std::string(5000, 'x')}; }),
               HasSubstr("too long"));
+  EXPECT_THAT(error_of([](auto& head) { head.summary->changes.resize(100001); }),
+              HasSubstr("too many changes"));
   EXPECT_THAT(error_of([](auto& head) { head.summary->ticks = 1; }), HasSubstr("counts 1 ticks"));
 }
 

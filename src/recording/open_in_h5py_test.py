@@ -71,7 +71,8 @@ class OpenInH5py(unittest.TestCase):
                 attributes = {key: value.decode("ascii") for key, value in item.attrs.items()}
                 if attributes:
                     self.assertEqual(set(attributes), {"unit", "frame", "description"}, name)
-                rows = 2 if name.startswith("structures/") or name == "summary/trouble" else ROWS
+                few = name.startswith("structures/") or name in ("summary/trouble", "summary/model_changes")
+                rows = 2 if few else ROWS
                 found["/" + name] = (
                     column_shape(item.shape, rows),
                     type_name(item),

@@ -44,7 +44,8 @@ class RingRecorder : public Recorder {
     return failure_;
   }
   Result<RecordingSummary> finish(std::uint64_t dropped, std::uint64_t skipped,
-                                  const std::vector<std::string>& trouble) override;
+                                  const std::vector<std::string>& trouble,
+                                  const std::vector<ModelChange>& changes) override;
 
  private:
   void run() noexcept;
@@ -118,7 +119,8 @@ void RingRecorder::give_up(const Error& error) {
 }
 
 Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64_t skipped,
-                                              const std::vector<std::string>& trouble) {
+                                              const std::vector<std::string>& trouble,
+                                              const std::vector<ModelChange>& changes) {
   PALPATE_CHECK(thread_.joinable());
   stop();
   if (failure_) return *failure_;
@@ -126,6 +128,7 @@ Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64
   summary.dropped = dropped;
   summary.skipped = skipped;
   summary.trouble = trouble;
+  summary.changes = changes;
   if (writer_) {
     if (auto finished = writer_->finish(summary); !finished) {
       give_up(finished.error());

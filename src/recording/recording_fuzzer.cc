@@ -52,7 +52,8 @@ void must(bool condition) {
 void check(const Result<Recording>& read) {
   if (!read) return must(!read.error().what.empty());
   const RecordingHeader& header = read.value().header;
-  if (read.value().summary) must(read.value().summary->trouble.size() <= 1000);
+  if (read.value().summary)
+    must(read.value().summary->trouble.size() <= 1000 && read.value().summary->changes.size() <= 100000);
   must(header.clock == "virtual" || header.clock == "real");
   must(header.devices >= 1 && header.devices <= 4 && header.rate_hz > 0 &&
        header.script_text.size() <= (16u << 20));
@@ -149,9 +150,10 @@ void replace_attribute(hid_t object, const std::string& name, Input& input) {
 // every name that the reader looks at
 const std::vector<std::string>& data_set_names() {
   static const std::vector<std::string> names = [] {
-    std::vector<std::string> all{"header/script",   "structures/label",  "structures/colour",
-                                 "structures/name", "structures/tissue", "summary/complete",
-                                 "summary/ticks",   "summary/run_hash",  "summary/trouble"};
+    std::vector<std::string> all{"header/script",        "structures/label",  "structures/colour",
+                                 "structures/name",      "structures/tissue", "summary/complete",
+                                 "summary/ticks",        "summary/run_hash",  "summary/trouble",
+                                 "summary/model_changes"};
     for (const auto& column : internal::tick_columns()) all.push_back(std::string("ticks/") + column.name);
     for (const auto& column : internal::device_columns())
       all.push_back(std::string("device0/") + column.name);

@@ -226,7 +226,7 @@ class Hdf5Writer : public RecordingWriter {
   std::size_t chunk_rows_;
   Handle file_;
   std::vector<GrowingColumn> columns_;
-  Handle trouble_;
+  Handle trouble_, changes_;
   hsize_t chunk_start_ = 0;       // ticks in full chunks
   std::size_t filled_ = 0;        // ticks in the chunk being filled
   std::size_t flushed_ = 0;       // of these, already committed
@@ -285,6 +285,9 @@ bool Hdf5Writer::write_fixed_part(const RecordingHeader& header) {
   constexpr hsize_t kTroubleChunk = 16;
   trouble_ = scribe.growing(summary.get(), "trouble", fixed_text_type(kTroubleBytes, H5T_CSET_UTF8).get(), 1,
                             kTroubleChunk);
+  constexpr hsize_t kChangesChunk = 256;
+  changes_ = scribe.growing(summary.get(), "model_changes", H5T_IEEE_F64LE, std::tuple_size_v<ChangeRow>,
+                            kChangesChunk);
 
   const auto add_columns = [&](const char* group_name, std::span<const Column> columns, int device) {
     const Handle group = scribe.group(group_name);
@@ -370,6 +373,13 @@ bool Hdf5Writer::write_summary(const RecordingSummary& summary) {
     written = written &&
               grow(trouble_, type.get(), 1, 0, sentences.size(), padded(sentences, kTroubleBytes).data());
   }
+  std::vector<ChangeRow> changes;
+  for (const ModelChange& change :
+       std::span(summary.changes).first(std::min(summary.changes.size(), kMaxChanges)))
+    changes.push_back(row_of(change));
+  if (!changes.empty())
+    written = written &&
+              grow(changes_, H5T_IEEE_F64LE, std::tuple_size_v<ChangeRow>, 0, changes.size(), changes.data());
   // the mark of a whole run comes after everything that it vouches for
   const std::uint8_t complete = 1;
   return written && commit(file_, bytes_) && put("complete", H5T_STD_U8LE, &complete) &&
@@ -396,6 +406,7 @@ void Hdf5Writer::close() {
   bytes_.seal();
   columns_.clear();
   trouble_.reset();
+  changes_.reset();
   file_.reset();
   bytes_.trim_and_sync();
 }

@@ -113,6 +113,15 @@ RecordingSummary receive_summary(Receiver& in) {
   in.get(count);
   if (count > kMaxTroubles) in.fail("it lists too many troubles");
   for (std::uint32_t i = 0; i < count && in.ok(); ++i) in.get(summary.trouble.emplace_back());
+  in.get(count);
+  if (count > kMaxChanges) in.fail("it lists too many changes of the model");
+  for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
+    ChangeRow row{};
+    for (double& value : row) in.get(value);
+    const auto change = change_of(row);
+    if (!change) in.fail("a change of the model has no version or tissue");
+    summary.changes.push_back(change.value_or(ModelChange{}));
+  }
   return summary;
 }
 
@@ -164,6 +173,9 @@ void send_summary(Sender& out, const RecordingSummary& summary) {
   visit_summary(summary, [&](const char*, std::uint64_t value) { out.put(value); });
   out.put(static_cast<std::uint32_t>(summary.trouble.size()));
   for (const std::string& sentence : summary.trouble) out.put(sentence);
+  out.put(static_cast<std::uint32_t>(summary.changes.size()));
+  for (const ModelChange& change : summary.changes)
+    for (const double value : row_of(change)) out.put(value);
 }
 
 }  // namespace

@@ -13,8 +13,8 @@
 ///   byte 0      u32 n, n bytes: what is wrong; u32 m, m bytes: the remedy            a refusal
 ///   byte 1      header fields in the order of visit_header, script, structures,
 ///               byte 0 or 1 and, after 1, the fields of the summary, u32 number of troubles, troubles,
-///               u64 rows, then blocks of at most kBlockRows rows: per block the rows
-///               of each column, in the order of tick_columns(), device_columns() of
+///               u32 number of changes, six f64 of each, u64 rows, then blocks of at most kBlockRows rows:
+///               per block the rows of each column, in the order of tick_columns(), device_columns() of
 ///               device 0, of device 1, ...
 ///
 /// Numbers are little-endian; a text is u32 n and n bytes.

@@ -183,6 +183,7 @@ RecordingSummary example_summary(std::uint64_t ticks) {
         &summary.dropped,          &summary.skipped})
     *count = next++;
   summary.trouble = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
+  summary.changes = {{2, 0, 0.8, 0.3, 0.25, 0.001}, {3, 7, 1.5, 0.1, 0, 0.0015}};
   return summary;
 }
 
@@ -303,6 +304,7 @@ std::string first_difference(const RecordingSummary& a, const RecordingSummary& 
   if (a.dropped != b.dropped) return "dropped";
   if (a.skipped != b.skipped) return "skipped";
   if (a.trouble != b.trouble) return "trouble";
+  if (a.changes != b.changes) return "changes";
   return "";
 }
 

@@ -560,6 +560,27 @@ std::string_view type_text(KeyType type) {
   return "";
 }
 
+std::string remedy_text(const KeySpec& key) {
+  std::string text = std::string(key.name) + " takes ";
+  const std::string range = range_text(key);
+  if (key.type == KeyType::kChoice || key.type == KeyType::kDirection) {
+    text += range;
+  } else {
+    text += std::string(type_text(key.type)) + (range.empty() ? "" : ", " + range);
+  }
+  if (key.type == KeyType::kTable) text = "write [" + std::string(key.name) + "] on a line of its own";
+  if (key.type == KeyType::kTables) text = "write [[" + std::string(key.name) + "]] on a line of its own";
+  return key.default_text.empty() ? text : text + "; default " + std::string(key.default_text);
+}
+
+std::optional<Fault> number_fault(const KeySpec& key, double value) {
+  const std::string name(key.name);
+  if (!std::isfinite(value)) return Fault{name + " is not a finite number", remedy_text(key)};
+  if (key.has_range() && (value < key.min || value > key.max))
+    return Fault{name + " = " + number_text(value) + " is outside " + range_text(key), remedy_text(key)};
+  return std::nullopt;
+}
+
 std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates) {
   // a name that a person mistyped is short; this bounds the work on any other
   constexpr std::size_t kMaxCompared = 100;

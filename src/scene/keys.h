@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -61,6 +62,16 @@ const ScriptKeys& script_key_tables();
 std::string range_text(const KeySpec& key);
 /// "a number", "a list of label numbers and names", ...
 std::string_view type_text(KeyType type);
+/// What a key takes, as a remedy: "stiffness takes a number, 0.001 ... 20 N/mm; default 1".
+std::string remedy_text(const KeySpec& key);
+
+/// What is wrong, and how to mend it.
+struct Fault {
+  std::string what, remedy;
+};
+/// Of a number for a key; nothing when it fits.
+std::optional<Fault> number_fault(const KeySpec& key, double value);
+
 /// The shortest decimal that reads back as the same number.
 std::string number_text(double value);
 

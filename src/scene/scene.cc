@@ -22,6 +22,27 @@ void read_data(const TableReader& data, Scene& scene) {
   scene.lines = {data.line("scan"), data.line("labels"), data.line("names")};
 }
 
+std::optional<Fault> friction_fault(const TissueSettings& tissue) {
+  if (!tissue.static_friction || *tissue.static_friction >= tissue.friction_coefficient) return std::nullopt;
+  return Fault{"static_friction = " + number_text(*tissue.static_friction) +
+                   " is less than friction = " + number_text(tissue.friction_coefficient),
+               "what sticks holds at least as much as what slides"};
+}
+
+/// The field is never to fall on the way from a tissue into its support: where it falls, the direct
+/// methods' force points inward.
+std::optional<Fault> support_fault(const TissueSettings& tissue, const TissueSettings& support) {
+  if (!support.felt)
+    return Fault{
+        "tissue \"" + tissue.name + "\" rests on \"" + support.name + "\", which is not felt",
+        "the force would point inward where they meet; let both be felt, or take it out of rests_on"};
+  if (tissue.stiffness_N_per_mm <= support.stiffness_N_per_mm) return std::nullopt;
+  return Fault{"tissue \"" + tissue.name + "\" (" + number_text(tissue.stiffness_N_per_mm) +
+                   " N/mm) is stiffer than \"" + support.name + "\" (" +
+                   number_text(support.stiffness_N_per_mm) + " N/mm), which it rests on",
+               "the force would point inward where they meet; make the upper one at most as stiff"};
+}
+
 TissueSettings starting_values(const TableReader& reader) {
   const auto preset = reader.choice("preset");
   if (!preset) return {};
@@ -66,11 +87,8 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   set("friction", tissue.friction_coefficient);
   if (const auto still = reader.number("static_friction")) tissue.static_friction = still;
   if (const auto force = reader.number("puncture")) tissue.puncture_N = force;
-  if (tissue.static_friction && *tissue.static_friction < tissue.friction_coefficient)
-    problems.add(reader.line("static_friction"),
-                 "static_friction = " + number_text(*tissue.static_friction) +
-                     " is less than friction = " + number_text(tissue.friction_coefficient),
-                 "what sticks holds at least as much as what slides");
+  if (auto fault = friction_fault(tissue))
+    problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   set("friction_damping", tissue.friction_damping_N_s_per_mm);
   set("friction_max", tissue.friction_max_N);
   set("viscosity", tissue.viscosity_N_s_per_mm);
@@ -136,9 +154,9 @@ void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
 }
 
 /// The index of a tissue by name, or -1.
-int index_of(const Scene& scene, const std::string& name) {
-  for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
-    if (scene.tissues[i].name == name) return static_cast<int>(i);
+int index_of(const std::vector<TissueSettings>& tissues, const std::string& name) {
+  for (std::size_t i = 0; i < tissues.size(); ++i) {
+    if (tissues[i].name == name) return static_cast<int>(i);
   }
   return -1;
 }
@@ -152,15 +170,17 @@ void check_names(const Scene& scene, Problems& problems) {
   }
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
-    const TissueSettings& first = scene.tissues[static_cast<std::size_t>(index_of(scene, tissue.name))];
+    const TissueSettings& first =
+        scene.tissues[static_cast<std::size_t>(index_of(scene.tissues, tissue.name))];
     if (&first != &tissue) {
       problems.add(
           tissue.line,
           "a second tissue \"" + tissue.name + "\"; the first is on line " + std::to_string(first.line),
           "give every tissue a name of its own");
     }
-    const auto unknown = std::find_if(tissue.rests_on.begin(), tissue.rests_on.end(),
-                                      [&](const std::string& name) { return index_of(scene, name) < 0; });
+    const auto unknown =
+        std::find_if(tissue.rests_on.begin(), tissue.rests_on.end(),
+                     [&](const std::string& name) { return index_of(scene.tissues, name) < 0; });
     if (unknown != tissue.rests_on.end()) {
       problems.add(tissue.line,
                    "tissue \"" + tissue.name + "\" rests on \"" + *unknown + "\", which is no tissue here",
@@ -185,32 +205,20 @@ bool check_cycle(const Scene& scene, int index, std::vector<int>& path, std::vec
   if (done[static_cast<std::size_t>(index)]) return true;
   path.push_back(index);
   for (const std::string& name : tissue.rests_on) {
-    if (!check_cycle(scene, index_of(scene, name), path, done, problems)) return false;
+    if (!check_cycle(scene, index_of(scene.tissues, name), path, done, problems)) return false;
   }
   path.pop_back();
   done[static_cast<std::size_t>(index)] = true;
   return true;
 }
 
-/// The field is never to fall on the way from a tissue into its support: where it falls, the direct
-/// methods' force points inward.
 void check_stiffness_order(const Scene& scene, Problems& problems) {
   for (const TissueSettings& tissue : scene.tissues) {
     if (!tissue.felt) continue;
-    for (const std::string& name : tissue.rests_on) {
-      const TissueSettings& support = scene.tissues[static_cast<std::size_t>(index_of(scene, name))];
-      if (!support.felt) {
-        problems.add(
-            tissue.line, "tissue \"" + tissue.name + "\" rests on \"" + name + "\", which is not felt",
-            "the force would point inward where they meet; let both be felt, or take it out of rests_on");
-      } else if (tissue.stiffness_N_per_mm > support.stiffness_N_per_mm) {
-        problems.add(tissue.line,
-                     "tissue \"" + tissue.name + "\" (" + number_text(tissue.stiffness_N_per_mm) +
-                         " N/mm) is stiffer than \"" + name + "\" (" +
-                         number_text(support.stiffness_N_per_mm) + " N/mm), which it rests on",
-                     "the force would point inward where they meet; make the upper one at most as stiff");
-      }
-    }
+    for (const std::string& name : tissue.rests_on)
+      if (auto fault =
+              support_fault(tissue, scene.tissues[static_cast<std::size_t>(index_of(scene.tissues, name))]))
+        problems.add(tissue.line, std::move(fault->what), std::move(fault->remedy));
   }
 }
 
@@ -273,6 +281,38 @@ std::filesystem::path Scene::resolve(const std::filesystem::path& file) const {
 
 std::string Scene::where(int line) const {
   return source + ":" + std::to_string(line);
+}
+
+std::array<double, 2> tissue_key_range(std::string_view key) {
+  const KeySpec* spec = scene_key_tables().tissue.find(key);
+  PALPATE_CHECK(spec != nullptr && spec->type == KeyType::kNumber);
+  return {spec->min, spec->max};
+}
+
+Result<void> check_tissue_values(const std::vector<TissueSettings>& tissues, std::size_t index) {
+  const auto error = [](Fault fault, const char* key) {
+    return Error{ErrorKind::kBadInput, std::move(fault.what), key, std::move(fault.remedy)};
+  };
+  const TissueSettings& changed = tissues[index];
+  const std::pair<const char*, double> numbers[] = {
+      {"stiffness", changed.stiffness_N_per_mm},
+      {"friction", changed.friction_coefficient},
+      {"static_friction", changed.static_friction.value_or(changed.friction_coefficient)},
+      {"viscosity", changed.viscosity_N_s_per_mm}};
+  for (const auto& [key, value] : numbers)
+    if (auto fault = number_fault(*scene_key_tables().tissue.find(key), value))
+      return error(*std::move(fault), key);
+  if (auto fault = friction_fault(changed)) return error(*std::move(fault), "static_friction");
+  for (const TissueSettings& tissue : tissues) {
+    if (!tissue.felt) continue;
+    for (const std::string& name : tissue.rests_on) {
+      const int support = index_of(tissues, name);
+      PALPATE_CHECK(support >= 0);
+      if (auto fault = support_fault(tissue, tissues[static_cast<std::size_t>(support)]))
+        return error(*std::move(fault), "stiffness");
+    }
+  }
+  return {};
 }
 
 Result<Scene> parse_scene(std::string_view text, const std::string& source) {

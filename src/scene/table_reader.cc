@@ -1,7 +1,6 @@
 #include "scene/table_reader.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace palpate {
 namespace {
@@ -11,20 +10,6 @@ std::string found_text(const TomlValue& value) {
   constexpr std::array<const char*, 7> kKinds{"true or false", "a whole number", "a number", "a text",
                                               "a date",        "a list",         "a table"};
   return kKinds[value.content.index()];
-}
-
-/// What a key takes, as a remedy: "stiffness takes a number, 0.001 ... 20 N/mm; default 1".
-std::string remedy_text(const KeySpec& key) {
-  std::string text = std::string(key.name) + " takes ";
-  const std::string range = range_text(key);
-  if (key.type == KeyType::kChoice || key.type == KeyType::kDirection) {
-    text += range;
-  } else {
-    text += std::string(type_text(key.type)) + (range.empty() ? "" : ", " + range);
-  }
-  if (key.type == KeyType::kTable) text = "write [" + std::string(key.name) + "] on a line of its own";
-  if (key.type == KeyType::kTables) text = "write [[" + std::string(key.name) + "]] on a line of its own";
-  return key.default_text.empty() ? text : text + "; default " + std::string(key.default_text);
 }
 
 std::optional<double> as_number(const TomlValue& value) {
@@ -149,13 +134,8 @@ std::optional<double> TableReader::number_in_range(const KeySpec& key, const Tom
     problems_.add(line, name + " holds " + found_text(value) + " where a number belongs", remedy_text(key));
     return std::nullopt;
   }
-  if (!std::isfinite(*number)) {
-    problems_.add(line, name + " is not a finite number", remedy_text(key));
-    return std::nullopt;
-  }
-  if (key.has_range() && (*number < key.min || *number > key.max)) {
-    problems_.add(line, name + " = " + number_text(*number) + " is outside " + range_text(key),
-                  remedy_text(key));
+  if (auto fault = number_fault(key, *number)) {
+    problems_.add(line, std::move(fault->what), std::move(fault->remedy));
     return std::nullopt;
   }
   return number;

@@ -47,7 +47,10 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const WorkspaceSettings& workspace = workspaces[workspaces.size() == 1 ? 0 : d];
     mappings_.emplace_back(devices[d], workspace);
+    // what a hand holds is known to whoever starts the loop, the rest to the device
+    const double most_stiffness_N_per_mm = latest_.device[d].most_stiffness_N_per_mm;
     latest_.device[d] = device_parameters(devices[d], workspace);
+    latest_.device[d].most_stiffness_N_per_mm = most_stiffness_N_per_mm;
   }
   posted_ = latest_;
 }

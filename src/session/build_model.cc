@@ -6,6 +6,7 @@
 #include "palpate/preparation.h"
 #include "palpate/ramps.h"
 #include "palpate/session.h"
+#include "session/ramp_structures.h"
 
 namespace palpate {
 namespace {
@@ -91,19 +92,13 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   return tissue;
 }
 
-// a tissue's share of the field's full scale: its stiffness relative to the stiffest, at least one step
-std::uint8_t weight_of(const Tissue& tissue, double stiffest) {
-  return static_cast<std::uint8_t>(
-      std::clamp<long>(std::lround(255 * tissue.stiffness_N_per_mm / stiffest), 1, 255));
-}
-
 void set_label(Model& model, LabelId label, int tissue, std::uint8_t weight) {
   if (label >= model.tissue_of_label.size()) {
     model.tissue_of_label.resize(label + 1, -1);
     model.level_of_label.resize(label + 1, 0.f);
   }
   model.tissue_of_label[label] = static_cast<std::int16_t>(tissue);
-  model.level_of_label[label] = model.tissues[tissue].felt ? static_cast<float>(weight) / 255.f : 0.f;
+  model.level_of_label[label] = level_of(model.tissues[tissue], weight);
 }
 
 std::uint64_t content_hash(const Model& model) {
@@ -200,41 +195,6 @@ Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& p
   };
   return preparation.storage == FieldStorage::k8Bit ? keep(gaussian_smooth(weights, options, progress))
                                                     : keep(gaussian_smooth_16(weights, options, progress));
-}
-
-// every tissue that a tissue rests on, through others too
-std::vector<bool> supports_of(const Model& model, int tissue) {
-  std::vector<bool> supports(model.tissues.size(), false);
-  std::vector<int> left{tissue};
-  while (!left.empty()) {
-    const int next = left.back();
-    left.pop_back();
-    for (const int support : model.tissues[static_cast<std::size_t>(next)].rests_on) {
-      if (supports[static_cast<std::size_t>(support)]) continue;
-      supports[static_cast<std::size_t>(support)] = true;
-      left.push_back(support);
-    }
-  }
-  return supports;
-}
-
-// the felt structures that the volume has
-std::vector<RampStructure> ramp_structures(const Model& model, const Volume<LabelId>& labels) {
-  std::vector<bool> present(65536, false);
-  for (const LabelId label : labels.voxels()) present[label] = true;
-  std::vector<RampStructure> structures;
-  for (std::size_t id = 1; id < model.tissue_of_label.size(); ++id) {
-    const auto label = static_cast<LabelId>(id);
-    if (!present[id] || !model.is_felt(label)) continue;
-    const std::vector<bool> supports = supports_of(model, model.tissue_of_label[id]);
-    RampStructure structure{label, model.tissue_of(label)->stiffness_N_per_mm, {}};
-    for (std::size_t other = 1; other < model.tissue_of_label.size(); ++other)
-      if (present[other] && model.is_felt(static_cast<LabelId>(other)) &&
-          supports[static_cast<std::size_t>(model.tissue_of_label[other])])
-        structure.rests_on.push_back(static_cast<LabelId>(other));
-    structures.push_back(std::move(structure));
-  }
-  return structures;
 }
 
 // what is so thin that not even the limit's force can be given, the least first

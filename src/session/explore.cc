@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <chrono>
-#include <deque>
+#include <thread>
 
-#include "session/explore_hand.h"
 #include "session/explore_watch.h"
 #include "session/run_setup.h"
+#include "session/tip_source.h"
+#include "session/viewed_session.h"
 
 namespace palpate {
 namespace {
@@ -24,32 +25,14 @@ double norm(const std::array<double, 3>& v) {
   return Eigen::Vector3d(v[0], v[1], v[2]).norm();
 }
 
-/// Ticks a second, of the last second.
-class RateMeter {
- public:
-  double see(std::uint64_t ticks) {
-    seen_.push_back({Clock::now(), ticks});
-    while (seen_.size() > 2 && seen_.back().time - seen_[1].time >= std::chrono::seconds(1))
-      seen_.pop_front();
-    const double passed_s = std::chrono::duration<double>(seen_.back().time - seen_.front().time).count();
-    return passed_s > 0 ? static_cast<double>(seen_.back().ticks - seen_.front().ticks) / passed_s : 0;
-  }
-
- private:
-  struct Sight {
-    Clock::time_point time;
-    std::uint64_t ticks;
-  };
-  std::deque<Sight> seen_;
-};
-
 /// The parts of a session, all of which live on after its end until its figures are taken.
 struct Session {
   const Model& model;
   ServoLoop& loop;
   Recorder& recorder;
-  HandThread& hand;
+  TipSource& tip;
   const ExploreWatch& watch;
+  ViewedSession& viewed;
 };
 
 ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate) {
@@ -74,28 +57,21 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate) 
   status.skipped = health.skipped;
   status.dropped = health.dropped;
   status.stalls = health.stalls;
-  status.progress = session.hand.progress();
+  status.progress = session.tip.progress();
   status.recording_failure = session.recorder.failure();
   return status;
 }
 
-// the next method that the model is ready for, in a circle
-ForceMethod next_method(const Model& model, ForceMethod method) {
-  do method = next_of(method);
-  while (!model.has(method));
-  return method;
-}
-
-void grant(ExploreRequest request, const Model& model, ServoLoop& loop) {
-  const TickRecord latest = loop.snapshot();
+void grant(ExploreRequest request, const Session& session) {
+  const TickRecord latest = session.loop.snapshot();
   if (request == ExploreRequest::kEmergencyStop && (latest.switches & kSwitchEmergencyStop))
-    loop.rearm();
+    session.viewed.rearm_here();
   else if (request == ExploreRequest::kEmergencyStop)
-    loop.emergency_stop();
+    session.viewed.emergency_stop();
   else if (request == ExploreRequest::kPause)
-    loop.change([](Parameters& parameters) { parameters.paused = !parameters.paused; });
+    session.loop.change([](Parameters& parameters) { parameters.paused = !parameters.paused; });
   else if (request == ExploreRequest::kNextMethod)
-    loop.change([&](Parameters& parameters) { parameters.method = next_method(model, parameters.method); });
+    session.viewed.next_method();
 }
 
 // until the script is done, the time is up, the user stops it or the driver gives up
@@ -104,11 +80,12 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
   RateMeter rate;
   const Clock::time_point begun = Clock::now();
   Clock::time_point next_status = begun;
-  while (!session.hand.done()) {
+  while (!session.tip.done()) {
     result.stopped_by_user = progress.stopped();
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
-    if (options.request) grant(options.request(), session.model, session.loop);
+    if (options.request) grant(options.request(), session);
+    session.viewed.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
     if (show && Clock::now() >= next_status) {
       show(status_of(session, seconds_since(begun), rate));
@@ -131,14 +108,15 @@ Result<void> with_what_can_be_chosen(std::shared_ptr<const Model>& model, const 
 
 // ends the threads in the order in which they feed each other, and takes their figures
 void finish(const Session& session, ExploreResult& result) {
-  session.hand.end();
+  session.tip.end();
   session.loop.stop();
   result.health = session.loop.health();
   result.scheduling = session.loop.scheduling();
-  const auto& trouble = session.hand.trouble();
+  const auto trouble = session.tip.trouble();
   result.trouble.insert(result.trouble.end(), trouble.begin(), trouble.end());
 
-  const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble);
+  const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble,
+                                                session.viewed.changes());
   if (finished) {
     result.summary = *finished;
   } else {
@@ -147,9 +125,32 @@ void finish(const Session& session, ExploreResult& result) {
     result.summary.dropped = result.health.dropped;
     result.summary.skipped = result.health.skipped;
     result.summary.trouble = result.trouble;
+    result.summary.changes = session.viewed.changes();
   }
   result.holds = session.watch.holds();
+  // a pointer has no list of what it is to touch
+  if (session.tip.pointer())
+    std::erase_if(result.holds, [](const HoldFigure& hold) { return hold.peak_force_N == 0; });
   result.max_force_N = session.watch.max_force_N();
+  result.limit_N = std::min(session.viewed.highest_max_force_N(), session.model.scene_max_force_N);
+}
+
+// the hand's own, or the pointer
+Result<std::unique_ptr<TipSource>> tip_source_of(const RunSetup& setup, const ExploreOptions& options,
+                                                 const Progress& progress) {
+  if (options.device == ExploreDevice::kPointer) return pointer_source(setup);
+  progress.report("finding surfaces", 0);
+  auto source = script_source(setup, options.repeat);
+  progress.report("finding surfaces", 1);
+  return source;
+}
+
+ViewedParts viewed_parts(const RunSetup& setup, TipSource& tip, bool recording) {
+  const auto devices = tip.driver().devices();
+  return {setup.model,     {devices.begin(), devices.end()},
+          setup.workspace, setup.parameters,
+          tip.name(),      setup.script.rate_hz,
+          tip.pointer(),   recording};
 }
 
 }  // namespace
@@ -157,41 +158,50 @@ void finish(const Session& session, ExploreResult& result) {
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
                               const std::filesystem::path& recording, const Progress& progress,
                               const std::function<void(const ExploreStatus&)>& status) {
-  auto setup = set_up_run(loaded, script, options.run, progress);
+  auto setup = options.device == ExploreDevice::kPointer ? set_up_pointer_run(loaded, options.run, progress)
+                                                         : set_up_run(loaded, script, options.run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_what_can_be_chosen(setup->model, progress); !ready) return ready.error();
-  const Model& model = *setup->model;
-  progress.report("finding surfaces", 0);
-  auto planned = ScriptedHand::create(model, setup->script);
-  progress.report("finding surfaces", 1);
-  if (!planned) return planned.error();
+  auto tip = tip_source_of(*setup, options, progress);
+  if (!tip) return tip.error();
   if (progress.stopped()) return Progress::interrupted();
 
-  // the device rests where the hand begins
-  SimulatedDevice device(setup->device, setup->hand, setup->script.delay_s);
-  device.reset(WorkspaceMapping(device.info(), setup->workspace).to_device(planned->start()));
-  SimulatedDriver driver(device);
+  // who shows it may fail before anything pushes
+  ViewedSession viewed(viewed_parts(*setup, **tip, !recording.empty()));
+  std::shared_ptr<void> viewers;
+  if (options.viewers) {
+    auto shown = options.viewers(viewed);
+    if (!shown) return shown.error();
+    viewers = *std::move(shown);
+  }
   LoopSettings settings = options.loop;
   settings.rate_hz = setup->script.rate_hz;
-  auto loop = ServoLoop::start(setup->model, driver, setup->parameters, {setup->workspace}, settings);
+  const Model& model = *setup->model;
+  auto loop =
+      ServoLoop::start(setup->model, (*tip)->driver(), setup->parameters, {setup->workspace}, settings);
   if (!loop) return loop.error();
 
   // the first ticks wait in the ring
   RecordingHeader header = header_of_run(loaded, *setup);
   header.clock = "real";
   header.scheduler = (*loop)->scheduling().scheduler;
-  ExploreWatch watch(model, planned->structures());
+  ExploreWatch watch(model, (*tip)->structures());
   auto recorder = Recorder::start((*loop)->ring(), recording, header,
                                   [&watch](const TickRecord& record) { watch.see(record); });
   if (!recorder) return recorder.error();
 
-  HandThread hand(std::move(*planned), setup->workspace, driver, **loop, options.repeat);
-  if (auto begun = hand.begin(); !begun) return begun.error();
-  const Session session{model, **loop, **recorder, hand, watch};
+  viewed.begin(**loop, watch);
+  if (auto begun = (*tip)->begin(**loop); !begun) {
+    viewers.reset();
+    viewed.end();
+    return begun.error();
+  }
+  const Session session{model, **loop, **recorder, **tip, watch, viewed};
   ExploreResult result;
-  result.limit_N = setup->limit_N;
   result.trouble = setup->trouble;
   watch_until_over(session, options, progress, status, result);
+  viewers.reset();
+  viewed.end();
   finish(session, result);
   return result;
 }

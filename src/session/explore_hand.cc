@@ -24,8 +24,7 @@ HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, Si
       mapping_(driver.devices()[0], workspace),
       driver_(driver),
       loop_(loop),
-      repeat_(repeat),
-      rotation_target_(loop.parameters().rotation_target) {}
+      repeat_(repeat) {}
 
 Result<void> HandThread::begin() try {
   thread_ = std::thread([this] { run(); });
@@ -57,7 +56,9 @@ void HandThread::move(double dt_s) {
   const bool felt_nothing_yet = felt.dt_s == 0;
   if (felt_nothing_yet || (felt.device[0].flags & kForceIsOff) != 0) return;
 
-  HandCommands commands{rotation_target_, {}};
+  // viewers turn the object too
+  const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
+  HandCommands commands{rotation_target, {}};
   const auto intention = hand_.next(felt, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {
@@ -68,9 +69,8 @@ void HandThread::move(double dt_s) {
     return;
   }
   driver_.intend(mapping_.to_device(*intention), monotonic_ns() + kLead_ns);
-  const bool turned = commands.rotation_target.coeffs() != rotation_target_.coeffs();
+  const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
   if (!turned && !commands.method) return;
-  rotation_target_ = commands.rotation_target;
   loop_.change([&](Parameters& parameters) {
     if (turned) parameters.rotation_target = commands.rotation_target;
     if (commands.method) parameters.method = *commands.method;

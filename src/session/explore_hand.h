@@ -44,7 +44,6 @@ class HandThread {
   SimulatedDriver& driver_;
   ServoLoop& loop_;
   const bool repeat_;
-  Eigen::Quaterniond rotation_target_;  // as commanded last
   std::atomic<bool> end_{false}, done_{false};
   std::atomic<double> progress_{0};
   std::thread thread_;

@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "palpate/session.h"
+#include "session/changed_model.h"
 
 namespace palpate {
 namespace {
@@ -130,6 +131,27 @@ Result<std::vector<ForceMethod>> methods_of(const Recording& recording) {
   return methods;
 }
 
+// the version that a tick felt, by the changes that lead to it
+Result<void> advance_to(const TickRecord& recorded, const Recording& recording, const Progress& progress,
+                        ModelVersions& model) {
+  const std::vector<ModelChange> none;
+  const auto& changes = recording.summary ? recording.summary->changes : none;
+  while (model.felt->version < recorded.model_version) {
+    const std::size_t next = model.felt->version - recording.header.model_version;
+    if (next >= changes.size()) break;
+    auto changed = next_version(model, changes[next], progress);
+    if (!changed) return changed.error();
+    model = *std::move(changed);
+  }
+  if (recorded.model_version == model.felt->version) return {};
+  return Error{ErrorKind::kBadInput,
+               "tick " + std::to_string(recorded.tick) + " felt version " +
+                   std::to_string(recorded.model_version) + " of the model, which the file does not hold",
+               "",
+               recording.summary ? "only runs whose changes of the model were recorded can be replayed"
+                                 : "the run was cut short: how the model had changed stands at its end"};
+}
+
 }  // namespace
 
 Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Model> prepared,
@@ -145,7 +167,7 @@ Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Mo
   if (!methods) return methods.error();
   const auto ready = ready_for(std::move(prepared), *methods, progress);
   if (!ready) return ready.error();
-  const Model& model = **ready;
+  ModelVersions model{*ready, *ready};
 
   ReplayResult result;
   SessionState state;
@@ -156,11 +178,7 @@ Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Mo
       if (progress.stopped()) return Progress::interrupted();
     }
 
-    if (recorded.model_version != model.version)
-      return Error{ErrorKind::kBadInput,
-                   "tick " + std::to_string(recorded.tick) + " felt version " +
-                       std::to_string(recorded.model_version) + " of the model, which no file holds",
-                   "", "only runs in which the model stayed the same can be replayed"};
+    if (auto there = advance_to(recorded, recording, progress, model); !there) return there.error();
 
     // every input of the tick as it was
     const Parameters parameters = parameters_of(recorded);
@@ -180,7 +198,8 @@ Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Mo
     std::array<Wrench, kMaxDevices> wrenches;
     TickRecord again;
     const std::size_t count = static_cast<std::size_t>(recorded.devices);
-    tick(model, parameters, {devices.data(), count}, recorded.dt_s, state, {wrenches.data(), count}, again);
+    tick(*model.felt, parameters, {devices.data(), count}, recorded.dt_s, state, {wrenches.data(), count},
+         again);
     result.ticks += 1;
     result.run_hash = mix_run_hash(result.run_hash, again.state_hash);
     result.difference = first_difference(recorded, again);

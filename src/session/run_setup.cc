@@ -3,6 +3,7 @@
 #include <cmath>
 #include <ctime>
 
+#include "device/pointer_driver.h"
 #include "palpate/preparation.h"
 #include "palpate_version.h"
 #include "session/held_stiffness.h"
@@ -93,6 +94,23 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   return setup;
 }
 
+Result<RunSetup> set_up_pointer_run(const LoadedScene& loaded, const SimulationOptions& options,
+                                    const Progress& progress) {
+  const DeviceInfo pointer = PointerDriver::info();
+  RunSetup setup{nullptr, {}, {}, {}, loaded.scene.workspace, {}, 0, {}};
+  setup.script.device = pointer.name;
+  setup.script.hand.clear();
+  if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
+  setup.parameters.max_force_N = options.max_force_N.value_or(kDefaultUserLimit_N);
+  setup.limit_N = std::min(setup.parameters.max_force_N, loaded.model->scene_max_force_N);
+  setup.parameters.method = options.method.value_or(loaded.scene.force.method);
+  auto model = ready_for(loaded.model, methods_of(setup), progress);
+  if (!model) return model.error();
+  setup.model = *std::move(model);
+  setup.parameters.device[0] = device_parameters(pointer, setup.workspace);
+  return setup;
+}
+
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) {
   const Model& model = *loaded.model;
   RecordingHeader header;
@@ -111,7 +129,9 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   header.seed = setup.script.seed;
   header.device = setup.script.device;
   header.hand = setup.script.hand;
-  header.script_text = script_text(setup.script);
+  // a pointer is moved by a person
+  header.simulated = !setup.script.steps.empty();
+  if (header.simulated) header.script_text = script_text(setup.script);
   for (const Segment& segment : model.segments)
     if (const Tissue* tissue = model.tissue_of(segment.id))
       header.structures.push_back({segment.id, segment.name, tissue->name, segment.colour});

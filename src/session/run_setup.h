@@ -29,6 +29,11 @@ struct RunSetup {
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
                             const Progress& progress);
 
+/// What a run needs whose tip a pointer moves: the model, the parameters, the rate. Nothing that swings is in
+/// the loop and nothing that gets hot, so neither stiffness nor heat limits the force that is shown.
+Result<RunSetup> set_up_pointer_run(const LoadedScene& loaded, const SimulationOptions& options,
+                                    const Progress& progress);
+
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
 
 /// Longest unbroken hold, mean and peak of one structure, from every tick in order.

@@ -88,6 +88,16 @@ class Setup(unittest.TestCase):
         self.assertEqual(self.run_setup(), (0, "", ""))
         self.assertEqual(self.calls(), "")
 
+    def test_not_what_is_there_from_elsewhere(self):
+        (self.root / "packages.txt").write_text(LIST.replace("beta ", "beta?betas "))
+        self.program("betas", "#!/bin/bash\n")
+        (self.root / "installed").write_text("alpha\n")
+        self.assertEqual(self.run_setup()[0], 0)
+        self.assertEqual(self.calls(), "")
+        (self.root / "bin" / "betas").unlink()
+        self.assertEqual(self.run_setup()[0], 0)
+        self.assertIn("beta", (self.root / "installed").read_text().split())
+
     def test_installs_the_missing_one_without_a_terminal(self):
         code, _, said = self.run_setup()
         self.assertEqual(code, 0, said)

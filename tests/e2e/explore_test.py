@@ -1,7 +1,10 @@
 """palpate explore: the loop on the real clock, its end by itself and by signals, a disk that fills, the live line, and
 what it says where nothing is privileged. Nothing here asks how punctual the machine is."""
 
+import base64
 import fcntl
+import gzip
+import json
 import os
 import pathlib
 import pty
@@ -10,13 +13,17 @@ import resource
 import select
 import shutil
 import signal
+import socket
+import struct
 import subprocess
 import tempfile
 import termios
 import time
 import unittest
+import urllib.request
 
 import cli
+import privacy_test
 
 PRESS = '[[step]]\napproach = "femur"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n'
 ERASE = "\r\033[K"
@@ -84,6 +91,96 @@ class Terminal:
     def screen(self):
         """What is left to see at the end, a string a line."""
         return [line.split(ERASE)[-1] for line in self.shown.replace("\r\n", "\n").split("\n")]
+
+
+class Viewer:
+    """A viewer that is a program: the WebSocket of docs/viewer-protocol.md, and what is served beside it."""
+
+    def __init__(self, address):
+        self.address = address
+        host, port = re.fullmatch(r"http://([\d.]+):(\d+)/", address).groups()
+        self.socket = socket.create_connection((host, int(port)), timeout=60)
+        key = base64.b64encode(os.urandom(16)).decode()
+        self.socket.sendall((f"GET /ws HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                             f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
+                             "Sec-WebSocket-Protocol: palpate.v1\r\n\r\n").encode())
+        head = b""
+        while not head.endswith(b"\r\n\r\n"):
+            head += self._take(1)
+        assert head.startswith(b"HTTP/1.1 101 "), head
+        self.texts, self.poses, self.state, self.last_id = [], 0, {}, 0
+        self.send({"type": "hello", "protocol": 1})
+
+    def _take(self, count):
+        data = b""
+        while len(data) < count:
+            piece = self.socket.recv(count - len(data))
+            if not piece:
+                raise AssertionError("the server has hung up")
+            data += piece
+        return data
+
+    def send(self, message):
+        data = json.dumps(message).encode()
+        assert len(data) < 65536
+        size = bytes([0x80 | len(data)]) if len(data) < 126 else b"\xfe" + struct.pack(">H", len(data))
+        mask = os.urandom(4)
+        masked = bytes(byte ^ mask[i % 4] for i, byte in enumerate(data))
+        self.socket.sendall(b"\x81" + size + mask + masked)
+
+    def next(self):
+        """The next message: ('pose', bytes) or ('text', dict)."""
+        first, size = self._take(2)
+        if size >= 126:
+            size = struct.unpack(">H", self._take(2))[0] if size == 126 else struct.unpack(">Q", self._take(8))[0]
+        data = self._take(size)
+        if first == 0x82:
+            self.poses += 1
+            return "pose", data
+        if first == 0x89:  # a ping
+            self.socket.sendall(b"\x8a\x80" + os.urandom(4))
+            return self.next()
+        assert first == 0x81, (first, data)
+        self.texts.append(data)
+        message = json.loads(data)
+        if message["type"] == "state":
+            self.state = message
+        return "text", message
+
+    def ask(self, **request):
+        """The answer to a request."""
+        self.last_id += 1
+        self.send({**request, "id": self.last_id})
+        while True:
+            kind, message = self.next()
+            if kind == "text" and message.get("id") == self.last_id:
+                return message
+
+    def wait_for_pose(self, is_it):
+        """The first of the poses to come for which it is so: of the first device (force N, stiffness, label, flags)."""
+        until = time.monotonic() + 60
+        while time.monotonic() < until:
+            kind, data = self.next()
+            if kind != "pose":
+                continue
+            force = sum(f * f for f in struct.unpack_from("<3f", data, 96 + 52)) ** 0.5
+            stiffness, flags = struct.unpack_from("<fI", data, 96 + 84)
+            label = struct.unpack_from("<H", data, 96 + 96)[0]
+            if is_it(force, stiffness, label, flags):
+                return force, stiffness, label, flags
+        raise AssertionError(f"no such pose within a minute; the last: {force, stiffness, label, flags}")
+
+    def get(self, path):
+        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        with opener.open(self.address + path, timeout=60) as answer:
+            data = answer.read()
+            return gzip.decompress(data) if answer.headers["Content-Encoding"] == "gzip" else data
+
+    def close(self):
+        self.socket.close()
+
+
+CONTACT, STALE = 16, 512
 
 
 class Explore(cli.PalpateTest):
@@ -210,6 +307,167 @@ class Explore(cli.PalpateTest):
         code, out = terminal.finish()
         self.assertEqual((code, terminal.shown), (cli.OK, ""))
         self.assertIn("lateness us", out)
+
+    def viewed(self, *arguments):
+        """A session in the background with a viewer: its process, the viewer, and what was told until then."""
+        process = subprocess.Popen([cli.PALPATE, *map(str, arguments)], stdin=subprocess.DEVNULL,
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.addCleanup(process.communicate)
+        self.addCleanup(process.kill)
+        told = ""
+        while not (address := re.search(r"open (http://\S+)$", told, re.M)):
+            line = process.stderr.readline()
+            self.assertTrue(line, f"ended without an address: {told}")
+            told += line
+        viewer = Viewer(address.group(1))
+        self.addCleanup(viewer.close)
+        return process, viewer, told
+
+    def test_viewers_change_what_is_felt_and_it_replays(self):
+        recording = self.folder / "run.h5"
+        process, viewer, _ = self.viewed(*self.explore("--port", "0", "-o", recording))
+        scene = json.loads(viewer.get("api/scene"))
+        femur = next(s for s in scene["structures"] if s["name"] == "femur")
+        self.assertEqual(scene["device"]["name"], "premium-1.5 (simulated)")
+        self.assertEqual(scene["device"]["input"], "script")
+        self.assertIn("proxy", scene["methods"])
+        _, stiffness, label, _ = viewer.wait_for_pose(lambda force, *_: force > 0.5)
+        self.assertEqual(label, femur["label"])
+        self.assertAlmostEqual(stiffness, 1.5, places=6)
+
+        answer = viewer.ask(type="tissue", tissue=femur["tissue"], stiffness_N_per_mm=1.1, static_friction=0.4)
+        self.assertEqual(answer["type"], "done", answer)
+        viewer.wait_for_pose(lambda force, stiffness, *_: abs(stiffness - 1.1) < 1e-6)
+        # all or none, in the words of the scene
+        for request, where, what in (
+                ({"type": "tissue", "tissue": femur["tissue"], "static_friction": 0.5, "stiffness_N_per_mm": 21},
+                 "stiffness_N_per_mm", "stiffness = 21 is outside 0.001 ... 20 N/mm"),
+                ({"type": "set", "friction": False, "max_force_N": 100}, "max_force_N", "outside"),
+                ({"type": "set", "friction": False, "method": "telepathy"}, "method", "no force method")):
+            answer = viewer.ask(**request)
+            self.assertEqual((answer["type"], answer.get("where")), ("refused", where), answer)
+            self.assertIn(what, answer["what"])
+        answer = viewer.ask(type="set", viscosity=False, rotation_wxyz=[0.9998, 0, 0, 0.02], max_force_N=1.2)
+        self.assertEqual(answer["type"], "done", answer)
+        while viewer.state.get("max_force_N") != 1.2:
+            viewer.next()
+        self.assertEqual(viewer.state["tissues"][femur["tissue"]]["static_friction"], 0.4)
+        self.assertTrue(viewer.state["friction"])
+        self.assertFalse(viewer.state["viscosity"])
+        self.assertEqual(viewer.state["model_version"], 2)
+        self.assertTrue(viewer.state["recording"])
+        self.assertEqual(viewer.ask(type="pointer", take=True)["type"], "refused")
+        self.assertEqual(viewer.ask(type="stop")["type"], "done")
+        viewer.wait_for_pose(lambda force, *_: force == 0)
+        self.assertEqual(viewer.ask(type="rearm")["type"], "done")
+        viewer.wait_for_pose(lambda force, *_: force > 0.3)
+
+        # a direct method, whose fields are made anew first
+        self.assertEqual(viewer.ask(type="set", method="b-spline")["type"], "done")
+        while viewer.state["method"] != "b-spline":
+            viewer.next()
+        self.assertEqual(viewer.state["model_version"], 3)
+        _, stiffness, *_ = viewer.wait_for_pose(lambda force, *_: force > 0.3)
+        self.assertAlmostEqual(stiffness, 1.1, places=6)
+        answer = viewer.ask(type="tissue", tissue=femur["tissue"], stiffness_N_per_mm=1.0)
+        self.assertEqual((answer["type"], answer.get("where")), ("refused", "stiffness_N_per_mm"), answer)
+
+        process.send_signal(signal.SIGINT)
+        out, error = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, cli.OK, error)
+        self.assert_replays(recording, out, self.scene)
+
+    def test_a_pointer_feels_and_rests_when_its_page_is_gone(self):
+        recording = self.folder / "run.h5"
+        process, viewer, _ = self.viewed("explore", self.scene, "--device", "pointer", "--port", "0", "-o", recording)
+        self.assertEqual(json.loads(viewer.get("api/scene"))["device"]["input"], "pointer")
+        self.assertEqual(viewer.ask(type="pointer", take=True)["type"], "done")
+        # from the front, into the middle of the knee: held at the surface
+        deep_mm = -70
+
+        def press(force, _stiffness, _label, flags):
+            nonlocal deep_mm
+            deep_mm += 0 if flags & CONTACT else 0.5
+            viewer.send({"type": "tip", "patient_mm": [0, deep_mm, 0]})
+            return flags & CONTACT and force > 0.1
+
+        _, _, label, _ = viewer.wait_for_pose(press)
+        self.assertNotEqual(label, 0)
+        # it says nothing more: no force, and the session goes on
+        viewer.wait_for_pose(lambda force, _stiffness, _label, flags: force == 0 and flags & STALE)
+        viewer.wait_for_pose(press)
+        process.send_signal(signal.SIGINT)
+        out, error = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, cli.OK, error)
+        self.assertEqual(len(cli.held(out)), 1, out)
+        self.assert_replays(recording, out, self.scene)
+
+    def test_ports(self):
+        with socket.socket() as taken:
+            taken.bind(("127.0.0.1", 0))
+            taken.listen()
+            port = taken.getsockname()[1]
+            self.fail_clearly(cli.UNAVAILABLE, *self.explore("--port", port, "-o", self.folder / "run.h5"),
+                              says="choose another --port")
+        self.assertFalse((self.folder / "run.h5").exists())
+        # the usual one is taken, by this or by whoever has it
+        with socket.socket() as usual:
+            try:
+                usual.bind(("127.0.0.1", 8480))
+                usual.listen()
+            except OSError:
+                pass
+            done = self.succeed(*self.explore("--seconds", "0.1"))
+        self.assertIn("port 8480 is taken", done.stderr)
+        self.assertRegex(done.stderr, r"(?m)^to see it, open http://127\.0\.0\.1:84[89]\d/$")
+        self.assertNotIn(":8480/", done.stderr)
+
+    def test_nothing_listens_without_a_viewer(self):
+        terminal = self.terminal(*self.explore("--no-viewer"))
+        terminal.wait_for(" Hz  late ")
+        own = [os.readlink(link) for link in pathlib.Path(f"/proc/{terminal.process.pid}/fd").iterdir()]
+        self.assertFalse([name for name in own if name.startswith("socket:")])
+        self.assertNotIn("http", terminal.shown)
+        terminal.process.send_signal(signal.SIGINT)
+        self.assertEqual(terminal.finish()[0], cli.OK)
+
+    def test_who_asks_for_too_much(self):
+        recording = self.folder / "run.h5"
+        for options, says in ((["--listen", "0.0.0.0"], "--token-file"), (["--listen", "example.org"], "numeric"),
+                              (["--tls-cert", self.script], "--tls-key"),
+                              (["--device", "pointer", "--no-viewer"], "leave out --no-viewer"),
+                              (["--device", "pointer"], "a pointer follows no script"),
+                              (["--device", "spoon"], "spoon"), (["--port", "65536"], "whole number between")):
+            with self.subTest(options):
+                self.fail_clearly(cli.USAGE, *self.explore("-o", recording, *options), says=says)
+        self.fail_clearly(cli.USAGE, "explore", self.scene, "--device", "pointer", "--repeat", says="no script")
+        self.fail_clearly(cli.BAD_INPUT, *self.explore("--token-file", self.folder / "missing"), says="missing")
+        self.assertFalse(recording.exists())
+
+    def test_viewers_are_told_nobodys_name(self):
+        named = self.folder / privacy_test.CANARY
+        named.mkdir()
+        n = 40
+        ball = bytes((i - 20) ** 2 + (j - 20) ** 2 + (k - 20) ** 2 < 100
+                     for k in range(n) for j in range(n) for i in range(n))
+        privacy_test.nrrd_with_canary(named / "labels.seg.nrrd", (n, n, n), ball)
+        privacy_test.nifti_with_canary(named / "scan.nii.gz", (n, n, n),
+                                       b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
+        scene = named / "scene.toml"
+        self.succeed("scene", "new", named / "scan.nii.gz", named / "labels.seg.nrrd", "-o", scene)
+        text = re.sub(r"(?m)^title = .*$", "", scene.read_text().replace("felt = false", "felt = true"))
+        scene.write_text(f'title = "{privacy_test.CANARY}"\n{text}')
+        _, viewer, told = self.viewed("explore", scene, "--port", "0")
+        described = viewer.get("api/scene")
+        hash_ = json.loads(described)["volume"]["hash"]
+        self.assertEqual([s["name"] for s in json.loads(described)["structures"]], ["ball"])
+        viewer.ask(type="set", max_force_N=1000)
+        poses = [viewer.next()[1] for _ in range(20)]
+        volumes = [viewer.get(f"api/volume/{kind}/{hash_}") for kind in ("labels", "scan")]
+        seen = [described, *volumes, told.encode(), *viewer.texts, *(pose for pose in poses if isinstance(pose, bytes))]
+        self.assertGreater(viewer.poses, 0)
+        for what in seen:
+            self.assertNotIn(b"CANARY", what)
 
     def test_a_disk_that_fills_ends_the_recording_and_not_the_session(self):
         def limited():

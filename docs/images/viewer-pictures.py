@@ -1,0 +1,37 @@
+"""Takes docs/viewer.md's pictures of a running viewer page in headless Chromium.
+
+usage: viewer-pictures.py URL FOLDER
+"""
+
+import os
+import sys
+import time
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "tests", "browser"))
+import browser  # noqa: E402
+
+browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [
+    "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+
+
+def main(url, folder):
+    with browser.Browser() as page:
+        for name, size, dark, layout in (("viewer-dark", (1440, 900), True, "two"),
+                                         ("viewer-planes-light", (1440, 900), False, "five")):
+            page.resize(*size)
+            page.dark(dark)
+            page.post("/url", {"url": url})
+            page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
+            page.run("document.querySelector(`[data-layout=${arguments[0]}]`).click()", layout)
+            time.sleep(8)  # the plots have something to show
+            page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8", 60)
+            page.run("palpateViewer.draw()")
+            time.sleep(0.2)  # a press lasts a second or two
+            page.screenshot(os.path.join(folder, name + ".png"))
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    main(*sys.argv[1:])

@@ -1,0 +1,153 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/result.h"
+#include "palpate/telemetry.h"
+#include "palpate/volume.h"
+
+/// What viewers on this machine or another see of a session and ask of it: HTTP and WebSocket, as
+/// docs/viewer-protocol.md says. The server knows neither the servo nor the model: a ViewerHost tells it what
+/// there is and does what is asked.
+namespace palpate {
+
+/// The port of a viewer's page where none is asked for.
+inline constexpr int kViewerPort = 8480;
+
+/// What a viewer shows, the same as long as the session runs. Names of structures and tissues are in it,
+/// nothing else of the patient's.
+struct ViewedTissue {
+  std::string name;
+  bool felt = true;
+  Rgb colour;
+  double opacity = 1;
+  std::vector<int> rests_on;
+};
+struct ViewedStructure {
+  LabelId label = 0;
+  std::string name;
+  Rgb colour;
+  int tissue = -1;  ///< -1: of none
+};
+struct ViewedScene {
+  std::string side = "unknown";  ///< "left", "right", "both", "unknown"
+  bool oriented = true;
+  std::string modality = "unknown";               ///< "ct", "mr", "unknown"
+  std::uint64_t content_hash = 0;                 ///< of scan and labels: other voxels, another hash
+  std::shared_ptr<const Volume<float>> scan;      ///< may be null
+  std::shared_ptr<const Volume<LabelId>> labels;  ///< never null
+  std::array<double, 2> window{0, 1};             ///< in which to show the scan at first
+  /// Row by row, mm.
+  std::array<std::array<double, 4>, 4> world_from_patient{};
+  std::vector<ViewedStructure> structures;
+  std::vector<ViewedTissue> tissues;
+  std::string tool_name;
+  double tool_radius_mm = 0;
+  std::vector<std::array<double, 3>> tool_points_mm;
+  std::vector<std::string> methods;  ///< that can be chosen
+  std::string device_name;
+  bool simulated = true;
+  std::string input = "script";  ///< who moves the tip: "script", "pointer", "device"
+  double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, most_stiffness_N_per_mm = kNotKnown;
+  double least_max_force_N = 0.1, most_max_force_N = 3;
+  std::array<double, 2> stiffness_N_per_mm{0.001, 10}, friction{0, 2};
+  double rate_hz = 1000;
+};
+
+/// How the loop has kept time in the last second, and what it missed since it began.
+struct ViewedHealth {
+  double rate_hz = 0;
+  double lateness_p50_us = 0, lateness_p99_us = 0, lateness_max_us = 0, compute_p50_us = 0;
+  std::uint64_t skipped = 0, dropped = 0, stalls = 0;
+};
+
+/// What may change while the session runs.
+struct ViewedTissueState {
+  double stiffness_N_per_mm = 0;
+  double static_friction = 0, dynamic_friction = 0;
+  double viscosity_N_s_per_mm = 0;
+};
+struct ViewedState {
+  std::string method;
+  bool friction = true, viscosity = true, passivity = true, paused = false, emergency_stop = false;
+  double max_force_N = 0;
+  std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
+  std::uint32_t model_version = 1;
+  std::vector<ViewedTissueState> tissues;
+  bool armed = false;  ///< a physical device may push
+  bool recording = false;
+};
+
+/// A request that is well formed; whether it is granted is for the host to say.
+struct SettingsRequest {
+  std::optional<std::string> method;
+  std::optional<bool> friction, viscosity, passivity, paused;
+  std::optional<double> max_force_N;
+  std::optional<std::array<double, 4>> rotation_wxyz;
+};
+struct TissueRequest {
+  int tissue = 0;
+  std::optional<double> stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm;
+};
+
+/// A session as its viewers know it. Every member is called on the server's own thread (scene() also by
+/// start()), none may wait for the servo, and none takes longer than a tick of a model may take to be copied
+/// (milliseconds).
+class ViewerHost {
+ public:
+  virtual ~ViewerHost() = default;
+  /// The same all the time, on which start() relies. Its scan and labels are on one grid.
+  virtual const ViewedScene& scene() const = 0;
+  /// The latest tick. @param stiffness_N_per_mm  of the touched tissue of each device as it is felt
+  virtual TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const = 0;
+  virtual ViewedHealth health() const = 0;
+  virtual ViewedState state() const = 0;
+  /// All of what is asked, or an error that names the value and nothing of it.
+  virtual Result<void> set(const SettingsRequest& request) = 0;
+  virtual Result<void> set(const TissueRequest& request) = 0;
+  virtual void emergency_stop() = 0;
+  /// Error kUsage where a device is physical.
+  virtual Result<void> rearm() = 0;
+  /// Whether a viewer may move the tip; whether one does. Error kUsage where something else moves it.
+  virtual Result<void> take_pointer(bool take) = 0;
+  /// The tip that the pointer wants, patient, mm; finite.
+  virtual void move_pointer(const std::array<double, 3>& tip_patient_mm) = 0;
+};
+
+struct ViewerServerOptions {
+  std::string address = "127.0.0.1";  ///< a numeric one; other than loopback wants tokens
+  int port = kViewerPort;             ///< 0: any that is free
+  /// Lines "control TOKEN" and "view TOKEN", of at least 16 printable characters without blanks, and comments
+  /// that begin with '#'; empty: none.
+  std::filesystem::path token_file;
+  std::filesystem::path tls_certificate, tls_key;  ///< PEM; both or neither
+  /// Further names by which the server is asked for, NAME or, behind a tunnel, NAME:PORT.
+  std::vector<std::string> host_names;
+  /// Faults of viewers, one line each without what they sent. Called on the server's thread, and by start().
+  std::function<void(const std::string&)> log;
+};
+
+/// Serves the page and the session until it is destroyed. Two threads of its own, at ordinary priority: one
+/// for all viewers, one that makes volumes for them.
+class ViewerServer {
+ public:
+  /// Errors: kUsage for options that do not go together (an address beyond loopback without tokens, a
+  /// certificate without its key); kBadInput for a token file or certificate that cannot be read, with its
+  /// line; kUnavailable for an address or port that cannot be had.
+  /// @param host  outlives the server
+  static Result<std::unique_ptr<ViewerServer>> start(ViewerHost& host, const ViewerServerOptions& options);
+  virtual ~ViewerServer() = default;
+  /// "http://127.0.0.1:8480/"
+  virtual std::string url() const = 0;
+  virtual int port() const = 0;
+  virtual int viewers() const = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "link/scene_json.h"
+#include "palpate/result.h"
+
+/// Who may see and who may change (docs/viewer-protocol.md, "Who may").
+namespace palpate::link {
+
+/// The tokens of a file. Kept as digests: they are compared in the same time whatever was shown.
+class Tokens {
+ public:
+  /// Lines "control TOKEN" and "view TOKEN"; blank ones and those that begin with '#' are skipped.
+  static Result<Tokens> parse(std::string_view text, const std::string& source);
+  /// @param warn  told when others than the file's owner may read it
+  static Result<Tokens> read(const std::filesystem::path& file,
+                             const std::function<void(const std::string&)>& warn);
+
+  bool empty() const { return tokens_.empty(); }
+  /// Nothing for a token that is none of these.
+  std::optional<Role> role_of(std::string_view token) const;
+
+ private:
+  using Digest = std::array<unsigned char, 32>;
+  struct Token {
+    Digest digest;
+    Role role;
+  };
+  static Digest digest_of(std::string_view token);
+
+  std::vector<Token> tokens_;
+};
+
+/// Who is asked, where and for whom.
+class Access {
+ public:
+  /// @param address     that the server listens at, numeric
+  /// @param host_names  further names, or NAME:PORT
+  Access(std::string address, int port, bool tls, std::vector<std::string> host_names, Tokens tokens);
+
+  /// Whether the server answers to this `Host`.
+  /// @param local_address  where the connection arrived, numeric
+  bool serves(std::string_view host, std::string_view local_address) const;
+  /// Whether a page of that origin is the server's own, as asked for by `host`. Empty: no page.
+  bool is_own_origin(std::string_view origin, std::string_view host) const;
+  /// The role of whoever shows this token, empty for none.
+  std::optional<Role> role_of(std::string_view token) const;
+  /// The token of "Bearer TOKEN"; empty where it is none.
+  static std::string_view bearer(std::string_view authorization);
+
+  bool tls() const { return tls_; }
+  int port() const { return port_; }
+
+ private:
+  bool is_name_with_port(std::string_view host, std::string_view name) const;
+
+  int port_;
+  bool tls_;
+  std::vector<std::string> names_;
+  Tokens tokens_;
+};
+
+}  // namespace palpate::link

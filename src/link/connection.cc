@@ -1,0 +1,179 @@
+#include "link/connection.h"
+
+#include <array>
+#include <boost/asio/write.hpp>
+#include <boost/beast/http/error.hpp>
+#include <boost/beast/http/read.hpp>
+#include <boost/beast/http/rfc7230.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+#include <limits>
+#include <utility>
+
+#include "link/hub.h"
+#include "link/viewer.h"
+
+namespace palpate::link {
+namespace {
+
+namespace http = beast::http;
+
+// for the first request, TLS included; a later one may come after a while
+constexpr auto kFirstHeadWithin = std::chrono::seconds(5), kNextHeadWithin = std::chrono::seconds(15);
+constexpr auto kTakenWithin = std::chrono::seconds(10);
+constexpr auto kMadeWithin = std::chrono::seconds(60);
+constexpr auto kLingers = std::chrono::seconds(1);
+
+std::string_view view(beast::string_view text) {
+  return {text.data(), text.size()};
+}
+
+}  // namespace
+
+Connection::Connection(std::unique_ptr<Stream> stream, Hub& hub)
+    : stream_(std::move(stream)),
+      hub_(hub),
+      peer_(peer_of(*stream_)),
+      since_(Clock::now()),
+      close_by_(since_ + kFirstHeadWithin) {
+  ErrorCode failed;
+  const auto local = stream_->socket().local_endpoint(failed);
+  if (!failed) local_address_ = local.address().to_string();
+}
+
+void Connection::begin() {
+  if (!stream_->is_tls()) return read();
+  stream_->async_handshake([self = shared_from_this()](ErrorCode failed) {
+    if (!failed) return self->read();
+    self->hub_.log().say(self->peer_, "no TLS");
+    self->close();
+  });
+}
+
+void Connection::read() {
+  if (closed_) return;
+  waiting_ = true;
+  // it looks into the parser
+  request_ = {};
+  parser_.emplace();
+  parser_->header_limit(kMostHead_bytes);
+  // a body is refused when it is known who asks, and never read
+  parser_->body_limit(std::numeric_limits<std::uint64_t>::max());
+  http::async_read_header(*stream_, input_, *parser_,
+                          [self = shared_from_this()](ErrorCode failed, std::size_t head_bytes) {
+                            if (self->closed_) return;
+                            self->waiting_ = false;
+                            // the parser's own limit leaves some of the ends of lines out
+                            if (!failed && head_bytes > kMostHead_bytes) failed = http::error::header_limit;
+                            if (failed) return self->read_failed(failed);
+                            self->serve();
+                          });
+}
+
+void Connection::read_failed(ErrorCode failed) {
+  const bool too_long = failed == http::error::header_limit || failed == http::error::buffer_overflow;
+  const bool malformed = failed.category() == ErrorCode(http::error::bad_version).category();
+  if (failed == http::error::end_of_stream || failed == http::error::partial_message || !malformed)
+    return close();
+  hub_.log().say(peer_, too_long ? "a request head that is too long" : "a malformed request");
+  send(Site::refusal(too_long ? 431 : 400), false);
+}
+
+void Connection::serve() {
+  const auto& head = parser_->get();
+  request_.method = view(head.method_string());
+  request_.target = view(head.target());
+  request_.host = view(head[http::field::host]);
+  request_.origin = view(head[http::field::origin]);
+  request_.fetch_site = view(head["Sec-Fetch-Site"]);
+  request_.authorization = view(head[http::field::authorization]);
+  request_.accept_encoding = view(head[http::field::accept_encoding]);
+  request_.if_none_match = view(head[http::field::if_none_match]);
+  for (const auto once : {http::field::host, http::field::origin, http::field::authorization})
+    request_.ambiguous = request_.ambiguous || head.count(once) > 1;
+  request_.has_body = parser_->chunked() || parser_->content_length().value_or(0) > 0;
+  request_.upgrade = beast::websocket::is_upgrade(head);
+  request_.subprotocol = http::token_list(head[http::field::sec_websocket_protocol]).exists("palpate.v1");
+  request_.local_address = local_address_;
+
+  auto answer = hub_.site().answer(request_);
+  const bool keep_alive = head.keep_alive() && !request_.has_body;
+  if (std::holds_alternative<Upgrade>(answer)) return become_viewer();
+  if (auto* ready = std::get_if<HttpAnswer>(&answer)) {
+    if (ready->status >= 400) hub_.log().say(peer_, "refused, " + std::to_string(ready->status));
+    return send(std::move(*ready), keep_alive && ready->status < 400);
+  }
+
+  // the volume may have to be made
+  close_by_ = Clock::now() + kMadeWithin;
+  auto& wanted = std::get<VolumeWanted>(answer);
+  hub_.want_volume(wanted.key, [self = weak_from_this(), wanted_head = std::move(wanted.head),
+                                keep_alive](PayloadStore::Payload payload) mutable {
+    const auto connection = self.lock();
+    if (!connection || connection->closed_) return;
+    if (!payload) return connection->send(Site::refusal(503), false);
+    wanted_head.body = std::move(payload);
+    connection->send(std::move(wanted_head), keep_alive);
+  });
+}
+
+void Connection::become_viewer() {
+  // nobody may speak the new protocol before it is agreed upon
+  if (input_.size() > 0) return send(Site::refusal(400), false);
+  if (!hub_.room_for_viewer()) {
+    hub_.log().say(peer_, "too many viewers");
+    return send(Site::refusal(503), false);
+  }
+  const auto viewer = std::make_shared<Viewer>(std::move(stream_), hub_);
+  closed_ = true;
+  hub_.remove(shared_from_this());
+  hub_.add(viewer);
+  viewer->begin(parser_->release());
+}
+
+void Connection::send(HttpAnswer answer, bool keep_alive) {
+  answer_ = std::move(answer);
+  head_ = hub_.site().head_of(answer_, request_, keep_alive);
+  close_by_ = Clock::now() + kTakenWithin;
+  const bool bodiless = request_.method == "HEAD" || answer_.status == 304;
+  const std::string_view body = bodiless ? std::string_view() : answer_.text();
+  const std::array<net::const_buffer, 2> bytes{net::buffer(head_), net::buffer(body)};
+  // every part that is taken gives time for the next
+  const auto progress = [self = shared_from_this()](ErrorCode failed, std::size_t) -> std::size_t {
+    constexpr std::size_t kPart_bytes = 64 << 10;
+    self->close_by_ = Clock::now() + kTakenWithin;
+    return failed ? 0 : kPart_bytes;
+  };
+  net::async_write(*stream_, bytes, progress,
+                   [self = shared_from_this(), keep_alive](ErrorCode failed, std::size_t) {
+                     self->answer_ = {};
+                     if (self->closed_) return;
+                     if (failed) return self->close();
+                     if (!keep_alive) return self->linger();
+                     self->since_ = Clock::now();
+                     self->close_by_ = self->since_ + kNextHeadWithin;
+                     self->read();
+                   });
+}
+
+// What the other side is still sending would make the system throw the answer away: it is read and dropped,
+// for a moment.
+void Connection::linger() {
+  close_by_ = Clock::now() + kLingers;
+  async_teardown(beast::role_type::server, *stream_,
+                 [self = shared_from_this()](ErrorCode) { self->close(); });
+}
+
+void Connection::check(Clock::time_point now) {
+  if (now < close_by_) return;
+  // browsers open connections that they may never use, and keep those that they have used
+  if (waiting_ && parser_ && parser_->got_some()) hub_.log().say(peer_, "no request in time");
+  close();
+}
+
+void Connection::close() {
+  if (std::exchange(closed_, true)) return;
+  stream_->close();
+  hub_.remove(shared_from_this());
+}
+
+}  // namespace palpate::link

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <boost/beast/core/flat_static_buffer.hpp>
+#include <boost/beast/http/empty_body.hpp>
+#include <boost/beast/http/parser.hpp>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "link/site.h"
+#include "link/stream.h"
+
+namespace palpate::link {
+
+class Hub;
+
+/// One connection as long as it speaks HTTP: request, answer, and again. A WebSocket becomes a Viewer.
+class Connection : public std::enable_shared_from_this<Connection> {
+ public:
+  using Clock = std::chrono::steady_clock;
+  /// No request's head is longer.
+  static constexpr std::size_t kMostHead_bytes = 8192;
+
+  Connection(std::unique_ptr<Stream> stream, Hub& hub);
+
+  void begin();
+  /// Closes what takes too long.
+  void check(Clock::time_point now);
+  void close();
+
+  /// Whether it has yet to say what it wants, and since when.
+  bool waiting() const { return waiting_; }
+  Clock::time_point since() const { return since_; }
+
+ private:
+  using Parser = beast::http::request_parser<beast::http::empty_body>;
+
+  void read();
+  void read_failed(ErrorCode failed);
+  void serve();
+  void become_viewer();
+  void send(HttpAnswer answer, bool keep_alive);
+  void linger();
+
+  std::unique_ptr<Stream> stream_;
+  Hub& hub_;
+  const std::string peer_;
+  std::string local_address_;
+  beast::flat_static_buffer<2 * kMostHead_bytes> input_;
+  std::optional<Parser> parser_;
+  HttpRequest request_;
+  HttpAnswer answer_;
+  std::string head_;
+  bool waiting_ = true, closed_ = false;
+  Clock::time_point since_, close_by_;
+};
+
+}  // namespace palpate::link

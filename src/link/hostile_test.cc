@@ -1,0 +1,280 @@
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <fstream>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "link/test_client.h"
+#include "link/test_host.h"
+
+// What is sent by those who mean harm, or are broken: refused, logged without its content, and nobody else
+// notices.
+namespace palpate::link {
+namespace {
+
+using palpate::testing::comes_true;
+using palpate::testing::Json;
+using palpate::testing::kBinary;
+using palpate::testing::kPing;
+using palpate::testing::kText;
+using palpate::testing::masked_frame;
+using palpate::testing::number_at;
+using palpate::testing::read_answer;
+using palpate::testing::request;
+using palpate::testing::TestServer;
+using palpate::testing::TestSocket;
+using palpate::testing::TestViewer;
+
+constexpr const char* kCanary = "DOE^CANARY";
+
+double resident_MB() {
+  std::ifstream file("/proc/self/statm");
+  double size = 0, resident = 0;
+  file >> size >> resident;
+  return resident * 4096 / 1e6;
+}
+
+/// A server with a viewer that must not notice anything.
+struct HostileTest : ::testing::Test {
+  TestServer test;
+  TestViewer bystander{test.port()};
+
+  void SetUp() override {
+    bystander.greet({{"poses_hz", 120}});
+    bystander.text("state");
+    sequence_ = number_at<std::uint64_t>(bystander.pose(), 8);
+  }
+  void TearDown() override {
+    const std::string pose = bystander.pose();
+    ASSERT_FALSE(pose.empty());
+    EXPECT_GT(number_at<std::uint64_t>(pose, 8), sequence_);
+    bystander.send({{"type", "rearm"}, {"id", 77}});
+    EXPECT_EQ(bystander.text("done")["id"], 77);
+    EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
+    EXPECT_EQ(test.log.text().find(kCanary), std::string::npos);
+  }
+  int status_of(const std::string& bytes) {
+    TestSocket socket(test.port());
+    socket.send(bytes);
+    return read_answer(socket).status;
+  }
+  /// The close code after some bytes of a viewer that has been welcomed.
+  int code_after(const std::string& bytes) {
+    TestViewer viewer(test.port());
+    viewer.greet();
+    viewer.socket().send(bytes);
+    return viewer.close_code();
+  }
+
+ private:
+  std::uint64_t sequence_ = 0;
+};
+
+TEST_F(HostileTest, MalformedRequests) {
+  const std::string host = "Host: " + test.host_name() + "\r\n";
+  for (const std::string& bytes :
+       {std::string("\r\n\r\n\r\n\r\n"), std::string("GET\r\n\r\n"), std::string("GET / HTTP/9.9\r\n\r\n"),
+        "GET / HTTP/1.1\r\n" + host + "a b: c\r\n\r\n",
+        "GET / HTTP/1.1\r\n" + host + "Content-Length: -1\r\n\r\n",
+        "GET / HTTP/1.1\r\n" + host + "Content-Length: 99999999999999999999\r\n\r\n",
+        "GET / HTTP/1.1\r\n" + host + host + "\r\n",
+        std::string("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11),
+        "GET /" + std::string(kCanary) + "\x01 HTTP/1.1\r\n" + host + "\r\n"})
+    EXPECT_EQ(status_of(bytes), 400) << bytes;
+}
+
+TEST_F(HostileTest, ForeignHostsAndOrigins) {
+  EXPECT_EQ(request(test.port(), "GET", "/", "Host: DOE^CANARY.example\r\n").status, 421);
+  EXPECT_EQ(status_of("GET / HTTP/1.1\r\n\r\n"), 421);
+  EXPECT_EQ(status_of("GET / HTTP/1.0\r\n\r\n"), 421);
+  EXPECT_EQ(request(test.port(), "GET", "/api/scene", "Origin: http://DOE^CANARY.example\r\n").status, 403);
+  EXPECT_EQ(request(test.port(), "GET", "/api/scene", "Origin: null\r\n").status, 403);
+  EXPECT_EQ(TestViewer(test.port(), "Origin: http://evil.example\r\n").opening().status, 403);
+  EXPECT_EQ(TestViewer(test.port(), "Origin: http://" + test.host_name() + "\r\n").opening().status, 101);
+  EXPECT_NE(test.log.text().find("127.0.0.1: refused, 421"), std::string::npos);
+}
+
+TEST_F(HostileTest, PathsThatClimb) {
+  for (const char* path :
+       {"/assets/../../../../etc/passwd", "/..%2f..%2fetc%2fpasswd", "/assets/%2e%2e/index.html",
+        "/assets/..\\index.html", "/DOE^CANARY", "//etc/passwd"})
+    EXPECT_EQ(request(test.port(), "GET", path).status, 404) << path;
+}
+
+TEST_F(HostileTest, OtherMethodsAndBodies) {
+  EXPECT_EQ(request(test.port(), "POST", "/api/scene").status, 405);
+  EXPECT_EQ(request(test.port(), "DOE^CANARY", "/").status, 405);
+  EXPECT_EQ(request(test.port(), "GET", "/", "Content-Length: 5\r\n").status, 413);
+  EXPECT_EQ(request(test.port(), "GET", "/", "Transfer-Encoding: chunked\r\n").status, 413);
+  // an answer comes although the body does not stop
+  TestSocket socket(test.port());
+  socket.send("GET / HTTP/1.1\r\nHost: " + test.host_name() + "\r\nContent-Length: 100000000\r\n\r\n" +
+              std::string(100000, 'x'));
+  EXPECT_EQ(read_answer(socket).status, 413);
+  EXPECT_TRUE(socket.closes());
+}
+
+TEST_F(HostileTest, HeadsThatAreTooLong) {
+  const std::string host = "Host: " + test.host_name() + "\r\n";
+  const auto with_length = [&](std::size_t length) {
+    const std::string head = "GET / HTTP/1.1\r\n" + host + "X: ";
+    return head + std::string(length - head.size() - 4, 'x') + "\r\n\r\n";
+  };
+  EXPECT_EQ(status_of(with_length(8192)), 200);
+  EXPECT_EQ(status_of(with_length(8193)), 431);
+  EXPECT_EQ(status_of(with_length(1 << 20)), 431);
+  EXPECT_EQ(status_of("GET /" + std::string(1 << 20, 'x')), 431);
+}
+
+TEST_F(HostileTest, AHeadThatComesByDribs) {
+  TestSocket slow(test.port()), silent(test.port());
+  const std::string head = "GET / HTTP/1.1\r\nHost: " + test.host_name() + "\r\n";
+  int sent = 0;
+  while (!slow.receive(100) && slow.send(head.substr(sent % head.size(), 1)) && sent < 600) ++sent;
+  EXPECT_LT(sent, 600);
+  EXPECT_TRUE(silent.closes());
+  // the one that says nothing is no fault: browsers do that
+  EXPECT_EQ(test.log.text(), "viewer 127.0.0.1: no request in time\n");
+}
+
+TEST_F(HostileTest, MalformedFrames) {
+  // not masked, a reserved bit, an opcode that there is not, a long and a broken control frame, a
+  // continuation of nothing
+  EXPECT_EQ(code_after("\x81\x02{}"), 1002);
+  EXPECT_EQ(code_after(masked_frame(0xc1, "{}")), 1002);
+  EXPECT_EQ(code_after(masked_frame(0x83, "{}")), 1002);
+  EXPECT_EQ(code_after(masked_frame(kPing, std::string(126, 'x'))), 1002);
+  EXPECT_EQ(code_after(masked_frame(0x09, "x")), 1002);
+  EXPECT_EQ(code_after(masked_frame(0x80, "{}")), 1002);
+  EXPECT_EQ(code_after(masked_frame(kText, "\xff\xfe")), 1007);
+  EXPECT_EQ(code_after(masked_frame(kText, "DOE^CANARY")), 1007);
+  EXPECT_EQ(code_after(masked_frame(kText, "")), 1007);
+  EXPECT_EQ(code_after(masked_frame(kBinary, "{\"type\":\"stop\",\"id\":1}")), 1003);
+  EXPECT_FALSE(test.host.state().emergency_stop);
+}
+
+TEST_F(HostileTest, MessagesThatAreTooLong) {
+  const double before_MB = resident_MB();
+  EXPECT_EQ(code_after(masked_frame(kText, std::string(4097, ' '))), 1009);
+  // a gigabyte, and what no file holds, announced
+  EXPECT_EQ(
+      code_after(std::string("\x81\xff\0\0\0\0\x40\0\0\0\x11\x22\x33\x44", 14) + std::string(8000, 'x')),
+      1009);
+  EXPECT_EQ(code_after(std::string("\x81\xff\x7f\xff\xff\xff\xff\xff\xff\xff\x11\x22\x33\x44", 14)), 1009);
+  // a gigabyte of parts that each are short
+  TestViewer viewer(test.port());
+  viewer.greet();
+  viewer.socket().send(masked_frame(0x01, std::string(1000, ' ')));
+  for (int n = 0; n < 1'000'000 && viewer.socket().send(masked_frame(0x00, std::string(1000, ' '))); ++n) {
+  }
+  EXPECT_LT(resident_MB() - before_MB, 50);
+  const std::string longest = R"({"type":"rearm","id":5})";
+  TestViewer fair(test.port());
+  fair.greet();
+  fair.socket().send(masked_frame(kText, longest + std::string(4096 - longest.size(), ' ')));
+  EXPECT_EQ(fair.text("done")["id"], 5);
+}
+
+TEST_F(HostileTest, TooManyMessages) {
+  std::string many;
+  for (int n = 0; n < 1000; ++n) many += masked_frame(kText, R"({"type":"tip","patient_mm":[1,2,3]})");
+  EXPECT_EQ(code_after(many), 1008);
+  std::string pings;
+  for (int n = 0; n < 1000; ++n) pings += masked_frame(kPing, "");
+  EXPECT_EQ(code_after(pings), 1008);
+}
+
+TEST_F(HostileTest, MessagesOutOfTurn) {
+  EXPECT_EQ(code_after(masked_frame(kText, R"({"type":"hello","protocol":1})")), 1008);
+  TestViewer early(test.port());
+  early.send({{"type", "stop"}, {"id", 1}});
+  EXPECT_EQ(early.close_code(), 1008);
+  EXPECT_FALSE(test.host.state().emergency_stop);
+  TestViewer other(test.port());
+  other.send({{"type", "hello"}, {"protocol", 2}});
+  EXPECT_EQ(other.close_code(), 4406);
+}
+
+TEST_F(HostileTest, NoHello) {
+  TestViewer silent(test.port());
+  EXPECT_EQ(silent.close_code(), 4408);
+}
+
+TEST_F(HostileTest, NoSubprotocolOrNoKey) {
+  const std::string upgrade =
+      "GET /ws HTTP/1.1\r\nHost: " + test.host_name() +
+      "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n";
+  const std::string key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n",
+                    ours = "Sec-WebSocket-Protocol: palpate.v1\r\n";
+  EXPECT_EQ(status_of(upgrade + key + "\r\n"), 400);
+  EXPECT_EQ(status_of(upgrade + ours + "\r\n"), 400);
+  EXPECT_EQ(status_of(upgrade + key + "Sec-WebSocket-Protocol: other, palpate.v1\r\n\r\n"), 101);
+  // frames before the answer
+  EXPECT_EQ(status_of(upgrade + key + ours + "\r\n" + masked_frame(kText, "{}")), 400);
+}
+
+// in the upper case that headers may have, a comma, and more than one
+TEST_F(HostileTest, CompressionIsNeverAgreedUpon) {
+  TestViewer viewer(test.port(), "Sec-WebSocket-Extensions: permessage-deflate; client_max_window_bits\r\n");
+  EXPECT_EQ(viewer.opening().status, 101);
+  EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Extensions"), "");
+  viewer.greet();
+  viewer.socket().send(masked_frame(0xc1, "\x00"));
+  EXPECT_EQ(viewer.close_code(), 1002);
+}
+
+TEST_F(HostileTest, AThousandConnections) {
+  rlimit files{};
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  files.rlim_cur = files.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &files);
+  const double before_MB = resident_MB();
+  {
+    std::vector<std::unique_ptr<TestSocket>> sockets;
+    for (int n = 0; n < 1000; ++n) sockets.push_back(std::make_unique<TestSocket>(test.port()));
+    // while they last, others are served
+    EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
+    TestViewer viewer(test.port());
+    EXPECT_EQ(viewer.greet()["type"], "welcome");
+    EXPECT_FALSE(viewer.pose().empty());
+    EXPECT_FALSE(bystander.pose().empty());
+    EXPECT_LT(resident_MB() - before_MB, 100);
+  }
+  EXPECT_NE(test.log.text().find("too many connections"), std::string::npos);
+  EXPECT_LT(test.log.text().size(), 5000u);
+}
+
+TEST_F(HostileTest, AnyBytes) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE(seed);
+  std::mt19937 random(seed);
+  for (int n = 0; n < 100; ++n) {
+    std::string bytes(random() % 3000, '\0');
+    for (char& byte : bytes) byte = static_cast<char>(random());
+    if (n % 2 == 0) {
+      TestSocket socket(test.port());
+      socket.send(bytes);
+    } else {
+      TestViewer viewer(test.port());
+      viewer.greet();
+      viewer.socket().send(bytes);
+    }
+  }
+  EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 1; }));
+}
+
+TEST_F(HostileTest, GoneInTheMiddle) {
+  for (int n = 0; n < 50; ++n) {
+    TestSocket socket(test.port());
+    socket.send("GET /api/volume/scan/0f3a000000000001 HTTP/1.1\r\nHost: " + test.host_name() + "\r\n\r\n");
+    TestViewer viewer(test.port());
+    viewer.send({{"type", "hello"}, {"protocol", 1}});
+    viewer.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
+  }
+  EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 1 && !test.host.pointer_taken; }));
+}
+
+}  // namespace
+}  // namespace palpate::link

@@ -1,0 +1,209 @@
+#include "link/hub.h"
+
+#include <algorithm>
+#include <boost/asio/post.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+#include <utility>
+#include <vector>
+
+#include "base/clock.h"
+#include "link/connection.h"
+#include "link/viewer.h"
+
+namespace palpate::link {
+namespace {
+
+constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
+constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
+constexpr auto kPosePeriod =
+    std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMostPoses_hz));
+
+}  // namespace
+
+Hub::Hub(net::io_context& context, ViewerHost& host, const Site& site, PayloadStore& volumes, FaultLog log,
+         std::function<void(int)> count_viewers)
+    : host_(host),
+      site_(site),
+      volumes_(volumes),
+      log_(std::move(log)),
+      count_viewers_(std::move(count_viewers)),
+      context_(context),
+      pose_timer_(context),
+      sweep_timer_(context) {}
+
+Hub::~Hub() = default;
+
+void Hub::begin() {
+  wait_for_sweep();
+}
+
+void Hub::end() {
+  ended_ = true;
+  pose_timer_.cancel();
+  // whoever has not answered by then is not waited for
+  sweep_timer_.expires_after(kGoodbyeWithin);
+  sweep_timer_.async_wait([this](ErrorCode) { context_.stop(); });
+  for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->close();
+  for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end()))
+    viewer->end(beast::websocket::close_code::going_away, "");
+  if (viewers_.empty()) context_.stop();
+}
+
+// ---- connections
+
+void Hub::add(std::shared_ptr<Connection> connection) {
+  connections_.insert(std::move(connection));
+}
+
+void Hub::remove(const std::shared_ptr<Connection>& connection) {
+  connections_.erase(connection);
+}
+
+void Hub::add(std::shared_ptr<Viewer> viewer) {
+  viewers_.insert(std::move(viewer));
+}
+
+void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
+  if (viewers_.erase(viewer) == 0) return;
+  if (pointer_ == viewer.get()) {
+    pointer_ = nullptr;
+    (void)host_.take_pointer(false);
+  }
+  if (viewer->welcomed()) count();
+  if (ended_ && viewers_.empty()) context_.stop();
+}
+
+bool Hub::room_for_connection() {
+  if (connections_.size() + viewers_.size() < kMostConnections) return true;
+  std::shared_ptr<Connection> oldest;
+  for (const auto& connection : connections_)
+    if (connection->waiting() && (!oldest || connection->since() < oldest->since())) oldest = connection;
+  if (!oldest) return false;
+  log_.say("", "too many connections, a silent one is closed");
+  oldest->close();
+  return true;
+}
+
+void Hub::want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then) {
+  volumes_.want(key, [this, then = std::move(then)](PayloadStore::Payload payload) {
+    net::post(context_, [then, payload = std::move(payload)] { then(payload); });
+  });
+}
+
+// ---- what viewers ask
+
+void Hub::welcome(Viewer& viewer) {
+  count();
+  look_at_state();
+  viewer.show_state();
+  if (std::exchange(posing_, true)) return;
+  next_pose_ = Clock::now();
+  wait_for_poses();
+}
+
+void Hub::count() {
+  welcomed_ = static_cast<int>(
+      std::count_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->welcomed(); }));
+  count_viewers_(welcomed_);
+}
+
+std::string Hub::answer(Viewer& viewer, const Request& request) {
+  const auto granted = grant(viewer, request);
+  return granted ? done_json(request.id) : refused_json(request.id, granted.error());
+}
+
+Result<void> Hub::grant(Viewer& viewer, const Request& request) {
+  // a stop is everybody's
+  if (std::holds_alternative<StopRequest>(request.what)) {
+    host_.emergency_stop();
+    return {};
+  }
+  if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
+  if (viewer.role() != Role::kControl)
+    return Error{ErrorKind::kUsage, "this viewer may look but not change anything", "role",
+                 "connect with a token for control"};
+  if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return host_.set(*settings);
+  if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return host_.set(*tissue);
+  if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
+    return grant_pointer(viewer, *pointer);
+  return host_.rearm();
+}
+
+Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
+  if (pointer_ && pointer_ != &viewer)
+    return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until it lets go"};
+  // nothing changes for one that leaves it untaken
+  if (!request.take && !pointer_) return {};
+  if (auto taken = host_.take_pointer(request.take); !taken) return taken;
+  pointer_ = request.take ? &viewer : nullptr;
+  return {};
+}
+
+void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
+  // one that has just lost it may not know yet
+  if (pointer_ == &viewer) host_.move_pointer(tip.tip_patient_mm);
+}
+
+std::string Hub::state_for(const Viewer& viewer) const {
+  return state_json(state_, welcomed_, pointer_ == &viewer);
+}
+
+void Hub::look_at_state() {
+  state_ = host_.state();
+  std::string text = state_json(state_, welcomed_, false);
+  if (text == last_state_) return;
+  last_state_ = std::move(text);
+  for (const auto& viewer : viewers_) viewer->show_state();
+}
+
+// ---- poses
+
+void Hub::wait_for_poses() {
+  // turns that were missed stay missed
+  next_pose_ = std::max(next_pose_ + kPosePeriod, Clock::now());
+  pose_timer_.expires_at(next_pose_);
+  pose_timer_.async_wait([this](ErrorCode failed) {
+    if (failed || ended_) return;
+    if (welcomed_ == 0) {
+      posing_ = false;
+      return;
+    }
+    show_pose();
+    wait_for_poses();
+  });
+}
+
+void Hub::show_pose() {
+  const Clock::time_point now = Clock::now();
+  const auto due = [&](const auto& viewer) { return viewer->is_due(now); };
+  if (std::none_of(viewers_.begin(), viewers_.end(), due)) return;
+  std::array<double, kMaxDevices> stiffness_N_per_mm{};
+  const std::int64_t clock_ns = monotonic_ns();
+  const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
+  const PoseMessage pose(tick, stiffness_N_per_mm, health_, clock_ns);
+  for (const auto& viewer : viewers_)
+    if (viewer->is_due(now)) viewer->show(pose, now);
+}
+
+// ---- what has to be seen to now and then
+
+void Hub::wait_for_sweep() {
+  sweep_timer_.expires_after(kSweepPeriod);
+  sweep_timer_.async_wait([this](ErrorCode failed) {
+    if (failed || ended_) return;
+    sweep();
+    wait_for_sweep();
+  });
+}
+
+void Hub::sweep() {
+  const Clock::time_point now = Clock::now();
+  for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->check(now);
+  for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->check(now);
+  log_.catch_up(now);
+  if (welcomed_ == 0) return;
+  health_ = host_.health();
+  look_at_state();
+}
+
+}  // namespace palpate::link

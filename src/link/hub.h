@@ -1,0 +1,100 @@
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+
+#include "link/fault_log.h"
+#include "link/payload_store.h"
+#include "link/pose_message.h"
+#include "link/request.h"
+#include "link/site.h"
+
+namespace palpate::link {
+
+class Connection;
+class Viewer;
+
+/// What the connections of one server share: the site, the session, who moves the tip. All of it on the
+/// server's thread.
+///
+///     timer, 120 Hz ── snapshot ── one PoseMessage ──► every viewer whose turn it is
+///     timer, 10 Hz ─── state, health; deadlines of every connection
+class Hub {
+ public:
+  using Clock = std::chrono::steady_clock;
+  /// At most so many WebSockets, and so many connections with them.
+  static constexpr std::size_t kMostViewers = 64, kMostConnections = 256;
+
+  /// @param host, site, volumes  outlive the hub
+  Hub(boost::asio::io_context& context, ViewerHost& host, const Site& site, PayloadStore& volumes,
+      FaultLog log, std::function<void(int)> count_viewers);
+  ~Hub();
+
+  void begin();
+  /// Tells every viewer that the server ends, and waits for nobody.
+  void end();
+
+  // ---- connections
+
+  void add(std::shared_ptr<Connection> connection);
+  void remove(const std::shared_ptr<Connection>& connection);
+  void add(std::shared_ptr<Viewer> viewer);
+  void remove(const std::shared_ptr<Viewer>& viewer);
+  bool room_for_viewer() const { return viewers_.size() < kMostViewers; }
+  /// Makes room for a connection at the cost of one that has said nothing for the longest time; false where
+  /// there is none.
+  bool room_for_connection();
+
+  // ---- what they need
+
+  const Site& site() const { return site_; }
+  FaultLog& log() { return log_; }
+  /// Hands over the bytes on the server's thread.
+  void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
+
+  // ---- what viewers ask
+
+  /// A viewer said hello: it counts, and gets poses.
+  void welcome(Viewer& viewer);
+  /// The answer.
+  std::string answer(Viewer& viewer, const Request& request);
+  void move_pointer(const Viewer& viewer, const TipMessage& tip);
+  /// Tells every viewer what has changed since the last look.
+  void look_at_state();
+  std::string state_for(const Viewer& viewer) const;
+
+ private:
+  Result<void> grant(Viewer& viewer, const Request& request);
+  Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
+  void count();
+  void wait_for_poses();
+  void show_pose();
+  void wait_for_sweep();
+  void sweep();
+
+  ViewerHost& host_;
+  const Site& site_;
+  PayloadStore& volumes_;
+  FaultLog log_;
+  const std::function<void(int)> count_viewers_;
+
+  boost::asio::io_context& context_;
+  boost::asio::steady_timer pose_timer_, sweep_timer_;
+  Clock::time_point next_pose_{};
+  std::set<std::shared_ptr<Connection>> connections_;
+  std::set<std::shared_ptr<Viewer>> viewers_;
+  int welcomed_ = 0;
+  bool posing_ = false, ended_ = false;
+  const Viewer* pointer_ = nullptr;  ///< who moves the tip
+  ViewedState state_;
+  std::string last_state_;
+  ViewedHealth health_;
+};
+
+}  // namespace palpate::link

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <pthread.h>
+#include <sched.h>
+
+namespace palpate::link {
+
+/// Gives the calling thread its name and ordinary priority, whatever the thread that started it has: viewers
+/// never compete with the servo.
+inline void be_ordinary_thread(const char* name) {
+  ::pthread_setname_np(::pthread_self(), name);
+  const sched_param none{};
+  ::pthread_setschedparam(::pthread_self(), SCHED_OTHER, &none);
+}
+
+}  // namespace palpate::link

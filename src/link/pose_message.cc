@@ -1,0 +1,112 @@
+#include "link/pose_message.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <concepts>
+#include <limits>
+
+#include "palpate/check.h"
+
+namespace palpate::link {
+namespace {
+
+constexpr std::size_t kSequenceAt = 8;
+
+/// Numbers one after the other, little-endian whatever the machine's order is.
+class Writer {
+ public:
+  explicit Writer(char* at) : at_(at) {}
+
+  template <std::unsigned_integral T>
+  void whole(T value) {
+    for (std::size_t byte = 0; byte < sizeof(T); ++byte)
+      *at_++ = static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * byte) & 0xff);
+  }
+  void real64(double value) { whole(std::bit_cast<std::uint64_t>(value)); }
+  // beyond what a float can hold: infinite
+  void real32(double value) {
+    constexpr double kMost = std::numeric_limits<float>::max();
+    constexpr float kInfinite = std::numeric_limits<float>::infinity();
+    const bool beyond = std::abs(value) > kMost;
+    const float rounded =
+        beyond ? std::copysign(kInfinite, static_cast<float>(value > 0 ? 1 : -1)) : static_cast<float>(value);
+    whole(std::bit_cast<std::uint32_t>(rounded));
+  }
+  template <std::size_t kCount>
+  void reals32(const std::array<double, kCount>& values) {
+    for (const double value : values) real32(value);
+  }
+  const char* at() const { return at_; }
+
+ private:
+  char* at_;
+};
+
+std::uint32_t counted(std::uint64_t count) {
+  return static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(count, std::numeric_limits<std::uint32_t>::max()));
+}
+
+double norm(const std::array<double, 3>& v) {
+  return std::hypot(v[0], v[1], v[2]);
+}
+
+void write_device(Writer& out, const DeviceTick& device, double stiffness_N_per_mm) {
+  out.reals32(device.tip_patient_mm);
+  out.reals32(device.proxy_patient_mm);
+  out.reals32(device.normal_patient);
+  out.reals32(device.orientation_wxyz);
+  out.reals32(device.force_N);
+  out.real32(device.unclamped_force_N);
+  out.real32(device.limit_N);
+  out.real32(device.heat);
+  out.real32(device.depth_mm);
+  out.real32(norm(device.velocity_patient_mm_s));
+  out.real32(stiffness_N_per_mm);
+  out.whole(device.flags);
+  out.whole(device.buttons);
+  out.whole(device.label);
+  out.whole(std::uint16_t{0});
+  out.whole(std::uint32_t{0});
+}
+
+}  // namespace
+
+PoseMessage::PoseMessage(const TickRecord& tick, const std::array<double, kMaxDevices>& stiffness_N_per_mm,
+                         const ViewedHealth& health, std::int64_t clock_ns) {
+  const int devices = std::clamp(tick.devices, 1, kMaxDevices);
+  size_ = kHead_bytes + static_cast<std::size_t>(devices) * kDevice_bytes;
+  Writer out(bytes_.data());
+  for (const char c : std::string_view("PLPT")) out.whole(static_cast<std::uint8_t>(c));
+  out.whole(static_cast<std::uint16_t>(kProtocol));
+  out.whole(static_cast<std::uint16_t>(size_));
+  // the sequence, set later
+  out.whole(std::uint64_t{0});
+  out.whole(tick.tick);
+  out.real64(tick.time_s);
+  out.whole(static_cast<std::uint64_t>(clock_ns));
+  out.whole(tick.model_version);
+  out.whole(tick.method);
+  out.whole(tick.switches);
+  out.whole(static_cast<std::uint8_t>(devices));
+  out.whole(std::uint8_t{0});
+  out.reals32(tick.rotation_felt_wxyz);
+  out.real32(health.rate_hz);
+  out.real32(health.lateness_p50_us);
+  out.real32(health.lateness_p99_us);
+  out.real32(health.lateness_max_us);
+  out.real32(health.compute_p50_us);
+  out.whole(counted(health.skipped));
+  out.whole(counted(health.dropped));
+  out.whole(counted(health.stalls));
+  PALPATE_CHECK(out.at() == bytes_.data() + kHead_bytes);
+  for (int d = 0; d < devices; ++d) write_device(out, tick.device[d], stiffness_N_per_mm[d]);
+  PALPATE_CHECK(out.at() == bytes_.data() + size_);
+}
+
+void PoseMessage::set_sequence(std::uint64_t sequence) {
+  Writer(bytes_.data() + kSequenceAt).whole(sequence);
+}
+
+}  // namespace palpate::link

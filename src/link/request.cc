@@ -1,0 +1,191 @@
+#include "link/request.h"
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+
+#include "link/flat_json.h"
+
+namespace palpate::link {
+namespace {
+
+// JavaScript's numbers hold no larger whole one exactly
+constexpr std::int64_t kMostId = (std::int64_t{1} << 53) - 1;
+constexpr std::size_t kMostName_bytes = 64, kMostToken_bytes = 1024;
+constexpr int kMostTissues = 1 << 16;
+// how far from 1 a quaternion's length may be that was computed in floats
+constexpr double kUnitTolerance = 1e-3;
+
+/// Reads the values of one message; the first that does not fit becomes its refusal.
+class Fields {
+ public:
+  explicit Fields(const FlatObject& object) : object_(object) {}
+
+  std::optional<bool> flag(std::string_view key) { return get<bool>(key, "true or false"); }
+  std::optional<std::string> name(std::string_view key, std::size_t most_bytes) {
+    auto text = get<std::string>(key, "a text");
+    if (text && text->size() > most_bytes) return refuse(key, "is too long"), std::nullopt;
+    return text;
+  }
+  std::optional<double> number(std::string_view key) {
+    const FlatValue* value = find(key);
+    if (!value) return std::nullopt;
+    if (const auto* whole = std::get_if<std::int64_t>(value)) return static_cast<double>(*whole);
+    if (const auto* real = std::get_if<double>(value)) return *real;
+    return refuse(key, "is not a number"), std::nullopt;
+  }
+  std::optional<std::int64_t> whole(std::string_view key, std::int64_t least, std::int64_t most) {
+    const auto value = get<std::int64_t>(key, "a whole number");
+    if (value && (*value < least || *value > most)) return refuse(key, "is out of range"), std::nullopt;
+    return value;
+  }
+  template <std::size_t kCount>
+  std::optional<std::array<double, kCount>> numbers(std::string_view key) {
+    const auto list = get<std::vector<double>>(key, "a list of numbers");
+    if (!list) return std::nullopt;
+    if (list->size() != kCount)
+      return refuse(key, "does not have " + std::to_string(kCount) + " numbers"), std::nullopt;
+    std::array<double, kCount> values{};
+    std::copy(list->begin(), list->end(), values.begin());
+    return values;
+  }
+  std::optional<std::array<double, 4>> rotation(std::string_view key) {
+    auto q = numbers<4>(key);
+    if (!q) return std::nullopt;
+    const double length = std::hypot(std::hypot((*q)[0], (*q)[1]), std::hypot((*q)[2], (*q)[3]));
+    if (!(std::abs(length - 1) <= kUnitTolerance))
+      return refuse(key, "is not a unit quaternion w, x, y, z"), std::nullopt;
+    for (double& component : *q) component /= length;
+    return q;
+  }
+
+  bool has(std::string_view key) const { return object_.find(key) != nullptr; }
+  void want(std::string_view key) {
+    if (!has(key)) refuse(key, "is missing");
+  }
+  /// Refuses what was not read.
+  void end() {
+    for (const auto& [key, value] : object_.entries) {
+      if (std::find(read_.begin(), read_.end(), key) != read_.end()) continue;
+      // the key is the viewer's own text, of which nothing is sent back
+      refuse("", "a key that this kind of message does not have");
+    }
+  }
+  void refuse(std::string_view key, std::string what) {
+    if (!refusal_)
+      refusal_ = Error{ErrorKind::kUsage, std::move(what), std::string(key), "see docs/viewer-protocol.md"};
+  }
+  const std::optional<Error>& refusal() const { return refusal_; }
+
+ private:
+  const FlatValue* find(std::string_view key) {
+    read_.push_back(key);
+    return object_.find(key);
+  }
+  template <class T>
+  std::optional<T> get(std::string_view key, const char* kind) {
+    const FlatValue* value = find(key);
+    if (!value) return std::nullopt;
+    if (const T* content = std::get_if<T>(value)) return *content;
+    return refuse(key, std::string("is not ") + kind), std::nullopt;
+  }
+
+  const FlatObject& object_;
+  std::vector<std::string_view> read_;
+  std::optional<Error> refusal_;
+};
+
+SettingsRequest read_settings(Fields& fields) {
+  SettingsRequest request;
+  request.method = fields.name("method", kMostName_bytes);
+  request.friction = fields.flag("friction");
+  request.viscosity = fields.flag("viscosity");
+  request.passivity = fields.flag("passivity");
+  request.paused = fields.flag("paused");
+  request.max_force_N = fields.number("max_force_N");
+  request.rotation_wxyz = fields.rotation("rotation_wxyz");
+  const bool any = request.method || request.friction || request.viscosity || request.passivity ||
+                   request.paused || request.max_force_N || request.rotation_wxyz;
+  fields.end();
+  if (!any) fields.refuse("", "nothing is asked for");
+  return request;
+}
+
+TissueRequest read_tissue(Fields& fields) {
+  TissueRequest request;
+  fields.want("tissue");
+  request.tissue = static_cast<int>(fields.whole("tissue", 0, kMostTissues).value_or(0));
+  request.stiffness_N_per_mm = fields.number("stiffness_N_per_mm");
+  request.static_friction = fields.number("static_friction");
+  request.dynamic_friction = fields.number("dynamic_friction");
+  request.viscosity_N_s_per_mm = fields.number("viscosity_N_s_per_mm");
+  const bool any = request.stiffness_N_per_mm || request.static_friction || request.dynamic_friction ||
+                   request.viscosity_N_s_per_mm;
+  fields.end();
+  if (!any) fields.refuse("", "nothing is asked for");
+  return request;
+}
+
+PointerRequest read_pointer(Fields& fields) {
+  fields.want("take");
+  const PointerRequest request{fields.flag("take").value_or(false)};
+  fields.end();
+  return request;
+}
+
+std::optional<ViewerMessage> read_hello(Fields& fields) {
+  Hello hello;
+  fields.want("protocol");
+  hello.protocol = static_cast<int>(fields.whole("protocol", 0, 1 << 16).value_or(0));
+  hello.token = fields.name("token", kMostToken_bytes).value_or("");
+  hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
+  fields.end();
+  if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMostPoses_hz)) return std::nullopt;
+  return hello;
+}
+
+std::optional<ViewerMessage> read_tip(Fields& fields) {
+  const auto tip = fields.numbers<3>("patient_mm");
+  fields.end();
+  if (!tip || fields.refusal()) return std::nullopt;
+  return TipMessage{*tip};
+}
+
+}  // namespace
+
+std::optional<ViewerMessage> parse_viewer_message(std::string_view text) {
+  if (text.size() > kMostMessage_bytes) return std::nullopt;
+  const auto object = parse_flat_json(text);
+  if (!object) return std::nullopt;
+  Fields fields(*object);
+  const auto type = fields.name("type", kMostName_bytes);
+  if (!type) return std::nullopt;
+  if (*type == "hello") return read_hello(fields);
+  if (*type == "tip") return read_tip(fields);
+
+  // whoever asks for a stop gets it, however badly it is asked for
+  const auto id = fields.whole("id", 0, kMostId);
+  if (!id && *type != "stop") return std::nullopt;
+  Request request;
+  request.id = id.value_or(0);
+  if (*type == "set") {
+    request.what = read_settings(fields);
+  } else if (*type == "tissue") {
+    request.what = read_tissue(fields);
+  } else if (*type == "pointer") {
+    request.what = read_pointer(fields);
+  } else if (*type == "stop" || *type == "rearm") {
+    if (*type == "stop")
+      request.what = StopRequest{};
+    else
+      request.what = RearmRequest{};
+    fields.end();
+  } else {
+    fields.refuse("type", "is none that there is");
+  }
+  if (fields.refusal() && !std::holds_alternative<StopRequest>(request.what))
+    request.what = *fields.refusal();
+  return request;
+}
+
+}  // namespace palpate::link

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include "palpate/viewer_server.h"
+
+/// What viewers say, from text to types (docs/viewer-protocol.md).
+namespace palpate::link {
+
+/// No message of a viewer's is longer.
+inline constexpr std::size_t kMostMessage_bytes = 4096;
+/// A viewer gets no more poses a second, and no fewer than one.
+inline constexpr double kMostPoses_hz = 120;
+
+struct Hello {
+  int protocol = 0;
+  std::string token;  ///< empty: none
+  double poses_hz = 60;
+};
+struct StopRequest {};
+struct RearmRequest {};
+struct PointerRequest {
+  bool take = false;
+};
+struct TipMessage {
+  std::array<double, 3> tip_patient_mm{};
+};
+
+/// What is asked for under an id; an Error where the answer can only be that it is refused.
+struct Request {
+  std::int64_t id = 0;
+  std::variant<SettingsRequest, TissueRequest, StopRequest, RearmRequest, PointerRequest, Error> what;
+};
+
+using ViewerMessage = std::variant<Hello, TipMessage, Request>;
+
+/// Nothing where the text is no message at all, so that nothing could be answered.
+std::optional<ViewerMessage> parse_viewer_message(std::string_view text);
+
+}  // namespace palpate::link

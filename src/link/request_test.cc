@@ -1,0 +1,208 @@
+#include "link/request.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "link/flat_json.h"
+
+namespace palpate::link {
+namespace {
+
+template <class T>
+std::optional<T> parsed(std::string_view text) {
+  const auto message = parse_viewer_message(text);
+  if (!message) return std::nullopt;
+  if constexpr (std::is_same_v<T, Hello> || std::is_same_v<T, TipMessage> || std::is_same_v<T, Request>) {
+    const auto* found = std::get_if<T>(&*message);
+    return found ? std::optional(*found) : std::nullopt;
+  } else {
+    const auto* request = std::get_if<Request>(&*message);
+    const auto* found = request ? std::get_if<T>(&request->what) : nullptr;
+    return found ? std::optional(*found) : std::nullopt;
+  }
+}
+
+// where a request is refused; "-" where it is not
+std::string refused_at(std::string_view text) {
+  const auto error = parsed<Error>(text);
+  return error ? error->where : "-";
+}
+
+TEST(Request, EveryMessageOfTheDocument) {
+  const auto hello = parsed<Hello>(R"({"type": "hello", "protocol": 1, "token": "abc", "poses_hz": 120})");
+  ASSERT_TRUE(hello);
+  EXPECT_EQ(hello->protocol, 1);
+  EXPECT_EQ(hello->token, "abc");
+  EXPECT_EQ(hello->poses_hz, 120);
+  EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 1})")->poses_hz, 60);
+
+  const auto set = parsed<SettingsRequest>(
+      R"({"type": "set", "id": 1, "method": "trilinear", "friction": false, "viscosity": true, "passivity": true,
+          "paused": true, "max_force_N": 1.0, "rotation_wxyz": [0, 1, 0, 0]})");
+  ASSERT_TRUE(set);
+  EXPECT_EQ(set->method, "trilinear");
+  EXPECT_EQ(set->friction, false);
+  EXPECT_EQ(set->viscosity, true);
+  EXPECT_EQ(set->passivity, true);
+  EXPECT_EQ(set->paused, true);
+  EXPECT_EQ(set->max_force_N, 1);
+  EXPECT_EQ(set->rotation_wxyz, (std::array<double, 4>{0, 1, 0, 0}));
+
+  const auto tissue = parsed<TissueRequest>(
+      R"({"type": "tissue", "id": 2, "tissue": 3, "stiffness_N_per_mm": 0.8, "static_friction": 0.3,
+          "dynamic_friction": 0.2, "viscosity_N_s_per_mm": 0})");
+  ASSERT_TRUE(tissue);
+  EXPECT_EQ(tissue->tissue, 3);
+  EXPECT_EQ(tissue->stiffness_N_per_mm, 0.8);
+  EXPECT_EQ(tissue->static_friction, 0.3);
+  EXPECT_EQ(tissue->dynamic_friction, 0.2);
+  EXPECT_EQ(tissue->viscosity_N_s_per_mm, 0);
+
+  EXPECT_TRUE(parsed<StopRequest>(R"({"type": "stop", "id": 3})"));
+  EXPECT_TRUE(parsed<RearmRequest>(R"({"type": "rearm", "id": 4})"));
+  EXPECT_TRUE(parsed<PointerRequest>(R"({"type": "pointer", "id": 5, "take": true})")->take);
+  EXPECT_EQ(parsed<TipMessage>(R"({"type": "tip", "patient_mm": [1, -2.5, 3e1]})")->tip_patient_mm,
+            (std::array<double, 3>{1, -2.5, 30}));
+  EXPECT_EQ(parsed<Request>(R"({"type": "rearm", "id": 9007199254740991})")->id, 9007199254740991);
+}
+
+TEST(Request, WrongValuesAreRefusedByTheirKey) {
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"max_force_N":"1"})"), "max_force_N");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"max_force_N":true})"), "max_force_N");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"max_force_N":[1]})"), "max_force_N");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"friction":1})"), "friction");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"method":1})"), "method");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"method":")" + std::string(65, 'm') + "\"}"), "method");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1})"), "");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"friction":true,"secret":1})"), "");
+  EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"stiffness_N_per_mm":1})"), "tissue");
+  EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"tissue":1.5,"stiffness_N_per_mm":1})"), "tissue");
+  EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"tissue":-1,"stiffness_N_per_mm":1})"), "tissue");
+  EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"tissue":99999999999,"stiffness_N_per_mm":1})"), "tissue");
+  EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"tissue":1})"), "");
+  EXPECT_EQ(refused_at(R"({"type":"pointer","id":1})"), "take");
+  EXPECT_EQ(refused_at(R"({"type":"pointer","id":1,"take":"yes"})"), "take");
+  EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"more":1})"), "");
+  EXPECT_EQ(refused_at(R"({"type":"format the disk","id":1})"), "type");
+}
+
+TEST(Request, RotationsAreUnitQuaternions) {
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"rotation_wxyz":[0,0,0,0]})"), "rotation_wxyz");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"rotation_wxyz":[1,1,0,0]})"), "rotation_wxyz");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"rotation_wxyz":[1e200,1e200,0,0]})"), "rotation_wxyz");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"rotation_wxyz":[1,0,0]})"), "rotation_wxyz");
+  EXPECT_EQ(refused_at(R"({"type":"set","id":1,"rotation_wxyz":[1,0,0,0,0]})"), "rotation_wxyz");
+  // what floats make of one is taken, and made exact
+  const auto set = parsed<SettingsRequest>(R"({"type":"set","id":1,"rotation_wxyz":[0.70711,0.70711,0,0]})");
+  ASSERT_TRUE(set && set->rotation_wxyz);
+  const auto& q = *set->rotation_wxyz;
+  EXPECT_NEAR(q[0] * q[0] + q[1] * q[1], 1, 1e-15);
+}
+
+TEST(Request, AStopIsOneHoweverItIsAskedFor) {
+  EXPECT_TRUE(parsed<StopRequest>(R"({"type":"stop"})"));
+  EXPECT_TRUE(parsed<StopRequest>(R"({"type":"stop","id":"x"})"));
+  EXPECT_TRUE(parsed<StopRequest>(R"({"type":"stop","id":1,"because":"it hurts"})"));
+}
+
+TEST(Request, WhatIsNoMessage) {
+  for (const char* text : {
+           "",
+           " ",
+           "null",
+           "1",
+           "\"stop\"",
+           "[]",
+           "[{\"type\":\"stop\"}]",
+           "{",
+           "{}",
+           "{}{}",
+           "{\"type\":\"stop\"}x",
+           R"({"id":1})",
+           R"({"type":1,"id":1})",
+           R"({"type":"set","friction":true})",
+           R"({"type":"set","id":1.5,"friction":true})",
+           R"({"type":"set","id":-1,"friction":true})",
+           R"({"type":"set","id":9007199254740992,"friction":true})",
+           R"({"type":"set","id":1e3,"friction":true})",
+           // a key twice
+           R"({"type":"set","id":1,"friction":true,"friction":false})",
+           R"({"type":"stop","type":"stop"})",
+           // no number holds it, or JSON has no such thing
+           R"({"type":"set","id":1,"max_force_N":1e999})",
+           R"({"type":"set","id":1,"max_force_N":NaN})",
+           R"({"type":"tip","patient_mm":[1,2,Infinity]})",
+           R"({"type":"tip","patient_mm":[1,2,1e999]})",
+           // deeper
+           R"({"type":"set","id":1,"method":{"a":1}})",
+           R"({"type":"set","id":1,"rotation_wxyz":[[1],0,0,0]})",
+           R"({"type":"set","id":1,"rotation_wxyz":["1",0,0,0]})",
+           R"({"type":"set","id":1,"friction":null})",
+           // tips and hellos have no answer
+           R"({"type":"tip"})",
+           R"({"type":"tip","patient_mm":[1,2]})",
+           R"({"type":"tip","patient_mm":"1 2 3"})",
+           R"({"type":"tip","patient_mm":[1,2,3],"id":1})",
+           R"({"type":"hello"})",
+           R"({"type":"hello","protocol":1,"poses_hz":0})",
+           R"({"type":"hello","protocol":1,"poses_hz":121})",
+           R"({"type":"hello","protocol":"1"})",
+           R"({"type":"hello","protocol":1,"token":1})",
+           R"({"type":"hello","protocol":1,"admin":true})",
+       })
+    EXPECT_FALSE(parse_viewer_message(text)) << text;
+  EXPECT_FALSE(parse_viewer_message(std::string_view("{\"type\":\"stop\"}\0", 16)));
+  EXPECT_FALSE(parse_viewer_message("{\"type\":\"stop\",\"id\":1,\"m\":\"\xff\xfe\"}"));
+}
+
+TEST(Request, DepthAndLengthCostNothing) {
+  const std::string deep(kMostMessage_bytes, '[');
+  EXPECT_FALSE(parse_viewer_message(deep));
+  std::string objects;
+  while (objects.size() + 6 < kMostMessage_bytes) objects += R"({"a":)";
+  EXPECT_FALSE(parse_viewer_message(objects));
+  // not bounded by the caller here: still no recursion
+  EXPECT_FALSE(parse_flat_json(std::string(10'000'000, '[')));
+  const std::string stop = R"({"type":"stop","id":1})";
+  EXPECT_TRUE(parse_viewer_message(stop + std::string(kMostMessage_bytes - stop.size(), ' ')));
+  EXPECT_FALSE(parse_viewer_message(stop + std::string(kMostMessage_bytes - stop.size() + 1, ' ')));
+}
+
+// nothing of the viewer's text comes back
+TEST(Request, RefusalsRepeatNothing) {
+  for (const char* text : {R"({"type":"DOE^CANARY","id":1})", R"({"type":"set","id":1,"DOE^CANARY":1})",
+                           R"({"type":"set","id":1,"max_force_N":"DOE^CANARY"})"}) {
+    const auto error = parsed<Error>(text);
+    ASSERT_TRUE(error) << text;
+    EXPECT_EQ(error->message().find("CANARY"), std::string::npos);
+  }
+}
+
+TEST(Request, AnyDamageGivesAMessageOrNone) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE(seed);
+  std::mt19937 random(seed);
+  const std::string whole =
+      R"({"type":"set","id":7,"method":"proxy","max_force_N":1.5,"rotation_wxyz":[1,0,0,0],"paused":false})";
+  int messages = 0;
+  for (int n = 0; n < 20000; ++n) {
+    std::string text = whole;
+    for (int damage = 0; damage < 3; ++damage) text[random() % text.size()] = static_cast<char>(random());
+    const auto message = parse_viewer_message(text);
+    if (!message) continue;
+    ++messages;
+    const auto* request = std::get_if<Request>(&*message);
+    const auto* set = request ? std::get_if<SettingsRequest>(&request->what) : nullptr;
+    EXPECT_TRUE(!set || !set->max_force_N || std::isfinite(*set->max_force_N)) << text;
+    if (!set || !set->rotation_wxyz) continue;
+    double square = 0;
+    for (const double component : *set->rotation_wxyz) square += component * component;
+    EXPECT_NEAR(square, 1, 1e-12) << text;
+  }
+  EXPECT_GT(messages, 0);
+}
+
+}  // namespace
+}  // namespace palpate::link

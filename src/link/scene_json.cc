@@ -1,0 +1,159 @@
+#include "link/scene_json.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "link/pose_message.h"
+#include "palpate_version.h"
+
+namespace palpate::link {
+namespace {
+
+// keys in the order of the document
+using Json = nlohmann::ordered_json;
+
+// names come from files: bytes that are no UTF-8 are replaced, and what is not known or not finite is null
+std::string text_of(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Json colour_json(const Rgb& colour) {
+  return {colour.r, colour.g, colour.b};
+}
+
+Json matrix_json(const Eigen::Matrix4d& matrix) {
+  Json rows = Json::array();
+  for (int row = 0; row < 4; ++row)
+    rows.push_back({matrix(row, 0), matrix(row, 1), matrix(row, 2), matrix(row, 3)});
+  return rows;
+}
+
+Json volume_json(const ViewedScene& scene, const VolumeFacts& facts) {
+  const GridGeometry& grid = scene.labels->geometry();
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+  matrix.topLeftCorner<3, 3>() = X_PatientVoxel.linear();
+  matrix.topRightCorner<3, 1>() = X_PatientVoxel.translation();
+  Json json;
+  json["hash"] = facts.hash;
+  json["dims"] = grid.dims;
+  json["patient_from_voxel"] = matrix_json(matrix);
+  json["scan"] = nullptr;
+  if (scene.scan)
+    json["scan"] = {
+        {"scale", facts.scale}, {"offset", facts.offset}, {"window", scene.window}, {"range", facts.range}};
+  json["labels"] = {{"type", facts.wide_labels ? "uint16" : "uint8"}};
+  return json;
+}
+
+Json tissue_state_json(const ViewedTissueState& tissue) {
+  return {{"stiffness_N_per_mm", tissue.stiffness_N_per_mm},
+          {"static_friction", tissue.static_friction},
+          {"dynamic_friction", tissue.dynamic_friction},
+          {"viscosity_N_s_per_mm", tissue.viscosity_N_s_per_mm}};
+}
+
+Json tissues_json(const ViewedScene& scene, const ViewedState& state) {
+  Json tissues = Json::array();
+  for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
+    const ViewedTissue& tissue = scene.tissues[t];
+    Json json = {{"name", tissue.name},
+                 {"felt", tissue.felt},
+                 {"colour", colour_json(tissue.colour)},
+                 {"opacity", tissue.opacity}};
+    json.update(tissue_state_json(t < state.tissues.size() ? state.tissues[t] : ViewedTissueState{}));
+    json["rests_on"] = tissue.rests_on;
+    tissues.push_back(std::move(json));
+  }
+  return tissues;
+}
+
+Json structures_json(const ViewedScene& scene) {
+  Json structures = Json::array();
+  for (const ViewedStructure& structure : scene.structures)
+    structures.push_back({{"label", structure.label},
+                          {"name", structure.name},
+                          {"colour", colour_json(structure.colour)},
+                          {"tissue", structure.tissue}});
+  return structures;
+}
+
+}  // namespace
+
+std::string_view name_of(Role role) {
+  return role == Role::kControl ? "control" : "view";
+}
+
+std::string hash_text(std::uint64_t hash) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string text;
+  for (int shift = 60; shift >= 0; shift -= 4) text += kDigits[hash >> shift & 15];
+  return text;
+}
+
+std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
+                       Role role) {
+  Json json;
+  json["protocol"] = kProtocol;
+  json["palpate"] = PALPATE_VERSION;
+  json["role"] = name_of(role);
+  json["side"] = scene.side;
+  json["oriented"] = scene.oriented;
+  json["modality"] = scene.modality;
+  json["volume"] = volume_json(scene, facts);
+  json["world_from_patient"] = scene.world_from_patient;
+  json["structures"] = structures_json(scene);
+  json["tissues"] = tissues_json(scene, state);
+  json["tool"] = {
+      {"name", scene.tool_name}, {"radius_mm", scene.tool_radius_mm}, {"points_mm", scene.tool_points_mm}};
+  json["methods"] = scene.methods;
+  json["device"] = {{"name", scene.device_name},
+                    {"simulated", scene.simulated},
+                    {"input", scene.input},
+                    {"peak_force_N", scene.peak_force_N},
+                    {"continuous_force_N", scene.continuous_force_N},
+                    {"most_stiffness_N_per_mm", scene.most_stiffness_N_per_mm}};
+  json["limits"] = {{"max_force_N", state.max_force_N},
+                    {"least_max_force_N", scene.least_max_force_N},
+                    {"most_max_force_N", scene.most_max_force_N},
+                    {"stiffness_N_per_mm", scene.stiffness_N_per_mm},
+                    {"friction", scene.friction}};
+  json["rate_hz"] = scene.rate_hz;
+  return text_of(json);
+}
+
+std::string state_json(const ViewedState& state, int viewers, bool pointer) {
+  Json json;
+  json["type"] = "state";
+  json["method"] = state.method;
+  json["friction"] = state.friction;
+  json["viscosity"] = state.viscosity;
+  json["passivity"] = state.passivity;
+  json["paused"] = state.paused;
+  json["emergency_stop"] = state.emergency_stop;
+  json["max_force_N"] = state.max_force_N;
+  json["rotation_wxyz"] = state.rotation_wxyz;
+  json["model_version"] = state.model_version;
+  json["tissues"] = Json::array();
+  for (const ViewedTissueState& tissue : state.tissues) json["tissues"].push_back(tissue_state_json(tissue));
+  json["armed"] = state.armed;
+  json["recording"] = state.recording;
+  json["viewers"] = viewers;
+  json["pointer"] = pointer;
+  return text_of(json);
+}
+
+std::string welcome_json(Role role) {
+  return text_of({{"type", "welcome"}, {"role", name_of(role)}, {"protocol", kProtocol}});
+}
+
+std::string done_json(std::int64_t id) {
+  return text_of({{"type", "done"}, {"id", id}});
+}
+
+std::string refused_json(std::int64_t id, const Error& error) {
+  return text_of(
+      {{"type", "refused"}, {"id", id}, {"what", error.what}, {"where", error.where}, {"how", error.remedy}});
+}
+
+}  // namespace palpate::link

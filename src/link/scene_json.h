@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "palpate/result.h"
+#include "palpate/viewer_server.h"
+
+/// The texts that the server sends (docs/viewer-protocol.md).
+namespace palpate::link {
+
+/// What a viewer may do.
+enum class Role { kView, kControl };
+std::string_view name_of(Role role);
+
+/// How the voxels of the scene are sent, found once.
+struct VolumeFacts {
+  std::string hash;  ///< in the volumes' addresses
+  double scale = 1, offset = 0;
+  std::array<double, 2> range{0, 0};  ///< of the scan's finite voxels
+  bool wide_labels = false;           ///< uint16
+};
+
+/// 16 lower-case hexadecimal digits.
+std::string hash_text(std::uint64_t hash);
+
+std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
+                       Role role);
+
+/// @param pointer  whether the viewer that gets it moves the tip
+std::string state_json(const ViewedState& state, int viewers, bool pointer);
+
+std::string welcome_json(Role role);
+std::string done_json(std::int64_t id);
+std::string refused_json(std::int64_t id, const Error& error);
+
+}  // namespace palpate::link

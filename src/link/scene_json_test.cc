@@ -1,0 +1,83 @@
+#include "link/scene_json.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "link/test_host.h"
+
+namespace palpate::link {
+namespace {
+
+using Json = nlohmann::json;
+using palpate::testing::FakeHost;
+
+TEST(SceneJson, HasTheDocumentsKeys) {
+  FakeHost host;
+  const VolumeFacts facts{"0f3a000000000001", 2, -5, {-7, 8}, false};
+  const Json json = Json::parse(scene_json(host.scene(), host.state(), facts, Role::kControl));
+  EXPECT_EQ(json["protocol"], 1);
+  EXPECT_TRUE(json["palpate"].is_string());
+  EXPECT_EQ(json["role"], "control");
+  EXPECT_EQ(json["side"], "left");
+  EXPECT_EQ(json["oriented"], true);
+  EXPECT_EQ(json["modality"], "ct");
+  EXPECT_EQ(json["volume"], Json::parse(R"({
+    "hash": "0f3a000000000001", "dims": [5, 4, 3],
+    "patient_from_voxel": [[0.5, 0, 0, -60], [0, 0.75, 0, -64], [0, 0, 2, -31], [0, 0, 0, 1]],
+    "scan": {"scale": 2.0, "offset": -5.0, "window": [12, 480], "range": [-7, 8]},
+    "labels": {"type": "uint8"}})"));
+  EXPECT_EQ(json["world_from_patient"],
+            Json::parse("[[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]"));
+  EXPECT_EQ(json["structures"],
+            Json::parse(R"([{"label": 1, "name": "femur", "colour": [240, 220, 190], "tissue": 0},
+                            {"label": 2, "name": "tibia", "colour": [10, 20, 30], "tissue": -1}])"));
+  EXPECT_EQ(json["tissues"], Json::parse(R"([
+    {"name": "bone", "felt": true, "colour": [240, 220, 190], "opacity": 1.0, "stiffness_N_per_mm": 1.5,
+     "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001, "rests_on": []},
+    {"name": "skin", "felt": false, "colour": [1, 2, 3], "opacity": 0.25, "stiffness_N_per_mm": 0.3,
+     "static_friction": 0.0, "dynamic_friction": 0.0, "viscosity_N_s_per_mm": 0.0, "rests_on": [0]}])"));
+  EXPECT_EQ(json["tool"], Json::parse(R"({"name": "point", "radius_mm": 0.0, "points_mm": [[0, 0, 0]]})"));
+  EXPECT_EQ(json["methods"], Json::parse(R"(["proxy", "trilinear"])"));
+  EXPECT_EQ(json["device"]["input"], "script");
+  EXPECT_EQ(json["limits"]["max_force_N"], 1.4);
+  EXPECT_EQ(json["rate_hz"], 1000);
+  EXPECT_EQ(json.size(), 15u);
+}
+
+TEST(SceneJson, WhatIsNotKnownIsNull) {
+  FakeHost host;
+  host.edit_scene().scan = nullptr;
+  const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, Role::kView));
+  EXPECT_TRUE(json["volume"]["scan"].is_null());
+  EXPECT_TRUE(json["device"]["peak_force_N"].is_null());
+  EXPECT_EQ(json["role"], "view");
+}
+
+TEST(SceneJson, NamesThatAreNoUtf8DoNotHarm) {
+  FakeHost host;
+  host.edit_scene().structures[0].name = "f\xff\"</script>\n";
+  const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, Role::kView));
+  EXPECT_EQ(json["structures"][0]["name"], "f\ufffd\"</script>\n");
+}
+
+TEST(SceneJson, StateAndAnswers) {
+  FakeHost host;
+  EXPECT_EQ(Json::parse(state_json(host.state(), 2, true)), Json::parse(R"({
+    "type": "state", "method": "proxy", "friction": true, "viscosity": true, "passivity": true, "paused": false,
+    "emergency_stop": false, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1,
+    "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
+                {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
+    "armed": false, "recording": false, "viewers": 2, "pointer": true})"));
+  EXPECT_EQ(Json::parse(welcome_json(Role::kView)),
+            Json::parse(R"({"type": "welcome", "role": "view", "protocol": 1})"));
+  EXPECT_EQ(Json::parse(done_json(7)), Json::parse(R"({"type": "done", "id": 7})"));
+  EXPECT_EQ(
+      Json::parse(refused_json(8, {ErrorKind::kUsage, "is too much", "max_force_N", "ask for less"})),
+      Json::parse(
+          R"({"type": "refused", "id": 8, "what": "is too much", "where": "max_force_N", "how": "ask for less"})"));
+  EXPECT_EQ(hash_text(0x0f3a000000000001), "0f3a000000000001");
+}
+
+}  // namespace
+}  // namespace palpate::link

@@ -1,0 +1,211 @@
+#include <pthread.h>
+
+#include <atomic>
+#include <boost/asio/basic_socket_acceptor.hpp>
+#include <boost/asio/ip/address.hpp>
+#include <exception>
+#include <thread>
+#include <utility>
+
+#include "link/connection.h"
+#include "link/hub.h"
+#include "link/ordinary_thread.h"
+#include "link/stream.h"
+#include "palpate/viewer_server.h"
+
+namespace palpate {
+namespace link {
+namespace {
+
+using net::ip::tcp;
+
+constexpr auto kAcceptAgain = std::chrono::milliseconds(100);
+constexpr int kMostPort = 65535;
+
+Error usage(std::string what, std::string where, std::string remedy) {
+  return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
+}
+
+Result<net::ip::address> checked_address(const ViewerServerOptions& options) {
+  ErrorCode failed;
+  const auto address = net::ip::make_address(options.address, failed);
+  if (failed)
+    return usage("is no numeric address", "--listen " + options.address,
+                 "give one of this machine's, 0.0.0.0 or [::] without its brackets for all of them");
+  if (options.port < 0 || options.port > kMostPort)
+    return usage("is no port", "--port " + std::to_string(options.port), "give a number from 1 to 65535");
+  if (options.tls_certificate.empty() != options.tls_key.empty())
+    return usage("a certificate and its key go together",
+                 options.tls_key.empty() ? "--tls-cert" : "--tls-key", "give both --tls-cert and --tls-key");
+  if (!address.is_loopback() && options.token_file.empty())
+    return usage("whoever reaches this address could see and change the session",
+                 "--listen " + options.address, "give --token-file FILE, or listen at 127.0.0.1 alone");
+  return address;
+}
+
+Error bad_tls(const std::filesystem::path& file, const char* what) {
+  return {ErrorKind::kBadInput, what, file.string(),
+          "give PEM files that belong together and that you may read"};
+}
+
+Result<std::unique_ptr<net::ssl::context>> tls_context(const ViewerServerOptions& options) {
+  if (options.tls_certificate.empty()) return std::unique_ptr<net::ssl::context>();
+  auto tls = std::make_unique<net::ssl::context>(net::ssl::context::tls_server);
+  ErrorCode failed;
+  tls->set_options(net::ssl::context::default_workarounds | net::ssl::context::no_sslv2 |
+                       net::ssl::context::no_sslv3 | net::ssl::context::no_tlsv1 |
+                       net::ssl::context::no_tlsv1_1,
+                   failed);
+  // a key with a passphrase must not ask for it at the terminal
+  tls->set_password_callback([](std::size_t, net::ssl::context::password_purpose) { return std::string(); },
+                             failed);
+  tls->use_certificate_chain_file(options.tls_certificate.string(), failed);
+  if (failed) return bad_tls(options.tls_certificate, "holds no certificate that can be read");
+  tls->use_private_key_file(options.tls_key.string(), net::ssl::context::pem, failed);
+  if (failed) return bad_tls(options.tls_key, "holds no key of that certificate that can be read");
+  return tls;
+}
+
+class Server : public ViewerServer {
+ public:
+  /// The socket is bound and listens before anything is made that costs time.
+  Server(ViewerHost& host, const ViewerServerOptions& options, std::unique_ptr<net::ssl::context> tls,
+         Tokens tokens, const net::ip::address& address, ErrorCode& failed)
+      : tls_(std::move(tls)), acceptor_(context_), accept_again_(context_) {
+    listen({address, static_cast<std::uint16_t>(options.port)}, failed);
+    if (failed) return;
+    const ViewedScene& scene = host.scene();
+    PALPATE_CHECK(scene.labels &&
+                  (!scene.scan || scene.scan->geometry().dims == scene.labels->geometry().dims));
+    const ScanScale scale = scene.scan ? ScanScale::of(*scene.scan) : ScanScale{};
+    const VolumeFacts facts{hash_text(scene.content_hash), scale.scale, scale.offset, scale.range,
+                            needs_wide_labels(*scene.labels)};
+    volumes_.emplace(scene.scan, scale, scene.labels, facts.wide_labels);
+    site_.emplace(host,
+                  Access(address.to_string(), port(), tls_ != nullptr, options.host_names, std::move(tokens)),
+                  facts);
+    hub_.emplace(context_, host, *site_, *volumes_, FaultLog(options.log),
+                 [this](int viewers) { viewers_ = viewers; });
+    hub_->begin();
+    accept();
+    thread_ = std::thread([this] { run(); });
+  }
+
+  ~Server() override {
+    if (!thread_.joinable()) return;
+    net::post(context_, [this] {
+      acceptor_.close();
+      hub_->end();
+    });
+    thread_.join();
+    // its thread may still hand something to the context
+    volumes_.reset();
+  }
+
+  std::string url() const override {
+    const std::string host = address_.is_v6() ? "[" + address_.to_string() + "]" : address_.to_string();
+    return (tls_ ? "https://" : "http://") + host + ":" + std::to_string(port_) + "/";
+  }
+  int port() const override { return port_; }
+  int viewers() const override { return viewers_; }
+
+ private:
+  void listen(const tcp::endpoint& endpoint, ErrorCode& failed) {
+    acceptor_.open(endpoint.protocol(), failed);
+    // a server that has just ended may be followed by another
+    if (!failed) acceptor_.set_option(net::socket_base::reuse_address(true), failed);
+    if (!failed) acceptor_.bind(endpoint, failed);
+    if (!failed) acceptor_.listen(net::socket_base::max_listen_connections, failed);
+    const auto bound = failed ? endpoint : acceptor_.local_endpoint(failed);
+    address_ = bound.address();
+    port_ = bound.port();
+  }
+
+  void accept() {
+    acceptor_.async_accept([this](ErrorCode failed, Stream::Socket socket) {
+      if (!acceptor_.is_open()) return;
+      if (failed) {
+        // out of file descriptors, most likely: trying at once would spin
+        accept_again_.expires_after(kAcceptAgain);
+        accept_again_.async_wait([this](ErrorCode cancelled) {
+          if (!cancelled && acceptor_.is_open()) accept();
+        });
+        return;
+      }
+      take(std::move(socket));
+      accept();
+    });
+  }
+
+  void take(Stream::Socket socket) {
+    if (!hub_->room_for_connection()) return refuse(socket);
+    const auto connection =
+        std::make_shared<Connection>(std::make_unique<Stream>(std::move(socket), tls_.get()), *hub_);
+    hub_->add(connection);
+    connection->begin();
+  }
+
+  // said once, if it fits into the system's buffer
+  void refuse(Stream::Socket& socket) {
+    constexpr std::string_view kFull =
+        "HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
+    ErrorCode ignored;
+    hub_->log().say("", "too many connections");
+    socket.non_blocking(true, ignored);
+    if (!tls_) socket.write_some(net::buffer(kFull), ignored);
+    socket.close(ignored);
+  }
+
+  void run() {
+    be_ordinary_thread("viewers");
+    // what one connection's handler throws (no memory) ends that handler and nobody else's
+    while (!context_.stopped()) try {
+        context_.run();
+      } catch (const std::exception&) {
+        hub_->log().say("", "a fault in the server");
+      }
+  }
+
+  net::io_context context_{1};
+  std::unique_ptr<net::ssl::context> tls_;
+  net::basic_socket_acceptor<tcp, net::io_context::executor_type> acceptor_;
+  net::steady_timer accept_again_;
+  net::ip::address address_;
+  int port_ = 0;
+  std::atomic<int> viewers_{0};
+  std::optional<PayloadStore> volumes_;
+  std::optional<Site> site_;
+  std::optional<Hub> hub_;
+  std::thread thread_;
+};
+
+}  // namespace
+}  // namespace link
+
+Result<std::unique_ptr<ViewerServer>> ViewerServer::start(ViewerHost& host,
+                                                          const ViewerServerOptions& options) {
+  const auto address = link::checked_address(options);
+  if (!address) return address.error();
+  link::Tokens tokens;
+  if (!options.token_file.empty()) {
+    auto read = link::Tokens::read(options.token_file, options.log);
+    if (!read) return read.error();
+    tokens = *std::move(read);
+  }
+  auto tls = link::tls_context(options);
+  if (!tls) return tls.error();
+  if (!address->is_loopback() && options.tls_certificate.empty() && options.log)
+    options.log(
+        "viewers: tokens and data cross the network in the clear; --tls-cert and --tls-key encrypt them");
+
+  link::ErrorCode failed;
+  auto server =
+      std::make_unique<link::Server>(host, options, *std::move(tls), std::move(tokens), *address, failed);
+  if (failed)
+    return Error{ErrorKind::kUnavailable, "cannot be listened at: " + failed.message(),
+                 options.address + ":" + std::to_string(options.port),
+                 "choose another --port, or end the program that has this one"};
+  return std::unique_ptr<ViewerServer>(std::move(server));
+}
+
+}  // namespace palpate

@@ -1,0 +1,199 @@
+#include "link/site.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "link/page.h"
+
+namespace palpate::link {
+namespace {
+
+constexpr std::string_view kAssets = "/assets/", kVolumes = "/api/volume/", kScene = "/api/scene",
+                           kSocket = "/ws";
+
+std::string field(std::string_view name, std::string_view value) {
+  std::string line(name);
+  line += ": ";
+  line += value;
+  return line + "\r\n";
+}
+
+std::string in_quotes(std::string_view text) {
+  std::string tag = "\"";
+  tag += text;
+  return tag + "\"";
+}
+
+/// Takes the next member off a list that is separated by commas, blanks around it left out.
+std::string_view next_member(std::string_view& list) {
+  std::string_view member = list.substr(0, list.find(','));
+  list.remove_prefix(std::min(list.size(), member.size() + 1));
+  while (member.starts_with(' ') || member.starts_with('\t')) member.remove_prefix(1);
+  while (member.ends_with(' ') || member.ends_with('\t')) member.remove_suffix(1);
+  return member;
+}
+
+bool knows_tag(std::string_view if_none_match, std::string_view tag) {
+  while (!if_none_match.empty()) {
+    std::string_view member = next_member(if_none_match);
+    if (member.starts_with("W/")) member.remove_prefix(2);
+    if (member == "*" || member == tag) return true;
+  }
+  return false;
+}
+
+// "gzip" and "gzip;q=0.5", not "gzip;q=0"
+bool takes_gzip(std::string_view accept_encoding) {
+  while (!accept_encoding.empty()) {
+    const std::string_view member = next_member(accept_encoding);
+    const std::string_view name = member.substr(0, member.find(';'));
+    if (name != "gzip" && name != "*") continue;
+    const std::size_t weight = member.find("q=");
+    return weight == member.npos || member.substr(weight + 2).find_first_of("123456789") != member.npos;
+  }
+  return false;
+}
+
+HttpAnswer not_modified(std::string fields) {
+  HttpAnswer answer;
+  answer.status = 304;
+  answer.fields = std::move(fields);
+  return answer;
+}
+
+}  // namespace
+
+std::string_view reason_of(int status) {
+  constexpr std::array<std::pair<int, std::string_view>, 16> kReasons{{
+      {101, "Switching Protocols"},
+      {200, "OK"},
+      {304, "Not Modified"},
+      {400, "Bad Request"},
+      {401, "Unauthorized"},
+      {403, "Forbidden"},
+      {404, "Not Found"},
+      {405, "Method Not Allowed"},
+      {408, "Request Timeout"},
+      {413, "Content Too Large"},
+      {421, "Misdirected Request"},
+      {426, "Upgrade Required"},
+      {431, "Request Header Fields Too Large"},
+      {500, "Internal Server Error"},
+      {503, "Service Unavailable"},
+      {505, "HTTP Version Not Supported"},
+  }};
+  for (const auto& [known, reason] : kReasons)
+    if (known == status) return reason;
+  return "Refused";
+}
+
+HttpAnswer Site::refusal(int status) {
+  HttpAnswer answer;
+  answer.status = status;
+  answer.fields = field("Content-Type", "text/plain; charset=utf-8") + field("Cache-Control", "no-store");
+  if (status == 401) answer.fields += field("WWW-Authenticate", "Bearer");
+  if (status == 405) answer.fields += field("Allow", "GET, HEAD");
+  answer.fixed_body = reason_of(status);
+  return answer;
+}
+
+Site::Site(ViewerHost& host, Access access, VolumeFacts facts)
+    : host_(host), access_(std::move(access)), facts_(std::move(facts)) {}
+
+std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::answer(const HttpRequest& request) const {
+  // who asks, before what for
+  if (request.ambiguous) return refusal(400);
+  if (!access_.serves(request.host, request.local_address)) return refusal(421);
+  if (!access_.is_own_origin(request.origin, request.host)) return refusal(403);
+  if (request.method != "GET" && request.method != "HEAD") return refusal(405);
+  if (request.has_body) return refusal(413);
+
+  const std::string_view path = request.target.substr(0, request.target.find('?'));
+  const std::string_view query = request.target.substr(std::min(request.target.size(), path.size() + 1));
+  if (!path.starts_with('/')) return refusal(400);
+  if (path == "/") return file("index.html", request);
+  if (path.starts_with(kAssets)) return file(path.substr(kAssets.size()), request);
+
+  // a browser says whether another site's page asks, where that sends no Origin
+  if (!request.fetch_site.empty() && request.fetch_site != "same-origin" && request.fetch_site != "none")
+    return refusal(403);
+  if (path == kSocket) {
+    if (!request.upgrade) return refusal(426);
+    if (!request.subprotocol || request.method != "GET") return refusal(400);
+    return Upgrade{};
+  }
+  const auto role = access_.role_of(Access::bearer(request.authorization));
+  if (!role) return refusal(401);
+  if (path == kScene) return scene(*role);
+  if (path.starts_with(kVolumes)) return volume(path.substr(kVolumes.size()), query, request);
+  return refusal(404);
+}
+
+// names alone are looked up, never paths: nothing leads out of the list
+HttpAnswer Site::file(std::string_view name, const HttpRequest& request) const {
+  const EmbeddedFile* found = find_file(viewer_page(), name);
+  if (!found) return refusal(404);
+  const std::string tag = in_quotes(found->sha256);
+  const std::string fields = field("Cache-Control", "no-cache") + field("ETag", tag);
+  if (knows_tag(request.if_none_match, tag)) return not_modified(fields);
+  HttpAnswer answer;
+  answer.fields = field("Content-Type", content_type_of(name)) + fields;
+  answer.fixed_body = found->text;
+  return answer;
+}
+
+HttpAnswer Site::scene(Role role) const {
+  HttpAnswer answer;
+  answer.fields = field("Content-Type", "application/json") + field("Cache-Control", "no-store");
+  answer.body = std::make_shared<std::string>(scene_json(host_.scene(), host_.state(), facts_, role));
+  return answer;
+}
+
+std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::volume(std::string_view path, std::string_view query,
+                                                             const HttpRequest& request) const {
+  const std::string_view kind = path.substr(0, path.find('/'));
+  const std::string_view hash = path.substr(std::min(path.size(), kind.size() + 1));
+  const bool labels = kind == "labels", scan = kind == "scan" && host_.scene().scan;
+  if (!(labels || scan) || hash != facts_.hash) return refusal(404);
+  if (!query.empty() && query != "shrink=1" && query != "shrink=2" && query != "shrink=4")
+    return refusal(404);
+
+  VolumeWanted wanted;
+  wanted.key.labels = labels;
+  wanted.key.shrink = query.empty() ? 1 : query.back() - '0';
+  wanted.key.gzip = labels && takes_gzip(request.accept_encoding);
+  std::string name = facts_.hash + (labels ? "-labels-" : "-scan-") + std::to_string(wanted.key.shrink);
+  if (wanted.key.gzip) name += "-gzip";
+  const std::string fields = field("Cache-Control", "private, max-age=31536000, immutable") +
+                             field("ETag", in_quotes(name)) + field("Vary", "Accept-Encoding, Authorization");
+  if (knows_tag(request.if_none_match, in_quotes(name))) return not_modified(fields);
+  wanted.head.fields = field("Content-Type", "application/octet-stream") + fields;
+  if (wanted.key.gzip) wanted.head.fields += field("Content-Encoding", "gzip");
+  return wanted;
+}
+
+std::string Site::head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const {
+  // old browsers count a WebSocket among 'self' only where it is named
+  std::string socket;
+  if (answer.status == 200 || answer.status == 304) {
+    socket = access_.tls() ? " wss://" : " ws://";
+    socket += request.host;
+  }
+  std::string head = "HTTP/1.1 " + std::to_string(answer.status) + " ";
+  head += reason_of(answer.status);
+  head += "\r\n" + answer.fields;
+  head += field("Content-Security-Policy",
+                "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+                "connect-src 'self'" +
+                    socket +
+                    "; worker-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+  head += field("X-Content-Type-Options", "nosniff");
+  head += field("Referrer-Policy", "no-referrer");
+  head += field("Cross-Origin-Resource-Policy", "same-origin");
+  if (answer.status != 304) head += field("Content-Length", std::to_string(answer.text().size()));
+  head += field("Connection", keep_alive ? "keep-alive" : "close");
+  return head + "\r\n";
+}
+
+}  // namespace palpate::link

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include "link/access.h"
+#include "link/payload_store.h"
+#include "palpate/viewer_server.h"
+
+/// What is served at which address, without a word of sockets.
+namespace palpate::link {
+
+/// The parts of a request that decide its answer. Header fields that are not there are empty.
+struct HttpRequest {
+  std::string_view method, target;
+  std::string_view host, origin, fetch_site, authorization, accept_encoding, if_none_match;
+  bool ambiguous = false;  ///< one of host, origin and authorization stands there twice
+  bool has_body = false;
+  bool upgrade = false;            ///< to a WebSocket
+  bool subprotocol = false;        ///< ours is among those that the viewer speaks
+  std::string_view local_address;  ///< where the connection arrived
+};
+
+struct HttpAnswer {
+  int status = 200;
+  std::string fields;  ///< header lines of this answer alone, each with its end
+  /// Of GET; HEAD has its length alone.
+  std::shared_ptr<const std::string> body;
+  std::string_view fixed_body;  ///< instead of `body`, of what is compiled in
+
+  std::string_view text() const { return body ? std::string_view(*body) : fixed_body; }
+};
+
+/// The answer is a volume that may have to be made first.
+struct VolumeWanted {
+  PayloadKey key;
+  HttpAnswer head;  ///< its body is to be filled in
+};
+
+/// The answer is a WebSocket.
+struct Upgrade {};
+
+class Site {
+ public:
+  /// @param host  outlives the site, as does its scene
+  Site(ViewerHost& host, Access access, VolumeFacts facts);
+
+  std::variant<HttpAnswer, VolumeWanted, Upgrade> answer(const HttpRequest& request) const;
+  const Access& access() const { return access_; }
+
+  /// The bytes before the body.
+  /// @param host  of the request; one that is not served here goes into no answer
+  std::string head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const;
+  /// A refusal, with a line of text that says why.
+  static HttpAnswer refusal(int status);
+
+ private:
+  HttpAnswer file(std::string_view name, const HttpRequest& request) const;
+  HttpAnswer scene(Role role) const;
+  std::variant<HttpAnswer, VolumeWanted, Upgrade> volume(std::string_view path, std::string_view query,
+                                                         const HttpRequest& request) const;
+
+  ViewerHost& host_;
+  const Access access_;
+  const VolumeFacts facts_;
+};
+
+/// "Not Found" for 404.
+std::string_view reason_of(int status);
+
+}  // namespace palpate::link

@@ -1,0 +1,159 @@
+#pragma once
+
+#include <atomic>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "palpate/viewer_server.h"
+
+/// A session in memory that does what it is asked for, and remembers it.
+namespace palpate::testing {
+
+class FakeHost : public ViewerHost {
+ public:
+  explicit FakeHost(std::array<int, 3> dims = {5, 4, 3}) {
+    GridGeometry grid;
+    grid.dims = dims;
+    grid.spacing_mm = {0.5, 0.75, 2};
+    grid.origin = Point<Patient>(-60, -64, -31);
+    auto scan = std::make_shared<Volume<float>>(grid);
+    auto labels = std::make_shared<Volume<LabelId>>(grid);
+    for (std::size_t v = 0; v < grid.voxel_count(); ++v) {
+      scan->voxels()[v] = static_cast<float>(static_cast<int>(v % 4000) - 1000);
+      labels->voxels()[v] = static_cast<LabelId>(v / 7 % 3);
+    }
+    scene_.scan = scan;
+    scene_.labels = labels;
+    scene_.side = "left";
+    scene_.modality = "ct";
+    scene_.content_hash = 0x0f3a000000000001;
+    scene_.window = {12, 480};
+    scene_.world_from_patient = {{{1, 0, 0, 0}, {0, 0, 1, 0}, {0, -1, 0, 0}, {0, 0, 0, 1}}};
+    scene_.structures = {{1, "femur", {240, 220, 190}, 0}, {2, "tibia", {10, 20, 30}, -1}};
+    scene_.tissues = {{"bone", true, {240, 220, 190}, 1, {}}, {"skin", false, {1, 2, 3}, 0.25, {0}}};
+    scene_.tool_name = "point";
+    scene_.tool_points_mm = {{0, 0, 0}};
+    scene_.methods = {"proxy", "trilinear"};
+    scene_.device_name = "simulated";
+    state_.method = "proxy";
+    state_.max_force_N = 1.4;
+    state_.tissues = {{1.5, 0.2, 0.15, 0.001}, {0.3, 0, 0, 0}};
+  }
+
+  const ViewedScene& scene() const override { return scene_; }
+  TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override {
+    ++snapshots;
+    TickRecord tick;
+    tick.tick = static_cast<std::uint64_t>(snapshots);
+    tick.model_version = 3;
+    tick.device[0].tip_patient_mm = {1, 2, 3};
+    stiffness_N_per_mm[0] = 0.75;
+    return tick;
+  }
+  ViewedHealth health() const override { return {999, 1, 2, 3, 4, 5, 6, 7}; }
+  ViewedState state() const override {
+    const std::lock_guard lock(mutex_);
+    return state_;
+  }
+  Result<void> set(const SettingsRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (request.max_force_N && *request.max_force_N > 3)
+      return Error{ErrorKind::kUsage, "is above what this device may give", "max_force_N", "ask for less"};
+    if (request.max_force_N) state_.max_force_N = *request.max_force_N;
+    if (request.method) state_.method = *request.method;
+    if (request.friction) state_.friction = *request.friction;
+    if (request.paused) state_.paused = *request.paused;
+    if (request.rotation_wxyz) state_.rotation_wxyz = *request.rotation_wxyz;
+    return {};
+  }
+  Result<void> set(const TissueRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (static_cast<std::size_t>(request.tissue) >= state_.tissues.size())
+      return Error{ErrorKind::kUsage, "is no tissue", "tissue", ""};
+    ViewedTissueState& tissue = state_.tissues[request.tissue];
+    if (request.stiffness_N_per_mm) tissue.stiffness_N_per_mm = *request.stiffness_N_per_mm;
+    ++state_.model_version;
+    return {};
+  }
+  void emergency_stop() override {
+    const std::lock_guard lock(mutex_);
+    state_.emergency_stop = true;
+  }
+  Result<void> rearm() override {
+    const std::lock_guard lock(mutex_);
+    if (state_.armed) return Error{ErrorKind::kUsage, "arming is local", "", "arm at the device"};
+    state_.emergency_stop = false;
+    return {};
+  }
+  Result<void> take_pointer(bool take) override {
+    pointer_taken = take;
+    return {};
+  }
+  void move_pointer(const std::array<double, 3>& tip_patient_mm) override {
+    const std::lock_guard lock(mutex_);
+    tip_ = tip_patient_mm;
+  }
+
+  std::array<double, 3> tip() const {
+    const std::lock_guard lock(mutex_);
+    return tip_;
+  }
+  /// What somebody else does, at the terminal for example.
+  template <class Change>
+  void change(Change&& change) {
+    const std::lock_guard lock(mutex_);
+    change(state_);
+  }
+  /// Before the server starts.
+  ViewedScene& edit_scene() { return scene_; }
+
+  mutable std::atomic<int> snapshots{0};
+  std::atomic<bool> pointer_taken{false};
+
+ private:
+  ViewedScene scene_;
+  mutable std::mutex mutex_;
+  ViewedState state_;
+  std::array<double, 3> tip_{};
+};
+
+/// What a server wrote to its log.
+class TestLog {
+ public:
+  std::function<void(const std::string&)> writer() {
+    return [this](const std::string& line) {
+      const std::lock_guard lock(mutex_);
+      text_ += line + "\n";
+    };
+  }
+  std::string text() const {
+    const std::lock_guard lock(mutex_);
+    return text_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::string text_;
+};
+
+/// A server of a FakeHost on a port of its own.
+struct TestServer {
+  explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3}) : host(dims) {
+    options.port = 0;
+    options.log = log.writer();
+    auto started = ViewerServer::start(host, options);
+    PALPATE_CHECK(started.ok());
+    server = *std::move(started);
+  }
+  int port() const { return server->port(); }
+  std::string host_name() const { return "127.0.0.1:" + std::to_string(port()); }
+
+  TestLog log;
+  FakeHost host;
+  std::unique_ptr<ViewerServer> server;
+};
+
+}  // namespace palpate::testing

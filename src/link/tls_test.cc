@@ -1,0 +1,120 @@
+#include <gtest/gtest.h>
+#include <openssl/evp.h>
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+
+#include <memory>
+
+#include "base/test_folder.h"
+#include "link/test_client.h"
+#include "link/test_host.h"
+
+namespace palpate::link {
+namespace {
+
+using palpate::test::TemporaryFolder;
+using palpate::test::write_text;
+using palpate::testing::Json;
+using palpate::testing::number_at;
+using palpate::testing::read_answer;
+using palpate::testing::request;
+using palpate::testing::TestServer;
+using palpate::testing::TestSocket;
+using palpate::testing::TestViewer;
+
+struct Pem {
+  std::string certificate, key;
+};
+
+std::string text_of(BIO* bio) {
+  char* data = nullptr;
+  const long size = BIO_get_mem_data(bio, &data);
+  std::string text(data, static_cast<std::size_t>(size));
+  BIO_free(bio);
+  return text;
+}
+
+// a key and a certificate that it signs itself
+Pem self_signed() {
+  const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> key(EVP_EC_gen("P-256"), &EVP_PKEY_free);
+  const std::unique_ptr<X509, decltype(&X509_free)> certificate(X509_new(), &X509_free);
+  X509_set_version(certificate.get(), 2);
+  ASN1_INTEGER_set(X509_get_serialNumber(certificate.get()), 1);
+  X509_gmtime_adj(X509_getm_notBefore(certificate.get()), 0);
+  X509_gmtime_adj(X509_getm_notAfter(certificate.get()), 3600);
+  X509_set_pubkey(certificate.get(), key.get());
+  X509_NAME* name = X509_get_subject_name(certificate.get());
+  X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_ASC, reinterpret_cast<const unsigned char*>("localhost"),
+                             -1, -1, 0);
+  X509_set_issuer_name(certificate.get(), name);
+  X509_sign(certificate.get(), key.get(), EVP_sha256());
+  BIO* certificate_text = BIO_new(BIO_s_mem());
+  PEM_write_bio_X509(certificate_text, certificate.get());
+  BIO* key_text = BIO_new(BIO_s_mem());
+  PEM_write_bio_PrivateKey(key_text, key.get(), nullptr, nullptr, 0, nullptr, nullptr);
+  return {text_of(certificate_text), text_of(key_text)};
+}
+
+struct TlsTest : ::testing::Test {
+  TemporaryFolder folder;
+  ViewerServerOptions options;
+
+  void SetUp() override {
+    const Pem pem = self_signed();
+    options.tls_certificate = write_text(folder / "certificate.pem", pem.certificate);
+    options.tls_key = write_text(folder / "key.pem", pem.key);
+  }
+};
+
+TEST_F(TlsTest, EverythingGoesThroughIt) {
+  TestServer test(options, {64, 64, 64});
+  EXPECT_EQ(test.server->url(), "https://" + test.host_name() + "/");
+  const auto page = request(test.port(), "GET", "/", "", true);
+  EXPECT_EQ(page.status, 200);
+  EXPECT_NE(page.field("Content-Security-Policy").find(" wss://" + test.host_name() + ";"),
+            std::string::npos);
+  EXPECT_EQ(request(test.port(), "GET", "/api/volume/scan/0f3a000000000001", "", true).body.size(),
+            2u * 64 * 64 * 64);
+  TestViewer viewer(test.port(), "Origin: https://" + test.host_name() + "\r\n", true);
+  EXPECT_EQ(viewer.greet()["type"], "welcome");
+  std::uint64_t sequence = 0;
+  for (int n = 0; n < 10; ++n) {
+    const std::string pose = viewer.pose();
+    ASSERT_FALSE(pose.empty());
+    EXPECT_GT(number_at<std::uint64_t>(pose, 8), sequence);
+    sequence = number_at<std::uint64_t>(pose, 8);
+  }
+  viewer.send({{"type", "set"}, {"id", 1}, {"paused", true}});
+  EXPECT_EQ(viewer.text("done")["id"], 1);
+  // a page that came without it is not the server's own
+  EXPECT_EQ(TestViewer(test.port(), "Origin: http://" + test.host_name() + "\r\n", true).opening().status,
+            403);
+}
+
+TEST_F(TlsTest, NothingGoesPastIt) {
+  TestServer test(options);
+  EXPECT_EQ(request(test.port(), "GET", "/").status, 0);
+  TestSocket silent(test.port());
+  EXPECT_TRUE(silent.closes());
+  EXPECT_NE(test.log.text().find("no TLS"), std::string::npos);
+}
+
+TEST_F(TlsTest, EndsWithViewersConnected) {
+  TestServer test(options);
+  TestViewer viewer(test.port(), "", true);
+  viewer.greet();
+  test.server.reset();
+  EXPECT_EQ(viewer.close_code(), 1001);
+}
+
+TEST_F(TlsTest, AKeyOfAnotherCertificateIsRefused) {
+  options.tls_key = write_text(folder / "other.pem", self_signed().key);
+  palpate::testing::FakeHost host;
+  const auto server = ViewerServer::start(host, options);
+  ASSERT_FALSE(server.ok());
+  EXPECT_EQ(server.error().kind, ErrorKind::kBadInput);
+  EXPECT_EQ(server.error().where, (folder / "other.pem").string());
+}
+
+}  // namespace
+}  // namespace palpate::link

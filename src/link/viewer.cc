@@ -1,0 +1,223 @@
+#include "link/viewer.h"
+
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+
+#include <boost/beast/core/buffers_to_string.hpp>
+#include <boost/beast/http/field.hpp>
+#include <utility>
+
+#include "link/hub.h"
+
+namespace palpate::link {
+namespace {
+
+namespace websocket = beast::websocket;
+
+constexpr auto kHelloWithin = std::chrono::seconds(5);
+constexpr auto kTakenWithin = std::chrono::seconds(10);
+constexpr auto kGoodbyeWithin = std::chrono::seconds(2);
+constexpr double kMostMessages_each_second = 250;
+// so many answers may wait before no more requests are read
+constexpr std::size_t kMostAnswers = 32;
+// close codes of ours, 4000 and above as RFC 6455 leaves them to applications
+constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello = 4408;
+
+// What waits in the system for a viewer that does not read is old when it does: keep that small, and send
+// small messages at once.
+void keep_fresh(Stream::Socket& socket) {
+  const int handle = socket.native_handle();
+  const int on = 1, buffer_bytes = 16 << 10, unsent_bytes = 2 << 10;
+  // none of these is needed for anything but speed
+  ::setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  ::setsockopt(handle, SOL_SOCKET, SO_SNDBUF, &buffer_bytes, sizeof buffer_bytes);
+  ::setsockopt(handle, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent_bytes, sizeof unsent_bytes);
+}
+
+}  // namespace
+
+Viewer::Viewer(std::unique_ptr<Stream> stream, Hub& hub)
+    : stream_(std::move(stream)),
+      hub_(hub),
+      peer_(peer_of(*stream_)),
+      socket_(*stream_),
+      messages_(kMostMessages_each_second),
+      hello_by_(Clock::now() + kHelloWithin) {}
+
+void Viewer::begin(UpgradeRequest request) {
+  keep_fresh(stream_->socket());
+  // the hub's sweep watches the time
+  socket_.set_option(
+      websocket::stream_base::timeout{websocket::stream_base::none(), websocket::stream_base::none(), false});
+  socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
+    response.set(beast::http::field::sec_websocket_protocol, "palpate.v1");
+    response.erase(beast::http::field::server);
+  }));
+  socket_.read_message_max(kMostMessage_bytes);
+  socket_.auto_fragment(false);
+  // pings cost an answer each. This is called in the middle of a read, where no goodbye can begin
+  socket_.control_callback([this](websocket::frame_type, beast::string_view) {
+    net::post(stream_->get_executor(), [self = shared_from_this()] { self->too_many(); });
+  });
+  request_ = std::move(request);
+  reading_ = true;
+  socket_.async_accept(request_, [self = shared_from_this()](ErrorCode failed) {
+    self->reading_ = false;
+    if (failed) return self->gone();
+    self->open_ = true;
+    self->request_ = {};
+    self->read();
+  });
+}
+
+// ---- what comes in
+
+void Viewer::read() {
+  if (reading_ || ending_ || gone_ || answers_.size() >= kMostAnswers) return;
+  reading_ = true;
+  socket_.async_read(input_, [self = shared_from_this()](ErrorCode failed, std::size_t) {
+    self->reading_ = false;
+    if (failed) {
+      if (!self->ending_ && failed != websocket::error::closed && failed != net::error::eof &&
+          failed.category() == ErrorCode(websocket::error::closed).category())
+        self->hub_.log().say(self->peer_, "a frame that is malformed or too long");
+      return self->gone();
+    }
+    const std::string text = beast::buffers_to_string(self->input_.data());
+    self->input_.consume(self->input_.size());
+    if (self->socket_.got_binary())
+      self->end(websocket::close_code::unknown_data, "a binary message");
+    else if (!self->too_many())
+      self->take(text);
+    self->read();
+  });
+}
+
+bool Viewer::too_many() {
+  if (messages_.take(Clock::now())) return false;
+  end(websocket::close_code::policy_error, "too many messages");
+  return true;
+}
+
+void Viewer::take(std::string_view text) {
+  const auto message = parse_viewer_message(text);
+  if (!message) return end(websocket::close_code::bad_payload, "a message that is malformed");
+  const auto* hello = std::get_if<Hello>(&*message);
+  if ((hello != nullptr) == welcomed_)
+    return end(websocket::close_code::policy_error, "a message out of turn");
+  if (hello) return greet(*hello);
+  if (const auto* tip = std::get_if<TipMessage>(&*message)) return hub_.move_pointer(*this, *tip);
+  // first the answer, then what it changed
+  const Request& request = std::get<Request>(*message);
+  say(hub_.answer(*this, request));
+  if (std::holds_alternative<PointerRequest>(request.what)) show_state();
+  hub_.look_at_state();
+}
+
+void Viewer::greet(const Hello& hello) {
+  if (hello.protocol != kProtocol) return end(kProtocolUnknown, "another version of the protocol");
+  const auto role = hub_.site().access().role_of(hello.token);
+  if (!role) return end(kTokenRefused, "a wrong token or none");
+  role_ = *role;
+  welcomed_ = true;
+  pose_period_ =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
+  say(welcome_json(role_));
+  hub_.welcome(*this);
+}
+
+// ---- what goes out
+
+void Viewer::say(std::string text) {
+  answers_.push_back(std::move(text));
+  write_next();
+}
+
+void Viewer::show_state() {
+  if (!welcomed_) return;
+  state_due_ = true;
+  write_next();
+}
+
+bool Viewer::is_due(Clock::time_point now) const {
+  // half a turn early is nearer than half a turn late
+  constexpr auto kHalfTurn = std::chrono::microseconds(static_cast<int>(0.5e6 / kMostPoses_hz));
+  return welcomed_ && !ending_ && now + kHalfTurn >= next_pose_;
+}
+
+void Viewer::show(const PoseMessage& pose, Clock::time_point now) {
+  // one that has fallen behind its rate does not catch up
+  next_pose_ = std::max(next_pose_ + pose_period_, now);
+  pose_ = pose;
+  pose_.set_sequence(++sequence_);
+  pose_due_ = true;
+  write_next();
+}
+
+void Viewer::write_next() {
+  if (writing_ || ending_ || gone_) return;
+  if (!answers_.empty()) {
+    text_out_ = std::move(answers_.front());
+    answers_.pop_front();
+    write(text_out_, false);
+    // there is room for what this viewer may ask next
+    read();
+  } else if (std::exchange(state_due_, false)) {
+    text_out_ = hub_.state_for(*this);
+    write(text_out_, false);
+  } else if (std::exchange(pose_due_, false)) {
+    pose_out_ = pose_;
+    write(pose_out_.bytes(), true);
+  }
+}
+
+template <class Bytes>
+void Viewer::write(const Bytes& bytes, bool binary) {
+  writing_ = true;
+  write_begun_ = Clock::now();
+  socket_.binary(binary);
+  socket_.async_write(net::buffer(bytes), [self = shared_from_this()](ErrorCode failed, std::size_t) {
+    self->writing_ = false;
+    if (failed) return self->write_failed();
+    self->write_next();
+  });
+}
+
+// A read that is under way may be telling the viewer why it ends: it gets its time.
+void Viewer::write_failed() {
+  if (!reading_) return gone();
+  if (std::exchange(ending_, true)) return;
+  end_by_ = Clock::now() + kGoodbyeWithin;
+}
+
+// ---- the end
+
+void Viewer::end(std::uint16_t code, std::string_view fault) {
+  if (gone_ || std::exchange(ending_, true)) return;
+  if (!fault.empty()) hub_.log().say(peer_, fault);
+  // there is nobody to say goodbye to yet, and Beast's streams cannot close while they open
+  if (!open_) return gone();
+  end_by_ = Clock::now() + kGoodbyeWithin;
+  socket_.async_close(websocket::close_reason(static_cast<websocket::close_code>(code)),
+                      [self = shared_from_this()](ErrorCode) { self->gone(); });
+}
+
+void Viewer::check(Clock::time_point now) {
+  if (ending_) {
+    if (now >= end_by_) gone();
+  } else if (!welcomed_ && now >= hello_by_) {
+    end(kNoHello, "no hello");
+  } else if (writing_ && now >= write_begun_ + kTakenWithin) {
+    hub_.log().say(peer_, "takes nothing");
+    gone();
+  }
+}
+
+void Viewer::gone() {
+  if (std::exchange(gone_, true)) return;
+  stream_->close();
+  hub_.remove(shared_from_this());
+}
+
+}  // namespace palpate::link

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <boost/beast/core/flat_static_buffer.hpp>
+#include <boost/beast/http/empty_body.hpp>
+#include <boost/beast/http/message.hpp>
+#include <boost/beast/websocket/stream.hpp>
+#include <chrono>
+#include <deque>
+#include <memory>
+#include <string>
+
+#include "link/pose_message.h"
+#include "link/request.h"
+#include "link/scene_json.h"
+#include "link/stream.h"
+#include "link/token_bucket.h"
+
+namespace palpate::link {
+
+class Hub;
+
+/// One viewer's WebSocket. What it is sent waits here, never in the hub and never more than this:
+///
+///     answers_     texts, in order; when there are many, nothing more is read until some were taken
+///     state_due_   the state as it is when its turn comes
+///     pose_        the latest, which replaces one that was not sent
+///
+/// One write is under way at a time. A viewer that reads slowly thereby slows its own messages down and
+/// nothing else; the system's buffer for its connection is small, so that what does arrive is not old.
+class Viewer : public std::enable_shared_from_this<Viewer> {
+ public:
+  using Clock = std::chrono::steady_clock;
+  using UpgradeRequest = beast::http::request<beast::http::empty_body>;
+
+  Viewer(std::unique_ptr<Stream> stream, Hub& hub);
+
+  void begin(UpgradeRequest request);
+  /// Closes what takes too long.
+  void check(Clock::time_point now);
+  /// Offers a pose; taken where the viewer's own rate says that one is due.
+  bool is_due(Clock::time_point now) const;
+  void show(const PoseMessage& pose, Clock::time_point now);
+  void show_state();
+  /// Says goodbye with a close code, and why to the log.
+  void end(std::uint16_t code, std::string_view fault);
+
+  bool welcomed() const { return welcomed_; }
+  Role role() const { return role_; }
+
+ private:
+  void read();
+  void take(std::string_view text);
+  void greet(const Hello& hello);
+  void say(std::string text);
+  void write_next();
+  template <class Bytes>
+  void write(const Bytes& bytes, bool binary);
+  void write_failed();
+  void gone();
+  bool too_many();
+
+  std::unique_ptr<Stream> stream_;
+  Hub& hub_;
+  const std::string peer_;
+  beast::websocket::stream<Stream&, false> socket_;
+  UpgradeRequest request_;
+  beast::flat_static_buffer<kMostMessage_bytes> input_;
+  TokenBucket messages_;
+
+  bool open_ = false, welcomed_ = false, ending_ = false, gone_ = false, reading_ = false, writing_ = false;
+  Role role_ = Role::kView;
+  Clock::time_point hello_by_, end_by_, write_begun_;
+  Clock::duration pose_period_{};
+  Clock::time_point next_pose_{};
+
+  std::deque<std::string> answers_;
+  bool state_due_ = false, pose_due_ = false;
+  std::uint64_t sequence_ = 0;
+  PoseMessage pose_, pose_out_;
+  std::string text_out_;
+};
+
+}  // namespace palpate::link

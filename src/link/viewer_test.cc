@@ -1,0 +1,312 @@
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "base/clock.h"
+#include "base/test_folder.h"
+#include "link/test_client.h"
+#include "link/test_host.h"
+
+namespace palpate::link {
+namespace {
+
+using palpate::test::TemporaryFolder;
+using palpate::test::write_text;
+using palpate::testing::comes_true;
+using palpate::testing::Json;
+using palpate::testing::kPing;
+using palpate::testing::masked_frame;
+using palpate::testing::number_at;
+using palpate::testing::request;
+using palpate::testing::TestFrame;
+using palpate::testing::TestServer;
+using palpate::testing::TestSocket;
+using palpate::testing::TestViewer;
+
+constexpr const char* kControlToken = "control-token-0123456789";
+constexpr const char* kViewToken = "view-token-0123456789";
+
+struct GuardedServer {
+  TemporaryFolder folder;
+  TestServer test{[this] {
+    ViewerServerOptions options;
+    options.token_file = write_text(folder / "tokens",
+                                    std::string("control ") + kControlToken + "\nview " + kViewToken + "\n");
+    return options;
+  }()};
+};
+
+TEST(Viewer, WelcomeStateAndPoses) {
+  TestServer test;
+  TestViewer viewer(test.port());
+  EXPECT_EQ(viewer.opening().status, 101);
+  // RFC 6455's own example
+  EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Accept"), "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
+  EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Protocol"), "palpate.v1");
+  EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Extensions"), "");
+  EXPECT_EQ(viewer.greet(), Json::parse(R"({"type": "welcome", "role": "control", "protocol": 1})"));
+  const Json state = viewer.text();
+  EXPECT_EQ(state["type"], "state");
+  EXPECT_EQ(state["viewers"], 1);
+  EXPECT_EQ(state["pointer"], false);
+  EXPECT_EQ(test.server->viewers(), 1);
+
+  const std::int64_t before = monotonic_ns();
+  std::string pose = viewer.pose();
+  for (std::uint64_t sequence = number_at<std::uint64_t>(pose, 8), n = 1; n < 10; ++n) {
+    pose = viewer.pose();
+    ASSERT_EQ(pose.size(), 200u);
+    EXPECT_EQ(pose.substr(0, 4), "PLPT");
+    EXPECT_GT(number_at<std::uint64_t>(pose, 8), sequence);
+    sequence = number_at<std::uint64_t>(pose, 8);
+  }
+  EXPECT_GT(number_at<std::int64_t>(pose, 32), before);
+  EXPECT_LT(number_at<std::int64_t>(pose, 32), monotonic_ns());
+  EXPECT_EQ(number_at<float>(pose, 96), 1);
+  EXPECT_EQ(number_at<float>(pose, 96 + 84), 0.75f);
+}
+
+TEST(Viewer, HealthComesWithThePoses) {
+  TestServer test;
+  TestViewer viewer(test.port());
+  viewer.greet();
+  std::string pose = viewer.pose();
+  while (!pose.empty() && number_at<float>(pose, 64) != 999) pose = viewer.pose();
+  ASSERT_FALSE(pose.empty());
+  EXPECT_EQ(number_at<std::uint32_t>(pose, 92), 7u);
+}
+
+// counted, not timed: of three viewers together the slower get fewer
+TEST(Viewer, EachHasItsOwnRate) {
+  TestServer test;
+  TestViewer fast(test.port()), slow(test.port());
+  slow.greet({{"poses_hz", 5}});
+  fast.greet({{"poses_hz", 120}});
+  const auto tick_of = [](const std::string& pose) { return number_at<std::uint64_t>(pose, 16); };
+  slow.pose();
+  const std::uint64_t first = tick_of(slow.pose());
+  const std::string third = slow.pose();
+  // its own sequence has no gap, and 24 turns of the server lie between two of its poses
+  EXPECT_EQ(number_at<std::uint64_t>(third, 8), 3u);
+  EXPECT_GT(tick_of(third), first + 4);
+  EXPECT_FALSE(fast.pose().empty());
+}
+
+TEST(Viewer, NobodyWatchesNothingIsTaken) {
+  TestServer test;
+  {
+    TestViewer viewer(test.port());
+    viewer.greet();
+    viewer.pose();
+  }
+  ASSERT_TRUE(comes_true([&] { return test.server->viewers() == 0; }));
+  int before = -1;
+  EXPECT_TRUE(comes_true([&] {
+    const int now = test.host.snapshots;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    return std::exchange(before, now) == now;
+  }));
+}
+
+TEST(Viewer, RequestsAreGrantedAndRefused) {
+  TestServer test;
+  TestViewer viewer(test.port()), other(test.port());
+  viewer.greet();
+  other.greet();
+  other.text("state");
+  viewer.send({{"type", "set"}, {"id", 1}, {"max_force_N", 1.1}, {"method", "trilinear"}});
+  EXPECT_EQ(viewer.text("done"), Json::parse(R"({"type": "done", "id": 1})"));
+  // everybody learns of it
+  for (TestViewer* each : {&viewer, &other}) {
+    Json state = each->text("state");
+    while (!state.is_null() && state["method"] != "trilinear") state = each->text("state");
+    EXPECT_EQ(state["max_force_N"], 1.1);
+  }
+  viewer.send({{"type", "set"}, {"id", 2}, {"max_force_N", 99}, {"paused", true}});
+  EXPECT_EQ(viewer.text("refused"),
+            Json::parse(R"({"type": "refused", "id": 2, "what": "is above what this device may give",
+                            "where": "max_force_N", "how": "ask for less"})"));
+  EXPECT_FALSE(test.host.state().paused);
+  viewer.send({{"type", "tissue"}, {"id", 3}, {"tissue", 0}, {"stiffness_N_per_mm", 0.8}});
+  EXPECT_EQ(viewer.text("done")["id"], 3);
+  EXPECT_EQ(test.host.state().tissues[0].stiffness_N_per_mm, 0.8);
+  viewer.send({{"type", "stop"}, {"id", 4}});
+  EXPECT_EQ(viewer.text("done")["id"], 4);
+  EXPECT_TRUE(test.host.state().emergency_stop);
+  viewer.send({{"type", "rearm"}, {"id", 5}});
+  EXPECT_EQ(viewer.text("done")["id"], 5);
+  EXPECT_FALSE(test.host.state().emergency_stop);
+  viewer.send({{"type", "nonsense"}, {"id", 6}});
+  EXPECT_EQ(viewer.text("refused")["id"], 6);
+}
+
+TEST(Viewer, WhatOthersChangeIsTold) {
+  TestServer test;
+  TestViewer viewer(test.port());
+  viewer.greet();
+  EXPECT_EQ(viewer.text("state")["paused"], false);
+  test.host.change([](ViewedState& state) { state.paused = true; });
+  EXPECT_EQ(viewer.text("state")["paused"], true);
+}
+
+TEST(Viewer, RolesAreKept) {
+  GuardedServer guarded;
+  const int port = guarded.test.port();
+  TestViewer viewer(port);
+  EXPECT_EQ(viewer.greet({{"token", kViewToken}})["role"], "view");
+  for (const Json& asked :
+       {Json{{"type", "set"}, {"id", 1}, {"paused", true}},
+        Json{{"type", "tissue"}, {"id", 1}, {"tissue", 0}, {"stiffness_N_per_mm", 1}},
+        Json{{"type", "rearm"}, {"id", 1}}, Json{{"type", "pointer"}, {"id", 1}, {"take", true}}}) {
+    viewer.send(asked);
+    EXPECT_EQ(viewer.text("refused")["where"], "role") << asked;
+  }
+  viewer.send({{"type", "tip"}, {"patient_mm", {7, 8, 9}}});
+  // a stop is everybody's
+  viewer.send({{"type", "stop"}, {"id", 2}});
+  EXPECT_EQ(viewer.text("done")["id"], 2);
+  EXPECT_TRUE(guarded.test.host.state().emergency_stop);
+  EXPECT_FALSE(guarded.test.host.state().paused);
+  EXPECT_FALSE(guarded.test.host.pointer_taken);
+  EXPECT_EQ(guarded.test.host.tip()[0], 0);
+
+  TestViewer control(port);
+  EXPECT_EQ(control.greet({{"token", kControlToken}})["role"], "control");
+  control.send({{"type", "set"}, {"id", 3}, {"paused", true}});
+  EXPECT_EQ(control.text("done")["id"], 3);
+  const auto scene =
+      request(port, "GET", "/api/scene", std::string("Authorization: Bearer ") + kViewToken + "\r\n");
+  EXPECT_EQ(Json::parse(scene.body)["role"], "view");
+}
+
+TEST(Viewer, NoTokenNoView) {
+  GuardedServer guarded;
+  const int port = guarded.test.port();
+  EXPECT_EQ(request(port, "GET", "/").status, 200);
+  EXPECT_EQ(request(port, "GET", "/api/scene").status, 401);
+  for (const Json& shown : {Json::object(), Json{{"token", "wrong-token-0123456789"}}, Json{{"token", ""}}}) {
+    TestViewer viewer(port);
+    EXPECT_TRUE(viewer.greet(shown).is_null()) << shown;
+    EXPECT_EQ(viewer.close_code(), 0);
+  }
+  TestViewer viewer(port);
+  viewer.send({{"type", "hello"}, {"protocol", 1}, {"token", "wrong-token-0123456789"}});
+  EXPECT_EQ(viewer.close_code(), 4401);
+  const std::string log = guarded.test.log.text();
+  EXPECT_NE(log.find("127.0.0.1: a wrong token or none"), std::string::npos);
+  EXPECT_EQ(log.find("0123456789"), std::string::npos);
+}
+
+TEST(Viewer, OneAtATimeMovesTheTip) {
+  TestServer test;
+  TestViewer first(test.port()), second(test.port());
+  first.greet();
+  second.greet();
+  // not its own yet
+  first.send({{"type", "tip"}, {"patient_mm", {7, 8, 9}}});
+  first.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
+  EXPECT_EQ(first.text("done")["id"], 1);
+  EXPECT_EQ(first.text("state")["pointer"], true);
+  EXPECT_TRUE(test.host.pointer_taken);
+  EXPECT_EQ(test.host.tip()[0], 0);
+  second.send({{"type", "pointer"}, {"id", 2}, {"take", true}});
+  EXPECT_EQ(second.text("refused")["id"], 2);
+  second.send({{"type", "pointer"}, {"id", 3}, {"take", false}});
+  EXPECT_EQ(second.text("refused")["id"], 3);
+  second.send({{"type", "tip"}, {"patient_mm", {70, 80, 90}}});
+  second.send({{"type", "rearm"}, {"id", 4}});
+  EXPECT_EQ(second.text("done")["id"], 4);
+  first.send({{"type", "tip"}, {"patient_mm", {1, 2, 3}}});
+  EXPECT_TRUE(comes_true([&] { return test.host.tip() == std::array<double, 3>{1, 2, 3}; }));
+  // the one that goes lets go
+  first.socket().end_sending();
+  EXPECT_TRUE(comes_true([&] { return !test.host.pointer_taken; }));
+  second.send({{"type", "pointer"}, {"id", 5}, {"take", true}});
+  EXPECT_EQ(second.text("done")["id"], 5);
+  second.send({{"type", "pointer"}, {"id", 6}, {"take", false}});
+  EXPECT_EQ(second.text("done")["id"], 6);
+  EXPECT_FALSE(test.host.pointer_taken);
+}
+
+TEST(Viewer, PingsAreAnswered) {
+  TestServer test;
+  TestViewer viewer(test.port());
+  viewer.greet();
+  viewer.socket().send(masked_frame(kPing, "are you there"));
+  TestFrame next = viewer.frame();
+  while (next.is_text() || next.is_binary()) next = viewer.frame();
+  EXPECT_EQ(next.opcode, 10);
+  EXPECT_EQ(next.payload, "are you there");
+}
+
+// One that reads nothing: others go on without a gap, and what it gets when it reads again is little and ends
+// new.
+TEST(Viewer, ASlowViewerDelaysNobodyAndGetsTheLatest) {
+  TestServer test;
+  TestViewer slow(test.port(), "", false, 4096), other(test.port());
+  slow.greet({{"poses_hz", 120}});
+  other.greet({{"poses_hz", 120}});
+  std::uint64_t sequence = number_at<std::uint64_t>(other.pose(), 8), missed = 0;
+  std::string pose;
+  for (int n = 0; n < 600; ++n) {
+    pose = other.pose();
+    ASSERT_FALSE(pose.empty());
+    missed += number_at<std::uint64_t>(pose, 8) - sequence - 1;
+    sequence = number_at<std::uint64_t>(pose, 8);
+  }
+  // a machine that is busy with other tests may hold the reader up a little, never the viewer that sleeps
+  EXPECT_LT(missed, 60u);
+  const std::uint64_t now = number_at<std::uint64_t>(pose, 16);
+  std::uint64_t last = 0, got = 0;
+  bool gap = false;
+  while (last < now) {
+    const std::string late = slow.pose();
+    ASSERT_FALSE(late.empty());
+    gap = gap || number_at<std::uint64_t>(late, 8) > got + 1;
+    got = number_at<std::uint64_t>(late, 8);
+    const std::uint64_t tick = number_at<std::uint64_t>(late, 16);
+    EXPECT_GT(tick, last);
+    last = tick;
+  }
+  EXPECT_TRUE(gap);
+}
+
+TEST(Viewer, OneThatTakesNothingIsClosed) {
+  TestServer test;
+  TestViewer stuck(test.port(), "", false, 4096);
+  stuck.greet({{"poses_hz", 120}});
+  ASSERT_TRUE(comes_true([&] { return test.server->viewers() == 1; }));
+  EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 0; }));
+  EXPECT_NE(test.log.text().find("takes nothing"), std::string::npos);
+}
+
+// answers that nobody takes stop the reading of requests, so that they never pile up
+TEST(Viewer, AnswersThatAreNotTakenHoldRequestsBack) {
+  TestServer test;
+  TestViewer stuck(test.port(), "", false, 4096);
+  stuck.greet({{"poses_hz", 120}});
+  // slower than the limit of messages, so that this is not what ends it
+  for (int n = 0; n < 2400 && stuck.send({{"type", "set"}, {"id", n}, {"paused", n % 2 == 0}}); ++n)
+    std::this_thread::sleep_for(std::chrono::milliseconds(4));
+  EXPECT_EQ(test.log.text().find("too many messages"), std::string::npos);
+  EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 0; }));
+}
+
+TEST(Viewer, AtMostSixtyFour) {
+  TestServer test;
+  std::vector<std::unique_ptr<TestViewer>> viewers;
+  for (int n = 0; n < 64; ++n) {
+    viewers.push_back(std::make_unique<TestViewer>(test.port()));
+    ASSERT_EQ(viewers.back()->opening().status, 101) << n;
+  }
+  EXPECT_EQ(TestViewer(test.port()).opening().status, 503);
+  // the page is still served, and one that goes makes room
+  EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
+  viewers.pop_back();
+  EXPECT_TRUE(comes_true([&] { return TestViewer(test.port()).opening().status == 101; }));
+}
+
+}  // namespace
+}  // namespace palpate::link

@@ -1,0 +1,92 @@
+#include "session/tip_source.h"
+
+#include <algorithm>
+#include <optional>
+
+namespace palpate {
+namespace {
+
+class ScriptSource final : public TipSource {
+ public:
+  ScriptSource(const RunSetup& setup, ScriptedHand hand, bool repeat)
+      : workspace_(setup.workspace),
+        structures_(hand.structures()),
+        planned_(std::move(hand)),
+        driver_(resting_at(setup, planned_->start())),
+        repeat_(repeat) {}
+
+  DeviceDriver& driver() override { return driver_; }
+  const char* name() const override { return "script"; }
+  std::vector<LabelId> structures() const override { return structures_; }
+  Result<void> begin(ServoLoop& loop) override {
+    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, repeat_);
+    return hand_->begin();
+  }
+  bool done() const override { return hand_->done(); }
+  double progress() const override { return hand_->progress(); }
+  void end() override { hand_->end(); }
+  std::vector<std::string> trouble() const override { return hand_->trouble(); }
+
+ private:
+  // the device rests where the hand begins
+  static SimulatedDevice resting_at(const RunSetup& setup, const Point<World>& start) {
+    SimulatedDevice device(setup.device, setup.hand, setup.script.delay_s);
+    device.reset(WorkspaceMapping(device.info(), setup.workspace).to_device(start));
+    return device;
+  }
+
+  const WorkspaceSettings workspace_;
+  const std::vector<LabelId> structures_;
+  std::optional<ScriptedHand> planned_;
+  SimulatedDriver driver_;
+  const bool repeat_;
+  std::optional<HandThread> hand_;
+};
+
+class PointerSource final : public TipSource {
+ public:
+  explicit PointerSource(const RunSetup& setup)
+      : structures_(setup.model->label_of_surface), driver_(resting_above(setup)) {}
+
+  DeviceDriver& driver() override { return driver_; }
+  const char* name() const override { return "pointer"; }
+  std::vector<LabelId> structures() const override { return structures_; }
+  PointerDriver* pointer() override { return &driver_; }
+  Result<void> begin(ServoLoop& /*loop*/) override { return {}; }
+  bool done() const override { return false; }
+  double progress() const override { return 0; }
+  void end() override {}
+  std::vector<std::string> trouble() const override { return {}; }
+
+ private:
+  static Point<Device> resting_above(const RunSetup& setup) {
+    const GridGeometry& grid = setup.model->labels->geometry();
+    const Transform<World, Voxel> X_WorldVoxel = setup.model->X_WorldPatient * grid.X_PatientVoxel();
+    double top_mm = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+      Point<Voxel> p;
+      for (int axis = 0; axis < 3; ++axis) p[axis] = (corner >> axis & 1) ? grid.dims[axis] - 1 : 0;
+      top_mm = std::max(top_mm, (X_WorldVoxel * p).z());
+    }
+    constexpr double kClear_mm = 20;
+    return WorkspaceMapping(PointerDriver::info(), setup.workspace)
+        .to_device(Point<World>(0, 0, top_mm + kClear_mm));
+  }
+
+  const std::vector<LabelId> structures_;
+  PointerDriver driver_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<TipSource>> script_source(const RunSetup& setup, bool repeat) {
+  auto planned = ScriptedHand::create(*setup.model, setup.script);
+  if (!planned) return planned.error();
+  return std::unique_ptr<TipSource>(std::make_unique<ScriptSource>(setup, *std::move(planned), repeat));
+}
+
+std::unique_ptr<TipSource> pointer_source(const RunSetup& setup) {
+  return std::make_unique<PointerSource>(setup);
+}
+
+}  // namespace palpate

@@ -1,0 +1,485 @@
+#include "session/viewed_session.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <new>
+#include <system_error>
+
+#include "base/hash.h"
+#include "palpate/rendering.h"
+#include "palpate/scene.h"
+
+namespace palpate {
+namespace {
+
+// what the command line takes (--max-force)
+constexpr double kLeastMaxForce_N = 0.1, kMostMaxForce_N = 40;
+// viewers ask with every pose; the figures are of a second
+constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
+constexpr int kLowestPriority = 19;
+// no unit of a scan but the Hounsfield has values as low: air is -1000
+constexpr float kOnlyHounsfield = -500;
+
+std::string text_of(Side side) {
+  switch (side) {
+    case Side::kLeft:
+      return "left";
+    case Side::kRight:
+      return "right";
+    case Side::kBoth:
+      return "both";
+    case Side::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
+std::string modality_of(const Volume<float>* scan) {
+  if (!scan) return "unknown";
+  const auto& voxels = scan->voxels();
+  const bool air = std::any_of(voxels.begin(), voxels.end(), [](float v) { return v <= kOnlyHounsfield; });
+  return air ? "ct" : "unknown";
+}
+
+template <class T>
+void hash_volume(const Volume<T>* volume, std::uint64_t& hash) {
+  if (!volume) return;
+  const GridGeometry& grid = volume->geometry();
+  for (const int dim : grid.dims) hash_word(hash, static_cast<std::uint64_t>(dim));
+  hash_bytes(hash, volume->voxels().data(), volume->voxels().size() * sizeof(T));
+}
+
+std::array<std::array<double, 4>, 4> rows_of(const Transform<World, Patient>& X) {
+  std::array<std::array<double, 4>, 4> rows{};
+  for (std::size_t r = 0; r < 3; ++r) {
+    for (std::size_t c = 0; c < 3; ++c) rows[r][c] = X.linear()(static_cast<int>(r), static_cast<int>(c));
+    rows[r][3] = X.translation()[static_cast<int>(r)];
+  }
+  rows[3][3] = 1;
+  return rows;
+}
+
+// the tissue's own, or that of its first structure
+Rgb colour_of(const Model& model, std::size_t tissue) {
+  for (const Segment& segment : model.segments)
+    if (segment.id < model.tissue_of_label.size() &&
+        model.tissue_of_label[segment.id] == static_cast<int>(tissue))
+      return segment.colour;
+  return model.tissues[tissue].colour;
+}
+
+Error bad(std::string what, std::string where, std::string remedy) {
+  return {ErrorKind::kBadInput, std::move(what), std::move(where), std::move(remedy)};
+}
+Error refused(std::string what, std::string where, std::string remedy) {
+  return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
+}
+Error not_running() {
+  return {ErrorKind::kUnavailable, "the session does not run yet", "", "ask again in a moment"};
+}
+
+std::string number_text(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+// in a request's words
+std::string request_key(const std::string& scene_key) {
+  if (scene_key == "stiffness") return "stiffness_N_per_mm";
+  if (scene_key == "friction") return "dynamic_friction";
+  if (scene_key == "viscosity") return "viscosity_N_s_per_mm";
+  return scene_key;
+}
+
+Eigen::Quaterniond quaternion(const std::array<double, 4>& wxyz) {
+  return Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+}
+
+// nothing where they cannot be made: the session goes on without them
+std::shared_ptr<const Model> new_fields(const ModelVersions& of, const Progress& progress) try {
+  auto fields = with_new_fields(*of.felt, *of.made, progress);
+  return fields ? *std::move(fields) : nullptr;
+} catch (const std::bad_alloc&) {
+  return nullptr;
+}
+
+}  // namespace
+
+ViewedSession::ViewedSession(ViewedParts parts)
+    : parts_(std::move(parts)),
+      model_{parts_.model, parts_.model},
+      highest_max_force_N_(parts_.parameters.max_force_N) {}
+
+void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
+  watch_ = &watch;
+  loop_.store(&loop);
+  if (stopped_.load()) loop.emergency_stop();
+}
+
+// ---- what viewers are told
+
+const ViewedScene& ViewedSession::scene() const {
+  std::call_once(scene_made_, [this] { scene_ = make_scene(); });
+  return scene_;
+}
+
+ViewedScene ViewedSession::make_scene() const {
+  const Model& model = *parts_.model;
+  ViewedScene scene;
+  scene.side = text_of(model.side);
+  scene.oriented = model.oriented;
+  scene.modality = modality_of(model.scan.get());
+  std::uint64_t hash = kHashSeed;
+  hash_volume(model.labels.get(), hash);
+  hash_volume(model.scan.get(), hash);
+  scene.content_hash = hash_finish(hash);
+  scene.scan = model.scan;
+  scene.labels = model.labels;
+  if (model.scan) scene.window = scan_window(*model.scan);
+  scene.world_from_patient = rows_of(model.X_WorldPatient);
+
+  // names and colours
+  for (const Segment& segment : model.segments) {
+    const bool known = segment.id < model.tissue_of_label.size();
+    scene.structures.push_back({segment.id, model.name_of(segment.id), segment.colour,
+                                known ? model.tissue_of_label[segment.id] : -1});
+  }
+  for (std::size_t t = 0; t < model.tissues.size(); ++t) {
+    const Tissue& tissue = model.tissues[t];
+    scene.tissues.push_back({tissue.name, tissue.felt, colour_of(model, t), tissue.opacity, tissue.rests_on});
+  }
+  scene.tool_name = model.tool.name;
+  scene.tool_radius_mm = model.tool.radius_mm;
+  for (const Eigen::Vector3d& point : model.tool.points_mm)
+    scene.tool_points_mm.push_back({point.x(), point.y(), point.z()});
+
+  // what can be chosen, and how far
+  for (const ForceMethodInfo& info : kForceMethods)
+    if (model.has(info.method)) scene.methods.emplace_back(info.name);
+  const DeviceInfo& device = parts_.devices.front();
+  scene.device_name = device.name;
+  scene.simulated = !physical();
+  scene.input = parts_.input;
+  scene.peak_force_N = device.peak_force_N.value_or(kNotKnown);
+  scene.continuous_force_N = device.continuous_force_N.value_or(kNotKnown);
+  const double most = parts_.parameters.device[0].most_stiffness_N_per_mm;
+  scene.most_stiffness_N_per_mm = std::isfinite(most) ? most : kNotKnown;
+  scene.least_max_force_N = kLeastMaxForce_N;
+  scene.most_max_force_N = most_force_N();
+  scene.stiffness_N_per_mm = tissue_key_range("stiffness");
+  scene.friction = tissue_key_range("friction");
+  scene.rate_hz = parts_.rate_hz;
+  return scene;
+}
+
+bool ViewedSession::physical() const {
+  return std::any_of(parts_.devices.begin(), parts_.devices.end(),
+                     [](const DeviceInfo& info) { return !info.simulated; });
+}
+
+double ViewedSession::most_force_N() const {
+  double most_N = std::min(kMostMaxForce_N, parts_.model->scene_max_force_N);
+  for (const DeviceInfo& info : parts_.devices) most_N = std::min(most_N, info.peak_force_N.value_or(most_N));
+  return most_N;
+}
+
+// of what the tick felt: each tissue for itself by the proxy, all softer by one factor by the others
+double ViewedSession::felt_stiffness_N_per_mm(const DeviceTick& device, ForceMethod method) const {
+  const Model &felt = *model_.felt, &made = *model_.made;
+  const Tissue* tissue = felt.tissue_of(device.label);
+  if (device.label == 0 || !tissue) return 0;
+  const double factor = device.scale * device.force_gain;
+  const double most = device.most_stiffness_N_per_mm;
+  if (method == ForceMethod::kProxy && felt.has(method))
+    return std::min(factor * tissue->stiffness_N_per_mm, most);
+  // the fields know the stiffness that they were made for
+  const double stiffest = felt.greatest_stiffness_N_per_mm();
+  const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
+  const double left = std::min(1.0, stiffest / made.greatest_stiffness_N_per_mm());
+  const double all_points = factor * stiffest * static_cast<double>(felt.tool.points_mm.size());
+  return factor * own * left * std::min(1.0, most / all_points);
+}
+
+TickRecord ViewedSession::snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const {
+  stiffness_N_per_mm = {};
+  const ServoLoop* loop = loop_.load();
+  if (!loop) return {};
+  const TickRecord tick = loop->snapshot();
+  const std::lock_guard lock(mutex_);
+  for (int d = 0; d < tick.devices; ++d)
+    stiffness_N_per_mm[static_cast<std::size_t>(d)] = felt_stiffness_N_per_mm(
+        tick.device[static_cast<std::size_t>(d)], static_cast<ForceMethod>(tick.method));
+  return tick;
+}
+
+ViewedHealth ViewedSession::health() const {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return {};
+  const std::lock_guard lock(health_mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  if (now < health_until_) return health_;
+  health_until_ = now + kHealthPeriod;
+  const LoopHealth of_all = loop->health();
+  const ExploreWatch::LastSecond last = watch_->last_second();
+  health_ = {rate_.see(of_all.ticks), last.lateness_p50_us, last.lateness_p99_us, last.lateness_max_us,
+             last.compute_p50_us,     of_all.skipped,       of_all.dropped,       of_all.stalls};
+  // a version that nobody feels any more
+  loop->collect();
+  return health_;
+}
+
+ViewedState ViewedSession::state() const {
+  const ServoLoop* loop = loop_.load();
+  const Parameters now = loop ? loop->parameters() : parts_.parameters;
+  ViewedState state;
+  state.method = name_of(now.method);
+  state.friction = now.friction;
+  state.viscosity = now.viscosity;
+  state.passivity = now.passivity;
+  state.paused = now.paused;
+  state.emergency_stop = stopped_.load();
+  state.max_force_N = now.max_force_N;
+  const Eigen::Quaterniond& q = now.rotation_target;
+  state.rotation_wxyz = {q.w(), q.x(), q.y(), q.z()};
+  state.armed = physical() && loop && !stopped_.load();
+  state.recording = parts_.recording;
+  const std::lock_guard lock(mutex_);
+  state.model_version = model_.felt->version;
+  for (const Tissue& tissue : model_.felt->tissues)
+    state.tissues.push_back({tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction_coefficient,
+                             tissue.viscosity_N_s_per_mm});
+  return state;
+}
+
+std::vector<ModelChange> ViewedSession::changes() const {
+  const std::lock_guard lock(mutex_);
+  return changes_;
+}
+
+double ViewedSession::highest_max_force_N() const {
+  const std::lock_guard lock(mutex_);
+  return highest_max_force_N_;
+}
+
+// ---- what is asked
+
+bool ViewedSession::can_feel(ForceMethod method) const {
+  return model_.felt->has(method) &&
+         (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
+}
+
+Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& now) const {
+  if (request.method) {
+    const auto method = find_force_method(*request.method);
+    if (!method || !parts_.model->has(*method))
+      return bad("this session has no force method of that name", "method",
+                 "the scene lists those that can be chosen");
+    if (!can_feel(*method) && !can_make_fields(*model_.felt))
+      return refused(
+          "the fields of the direct methods were made for other stiffnesses than are felt now", "method",
+          "give the tissues back the stiffness that they began with, or let the scene prepare inward ramps");
+  }
+  if (request.max_force_N) {
+    const double asked_N = *request.max_force_N;
+    if (!(asked_N >= kLeastMaxForce_N && asked_N <= most_force_N()))
+      return bad("a limit of " + number_text(asked_N) + " N is outside " + number_text(kLeastMaxForce_N) +
+                     " ... " + number_text(most_force_N()) + " N",
+                 "max_force_N", "the device and the scene allow no more");
+    if (physical() && asked_N > now.max_force_N)
+      return refused("the limit of the force is not raised from afar while a device may push", "max_force_N",
+                     "start palpate at the device with --max-force");
+  }
+  if (request.rotation_wxyz) {
+    const double norm = quaternion(*request.rotation_wxyz).norm();
+    if (!(norm > 0.5 && norm < 2))
+      return bad("the rotation is no unit quaternion", "rotation_wxyz", "send w, x, y, z of length 1");
+  }
+  return {};
+}
+
+Result<void> ViewedSession::set(const SettingsRequest& request) {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return not_running();
+  const std::lock_guard lock(mutex_);
+  if (auto fine = check(request, loop->parameters()); !fine) return fine;
+  if (request.method)
+    if (auto chosen = choose(*find_force_method(*request.method), *loop); !chosen) return chosen;
+  if (request.max_force_N) highest_max_force_N_ = std::max(highest_max_force_N_, *request.max_force_N);
+  loop->change([&](Parameters& parameters) {
+    if (request.friction) parameters.friction = *request.friction;
+    if (request.viscosity) parameters.viscosity = *request.viscosity;
+    if (request.passivity) parameters.passivity = *request.passivity;
+    if (request.paused) parameters.paused = *request.paused;
+    if (request.max_force_N) parameters.max_force_N = *request.max_force_N;
+    if (request.rotation_wxyz) parameters.rotation_target = quaternion(*request.rotation_wxyz).normalized();
+  });
+  return {};
+}
+
+Result<void> ViewedSession::check_stiffness_change(double from_N_per_mm, double to_N_per_mm,
+                                                   ForceMethod method) const {
+  if (to_N_per_mm == from_N_per_mm) return {};
+  if (physical() && to_N_per_mm > from_N_per_mm)
+    return refused("a stiffness is not raised from afar while a device may push", "stiffness_N_per_mm",
+                   "change the scene and start palpate at the device");
+  if (method != ForceMethod::kProxy || !model_.felt->has(method))
+    return refused(
+        "the field that " + std::string(name_of(method)) + " reads was made for the stiffness that is felt",
+        "stiffness_N_per_mm", "choose the proxy, which feels a new stiffness at once");
+  return {};
+}
+
+Result<void> ViewedSession::set(const TissueRequest& request) {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return not_running();
+  const std::lock_guard lock(mutex_);
+  if (request.tissue < 0 || static_cast<std::size_t>(request.tissue) >= model_.felt->tissues.size())
+    return bad("there is no such tissue", "tissue", "tissues are counted from 0, in the order of the scene");
+  const ModelChange before = unchanged(*model_.felt, static_cast<std::size_t>(request.tissue));
+  ModelChange change = before;
+  change.stiffness_N_per_mm = request.stiffness_N_per_mm.value_or(before.stiffness_N_per_mm);
+  change.static_friction = request.static_friction.value_or(before.static_friction);
+  change.dynamic_friction = request.dynamic_friction.value_or(before.dynamic_friction);
+  change.viscosity_N_s_per_mm = request.viscosity_N_s_per_mm.value_or(before.viscosity_N_s_per_mm);
+  if (change == before) return {};
+
+  auto next = changed_model(*model_.felt, *model_.made, change);
+  if (!next) {
+    Error error = next.error();
+    error.where = request_key(error.where);
+    return error;
+  }
+  if (auto fine = check_stiffness_change(before.stiffness_N_per_mm, change.stiffness_N_per_mm,
+                                         loop->parameters().method);
+      !fine)
+    return fine;
+  model_.felt = *std::move(next);
+  changes_.push_back(change);
+  loop->set_model(model_.felt);
+  return {};
+}
+
+void ViewedSession::emergency_stop() {
+  stopped_.store(true);
+  if (ServoLoop* loop = loop_.load()) loop->emergency_stop();
+}
+
+Result<void> ViewedSession::rearm() {
+  if (physical())
+    return refused("a device that may push is armed at the device, not from afar", "",
+                   "press space where palpate runs");
+  if (!loop_.load()) return not_running();
+  rearm_here();
+  return {};
+}
+
+void ViewedSession::rearm_here() {
+  stopped_.store(false);
+  if (ServoLoop* loop = loop_.load()) loop->rearm();
+}
+
+void ViewedSession::next_method() {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return;
+  const std::lock_guard lock(mutex_);
+  const ForceMethod now = awaited_.value_or(loop->parameters().method);
+  const auto possible = [&](ForceMethod method) {
+    return parts_.model->has(method) && (can_feel(method) || can_make_fields(*model_.felt));
+  };
+  ForceMethod next = next_of(now);
+  while (next != now && !possible(next)) next = next_of(next);
+  (void)choose(next, *loop);
+}
+
+void ViewedSession::follow_script() {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return;
+  const ForceMethod method = loop->parameters().method;
+  const std::lock_guard lock(mutex_);
+  const bool makes = !awaited_ && given_up_ != model_.felt->version && parts_.model->has(method) &&
+                     can_make_fields(*model_.felt);
+  if (makes && !can_feel(method)) (void)choose(method, *loop);
+}
+
+// ---- fields
+
+Result<void> ViewedSession::choose(ForceMethod method, ServoLoop& loop) try {
+  awaited_.reset();
+  if (can_feel(method)) {
+    loop.change([&](Parameters& parameters) { parameters.method = method; });
+    return {};
+  }
+  if (!maker_.joinable()) maker_ = std::thread([this] { make_fields(); });
+  awaited_ = method;
+  wanted_.notify_one();
+  return {};
+} catch (const std::system_error& error) {
+  return Error{ErrorKind::kUnavailable,
+               std::string("no thread to make the fields of the direct methods: ") + error.what(), "method",
+               "close other programs, or raise the limit of processes (ulimit -u)"};
+}
+
+void ViewedSession::make_fields() {
+  // threads that it starts inherit this: whatever else runs comes first
+  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
+  const Progress progress({}, &ending_);
+  std::unique_lock lock(mutex_);
+  while (true) {
+    wanted_.wait(lock, [this] { return ending_ || awaited_; });
+    if (ending_) return;
+    const ModelVersions of = model_;
+    lock.unlock();
+    const std::shared_ptr<const Model> fields = new_fields(of, progress);
+    lock.lock();
+    if (!fields) {
+      awaited_.reset();
+      given_up_ = of.felt->version;
+      continue;
+    }
+    // a stiffness that was changed meanwhile wants others
+    if (!fields_suit(*model_.felt, *fields)) continue;
+    const auto next = taking_fields(*model_.felt, *fields);
+    model_ = {next, next};
+    changes_.push_back({next->version, ModelChange::kFieldsMadeAnew});
+    loop_.load()->set_model(next);
+    if (awaited_) (void)choose(*awaited_, *loop_.load());
+  }
+}
+
+void ViewedSession::end() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_.store(true);
+  }
+  wanted_.notify_one();
+  if (maker_.joinable()) maker_.join();
+  loop_.store(nullptr);
+}
+
+Result<void> ViewedSession::take_pointer(bool take) {
+  if (!parts_.pointer)
+    return refused("the tip is moved by the " + parts_.input + " here", "take",
+                   "start palpate explore with --device pointer");
+  pointer_taken_.store(take);
+  if (!take) parts_.pointer->release();
+  return {};
+}
+
+void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
+  const ServoLoop* loop = loop_.load();
+  if (!pointer_taken_.load() || !loop) return;
+  // where the object is felt, as it is turned now
+  const Transform<World, World> turn(Rotation<World, World>(quaternion(loop->snapshot().rotation_felt_wxyz)),
+                                     Vector<World>());
+  const Point<World> tip = turn * (parts_.model->X_WorldPatient *
+                                   Point<Patient>(tip_patient_mm[0], tip_patient_mm[1], tip_patient_mm[2]));
+  if (!tip.all_finite()) return;
+  parts_.pointer->move(WorkspaceMapping(parts_.devices.front(), parts_.workspace).to_device(tip));
+}
+
+}  // namespace palpate

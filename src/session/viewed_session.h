@@ -1,0 +1,109 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "device/pointer_driver.h"
+#include "palpate/recording.h"
+#include "palpate/servo_loop.h"
+#include "palpate/viewer_server.h"
+#include "session/changed_model.h"
+#include "session/explore_watch.h"
+#include "session/rate_meter.h"
+
+namespace palpate {
+
+/// What a session is made of before it runs.
+struct ViewedParts {
+  std::shared_ptr<const Model> model;  ///< ready for every method that may be chosen
+  std::vector<DeviceInfo> devices;
+  WorkspaceSettings workspace;
+  Parameters parameters;  ///< of the first tick
+  std::string input;      ///< who moves the tip: "script", "pointer", "device"
+  double rate_hz = 1000;
+  PointerDriver* pointer = nullptr;  ///< where a viewer moves the tip; outlives the session
+  bool recording = false;
+};
+
+/// A session as its viewers and its keys change it. What they ask for is validated as a scene and the command
+/// line are, and goes to the loop by its usual ways, so that no tick waits for anybody. It begins without a
+/// loop, so that who serves it can fail before anything pushes; requests are refused until begin().
+///
+/// A tissue that changes becomes a new version of the model (session/changed_model.h); changes() are all of
+/// them, for the recording. The direct methods' fields are made anew when one of them is chosen, on a thread
+/// of its own, at the lowest priority; until they are there the method stays as it was. Any thread.
+class ViewedSession final : public ViewerHost {
+ public:
+  explicit ViewedSession(ViewedParts parts);
+  ~ViewedSession() override { end(); }
+  /// The loop runs with the parts' model and parameters. @param loop, watch  outlive the session
+  void begin(ServoLoop& loop, const ExploreWatch& watch);
+  /// Nobody asks for anything any more: the loop and the watch may go.
+  void end();
+
+  // ---- viewers
+  const ViewedScene& scene() const override;
+  TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override;
+  ViewedHealth health() const override;
+  ViewedState state() const override;
+  Result<void> set(const SettingsRequest& request) override;
+  Result<void> set(const TissueRequest& request) override;
+  void emergency_stop() override;
+  Result<void> rearm() override;
+  Result<void> take_pointer(bool take) override;
+  void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
+
+  // ---- keys, at the device itself
+  void rearm_here();
+  void next_method();
+  /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
+  void follow_script();
+
+  std::vector<ModelChange> changes() const;
+  /// The user's limit of the force, where it stood highest.
+  double highest_max_force_N() const;
+
+ private:
+  ViewedScene make_scene() const;
+  bool physical() const;
+  double most_force_N() const;
+  bool can_feel(ForceMethod method) const;
+  Result<void> check(const SettingsRequest& request, const Parameters& now) const;
+  Result<void> choose(ForceMethod method, ServoLoop& loop);
+  void make_fields();
+  Result<void> check_stiffness_change(double from_N_per_mm, double to_N_per_mm, ForceMethod method) const;
+  double felt_stiffness_N_per_mm(const DeviceTick& device, ForceMethod method) const;
+
+  const ViewedParts parts_;
+  mutable std::once_flag scene_made_;
+  mutable ViewedScene scene_;
+
+  std::atomic<ServoLoop*> loop_{nullptr};
+  const ExploreWatch* watch_ = nullptr;  // set before loop_
+  std::atomic<bool> stopped_{false}, pointer_taken_{false};
+
+  mutable std::mutex mutex_;  // of what follows
+  ModelVersions model_;
+  std::vector<ModelChange> changes_;
+  double highest_max_force_N_;
+  std::optional<ForceMethod> awaited_;  // the direct method that is felt when its fields are made
+  std::uint32_t given_up_ = 0;          // the version whose fields could not be made
+
+  std::condition_variable wanted_;
+  std::atomic<bool> ending_{false};
+  std::thread maker_;  // of fields; begun when the first are wanted
+
+  mutable std::mutex health_mutex_;
+  mutable RateMeter rate_;
+  mutable std::chrono::steady_clock::time_point health_until_{};
+  mutable ViewedHealth health_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,692 @@
+#include "session/viewed_session.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <thread>
+
+#include "base/clock.h"
+#include "base/mailbox.h"
+#include "base/spsc_ring.h"
+#include "base/test_files.h"
+#include "palpate/explore.h"
+#include "servo/tool_contact.h"
+#include "session/test_session.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kCartilage_mm = 3;
+constexpr int kBoneTissue = 0, kCartilageTissue = 1;
+
+// whether it comes true while anybody would wait for it
+bool soon(const std::function<bool()>& condition) {
+  const std::int64_t until_ns = monotonic_ns() + 20'000'000'000;
+  while (!condition()) {
+    if (monotonic_ns() > until_ns) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return true;
+}
+
+double force_N(const TickRecord& tick) {
+  const auto& f = tick.device[0].force_N;
+  return Eigen::Vector3d(f[0], f[1], f[2]).norm();
+}
+
+// a device whose tip is where the test says, as if a hand of iron held it
+class HeldDriver final : public DeviceDriver {
+ public:
+  explicit HeldDriver(bool simulated) {
+    info_.name = "held";
+    info_.simulated = simulated;
+    info_.peak_force_N = 8;
+  }
+  void hold(const Point<Device>& tip) { tips_.post(tip); }
+  std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
+  Result<void> open(bool) override { return {}; }
+  void run(ServoFunction& servo, ServoClock& clock) noexcept override {
+    std::array<DeviceSample, 1> samples;
+    std::array<DeviceCommand, 1> commands{};
+    samples[0].tip = Point<Device>(0, 0, 40);
+    while (clock.wait()) {
+      // as fast as a hand
+      tips_.take(to_);
+      const Vector<Device> way = to_ - samples[0].tip;
+      samples[0].tip += way * std::min(1.0, 0.5 / std::max(way.norm(), 1e-9));
+      samples[0].taken_ns = monotonic_ns();
+      servo.update(samples, commands);
+    }
+  }
+  void halt() noexcept override {}
+  void resume() noexcept override {}
+
+ private:
+  DeviceInfo info_;
+  Mailbox<Point<Device>> tips_;
+  Point<Device> to_{0, 0, 40};
+};
+
+// the ball with its shell in a running loop, a session around it
+class Viewed : public ::testing::Test {
+ protected:
+  void start(bool simulated = true, const WorkspaceSettings& workspace = {},
+             double most_stiffness = std::numeric_limits<double>::infinity(), bool ramps = false) {
+    Model ball = testing::ball_model({1, 1, 1}, 1.0, kCartilage_mm);
+    if (ramps) ball = testing::with_ramps(std::move(ball), 6, kCartilage_mm);
+    Model model = testing::with_exact_surfaces(testing::with_every_method(std::move(ball)), kCartilage_mm);
+    model.title = "DOE^CANARY";
+    model.side = Side::kLeft;
+    model.scene_max_force_N = 5;
+    model_ = std::make_shared<const Model>(std::move(model));
+    workspace_ = workspace;
+    driver_.emplace(simulated);
+    Parameters parameters;
+    parameters.method = ForceMethod::kProxy;
+    parameters.passivity = false;
+    parameters.max_force_N = 3;
+    parameters.device[0] = device_parameters(driver_->devices()[0], workspace);
+    parameters.device[0].most_stiffness_N_per_mm = most_stiffness;
+    const auto devices = driver_->devices();
+    viewed_.emplace(ViewedParts{
+        model_, {devices.begin(), devices.end()}, workspace, parameters, "device", 1000, nullptr, false});
+    auto loop =
+        ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
+    PALPATE_CHECK(loop.ok());
+    loop_ = *std::move(loop);
+    watch_.emplace(*model_, std::vector<LabelId>{});
+    viewed_->begin(*loop_, *watch_);
+  }
+  void TearDown() override {
+    if (viewed_) viewed_->end();
+    if (loop_) loop_->stop();
+  }
+
+  // the tip so deep in the shell, from above, in mm of the patient; held until the force is there
+  void press(double depth_mm) {
+    const Point<World> above(0, 0, 40), tip(0, 0, testing::kBoneRadius_mm + kCartilage_mm - depth_mm);
+    const WorkspaceMapping mapping(driver_->devices()[0], workspace_);
+    driver_->hold(mapping.to_device(above));
+    ASSERT_TRUE(soon([&] { return at(above) && (latest().device[0].flags & kFlagRamp) == 0; }));
+    driver_->hold(mapping.to_device(tip));
+    ASSERT_TRUE(soon([&] { return at(tip) && (latest().device[0].flags & kFlagContact) != 0; }));
+  }
+  bool at(const Point<World>& tip) const {
+    const auto now = latest().device[0].tip_world_mm;
+    return (Point<World>(now[0], now[1], now[2]) - tip).norm() < 1e-6;
+  }
+  TickRecord latest() const { return loop_->snapshot(); }
+  double stiffness() const {
+    std::array<double, kMaxDevices> felt{};
+    (void)viewed_->snapshot(felt);
+    return felt[0];
+  }
+  Error error_of(const SettingsRequest& request) { return error_in(viewed_->set(request)); }
+  Error error_of(const TissueRequest& request) { return error_in(viewed_->set(request)); }
+  static Error error_in(const Result<void>& result) {
+    return result.ok() ? Error{ErrorKind::kBadInput, "no error", "", ""} : result.error();
+  }
+  // every tick that the ring has
+  std::vector<TickRecord> ticks() {
+    std::vector<TickRecord> all(loop_->ring().size());
+    all.resize(loop_->ring().pop(std::span(all)));
+    return all;
+  }
+
+  std::shared_ptr<const Model> model_;
+  WorkspaceSettings workspace_;
+  std::optional<HeldDriver> driver_;
+  std::optional<ViewedSession> viewed_;
+  std::unique_ptr<ServoLoop> loop_;
+  std::optional<ExploreWatch> watch_;
+};
+
+TEST_F(Viewed, WhatIsShownNamesNobody) {
+  start();
+  const ViewedScene& scene = viewed_->scene();
+  EXPECT_EQ(scene.side, "left");
+  EXPECT_EQ(scene.modality, "unknown");
+  EXPECT_EQ(scene.labels, model_->labels);
+  EXPECT_EQ(scene.scan, nullptr);
+  ASSERT_EQ(scene.structures.size(), 3u);
+  EXPECT_EQ(scene.structures[1].name, "shell");
+  EXPECT_EQ(scene.structures[1].tissue, kCartilageTissue);
+  ASSERT_EQ(scene.tissues.size(), 3u);
+  EXPECT_EQ(scene.tissues[1].name, "cartilage");
+  EXPECT_EQ(scene.tissues[1].rests_on, std::vector<int>{kBoneTissue});
+  EXPECT_FALSE(scene.tissues[2].felt);
+  EXPECT_EQ(scene.methods.size(), kForceMethods.size());
+  EXPECT_EQ(scene.peak_force_N, 8);
+  EXPECT_EQ(scene.most_max_force_N, 5) << "the scene's";
+  EXPECT_EQ(scene.stiffness_N_per_mm, (std::array{0.001, 20.0}));
+  // (1, 2, 3) of the patient: right is its left, forward superior, up anterior
+  const auto& X = scene.world_from_patient;
+  EXPECT_EQ(X[0], (std::array{1.0, 0.0, 0.0, X[0][3]}));
+  EXPECT_EQ(X[1], (std::array{0.0, 0.0, 1.0, X[1][3]}));
+  EXPECT_EQ(X[2], (std::array{0.0, -1.0, 0.0, X[2][3]}));
+
+  std::string words = scene.side + scene.modality + scene.tool_name + scene.device_name + scene.input;
+  for (const auto& structure : scene.structures) words += structure.name;
+  for (const auto& tissue : scene.tissues) words += tissue.name;
+  EXPECT_THAT(words, ::testing::Not(HasSubstr("CANARY")));
+}
+
+TEST_F(Viewed, OtherVoxelsAreAnotherHashAndAirIsCt) {
+  const auto scene_of = [](float value) {
+    Model model = testing::ball_model({2, 2, 2});
+    auto scan = std::make_shared<Volume<float>>(model.labels->geometry());
+    scan->voxels()[7] = value;
+    model.scan = scan;
+    DeviceInfo info;
+    info.simulated = true;
+    return ViewedSession(
+               ViewedParts{std::make_shared<const Model>(std::move(model)), {info}, {}, {}, "script"})
+        .scene();
+  };
+  const ViewedScene air = scene_of(-1000), same = scene_of(-1000), water = scene_of(5);
+  EXPECT_EQ(air.modality, "ct");
+  EXPECT_EQ(water.modality, "unknown");
+  EXPECT_EQ(air.content_hash, same.content_hash);
+  EXPECT_NE(air.content_hash, water.content_hash);
+}
+
+TEST_F(Viewed, SettingsAreTakenAllOrNone) {
+  start();
+  const double half = std::sqrt(0.5);
+  SettingsRequest request;
+  request.method = "trilinear";
+  request.friction = false;
+  request.viscosity = false;
+  request.passivity = true;
+  request.paused = true;
+  request.max_force_N = 1.5;
+  request.rotation_wxyz = {1.2 * half, 0, 0, 1.2 * half};
+  for (const auto& [where, spoil] :
+       std::initializer_list<std::pair<std::string, std::function<void(SettingsRequest&)>>>{
+           {"method", [](auto& r) { r.method = "telepathy"; }},
+           {"max_force_N", [](auto& r) { r.max_force_N = 0.05; }},
+           {"max_force_N", [](auto& r) { r.max_force_N = 5.01; }},
+           {"max_force_N", [](auto& r) { r.max_force_N = std::nan(""); }},
+           {"max_force_N", [](auto& r) { r.max_force_N = INFINITY; }},
+           {"rotation_wxyz", [](auto& r) { r.rotation_wxyz = {0, 0, 0, 0}; }},
+           {"rotation_wxyz", [](auto& r) { r.rotation_wxyz = {0, 0, 3, 0}; }},
+           {"rotation_wxyz", [](auto& r) {
+              r.rotation_wxyz = {1, 0, 0, std::nan("")};
+            }}}) {
+    SettingsRequest bad = request;
+    spoil(bad);
+    const Error error = error_of(bad);
+    EXPECT_EQ(error.where, where) << error.what;
+    EXPECT_FALSE(error.remedy.empty());
+    const ViewedState state = viewed_->state();
+    EXPECT_EQ(state.method, "proxy");
+    EXPECT_TRUE(state.friction && state.viscosity && !state.passivity && !state.paused);
+    EXPECT_EQ(state.max_force_N, 3);
+    EXPECT_EQ(state.rotation_wxyz, (std::array{1.0, 0.0, 0.0, 0.0}));
+  }
+
+  EXPECT_EQ(error_of(request).what, "no error");
+  const ViewedState state = viewed_->state();
+  EXPECT_EQ(state.method, "trilinear");
+  EXPECT_TRUE(!state.friction && !state.viscosity && state.passivity && state.paused);
+  EXPECT_EQ(state.max_force_N, 1.5);
+  EXPECT_NEAR(state.rotation_wxyz[0], half, 1e-15);
+  EXPECT_NEAR(state.rotation_wxyz[3], half, 1e-15);
+  // and the loop does so
+  ASSERT_TRUE(soon([&] { return latest().max_force_N == 1.5; }));
+  EXPECT_EQ(latest().method, index_of(ForceMethod::kTrilinear));
+  EXPECT_TRUE(soon([&] { return std::abs(latest().rotation_felt_wxyz[3] - half) < 1e-9; }));
+}
+
+TEST_F(Viewed, TissuesAreTakenAllOrNone) {
+  start();
+  TissueRequest request;
+  request.tissue = kCartilageTissue;
+  request.stiffness_N_per_mm = 0.5;
+  request.static_friction = 0.4;
+  request.dynamic_friction = 0.3;
+  request.viscosity_N_s_per_mm = 0;
+  for (const auto& [where, spoil] :
+       std::initializer_list<std::pair<std::string, std::function<void(TissueRequest&)>>>{
+           {"tissue", [](auto& r) { r.tissue = -1; }},
+           {"tissue", [](auto& r) { r.tissue = 3; }},
+           {"stiffness_N_per_mm", [](auto& r) { r.stiffness_N_per_mm = 20.01; }},
+           {"stiffness_N_per_mm", [](auto& r) { r.stiffness_N_per_mm = 1.6; }},
+           {"static_friction", [](auto& r) { r.static_friction = 0.2; }},
+           {"dynamic_friction", [](auto& r) { r.dynamic_friction = -0.1; }},
+           {"viscosity_N_s_per_mm", [](auto& r) { r.viscosity_N_s_per_mm = 0.2; }}}) {
+    TissueRequest bad = request;
+    spoil(bad);
+    EXPECT_EQ(error_of(bad).where, where) << error_of(bad).what;
+    EXPECT_EQ(viewed_->state().model_version, 1u);
+    EXPECT_EQ(viewed_->state().tissues[1].stiffness_N_per_mm, 0.75);
+    EXPECT_TRUE(viewed_->changes().empty());
+  }
+  EXPECT_EQ(error_of(request).what, "no error");
+  EXPECT_EQ(viewed_->state().model_version, 2u);
+  const ViewedTissueState cartilage = viewed_->state().tissues[1];
+  EXPECT_EQ(cartilage.stiffness_N_per_mm, 0.5);
+  EXPECT_EQ(cartilage.static_friction, 0.4);
+  EXPECT_EQ(cartilage.dynamic_friction, 0.3);
+  EXPECT_EQ(cartilage.viscosity_N_s_per_mm, 0);
+  EXPECT_EQ(viewed_->changes(), (std::vector<ModelChange>{{2, 1, 0.5, 0.4, 0.3, 0}}));
+  // what is so already is no version
+  EXPECT_EQ(error_of(request).what, "no error");
+  EXPECT_EQ(viewed_->state().model_version, 2u);
+  EXPECT_TRUE(soon([&] { return latest().model_version == 2; }));
+}
+
+TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
+  start();
+  ASSERT_NO_FATAL_FAILURE(press(2));
+  ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - 1.5) < 0.02; })) << force_N(latest());
+  EXPECT_EQ(stiffness(), 0.75);
+  (void)ticks();
+  TissueRequest request;
+  request.tissue = kCartilageTissue;
+  // there and back again, before the last change has faded out
+  for (const double wanted : {0.4, 0.7, 0.1, 0.75, 0.3}) {
+    request.stiffness_N_per_mm = wanted;
+    ASSERT_EQ(error_of(request).what, "no error");
+    EXPECT_EQ(stiffness(), wanted);
+    std::this_thread::sleep_for(std::chrono::milliseconds(40));
+  }
+  ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - 0.6) < 0.02; })) << force_N(latest());
+  const auto felt = ticks();
+  for (std::size_t t = 1; t < felt.size(); ++t) {
+    // 1.3 N at most come as those of a seam do; a thread without a processor gives none
+    const double most_N = 1.3 * felt[t].dt_s * (1 / kSeam_s + 1.5 / kBlend_s) + 0.005;
+    if ((felt[t].device[0].flags & (kFaultFlags | kFlagStale | kFlagRamp)) != 0) continue;
+    EXPECT_LE(std::abs(force_N(felt[t]) - force_N(felt[t - 1])), most_N) << felt[t].tick;
+  }
+  EXPECT_EQ(felt.back().model_version, 6u);
+  EXPECT_EQ(loop_->collect(), 1u) << "older versions are freed";
+}
+
+TEST_F(Viewed, TheStiffnessThatIsToldIsWhatTheHandFeels) {
+  for (const double most : {std::numeric_limits<double>::infinity(), 0.2}) {
+    WorkspaceSettings workspace;
+    workspace.scale = 2;
+    workspace.force_gain = 0.25;
+    start(true, workspace, most);
+    ASSERT_NO_FATAL_FAILURE(press(2));
+    EXPECT_NEAR(stiffness(), std::min(0.5 * 0.75, most), 1e-12);
+    // a millimetre of the device is two of the patient
+    ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - stiffness() * 1) < 0.02; }))
+        << force_N(latest()) << " " << stiffness();
+    TearDown();
+  }
+}
+
+TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
+  start();
+  TissueRequest softer;
+  softer.tissue = kCartilageTissue;
+  softer.stiffness_N_per_mm = 0.5;
+  SettingsRequest direct;
+  direct.method = "b-spline";
+  EXPECT_EQ(error_of(softer).what, "no error");
+  EXPECT_EQ(error_of(direct).where, "method");
+  EXPECT_EQ(viewed_->state().method, "proxy");
+  viewed_->next_method();
+  EXPECT_EQ(viewed_->state().method, "proxy") << "no other suits";
+
+  softer.stiffness_N_per_mm = 0.75;
+  EXPECT_EQ(error_of(softer).what, "no error");
+  EXPECT_EQ(error_of(direct).what, "no error");
+  softer.stiffness_N_per_mm = 0.5;
+  EXPECT_EQ(error_of(softer).where, "stiffness_N_per_mm");
+  EXPECT_THAT(error_of(softer).what, HasSubstr("b-spline"));
+  softer.stiffness_N_per_mm.reset();
+  softer.viscosity_N_s_per_mm = 0.002;
+  EXPECT_EQ(error_of(softer).what, "no error");
+  viewed_->next_method();
+  EXPECT_EQ(viewed_->state().method, "gaussian-sphere");
+  EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kGaussianSphere); }));
+  EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
+}
+
+TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
+  start(true, {}, std::numeric_limits<double>::infinity(), true);
+  TissueRequest softer;
+  softer.tissue = kCartilageTissue;
+  softer.stiffness_N_per_mm = 0.3;
+  SettingsRequest direct;
+  direct.method = "trilinear";
+  EXPECT_EQ(error_of(softer).what, "no error");
+  EXPECT_EQ(error_of(direct).what, "no error");
+  // while they are made the proxy is felt, and what is said last holds
+  softer.stiffness_N_per_mm = 0.5;
+  EXPECT_EQ(error_of(softer).what, "no error");
+  ASSERT_TRUE(soon([&] { return viewed_->state().method == "trilinear"; }));
+  const auto changes = viewed_->changes();
+  ASSERT_GE(changes.size(), 3u);
+  EXPECT_EQ(changes.back().tissue, ModelChange::kFieldsMadeAnew);
+  EXPECT_EQ(changes.back().version, viewed_->state().model_version);
+  ASSERT_NO_FATAL_FAILURE(press(2));
+  EXPECT_NEAR(stiffness(), 0.5, 1e-12);
+  ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - 1.0) < 0.1; })) << force_N(latest());
+  // the others came with it
+  direct.method = "b-spline";
+  EXPECT_EQ(error_of(direct).what, "no error");
+  EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kSpline); }));
+  EXPECT_EQ(viewed_->changes().size(), changes.size()) << "they were made once";
+  EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
+}
+
+TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
+  start(true, {}, std::numeric_limits<double>::infinity(), true);
+  TissueRequest softer;
+  softer.tissue = kBoneTissue;
+  softer.stiffness_N_per_mm = 1.0;
+  ASSERT_EQ(error_of(softer).what, "no error");
+  viewed_->next_method();  // the one after the proxy is the trilinear one
+  SettingsRequest proxy;
+  proxy.method = "proxy";
+  ASSERT_EQ(error_of(proxy).what, "no error");
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(viewed_->state().method, "proxy");
+  // one that a script has chosen gets its fields
+  loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSmoothSphere; });
+  ASSERT_TRUE(soon([&] {
+    viewed_->follow_script();
+    const TickRecord tick = latest();
+    return tick.method == index_of(ForceMethod::kSmoothSphere) && tick.model_version >= 3 &&
+           (tick.device[0].flags & kFlagMethodMissing) == 0;
+  }));
+}
+
+TEST_F(Viewed, NobodyRaisesAnythingFromAfarWhileADeviceMayPush) {
+  start(false);
+  EXPECT_FALSE(viewed_->scene().simulated);
+  EXPECT_TRUE(viewed_->state().armed);
+  SettingsRequest settings;
+  settings.max_force_N = 3.01;
+  EXPECT_EQ(error_of(settings).kind, ErrorKind::kUsage);
+  settings.max_force_N = 2;
+  EXPECT_EQ(error_of(settings).what, "no error");
+  settings.max_force_N = 3;
+  EXPECT_EQ(error_of(settings).where, "max_force_N") << "what was lowered stays low";
+
+  TissueRequest tissue;
+  tissue.tissue = kBoneTissue;
+  tissue.stiffness_N_per_mm = 1.51;
+  EXPECT_EQ(error_of(tissue).where, "stiffness_N_per_mm");
+  tissue.stiffness_N_per_mm = 1.0;
+  EXPECT_EQ(error_of(tissue).what, "no error");
+  tissue.stiffness_N_per_mm = 1.5;
+  EXPECT_EQ(error_of(tissue).kind, ErrorKind::kUsage);
+  EXPECT_EQ(viewed_->state().tissues[0].stiffness_N_per_mm, 1.0);
+
+  viewed_->emergency_stop();
+  EXPECT_TRUE(viewed_->state().emergency_stop);
+  EXPECT_FALSE(viewed_->state().armed);
+  ASSERT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) != 0; }));
+  EXPECT_EQ(error_in(viewed_->rearm()).kind, ErrorKind::kUsage);
+  EXPECT_TRUE(viewed_->state().emergency_stop);
+  viewed_->rearm_here();
+  EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
+  EXPECT_EQ(error_in(viewed_->take_pointer(true)).kind, ErrorKind::kUsage);
+}
+
+TEST_F(Viewed, ASimulatedDeviceIsRearmedFromAfar) {
+  start();
+  EXPECT_FALSE(viewed_->state().armed);
+  viewed_->emergency_stop();
+  ASSERT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) != 0; }));
+  EXPECT_EQ(error_in(viewed_->rearm()).what, "no error");
+  EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
+  EXPECT_FALSE(viewed_->state().emergency_stop);
+}
+
+TEST_F(Viewed, BeforeItRunsItShowsAndRefuses) {
+  DeviceInfo info;
+  info.simulated = true;
+  ViewedSession viewed(
+      ViewedParts{std::make_shared<const Model>(testing::ball_model({2, 2, 2})), {info}, {}, {}, "script"});
+  std::array<double, kMaxDevices> felt{};
+  EXPECT_EQ(viewed.snapshot(felt).tick, 0u);
+  EXPECT_EQ(viewed.health().rate_hz, 0);
+  EXPECT_EQ(viewed.state().model_version, 1u);
+  EXPECT_EQ(error_in(viewed.set(SettingsRequest{})).kind, ErrorKind::kUnavailable);
+  EXPECT_EQ(error_in(viewed.set(TissueRequest{})).kind, ErrorKind::kUnavailable);
+  EXPECT_EQ(error_in(viewed.rearm()).kind, ErrorKind::kUnavailable);
+}
+
+// ---- a whole session, recorded
+
+class ViewedExplore : public ::testing::Test {
+ protected:
+  // calls `act` fifty times a second with the session; its recording
+  Recording run(ExploreOptions options, const std::string& script_text,
+                const std::function<void(ViewerHost&, int)>& act) {
+    ViewerHost* host = nullptr;
+    int calls = 0;
+    options.loop.realtime = false;
+    options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+      host = &session;
+      return std::shared_ptr<void>(&session, [&](void*) { host = nullptr; });
+    };
+    options.request = [&] {
+      act(*host, calls++);
+      return ExploreRequest::kNone;
+    };
+    auto script = parse_script(script_text, "test script");
+    PALPATE_CHECK(script.ok());
+    const auto file = folder_ / "run.h5";
+    auto result = explore(loaded_, *script, options, file, Progress({}, &stop_));
+    PALPATE_CHECK(result.ok());
+    result_ = *result;
+    EXPECT_EQ(host, nullptr) << "viewers leave before the session ends";
+    auto read = read_recording(file);
+    PALPATE_CHECK(read.ok() && read->summary);
+    return *std::move(read);
+  }
+  void expect_replays(const Recording& recording) {
+    const auto again = replay(recording, loaded_.model);
+    ASSERT_TRUE(again.ok()) << again.error().message();
+    EXPECT_TRUE(again->identical) << again->difference;
+    EXPECT_EQ(again->run_hash, recording.summary->run_hash);
+  }
+
+  test::TemporaryFolder folder_;
+  LoadedScene loaded_ = testing::loaded_ball();
+  std::atomic<bool> stop_{false};
+  std::optional<ExploreResult> result_;
+};
+
+const char* const kPress =
+    "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n";
+
+TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
+  ExploreOptions options;
+  options.seconds = 60;
+  int changed_at = -1;
+  double softened_N = 0, told = 0;
+  const Recording recording = run(options, kPress, [&](ViewerHost& host, int call) {
+    std::array<double, kMaxDevices> felt{};
+    const TickRecord tick = host.snapshot(felt);
+    if (changed_at < 0 && force_N(tick) > 0.5) {
+      TissueRequest softer;
+      softer.stiffness_N_per_mm = 0.9;
+      softer.static_friction = 0.6;
+      ASSERT_TRUE(host.set(softer).ok());
+      softer.stiffness_N_per_mm = 0.8;
+      ASSERT_TRUE(host.set(softer).ok());
+      SettingsRequest stronger;
+      stronger.max_force_N = 2.5;
+      ASSERT_TRUE(host.set(stronger).ok());
+      changed_at = call;
+    }
+    if (changed_at >= 0 && call == changed_at + 25) {
+      softened_N = force_N(tick);
+      told = felt[0];
+      SettingsRequest turn;
+      turn.rotation_wxyz = {std::cos(0.05), 0, 0, std::sin(0.05)};
+      turn.max_force_N = 1.0;
+      ASSERT_TRUE(host.set(turn).ok());
+      TissueRequest back;
+      back.stiffness_N_per_mm = 1.5;
+      ASSERT_TRUE(host.set(back).ok());
+      SettingsRequest direct;
+      direct.method = "b-spline";
+      ASSERT_TRUE(host.set(direct).ok());
+    }
+    if (changed_at >= 0 && call == changed_at + 50) {
+      SettingsRequest paused;
+      paused.paused = true;
+      ASSERT_TRUE(host.set(paused).ok());
+    }
+    if (changed_at >= 0 && call == changed_at + 60) stop_.store(true);
+  });
+  ASSERT_GE(changed_at, 0) << "the ball was never pressed";
+  EXPECT_GT(softened_N, 0.1);
+  EXPECT_EQ(told, 0.8);
+  EXPECT_EQ(result_->limit_N, 2.5) << "the highest that held";
+  ASSERT_EQ(recording.summary->changes.size(), 3u);
+  EXPECT_EQ(recording.summary->changes[1].stiffness_N_per_mm, 0.8);
+  EXPECT_EQ(recording.summary->changes[2].static_friction, 0.6);
+  EXPECT_EQ(recording.ticks.back().model_version, 4u);
+  EXPECT_EQ(recording.ticks.back().max_force_N, 1.0);
+  EXPECT_TRUE(recording.ticks.back().switches & kSwitchPaused);
+  EXPECT_NEAR(recording.ticks.back().rotation_target_wxyz[3], std::sin(0.05), 1e-12);
+  expect_replays(recording);
+
+  // changes that are not there, or that no scene may have, are told
+  Recording without = recording;
+  without.summary->changes.clear();
+  auto again = replay(without, loaded_.model);
+  ASSERT_FALSE(again.ok());
+  EXPECT_THAT(again.error().what, HasSubstr("of the model, which the file does not hold"));
+  without.summary.reset();
+  again = replay(without, loaded_.model);
+  ASSERT_FALSE(again.ok());
+  EXPECT_THAT(again.error().remedy, HasSubstr("cut short"));
+  Recording wild = recording;
+  wild.summary->changes[0].stiffness_N_per_mm = 1e9;
+  again = replay(wild, loaded_.model);
+  ASSERT_FALSE(again.ok());
+  EXPECT_EQ(again.error().where, "stiffness");
+  // and another value is another run
+  Recording other = recording;
+  other.summary->changes[1].stiffness_N_per_mm = 0.85;
+  again = replay(other, loaded_.model);
+  ASSERT_TRUE(again.ok());
+  EXPECT_FALSE(again->identical);
+}
+
+TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
+  loaded_.model = std::make_shared<const Model>(testing::with_ramps(Model(*loaded_.model), 4));
+  ExploreOptions options;
+  options.seconds = 60;
+  int softened_at = -1, felt_at = -1;
+  const Recording recording = run(options, kPress, [&](ViewerHost& host, int call) {
+    std::array<double, kMaxDevices> felt{};
+    const TickRecord tick = host.snapshot(felt);
+    if (softened_at < 0 && force_N(tick) > 0.5) {
+      TissueRequest softer;
+      softer.stiffness_N_per_mm = 0.9;
+      ASSERT_TRUE(host.set(softer).ok());
+      SettingsRequest direct;
+      direct.method = "trilinear";
+      ASSERT_TRUE(host.set(direct).ok());
+      softened_at = call;
+    }
+    if (softened_at >= 0 && felt_at < 0 && tick.method == index_of(ForceMethod::kTrilinear)) felt_at = call;
+    if (felt_at >= 0 && call == felt_at + 30) {
+      EXPECT_EQ(felt[0], 0.9);
+      stop_.store(true);
+    }
+  });
+  ASSERT_GE(felt_at, 0);
+  ASSERT_EQ(recording.summary->changes.size(), 2u);
+  EXPECT_EQ(recording.summary->changes[1].tissue, ModelChange::kFieldsMadeAnew);
+  EXPECT_EQ(recording.ticks.back().model_version, 3u);
+  expect_replays(recording);
+}
+
+TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
+  ExploreOptions options;
+  options.device = ExploreDevice::kPointer;
+  options.seconds = 30;
+  std::string seen;
+  enum { kAbove, kPressing, kLost, kBack, kDone } part = kAbove;
+  int since = 0;
+  // the patient's anterior is up: the ball from above, 1 mm deep
+  const std::array<double, 3> above{0, -20, 0}, inside{0, -14, 0};
+  ViewerHost* host = nullptr;
+  options.loop.realtime = false;
+  options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+    host = &session;
+    return std::shared_ptr<void>();
+  };
+  options.request = [&] {
+    if (since == 0) {
+      EXPECT_EQ(host->scene().input, "pointer");
+      // not taken: it moves nothing
+      host->move_pointer(inside);
+      EXPECT_TRUE(host->take_pointer(true).ok());
+    }
+    ++since;
+    std::array<double, kMaxDevices> felt{};
+    const TickRecord tick = host->snapshot(felt);
+    const std::uint32_t flags = tick.device[0].flags;
+    seen = "flags " + std::to_string(flags) + ", " + std::to_string(force_N(tick)) + " N";
+    if (part == kAbove) {
+      host->move_pointer(above);
+      if ((flags & (kFlagStale | kFlagRamp)) == 0) part = kPressing;
+    } else if (part == kPressing) {
+      host->move_pointer(inside);
+      if (force_N(tick) > 0.8) part = kLost;
+    } else if (part == kLost) {
+      if ((flags & kFlagStale) != 0 && force_N(tick) == 0) part = kBack;
+    } else if (part == kBack) {
+      host->move_pointer(inside);
+      if (force_N(tick) > 0.8) part = kDone;
+    } else {
+      EXPECT_TRUE(host->take_pointer(false).ok());
+      if ((flags & kFlagStale) != 0 && force_N(tick) == 0) stop_.store(true);
+    }
+    return ExploreRequest::kNone;
+  };
+  const auto file = folder_ / "run.h5";
+  const auto result = explore(loaded_, Script{}, options, file, Progress({}, &stop_));
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_EQ(part, kDone) << seen;
+  EXPECT_TRUE(result->stopped_by_user);
+  ASSERT_EQ(result->holds.size(), 1u);
+  EXPECT_EQ(result->holds[0].structure, "ball");
+  const auto recording = read_recording(file);
+  ASSERT_TRUE(recording.ok()) << recording.error().message();
+  EXPECT_EQ(recording->header.device, "pointer");
+  EXPECT_FALSE(recording->header.simulated);
+  EXPECT_EQ(recording->header.script_text, "");
+  expect_replays(*recording);
+  // the force that is shown has no steps while it is held: 6 mm within an interval of at least 4 ms
+  for (std::size_t t = 1; t < recording->ticks.size(); ++t) {
+    const TickRecord &now = recording->ticks[t], &before = recording->ticks[t - 1];
+    if ((now.device[0].flags & (kFaultFlags | kFlagStale)) != 0) continue;
+    EXPECT_LE(std::abs(force_N(now) - force_N(before)), 2000 * now.dt_s + 1e-9) << now.tick;
+    EXPECT_EQ(now.device[0].flags & kFlagJump, 0u);
+  }
+}
+
+TEST_F(ViewedExplore, WhoCannotShowItEndsItBeforeItBegins) {
+  ExploreOptions options;
+  options.viewers = [](ViewerHost&) -> Result<std::shared_ptr<void>> {
+    return Error{ErrorKind::kUnavailable, "the port is taken", "--port", "choose another"};
+  };
+  const auto script = parse_script(kPress, "test script");
+  const auto result = explore(loaded_, *script, options, folder_ / "run.h5");
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(result.error().where, "--port");
+  EXPECT_EQ(folder_.count(), 0u);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,117 @@
+// Screenshots and recordings: the pictures as they are on the page, with what every picture of a patient needs burned in.
+
+import { FONT } from "./overlay.js";
+import type { Picture } from "./picture.js";
+import { NOTICE, SIDE_TEXT } from "./scene.js";
+import type { Session } from "./session.js";
+import type { Pose } from "./wire.js";
+
+const FRAMES_A_SECOND = 30;
+const HEAD_PX = 30;
+
+export function download(blob: Blob, name: string): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}
+/** "palpate-2026-11-20-17-05-09": of now, in the clock of this machine. */
+export function fileStem(): string {
+  const now = new Date();
+  const two = (n: number) => String(n).padStart(2, "0");
+  return ["palpate", now.getFullYear(), two(now.getMonth() + 1), two(now.getDate()), two(now.getHours()), two(now.getMinutes()), two(now.getSeconds())].join("-");
+}
+
+export class Capture {
+  private recorder: MediaRecorder | null = null;
+  private canvas: HTMLCanvasElement | null = null;
+  private poses: string[] = [];
+  private begun_ms = 0;
+
+  constructor(private readonly session: Session, private readonly pictures: Picture[], private readonly area: HTMLElement) {}
+
+  /** Every picture that is shown, where it is on the page, below a line that says what it may be used for. */
+  compose(canvas: HTMLCanvasElement): void {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const box = this.area.getBoundingClientRect();
+    // an even size, which video encoders want
+    const [w, h] = [box.width * ratio, (box.height + HEAD_PX) * ratio].map((n) => 2 * Math.round(n / 2)) as [number, number];
+    if (canvas.width !== w || canvas.height !== h) Object.assign(canvas, { width: w, height: h });
+    const c = canvas.getContext("2d")!;
+    c.fillStyle = "#0a0d0f";
+    c.fillRect(0, 0, w, h);
+    for (const picture of this.pictures) {
+      if (!picture.isShown) continue;
+      const place = picture.surface.getBoundingClientRect();
+      const [x, y] = [(place.left - box.left) * ratio, (place.top - box.top + HEAD_PX) * ratio];
+      for (const layer of [picture.base.canvas, picture.over.canvas]) c.drawImage(layer, x, y);
+      c.font = `600 ${12 * ratio}px ${FONT}`;
+      c.textBaseline = "top";
+      c.textAlign = "left";
+      c.fillStyle = "#c9d3d9";
+      c.fillText(picture.head.querySelector("h2")!.textContent!, x + 12 * ratio, y + 12 * ratio);
+    }
+    const scene = this.session.scene;
+    c.fillStyle = "#fdf0dc";
+    c.fillRect(0, 0, w, HEAD_PX * ratio);
+    c.fillStyle = "#7a4300";
+    c.textBaseline = "middle";
+    c.font = `600 ${13 * ratio}px ${FONT}`;
+    c.textAlign = "center";
+    c.fillText(NOTICE, w / 2, (HEAD_PX / 2) * ratio);
+    c.textAlign = "right";
+    c.fillText(scene ? SIDE_TEXT[scene.side] : "", w - 12 * ratio, (HEAD_PX / 2) * ratio);
+    c.textAlign = "left";
+    const time = this.session.pose ? `${this.session.pose.time.toFixed(2)} s` : "";
+    c.fillText(`palpate ${scene?.palpate ?? ""}   ${time}`, 12 * ratio, (HEAD_PX / 2) * ratio);
+  }
+
+  async screenshot(): Promise<Blob> {
+    const canvas = document.createElement("canvas");
+    this.compose(canvas);
+    return new Promise((done, failed) => canvas.toBlob((blob) => (blob ? done(blob) : failed(new Error("no picture"))), "image/png"));
+  }
+
+  get isRecording(): boolean {
+    return this.recorder !== null;
+  }
+  seconds(): number {
+    return this.recorder ? (performance.now() - this.begun_ms) / 1000 : 0;
+  }
+
+  /** @throws Error where the browser cannot record */
+  start(): void {
+    const type = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"].find((t) => window.MediaRecorder?.isTypeSupported(t));
+    if (!type) throw new Error("This browser cannot record video.");
+    this.canvas = document.createElement("canvas");
+    this.compose(this.canvas);
+    const recorder = new MediaRecorder(this.canvas.captureStream(FRAMES_A_SECOND), { mimeType: type, videoBitsPerSecond: 8e6 });
+    const parts: Blob[] = [];
+    const stem = fileStem();
+    const scene = this.session.scene!;
+    this.poses = [JSON.stringify({ notice: NOTICE, side: scene.side, frame: "patient (LPS), mm; forces in World, N", palpate: scene.palpate })];
+    recorder.ondataavailable = (event) => parts.push(event.data);
+    recorder.onstop = () => {
+      download(new Blob(parts, { type: "video/webm" }), `${stem}.webm`);
+      download(new Blob([this.poses.join("\n") + "\n"], { type: "application/jsonl" }), `${stem}.poses.jsonl`);
+    };
+    recorder.start(1000);
+    this.recorder = recorder;
+    this.begun_ms = performance.now();
+  }
+  stop(): void {
+    this.recorder?.stop();
+    this.recorder = null;
+    this.canvas = null;
+  }
+  addPose(pose: Pose): void {
+    if (!this.recorder) return;
+    const devices = pose.devices.map((d) => ({ tip: d.tip, proxy: d.proxy, force: d.force, label: d.label, depth: Number.isFinite(d.depth) ? d.depth : null, flags: d.flags }));
+    this.poses.push(JSON.stringify({ sequence: pose.sequence, tick: pose.tick, time: pose.time, rotation: pose.rotation, devices }));
+  }
+  /** After every picture of the page. */
+  drawn(): void {
+    if (this.canvas) this.compose(this.canvas);
+  }
+}

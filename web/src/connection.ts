@@ -1,0 +1,150 @@
+// The WebSocket: it comes back by itself, keeps the latest pose, and knows how old that is.
+
+import { decodePose, PROTOCOL, type Pose } from "./wire.js";
+import type { State } from "./scene.js";
+
+export type Link = "connecting" | "connected" | "lost" | "refused";
+export interface Refusal { what: string; where?: string; how?: string }
+export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer"; [value: string]: unknown }
+
+const FIRST_RETRY_MS = 250;
+const LONGEST_RETRY_MS = 5000;
+/** Data older than this is grey. */
+export const STALE_MS = 250;
+/** A connection that says nothing for this long is given up: its other end may be gone without a word. */
+const SILENT_MS = 6000;
+
+export interface Listener {
+  onLink(link: Link): void;
+  onState(state: State): void;
+  onPose(pose: Pose): void;
+  /** A token is needed, or the one that was shown is wrong. */
+  onToken(): void;
+  onProblem(text: string): void;
+}
+
+export class Connection {
+  link: Link = "connecting";
+  role: "view" | "control" = "view";
+  pose: Pose | null = null;
+  /** performance.now() when the latest pose came */
+  poseAt_ms = -Infinity;
+  missed = 0; // poses that came to others and not here
+  roundTrip_ms = NaN; // of the latest request
+  private socket: WebSocket | null = null;
+  private retry_ms = FIRST_RETRY_MS;
+  private timer = 0;
+  private nextId = 1;
+  private heard_ms = 0;
+  private readonly waiting = new Map<number, { sent_ms: number; done(refusal: Refusal | null): void }>();
+
+  constructor(private readonly listener: Listener, private token: string | null) {}
+
+  open(): void {
+    clearTimeout(this.timer);
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/ws`, "palpate.v1");
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    this.heard_ms = performance.now();
+    socket.onopen = () => {
+      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60 };
+      socket.send(JSON.stringify(this.token ? { ...hello, token: this.token } : hello));
+    };
+    socket.onmessage = (event) => this.receive(socket, event.data as string | ArrayBuffer);
+    socket.onclose = (event) => this.closed(socket, event.code);
+  }
+
+  setToken(token: string | null): void {
+    this.token = token;
+  }
+
+  /** Of the latest pose. */
+  age_ms(): number {
+    return performance.now() - this.poseAt_ms;
+  }
+  isFresh(): boolean {
+    return this.link === "connected" && this.age_ms() <= STALE_MS;
+  }
+
+  /** Resolves to null when it was done. */
+  ask(request: Request): Promise<Refusal | null> {
+    return new Promise((done) => {
+      if (this.link !== "connected") return done({ what: "Not connected.", how: "Wait for the connection." });
+      const id = this.nextId++;
+      this.waiting.set(id, { sent_ms: performance.now(), done });
+      this.socket!.send(JSON.stringify({ ...request, id }));
+    });
+  }
+  /** The pointer's position; lost when there is no connection. */
+  moveTip(patient_mm: number[]): void {
+    if (this.link === "connected") this.socket!.send(JSON.stringify({ type: "tip", patient_mm }));
+  }
+
+  /** To be called now and then. */
+  watch(): void {
+    if (this.link === "connected" && performance.now() - this.heard_ms > SILENT_MS) this.socket?.close();
+  }
+
+  private setLink(link: Link): void {
+    this.link = link;
+    this.listener.onLink(link);
+  }
+
+  private receive(socket: WebSocket, data: string | ArrayBuffer): void {
+    if (socket !== this.socket) return;
+    this.heard_ms = performance.now();
+    if (typeof data !== "string") {
+      try {
+        const pose = decodePose(data);
+        if (this.pose && pose.sequence > this.pose.sequence + 1) this.missed += pose.sequence - this.pose.sequence - 1;
+        this.pose = pose;
+        this.poseAt_ms = this.heard_ms;
+        this.listener.onPose(pose);
+      } catch (error) {
+        this.listener.onProblem((error as Error).message);
+        socket.close();
+      }
+      return;
+    }
+    const message = JSON.parse(data);
+    switch (message.type) {
+      case "welcome":
+        this.role = message.role;
+        this.retry_ms = FIRST_RETRY_MS;
+        this.pose = null;
+        this.setLink("connected");
+        break;
+      case "state":
+        this.listener.onState(message as State);
+        break;
+      case "done":
+      case "refused": {
+        const asked = this.waiting.get(message.id);
+        if (!asked) break;
+        this.waiting.delete(message.id);
+        this.roundTrip_ms = this.heard_ms - asked.sent_ms;
+        asked.done(message.type === "done" ? null : (message as Refusal));
+        break;
+      }
+    }
+  }
+
+  private closed(socket: WebSocket, code: number): void {
+    if (socket !== this.socket) return;
+    this.socket = null;
+    for (const { done } of this.waiting.values()) done({ what: "The connection was lost before the answer came." });
+    this.waiting.clear();
+    if (code === 4401) {
+      this.setLink("refused");
+      this.listener.onToken();
+      return;
+    }
+    this.setLink("lost");
+    this.timer = window.setTimeout(() => {
+      this.setLink("connecting");
+      this.open();
+    }, this.retry_ms * (0.8 + 0.4 * Math.random()));
+    this.retry_ms = Math.min(2 * this.retry_ms, LONGEST_RETRY_MS);
+  }
+}

@@ -1,0 +1,169 @@
+// Points, rotations and planes of the patient: LPS, mm. +x is the patient's left, +y posterior, +z superior.
+
+export type Vec3 = [number, number, number];
+/** w, x, y, z */
+export type Quaternion = [number, number, number, number];
+/** Row by row; maps points, the last row is 0 0 0 1. */
+export type Affine = number[][];
+
+export const add = (a: Vec3, b: Vec3): Vec3 => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+export const sub = (a: Vec3, b: Vec3): Vec3 => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+export const scale = (a: Vec3, s: number): Vec3 => [a[0] * s, a[1] * s, a[2] * s];
+export const dot = (a: Vec3, b: Vec3): number => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+export const cross = (a: Vec3, b: Vec3): Vec3 => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
+export const length = (a: Vec3): number => Math.hypot(a[0], a[1], a[2]);
+export const normalize = (a: Vec3): Vec3 => scale(a, 1 / (length(a) || 1));
+/** The part of `a` that is orthogonal to the unit vector `n`. */
+export const reject = (a: Vec3, n: Vec3): Vec3 => sub(a, scale(n, dot(a, n)));
+
+export const apply = (m: Affine, p: Vec3): Vec3 =>
+  [0, 1, 2].map((r) => m[r]![0]! * p[0] + m[r]![1]! * p[1] + m[r]![2]! * p[2] + m[r]![3]!) as Vec3;
+/** Of a direction: without the translation. */
+export const turn = (m: Affine, v: Vec3): Vec3 =>
+  [0, 1, 2].map((r) => m[r]![0]! * v[0] + m[r]![1]! * v[1] + m[r]![2]! * v[2]) as Vec3;
+
+export const column = (m: Affine, c: number): Vec3 => [m[0]![c]!, m[1]![c]!, m[2]![c]!];
+
+export function invert(m: Affine): Affine {
+  const [a, b, c] = [column(m, 0), column(m, 1), column(m, 2)];
+  const determinant = dot(a, cross(b, c));
+  if (!Number.isFinite(1 / determinant)) throw new Error("a matrix that cannot be inverted");
+  const rows = [cross(b, c), cross(c, a), cross(a, b)].map((row) => scale(row, 1 / determinant));
+  const t = column(m, 3);
+  return [...rows.map((row) => [...row, -dot(row, t)]), [0, 0, 0, 1]];
+}
+/** Maps by `b`, then by `a`. */
+export function compose(a: Affine, b: Affine): Affine {
+  return [0, 1, 2, 3].map((r) =>
+    [0, 1, 2, 3].map((c) => [0, 1, 2, 3].reduce((sum, k) => sum + a[r]![k]! * b[k]![c]!, 0)));
+}
+
+export function rotate(q: Quaternion, v: Vec3): Vec3 {
+  const u: Vec3 = [q[1], q[2], q[3]];
+  const t = scale(cross(u, v), 2);
+  return add(add(v, scale(t, q[0])), cross(u, t));
+}
+export const conjugate = (q: Quaternion): Quaternion => [q[0], -q[1], -q[2], -q[3]];
+/** Turns by `b`, then by `a`. */
+export function multiply(a: Quaternion, b: Quaternion): Quaternion {
+  return [
+    a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+    a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+    a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+    a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+  ];
+}
+export function normalizeQuaternion(q: Quaternion): Quaternion {
+  const norm = Math.hypot(...q);
+  return norm > 0 ? (q.map((x) => x / norm) as Quaternion) : [1, 0, 0, 0];
+}
+export function aboutAxis(axis: Vec3, angle_rad: number): Quaternion {
+  const n = scale(normalize(axis), Math.sin(angle_rad / 2));
+  return [Math.cos(angle_rad / 2), ...n];
+}
+/** The angle of the turn, 0 ... 180 degrees. */
+export const angleOf_deg = (q: Quaternion): number =>
+  (2 * Math.atan2(Math.hypot(q[1], q[2], q[3]), Math.abs(q[0])) * 180) / Math.PI;
+
+/** A window on a plane in the patient: what a picture shows. */
+export interface Plane {
+  centre: Vec3; // in the middle of the picture
+  right: Vec3; // unit, to the picture's right
+  down: Vec3; // unit, to its bottom, orthogonal to `right`
+}
+/** Away from the viewer, into the picture. */
+export const normalOf = (plane: Plane): Vec3 => cross(plane.right, plane.down);
+
+export type Anatomical = "axial" | "sagittal" | "coronal";
+export const ANATOMICAL: Anatomical[] = ["axial", "sagittal", "coronal"];
+
+const LEFT: Vec3 = [1, 0, 0];
+const POSTERIOR: Vec3 = [0, 1, 0];
+const SUPERIOR: Vec3 = [0, 0, 1];
+
+/** Radiological: the patient's left on picture right in axial and coronal, anterior on picture left in sagittal. */
+export function anatomicalPlane(kind: Anatomical, centre: Vec3): Plane {
+  return {
+    centre,
+    right: kind === "sagittal" ? POSTERIOR : LEFT,
+    down: kind === "axial" ? POSTERIOR : scale(SUPERIOR, -1),
+  };
+}
+
+/** Which of the radiologist's rules an oblique plane is hung by; kept for a while, so that a picture does not flicker. */
+export interface Hanging { axial: boolean; sagittal: boolean }
+
+/**
+ * The plane with a normal, hung as a radiologist expects: superior up, or anterior up where the plane is
+ * nearly axial; the patient's left on picture right, or anterior on picture left where it is nearly sagittal.
+ * @param before  how it was hung a moment ago
+ */
+export function hang(normal: Vec3, centre: Vec3, before?: Hanging): { plane: Plane; hanging: Hanging } {
+  const n = normalize(normal);
+  const near = (axis: Vec3, was?: boolean) => Math.abs(dot(n, axis)) > (was === undefined ? 0.8 : was ? 0.75 : 0.85);
+  const hanging = { axial: near(SUPERIOR, before?.axial), sagittal: near(LEFT, before?.sagittal) };
+  const down = normalize(reject(hanging.axial ? POSTERIOR : scale(SUPERIOR, -1), n));
+  let right = normalize(cross(down, n));
+  if (dot(right, hanging.sagittal ? POSTERIOR : LEFT) < 0) right = scale(right, -1);
+  return { plane: { centre, right, down }, hanging };
+}
+
+/**
+ * The normal of a plane that contains a direction (the tool's axis or the force), as close to `wanted` as that
+ * allows. A direction along `wanted` itself leaves no choice: then it is `fallback`.
+ */
+export function normalContaining(direction: Vec3, wanted: Vec3, fallback: Vec3): Vec3 {
+  const d = normalize(direction);
+  const n = reject(wanted, d);
+  return length(n) > 0.1 ? normalize(n) : normalize(reject(fallback, d));
+}
+
+/**
+ * The directions that `direction` points to, the nearest first: "L", or "LA" where it is more than 20 degrees off
+ * the nearest; a third letter where that one contributes sin 20 degrees too. As palpate's own sections have them.
+ */
+export function directionLetters(direction: Vec3): string {
+  const d = normalize(direction);
+  const oblique = (20 * Math.PI) / 180;
+  const axes = [0, 1, 2].sort((a, b) => Math.abs(d[b]!) - Math.abs(d[a]!));
+  const letter = (axis: number) => ["RL", "AP", "IS"][axis]![d[axis]! < 0 ? 0 : 1]!;
+  let letters = letter(axes[0]!);
+  // a hair of tolerance, so that rounding does not name an axis at exactly 20 degrees
+  if (Math.abs(d[axes[0]!]!) < Math.cos(oblique) - 1e-9) {
+    letters += letter(axes[1]!);
+    if (Math.abs(d[axes[2]!]!) > Math.sin(oblique) + 1e-9) letters += letter(axes[2]!);
+  }
+  return letters;
+}
+export interface Letters { left: string; right: string; top: string; bottom: string }
+/** Of a picture whose right and bottom point so in the patient. */
+export const orientationLetters = (right: Vec3, down: Vec3): Letters => ({
+  left: directionLetters(scale(right, -1)),
+  right: directionLetters(right),
+  top: directionLetters(scale(down, -1)),
+  bottom: directionLetters(down),
+});
+
+/** A length of 1, 2 or 5 times a power of ten that is at most `most_mm`. */
+export function niceLength(most_mm: number): number {
+  const power = 10 ** Math.floor(Math.log10(most_mm));
+  return power * (most_mm >= 5 * power ? 5 : most_mm >= 2 * power ? 2 : 1);
+}
+
+/** A position for people. */
+export function positionText(p: Vec3, convention: "LPS" | "RAS"): string {
+  const named = convention === "LPS" ? p : [-p[0], -p[1], p[2]];
+  // a plus sign where there is no minus, so that the columns stand still
+  const texts = named.map((x) => (x < 0 ? "−" : "+") + Math.abs(x).toFixed(1));
+  return `${convention} ${texts.join("  ")} mm`;
+}
+
+export function angleAt_deg(corner: Vec3, a: Vec3, b: Vec3): number {
+  const u = normalize(sub(a, corner));
+  const v = normalize(sub(b, corner));
+  return (Math.atan2(length(cross(u, v)), dot(u, v)) * 180) / Math.PI;
+}

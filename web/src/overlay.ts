@@ -1,0 +1,247 @@
+// What is drawn over pictures: letters, scale, side, the tool and its force. All sizes are in pixels of the screen;
+// `ratio` is the number of canvas pixels in one.
+
+import { add, length, niceLength, scale, type Letters, type Vec3 } from "./geometry.js";
+import { readable, type Session } from "./session.js";
+import { SIDE_TEXT, type Scene } from "./scene.js";
+import { Flag, type DevicePose } from "./wire.js";
+
+export const FONT = 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", "Liberation Sans", Arial, sans-serif';
+const TOOL = "#4fd8ee";
+const FORCE = "#ffd34d";
+const GREY = "#a4adb3";
+
+export interface Frame { context: CanvasRenderingContext2D; width: number; height: number; ratio: number }
+
+/** Text that stays legible over anything. */
+export function text(frame: Frame, words: string, x: number, y: number, size: number, colour: string,
+                     align: CanvasTextAlign = "left", baseline: CanvasTextBaseline = "alphabetic", weight = 600): void {
+  const { context, ratio } = frame;
+  context.font = `${weight} ${size * ratio}px ${FONT}`;
+  context.textAlign = align;
+  context.textBaseline = baseline;
+  context.lineJoin = "round";
+  context.lineWidth = 3 * ratio;
+  context.strokeStyle = "rgba(6, 9, 11, 0.85)";
+  context.strokeText(words, x, y);
+  context.fillStyle = colour;
+  context.fillText(words, x, y);
+}
+
+/** @param hasControls  in the picture's head, which reach the middle of a narrow one */
+export function drawLetters(frame: Frame, letters: Letters, oriented: boolean, hasControls: boolean): void {
+  const { width, height, ratio } = frame;
+  const shown = oriented ? letters : { left: "?", right: "?", top: "?", bottom: "?" };
+  const colour = oriented ? "#eef3f5" : "#f5c277";
+  text(frame, shown.left, 9 * ratio, height / 2, 15, colour, "left", "middle");
+  text(frame, shown.right, width - 9 * ratio, height / 2, 15, colour, "right", "middle");
+  text(frame, shown.top, width / 2, (hasControls && width < 640 * ratio ? 36 : 8) * ratio, 15, colour, "center", "top");
+  text(frame, shown.bottom, width / 2, height - 8 * ratio, 15, colour, "center", "bottom");
+}
+
+/** Lower right: clear of every letter. */
+export function drawSide(frame: Frame, scene: Scene): void {
+  const { width, height, ratio } = frame;
+  const colour = scene.side === "unknown" ? "#f5c277" : "#eef3f5";
+  const words = scene.side === "unknown" ? "SIDE UNKNOWN" : `Side: ${SIDE_TEXT[scene.side]}`;
+  text(frame, words, width - 10 * ratio, height - 10 * ratio, 12, colour, "right", "bottom");
+}
+
+/** Lower left. */
+export function drawScale(frame: Frame, mmPerPixel: number): void {
+  const { context, width, height, ratio } = frame;
+  const mm = niceLength(mmPerPixel * Math.min(width / 3.2, 160 * ratio));
+  const long = mm / mmPerPixel;
+  const [x, y] = [12 * ratio, height - 12 * ratio];
+  for (const [thick, colour] of [[4, "rgba(6, 9, 11, 0.85)"], [1.5, "#eef3f5"]] as const) {
+    context.lineWidth = thick * ratio;
+    context.strokeStyle = colour;
+    context.beginPath();
+    context.moveTo(x, y - 5 * ratio);
+    context.lineTo(x, y);
+    context.lineTo(x + long, y);
+    context.lineTo(x + long, y - 5 * ratio);
+    context.stroke();
+  }
+  text(frame, mm >= 1 ? `${mm} mm` : `${+(mm * 1000).toPrecision(2)} µm`, x + long + 7 * ratio, y + 2 * ratio, 12, "#eef3f5", "left", "bottom");
+}
+
+export interface Projection {
+  pixel(p: Vec3): [number, number]; // of the canvas
+  direction(v: Vec3): [number, number]; // of a unit vector of the patient, at most 1 long, y down
+  pixelsPerMm: number;
+  /** 0 ... 1: how clearly to draw what is at `p` */
+  clearness(p: Vec3): number;
+}
+
+function line(frame: Frame, from: [number, number], to: [number, number], thick: number, colour: string, dash: number[] = []): void {
+  const { context, ratio } = frame;
+  context.setLineDash(dash.map((d) => d * ratio));
+  context.lineWidth = thick * ratio;
+  context.strokeStyle = colour;
+  context.beginPath();
+  context.moveTo(...from);
+  context.lineTo(...to);
+  context.stroke();
+  context.setLineDash([]);
+}
+
+function ring(frame: Frame, at: [number, number], radius: number, thick: number, colour: string, dash: number[] = []): void {
+  const { context, ratio } = frame;
+  context.setLineDash(dash.map((d) => d * ratio));
+  context.lineWidth = thick * ratio;
+  context.strokeStyle = colour;
+  context.beginPath();
+  context.arc(at[0], at[1], radius, 0, 2 * Math.PI);
+  context.stroke();
+  context.setLineDash([]);
+}
+
+export function drawTrail(frame: Frame, session: Session, projection: Projection): void {
+  const now = session.pose?.time ?? 0;
+  for (let i = 1; i < session.trail.length; i++) {
+    const { p, time } = session.trail[i]!;
+    const strength = 0.75 * (1 - (now - time) / 2) * projection.clearness(p);
+    if (strength <= 0.02) continue;
+    const colour = session.isFresh ? `rgba(79, 216, 238, ${strength})` : `rgba(164, 173, 179, ${strength})`;
+    line(frame, projection.pixel(session.trail[i - 1]!.p), projection.pixel(p), 1.6, colour);
+  }
+}
+
+/** The tool where the surface holds it, the hand's own tip beyond, the line between them and the force. */
+export function drawTool(frame: Frame, session: Session, device: DevicePose, projection: Projection): void {
+  const { context, ratio } = frame;
+  const pose = session.pose!;
+  const shown = session.toolAt(device);
+  const [tool, hand] = [projection.pixel(shown), projection.pixel(device.tip)];
+  const radius = Math.max(5 * ratio, (session.scene?.tool.radius_mm ?? 0) * projection.pixelsPerMm);
+  const colour = session.isFresh ? TOOL : GREY;
+  context.save();
+  context.globalAlpha = 0.35 + 0.65 * projection.clearness(shown);
+
+  // the hand's own place, faint
+  if (Math.hypot(hand[0] - tool[0], hand[1] - tool[1]) > 2 * ratio) {
+    line(frame, tool, hand, 3, "rgba(6, 9, 11, 0.6)");
+    line(frame, tool, hand, 1.2, "rgba(238, 243, 245, 0.75)", [3, 3]);
+    ring(frame, hand, 3.5 * ratio, 3, "rgba(6, 9, 11, 0.6)");
+    ring(frame, hand, 3.5 * ratio, 1.3, "rgba(238, 243, 245, 0.75)");
+  }
+  ring(frame, tool, radius, 4.5, "rgba(6, 9, 11, 0.75)");
+  ring(frame, tool, radius, 2, colour, projection.clearness(shown) < 0.5 ? [4, 3] : []);
+
+  // the force on the hand
+  const force_N = length(device.force);
+  if (force_N > 0.01) {
+    const unit = session.toPatient(pose, scale(device.force, 1 / force_N));
+    const share = Math.min(1, force_N / Math.max(device.forceLimit, 0.1));
+    const [dx, dy] = projection.direction(unit);
+    const long = (16 + 74 * share) * ratio;
+    const tip: [number, number] = [tool[0] + dx * (long + radius), tool[1] + dy * (long + radius)];
+    const from: [number, number] = [tool[0] + dx * radius, tool[1] + dy * radius];
+    const shownLength = Math.hypot(tip[0] - from[0], tip[1] - from[1]);
+    const arrow = session.isFresh ? FORCE : GREY;
+    if (shownLength > 5 * ratio) {
+      const [ux, uy] = [(tip[0] - from[0]) / shownLength, (tip[1] - from[1]) / shownLength];
+      const head = Math.min(10 * ratio, 0.6 * shownLength);
+      for (const [thick, stroke] of [[5.5, "rgba(6, 9, 11, 0.75)"], [2.6, arrow]] as const) {
+        line(frame, from, [tip[0] - ux * head * 0.7, tip[1] - uy * head * 0.7], thick, stroke);
+      }
+      context.beginPath();
+      context.moveTo(...tip);
+      context.lineTo(tip[0] - ux * head - uy * head * 0.5, tip[1] - uy * head + ux * head * 0.5);
+      context.lineTo(tip[0] - ux * head + uy * head * 0.5, tip[1] - uy * head - ux * head * 0.5);
+      context.closePath();
+      context.lineWidth = 2 * ratio;
+      context.strokeStyle = "rgba(6, 9, 11, 0.75)";
+      context.stroke();
+      context.fillStyle = arrow;
+      context.fill();
+    } else {
+      // towards the viewer or away
+      context.beginPath();
+      context.arc(tool[0], tool[1], 2.6 * ratio, 0, 2 * Math.PI);
+      context.fillStyle = arrow;
+      context.fill();
+    }
+    // its number beyond the arrow's tip, or beside a tool whose force is seen end-on; never outside the picture
+    const isLong = shownLength > 5 * ratio;
+    const [wx, wy] = isLong ? [tip[0] + dx * 26 * ratio, tip[1] + dy * 14 * ratio] : [tool[0] + radius + 28 * ratio, tool[1]];
+    const within = (at: number, most: number, margin: number) => Math.min(most - margin * ratio, Math.max(margin * ratio, at));
+    text(frame, `${force_N.toFixed(2)} N`, within(wx, frame.width, 26), within(wy, frame.height, 12), 12, arrow, "center", "middle");
+  }
+  context.restore();
+}
+
+/** A bar of the force against its limit, upper right of the view in which a pointer is the device. */
+export function drawForceBar(frame: Frame, session: Session, device: DevicePose): void {
+  const { context, width, ratio } = frame;
+  const [long, thick] = [96 * ratio, 9 * ratio];
+  const [x, y] = [width - long - 12 * ratio, 36 * ratio];
+  const share = Math.min(1, length(device.force) / Math.max(device.forceLimit, 0.1));
+  context.fillStyle = "rgba(6, 9, 11, 0.8)";
+  context.fillRect(x - 2 * ratio, y - 2 * ratio, long + 4 * ratio, thick + 4 * ratio);
+  context.fillStyle = !session.isFresh ? GREY : share > 0.95 ? "#ff6b5e" : share > 0.7 ? "#ffa94d" : FORCE;
+  context.fillRect(x, y, long * share, thick);
+  text(frame, `${length(device.force).toFixed(2)} of ${device.forceLimit.toFixed(2)} N`, width - 12 * ratio, y + thick + 5 * ratio, 11, "#eef3f5", "right", "top");
+}
+
+export function drawCross(frame: Frame, at: [number, number]): void {
+  const { width, height, ratio } = frame;
+  const gap = 9 * ratio;
+  const colour = "rgba(79, 216, 238, 0.8)";
+  line(frame, [0, at[1]], [at[0] - gap, at[1]], 1, colour);
+  line(frame, [at[0] + gap, at[1]], [width, at[1]], 1, colour);
+  line(frame, [at[0], 0], [at[0], at[1] - gap], 1, colour);
+  line(frame, [at[0], at[1] + gap], [at[0], height], 1, colour);
+}
+
+/** Says so, in the middle, where what is shown is old. */
+export function drawAge(frame: Frame, session: Session): void {
+  if (session.isFresh || !session.pose) return;
+  const { width, height, ratio } = frame;
+  const age = session.age_ms >= 10000 ? `${Math.round(session.age_ms / 1000)} s` : `${(session.age_ms / 1000).toFixed(1)} s`;
+  text(frame, `Data ${age} old`, width / 2, height / 2 - 26 * ratio, 15, "#f5c277", "center", "middle");
+}
+
+/** A cube with the patient's directions on its faces, lower right above the side mark. */
+export function drawCube(frame: Frame, directionOf: (v: Vec3) => Vec3): void {
+  const { context, width, height, ratio } = frame;
+  const half = 17 * ratio;
+  const [cx, cy] = [width - 38 * ratio, height - 62 * ratio];
+  const axes: [Vec3, string][] = [[[1, 0, 0], "L"], [[-1, 0, 0], "R"], [[0, 1, 0], "P"], [[0, -1, 0], "A"], [[0, 0, 1], "S"], [[0, 0, -1], "I"]];
+  for (const [axis, letter] of axes) {
+    const n = directionOf(axis); // right, up, towards the viewer
+    if (n[2] <= 0.02) continue;
+    const [u, v] = axes.map(([a]) => a).filter((a) => a.every((x, i) => x * axis[i]! === 0) && a.some((x) => x > 0)) as [Vec3, Vec3];
+    const at = (su: number, sv: number): [number, number] => {
+      const p = directionOf(add(axis, add(scale(u, su), scale(v, sv))));
+      return [cx + p[0] * half, cy - p[1] * half];
+    };
+    context.beginPath();
+    context.moveTo(...at(-1, -1));
+    context.lineTo(...at(1, -1));
+    context.lineTo(...at(1, 1));
+    context.lineTo(...at(-1, 1));
+    context.closePath();
+    const light = Math.round(38 + 50 * n[2]);
+    context.fillStyle = `rgb(${light}, ${light + 8}, ${light + 14})`;
+    context.fill();
+    context.lineWidth = ratio;
+    context.strokeStyle = "rgba(190, 205, 214, 0.6)";
+    context.stroke();
+    if (n[2] > 0.35) {
+      context.font = `600 ${13 * ratio}px ${FONT}`;
+      context.textAlign = "center";
+      context.textBaseline = "middle";
+      context.fillStyle = "#eef3f5";
+      context.fillText(letter, cx + n[0] * half, cy - n[1] * half);
+    }
+  }
+}
+
+/** What the tool touches, beside it. */
+export function touchedText(session: Session, device: DevicePose): string {
+  const name = device.label > 0 ? session.structureName(device.label) : null;
+  if (name) return readable(name);
+  return device.flags & Flag.outside ? "outside the volume" : "free";
+}

@@ -1,0 +1,64 @@
+// A picture on the page: what is drawn of the volume below, what is drawn over it above, in two canvases of one size.
+
+import type { Frame } from "./overlay.js";
+
+export class Picture {
+  readonly element: HTMLElement;
+  readonly base: CanvasRenderingContext2D;
+  readonly over: CanvasRenderingContext2D;
+  readonly head: HTMLElement;
+  private wanted = { width: 0, height: 0, ratio: 1 };
+
+  constructor(id: string, title: string, about: string) {
+    this.element = document.createElement("section");
+    this.element.className = `picture picture-${id}`;
+    this.element.id = `picture-${id}`;
+    this.element.setAttribute("aria-label", title);
+    this.head = document.createElement("header");
+    const name = document.createElement("h2");
+    name.textContent = title;
+    this.head.append(name);
+    const stack = document.createElement("div");
+    stack.className = "stack";
+    stack.tabIndex = 0;
+    stack.setAttribute("role", "application");
+    stack.setAttribute("aria-label", `${title}. ${about}`);
+    const canvases = [0, 1].map(() => document.createElement("canvas"));
+    stack.append(...canvases);
+    this.element.append(stack, this.head);
+    this.base = canvases[0]!.getContext("2d", { alpha: false, willReadFrequently: false })!;
+    this.over = canvases[1]!.getContext("2d")!;
+    new ResizeObserver(() => this.measure()).observe(stack);
+  }
+
+  get surface(): HTMLElement {
+    return this.element.firstElementChild as HTMLElement;
+  }
+  private measure(): void {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const { clientWidth, clientHeight } = this.surface;
+    this.wanted = { width: Math.round(clientWidth * ratio), height: Math.round(clientHeight * ratio), ratio };
+  }
+
+  /** @returns whether its size is another one than at the last time */
+  fit(): boolean {
+    const { width, height } = this.wanted;
+    if (this.base.canvas.width === width && this.base.canvas.height === height) return false;
+    for (const { canvas } of [this.base, this.over]) {
+      canvas.width = width;
+      canvas.height = height;
+    }
+    return true;
+  }
+  get isShown(): boolean {
+    return this.element.offsetParent !== null && this.base.canvas.width > 0 && this.base.canvas.height > 0;
+  }
+  frame(): Frame {
+    return { context: this.over, width: this.base.canvas.width, height: this.base.canvas.height, ratio: this.wanted.ratio };
+  }
+  /** Canvas pixels of an event. */
+  at(event: MouseEvent): [number, number] {
+    const box = this.surface.getBoundingClientRect();
+    return [(event.clientX - box.left) * this.wanted.ratio, (event.clientY - box.top) * this.wanted.ratio];
+  }
+}

@@ -1,0 +1,326 @@
+// One plane: the oblique section that follows the tip, or an axial, sagittal or coronal one.
+
+import {
+  add, anatomicalPlane, dot, hang, length, normalOf, normalContaining, normalize, orientationLetters, rotate, scale, sub,
+  type Anatomical, type Hanging, type Plane, type Vec3,
+} from "./geometry.js";
+import { drawMeasure, isWhole, type Measure } from "./measure.js";
+import {
+  drawAge, drawCross, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText,
+  type Projection,
+} from "./overlay.js";
+import { Picture } from "./picture.js";
+import type { PointerDevice } from "./pointer.js";
+import type { Session } from "./session.js";
+import type { Slicer } from "./slicer.js";
+
+export type PlaneKind = "oblique" | Anatomical;
+/** What the oblique plane contains besides the tip. */
+export type Along = "tool" | "force" | "fixed";
+const TITLES: Record<PlaneKind, string> = { oblique: "Section", axial: "Axial", sagittal: "Sagittal", coronal: "Coronal" };
+const ABOUT = "Arrow keys: slice, or the tip while touching; plus and minus: zoom; Home: as at the beginning.";
+/** A key moves the tip by so much. */
+const KEY_STEP_MM = 0.5;
+const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
+const SMOOTHING = 0.2; // of the way to where the plane ought to stand, a picture
+/** Of a drag with the window tool: the window's width is doubled by so many pixels. */
+const WINDOW_PIXELS = 200;
+
+export class SectionView {
+  readonly picture: Picture;
+  along: Along = "tool";
+  /** The plane that the oblique one is as close to as what it follows allows. */
+  like: Anatomical = "sagittal";
+  offset_mm = 0; // along the normal, from where it follows
+  mmPerPixel = 0.25; // of the screen
+  pan: [number, number] = [0, 0]; // mm in the picture
+  private normal: Vec3 = [1, 0, 0];
+  private hanging: Hanging | undefined;
+  private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
+  private byKeys = false;
+  private held: Vec3 | null = null; // the point of the plane while the pointer moves the tip
+  private drawn = "";
+  private size = 0; // of the picture's shorter side
+  private readonly pointers = new Map<number, [number, number]>();
+  private measure: Measure | null = null; // being made
+
+  constructor(readonly kind: PlaneKind, private readonly session: Session, private readonly slicer: Slicer,
+              private readonly measures: Measure[], private readonly pointer: PointerDevice) {
+    this.picture = new Picture(kind, TITLES[kind], ABOUT);
+    this.listen();
+  }
+
+  reset(): void {
+    const volumes = this.session.volumes;
+    const { clientWidth, clientHeight } = this.picture.surface;
+    if (volumes && clientWidth > 0) this.mmPerPixel = (0.68 * volumes.size) / Math.min(clientWidth, clientHeight);
+    this.pan = [0, 0];
+    this.offset_mm = 0;
+    this.session.touch();
+  }
+
+  /** As much is seen in a picture of another size. */
+  private keepShown(): void {
+    const { clientWidth, clientHeight } = this.picture.surface;
+    const size = Math.min(clientWidth, clientHeight);
+    if (this.size === 0) this.reset();
+    else this.mmPerPixel *= this.size / size;
+    this.size = size;
+  }
+
+  /** Where the plane stands now: of the patient, in the middle of the picture. */
+  private place(): Plane {
+    const { session, kind } = this;
+    const through = add(this.held ?? session.anchor(), scale(this.normal, this.held ? 0 : this.offset_mm));
+    if (kind !== "oblique") {
+      this.normal = NORMALS[kind];
+      return this.centred(anatomicalPlane(kind, through));
+    }
+    const pose = session.pose;
+    const device = pose?.devices[0];
+    if (pose && device && !this.held && session.isFresh) {
+      const wanted = NORMALS[this.like];
+      const fallback = NORMALS[this.like === "sagittal" ? "coronal" : "sagittal"];
+      let normal: Vec3 | null = null;
+      if (this.along === "fixed") normal = wanted;
+      else if (this.along === "tool") normal = normalContaining(session.toPatient(pose, rotate(device.orientation, [0, 0, 1])), wanted, fallback);
+      else if (length(device.force) > 0.03) normal = normalContaining(session.toPatient(pose, device.force), wanted, fallback);
+      if (normal) {
+        const same = dot(normal, this.normal) < 0 ? scale(normal, -1) : normal;
+        this.normal = normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
+      }
+    }
+    const { plane, hanging } = hang(this.normal, through, this.hanging);
+    this.hanging = hanging;
+    return this.centred(plane);
+  }
+  /** The volume's middle, or what it was panned to, in the middle of the picture. */
+  private centred(plane: Plane): Plane {
+    const middle = this.session.volumes?.centre ?? plane.centre;
+    const n = normalOf(plane);
+    const onPlane = sub(middle, scale(n, dot(sub(middle, plane.centre), n)));
+    return { ...plane, centre: add(onPlane, add(scale(plane.right, this.pan[0]), scale(plane.down, this.pan[1]))) };
+  }
+
+  patientAt([x, y]: [number, number]): Vec3 {
+    const { width, height, ratio } = this.picture.frame();
+    const mm = this.mmPerPixel / ratio;
+    return add(this.plane.centre, add(scale(this.plane.right, (x - width / 2) * mm), scale(this.plane.down, (y - height / 2) * mm)));
+  }
+  pixelOf(p: Vec3): [number, number] {
+    const { width, height, ratio } = this.picture.frame();
+    const d = sub(p, this.plane.centre);
+    const mm = this.mmPerPixel / ratio;
+    return [width / 2 + dot(d, this.plane.right) / mm, height / 2 + dot(d, this.plane.down) / mm];
+  }
+  farness_mm(p: Vec3): number {
+    return Math.abs(dot(sub(p, this.plane.centre), normalOf(this.plane)));
+  }
+  get shownPlane(): Plane {
+    return this.plane;
+  }
+
+  draw(): void {
+    const { session, picture } = this;
+    const resized = picture.fit();
+    if (!picture.isShown || !session.volumes || !session.scene) return;
+    if (resized) this.keepShown();
+    this.plane = this.place();
+    this.keepInView();
+    const frame = picture.frame();
+    const mm = this.mmPerPixel / frame.ratio;
+
+    // the volume, when the picture of it is another one
+    const key = JSON.stringify([this.plane, mm, session.window, session.fill, session.outlines, session.lookVersion,
+      frame.width, frame.height, session.volumes.hash]);
+    if (key !== this.drawn) {
+      this.slicer.draw(picture.base, this.plane, mm, { window: session.storedWindow(), fill: session.fill, outlines: session.outlines });
+      this.drawn = key;
+    }
+
+    frame.context.clearRect(0, 0, frame.width, frame.height);
+    const projection: Projection = {
+      pixel: (p) => this.pixelOf(p),
+      direction: (v) => [dot(v, this.plane.right), dot(v, this.plane.down)],
+      pixelsPerMm: 1 / mm,
+      clearness: (p) => Math.max(0.15, 1 - this.farness_mm(p) / 12),
+    };
+    if (session.cross && !session.follow) drawCross(frame, this.pixelOf(session.cross));
+    const device = session.pose?.devices[0];
+    if (device) {
+      drawTrail(frame, session, projection);
+      drawTool(frame, session, device, projection);
+      if (this.kind === "oblique") {
+        text(frame, touchedText(session, device), 12 * frame.ratio, 40 * frame.ratio, 12, session.isFresh ? "#eef3f5" : "#a4adb3", "left", "top");
+        if (session.scene.device.input === "pointer") drawForceBar(frame, session, device);
+      }
+    }
+    for (const measure of [...this.measures, ...(this.measure ? [this.measure] : [])]) {
+      drawMeasure(frame, measure, (p) => this.pixelOf(p), (p) => this.farness_mm(p));
+    }
+    drawLetters(frame, orientationLetters(this.plane.right, this.plane.down), session.scene.oriented, this.kind === "oblique");
+    drawScale(frame, mm);
+    drawSide(frame, session.scene);
+    drawAge(frame, session);
+  }
+
+  /** A tip that leaves the picture takes the picture with it. */
+  private keepInView(): void {
+    const tip = this.session.pose?.devices[0]?.tip;
+    if (!tip || !this.session.follow || this.session.holding) return;
+    const { width, height, ratio } = this.picture.frame();
+    const [x, y] = this.pixelOf(tip);
+    const over = (at: number, most: number) => (at < 0.08 * most ? at - 0.08 * most : at > 0.92 * most ? at - 0.92 * most : 0);
+    const [dx, dy] = [over(x, width), over(y, height)];
+    if (dx === 0 && dy === 0) return;
+    this.pan = [this.pan[0] + (dx * this.mmPerPixel) / ratio, this.pan[1] + (dy * this.mmPerPixel) / ratio];
+    this.plane = this.centred(this.plane);
+  }
+
+  /** Moves the plane along its normal by so many voxels, or the tip while the pointer holds it. */
+  step(voxels: number): void {
+    const by = scale(normalOf(this.plane), voxels * (this.session.volumes?.voxelSize ?? 1));
+    if (this.held) {
+      this.held = add(this.held, by);
+      this.pointer.move(this.held);
+    } else {
+      // the picture's normal and the stored one may point to opposite sides
+      this.offset_mm += dot(by, this.normal);
+    }
+    this.session.touch();
+  }
+  zoom(factor: number): void {
+    this.mmPerPixel = Math.min(3, Math.max(0.005, this.mmPerPixel / factor));
+    this.session.touch();
+  }
+
+  private listen(): void {
+    const { session, picture } = this;
+    const surface = picture.surface;
+    surface.addEventListener("contextmenu", (event) => event.preventDefault());
+    surface.addEventListener("pointerdown", (event) => {
+      surface.setPointerCapture(event.pointerId);
+      surface.focus({ preventScroll: true });
+      this.pointers.set(event.pointerId, picture.at(event));
+      if (this.pointers.size > 1 || event.button !== 0) return;
+      if (session.tool === "touch" && this.pointer.isTaken) {
+        const p = this.patientAt(picture.at(event));
+        this.held = p;
+        this.pointer.hold(p);
+      } else if (session.tool === "ruler" || session.tool === "angle") {
+        this.addMeasurePoint(this.patientAt(picture.at(event)));
+      }
+    });
+    surface.addEventListener("pointermove", (event) => {
+      const at = picture.at(event);
+      session.pointed = this.patientAt(at);
+      if (event.shiftKey && this.pointers.size === 0) {
+        session.follow = false;
+        session.cross = session.pointed;
+      }
+      const before = this.pointers.get(event.pointerId);
+      if (before) this.drag(event, before, at);
+      else if (this.measure) this.measure.points[this.measure.points.length - 1] = session.pointed;
+      session.touch();
+    });
+    const up = (event: PointerEvent) => {
+      this.pointers.delete(event.pointerId);
+      if (this.held) {
+        this.held = null;
+        this.pointer.release();
+      }
+      const ruler = this.measure;
+      if (ruler && event.type === "pointerup" && ruler.kind === "ruler" && length(sub(ruler.points[1]!, ruler.points[0]!)) > 4 * this.mmPerPixel) this.finishMeasure();
+    };
+    surface.addEventListener("pointerup", up);
+    surface.addEventListener("pointercancel", up);
+    surface.addEventListener("pointerleave", () => {
+      session.pointed = null;
+      session.touch();
+    });
+    surface.addEventListener("dblclick", () => session.tool === "window" && this.reset());
+    surface.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      if (event.ctrlKey) this.zoom(Math.exp(-event.deltaY / 300));
+      else this.step(Math.sign(event.deltaY));
+    }, { passive: false });
+    surface.addEventListener("keydown", (event) => {
+      const actions: Record<string, () => void> = {
+        ArrowUp: () => this.step(-1), ArrowDown: () => this.step(1), PageUp: () => this.step(-10), PageDown: () => this.step(10),
+        "+": () => this.zoom(1.2), "=": () => this.zoom(1.2), "-": () => this.zoom(1 / 1.2), Home: () => this.reset(),
+        Escape: () => this.dropMeasure(),
+      };
+      if (this.moveTipByKey(event.key)) return event.preventDefault();
+      const action = actions[event.key];
+      if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      action();
+    });
+    const letGo = () => {
+      if (!this.byKeys) return;
+      this.byKeys = false;
+      this.held = null;
+      this.pointer.release();
+    };
+    surface.addEventListener("keyup", letGo);
+    surface.addEventListener("blur", letGo);
+  }
+
+  /** While the pointer is the device, the arrow keys are one too; a key that is held holds the tip. */
+  private moveTipByKey(key: string): boolean {
+    const { right, down } = this.plane;
+    const ways: Record<string, Vec3> = {
+      ArrowLeft: scale(right, -1), ArrowRight: right, ArrowUp: scale(down, -1), ArrowDown: down,
+      PageUp: scale(normalOf(this.plane), -1), PageDown: normalOf(this.plane),
+    };
+    const way = ways[key];
+    const tip = this.pointer.position ?? this.session.pose?.devices[0]?.tip;
+    if (!way || !tip || this.session.tool !== "touch" || !this.pointer.isTaken || this.pointers.size > 0) return false;
+    const to = add(this.held ?? tip, scale(way, KEY_STEP_MM));
+    if (!this.byKeys) this.pointer.hold(to);
+    this.byKeys = true;
+    this.held = to;
+    this.pointer.move(to);
+    return true;
+  }
+
+  private drag(event: PointerEvent, before: [number, number], at: [number, number]): void {
+    const { session } = this;
+    const { ratio } = this.picture.frame();
+    const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
+    if (this.pointers.size === 2) {
+      const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
+      const apart = (p: [number, number]) => Math.hypot(p[0] - other[0], p[1] - other[1]);
+      this.zoom(apart(at) / Math.max(1, apart(before)));
+      this.pan = [this.pan[0] - (dx / 2) * this.mmPerPixel, this.pan[1] - (dy / 2) * this.mmPerPixel];
+    } else if (this.held) {
+      this.held = this.patientAt(at);
+      this.pointer.move(this.held);
+    } else if (event.buttons & 2) {
+      this.zoom(Math.exp(-dy / 150));
+    } else if (event.buttons & 4 || session.tool === "pan") {
+      this.pan = [this.pan[0] - dx * this.mmPerPixel, this.pan[1] - dy * this.mmPerPixel];
+    } else if (session.tool === "window") {
+      const width = session.window.width;
+      session.window = { level: session.window.level - (dy * width) / WINDOW_PIXELS, width: Math.max(1e-3, width * Math.exp(dx / WINDOW_PIXELS)) };
+    } else if (this.measure) {
+      this.measure.points[this.measure.points.length - 1] = this.patientAt(at);
+    }
+    this.pointers.set(event.pointerId, at);
+  }
+
+  private addMeasurePoint(p: Vec3): void {
+    if (this.measure && isWhole(this.measure)) return this.finishMeasure();
+    if (this.measure) this.measure.points.push(p);
+    else this.measure = { kind: this.session.tool as "ruler" | "angle", points: [p, p] };
+  }
+  private finishMeasure(): void {
+    this.measures.push(this.measure!);
+    this.measure = null;
+    this.session.touch();
+  }
+  private dropMeasure(): void {
+    this.measure = null;
+    this.session.touch();
+  }
+}

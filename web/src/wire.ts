@@ -1,0 +1,127 @@
+// The binary pose of docs/viewer-protocol.md, decoded. Positions and lengths in mm, forces in N.
+
+import type { Quaternion, Vec3 } from "./geometry.js";
+
+export const PROTOCOL = 1;
+const HEAD_BYTES = 96;
+const DEVICE_BYTES = 104;
+const MOST_DEVICES = 4;
+
+/** palpate::TickFlag, those that the page shows. */
+export const Flag = {
+  clamped: 1 << 0,
+  notFinite: 1 << 1,
+  outside: 1 << 2,
+  paused: 1 << 3,
+  contact: 1 << 4,
+  thermal: 1 << 6,
+  ramp: 1 << 8,
+  stale: 1 << 9,
+  jump: 1 << 10,
+  deviceFault: 1 << 11,
+  halted: 1 << 12,
+  emergencyStop: 1 << 13,
+  clutched: 1 << 14,
+  inside: 1 << 17,
+  wedged: 1 << 18,
+  ruptured: 1 << 19,
+  passivity: 1 << 20,
+} as const;
+
+/** palpate::TickSwitch */
+export const Switch = { friction: 1, viscosity: 2, paused: 4, emergencyStop: 8, passivity: 16 } as const;
+
+export interface DevicePose {
+  tip: Vec3; // patient
+  proxy: Vec3; // patient; the tip by a direct method
+  normal: Vec3; // patient, outward; zero in free space
+  orientation: Quaternion; // tool to World
+  force: Vec3; // World
+  askedForce: number; // before the output stage
+  forceLimit: number;
+  heat: number; // 0 ... 1
+  depth: number; // not a number without a surface in reach
+  speed: number; // mm/s
+  stiffness: number; // N/mm as it is felt; 0 without contact
+  flags: number;
+  buttons: number;
+  label: number; // 0: nothing touched
+}
+
+export interface Pose {
+  sequence: number;
+  tick: number;
+  time: number; // s
+  clock: number; // of the server, s
+  modelVersion: number;
+  method: number;
+  switches: number;
+  rotation: Quaternion; // of the object, about World's origin
+  rate: number; // ticks a second
+  lateness: { p50: number; p99: number; max: number }; // us
+  compute: number; // us
+  skipped: number;
+  dropped: number;
+  stalls: number;
+  devices: DevicePose[];
+}
+
+export class WireError extends Error {}
+
+/** @throws WireError for anything that is not a whole pose of this version */
+export function decodePose(message: ArrayBuffer): Pose {
+  const view = new DataView(message);
+  if (message.byteLength < HEAD_BYTES) throw new WireError(`a pose of ${message.byteLength} bytes`);
+  if (view.getUint32(0, true) !== 0x54504c50) throw new WireError("no pose: it does not begin with PLPT");
+  const version = view.getUint16(4, true);
+  if (version !== PROTOCOL) throw new WireError(`a pose of protocol ${version}; this page speaks ${PROTOCOL}`);
+  const count = view.getUint8(46);
+  const bytes = HEAD_BYTES + count * DEVICE_BYTES;
+  if (count < 1 || count > MOST_DEVICES || view.getUint16(6, true) !== bytes || message.byteLength !== bytes) {
+    throw new WireError(`a pose of ${message.byteLength} bytes for ${count} devices`);
+  }
+  const f32 = (at: number) => view.getFloat32(at, true);
+  const u32 = (at: number) => view.getUint32(at, true);
+  const vec3 = (at: number): Vec3 => [f32(at), f32(at + 4), f32(at + 8)];
+  const quaternion = (at: number): Quaternion => [f32(at), f32(at + 4), f32(at + 8), f32(at + 12)];
+  // 2^53 ticks are 28 000 years at 10 kHz
+  const u64 = (at: number) => Number(view.getBigUint64(at, true));
+
+  const devices: DevicePose[] = [];
+  for (let i = 0; i < count; i++) {
+    const at = HEAD_BYTES + i * DEVICE_BYTES;
+    devices.push({
+      tip: vec3(at),
+      proxy: vec3(at + 12),
+      normal: vec3(at + 24),
+      orientation: quaternion(at + 36),
+      force: vec3(at + 52),
+      askedForce: f32(at + 64),
+      forceLimit: f32(at + 68),
+      heat: f32(at + 72),
+      depth: f32(at + 76),
+      speed: f32(at + 80),
+      stiffness: f32(at + 84),
+      flags: u32(at + 88),
+      buttons: u32(at + 92),
+      label: view.getUint16(at + 96, true),
+    });
+  }
+  return {
+    sequence: u64(8),
+    tick: u64(16),
+    time: view.getFloat64(24, true),
+    clock: u64(32) / 1e9,
+    modelVersion: u32(40),
+    method: view.getUint8(44),
+    switches: view.getUint8(45),
+    rotation: quaternion(48),
+    rate: f32(64),
+    lateness: { p50: f32(68), p99: f32(72), max: f32(76) },
+    compute: f32(80),
+    skipped: u32(84),
+    dropped: u32(88),
+    stalls: u32(92),
+    devices,
+  };
+}

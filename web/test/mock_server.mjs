@@ -1,0 +1,276 @@
+// A stand-in for `palpate explore` that serves the built page, a made-up left knee and a tip that moves, by
+// docs/viewer-protocol.md. For work on the page and for its tests where there is no palpate.
+//
+//   npm run build && npm run mock -- [--port 8480] [--input script|pointer] [--token-file FILE] [--page dist]
+
+import { createHash } from "node:crypto";
+import { readFileSync } from "node:fs";
+import { createServer } from "node:http";
+import { extname, join } from "node:path";
+import { gzipSync } from "node:zlib";
+import { WebSocketServer } from "ws";
+
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname };
+for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
+const tokens = new Map(options["token-file"]
+  ? readFileSync(options["token-file"], "utf8").split("\n").filter(Boolean).map((line) => line.split(" ").reverse()) : []);
+const roleOf = (token) => (tokens.size === 0 ? "control" : tokens.get(token) ?? null);
+
+// a knee of simple shapes, mm about the joint; what comes first wins
+const ellipsoid = (c, r) => (p) => Math.hypot(...p.map((x, i) => (x - c[i]) / r[i])) - 1;
+const cylinder = (c, r, from, to) => (p) =>
+  Math.max(Math.hypot(p[0] - c[0], p[1] - c[1]) / r - 1, (from - p[2]) / r, (p[2] - to) / r);
+const any = (...shapes) => (p) => Math.min(...shapes.map((shape) => shape(p)));
+const ring = (c, r, thick) => (p) => Math.hypot(Math.hypot(p[0] - c[0], p[1] - c[1]) - r, p[2] - c[2]) / thick - 1;
+const femur = any(ellipsoid([17, 4, 16], [16, 22, 16]), ellipsoid([-17, 4, 16], [16, 22, 16]), cylinder([0, 0, 0], 14, 18, 70));
+const tibia = any(ellipsoid([0, 2, -16], [32, 21, 11]), cylinder([0, 0, 0], 13, -70, -16));
+const structures = [
+  { label: 1, name: "femur", colour: [240, 222, 190], tissue: 0, shape: femur },
+  { label: 2, name: "tibia", colour: [226, 204, 160], tissue: 0, shape: tibia },
+  { label: 3, name: "fibula", colour: [205, 176, 130], tissue: 0, shape: cylinder([36, 12, 0], 6, -70, -16) },
+  { label: 4, name: "patella", colour: [250, 235, 205], tissue: 0, shape: ellipsoid([2, -30, 20], [14, 8, 15]) },
+  { label: 5, name: "femoral_cartilage", colour: [96, 178, 214], tissue: 1, shape: any(ellipsoid([17, 4, 16], [18.5, 24.5, 18.5]), ellipsoid([-17, 4, 16], [18.5, 24.5, 18.5])) },
+  { label: 6, name: "lateral_meniscus", colour: [214, 118, 96], tissue: 2, shape: ring([17, 2, -3.5], 12, 3.2) },
+  { label: 7, name: "medial_meniscus", colour: [198, 92, 132], tissue: 2, shape: ring([-17, 2, -3.5], 12, 3.2) },
+  { label: 8, name: "tibial_cartilage", colour: [120, 200, 150], tissue: 1, shape: ellipsoid([0, 2, -15], [33, 22, 12.4]) },
+];
+const dims = [100, 100, 120];
+const X_PatientVoxel = [[1.1, 0, 0, -54], [0, 1.1, 0, -54], [0, 0, 1.1, -65], [0, 0, 0, 1]];
+const labels = new Uint8Array(dims[0] * dims[1] * dims[2]);
+const scan = new Int16Array(labels.length);
+let seed = 20;
+const random = () => (seed = (seed * 1103515245 + 12345) & 0x7fffffff) / 0x7fffffff;
+for (let k = 0, n = 0; k < dims[2]; k++) {
+  for (let j = 0; j < dims[1]; j++) {
+    for (let i = 0; i < dims[0]; i++, n++) {
+      const p = [1.1 * i - 54, 1.1 * j - 54, 1.1 * k - 65];
+      const inside = structures.find((structure) => structure.shape(p) < 0);
+      labels[n] = inside?.label ?? 0;
+      const skin = Math.hypot(p[0] / 52, (p[1] - 2) / 50);
+      const value = inside ? [600, 500, 110][inside.tissue] : skin < 0.82 ? 330 : skin < 1 ? 720 : 12;
+      scan[n] = value + 40 * (random() - 0.5);
+    }
+  }
+}
+const hash = createHash("sha256").update(labels).update(scan).digest("hex").slice(0, 16);
+
+const means = (voxels, shrink, kind) => {
+  if (shrink === 1) return voxels;
+  const [nx, ny, nz] = dims.map((n) => Math.ceil(n / shrink));
+  const out = new voxels.constructor(nx * ny * nz);
+  for (let k = 0, n = 0; k < nz; k++) for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++, n++) {
+    const block = [];
+    for (let c = 0; c < shrink ** 3; c++) {
+      const v = [i * shrink + (c % shrink), j * shrink + (Math.floor(c / shrink) % shrink), k * shrink + Math.floor(c / shrink / shrink)];
+      if (v.every((x, axis) => x < dims[axis])) block.push(voxels[v[0] + dims[0] * (v[1] + dims[1] * v[2])]);
+    }
+    if (kind === "scan") out[n] = Math.round(block.reduce((a, b) => a + b) / block.length);
+    else {
+      const counts = new Map();
+      for (const label of block) counts.set(label, (counts.get(label) ?? 0) + 1);
+      out[n] = [...counts].sort((a, b) => b[1] - a[1] || (a[0] || 1e9) - (b[0] || 1e9))[0][0];
+    }
+  }
+  return out;
+};
+
+const feel = (stiffness_N_per_mm) => ({ stiffness_N_per_mm, static_friction: 0.2, dynamic_friction: 0.15, viscosity_N_s_per_mm: 0.001 });
+const tissues = [
+  { name: "bone", felt: true, colour: [240, 222, 190], opacity: 1, ...feel(1.1), rests_on: [] },
+  { name: "cartilage", felt: true, colour: [96, 178, 214], opacity: 1, ...feel(0.8), rests_on: [0] },
+  { name: "meniscus", felt: true, colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
+];
+const scene = (role) => ({
+  protocol: 1, palpate: "0.0.0-mock", role, side: "left", oriented: true, modality: "mr",
+  volume: { hash, dims, patient_from_voxel: X_PatientVoxel, scan: { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] }, labels: { type: "uint8" } },
+  // supine, seen from the feet: right is the patient's left, forward superior, up anterior
+  world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
+  structures: structures.map(({ shape, ...seen }) => seen),
+  tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
+  tool: { name: "point", radius_mm: 1, points_mm: [[0, 0, 0]] },
+  methods: ["proxy", "trilinear"],
+  device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: true, input: options.input,
+            peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
+  limits: { max_force_N: 1.4, least_max_force_N: 0.1, most_max_force_N: 1.4, stiffness_N_per_mm: [0.001, 10], friction: [0, 2] },
+  rate_hz: 1000,
+});
+const state = {
+  method: "proxy", friction: true, viscosity: true, passivity: true, paused: false, emergency_stop: false, max_force_N: 1.4,
+  rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
+    ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: false, recording: false,
+};
+
+// HTTP
+const types = { ".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml" };
+const server = createServer((request, response) => {
+  const { pathname, searchParams } = new URL(request.url, "http://localhost");
+  const answer = (status, headers, body) => {
+    response.writeHead(status, {
+      "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; media-src blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+      "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cross-Origin-Resource-Policy": "same-origin", ...headers });
+    response.end(request.method === "HEAD" ? undefined : body);
+  };
+  if (pathname === "/" || /^\/assets\/[\w.]+$/.test(pathname)) {
+    try {
+      const file = pathname === "/" ? "index.html" : pathname.slice(1);
+      return answer(200, { "Content-Type": types[extname(file)], "Cache-Control": "no-cache" }, readFileSync(join(options.page, file)));
+    } catch {
+      return answer(404, {}, "");
+    }
+  }
+  const role = roleOf((request.headers.authorization ?? "").replace(/^Bearer /, ""));
+  if (!role) return answer(401, {}, "");
+  if (pathname === "/api/scene") return answer(200, { "Content-Type": "application/json", "Cache-Control": "no-store" }, JSON.stringify(scene(role)));
+  const kind = { [`/api/volume/scan/${hash}`]: "scan", [`/api/volume/labels/${hash}`]: "labels" }[pathname];
+  if (!kind) return answer(404, {}, "");
+  const voxels = means(kind === "scan" ? scan : labels, Number(searchParams.get("shrink") ?? 1), kind);
+  const bytes = Buffer.from(voxels.buffer);
+  const headers = { "Content-Type": "application/octet-stream", "Cache-Control": "private, max-age=31536000, immutable" };
+  return kind === "labels" ? answer(200, { ...headers, "Content-Encoding": "gzip" }, gzipSync(bytes)) : answer(200, headers, bytes);
+});
+
+// the tip: a hand that goes from structure to structure, or the pointer
+const places = [[2, -40, 20], [17, -24, 4], [-17, -22, 2], [30, 8, -8], [-30, 6, -3.5], [0, -14, -40], [42, 12, -40], [5, -16, 55]];
+let tip = [0, -52, 20];
+let before = tip;
+let pointer = null; // the viewer that moves the tip
+let asked_ms = -1e9;
+let felt = [1, 0, 0, 0];
+let tick = 0;
+let sequence = 0;
+const begun = performance.now();
+const sub = (a, b) => a.map((x, i) => x - b[i]);
+const labelAt = (p) => {
+  const v = p.map((x, i) => Math.round((x - X_PatientVoxel[i][3]) / 1.1));
+  return v.every((x, i) => x >= 0 && x < dims[i]) ? labels[v[0] + dims[0] * (v[1] + dims[1] * v[2])] : 0;
+};
+/** The way out that is the shortest of many directions. */
+function surface(p) {
+  let best = null;
+  for (let i = 0; i < 120; i++) {
+    const z = 1 - (2 * i + 1) / 120;
+    const u = [Math.sqrt(1 - z * z) * Math.cos(2.4 * i), Math.sqrt(1 - z * z) * Math.sin(2.4 * i), z];
+    for (let way = 0; way < (best?.way ?? 40); way += 0.2) {
+      const q = p.map((x, c) => x + u[c] * way);
+      if (labelAt(q) === 0) {
+        best = { way, q, u };
+        break;
+      }
+    }
+  }
+  return best;
+}
+function hand(time) {
+  const i = Math.floor(time / 2) % places.length;
+  const share = Math.min(1, (time % 2) / 0.8);
+  const ease = share * share * (3 - 2 * share);
+  const from = places[(i + places.length - 1) % places.length];
+  return from.map((x, c) => x + (places[i][c] - x) * ease + (share === 1 ? 0.4 * Math.sin(7 * time + c) : 0));
+}
+function pose() {
+  const time = (performance.now() - begun) / 1000;
+  tick = Math.round(time * 1000);
+  const stale = options.input === "pointer" && performance.now() - asked_ms > 100;
+  if (options.input === "script") tip = hand(time);
+  felt = felt.map((x, i) => x + 0.3 * (state.rotation_wxyz[i] - x));
+  const norm = Math.hypot(...felt);
+  felt = felt.map((x) => x / norm);
+  const label = labelAt(tip);
+  const out = label ? surface(tip) : null;
+  const tissue = label ? structures[label - 1].tissue : -1;
+  const stiffness = label ? Math.min(state.tissues[tissue].stiffness_N_per_mm, 1.1) : 0;
+  const asked = out ? stiffness * out.way : 0;
+  const limit = state.max_force_N;
+  const off = state.paused || state.emergency_stop || stale;
+  const force = off ? 0 : Math.min(asked, limit);
+  // forces in World: x, superior, anterior, and as the object is turned
+  const [w, x, y, z] = felt;
+  const world = out ? [out.u[0], out.u[2], -out.u[1]].map((c) => c * force) : [0, 0, 0];
+  const t = [y * world[2] - z * world[1], z * world[0] - x * world[2], x * world[1] - y * world[0]].map((c) => 2 * c);
+  const turned = [world[0] + w * t[0] + y * t[2] - z * t[1], world[1] + w * t[1] + z * t[0] - x * t[2], world[2] + w * t[2] + x * t[1] - y * t[0]];
+  const speed = Math.hypot(...sub(tip, before)) * 60;
+  before = tip;
+
+  const bytes = Buffer.alloc(96 + 104);
+  bytes.write("PLPT", 0);
+  bytes.writeUInt16LE(1, 4);
+  bytes.writeUInt16LE(bytes.length, 6);
+  bytes.writeBigUInt64LE(BigInt(++sequence), 8);
+  bytes.writeBigUInt64LE(BigInt(tick), 16);
+  bytes.writeDoubleLE(time, 24);
+  bytes.writeBigUInt64LE(process.hrtime.bigint(), 32);
+  bytes.writeUInt32LE(state.model_version, 40);
+  bytes[44] = state.method === "proxy" ? 5 : 0;
+  bytes[45] = (state.friction ? 1 : 0) | (state.viscosity ? 2 : 0) | (state.paused ? 4 : 0) | (state.emergency_stop ? 8 : 0) | (state.passivity ? 16 : 0);
+  bytes[46] = 1;
+  const floats = (at, values) => values.forEach((value, i) => bytes.writeFloatLE(value, at + 4 * i));
+  floats(48, felt);
+  floats(64, [999.6 + Math.random(), 18 + 3 * Math.random(), 44 + 12 * Math.random(), 190, 0.8]);
+  floats(96, [...tip, ...(out?.q ?? tip), ...(out?.u ?? [0, 0, 0]), 1, 0, 0, 0, ...turned, asked, limit, 0.09, out ? out.way : NaN, speed, off ? 0 : stiffness]);
+  bytes.writeUInt32LE((asked > limit ? 1 : 0) | (state.paused ? 8 : 0) | (label ? 16 : 0) | (stale ? 512 : 0) | (state.emergency_stop ? 8192 : 0), 96 + 88);
+  bytes.writeUInt16LE(label, 96 + 96);
+  return bytes;
+}
+
+// WebSocket
+const sockets = new WebSocketServer({ server, path: "/ws", perMessageDeflate: false, maxPayload: 4096, handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false) });
+const viewers = new Map();
+const tellState = () => {
+  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, viewers: viewers.size, pointer: pointer === socket }));
+};
+function refusal(message, viewer) {
+  if (message.type === "stop") return null;
+  if (viewer.role !== "control") return { what: "This viewer may look, not change.", how: "Ask for a control token." };
+  if (message.max_force_N > 1.4) return { what: "The force limit is above what the scene allows.", where: "max_force_N", how: "Ask for at most 1.4 N." };
+  if (message.type === "tissue" && !(message.stiffness_N_per_mm === undefined || (message.stiffness_N_per_mm >= 0.001 && message.stiffness_N_per_mm <= 10))) {
+    return { what: "That stiffness is out of range.", where: "stiffness_N_per_mm", how: "0.001 to 10 N/mm." };
+  }
+  if (message.type === "pointer" && options.input !== "pointer") return { what: "A simulated hand moves the tip.", where: "take", how: "Start palpate with --input pointer." };
+  return null;
+}
+sockets.on("connection", (socket) => {
+  socket.on("message", (data) => {
+    const message = JSON.parse(data);
+    const viewer = viewers.get(socket);
+    if (message.type === "hello") {
+      const role = roleOf(message.token ?? "");
+      if (!role) return socket.close(4401);
+      viewers.set(socket, { role });
+      socket.send(JSON.stringify({ type: "welcome", role, protocol: 1 }));
+      return tellState();
+    }
+    if (!viewer) return socket.close(1003);
+    if (message.type === "tip") {
+      if (pointer === socket) {
+        tip = message.patient_mm;
+        asked_ms = performance.now();
+      }
+      return undefined;
+    }
+    const { type, id, ...values } = message;
+    const refused = refusal(message, viewer);
+    if (refused) return socket.send(JSON.stringify({ type: "refused", id, ...refused }));
+    if (type === "stop") state.emergency_stop = true;
+    if (type === "rearm") state.emergency_stop = false;
+    if (type === "pointer") pointer = values.take ? socket : null;
+    if (type === "set") Object.assign(state, values);
+    if (type === "tissue") {
+      const { tissue, ...feels } = values;
+      Object.assign(state.tissues[tissue], feels);
+      state.model_version += 1;
+    }
+    socket.send(JSON.stringify({ type: "done", id }));
+    return tellState();
+  });
+  socket.on("close", () => {
+    viewers.delete(socket);
+    if (pointer === socket) pointer = null;
+    tellState();
+  });
+});
+setInterval(() => {
+  const bytes = pose();
+  for (const socket of viewers.keys()) if (socket.bufferedAmount < 1e4) socket.send(bytes);
+}, 1000 / 60);
+
+server.listen(Number(options.port), "127.0.0.1", () => console.log(`http://127.0.0.1:${server.address().port}/`));

@@ -1,0 +1,85 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { decodePose, Flag, WireError } from "../src/wire.js";
+
+/** Every field another value, written by the table of docs/viewer-protocol.md. */
+function written(devices: number): DataView {
+  const bytes = 96 + 104 * devices;
+  const view = new DataView(new ArrayBuffer(bytes));
+  "PLPT".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
+  view.setUint16(4, 1, true);
+  view.setUint16(6, bytes, true);
+  view.setBigUint64(8, 4_294_967_301n, true); // does not fit 32 bits
+  view.setBigUint64(16, 1234n, true);
+  view.setFloat64(24, 56.78, true);
+  view.setBigUint64(32, 9_000_000_000n, true);
+  view.setUint32(40, 7, true);
+  view.setUint8(44, 5);
+  view.setUint8(45, 1 | 16);
+  view.setUint8(46, devices);
+  [0.5, -0.5, 0.5, -0.5, 1000.5, 19, 44, 190, 0.75].forEach((x, i) => view.setFloat32(48 + 4 * i, x, true));
+  [11, 12, 13].forEach((x, i) => view.setUint32(84 + 4 * i, x, true));
+  for (let d = 0; d < devices; d++) {
+    const at = 96 + 104 * d;
+    for (let i = 0; i < 22; i++) view.setFloat32(at + 4 * i, 100 * d + i, true);
+    view.setUint32(at + 88, Flag.contact | Flag.stale, true);
+    view.setUint32(at + 92, 3, true);
+    view.setUint16(at + 96, 60001, true);
+  }
+  return view;
+}
+
+test("a pose is read by the table of the protocol", () => {
+  const pose = decodePose(written(2).buffer as ArrayBuffer);
+  assert.equal(pose.sequence, 4_294_967_301);
+  assert.equal(pose.tick, 1234);
+  assert.equal(pose.time, 56.78);
+  assert.equal(pose.clock, 9);
+  assert.equal(pose.modelVersion, 7);
+  assert.equal(pose.method, 5);
+  assert.equal(pose.switches, 17);
+  assert.deepEqual(pose.rotation, [0.5, -0.5, 0.5, -0.5]);
+  assert.equal(pose.rate, 1000.5);
+  assert.deepEqual(pose.lateness, { p50: 19, p99: 44, max: 190 });
+  assert.equal(pose.compute, 0.75);
+  assert.deepEqual([pose.skipped, pose.dropped, pose.stalls], [11, 12, 13]);
+  assert.equal(pose.devices.length, 2);
+  const { tip, proxy, normal, orientation, force, askedForce, forceLimit, heat, depth, speed, stiffness, flags, buttons, label } = pose.devices[1]!;
+  assert.deepEqual(
+    [...tip, ...proxy, ...normal, ...orientation, ...force, askedForce, forceLimit, heat, depth, speed, stiffness],
+    Array.from({ length: 22 }, (_, i) => 100 + i));
+  assert.equal(flags, Flag.contact | Flag.stale);
+  assert.equal(buttons, 3);
+  assert.equal(label, 60001);
+});
+
+test("whatever is no whole pose is refused", () => {
+  const refused = (change: (view: DataView) => void) => {
+    const view = written(1);
+    change(view);
+    assert.throws(() => decodePose(view.buffer as ArrayBuffer), WireError);
+  };
+  refused((view) => view.setUint8(0, 0x51));
+  refused((view) => view.setUint16(4, 2, true));
+  refused((view) => view.setUint16(6, 199, true));
+  refused((view) => view.setUint8(46, 0));
+  refused((view) => view.setUint8(46, 2));
+  refused((view) => view.setUint8(46, 255));
+  const whole = written(1).buffer as ArrayBuffer;
+  for (let bytes = 0; bytes < whole.byteLength; bytes++) assert.throws(() => decodePose(whole.slice(0, bytes)), WireError);
+});
+
+test("random bytes never do anything else than to be refused", () => {
+  let seed = Date.now() & 0x7fffffff;
+  const began = seed;
+  const random = () => (seed = (seed * 1103515245 + 12345) & 0x7fffffff);
+  for (let i = 0; i < 20000; i++) {
+    const view = written(1);
+    for (let flips = 0; flips < 1 + (i % 5); flips++) view.setUint8(random() % view.byteLength, random() & 0xff);
+    try {
+      decodePose(view.buffer as ArrayBuffer);
+    } catch (error) {
+      assert.ok(error instanceof WireError, `seed ${began}: ${error}`);
+    }
+  }
+});
