@@ -424,7 +424,7 @@ class WithPointer(Viewer):
         point = self.page.run("return palpateViewer.patientAt('coronal', arguments[0], arguments[1])", x - x0, y - y0)
         for kind in ("axial", "sagittal", "coronal"):
             self.assertLess(self.page.run("return palpateViewer.pixelOf(arguments[0], arguments[1]).off_mm", kind, point), 0.05)
-        self.assertEqual(self.page.run("return document.getElementById('follow').getAttribute('aria-pressed')"), "false")
+        self.page.wait("document.getElementById('follow').getAttribute('aria-pressed') === 'false'")
 
     def test_dragging_changes_the_window_and_the_wheel_the_slice(self):
         self.page.click("[data-tool=window]")
