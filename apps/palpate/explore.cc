@@ -1,12 +1,15 @@
 #include "palpate/explore.h"
 
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <deque>
 #include <memory>
+#include <mutex>
 #include <optional>
 
 #include "inputs.h"
@@ -52,11 +55,40 @@ Result<void> check(const Options& options) {
 }
 
 // the port that was asked for; without one the usual one, or one of those after it
-Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const Options& options, Console& console) {
+/// Faults of viewers, on their way from the server's thread to the terminal. A terminal that is held (Ctrl-S)
+/// or a full pipe must hold neither the server nor who looks for keys.
+class FaultLines {
+ public:
+  void put(const std::string& line) {
+    const std::lock_guard lock(mutex_);
+    if (lines_.size() < kMost) lines_.push_back(line);
+  }
+  /// One at most: what a terminal takes without waiting is not known to be more.
+  void show_next(Console& console) {
+    pollfd terminal{STDERR_FILENO, POLLOUT, 0};
+    if (::poll(&terminal, 1, 0) != 1) return;
+    std::string line;
+    {
+      const std::lock_guard lock(mutex_);
+      if (lines_.empty()) return;
+      line = std::move(lines_.front());
+      lines_.pop_front();
+    }
+    console.note(line);
+  }
+
+ private:
+  static constexpr std::size_t kMost = 100;
+  std::mutex mutex_;
+  std::deque<std::string> lines_;
+};
+
+Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const Options& options, Console& console,
+                                            FaultLines& faults) {
   constexpr int kTries = 20;
   ViewerServerOptions settings = options.viewers;
   settings.port = options.port.value_or(kViewerPort);
-  settings.log = [&console](const std::string& fault) { console.note("viewer: " + fault); };
+  settings.log = [&faults](const std::string& fault) { faults.put(fault); };
   auto server = ViewerServer::start(host, settings);
   if (options.port) return server;
   for (int tries = 1; tries < kTries && !server && server.error().kind == ErrorKind::kUnavailable; ++tries) {
@@ -71,17 +103,18 @@ Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const Options& opt
 
 // @param address  becomes that of the page
 std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const Options& options, Console& console,
+                                                                     FaultLines& faults,
                                                                      std::string& address) {
   if (options.no_viewer) return {};
   return [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
-    auto server = serve(host, options, console);
+    auto server = serve(host, options, console, faults);
     if (!server) return server.error();
     address = (*server)->url();
     return std::shared_ptr<void>(*std::move(server));
   };
 }
 
-ExploreOptions session_of(const Options& options, Keys& keys) {
+ExploreOptions session_of(const Options& options, Keys& keys, FaultLines& faults, Console& console) {
   ExploreOptions session;
   session.device = options.pointer ? ExploreDevice::kPointer : ExploreDevice::kSimulated;
   session.run = {options.max_force_N, options.seed, options.rate_hz, options.method};
@@ -90,7 +123,8 @@ ExploreOptions session_of(const Options& options, Keys& keys) {
   session.loop.cpu = options.cpu;
   session.seconds = options.seconds;
   session.repeat = options.repeat;
-  session.request = [&keys] {
+  session.request = [&keys, &faults, &console] {
+    faults.show_next(console);
     switch (keys.next().value_or('\0')) {
       case ' ':
         return ExploreRequest::kEmergencyStop;
@@ -265,8 +299,9 @@ int explore_target(const Options& options, Console& console) {
   std::signal(SIGTSTP, SIG_IGN);
   std::optional<Keys> keys(std::in_place);
   std::string address;
-  ExploreOptions session = session_of(options, *keys);
-  session.viewers = viewers_of(options, console, address);
+  FaultLines faults;
+  ExploreOptions session = session_of(options, *keys, faults, console);
+  session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
                               status_for(options, address, console));
   keys.reset();

@@ -23,6 +23,15 @@ constexpr auto kTakenWithin = std::chrono::seconds(10);
 constexpr auto kMadeWithin = std::chrono::seconds(60);
 constexpr auto kLingers = std::chrono::seconds(1);
 
+// as a viewer writes it: an IPv4 address that came by an IPv6 socket is itself, and a scope is our own affair
+std::string as_asked_for(const boost::asio::ip::address& address) {
+  if (!address.is_v6()) return address.to_string();
+  boost::asio::ip::address_v6 v6 = address.to_v6();
+  if (v6.is_v4_mapped()) return boost::asio::ip::make_address_v4(boost::asio::ip::v4_mapped, v6).to_string();
+  v6.scope_id(0);
+  return v6.to_string();
+}
+
 std::string_view view(beast::string_view text) {
   return {text.data(), text.size()};
 }
@@ -37,7 +46,7 @@ Connection::Connection(std::unique_ptr<Stream> stream, Hub& hub)
       close_by_(since_ + kFirstHeadWithin) {
   ErrorCode failed;
   const auto local = stream_->socket().local_endpoint(failed);
-  if (!failed) local_address_ = local.address().to_string();
+  if (!failed) local_address_ = as_asked_for(local.address());
 }
 
 void Connection::begin() {

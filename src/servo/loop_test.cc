@@ -243,8 +243,8 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
     ASSERT_GE(records[n].model_version, version) << "versions only go forward";
     version = records[n].model_version;
     if (!undisturbed(records[n - 1], records[n])) continue;
-    // a step of half the force over the blend, 1.5 times as steep in its middle, or the ramps
-    ASSERT_LE(std::abs(forces_N[n] - forces_N[n - 1]), 20 * records[n].dt_s * 2) << n;
+    // a step of what is asked, some 3.2 N, over the blend, 1.5 times as steep at its beginning, or the ramps
+    ASSERT_LE(std::abs(forces_N[n] - forces_N[n - 1]), 50 * records[n].dt_s) << n;
   }
   EXPECT_EQ(version, 20u);
 }

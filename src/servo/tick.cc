@@ -72,15 +72,18 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
     hand.asked = hand.difference = {};
     return asked;
   }
-  hand.blend_elapsed_s = std::min(kBlend_s, hand.blend_elapsed_s + dt_s);
   if (changed) {
     hand.difference = {hand.asked.force_N - asked.force_N, hand.asked.torque_Nmm - asked.torque_Nmm};
     hand.blend_elapsed_s = 0;
   }
+  // It falls from the first tick on: changes that come faster than they are blended make the force lag, and
+  // never hold it. A tick that comes late does not end it at once.
+  const double on_s = changed ? std::min(dt_s, 0.1 * kBlend_s) : dt_s;
+  hand.blend_elapsed_s = std::min(kBlend_s, hand.blend_elapsed_s + on_s);
   hand.asked = asked;
   if (hand.blend_elapsed_s >= kBlend_s) return asked;
-  const double u = hand.blend_elapsed_s / kBlend_s;
-  const double left = (1 - u) * (1 - u) * (1 + 2 * u);  // 1 to 0 with level ends
+  const double rest = 1 - hand.blend_elapsed_s / kBlend_s;
+  const double left = rest * std::sqrt(rest);  // 1 to 0 with a level end
   hand.asked.force_N += hand.difference.force_N * left;
   hand.asked.torque_Nmm += hand.difference.torque_Nmm * left;
   return hand.asked;

@@ -64,10 +64,12 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate) 
 
 void grant(ExploreRequest request, const Session& session) {
   const TickRecord latest = session.loop.snapshot();
-  if (request == ExploreRequest::kEmergencyStop && (latest.switches & kSwitchEmergencyStop))
+  const bool stopped =
+      (latest.switches & kSwitchEmergencyStop) != 0 && !session.viewed.just_stopped_from_afar();
+  if (request == ExploreRequest::kEmergencyStop && stopped)
     session.viewed.rearm_here();
   else if (request == ExploreRequest::kEmergencyStop)
-    session.viewed.emergency_stop();
+    session.viewed.stop_here();
   else if (request == ExploreRequest::kPause)
     session.loop.change([](Parameters& parameters) { parameters.paused = !parameters.paused; });
   else if (request == ExploreRequest::kNextMethod)
@@ -190,12 +192,19 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
                                   [&watch](const TickRecord& record) { watch.see(record); });
   if (!recorder) return recorder.error();
 
+  // however this ends, nobody looks at the loop or the watch when they are gone
+  struct EndOfViewing {
+    std::shared_ptr<void>& viewers;
+    ViewedSession& viewed;
+    TipSource& tip;
+    ~EndOfViewing() {
+      viewers.reset();
+      viewed.end();
+      tip.end();
+    }
+  } const end_of_viewing{viewers, viewed, **tip};
   viewed.begin(**loop, watch);
-  if (auto begun = (*tip)->begin(**loop); !begun) {
-    viewers.reset();
-    viewed.end();
-    return begun.error();
-  }
+  if (auto begun = (*tip)->begin(**loop); !begun) return begun.error();
   const Session session{model, **loop, **recorder, **tip, watch, viewed};
   ExploreResult result;
   result.trouble = setup->trouble;

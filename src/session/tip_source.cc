@@ -24,7 +24,9 @@ class ScriptSource final : public TipSource {
   }
   bool done() const override { return hand_->done(); }
   double progress() const override { return hand_->progress(); }
-  void end() override { hand_->end(); }
+  void end() override {
+    if (hand_) hand_->end();
+  }
   std::vector<std::string> trouble() const override { return hand_->trouble(); }
 
  private:

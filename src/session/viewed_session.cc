@@ -21,6 +21,12 @@ constexpr double kLeastMaxForce_N = 0.1, kMostMaxForce_N = 40;
 // viewers ask with every pose; the figures are of a second
 constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
 constexpr int kLowestPriority = 19;
+// what a recording holds at most (docs/recording.md)
+constexpr std::size_t kMostChanges = 100'000;
+// two people who stop within that time mean one stop
+constexpr auto kOneStop = std::chrono::seconds(1);
+// from the volume's centre
+constexpr double kFarthestTip_mm = 2000;
 // no unit of a scan but the Hounsfield has values as low: air is -1000
 constexpr float kOnlyHounsfield = -500;
 
@@ -273,6 +279,22 @@ bool ViewedSession::can_feel(ForceMethod method) const {
          (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
 }
 
+// what may make a hand feel more is for those who stand at the device
+Result<void> ViewedSession::check_from_afar(const SettingsRequest& request, const Parameters& now) const {
+  if (!physical()) return {};
+  const auto here = [](std::string what, const char* where) {
+    return refused(std::move(what) + " from afar while a device may push", where, "do it where palpate runs");
+  };
+  if (request.max_force_N && *request.max_force_N > now.max_force_N)
+    return here("the limit of the force is not raised", "max_force_N");
+  if (now.paused && request.paused == false) return here("a pause is not ended", "paused");
+  if (now.passivity && request.passivity == false)
+    return here("the passivity controller is not switched off", "passivity");
+  if (!now.friction && request.friction == true) return here("friction is not switched on", "friction");
+  if (!now.viscosity && request.viscosity == true) return here("viscosity is not switched on", "viscosity");
+  return {};
+}
+
 Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& now) const {
   if (request.method) {
     const auto method = find_force_method(*request.method);
@@ -290,16 +312,13 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
       return bad("a limit of " + number_text(asked_N) + " N is outside " + number_text(kLeastMaxForce_N) +
                      " ... " + number_text(most_force_N()) + " N",
                  "max_force_N", "the device and the scene allow no more");
-    if (physical() && asked_N > now.max_force_N)
-      return refused("the limit of the force is not raised from afar while a device may push", "max_force_N",
-                     "start palpate at the device with --max-force");
   }
   if (request.rotation_wxyz) {
     const double norm = quaternion(*request.rotation_wxyz).norm();
     if (!(norm > 0.5 && norm < 2))
       return bad("the rotation is no unit quaternion", "rotation_wxyz", "send w, x, y, z of length 1");
   }
-  return {};
+  return check_from_afar(request, now);
 }
 
 Result<void> ViewedSession::set(const SettingsRequest& request) {
@@ -347,6 +366,15 @@ Result<void> ViewedSession::set(const TissueRequest& request) {
   change.dynamic_friction = request.dynamic_friction.value_or(before.dynamic_friction);
   change.viscosity_N_s_per_mm = request.viscosity_N_s_per_mm.value_or(before.viscosity_N_s_per_mm);
   if (change == before) return {};
+  const bool more = change.static_friction > before.static_friction ||
+                    change.dynamic_friction > before.dynamic_friction ||
+                    change.viscosity_N_s_per_mm > before.viscosity_N_s_per_mm;
+  if (physical() && more)
+    return refused("friction and viscosity are not raised from afar while a device may push", "tissue",
+                   "change the scene and start palpate at the device");
+  if (changes_.size() >= kMostChanges)
+    return refused("a session takes no more than " + std::to_string(kMostChanges) + " changes of tissues",
+                   "tissue", "begin another session");
 
   auto next = changed_model(*model_.felt, *model_.made, change);
   if (!next) {
@@ -365,8 +393,19 @@ Result<void> ViewedSession::set(const TissueRequest& request) {
 }
 
 void ViewedSession::emergency_stop() {
+  stop_here();
+  stopped_from_afar_.store(std::chrono::steady_clock::now());
+}
+
+void ViewedSession::stop_here() {
+  // a stop and a rearm at once: whichever is last holds, for the loop and for what viewers are told
+  const std::lock_guard lock(stop_mutex_);
   stopped_.store(true);
   if (ServoLoop* loop = loop_.load()) loop->emergency_stop();
+}
+
+bool ViewedSession::just_stopped_from_afar() const {
+  return std::chrono::steady_clock::now() - stopped_from_afar_.load() < kOneStop;
 }
 
 Result<void> ViewedSession::rearm() {
@@ -379,6 +418,7 @@ Result<void> ViewedSession::rearm() {
 }
 
 void ViewedSession::rearm_here() {
+  const std::lock_guard lock(stop_mutex_);
   stopped_.store(false);
   if (ServoLoop* loop = loop_.load()) loop->rearm();
 }
@@ -478,7 +518,8 @@ void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
                                      Vector<World>());
   const Point<World> tip = turn * (parts_.model->X_WorldPatient *
                                    Point<Patient>(tip_patient_mm[0], tip_patient_mm[1], tip_patient_mm[2]));
-  if (!tip.all_finite()) return;
+  // World's origin is the volume's centre; no number fails this, either
+  if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
   parts_.pointer->move(WorkspaceMapping(parts_.devices.front(), parts_.workspace).to_device(tip));
 }
 

@@ -61,7 +61,10 @@ class ViewedSession final : public ViewerHost {
   void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
 
   // ---- keys, at the device itself
+  void stop_here();
   void rearm_here();
+  /// A viewer has stopped so lately that a stop here means the same.
+  bool just_stopped_from_afar() const;
   void next_method();
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
   void follow_script();
@@ -76,6 +79,7 @@ class ViewedSession final : public ViewerHost {
   double most_force_N() const;
   bool can_feel(ForceMethod method) const;
   Result<void> check(const SettingsRequest& request, const Parameters& now) const;
+  Result<void> check_from_afar(const SettingsRequest& request, const Parameters& now) const;
   Result<void> choose(ForceMethod method, ServoLoop& loop);
   void make_fields();
   Result<void> check_stiffness_change(double from_N_per_mm, double to_N_per_mm, ForceMethod method) const;
@@ -87,7 +91,9 @@ class ViewedSession final : public ViewerHost {
 
   std::atomic<ServoLoop*> loop_{nullptr};
   const ExploreWatch* watch_ = nullptr;  // set before loop_
+  std::mutex stop_mutex_;                // of a stop or a rearm as a whole
   std::atomic<bool> stopped_{false}, pointer_taken_{false};
+  std::atomic<std::chrono::steady_clock::time_point> stopped_from_afar_{};  // never: when the clock began
 
   mutable std::mutex mutex_;  // of what follows
   ModelVersions model_;

@@ -423,7 +423,28 @@ TEST_F(Viewed, NobodyRaisesAnythingFromAfarWhileADeviceMayPush) {
   EXPECT_EQ(error_of(tissue).kind, ErrorKind::kUsage);
   EXPECT_EQ(viewed_->state().tissues[0].stiffness_N_per_mm, 1.0);
 
+  // nor is anything else that makes a hand feel more; less of it is granted
+  TissueRequest rougher;
+  rougher.tissue = kBoneTissue;
+  rougher.static_friction = 1.5;
+  EXPECT_EQ(error_of(rougher).kind, ErrorKind::kUsage);
+  const auto one = [](std::optional<bool> SettingsRequest::*what, bool value) {
+    SettingsRequest request;
+    request.*what = value;
+    return request;
+  };
+  using S = SettingsRequest;
+  for (const auto what : {&S::friction, &S::viscosity}) {
+    EXPECT_EQ(error_of(one(what, false)).what, "no error");
+    EXPECT_EQ(error_of(one(what, true)).kind, ErrorKind::kUsage);
+  }
+  EXPECT_EQ(error_of(one(&S::passivity, true)).what, "no error");
+  EXPECT_EQ(error_of(one(&S::passivity, false)).where, "passivity");
+  EXPECT_EQ(error_of(one(&S::paused, true)).what, "no error");
+  EXPECT_EQ(error_of(one(&S::paused, false)).where, "paused");
+
   viewed_->emergency_stop();
+  EXPECT_TRUE(viewed_->just_stopped_from_afar());
   EXPECT_TRUE(viewed_->state().emergency_stop);
   EXPECT_FALSE(viewed_->state().armed);
   ASSERT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) != 0; }));
