@@ -89,6 +89,7 @@ class Privacy(cli.PalpateTest):
         self.succeed("report", out / "run.h5", scene, "-o", out / "run.html", env=environment)
         self.succeed("replay", out / "run.h5", scene, env=environment)
         self.succeed("forces", scene, "-o", out / "forces.svg", env=environment)
+        self.succeed("section", scene, "-o", out / "section.png", env=environment)
 
         outputs = [p for folder in (out, home) for p in folder.rglob("*") if p.is_file()]
         self.assertGreaterEqual(len(outputs), 5)
