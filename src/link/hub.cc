@@ -13,6 +13,7 @@
 namespace palpate::link {
 namespace {
 
+constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
 constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
 constexpr auto kPosePeriod =
@@ -81,6 +82,16 @@ bool Hub::room_for_connection() {
   if (!oldest) return false;
   log_.say("", "too many connections, a silent one is closed");
   oldest->close();
+  return true;
+}
+
+bool Hub::room_for_viewer() {
+  if (viewers_.size() < kMostViewers) return true;
+  std::shared_ptr<Viewer> oldest;
+  for (const auto& viewer : viewers_)
+    if (viewer->is_silent() && (!oldest || viewer->hello_by() < oldest->hello_by())) oldest = viewer;
+  if (!oldest) return false;
+  oldest->end(kTryAgainLater, "too many viewers, a silent one is closed");
   return true;
 }
 

@@ -46,7 +46,9 @@ class Hub {
   void remove(const std::shared_ptr<Connection>& connection);
   void add(std::shared_ptr<Viewer> viewer);
   void remove(const std::shared_ptr<Viewer>& viewer);
-  bool room_for_viewer() const { return viewers_.size() < kMostViewers; }
+  /// Where all places are taken, one who has not said hello for the longest time loses his: nobody without a
+  /// token keeps out those who have one.
+  bool room_for_viewer();
   /// Makes room for a connection at the cost of one that has said nothing for the longest time; false where
   /// there is none.
   bool room_for_connection();

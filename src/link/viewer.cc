@@ -89,7 +89,7 @@ void Viewer::read() {
     if (self->socket_.got_binary())
       self->end(websocket::close_code::unknown_data, "a binary message");
     else if (!self->too_many())
-      self->take(text);
+      self->take_whole(text);
     self->read();
   });
 }
@@ -98,6 +98,11 @@ bool Viewer::too_many() {
   if (messages_.take(Clock::now())) return false;
   end(websocket::close_code::policy_error, "too many messages");
   return true;
+}
+
+// no error of ours leaves a viewer that is never heard again
+void Viewer::take_whole(std::string_view text) try { take(text); } catch (const std::exception&) {
+  end(websocket::close_code::internal_error, "an error of the server's own");
 }
 
 void Viewer::take(std::string_view text) {

@@ -45,10 +45,14 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void end(std::uint16_t code, std::string_view fault);
 
   bool welcomed() const { return welcomed_; }
+  /// Has not said hello, and still may.
+  bool is_silent() const { return !welcomed_ && !ending_ && !gone_; }
+  Clock::time_point hello_by() const { return hello_by_; }
   Role role() const { return role_; }
 
  private:
   void read();
+  void take_whole(std::string_view text);
   void take(std::string_view text);
   void greet(const Hello& hello);
   void say(std::string text);

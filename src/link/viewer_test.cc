@@ -300,12 +300,26 @@ TEST(Viewer, AtMostSixtyFour) {
   for (int n = 0; n < 64; ++n) {
     viewers.push_back(std::make_unique<TestViewer>(test.port()));
     ASSERT_EQ(viewers.back()->opening().status, 101) << n;
+    ASSERT_EQ(viewers.back()->greet()["type"], "welcome") << n;
   }
   EXPECT_EQ(TestViewer(test.port()).opening().status, 503);
   // the page is still served, and one that goes makes room
   EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
   viewers.pop_back();
   EXPECT_TRUE(comes_true([&] { return TestViewer(test.port()).opening().status == 101; }));
+}
+
+TEST(Viewer, WhoSaysNothingKeepsNobodyOut) {
+  TestServer test;
+  std::vector<std::unique_ptr<TestViewer>> silent;
+  for (int n = 0; n < 64; ++n) {
+    silent.push_back(std::make_unique<TestViewer>(test.port()));
+    ASSERT_EQ(silent.back()->opening().status, 101) << n;
+  }
+  TestViewer viewer(test.port());
+  ASSERT_EQ(viewer.opening().status, 101);
+  EXPECT_EQ(viewer.greet()["type"], "welcome");
+  EXPECT_EQ(silent.front()->close_code(), 1013) << "the first of them";
 }
 
 }  // namespace
