@@ -53,7 +53,8 @@ class Failures(cli.PalpateTest):
             "simulate": ["simulate", self.scene, "--script", self.script, "-o", pathlib.Path(f"{output}.h5")],
             "report": ["report", self.recording, self.scene, "-o", pathlib.Path(f"{output}.html")],
             "forces": ["forces", self.scene, "-o", pathlib.Path(f"{output}.svg")],
-            "verify": ["verify", "stability", "--json", pathlib.Path(f"{output}.json")],
+            "verify": ["verify", "latency", "--seconds", "0.05", "--rate", "1000", "--scene", self.scene, "--json",
+                       pathlib.Path(f"{output}.json")],
         }
 
     def test_missing_files(self):
