@@ -12,6 +12,7 @@
 #include "base/hash.h"
 #include "palpate/rendering.h"
 #include "palpate/scene.h"
+#include "recording/header_fields.h"
 
 namespace palpate {
 namespace {
@@ -21,8 +22,6 @@ constexpr double kLeastMaxForce_N = 0.1, kMostMaxForce_N = 40;
 // viewers ask with every pose; the figures are of a second
 constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
 constexpr int kLowestPriority = 19;
-// what a recording holds at most (docs/recording.md)
-constexpr std::size_t kMostChanges = 100'000;
 // two people who stop within that time mean one stop
 constexpr auto kOneStop = std::chrono::seconds(1);
 // from the volume's centre
@@ -372,9 +371,10 @@ Result<void> ViewedSession::set(const TissueRequest& request) {
   if (physical() && more)
     return refused("friction and viscosity are not raised from afar while a device may push", "tissue",
                    "change the scene and start palpate at the device");
-  if (changes_.size() >= kMostChanges)
-    return refused("a session takes no more than " + std::to_string(kMostChanges) + " changes of tissues",
-                   "tissue", "begin another session");
+  if (changes_.size() >= internal::kMaxChanges)
+    return refused(
+        "a session takes no more than " + std::to_string(internal::kMaxChanges) + " changes of tissues",
+        "tissue", "begin another session");
 
   auto next = changed_model(*model_.felt, *model_.made, change);
   if (!next) {
