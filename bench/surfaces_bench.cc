@@ -22,7 +22,7 @@ constexpr std::size_t kStructures = 8;
 constexpr int kDirty = 32;
 
 struct Options {
-  int rounds = 9, threads = 0;
+  int rounds = 41, threads = 0;
   std::string labels, json;
 };
 

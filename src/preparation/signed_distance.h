@@ -15,7 +15,7 @@ namespace palpate::internal {
 /// random its zero is the plane; what it says some voxels away is up to half a voxel too far where the
 /// surface is parallel to a plane of voxels, and right elsewhere.
 ///
-/// Separable: the least of squares along i, then j, then k, each over the voxels within reach. For a reach of
+/// Separable: the least of squares along k, then j, then i, each over the voxels within reach. For a reach of
 /// some ten voxels that is faster in vectors than lower envelopes of parabolas (Felzenszwalb and
 /// Huttenlocher, Distance transforms of sampled functions, Theory of Computing 8, 2012), with the same
 /// result.

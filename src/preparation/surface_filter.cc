@@ -146,14 +146,14 @@ void filter_block(const Block<float>& in, const BlockKernel& kernel, RowOperatio
                   Block<float>& out) {
   const Index3 reach = kernel.reach();
   const EvenRows even_in(in);
-  Block<float> along_i(out.span().grown({0, reach[1], reach[2]}));
-  EvenRows even_i(along_i.span());
-  filter_axis(in, even_in, 0, kernel.axis[0], operation, along_i, even_i);
-  Block<float> along_j(out.span().grown({0, 0, reach[2]}));
+  Block<float> along_k(out.span().grown({reach[0], reach[1], 0}));
+  EvenRows even_k(along_k.span());
+  filter_axis(in, even_in, 2, kernel.axis[2], operation, along_k, even_k);
+  Block<float> along_j(out.span().grown({reach[0], 0, 0}));
   EvenRows even_j(along_j.span());
-  filter_axis(along_i, even_i, 1, kernel.axis[1], operation, along_j, even_j);
-  EvenRows even_k(out.span());
-  filter_axis(along_j, even_j, 2, kernel.axis[2], operation, out, even_k);
+  filter_axis(along_k, even_k, 1, kernel.axis[1], operation, along_j, even_j);
+  EvenRows even_i(out.span());
+  filter_axis(along_j, even_j, 0, kernel.axis[0], operation, out, even_i);
 }
 
 void filter_block(const Block<float>& in, const BlockKernel& kernel, Block<float>& out) {

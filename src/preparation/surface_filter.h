@@ -21,9 +21,10 @@ BlockKernel quadratic_block_kernel(const Eigen::Vector3d& spacing_mm, double sig
 /// How rows become one: sum_rows for a convolution, least_of_rows for what is least.
 using RowOperation = void (*)(const WeightedRows<float>& rows, std::size_t length, float* out);
 
-/// The operation along i, then j, then k. `in` covers `out` and the kernel's reach around it. Where all rows
-/// that an output row needs hold one value each it is computed once and not for every voxel: most of the
-/// surroundings of a structure are like that. A voxel's bits depend on its neighbourhood alone, and not on
+/// The operation along k, then j, then i: of the slices that are only there for their neighbours none is left
+/// after the first. `in` covers `out` and the kernel's reach around it. Where all rows that an output row
+/// needs hold one value each it is computed once and not for every voxel: most of the surroundings of a
+/// structure are like that. A voxel's bits depend on its neighbourhood alone, and not on
 /// where the blocks begin and end.
 void filter_block(const Block<float>& in, const BlockKernel& kernel, RowOperation operation,
                   Block<float>& out);

@@ -1,5 +1,6 @@
 #include "preparation/surface_stages.h"
 
+#include <algorithm>
 #include <cmath>
 #include <new>
 
@@ -98,6 +99,8 @@ Block<std::uint8_t> mask_of(const Volume<LabelId>& labels, LabelId label,
 }
 
 constexpr Index3 kEvery{1, 1, 1};
+// of bounding a voxel's slope, measured as a part of filtering one
+constexpr double kSlopeCost = 0.15;
 
 }  // namespace
 
@@ -133,38 +136,62 @@ Index3 SurfacePlan::margin(const GridGeometry& labels, const SurfaceOptions& opt
 
 namespace {
 
-/// Slabs of a stage, as many as make one of the largest stage a worker unless they have a thickness.
-int slab_thickness(const SurfaceStage& stage, std::size_t largest, int workers, int thickness) {
-  if (thickness > 0) return thickness;
-  const double share = static_cast<double>(stage.part.count()) / static_cast<double>(largest);
-  const int slabs = std::max(1, static_cast<int>(std::lround(share * workers)));
-  return (stage.part.size(2) + slabs - 1) / slabs;
+/// How many slabs each stage is cut into when the one that costs most is cut into `most`.
+std::vector<int> slab_counts(std::span<const SurfaceStage> stages, int most) {
+  double largest = 0;
+  for (const SurfaceStage& stage : stages) largest = std::max(largest, stage.total_cost());
+  std::vector<int> counts;
+  for (const SurfaceStage& stage : stages) {
+    const auto share = static_cast<int>(std::lround(most * stage.total_cost() / largest));
+    counts.push_back(std::clamp(share, 1, std::max(1, stage.part.size(2))));
+  }
+  return counts;
+}
+
+/// When the last worker ends, if each takes the next slab as soon as it has none.
+double end_of(std::span<const SurfaceStage> stages, const std::vector<int>& counts, int workers) {
+  std::vector<double> busy(static_cast<std::size_t>(workers), 0.0);
+  for (std::size_t n = 0; n < stages.size(); ++n) {
+    for (int slab = 0; slab < counts[n]; ++slab)
+      *std::min_element(busy.begin(), busy.end()) += stages[n].total_cost() / counts[n];
+  }
+  return *std::max_element(busy.begin(), busy.end());
+}
+
+/// As many slabs as let the workers end together, and no more than need be: each has margins.
+std::vector<int> balanced_slab_counts(std::span<const SurfaceStage> stages, int workers) {
+  std::vector<int> best = slab_counts(stages, workers);
+  for (int most = workers + 1; most < 2 * workers; ++most) {
+    std::vector<int> counts = slab_counts(stages, most);
+    if (end_of(stages, counts, workers) < end_of(stages, best, workers)) best = std::move(counts);
+  }
+  return best;
 }
 
 }  // namespace
 
 Result<void> SurfaceStages::run(std::span<const SurfaceStage> stages, int thickness, const Progress& progress,
                                 const ProgressSpan& span) const {
-  std::size_t largest = 0;
   int slices = 0;
   for (const SurfaceStage& stage : stages) {
-    largest = std::max(largest, stage.part.count());
-    slices = std::max(slices, stage.part.size(2));
+    if (!stage.part.empty()) slices = std::max(slices, stage.part.size(2));
   }
-  if (largest == 0) return {};
+  if (slices == 0) return {};
   struct Slab {
     const SurfaceStage* stage;
     Span3 span;
   };
   std::vector<Slab> slabs;
   const int workers = worker_count(plan.threads, slices);
-  for (const SurfaceStage& stage : stages) {
-    if (stage.part.empty()) continue;
-    const int thick = slab_thickness(stage, largest, workers, thickness);
-    for (int k = stage.part.low[2]; k < stage.part.high[2]; k += thick) {
-      Slab slab{&stage, stage.part};
+  const std::vector<int> counts = balanced_slab_counts(stages, workers);
+  for (std::size_t n = 0; n < stages.size(); ++n) {
+    const Span3& part = stages[n].part;
+    if (part.empty()) continue;
+    const int thick = thickness > 0 ? thickness : (part.size(2) + counts[n] - 1) / counts[n];
+    for (int k = part.low[2]; k < part.high[2]; k += thick) {
+      Slab slab{&stages[n], part};
       slab.span.low[2] = k;
-      slab.span.high[2] = std::min(stage.part.high[2], k + thick);
+      slab.span.high[2] = std::min(part.high[2], k + thick);
       slabs.push_back(slab);
     }
   }
@@ -230,7 +257,8 @@ SurfaceStage SurfaceStages::normal(const StepsSource& broad, const StepsSource& 
 }
 
 SurfaceStage SurfaceStages::slopes(const StepsSource& position, const Target<float>& out) const {
-  return {out.span, [position, out, this](const Span3& slab) {
+  return {out.span,
+          [position, out, this](const Span3& slab) {
             Span3 voxels = slab;
             voxels.low[0] = slab.low[0] * kStretch;
             voxels.high[0] = slab.high[0] * kStretch;
@@ -239,7 +267,8 @@ SurfaceStage SurfaceStages::slopes(const StepsSource& position, const Target<flo
             Block<float> squares(slab);
             bound_slopes(plan.fine, gather(position, kEvery, voxels, 0), squares);
             put(squares, out);
-          }};
+          },
+          kStretch * kSlopeCost};
 }
 
 }  // namespace palpate::internal

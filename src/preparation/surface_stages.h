@@ -61,6 +61,9 @@ struct SurfacePlan {
 struct SurfaceStage {
   Span3 part;
   std::function<void(const Span3& slab)> work;
+  double cost = 1;  ///< of an item of the part, where a filtered voxel's is 1
+
+  double total_cost() const { return cost * static_cast<double>(part.count()); }
 };
 
 /// The stages; what they are given outlives them.
@@ -76,7 +79,7 @@ struct SurfaceStages {
   SurfaceStage slopes(const StepsSource& position, const Target<float>& out) const;
 
   /// Stages that do not need each other, by slabs on the plan's threads.
-  /// @param thickness  of a slab; 0: as thick as makes one slab of the largest stage a thread
+  /// @param thickness  of a slab; 0: as thick as lets the threads end together
   /// Errors: kBadInput when memory is short, kInterrupted.
   Result<void> run(std::span<const SurfaceStage> stages, int thickness, const Progress& progress,
                    const ProgressSpan& span) const;

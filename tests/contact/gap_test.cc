@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -233,7 +234,7 @@ Scan scan(const Bones& bones, std::size_t gap, Hold hold, double press_N) {
 }
 
 constexpr double kPresses_N[] = {0, 1};
-constexpr const char* kDevices[] = {"premium-1.5", "touch"};
+const std::string kDevices[] = {"premium-1.5", "touch"};
 constexpr const char* kGrips[] = {"light-grip", "firm-grip"};
 
 // at a place between femur and tibia that the grid of half a millimetre found
@@ -262,7 +263,7 @@ TEST_F(KneeGaps, TheUnionIsRestlessInSomePlaces) {
 TEST_F(KneeGaps, TheRampLeavesNothingBetweenBonesAndIsQuiet) {
   for (std::size_t gap = 0; gap < 2; ++gap) {
     EXPECT_EQ(sample_value(*ramps().model->field, ramps().middle[gap]), 0) << kGaps[gap].name;
-    for (const char* device : kDevices) {
+    for (const std::string& device : kDevices) {
       for (const char* grip : kGrips) {
         const Hold hold = hold_of(ForceMethod::kTrilinear, *find_plant_device(device), grip);
         EXPECT_EQ(scan(ramps(), gap, hold, 0).cycling, 0);
@@ -272,7 +273,7 @@ TEST_F(KneeGaps, TheRampLeavesNothingBetweenBonesAndIsQuiet) {
 }
 
 class ProxyInGap : public KneeGaps,
-                   public ::testing::WithParamInterface<std::tuple<std::size_t, const char*>> {};
+                   public ::testing::WithParamInterface<std::tuple<std::size_t, std::string>> {};
 
 TEST_P(ProxyInGap, IsQuietWhereverTheHandRests) {
   const auto [gap, device] = GetParam();
@@ -291,7 +292,16 @@ TEST_P(ProxyInGap, IsQuietWhereverTheHandRests) {
 }
 
 INSTANTIATE_TEST_SUITE_P(BothDevices, ProxyInGap,
-                         ::testing::Combine(::testing::Values(0u, 1u), ::testing::ValuesIn(kDevices)));
+                         ::testing::Combine(::testing::Values(0u, 1u),
+                                            ::testing::ValuesIn(std::begin(kDevices), std::end(kDevices))),
+                         [](const auto& tested) {
+                           std::string name = std::get<1>(tested.param) + "_gap_" +
+                                              std::to_string(std::get<0>(tested.param));
+                           std::replace_if(
+                               name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) == 0; },
+                               '_');
+                           return name;
+                         });
 
 }  // namespace
 }  // namespace palpate
