@@ -68,11 +68,10 @@ std::size_t pixel_count(const SectionPlane& plane) {
   return static_cast<std::size_t>(plane.width_px) * static_cast<std::size_t>(plane.height_px);
 }
 
-bool differs_from_neighbour(const PixelView& pixels, int column, int row) {
-  const LabelId* label = pixels.labels + row * pixels.stride + column;
-  return (column > 0 && label[-1] != *label) || (column + 1 < pixels.width && label[1] != *label) ||
-         (row > 0 && label[-pixels.stride] != *label) ||
-         (row + 1 < pixels.height && label[pixels.stride] != *label);
+bool differs_from_neighbour(const PixelView& row, int x) {
+  const LabelId label = row.labels[x];
+  return row.labels[x - 1] != label || row.labels[x + 1] != label || row.above[x] != label ||
+         row.below[x] != label;
 }
 
 }  // namespace
@@ -126,75 +125,51 @@ std::size_t SectionRenderer::prepared_bytes() const {
 }
 
 PixelView SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
-  const PixelView pixels = pixels_->sized(plane.width_px, plane.height_px);
-  std::vector<Row>& rows = pixels_->rows();
+  const internal::section::Band band = pixels_->sized(plane.width_px, plane.height_px);
+  std::vector<Row>& row = pixels_->rows();
+  internal::section::Rows rows{row.data(), plane.height_px, plane.width_px};
   internal::section::VolumeView view = volumes_->view();
   if (layers == Layers::kLabels) view.scan = nullptr, view.codes = nullptr;
   if (layers == Layers::kScan) view.labels = nullptr, view.numbers = nullptr;
 
-  std::fill_n(rows.begin(), plane.height_px, Row{});
+  std::fill_n(row.begin(), plane.height_px, Row{});
+  internal::section::GreyScale scale;
   if (!volumes_->empty()) {
     const PixelsInGrid in_grid(volumes_->grid(), plane);
-    for (int y = 0; y < plane.height_px; ++y) rows[y] = clipped(in_grid, y, plane.width_px);
+    for (int y = 0; y < plane.height_px; ++y) row[y] = clipped(in_grid, y, plane.width_px);
+    for (int a = 0; a < 3; ++a) rows.step[a] = in_grid.step[a];
     const bool has_window = style_.window_low < style_.window_high;
     const std::array<double, 2> window = has_window || layers == Layers::kLabels
                                              ? std::array{style_.window_low, style_.window_high}
                                              : volumes_->automatic_window();
-    const double step[3] = {in_grid.step[0], in_grid.step[1], in_grid.step[2]};
-    internal::section::sample(view, volumes_->grey_scale(window, style_.grey_levels), rows.data(), step,
-                              pixels);
+    scale = volumes_->grey_scale(window, style_.grey_levels);
   }
-
-  // what no voxel was found for
-  const bool scan = view.scan != nullptr || view.codes != nullptr,
-             labels = view.labels != nullptr || view.numbers != nullptr;
   const std::uint8_t background =
       volumes_->has_scan() ? internal::section::kOutsideScan : internal::section::kNoScan;
-  for (int y = 0; y < plane.height_px; ++y) {
-    const std::ptrdiff_t first = y * pixels.stride, end = first + plane.width_px;
-    const auto fill = [&](bool sampled, auto* to, auto value) {
-      std::fill(to + first, to + (sampled ? first + rows[y].begin : end), value);
-      if (sampled) std::fill(to + first + rows[y].end, to + end, value);
-    };
-    if (layers != Layers::kLabels) fill(scan, pixels.grey, background);
-    if (layers != Layers::kScan) fill(labels, pixels.labels, LabelId{0});
-  }
-  return pixels;
+  return {view, scale, rows, background, band};
 }
 
 void SectionRenderer::render(const SectionPlane& plane, std::span<std::uint8_t> rgb) {
   PALPATE_CHECK(rgb.size() == 3 * pixel_count(plane));
-  const PixelView pixels = sample(plane, Layers::kBoth);
-  for (int y = 0; y < plane.height_px; ++y) {
-    LabelId* labels = pixels.labels + y * pixels.stride;
-    // beyond the picture nothing differs
-    labels[-1] = labels[0];
-    labels[plane.width_px] = labels[plane.width_px - 1];
-    internal::section::blend_row(paints_.data(), pixels.grey + y * pixels.stride, labels,
-                                 y > 0 ? labels - pixels.stride : labels,
-                                 y + 1 < plane.height_px ? labels + pixels.stride : labels, plane.width_px,
-                                 rgb.data() + std::ptrdiff_t{3} * plane.width_px * y);
-  }
+  std::uint8_t* out = rgb.data();
+  for (PixelView row = sample(plane, Layers::kBoth); row.next(); out += std::ptrdiff_t{3} * plane.width_px)
+    internal::section::blend_row(paints_.data(), row.grey, row.labels, row.above, row.below, plane.width_px,
+                                 out);
 }
 
 void SectionRenderer::render_scan(const SectionPlane& plane, std::span<std::uint8_t> rgb) {
   PALPATE_CHECK(rgb.size() == 3 * pixel_count(plane));
-  const PixelView pixels = sample(plane, Layers::kScan);
-  auto out = rgb.begin();
-  for (int y = 0; y < plane.height_px; ++y) {
-    const std::uint8_t* grey = pixels.grey + y * pixels.stride;
-    for (int x = 0; x < plane.width_px; ++x) out = std::fill_n(out, 3, grey[x]);
-  }
+  std::uint8_t* out = rgb.data();
+  for (PixelView row = sample(plane, Layers::kScan); row.next(); out += std::ptrdiff_t{3} * plane.width_px)
+    internal::section::grey_row(row.grey, plane.width_px, out);
 }
 
 void SectionRenderer::render_structures(const SectionPlane& plane, std::span<std::uint8_t> rgba) {
   PALPATE_CHECK(rgba.size() == 4 * pixel_count(plane));
-  const PixelView pixels = sample(plane, Layers::kLabels);
   auto out = rgba.begin();
-  for (int y = 0; y < plane.height_px; ++y) {
+  for (PixelView row = sample(plane, Layers::kLabels); row.next();) {
     for (int x = 0; x < plane.width_px; ++x) {
-      const std::size_t label = pixels.labels[y * pixels.stride + x];
-      const Paint& paint = paints_[2 * label + (differs_from_neighbour(pixels, x, y) ? 1 : 0)];
+      const Paint& paint = paints_[2 * std::size_t{row.labels[x]} + (differs_from_neighbour(row, x) ? 1 : 0)];
       out = std::copy(paint.begin(), paint.end(), out);
     }
   }
@@ -202,10 +177,9 @@ void SectionRenderer::render_structures(const SectionPlane& plane, std::span<std
 
 void SectionRenderer::labels(const SectionPlane& plane, std::span<LabelId> labels) {
   PALPATE_CHECK(labels.size() == pixel_count(plane));
-  const PixelView pixels = sample(plane, Layers::kLabels);
   auto out = labels.begin();
-  for (int y = 0; y < plane.height_px; ++y)
-    out = std::copy_n(pixels.labels + y * pixels.stride, plane.width_px, out);
+  for (PixelView row = sample(plane, Layers::kLabels); row.next();)
+    out = std::copy_n(row.labels, plane.width_px, out);
 }
 
 }  // namespace palpate

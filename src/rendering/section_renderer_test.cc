@@ -213,6 +213,37 @@ TEST(SectionRenderer, BordersAreTheOracles) {
   }
 }
 
+// sampled in bands of 64 rows and tiles of 64 columns: pictures that end just before and after one
+TEST(SectionRenderer, BandsAndTilesLeaveNoSeam) {
+  std::mt19937 random(12);
+  const GridGeometry grid = test::make_grid({40, 37, 33}, 3);
+  const Model model = noise_model(grid, Values::kWhole, 3, random);
+  const SectionStyle style = style_for(Values::kWhole);
+  for (const SectionStorage storage : kStorages) {
+    SectionRenderer renderer(model, style, storage);
+    for (const int height : {1, 2, 63, 64, 65, 66, 127, 128, 129, 193}) {
+      for (const int width : {1, 63, 64, 65, 129}) {
+        SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height));
+        SectionPlane plane = random_plane(grid, random);
+        plane.centre = grid.centre();
+        plane.width_px = width;
+        plane.height_px = height;
+        // coarse enough for many borders between structures, fine enough to see their insides
+        plane.width_mm = 0.4 * grid.spacing_mm[0] * width;
+        const Rendered rendered = render(renderer, plane);
+        expect_like_oracle(oracle_section(model, plane), rendered, plane, style, 0.02);
+        if (HasFatalFailure()) return;
+        // the structures alone, laid over the scan alone
+        for (std::size_t n = 0; n < rendered.rgb.size(); ++n) {
+          const std::uint8_t* over = &rendered.overlay[4 * (n / 3)];
+          ASSERT_EQ(rendered.rgb[n],
+                    (rendered.scan[n] * (255 - over[3]) + over[n % 3] * over[3] + 127) / 255);
+        }
+      }
+    }
+  }
+}
+
 TEST(SectionRenderer, PlanesThatAreNoneShowBackground) {
   std::mt19937 random(6);
   const Model model = noise_model(test::make_grid({20, 20, 20}, 2), Values::kWhole, 4, random);
@@ -249,6 +280,22 @@ TEST(SectionRenderer, BricksKeepWhatAWindowShows) {
   // two bytes a voxel and the bricks' overlaps
   EXPECT_EQ(plain.prepared_bytes(), 0u);
   EXPECT_EQ(bricks.prepared_bytes(), 9u * 9 * 3 * 512 * 2);
+}
+
+// more than a huge page of them, and not a whole number of pages
+TEST(SectionRenderer, LargeBricksAreTheOracles) {
+  std::mt19937 random(13);
+  const GridGeometry grid = test::make_grid({120, 90, 131}, 2);
+  const Model model = noise_model(grid, Values::kWhole, 5, random);
+  const SectionStyle style = style_for(Values::kWhole);
+  SectionRenderer renderer(model, style);
+  // voxels, bytes of scan and label
+  EXPECT_EQ(renderer.prepared_bytes(), std::size_t{17} * 13 * 19 * 512 * 3);
+  for (int n = 0; n < 5; ++n) {
+    const SectionPlane plane = random_plane(grid, random);
+    expect_like_oracle(oracle_section(model, plane), render(renderer, plane), plane, style, 0.02);
+    if (HasFatalFailure()) return;
+  }
 }
 
 TEST(SectionRenderer, WithoutAWindowTheAutomaticOneIsTaken) {

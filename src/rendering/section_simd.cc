@@ -7,8 +7,9 @@
 //     voxels    the eight around it and the nearest one's label, pixel by pixel: single loads beat gathers
 //     greys     trilinear interpolation and window
 //
-// Before a tile, the cache lines of the next one are asked for. Pixels are in float from the first one of a
-// tile's row on, in double before. No operation is fused: the same bits on every target.
+// Before a tile, the cache lines of the next one are asked for: one that is left out is waited for. Pixels
+// are in float from the first one of a tile's row on, in double before. No operation is fused: the same bits
+// on every target.
 //
 // Compiled once per target by foreach_target.h; only what is marked HWY_INLINE and the functions at the end
 // live in the target's namespace, and nothing of the standard library is called there.
@@ -31,6 +32,8 @@ using VF = hn::Vec<DF>;
 using VI = hn::Vec<DI>;
 
 constexpr int kTileColumns = 64, kTileRows = 64;
+static_assert(kBandRows % kTileRows == 0);
+constexpr int kBrickRow = kBrick, kBrickSlice = kBrick * kBrick;
 constexpr int kMostLanes = 16;
 static_assert(HWY_MAX_BYTES <= 4 * kMostLanes || HWY_TARGET == HWY_SCALAR);
 
@@ -88,12 +91,11 @@ HWY_INLINE void find_cells(const Lattice& lattice, const double (&start)[3], con
 
 /// The cell's eight.
 HWY_INLINE void load_corners(const VolumeView& volume, std::ptrdiff_t corner, int n, CodePairs& pairs) {
-  constexpr int kRow = kBrick, kSlice = kBrick * kBrick;
   const std::uint16_t* voxel = volume.codes + corner;
   hwy::CopyBytes<4>(voxel, &pairs.pair[0][n]);
-  hwy::CopyBytes<4>(voxel + kRow, &pairs.pair[1][n]);
-  hwy::CopyBytes<4>(voxel + kSlice, &pairs.pair[2][n]);
-  hwy::CopyBytes<4>(voxel + kSlice + kRow, &pairs.pair[3][n]);
+  hwy::CopyBytes<4>(voxel + kBrickRow, &pairs.pair[1][n]);
+  hwy::CopyBytes<4>(voxel + kBrickSlice, &pairs.pair[2][n]);
+  hwy::CopyBytes<4>(voxel + kBrickSlice + kBrickRow, &pairs.pair[3][n]);
 }
 HWY_INLINE void load_corners(const VolumeView& volume, std::ptrdiff_t corner, int n, FloatPairs& pairs) {
   // a volume one voxel thick has no second one
@@ -204,25 +206,35 @@ struct Tile {
   int row, column;
 };
 
-/// Asks for the cache lines around every second pixel each way.
-HWY_INLINE void prefetch(const VolumeView& volume, const Row* rows, const double (&step)[3],
-                         const PixelView& pixels, const Tile& tile) {
+/// What of a row lies in a tile.
+struct Piece {
+  HWY_INLINE Piece(const Rows& rows, int y, int column) {
+    const Row& row = rows.row[y];
+    begin = row.begin > column ? row.begin : column;
+    end = row.end < column + kTileColumns ? row.end : column + kTileColumns;
+    for (int a = 0; a < 3; ++a) start[a] = row.start[a] + rows.step[a] * begin;
+  }
+  int begin, end;
+  double start[3];  ///< continuous index at `begin`
+};
+
+/// Asks for the cache lines around every second pixel each way: a cell's rows can lie in four.
+HWY_INLINE void prefetch(const VolumeView& volume, const Rows& rows, const Tile& tile) {
   constexpr int kApart = 2;
   Cells cells;
-  const double wide_step[3] = {kApart * step[0], kApart * step[1], kApart * step[2]};
-  for (int y = tile.row; y < tile.row + kTileRows && y < pixels.height; y += kApart) {
-    const Row& row = rows[y];
-    const int begin = row.begin > tile.column ? row.begin : tile.column;
-    const int end = row.end < tile.column + kTileColumns ? row.end : tile.column + kTileColumns;
-    if (begin >= end) continue;
-    const int count = (end - begin + kApart - 1) / kApart;
-    const double start[3] = {row.start[0] + step[0] * begin, row.start[1] + step[1] * begin,
-                             row.start[2] + step[2] * begin};
-    find_cells<true>(volume.lattice, start, wide_step, count, cells);
+  const double step[3] = {kApart * rows.step[0], kApart * rows.step[1], kApart * rows.step[2]};
+  for (int y = tile.row; y < tile.row + kTileRows && y < rows.count; y += kApart) {
+    const Piece piece(rows, y, tile.column);
+    if (piece.begin >= piece.end) continue;
+    const int count = (piece.end - piece.begin + kApart - 1) / kApart;
+    find_cells<true>(volume.lattice, piece.start, step, count, cells);
     for (int n = 0; n < count; ++n) {
       if (volume.codes != nullptr) {
-        hwy::Prefetch(volume.codes + cells.corner[n]);
-        hwy::Prefetch(volume.codes + cells.corner[n] + kBrick * kBrick);
+        const std::uint16_t* corner = volume.codes + cells.corner[n];
+        hwy::Prefetch(corner);
+        hwy::Prefetch(corner + kBrickRow);
+        hwy::Prefetch(corner + kBrickSlice);
+        hwy::Prefetch(corner + kBrickSlice + kBrickRow);
       }
       if (volume.labels != nullptr) hwy::Prefetch(volume.labels + cells.nearest[n]);
       if (volume.numbers != nullptr) hwy::Prefetch(volume.numbers + cells.nearest[n]);
@@ -231,53 +243,48 @@ HWY_INLINE void prefetch(const VolumeView& volume, const Row* rows, const double
 }
 
 template <bool kBricks, class Pairs>
-HWY_INLINE void sample_tile(const VolumeView& volume, const GreyScale& scale, const Row* rows,
-                            const double (&step)[3], const PixelView& pixels, const Tile& tile) {
+HWY_INLINE void sample_tile(const VolumeView& volume, const GreyScale& scale, const Rows& rows,
+                            const Band& band, const Tile& tile) {
   const bool has_scan = kBricks ? volume.codes != nullptr : volume.scan != nullptr;
   constexpr int kLanes = static_cast<int>(hn::MaxLanes(DF()));
   Cells cells;
   Pairs pairs;
-  for (int y = tile.row; y < tile.row + kTileRows && y < pixels.height; ++y) {
-    const Row& row = rows[y];
-    const int begin = row.begin > tile.column ? row.begin : tile.column;
-    const int end = row.end < tile.column + kTileColumns ? row.end : tile.column + kTileColumns;
-    if (begin >= end) continue;
-    const int count = end - begin, padded = (count + kLanes - 1) / kLanes * kLanes;
-    const double start[3] = {row.start[0] + step[0] * begin, row.start[1] + step[1] * begin,
-                             row.start[2] + step[2] * begin};
-    find_cells<kBricks>(volume.lattice, start, step, count, cells);
-    const std::ptrdiff_t first = y * pixels.stride + begin;
+  for (int y = tile.row; y < tile.row + kTileRows && y < band.first + band.count; ++y) {
+    const Piece piece(rows, y, tile.column);
+    if (piece.begin >= piece.end) continue;
+    const int count = piece.end - piece.begin, padded = (count + kLanes - 1) / kLanes * kLanes;
+    find_cells<kBricks>(volume.lattice, piece.start, rows.step, count, cells);
+    const std::ptrdiff_t first = (y - band.first) * band.stride + piece.begin;
     if (has_scan) {
-      load_voxels<true>(volume, cells, padded, pairs, pixels.labels + first);
-      write_greys(volume, scale, cells, pairs, count, pixels.grey + first);
+      load_voxels<true>(volume, cells, padded, pairs, band.labels + first);
+      write_greys(volume, scale, cells, pairs, count, band.grey + first);
     } else {
-      load_voxels<false>(volume, cells, padded, pairs, pixels.labels + first);
+      load_voxels<false>(volume, cells, padded, pairs, band.labels + first);
     }
   }
 }
 
 template <bool kBricks, class Pairs>
-HWY_INLINE void sample_tiles(const VolumeView& volume, const GreyScale& scale, const Row* rows,
-                             const double (&step)[3], const PixelView& pixels) {
-  for (int row = 0; row < pixels.height; row += kTileRows) {
-    for (int column = 0; column < pixels.width; column += kTileColumns) {
+HWY_INLINE void sample_tiles(const VolumeView& volume, const GreyScale& scale, const Rows& rows,
+                             const Band& band) {
+  // every other band's first tile was asked for by the band before
+  if (kBricks && band.first == 0) prefetch(volume, rows, {0, 0});
+  for (int row = band.first; row < band.first + band.count; row += kTileRows) {
+    for (int column = 0; column < rows.width; column += kTileColumns) {
       if constexpr (kBricks) {
-        const bool last = column + kTileColumns >= pixels.width;
-        prefetch(volume, rows, step, pixels,
-                 last ? Tile{row + kTileRows, 0} : Tile{row, column + kTileColumns});
+        const bool last = column + kTileColumns >= rows.width;
+        prefetch(volume, rows, last ? Tile{row + kTileRows, 0} : Tile{row, column + kTileColumns});
       }
-      sample_tile<kBricks, Pairs>(volume, scale, rows, step, pixels, {row, column});
+      sample_tile<kBricks, Pairs>(volume, scale, rows, band, {row, column});
     }
   }
 }
 
-void sample_bricks(const VolumeView& volume, const GreyScale& scale, const Row* rows, const double (&step)[3],
-                   const PixelView& pixels) {
-  sample_tiles<true, CodePairs>(volume, scale, rows, step, pixels);
+void sample_bricks(const VolumeView& volume, const GreyScale& scale, const Rows& rows, const Band& band) {
+  sample_tiles<true, CodePairs>(volume, scale, rows, band);
 }
-void sample_plain(const VolumeView& volume, const GreyScale& scale, const Row* rows, const double (&step)[3],
-                  const PixelView& pixels) {
-  sample_tiles<false, FloatPairs>(volume, scale, rows, step, pixels);
+void sample_plain(const VolumeView& volume, const GreyScale& scale, const Rows& rows, const Band& band) {
+  sample_tiles<false, FloatPairs>(volume, scale, rows, band);
 }
 
 // ---- structures over grey
@@ -320,6 +327,15 @@ HWY_INLINE bool find_outlines(const LabelId* labels, const LabelId* above, const
 }
 
 /// Up to kBlock pixels, written whole vectors at a time.
+HWY_INLINE void grey_block(const std::uint8_t* grey, int count, std::uint8_t* rgb) {
+  const D8 d8;
+  for (int x = 0; x < count; x += static_cast<int>(hn::Lanes(d8))) {
+    const V8 under = hn::LoadU(d8, grey + x);
+    hn::StoreInterleaved3(under, under, under, d8, rgb + 3 * x);
+  }
+}
+
+/// The same with structures over it.
 HWY_INLINE void blend_block(const Paint* paints, const std::uint8_t* grey, const LabelId* labels,
                             const LabelId* above, const LabelId* below, int count, std::uint8_t* rgb) {
   const D16 d;
@@ -327,13 +343,7 @@ HWY_INLINE void blend_block(const Paint* paints, const std::uint8_t* grey, const
   constexpr int kLanes = static_cast<int>(hn::MaxLanes(d));
   alignas(64) std::uint16_t outline[kBlock];
   alignas(64) std::uint8_t paint[4 * kBlock];
-  if (!find_outlines(labels, above, below, count, outline)) {
-    for (int x = 0; x < count; x += kLanes) {
-      const V8 under = hn::LoadU(d8, grey + x);
-      hn::StoreInterleaved3(under, under, under, d8, rgb + 3 * x);
-    }
-    return;
-  }
+  if (!find_outlines(labels, above, below, count, outline)) return grey_block(grey, count, rgb);
   const int padded = (count + kLanes - 1) / kLanes * kLanes;
   for (int x = 0; x < padded; ++x) hwy::CopyBytes<4>(&paints[2 * labels[x] + outline[x]], paint + 4 * x);
   for (int x = 0; x < count; x += kLanes) {
@@ -345,15 +355,27 @@ HWY_INLINE void blend_block(const Paint* paints, const std::uint8_t* grey, const
   }
 }
 
-void blend_row(const Paint* paints, const std::uint8_t* grey, const LabelId* labels, const LabelId* above,
-               const LabelId* below, int width, std::uint8_t* rgb) {
+/// A row in blocks: block(x, count, rgb), which may write whole vectors.
+template <class Block>
+HWY_INLINE void write_row(int width, std::uint8_t* rgb, const Block& block) {
   int x = 0;
-  for (; x + kBlock <= width; x += kBlock)
-    blend_block(paints, grey + x, labels + x, above + x, below + x, kBlock, rgb + 3 * x);
+  for (; x + kBlock <= width; x += kBlock) block(x, kBlock, rgb + 3 * x);
   if (x == width) return;
   alignas(64) std::uint8_t last[3 * kBlock];
-  blend_block(paints, grey + x, labels + x, above + x, below + x, width - x, last);
+  block(x, width - x, last);
   for (int n = 0; n < 3 * (width - x); ++n) rgb[3 * x + n] = last[n];
+}
+
+void grey_row(const std::uint8_t* grey, int width, std::uint8_t* rgb) {
+  write_row(width, rgb,
+            [=](int x, int count, std::uint8_t* to) HWY_ATTR { grey_block(grey + x, count, to); });
+}
+
+void blend_row(const Paint* paints, const std::uint8_t* grey, const LabelId* labels, const LabelId* above,
+               const LabelId* below, int width, std::uint8_t* rgb) {
+  write_row(width, rgb, [=](int x, int count, std::uint8_t* to) HWY_ATTR {
+    blend_block(paints, grey + x, labels + x, above + x, below + x, count, to);
+  });
 }
 
 }  // namespace palpate::internal::section::HWY_NAMESPACE
@@ -364,15 +386,18 @@ namespace palpate::internal::section {
 
 HWY_EXPORT(sample_bricks);
 HWY_EXPORT(sample_plain);
+HWY_EXPORT(grey_row);
 HWY_EXPORT(blend_row);
 
-void sample(const VolumeView& volume, const GreyScale& scale, const Row* rows, const double (&step)[3],
-            const PixelView& pixels) {
+void sample(const VolumeView& volume, const GreyScale& scale, const Rows& rows, const Band& band) {
   if (volume.bricks) {
-    HWY_DYNAMIC_DISPATCH(sample_bricks)(volume, scale, rows, step, pixels);
+    HWY_DYNAMIC_DISPATCH(sample_bricks)(volume, scale, rows, band);
   } else {
-    HWY_DYNAMIC_DISPATCH(sample_plain)(volume, scale, rows, step, pixels);
+    HWY_DYNAMIC_DISPATCH(sample_plain)(volume, scale, rows, band);
   }
+}
+void grey_row(const std::uint8_t* grey, int width, std::uint8_t* rgb) {
+  HWY_DYNAMIC_DISPATCH(grey_row)(grey, width, rgb);
 }
 void blend_row(const Paint* paints, const std::uint8_t* grey, const LabelId* labels, const LabelId* above,
                const LabelId* below, int width, std::uint8_t* rgb) {

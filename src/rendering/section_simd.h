@@ -47,13 +47,20 @@ struct Row {
   double start[3]{};
   int begin = 0, end = 0;
 };
+/// All of them, and the continuous index from one pixel to the next.
+struct Rows {
+  const Row* row = nullptr;
+  int count = 0, width = 0;
+  double step[3]{};
+};
 
-/// What is computed for each pixel, row by row; room for kPixelPadding more before and after every row.
-inline constexpr int kPixelPadding = 64;
-struct PixelView {
-  int width = 0, height = 0;
+/// Rows of a picture that are sampled in one go, and what is computed for each pixel; room for kPixelPadding
+/// more before and after every row.
+inline constexpr int kBandRows = 64, kPixelPadding = 64;
+struct Band {
+  int first = 0, count = 0;  ///< in the picture
   std::ptrdiff_t stride = 0;
-  std::uint8_t* grey = nullptr;
+  std::uint8_t* grey = nullptr;  ///< of the first row
   LabelId* labels = nullptr;
 };
 
@@ -61,10 +68,11 @@ struct PixelView {
 using Paint = std::array<std::uint8_t, 4>;
 
 /// Fills grey (where there is a scan) and labels (where there are any) of the pixels that lie in the volume.
-/// Pixels of the same row to their right may be overwritten.
-/// @param step  continuous index from one pixel to the next
-void sample(const VolumeView& volume, const GreyScale& scale, const Row* rows, const double (&step)[3],
-            const PixelView& pixels);
+/// Pixels of the same row to their right may be overwritten. Asks for what the next band reads, too.
+void sample(const VolumeView& volume, const GreyScale& scale, const Rows& rows, const Band& band);
+
+/// Greys alone: 3 * width bytes of a row.
+void grey_row(const std::uint8_t* grey, int width, std::uint8_t* rgb);
 
 /// Structures over grey: 3 * width bytes of a row. `above` and `below` are its neighbours' labels, or its
 /// own. One label beyond either end of `labels` is read.

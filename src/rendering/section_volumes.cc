@@ -1,8 +1,11 @@
 #include "rendering/section_volumes.h"
 
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <new>
 
 namespace palpate::internal::section {
 namespace {
@@ -48,12 +51,12 @@ Lattice brick_lattice(const GridGeometry& grid) {
 /// The voxels of a volume in bricks, each as `code` makes it. What a brick has beyond the volume repeats the
 /// volume's last voxels.
 template <class To, class From, class Code>
-std::vector<To> in_bricks(const Volume<From>& volume, Code code) {
+Bricks<To> in_bricks(const Volume<From>& volume, Code code) {
   const GridGeometry& grid = volume.geometry();
   const auto within = [&](int axis, int brick, int n) {
     return std::min(brick * kBrickStep + n, grid.dims[axis] - 1);
   };
-  std::vector<To> bricks(brick_count(grid) * kBrickVoxels);
+  Bricks<To> bricks(brick_count(grid) * kBrickVoxels);
   auto to = bricks.begin();
   for (int c = 0; c < bricks_along(grid.dims[2]); ++c)
     for (int b = 0; b < bricks_along(grid.dims[1]); ++b)
@@ -93,7 +96,27 @@ Extent extent_of(const std::vector<float>& values) {
 constexpr double kMostCode = std::numeric_limits<std::uint16_t>::max(), kLeastCode = 1;
 constexpr double kMostWindows = 16;
 
+constexpr std::size_t kHugePage = std::size_t{2} << 20, kCacheLine = 64;
+std::align_val_t alignment(std::size_t bytes) {
+  return std::align_val_t{bytes < kHugePage ? kCacheLine : kHugePage};
+}
+
+constexpr int kRowsAbove = 2;
+
 }  // namespace
+
+void* allocate_huge_pages(std::size_t bytes) {
+  if (bytes < kHugePage) return ::operator new(bytes, alignment(bytes));
+  const std::size_t whole = (bytes + kHugePage - 1) / kHugePage * kHugePage;
+  void* memory = ::operator new(whole, alignment(bytes));
+  // a hint: whether there are any does not matter
+  ::madvise(memory, whole, MADV_HUGEPAGE);
+  return memory;
+}
+
+void free_huge_pages(void* memory, std::size_t bytes) noexcept {
+  ::operator delete(memory, alignment(bytes));
+}
 
 Volumes::Volumes(const Model& model, SectionStorage storage) {
   if (model.scan != nullptr && !model.scan->empty()) scan_ = model.scan;
@@ -175,17 +198,59 @@ GreyScale Volumes::grey_scale(const std::array<double, 2>& window, int levels) c
           static_cast<float>(per_value / per_value_), static_cast<float>(top)};
 }
 
-PixelView Pixels::sized(int width, int height) {
+Band Pixels::sized(int width, int height) {
   // every row has padding before it, and the last one behind it too
   const std::size_t stride = static_cast<std::size_t>(width) + kPixelPadding;
-  const std::size_t count = stride * static_cast<std::size_t>(height) + kPixelPadding;
+  const std::size_t count = stride * (kRowsAbove + kBandRows) + kPixelPadding;
   if (grey_.size() < count) {
     grey_.resize(count);
     labels_.resize(count);
   }
   if (rows_.size() < static_cast<std::size_t>(height)) rows_.resize(static_cast<std::size_t>(height));
-  return {width, height, static_cast<std::ptrdiff_t>(stride), grey_.data() + kPixelPadding,
-          labels_.data() + kPixelPadding};
+  const std::size_t first = kPixelPadding + kRowsAbove * stride;
+  return {0, 0, static_cast<std::ptrdiff_t>(stride), grey_.data() + first, labels_.data() + first};
+}
+
+bool PixelView::next() {
+  if (++y == rows_.count) return false;
+  const int sampled = band_.first + band_.count;
+  // the row below is needed too
+  if (y + 1 >= sampled && sampled < rows_.count) sample_next_band();
+  grey = grey_of(y);
+  labels = labels_of(y);
+  above = y > 0 ? labels_of(y - 1) : labels;
+  below = y + 1 < rows_.count ? labels_of(y + 1) : labels;
+  return true;
+}
+
+void PixelView::sample_next_band() {
+  const int width = rows_.width;
+  const std::ptrdiff_t kept = kRowsAbove * band_.stride;
+  if (band_.count > 0) {
+    const int end = band_.first + band_.count;
+    // the last two rows: one whose row below was missing, and that above it
+    std::copy_n(labels_of(end) - kept - 1, kept, band_.labels - kept - 1);
+    std::copy_n(grey_of(end) - kept, kept, band_.grey - kept);
+  }
+  band_.first += band_.count;
+  band_.count = std::min(kBandRows, rows_.count - band_.first);
+  sample(volume_, scale_, rows_, band_);
+
+  const bool has_scan = volume_.scan != nullptr || volume_.codes != nullptr,
+             has_labels = volume_.labels != nullptr || volume_.numbers != nullptr;
+  for (int row = band_.first; row < band_.first + band_.count; ++row) {
+    // what no voxel was found for
+    const auto fill = [&, inside = rows_.row[row]](bool sampled, auto* to, auto value) {
+      std::fill(to, sampled ? to + inside.begin : to + width, value);
+      if (sampled) std::fill(to + inside.end, to + width, value);
+    };
+    fill(has_scan, grey_of(row), background_);
+    LabelId* to = labels_of(row);
+    fill(has_labels, to, LabelId{0});
+    // beyond the picture nothing differs
+    to[-1] = to[0];
+    to[width] = to[width - 1];
+  }
 }
 
 }  // namespace palpate::internal::section

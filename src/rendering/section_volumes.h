@@ -9,6 +9,23 @@
 
 namespace palpate::internal::section {
 
+/// Memory in huge pages where the kernel has some, else in any, for what is larger than one; aligned to cache
+/// lines in any case. A plane touches more small pages than a processor keeps the addresses of.
+void* allocate_huge_pages(std::size_t bytes);
+void free_huge_pages(void* memory, std::size_t bytes) noexcept;
+template <class T>
+struct HugePages {
+  using value_type = T;
+  HugePages() = default;
+  template <class U>
+  HugePages(const HugePages<U>&) {}
+  T* allocate(std::size_t count) { return static_cast<T*>(allocate_huge_pages(count * sizeof(T))); }
+  void deallocate(T* memory, std::size_t count) noexcept { free_huge_pages(memory, count * sizeof(T)); }
+  bool operator==(const HugePages&) const = default;
+};
+template <class T>
+using Bricks = std::vector<T, HugePages<T>>;
+
 /// A model's scan and labels as sections read them, in the model or in bricks. Immutable.
 class Volumes {
  public:
@@ -31,9 +48,9 @@ class Volumes {
 
   std::shared_ptr<const Volume<float>> scan_;
   std::shared_ptr<const Volume<LabelId>> labels_;
-  std::vector<std::uint16_t> codes_;
-  std::vector<LabelId> brick_labels_;
-  std::vector<std::uint8_t> numbers_;  ///< instead of them
+  Bricks<std::uint16_t> codes_;
+  Bricks<LabelId> brick_labels_;
+  Bricks<std::uint8_t> numbers_;  ///< instead of them
   std::vector<LabelId> label_of_number_;
   double code_zero_ = 0, per_value_ = 1;  ///< code = (value - code_zero_) * per_value_
   VolumeView view_;
@@ -41,17 +58,45 @@ class Volumes {
   mutable std::array<double, 2> window_{0, 1};
 };
 
-/// Room for one picture's greys and labels, and its rows.
+/// Room for a picture's rows, and for the greys and labels of a band and of the two rows above it.
 class Pixels {
  public:
-  /// Grows where it has to.
-  PixelView sized(int width, int height);
+  /// Grows where it has to. The band begins below the two rows.
+  Band sized(int width, int height);
   std::vector<Row>& rows() { return rows_; }
 
  private:
   std::vector<std::uint8_t> grey_;
   std::vector<LabelId> labels_;
   std::vector<Row> rows_;
+};
+
+/// A picture row by row, from the top: `while (next())`. A band of rows is sampled when its first one is
+/// looked at, over the band before, so that all stays in the cache.
+struct PixelView {
+  /// @param volume  less the layers that nobody asked for
+  PixelView(const VolumeView& volume, const GreyScale& scale, const Rows& rows, std::uint8_t background,
+            const Band& band)
+      : volume_(volume), scale_(scale), rows_(rows), background_(background), band_(band) {}
+  bool next();
+
+  int y = -1;
+  const std::uint8_t* grey = nullptr;
+  const LabelId* labels = nullptr;  ///< one more beyond either end, the same as there
+  const LabelId* above = nullptr;   ///< the row itself where there is none
+  const LabelId* below = nullptr;
+
+ private:
+  void sample_next_band();
+  // of sampled rows and the two above them
+  LabelId* labels_of(int row) const { return band_.labels + (row - band_.first) * band_.stride; }
+  std::uint8_t* grey_of(int row) const { return band_.grey + (row - band_.first) * band_.stride; }
+
+  VolumeView volume_;
+  GreyScale scale_;
+  Rows rows_;
+  std::uint8_t background_;
+  Band band_;
 };
 
 }  // namespace palpate::internal::section
