@@ -54,7 +54,6 @@ Result<void> check(const Options& options) {
   return check_output(*options.recording, inputs);
 }
 
-// the port that was asked for; without one the usual one, or one of those after it
 /// Faults of viewers, on their way from the server's thread to the terminal. A terminal that is held (Ctrl-S)
 /// or a full pipe must hold neither the server nor who looks for keys.
 class FaultLines {
@@ -83,6 +82,7 @@ class FaultLines {
   std::deque<std::string> lines_;
 };
 
+// the port that was asked for; without one the usual one, or one of those after it
 Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const Options& options, Console& console,
                                             FaultLines& faults) {
   constexpr int kTries = 20;
@@ -205,11 +205,12 @@ std::string live_line(const ExploreStatus& status) {
   return usual + fitted(status.structure, std::max(kLeastForStructure, left)) + unusual;
 }
 
-// notes at the first call, then the live line; a recording that ends is told once
+// notes at the first call, then the live line; a recording that ends is told once, and so is each method that
+// could not be made ready
 std::function<void(const ExploreStatus&)> status_for(const Options& options, const std::string& address,
                                                      Console& console) {
-  return [&console, &address, asked = !options.no_realtime, first = true,
-          told = false](const ExploreStatus& s) mutable {
+  return [&console, &address, asked = !options.no_realtime, first = true, told = false,
+          told_method = std::string()](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s.scheduling, asked, console);
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
@@ -217,6 +218,9 @@ std::function<void(const ExploreStatus&)> status_for(const Options& options, con
       console.warn()(s.recording_failure->message() + "\n  the session goes on without it");
       told = true;
     }
+    const std::string method = s.method_failure ? s.method_failure->message() : "";
+    if (!method.empty() && method != told_method) console.warn()(method);
+    told_method = method;
     console.live(live_line(s));
   };
 }
@@ -350,7 +354,7 @@ void add_options(CLI::App* verb, Options& options) {
   verb->add_option("--max-force", options.max_force_N,
                    "Limit of the force in N, beside the device's own; default: the lesser of its continuous "
                    "rating and 3 N")
-      ->check(number_between(0.1, 40));
+      ->check(number_between(max_force_range_N()[0], max_force_range_N()[1]));
   verb->add_option("--rate", options.rate_hz, "Ticks a second; default: the script's")
       ->check(number_between(kLowestRate_hz, kHighestRate_hz));
   verb->add_option(

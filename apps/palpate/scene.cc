@@ -113,19 +113,13 @@ Result<void> check_new_output(const NewOptions& options) {
   return {};
 }
 
-Side side_of(const std::string& text) {
-  if (text == "left") return Side::kLeft;
-  if (text == "right") return Side::kRight;
-  return text == "both" ? Side::kBoth : Side::kUnknown;
-}
-
 int run_new(NewOptions options, Console& console) {
   if (const auto assigned = assign_files(options); !assigned) return console.fail(assigned.error());
   if (const auto writable = check_new_output(options); !writable) return console.fail(writable.error());
 
   NewSceneInput input;
   input.title = options.title;
-  input.side = side_of(options.side);
+  input.side = value_of(options.side, kSides);
   if (!options.scan.empty()) input.scan = options.scan;
   if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
@@ -180,8 +174,11 @@ void add_new(CLI::App& app, Run& run) {
   verb->add_option("-s,--scan", options->scan, "The scan; alone it gives a scene by threshold");
   verb->add_option("-l,--labels", options->labels, "The label map");
   verb->add_option("-n,--names", options->names, "Names and colours of the labels (.ctbl, .tsv)");
+  std::vector<std::string> sides;
+  for (const auto& [side, name] : kSides)
+    if (side != Side::kUnknown) sides.emplace_back(name);
   verb->add_option("--side", options->side, "Side of the body: left, right, or both for a head or a torso")
-      ->check(CLI::IsMember({"left", "right", "both"}));
+      ->check(CLI::IsMember(sides));
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
   verb->add_option("-o,--output", options->output,
                    "The scene file; without it the text goes to standard output");
@@ -248,16 +245,7 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
 
 /// The side as the program takes it.
 std::string side_text(const Scene& scene, const Data& data) {
-  switch (scene.side) {
-    case Side::kLeft:
-      return "left";
-    case Side::kRight:
-      return "right";
-    case Side::kBoth:
-      return "both";
-    case Side::kUnknown:
-      break;
-  }
+  if (scene.side != Side::kUnknown) return std::string(name_of(scene.side, kSides));
   if (!data.oriented()) return "unknown";
   const LabelMap* labels = data.labels ? &data.labels->labels : nullptr;
   if (labels && labels->find("tibia") && labels->find("fibula"))

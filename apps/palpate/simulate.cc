@@ -105,7 +105,7 @@ void add_simulate(CLI::App& app, Run& run) {
                    "Report page to write (HTML); the recording stands beside it unless -o names it");
   verb->add_option("--max-force", options->max_force_N,
                    "Limit of the force in N; default: the lesser of the device's continuous rating and 3 N")
-      ->check(number_between(0.1, 40));
+      ->check(number_between(max_force_range_N()[0], max_force_range_N()[1]));
   verb->add_option("--rate", options->rate_hz, "Ticks a second; default: the script's")
       ->check(number_between(250, 10000));
   verb->add_option("--seed", options->seed, "Seed of the hand's tremor; default: the script's")

@@ -67,6 +67,8 @@ struct ExploreStatus {
   double progress = 0;  ///< of the script, 0 ... 1, by steps
   /// Why the recording ended before the session, which goes on.
   std::optional<Error> recording_failure;
+  /// Why the force method that was asked for last is not felt.
+  std::optional<Error> method_failure;
 };
 
 struct ExploreResult {

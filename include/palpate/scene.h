@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -21,6 +23,32 @@ namespace palpate {
 inline constexpr std::size_t kMaxTissues = 64;
 inline constexpr std::size_t kMaxScriptSteps = 1000;
 inline constexpr std::size_t kMaxSceneBytes = std::size_t{4} << 20;  ///< of a scene or a script
+
+/// By which machine a scan was made; viewers show a CT's values as Hounsfield units.
+enum class Modality : std::uint8_t { kUnknown, kCt, kMr };
+
+/// What is chosen by a word in scenes, on the command line and on the wire; the unknown comes last.
+template <class T>
+struct Word {
+  T value;
+  std::string_view name;
+};
+inline constexpr std::array kSides{Word<Side>{Side::kLeft, "left"}, Word<Side>{Side::kRight, "right"},
+                                   Word<Side>{Side::kBoth, "both"}, Word<Side>{Side::kUnknown, "unknown"}};
+inline constexpr std::array kModalities{Word<Modality>{Modality::kCt, "ct"},
+                                        Word<Modality>{Modality::kMr, "mr"},
+                                        Word<Modality>{Modality::kUnknown, "unknown"}};
+template <class T, std::size_t kCount>
+constexpr T value_of(std::string_view name, const std::array<Word<T>, kCount>& words) {
+  const auto found =
+      std::find_if(words.begin(), words.end(), [&](const Word<T>& word) { return word.name == name; });
+  return found == words.end() ? words.back().value : found->value;
+}
+template <class T, std::size_t kCount>
+constexpr std::string_view name_of(T value, const std::array<Word<T>, kCount>& words) {
+  return std::find_if(words.begin(), words.end(), [&](const Word<T>& word) { return word.value == value; })
+      ->name;
+}
 
 /// A label by its number (1 ... 65535) or by its exact name.
 using LabelReference = std::variant<int, std::string>;
@@ -71,6 +99,7 @@ struct ForceSettings {
 struct Scene {
   std::string title;
   Side side = Side::kUnknown;
+  Modality modality = Modality::kUnknown;
   std::optional<std::filesystem::path> scan;  ///< as written; relative to `folder`
   std::optional<std::filesystem::path> labels;
   std::optional<std::filesystem::path> names;  ///< colour table
@@ -142,6 +171,8 @@ const TissuePreset* match_preset(const std::string& structure_name);
 Result<void> check_tissue_values(const std::vector<TissueSettings>& tissues, std::size_t index);
 /// From where to where a number among a tissue's keys may lie.
 std::array<double, 2> tissue_key_range(std::string_view key);
+/// The same of a limit of the force, N: a scene's and a user's.
+std::array<double, 2> max_force_range_N();
 
 /// Which ids each tissue of the scene takes from the label map, ascending; none for tissues by threshold.
 /// A name takes every segment so named. Error with the line of the label where it is absent, unless the

@@ -56,8 +56,8 @@ struct ViewedScene {
   bool simulated = true;
   std::string input = "script";  ///< who moves the tip: "script", "pointer", "device"
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, most_stiffness_N_per_mm = kNotKnown;
-  double least_max_force_N = 0.1, most_max_force_N = 3;
-  std::array<double, 2> stiffness_N_per_mm{0.001, 10}, friction{0, 2};
+  double least_max_force_N = 0, most_max_force_N = 0;
+  std::array<double, 2> stiffness_N_per_mm{}, friction{};
   double rate_hz = 1000;
 };
 
@@ -76,6 +76,9 @@ struct ViewedTissueState {
 };
 struct ViewedState {
   std::string method;
+  std::string method_awaited;  ///< that is felt as soon as its fields are made; empty: none
+  /// Why the method that was asked for last could not be made ready, its name as the place.
+  std::optional<Error> method_failure;
   bool friction = true, viscosity = true, passivity = true, paused = false, emergency_stop = false;
   double max_force_N = 0;
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
@@ -144,7 +147,7 @@ class ViewerServer {
   /// @param host  outlives the server
   static Result<std::unique_ptr<ViewerServer>> start(ViewerHost& host, const ViewerServerOptions& options);
   virtual ~ViewerServer() = default;
-  /// "http://127.0.0.1:8480/"
+  /// "http://127.0.0.1:8480/"; of a server that listens at all addresses, one that other machines may open.
   virtual std::string url() const = 0;
   virtual int port() const = 0;
   virtual int viewers() const = 0;

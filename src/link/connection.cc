@@ -19,6 +19,8 @@ namespace http = beast::http;
 
 // for the first request, TLS included; a later one may come after a while
 constexpr auto kFirstHeadWithin = std::chrono::seconds(5), kNextHeadWithin = std::chrono::seconds(15);
+// so much of an answer, or what is left of it: who takes less keeps a place that others may need
+constexpr std::size_t kTaken_bytes = 64 << 10;
 constexpr auto kTakenWithin = std::chrono::seconds(10);
 constexpr auto kMadeWithin = std::chrono::seconds(60);
 constexpr auto kLingers = std::chrono::seconds(1);
@@ -60,7 +62,7 @@ void Connection::begin() {
 
 void Connection::read() {
   if (closed_) return;
-  waiting_ = true;
+  about_ = About::kSilent;
   // it looks into the parser
   request_ = {};
   parser_.emplace();
@@ -70,7 +72,7 @@ void Connection::read() {
   http::async_read_header(*stream_, input_, *parser_,
                           [self = shared_from_this()](ErrorCode failed, std::size_t head_bytes) {
                             if (self->closed_) return;
-                            self->waiting_ = false;
+                            self->about_ = About::kTaking;
                             // the parser's own limit leaves some of the ends of lines out
                             if (!failed && head_bytes > kMostHead_bytes) failed = http::error::header_limit;
                             if (failed) return self->read_failed(failed);
@@ -113,16 +115,22 @@ void Connection::serve() {
   }
 
   // the volume may have to be made
-  close_by_ = Clock::now() + kMadeWithin;
+  about_ = About::kMaking;
+  get_on(kMadeWithin);
   auto& wanted = std::get<VolumeWanted>(answer);
   hub_.want_volume(wanted.key, [self = weak_from_this(), wanted_head = std::move(wanted.head),
                                 keep_alive](PayloadStore::Payload payload) mutable {
     const auto connection = self.lock();
     if (!connection || connection->closed_) return;
-    if (!payload) return connection->send(Site::refusal(503), false);
+    if (!payload) return connection->refuse_volume();
     wanted_head.body = std::move(payload);
     connection->send(std::move(wanted_head), keep_alive);
   });
+}
+
+void Connection::refuse_volume() {
+  hub_.log().say(peer_, "a volume could not be made, for want of memory");
+  send(Site::refusal(503), false);
 }
 
 void Connection::become_viewer() {
@@ -139,18 +147,27 @@ void Connection::become_viewer() {
   viewer->begin(parser_->release());
 }
 
+void Connection::get_on(Clock::duration within) {
+  since_ = Clock::now();
+  close_by_ = since_ + within;
+}
+
 void Connection::send(HttpAnswer answer, bool keep_alive) {
   answer_ = std::move(answer);
   head_ = hub_.site().head_of(answer_, request_, keep_alive);
-  close_by_ = Clock::now() + kTakenWithin;
+  about_ = About::kTaking;
+  taken_bytes_ = 0;
+  get_on(kTakenWithin);
   const bool bodiless = request_.method == "HEAD" || answer_.status == 304;
   const std::string_view body = bodiless ? std::string_view() : answer_.text();
   const std::array<net::const_buffer, 2> bytes{net::buffer(head_), net::buffer(body)};
-  // every part that is taken gives time for the next
-  const auto progress = [self = shared_from_this()](ErrorCode failed, std::size_t) -> std::size_t {
-    constexpr std::size_t kPart_bytes = 64 << 10;
-    self->close_by_ = Clock::now() + kTakenWithin;
-    return failed ? 0 : kPart_bytes;
+  // so much that is taken gives time for as much
+  const auto progress = [self = shared_from_this()](ErrorCode failed, std::size_t taken) -> std::size_t {
+    if (taken >= self->taken_bytes_ + kTaken_bytes) {
+      self->taken_bytes_ = taken;
+      self->get_on(kTakenWithin);
+    }
+    return failed ? 0 : kTaken_bytes;
   };
   net::async_write(*stream_, bytes, progress,
                    [self = shared_from_this(), keep_alive](ErrorCode failed, std::size_t) {
@@ -158,8 +175,7 @@ void Connection::send(HttpAnswer answer, bool keep_alive) {
                      if (self->closed_) return;
                      if (failed) return self->close();
                      if (!keep_alive) return self->linger();
-                     self->since_ = Clock::now();
-                     self->close_by_ = self->since_ + kNextHeadWithin;
+                     self->get_on(kNextHeadWithin);
                      self->read();
                    });
 }
@@ -175,7 +191,9 @@ void Connection::linger() {
 void Connection::check(Clock::time_point now) {
   if (now < close_by_) return;
   // browsers open connections that they may never use, and keep those that they have used
-  if (waiting_ && parser_ && parser_->got_some()) hub_.log().say(peer_, "no request in time");
+  if (about_ == About::kSilent && parser_ && parser_->got_some()) hub_.log().say(peer_, "no request in time");
+  if (about_ == About::kTaking && !answer_.text().empty())
+    hub_.log().say(peer_, "takes its answer too slowly");
   close();
 }
 

@@ -4,6 +4,7 @@
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/parser.hpp>
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,8 +30,14 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void check(Clock::time_point now);
   void close();
 
-  /// Whether it has yet to say what it wants, and since when.
-  bool waiting() const { return waiting_; }
+  /// What it is about, in the order in which connections give way where there are too many.
+  enum class About : std::uint8_t {
+    kSilent,  ///< has yet to say what it wants
+    kTaking,  ///< takes its answer
+    kMaking,  ///< its answer is being made
+  };
+  About about() const { return about_; }
+  /// When it last got on.
   Clock::time_point since() const { return since_; }
 
  private:
@@ -39,9 +46,11 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void read();
   void read_failed(ErrorCode failed);
   void serve();
+  void refuse_volume();
   void become_viewer();
   void send(HttpAnswer answer, bool keep_alive);
   void linger();
+  void get_on(Clock::duration within);
 
   std::unique_ptr<Stream> stream_;
   Hub& hub_;
@@ -52,7 +61,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
   HttpRequest request_;
   HttpAnswer answer_;
   std::string head_;
-  bool waiting_ = true, closed_ = false;
+  About about_ = About::kSilent;
+  bool closed_ = false;
+  std::size_t taken_bytes_ = 0;
   Clock::time_point since_, close_by_;
 };
 

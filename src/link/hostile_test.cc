@@ -151,8 +151,7 @@ TEST_F(HostileTest, MalformedFrames) {
   EXPECT_EQ(code_after(masked_frame(kText, "\xff\xfe")), 1007);
   EXPECT_EQ(code_after(masked_frame(kText, "DOE^CANARY")), 1007);
   EXPECT_EQ(code_after(masked_frame(kText, "")), 1007);
-  EXPECT_EQ(code_after(masked_frame(kBinary, "{\"type\":\"stop\",\"id\":1}")), 1003);
-  EXPECT_FALSE(test.host.state().emergency_stop);
+  EXPECT_EQ(code_after(masked_frame(kBinary, "{\"type\":\"rearm\",\"id\":1}")), 1003);
 }
 
 TEST_F(HostileTest, MessagesThatAreTooLong) {
@@ -244,6 +243,48 @@ TEST_F(HostileTest, AThousandConnections) {
   }
   EXPECT_NE(test.log.text().find("too many connections"), std::string::npos);
   EXPECT_LT(test.log.text().size(), 5000u);
+}
+
+// a stop is heard, whatever ends the viewer that asks for it
+TEST_F(HostileTest, AStopStops) {
+  const std::string stop = R"({"type": "stop", "id": 1})";
+  std::string blanks = "{\"type\" :\n \"stop\"";
+  blanks += std::string(4096 - blanks.size() - 1, ' ') + "}";
+  for (const std::string& bytes :
+       {masked_frame(kText, stop), masked_frame(kText, blanks), masked_frame(kBinary, stop),
+        masked_frame(kText, R"({"type": "stop")"), masked_frame(kText, R"({"id": [[]], "type":"stop"})"),
+        masked_frame(kText, R"({"id": null, "type": "stop", "type": "stop"})"),
+        masked_frame(kText, "DOE^CANARY" + stop)}) {
+    TestViewer viewer(test.port());
+    viewer.greet();
+    viewer.socket().send(bytes);
+    EXPECT_TRUE(comes_true([&] { return test.host.state().emergency_stop; })) << bytes;
+    test.host.change([](ViewedState& state) { state.emergency_stop = false; });
+  }
+  // of somebody who has shown no token, and of one who says something else
+  TestViewer unknown(test.port());
+  unknown.socket().send(masked_frame(kText, stop));
+  EXPECT_EQ(unknown.close_code(), 1008);
+  EXPECT_EQ(code_after(masked_frame(kText, R"({"type": "tip", "stop": "\"type\": \"stop\""})")), 1007);
+  EXPECT_FALSE(test.host.state().emergency_stop);
+}
+
+TEST_F(HostileTest, DownloadsThatNobodyReads) {
+  TestServer large({}, {256, 256, 80});
+  const std::string wanted =
+      "GET /api/volume/scan/0f3a000000000001 HTTP/1.1\r\nHost: " + large.host_name() + "\r\n\r\n";
+  std::vector<std::unique_ptr<TestSocket>> sockets;
+  for (int n = 0; n < 260; ++n) {
+    sockets.push_back(std::make_unique<TestSocket>(large.port(), false, 4096));
+    sockets.back()->send(wanted);
+    ASSERT_NE(sockets.back()->take_until("\r\n\r\n").find("200 OK"), std::string::npos) << n;
+  }
+  TestViewer viewer(large.port());
+  EXPECT_EQ(viewer.greet()["type"], "welcome");
+  EXPECT_EQ(request(large.port(), "GET", "/").status, 200);
+  EXPECT_TRUE(sockets.front()->closes()) << "the first gives way";
+  EXPECT_TRUE(
+      comes_true([&] { return large.log.text().find("takes its answer too slowly") != std::string::npos; }));
 }
 
 TEST_F(HostileTest, AnyBytes) {

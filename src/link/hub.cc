@@ -74,15 +74,18 @@ void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
   if (ended_ && viewers_.empty()) context_.stop();
 }
 
-bool Hub::room_for_connection() {
-  if (connections_.size() + viewers_.size() < kMostConnections) return true;
-  std::shared_ptr<Connection> oldest;
-  for (const auto& connection : connections_)
-    if (connection->waiting() && (!oldest || connection->since() < oldest->since())) oldest = connection;
-  if (!oldest) return false;
-  log_.say("", "too many connections, a silent one is closed");
-  oldest->close();
-  return true;
+void Hub::make_room_for_connection() {
+  if (connections_.size() + viewers_.size() < kMostConnections) return;
+  const auto place = [](const auto& connection) {
+    return std::pair(connection->about(), connection->since());
+  };
+  const auto oldest =
+      std::min_element(connections_.begin(), connections_.end(),
+                       [&](const auto& one, const auto& other) { return place(one) < place(other); });
+  // viewers take no more places than are theirs
+  static_assert(kMostViewers < kMostConnections);
+  log_.say("", "too many connections, the one that gets on least is closed");
+  std::shared_ptr(*oldest)->close();
 }
 
 bool Hub::room_for_viewer() {

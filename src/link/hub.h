@@ -49,9 +49,9 @@ class Hub {
   /// Where all places are taken, one who has not said hello for the longest time loses his: nobody without a
   /// token keeps out those who have one.
   bool room_for_viewer();
-  /// Makes room for a connection at the cost of one that has said nothing for the longest time; false where
-  /// there is none.
-  bool room_for_connection();
+  /// Where all places are taken, one is closed: of those that have yet to say what they want, of those that
+  /// take their answer, or else of those that wait for one, the one that has not got on for the longest time.
+  void make_room_for_connection();
 
   // ---- what they need
 

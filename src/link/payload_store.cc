@@ -1,6 +1,6 @@
 #include "link/payload_store.h"
 
-#include <new>
+#include <exception>
 #include <utility>
 
 #include "link/ordinary_thread.h"
@@ -8,10 +8,7 @@
 
 namespace palpate::link {
 
-PayloadStore::PayloadStore(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
-                           std::shared_ptr<const Volume<LabelId>> labels, bool wide_labels)
-    : scan_(std::move(scan)), scale_(scale), labels_(std::move(labels)), wide_labels_(wide_labels) {
-  PALPATE_CHECK(labels_);
+PayloadStore::PayloadStore(Maker make) : make_(std::move(make)) {
   thread_ = std::thread([this] {
     be_ordinary_thread("viewer-volumes");
     work();
@@ -44,20 +41,34 @@ void PayloadStore::work() {
     wishes_.pop_front();
     lock.unlock();
 
-    Payload& payload = made_[wish.key];
-    if (!payload) payload = make(wish.key);
-    if (!stop_) wish.then(payload);
+    const Payload payload = made(wish.key);
+    if (stop_) continue;
+    // whoever cannot be told ends by his own deadline
+    try {
+      wish.then(payload);
+    } catch (const std::exception&) {
+    }
   }
 }
 
-PayloadStore::Payload PayloadStore::make(const PayloadKey& key) const {
-  try {
-    if (!key.labels) return scan_ ? scan_payload(*scan_, scale_, key.shrink, stop_) : nullptr;
-    const Payload plain = labels_payload(*labels_, wide_labels_, key.shrink, stop_);
-    return plain && key.gzip ? gzip(*plain, stop_) : plain;
-  } catch (const std::bad_alloc&) {
-    return nullptr;
-  }
+// what cannot be made is this wish's trouble alone
+PayloadStore::Payload PayloadStore::made(const PayloadKey& key) try {
+  Payload& payload = made_[key];
+  if (!payload) payload = make_(key, stop_);
+  return payload;
+} catch (const std::exception&) {
+  return nullptr;
+}
+
+PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
+                                 std::shared_ptr<const Volume<LabelId>> labels, bool wide_labels) {
+  PALPATE_CHECK(labels);
+  return [scan = std::move(scan), scale, labels = std::move(labels), wide_labels](
+             const PayloadKey& key, const std::atomic<bool>& stop) -> PayloadStore::Payload {
+    if (!key.labels) return scan ? scan_payload(*scan, scale, key.shrink, stop) : nullptr;
+    const PayloadStore::Payload plain = labels_payload(*labels, wide_labels, key.shrink, stop);
+    return plain && key.gzip ? gzip(*plain, stop) : plain;
+  };
 }
 
 }  // namespace palpate::link

@@ -28,16 +28,17 @@ struct PayloadKey {
 class PayloadStore {
  public:
   using Payload = std::shared_ptr<const std::string>;
+  /// Makes what a key names; nothing where `stop` became true in the meantime. May throw.
+  using Maker = std::function<Payload(const PayloadKey& key, const std::atomic<bool>& stop)>;
 
-  /// @param scan  may be null, and is then never wanted
-  PayloadStore(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
-               std::shared_ptr<const Volume<LabelId>> labels, bool wide_labels);
+  explicit PayloadStore(Maker make);
   /// Ends at once; what is being made is thrown away, and nobody is told.
   ~PayloadStore();
   PayloadStore(const PayloadStore&) = delete;
   PayloadStore& operator=(const PayloadStore&) = delete;
 
-  /// Hands over the bytes, or nothing where there was no memory for them, on the store's own thread.
+  /// Hands over the bytes on the store's own thread, or nothing where they could not be made (no memory): who
+  /// asks again has them made again. `then` may throw, and is not called again.
   void want(const PayloadKey& key, std::function<void(Payload)> then);
 
  private:
@@ -46,12 +47,9 @@ class PayloadStore {
     std::function<void(Payload)> then;
   };
   void work();
-  Payload make(const PayloadKey& key) const;
+  Payload made(const PayloadKey& key);
 
-  const std::shared_ptr<const Volume<float>> scan_;
-  const ScanScale scale_;
-  const std::shared_ptr<const Volume<LabelId>> labels_;
-  const bool wide_labels_;
+  const Maker make_;
   // of the store's thread alone
   std::map<PayloadKey, Payload> made_;
 
@@ -61,5 +59,10 @@ class PayloadStore {
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };
+
+/// Makes the volumes of a scene.
+/// @param scan  may be null, and is then never wanted
+PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
+                                 std::shared_ptr<const Volume<LabelId>> labels, bool wide_labels);
 
 }  // namespace palpate::link

@@ -16,6 +16,24 @@ constexpr int kMostTissues = 1 << 16;
 // how far from 1 a quaternion's length may be that was computed in floats
 constexpr double kUnitTolerance = 1e-3;
 
+/// Takes a text off the front of another, blanks before it left out; false where it does not stand there.
+bool take(std::string_view& text, std::string_view front) {
+  text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
+  if (!text.starts_with(front)) return false;
+  text.remove_prefix(front.size());
+  return true;
+}
+
+// of a text that is no message: `"type": "stop"` anywhere in it
+bool says_stop(std::string_view text) {
+  constexpr std::string_view kKey = "\"type\"";
+  for (std::size_t at = text.find(kKey); at != text.npos; at = text.find(kKey, at + 1)) {
+    std::string_view rest = text.substr(at + kKey.size());
+    if (take(rest, ":") && take(rest, "\"stop\"")) return true;
+  }
+  return false;
+}
+
 /// Reads the values of one message; the first that does not fit becomes its refusal.
 class Fields {
  public:
@@ -151,9 +169,7 @@ std::optional<ViewerMessage> read_tip(Fields& fields) {
   return TipMessage{*tip};
 }
 
-}  // namespace
-
-std::optional<ViewerMessage> parse_viewer_message(std::string_view text) {
+std::optional<ViewerMessage> parse_message(std::string_view text) {
   if (text.size() > kMostMessage_bytes) return std::nullopt;
   const auto object = parse_flat_json(text);
   if (!object) return std::nullopt;
@@ -163,29 +179,39 @@ std::optional<ViewerMessage> parse_viewer_message(std::string_view text) {
   if (*type == "hello") return read_hello(fields);
   if (*type == "tip") return read_tip(fields);
 
-  // whoever asks for a stop gets it, however badly it is asked for
   const auto id = fields.whole("id", 0, kMostId);
-  if (!id && *type != "stop") return std::nullopt;
+  if (*type == "stop") return Request{id.value_or(0), StopRequest{}};
+  if (!id) return std::nullopt;
   Request request;
-  request.id = id.value_or(0);
+  request.id = *id;
   if (*type == "set") {
     request.what = read_settings(fields);
   } else if (*type == "tissue") {
     request.what = read_tissue(fields);
   } else if (*type == "pointer") {
     request.what = read_pointer(fields);
-  } else if (*type == "stop" || *type == "rearm") {
-    if (*type == "stop")
-      request.what = StopRequest{};
-    else
-      request.what = RearmRequest{};
+  } else if (*type == "rearm") {
+    request.what = RearmRequest{};
     fields.end();
   } else {
     fields.refuse("type", "is none that there is");
   }
-  if (fields.refusal() && !std::holds_alternative<StopRequest>(request.what))
-    request.what = *fields.refusal();
+  if (fields.refusal()) request.what = *fields.refusal();
   return request;
+}
+
+}  // namespace
+
+std::optional<ViewerMessage> parse_viewer_message(std::string_view text) {
+  // whoever asks for a stop gets it, however badly it is asked for
+  auto message = parse_message(text);
+  if (!message && says_stop(text)) message = Request{0, StopRequest{}};
+  return message;
+}
+
+bool is_stop(const std::optional<ViewerMessage>& message) {
+  const auto* request = message ? std::get_if<Request>(&*message) : nullptr;
+  return request && std::holds_alternative<StopRequest>(request->what);
 }
 
 }  // namespace palpate::link

@@ -39,7 +39,10 @@ struct Request {
 
 using ViewerMessage = std::variant<Hello, TipMessage, Request>;
 
-/// Nothing where the text is no message at all, so that nothing could be answered.
+/// Nothing where the text is no message at all, so that nothing could be answered. One that says that it is a
+/// stop is a stop, whatever else is wrong with it; its id is then 0.
 std::optional<ViewerMessage> parse_viewer_message(std::string_view text);
+
+bool is_stop(const std::optional<ViewerMessage>& message);
 
 }  // namespace palpate::link

@@ -105,6 +105,16 @@ TEST(Request, AStopIsOneHoweverItIsAskedFor) {
   EXPECT_TRUE(parsed<StopRequest>(R"({"type":"stop"})"));
   EXPECT_TRUE(parsed<StopRequest>(R"({"type":"stop","id":"x"})"));
   EXPECT_TRUE(parsed<StopRequest>(R"({"type":"stop","id":1,"because":"it hurts"})"));
+  for (const char* text : {R"([{"type":"stop"}])", R"({"type":"stop")", R"({"type":"stop"}x)",
+                           R"({"type" : "stop", "id": null})", R"({"type":"stop","type":"stop"})",
+                           "{\"type\":\n\"stop\",\"m\":\"\xff\xfe\"}", R"(type: 1, "type":"stop")"}) {
+    const auto stop = parsed<Request>(text);
+    ASSERT_TRUE(stop && is_stop(*stop)) << text;
+    EXPECT_EQ(stop->id, 0);
+  }
+  for (const char* text : {R"({"type":"tip","m":"\"type\":\"stop\""})", R"({"types":"stop")",
+                           R"({"type":"stopped")", R"("stop")", R"({"type":)", R"({"type")"})
+    EXPECT_FALSE(is_stop(parse_viewer_message(text))) << text;
 }
 
 TEST(Request, WhatIsNoMessage) {
@@ -115,11 +125,11 @@ TEST(Request, WhatIsNoMessage) {
            "1",
            "\"stop\"",
            "[]",
-           "[{\"type\":\"stop\"}]",
+           "[{\"type\":\"rearm\"}]",
            "{",
            "{}",
            "{}{}",
-           "{\"type\":\"stop\"}x",
+           "{\"type\":\"rearm\"}x",
            R"({"id":1})",
            R"({"type":1,"id":1})",
            R"({"type":"set","friction":true})",
@@ -129,7 +139,7 @@ TEST(Request, WhatIsNoMessage) {
            R"({"type":"set","id":1e3,"friction":true})",
            // a key twice
            R"({"type":"set","id":1,"friction":true,"friction":false})",
-           R"({"type":"stop","type":"stop"})",
+           R"({"type":"rearm","type":"rearm"})",
            // no number holds it, or JSON has no such thing
            R"({"type":"set","id":1,"max_force_N":1e999})",
            R"({"type":"set","id":1,"max_force_N":NaN})",
@@ -153,8 +163,8 @@ TEST(Request, WhatIsNoMessage) {
            R"({"type":"hello","protocol":1,"admin":true})",
        })
     EXPECT_FALSE(parse_viewer_message(text)) << text;
-  EXPECT_FALSE(parse_viewer_message(std::string_view("{\"type\":\"stop\"}\0", 16)));
-  EXPECT_FALSE(parse_viewer_message("{\"type\":\"stop\",\"id\":1,\"m\":\"\xff\xfe\"}"));
+  EXPECT_FALSE(parse_viewer_message(std::string_view("{\"type\":\"rearm\",\"id\":1}\0", 24)));
+  EXPECT_FALSE(parse_viewer_message("{\"type\":\"rearm\",\"id\":1,\"m\":\"\xff\xfe\"}"));
 }
 
 TEST(Request, DepthAndLengthCostNothing) {
@@ -165,9 +175,9 @@ TEST(Request, DepthAndLengthCostNothing) {
   EXPECT_FALSE(parse_viewer_message(objects));
   // not bounded by the caller here: still no recursion
   EXPECT_FALSE(parse_flat_json(std::string(10'000'000, '[')));
-  const std::string stop = R"({"type":"stop","id":1})";
-  EXPECT_TRUE(parse_viewer_message(stop + std::string(kMostMessage_bytes - stop.size(), ' ')));
-  EXPECT_FALSE(parse_viewer_message(stop + std::string(kMostMessage_bytes - stop.size() + 1, ' ')));
+  const std::string rearm = R"({"type":"rearm","id":1})";
+  EXPECT_TRUE(parse_viewer_message(rearm + std::string(kMostMessage_bytes - rearm.size(), ' ')));
+  EXPECT_FALSE(parse_viewer_message(rearm + std::string(kMostMessage_bytes - rearm.size() + 1, ' ')));
 }
 
 // nothing of the viewer's text comes back

@@ -78,6 +78,10 @@ Json structures_json(const ViewedScene& scene) {
   return structures;
 }
 
+Json error_json(const Error& error) {
+  return {{"what", error.what}, {"where", error.where}, {"how", error.remedy}};
+}
+
 }  // namespace
 
 std::string_view name_of(Role role) {
@@ -126,6 +130,8 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer) {
   Json json;
   json["type"] = "state";
   json["method"] = state.method;
+  json["method_awaited"] = state.method_awaited.empty() ? Json() : Json(state.method_awaited);
+  json["method_failed"] = state.method_failure ? error_json(*state.method_failure) : Json();
   json["friction"] = state.friction;
   json["viscosity"] = state.viscosity;
   json["passivity"] = state.passivity;
@@ -152,8 +158,9 @@ std::string done_json(std::int64_t id) {
 }
 
 std::string refused_json(std::int64_t id, const Error& error) {
-  return text_of(
-      {{"type", "refused"}, {"id", id}, {"what", error.what}, {"where", error.where}, {"how", error.remedy}});
+  Json json = {{"type", "refused"}, {"id", id}};
+  json.update(error_json(error));
+  return text_of(json);
 }
 
 }  // namespace palpate::link

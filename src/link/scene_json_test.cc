@@ -64,11 +64,18 @@ TEST(SceneJson, NamesThatAreNoUtf8DoNotHarm) {
 TEST(SceneJson, StateAndAnswers) {
   FakeHost host;
   EXPECT_EQ(Json::parse(state_json(host.state(), 2, true)), Json::parse(R"({
-    "type": "state", "method": "proxy", "friction": true, "viscosity": true, "passivity": true, "paused": false,
+    "type": "state", "method": "proxy", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false,
     "emergency_stop": false, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1,
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "viewers": 2, "pointer": true})"));
+  ViewedState state = host.state();
+  state.method_awaited = "trilinear";
+  state.method_failure = Error{ErrorKind::kUnavailable, "no memory", "b-spline", "choose another"};
+  const Json json = Json::parse(state_json(state, 2, true));
+  EXPECT_EQ(json["method_awaited"], "trilinear");
+  EXPECT_EQ(json["method_failed"],
+            Json::parse(R"({"what": "no memory", "where": "b-spline", "how": "choose another"})"));
   EXPECT_EQ(Json::parse(welcome_json(Role::kView)),
             Json::parse(R"({"type": "welcome", "role": "view", "protocol": 1})"));
   EXPECT_EQ(Json::parse(done_json(7)), Json::parse(R"({"type": "done", "id": 7})"));

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <boost/asio/basic_socket_acceptor.hpp>
 #include <boost/asio/ip/address.hpp>
+#include <boost/asio/ip/v6_only.hpp>
 #include <exception>
 #include <thread>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "link/connection.h"
 #include "link/hub.h"
 #include "link/ordinary_thread.h"
+#include "link/reachable.h"
 #include "link/stream.h"
 #include "palpate/viewer_server.h"
 
@@ -80,7 +82,7 @@ class Server : public ViewerServer {
     const ScanScale scale = scene.scan ? ScanScale::of(*scene.scan) : ScanScale{};
     const VolumeFacts facts{hash_text(scene.content_hash), scale.scale, scale.offset, scale.range,
                             needs_wide_labels(*scene.labels)};
-    volumes_.emplace(scene.scan, scale, scene.labels, facts.wide_labels);
+    volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels));
     site_.emplace(host,
                   Access(address.to_string(), port(), tls_ != nullptr, options.host_names, std::move(tokens)),
                   facts);
@@ -117,7 +119,9 @@ class Server : public ViewerServer {
     if (!failed) acceptor_.bind(endpoint, failed);
     if (!failed) acceptor_.listen(net::socket_base::max_listen_connections, failed);
     const auto bound = failed ? endpoint : acceptor_.local_endpoint(failed);
-    address_ = bound.address();
+    net::ip::v6_only v6_only(false);
+    if (!failed && bound.address().is_v6()) acceptor_.get_option(v6_only, failed);
+    address_ = reachable_address(bound.address(), own_addresses(), v6_only.value());
     port_ = bound.port();
   }
 
@@ -138,22 +142,11 @@ class Server : public ViewerServer {
   }
 
   void take(Stream::Socket socket) {
-    if (!hub_->room_for_connection()) return refuse(socket);
+    hub_->make_room_for_connection();
     const auto connection =
         std::make_shared<Connection>(std::make_unique<Stream>(std::move(socket), tls_.get()), *hub_);
     hub_->add(connection);
     connection->begin();
-  }
-
-  // said once, if it fits into the system's buffer
-  void refuse(Stream::Socket& socket) {
-    constexpr std::string_view kFull =
-        "HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
-    ErrorCode ignored;
-    hub_->log().say("", "too many connections");
-    socket.non_blocking(true, ignored);
-    if (!tls_) socket.write_some(net::buffer(kFull), ignored);
-    socket.close(ignored);
   }
 
   void run() {
@@ -170,7 +163,7 @@ class Server : public ViewerServer {
   std::unique_ptr<net::ssl::context> tls_;
   net::basic_socket_acceptor<tcp, net::io_context::executor_type> acceptor_;
   net::steady_timer accept_again_;
-  net::ip::address address_;
+  net::ip::address address_;  // that others are told
   int port_ = 0;
   std::atomic<int> viewers_{0};
   std::optional<PayloadStore> volumes_;

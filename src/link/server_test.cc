@@ -142,6 +142,27 @@ TEST(ViewerServer, OptionsThatDoNotGoTogether) {
   EXPECT_EQ(kind_of(options), ErrorKind::kUnavailable);
 }
 
+// nobody can open 0.0.0.0
+TEST(ViewerServer, ListeningEverywhereItTellsAnAddress) {
+  const TemporaryFolder folder;
+  ViewerServerOptions options;
+  options.token_file = write_text(folder / "tokens", "view 0123456789abcdef\n");
+  for (const char* all : {"0.0.0.0", "::"}) {
+    options.address = all;
+    FakeHost host;
+    options.port = 0;
+    const auto server = ViewerServer::start(host, options);
+    // a machine may have no IPv6
+    if (!server && std::string(all) == "::") continue;
+    ASSERT_TRUE(server.ok());
+    const std::string url = (*server)->url();
+    EXPECT_EQ(url.find("//0.0.0.0"), url.npos) << url;
+    EXPECT_EQ(url.find("//[::]"), url.npos) << url;
+    EXPECT_NE(url.find(":" + std::to_string((*server)->port()) + "/"), url.npos) << url;
+    EXPECT_EQ(request((*server)->port(), "GET", "/").status, 200);
+  }
+}
+
 TEST(ViewerServer, TwoOnOnePortIsAnError) {
   TestServer first;
   ViewerServerOptions options;

@@ -19,7 +19,7 @@ constexpr auto kHelloWithin = std::chrono::seconds(5);
 constexpr auto kTakenWithin = std::chrono::seconds(10);
 constexpr auto kGoodbyeWithin = std::chrono::seconds(2);
 constexpr double kMostMessages_each_second = 250;
-// so many answers may wait before no more requests are read
+// so many answers may wait before no more requests are taken
 constexpr std::size_t kMostAnswers = 32;
 // close codes of ours, 4000 and above as RFC 6455 leaves them to applications
 constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello = 4408;
@@ -74,22 +74,13 @@ void Viewer::begin(UpgradeRequest request) {
 // ---- what comes in
 
 void Viewer::read() {
-  if (reading_ || ending_ || gone_ || answers_.size() >= kMostAnswers) return;
+  if (reading_ || ending_ || gone_) return;
   reading_ = true;
   socket_.async_read(input_, [self = shared_from_this()](ErrorCode failed, std::size_t) {
     self->reading_ = false;
-    if (failed) {
-      if (!self->ending_ && failed != websocket::error::closed && failed != net::error::eof &&
-          failed.category() == ErrorCode(websocket::error::closed).category())
-        self->hub_.log().say(self->peer_, "a frame that is malformed or too long");
-      return self->gone();
-    }
     const std::string text = beast::buffers_to_string(self->input_.data());
     self->input_.consume(self->input_.size());
-    if (self->socket_.got_binary())
-      self->end(websocket::close_code::unknown_data, "a binary message");
-    else if (!self->too_many())
-      self->take_whole(text);
+    self->take_whole(text, failed);
     self->read();
   });
 }
@@ -101,21 +92,46 @@ bool Viewer::too_many() {
 }
 
 // no error of ours leaves a viewer that is never heard again
-void Viewer::take_whole(std::string_view text) try { take(text); } catch (const std::exception&) {
+void Viewer::take_whole(std::string_view text, ErrorCode failed) try {
+  const auto message = parse_viewer_message(text);
+  // a stop comes before whatever ends this viewer
+  const bool stop = welcomed_ && is_stop(message);
+  if (stop) take(std::get<Request>(*message));
+  if (failed) return read_failed(failed);
+  if (socket_.got_binary()) return end(websocket::close_code::unknown_data, "a binary message");
+  if (!too_many() && !stop) take(message);
+} catch (const std::exception&) {
   end(websocket::close_code::internal_error, "an error of the server's own");
 }
 
-void Viewer::take(std::string_view text) {
-  const auto message = parse_viewer_message(text);
+void Viewer::read_failed(ErrorCode failed) {
+  if (!ending_ && failed != websocket::error::closed && failed != net::error::eof &&
+      failed.category() == ErrorCode(websocket::error::closed).category())
+    hub_.log().say(peer_, "a frame that is malformed or too long");
+  gone();
+}
+
+void Viewer::take(const std::optional<ViewerMessage>& message) {
   if (!message) return end(websocket::close_code::bad_payload, "a message that is malformed");
   const auto* hello = std::get_if<Hello>(&*message);
   if ((hello != nullptr) == welcomed_)
     return end(websocket::close_code::policy_error, "a message out of turn");
   if (hello) return greet(*hello);
   if (const auto* tip = std::get_if<TipMessage>(&*message)) return hub_.move_pointer(*this, *tip);
+  take(std::get<Request>(*message));
+}
+
+void Viewer::take(const Request& request) {
+  // what finds no place for its answer is not done, a stop excepted
+  const bool room = answers_.size() < kMostAnswers;
+  if (!room && !std::holds_alternative<StopRequest>(request.what)) {
+    if (!std::exchange(deaf_, true)) hub_.log().say(peer_, "takes no answers, its requests are not granted");
+    return;
+  }
+  std::string answer = hub_.answer(*this, request);
   // first the answer, then what it changed
-  const Request& request = std::get<Request>(*message);
-  say(hub_.answer(*this, request));
+  if (room) say(std::move(answer));
+  deaf_ = deaf_ && !room;
   if (std::holds_alternative<PointerRequest>(request.what)) show_state();
   hub_.look_at_state();
 }
@@ -166,8 +182,6 @@ void Viewer::write_next() {
     text_out_ = std::move(answers_.front());
     answers_.pop_front();
     write(text_out_, false);
-    // there is room for what this viewer may ask next
-    read();
   } else if (std::exchange(state_due_, false)) {
     text_out_ = hub_.state_for(*this);
     write(text_out_, false);

@@ -7,7 +7,9 @@
 #include <chrono>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "link/pose_message.h"
 #include "link/request.h"
@@ -21,12 +23,12 @@ class Hub;
 
 /// One viewer's WebSocket. What it is sent waits here, never in the hub and never more than this:
 ///
-///     answers_     texts, in order; when there are many, nothing more is read until some were taken
+///     answers_     texts, in order; when there are many, nothing but a stop is done until some were taken
 ///     state_due_   the state as it is when its turn comes
 ///     pose_        the latest, which replaces one that was not sent
 ///
-/// One write is under way at a time. A viewer that reads slowly thereby slows its own messages down and
-/// nothing else; the system's buffer for its connection is small, so that what does arrive is not old.
+/// One write is under way at a time. A viewer that reads slowly thereby loses what it asks for and nothing
+/// else; the system's buffer for its connection is small, so that what does arrive is not old.
 class Viewer : public std::enable_shared_from_this<Viewer> {
  public:
   using Clock = std::chrono::steady_clock;
@@ -52,8 +54,10 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
 
  private:
   void read();
-  void take_whole(std::string_view text);
-  void take(std::string_view text);
+  void read_failed(ErrorCode failed);
+  void take_whole(std::string_view text, ErrorCode failed);
+  void take(const std::optional<ViewerMessage>& message);
+  void take(const Request& request);
   void greet(const Hello& hello);
   void say(std::string text);
   void write_next();
@@ -78,6 +82,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Clock::time_point next_pose_{};
 
   std::deque<std::string> answers_;
+  bool deaf_ = false;  // has left requests undone, their answers having no place
   bool state_due_ = false, pose_due_ = false;
   std::uint64_t sequence_ = 0;
   PoseMessage pose_, pose_out_;

@@ -282,14 +282,21 @@ TEST(Viewer, OneThatTakesNothingIsClosed) {
   EXPECT_NE(test.log.text().find("takes nothing"), std::string::npos);
 }
 
-// answers that nobody takes stop the reading of requests, so that they never pile up
-TEST(Viewer, AnswersThatAreNotTakenHoldRequestsBack) {
+// answers that nobody takes never pile up, and never keep a stop from being heard
+TEST(Viewer, OneThatTakesNoAnswersStillStops) {
   TestServer test;
   TestViewer stuck(test.port(), "", false, 4096);
   stuck.greet({{"poses_hz", 120}});
   // slower than the limit of messages, so that this is not what ends it
-  for (int n = 0; n < 2400 && stuck.send({{"type", "set"}, {"id", n}, {"paused", n % 2 == 0}}); ++n)
+  const auto ask = [&](const Json& request) {
     std::this_thread::sleep_for(std::chrono::milliseconds(4));
+    return stuck.send(request);
+  };
+  for (int n = 0; n < 600; ++n) ASSERT_TRUE(ask({{"type", "set"}, {"id", n}, {"max_force_N", 0.001 * n}}));
+  ASSERT_TRUE(ask({{"type", "stop"}, {"id", 600}}));
+  EXPECT_TRUE(comes_true([&] { return test.host.state().emergency_stop; }));
+  EXPECT_LT(test.host.state().max_force_N, 0.599) << "what cannot be answered is not done";
+  EXPECT_NE(test.log.text().find("takes no answers"), std::string::npos);
   EXPECT_EQ(test.log.text().find("too many messages"), std::string::npos);
   EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 0; }));
 }

@@ -4,9 +4,12 @@
 #include <zlib.h>
 
 #include <cmath>
+#include <future>
 #include <limits>
 #include <map>
+#include <new>
 #include <random>
+#include <stdexcept>
 
 #include "link/payload_store.h"
 #include "link/test_client.h"
@@ -210,7 +213,7 @@ TEST(VolumePayload, StopsWhenAsked) {
 TEST(PayloadStore, MakesEachOnceAndElsewhere) {
   const auto scan = std::make_shared<Volume<float>>(scan_of({1, 2, 3}));
   const auto labels = std::make_shared<Volume<LabelId>>(grid_of({3, 1, 1}), LabelId{4});
-  PayloadStore store(scan, ScanScale::of(*scan), labels, false);
+  PayloadStore store(volume_maker(scan, ScanScale::of(*scan), labels, false));
   std::mutex mutex;
   std::vector<PayloadStore::Payload> got;
   std::atomic<bool> elsewhere{true};
@@ -239,10 +242,35 @@ TEST(PayloadStore, EndsWithWishesOpen) {
   const auto labels = std::make_shared<Volume<LabelId>>(grid_of({256, 256, 128}), LabelId{4});
   std::atomic<int> told{0};
   {
-    PayloadStore store(nullptr, {}, labels, true);
+    PayloadStore store(volume_maker(nullptr, {}, labels, true));
     for (const int shrink : {1, 2, 4}) store.want({true, shrink, true}, [&](const auto&) { ++told; });
   }
   EXPECT_LT(told, 3);
+}
+
+PayloadStore::Payload wait_for(PayloadStore& store) {
+  std::promise<PayloadStore::Payload> promise;
+  store.want({}, [&](PayloadStore::Payload payload) { promise.set_value(std::move(payload)); });
+  return promise.get_future().get();
+}
+
+TEST(PayloadStore, WhatCannotBeMadeEndsNothingElse) {
+  int fails = 2;
+  PayloadStore store([&](const PayloadKey&, const std::atomic<bool>&) -> PayloadStore::Payload {
+    if (fails == 2) throw(--fails, std::bad_alloc());
+    if (fails == 1) throw(--fails, std::length_error("longer than any text"));
+    return std::make_shared<const std::string>("scan");
+  });
+  EXPECT_EQ(wait_for(store), nullptr);
+  EXPECT_EQ(wait_for(store), nullptr);
+  EXPECT_EQ(*wait_for(store), "scan");
+}
+
+TEST(PayloadStore, WhoCannotBeToldEndsNothingElse) {
+  PayloadStore store(
+      [](const PayloadKey&, const auto&) { return std::make_shared<const std::string>("scan"); });
+  store.want({}, [](const auto&) { throw std::bad_alloc(); });
+  EXPECT_EQ(*wait_for(store), "scan");
 }
 
 }  // namespace

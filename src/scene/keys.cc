@@ -20,6 +20,13 @@ std::string concat(std::initializer_list<std::string_view> parts) {
   return text;
 }
 
+template <class T, std::size_t kCount>
+std::vector<std::string_view> names_of(const std::array<Word<T>, kCount>& words) {
+  std::vector<std::string_view> names;
+  for (const Word<T>& word : words) names.push_back(word.name);
+  return names;
+}
+
 std::string default_cell(const KeySpec& key) {
   if (key.type == kTable || key.type == kTables) return "";
   return key.default_text.empty() ? "—" : concat({"`", key.default_text, "`"});
@@ -95,10 +102,17 @@ const SceneKeys& scene_key_tables() {
             {.name = "side",
              .type = kChoice,
              .default_text = "\"unknown\"",
-             .choices = {"left", "right", "both", "unknown"},
+             .choices = names_of(kSides),
              .meaning =
                  "Side of the body, shown in the report; `\"both\"` for a head or a torso. Without it a "
                  "leg's side follows from its fibula, see below."},
+            {.name = "modality",
+             .type = kChoice,
+             .default_text = "\"unknown\"",
+             .choices = names_of(kModalities),
+             .meaning =
+                 "What made the scan. The viewer shows a CT's values as HU, with windows for them. Without "
+                 "it a scan that has values of -500 and below is a CT, and any other unknown."},
             {.name = "data", .type = kTable, .meaning = "The files. A scene file has to have it."},
             {.name = "tissue", .type = kTables, .meaning = "What is felt and how: 1 to 64 of them."},
             {.name = "preparation", .type = kTable, .meaning = "How labels become the field that is felt."},

@@ -190,20 +190,6 @@ Result<std::string> threshold_text(const Volume<float>& scan) {
          number_text(low) + ", " + number_text(high) + "]\nstiffness = 1.0\n";
 }
 
-const char* side_text(Side side) {
-  switch (side) {
-    case Side::kLeft:
-      return "left";
-    case Side::kRight:
-      return "right";
-    case Side::kBoth:
-      return "both";
-    case Side::kUnknown:
-      break;
-  }
-  return "unknown";
-}
-
 /// A millimetre, or as much as the widest voxel: a narrower Gaussian does not close the steps between
 /// slices, and the force points out of these instead of the surface (docs/verify.md).
 std::string preparation_text(const GridGeometry* labels, const GridGeometry* scan) {
@@ -232,7 +218,7 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
       return Error{ErrorKind::kUsage, "the title is not valid UTF-8", "--title", "write it in UTF-8"};
     text += "title = " + toml_string(input.title) + "\n";
   }
-  if (input.side != Side::kUnknown) text += "side = \"" + std::string(side_text(input.side)) + "\"\n";
+  if (input.side != Side::kUnknown) text += "side = \"" + std::string(name_of(input.side, kSides)) + "\"\n";
 
   // the files
   text += "\n[data]\n";

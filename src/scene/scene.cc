@@ -8,11 +8,10 @@
 namespace palpate {
 namespace {
 
-Side parse_side(const std::string& text) {
-  if (text == "left") return Side::kLeft;
-  if (text == "right") return Side::kRight;
-  if (text == "both") return Side::kBoth;
-  return Side::kUnknown;
+std::array<double, 2> range_of(const TableSpec& table, std::string_view key) {
+  const KeySpec* spec = table.find(key);
+  PALPATE_CHECK(spec != nullptr && spec->type == KeyType::kNumber);
+  return {spec->min, spec->max};
 }
 
 void read_data(const TableReader& data, Scene& scene) {
@@ -284,9 +283,11 @@ std::string Scene::where(int line) const {
 }
 
 std::array<double, 2> tissue_key_range(std::string_view key) {
-  const KeySpec* spec = scene_key_tables().tissue.find(key);
-  PALPATE_CHECK(spec != nullptr && spec->type == KeyType::kNumber);
-  return {spec->min, spec->max};
+  return range_of(scene_key_tables().tissue, key);
+}
+
+std::array<double, 2> max_force_range_N() {
+  return range_of(scene_key_tables().limits, "max_force");
 }
 
 Result<void> check_tissue_values(const std::vector<TissueSettings>& tissues, std::size_t index) {
@@ -332,7 +333,8 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   scene.source = source;
   const TableReader top(&*document, keys.top, problems);
   scene.title = top.text("title").value_or("");
-  scene.side = parse_side(top.choice("side").value_or("unknown"));
+  scene.side = value_of(top.choice("side").value_or(""), kSides);
+  scene.modality = value_of(top.choice("modality").value_or(""), kModalities);
   read_data(TableReader(top.table("data"), keys.data, problems), scene);
   read_tissues(top, scene, problems);
   read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,

@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kKnee = R"(title = "A knee"
 side = "left"
+modality = "mr"
 [data]
 scan = "scan.nii.gz"
 labels = "/data/labels.nrrd"
@@ -77,6 +78,7 @@ TEST(ParseScene, ReadsEveryKey) {
   const Scene& scene = *parsed;
   EXPECT_EQ(scene.title, "A knee");
   EXPECT_EQ(scene.side, Side::kLeft);
+  EXPECT_EQ(scene.modality, Modality::kMr);
   EXPECT_EQ(scene.scan, "scan.nii.gz");
   EXPECT_EQ(scene.labels, "/data/labels.nrrd");
   EXPECT_EQ(scene.names, "names.ctbl");
@@ -85,7 +87,7 @@ TEST(ParseScene, ReadsEveryKey) {
 
   const TissueSettings& bone = scene.tissues[0];
   EXPECT_EQ(bone.preset, "bone");
-  EXPECT_EQ(bone.line, 7);
+  EXPECT_EQ(bone.line, 8);
   EXPECT_THAT(bone.labels, ElementsAre(LabelReference("femur"), LabelReference(96)));
   EXPECT_EQ(bone.stiffness_N_per_mm, tissue_presets()[0].values.stiffness_N_per_mm);
   EXPECT_FALSE(bone.optional);

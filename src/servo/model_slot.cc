@@ -21,9 +21,11 @@ void ModelSlot::set(std::shared_ptr<const Model> model) {
   const std::lock_guard lock(mutex_);
   PALPATE_CHECK(model != nullptr);
   PALPATE_CHECK(model->version > held_.back().model->version);
-  current_.store(model.get());
-  held_.back().free_from = begun_.load();
+  const Model* next = model.get();
+  // first, as memory may be short: what the servo reads is always held
   held_.push_back({std::move(model), kNever});
+  current_.store(next);
+  held_[held_.size() - 2].free_from = begun_.load();
   collect_locked();
 }
 

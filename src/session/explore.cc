@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "session/explore_watch.h"
+#include "session/plain_vectors.h"
 #include "session/run_setup.h"
 #include "session/tip_source.h"
 #include "session/viewed_session.h"
@@ -19,10 +20,6 @@ constexpr auto kPoll = std::chrono::milliseconds(20);
 
 double seconds_since(Clock::time_point then) {
   return std::chrono::duration<double>(Clock::now() - then).count();
-}
-
-double norm(const std::array<double, 3>& v) {
-  return Eigen::Vector3d(v[0], v[1], v[2]).norm();
 }
 
 /// The parts of a session, all of which live on after its end until its figures are taken.
@@ -59,6 +56,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate) 
   status.stalls = health.stalls;
   status.progress = session.tip.progress();
   status.recording_failure = session.recorder.failure();
+  status.method_failure = session.viewed.method_failure();
   return status;
 }
 
@@ -147,12 +145,13 @@ Result<std::unique_ptr<TipSource>> tip_source_of(const RunSetup& setup, const Ex
   return source;
 }
 
-ViewedParts viewed_parts(const RunSetup& setup, TipSource& tip, bool recording) {
+ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& tip, bool recording) {
   const auto devices = tip.driver().devices();
   return {setup.model,     {devices.begin(), devices.end()},
           setup.workspace, setup.parameters,
           tip.name(),      setup.script.rate_hz,
-          tip.pointer(),   recording};
+          tip.pointer(),   recording,
+          scene.modality};
 }
 
 }  // namespace
@@ -169,7 +168,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   if (progress.stopped()) return Progress::interrupted();
 
   // who shows it may fail before anything pushes
-  ViewedSession viewed(viewed_parts(*setup, **tip, !recording.empty()));
+  ViewedSession viewed(viewed_parts(*setup, loaded.scene, **tip, !recording.empty()));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
     auto shown = options.viewers(viewed);

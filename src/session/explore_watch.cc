@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "session/plain_vectors.h"
+
 namespace palpate {
 namespace {
 
@@ -21,10 +23,8 @@ ExploreWatch::ExploreWatch(const Model& model, const std::vector<LabelId>& struc
 void ExploreWatch::see(const TickRecord& record) {
   const std::lock_guard lock(mutex_);
   for (HoldMeter& meter : meters_) meter.see(record);
-  for (int d = 0; d < record.devices; ++d) {
-    const auto& f = record.device[d].force_N;
-    max_force_N_ = std::max(max_force_N_, Eigen::Vector3d(f[0], f[1], f[2]).norm());
-  }
+  for (int d = 0; d < record.devices; ++d)
+    max_force_N_ = std::max(max_force_N_, norm(record.device[d].force_N));
 
   tenth_ = static_cast<std::uint64_t>(std::max(0.0, record.time_s) * kParts_per_s);
   Part& part = parts_[tenth_ % kParts];

@@ -27,7 +27,6 @@ class Loop {
  public:
   Loop(const Model& model, const Hold& hold)
       : model_(model),
-        hold_(hold),
         dt_s_(1 / hold.rate_hz),
         plant_(hold.device, hold.hand, hold.delay_s),
         mapping_(plant_.info(), workspace_of(hold)) {
@@ -62,7 +61,6 @@ class Loop {
   }
 
   const Model& model_;
-  const Hold& hold_;
   double dt_s_;
   SimulatedDevice plant_;
   WorkspaceMapping mapping_;

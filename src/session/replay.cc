@@ -4,13 +4,10 @@
 
 #include "palpate/session.h"
 #include "session/changed_model.h"
+#include "session/plain_vectors.h"
 
 namespace palpate {
 namespace {
-
-Eigen::Quaterniond quaternion(const std::array<double, 4>& wxyz) {
-  return Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
-}
 
 bool same_bits(double a, double b) {
   return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);

@@ -6,19 +6,17 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <new>
+#include <exception>
 #include <system_error>
 
 #include "base/hash.h"
 #include "palpate/rendering.h"
-#include "palpate/scene.h"
 #include "recording/header_fields.h"
+#include "session/plain_vectors.h"
 
 namespace palpate {
 namespace {
 
-// what the command line takes (--max-force)
-constexpr double kLeastMaxForce_N = 0.1, kMostMaxForce_N = 40;
 // viewers ask with every pose; the figures are of a second
 constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
 constexpr int kLowestPriority = 19;
@@ -29,25 +27,12 @@ constexpr double kFarthestTip_mm = 2000;
 // no unit of a scan but the Hounsfield has values as low: air is -1000
 constexpr float kOnlyHounsfield = -500;
 
-std::string text_of(Side side) {
-  switch (side) {
-    case Side::kLeft:
-      return "left";
-    case Side::kRight:
-      return "right";
-    case Side::kBoth:
-      return "both";
-    case Side::kUnknown:
-      break;
-  }
-  return "unknown";
-}
-
-std::string modality_of(const Volume<float>* scan) {
-  if (!scan) return "unknown";
+// what the scene says, else what the values do
+Modality modality_of(Modality said, const Volume<float>* scan) {
+  if (said != Modality::kUnknown || !scan) return said;
   const auto& voxels = scan->voxels();
   const bool air = std::any_of(voxels.begin(), voxels.end(), [](float v) { return v <= kOnlyHounsfield; });
-  return air ? "ct" : "unknown";
+  return air ? Modality::kCt : Modality::kUnknown;
 }
 
 template <class T>
@@ -101,16 +86,15 @@ std::string request_key(const std::string& scene_key) {
   return scene_key;
 }
 
-Eigen::Quaterniond quaternion(const std::array<double, 4>& wxyz) {
-  return Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+Error made_for_others() {
+  return refused(
+      "the fields of the direct methods were made for other stiffnesses than are felt now", "method",
+      "give the tissues back the stiffness that they began with, or let the scene prepare inward ramps");
 }
-
-// nothing where they cannot be made: the session goes on without them
-std::shared_ptr<const Model> new_fields(const ModelVersions& of, const Progress& progress) try {
-  auto fields = with_new_fields(*of.felt, *of.made, progress);
-  return fields ? *std::move(fields) : nullptr;
-} catch (const std::bad_alloc&) {
-  return nullptr;
+Error not_made(const std::exception& why) {
+  return {ErrorKind::kUnavailable,
+          std::string("the fields of the direct methods could not be made: ") + why.what(), "",
+          "go on by the proxy, or end other programs for their memory"};
 }
 
 }  // namespace
@@ -136,9 +120,9 @@ const ViewedScene& ViewedSession::scene() const {
 ViewedScene ViewedSession::make_scene() const {
   const Model& model = *parts_.model;
   ViewedScene scene;
-  scene.side = text_of(model.side);
+  scene.side = name_of(model.side, kSides);
   scene.oriented = model.oriented;
-  scene.modality = modality_of(model.scan.get());
+  scene.modality = name_of(modality_of(parts_.modality, model.scan.get()), kModalities);
   std::uint64_t hash = kHashSeed;
   hash_volume(model.labels.get(), hash);
   hash_volume(model.scan.get(), hash);
@@ -174,7 +158,7 @@ ViewedScene ViewedSession::make_scene() const {
   scene.continuous_force_N = device.continuous_force_N.value_or(kNotKnown);
   const double most = parts_.parameters.device[0].most_stiffness_N_per_mm;
   scene.most_stiffness_N_per_mm = std::isfinite(most) ? most : kNotKnown;
-  scene.least_max_force_N = kLeastMaxForce_N;
+  scene.least_max_force_N = max_force_range_N()[0];
   scene.most_max_force_N = most_force_N();
   scene.stiffness_N_per_mm = tissue_key_range("stiffness");
   scene.friction = tissue_key_range("friction");
@@ -188,7 +172,7 @@ bool ViewedSession::physical() const {
 }
 
 double ViewedSession::most_force_N() const {
-  double most_N = std::min(kMostMaxForce_N, parts_.model->scene_max_force_N);
+  double most_N = std::min(max_force_range_N()[1], parts_.model->scene_max_force_N);
   for (const DeviceInfo& info : parts_.devices) most_N = std::min(most_N, info.peak_force_N.value_or(most_N));
   return most_N;
 }
@@ -254,11 +238,18 @@ ViewedState ViewedSession::state() const {
   state.armed = physical() && loop && !stopped_.load();
   state.recording = parts_.recording;
   const std::lock_guard lock(mutex_);
+  if (awaited_) state.method_awaited = name_of(*awaited_);
+  state.method_failure = method_failure_;
   state.model_version = model_.felt->version;
   for (const Tissue& tissue : model_.felt->tissues)
     state.tissues.push_back({tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction_coefficient,
                              tissue.viscosity_N_s_per_mm});
   return state;
+}
+
+std::optional<Error> ViewedSession::method_failure() const {
+  const std::lock_guard lock(mutex_);
+  return method_failure_;
 }
 
 std::vector<ModelChange> ViewedSession::changes() const {
@@ -300,16 +291,13 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
     if (!method || !parts_.model->has(*method))
       return bad("this session has no force method of that name", "method",
                  "the scene lists those that can be chosen");
-    if (!can_feel(*method) && !can_make_fields(*model_.felt))
-      return refused(
-          "the fields of the direct methods were made for other stiffnesses than are felt now", "method",
-          "give the tissues back the stiffness that they began with, or let the scene prepare inward ramps");
+    if (!can_feel(*method) && !can_make_fields(*model_.felt)) return made_for_others();
   }
   if (request.max_force_N) {
-    const double asked_N = *request.max_force_N;
-    if (!(asked_N >= kLeastMaxForce_N && asked_N <= most_force_N()))
-      return bad("a limit of " + number_text(asked_N) + " N is outside " + number_text(kLeastMaxForce_N) +
-                     " ... " + number_text(most_force_N()) + " N",
+    const double asked_N = *request.max_force_N, least_N = max_force_range_N()[0];
+    if (!(asked_N >= least_N && asked_N <= most_force_N()))
+      return bad("a limit of " + number_text(asked_N) + " N is outside " + number_text(least_N) + " ... " +
+                     number_text(most_force_N()) + " N",
                  "max_force_N", "the device and the scene allow no more");
   }
   if (request.rotation_wxyz) {
@@ -386,10 +374,20 @@ Result<void> ViewedSession::set(const TissueRequest& request) {
                                          loop->parameters().method);
       !fine)
     return fine;
-  model_.felt = *std::move(next);
-  changes_.push_back(change);
-  loop->set_model(model_.felt);
+  go_on_with({*std::move(next), model_.made}, change, *loop);
   return {};
+}
+
+// all of it, or an exception and nothing of it
+void ViewedSession::go_on_with(ModelVersions next, const ModelChange& change, ServoLoop& loop) {
+  changes_.push_back(change);
+  try {
+    loop.set_model(next.felt);
+  } catch (...) {
+    changes_.pop_back();
+    throw;
+  }
+  model_ = std::move(next);
 }
 
 void ViewedSession::emergency_stop() {
@@ -433,23 +431,29 @@ void ViewedSession::next_method() {
   };
   ForceMethod next = next_of(now);
   while (next != now && !possible(next)) next = next_of(next);
-  (void)choose(next, *loop);
+  if (auto chosen = choose(next, *loop); !chosen) method_failure_ = chosen.error();
 }
 
 void ViewedSession::follow_script() {
   ServoLoop* loop = loop_.load();
   if (!loop) return;
   const ForceMethod method = loop->parameters().method;
-  const std::lock_guard lock(mutex_);
-  const bool makes = !awaited_ && given_up_ != model_.felt->version && parts_.model->has(method) &&
-                     can_make_fields(*model_.felt);
-  if (makes && !can_feel(method)) (void)choose(method, *loop);
+  // another thread may be looking: the next call comes soon
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock || awaited_ || can_feel(method) || !parts_.model->has(method)) return;
+  if (!can_make_fields(*model_.felt))
+    give_up(method, made_for_others());
+  else if (method_failure_ && given_up_ == model_.felt->version)
+    give_up(method, *method_failure_);
+  else
+    (void)choose(method, *loop);
 }
 
 // ---- fields
 
 Result<void> ViewedSession::choose(ForceMethod method, ServoLoop& loop) try {
   awaited_.reset();
+  method_failure_.reset();
   if (can_feel(method)) {
     loop.change([&](Parameters& parameters) { parameters.method = method; });
     return {};
@@ -468,27 +472,63 @@ void ViewedSession::make_fields() {
   // threads that it starts inherit this: whatever else runs comes first
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
   const Progress progress({}, &ending_);
+  std::shared_ptr<const Model> fields;
   std::unique_lock lock(mutex_);
   while (true) {
     wanted_.wait(lock, [this] { return ending_ || awaited_; });
     if (ending_) return;
     const ModelVersions of = model_;
+    // whoever waited for the lock would wait for this thread's priority
     lock.unlock();
-    const std::shared_ptr<const Model> fields = new_fields(of, progress);
+    const auto next = version_with_fields(of, fields, progress);
     lock.lock();
-    if (!fields) {
-      awaited_.reset();
-      given_up_ = of.felt->version;
-      continue;
+    // what was changed meanwhile wants another version, and perhaps other fields
+    const bool again = model_.felt != of.felt;
+    if (!again || !awaited_) fields = nullptr;
+    if (again) continue;
+    if (auto felt = next ? feel_by(*next) : Result<void>(next.error()); !felt) {
+      given_up_ = model_.felt->version;
+      if (awaited_) give_up(*awaited_, felt.error());
     }
-    // a stiffness that was changed meanwhile wants others
-    if (!fields_suit(*model_.felt, *fields)) continue;
-    const auto next = taking_fields(*model_.felt, *fields);
-    model_ = {next, next};
-    changes_.push_back({next->version, ModelChange::kFieldsMadeAnew});
-    loop_.load()->set_model(next);
-    if (awaited_) (void)choose(*awaited_, *loop_.load());
   }
+}
+
+// @param fields  of an earlier try, used where they suit, else made
+Result<std::shared_ptr<const Model>> ViewedSession::version_with_fields(const ModelVersions& of,
+                                                                        std::shared_ptr<const Model>& fields,
+                                                                        const Progress& progress) const try {
+  if (!fields || !fields_suit(*of.felt, *fields)) {
+    auto made = parts_.new_fields(*of.felt, *of.made, progress);
+    if (!made) return made.error();
+    fields = *std::move(made);
+  }
+  return taking_fields(*of.felt, *fields);
+} catch (const std::exception& why) {
+  return not_made(why);
+}
+
+Result<void> ViewedSession::feel_by(std::shared_ptr<const Model> next) try {
+  ServoLoop& loop = *loop_.load();
+  go_on_with({next, next}, {next->version, ModelChange::kFieldsMadeAnew}, loop);
+  if (!awaited_) return {};
+  if (!can_feel(*awaited_))
+    return Error{ErrorKind::kUnavailable, "this force method does not suit the tissues as they are now", "",
+                 "choose another"};
+  return choose(*awaited_, loop);
+} catch (const std::exception& why) {
+  return not_made(why);
+}
+
+// the session stays as it was, and whoever asked is told
+void ViewedSession::give_up(ForceMethod method, Error why) {
+  awaited_.reset();
+  why.where = name_of(method);
+  method_failure_ = std::move(why);
+  // a script has changed to it before its fields were there
+  loop_.load()->change([&](Parameters& parameters) {
+    if (parameters.method == method && model_.felt->has(ForceMethod::kProxy))
+      parameters.method = ForceMethod::kProxy;
+  });
 }
 
 void ViewedSession::end() {

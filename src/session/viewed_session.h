@@ -3,6 +3,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -12,6 +13,7 @@
 
 #include "device/pointer_driver.h"
 #include "palpate/recording.h"
+#include "palpate/scene.h"
 #include "palpate/servo_loop.h"
 #include "palpate/viewer_server.h"
 #include "session/changed_model.h"
@@ -30,6 +32,11 @@ struct ViewedParts {
   double rate_hz = 1000;
   PointerDriver* pointer = nullptr;  ///< where a viewer moves the tip; outlives the session
   bool recording = false;
+  Modality modality = Modality::kUnknown;  ///< as the scene says it
+  /// As with_new_fields, which it is but in tests; may throw.
+  std::function<Result<std::shared_ptr<const Model>>(const Model& felt, const Model& made,
+                                                     const Progress& progress)>
+      new_fields = with_new_fields;
 };
 
 /// A session as its viewers and its keys change it. What they ask for is validated as a scene and the command
@@ -38,7 +45,8 @@ struct ViewedParts {
 ///
 /// A tissue that changes becomes a new version of the model (session/changed_model.h); changes() are all of
 /// them, for the recording. The direct methods' fields are made anew when one of them is chosen, on a thread
-/// of its own, at the lowest priority; until they are there the method stays as it was. Any thread.
+/// of its own, at the lowest priority; until they are there the method stays as it was. Where they cannot be
+/// made it stays so, and state() says why until another is chosen. Any thread.
 class ViewedSession final : public ViewerHost {
  public:
   explicit ViewedSession(ViewedParts parts);
@@ -69,6 +77,8 @@ class ViewedSession final : public ViewerHost {
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
   void follow_script();
 
+  /// Why the method that was asked for last is not felt.
+  std::optional<Error> method_failure() const;
   std::vector<ModelChange> changes() const;
   /// The user's limit of the force, where it stood highest.
   double highest_max_force_N() const;
@@ -82,6 +92,12 @@ class ViewedSession final : public ViewerHost {
   Result<void> check_from_afar(const SettingsRequest& request, const Parameters& now) const;
   Result<void> choose(ForceMethod method, ServoLoop& loop);
   void make_fields();
+  Result<std::shared_ptr<const Model>> version_with_fields(const ModelVersions& of,
+                                                           std::shared_ptr<const Model>& fields,
+                                                           const Progress& progress) const;
+  Result<void> feel_by(std::shared_ptr<const Model> next);
+  void give_up(ForceMethod method, Error why);
+  void go_on_with(ModelVersions next, const ModelChange& change, ServoLoop& loop);
   Result<void> check_stiffness_change(double from_N_per_mm, double to_N_per_mm, ForceMethod method) const;
   double felt_stiffness_N_per_mm(const DeviceTick& device, ForceMethod method) const;
 
@@ -101,6 +117,7 @@ class ViewedSession final : public ViewerHost {
   double highest_max_force_N_;
   std::optional<ForceMethod> awaited_;  // the direct method that is felt when its fields are made
   std::uint32_t given_up_ = 0;          // the version whose fields could not be made
+  std::optional<Error> method_failure_;
 
   std::condition_variable wanted_;
   std::atomic<bool> ending_{false};

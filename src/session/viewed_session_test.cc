@@ -5,7 +5,9 @@
 
 #include <cmath>
 #include <functional>
+#include <new>
 #include <optional>
+#include <stdexcept>
 #include <thread>
 
 #include "base/clock.h"
@@ -93,8 +95,16 @@ class Viewed : public ::testing::Test {
     parameters.device[0] = device_parameters(driver_->devices()[0], workspace);
     parameters.device[0].most_stiffness_N_per_mm = most_stiffness;
     const auto devices = driver_->devices();
-    viewed_.emplace(ViewedParts{
-        model_, {devices.begin(), devices.end()}, workspace, parameters, "device", 1000, nullptr, false});
+    viewed_.emplace(ViewedParts{model_,
+                                {devices.begin(), devices.end()},
+                                workspace,
+                                parameters,
+                                "device",
+                                1000,
+                                nullptr,
+                                false,
+                                Modality::kMr,
+                                new_fields_});
     auto loop =
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
     PALPATE_CHECK(loop.ok());
@@ -138,6 +148,7 @@ class Viewed : public ::testing::Test {
     return all;
   }
 
+  decltype(ViewedParts::new_fields) new_fields_ = with_new_fields;
   std::shared_ptr<const Model> model_;
   WorkspaceSettings workspace_;
   std::optional<HeldDriver> driver_;
@@ -150,7 +161,7 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   start();
   const ViewedScene& scene = viewed_->scene();
   EXPECT_EQ(scene.side, "left");
-  EXPECT_EQ(scene.modality, "unknown");
+  EXPECT_EQ(scene.modality, "mr") << "as the scene says";
   EXPECT_EQ(scene.labels, model_->labels);
   EXPECT_EQ(scene.scan, nullptr);
   ASSERT_EQ(scene.structures.size(), 3u);
@@ -162,6 +173,7 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   EXPECT_FALSE(scene.tissues[2].felt);
   EXPECT_EQ(scene.methods.size(), kForceMethods.size());
   EXPECT_EQ(scene.peak_force_N, 8);
+  EXPECT_EQ(scene.least_max_force_N, 0.1);
   EXPECT_EQ(scene.most_max_force_N, 5) << "the scene's";
   EXPECT_EQ(scene.stiffness_N_per_mm, (std::array{0.001, 20.0}));
   // (1, 2, 3) of the patient: right is its left, forward superior, up anterior
@@ -360,6 +372,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   direct.method = "trilinear";
   EXPECT_EQ(error_of(softer).what, "no error");
   EXPECT_EQ(error_of(direct).what, "no error");
+  EXPECT_EQ(viewed_->state().method_awaited, "trilinear");
   // while they are made the proxy is felt, and what is said last holds
   softer.stiffness_N_per_mm = 0.5;
   EXPECT_EQ(error_of(softer).what, "no error");
@@ -399,6 +412,109 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
     return tick.method == index_of(ForceMethod::kSmoothSphere) && tick.model_version >= 3 &&
            (tick.device[0].flags & kFlagMethodMissing) == 0;
   }));
+}
+
+// memory that is not there, values that fit nothing: the session goes on, and whoever asked is told
+TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
+  using Made = Result<std::shared_ptr<const Model>>;
+  std::atomic<int> tries{0};
+  new_fields_ = [&](const Model& felt, const Model& made, const Progress& progress) -> Made {
+    switch (++tries) {
+      case 1:
+        throw std::bad_alloc();
+      case 2:
+        throw std::runtime_error("no thread");
+      case 3:
+        return Error{ErrorKind::kBadInput, "the shell is too thin", "label 2", "make it thicker"};
+      case 4:
+        return with_new_fields(felt, made, progress);
+      default: {
+        // of all methods the one that a tick has to have
+        auto bare = std::make_shared<Model>(felt);
+        bare->methods = {};
+        bare->methods[index_of(ForceMethod::kTrilinear)] = felt.methods[index_of(ForceMethod::kTrilinear)];
+        return std::shared_ptr<const Model>(std::move(bare));
+      }
+    }
+  };
+  start(true, {}, std::numeric_limits<double>::infinity(), true);
+  TissueRequest softer;
+  softer.tissue = kCartilageTissue;
+  softer.stiffness_N_per_mm = 0.3;
+  ASSERT_EQ(error_of(softer).what, "no error");
+  SettingsRequest direct;
+  direct.method = "b-spline";
+  for (const char* why : {"bad_alloc", "no thread", "the shell is too thin"}) {
+    ASSERT_EQ(error_of(direct).what, "no error");
+    ASSERT_TRUE(soon([&] { return viewed_->state().method_failure.has_value(); })) << why;
+    const ViewedState state = viewed_->state();
+    EXPECT_THAT(state.method_failure->what, HasSubstr(why));
+    EXPECT_EQ(state.method_failure->where, "b-spline");
+    EXPECT_FALSE(state.method_failure->remedy.empty());
+    EXPECT_EQ(state.method, "proxy");
+    EXPECT_EQ(state.method_awaited, "");
+    EXPECT_TRUE(loop_->running());
+  }
+  // who asks again may get it
+  ASSERT_EQ(error_of(direct).what, "no error");
+  EXPECT_FALSE(viewed_->state().method_failure);
+  EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
+  EXPECT_EQ(viewed_->state().method_awaited, "");
+
+  // one that is left out of the new fields is not made for ever
+  SettingsRequest proxy;
+  proxy.method = "proxy";
+  ASSERT_EQ(error_of(proxy).what, "no error");
+  softer.stiffness_N_per_mm = 0.4;
+  ASSERT_EQ(error_of(softer).what, "no error");
+  ASSERT_EQ(error_of(direct).what, "no error");
+  ASSERT_TRUE(soon([&] { return viewed_->state().method_failure.has_value(); }));
+  EXPECT_THAT(viewed_->state().method_failure->what, HasSubstr("does not suit"));
+  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_EQ(tries, 5);
+}
+
+// one that a script has changed to goes back to what is felt
+TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
+  std::atomic<int> tries{0};
+  new_fields_ = [&](const auto&...) -> Result<std::shared_ptr<const Model>> {
+    ++tries;
+    throw std::bad_alloc();
+  };
+  start(true, {}, std::numeric_limits<double>::infinity(), true);
+  TissueRequest softer;
+  softer.tissue = kBoneTissue;
+  softer.stiffness_N_per_mm = 1.0;
+  ASSERT_EQ(error_of(softer).what, "no error");
+  loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSmoothSphere; });
+  ASSERT_TRUE(soon([&] {
+    viewed_->follow_script();
+    return viewed_->method_failure().has_value();
+  }));
+  EXPECT_EQ(viewed_->method_failure()->where, "smooth-sphere");
+  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kProxy); }));
+  // not tried again and again
+  loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSpline; });
+  for (int n = 0; n < 10; ++n) viewed_->follow_script();
+  EXPECT_EQ(viewed_->state().method_awaited, "");
+  EXPECT_EQ(viewed_->method_failure()->where, "b-spline");
+  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_EQ(tries, 1);
+}
+
+TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
+  start();
+  TissueRequest softer;
+  softer.tissue = kBoneTissue;
+  softer.stiffness_N_per_mm = 1.0;
+  ASSERT_EQ(error_of(softer).what, "no error");
+  loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSpline; });
+  viewed_->follow_script();
+  ASSERT_TRUE(viewed_->method_failure());
+  EXPECT_EQ(viewed_->method_failure()->where, "b-spline");
+  EXPECT_THAT(viewed_->method_failure()->what, HasSubstr("other stiffnesses"));
+  EXPECT_EQ(viewed_->state().method, "proxy");
 }
 
 TEST_F(Viewed, NobodyRaisesAnythingFromAfarWhileADeviceMayPush) {

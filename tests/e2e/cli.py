@@ -89,6 +89,67 @@ class PalpateTest(unittest.TestCase):
         return done
 
 
+class KneeTest(PalpateTest):
+    """Has the generated knee, coarse, for what is not about the picture: cls.scan, cls.labels and a place for cls.scene."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls._made = tempfile.TemporaryDirectory(prefix="palpate-e2e-")
+        made = pathlib.Path(cls._made.name)
+        assert run("data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", "1.5").returncode == OK
+        cls.labels = next((made / "knee").glob("*.seg.nrrd"))
+        cls.scan = next(p for p in (made / "knee").glob("*.n*") if p != cls.labels and "seg" not in p.name)
+        cls.scene = made / "scene.toml"
+
+    @classmethod
+    def tearDownClass(cls):
+        cls._made.cleanup()
+
+    @classmethod
+    def new_scene(cls, *files):
+        done = run("scene", "new", *files, "-o", cls.scene)
+        assert done.returncode == OK, done.stderr
+
+    def scene_without_title(self, title=""):
+        """The scene's text, its title another or none."""
+        plain = re.sub("(?m)^title = .*$", "", self.scene.read_text())
+        return plain.replace("[data]", f'title = "{title}"\n\n[data]', 1) if title else plain
+
+    def draw(self, verb, name, *arguments):
+        """Draws into a file of that name; nothing else is written or printed."""
+        file = self.folder / name
+        file.unlink(missing_ok=True)
+        done = self.succeed(verb, *arguments, "-o", file)
+        self.assertEqual((done.stdout, done.stderr), ("", f"picture: {file}\n"))
+        self.assertEqual([p.name for p in self.folder.iterdir()], [name])
+        return file
+
+    def check_what_cannot_be_drawn(self, verb, ending, cases):
+        """@param cases  (exit code, arguments, what the error says), besides those of every picture"""
+        file = self.folder / f"picture{ending}"
+        for code, arguments, says in [
+                (BAD_INPUT, ["--at", "500,0,0"], "--at: the point 500.0, 0.0, 0.0 mm lies outside the volume"),
+                (USAGE, ["--at", "a,b,c"], "a is not a number"),
+                (USAGE, ["--at", "1,2"], "--at"),
+                (USAGE, ["--size", "0"], "number between"), *cases]:
+            with self.subTest(arguments):
+                self.fail_clearly(code, verb, self.scene, *arguments, "-o", file, says=says)
+        self.fail_clearly(USAGE, verb, self.scene, says="--output")
+        self.fail_clearly(BAD_INPUT, verb, self.folder / "missing.toml", "-o", file, says="missing")
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+    def check_outputs_that_cannot_be_written(self, verb, ending, another):
+        """@param ending, another  of a picture's name, and one that is none"""
+        missing = self.folder / "missing" / f"picture{ending}"
+        self.fail_clearly(OUTPUT, verb, self.scene, "-o", missing, says="missing")
+        self.fail_clearly(OUTPUT, verb, self.scene, "-o", self.folder, says="folder")
+        before = self.labels.read_bytes()
+        self.fail_clearly(USAGE, verb, self.scene, "-o", self.labels, says="would replace an input")
+        self.assertEqual(self.labels.read_bytes(), before)
+        self.fail_clearly(USAGE, verb, self.scene, "-o", self.folder / f"picture{another}", says=f"ends with {ending}")
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+
 def main():
     result = unittest.main(exit=False).result
     if result.wasSuccessful() and result.testsRun and len(result.skipped) == result.testsRun:

@@ -1,10 +1,6 @@
 """A force method's arrows over a section: for every method, in every plane, and what is said when it cannot be."""
 
-import os
-import pathlib
 import re
-import tempfile
-import unittest
 import xml.etree.ElementTree as ElementTree
 
 import cli
@@ -25,30 +21,14 @@ class Picture:
         return any(part in text for text in self.text)
 
 
-class Forces(cli.PalpateTest):
+class Forces(cli.KneeTest):
     @classmethod
     def setUpClass(cls):
-        # small, for what is not about the picture
-        cls._made = tempfile.TemporaryDirectory(prefix="palpate-e2e-")
-        made = pathlib.Path(cls._made.name)
-        assert cli.run("data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", "1.5").returncode == 0
-        cls.labels = next((made / "knee").glob("*.seg.nrrd"))
-        cls.scene = made / "scene.toml"
-        done = cli.run("scene", "new", cls.labels, "-o", cls.scene)
-        assert done.returncode == 0, done.stderr
-
-    @classmethod
-    def tearDownClass(cls):
-        cls._made.cleanup()
+        super().setUpClass()
+        cls.new_scene(cls.labels)
 
     def draw(self, *arguments):
-        """Draws into forces.svg; nothing else is written or printed."""
-        file = self.folder / "forces.svg"
-        file.unlink(missing_ok=True)
-        done = self.succeed("forces", *arguments, "-o", file)
-        self.assertEqual((done.stdout, done.stderr), ("", f"picture: {file}\n"))
-        self.assertEqual([p.name for p in self.folder.iterdir()], ["forces.svg"])
-        return Picture(file)
+        return Picture(super().draw("forces", "forces.svg", *arguments))
 
     def test_every_method_is_drawn_on_the_knee(self):
         # between the cartilages of femur and tibia
@@ -90,8 +70,7 @@ class Forces(cli.PalpateTest):
 
     def test_neither_title_nor_path_is_in_it(self):
         scene = self.scene.with_name("CANARY.toml")
-        scene.write_text(re.sub('(?m)^title = .*$', "", self.scene.read_text()).replace(
-            "[data]", 'title = "CANARY"\n\n[data]', 1))
+        scene.write_text(self.scene_without_title("CANARY"))
         self.succeed("scene", "check", scene)
         self.draw(scene)
         content = (self.folder / "forces.svg").read_text()
@@ -99,30 +78,14 @@ class Forces(cli.PalpateTest):
         self.assertNotIn(str(self.scene.parent), content)
 
     def test_what_cannot_be_drawn(self):
-        file = self.folder / "f.svg"
-        for code, arguments, says in (
-                (cli.BAD_INPUT, ["--at", "500,0,0"], "--at: the point 500.0, 0.0, 0.0 mm lies outside the volume"),
-                (cli.USAGE, ["--at", "a,b,c"], "a is not a number"),
-                (cli.USAGE, ["--at", "1,2"], "--at"),
-                (cli.USAGE, ["--at", "1,2,nan"], "nan is not a number"),
-                (cli.BAD_INPUT, ["--size", "100", "--arrows", "0.1"], "--arrows: 1000 x 1000 arrows"),
-                (cli.USAGE, ["--size", "0"], "number between"),
-                (cli.USAGE, ["--method", "magic"], "trilinear"),
-                (cli.USAGE, ["--plane", "oblique"], "axial")):
-            with self.subTest(arguments):
-                self.fail_clearly(code, "forces", self.scene, *arguments, "-o", file, says=says)
-        self.fail_clearly(cli.USAGE, "forces", self.scene, says="--output")
-        self.fail_clearly(cli.BAD_INPUT, "forces", self.folder / "missing.toml", "-o", file, says="missing")
-        self.assertEqual(list(self.folder.iterdir()), [])
+        self.check_what_cannot_be_drawn("forces", ".svg", [
+            (cli.USAGE, ["--at", "1,2,nan"], "nan is not a number"),
+            (cli.BAD_INPUT, ["--size", "100", "--arrows", "0.1"], "--arrows: 1000 x 1000 arrows"),
+            (cli.USAGE, ["--method", "magic"], "trilinear"),
+            (cli.USAGE, ["--plane", "oblique"], "axial")])
 
     def test_outputs_that_cannot_be_written(self):
-        self.fail_clearly(cli.OUTPUT, "forces", self.scene, "-o", self.folder / "missing" / "f.svg", says="missing")
-        self.fail_clearly(cli.OUTPUT, "forces", self.scene, "-o", self.folder, says="folder")
-        before = self.labels.read_bytes()
-        self.fail_clearly(cli.USAGE, "forces", self.scene, "-o", self.labels, says="would replace an input")
-        self.assertEqual(self.labels.read_bytes(), before)
-        self.fail_clearly(cli.USAGE, "forces", self.scene, "-o", self.folder / "f.png", says="ends with .svg")
-        self.assertEqual(os.listdir(self.folder), [])
+        self.check_outputs_that_cannot_be_written("forces", ".svg", ".png")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,7 @@
 """A tip held still by a simulated hand: what is printed and drawn, and what is said when it cannot be."""
 
 import json
-import pathlib
 import re
-import tempfile
-import unittest
 import xml.etree.ElementTree as ElementTree
 
 import cli
@@ -27,19 +24,11 @@ sigma = 1.5
 GAP = "20,0,0"  # between the cartilages of femur and tibia
 
 
-class Hold(cli.PalpateTest):
+class Hold(cli.KneeTest):
     @classmethod
     def setUpClass(cls):
-        cls._made = tempfile.TemporaryDirectory(prefix="palpate-e2e-")
-        made = pathlib.Path(cls._made.name)
-        assert cli.run("data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", "1.5").returncode == 0
-        cls.labels = next((made / "knee").glob("*.seg.nrrd"))
-        cls.scene = made / "scene.toml"
+        super().setUpClass()
         cls.scene.write_text(UNION.format(labels=cls.labels))
-
-    @classmethod
-    def tearDownClass(cls):
-        cls._made.cleanup()
 
     def figures(self, *arguments):
         return json.loads(self.succeed("hold", self.scene, *arguments, "--json").stdout)

@@ -1,11 +1,6 @@
 """Sections as pictures: what is where in them, for every plane, and what is said when there is none."""
 
-import os
-import pathlib
-import re
 import struct
-import tempfile
-import unittest
 import zlib
 
 import cli
@@ -65,30 +60,14 @@ class Picture:
         return [x for row in self.rows[rows] for x, pixel in enumerate(row) if pixel == colour]
 
 
-class Section(cli.PalpateTest):
+class Section(cli.KneeTest):
     @classmethod
     def setUpClass(cls):
-        cls._made = tempfile.TemporaryDirectory(prefix="palpate-e2e-")
-        made = pathlib.Path(cls._made.name)
-        assert cli.run("data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", "1.5").returncode == 0
-        cls.labels = next((made / "knee").glob("*.seg.nrrd"))
-        cls.scan = next(p for p in (made / "knee").glob("*.n*") if p != cls.labels and "seg" not in p.name)
-        cls.scene = made / "scene.toml"
-        done = cli.run("scene", "new", cls.scan, cls.labels, "-o", cls.scene)
-        assert done.returncode == 0, done.stderr
-
-    @classmethod
-    def tearDownClass(cls):
-        cls._made.cleanup()
+        super().setUpClass()
+        cls.new_scene(cls.scan, cls.labels)
 
     def draw(self, *arguments):
-        """Draws into section.png; nothing else is written or printed."""
-        file = self.folder / "section.png"
-        file.unlink(missing_ok=True)
-        done = self.succeed("section", *arguments, "-o", file)
-        self.assertEqual((done.stdout, done.stderr), ("", f"picture: {file}\n"))
-        self.assertEqual([p.name for p in self.folder.iterdir()], ["section.png"])
-        return Picture(file)
+        return Picture(super().draw("section", "section.png", *arguments))
 
     def test_every_plane_has_its_size(self):
         for arguments, width, height in (([], 3 * 320, 320), (["--plane", "axial"], 320, 320),
@@ -162,45 +141,28 @@ class Section(cli.PalpateTest):
 
     def test_neither_title_nor_path_is_in_it(self):
         scene = self.scene.with_name("CANARY.toml")
-        plain = re.sub('(?m)^title = .*$', "", self.scene.read_text())
-        scene.write_text(plain.replace("[data]", 'title = "CANARY"\n\n[data]', 1))
+        scene.write_text(self.scene_without_title("CANARY"))
         self.draw(scene)
         titled = (self.folder / "section.png").read_bytes()
         self.assertNotIn(b"CANARY", titled)
         # not as letters either: without the title it is the same picture
-        scene.write_text(plain)
+        scene.write_text(self.scene_without_title())
         self.draw(scene)
         self.assertEqual((self.folder / "section.png").read_bytes(), titled)
 
     def test_what_cannot_be_drawn(self):
-        file = self.folder / "s.png"
-        for code, arguments, says in (
-                (cli.BAD_INPUT, ["--at", "500,0,0"], "--at: the point 500.0, 0.0, 0.0 mm lies outside the volume"),
-                (cli.USAGE, ["--at", "a,b,c"], "a is not a number"),
-                (cli.USAGE, ["--at", "1,2"], "--at"),
-                (cli.USAGE, ["--direction", "1,2,nan"], "nan is not a number"),
-                (cli.USAGE, ["--direction", "0,0,0"], "0,0,0 is no direction"),
-                (cli.USAGE, ["--plane", "oblique"], "needs a direction"),
-                (cli.USAGE, ["--plane", "axial", "--direction", "1,2,3"], "only an oblique section"),
-                (cli.USAGE, ["--plane", "diagonal"], "axial"),
-                (cli.USAGE, ["--window", "5,5"], "--window: the window's lower end"),
-                (cli.USAGE, ["--fill", "--outline"], "--outline"),
-                (cli.USAGE, ["--size", "0"], "number between"),
-                (cli.USAGE, ["--pixels", "100"], "whole number between 320 and 4096")):
-            with self.subTest(arguments):
-                self.fail_clearly(code, "section", self.scene, *arguments, "-o", file, says=says)
-        self.fail_clearly(cli.USAGE, "section", self.scene, says="--output")
-        self.fail_clearly(cli.BAD_INPUT, "section", self.folder / "missing.toml", "-o", file, says="missing")
-        self.assertEqual(list(self.folder.iterdir()), [])
+        self.check_what_cannot_be_drawn("section", ".png", [
+            (cli.USAGE, ["--direction", "1,2,nan"], "nan is not a number"),
+            (cli.USAGE, ["--direction", "0,0,0"], "0,0,0 is no direction"),
+            (cli.USAGE, ["--plane", "oblique"], "needs a direction"),
+            (cli.USAGE, ["--plane", "axial", "--direction", "1,2,3"], "only an oblique section"),
+            (cli.USAGE, ["--plane", "diagonal"], "axial"),
+            (cli.USAGE, ["--window", "5,5"], "--window: the window's lower end"),
+            (cli.USAGE, ["--fill", "--outline"], "--outline"),
+            (cli.USAGE, ["--pixels", "100"], "whole number between 320 and 4096")])
 
     def test_outputs_that_cannot_be_written(self):
-        self.fail_clearly(cli.OUTPUT, "section", self.scene, "-o", self.folder / "missing" / "s.png", says="missing")
-        self.fail_clearly(cli.OUTPUT, "section", self.scene, "-o", self.folder, says="folder")
-        before = self.labels.read_bytes()
-        self.fail_clearly(cli.USAGE, "section", self.scene, "-o", self.labels, says="would replace an input")
-        self.assertEqual(self.labels.read_bytes(), before)
-        self.fail_clearly(cli.USAGE, "section", self.scene, "-o", self.folder / "s.svg", says="ends with .png")
-        self.assertEqual(os.listdir(self.folder), [])
+        self.check_outputs_that_cannot_be_written("section", ".png", ".svg")
 
 
 if __name__ == "__main__":

@@ -2,10 +2,10 @@
 
 import type { Connection } from "./connection.js";
 import { byId, press, toast, write } from "./dom.js";
-import { length, positionText } from "./geometry.js";
+import { angleOf_deg, length, positionText } from "./geometry.js";
 import { touchedText } from "./overlay.js";
 import { Plot } from "./plots.js";
-import type { Requests } from "./requests.js";
+import { refusalText, type Requests } from "./requests.js";
 import { CT_PRESETS, SIDE_TEXT, type Scene, type State } from "./scene.js";
 import { readable, type Session, type Tool } from "./session.js";
 import { StructuresPanel } from "./structures_panel.js";
@@ -36,6 +36,7 @@ export class Controls {
   private readonly late = new Plot(byId("plot-late"), ["--lateness", "--accent"], 60, 10);
   private readonly rate = new Plot(byId("plot-rate"), ["--speed"], 60, 100);
   private wasPointer: boolean | null = null;
+  private methodFailure: string | null = null; // that was told last
   private slow_s = -Infinity; // when the slow plots got their last sample
 
   constructor(private readonly session: Session, private readonly connection: Connection,
@@ -185,7 +186,10 @@ export class Controls {
   }
 
   showState(state: State): void {
-    byId<HTMLSelectElement>("method").value = state.method;
+    byId<HTMLSelectElement>("method").value = state.method_awaited ?? state.method;
+    const failure = state.method_failed && refusalText(state.method_failed);
+    if (failure && failure !== this.methodFailure) toast(failure);
+    this.methodFailure = failure;
     for (const name of ["friction", "viscosity", "passivity"] as const) byId<HTMLInputElement>(name).checked = state[name];
     const limit = byId<HTMLInputElement>("limit");
     if (!limit.matches(":active")) {
@@ -245,8 +249,7 @@ export class Controls {
       write(byId("flags"), isResting && !pose.devices.some((d) => d.flags & Flag.emergencyStop) ? "Hold the button in a picture to touch"
         : FLAG_TEXTS.filter(([flag]) => device.flags & flag).map(([, words]) => words).join(" · "));
       this.structures.touched(device.label);
-      const [w, x, y, z] = pose.rotation;
-      const angle = (2 * Math.atan2(Math.hypot(x, y, z), Math.abs(w)) * 180) / Math.PI;
+      const angle = angleOf_deg(pose.rotation);
       write(byId("turned"), angle > 0.05 ? `turned by ${angle.toFixed(0)}°` : "not turned");
       write(byId("loop"), `${pose.rate.toFixed(0)} Hz · late ${pose.lateness.p50.toFixed(0)}/${pose.lateness.p99.toFixed(0)} µs · skip ${pose.skipped} drop ${pose.dropped}`);
       write(byId("plot-force-value"), `${force_N.toFixed(2)} / ${device.forceLimit.toFixed(2)}`);

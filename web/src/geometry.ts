@@ -65,6 +65,12 @@ export function aboutAxis(axis: Vec3, angle_rad: number): Quaternion {
   const n = scale(normalize(axis), Math.sin(angle_rad / 2));
   return [Math.cos(angle_rad / 2), ...n];
 }
+/** How far apart two fingers come when one of them goes from one place to another: 1 is as far as before. */
+export function spread(other: [number, number], before: [number, number], at: [number, number]): number {
+  const apart = (p: [number, number]) => Math.hypot(p[0] - other[0], p[1] - other[1]);
+  return apart(at) / Math.max(1, apart(before));
+}
+
 /** The angle of the turn, 0 ... 180 degrees. */
 export const angleOf_deg = (q: Quaternion): number =>
   (2 * Math.atan2(Math.hypot(q[1], q[2], q[3]), Math.abs(q[0])) * 180) / Math.PI;

@@ -1,5 +1,6 @@
 // What /api/scene and the state messages say, and the volumes that belong to them.
 
+import type { Refusal } from "./connection.js";
 import { apply, compose, invert, type Affine, type Quaternion, type Vec3 } from "./geometry.js";
 
 export type Rgb = [number, number, number];
@@ -56,6 +57,8 @@ export interface Scene {
 
 export interface State {
   method: string;
+  method_awaited: string | null; // until its fields are made
+  method_failed: Refusal | null; // why the one that was asked for last is not felt
   friction: boolean;
   viscosity: boolean;
   passivity: boolean;

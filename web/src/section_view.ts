@@ -1,8 +1,8 @@
 // One plane: the oblique section that follows the tip, or an axial, sagittal or coronal one.
 
 import {
-  add, anatomicalPlane, dot, hang, length, normalOf, normalContaining, normalize, orientationLetters, rotate, scale, sub,
-  type Anatomical, type Hanging, type Plane, type Vec3,
+  add, anatomicalPlane, dot, hang, length, normalOf, normalContaining, normalize, orientationLetters, rotate, scale, spread,
+  sub, type Anatomical, type Hanging, type Plane, type Vec3,
 } from "./geometry.js";
 import { drawMeasure, isWhole, type Measure } from "./measure.js";
 import {
@@ -290,8 +290,7 @@ export class SectionView {
     const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
     if (this.pointers.size === 2) {
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
-      const apart = (p: [number, number]) => Math.hypot(p[0] - other[0], p[1] - other[1]);
-      this.zoom(apart(at) / Math.max(1, apart(before)));
+      this.zoom(spread(other, before, at));
       this.pan = [this.pan[0] - (dx / 2) * this.mmPerPixel, this.pan[1] - (dy / 2) * this.mmPerPixel];
     } else if (this.held) {
       this.held = this.patientAt(at);

@@ -2,7 +2,7 @@
 // looks otherwise; the tool, its trail and its force are drawn over it for every pose.
 
 import { Camera, type Preset } from "./camera.js";
-import { add, dot, orientationLetters, scale, multiply, normalizeQuaternion, type Quaternion, type Vec3 } from "./geometry.js";
+import { add, dot, orientationLetters, scale, multiply, normalizeQuaternion, spread, type Quaternion, type Vec3 } from "./geometry.js";
 import { colourField } from "./field.js";
 import { drawAge, drawCube, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText, type Projection } from "./overlay.js";
 import { Picture } from "./picture.js";
@@ -234,8 +234,7 @@ export class VolumeView {
       const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
       if (this.pointers.size === 2) {
         const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
-        const apart = (p: [number, number]) => Math.hypot(p[0] - other[0], p[1] - other[1]);
-        this.camera.zoom(apart(at) / Math.max(1, apart(before)));
+        this.camera.zoom(spread(other, before, at));
         this.camera.pan(dx / 2, dy / 2);
       } else if (this.held) {
         this.held = this.patientAt(at, this.held);

@@ -2,7 +2,8 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import {
   aboutAxis, anatomicalPlane, angleAt_deg, angleOf_deg, apply, compose, conjugate, cross, directionLetters, dot, hang, invert, length, multiply,
-  niceLength, normalContaining, normalize, normalOf, orientationLetters, positionText, rotate, sub, turn, type Affine, type Quaternion, type Vec3,
+  niceLength, normalContaining, normalize, normalOf, orientationLetters, positionText, rotate, spread, sub, turn, type Affine, type Quaternion,
+  type Vec3,
 } from "../src/geometry.js";
 
 let seed = Date.now() & 0x7fffffff;
@@ -22,6 +23,12 @@ test("an affine map and its inverse cancel, mirrored and sheared ones too", () =
     near(turn(invert(m), turn(m, p)), p, 1e-8);
     near(apply(compose(m, invert(m)), p), p, 1e-8);
   }
+});
+
+test("two fingers spread", () => {
+  assert.equal(spread([0, 0], [30, 40], [60, 80]), 2);
+  assert.equal(spread([10, 0], [10, 100], [60, 0]), 0.5);
+  assert.equal(spread([5, 5], [5, 5], [8, 9]), 5, "from the same place");
 });
 
 test("rotations turn by the right-hand rule, keep lengths and compose from right to left", () => {

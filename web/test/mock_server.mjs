@@ -95,7 +95,7 @@ const scene = (role) => ({
   rate_hz: 1000,
 });
 const state = {
-  method: "proxy", friction: true, viscosity: true, passivity: true, paused: false, emergency_stop: false, max_force_N: 1.4,
+  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, emergency_stop: false, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
     ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: false, recording: false,
 };

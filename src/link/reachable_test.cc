@@ -1,0 +1,42 @@
+#include "link/reachable.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+
+namespace palpate::link {
+namespace {
+
+namespace ip = boost::asio::ip;
+
+std::string told(const char* listened, const std::vector<const char*>& own, bool v6_only = false) {
+  std::vector<ip::address> addresses;
+  for (const char* text : own) addresses.push_back(ip::make_address(text));
+  return reachable_address(ip::make_address(listened), addresses, v6_only).to_string();
+}
+
+TEST(Reachable, AnAddressThatCanBeOpened) {
+  // what was asked for
+  EXPECT_EQ(told("127.0.0.1", {"127.0.0.1", "192.0.2.7"}), "127.0.0.1");
+  EXPECT_EQ(told("192.0.2.9", {"192.0.2.7"}), "192.0.2.9");
+  // all of them
+  const std::vector<const char*> own{"127.0.0.1", "::1",         "fe80::1",   "169.254.3.4",
+                                     "192.0.2.7", "2001:db8::7", "192.0.2.8", "2001:db8::8"};
+  EXPECT_EQ(told("0.0.0.0", own), "192.0.2.7");
+  EXPECT_EQ(told("::", own), "192.0.2.7");
+  EXPECT_EQ(told("::", own, true), "2001:db8::7");
+  EXPECT_EQ(told("::", {"::1", "2001:db8::7"}), "2001:db8::7");
+  // no network
+  EXPECT_EQ(told("0.0.0.0", {"127.0.0.1", "::1", "2001:db8::7"}), "127.0.0.1");
+  EXPECT_EQ(told("::", {}), "127.0.0.1");
+  EXPECT_EQ(told("::", {"::1"}, true), "::1");
+}
+
+TEST(Reachable, TheMachineKnowsItsLoopback) {
+  const auto own = own_addresses();
+  EXPECT_TRUE(std::any_of(own.begin(), own.end(), [](const auto& one) { return one.is_loopback(); }));
+}
+
+}  // namespace
+}  // namespace palpate::link
