@@ -39,7 +39,9 @@ TEST(Proxy, FollowsTheTipInFreeSpace) {
   std::mt19937 random(kSeed);
   std::uniform_real_distribution<double> wide(-30, 30), above(0.05, 30);
   for (int n = 0; n < 1000; ++n) {
-    const Point<Patient> tip(wide(random), wide(random), above(random));
+    // drawn one by one: arguments are evaluated in no certain order
+    const double z = above(random), y = wide(random), x = wide(random);
+    const Point<Patient> tip(x, y, z);
     run.at(tip);
     EXPECT_EQ(run.state.position, tip);
     EXPECT_EQ(run.result.force_N, Vector<Patient>());

@@ -49,7 +49,8 @@ Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const 
   copy(source.grid, [&](int j, int k) { return source.origin + j * source.row + k * source.slice; });
   if (source.over != nullptr) {
     const auto& [box, values] = *source.over;
-    copy(to_span(box), [&](int j, int k) {
+    // named, since clang 14 captures no structured bindings by reference
+    copy(to_span(box), [&box = box, &values = values](int j, int k) {
       return values.data() +
              (std::ptrdiff_t{k - box.first[2]} * box.size[1] + (j - box.first[1])) * box.size[0] -
              box.first[0];

@@ -43,8 +43,8 @@ HWY_INLINE Float4 slopes(float t) {
 }
 
 template <class T>
-HWY_INLINE void sample_one(const VoxelView<T>& coefficients, const SamplingMap& map, const double* point,
-                           double* sample) {
+HWY_INLINE void spline_at(const VoxelView<T>& coefficients, const SamplingMap& map, const double* point,
+                          double* sample) {
   const Quad x = to_voxels(map, point);
   if (!between(load_four(map.low), x, load_four(map.high))) return write_outside(map, sample);
   const Cell c = cell_of(x);
@@ -60,11 +60,11 @@ HWY_INLINE void sample_one(const VoxelView<T>& coefficients, const SamplingMap& 
 
 void spline_i16(const VoxelView<std::int16_t>& coefficients, const SamplingMap& map, const double* points,
                 std::size_t count, double* samples) {
-  for (; count > 0; --count, points += 3, samples += 4) sample_one(coefficients, map, points, samples);
+  for (; count > 0; --count, points += 3, samples += 4) spline_at(coefficients, map, points, samples);
 }
 void spline_float(const VoxelView<float>& coefficients, const SamplingMap& map, const double* points,
                   std::size_t count, double* samples) {
-  for (; count > 0; --count, points += 3, samples += 4) sample_one(coefficients, map, points, samples);
+  for (; count > 0; --count, points += 3, samples += 4) spline_at(coefficients, map, points, samples);
 }
 
 }  // namespace palpate::internal::HWY_NAMESPACE

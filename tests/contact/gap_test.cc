@@ -21,7 +21,7 @@ namespace {
 using test::in_ci;
 using test::shared_file;
 
-constexpr LabelId kFemur = 95, kTibia = 96, kFibula = 97, kPatella = 98;
+constexpr LabelId kFemur = 95, kTibia = 96, kPatella = 98;
 constexpr double kAround_mm = 18;  // of the knee around the gaps: what lies farther is not felt
 constexpr double kRate_hz = 1000, kDelay_s = 1e-3;
 constexpr double kIntoWalls_mm = 2, kBeside_mm = 1.5;
