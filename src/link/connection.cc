@@ -129,7 +129,7 @@ void Connection::serve() {
 }
 
 void Connection::refuse_volume() {
-  hub_.log().say(peer_, "a volume could not be made, for want of memory");
+  hub_.log().say(peer_, "a volume could not be made");
   send(Site::refusal(503), false);
 }
 

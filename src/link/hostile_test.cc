@@ -261,12 +261,31 @@ TEST_F(HostileTest, AStopStops) {
     EXPECT_TRUE(comes_true([&] { return test.host.state().emergency_stop; })) << bytes;
     test.host.change([](ViewedState& state) { state.emergency_stop = false; });
   }
+  // what came of one before the connection was lost
+  const std::string whole = masked_frame(kText, blanks);
+  TestViewer lost(test.port());
+  lost.greet();
+  lost.socket().send(whole.substr(0, whole.size() - 100));
+  lost.socket().end_sending();
+  EXPECT_TRUE(comes_true([&] { return test.host.state().emergency_stop; }));
+  test.host.change([](ViewedState& state) { state.emergency_stop = false; });
   // of somebody who has shown no token, and of one who says something else
   TestViewer unknown(test.port());
   unknown.socket().send(masked_frame(kText, stop));
   EXPECT_EQ(unknown.close_code(), 1008);
   EXPECT_EQ(code_after(masked_frame(kText, R"({"type": "tip", "stop": "\"type\": \"stop\""})")), 1007);
   EXPECT_FALSE(test.host.state().emergency_stop);
+}
+
+// who opens and never says hello, nor takes leave, keeps places for a while: never so many that nobody gets
+// in
+TEST_F(HostileTest, ViewersThatNeverAnswer) {
+  std::vector<std::unique_ptr<TestViewer>> silent;
+  for (int n = 0; n < 300; ++n) silent.push_back(std::make_unique<TestViewer>(test.port()));
+  EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
+  TestViewer viewer(test.port());
+  EXPECT_EQ(viewer.greet()["type"], "welcome");
+  EXPECT_FALSE(bystander.pose().empty());
 }
 
 TEST_F(HostileTest, DownloadsThatNobodyReads) {

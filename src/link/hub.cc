@@ -75,20 +75,22 @@ void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
 }
 
 void Hub::make_room_for_connection() {
-  if (connections_.size() + viewers_.size() < kMostConnections) return;
+  if (connections_.empty() || connections_.size() + viewers_.size() < kMostConnections) return;
   const auto place = [](const auto& connection) {
     return std::pair(connection->about(), connection->since());
   };
   const auto oldest =
       std::min_element(connections_.begin(), connections_.end(),
                        [&](const auto& one, const auto& other) { return place(one) < place(other); });
-  // viewers take no more places than are theirs
-  static_assert(kMostViewers < kMostConnections);
   log_.say("", "too many connections, the one that gets on least is closed");
   std::shared_ptr(*oldest)->close();
 }
 
 bool Hub::room_for_viewer() {
+  // one that is ending waits for a goodbye alone, and takes up a place meanwhile
+  const auto ending =
+      std::find_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->is_ending(); });
+  if (viewers_.size() >= kMostViewers && ending != viewers_.end()) std::shared_ptr(*ending)->gone();
   if (viewers_.size() < kMostViewers) return true;
   std::shared_ptr<Viewer> oldest;
   for (const auto& viewer : viewers_)
@@ -182,8 +184,9 @@ void Hub::wait_for_poses() {
       posing_ = false;
       return;
     }
-    show_pose();
+    // whatever becomes of this one, there is a next
     wait_for_poses();
+    show_pose();
   });
 }
 
@@ -205,8 +208,8 @@ void Hub::wait_for_sweep() {
   sweep_timer_.expires_after(kSweepPeriod);
   sweep_timer_.async_wait([this](ErrorCode failed) {
     if (failed || ended_) return;
-    sweep();
     wait_for_sweep();
+    sweep();
   });
 }
 

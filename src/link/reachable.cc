@@ -1,7 +1,7 @@
 #include "link/reachable.h"
 
 #include <ifaddrs.h>
-#include <linux/if.h>
+#include <net/if.h>
 #include <netinet/in.h>
 
 #include <algorithm>

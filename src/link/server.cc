@@ -136,8 +136,9 @@ class Server : public ViewerServer {
         });
         return;
       }
-      take(std::move(socket));
+      // whatever becomes of this one, others may come
       accept();
+      take(std::move(socket));
     });
   }
 

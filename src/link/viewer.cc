@@ -75,14 +75,15 @@ void Viewer::begin(UpgradeRequest request) {
 
 void Viewer::read() {
   if (reading_ || ending_ || gone_) return;
-  reading_ = true;
   socket_.async_read(input_, [self = shared_from_this()](ErrorCode failed, std::size_t) {
     self->reading_ = false;
-    const std::string text = beast::buffers_to_string(self->input_.data());
+    const auto bytes = self->input_.data();
+    self->take_whole({static_cast<const char*>(bytes.data()), bytes.size()}, failed);
     self->input_.consume(self->input_.size());
-    self->take_whole(text, failed);
     self->read();
   });
+  // no sooner: what could not begin for want of memory, the next sweep begins
+  reading_ = true;
 }
 
 bool Viewer::too_many() {
@@ -230,6 +231,8 @@ void Viewer::check(Clock::time_point now) {
   } else if (writing_ && now >= write_begun_ + kTakenWithin) {
     hub_.log().say(peer_, "takes nothing");
     gone();
+  } else if (open_) {
+    read();
   }
 }
 

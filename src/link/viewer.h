@@ -45,10 +45,13 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void show_state();
   /// Says goodbye with a close code, and why to the log.
   void end(std::uint16_t code, std::string_view fault);
+  /// Leaves the hub, without a goodbye or after it.
+  void gone();
 
   bool welcomed() const { return welcomed_; }
   /// Has not said hello, and still may.
   bool is_silent() const { return !welcomed_ && !ending_ && !gone_; }
+  bool is_ending() const { return ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   Role role() const { return role_; }
 
@@ -64,7 +67,6 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   template <class Bytes>
   void write(const Bytes& bytes, bool binary);
   void write_failed();
-  void gone();
   bool too_many();
 
   std::unique_ptr<Stream> stream_;

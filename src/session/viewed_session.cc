@@ -431,7 +431,7 @@ void ViewedSession::next_method() {
   };
   ForceMethod next = next_of(now);
   while (next != now && !possible(next)) next = next_of(next);
-  if (auto chosen = choose(next, *loop); !chosen) method_failure_ = chosen.error();
+  if (auto chosen = choose(next, *loop); !chosen) give_up(next, chosen.error());
 }
 
 void ViewedSession::follow_script() {
@@ -445,8 +445,8 @@ void ViewedSession::follow_script() {
     give_up(method, made_for_others());
   else if (method_failure_ && given_up_ == model_.felt->version)
     give_up(method, *method_failure_);
-  else
-    (void)choose(method, *loop);
+  else if (auto chosen = choose(method, *loop); !chosen)
+    give_up(method, chosen.error());
 }
 
 // ---- fields
@@ -474,23 +474,28 @@ void ViewedSession::make_fields() {
   const Progress progress({}, &ending_);
   std::shared_ptr<const Model> fields;
   std::unique_lock lock(mutex_);
-  while (true) {
-    wanted_.wait(lock, [this] { return ending_ || awaited_; });
-    if (ending_) return;
-    const ModelVersions of = model_;
-    // whoever waited for the lock would wait for this thread's priority
-    lock.unlock();
-    const auto next = version_with_fields(of, fields, progress);
-    lock.lock();
-    // what was changed meanwhile wants another version, and perhaps other fields
-    const bool again = model_.felt != of.felt;
-    if (!again || !awaited_) fields = nullptr;
-    if (again) continue;
-    if (auto felt = next ? feel_by(*next) : Result<void>(next.error()); !felt) {
+  while (true) try {
+      wanted_.wait(lock, [this] { return ending_ || awaited_; });
+      if (ending_) return;
+      const ModelVersions of = model_;
+      // whoever waited for the lock would wait for this thread's priority
+      lock.unlock();
+      const auto next = version_with_fields(of, fields, progress);
+      lock.lock();
+      // what was changed meanwhile wants another version, and perhaps other fields
+      const bool again = model_.felt != of.felt;
+      if (!again || !awaited_) fields = nullptr;
+      if (again) continue;
+      auto felt = next ? feel_by(*next) : Result<void>(next.error());
+      if (felt) continue;
       given_up_ = model_.felt->version;
       if (awaited_) give_up(*awaited_, felt.error());
+    } catch (const std::exception&) {
+      // no memory even to say so
+      if (!lock) lock.lock();
+      awaited_.reset();
+      given_up_ = model_.felt->version;
     }
-  }
 }
 
 // @param fields  of an earlier try, used where they suit, else made
@@ -522,6 +527,7 @@ Result<void> ViewedSession::feel_by(std::shared_ptr<const Model> next) try {
 // the session stays as it was, and whoever asked is told
 void ViewedSession::give_up(ForceMethod method, Error why) {
   awaited_.reset();
+  given_up_ = model_.felt->version;
   why.where = name_of(method);
   method_failure_ = std::move(why);
   // a script has changed to it before its fields were there
