@@ -1,0 +1,252 @@
+// What a viewer that stops reading costs the servo and the other viewers: pairs of sessions on the real
+// clock, with and without it, in turns. See README.md.
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "json_file.h"
+#include "palpate/explore.h"
+#include "palpate/viewer_server.h"
+#include "viewer_client.h"
+
+namespace palpate::bench {
+namespace {
+
+constexpr double kPoses_hz = 120;
+constexpr int kResamples = 20000;
+// so little that a viewer who stops reading is soon felt by who writes
+constexpr int kStuckBuffer_bytes = 4096;
+
+struct Options {
+  int pairs = 10, viewers = 8;
+  double seconds = 60;
+  std::uint64_t seed = 1;
+  std::string scene = "knee-phantom", json;
+};
+
+// What the viewers of a session saw, from their process.
+struct ViewersReport {
+  std::uint64_t poses = 0, missed = 0, stuck_connections = 0;
+  double age_p50_ms = 0, age_p99_ms = 0;
+};
+
+struct Session {
+  bool stuck = false;
+  Percentiles lateness;
+  std::uint64_t skipped = 0;
+  ViewersReport viewers;
+};
+
+[[noreturn]] void fail(const std::string& what) {
+  std::fprintf(stderr, "slow_viewer_bench: %s\n", what.c_str());
+  std::exit(1);
+}
+
+// ---- the viewers' process
+
+ViewersReport watch(const Options& options, int port, bool stuck) {
+  const std::int64_t until_ns = steady_ns() + static_cast<std::int64_t>(options.seconds * 1e9);
+  std::vector<std::unique_ptr<ViewerClient>> clients;
+  for (int n = 0; n < options.viewers; ++n)
+    clients.push_back(std::make_unique<ViewerClient>(port, kPoses_hz));
+  std::vector<std::thread> threads;
+  for (const auto& client : clients)
+    threads.emplace_back([&client, until_ns] { client->read_until(until_ns); });
+
+  // one that says hello and then reads nothing, and comes again whenever it is sent away
+  ViewersReport report;
+  while (stuck && steady_ns() < until_ns) {
+    const ViewerClient silent(port, kPoses_hz, kStuckBuffer_bytes);
+    ++report.stuck_connections;
+    while (steady_ns() < until_ns && !silent.closed_within(100)) {
+    }
+  }
+  for (std::thread& thread : threads) thread.join();
+
+  PosesSeen seen;
+  for (const auto& client : clients) seen.add(client->seen());
+  report.poses = seen.ages_ms.size();
+  report.missed = seen.missed;
+  report.age_p50_ms = quantile(seen.ages_ms, 0.5);
+  report.age_p99_ms = quantile(seen.ages_ms, 0.99);
+  return report;
+}
+
+// Forked while this process has no threads that hold anything: it waits for a port and answers with a report.
+struct ViewersProcess {
+  pid_t id = -1;
+  int port_to = -1, report_from = -1;
+};
+
+ViewersProcess start_viewers(const Options& options, bool stuck) {
+  int ports[2], reports[2];
+  if (::pipe(ports) != 0 || ::pipe(reports) != 0) fail("no pipe is to be had");
+  const pid_t id = ::fork();
+  if (id < 0) fail("no process is to be had");
+  if (id == 0) {
+    ::close(ports[1]);
+    ::close(reports[0]);
+    int port = 0;
+    if (::read(ports[0], &port, sizeof port) != sizeof port) ::_exit(1);
+    const ViewersReport report = watch(options, port, stuck);
+    ::_exit(::write(reports[1], &report, sizeof report) == sizeof report ? 0 : 1);
+  }
+  ::close(ports[0]);
+  ::close(reports[1]);
+  return {id, ports[1], reports[0]};
+}
+
+// ---- a session
+
+Session run_session(const LoadedScene& loaded, const Script& script, const Options& options, bool stuck) {
+  const ViewersProcess viewers = start_viewers(options, stuck);
+  ExploreOptions explore_options;
+  explore_options.repeat = true;
+  // the viewers come when the loop is about to run, and all is over when they have left
+  explore_options.seconds = options.seconds;
+  explore_options.viewers = [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
+    ViewerServerOptions server_options;
+    server_options.port = 0;
+    auto server = ViewerServer::start(host, server_options);
+    if (!server) return server.error();
+    const int port = (*server)->port();
+    if (::write(viewers.port_to, &port, sizeof port) != sizeof port) fail("the viewers are gone");
+    return std::shared_ptr<void>(std::move(*server));
+  };
+  const auto result = explore(loaded, script, explore_options, {});
+  if (!result) fail(result.error().message());
+
+  Session session{stuck, result->health.lateness, result->health.skipped, {}};
+  if (::read(viewers.report_from, &session.viewers, sizeof session.viewers) != sizeof session.viewers)
+    fail("the viewers did not report");
+  ::waitpid(viewers.id, nullptr, 0);
+  ::close(viewers.port_to);
+  ::close(viewers.report_from);
+  return session;
+}
+
+// ---- pairs
+
+double mean_of(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value;
+  return sum / static_cast<double>(values.size());
+}
+
+// The mean of the differences within pairs, and the 95th percentile of what it is when pairs are drawn again.
+struct Increase {
+  double mean = 0, bound = 0;
+};
+Increase increase_of(const std::vector<double>& differences, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_int_distribution<std::size_t> any(0, differences.size() - 1);
+  std::vector<double> means;
+  for (int n = 0; n < kResamples; ++n) {
+    std::vector<double> drawn(differences.size());
+    for (double& value : drawn) value = differences[any(random)];
+    means.push_back(mean_of(drawn));
+  }
+  return {mean_of(differences), quantile(means, 0.95)};
+}
+
+void print(const Session& session) {
+  std::printf(
+      "  %-7s lateness p50 %6.1f us, p99 %6.1f us, largest %7.1f us, %llu skipped; poses %llu, %llu "
+      "missed, age p50 %.3f ms, p99 %.3f ms",
+      session.stuck ? "with" : "without", session.lateness.p50_us, session.lateness.p99_us,
+      session.lateness.max_us, static_cast<unsigned long long>(session.skipped),
+      static_cast<unsigned long long>(session.viewers.poses),
+      static_cast<unsigned long long>(session.viewers.missed), session.viewers.age_p50_ms,
+      session.viewers.age_p99_ms);
+  if (session.stuck)
+    std::printf(", %llu connections", static_cast<unsigned long long>(session.viewers.stuck_connections));
+  std::printf("\n");
+  std::fflush(stdout);
+}
+
+nlohmann::json json_of(const Session& session) {
+  return {{"lateness_p50_us", session.lateness.p50_us},
+          {"lateness_p99_us", session.lateness.p99_us},
+          {"lateness_max_us", session.lateness.max_us},
+          {"skipped", session.skipped},
+          {"poses", session.viewers.poses},
+          {"missed", session.viewers.missed},
+          {"age_p50_ms", session.viewers.age_p50_ms},
+          {"age_p99_ms", session.viewers.age_p99_ms},
+          {"stuck_connections", session.viewers.stuck_connections}};
+}
+
+int run(const Options& options) {
+  const auto loaded = load_scene_or_data_set(options.scene);
+  if (!loaded) fail(loaded.error().message());
+  const auto script = parse_script(default_script_text(*loaded->model), "embedded script");
+  if (!script) fail(script.error().message());
+
+  std::printf(
+      "%d pairs of %g s of %s at %g Hz, %d viewers at %g Hz, with and without one more that reads "
+      "nothing; order by seed %llu\n",
+      options.pairs, options.seconds, options.scene.c_str(), script->rate_hz, options.viewers, kPoses_hz,
+      static_cast<unsigned long long>(options.seed));
+  std::mt19937_64 random(options.seed);
+  std::vector<double> lateness_us, age_ms;
+  auto pairs = nlohmann::json::array();
+  for (int n = 0; n < options.pairs; ++n) {
+    std::printf("pair %d of %d\n", n + 1, options.pairs);
+    const bool stuck_first = random() & 1;
+    std::array<Session, 2> sessions;  // without, with
+    for (const bool stuck : {stuck_first, !stuck_first}) {
+      sessions[stuck] = run_session(*loaded, *script, options, stuck);
+      print(sessions[stuck]);
+    }
+    const auto& [without, with] = sessions;
+    lateness_us.push_back(with.lateness.p99_us - without.lateness.p99_us);
+    age_ms.push_back(with.viewers.age_p99_ms - without.viewers.age_p99_ms);
+    pairs.push_back({{"stuck_first", stuck_first}, {"without", json_of(without)}, {"with", json_of(with)}});
+  }
+  const Increase lateness = increase_of(lateness_us, options.seed), age = increase_of(age_ms, options.seed);
+  std::printf("increase of p99 tick lateness: mean %.2f us, 95 %% bootstrap bound %.2f us\n", lateness.mean,
+              lateness.bound);
+  std::printf("increase of the other viewers' p99 age: mean %.4f ms, 95 %% bootstrap bound %.4f ms\n",
+              age.mean, age.bound);
+  return write_json("slow_viewer_bench", options.json,
+                    {{"scene", options.scene},
+                     {"seconds", options.seconds},
+                     {"viewers", options.viewers},
+                     {"seed", options.seed},
+                     {"pairs", pairs},
+                     {"lateness_p99_increase_us", {{"mean", lateness.mean}, {"bound_95", lateness.bound}}},
+                     {"age_p99_increase_ms", {{"mean", age.mean}, {"bound_95", age.bound}}}});
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  CLI::App app("Tick lateness and other viewers, with and without a viewer that stops reading");
+  palpate::bench::Options options;
+  app.add_option("scene", options.scene, "a data set or scene file")->capture_default_str();
+  app.add_option("--pairs", options.pairs, "how many pairs")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--seconds", options.seconds, "how long a session lasts")
+      ->check(CLI::Range(1.0, 3600.0))
+      ->capture_default_str();
+  app.add_option("--viewers", options.viewers, "how many watch and read")
+      ->check(CLI::Range(1, 62))
+      ->capture_default_str();
+  app.add_option("--seed", options.seed, "of the order within pairs, and of the bootstrap")
+      ->capture_default_str();
+  app.add_option("--json", options.json, "write the figures to this file");
+  CLI11_PARSE(app, argc, argv);
+  return palpate::bench::run(options);
+}

@@ -1,0 +1,118 @@
+#include "viewer_client.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace palpate::bench {
+namespace {
+
+// where the sequence and the server's clock stand in a pose, docs/viewer-protocol.md
+constexpr std::size_t kSequenceAt = 8, kClockAt = 32, kPoseHead_bytes = 96;
+
+}  // namespace
+
+std::int64_t steady_ns() {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
+}
+
+void PosesSeen::add(const PosesSeen& other) {
+  ages_ms.insert(ages_ms.end(), other.ages_ms.begin(), other.ages_ms.end());
+  missed += other.missed;
+}
+
+ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes) {
+  handle_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const int on = 1;
+  ::setsockopt(handle_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  if (receive_buffer_bytes > 0)
+    ::setsockopt(handle_, SOL_SOCKET, SO_RCVBUF, &receive_buffer_bytes, sizeof receive_buffer_bytes);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  if (::connect(handle_, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) return;
+  say("GET /ws HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) +
+      "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+      "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: palpate.v1\r\n\r\n");
+  while (input_.find("\r\n\r\n") == std::string::npos && receive()) {
+  }
+  input_.erase(0, std::min(input_.size(), input_.find("\r\n\r\n") + 4));
+  const std::string hello =
+      "{\"type\":\"hello\",\"protocol\":1,\"poses_hz\":" + std::to_string(poses_hz) + "}";
+  // masked by zeros, which change nothing
+  say(std::string("\x81") + static_cast<char>(0x80 | hello.size()) + std::string(4, '\0') + hello);
+}
+
+ViewerClient::~ViewerClient() {
+  ::close(handle_);
+}
+
+void ViewerClient::read_until(std::int64_t until_ns) {
+  while (steady_ns() < until_ns) {
+    const std::string pose = frame();
+    const std::int64_t got_ns = steady_ns();
+    if (pose.empty()) return;
+    if (pose.size() < kPoseHead_bytes || pose.compare(0, 4, "PLPT") != 0) continue;
+    std::uint64_t sequence;
+    std::int64_t clock_ns;
+    std::memcpy(&sequence, pose.data() + kSequenceAt, sizeof sequence);
+    std::memcpy(&clock_ns, pose.data() + kClockAt, sizeof clock_ns);
+    if (last_ > 0) seen_.missed += sequence - last_ - 1;
+    last_ = sequence;
+    seen_.ages_ms.push_back(static_cast<double>(got_ns - clock_ns) * 1e-6);
+  }
+}
+
+bool ViewerClient::closed_within(int wait_ms) const {
+  pollfd poll{handle_, POLLRDHUP, 0};
+  return ::poll(&poll, 1, wait_ms) > 0;
+}
+
+void ViewerClient::say(const std::string& bytes) {
+  (void)!::send(handle_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+}
+
+bool ViewerClient::receive() {
+  char buffer[4096];
+  const ssize_t got = ::recv(handle_, buffer, sizeof buffer, 0);
+  if (got > 0) input_.append(buffer, static_cast<std::size_t>(got));
+  return got > 0;
+}
+
+// the payload of the next message; empty at the end
+std::string ViewerClient::frame() {
+  while (true) {
+    const auto byte = [&](std::size_t i) {
+      return static_cast<std::size_t>(static_cast<unsigned char>(input_[i]));
+    };
+    const std::size_t head = input_.size() < 2 || byte(1) < 126 ? 2 : 4;
+    if (input_.size() >= head) {
+      const std::size_t length = head == 2 ? byte(1) : byte(2) << 8 | byte(3);
+      if (input_.size() >= head + length) {
+        const std::string payload = input_.substr(head, length);
+        input_.erase(0, head + length);
+        return payload;
+      }
+    }
+    if (!receive()) return {};
+  }
+}
+
+double quantile(std::vector<double>& values, double part) {
+  if (values.empty()) return NAN;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1))];
+}
+
+}  // namespace palpate::bench
