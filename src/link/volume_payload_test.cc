@@ -41,7 +41,7 @@ std::string gunzip(const std::string& packed, std::size_t size) {
   stream.next_out = reinterpret_cast<Bytef*>(plain.data());
   stream.avail_out = static_cast<uInt>(plain.size());
   EXPECT_EQ(inflate(&stream, Z_FINISH), Z_STREAM_END);
-  plain.resize(plain.size() - stream.avail_out);
+  plain.erase(plain.size() - stream.avail_out);
   inflateEnd(&stream);
   return plain;
 }
