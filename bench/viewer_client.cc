@@ -3,7 +3,6 @@
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
-#include <poll.h>
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
@@ -72,11 +71,6 @@ void ViewerClient::read_until(std::int64_t until_ns) {
     last_ = sequence;
     seen_.ages_ms.push_back(static_cast<double>(got_ns - clock_ns) * 1e-6);
   }
-}
-
-bool ViewerClient::closed_within(int wait_ms) const {
-  pollfd poll{handle_, POLLRDHUP, 0};
-  return ::poll(&poll, 1, wait_ms) > 0;
 }
 
 void ViewerClient::say(const std::string& bytes) {

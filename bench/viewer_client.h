@@ -28,8 +28,6 @@ class ViewerClient {
 
   /// Reads until the time is up or the server is gone.
   void read_until(std::int64_t until_ns);
-  /// Waits, reads nothing, and tells whether the server has closed the connection.
-  bool closed_within(int wait_ms) const;
   const PosesSeen& seen() const { return seen_; }
 
  private:

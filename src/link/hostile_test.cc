@@ -277,8 +277,7 @@ TEST_F(HostileTest, AStopStops) {
   EXPECT_FALSE(test.host.state().emergency_stop);
 }
 
-// who opens and never says hello, nor takes leave, keeps places for a while: never so many that nobody gets
-// in
+// who neither says hello nor takes leave keeps a place for a while: never so many that nobody gets in
 TEST_F(HostileTest, ViewersThatNeverAnswer) {
   std::vector<std::unique_ptr<TestViewer>> silent;
   for (int n = 0; n < 300; ++n) silent.push_back(std::make_unique<TestViewer>(test.port()));
