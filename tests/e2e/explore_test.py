@@ -387,7 +387,9 @@ class Explore(cli.PalpateTest):
 
         def press(force, _stiffness, _label, flags):
             nonlocal deep_mm
-            deep_mm += 0 if flags & CONTACT else 0.5
+            # the first step that touches may end too shallow to press: deeper then, but gently
+            if force <= 0.1:
+                deep_mm += 0.02 if flags & CONTACT else 0.5
             viewer.send({"type": "tip", "patient_mm": [0, deep_mm, 0]})
             return flags & CONTACT and force > 0.1
 
