@@ -17,6 +17,10 @@ constexpr double kReserveSteps = 2;
 constexpr double kTurnSteps = 0.8;
 // so much of the force is taken off at most on the way out, besides an encoder step's worth
 constexpr double kMostHysteresis = 0.5;
+// While energy is owed a step of the encoder makes no more force than this: less than what friction a device
+// with coarse encoders has, so that the tip does not bounce within a step, of which the encoder tells
+// nothing.
+constexpr double kOwingStep_N = 0.15;
 
 // speed along the force, from the shortest way that tells one; none after a turn
 void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& state) {
@@ -39,6 +43,13 @@ void follow_direction(double along_mm, double step_mm, PassivityState& state) {
   state.play_mm = std::copysign(half_mm, state.play_mm);
 }
 
+// The part that is left of a wall's stiffness while energy is owed.
+double softened(const PassivityInput& input, double step_mm, const PassivityState& state) {
+  const double step_N = input.stiffness_N_per_mm * step_mm;
+  if (state.energy_mJ >= 0 || step_N <= kOwingStep_N) return 1;
+  return std::max(kOwingStep_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
+}
+
 // The part of the force that is left to a damper that takes off what is not covered within the tick, as far
 // as it may.
 double damped(double force_N, double step_mm, double dt_s, const PassivityState& state,
@@ -56,11 +67,11 @@ double damped(double force_N, double step_mm, double dt_s, const PassivityState&
 // The part that is left on the way out where the energy does not cover the reserve: so motions that are too
 // slow for a damper pay back what they give out. What the hand feels of it is no more than a step of the
 // encoder is anyway.
-double less_on_the_way_out(const PassivityInput& input, double force_N, double step_mm,
+double less_on_the_way_out(double force_N, double stiffness_N_per_mm, double step_mm,
                            const PassivityState& state) {
   if (!state.gives_way) return 1;
   const double missing = std::max(0.0, 1 - state.energy_mJ / (force_N * kReserveSteps * step_mm));
-  return 1 - std::min({missing, kMostHysteresis, input.stiffness_N_per_mm * step_mm / force_N});
+  return 1 - std::min({missing, kMostHysteresis, stiffness_N_per_mm * step_mm / force_N});
 }
 
 }  // namespace
@@ -84,9 +95,12 @@ PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivitySta
   follow_direction(along_mm, step_mm, state);
   if (!act) return {};
 
+  const double soft = softened(input, step_mm, state);
+  const double soft_N = std::min(force_N, soft * input.unlimited_N);
   PassivityOutput out;
-  out.factor = std::min(damped(force_N, step_mm, input.dt_s, state, out.damping_N_s_per_m),
-                        less_on_the_way_out(input, force_N, step_mm, state));
+  out.factor = soft_N / force_N *
+               std::min(damped(soft_N, step_mm, input.dt_s, state, out.damping_N_s_per_m),
+                        less_on_the_way_out(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
   return out;
 }
 

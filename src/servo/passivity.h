@@ -8,6 +8,7 @@ namespace palpate {
 
 struct PassivityInput {
   Vector<World> force_N;          ///< asked, as far as limit and ramp let it through
+  double unlimited_N = 0;         ///< that force without the limit
   Vector<World> sent_N;           ///< in the tick before
   Vector<World> way_mm;           ///< of the tip since then, relative to the object, mm of the device
   double stored_mJ = 0;           ///< that the contact can hold now, as a spring does; infinite: not known
@@ -29,7 +30,8 @@ struct PassivityOutput {
 /// Controller: where the energy does not cover what the force would give out if the tip went on as it does,
 /// a damper along the force takes off what is not covered. It acts on forces that push the tip on its way and
 /// never turns one round. A tip too slow for its speed to be known is let out with less force than it was let
-/// in, by an encoder step's worth at most, where the energy does not cover two.
+/// in, by an encoder step's worth at most, where the energy does not cover two. A wall so stiff that the tip
+/// bounces within a single step of the encoder is softer for as long as energy is owed.
 /// @param act  false: observes only
 PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state);
 

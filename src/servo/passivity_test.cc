@@ -22,8 +22,9 @@ struct Led {
   PassivityOutput go(const Vector<World>& way_mm, const Vector<World>& force_N,
                      double stored_mJ = kUnknown_mJ) {
     true_mJ -= sent_N.dot(way_mm);
-    const PassivityOutput out =
-        keep_passive({force_N, sent_N, way_mm, stored_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s}, act, state);
+    const PassivityOutput out = keep_passive(
+        {force_N, force_N.norm(), sent_N, way_mm, stored_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s}, act,
+        state);
     sent_N = force_N * out.factor;
     return out;
   }
@@ -160,10 +161,33 @@ TEST(Passivity, SlidingAroundABallIsNoActivity) {
   EXPECT_NEAR(led.state.energy_mJ, 0, 0.1) << "per axis it would be 15 mJ";
 }
 
+TEST(Passivity, AWallOfMoreThanAStepIsSofterWhileEnergyIsOwed) {
+  constexpr double kStiff_N_per_mm = 20, kLimit_N = 0.9;
+  constexpr double kStep_N = kStiff_N_per_mm * kStep_mm;
+  const auto sent_N = [&](double energy_mJ, double stiffness_N_per_mm, double depth_mm) {
+    PassivityState state;
+    state.energy_mJ = energy_mJ;
+    const double asked_N = stiffness_N_per_mm * depth_mm, force_N = std::min(asked_N, kLimit_N);
+    return force_N *
+           keep_passive({{force_N, 0, 0}, asked_N, {}, {}, kUnknown_mJ, stiffness_N_per_mm, kStep_mm, kDt_s},
+                        true, state)
+               .factor;
+  };
+  EXPECT_NEAR(sent_N(0, kStiff_N_per_mm, kStep_mm), kStep_N, 1e-12) << "nothing is owed";
+  EXPECT_NEAR(sent_N(-0.25 * kStep_N * kStep_mm, kStiff_N_per_mm, kStep_mm), 0.75 * kStep_N, 1e-12);
+  for (const double owed_mJ : {0.1, 1.0, 100.0}) {
+    EXPECT_NEAR(sent_N(-owed_mJ, kStiff_N_per_mm, kStep_mm), 0.15, 1e-12) << "never less";
+    EXPECT_NEAR(sent_N(-owed_mJ, kStiff_N_per_mm, 4 * kStep_mm), 0.6, 1e-12) << "a spring";
+    EXPECT_NEAR(sent_N(-owed_mJ, kStiff_N_per_mm, 8 * kStep_mm), kLimit_N, 1e-12) << "deep, all that may be";
+    EXPECT_NEAR(sent_N(-owed_mJ, 0.15 / kStep_mm, kStep_mm), 0.15, 1e-12) << "soft already";
+  }
+}
+
 TEST(Passivity, AnUnknownEncoderStepIsACoarseOne) {
   PassivityState known, unknown;
   const Vector<World> push(1, 0, 0);
-  const PassivityInput input{push, push, {0.08, 0, 0}, kUnknown_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s};
+  const PassivityInput input{push,        push.norm(),         push,     {0.08, 0, 0},
+                             kUnknown_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s};
   PassivityInput blind = input;
   blind.step_mm = kNotKnown;
   EXPECT_GT(keep_passive(input, true, known).damping_N_s_per_m, 0) << "more than two steps";

@@ -116,8 +116,9 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
   const double limit_N = next_limit_N(own.limits, max_force_N, dt_s, hand.output);
   const double within = asked_N > limit_N ? limit_N / asked_N : 1;
   const PassivityOutput kept =
-      keep_passive({request.asked.force_N * (within * hand.output.gain), hand.output.sent.force_N,
-                    way_mm / own.scale, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s},
+      keep_passive({request.asked.force_N * (within * hand.output.gain), asked_N * hand.output.gain,
+                    hand.output.sent.force_N, way_mm / own.scale, tool.stored_mJ, tool.stiffness_N_per_mm,
+                    own.position_step_mm, dt_s},
                    parameters.passivity, hand.passivity);
   if (kept.factor == 1) return;
   if (within < 1) out.flags |= kFlagClamped;

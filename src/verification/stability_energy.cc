@@ -152,6 +152,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     energy_mJ -= (X_PatientWorld * acted).dot(now - tip);
     tip = now;
     result.least_mJ = std::min(result.least_mJ, energy_mJ);
+    result.deepest_mm = std::max(result.deepest_mm, kBallRadius_mm - now.eigen().norm());
 
     line.push_back(sent.force_N);
     acted = line.front();
@@ -160,10 +161,12 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     plant.advance(mapping.to_device(sent), kDt_s);
 
     const bool touches = acted.norm() > 0;
-    touching += touches;
+    const bool controlled = (record.device[0].flags & kFlagPassivity) != 0;
+    // the controller may take all of a force
+    touching += touches || controlled;
+    damped += controlled;
     result.contacts += touches && !touched;
     touched = touches;
-    damped += (record.device[0].flags & kFlagPassivity) != 0;
     result.largest_force_N = std::max(result.largest_force_N, acted.norm());
   }
   result.last_mJ = energy_mJ;
@@ -176,21 +179,23 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
   if (!ball) return ball.error();
 
   // one unit after the other, as tables want them
-  std::vector<Figure> energies, parts;
-  const auto add = [&](const Exploration& exploration, const std::string& path,
-                       std::optional<double> most_percent) {
+  std::vector<Figure> energies, parts, depths;
+  const auto add = [&](const Exploration& exploration, const std::string& path, bool limited) {
     Exploration free = exploration;
     free.controller = false;
     const ExploredEnergy with = explore_energy(**ball, exploration), without = explore_energy(**ball, free);
     const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s / kDt_s));
-    energies.push_back({path + "/given-out/without", 0 - without.least_mJ, "mJ", n, {}});
-    energies.push_back({path + "/given-out/with", 0 - with.least_mJ, "mJ", n, {}});
     // what an encoder step hides
-    const double step_mm = exploration.device.encoder_step_m * 1e3;
-    energies.push_back({path + "/given-out/hidden", with.largest_force_N * 2 * step_mm, "mJ", n, {}});
+    const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
+    const auto limit = [&](double most) { return limited ? std::optional(most) : std::nullopt; };
+    energies.push_back({path + "/given-out/without", 0 - without.least_mJ, "mJ", n, {}});
+    energies.push_back({path + "/given-out/with", 0 - with.least_mJ, "mJ", n, limit(hidden_mJ)});
+    energies.push_back({path + "/given-out/hidden", hidden_mJ, "mJ", n, {}});
     const double part = with.least_mJ < 0 ? 100 * with.least_mJ / without.least_mJ : 0;
-    parts.push_back({path + "/part-given-out", part, "percent", n, most_percent});
+    parts.push_back({path + "/part-given-out", part, "percent", n, limit(kMostGivenOut_percent)});
     parts.push_back({path + "/damped-of-contact", 100 * with.damped, "percent", n, {}});
+    depths.push_back({path + "/deepest/without", without.deepest_mm, "mm", n, {}});
+    depths.push_back({path + "/deepest/with", with.deepest_mm, "mm", n, {}});
   };
   for (const char* device : {"premium-1.5", "touch"})
     for (const double delay_s : {0.0, 1e-3, 3e-3}) {
@@ -207,22 +212,18 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
           exploration.method = method;
           const std::string path = "stability/energy/" + std::string(name_of(method)) + "/" + device + "/" +
                                    grip + "/" + loop_name(1 / kDt_s, delay_s);
-          // within one step of a lightly held Touch's encoder is more than its greatest force
-          const bool seen = exploration.device.name == "premium-1.5" || exploration.hand.name == "firm-grip";
-          const bool limited = delay_s == 0 && seen;
-          const std::optional<double> most_percent =
-              limited ? std::optional(kMostGivenOut_percent) : std::nullopt;
-          add(exploration, path, most_percent);
+          add(exploration, path, delay_s == 0);
           if (delay_s > 0 || method != ForceMethod::kProxy) continue;
           Exploration other = exploration;
           other.turning = true;
-          add(other, path + "/turning", most_percent);
+          add(other, path + "/turning", true);
           other = exploration;
           other.stiffness_N_per_mm = 2 * *stiffness;
-          add(other, path + "/twice-as-stiff", {});
+          add(other, path + "/twice-as-stiff", false);
         }
     }
   energies.insert(energies.end(), parts.begin(), parts.end());
+  energies.insert(energies.end(), depths.begin(), depths.end());
   return energies;
 }
 

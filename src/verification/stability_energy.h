@@ -37,8 +37,9 @@ struct ExploredEnergy {
   double least_mJ = 0;  ///< of what the hand had put in and not got back; below 0: the world gave it out
   double last_mJ = 0;   ///< at the end
   double largest_force_N = 0;
-  int contacts = 0;   ///< how often it was touched
-  double damped = 0;  ///< part of the ticks in contact in which the controller acted
+  double deepest_mm = 0;  ///< that the true tip has been below the ball's surface
+  int contacts = 0;       ///< how often it was touched
+  double damped = 0;      ///< part of the ticks in contact in which the controller acted
 };
 ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration);
 
