@@ -73,7 +73,7 @@ Result<void> compare_grids(const Data& data, Console& console) {
 
 struct NewOptions {
   std::vector<std::string> files;  ///< LABELS, or SCAN LABELS
-  std::string scan, labels, names, side, title, output;
+  std::string scan, labels, names, side, modality, title, output;
   bool force = false;
 };
 
@@ -120,6 +120,7 @@ int run_new(NewOptions options, Console& console) {
   NewSceneInput input;
   input.title = options.title;
   input.side = value_of(options.side, kSides);
+  input.modality = value_of(options.modality, kModalities);
   if (!options.scan.empty()) input.scan = options.scan;
   if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
@@ -164,6 +165,15 @@ class UsageInWords : public CLI::Formatter {
   }
 };
 
+/// The words of an enumeration that has kUnknown, without that one.
+template <class Enum, std::size_t N>
+std::vector<std::string> known_names(const std::array<Word<Enum>, N>& words) {
+  std::vector<std::string> names;
+  for (const auto& [value, name] : words)
+    if (value != Enum::kUnknown) names.emplace_back(name);
+  return names;
+}
+
 void add_new(CLI::App& app, Run& run) {
   const auto options = std::make_shared<NewOptions>();
   CLI::App* verb = app.add_subcommand("new", "Write a scene file for a scan, a label map, or both");
@@ -174,11 +184,11 @@ void add_new(CLI::App& app, Run& run) {
   verb->add_option("-s,--scan", options->scan, "The scan; alone it gives a scene by threshold");
   verb->add_option("-l,--labels", options->labels, "The label map");
   verb->add_option("-n,--names", options->names, "Names and colours of the labels (.ctbl, .tsv)");
-  std::vector<std::string> sides;
-  for (const auto& [side, name] : kSides)
-    if (side != Side::kUnknown) sides.emplace_back(name);
   verb->add_option("--side", options->side, "Side of the body: left, right, or both for a head or a torso")
-      ->check(CLI::IsMember(sides));
+      ->check(CLI::IsMember(known_names(kSides)));
+  verb->add_option("--modality", options->modality,
+                   "What made the scan: the viewer shows ct as HU, mr with windows of its own values")
+      ->check(CLI::IsMember(known_names(kModalities)));
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
   verb->add_option("-o,--output", options->output,
                    "The scene file; without it the text goes to standard output");

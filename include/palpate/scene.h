@@ -186,6 +186,7 @@ struct NewSceneInput {
   const Volume<float>* scan_volume = nullptr;  ///< beside labels only its grid counts
   std::string title = {};
   Side side = Side::kUnknown;
+  Modality modality = Modality::kUnknown;
 };
 /// The text of a scene file for these files, every structure in the tissue its name suggests; structures
 /// that suggest none get a tissue each that is shown and not felt (one together when they are too many).

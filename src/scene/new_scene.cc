@@ -219,6 +219,8 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     text += "title = " + toml_string(input.title) + "\n";
   }
   if (input.side != Side::kUnknown) text += "side = \"" + std::string(name_of(input.side, kSides)) + "\"\n";
+  if (input.modality != Modality::kUnknown)
+    text += "modality = \"" + std::string(name_of(input.modality, kModalities)) + "\"\n";
 
   // the files
   text += "\n[data]\n";

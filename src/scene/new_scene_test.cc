@@ -197,6 +197,13 @@ TEST(NewScene, WritesEverySide) {
     EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &map, .side = side}).side, side);
 }
 
+TEST(NewScene, WritesEveryModality) {
+  const LabelMap map = make_map({"femur"});
+  for (const auto& [modality, name] : kModalities)
+    EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &map, .modality = modality}).modality, modality)
+        << name;
+}
+
 TEST(NewScene, IsDeterministic) {
   const LabelMap map = make_map({"femur", "x", "y", "patellar_cartilage"});
   const NewSceneInput input{.labels = "/l.nrrd", .label_map = &map};

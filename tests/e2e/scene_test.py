@@ -119,6 +119,12 @@ class SceneTest(cli.PalpateTest):
         self.succeed("scene", "new", labels, "-o", scene, "--force")
         self.assertIn("from the fibula", said(scene))
 
+    def test_modalities(self):
+        labels = self.labels()
+        self.assertIn('modality = "mr"\n', self.succeed("scene", "new", labels, "--modality", "mr").stdout)
+        self.assertNotIn("modality", self.succeed("scene", "new", labels).stdout)
+        self.fail_clearly(cli.USAGE, "scene", "new", labels, "--modality", "photo", says="{ct,mr}")
+
     def test_usage_line(self):
         self.assertIn("scene new [OPTIONS] [SCAN] LABELS\n", self.succeed("scene", "new", "--help").stdout)
 
