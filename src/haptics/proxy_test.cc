@@ -42,10 +42,31 @@ TEST(Proxy, FollowsTheTipInFreeSpace) {
     // drawn one by one: arguments are evaluated in no certain order
     const double z = above(random), y = wide(random), x = wide(random);
     const Point<Patient> tip(x, y, z);
-    run.at(tip);
+    // tens of millimetres in a tick, just above the floor, are more strides than a tick has: the next one
+    // goes on
+    for (int ticks = 0; ticks == 0 || (run.result.lagging && ticks < 5); ++ticks) {
+      run.at(tip);
+      EXPECT_EQ(run.result.force_N, Vector<Patient>());
+      EXPECT_EQ(run.state.contacts, 0);
+    }
     EXPECT_EQ(run.state.position, tip);
-    EXPECT_EQ(run.result.force_N, Vector<Patient>());
-    EXPECT_EQ(run.state.contacts, 0);
+  }
+}
+
+TEST(Proxy, FollowsAHandAtOnceInFreeSpace) {
+  // up to 2.8 m/s, down to where a surface becomes a wall
+  ProxyRun run = on_floor();
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<double> aside(-0.7, 0.7), above(0.06, 2);
+  Point<Patient> tip(0, 0, 1);
+  run.at(tip);
+  for (int n = 0; n < 10'000; ++n) {
+    const double x = aside(random), y = aside(random), z = above(random);
+    tip = {x, y, z};
+    run.at(tip);
+    // ways of less are none
+    EXPECT_LT((run.state.position - tip).norm(), 2e-5);
     EXPECT_FALSE(run.result.lagging);
   }
 }
@@ -305,7 +326,9 @@ TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
   for (int n = 0; n < 40; ++n) {
     const Vector<Patient> up = random_direction(random);
     const Vector<Patient> along = up.cross(random_direction(random)).normalized();
-    const double mu_static = 0.05 + unit(random), mu_dynamic = mu_static * (0.3 + 0.7 * unit(random));
+    // the normal of a sampled plane is off by up to 0.6 mrad, which is 2 % of a coefficient below 0.03
+    const double mu_static = 0.05 + unit(random);
+    const double mu_dynamic = 0.05 + (mu_static - 0.05) * unit(random);
     const double depth_mm = 0.5 + 2 * unit(random);
     SCOPED_TRACE("plane " + std::to_string(n));
     ProxyRun run;
@@ -326,9 +349,10 @@ TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
     run.lead(tip(0, 1), tip(0, -depth_mm), 0.05);
     ASSERT_TRUE(run.state.sticking);
     double way_mm = 0, most_ratio = 0;
+    const double stride_mm = mu_static * depth_mm / 1000;
     while (run.state.sticking && way_mm < 5) {
       most_ratio = std::max(most_ratio, ratio());
-      run.at(tip(way_mm += 0.001, -depth_mm));
+      run.at(tip(way_mm += stride_mm, -depth_mm));
     }
     EXPECT_NEAR(most_ratio, mu_static, 0.02 * mu_static);
     for (int slid = 0; slid < 300; ++slid) {
