@@ -42,7 +42,6 @@ class DownloadTest : public testing::Test {
     download.bytes = content_.size();
     download.sha256 = *sha256_of_file(served_ / "file.bin");
     download.allow_http = true;
-    download.stall_timeout_s = 1.5;
     download.first_pause_s = 0.01;
     return download;
   }
@@ -133,7 +132,9 @@ TEST_F(DownloadTest, AttemptsAreBoundedAndWhatArrivedIsKept) {
 }
 
 TEST_F(DownloadTest, StallIsNoticedAndResumed) {
-  const auto done = get("stall-1000");
+  auto impatient = request("stall-1000");
+  impatient.stall_timeout_s = 3;
+  const auto done = download(impatient, {});
   ASSERT_TRUE(done) << done.error().message();
   expect_whole();
   EXPECT_THAT(ranges(), ElementsAre("-", "bytes=1000-"));

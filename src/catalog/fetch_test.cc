@@ -40,7 +40,6 @@ class FetchAtlasTest : public FetchTest {
   Result<LocalData> get(const std::string& behaviour) {
     FetchOptions options;
     options.mirror = server_.url(behaviour);
-    options.stall_timeout_s = 1.5;
     return fetch("knee-atlas", options, {}, warn_);
   }
 

@@ -4,6 +4,8 @@
 
 #include <random>
 
+#include "base/test_seed.h"
+
 namespace palpate {
 namespace {
 
@@ -52,7 +54,7 @@ static_assert(!std::is_constructible_v<Vector<Patient>, Vector<World>>);
 class GeometryTest : public testing::Test {
  protected:
   void SetUp() override {
-    const auto seed = std::random_device{}();
+    const auto seed = test::test_seed();
     RecordProperty("seed", std::to_string(seed));
     std::printf("seed %u\n", seed);
     random_.seed(seed);

@@ -239,14 +239,13 @@ class TestViewer {
   // the next frame that is not to be skipped, for as long as patience lasts
   template <class Skip>
   TestFrame frame_but(Skip&& skip) {
+    using Clock = std::chrono::steady_clock;
+    const Clock::time_point until = Clock::now() + std::chrono::milliseconds(2 * TestSocket::kPatience_ms);
     TestFrame next = frame();
-    while (next.opcode >= 0 && skip(next)) next = Clock::now() < patience_until_ ? frame() : TestFrame();
+    while (next.opcode >= 0 && skip(next)) next = Clock::now() < until ? frame() : TestFrame();
     return next;
   }
 
-  using Clock = std::chrono::steady_clock;
-  const Clock::time_point patience_until_ =
-      Clock::now() + std::chrono::milliseconds(2 * TestSocket::kPatience_ms);
   TestSocket socket_;
   TestAnswer opening_;
 };

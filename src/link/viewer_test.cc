@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "base/clock.h"
@@ -85,12 +87,15 @@ TEST(Viewer, EachHasItsOwnRate) {
   slow.greet({{"poses_hz", 5}});
   fast.greet({{"poses_hz", 120}});
   const auto tick_of = [](const std::string& pose) { return number_at<std::uint64_t>(pose, 16); };
-  slow.pose();
-  const std::uint64_t first = tick_of(slow.pose());
-  const std::string third = slow.pose();
-  // its own sequence has no gap, and 24 turns of the server lie between two of its poses
-  EXPECT_EQ(number_at<std::uint64_t>(third, 8), 3u);
-  EXPECT_GT(tick_of(third), first + 4);
+  // its own sequence has no gap, and 24 turns of the server lie between two of its poses: fewer where the
+  // machine stands still, but not every time
+  std::uint64_t last = tick_of(slow.pose()), most = 0;
+  for (std::uint64_t n = 2; n < 8; ++n) {
+    const std::string pose = slow.pose();
+    EXPECT_EQ(number_at<std::uint64_t>(pose, 8), n);
+    most = std::max(most, tick_of(pose) - std::exchange(last, tick_of(pose)));
+  }
+  EXPECT_GT(most, 4u);
   EXPECT_FALSE(fast.pose().empty());
 }
 
@@ -250,14 +255,15 @@ TEST(Viewer, ASlowViewerDelaysNobodyAndGetsTheLatest) {
   other.greet({{"poses_hz", 120}});
   std::uint64_t sequence = number_at<std::uint64_t>(other.pose(), 8), missed = 0;
   std::string pose;
-  for (int n = 0; n < 600; ++n) {
+  // a quarter of the time that the server waits for one that takes nothing
+  for (int n = 0; n < 300; ++n) {
     pose = other.pose();
     ASSERT_FALSE(pose.empty());
     missed += number_at<std::uint64_t>(pose, 8) - sequence - 1;
     sequence = number_at<std::uint64_t>(pose, 8);
   }
   // a machine that is busy with other tests may hold the reader up a little, never the viewer that sleeps
-  EXPECT_LT(missed, 60u);
+  EXPECT_LT(missed, 30u);
   const std::uint64_t now = number_at<std::uint64_t>(pose, 16);
   std::uint64_t last = 0, got = 0;
   bool gap = false;

@@ -7,6 +7,7 @@
 #include <limits>
 #include <queue>
 
+#include "base/test_seed.h"
 #include "palpate/preparation.h"
 #include "palpate/sampling.h"
 #include "preparation/surface_test_shapes.h"
@@ -101,7 +102,7 @@ Field union_gaussian(const Volume<LabelId>& labels) {
 }
 
 TEST(Ramps, OnBallsPointOutward) {
-  const auto seed = std::random_device{}();
+  const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   constexpr std::array kDepth_mm{0.3, 0.5, 1.0, 1.5, 2.0};
@@ -143,7 +144,7 @@ TEST(Ramps, OnBallsPointOutward) {
 // ---- slopes and thin tissue
 
 TEST(Ramps, RiseWithTheStiffnessAndEndAtTheWidth) {
-  const auto seed = std::random_device{}();
+  const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   for (const Eigen::Vector3d& spacing : kClinical) {
@@ -339,7 +340,7 @@ std::vector<double> least_over_paths(const Volume<LabelId>& labels, const std::a
 }
 
 TEST(Ramps, NeverExceedTheLeastOverPathsFromFreeSpace) {
-  const auto seed = std::random_device{}();
+  const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   for (int round = 0; round < 6; ++round) {

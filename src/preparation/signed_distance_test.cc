@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include "base/test_seed.h"
 #include "sampling/test_targets.h"
 
 namespace palpate::internal {
@@ -34,7 +35,7 @@ Block<std::uint8_t> random_mask(const Span3& span, double fill, std::mt19937& ra
 }
 
 TEST(SignedDistance, IsExactOnRandomMasksWithRandomSpacings) {
-  const auto seed = std::random_device{}();
+  const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> spacing_mm(0.25, 1.3), reach_mm(1, 5);

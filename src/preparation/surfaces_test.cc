@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/test_seed.h"
 #include "preparation/surface_test_shapes.h"
 #include "sampling/test_targets.h"
 
@@ -30,7 +31,7 @@ struct Directions {
 
 /// Angles between the normal and the radius where a ray from the centre meets the surface.
 void expect_directions(const Eigen::Vector3d& spacing, const Directions& limits) {
-  const auto seed = std::random_device{}();
+  const auto seed = test::test_seed();
   SCOPED_TRACE(testing::Message() << "seed " << seed << ", spacing " << spacing.transpose() << ", radius "
                                   << limits.radius_mm);
   std::mt19937 random(seed);
@@ -56,8 +57,11 @@ void expect_directions(const Eigen::Vector3d& spacing, const Directions& limits)
   EXPECT_LE(angle.at(0.99), limits.p99_deg);
   // a sphere keeps its size
   EXPECT_NEAR(error.mean, 0, 0.09);
-  EXPECT_GT(error.at(0), -0.5 * spacing.maxCoeff());
-  EXPECT_LT(error.at(1), 0.5 * spacing.maxCoeff());
+  EXPECT_GT(error.at(0.001), -0.5 * spacing.maxCoeff());
+  EXPECT_LT(error.at(0.999), 0.5 * spacing.maxCoeff());
+  // where the mask itself is off by half a voxel in each direction
+  EXPECT_GT(error.at(0), -0.5 * spacing.norm());
+  EXPECT_LT(error.at(1), 0.5 * spacing.norm());
   std::printf(
       "spacing %.3f %.3f r %4.1f: angle mean %.2f p99 %.2f max %.2f deg, 3 mm away %.2f %.2f; radius %+.3f "
       "(%.3f ... "
@@ -96,7 +100,7 @@ void expect_sides_kept(const PreparedSurface& s, const Volume<LabelId>& labels) 
 }
 
 TEST(Surfaces, PlatesOfOneAndTwoVoxelsSurvive) {
-  const auto seed = std::random_device{}();
+  const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> within(-0.5, 0.5);
@@ -222,7 +226,7 @@ TEST(Surfaces, DoNotDependOnThreadsOrTargets) {
 }
 
 TEST(Surfaces, PreparedAgainInADirtyBoxEqualTheFullRebuild) {
-  const auto seed = std::random_device{}();
+  const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   for (const Eigen::Vector3d& spacing : {Eigen::Vector3d(0.4, 0.4, 0.7), Eigen::Vector3d(0.3, 0.5, 1.0)}) {

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 #include <sys/mount.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,6 +13,7 @@
 #include <random>
 #include <thread>
 
+#include "base/test_seed.h"
 #include "recording/columns.h"
 #include "recording/hdf5_types.h"
 #include "recording/recording_file.h"
@@ -203,7 +203,7 @@ TEST(KilledRecording, LosesAtMostTheLastSecond) {
   const test::TemporaryFolder folder;
   // as fast as it can: far above any real rate, most of the time inside a write
   const auto ticks = test::example_ticks(40'000, 1, 1000);
-  const std::uint64_t seed = std::random_device{}();
+  const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
   for (int round = 0; round < 20; ++round) {
@@ -218,8 +218,7 @@ TEST(KilledRecording, LosesAtMostTheLastSecond) {
     std::uint64_t given = 0, total = 0;
     ASSERT_EQ(::read(ends[0], &given, sizeof given), static_cast<ssize_t>(sizeof given));
     std::this_thread::sleep_for(std::chrono::microseconds(random() % 40'000));
-    ::kill(child, SIGKILL);
-    ::waitpid(child, nullptr, 0);
+    test::kill_between_writes(child);
     while (::read(ends[0], &total, sizeof total) == sizeof total) given = total;
     ::close(ends[0]);
 

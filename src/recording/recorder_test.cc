@@ -2,11 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
-#include <csignal>
 #include <random>
 #include <semaphore>
 #include <thread>
@@ -275,8 +273,7 @@ TEST(Recorder, KilledLeavesARecordingThatOpens) {
     std::uint64_t pushed = 0, total = 0;
     for (std::uint64_t enough = 1000 + random() % 4000; pushed < enough;)
       ASSERT_EQ(::read(ends[0], &pushed, sizeof pushed), static_cast<ssize_t>(sizeof pushed));
-    ::kill(child, SIGKILL);
-    ::waitpid(child, nullptr, 0);
+    test::kill_between_writes(child);
     while (::read(ends[0], &total, sizeof total) == sizeof total) pushed = total;
     ::close(ends[0]);
 

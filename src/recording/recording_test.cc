@@ -7,6 +7,7 @@
 #include <atomic>
 #include <thread>
 
+#include "base/test_seed.h"
 #include "recording/columns.h"
 #include "recording/test_support.h"
 
@@ -39,7 +40,7 @@ void expect_same(const std::vector<TickRecord>& read, const std::vector<TickReco
 
 TEST(Recording, ComesBackBitForBit) {
   const test::TemporaryFolder folder;
-  const std::uint64_t seed = std::random_device{}();
+  const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   // around the borders of a chunk (400) and of a block of the reader (4096)
   for (const std::size_t count : {0u, 1u, 399u, 400u, 401u, 800u, 4096u, 4097u, 9001u})

@@ -1,12 +1,14 @@
 #include "recording/test_support.h"
 
 #include <stdlib.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <bit>
 #include <cerrno>
 #include <cmath>
+#include <csignal>
 #include <cstring>
 #include <fstream>
 
@@ -358,6 +360,16 @@ Result<Recording> read_in_this_process(const std::filesystem::path& file) {
   }
   MemorySource source(sent.bytes);
   return internal::receive_recording(source, {});
+}
+
+void kill_between_writes(pid_t child) {
+  // to stand still it first comes to the end of its system call
+  int status = 0;
+  ::kill(child, SIGSTOP);
+  ::waitpid(child, &status, WUNTRACED);
+  if (!WIFSTOPPED(status)) return;
+  ::kill(child, SIGKILL);
+  ::waitpid(child, nullptr, 0);
 }
 
 void write_bytes(const std::filesystem::path& file, std::span<const std::byte> bytes) {

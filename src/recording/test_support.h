@@ -1,5 +1,7 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <random>
@@ -73,6 +75,10 @@ class MemoryTarget : public internal::ByteTarget {
 /// read_recording without its child process, which takes long to start under sanitizers. For files that
 /// are not hostile.
 Result<Recording> read_in_this_process(const std::filesystem::path& file);
+
+/// Kills a child process wherever it is but in the middle of a write: there Linux would stop at the border
+/// between two pages (docs/recording.md, limits). Returns when it is gone.
+void kill_between_writes(pid_t child);
 
 void write_bytes(const std::filesystem::path& file, std::span<const std::byte> bytes);
 std::vector<std::byte> read_bytes(const std::filesystem::path& file);

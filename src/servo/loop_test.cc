@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <functional>
@@ -83,18 +84,17 @@ bool undisturbed(const TickRecord& before, const TickRecord& record) {
 }
 
 void wait_until(const std::function<bool()>& done) {
-  for (int n = 0; n < 5000 && !done(); ++n) std::this_thread::sleep_for(1ms);
+  for (int n = 0; n < 20000 && !done(); ++n) std::this_thread::sleep_for(1ms);
   EXPECT_TRUE(done());
 }
 
 TEST(Loop, TicksOnItsClockAndCountsThem) {
   Resting resting;
   const auto loop = started(resting.driver, {.rate_hz = 2000, .ring_s = 10});
-  std::this_thread::sleep_for(300ms);
+  wait_until([&] { return loop->health().ticks > 500; });
   loop->stop();
   const LoopHealth health = loop->health();
   EXPECT_EQ(health.ticks, resting.forces_N.size());
-  EXPECT_GT(health.ticks, 100u);
   EXPECT_EQ(loop->snapshot().tick + 1, health.ticks);
   EXPECT_GT(health.compute.p50_us, 0);
   EXPECT_LE(health.lateness.p50_us, health.lateness.p99_us);
@@ -120,10 +120,13 @@ TEST(Loop, TicksOnItsClockAndCountsThem) {
 TEST(Loop, ForceFadesOutBeforeItStops) {
   Resting resting;
   const auto loop = started(resting.driver, {.ring_s = 10});
-  wait_until([&] { return loop->snapshot().time_s > 0.7; });
+  // in full, also where a stall lets it come in anew
+  wait_until([&] {
+    const DeviceTick now = loop->snapshot().device[0];
+    return std::abs(now.force_N[0]) > 0.5 && (now.flags & kFlagRamp) == 0;
+  });
   loop->stop();
-  const double full_N = resting.forces_N[resting.forces_N.size() / 2 + 100];
-  EXPECT_GT(full_N, 0.5);
+  const double full_N = *std::max_element(resting.forces_N.begin(), resting.forces_N.end());
   EXPECT_EQ(resting.forces_N.back(), 0);
   // no step larger than the ramp or, after a late tick, the slew allows
   std::vector<TickRecord> records(resting.forces_N.size());
@@ -155,7 +158,7 @@ TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
 
 TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
   Resting resting;
-  const auto loop = started(resting.driver);
+  const auto loop = started(resting.driver, {.ring_s = 10});
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0.3; });
   loop->emergency_stop();
   wait_until([&] { return (loop->snapshot().device[0].flags & kFlagEmergencyStop) != 0; });
@@ -164,21 +167,36 @@ TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
   EXPECT_EQ(loop->snapshot().device[0].force_N[0], 0);
   loop->rearm();
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0; });
-  EXPECT_TRUE(loop->snapshot().device[0].flags & kFlagRamp);
   loop->stop();
+  // the first force after the stop comes in by the ramp, whenever this thread looked
+  std::vector<TickRecord> records(resting.forces_N.size());
+  ASSERT_EQ(loop->ring().pop(records), records.size());
+  const auto stopped = std::find_if(records.begin(), records.end(), [](const TickRecord& record) {
+    return (record.device[0].flags & kFlagEmergencyStop) != 0;
+  });
+  const auto again = std::find_if(stopped, records.end(),
+                                  [](const TickRecord& record) { return record.device[0].force_N[0] != 0; });
+  ASSERT_NE(again, records.end());
+  EXPECT_TRUE(again->device[0].flags & kFlagRamp);
 }
 
 // a tick that hangs, as a vendor's call or a page fault from a dead disk would let it
 TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
-  std::atomic<std::int64_t> hang_began_ns{0}, hang_ended_ns{0};
+  // of the last tick before it, of the halt in it, of its end
+  std::atomic<std::int64_t> tick_ns{0}, halted_ns{0}, hang_ended_ns{0};
   std::atomic<bool> hang{false};
   TestDriver driver([&](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
+    std::int64_t last_ns = 0;
     while (clock.wait()) {
-      if (hang.exchange(false)) {
-        hang_began_ns = monotonic_ns();
-        std::this_thread::sleep_for(150ms);
+      // not while a stall of the machine's own halts the device
+      if (self.resumed_ns >= self.halted_ns && hang.exchange(false)) {
+        tick_ns = last_ns;
+        std::this_thread::sleep_for(50ms);
+        wait_until([&] { return self.halted_ns > last_ns; });
+        halted_ns = self.halted_ns.load();
         hang_ended_ns = monotonic_ns();
       }
+      last_ns = monotonic_ns();
       self.tick_at(servo, Point<Device>(kBoneRadius_mm, 0, 0));
     }
   });
@@ -187,8 +205,8 @@ TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
   const std::uint64_t before = loop->health().stalls;
   hang = true;
   wait_until([&] { return hang_ended_ns != 0; });
-  EXPECT_GE(driver.halted_ns - hang_began_ns, kStall_ns - 3'000'000);
-  EXPECT_LT(driver.halted_ns, hang_ended_ns) << "while it hung";
+  EXPECT_GE(halted_ns - tick_ns, kStall_ns);
+  EXPECT_LT(halted_ns, hang_ended_ns) << "while it hung";
   EXPECT_GT(loop->health().stalls, before);
 
   // ticks that come again send nothing while the device is halted, and come in by the ramp

@@ -308,16 +308,21 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
     EXPECT_EQ(stiffness(), wanted);
     std::this_thread::sleep_for(std::chrono::milliseconds(40));
   }
-  ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - 0.6) < 0.02; })) << force_N(latest());
+  // it passes 0.6 N on its way to others, too
+  ASSERT_TRUE(soon([&] {
+    const TickRecord tick = latest();
+    return tick.model_version == 6 && std::abs(force_N(tick) - 0.6) < 0.02;
+  })) << force_N(latest());
   const auto felt = ticks();
   for (std::size_t t = 1; t < felt.size(); ++t) {
     // 1.3 N at most come as those of a seam do; a thread without a processor gives none
     const double most_N = 1.3 * felt[t].dt_s * (1 / kSeam_s + 1.5 / kBlend_s) + 0.005;
-    if ((felt[t].device[0].flags & (kFaultFlags | kFlagStale | kFlagRamp)) != 0) continue;
+    const std::uint32_t flags = felt[t].device[0].flags | felt[t - 1].device[0].flags;
+    if ((flags & (kFaultFlags | kFlagStale | kFlagRamp | kFlagSlew)) != 0) continue;
     EXPECT_LE(std::abs(force_N(felt[t]) - force_N(felt[t - 1])), most_N) << felt[t].tick;
   }
   EXPECT_EQ(felt.back().model_version, 6u);
-  EXPECT_EQ(loop_->collect(), 1u) << "older versions are freed";
+  EXPECT_TRUE(soon([&] { return loop_->collect() == 1; })) << "older versions are freed";
 }
 
 TEST_F(Viewed, TheStiffnessThatIsToldIsWhatTheHandFeels) {
@@ -364,6 +369,12 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
 }
 
 TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
+  // not before this thread has said all it has to say meanwhile
+  std::atomic<bool> may_be_made{false};
+  new_fields_ = [&](const Model& felt, const Model& made, const Progress& progress) {
+    while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return with_new_fields(felt, made, progress);
+  };
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
   softer.tissue = kCartilageTissue;
@@ -376,6 +387,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   // while they are made the proxy is felt, and what is said last holds
   softer.stiffness_N_per_mm = 0.5;
   EXPECT_EQ(error_of(softer).what, "no error");
+  may_be_made = true;
   ASSERT_TRUE(soon([&] { return viewed_->state().method == "trilinear"; }));
   const auto changes = viewed_->changes();
   ASSERT_GE(changes.size(), 3u);
@@ -643,7 +655,7 @@ const char* const kPress =
 TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   ExploreOptions options;
   options.seconds = 60;
-  int changed_at = -1;
+  int changed_at = -1, turned_at = -1;
   double softened_N = 0, told = 0;
   const Recording recording = run(options, kPress, [&](ViewerHost& host, int call) {
     std::array<double, kMaxDevices> felt{};
@@ -660,7 +672,9 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
       ASSERT_TRUE(host.set(stronger).ok());
       changed_at = call;
     }
-    if (changed_at >= 0 && call == changed_at + 25) {
+    // a hand without a processor bounces on the surface
+    if (changed_at >= 0 && turned_at < 0 && call >= changed_at + 25 && force_N(tick) > 0.1) {
+      turned_at = call;
       softened_N = force_N(tick);
       told = felt[0];
       SettingsRequest turn;
@@ -674,12 +688,12 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
       direct.method = "b-spline";
       ASSERT_TRUE(host.set(direct).ok());
     }
-    if (changed_at >= 0 && call == changed_at + 50) {
+    if (turned_at >= 0 && call == turned_at + 25) {
       SettingsRequest paused;
       paused.paused = true;
       ASSERT_TRUE(host.set(paused).ok());
     }
-    if (changed_at >= 0 && call == changed_at + 60) stop_.store(true);
+    if (turned_at >= 0 && call == turned_at + 35) stop_.store(true);
   });
   ASSERT_GE(changed_at, 0) << "the ball was never pressed";
   EXPECT_GT(softened_N, 0.1);
@@ -735,12 +749,14 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
       softened_at = call;
     }
     if (softened_at >= 0 && felt_at < 0 && tick.method == index_of(ForceMethod::kTrilinear)) felt_at = call;
-    if (felt_at >= 0 && call == felt_at + 30) {
+    // a hand without a processor bounces on the surface
+    if (felt_at >= 0 && call >= felt_at + 30 && felt[0] != 0) {
       EXPECT_EQ(felt[0], 0.9);
       stop_.store(true);
     }
   });
   ASSERT_GE(felt_at, 0);
+  EXPECT_TRUE(result_->stopped_by_user) << "nothing was felt then";
   ASSERT_EQ(recording.summary->changes.size(), 2u);
   EXPECT_EQ(recording.summary->changes[1].tissue, ModelChange::kFieldsMadeAnew);
   EXPECT_EQ(recording.ticks.back().model_version, 3u);
@@ -807,7 +823,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   // the force that is shown has no steps while it is held: 6 mm within an interval of at least 4 ms
   for (std::size_t t = 1; t < recording->ticks.size(); ++t) {
     const TickRecord &now = recording->ticks[t], &before = recording->ticks[t - 1];
-    if ((now.device[0].flags & (kFaultFlags | kFlagStale)) != 0) continue;
+    if (((now.device[0].flags | before.device[0].flags) & (kFaultFlags | kFlagStale)) != 0) continue;
     EXPECT_LE(std::abs(force_N(now) - force_N(before)), 2000 * now.dt_s + 1e-9) << now.tick;
     EXPECT_EQ(now.device[0].flags & kFlagJump, 0u);
   }

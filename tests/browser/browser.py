@@ -90,7 +90,7 @@ class Browser:
         """Runs the body of a JavaScript function in the page; returns what it returns."""
         return self.post("/execute/sync", {"script": script, "args": list(arguments)})
 
-    def wait(self, script, seconds=10):
+    def wait(self, script, seconds=30):
         """Until the expression is true."""
         deadline = time.monotonic() + seconds
         while not self.run("return " + script):

@@ -30,8 +30,15 @@ browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "
 SIZE = (1024, 640)  # a small one: the pictures are computed by the processor
 LOADED = "window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh"
 STRUCTURES, POSITIONS = 8, 3
+BLENDING = 1 << 15  # of a pose's flags
 
 command = None  # of the server: (port, input, token file) -> arguments
+
+
+def test_seed():
+    """The same in every run unless PALPATE_TEST_SEED says another, or "any" (src/base/test_seed.h)."""
+    asked = os.environ.get("PALPATE_TEST_SEED", "20261121")
+    return random.randrange(1 << 30) if asked == "any" else int(asked)
 
 
 def palpate_command(program):
@@ -178,7 +185,10 @@ class WithPointer(Viewer):
     def setUp(self):
         super().setUp()
         self.page.run("if (palpateViewer.state.rotation_wxyz[0] < 1) document.getElementById('unturn').click()")
-        self.page.wait("palpateViewer.pose.rotation[0] > 0.99999")
+        self.page.wait("palpateViewer.pose.rotation[0] > 0.9999999")
+        # the picture's middle is where the object's was when the page opened
+        self.page.run("document.querySelector('#picture-volume .stack').dispatchEvent(new KeyboardEvent('keydown', { key: 'Home' }));"
+                      "palpateViewer.draw()")
 
     def points_of(self, mask):
         return numpy.argwhere(mask) @ self.patient_from_voxel[:3, :3].T + self.patient_from_voxel[:3, 3]
@@ -227,8 +237,15 @@ class WithPointer(Viewer):
         self.page.run("palpateViewer.draw()")
         self.page.click("#turn")
         self.drag("#picture-volume .stack", 60, 45)
-        time.sleep(0.6)
-        rotation = tuple(self.page.run("return palpateViewer.pose.rotation"))
+        # it has turned when it turns no more
+        look = "return [palpateViewer.pose.sequence, ...palpateViewer.pose.rotation]"
+        before, now = [], self.page.run(look)
+        for _ in range(30):
+            if now[1:] == before[1:] and abs(now[1]) < 0.99:
+                break
+            self.page.wait(f"palpateViewer.pose.sequence > {now[0]} + 20")
+            before, now = now, self.page.run(look)
+        rotation = tuple(now[1:])
         self.assertLess(abs(rotation[0]), 0.99)
         self.assert_overlap(self.silhouette(size, mm), self.projected(self.labels > 0, size, mm, rotation), 0.95)
 
@@ -298,13 +315,15 @@ class WithPointer(Viewer):
     def lead(self, way):
         """Along points, half a second from each to the next; it stays at the last."""
         self.page.run("window.hand.lead(arguments[0])", way)
-        self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.05" % json.dumps(way[-1]), 15)
+        self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.05" % json.dumps(way[-1]))
 
     def choose_method(self, name):
         self.page.run("const method = document.getElementById('method'); method.value = arguments[0];"
                       "method.dispatchEvent(new Event('change', { bubbles: true }));", name)
         self.page.wait(f"palpateViewer.state.method === '{name}'")
-        time.sleep(0.2)  # one force turns into the other
+        # one force turns into the other
+        time.sleep(0.2)
+        self.page.wait("(palpateViewer.pose.devices[0].flags & %d) === 0" % BLENDING)
 
     def press_on(self, label, start, end):
         """Comes to a place in free space without minding what is on the way, and presses from there."""
@@ -312,10 +331,10 @@ class WithPointer(Viewer):
         self.lead([start])
         self.choose_method("proxy")
         self.lead([start, end])
-        self.page.wait(f"palpateViewer.pose.devices[0].label === {label}", 5)
+        self.page.wait(f"palpateViewer.pose.devices[0].label === {label}")
 
     def test_pixel_under_the_tip_has_the_touched_structures_colour(self):
-        seed = random.randrange(1 << 30)
+        seed = test_seed()
         print(f"  seed {seed}", flush=True)
         generator = random.Random(seed)
         self.page.run("document.querySelectorAll('.structure input[type=range]').forEach((slider) => {"
@@ -365,7 +384,7 @@ class WithPointer(Viewer):
         # the slider goes from 0.01 to 10 N/mm by ratios
         for place, stiffness in ((0.4, 0.158), (0.25, 0.0562)):
             self.slide(slider, place)
-            self.page.wait(f"Math.abs(palpateViewer.pose.devices[0].stiffness - {stiffness}) < 0.001", 10)
+            self.page.wait(f"Math.abs(palpateViewer.pose.devices[0].stiffness - {stiffness}) < 0.001")
             self.assertEqual(self.page.run(f"return palpateViewer.state.tissues[{felt['tissue']}].stiffness_N_per_mm"), stiffness)
 
     def test_dragging_reaches_the_loop_as_a_rotation(self):
@@ -386,7 +405,7 @@ class WithPointer(Viewer):
         # it rests there, and is not forgotten
         wanted = self.page.run("return palpateViewer.patientAt('oblique', arguments[0], arguments[1])", x - left, y - top)
         near = "Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.3" % json.dumps(wanted)
-        self.page.wait(near, 10)
+        self.page.wait(near)
         time.sleep(0.5)
         self.assertTrue(self.page.run("return " + near))
         self.assertFalse(self.page.run("return (palpateViewer.pose.devices[0].flags & 512) !== 0"), "stale while it is held")
@@ -467,7 +486,7 @@ class WithPointer(Viewer):
         with tempfile.TemporaryDirectory(prefix="palpate-download-") as folder:
             self.page.developer_tools("Browser.setDownloadBehavior", behavior="allow", downloadPath=folder)
             self.page.click("#record")
-            time.sleep(2.5)
+            time.sleep(4)
             self.page.click("#record")
             deadline = time.monotonic() + 20
             while len([name for name in os.listdir(folder) if name.endswith((".webm", ".jsonl"))]) < 2:
@@ -491,6 +510,8 @@ class WithHand(Viewer):
     def setUp(self):
         self.server = Server("script").__enter__()
         self.addCleanup(self.server.__exit__)
+        # before that, or it misses its server and says so in the next test
+        self.addCleanup(self.page.post, "/url", {"url": "about:blank"})
         super().setUp()
 
     @classmethod
@@ -501,6 +522,8 @@ class WithHand(Viewer):
         places = []
         for _ in range(16):
             time.sleep(0.4)
+            if places:
+                self.page.wait(f"palpateViewer.pose.sequence > {places[-1][0]}")
             sample = self.page.run("palpateViewer.draw(); const tip = palpateViewer.pose.devices[0].tip;"
                                    "return [palpateViewer.pose.sequence, ...tip, palpateViewer.pixelOf('oblique', tip).off_mm]")
             places.append(sample)
@@ -510,20 +533,20 @@ class WithHand(Viewer):
 
     def test_old_data_is_grey_and_a_new_server_is_found(self):
         self.server.process.send_signal(signal.SIGSTOP)
-        self.page.wait("!palpateViewer.isFresh && document.body.classList.contains('stale')", 5)
+        self.page.wait("!palpateViewer.isFresh && document.body.classList.contains('stale')")
         self.assertGreater(self.page.run("return palpateViewer.age_ms"), 250)
         self.assertIn("old", self.page.run("return document.getElementById('link-text').textContent"))
         self.server.process.send_signal(signal.SIGCONT)
-        self.page.wait("palpateViewer.isFresh && !document.body.classList.contains('stale')", 10)
+        self.page.wait("palpateViewer.isFresh && !document.body.classList.contains('stale')")
 
         self.server.process.kill()
         self.server.process.wait()
-        self.page.wait("palpateViewer.link !== 'connected'", 10)
+        self.page.wait("palpateViewer.link !== 'connected'")
         self.expected = ("ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE", "WebSocket connection to")
         time.sleep(1)
         self.server.__enter__()
         self.page.wait(LOADED, 60)
-        self.page.wait("palpateViewer.link === 'connected' && palpateViewer.age_ms < 250", 10)
+        self.page.wait("palpateViewer.link === 'connected' && palpateViewer.age_ms < 250")
 
 
 class WithTokens(Viewer):

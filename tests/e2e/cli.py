@@ -4,12 +4,15 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import unittest
 
 PALPATE = os.environ["PALPATE"]
+# it checks itself, and takes several times as long
+SANITIZED = bool(os.environ.get("PALPATE_SANITIZE"))
 
 OK, BAD_INPUT, USAGE, LIMIT, OUTPUT, UNAVAILABLE, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 
@@ -45,6 +48,13 @@ def as_nobody():
     if shutil.which(command[0]) is None:
         missing("setpriv (util-linux)")
     return command
+
+
+def interrupt_is(which, process):
+    """Whether SIGINT is among a process's signals that are "SigCgt", handled, or "ShdPnd", not taken yet (proc(5))."""
+    status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
+    signals = int(re.search(rf"^{which}:\s*(\w+)$", status, re.MULTILINE).group(1), 16)
+    return bool(signals >> (signal.SIGINT - 1) & 1)
 
 
 def missing(what):

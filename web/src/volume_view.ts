@@ -57,8 +57,10 @@ export class VolumeView {
     this.reset();
   }
   reset(): void {
-    const volumes = this.session.volumes;
+    const { volumes, pose } = this.session;
     if (!volumes) return;
+    // as the object stands now
+    if (pose) this.camera.setRotation(pose.rotation);
     this.camera.focus = this.camera.toWorld(volumes.centre);
     const { clientWidth, clientHeight } = this.picture.surface;
     if (clientWidth > 0) this.camera.mmPerPixel = (0.7 * volumes.size) / Math.min(clientWidth, clientHeight);
