@@ -20,6 +20,12 @@ endif()
 if(PALPATE_SANITIZE)
   add_compile_options(-fsanitize=${PALPATE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${PALPATE_SANITIZE})
+  # What is read or written beyond an object, or by a pointer that wrapped around, AddressSanitizer sees; not a
+  # wrapped pointer that nobody follows. These two checks took g++ a seventh of its time. The fuzzers, by clang,
+  # keep them for the parsers, where offsets come from outside.
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND PALPATE_SANITIZE MATCHES "address" AND PALPATE_SANITIZE MATCHES "undefined")
+    add_compile_options(-fno-sanitize=object-size,pointer-overflow)
+  endif()
 endif()
 if(PALPATE_BUILD_FUZZERS)
   # coverage for the library code; each fuzzer adds the driver

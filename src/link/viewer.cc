@@ -182,22 +182,21 @@ void Viewer::write_next() {
   if (!answers_.empty()) {
     text_out_ = std::move(answers_.front());
     answers_.pop_front();
-    write(text_out_, false);
+    write(net::buffer(text_out_), false);
   } else if (std::exchange(state_due_, false)) {
     text_out_ = hub_.state_for(*this);
-    write(text_out_, false);
+    write(net::buffer(text_out_), false);
   } else if (std::exchange(pose_due_, false)) {
     pose_out_ = pose_;
-    write(pose_out_.bytes(), true);
+    write(net::buffer(pose_out_.bytes()), true);
   }
 }
 
-template <class Bytes>
-void Viewer::write(const Bytes& bytes, bool binary) {
+void Viewer::write(net::const_buffer bytes, bool binary) {
   writing_ = true;
   write_begun_ = Clock::now();
   socket_.binary(binary);
-  socket_.async_write(net::buffer(bytes), [self = shared_from_this()](ErrorCode failed, std::size_t) {
+  socket_.async_write(bytes, [self = shared_from_this()](ErrorCode failed, std::size_t) {
     self->writing_ = false;
     if (failed) return self->write_failed();
     self->write_next();

@@ -64,8 +64,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void greet(const Hello& hello);
   void say(std::string text);
   void write_next();
-  template <class Bytes>
-  void write(const Bytes& bytes, bool binary);
+  /// @param bytes  stay as they are until it is done
+  void write(net::const_buffer bytes, bool binary);
   void write_failed();
   bool too_many();
 

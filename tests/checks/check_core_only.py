@@ -35,12 +35,13 @@ def main():
     parser.add_argument("--sanitize", default="")
     options = parser.parse_args()
 
-    # the consumer is a project of its own that takes palpate in as a folder
+    # the consumer is a project of its own that takes palpate in as a folder; what it needs, it needs without
+    # optimisation, too, and then calls what would else be inlined
     consumer = pathlib.Path(__file__).parent / "core_consumer"
-    run([options.cmake, "-S", consumer, "-B", options.build, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
-         f"-DCMAKE_CXX_COMPILER={options.cxx}", f"-DPALPATE_SOURCE={pathlib.Path(options.source).resolve()}",
-         f"-DPALPATE_SANITIZE={options.sanitize}"])
-    run([options.cmake, "--build", options.build, "--parallel", "2"])
+    run([options.cmake, "-S", consumer, "-B", options.build, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=", "-DCMAKE_CXX_FLAGS=-O0",
+         "-DPALPATE_PRECOMPILED_HEADERS=libraries", f"-DCMAKE_CXX_COMPILER={options.cxx}",
+         f"-DPALPATE_SOURCE={pathlib.Path(options.source).resolve()}", f"-DPALPATE_SANITIZE={options.sanitize}"])
+    run([options.cmake, "--build", options.build, "--parallel", "1"])
 
     cache = (pathlib.Path(options.build) / "CMakeCache.txt").read_text()
     sought = [name for name in FORBIDDEN_IN_CACHE if re.search(rf"^{name}", cache, re.MULTILINE)]
