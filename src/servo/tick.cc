@@ -108,7 +108,9 @@ ProxyChange begin_contact_anew(const Model& model, const OutputRequest& request,
 void hold_energy(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
                  const Vector<World>& way_mm, double max_force_N, double dt_s, SessionState::Hand& hand,
                  OutputRequest& request, DeviceTick& out) {
-  if (request.off || request.faults != 0 || !request.asked.force_N.all_finite()) {
+  // a force that fades out gets nothing back that was held back
+  const bool faded_out = request.off && hand.output.gain == 0;
+  if (faded_out || request.faults != 0 || !request.asked.force_N.all_finite()) {
     hand.passivity = {};
     return;
   }

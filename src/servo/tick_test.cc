@@ -566,9 +566,39 @@ TEST(Tick, EnergyIsForgottenWithEveryOtherMemory) {
     DeviceState device;
     device.tip = Point<World>(kBoneRadius_mm - 1, 0, 0);
     lose(loop, device);
-    loop.at(device);
+    // until the force has faded out
+    for (int n = 0; n < 110; ++n) loop.at(device);
     EXPECT_EQ(loop.record.device[0].energy_mJ, 0);
     EXPECT_EQ(loop.record.device[0].flags & kFlagPassivity, 0u);
+  }
+}
+
+TEST(Tick, AForceThatFadesOutGetsNothingBackThatWasHeldBack) {
+  for (const bool clutched : {false, true}) {
+    SCOPED_TRACE(clutched);
+    ProxyLoop loop;
+    loop.parameters.passivity = true;
+    // 0.8 N an encoder step, softened to 0.15 N while energy is owed
+    loop.parameters.device[0].force_gain = 10;
+    loop.parameters.device[0].position_step_mm = 0.055;
+    DeviceState device;
+    device.tip = Point<World>(kBoneRadius_mm - 0.1, 0, 0);
+    loop.lead({kBoneRadius_mm + 1, 0, 0}, device.tip, 100);
+    loop.state.hands[0].passivity.energy_mJ = -10;
+    for (int n = 0; n < 10; ++n) loop.at(device);
+    double before_N = loop.wrench.force_N.norm();
+    ASSERT_GT(before_N, 0.1);
+    ASSERT_LT(before_N, 0.5 * loop.record.device[0].unclamped_force_N);
+    if (clutched)
+      device.status = kDeviceClutched;
+    else
+      loop.parameters.paused = true;
+    for (int n = 0; n < 110; ++n) {
+      loop.at(device);
+      EXPECT_LE(loop.wrench.force_N.norm(), before_N + 1e-12) << n;
+      before_N = loop.wrench.force_N.norm();
+    }
+    EXPECT_EQ(before_N, 0);
   }
 }
 

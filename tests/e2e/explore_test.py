@@ -182,8 +182,8 @@ class Viewer:
 
 
 CONTACT, STALE, INSIDE = 16, 512, 1 << 17
-# not finite, slewed, stale, jump, device fault, halted, emergency stop
-WITHHELD = 2 | 128 | 512 | 1024 | 2048 | 4096 | 8192
+# not finite, slewed, stale, jump, device fault, halted, emergency stop, passivity
+WITHHELD = 2 | 128 | 512 | 1024 | 2048 | 4096 | 8192 | 1 << 20
 
 
 class Explore(cli.PalpateTest):
