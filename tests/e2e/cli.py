@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 PALPATE = os.environ["PALPATE"]
@@ -55,6 +56,12 @@ def interrupt_is(which, process):
     status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
     signals = int(re.search(rf"^{which}:\s*(\w+)$", status, re.MULTILINE).group(1), 16)
     return bool(signals >> (signal.SIGINT - 1) & 1)
+
+
+def wait_for_handler(process):
+    """Until SIGINT is handled, or the process has ended: before that a program dies of it."""
+    while process.poll() is None and not interrupt_is("SigCgt", process):
+        time.sleep(0.01)
 
 
 def missing(what):

@@ -272,8 +272,8 @@ class Failures(cli.PalpateTest):
         when the signal is handled where that is asked for."""
         process = subprocess.Popen([cli.PALPATE, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                    stdin=subprocess.DEVNULL, text=True)
-        while handled and process.poll() is None and not cli.interrupt_is("SigCgt", process):
-            time.sleep(0.01)
+        if handled:
+            cli.wait_for_handler(process)
         if growing:
             while process.poll() is None and not (growing.exists() and growing.stat().st_size > 50_000):
                 time.sleep(0.01)

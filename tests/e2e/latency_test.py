@@ -42,8 +42,7 @@ class Latency(cli.PalpateTest):
                 process = subprocess.Popen([cli.PALPATE, "verify", "latency", "--seconds", "60",
                                             "--json", str(self.folder / "latency.json")], stdout=subprocess.PIPE,
                                            stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
-                while process.poll() is None and not cli.interrupt_is("SigCgt", process):
-                    time.sleep(0.01)
+                cli.wait_for_handler(process)
                 time.sleep(delay_s)
                 process.send_signal(signal.SIGINT)
                 out, err = process.communicate(timeout=60)

@@ -36,6 +36,7 @@ export class VolumeView {
   private size = 0; // of the picture's shorter side
   private rotation: Quaternion | null = null; // that is asked for
   private rotationSent: Quaternion | null = null;
+  private isOpen = false; // the camera has been put before the object as it stands
   private held: Vec3 | null = null;
   private readonly pointers = new Map<number, [number, number]>();
 
@@ -54,12 +55,12 @@ export class VolumeView {
 
   sceneChanged(): void {
     this.camera.place(this.session.scene!.world_from_patient);
+    this.isOpen = false;
     this.reset();
   }
   reset(): void {
     const { volumes, pose } = this.session;
     if (!volumes) return;
-    // as the object stands now
     if (pose) this.camera.setRotation(pose.rotation);
     this.camera.focus = this.camera.toWorld(volumes.centre);
     const { clientWidth, clientHeight } = this.picture.surface;
@@ -84,6 +85,11 @@ export class VolumeView {
       this.size = size;
     }
     if (session.pose) camera.setRotation(session.pose.rotation);
+    if (session.pose && !this.isOpen) {
+      // how the object stands is known only now
+      this.isOpen = true;
+      this.reset();
+    }
     const frame = picture.frame();
 
     if (this.wantedVersion !== session.fieldVersion) {
