@@ -455,11 +455,13 @@ class WithPointer(Viewer):
         self.page.wait("document.getElementById('follow').getAttribute('aria-pressed') === 'false'")
 
     def resting_plane(self):
-        """The section's, which glides to what it follows: after the object was turned, too."""
-        before, look = None, "palpateViewer.draw(); return palpateViewer.plane('oblique')"
+        """The section's, which glides to what it follows: after the object was turned, too. From old poses it does not."""
+        look = ("for (let n = 0; n < 20; n++) palpateViewer.draw();"
+                "return { isFresh: palpateViewer.isFresh, ...palpateViewer.plane('oblique') }")
+        before = None
         for _ in range(100):
             now = self.page.run(look)
-            if before and numpy.linalg.norm(numpy.subtract(now["centre"], before["centre"])) < 1e-5:
+            if before and now["isFresh"] and numpy.linalg.norm(numpy.subtract(now["centre"], before["centre"])) < 1e-5:
                 return now
             before = now
             time.sleep(0.1)
