@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <sstream>
 
-#include "palpate/primitives.h"
+#include "palpate/phantoms.h"
 #include "palpate/volume_io.h"
 
 namespace palpate::bench {

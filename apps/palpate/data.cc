@@ -4,6 +4,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "palpate/phantoms.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -117,16 +118,33 @@ void add_fetch(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run&
   verb->add_option("-m,--mirror", options->fetch.mirror,
                    "Fetch from here (http or https) instead of its home")
       ->type_name("URL");
-  verb->add_option("--voxel", options->fetch.voxel_mm, "Voxels of the generated knee-phantom, mm")
+  verb->add_option("--voxel", options->fetch.voxel_mm,
+                   "Voxels of a phantom without parameters, mm; default: 0.6, of skull-phantom 1")
       ->type_name("MM")
-      ->check(number_between(0.2, 3))
-      ->capture_default_str();
+      ->check(number_between(0.2, 3));
   verb->footer(
       "Examples:\n"
       "  palpate data fetch knee-atlas                  into the user's data folder\n"
       "  palpate data fetch knee-atlas -o knee          a copy of its own\n"
-      "  palpate data fetch knee-phantom --voxel 0.4 -o phantom");
+      "  palpate data fetch knee-phantom --voxel 0.4 -o phantom\n"
+      "  palpate data fetch knee-phantom:side=right,lesion=6 -o phantom");
   verb->callback([options, &run] { run = [options](Console& c) { return fetch_set(*options, c); }; });
+}
+
+void add_keys(CLI::App& data, Run& run) {
+  CLI::App* verb = data.add_subcommand("keys", "Print what a phantom's name may be told, as Markdown tables");
+  verb->footer(
+      "A phantom's parameters follow its name, wherever the name of a data set stands.\n"
+      "\n"
+      "Examples:\n"
+      "  palpate simulate knee-phantom:side=right,seed=3,lesion=6 --report run.html\n"
+      "  palpate section skull-phantom:temporal=2,brain=no -o skull.png");
+  verb->callback([&run] {
+    run = [](Console&) {
+      std::cout << phantom_keys();
+      return kExitOk;
+    };
+  });
 }
 
 void add_where(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
@@ -155,6 +173,7 @@ void add_data(CLI::App& app, Run& run) {
   const auto options = std::make_shared<DataOptions>();
   add_list(*data, options, run);
   add_fetch(*data, options, run);
+  add_keys(*data, run);
   add_where(*data, options, run);
 }
 

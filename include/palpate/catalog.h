@@ -35,7 +35,7 @@ enum class DataSource : std::uint8_t {
 };
 
 struct CatalogEntry {
-  std::string name;  ///< "knee-phantom", "knee-atlas", "head"
+  std::string name;  ///< "knee-phantom", "knee-atlas", "head", ...
   std::string summary;
   std::string licence;  ///< name and one line of what it asks
   DataSource source = DataSource::kFetched;
@@ -45,6 +45,7 @@ struct CatalogEntry {
 };
 
 const std::vector<CatalogEntry>& catalog();
+/// The data set of a name; a phantom's may have parameters, which are not looked at (palpate/phantoms.h).
 /// Error kBadInput that lists the known names.
 Result<const CatalogEntry*> find_entry(const std::string& name);
 
@@ -61,13 +62,16 @@ struct LocalData {
 };
 /// Errors: kUnavailable with how to get it (`palpate data fetch NAME`) when it is not here; kBadInput
 /// naming both hashes when a file of the right name has the wrong content and no folder has the right one.
+/// A phantom with parameters is there once it was fetched, in files that are named after them; errors of
+/// parse_phantom().
 /// For `head`, whose names come in a form of their own, a table of names is kept in the user's data folder.
 Result<LocalData> locate(const std::string& name);
 
 struct FetchOptions {
-  std::filesystem::path into;   ///< default: user_data_folder()/NAME
-  std::string mirror;           ///< base URL (http or https) in place of the public home; empty: the home
-  double voxel_mm = 0.6;        ///< of the generated phantom, 0.2 ... 3
+  std::filesystem::path into;  ///< default: user_data_folder()/NAME
+  std::string mirror;          ///< base URL (http or https) in place of the public home; empty: the home
+  /// Of a generated phantom without parameters, 0.2 ... 3; empty: its own default
+  std::optional<double> voxel_mm;
   double stall_timeout_s = 20;  ///< give up an attempt (and resume) when nothing arrives for so long
   int attempts = 4;             ///< connections tried for one file, 1 ... 100
 };
@@ -76,7 +80,7 @@ struct FetchOptions {
 /// nothing is fetched at all when `into` is empty and the data set is found by locate(). The MR image of
 /// knee-atlas is dropped with a warning when its grid is not the label map's. Returns where it now is.
 /// Errors: kUnavailable (network, package, wrong content), kOutput, kUsage (options), kBadInput
-/// (an unknown name), kInterrupted.
+/// (an unknown name, parameters of a phantom), kInterrupted.
 Result<LocalData> fetch(const std::string& name, const FetchOptions& options, const Progress& progress = {},
                         const Warn& warn = {});
 

@@ -65,17 +65,4 @@ Result<Volume<float>> voxelize_coverage(const Shape& shape, const GridGeometry& 
 Result<Volume<LabelId>> voxelize_binary(const Shape& shape, const GridGeometry& grid, LabelId label = 1,
                                         const Progress& progress = {});
 
-/// The generated left knee: a stand-in for a patient with the structures, names and label numbers of
-/// the SPL knee atlas, plausible shapes and joint gaps, made of primitives. See docs/phantom.md.
-struct KneePhantom {
-  LabelMap labels;     ///< names and colours as in the atlas's colour table
-  Volume<float> scan;  ///< synthetic MR intensity (PD-like), with partial volume and seeded noise
-};
-/// 110 x 110 x 120 mm, axes along the patient's, the origin of LPS between the condyles on the joint line.
-/// @param voxel_mm  edge of the isotropic voxels, 0.2 ... 3 mm
-/// @param seed      of the noise in the scan; the labels do not depend on it
-/// Errors: kBadInput for a voxel size out of range, kInterrupted.
-Result<KneePhantom> make_knee_phantom(double voxel_mm = 0.6, std::uint64_t seed = 1,
-                                      const Progress& progress = {});
-
 }  // namespace palpate

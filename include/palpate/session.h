@@ -20,12 +20,12 @@ namespace palpate {
 struct LoadedScene {
   Scene scene;
   std::shared_ptr<const Model> model;
-  std::string data_set;  ///< catalogue name when it came from there, else empty
+  std::string
+      data_set;  ///< catalogue name, a phantom's parameters included, when it came from there, else empty
 };
 
-/// @param what         a catalogue name ("knee-phantom", "knee-atlas", "head") or a scene file. knee-phantom
-/// is
-///                     generated in memory.
+/// @param what         a catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
+///                     ("knee-phantom:side=right"), which is generated in memory, or a scene file
 /// @param preparation  instead of the scene's
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
                                            const Warn& warn = {},

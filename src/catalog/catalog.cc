@@ -1,21 +1,28 @@
 #include "palpate/catalog.h"
 
 #include <algorithm>
+#include <cstdio>
 
+#include "base/hash.h"
 #include "catalog/local_data.h"
+#include "palpate/phantoms.h"
 
 namespace palpate {
 namespace {
 
-CatalogEntry knee_phantom() {
+std::vector<CatalogFile> phantom_files(const std::string& stem) {
+  return {{.role = DataRole::kLabels, .name = stem + ".seg.nrrd"},
+          {.role = DataRole::kScan, .name = stem + ".nrrd"}};
+}
+
+CatalogEntry phantom(const std::string& name, const std::string& summary) {
   CatalogEntry entry;
-  entry.name = "knee-phantom";
-  entry.summary = "left knee made of geometric primitives, with a synthetic MR image";
+  entry.name = name;
+  entry.summary = summary;
   entry.licence = "none needed: generated on this machine, free for any use";
   entry.source = DataSource::kGenerated;
-  entry.folder_hint = "knee-phantom";
-  entry.files = {{.role = DataRole::kLabels, .name = "knee-phantom.seg.nrrd"},
-                 {.role = DataRole::kScan, .name = "knee-phantom.nrrd"}};
+  entry.folder_hint = name;
+  entry.files = phantom_files(name);
   return entry;
 }
 
@@ -66,7 +73,14 @@ CatalogEntry head() {
 }  // namespace
 
 const std::vector<CatalogEntry>& catalog() {
-  static const std::vector<CatalogEntry> kEntries{knee_phantom(), knee_atlas(), head()};
+  static const std::vector<CatalogEntry> kEntries{
+      phantom("knee-phantom", "left knee made of geometric primitives, with a synthetic MR image"),
+      phantom("shell-phantom", "closed hollow ball, with a synthetic CT image"),
+      phantom("skull-phantom", "cranium with thin temples, orbits and a brain, with a synthetic CT image"),
+      phantom("gland-phantom",
+              "soft gland on a jaw, fat and skin over them at will, with a synthetic MR image"),
+      knee_atlas(),
+      head()};
   return kEntries;
 }
 
@@ -77,12 +91,41 @@ const CatalogFile& file_for(const CatalogEntry& entry, DataRole role) {
 }
 
 Result<const CatalogEntry*> find_entry(const std::string& name) {
+  // parameters do not make another data set
+  const std::string base = is_phantom_name(name) ? name.substr(0, name.find(':')) : name;
   std::string known;
   for (const auto& entry : catalog()) {
-    if (entry.name == name) return &entry;
+    if (entry.name == base) return &entry;
     known += (known.empty() ? "" : ", ") + entry.name;
   }
   return Error{ErrorKind::kBadInput, "there is no data set of this name", name, "the data sets are " + known};
+}
+
+Result<CatalogEntry> entry_with_parameters(const std::string& name) {
+  const auto found = find_entry(name);
+  if (!found) return found.error();
+  if (!is_phantom_name(name)) return **found;
+  const auto parameters = parse_phantom(name);
+  if (!parameters) return parameters.error();
+  CatalogEntry entry = **found;
+  entry.name = phantom_name(*parameters);
+  entry.folder_hint = file_stem(entry.name);
+  entry.files = phantom_files(entry.folder_hint);
+  return entry;
+}
+
+std::string file_stem(const std::string& name) {
+  // as long as a file's name may be, with what is added to it
+  constexpr std::size_t kLongest = 200;
+  std::string stem = name;
+  // colons part the folders of PALPATE_DATA
+  std::ranges::replace(stem, ':', '_');
+  if (stem.size() <= kLongest) return stem;
+  std::uint64_t hash = kHashSeed;
+  hash_bytes(hash, name.data(), name.size());
+  char digits[24];
+  std::snprintf(digits, sizeof digits, "_%016llx", static_cast<unsigned long long>(hash_finish(hash)));
+  return stem.substr(0, stem.find('_')) + digits;
 }
 
 }  // namespace palpate

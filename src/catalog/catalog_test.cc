@@ -37,13 +37,25 @@ TEST(Catalog, EntriesAreComplete) {
     EXPECT_TRUE(entry.files.front().required);
     EXPECT_EQ(*find_entry(entry.name), &entry);
   }
-  EXPECT_THAT(names, ElementsAre("head", "knee-atlas", "knee-phantom"));
+  EXPECT_THAT(names, ElementsAre("gland-phantom", "head", "knee-atlas", "knee-phantom", "shell-phantom",
+                                 "skull-phantom"));
 }
 
 TEST(Catalog, UnknownNameListsTheKnownOnes) {
   for (const auto& error : {find_entry("knee").error(), locate("knee").error(), fetch("knee", {}).error()}) {
     EXPECT_EQ(error.kind, ErrorKind::kBadInput);
-    EXPECT_THAT(error.remedy, HasSubstr("knee-phantom, knee-atlas, head"));
+    EXPECT_THAT(error.remedy, HasSubstr("knee-phantom, shell-phantom, skull-phantom, gland-phantom, "
+                                        "knee-atlas, head"));
+  }
+}
+
+TEST(Catalog, PhantomsWithParametersAreFoundByTheirName) {
+  EXPECT_EQ((*find_entry("knee-phantom:side=right"))->name, "knee-phantom");
+  EXPECT_FALSE(find_entry("knee-atlas:side=right").ok()) << "an atlas has no parameters";
+  for (const auto& error :
+       {locate("knee-phantom:sde=right").error(), fetch("knee-phantom:sde=right", {}).error()}) {
+    EXPECT_EQ(error.kind, ErrorKind::kBadInput);
+    EXPECT_THAT(error.what, HasSubstr("no key `sde`"));
   }
 }
 

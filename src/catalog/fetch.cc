@@ -6,7 +6,7 @@
 #include "catalog/fetch_files.h"
 #include "catalog/local_data.h"
 #include "palpate/catalog.h"
-#include "palpate/primitives.h"
+#include "palpate/phantoms.h"
 #include "palpate/volume_io.h"
 
 namespace palpate {
@@ -18,7 +18,7 @@ Result<void> check_options(const FetchOptions& options) {
   const auto wrong = [](const char* what, const char* where, const char* remedy) {
     return Error{ErrorKind::kUsage, what, where, remedy};
   };
-  if (!(options.voxel_mm >= 0.2 && options.voxel_mm <= 3.0))
+  if (options.voxel_mm && !(*options.voxel_mm >= 0.2 && *options.voxel_mm <= 3.0))
     return wrong("the phantom's voxels are 0.2 to 3 mm wide", "--voxel", "the default is 0.6");
   if (options.attempts < 1 || options.attempts > 100)
     return wrong("the attempts are 1 to 100", "attempts", "the default is 4");
@@ -50,20 +50,25 @@ class WorkFolder {
   fs::path path_;
 };
 
-// whether the phantom in `folder` has voxels of this width
-bool has_phantom(const CatalogEntry& entry, const fs::path& folder, double voxel_mm) {
+// whether the phantom in `folder` has voxels of these edges; its name says all else
+bool has_phantom(const CatalogEntry& entry, const fs::path& folder, const Eigen::Vector3d& spacing_mm) {
   const auto labels = read_header(folder / file_for(entry, DataRole::kLabels).name);
   const auto scan = read_header(folder / file_for(entry, DataRole::kScan).name);
   return labels && scan && labels->geometry.same_grid(scan->geometry) &&
-         (labels->geometry.spacing_mm.array() - voxel_mm).abs().maxCoeff() < 1e-6;
+         (labels->geometry.spacing_mm - spacing_mm).cwiseAbs().maxCoeff() < 1e-6;
 }
 
-Result<void> generate(const CatalogEntry& entry, const fs::path& folder, double voxel_mm,
+Result<void> generate(const CatalogEntry& entry, const fs::path& folder, std::optional<double> voxel_mm,
                       const Progress& progress) {
-  if (has_phantom(entry, folder, voxel_mm)) return {};
+  auto parameters = parse_phantom(entry.name);
+  if (!parameters) return parameters.error();
+  Eigen::Vector3d& spacing_mm =
+      std::visit([](auto& p) -> Eigen::Vector3d& { return p.settings.spacing_mm; }, *parameters);
+  if (voxel_mm) spacing_mm.setConstant(*voxel_mm);
+  if (has_phantom(entry, folder, spacing_mm)) return {};
   const auto work = WorkFolder::create(folder);
   if (!work) return work.error();
-  const auto phantom = make_knee_phantom(voxel_mm, 1, progress);
+  const auto phantom = make_phantom(*parameters, progress);
   if (!phantom) return phantom.error();
 
   // both are written before either appears
@@ -84,14 +89,17 @@ Result<void> generate(const CatalogEntry& entry, const fs::path& folder, double 
 
 Result<LocalData> fetch(const std::string& name, const FetchOptions& options, const Progress& progress,
                         const Warn& warn) {
-  const auto found = find_entry(name);
+  const auto found = entry_with_parameters(name);
   if (!found) return found.error();
-  const CatalogEntry& entry = **found;
+  const CatalogEntry& entry = *found;
   if (const auto checked = check_options(options); !checked) return checked.error();
 
   // what others installed or put there is only pointed to; our own copy may still lack its extras
   if (entry.source == DataSource::kPackage) return locate(name);
-  const fs::path own_folder = user_data_folder() / name;
+  if (options.voxel_mm && (entry.source != DataSource::kGenerated || name.find(':') != std::string::npos))
+    return Error{ErrorKind::kUsage, "only of a phantom without parameters", "--voxel",
+                 "with parameters the voxels are one: knee-phantom:side=right,spacing=0.4"};
+  const fs::path own_folder = user_data_folder() / file_stem(entry.name);
   if (entry.source == DataSource::kFetched && options.into.empty())
     if (auto here = locate(name); here && here->labels.parent_path() != own_folder) return here;
 

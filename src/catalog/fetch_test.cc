@@ -140,6 +140,50 @@ TEST_F(FetchTest, PhantomIsGeneratedAndFound) {
   EXPECT_EQ(std::distance(fs::directory_iterator(data->labels.parent_path()), fs::directory_iterator()), 2);
 }
 
+TEST_F(FetchTest, PhantomsWithParametersHaveFilesOfTheirOwn) {
+  const ScopedEnvironment list("PALPATE_DATA", "");
+  const TemporaryFolder into;
+  FetchOptions options;
+  options.into = into.path();
+  options.voxel_mm = 3;
+  ASSERT_TRUE(fetch("knee-phantom", options));
+  options.voxel_mm.reset();
+  const auto right = fetch("knee-phantom:spacing=3,side=right", options);
+  ASSERT_TRUE(right) << right.error().message();
+  EXPECT_EQ(right->labels, into / "knee-phantom_side=right,spacing=3.seg.nrrd");
+  EXPECT_EQ(right->scan, into / "knee-phantom_side=right,spacing=3.nrrd");
+  // however it is written, it is this one, which is not made again
+  const auto written = fs::last_write_time(right->labels);
+  const auto again = fetch("knee-phantom:side=right,spacing=3.0", options);
+  ASSERT_TRUE(again) << again.error().message();
+  EXPECT_EQ(again->labels, right->labels);
+  EXPECT_EQ(fs::last_write_time(right->labels), written);
+  // in the user's folder it is found, and is not the knee without parameters
+  EXPECT_EQ(locate("knee-phantom:side=right,spacing=3").error().kind, ErrorKind::kUnavailable);
+  ASSERT_TRUE(fetch("knee-phantom:side=right,spacing=3", {}));
+  EXPECT_EQ(locate("knee-phantom:spacing=3,side=right")->labels.filename(), right->labels.filename());
+  EXPECT_FALSE(locate("knee-phantom").ok());
+  // a name that is too long for a file
+  const auto many = fetch(
+      "knee-phantom:spacing=3,missing=anterior_cruciate_ligament+femoral_cartilage+fibular_collateral_"
+      "ligament+"
+      "lateral_meniscus+lateral_tibial_cartilage+medial_meniscus+medial_tibial_cartilage+patellar_cartilage+"
+      "patellar_ligament+posterior_cruciate_ligament+tibial_collateral_ligament",
+      options);
+  ASSERT_TRUE(many) << many.error().message();
+  EXPECT_TRUE(many->labels.filename().string().starts_with("knee-phantom_"));
+  EXPECT_EQ(read_labels(many->labels)->labels.segments.size(), 4u);
+}
+
+TEST_F(FetchTest, VoxelsOfAPhantomWithParametersAreAmongThem) {
+  FetchOptions options;
+  options.voxel_mm = 2;
+  const auto data = fetch("knee-phantom:side=right", options);
+  ASSERT_FALSE(data);
+  EXPECT_EQ(data.error().kind, ErrorKind::kUsage);
+  EXPECT_THAT(data.error().remedy, HasSubstr("spacing=0.4"));
+}
+
 TEST_F(FetchTest, InterruptedPhantomLeavesNothing) {
   const std::atomic<bool> stop{true};
   const TemporaryFolder into;

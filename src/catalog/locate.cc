@@ -89,18 +89,18 @@ Result<std::optional<LocalData>> local_data_in(const CatalogEntry& entry,
 }
 
 Result<LocalData> locate(const std::string& name) {
-  const auto entry = find_entry(name);
+  const auto entry = entry_with_parameters(name);
   if (!entry) return entry.error();
   // a damaged copy is reported only when no good one is found after it
   std::optional<Error> damaged;
   for (const auto& folder : data_folders()) {
-    for (const auto& candidate : {folder / (*entry)->folder_hint, folder / (*entry)->name, folder}) {
-      auto data = local_data_in(**entry, candidate);
+    for (const auto& candidate : {folder / entry->folder_hint, folder / entry->name, folder}) {
+      auto data = local_data_in(*entry, candidate);
       if (data && *data) return std::move(**data);
       if (!data && !damaged) damaged = data.error();
     }
   }
-  return damaged ? *damaged : absent(**entry);
+  return damaged ? *damaged : absent(*entry);
 }
 
 }  // namespace palpate

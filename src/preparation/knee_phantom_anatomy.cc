@@ -1,7 +1,10 @@
 #include "preparation/knee_phantom_anatomy.h"
 
+#include <algorithm>
 #include <numbers>
 #include <utility>
+
+#include "preparation/phantom_chance.h"
 
 // A left knee in extension from ellipsoids, capsules, cylinders and tori. +x lateral, -y anterior, +z
 // superior, mm. Cartilage is the shell between a bone and the same bone grown by the cartilage's
@@ -12,10 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kFemoralCartilage_mm = 2.0;
-constexpr double kTibialCartilage_mm = 2.5;
-constexpr double kPatellarCartilage_mm = 2.9;
-constexpr double kJointGap_mm = 0.7;     ///< free, between cartilages
 constexpr double kMeniscusGap_mm = 0.6;  ///< free, between a meniscus and its neighbours
 constexpr double kBoneGap_mm = 1.0;      ///< free, between tibia and fibula
 
@@ -71,12 +70,15 @@ Shape intercondylar_notch() {
       {Shape::capsule(P(0, 3, 3), P(0, 60, 3), 10.5), Shape::capsule(P(0, 9, 15), P(0, 60, 45), 9)}, 5);
 }
 
-Shape femur() {
-  const Shape condyles = Shape::blend({Shape::ellipsoid(P(-22, -3, 24.5), {14.5, 30, 22}, turned(8)),
-                                       Shape::ellipsoid(P(-24, 10, 23), {13, 21, 20.5}),
-                                       Shape::ellipsoid(P(21.5, -5, 25), {14.5, 30, 22.5}, turned(-5)),
-                                       Shape::ellipsoid(P(23, 9, 23), {13, 20, 20.5})},
-                                      3);
+Shape femur(const KneeShape& knee) {
+  // in width and depth: how low they stand is the joint line
+  const double m = knee.medial_condyle, l = knee.lateral_condyle;
+  const Shape condyles =
+      Shape::blend({Shape::ellipsoid(P(-22, -3, 24.5), {m * 14.5, m * 30, 22}, turned(8)),
+                    Shape::ellipsoid(P(-24, 10, 23), {m * 13, m * 21, 20.5}),
+                    Shape::ellipsoid(P(21.5, -5, 25), {l * 14.5, l * 30, 22.5}, turned(-5)),
+                    Shape::ellipsoid(P(23, 9, 23), {l * 13, l * 20, 20.5})},
+                   3);
   const Shape trochlea = Shape::offset(Shape::cylinder(P(-15, -13, 29), P(18, -13.5, 29), 14.5), 6);
   const Shape distal = Shape::subtract(Shape::blend({condyles, trochlea}, 4), pulley(0));
   const Shape shaft = Shape::blend(
@@ -93,13 +95,13 @@ Shape cartilage_layer(const Shape& bone, double thickness, const Shape& region) 
   return Shape::subtract(Shape::intersect(tapered, Shape::offset(region, -1.5)), bone);
 }
 
-Shape femoral_cartilage(const Shape& bone) {
+Shape femoral_cartilage(const KneeShape& knee, const Shape& bone) {
   // a belt round the condyles and up the trochlea: not above it, not on the epicondyles, not in the notch
   const Shape belt = Shape::box(P(0, 0, 16), {37, 60, 30});
   const Shape sides = Shape::unite(
       {Shape::capsule(P(-70, 4, 38), P(70, 4, 38), 21), Shape::half_space(P(0, 0, 43), V(0, 0.2, -1))});
   const Shape region = without(Shape::subtract(belt, sides), intercondylar_notch(), 0.5);
-  return cartilage_layer(bone, kFemoralCartilage_mm, region);
+  return cartilage_layer(bone, knee.femoral_cartilage_mm, region);
 }
 
 // A disc of the tibial plateau with a rounded rim.
@@ -126,37 +128,45 @@ Shape tibia() {
   return Shape::blend({head, Shape::intersect(shaft, below(-5), 3)}, 6);
 }
 
-Shape tibial_cartilage(const Shape& bone, const Shape& femoral, const P& centre, const Vector3d& radii) {
-  const Shape layer = cartilage_layer(bone, kTibialCartilage_mm, Shape::ellipsoid(centre, radii));
-  return without(layer, femoral, kJointGap_mm);
+Shape tibial_cartilage(const KneeShape& knee, const Shape& bone, const Shape& femoral, const P& centre,
+                       const Vector3d& radii) {
+  const Shape layer = cartilage_layer(bone, knee.tibial_cartilage_mm, Shape::ellipsoid(centre, radii));
+  return without(layer, femoral, knee.joint_gap_mm);
 }
 
-Shape fibula(const Shape& tibia_bone) {
-  const Shape bone = Shape::blend({Shape::ellipsoid(P(37, 19, -25), {8.5, 10, 11}),
-                                   Shape::capsule(P(36.5, 19.5, -28), P(34, 20, -50), 6.2),
-                                   Shape::capsule(P(34, 20, -50), P(33, 20, -110), 6.8)},
+Shape fibula(const KneeShape& knee, const Shape& tibia_bone) {
+  const V shift(knee.fibula_mm);
+  const Shape bone = Shape::blend({Shape::ellipsoid(P(37, 19, -25) + shift, {8.5, 10, 11}),
+                                   Shape::capsule(P(36.5, 19.5, -28) + shift, P(34, 20, -50) + shift, 6.2),
+                                   Shape::capsule(P(34, 20, -50) + shift, P(33, 20, -110) + shift, 6.8)},
                                   6);
   return without(bone, tibia_bone, kBoneGap_mm);
 }
 
-Shape patella_body() {
-  return Shape::blend(
-      {Shape::ellipsoid(P(1, -41, 34), {21.5, 12, 18.5}), Shape::ellipsoid(P(1, -44.5, 21), {10, 6.5, 9})},
-      5);
+Shape patella_body(const KneeShape& knee) {
+  const double r = knee.patella, up = knee.patella_up_mm;
+  return Shape::blend({Shape::ellipsoid(P(1, -41, 34 + up), {r * 21.5, r * 12, r * 18.5}),
+                       Shape::ellipsoid(P(1, -44.5, 21 + up), {r * 10, r * 6.5, r * 9})},
+                      5);
 }
 
 // where the patella's cartilage begins and where its bone does, seen from the femur
-constexpr double kPatellarSurface_mm = kFemoralCartilage_mm + kJointGap_mm;
-constexpr double kPatellarBone_mm = kPatellarSurface_mm + kPatellarCartilage_mm;
-
-Shape patella() {
-  return Shape::intersect(patella_body(), pulley(kPatellarBone_mm));
+double patellar_surface_mm(const KneeShape& knee) {
+  return knee.femoral_cartilage_mm + knee.joint_gap_mm;
+}
+double patellar_bone_mm(const KneeShape& knee) {
+  return patellar_surface_mm(knee) + knee.patellar_cartilage_mm;
 }
 
-Shape patellar_cartilage(const Shape& femoral) {
-  const Shape facets = Shape::intersect(patella_body(), pulley(kPatellarSurface_mm));
-  const Shape articular = Shape::intersect(Shape::subtract(facets, pulley(kPatellarBone_mm)), above(20));
-  return without(articular, femoral, kJointGap_mm);
+Shape patella(const KneeShape& knee) {
+  return Shape::intersect(patella_body(knee), pulley(patellar_bone_mm(knee)));
+}
+
+Shape patellar_cartilage(const KneeShape& knee, const Shape& femoral) {
+  const Shape facets = Shape::intersect(patella_body(knee), pulley(patellar_surface_mm(knee)));
+  const Shape articular = Shape::intersect(Shape::subtract(facets, pulley(patellar_bone_mm(knee))),
+                                           above(20 + knee.patella_up_mm));
+  return without(articular, femoral, knee.joint_gap_mm);
 }
 
 // Muscles, vessels and what else fills a leg: only to be seen in the scan.
@@ -190,22 +200,22 @@ std::vector<PhantomPart> surroundings() {
 
 }  // namespace
 
-std::vector<PhantomPart> knee_phantom_parts() {
+std::vector<PhantomPart> knee_phantom_parts(const KneeShape& knee) {
   using enum PhantomMaterial;
   const Rgb bone_colour{197, 189, 177}, cartilage_colour{180, 180, 255}, meniscus_colour{200, 205, 205},
       ligament_colour{255, 255, 255};
 
   // bones
-  const Shape femur_bone = femur();
+  const Shape femur_bone = femur(knee);
   const Shape tibia_bone = tibia();
-  const Shape fibula_bone = fibula(tibia_bone);
-  const Shape patella_bone = patella();
+  const Shape fibula_bone = fibula(knee, tibia_bone);
+  const Shape patella_bone = patella(knee);
 
   // cartilages
-  const Shape femoral = femoral_cartilage(femur_bone);
-  const Shape medial_tibial = tibial_cartilage(tibia_bone, femoral, P(-21, 2, -2.5), {17, 23.5, 9});
-  const Shape lateral_tibial = tibial_cartilage(tibia_bone, femoral, P(21.5, 2, -2.5), {17, 21.5, 9});
-  const Shape patellar = patellar_cartilage(femoral);
+  const Shape femoral = femoral_cartilage(knee, femur_bone);
+  const Shape medial_tibial = tibial_cartilage(knee, tibia_bone, femoral, P(-21, 2, -2.5), {17, 23.5, 9});
+  const Shape lateral_tibial = tibial_cartilage(knee, tibia_bone, femoral, P(21.5, 2, -2.5), {17, 21.5, 9});
+  const Shape patellar = patellar_cartilage(knee, femoral);
 
   // menisci: wedges that fill what the cartilages leave free at the rim
   const Shape joint_surfaces = Shape::unite({femur_bone, tibia_bone, femoral, medial_tibial, lateral_tibial});
@@ -214,10 +224,14 @@ std::vector<PhantomPart> knee_phantom_parts() {
     const Shape ring = Shape::subtract(Shape::ellipsoid(centre, outer), Shape::ellipsoid(centre, inner));
     return Shape::subtract(Shape::subtract(ring, opening), Shape::offset(joint_surfaces, kMeniscusGap_mm), 2);
   };
+  const auto inner = [&](double outside, double mean) {
+    return mean + (1 - knee.meniscus) * (outside - mean);
+  };
   const Shape medial_meniscus =
-      meniscus(P(-20.5, 2, 2), {19, 23.5, 8}, {10.5, 14, 40}, Shape::capsule(P(-12, 1, 0), P(30, 1, 0), 13));
-  const Shape lateral_meniscus =
-      meniscus(P(21, 1, 2), {18.5, 22, 8}, {9, 11.5, 40}, Shape::capsule(P(12, 2, 0), P(-30, 2, 0), 9));
+      meniscus(P(-20.5, 2, 2), {19, 23.5, 8}, {inner(19, 10.5), inner(23.5, 14), 40},
+               Shape::capsule(P(-12, 1, 0), P(30, 1, 0), 13));
+  const Shape lateral_meniscus = meniscus(P(21, 1, 2), {18.5, 22, 8}, {inner(18.5, 9), inner(22, 11.5), 40},
+                                          Shape::capsule(P(12, 2, 0), P(-30, 2, 0), 9));
 
   // ligaments, each clear of the bones that it passes and cut by those that it ends in
   const Shape bones = Shape::unite({femur_bone, tibia_bone, fibula_bone, patella_bone});
@@ -226,22 +240,27 @@ std::vector<PhantomPart> knee_phantom_parts() {
   const auto ligament = [&](const Shape& course) {
     return without(Shape::subtract(course, bones), articular, kMeniscusGap_mm);
   };
-  const Shape acl = ligament(chain({P(-1, -10, -4), P(1, -2, 5), P(5, 8, 12), P(9, 16, 19)}, 4));
-  const Shape pcl =
-      without(ligament(chain({P(-1, 24, -12), P(-2, 21, -1), P(-4, 14, 6), P(-8.5, 3, 12)}, 4.3)), acl,
-              kMeniscusGap_mm);
-  const Shape fcl = ligament(chain({P(40, 5, 25), P(43, 10, 12), P(43.5, 14, -2), P(40, 19, -18)}, 2.4));
+  const Shape acl =
+      ligament(chain({P(-1, -10, -4), P(1, -2, 5), P(5, 8, 12), P(9, 16, 19)}, knee.ligament * 4));
+  const Shape pcl = without(
+      ligament(chain({P(-1, 24, -12), P(-2, 21, -1), P(-4, 14, 6), P(-8.5, 3, 12)}, knee.ligament * 4.3)),
+      acl, kMeniscusGap_mm);
+  const Shape fcl =
+      ligament(chain({P(40, 5, 25), P(43, 10, 12), P(43.5, 14, -2), P(40, 19, -18) + V(knee.fibula_mm)},
+                     knee.ligament * 2.4));
   const Shape tcl = ligament(band(
       {P(-40, 3, 29), P(-42.5, 2, 16), P(-42.5, 1, 0), P(-40.5, 0, -14), P(-32, -2, -30), P(-24, -3, -48)},
-      1.7, V(0, 2.2, 0), 5));
+      knee.ligament * 1.7, V(0, 2.2, 0), 5));
   const Shape patellar_ligament =
-      ligament(band({P(1, -48, 22), P(1, -46, 12), P(2, -36, -18), P(2, -27, -40)}, 2, V(3.4, 0, 0), 7));
+      ligament(band({P(1, -48, 22 + knee.patella_up_mm), P(1, -46, 12 + knee.patella_up_mm), P(2, -36, -18),
+                     P(2, -27, -40)},
+                    knee.ligament * 2, V(3.4, 0, 0), 7));
 
   // fluid where two surfaces of the joint face each other
   const Shape opposite =
       Shape::unite({medial_tibial, lateral_tibial, patellar, medial_meniscus, lateral_meniscus});
   const Shape fluid =
-      Shape::intersect(Shape::offset(femoral, kJointGap_mm), Shape::offset(opposite, kJointGap_mm));
+      Shape::intersect(Shape::offset(femoral, knee.joint_gap_mm), Shape::offset(opposite, knee.joint_gap_mm));
 
   std::vector<PhantomPart> parts = surroundings();
   const std::vector<PhantomPart> joint = {
@@ -264,6 +283,61 @@ std::vector<PhantomPart> knee_phantom_parts() {
   };
   parts.insert(parts.end(), joint.begin(), joint.end());
   return parts;
+}
+
+KneeShape knee_shape(std::uint64_t seed) {
+  PhantomChance chance(seed);
+  KneeShape knee;
+  for (int axis = 0; axis < 3; ++axis) knee.stretch[axis] = chance.factor(0.06);
+  knee.medial_condyle = chance.factor(0.04);
+  knee.lateral_condyle = chance.factor(0.04);
+  knee.femoral_cartilage_mm = chance.within(1.6, 2.3, knee.femoral_cartilage_mm);
+  knee.tibial_cartilage_mm = chance.within(2.0, 3.0, knee.tibial_cartilage_mm);
+  knee.patellar_cartilage_mm = chance.within(2.2, 3.5, knee.patellar_cartilage_mm);
+  knee.joint_gap_mm = chance.within(0.6, 0.9, knee.joint_gap_mm);
+  knee.patella = chance.factor(0.06);
+  knee.patella_up_mm = chance.offset(3);
+  knee.meniscus = chance.factor(0.12);
+  knee.ligament = chance.factor(0.12);
+  for (int axis = 0; axis < 3; ++axis) knee.fibula_mm[axis] = chance.offset(1.5);
+  return knee;
+}
+
+KneeSite knee_site(const std::string& structure, const Shape& shape) {
+  // from where to look, and whither
+  struct View {
+    const char* structure;
+    P eye, target;
+  };
+  static const std::vector<View> kViews = {
+      {"femur", {0, -90, 62}, {0, -8, 62}},                          // above the trochlea
+      {"tibia", {-30, -90, -30}, {-18, 1, -30}},                     // its anteromedial face
+      {"fibula", {90, 19, -34}, {36, 19, -34}},                      // below its head
+      {"patella", {1, -90, 36}, {1, -41, 36}},                       // its front
+      {"femoral_cartilage", {-22, -60, -6}, {-22, -3, 24.5}},        // medial, before the meniscus
+      {"lateral_tibial_cartilage", {21.5, 2, 50}, {21.5, 2, -2.5}},  // middle of the plateau
+      {"medial_tibial_cartilage", {-21, 2, 50}, {-21, 2, -2.5}},     //
+      {"patellar_cartilage", {1, 0, 36}, {1, -41, 36}},              // its ridge
+      {"lateral_meniscus", {90, 1, 2}, {21, 1, 2}},                  // its rim
+      {"medial_meniscus", {-90, 2, 2}, {-20.5, 2, 2}},               //
+      {"anterior_cruciate_ligament", {1, -40, 5}, {1, -2, 5}},       //
+      {"posterior_cruciate_ligament", {-2, 60, 0}, {-2, 21, 0}},     //
+      {"fibular_collateral_ligament", {90, 10, 12}, {43, 10, 12}},   //
+      {"tibial_collateral_ligament", {-90, 2, 16}, {-42.5, 2, 16}},  //
+      {"patellar_ligament", {1.5, -90, -3}, {1.5, -41, -3}},         //
+  };
+  const auto view = std::ranges::find_if(kViews, [&](const View& v) { return v.structure == structure; });
+  PALPATE_CHECK(view != kViews.end());
+  // no step is longer than the way that is free
+  const V step = (view->target - view->eye).normalized();
+  double way = 0, free = 1;
+  while (free > 1e-6 && way < 200) {
+    free = shape.distance_mm(view->eye + way * step);
+    way += free;
+  }
+  PALPATE_CHECK(way < 200);
+  const P point = view->eye + way * step;
+  return {point, shape.normal(point)};
 }
 
 }  // namespace palpate

@@ -6,15 +6,15 @@
 #include <map>
 #include <mutex>
 
-#include "palpate/primitives.h"
+#include "palpate/phantoms.h"
 #include "preparation/knee_phantom_anatomy.h"
 #include "preparation/shape_blocks.h"
 
 namespace palpate {
 namespace {
 
-const KneePhantom& phantom_06() {
-  static const KneePhantom phantom = make_knee_phantom(0.6).value();
+const Phantom& phantom_06() {
+  static const Phantom phantom = make_knee_phantom(0.6).value();
   return phantom;
 }
 
@@ -28,8 +28,8 @@ const std::map<std::string, SegmentStatistics>& statistics_06() {
   return by_name;
 }
 
-std::vector<PhantomPart> labelled_parts() {
-  std::vector<PhantomPart> parts = knee_phantom_parts();
+std::vector<PhantomPart> labelled_parts(std::uint64_t seed = 0) {
+  std::vector<PhantomPart> parts = knee_phantom_parts(knee_shape(seed));
   std::erase_if(parts, [](const PhantomPart& part) { return part.label == 0; });
   return parts;
 }
@@ -121,6 +121,21 @@ void expect_left_knee() {
   EXPECT_GT(centroid("posterior_cruciate_ligament").y(), centroid("anterior_cruciate_ligament").y());
   EXPECT_TRUE(phantom_06().scan.geometry().right_handed());
   EXPECT_EQ(phantom_06().scan.geometry().direction, Eigen::Matrix3d::Identity());
+}
+
+TEST(KneePhantom, LigamentsOfEverySeedReachTheirBones) {
+  const std::pair<const char*, const char*> joined[] = {
+      {"anterior_cruciate_ligament", "femur"},  {"anterior_cruciate_ligament", "tibia"},
+      {"posterior_cruciate_ligament", "femur"}, {"posterior_cruciate_ligament", "tibia"},
+      {"fibular_collateral_ligament", "femur"}, {"fibular_collateral_ligament", "fibula"},
+      {"tibial_collateral_ligament", "femur"},  {"tibial_collateral_ligament", "tibia"},
+      {"patellar_ligament", "patella"},         {"patellar_ligament", "tibia"}};
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
+    const auto parts = labelled_parts(seed);
+    for (const auto& [ligament, bone] : joined)
+      EXPECT_LT(gap_mm(shape_of(parts, ligament), shape_of(parts, bone)), 0.2)
+          << ligament << " to " << bone << ", seed " << seed;
+  }
 }
 
 TEST(KneePhantom, CruciatesRunFromTheTibiaToTheirWallsOfTheNotch) {

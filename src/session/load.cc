@@ -1,23 +1,33 @@
 #include <system_error>
 
 #include "palpate/catalog.h"
-#include "palpate/primitives.h"
+#include "palpate/phantoms.h"
 #include "palpate/session.h"
 #include "palpate/volume_io.h"
 
 namespace palpate {
 namespace {
 
-// the embedded scene of a data set
-std::string scene_name_of(const std::string& data_set) {
-  return data_set == "head" ? "head" : "knee";
+Result<Scene> parse_embedded(const std::string& data_set, const std::string& text) {
+  return parse_scene(text, data_set + " (embedded scene)");
 }
 
 Result<Scene> scene_of_data_set(const std::string& data_set) {
-  const std::string name = scene_name_of(data_set);
-  const auto text = embedded_scene(name);
+  const auto text = embedded_scene(data_set);
   PALPATE_CHECK(text.has_value());
-  return parse_scene(*text, data_set + " (embedded scene)");
+  return parse_embedded(data_set, std::string(*text));
+}
+
+// the scene of a phantom's kind, with the tissues that its parameters add; what they leave out is no fault
+Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters& parameters) {
+  std::string text(embedded_scene(name.substr(0, name.find(':'))).value());
+  const auto* knee = std::get_if<KneeParameters>(&parameters);
+  if (knee != nullptr && knee->lesion_mm > 0) text += *embedded_scene("lesion-in-knee");
+  auto scene = parse_embedded(name, text);
+  if (!scene) return scene;
+  if (name.find(':') != std::string::npos)
+    for (TissueSettings& tissue : scene->tissues) tissue.optional = true;
+  return scene;
 }
 
 // reads what the scene names and prepares it
@@ -51,21 +61,30 @@ void prepare_by(std::optional<PreparationMethod> method, PreparationSettings& pr
   if (*method != PreparationMethod::kInwardRamp) preparation.ramp_width_mm.reset();
 }
 
+Result<LoadedScene> load_phantom(const std::string& what, const Progress& progress, const Warn& warn,
+                                 std::optional<PreparationMethod> preparation) {
+  const auto parameters = parse_phantom(what);
+  if (!parameters) return parameters.error();
+  const std::string name = phantom_name(*parameters);
+  auto scene = scene_of_phantom(name, *parameters);
+  if (!scene) return scene.error();
+  prepare_by(preparation, scene->preparation);
+  const auto phantom = make_phantom(*parameters, progress);
+  if (!phantom) return phantom.error();
+  auto model = build_model(*scene, &phantom->labels, &phantom->scan, progress, warn);
+  if (!model) return model.error();
+  return LoadedScene{std::move(*scene), std::move(*model), name};
+}
+
 Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& progress, const Warn& warn,
                                   std::optional<PreparationMethod> preparation) {
+  if (is_phantom_name(data_set)) return load_phantom(data_set, progress, warn, preparation);
   auto scene = scene_of_data_set(data_set);
   if (!scene) return scene.error();
   prepare_by(preparation, scene->preparation);
-  Result<std::shared_ptr<const Model>> model = Error{};
-  if (data_set == "knee-phantom") {
-    auto phantom = make_knee_phantom(0.6, 1, progress);
-    if (!phantom) return phantom.error();
-    model = build_model(*scene, &phantom->labels, &phantom->scan, progress, warn);
-  } else {
-    const auto local = locate(data_set);
-    if (!local) return local.error();
-    model = model_of_files(*scene, local->labels, local->names, local->scan, progress, warn);
-  }
+  const auto local = locate(data_set);
+  if (!local) return local.error();
+  auto model = model_of_files(*scene, local->labels, local->names, local->scan, progress, warn);
   if (!model) return model.error();
   return LoadedScene{std::move(*scene), std::move(*model), data_set};
 }

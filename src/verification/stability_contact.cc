@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "palpate/check.h"
-#include "palpate/primitives.h"
+#include "palpate/phantoms.h"
 #include "palpate/proxy_way.h"
 #include "palpate/scene.h"
 #include "palpate/servo.h"

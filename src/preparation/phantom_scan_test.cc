@@ -1,4 +1,4 @@
-#include "preparation/knee_phantom_scan.h"
+#include "preparation/phantom_scan.h"
 
 #include <gtest/gtest.h>
 
@@ -8,30 +8,34 @@ namespace palpate {
 namespace {
 
 using enum PhantomMaterial;
+using enum PhantomImaging;
 
 constexpr double kVoxel_mm = 0.6;
 
 TEST(KneePhantomScan, FarOutsideNothingChangesAndDeepInsideOnlyThePartIsSeen) {
   for (const auto material : {kFat, kMuscle, kFluid, kBone, kCartilage, kMeniscus, kLigament, kVessel}) {
-    EXPECT_EQ(paint(material, 123, 5, kVoxel_mm), 123);
-    EXPECT_EQ(paint(material, 123, -5, kVoxel_mm), paint(material, 800, -5, kVoxel_mm));
+    EXPECT_EQ(paint(material, kProtonDensity, 123, 5, kVoxel_mm), 123);
+    EXPECT_EQ(paint(material, kProtonDensity, 123, -5, kVoxel_mm),
+              paint(material, kProtonDensity, 800, -5, kVoxel_mm));
   }
 }
 
 TEST(KneePhantomScan, ASurfaceThroughTheCentreMixesHalfAndHalf) {
-  const double deep = paint(kCartilage, 0, -5, kVoxel_mm);
-  EXPECT_DOUBLE_EQ(paint(kCartilage, 100, 0, kVoxel_mm), 0.5 * (100 + deep));
-  EXPECT_DOUBLE_EQ(paint(kCartilage, 100, -0.15, kVoxel_mm), 0.25 * 100 + 0.75 * deep);
+  const double deep = paint(kCartilage, kProtonDensity, 0, -5, kVoxel_mm);
+  EXPECT_DOUBLE_EQ(paint(kCartilage, kProtonDensity, 100, 0, kVoxel_mm), 0.5 * (100 + deep));
+  EXPECT_DOUBLE_EQ(paint(kCartilage, kProtonDensity, 100, -0.15, kVoxel_mm), 0.25 * 100 + 0.75 * deep);
 }
 
 TEST(KneePhantomScan, BoneIsBrightInsideADarkRim) {
-  const double marrow = paint(kBone, 700, -5, kVoxel_mm);
-  const double rim = paint(kBone, 700, -0.5 * material_depth_mm(kBone), kVoxel_mm);
+  const double marrow = paint(kBone, kProtonDensity, 700, -5, kVoxel_mm);
+  const double rim = paint(kBone, kProtonDensity, 700, -0.5 * material_depth_mm(kBone), kVoxel_mm);
   EXPECT_LT(rim, 0.2 * marrow);
 }
 
 TEST(KneePhantomScan, TissuesStandInTheOrderOfAProtonDensityScan) {
-  const auto deep = [](PhantomMaterial material) { return paint(material, 0, -5, kVoxel_mm); };
+  const auto deep = [](PhantomMaterial material) {
+    return paint(material, kProtonDensity, 0, -5, kVoxel_mm);
+  };
   EXPECT_GT(deep(kFluid), deep(kFat));
   EXPECT_GT(deep(kFat), deep(kBone));
   EXPECT_GT(deep(kBone), deep(kCartilage));
@@ -43,7 +47,7 @@ TEST(KneePhantomScan, TissuesStandInTheOrderOfAProtonDensityScan) {
 TEST(KneePhantomScan, ShadingStaysMild) {
   for (const double x : {-55.0, 0.0, 55.0}) {
     for (const double y : {-59.0, 0.0, 51.0}) {
-      for (const double z : {-60.0, 0.0, 60.0}) EXPECT_NEAR(coil_sensitivity({x, y, z}), 1, 0.18);
+      for (const double z : {-60.0, 0.0, 60.0}) EXPECT_NEAR(shading(kProtonDensity, {x, y, z}), 1, 0.18);
     }
   }
 }
