@@ -152,7 +152,7 @@ double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeo
 
 /// Mechanical starting values for a kind of tissue, and where they come from.
 struct TissuePreset {
-  std::string name;  ///< bone, cartilage, meniscus, ligament, muscle, fat, vessel, nerve
+  std::string name;  ///< bone, cartilage, muscle, liver, ...: the choices of the key `preset`
   TissueSettings values;
   std::string source;                        ///< publication, value there, and how ours follows from it
   std::vector<std::string> kind_words;       ///< lower-case words that say what a structure is made of
@@ -160,8 +160,9 @@ struct TissuePreset {
 };
 const std::vector<TissuePreset>& tissue_presets();
 /// The preset that a structure's name suggests, or nullptr. Whole words are compared, in any case and with
-/// plural s or number; a kind word outranks a structure's name ("patellar_cartilage" is cartilage), then
-/// the last match in the name wins, then the longest.
+/// plural s, number or between other marks ("Left-Cerebral-White-Matter"); a kind word outranks a structure's
+/// name ("patellar_cartilage" is cartilage), then the last match in the name wins, then the longest. Cysts,
+/// fluids and air have none: they do not resist.
 const TissuePreset* match_preset(const std::string& structure_name);
 
 /// Whether a tissue may have these values: the ranges of its keys and the rules between tissues, in the words

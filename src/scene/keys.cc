@@ -129,9 +129,9 @@ const SceneKeys& scene_key_tables() {
              .meaning = "The segmentation on it, in the same formats or `.seg.nrrd`."},
             {.name = "names",
              .type = kFile,
-             .meaning =
-                 "Names and colours of the labels: Slicer's `.ctbl`, or `.tsv`. Without it the names in the "
-                 "label file count, else those of a single such table beside it."}}},
+             .meaning = "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, "
+                        "ITK-SNAP's `.label`. "
+                        "Without it the names in the label file count, else those of a table beside it."}}},
       .tissue =
           {"[[tissue]]",
            "A group of structures that feel alike. Takes either `labels` or `threshold`. A preset gives the "
@@ -143,7 +143,9 @@ const SceneKeys& scene_key_tables() {
              .meaning = "Unique in the scene; `rests_on` refers to it. Has to be there."},
             {.name = "preset",
              .type = kChoice,
-             .choices = {"bone", "cartilage", "meniscus", "ligament", "muscle", "fat", "vessel", "nerve"},
+             .choices = {"bone", "cartilage", "meniscus", "disc", "ligament", "muscle", "fat", "skin",
+                         "vessel", "nerve", "liver", "kidney", "spleen", "lung", "heart", "brain", "gland",
+                         "lymph node", "tumour"},
              .meaning = "Starting values, see the presets."},
             {.name = "labels",
              .type = kLabels,

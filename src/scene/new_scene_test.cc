@@ -37,7 +37,7 @@ Scene new_scene(const NewSceneInput& input, const std::filesystem::path& folder 
 
 TEST(NewScene, GroupsStructuresByWhatTheirNamesSuggest) {
   const LabelMap map =
-      make_map({"femur", "femoral_cartilage", "spleen", "tibia", "medial_meniscus", "", "tumour"});
+      make_map({"femur", "femoral_cartilage", "stomach", "tibia", "medial_meniscus", "", "implant"});
   const Scene scene = new_scene({.labels = "/cases/a/labels.nrrd", .label_map = &map, .side = Side::kRight});
   ASSERT_EQ(scene.tissues.size(), 6u);
   EXPECT_EQ(scene.side, Side::kRight);
@@ -48,11 +48,11 @@ TEST(NewScene, GroupsStructuresByWhatTheirNamesSuggest) {
   EXPECT_THAT(scene.tissues[1].rests_on, ElementsAre("bone"));
   EXPECT_EQ(scene.tissues[2].name, "meniscus");
   EXPECT_THAT(scene.tissues[2].rests_on, ElementsAre("cartilage"));
-  EXPECT_EQ(scene.tissues[3].name, "spleen");
+  EXPECT_EQ(scene.tissues[3].name, "stomach");
   EXPECT_FALSE(scene.tissues[3].felt);
   EXPECT_EQ(scene.tissues[4].name, "label 17");
   EXPECT_THAT(scene.tissues[4].labels, ElementsAre(LabelReference(17)));
-  EXPECT_EQ(scene.tissues[5].name, "tumour");
+  EXPECT_EQ(scene.tissues[5].name, "implant");
 }
 
 TEST(NewScene, NothingRestsOnWhatIsNotThere) {

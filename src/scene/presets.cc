@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -63,22 +64,26 @@ std::vector<TissuePreset> make_presets() {
   // equilibrium modulus of cartilage: E = H_A (1 + nu)(1 - 2 nu)/(1 - nu) with nu = 0.1
   const double cartilage_MPa = 0.79 * 1.1 * 0.8 / 0.9;
   std::vector<TissuePreset> presets;
-  presets.push_back(make(
-      "bone", punch_stiffness(18600, 0.3), {0.2, 0.005, 0.5, 0.001}, 1,
-      "Rho, Ashman, Turner 1993, J Biomech 26:111: cortical bone of the human tibia, E = 18.6 GPa by "
-      "microtensile test; nu = 0.3",
-      {"bone", "bony", "cortical", "trabecular"},
-      {"femur",     "tibia",     "fibula",  "patella",   "rib",        "ribs",    "vertebra",  "vertebrae",
-       "sacrum",    "coccyx",    "hip",     "pelvis",    "ilium",      "ischium", "pubis",     "scapula",
-       "clavicula", "clavicle",  "humerus", "ulna",      "radius",     "skull",   "cranium",   "mandible",
-       "maxilla",   "sternum",   "carpal",  "carpus",    "metacarpal", "tarsal",  "tarsus",    "metatarsal",
-       "phalanx",   "phalanges", "talus",   "calcaneus", "navicular",  "cuboid",  "cuneiform", "acetabulum",
-       "fabella",   "sesamoid",  "spine"}));
+  presets.push_back(
+      make("bone", punch_stiffness(18600, 0.3), {0.2, 0.005, 0.5, 0.001}, 1,
+           "Rho, Ashman, Turner 1993, J Biomech 26:111: cortical bone of the human tibia, E = 18.6 GPa by "
+           "microtensile test; nu = 0.3",
+           {"bone", "bony", "trabecular", "osseous", "vertebral body"},
+           {"femur",      "tibia",     "fibula",     "patella",    "rib",        "ribs",      "vertebra",
+            "vertebrae",  "sacrum",    "coccyx",     "hip",        "pelvis",     "ilium",     "ischium",
+            "pubis",      "scapula",   "clavicula",  "clavicle",   "humerus",    "ulna",      "radius",
+            "skull",      "cranium",   "mandible",   "maxilla",    "sternum",    "carpal",    "carpus",
+            "metacarpal", "tarsal",    "tarsus",     "metatarsal", "phalanx",    "phalanges", "talus",
+            "calcaneus",  "navicular", "cuboid",     "cuneiform",  "acetabulum", "fabella",   "sesamoid",
+            "spine",      "hyoid",     "jaw",        "jawbone",    "tooth",      "teeth",     "zygoma",
+            "zygomatic",  "vomer",     "ethmoid",    "sphenoid",   "cortical",   "scaphoid",  "lunate",
+            "triquetrum", "pisiform",  "trapezium",  "trapezoid",  "capitate",   "hamate",    "costa",
+            "costae",     "hipbone",   "collarbone", "kneecap",    "shinbone",   "heel bone"}));
   presets.push_back(
       make("cartilage", punch_stiffness(cartilage_MPa, 0.1), {0.025, 0.002, 0.1, 0.001}, 1,
            "Armstrong, Mow 1982, J Bone Joint Surg Am 64:88: human patellar cartilage, mean aggregate "
            "modulus 0.79 MPa at equilibrium; nu = 0.1, E = 0.77 MPa",
-           {"cartilage", "chondral"}, {"labrum"}));
+           {"cartilage", "cartilago", "chondral"}, {"labrum"}));
   presets.back().source +=
       ". Friction: Bonnevie et al. 2011, Tribol Lett 41:83: 0.025 under a probe that slides at 1 to 5 mm/s";
   presets.push_back(
@@ -86,36 +91,166 @@ std::vector<TissuePreset> make_presets() {
            "Sweigart et al. 2004, Ann Biomed Eng 32:1569: human medial meniscus, aggregate modulus "
            "0.16 MPa in front, 0.10 MPa in the middle and behind; their mean 0.12 MPa, nu = 0",
            {"meniscus", "menisci", "meniscal"}, {}));
+  // E = H_A (1 + nu)(1 - 2 nu)/(1 - nu), as of cartilage
+  const double disc_MPa = 1.01 * 1.1 * 0.8 / 0.9;
+  presets.push_back(
+      make("disc", punch_stiffness(disc_MPa, 0.1), {0.05, 0.002, 0.2, 0.001}, 1,
+           "Johannessen, Elliott 2005, Spine 30:E724: nucleus of human lumbar discs that are not degenerate, "
+           "effective aggregate modulus 1.01 MPa; nu = 0.1, E = 0.99 MPa",
+           {"intervertebral disc", "intervertebral disk", "disc", "disk", "discus"},
+           {"annulus fibrosus", "nucleus pulposus"}));
   presets.push_back(
       make("ligament", punch_stiffness(11.0, 0.5), {0.1, 0.003, 0.3, 0.001}, 1,
            "Quapp, Weiss 1998, J Biomech Eng 120:757: human medial collateral ligament across its fibres, "
            "tangent modulus 11.0 MPa (332 MPa along them); nu = 0.5",
-           {"ligament", "ligamentum", "tendon", "aponeurosis", "retinaculum"},
+           {"ligament", "ligamentum", "tendon", "tendo", "aponeurosis", "retinaculum", "fascia"},
            {"iliotibial tract", "iliotibial band", "acl", "pcl", "mcl", "lcl"}));
   presets.push_back(make(
       "muscle", punch_stiffness(3 * 0.0045, 0.5), {0.1, 0.003, 0.2, 0.003}, 0.6,
       "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873: nine human thigh muscles at rest, shear "
       "modulus 3.9 to 6.2 kPa; taken 4.5 kPa, E = 3 mu, nu = 0.5",
-      {"muscle", "muscular"},
-      {"gluteus", "autochthon", "iliopsoas", "psoas", "quadriceps", "sartorius", "gastrocnemius", "soleus",
-       "gracilis", "semimembranosus", "semitendinosus", "deltoid", "trapezius", "pectoralis", "supraspinatus",
-       "infraspinatus", "subscapularis", "masseter", "temporalis"}));
+      {"muscle", "muscular", "musculus", "musculature"},
+      {"gluteus",
+       "autochthon",
+       "iliopsoas",
+       "psoas",
+       "quadriceps",
+       "sartorius",
+       "gastrocnemius",
+       "soleus",
+       "gracilis",
+       "semimembranosus",
+       "semitendinosus",
+       "deltoid",
+       "trapezius",
+       "pectoralis",
+       "supraspinatus",
+       "infraspinatus",
+       "subscapularis",
+       "masseter",
+       "temporalis",
+       "vastus",
+       "rectus femoris",
+       "rectus abdominis",
+       "biceps",
+       "triceps",
+       "brachialis",
+       "brachioradialis",
+       "adductor magnus",
+       "adductor longus",
+       "adductor brevis",
+       "pectineus",
+       "popliteus",
+       "plantaris",
+       "tibialis anterior",
+       "tibialis posterior",
+       "peroneus",
+       "piriformis",
+       "obturator internus",
+       "obturator externus",
+       "iliacus",
+       "quadratus lumborum",
+       "quadratus femoris",
+       "erector spinae",
+       "multifidus",
+       "latissimus dorsi",
+       "rhomboid",
+       "serratus",
+       "teres major",
+       "teres minor",
+       "levator scapulae",
+       "sternocleidomastoid",
+       "scalene",
+       "scalenus",
+       "digastric",
+       "mylohyoid",
+       "geniohyoid",
+       "pterygoid",
+       "buccinator",
+       "orbicularis",
+       "platysma",
+       "diaphragm",
+       "hamstring",
+       "tensor fasciae latae",
+       "intercostal",
+       "tongue"}));
   presets.push_back(
       make("fat", punch_stiffness(3 * 0.00304, 0.5), {0.05, 0.002, 0.1, 0.002}, 0.4,
            "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873: fat under the skin of the human "
            "thigh, shear modulus 3.04 kPa; E = 3 mu, nu = 0.5",
-           {"fat", "fatty", "adipose"}, {}));
+           {"fat", "fatty", "adipose", "hoffa"}, {"omentum"}));
+  presets.push_back(
+      make("skin", punch_stiffness(0.0563, 0.5), {0.3, 0.003, 0.3, 0.001}, 0.4,
+           "Briot et al. 2022, Clin Biomech 99:105743: skin of the human breast by suction in vivo, "
+           "E = 56.3 kPa; nu = 0.5",
+           {"skin", "dermis", "epidermis", "cutis", "scalp"}, {}));
   presets.push_back(make(
       "vessel", tube_stiffness(0.771, 3, 1), {0.05, 0.002, 0.1, 0.001}, 1,
       "Riley et al. 1992, Stroke 23:952: wall of the human carotid artery, E = 771 kPa in men of 45 to 49 "
       "years; as a tube without pressure (tourniquet) of radius 3 mm and wall 1 mm",
-      {"artery", "arteries", "arteriole", "vein", "vena", "venous", "arterial", "vessel", "vascular"},
-      {"aorta", "brachiocephalic trunk", "celiac trunk", "vena cava", "saphenous"}));
+      {"artery", "arteries", "arteria", "arteriole", "vein", "vena", "venae", "venous", "arterial", "vessel",
+       "vascular", "choroid plexus"},
+      {"aorta", "brachiocephalic trunk", "celiac trunk", "coeliac trunk", "pulmonary trunk", "vena cava",
+       "saphenous", "carotid", "jugular"}));
   presets.push_back(
       make("nerve", punch_stiffness(3 * 0.0129, 0.5), {0.1, 0.003, 0.2, 0.001}, 1,
            "Main et al. 2011, J Biomech 44:863: human median nerve compressed across, first-order Ogden "
            "mu = 12.9 kPa, taken as the shear modulus at small strain; E = 3 mu, nu = 0.5",
-           {"nerve", "nervus", "plexus"}, {"sciatic"}));
+           {"nerve", "nervus", "plexus", "optic disc"}, {"sciatic", "optic chiasm"}));
+  presets.push_back(
+      make("liver", punch_stiffness(3 * 0.00209, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+           "Venkatesh et al. 2014, J Magn Reson Imaging 39:1: human liver by MR elastography at 60 Hz, shear "
+           "stiffness 2.09 kPa; E = 3 mu, nu = 0.5",
+           {}, {"liver", "hepatic", "hepar", "caudate lobe", "quadrate lobe"}));
+  presets.push_back(
+      make("kidney", punch_stiffness(3 * 0.0049, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+           "Rouviere et al. 2011, J Magn Reson Imaging 34:880: human renal parenchyma by MR elastography at "
+           "45 Hz, shear modulus 4.9 kPa; E = 3 mu, nu = 0.5",
+           {}, {"kidney", "renal"}));
+  presets.push_back(
+      make("spleen", punch_stiffness(3 * 0.0036, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+           "Talwalkar et al. 2009, AJR 193:122: human spleen by MR elastography at 60 Hz, shear stiffness "
+           "3.6 kPa in volunteers; E = 3 mu, nu = 0.5",
+           {}, {"spleen", "splenic", "lien"}));
+  presets.push_back(
+      make("lung", punch_stiffness(3 * 0.00114, 0.5), {0.05, 0.002, 0.1, 0.001}, 0.4,
+           "Mariappan et al. 2011, J Magn Reson Imaging 33:1351: human lung by MR elastography, shear "
+           "stiffness 1.14 kPa at residual volume; E = 3 mu, nu = 0.5",
+           {}, {"lung", "pulmo"}));
+  presets.push_back(
+      make("heart", punch_stiffness(0.0034, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+           "Wen et al. 2005, Magn Reson Med 54:538: lateral wall of the left ventricle of dogs in diastole, "
+           "E = 3.40 kPa by MRI; nu = 0.5",
+           {"myocardium", "myocardial"}, {"heart", "cardiac", "atrium", "atrial appendage"}));
+  presets.push_back(
+      make("brain", punch_stiffness(0.001895, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+           "Budday et al. 2015, J Mech Behav Biomed Mater 46:318: bovine white matter under a flat punch, "
+           "E = 1.895 kPa; nu = 0.5",
+           {"white matter", "gray matter", "grey matter"},
+           {"brain",        "cerebrum",          "cerebral",        "cerebellum",    "cerebellar",
+            "brainstem",    "thalamus",          "hypothalamus",    "hippocampus",   "amygdala",
+            "putamen",      "pallidum",          "caudate nucleus", "caudate",       "accumbens",
+            "midbrain",     "medulla oblongata", "corpus callosum", "gyrus",         "ctx",
+            "frontal lobe", "parietal lobe",     "temporal lobe",   "occipital lobe"}));
+  presets.push_back(
+      make("gland", punch_stiffness(0.0159, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+           "Sebag et al. 2010, J Clin Endocrinol Metab 95:5281: normal human thyroid by shear wave "
+           "elastography, E = 15.9 kPa; nu = 0.5",
+           {"gland", "glandula", "glandular"},
+           {"thyroid", "parathyroid", "parotid", "submandibular", "sublingual", "salivary", "adrenal",
+            "pituitary", "hypophysis", "prostate", "pancreas", "thymus", "breast", "mammary", "testis"}));
+  presets.push_back(
+      make("lymph node", punch_stiffness(0.0214, 0.5), {0.05, 0.002, 0.1, 0.002}, 1,
+           "Bhatia et al. 2012, Ultrasound Med Biol 38:195: benign human cervical lymph nodes by shear wave "
+           "elastography, median E = 21.4 kPa; nu = 0.5",
+           {"lymph node", "lymphnode", "lymphonodus"}, {"tonsil"}));
+  presets.push_back(make(
+      "tumour", punch_stiffness(0.04252, 0.5), {0.1, 0.003, 0.2, 0.002}, 1,
+      "Samani, Zubovits, Plewes 2007, Phys Med Biol 52:1565: high-grade invasive ductal carcinoma of the "
+      "human breast, E = 42.52 kPa; nu = 0.5",
+      {"tumour", "tumor", "lesion", "carcinoma", "cancer", "metastasis", "metastases", "neoplasm", "nodule",
+       "adenoma", "fibroadenoma", "sarcoma", "glioma", "meningioma", "lymphoma", "gtv"},
+      {}));
   return presets;
 }
 
@@ -155,6 +290,13 @@ int last_match(const std::vector<std::string>& words, const std::vector<std::str
   return -1;
 }
 
+/// What is no tissue, whatever it lies in: it does not resist.
+bool is_hollow(const std::vector<std::string>& words) {
+  static const std::vector<std::string> kHollow{"cyst", "fluid", "effusion", "lumen", "air", "gas", "csf"};
+  return std::any_of(kHollow.begin(), kHollow.end(),
+                     [&](const std::string& word) { return last_match(words, {word}) >= 0; });
+}
+
 }  // namespace
 
 const std::vector<TissuePreset>& tissue_presets() {
@@ -171,6 +313,7 @@ const TissuePreset* match_preset(const std::string& structure_name) {
     auto operator<=>(const Rank&) const = default;
   };
   const std::vector<std::string> words = words_of(structure_name);
+  if (is_hollow(words)) return nullptr;
   const TissuePreset* best = nullptr;
   Rank best_rank;
   for (const TissuePreset& preset : tissue_presets()) {

@@ -66,14 +66,25 @@ TEST(TissuePresets, EveryValueIsOneThatASceneMayHave) {
 // the stiffness that each published modulus gives under a flat punch of 1.5 mm radius, worked out by hand,
 // felt through a spring of 1.5 N/mm
 TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
-  EXPECT_EQ(stiffness_of("bone"), 1.5);        // 61 kN/mm
-  EXPECT_EQ(stiffness_of("ligament"), 1.45);   // 3 * 11 / 0.75 = 44 N/mm
-  EXPECT_EQ(stiffness_of("cartilage"), 0.91);  // 3 * 0.7724 / 0.99 = 2.341 N/mm
-  EXPECT_EQ(stiffness_of("meniscus"), 0.29);   // 3 * 0.12 = 0.36 N/mm
-  EXPECT_EQ(stiffness_of("nerve"), 0.14);      // 4 * 0.0387 = 0.155 N/mm
-  EXPECT_EQ(stiffness_of("muscle"), 0.052);    // 4 * 0.0135 = 0.054 N/mm
-  EXPECT_EQ(stiffness_of("vessel"), 0.046);    // 0.771 * 0.25 / (0.149 * 27) = 0.0479 N/mm
-  EXPECT_EQ(stiffness_of("fat"), 0.036);       // 4 * 0.00912 = 0.0365 N/mm
+  EXPECT_EQ(stiffness_of("bone"), 1.5);          // 61 kN/mm
+  EXPECT_EQ(stiffness_of("ligament"), 1.45);     // 3 * 11 / 0.75 = 44 N/mm
+  EXPECT_EQ(stiffness_of("cartilage"), 0.91);    // 3 * 0.7724 / 0.99 = 2.341 N/mm
+  EXPECT_EQ(stiffness_of("meniscus"), 0.29);     // 3 * 0.12 = 0.36 N/mm
+  EXPECT_EQ(stiffness_of("nerve"), 0.14);        // 4 * 0.0387 = 0.155 N/mm
+  EXPECT_EQ(stiffness_of("muscle"), 0.052);      // 4 * 0.0135 = 0.054 N/mm
+  EXPECT_EQ(stiffness_of("vessel"), 0.046);      // 0.771 * 0.25 / (0.149 * 27) = 0.0479 N/mm
+  EXPECT_EQ(stiffness_of("fat"), 0.036);         // 4 * 0.00912 = 0.0365 N/mm
+  EXPECT_EQ(stiffness_of("disc"), 1.0);          // 3 * 0.98756 / 0.99 = 2.993 N/mm
+  EXPECT_EQ(stiffness_of("skin"), 0.2);          // 4 * 0.0563 = 0.225 N/mm
+  EXPECT_EQ(stiffness_of("tumour"), 0.15);       // 4 * 0.04252 = 0.170 N/mm
+  EXPECT_EQ(stiffness_of("lymph node"), 0.081);  // 4 * 0.0214 = 0.0856 N/mm
+  EXPECT_EQ(stiffness_of("gland"), 0.061);       // 4 * 0.0159 = 0.0636 N/mm
+  EXPECT_EQ(stiffness_of("kidney"), 0.057);      // 4 * 3 * 0.0049 = 0.0588 N/mm
+  EXPECT_EQ(stiffness_of("spleen"), 0.042);      // 4 * 3 * 0.0036 = 0.0432 N/mm
+  EXPECT_EQ(stiffness_of("liver"), 0.025);       // 4 * 3 * 0.00209 = 0.0251 N/mm
+  EXPECT_EQ(stiffness_of("heart"), 0.013);       // 4 * 0.0034 = 0.0136 N/mm
+  EXPECT_EQ(stiffness_of("lung"), 0.014);        // 4 * 3 * 0.00114 = 0.0137 N/mm
+  EXPECT_EQ(stiffness_of("brain"), 0.008);       // 4 * 0.001895 = 0.0076 N/mm
 }
 
 TEST(TissuePresets, WhatRestsOnSomethingIsSofter) {
@@ -124,11 +135,96 @@ TEST(MatchPreset, KnowsNamesOfWholeBodySegmentations) {
         "iliac_vena_right", "pulmonary_vein", "brachiocephalic_trunk", "common_carotid_artery_left"}},
       {"nerve", {"sciatic_nerve", "brachial_plexus"}},
       {"ligament", {"Achilles Tendon", "patella tendon", "ACL", "ligamentum_flavum", "iliotibial band"}},
+      {"liver", {"liver", "Liver", "caudate_lobe"}},
+      {"spleen", {"spleen"}},
+      {"kidney", {"kidney_right", "renal_cortex"}},
+      {"lung", {"lung_upper_lobe_left", "Lungs"}},
+      {"heart", {"heart", "heart_atrium_left", "atrial_appendage_left", "heart_myocardium"}},
+      {"brain", {"brain", "Hippocampus_L"}},
+      {"gland", {"adrenal_gland_left", "thyroid_gland", "prostate", "pancreas", "parotid_gland_left"}},
       {"",
-       {"", "spleen", "kidney_right", "liver", "spinal_cord", "brain", "heart", "Hippocampus_L", "Rectus_L",
-        "trunk", "tract", "tribute", "fibril", "label 3", "95"}}};
+       {"", "spinal_cord", "Rectus_L", "trunk", "tract", "tribute", "fibril", "label 3", "95", "stomach",
+        "urinary_bladder", "kidney_cyst_left", "pleural_effusion"}}};
   for (const auto& [preset, names] : expected)
     for (const std::string& name : names) EXPECT_EQ(preset_of(name), preset) << name;
+}
+
+TEST(MatchPreset, KnowsNamesOfFreeSurfer) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> expected{
+      {"brain",
+       {"Left-Cerebral-White-Matter", "Left-Cerebral-Cortex", "Right-Cerebellum-Cortex",
+        "Left-Thalamus-Proper", "Left-Caudate", "Left-Putamen", "Left-Pallidum", "Brain-Stem",
+        "Left-Hippocampus", "Left-Amygdala", "Left-Accumbens-area", "ctx-lh-precuneus",
+        "ctx-rh-superiorfrontal"}},
+      {"vessel", {"Left-vessel", "Left-choroid-plexus"}},
+      {"nerve", {"Optic-Chiasm", "Optic-Nerve"}},
+      {"bone", {"Skull"}},
+      {"skin", {"Head-Skin"}},
+      {"", {"Unknown", "Left-Lateral-Ventricle", "CSF", "3rd-Ventricle", "WM-hypointensities"}}};
+  for (const auto& [preset, names] : expected)
+    for (const std::string& name : names) EXPECT_EQ(preset_of(name), preset) << name;
+}
+
+TEST(MatchPreset, KnowsMoreWordsOfAnatomy) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> expected{
+      {"bone",
+       {"hyoid", "Hyoid bone", "mandible", "lower jaw", "cranium", "rib 3", "vertebral body L4", "teeth"}},
+      {"cartilage", {"thyroid cartilage", "cricoid cartilage"}},
+      {"disc", {"disc_L4_L5", "intervertebral disks", "Discs", "nucleus pulposus"}},
+      {"muscle",
+       {"sternocleidomastoid_left", "vastus lateralis", "rectus femoris", "M. erector spinae",
+        "quadriceps_femoris_left", "diaphragm"}},
+      {"fat", {"Hoffa fat pad", "subcutaneous adipose tissue"}},
+      {"skin", {"skin", "Dermis"}},
+      {"vessel",
+       {"hepatic_vessels", "renal vein", "Arteria carotis", "internal_carotid_right", "lung_vessels"}},
+      {"nerve", {"optic disc", "Nervus medianus"}},
+      {"gland", {"submandibular gland", "Parotid_L", "glandula lacrimalis"}},
+      {"lymph node", {"lymph nodes", "LymphNode_3", "axillary lymph node"}},
+      {"tumour", {"liver_tumor", "brain tumour core", "Lesion", "lung_nodule", "lesion of the femur", "GTV"}},
+      // a word within another is none
+      {"",
+       {"discharge", "discovery", "ribbon", "liverwort", "heartburn", "brainstorm", "skinny", "fatal",
+        "boneless", "glandless", "jawline", "veinlet", "lungfish", "fluid in the lung", "optic radiation"}}};
+  for (const auto& [preset, names] : expected)
+    for (const std::string& name : names) EXPECT_EQ(preset_of(name), preset) << name;
+}
+
+// each class of TotalSegmentator's that is solid tissue, by its published class map; what is hollow is not
+TEST(MatchPreset, LeavesOfTotalSegmentatorWhatIsHollow) {
+  for (const char* name : {"gallbladder", "stomach", "esophagus", "trachea", "small_bowel", "duodenum",
+                           "colon", "urinary_bladder", "spinal_cord", "kidney_cyst_right"})
+    EXPECT_EQ(preset_of(name), "") << name;
+  for (const char* name : {"spleen",
+                           "kidney_left",
+                           "liver",
+                           "pancreas",
+                           "adrenal_gland_right",
+                           "lung_middle_lobe_right",
+                           "thyroid_gland",
+                           "prostate",
+                           "sacrum",
+                           "vertebrae_C1",
+                           "heart",
+                           "aorta",
+                           "pulmonary_vein",
+                           "subclavian_artery_left",
+                           "superior_vena_cava",
+                           "portal_vein_and_splenic_vein",
+                           "iliac_vena_left",
+                           "humerus_left",
+                           "scapula_left",
+                           "clavicula_right",
+                           "hip_left",
+                           "gluteus_medius_left",
+                           "autochthon_left",
+                           "iliopsoas_right",
+                           "brain",
+                           "skull",
+                           "rib_left_1",
+                           "sternum",
+                           "costal_cartilages"})
+    EXPECT_NE(preset_of(name), "") << name;
 }
 
 // no structure of the real tables is left without a preset
