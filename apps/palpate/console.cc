@@ -12,6 +12,7 @@
 #include <string>
 
 #include "keys.h"
+#include "palpate/progress_lines.h"
 #include "text.h"
 #include "verb.h"
 
@@ -83,6 +84,25 @@ Bar& bar() {
   return the_bar;
 }
 
+// where stderr is no terminal: a line now and then
+class Lines {
+ public:
+  void show(std::string_view stage, double fraction) {
+    const std::lock_guard lock(mutex_);
+    if (const auto line = lines_.line(stage, fraction, std::chrono::steady_clock::now()))
+      std::fprintf(stderr, "%s\n", line->c_str());
+  }
+
+ private:
+  std::mutex mutex_;
+  ProgressLines lines_{std::chrono::steady_clock::now()};
+};
+
+Lines& lines() {
+  static Lines the_lines;
+  return the_lines;
+}
+
 int exit_code(ErrorKind kind) {
   switch (kind) {
     case ErrorKind::kBadInput:
@@ -107,8 +127,11 @@ Console::Console() {
 
 Progress Console::progress() {
   Progress::Show show;
-  if (!quiet && ::isatty(STDERR_FILENO))
+  if (quiet) return {show, &stop_requested};
+  if (::isatty(STDERR_FILENO))
     show = [](std::string_view stage, double fraction) { bar().show(stage, fraction); };
+  else
+    show = [](std::string_view stage, double fraction) { lines().show(stage, fraction); };
   return {show, &stop_requested};
 }
 

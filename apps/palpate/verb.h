@@ -31,7 +31,7 @@ class Console {
 
   bool quiet = false;  ///< -q: no progress and no notes; results, warnings and errors still appear
 
-  Progress progress();  ///< a bar on stderr when that is a terminal
+  Progress progress();  ///< a bar on stderr when that is a terminal, else a line now and then
   /// A line on stderr that the next one replaces and everything else erases, cut to the terminal's width;
   /// an empty one only erases. Nothing when quiet, or where there is no terminal.
   void live(const std::string& line);
