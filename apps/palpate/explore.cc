@@ -116,7 +116,6 @@ std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const Optio
 
 ExploreOptions session_of(const Options& options, Keys& keys, FaultLines& faults, Console& console) {
   ExploreOptions session;
-  session.device = options.pointer ? ExploreDevice::kPointer : ExploreDevice::kSimulated;
   session.run = {options.max_force_N, options.seed, options.rate_hz, options.method};
   session.loop.spin_s = options.spin_us * 1e-6;
   session.loop.realtime = !options.no_realtime;
@@ -293,9 +292,14 @@ void warn_of_trouble(const std::vector<std::string>& trouble, Console& console) 
 int explore_target(const Options& options, Console& console) {
   if (const auto fine = check(options); !fine) return console.fail(fine.error());
   const Progress progress = console.progress();
-  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
+  const auto loaded = load_target(options.target, console);
   if (!loaded) return console.fail(loaded.error());
-  const auto script = options.pointer ? Script{} : script_of(options.script, *loaded->model);
+  // where nothing is felt yet, it can be looked at: by who has the page open
+  const auto felt = check_felt(*loaded);
+  if (!felt && (options.script || options.no_viewer)) return console.fail(felt.error());
+  if (!felt) console.note("nothing in it is felt yet: the page shows it, and no hand touches it");
+  const bool pointer = options.pointer || !felt;
+  const auto script = pointer ? Script{} : script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
   note_felt_stiffness(*loaded, console);
 
@@ -305,6 +309,7 @@ int explore_target(const Options& options, Console& console) {
   std::string address;
   FaultLines faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
+  session.device = pointer ? ExploreDevice::kPointer : ExploreDevice::kSimulated;
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
                               status_for(options, address, console));
@@ -343,7 +348,7 @@ void add_viewer_options(CLI::App* verb, Options& options) {
 }
 
 void add_options(CLI::App* verb, Options& options) {
-  verb->add_option("target", options.target, "A data set (palpate data list) or a scene file")->required();
+  verb->add_option("target", options.target, kTargetHelp)->required();
   verb->add_option("-s,--script", options.script,
                    "Palpation script (TOML); default: one that suits the scene");
   verb->add_option_function<std::string>(

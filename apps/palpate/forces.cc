@@ -52,7 +52,7 @@ int draw_forces(const Options& options, Console& console) {
     return console.fail({ErrorKind::kUsage, "the picture is an SVG, whatever its name",
                          options.output.string(), "give it a name that ends with .svg"});
   const Progress progress = console.progress();
-  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn(), options.preparation);
+  const auto loaded = load_felt_target(options.target, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
   // where the tip has been decides the proxy's force: there is no field of it
   const ForceMethod of_scene = loaded->scene.force.method;
@@ -83,7 +83,7 @@ int draw_forces(const Options& options, Console& console) {
 void add_forces(CLI::App& app, Run& run) {
   auto options = std::make_shared<Options>();
   CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
-  verb->add_option("target", options->target, "A data set (palpate data list) or a scene file")->required();
+  verb->add_option("target", options->target, kTargetHelp)->required();
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
   add_method_option(*verb, "Force method; default: the scene's, trilinear where that is the proxy",
                     kDirectMethods, options->method);

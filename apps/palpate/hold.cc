@@ -119,7 +119,7 @@ void print_json(const std::vector<HeldTip>& tips, const Hold& hold, const Model&
 int hold_target(const Options& options, Console& console) {
   if (const auto right = check(options); !right) return console.fail(right.error());
   const Progress progress = console.progress();
-  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn(), options.preparation);
+  const auto loaded = load_felt_target(options.target, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
   const auto methods = methods_of(options, *loaded);
   const auto model = ready_for(loaded->model, methods, progress);
@@ -174,7 +174,7 @@ CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<doub
 }
 
 void add_options(CLI::App& verb, Options& options) {
-  verb.add_option("target", options.target, "A data set (palpate data list) or a scene file")->required();
+  verb.add_option("target", options.target, kTargetHelp)->required();
   add_place(verb, "--at", options.at, "Where the hand rests: patient coordinates in mm, LPS");
   verb.add_option("--voxel", options.voxel, "The same as a voxel's indices, from 0")
       ->delimiter(',')

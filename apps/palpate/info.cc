@@ -8,7 +8,6 @@
 #include <numeric>
 #include <sstream>
 
-#include "looks_like_labels.h"
 #include "palpate/volume_io.h"
 #include "text.h"
 #include "verb.h"
@@ -32,40 +31,45 @@ struct Info {
 
 // --- labels or scan -------------------------------------------------------------------------------------
 
-Result<Info> take_labels(const Options& options, Console& console) {
-  const std::optional<std::filesystem::path> names =
-      options.names.empty() ? std::nullopt : std::optional<std::filesystem::path>(options.names);
-  auto labels = read_labels(options.file, names, console.progress(), console.warn());
-  if (!labels) return labels.error();
+Info of_labels(LabelFile labels) {
   Info info;
-  info.header = labels->header;
+  info.header = labels.header;
   info.lowest = std::numeric_limits<double>::infinity();
-  for (const auto& layer : labels->labels.layers) {
+  for (const auto& layer : labels.labels.layers) {
     const auto [low, high] = std::minmax_element(layer.voxels().begin(), layer.voxels().end());
     info.lowest = std::min<double>(info.lowest, *low);
     info.highest = std::max<double>(info.highest, *high);
   }
-  info.statistics = segment_statistics(labels->labels);
-  info.empty_slices = empty_slices(labels->labels);
-  info.labels = std::move(*labels);
+  info.statistics = segment_statistics(labels.labels);
+  info.empty_slices = empty_slices(labels.labels);
+  info.labels = std::move(labels);
+  return info;
+}
+
+Info of_scan(const ScanFile& scan) {
+  Info info;
+  info.header = scan.header;
+  const auto [low, high] = std::minmax_element(scan.scan.voxels().begin(), scan.scan.voxels().end());
+  info.lowest = *low;
+  info.highest = *high;
   return info;
 }
 
 Result<Info> inspect(const Options& options, Console& console) {
-  const auto header = read_header(options.file);
-  if (!header) return header.error();
-  const bool surely_labels = header->has_segments || header->layers > 1;
-  if (options.labels || (surely_labels && !options.scan)) return take_labels(options, console);
-
-  const auto scan = read_scan(options.file, console.progress(), console.warn());
-  if (!scan) return scan.error();
-  if (!options.scan && looks_like_labels(*scan, !options.names.empty())) return take_labels(options, console);
-  Info info;
-  info.header = scan->header;
-  const auto [low, high] = std::minmax_element(scan->scan.voxels().begin(), scan->scan.voxels().end());
-  info.lowest = *low;
-  info.highest = *high;
-  return info;
+  const std::optional<std::filesystem::path> names =
+      options.names.empty() ? std::nullopt : std::optional<std::filesystem::path>(options.names);
+  if (options.labels) {
+    auto labels = read_labels(options.file, names, console.progress(), console.warn());
+    return labels ? Result<Info>(of_labels(*std::move(labels))) : labels.error();
+  }
+  if (options.scan) {
+    const auto scan = read_scan(options.file, console.progress(), console.warn());
+    return scan ? Result<Info>(of_scan(*scan)) : scan.error();
+  }
+  auto volume = read_volume(options.file, names, console.progress(), console.warn());
+  if (!volume) return volume.error();
+  if (auto* labels = std::get_if<LabelFile>(&*volume)) return of_labels(std::move(*labels));
+  return of_scan(std::get<ScanFile>(*volume));
 }
 
 // --- words ----------------------------------------------------------------------------------------------
@@ -338,7 +342,8 @@ void add_info(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("info", "Show what a volume holds and what is odd about it");
   const auto options = std::make_shared<Options>();
   verb->add_option("FILE", options->file, "NRRD, NIfTI or MetaImage file, scan or labels")->required();
-  verb->add_option("-n,--names", options->names, "table that names the labels (.ctbl, .txt or .tsv)");
+  verb->add_option("-n,--names", options->names,
+                   "table that names the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");
   verb->add_flag("-j,--json", options->json, "print JSON instead of text");
   CLI::Option* labels =
       verb->add_flag("-l,--labels", options->labels, "take it as labels whatever it looks like");

@@ -1,8 +1,12 @@
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <iostream>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "palpate_version.h"
@@ -17,8 +21,10 @@ constexpr const char* kExamples =
     "  palpate info knee.seg.nrrd                       what is in a file\n"
     "  palpate simulate knee-phantom --report run.html  palpate a generated knee\n"
     "  palpate explore knee-phantom                     the same in real time\n"
+    "  palpate section labels.nii.gz -o three.png       see your own data\n"
     "  palpate scene new scan.nii.gz labels.nii.gz -o scene.toml\n"
-    "  palpate simulate scene.toml -o run.h5            palpate your own data\n"
+    "  palpate simulate scene.toml -o run.h5            palpate them, as the scene says\n"
+    "  palpate help simulate                            what a verb takes\n"
     "\n"
     "Exit codes: 0 done; 1 a file or setting cannot be used; 2 wrong command line; 3 a figure beyond\n"
     "its limit or a replay that differs; 4 a result could not be written; 5 a data set or the network\n"
@@ -49,6 +55,76 @@ std::vector<std::string> names_of_verbs(const CLI::App& app) {
   return names;
 }
 
+/// What people type who know other programs, and the verb here that does it.
+struct OtherWord {
+  std::string_view word;
+  const char* command;
+};
+constexpr OtherWord kOtherWords[] = {
+    {"import", "palpate scene new SCAN LABELS -o scene.toml"},
+    {"new", "palpate scene new SCAN LABELS -o scene.toml"},
+    {"create", "palpate scene new SCAN LABELS -o scene.toml"},
+    {"init", "palpate scene new SCAN LABELS -o scene.toml"},
+    {"add", "palpate scene new SCAN LABELS -o scene.toml"},
+    {"check", "palpate scene check SCENE"},
+    {"validate", "palpate scene check SCENE"},
+    {"open", "palpate explore FILE"},
+    {"load", "palpate explore FILE"},
+    {"start", "palpate explore FILE"},
+    {"feel", "palpate explore FILE"},
+    {"touch", "palpate explore FILE"},
+    {"palpate", "palpate explore FILE"},
+    {"serve", "palpate explore FILE"},
+    {"view", "palpate explore FILE, or palpate section FILE -o picture.png"},
+    {"show", "palpate explore FILE, or palpate section FILE -o picture.png"},
+    {"display", "palpate explore FILE, or palpate section FILE -o picture.png"},
+    {"viewer", "palpate explore FILE, or palpate section FILE -o picture.png"},
+    {"draw", "palpate section FILE -o picture.png"},
+    {"plot", "palpate section FILE -o picture.png"},
+    {"render", "palpate section FILE -o picture.png"},
+    {"picture", "palpate section FILE -o picture.png"},
+    {"slice", "palpate section FILE -o picture.png"},
+    {"run", "palpate simulate FILE"},
+    {"press", "palpate simulate FILE"},
+    {"record", "palpate simulate FILE -o run.h5, or palpate explore FILE -o run.h5"},
+    {"play", "palpate replay RECORDING"},
+    {"rerun", "palpate replay RECORDING"},
+    {"convert", "palpate prepare FILE -o field.nrrd; other formats are converted by 3D Slicer or dcm2niix"},
+    {"export", "palpate prepare FILE -o field.nrrd, or palpate report RECORDING"},
+    {"list", "palpate data list"},
+    {"ls", "palpate data list"},
+    {"download", "palpate data fetch NAME"},
+    {"fetch", "palpate data fetch NAME"},
+    {"get", "palpate data fetch NAME"},
+    {"demo", "palpate simulate knee-phantom --report run.html"},
+    {"inspect", "palpate info FILE"},
+    {"describe", "palpate info FILE"},
+    {"labels", "palpate info FILE"},
+    {"test", "palpate verify accuracy"},
+    {"bench", "palpate verify latency"},
+    {"version", "palpate --version"},
+};
+
+/// What a word most likely means: a verb, or the command for a word of other programs, spelt right or not;
+/// empty where nothing is near. @param first  it stands where one of palpate's own verbs should
+std::string meant_by(const std::string& word, const std::vector<std::string>& verbs, bool first) {
+  std::vector<std::string> others;
+  for (const OtherWord& other : kOtherWords) others.emplace_back(other.word);
+  const auto command = [](const std::string& meant) {
+    for (const OtherWord& other : kOtherWords)
+      if (other.word == meant) return std::string(other.command);
+    return std::string();
+  };
+  if (first && !command(word).empty()) return command(word);
+  const std::string verb = nearest(word, verbs);
+  return verb.empty() && first ? command(nearest(word, others)) : verb;
+}
+
+bool exists(const std::string& path) {
+  std::error_code unknown;
+  return std::filesystem::exists(path, unknown);
+}
+
 /// What is wrong with a command line that the parser refused, with the word that it most likely is about.
 Error explain(const CLI::App& app, const CLI::ParseError& refusal) {
   const auto chosen = chosen_verbs(app);
@@ -69,9 +145,35 @@ Error explain(const CLI::App& app, const CLI::ParseError& refusal) {
   const bool is_option = word.starts_with("-");
   Error error{ErrorKind::kUsage, is_option ? "unknown option" : "unexpected argument", word, help};
   if (!is_option && !verbs.empty()) error.what = "unknown verb";
-  const std::string meant = nearest(word, is_option ? options : verbs);
-  if (!meant.empty()) error.remedy = "did you mean " + meant + "? " + help;
+  const bool first = chosen.size() == 1 && !is_option;
+  const std::string meant = is_option ? nearest(word, options) : meant_by(word, verbs, first);
+  if (!meant.empty())
+    error.remedy = "did you mean " + meant + "? " + help;
+  else if (first && exists(word))
+    error = {ErrorKind::kUsage, "is a file, and no verb", word,
+             "palpate info FILE says what is in it; " + help};
   return error;
+}
+
+/// `palpate help`, `palpate help simulate`, `palpate help data fetch`: the help of that verb.
+/// @return the exit code, or nothing where help is not asked for
+std::optional<int> help_on(const CLI::App& app, const std::vector<std::string>& words, Console& console) {
+  if (words.empty() || words.front() != "help") return std::nullopt;
+  const CLI::App* verb = &app;
+  std::string above;  // the words before the verb's own
+  for (std::size_t n = 1; n < words.size(); ++n) {
+    above += (above.empty() ? "" : " ") + verb->get_name();
+    const auto verbs = names_of_verbs(*verb);
+    if (std::find(verbs.begin(), verbs.end(), words[n]) == verbs.end()) {
+      const std::string meant = meant_by(words[n], verbs, verb == &app);
+      return console.fail(
+          {ErrorKind::kUsage, "unknown verb", words[n],
+           (meant.empty() ? "" : "did you mean " + meant + "? ") + above + " --help shows what there is"});
+    }
+    verb = verb->get_subcommand(words[n]);
+  }
+  std::fputs(verb->help(above).c_str(), stdout);
+  return kExitOk;
 }
 
 // help after a word that is no verb would hide the mistake
@@ -93,6 +195,7 @@ int run(int argc, char** argv) {
   for (const auto add : {add_info, add_data, add_scene, add_prepare, add_forces, add_hold, add_section,
                          add_simulate, add_explore, add_replay, add_report, add_verify})
     add(app, verb);
+  if (const auto helped = help_on(app, {argv + std::min(argc, 1), argv + argc}, console)) return *helped;
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

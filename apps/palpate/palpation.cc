@@ -6,6 +6,21 @@
 
 namespace palpate::app {
 
+Result<LoadedScene> load_target(const std::string& target, Console& console,
+                                std::optional<PreparationMethod> preparation) {
+  auto loaded = load_scene_or_data_set(target, console.progress(), console.warn(), preparation);
+  if (loaded && !loaded->proposed.empty()) console.note(loaded->proposed);
+  return loaded;
+}
+
+Result<LoadedScene> load_felt_target(const std::string& target, Console& console,
+                                     std::optional<PreparationMethod> preparation) {
+  auto loaded = load_target(target, console, preparation);
+  if (!loaded) return loaded;
+  if (auto felt = check_felt(*loaded); !felt) return felt.error();
+  return loaded;
+}
+
 Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model) {
   return file ? load_script(*file) : parse_script(default_script_text(model), "embedded script");
 }

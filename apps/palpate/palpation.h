@@ -6,9 +6,21 @@
 #include <vector>
 
 #include "palpate/session.h"
+#include "verb.h"
 
-/// What simulate and explore share.
+/// What the verbs that feel or show a scene share.
 namespace palpate::app {
+
+inline constexpr const char* kTargetHelp =
+    "A data set (palpate data list), a scene file, or a scan or label map by itself";
+
+/// What the command line names: a data set, a scene file, or a volume, for which a scene is proposed; which
+/// one is noted.
+Result<LoadedScene> load_target(const std::string& target, Console& console,
+                                std::optional<PreparationMethod> preparation = {});
+/// The same, and an error where nothing in it can be felt.
+Result<LoadedScene> load_felt_target(const std::string& target, Console& console,
+                                     std::optional<PreparationMethod> preparation = {});
 
 /// The script of that file; without one, a script that suits the model.
 Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model);

@@ -9,6 +9,7 @@
 #include "palpate/preparation.h"
 #include "palpate/session.h"
 #include "palpate/volume_io.h"
+#include "palpation.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -59,7 +60,10 @@ Result<Volume<std::uint8_t>> read_weights(const Options& options, Console& conso
     Error error = file.error();
     if (error.kind == ErrorKind::kBadInput && read_header(options.what).ok()) {
       error.remedy += (error.remedy.empty() ? "" : "; ") +
-                      std::string("a scan without segmentation needs --threshold LOW HIGH");
+                      std::string(
+                          "a scan without segmentation needs --threshold LOW HIGH, or a scene: palpate "
+                          "scene new --scan ") +
+                      options.what + " -o scene.toml";
     }
     return error;
   }
@@ -132,7 +136,7 @@ int prepare_scene(const Options& options, Console& console) {
                          "leave it out, or give a volume; a scene file has sigma, engine and bits under "
                          "[preparation]"});
   }
-  const auto loaded = load_scene_or_data_set(options.what, console.progress(), console.warn());
+  const auto loaded = load_felt_target(options.what, console);
   if (!loaded) return console.fail(loaded.error());
   const Model& model = *loaded->model;
   const FieldVolume& field = model.field->storage();

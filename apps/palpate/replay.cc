@@ -43,7 +43,8 @@ void add_replay(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("replay", "Run a recording's inputs again and compare every tick");
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();
-  verb->add_option("target", options->target, "Scene file it was made with; not needed for data sets");
+  verb->add_option("target", options->target,
+                   "Scene file or volume it was made with; not needed for data sets");
   verb->footer(
       "Examples:\n"
       "  palpate replay run.h5\n"

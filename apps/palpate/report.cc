@@ -45,7 +45,7 @@ void add_report(CLI::App& app, Run& run) {
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();
   verb->add_option("target", options->target,
-                   "Scene file or data set it was made with; not needed for data sets");
+                   "Scene file, volume or data set it was made with; not needed for data sets");
   verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");
   verb->footer(
       "Examples:\n"

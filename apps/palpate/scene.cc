@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <set>
 
-#include "looks_like_labels.h"
 #include "palpate/output.h"
 #include "palpate/ramps.h"
 #include "palpate/volume_io.h"
@@ -56,6 +55,23 @@ Result<Data> read_data(const std::optional<fs::path>& scan, const std::optional<
   return data;
 }
 
+/// A file that was named without saying what it is.
+Result<Data> read_one(const fs::path& file, const std::optional<fs::path>& names, Console& console) {
+  auto volume = read_volume(file, names, console.progress(), console.warn());
+  if (!volume) return volume.error();
+  Data data;
+  if (auto* labels = std::get_if<LabelFile>(&*volume)) {
+    warn_if_silent(labels->header, file, console);
+    data.labels = std::move(*labels);
+  } else {
+    data.scan = std::get<ScanFile>(*std::move(volume));
+    warn_if_silent(data.scan->header, file, console);
+    console.note(file.string() +
+                 " is taken as a scan, felt where it is bright; --labels takes it as a label map");
+  }
+  return data;
+}
+
 /// A scan and labels on two grids are brought onto field_grid(): said, and an error when they do not overlap.
 Result<void> compare_grids(const Data& data, Console& console) {
   if (!data.scan || !data.labels || data.scan_grid()->same_grid(*data.labels_grid())) return {};
@@ -75,10 +91,12 @@ struct NewOptions {
   std::vector<std::string> files;  ///< LABELS, or SCAN LABELS
   std::string scan, labels, names, side, modality, title, output;
   bool force = false;
+  bool one_file = false;  ///< named without saying what it is
 };
 
 /// The positional files take the places that --scan and --labels leave.
 Result<void> assign_files(NewOptions& options) {
+  options.one_file = options.files.size() == 1 && options.scan.empty() && options.labels.empty();
   for (auto file = options.files.rbegin(); file != options.files.rend(); ++file) {
     std::string& place = options.labels.empty() ? options.labels : options.scan;
     if (!place.empty()) {
@@ -113,6 +131,34 @@ Result<void> check_new_output(const NewOptions& options) {
   return {};
 }
 
+/// The structures whose names suggest no preset, in one line: what is left for a person to fill in.
+void note_without_preset(const Scene& scene, Console& console) {
+  constexpr std::size_t kNamed = 12;
+  std::size_t all = 0, unknown = 0;
+  std::string names;
+  for (const TissueSettings& tissue : scene.tissues) {
+    all += tissue.labels.size();
+    if (tissue.felt) continue;
+    // a tissue of one structure is called after it; what would be too many tissues is one of many
+    for (const LabelReference& label : tissue.labels) {
+      if (++unknown > kNamed) continue;
+      const auto* number = std::get_if<int>(&label);
+      names += (names.empty() ? "" : ", ") +
+               (number ? "label " + std::to_string(*number) : std::get<std::string>(label));
+    }
+  }
+  if (unknown == 0) return;
+  if (unknown > kNamed) names += " and " + std::to_string(unknown - kNamed) + " more";
+  if (unknown == all)
+    console.note(
+        "No name suggests a preset, so nothing is felt yet (" + names +
+        "): set felt = true, with a preset or a stiffness, where you want it, or name the labels with "
+        "--names.");
+  else
+    console.note(std::to_string(unknown) + " of " + std::to_string(all) +
+                 " structures suggest no preset and are not felt yet: " + names);
+}
+
 int run_new(NewOptions options, Console& console) {
   if (const auto assigned = assign_files(options); !assigned) return console.fail(assigned.error());
   if (const auto writable = check_new_output(options); !writable) return console.fail(writable.error());
@@ -124,8 +170,10 @@ int run_new(NewOptions options, Console& console) {
   if (!options.scan.empty()) input.scan = options.scan;
   if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
-  const auto data = read_data(input.scan, input.labels, input.names, console);
+  const auto data = options.one_file ? read_one(*input.labels, input.names, console)
+                                     : read_data(input.scan, input.labels, input.names, console);
   if (!data) return console.fail(data.error());
+  if (options.one_file && data->scan) std::swap(input.scan, input.labels);
   if (const auto grids = compare_grids(*data, console); !grids) {
     Error error = grids.error();
     error.where = options.labels;
@@ -133,18 +181,14 @@ int run_new(NewOptions options, Console& console) {
   }
   if (data->scan) input.scan_volume = &data->scan->scan;
   if (data->labels) input.label_map = &data->labels->labels;
-  if (data->scan && (data->scan->header.has_segments || looks_like_labels(*data->scan, false)))
+  if (data->scan && looks_like_labels(*data->scan))
     console.warn()(options.scan + " looks like a label map, not a scan: name it last, or after --labels");
 
   const auto text = new_scene_text(input, fs::path(options.output).parent_path());
   if (!text) return console.fail(text.error());
   const auto scene = parse_scene(*text, options.output.empty() ? "the new scene" : options.output);
   if (!scene) return console.fail(scene.error());
-  if (std::none_of(scene->tissues.begin(), scene->tissues.end(),
-                   [](const auto& tissue) { return tissue.felt; }))
-    console.note(
-        "No name suggests a preset, so nothing is felt yet: set felt = true and a stiffness where you want "
-        "it.");
+  note_without_preset(*scene, console);
   if (options.output.empty()) {
     std::fwrite(text->data(), 1, text->size(), stdout);
     return kExitOk;
@@ -178,12 +222,13 @@ void add_new(CLI::App& app, Run& run) {
   const auto options = std::make_shared<NewOptions>();
   CLI::App* verb = app.add_subcommand("new", "Write a scene file for a scan, a label map, or both");
   verb->formatter(std::make_shared<UsageInWords>());
-  verb->add_option("files", options->files, "The scan and its label map, or a label map alone")
+  verb->add_option("files", options->files, "The scan and its label map, or one of them alone")
       ->expected(0, 2)
       ->option_text("[SCAN] LABELS");
   verb->add_option("-s,--scan", options->scan, "The scan; alone it gives a scene by threshold");
   verb->add_option("-l,--labels", options->labels, "The label map");
-  verb->add_option("-n,--names", options->names, "Names and colours of the labels (.ctbl, .tsv)");
+  verb->add_option("-n,--names", options->names,
+                   "Names and colours of the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");
   verb->add_option("--side", options->side, "Side of the body: left, right, or both for a head or a torso")
       ->check(CLI::IsMember(known_names(kSides)));
   verb->add_option("--modality", options->modality,
@@ -325,6 +370,10 @@ void print_left_over(const Scene& scene, const LabelMap& labels,
 }
 
 int run_check(const std::string& file, Console& console) {
+  if (is_volume(file))
+    return console.fail({ErrorKind::kBadInput, "is a volume, not a scene", file,
+                         "palpate scene new " + file + " -o scene.toml writes a scene for it"});
+  if (auto other = something_else(file)) return console.fail(*other);
   const auto scene = load_scene(file);
   if (!scene) return console.fail(scene.error());
 

@@ -71,7 +71,7 @@ SectionRequest request_of(const Options& options, const GridGeometry& grid) {
 
 int draw_section(const Options& options, Console& console) {
   if (const auto right = check(options); !right) return console.fail(right.error());
-  const auto loaded = load_scene_or_data_set(options.target, console.progress(), console.warn());
+  const auto loaded = load_target(options.target, console);
   if (!loaded) return console.fail(loaded.error());
   const Model& model = *loaded->model;
   const auto picture = section_picture(model, request_of(options, model.field->geometry()));
@@ -95,7 +95,7 @@ CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<do
 }
 
 void add_options(CLI::App& verb, Options& options) {
-  verb.add_option("target", options.target, "A data set (palpate data list) or a scene file")->required();
+  verb.add_option("target", options.target, kTargetHelp)->required();
   verb.add_option("-o,--output", options.output, "Picture to write (PNG)")->required();
   add_numbers(verb, "--at", options.at, 3, 1e6,
               "The point to look at: patient coordinates in mm, LPS; default: the volume's centre")

@@ -61,7 +61,7 @@ int simulate_target(const Options& options, Console& console) {
   const auto outputs = outputs_of(options);
   if (!outputs) return console.fail(outputs.error());
   const Progress progress = console.progress();
-  const auto loaded = load_scene_or_data_set(options.target, progress, console.warn());
+  const auto loaded = load_felt_target(options.target, console);
   if (!loaded) return console.fail(loaded.error());
   const auto script = script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
@@ -97,7 +97,7 @@ void add_simulate(CLI::App& app, Run& run) {
   auto options = std::make_shared<Options>();
   CLI::App* verb =
       app.add_subcommand("simulate", "Let a simulated hand palpate a scene and record what it feels");
-  verb->add_option("target", options->target, "A data set (palpate data list) or a scene file")->required();
+  verb->add_option("target", options->target, kTargetHelp)->required();
   verb->add_option("-s,--script", options->script,
                    "Palpation script (TOML); default: one that suits the scene");
   verb->add_option("-o,--output", options->recording, "Recording to write (HDF5)");
@@ -116,6 +116,7 @@ void add_simulate(CLI::App& app, Run& run) {
       "  palpate simulate knee-phantom --report run.html\n"
       "  palpate simulate knee-atlas -o atlas.h5 --max-force 3\n"
       "  palpate simulate scene.toml --script press.toml -o run.h5\n"
+      "  palpate simulate labels.nii.gz --report run.html     with a scene that is proposed\n"
       "  palpate simulate knee-phantom --method smooth-sphere -o smooth.h5\n\n"
       "The simulated hand and device run on a virtual clock: the same scene, script and seed give the same "
       "run\n"

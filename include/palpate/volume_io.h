@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "palpate/progress.h"
@@ -14,6 +15,13 @@
 /// segment names and colours are dropped on reading: they may name a patient.
 namespace palpate {
 
+/// What a file says that its values are.
+enum class ValueMeaning {
+  kUnsaid,
+  kLabels,    ///< NIfTI's intent LABEL
+  kMeasured,  ///< NIfTI's intents of statistics, estimates and vectors
+};
+
 /// What a file's header says.
 struct VolumeHeader {
   std::string format;          ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage"
@@ -22,6 +30,7 @@ struct VolumeHeader {
   int layers = 1;             ///< > 1 for overlapping segments
   bool has_geometry = true;   ///< false: the file does not say how it lies in the patient, LPS is assumed
   bool has_segments = false;  ///< the file itself names segments
+  ValueMeaning meaning = ValueMeaning::kUnsaid;
 };
 
 struct ScanFile {
@@ -38,13 +47,33 @@ struct LabelFile {
 /// Reads only the header. Same errors as reading the file, short voxel data excepted.
 Result<VolumeHeader> read_header(const std::filesystem::path& file);
 
+/// Whether a file is one of these volumes by its name or its first bytes; false where it cannot be read.
+bool is_volume(const std::filesystem::path& file);
+/// What a file or a folder is, and the way from there to a volume, where it is known to be something else:
+/// DICOM, a surface, a picture, an archive, a folder, ...; nothing for a volume, a text and what is not
+/// known.
+std::optional<Error> something_else(const std::filesystem::path& file);
+
+/// What a volume holds: of a file that says so, or whose values are whole, few and in patches, labels.
+/// @param names  as for read_labels; given, whole numbers are enough
+Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
+                                                      const std::optional<std::filesystem::path>& names = {},
+                                                      const Progress& progress = {}, const Warn& warn = {});
+
 /// Reads any 3-D (or 2-D, as one slice) scalar volume as a scan.
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
                            const Warn& warn = {});
 
-/// Reads a segmentation. Voxel values must be whole and in 0 ... 65535.
-/// @param names  a colour table (.ctbl) or table (.tsv) that names the labels; without one, and when
-///               the file itself names none, a single table standing in the same folder is used.
+/// Whether a scan's values are what labels are: by what its file says of them, else whole, few and in
+/// patches.
+bool looks_like_labels(const ScanFile& file);
+/// Whether labels are what a scan's values are: many, and changing from voxel to voxel.
+bool looks_like_scan(const LabelMap& labels);
+
+/// Reads a segmentation, and warns where it looks like a scan. Voxel values must be whole and in 0 ... 65535.
+/// @param names  a table that names the labels, see read_label_names; without one, and when the file itself
+///               names none, a table with the file's own name is used, else a single .ctbl or .tsv standing
+///               in the same folder. A single label that is named nowhere is called after its file.
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {});
@@ -62,7 +91,17 @@ Result<std::vector<NamedLabel>> parse_colour_table(std::string_view text, const 
 /// Parses a tab-separated table with a header line that has "value" (or "index", "label", "id") and
 /// "name", and optionally "r","g","b" or "color" (#rrggbb) columns, as BIDS dseg.tsv.
 Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std::string& source);
-/// Reads either by its ending (.ctbl, .txt; .tsv).
+/// The same columns between commas or semicolons, a field perhaps in quotation marks; 3D Slicer's
+/// "LabelValue" and "Color_R" mean the same.
+Result<std::vector<NamedLabel>> parse_label_csv(std::string_view text, const std::string& source);
+/// Parses ITK-SNAP's label descriptions: value r g b opacity visible mesh "name".
+Result<std::vector<NamedLabel>> parse_snap_labels(std::string_view text, const std::string& source);
+/// Parses {"1": "femur"} or {"femur": 1}, by itself, under "labels" or as the one table of a task
+/// (TotalSegmentator, nnU-Net, MONAI); lists of segments as dcmqi and 3D Slicer write them; 3D Slicer's
+/// terminologies where their types have numbers.
+Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const std::string& source);
+/// Reads any of them by its ending: .ctbl, .txt and .lut (FreeSurfer's) are colour tables or, where the first
+/// line says so, ITK-SNAP's; .label is ITK-SNAP's; .tsv; .csv; .json.
 Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& file);
 
 /// Slicer's SegmentN_* fields (key, value pairs of an NRRD header) become segments.

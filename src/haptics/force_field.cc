@@ -38,7 +38,9 @@ Result<LevelledSphere<Sphere>> make_levelled(const Model& model, const Make& mak
     parts.push_back({level->first - below, *std::move(sphere)});
     below = level->first;
   }
-  PALPATE_CHECK(!parts.empty());
+  if (parts.empty())
+    return Error{ErrorKind::kBadInput, "no structure is felt, so there is nothing for its spheres to meet",
+                 "", "set felt = true on a tissue"};
   return LevelledSphere<Sphere>(std::move(parts));
 }
 

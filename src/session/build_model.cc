@@ -175,9 +175,11 @@ Side side_from_anatomy(const Model& model) {
   return lateral_mm > kClear_mm ? Side::kLeft : lateral_mm < -kClear_mm ? Side::kRight : Side::kUnknown;
 }
 
-Error nothing_felt() {
-  return {ErrorKind::kBadInput, "no voxel of the scene is felt", "",
-          "check the labels and thresholds of its tissues (palpate info shows what the files hold)"};
+// where nothing is felt yet, a scene can still be shown
+std::shared_ptr<const Field> empty_field(const PreparationSettings& preparation, const GridGeometry& grid) {
+  if (preparation.storage == FieldStorage::k8Bit)
+    return std::make_shared<const Field>(Volume<std::uint8_t>(grid));
+  return std::make_shared<const Field>(Volume<std::uint16_t>(grid));
 }
 
 // smoothing makes the ramp that the force climbs
@@ -185,7 +187,7 @@ Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& p
                                                     const Volume<std::uint8_t>& weights,
                                                     const Progress& progress) {
   if (std::all_of(weights.voxels().begin(), weights.voxels().end(), [](std::uint8_t w) { return w == 0; }))
-    return nothing_felt();
+    return empty_field(preparation, weights.geometry());
   GaussianOptions options;
   options.sigma_mm = preparation.sigma_mm;
   options.engine = preparation.engine;
@@ -233,7 +235,10 @@ Result<std::shared_ptr<const Field>> ramp_field(const PreparationSettings& prepa
   const auto width_mm = ramp_width_mm(preparation, labels.geometry());
   if (!width_mm) return width_mm.error();
   const std::vector<RampStructure> structures = ramp_structures(model, labels);
-  if (structures.empty()) return nothing_felt();
+  if (structures.empty()) {
+    model.ramp_width_mm = *width_mm;
+    return empty_field(preparation, labels.geometry());
+  }
   auto ramps = prepare_ramps(
       labels, structures, {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = *width_mm},
       progress);
@@ -266,10 +271,9 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   for (const TissueSettings& settings : scene.tissues)
     model->tissues.push_back(tissue_of(settings, scene.tissues));
 
-  const double stiffest = model->greatest_stiffness_N_per_mm();
-  if (stiffest <= 0)
-    return Error{ErrorKind::kBadInput, "no tissue of the scene is felt", scene.source,
-                 "set felt = true on at least one [[tissue]]"};
+  // weights are parts of it; where nothing is felt none counts
+  const double greatest = model->greatest_stiffness_N_per_mm();
+  const double stiffest = greatest > 0 ? greatest : 1;
 
   // labels: each takes its tissue's weight
   const GridGeometry grid = common->labels ? common->labels->geometry() : common->scan->geometry();

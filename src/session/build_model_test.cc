@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/test_files.h"
@@ -58,6 +59,32 @@ Scene scene_of(const std::string& text) {
   auto scene = parse_scene(text, "test.toml");
   EXPECT_TRUE(scene.ok()) << (scene.ok() ? "" : scene.error().message());
   return *scene;
+}
+
+// a scene on its way: no tissue is felt, or none that has a voxel
+TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
+  const LabelMap labels = blocks(grid_of(1, 40));
+  for (const char* preparation : {"", "[preparation]\nmethod = \"union-gaussian\"\nbits = 8\n"})
+    for (const char* tissue : {"labels = [1]\nfelt = false\n", "labels = [9]\noptional = true\n"}) {
+      const Scene scene = scene_of("[[tissue]]\nname = \"a\"\n" + std::string(tissue) + preparation);
+      const auto model = build_model(scene, &labels, nullptr);
+      ASSERT_TRUE(model.ok()) << model.error().message();
+      EXPECT_FALSE(is_anything_felt(**model));
+      EXPECT_EQ((*model)->labels->voxels(), labels.layers[0].voxels());
+      const Volume<float> field = (*model)->field->values();
+      EXPECT_TRUE(std::all_of(field.voxels().begin(), field.voxels().end(), [](float v) { return v == 0; }));
+      EXPECT_EQ((*model)->force_field(ForceMethod::kTrilinear).sample(Point<Patient>(20, 20, 20)).value, 0);
+      // every method is there or says why not; none of them stops the program
+      for (const ForceMethodInfo& info : kForceMethods) (void)ready_for(*model, {&info.method, 1}).ok();
+
+      const LoadedScene loaded{scene, *model, ""};
+      const auto felt = check_felt(loaded);
+      ASSERT_FALSE(felt.ok());
+      EXPECT_EQ(felt.error().kind, ErrorKind::kBadInput);
+      EXPECT_FALSE(simulate(loaded, Script{}, {}, "").ok());
+    }
+  const auto felt = build_model(scene_of(kScene), &labels, nullptr);
+  EXPECT_TRUE(is_anything_felt(**felt));
 }
 
 TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {

@@ -159,8 +159,14 @@ ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& t
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
                               const std::filesystem::path& recording, const Progress& progress,
                               const std::function<void(const ExploreStatus&)>& status) {
-  auto setup = options.device == ExploreDevice::kPointer ? set_up_pointer_run(loaded, options.run, progress)
-                                                         : set_up_run(loaded, script, options.run, progress);
+  // a hand without anything to touch has nothing to do; a viewer may look, and move the tip
+  const bool felt = is_anything_felt(*loaded.model);
+  if (!felt && options.device != ExploreDevice::kPointer)
+    if (auto touchable = check_felt(loaded); !touchable) return touchable.error();
+  SimulationOptions run = options.run;
+  if (!felt) run.method = ForceMethod::kTrilinear;
+  auto setup = options.device == ExploreDevice::kPointer ? set_up_pointer_run(loaded, run, progress)
+                                                         : set_up_run(loaded, script, run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_what_can_be_chosen(setup->model, progress); !ready) return ready.error();
   auto tip = tip_source_of(*setup, options, progress);

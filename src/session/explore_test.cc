@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <set>
@@ -230,6 +231,27 @@ TEST_F(Explore, WithoutARecordingItStillCounts) {
   EXPECT_GT(result->summary.ticks, 0u);
   EXPECT_EQ(result->summary.ticks, result->health.ticks);
   EXPECT_FALSE(result->recording_failure);
+}
+
+// who moves the tip may look on; a hand with a script has nothing to touch
+TEST_F(Explore, WhereNothingIsFeltAPointerLooksOn) {
+  Model model = *loaded_.model;
+  for (Tissue& tissue : model.tissues) tissue.felt = false;
+  std::fill(model.level_of_label.begin(), model.level_of_label.end(), 0.f);
+  model.methods = {};
+  auto shown =
+      with_methods(std::make_shared<const Model>(std::move(model)), std::array{ForceMethod::kTrilinear});
+  ASSERT_TRUE(shown.ok());
+  loaded_.model = *shown;
+  ExploreOptions options;
+  options.seconds = 0.2;
+  EXPECT_FALSE(explore(loaded_, script_of(kPass), options, "").ok());
+  options.device = ExploreDevice::kPointer;
+  const auto result = explore(loaded_, Script{}, options, "");
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_GT(result->health.ticks, 0u);
+  EXPECT_EQ(result->max_force_N, 0);
+  EXPECT_EQ(result->summary.method_missing, 0u);
 }
 
 TEST_F(Explore, WhatCannotBeginIsAnError) {

@@ -4,6 +4,7 @@
 #include "palpate/phantoms.h"
 #include "palpate/session.h"
 #include "palpate/volume_io.h"
+#include "session/proposed_scene.h"
 
 namespace palpate {
 namespace {
@@ -48,6 +49,8 @@ Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
     auto read = read_scan(*scan_file, progress, warn);
     if (!read) return read.error();
     scan = std::move(*read);
+    if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
+      warn(scan_file->string() + " says that it holds labels, and the scene takes it as the scan");
   }
   if (progress.stopped()) return Progress::interrupted();
   const bool oriented = (!labels || labels->header.has_geometry) && (!scan || scan->header.has_geometry);
@@ -89,18 +92,38 @@ Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& p
   return LoadedScene{std::move(*scene), std::move(*model), data_set};
 }
 
+// a scan or a label map by itself, with the scene that is proposed for it
+Result<LoadedScene> load_volume(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
+                                std::optional<PreparationMethod> preparation) {
+  auto volume = read_volume(file, {}, progress, warn);
+  if (!volume) return volume.error();
+  auto proposed = propose_scene(file, *volume);
+  if (!proposed) return proposed.error();
+  prepare_by(preparation, proposed->scene.preparation);
+  const auto* labels = std::get_if<LabelFile>(&*volume);
+  const auto* scan = std::get_if<ScanFile>(&*volume);
+  auto model = build_model(proposed->scene, labels ? &labels->labels : nullptr, scan ? &scan->scan : nullptr,
+                           progress, warn, labels ? labels->header.has_geometry : scan->header.has_geometry);
+  if (!model) return model.error();
+  return LoadedScene{std::move(proposed->scene), std::move(*model), "", std::move(proposed->note)};
+}
+
 }  // namespace
 
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
                                            const Warn& warn, std::optional<PreparationMethod> preparation) {
   if (find_entry(what)) return load_data_set(what, progress, warn, preparation);
+  if (is_volume(what)) return load_volume(what, progress, warn, preparation);
+  if (auto other = something_else(what)) return *std::move(other);
   auto scene = load_scene(what);
   if (!scene) {
     Error error = scene.error();
     std::error_code unreadable;
     if (!std::filesystem::exists(what, unreadable) && !unreadable) {
       error.what = "neither a data set nor a scene file";
-      error.remedy = "palpate data list shows the data sets; palpate scene new writes a scene file";
+      error.remedy =
+          "palpate data list shows the data sets; palpate scene new writes a scene file for a scan and "
+          "labels";
     }
     return error;
   }

@@ -1,8 +1,10 @@
 #include "volume_io/formats.h"
 
+#include <algorithm>
 #include <array>
 
 #include "volume_io/label_text.h"
+#include "volume_io/voxel_stream.h"
 
 namespace palpate::volume_io {
 namespace {
@@ -17,6 +19,65 @@ const std::array<Format, 3> kFormats{{
     {"NIfTI", kNifti, inspect_nifti, ItkFormat::kNifti, Endings(kNifti).first(2)},
     {"MetaImage", kMetaImage, inspect_metaimage, ItkFormat::kMetaImage, Endings(kMetaImage).first(1)},
 }};
+
+// ---- folders ------------------------------------------------------------------------------------
+
+// what stands in a folder and, not too deep, below it
+struct FolderContent {
+  std::size_t files = 0, dicom_images = 0;
+  std::vector<std::string> volumes;  // by their names, from the folder on
+  std::optional<FileKind> other;     // the first that is known to be something else
+};
+
+FolderContent look_into(const std::filesystem::path& folder) {
+  constexpr std::size_t kMostFiles = 10'000, kMostOpened = 100;
+  constexpr int kDeepest = 4;
+  FolderContent content;
+  std::error_code failed;
+  using std::filesystem::recursive_directory_iterator;
+  recursive_directory_iterator entry(folder, std::filesystem::directory_options::skip_permission_denied,
+                                     failed);
+  std::size_t opened = 0;
+  for (; !failed && entry != recursive_directory_iterator() && content.files < kMostFiles;
+       entry.increment(failed)) {
+    if (entry.depth() >= kDeepest) entry.disable_recursion_pending();
+    std::error_code ignored;
+    if (!entry->is_regular_file(ignored)) continue;
+    ++content.files;
+    if (format_of(entry->path())) {
+      content.volumes.push_back(entry->path().lexically_relative(folder).string());
+    } else if (opened < kMostOpened) {
+      ++opened;
+      const auto kind = content_of(entry->path());
+      if (kind && kind->dicom_image) ++content.dicom_images;
+      if (kind && !kind->dicom_image && !content.other) content.other = kind;
+    }
+  }
+  std::sort(content.volumes.begin(), content.volumes.end());
+  return content;
+}
+
+Error folder_error(const std::filesystem::path& folder) {
+  const FolderContent content = look_into(folder);
+  const auto is_folder = [&](const std::string& with, const std::string& remedy) {
+    return bad_input(folder.string(), "is a folder" + with, remedy);
+  };
+  if (content.files == 0) return is_folder(" without a file in it", "name a volume");
+  if (!content.volumes.empty()) {
+    constexpr std::size_t kNamed = 3;
+    std::string names;
+    for (std::size_t n = 0; n < std::min(kNamed, content.volumes.size()); ++n)
+      names += (n == 0 ? "" : ", ") + content.volumes[n];
+    if (content.volumes.size() > kNamed)
+      names += " and " + std::to_string(content.volumes.size() - kNamed) + " more";
+    return is_folder(", not a file", "name a file in it: " + names);
+  }
+  if (content.dicom_images > 0) return is_folder(" of DICOM files", kind_of_dicom_image().remedy);
+  if (content.other)
+    return is_folder(" without a volume in it",
+                     "there is " + content.other->what + ": " + content.other->remedy);
+  return is_folder(" without a volume in it", "name a volume: NRRD, NIfTI or MetaImage");
+}
 
 }  // namespace
 
@@ -34,17 +95,40 @@ Result<const Format*> format_of(const std::filesystem::path& file) {
       "use NRRD (.nrrd, .nhdr, .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img) or MetaImage (.mha, .mhd)");
 }
 
+std::optional<FileKind> content_of(const std::filesystem::path& file) {
+  std::error_code failed;
+  const std::uint64_t size = std::filesystem::file_size(file, failed);
+  const auto front = read_front(file, Encoding::kRaw, kKindBytes);
+  if (failed || !front) return std::nullopt;
+  const std::string name = file.filename().string();
+  if (!front->starts_with("\x1f\x8b")) return kind_of(*front, name, size);
+  // what a name without ".gz" would end in tells too
+  const auto unpacked = read_front(file, Encoding::kDeflate, kKindBytes);
+  if (!unpacked) return std::nullopt;
+  auto inside = kind_of(*unpacked, has_ending(file, ".gz") ? file.stem().string() : name, 0);
+  if (inside) inside->what += ", compressed by gzip";
+  return inside;
+}
+
 Result<VolumeFile> inspect(const std::filesystem::path& file) {
   std::error_code ignored;
   const auto status = std::filesystem::status(file, ignored);
   if (status.type() == std::filesystem::file_type::not_found)
     return bad_input(file.string(), "no such file", "check the name and the folder");
-  if (std::filesystem::is_directory(status))
-    return bad_input(file.string(), "is a folder, not a file", "name a file in it");
+  if (std::filesystem::is_directory(status)) return folder_error(file);
   if (!std::filesystem::is_regular_file(status)) return bad_input(file.string(), "is not a plain file");
   const auto format = format_of(file);
-  if (!format) return format.error();
-  return (*format)->inspect(file);
+  if (!format) {
+    const auto kind = content_of(file);
+    return kind ? bad_input(file.string(), "is " + kind->what, kind->remedy) : format.error();
+  }
+  auto volume = (*format)->inspect(file);
+  if (volume) return volume;
+  // what is in it may be something else than its name says
+  const auto kind = content_of(file);
+  if (!kind || kind->volume == (*format)->name) return volume;
+  return bad_input(file.string(), "is " + kind->what + ", and not " + (*format)->name + " as its name says",
+                   kind->remedy);
 }
 
 Result<GridGeometry> itk_geometry(ItkFormat format, const std::filesystem::path& file,
@@ -74,3 +158,27 @@ Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& so
 }
 
 }  // namespace palpate::volume_io
+
+namespace palpate {
+
+using namespace volume_io;
+
+bool is_volume(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(file, ignored)) return false;
+  if (format_of(file)) return true;
+  const auto kind = content_of(file);
+  return kind && !kind->volume.empty();
+}
+
+std::optional<Error> something_else(const std::filesystem::path& file) {
+  std::error_code ignored;
+  const auto status = std::filesystem::status(file, ignored);
+  if (std::filesystem::is_directory(status)) return folder_error(file);
+  if (!std::filesystem::is_regular_file(status) || format_of(file)) return std::nullopt;
+  const auto kind = content_of(file);
+  if (!kind || !kind->volume.empty()) return std::nullopt;
+  return bad_input(file.string(), "is " + kind->what, kind->remedy);
+}
+
+}  // namespace palpate

@@ -3,6 +3,7 @@
 #include <span>
 #include <string_view>
 
+#include "volume_io/file_kind.h"
 #include "volume_io/itk_io.h"
 #include "volume_io/voxel_source.h"
 
@@ -24,6 +25,10 @@ Result<const Format*> format_of(const std::filesystem::path& file);
 Result<VolumeFile> inspect(const std::filesystem::path& file);
 
 bool has_ending(const std::filesystem::path& file, std::string_view ending);
+
+/// What the file holds by its first bytes, through gzip where it is compressed so; nothing for a text, what
+/// is not known and what cannot be read.
+std::optional<FileKind> content_of(const std::filesystem::path& file);
 
 Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file);
 Result<VolumeFile> inspect_nifti(const std::filesystem::path& file);

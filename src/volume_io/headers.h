@@ -35,15 +35,17 @@ struct MetaImageHeader {
 };
 Result<MetaImageHeader> parse_metaimage_header(std::string_view bytes, const std::string& source);
 
-/// https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h
+/// NIfTI-1 and NIfTI-2: https://nifti.nimh.nih.gov
 struct NiftiHeader {
   std::vector<std::int64_t> axes;
   bool has_geometry = false;
-  bool separate = false;                             ///< the voxels stand in a file of their own (.img)
-  std::optional<Eigen::Matrix<double, 3, 4>> sform;  ///< voxel index to RAS mm
-  VoxelSource voxels;                                ///< skip is the place of the voxels
+  bool separate = false;  ///< the voxels stand in a file of their own (.img)
+  /// Voxel index to RAS mm: the sform; without one, of NIfTI-2, what qform or voxel sizes give.
+  std::optional<Eigen::Matrix<double, 3, 4>> affine;
+  ValueMeaning meaning = ValueMeaning::kUnsaid;  ///< by its intent code
+  VoxelSource voxels;                            ///< skip is the place of the voxels
 };
-constexpr std::size_t kNiftiHeaderBytes = 348;
+constexpr std::size_t kMostNiftiHeaderBytes = 540;
 Result<NiftiHeader> parse_nifti_header(std::string_view bytes, const std::string& source);
 
 }  // namespace palpate::volume_io

@@ -4,33 +4,101 @@
 
 #include "base/file.h"
 #include "volume_io/formats.h"
+#include "volume_io/label_text.h"
 
 namespace palpate {
 
 using namespace volume_io;
 
+namespace {
+
+// ITK-SNAP's have the name in quotation marks
+bool is_snap(std::string_view text) {
+  while (!text.empty()) {
+    const std::string_view line = trimmed(take_line(text));
+    if (!line.empty() && line.front() != '#') return line.find('"') != std::string_view::npos;
+  }
+  return false;
+}
+
+Result<std::vector<NamedLabel>> parse_text_table(std::string_view text, const std::string& source) {
+  return is_snap(text) ? parse_snap_labels(text, source) : parse_colour_table(text, source);
+}
+
+struct Table {
+  std::string_view ending;
+  Result<std::vector<NamedLabel>> (*parse)(std::string_view text, const std::string& source);
+};
+constexpr Table kTables[] = {{".ctbl", parse_text_table}, {".tsv", parse_label_tsv},
+                             {".csv", parse_label_csv},   {".label", parse_snap_labels},
+                             {".lut", parse_text_table},  {".json", parse_label_json},
+                             {".txt", parse_text_table}};
+
+// the name without the ending of its format
+std::string stem_of(const std::filesystem::path& file) {
+  std::string name = file.filename().string();
+  for (const std::string_view ending :
+       {".gz", ".nii", ".seg", ".nrrd", ".nhdr", ".hdr", ".img", ".mha", ".mhd", ".seg"})
+    if (has_ending(name, ending)) name.erase(name.size() - ending.size());
+  return name;
+}
+
+}  // namespace
+
 Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& file) {
-  const bool table = has_ending(file, ".ctbl") || has_ending(file, ".txt");
-  if (!table && !has_ending(file, ".tsv"))
-    return bad_input(file.string(), "is of no table format that is read here", "use .ctbl, .txt or .tsv");
+  const auto table = std::find_if(std::begin(kTables), std::end(kTables),
+                                  [&](const Table& each) { return has_ending(file, each.ending); });
+  if (table == std::end(kTables))
+    return bad_input(file.string(), "is of no table format that is read here",
+                     "use .ctbl, .tsv, .csv, .json, .label or .txt");
   constexpr std::size_t kMostBytes = std::size_t{1} << 24;
   const auto text = read_file(file, kMostBytes);
   if (!text) return text.error();
-  return table ? parse_colour_table(*text, file.string()) : parse_label_tsv(*text, file.string());
+  return table->parse(*text, file.string());
 }
 
 namespace volume_io {
 
-std::optional<std::filesystem::path> only_table_beside(const std::filesystem::path& file) {
+std::optional<std::filesystem::path> table_beside(const std::filesystem::path& file) {
   const auto folder = file.parent_path().empty() ? std::filesystem::path(".") : file.parent_path();
-  std::vector<std::filesystem::path> tables;
   std::error_code failed;
+  for (const Table& table : kTables) {
+    // a text of that name may be about anything
+    if (table.ending == ".txt") continue;
+    const auto beside = folder / (stem_of(file) + std::string(table.ending));
+    if (std::filesystem::is_regular_file(beside, failed)) return beside;
+  }
+  std::vector<std::filesystem::path> tables;
+  failed.clear();
   std::filesystem::directory_iterator entries(folder, failed);
   for (; !failed && entries != std::filesystem::directory_iterator(); entries.increment(failed))
     if (has_ending(entries->path(), ".ctbl") || has_ending(entries->path(), ".tsv"))
       tables.push_back(entries->path());
   if (failed || tables.size() != 1) return std::nullopt;
   return tables.front();
+}
+
+std::optional<std::string> name_of_mask(const std::filesystem::path& file) {
+  const std::string stem = stem_of(file);
+  if (name_fault(stem)) return std::nullopt;
+  static constexpr std::string_view kGeneric[] = {
+      "label",        "labels",        "labelmap",   "seg",     "segs", "dseg",    "segment",
+      "segmentation", "segmentations", "mask",       "masks",   "roi",  "binary",  "volume",
+      "vol",          "image",         "img",        "data",    "file", "output",  "out",
+      "result",       "pred",          "prediction", "final",   "new",  "copy",    "test",
+      "sub",          "subject",       "ses",        "patient", "case", "untitled"};
+  // words of letters: is there one that says something?
+  std::string word;
+  const auto says_something = [&] {
+    return word.size() > 2 && std::find(std::begin(kGeneric), std::end(kGeneric), word) == std::end(kGeneric);
+  };
+  bool any = false;
+  for (const char c : lower_case(stem)) {
+    const bool letter = (c >= 'a' && c <= 'z') || static_cast<unsigned char>(c) >= 0x80;
+    if (!letter) any = any || says_something();
+    letter ? word.push_back(c) : word.clear();
+  }
+  return any || says_something() ? std::optional(stem) : std::nullopt;
 }
 
 }  // namespace volume_io

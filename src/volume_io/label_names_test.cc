@@ -25,7 +25,16 @@ TEST(LabelNames, ATableIsReadByItsEnding) {
   EXPECT_EQ(read_label_names(write_text(folder / "a.ctbl", ctbl))->size(), 1u);
   EXPECT_EQ(read_label_names(write_text(folder / "a.txt", ctbl))->size(), 1u);
   EXPECT_EQ(read_label_names(write_text(folder / "a.TSV", tsv))->size(), 1u);
-  EXPECT_FALSE(read_label_names(write_text(folder / "a.csv", tsv)));
+  EXPECT_EQ(read_label_names(write_text(folder / "a.csv", "value,name\n1,femur\n"))->size(), 1u);
+  EXPECT_EQ(read_label_names(write_text(folder / "a.json", R"({"1": "femur"})"))->size(), 1u);
+  const std::string snap = "# ITK-SnAP\n1 1 2 3 1 1 1 \"femur\"\n";
+  EXPECT_EQ(read_label_names(write_text(folder / "a.label", snap))->size(), 1u);
+  EXPECT_EQ(read_label_names(write_text(folder / "snap.txt", snap))->front().name, "femur");
+  // FreeSurfer's
+  const std::string lut = "#No. Label Name:   R   G   B   A\n\n17  Left-Hippocampus   220 216 20  0\n";
+  EXPECT_EQ(read_label_names(write_text(folder / "FreeSurferColorLUT.txt", lut))->front().name,
+            "Left-Hippocampus");
+  EXPECT_FALSE(read_label_names(write_text(folder / "a.xls", tsv)));
   EXPECT_FALSE(read_label_names(folder / "missing.ctbl"));
 }
 
@@ -59,6 +68,44 @@ TEST(LabelNames, ABadTableIsAnErrorWhenNamedAndAWarningWhenOnlyLyingThere) {
   ASSERT_TRUE(labels);
   EXPECT_EQ(labels->unnamed.size(), 3u);
   EXPECT_NE(warning.find("participants.tsv:1"), std::string::npos) << warning;
+}
+
+TEST(LabelNames, ATableOfTheFilesOwnNameComesFirst) {
+  const TemporaryFolder folder;
+  const auto file = write_labels_file(folder);
+  write_text(folder / "other.ctbl", "1 femur 10 20 30 255\n");
+  write_text(folder / "another.tsv", "value\tname\n1\ttibia\n");
+  EXPECT_EQ(read_labels(file)->unnamed.size(), 3u) << "two that may be meant";
+  write_text(folder / "labels.json", R"({"1": "liver", "2": "spleen", "3": "kidney"})");
+  const auto labels = read_labels(file);
+  ASSERT_TRUE(labels);
+  EXPECT_EQ(labels->labels.segments[0].name, "liver");
+  EXPECT_TRUE(labels->unnamed.empty());
+}
+
+TEST(LabelNames, AMaskIsCalledAfterItsFile) {
+  for (const auto& [name, expected] : {std::pair{"femur_left.nrrd", "femur_left"},
+                                       {"vertebrae_L5.seg.nrrd", "vertebrae_L5"},
+                                       {"Niere links.NII.GZ", "Niere links"},
+                                       {"sub-01_liver_mask.nii", "sub-01_liver_mask"},
+                                       {"labels.nii.gz", ""},
+                                       {"seg_01.mha", ""},
+                                       {"1.nrrd", ""},
+                                       {"Segmentation-label.nrrd", ""},
+                                       {"\xff.nrrd", ""}})
+    EXPECT_EQ(volume_io::name_of_mask(name).value_or(""), expected) << name;
+
+  const TemporaryFolder folder;
+  const char* header =
+      "NRRD0004\ntype: uint8\ndimension: 3\nspace: LPS\nsizes: 2 1 1\n"
+      "space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\nencoding: ascii\n\n";
+  const auto mask = read_labels(write_text(folder / "femur_left.nrrd", std::string(header) + "0 7\n"));
+  ASSERT_TRUE(mask) << mask.error().message();
+  EXPECT_EQ(mask->labels.segments.at(0).name, "femur_left");
+  EXPECT_TRUE(mask->unnamed.empty());
+  // of two nobody knows which is meant
+  const auto two = read_labels(write_text(folder / "knee_left.nrrd", std::string(header) + "1 2\n"));
+  EXPECT_EQ(two->unnamed.size(), 2u);
 }
 
 }  // namespace

@@ -18,19 +18,51 @@ struct Columns {
   std::size_t count = 0;
 };
 
-Result<Columns> parse_heading(std::string_view line, const std::string& where) {
+// the columns of a line: a tab-separated one as it stands, of others what is between quotation marks too
+using Split = Result<std::vector<std::string>> (*)(std::string_view line, char separator,
+                                                   const std::string& where);
+
+Result<std::vector<std::string>> split_plain(std::string_view line, char separator, const std::string&) {
+  std::vector<std::string> fields;
+  for (const std::string_view field : split_at(line, separator)) fields.emplace_back(field);
+  return fields;
+}
+
+// RFC 4180, a row a line
+Result<std::vector<std::string>> split_quoted(std::string_view line, char separator,
+                                              const std::string& where) {
+  std::vector<std::string> fields(1);
+  bool quoted = false;
+  for (std::size_t n = 0; n < line.size(); ++n) {
+    const char c = line[n];
+    const bool twice = quoted && c == '"' && n + 1 < line.size() && line[n + 1] == '"';
+    if (twice) ++n;
+    if (c == '"' && !twice)
+      quoted = !quoted;
+    else if (c == separator && !quoted)
+      fields.emplace_back();
+    else
+      fields.back() += c;
+  }
+  if (quoted) return bad_input(where, "has a quotation mark that is never closed");
+  return fields;
+}
+
+Result<Columns> parse_heading(const std::vector<std::string>& fields, const std::string& where) {
   Columns columns;
-  const auto fields = split_at(line, '\t');
   columns.count = fields.size();
   for (std::size_t n = 0; n < fields.size(); ++n) {
     const std::string heading = lower_case(trimmed(fields[n]));
+    const auto is_one_of = [&](std::initializer_list<const char*> names) {
+      return std::find(names.begin(), names.end(), heading) != names.end();
+    };
     std::size_t* column = nullptr;
-    if (heading == "value" || heading == "index" || heading == "label" || heading == "id")
+    if (is_one_of({"value", "index", "label", "id", "labelvalue", "label value", "label_value", "label_id"}))
       column = &columns.value;
-    if (heading == "name") column = &columns.name;
-    if (heading == "r") column = &columns.r;
-    if (heading == "g") column = &columns.g;
-    if (heading == "b") column = &columns.b;
+    if (is_one_of({"name", "label name", "label_name", "labelname"})) column = &columns.name;
+    if (is_one_of({"r", "red", "color_r"})) column = &columns.r;
+    if (is_one_of({"g", "green", "color_g"})) column = &columns.g;
+    if (is_one_of({"b", "blue", "color_b"})) column = &columns.b;
     if (heading == "color" || heading == "colour") column = &columns.colour;
     if (column == nullptr) continue;
     if (*column != kNowhere)
@@ -38,8 +70,9 @@ Result<Columns> parse_heading(std::string_view line, const std::string& where) {
     *column = n;
   }
   if (columns.value == kNowhere || columns.name == kNowhere)
-    return bad_input(where, "the first line does not head a 'value' and a 'name' column",
-                     "begin with a line like value<TAB>name (index, label and id mean value too)");
+    return bad_input(
+        where, "the first line does not head a 'value' and a 'name' column",
+        "begin with a line that heads the columns, value and name (index, label and id mean value too)");
   const int rgb = (columns.r != kNowhere) + (columns.g != kNowhere) + (columns.b != kNowhere);
   if (rgb != 0 && rgb != 3) return bad_input(where, "heads only some of the columns r, g and b");
   return columns;
@@ -58,7 +91,7 @@ std::optional<Rgb> parse_hex_colour(std::string_view text) {
 }
 
 // nothing where the row gives none ("n/a" in BIDS)
-Result<std::optional<Rgb>> parse_colour(const Columns& columns, const std::vector<std::string_view>& fields,
+Result<std::optional<Rgb>> parse_colour(const Columns& columns, const std::vector<std::string>& fields,
                                         const std::string& where) {
   const auto missing = [](std::string_view text) { return text.empty() || text == "n/a"; };
   if (columns.r != kNowhere) {
@@ -76,12 +109,11 @@ Result<std::optional<Rgb>> parse_colour(const Columns& columns, const std::vecto
   return colour;
 }
 
-}  // namespace
-
-Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std::string& source) {
-  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-  if (text.substr(0, kByteOrderMark.size()) == kByteOrderMark) text.remove_prefix(kByteOrderMark.size());
-  const auto columns = parse_heading(take_line(text), source + ":1");
+Result<std::vector<NamedLabel>> parse_table(std::string_view text, char separator, Split split,
+                                            const std::string& source) {
+  const auto heading = split(take_line(text), separator, source + ":1");
+  if (!heading) return heading.error();
+  const auto columns = parse_heading(*heading, source + ":1");
   if (!columns) return columns.error();
 
   std::vector<NamedLabel> labels;
@@ -90,24 +122,47 @@ Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std
     const std::string_view line = take_line(text);
     if (trimmed(line).empty()) continue;
     const std::string where = source + ":" + std::to_string(number);
-    const auto fields = split_at(line, '\t');
-    if (fields.size() != columns->count)
+    const auto fields = split(line, separator, where);
+    if (!fields) return fields.error();
+    if (fields->size() != columns->count)
       return bad_input(where,
-                       "has " + std::to_string(fields.size()) + " columns, the first line heads " +
+                       "has " + std::to_string(fields->size()) + " columns, the first line heads " +
                            std::to_string(columns->count),
-                       "columns are separated by one tabulator each");
-    const auto value = parse_number<LabelId>(trimmed(fields[columns->value]));
+                       separator == '\t' ? "columns are separated by one tabulator each"
+                                         : "a name with a comma stands between quotation marks");
+    const auto value = parse_number<LabelId>(trimmed((*fields)[columns->value]));
     if (!value) return bad_input(where, "the value is not a whole number in 0 ... 65535");
     if (!seen.insert(*value).second)
       return bad_input(where, "value " + std::to_string(*value) + " is named a second time",
                        "keep one of the lines");
-    const std::string_view name = trimmed(fields[columns->name]);
+    const std::string_view name = trimmed((*fields)[columns->name]);
     if (auto fault = name_fault(name)) return bad_input(where, *fault, "rename the structure");
-    const auto colour = parse_colour(*columns, fields, where);
+    const auto colour = parse_colour(*columns, *fields, where);
     if (!colour) return colour.error();
     labels.push_back({*value, std::string(name), *colour});
   }
   return labels;
+}
+
+std::string_view without_byte_order_mark(std::string_view text) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
+  return text;
+}
+
+}  // namespace
+
+Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std::string& source) {
+  return parse_table(without_byte_order_mark(text), '\t', split_plain, source);
+}
+
+Result<std::vector<NamedLabel>> parse_label_csv(std::string_view text, const std::string& source) {
+  text = without_byte_order_mark(text);
+  // where a comma is the decimal point, spreadsheets write semicolons
+  const std::string_view heading = text.substr(0, text.find('\n'));
+  const bool semicolons =
+      heading.find(',') == std::string_view::npos && heading.find(';') != std::string_view::npos;
+  return parse_table(text, semicolons ? ';' : ',', split_quoted, source);
 }
 
 }  // namespace palpate

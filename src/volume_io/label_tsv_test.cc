@@ -52,5 +52,33 @@ TEST(LabelTsv, EveryFaultNamesItsLine) {
   }
 }
 
+TEST(LabelCsv, ReadsCommasSemicolonsAndQuotationMarks) {
+  const auto labels = parse_label_csv(
+      "\xEF\xBB\xBFLabelValue,Name,Color_R,Color_G,Color_B,Color_A\r\n"
+      "1,\"femur, left\",1,2,3,255\r\n"
+      "\r\n"
+      "2,\"the \"\"second\"\"\",4,5,6,255",
+      "names.csv");
+  ASSERT_TRUE(labels) << labels.error().message();
+  ASSERT_EQ(labels->size(), 2u);
+  EXPECT_EQ((*labels)[0].name, "femur, left");
+  EXPECT_EQ((*labels)[0].colour, (Rgb{1, 2, 3}));
+  EXPECT_EQ((*labels)[1].name, "the \"second\"");
+
+  const auto semicolons = parse_label_csv("name;id\nfemur;5\n", "names.csv");
+  ASSERT_TRUE(semicolons) << semicolons.error().message();
+  EXPECT_EQ((*semicolons)[0].value, 5);
+  EXPECT_EQ((*semicolons)[0].name, "femur");
+}
+
+TEST(LabelCsv, EveryFaultNamesItsLine) {
+  EXPECT_EQ(parse_label_csv("1,femur\n", "t.csv").error().where, "t.csv:1");
+  for (const char* bad : {"2", "2,b,c,d", "x,b,", "65536,b,", "2,,", "1,b,", "2,b,red", "2,\"b,"}) {
+    const auto labels = parse_label_csv("value,name,color\n1,a,#000000\n" + std::string(bad) + "\n", "t.csv");
+    ASSERT_FALSE(labels) << bad;
+    EXPECT_EQ(labels.error().where, "t.csv:3") << bad;
+  }
+}
+
 }  // namespace
 }  // namespace palpate

@@ -26,9 +26,9 @@ Result<std::filesystem::path> partner(const std::filesystem::path& file, const s
                    "a .hdr and its .img belong together");
 }
 
-GridGeometry from_sform(const Eigen::Matrix<double, 3, 4>& sform, const std::array<int, 3>& dims) {
+GridGeometry from_affine(const Eigen::Matrix<double, 3, 4>& affine, const std::array<int, 3>& dims) {
   // RAS to LPS
-  const Eigen::Matrix<double, 3, 4> lps = Eigen::Vector3d(-1, -1, 1).asDiagonal() * sform;
+  const Eigen::Matrix<double, 3, 4> lps = Eigen::Vector3d(-1, -1, 1).asDiagonal() * affine;
   GridGeometry geometry;
   geometry.dims = dims;
   geometry.origin = Point<Patient>(Eigen::Vector3d(lps.col(3)));
@@ -51,7 +51,7 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named) {
   const std::string source = file.string();
   const auto encoding = encoding_of(file);
   if (!encoding) return encoding.error();
-  const auto front = read_front(file, *encoding, kNiftiHeaderBytes);
+  const auto front = read_front(file, *encoding, kMostNiftiHeaderBytes);
   if (!front) return front.error();
   const auto header = parse_nifti_header(*front, source);
   if (!header) return header.error();
@@ -73,13 +73,14 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named) {
 
   // ITK takes voxel sizes from pixdim even where the sform says otherwise, and then prefers the qform;
   // nibabel, FSL and FreeSurfer go by the sform when there is one, and so do we
-  const auto geometry = header->sform ? checked(from_sform(*header->sform, *dims), source)
-                                      : itk_geometry(ItkFormat::kNifti, file, *dims);
+  const auto geometry = header->affine ? checked(from_affine(*header->affine, *dims), source)
+                                       : itk_geometry(ItkFormat::kNifti, file, *dims);
   if (!geometry) return geometry.error();
   volume.header.format = "NIfTI";
   volume.header.component_type = name_of(header->voxels.component);
   volume.header.geometry = *geometry;
   volume.header.has_geometry = header->has_geometry;
+  volume.header.meaning = header->meaning;
   return volume;
 }
 

@@ -1,3 +1,5 @@
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -52,95 +54,200 @@ std::optional<Component> component_of(std::int16_t datatype) {
   }
 }
 
-// the header's byte order from its first field, which is its size
-Result<bool> needs_swap(std::string_view bytes, const std::string& source) {
-  if (bytes.size() < kNiftiHeaderBytes)
+constexpr std::int32_t kNifti1Bytes = 348, kNifti2Bytes = 540;
+
+// the header's version and byte order from its first field, which is its size
+struct Version {
+  bool second = false, swap = false;
+};
+Result<Version> version_of(std::string_view bytes, const std::string& source) {
+  const auto cut_short = [&] {
     return bad_input(source, "ends inside its header, after " + std::to_string(bytes.size()) + " bytes",
                      "the file is cut short: copy or download it again");
+  };
+  if (bytes.size() < kNifti1Bytes) return cut_short();
   for (const bool swap : {false, true}) {
     const auto size = Bytes(bytes, swap).at<std::int32_t>(0);
-    if (size == static_cast<std::int32_t>(kNiftiHeaderBytes)) return swap;
-    if (size == 540)
-      return bad_input(source, "is a NIfTI-2 file", "convert it to NIfTI-1, for example with nibabel");
+    if (size == kNifti1Bytes) return Version{false, swap};
+    if (size != kNifti2Bytes) continue;
+    if (bytes.size() < kNifti2Bytes) return cut_short();
+    return Version{true, swap};
   }
   return bad_input(source, "is not a NIfTI file", "is its name right?");
 }
 
-Result<void> read_geometry(const Bytes& bytes, const std::string& source, NiftiHeader& header) {
-  const auto qform_code = bytes.at<std::int16_t>(252), sform_code = bytes.at<std::int16_t>(254);
-  header.has_geometry = qform_code > 0 || sform_code > 0;
-  const int length_unit = bytes.at<char>(123) & 7;
+// what both versions say, in the wider types of the second
+struct Fields {
+  std::string_view magic;
+  std::int64_t dim[8];
+  std::int16_t datatype, bits;
+  double pixdim[8], offset, slope, intercept;
+  std::int32_t qform_code, sform_code, intent_code;
+  double quaternion[3], qoffset[3], srow[12];
+  int units;
+};
+
+template <class T, std::size_t kCount, class U>
+void fill(U (&to)[kCount], const Bytes& bytes, std::size_t at) {
+  for (std::size_t n = 0; n < kCount; ++n) to[n] = static_cast<U>(bytes.at<T>(at + n * sizeof(T)));
+}
+
+// https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h
+Fields first_version(std::string_view text, const Bytes& bytes) {
+  Fields f;
+  f.magic = text.substr(344, 4);
+  fill<std::int16_t>(f.dim, bytes, 40);
+  f.intent_code = bytes.at<std::int16_t>(68);
+  f.datatype = bytes.at<std::int16_t>(70);
+  f.bits = bytes.at<std::int16_t>(72);
+  fill<float>(f.pixdim, bytes, 76);
+  f.offset = bytes.at<float>(108);
+  f.slope = bytes.at<float>(112);
+  f.intercept = bytes.at<float>(116);
+  f.units = bytes.at<char>(123);
+  f.qform_code = bytes.at<std::int16_t>(252);
+  f.sform_code = bytes.at<std::int16_t>(254);
+  fill<float>(f.quaternion, bytes, 256);
+  fill<float>(f.qoffset, bytes, 268);
+  fill<float>(f.srow, bytes, 280);
+  return f;
+}
+
+// https://nifti.nimh.nih.gov/pub/dist/doc/nifti2.h
+Fields second_version(std::string_view text, const Bytes& bytes) {
+  Fields f;
+  f.magic = text.substr(4, 4);
+  f.datatype = bytes.at<std::int16_t>(12);
+  f.bits = bytes.at<std::int16_t>(14);
+  fill<std::int64_t>(f.dim, bytes, 16);
+  fill<double>(f.pixdim, bytes, 104);
+  f.offset = static_cast<double>(bytes.at<std::int64_t>(168));
+  f.slope = bytes.at<double>(176);
+  f.intercept = bytes.at<double>(184);
+  f.qform_code = bytes.at<std::int32_t>(344);
+  f.sform_code = bytes.at<std::int32_t>(348);
+  fill<double>(f.quaternion, bytes, 352);
+  fill<double>(f.qoffset, bytes, 376);
+  fill<double>(f.srow, bytes, 400);
+  f.units = bytes.at<std::int32_t>(500);
+  f.intent_code = bytes.at<std::int32_t>(504);
+  return f;
+}
+
+// a label, or the number of a neuroanatomical name; statistics, estimates, vectors; 0 says nothing
+ValueMeaning meaning_of(std::int32_t intent_code) {
+  constexpr std::int32_t kLabel = 1002, kNeuroName = 1003;
+  if (intent_code == kLabel || intent_code == kNeuroName) return ValueMeaning::kLabels;
+  return intent_code > 0 ? ValueMeaning::kMeasured : ValueMeaning::kUnsaid;
+}
+
+// voxel index to RAS mm, as the standard's method 2 has it
+Eigen::Matrix<double, 3, 4> from_qform(const Fields& f) {
+  const Eigen::Vector3d v(f.quaternion[0], f.quaternion[1], f.quaternion[2]);
+  const double square = v.squaredNorm();
+  const Eigen::Quaterniond q =
+      square < 1 ? Eigen::Quaterniond(std::sqrt(1 - square), v.x(), v.y(), v.z())
+                 : Eigen::Quaterniond(0, v.x(), v.y(), v.z()).normalized();  // a half turn, rounded
+  const double handedness = f.pixdim[0] < 0 ? -1 : 1;
+  Eigen::Matrix<double, 3, 4> affine;
+  affine.leftCols<3>() =
+      q.toRotationMatrix() * Eigen::Vector3d(f.pixdim[1], f.pixdim[2], f.pixdim[3] * handedness).asDiagonal();
+  affine.col(3) = Eigen::Vector3d(f.qoffset[0], f.qoffset[1], f.qoffset[2]);
+  return affine;
+}
+
+// voxel sizes alone: axes are taken as LPS, as ITK takes them of the first version
+Eigen::Matrix<double, 3, 4> from_voxel_sizes(const Fields& f) {
+  Eigen::Matrix<double, 3, 4> affine = Eigen::Matrix<double, 3, 4>::Zero();
+  affine.leftCols<3>() = Eigen::Vector3d(-f.pixdim[1], -f.pixdim[2], f.pixdim[3]).asDiagonal();
+  return affine;
+}
+
+Result<void> read_geometry(const Fields& f, bool second, const std::string& source, NiftiHeader& header) {
+  header.has_geometry = f.qform_code > 0 || f.sform_code > 0;
+  const int length_unit = f.units & 7;
   if (length_unit == 1 || length_unit == 3)
     return bad_input(source,
                      std::string("its lengths are in ") + (length_unit == 1 ? "metres" : "micrometres") +
                          ", only millimetres are read",
                      "convert it to millimetres");
-  if (sform_code > 0) {
-    header.sform.emplace();
-    for (std::size_t n = 0; n < 12; ++n)
-      (*header.sform)(static_cast<int>(n / 4), static_cast<int>(n % 4)) = bytes.at<float>(280 + 4 * n);
-    if (!header.sform->allFinite())
+  if (f.sform_code > 0) {
+    header.affine.emplace();
+    for (int n = 0; n < 12; ++n) (*header.affine)(n / 4, n % 4) = f.srow[n];
+    if (!header.affine->allFinite())
       return bad_input(source, "its sform holds something that is not a number");
     return {};
   }
   // voxel sizes count only where no sform holds them
-  for (std::size_t a = 0; a < std::min<std::size_t>(header.axes.size(), 3); ++a) {
-    const float size = bytes.at<float>(80 + 4 * a);
-    if (!std::isfinite(size) || size <= 0)
+  Fields sized = f;
+  for (std::size_t a = 0; a < 3; ++a) {
+    double& size = sized.pixdim[a + 1];
+    if (a >= header.axes.size())
+      size = 1;
+    else if (!std::isfinite(size) || size <= 0)
       return bad_input(source,
                        "its voxel size (pixdim) along axis " + std::to_string(a + 1) + " is not positive",
                        "set it from the scan it came from");
   }
-  for (std::size_t n = 0; qform_code > 0 && n < 6; ++n)
-    if (!std::isfinite(bytes.at<float>(256 + 4 * n)))
-      return bad_input(source, "its qform holds something that is not a number");
+  const auto finite = [](const auto& values) {
+    return std::all_of(std::begin(values), std::end(values), [](double v) { return std::isfinite(v); });
+  };
+  if (f.qform_code > 0 && !(finite(f.quaternion) && finite(f.qoffset)))
+    return bad_input(source, "its qform holds something that is not a number");
+  // ITK does this for the first version, and does not read the second
+  if (second) header.affine = f.qform_code > 0 ? from_qform(sized) : from_voxel_sizes(sized);
   return {};
 }
 
 }  // namespace
 
 Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string& source) {
-  const auto swap = needs_swap(text, source);
-  if (!swap) return swap.error();
-  const Bytes bytes(text, *swap);
-  const std::string_view magic = text.substr(344, 4);
+  const auto version = version_of(text, source);
+  if (!version) return version.error();
+  const Bytes bytes(text, version->swap);
+  const Fields f = version->second ? second_version(text, bytes) : first_version(text, bytes);
   NiftiHeader header;
-  header.separate = magic == std::string_view("ni1\0", 4);
-  if (!header.separate && magic != std::string_view("n+1\0", 4))
+  const std::string_view separate =
+      version->second ? std::string_view("ni2\0", 4) : std::string_view("ni1\0", 4);
+  const std::string_view single =
+      version->second ? std::string_view("n+2\0", 4) : std::string_view("n+1\0", 4);
+  header.separate = f.magic == separate;
+  if (!header.separate && f.magic != single) {
+    if (version->second) return bad_input(source, "is not a NIfTI file", "is its name right?");
     return bad_input(source, "is an Analyze 7.5 file, which does not say which side is left",
                      "convert the original images to NIfTI");
+  }
 
-  const auto axes = bytes.at<std::int16_t>(40);
+  const std::int64_t axes = f.dim[0];
   if (axes < 1 || axes > 7)
     return bad_input(source, "has " + std::to_string(axes) + " axes, its header is damaged");
-  for (int a = 1; a <= axes; ++a)
-    header.axes.push_back(bytes.at<std::int16_t>(40 + 2 * static_cast<std::size_t>(a)));
+  header.axes.assign(f.dim + 1, f.dim + 1 + axes);
 
-  const auto datatype = bytes.at<std::int16_t>(70);
-  const auto component = component_of(datatype);
+  const auto component = component_of(f.datatype);
   if (!component)
-    return bad_input(source, "its voxels are not plain numbers (datatype " + std::to_string(datatype) + ")",
+    return bad_input(source, "its voxels are not plain numbers (datatype " + std::to_string(f.datatype) + ")",
                      "colour, complex and 128-bit values are not read: convert it");
   header.voxels.component = *component;
-  if (bytes.at<std::int16_t>(72) != static_cast<int>(8 * bytes_of(*component)))
+  if (f.bits != static_cast<int>(8 * bytes_of(*component)))
     return bad_input(source, "its bits per voxel do not agree with its datatype");
-  header.voxels.big_endian = (std::endian::native == std::endian::big) != *swap;
+  header.voxels.big_endian = (std::endian::native == std::endian::big) != version->swap;
   header.voxels.may_have_more = true;
+  header.meaning = meaning_of(f.intent_code);
 
-  // the standard asks for 352 or more when the voxels stand in the same file; some writers leave it 0
-  const float offset = bytes.at<float>(108);
-  if (!std::isfinite(offset) || offset < 0 || offset > 1e9f)
+  // the standard asks for 352 (of the second version 544) or more when the voxels stand in the same file;
+  // some writers leave it 0
+  if (!std::isfinite(f.offset) || f.offset < 0 || f.offset > 1e9)
     return bad_input(source, "its vox_offset is damaged");
-  header.voxels.skip = static_cast<std::uint64_t>(offset);
-  if (!header.separate && header.voxels.skip < kNiftiHeaderBytes) header.voxels.skip = 352;
+  header.voxels.skip = static_cast<std::uint64_t>(f.offset);
+  const std::uint64_t header_bytes = version->second ? kNifti2Bytes : kNifti1Bytes;
+  if (!header.separate && header.voxels.skip < header_bytes) header.voxels.skip = header_bytes + 4;
 
   // slope 0 means that the values stand as they are
-  const float slope = bytes.at<float>(112), intercept = bytes.at<float>(116);
-  if (std::isfinite(slope) && slope != 0) {
-    header.voxels.slope = slope;
-    if (std::isfinite(intercept)) header.voxels.intercept = intercept;
+  if (std::isfinite(f.slope) && f.slope != 0) {
+    header.voxels.slope = f.slope;
+    if (std::isfinite(f.intercept)) header.voxels.intercept = f.intercept;
   }
-  if (auto read = read_geometry(bytes, source, header); !read) return read.error();
+  if (auto read = read_geometry(f, version->second, source, header); !read) return read.error();
   return header;
 }
 

@@ -6,6 +6,7 @@
 
 #include "volume_io/formats.h"
 #include "volume_io/label_names.h"
+#include "volume_io/looks_like.h"
 #include "volume_io/segment_fields.h"
 #include "volume_io/voxel_stream.h"
 
@@ -146,13 +147,13 @@ Result<std::vector<Segment>> find_segments(const VolumeFile& file, const LabelSi
   return segments;
 }
 
-// the table that names the labels: the one given, else a single one in the folder, else nothing
+// the table that names the labels: the one given, else one that stands beside the file, else nothing
 Result<std::vector<NamedLabel>> find_names(const VolumeFile& file, const std::filesystem::path& labels,
                                            const std::optional<std::filesystem::path>& given,
                                            const Warn& warn) {
   if (given) return read_label_names(*given);
   if (file.header.has_segments) return std::vector<NamedLabel>();
-  const auto table = only_table_beside(labels);
+  const auto table = table_beside(labels);
   if (!table) return std::vector<NamedLabel>();
   auto names = read_label_names(*table);
   if (names) return names;
@@ -216,9 +217,16 @@ Result<LabelFile> read_label_file(const std::filesystem::path& path,
   auto segments = find_segments(*file, sink);
   if (!segments) return segments.error();
   apply_names(*table, *segments);
+  // a mask of one structure is called after its file
+  if (segments->size() == 1 && segments->front().name.empty())
+    segments->front().name = name_of_mask(path).value_or("");
   LabelFile result{file->header, {std::move(sink.layers()), std::move(*segments)}, {}};
   for (const Segment& s : result.labels.segments)
     if (s.name.empty()) result.unnamed.push_back(s.id);
+  if (warn && looks_like_scan(result.labels))
+    warn(path.string() +
+         " looks like a scan, not like a label map: " + std::to_string(result.labels.segments.size()) +
+         " values, which change from voxel to voxel; is it the scan? then give it as that");
   return result;
 }
 
@@ -230,6 +238,24 @@ Result<VolumeHeader> read_header(const std::filesystem::path& file) try {
   return inspected->header;
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
+}
+
+Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
+                                                      const std::optional<std::filesystem::path>& names,
+                                                      const Progress& progress, const Warn& warn) {
+  using Volumes = std::variant<ScanFile, LabelFile>;
+  const auto labels = [&]() -> Result<Volumes> {
+    auto read = read_labels(file, names, progress, warn);
+    if (!read) return read.error();
+    return Volumes(*std::move(read));
+  };
+  const auto header = read_header(file);
+  if (!header) return header.error();
+  if (header->has_segments || header->layers > 1 || header->meaning == ValueMeaning::kLabels) return labels();
+  auto scan = read_scan(file, progress, warn);
+  if (!scan) return scan.error();
+  if (names ? could_be_labels(scan->scan.voxels(), false) : looks_like_labels(*scan)) return labels();
+  return Volumes(*std::move(scan));
 }
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress,

@@ -1,0 +1,221 @@
+#include "volume_io/file_kind.h"
+
+#include <algorithm>
+#include <array>
+
+#include "volume_io/label_text.h"
+
+namespace palpate::volume_io {
+namespace {
+
+using namespace std::string_view_literals;
+
+constexpr const char* kConvertDicom =
+    "DICOM is not read yet: convert the whole series with dcm2niix (dcm2niix -z y -o OUT FOLDER), or load it "
+    "in 3D Slicer and save it as NRRD";
+constexpr const char* kConvertSegmentation =
+    "DICOM is not read yet: convert it with dcmqi (segimage2itkimage --inputDICOM FILE --outputDirectory OUT "
+    "--outputType nrrd), or load it with its images in 3D Slicer and save the segmentation as .seg.nrrd";
+constexpr const char* kConvertStructures =
+    "contours are not read: load them with their images in 3D Slicer (extension SlicerRT) and save the "
+    "segmentation as .seg.nrrd";
+constexpr const char* kConvertSurface =
+    "forces come from voxels: in 3D Slicer load it as a segmentation, with the scan as its reference "
+    "geometry, and save that as .seg.nrrd";
+constexpr const char* kConvertVolume = "load it in 3D Slicer and save it as NRRD";
+constexpr const char* kPicture =
+    "a picture has no depth: give the volume that it was made of, as NRRD, NIfTI or MetaImage";
+constexpr const char* kUnpack = "unpack it, and give the volume that is in it";
+
+bool ends_with(const std::string& name, std::string_view ending) {
+  return name.size() > ending.size() && std::string_view(name).ends_with(ending);
+}
+
+std::uint32_t little_at(std::string_view bytes, std::size_t at, std::size_t count) {
+  std::uint32_t value = 0;
+  for (std::size_t n = count; n-- > 0;) value = value << 8 | static_cast<unsigned char>(bytes[at + n]);
+  return value;
+}
+
+// ---- DICOM --------------------------------------------------------------------------------------
+
+// an element of a DICOM data set in little endian, with or without its type written out
+std::string_view dicom_text(std::string_view bytes, std::string_view tag) {
+  for (auto at = bytes.find(tag); at != std::string_view::npos; at = bytes.find(tag, at + 1)) {
+    if (at + 8 > bytes.size()) return {};
+    const bool typed = bytes.substr(at + 4, 2) == "UI";
+    const std::size_t length = typed ? little_at(bytes, at + 6, 2) : little_at(bytes, at + 4, 4);
+    constexpr std::size_t kLongestUid = 64;
+    if (length <= kLongestUid && at + 8 + length <= bytes.size())
+      return bytes.substr(at + 8, length);  // padded to an even length, by 0
+  }
+  return {};
+}
+
+bool is_dicom(std::string_view front) {
+  if (front.size() > 132 && front.substr(128, 4) == "DICM") return true;
+  // without the preamble a data set begins with an element of group 8, typed or short
+  if (front.size() < 16 || front.substr(0, 2) != "\x08\0"sv || front[3] != 0) return false;
+  if ("\0\5\x08\x12\x16\x18"sv.find(front[2]) == std::string_view::npos) return false;
+  const bool typed =
+      std::all_of(front.begin() + 4, front.begin() + 6, [](char c) { return c >= 'A' && c <= 'Z'; });
+  return typed || little_at(front, 4, 4) <= 64;
+}
+
+FileKind dicom_kind(std::string_view front) {
+  // the class of the object: from the file's own header, else from the data set
+  std::string_view uid = dicom_text(front, "\x02\0\x02\0"sv);
+  if (uid.empty()) uid = dicom_text(front, "\x08\0\x16\0"sv);
+  uid = uid.substr(0, uid.find('\0'));
+  constexpr std::string_view kStorage = "1.2.840.10008.5.1.4.1.1.";
+  if (uid == "1.2.840.10008.1.3.10")
+    return {"a DICOMDIR, the list of contents of a DICOM disc", kConvertDicom, {}};
+  if (uid.starts_with(kStorage)) {
+    const std::string_view kind = uid.substr(kStorage.size());
+    if (kind == "66.4" || kind == "66.7") return {"a DICOM segmentation (SEG)", kConvertSegmentation, {}};
+    if (kind == "66.5") return {"a DICOM surface segmentation", kConvertSurface, {}};
+    if (kind == "481.3") return {"a DICOM structure set (RTSTRUCT)", kConvertStructures, {}};
+    if (kind == "481.2") return {"a DICOM dose (RTDOSE)", "give the scan that it was planned on", {}};
+    if (kind.starts_with("88.")) return {"a DICOM report (SR)", "give the scan that it is about", {}};
+  }
+  return kind_of_dicom_image();
+}
+
+// ---- surfaces -----------------------------------------------------------------------------------
+
+std::optional<FileKind> surface_kind(std::string_view front, const std::string& name, std::uint64_t size) {
+  const auto surface = [](const char* format) {
+    return FileKind{std::string("a surface (") + format + "), not voxels", kConvertSurface, {}};
+  };
+  constexpr std::size_t kStlHeader = 84, kStlTriangle = 50;
+  if (front.size() >= kStlHeader &&
+      size == kStlHeader + kStlTriangle * std::uint64_t{little_at(front, 80, 4)})
+    return surface("STL");
+  if (front.starts_with("solid") &&
+      (front.find("facet") != std::string_view::npos || ends_with(name, ".stl")))
+    return surface("STL");
+  if (front.starts_with("ply\n") || front.starts_with("ply\r")) return surface("PLY");
+  if (front.starts_with("OFF\n") || front.starts_with("OFF\r")) return surface("OFF");
+  if (front.starts_with("glTF")) return surface("glTF");
+  if (front.starts_with("\xFF\xFF\xFE"sv)) return surface("FreeSurfer");
+  if (ends_with(name, ".obj") && (front.starts_with("v ") || front.find("\nv ") != std::string_view::npos))
+    return surface("OBJ");
+  if (ends_with(name, ".stl")) return surface("STL");
+
+  // VTK's own formats hold surfaces and images
+  const bool legacy = front.starts_with("# vtk DataFile"),
+             xml = front.find("<VTKFile") != std::string_view::npos;
+  if (legacy || xml) {
+    for (const auto image : {"STRUCTURED_POINTS", "RECTILINEAR_GRID", "\"ImageData\""})
+      if (front.find(image) != std::string_view::npos)
+        return FileKind{"an image in VTK's own format", kConvertVolume, {}};
+    return surface("VTK");
+  }
+  return std::nullopt;
+}
+
+// ---- by their first bytes -----------------------------------------------------------------------
+
+struct Magic {
+  std::string_view bytes;
+  std::size_t at;
+  const char* what;
+  const char* remedy;
+};
+
+constexpr const char* kStack =
+    "pictures do not say how far apart they are: load them in 3D Slicer (extension SlicerMorph, "
+    "ImageStacks), "
+    "give the spacing and save as NRRD";
+const std::array kMagics{
+    Magic{"\x89PNG"sv, 0, "a picture (PNG)", kPicture},
+    Magic{"\xFF\xD8\xFF"sv, 0, "a picture (JPEG)", kPicture},
+    Magic{"GIF8"sv, 0, "a picture (GIF)", kPicture},
+    Magic{"WEBP"sv, 8, "a picture (WebP)", kPicture},
+    Magic{"\0\0\0\x0CjP  "sv, 0, "a picture (JPEG 2000)", kPicture},
+    Magic{"II*\0"sv, 0, "a picture or a stack of them (TIFF)", kStack},
+    Magic{"MM\0*"sv, 0, "a picture or a stack of them (TIFF)", kStack},
+    Magic{"%PDF"sv, 0, "a PDF document", kPicture},
+    Magic{"PK\3\4"sv, 0, "a zip archive", kUnpack},
+    Magic{"7z\xBC\xAF"sv, 0, "a 7z archive", kUnpack},
+    Magic{"Rar!"sv, 0, "a rar archive", kUnpack},
+    Magic{"\xFD"
+          "7zXZ"sv,
+          0, "compressed by xz", kUnpack},
+    Magic{"BZh"sv, 0, "compressed by bzip2", kUnpack},
+    Magic{"\x28\xB5\x2F\xFD"sv, 0, "compressed by zstd", kUnpack},
+    Magic{"ustar"sv, 257, "a tar archive", kUnpack},
+    Magic{"CDF\1"sv, 0, "a MINC 1 or another netCDF file", "convert MINC to NIfTI with mnc2nii"},
+    Magic{"CDF\2"sv, 0, "a MINC 1 or another netCDF file", "convert MINC to NIfTI with mnc2nii"},
+    Magic{"\x93NUMPY"sv, 0, "an array of NumPy",
+          "an array does not say its spacing: save it as NIfTI with nibabel, or as NRRD with pynrrd"},
+    Magic{"MATLAB 5.0"sv, 0, "a MATLAB file",
+          "save the volume as NIfTI (niftiwrite in MATLAB), with its spacing"},
+    Magic{"SQLite format 3"sv, 0, "an SQLite database", "give the volume itself"},
+    Magic{"PAR/REC"sv, 0, "a PAR/REC header of a Philips scanner", "convert it with dcm2niix"},
+};
+
+std::optional<FileKind> by_magic(std::string_view front) {
+  for (const Magic& magic : kMagics)
+    if (front.size() > magic.at && front.substr(magic.at).starts_with(magic.bytes))
+      return FileKind{magic.what, magic.remedy, {}};
+  return std::nullopt;
+}
+
+// ---- volumes that are read here, perhaps under another name --------------------------------------
+
+bool is_nifti(std::string_view front) {
+  if (front.size() < 348) return false;
+  const std::string_view size = front.substr(0, 4), magic = front.substr(344, 3);
+  if (size == "\x5C\1\0\0"sv || size == "\0\0\1\x5C"sv) return magic == "n+1" || magic == "ni1";
+  if (size != "\x1C\2\0\0"sv && size != "\0\0\2\x1C"sv) return false;
+  return front.substr(4, 3) == "n+2" || front.substr(4, 3) == "ni2";
+}
+
+std::optional<FileKind> volume_kind(std::string_view front) {
+  const auto volume = [](std::string_view format, const char* ending) {
+    return FileKind{(format.front() == 'M' ? "a " : "an ") + std::string(format) + " volume",
+                    std::string("give it a name that ends in ") + ending, format};
+  };
+  if (front.starts_with("NRRD000"))
+    return volume("NRRD", ".nrrd (.nhdr where its voxels stand in another file)");
+  if (is_nifti(front)) return volume("NIfTI", ".nii, or .nii.gz when it is compressed");
+  const auto equals = front.find('=');
+  const std::string first_key = lower_case(trimmed(front.substr(0, std::min<std::size_t>(equals, 64))));
+  if (equals != std::string_view::npos && (first_key == "objecttype" || first_key == "ndims"))
+    return volume("MetaImage", ".mha (.mhd where its voxels stand in another file)");
+  return std::nullopt;
+}
+
+}  // namespace
+
+FileKind kind_of_dicom_image() {
+  return {"a DICOM file", kConvertDicom, {}, true};
+}
+
+std::optional<FileKind> kind_of(std::string_view front, const std::string& file_name, std::uint64_t size) {
+  const std::string name = lower_case(file_name);
+  if (front.empty()) return FileKind{"an empty file", "copy or download it again", {}};
+  if (auto volume = volume_kind(front)) return volume;
+  if (is_dicom(front)) return dicom_kind(front);
+  if (front.starts_with("\x89HDF\r\n")) {
+    if (ends_with(name, ".mnc")) return FileKind{"a MINC 2 file", "convert it to NIfTI with mnc2nii", {}};
+    return FileKind{"an HDF5 file, as recordings are",
+                    "a recording is run again by palpate replay FILE, and shown by palpate report FILE",
+                    {}};
+  }
+  if (ends_with(name, ".mgz") || ends_with(name, ".mgh"))
+    return FileKind{"a volume of FreeSurfer's (MGH)", "convert it: mri_convert FILE volume.nii.gz", {}};
+  if (ends_with(name, ".mrml") || front.find("<MRML") != std::string_view::npos)
+    return FileKind{"a scene of 3D Slicer's (MRML)",
+                    "open it there, and save scan (.nrrd) and segmentation (.seg.nrrd)",
+                    {}};
+  if (ends_with(name, ".mrb"))
+    return FileKind{"a scene of 3D Slicer's (MRB)",
+                    "open it there, and save scan (.nrrd) and segmentation (.seg.nrrd)",
+                    {}};
+  if (auto surface = surface_kind(front, name, size)) return surface;
+  return by_magic(front);
+}
+
+}  // namespace palpate::volume_io

@@ -1,0 +1,194 @@
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "volume_io/label_text.h"
+#include "volume_io/voxel_source.h"
+
+namespace palpate {
+
+using namespace volume_io;
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Names are only ever looked for a few levels down; what is deeper is refused while it is read.
+constexpr int kDeepest = 12;
+
+constexpr const char* kRemedy =
+    R"(give numbers with names, {"1": "femur"} or {"femur": 1}, or what dcmqi or 3D Slicer writes of segments)";
+
+/// Collects names, each number once.
+class Names {
+ public:
+  explicit Names(const std::string& source) : source_(source) {}
+
+  void add(LabelId value, const std::string& name, const std::optional<Rgb>& colour) {
+    if (fault_) return;
+    const std::string_view shown = trimmed(name);
+    const std::string where = source_ + ", value " + std::to_string(value);
+    if (auto fault = name_fault(shown)) {
+      fault_ = bad_input(where, *fault, "rename the structure");
+    } else if (!seen_.insert(value).second) {
+      fault_ = bad_input(where, "is named a second time", "keep one of the names");
+    } else {
+      labels_.push_back({value, std::string(shown), colour});
+    }
+  }
+  Result<std::vector<NamedLabel>> take() && {
+    if (fault_) return *std::move(fault_);
+    if (labels_.empty()) return bad_input(source_, "names no label", kRemedy);
+    return std::move(labels_);
+  }
+  bool any() const { return fault_ || !labels_.empty(); }
+
+ private:
+  const std::string& source_;
+  std::vector<NamedLabel> labels_;
+  std::set<LabelId> seen_;
+  std::optional<Error> fault_;
+};
+
+const Json* find(const Json& object, std::initializer_list<const char*> keys) {
+  if (!object.is_object()) return nullptr;
+  for (const char* key : keys)
+    if (const auto found = object.find(key); found != object.end()) return &*found;
+  return nullptr;
+}
+
+// a whole number in 0 ... 65535, written as one or as a text of digits
+std::optional<LabelId> value_of(const Json& json) {
+  if (json.is_string()) return parse_number<LabelId>(json.get_ref<const std::string&>());
+  if (!json.is_number()) return std::nullopt;
+  const double value = json.get<double>();
+  if (!(value >= 0 && value <= 65535) || value != std::floor(value)) return std::nullopt;
+  return static_cast<LabelId>(value);
+}
+
+// [r, g, b] in 0 ... 255, or in 0 ... 1 where a part is no whole number
+std::optional<Rgb> colour_of(const Json* json) {
+  if (json == nullptr || !json->is_array() || json->size() < 3) return std::nullopt;
+  double part[3];
+  bool fraction = false;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const Json& number = (*json)[c];
+    if (!number.is_number()) return std::nullopt;
+    part[c] = number.get<double>();
+    if (!(part[c] >= 0 && part[c] <= 255)) return std::nullopt;
+    fraction = fraction || part[c] != std::floor(part[c]);
+  }
+  const double scale = fraction && std::max({part[0], part[1], part[2]}) <= 1 ? 255 : 1;
+  const auto byte = [&](double value) { return static_cast<std::uint8_t>(std::lround(value * scale)); };
+  return Rgb{byte(part[0]), byte(part[1]), byte(part[2])};
+}
+
+std::string text_of(const Json* json) {
+  return json != nullptr && json->is_string() ? json->get<std::string>() : "";
+}
+
+// the words of a coded concept: "Kidney" of {"CodeValue": "64033007", "CodeMeaning": "Kidney", ...}
+std::string meaning_of(const Json* concept_code) {
+  return concept_code == nullptr ? "" : text_of(find(*concept_code, {"CodeMeaning"}));
+}
+
+// a segment as dcmqi, 3D Slicer and others describe it
+void add_segment(const Json& segment, Names& names) {
+  const Json* number = find(segment, {"labelID", "3dSlicerIntegerLabel", "labelValue", "LabelValue",
+                                      "label_value", "value", "index", "label", "id"});
+  const auto value = number ? value_of(*number) : std::nullopt;
+  if (!value) return;
+  std::string name = text_of(
+      find(segment, {"SegmentLabel", "3dSlicerLabel", "name", "Name", "label_name", "SegmentDescription"}));
+  if (name.empty()) {
+    // by its codes: what it is, and of which side
+    name = meaning_of(find(segment, {"SegmentedPropertyTypeCodeSequence"}));
+    if (name.empty()) name = text_of(find(segment, {"CodeMeaning"}));
+    const std::string side = meaning_of(find(segment, {"SegmentedPropertyTypeModifierCodeSequence"}));
+    if (!name.empty() && !side.empty()) name = side + " " + name;
+  }
+  if (name.empty()) return;
+  names.add(*value, name, colour_of(find(segment, {"recommendedDisplayRGBValue", "color", "colour", "rgb"})));
+}
+
+void add_segments(const Json& json, Names& names) {
+  if (json.is_object()) return add_segment(json, names);
+  if (!json.is_array()) return;
+  for (const Json& item : json) add_segments(item, names);
+}
+
+// a terminology of 3D Slicer's: categories of types, some with modifiers
+void add_terminology(const Json& codes, Names& names) {
+  const auto each = [](const Json* list, const auto& body) {
+    if (list != nullptr && list->is_array())
+      for (const Json& item : *list) body(item);
+  };
+  each(find(codes, {"Category"}), [&](const Json& category) {
+    each(find(category, {"Type"}), [&](const Json& type) {
+      add_segment(type, names);
+      each(find(type, {"Modifier"}), [&](const Json& modifier) {
+        // of "Left" alone nobody knows what
+        if (!text_of(find(modifier, {"3dSlicerLabel"})).empty()) return add_segment(modifier, names);
+        Json whole = modifier;
+        const std::string side = text_of(find(modifier, {"CodeMeaning"})),
+                          of = text_of(find(type, {"CodeMeaning"}));
+        if (!whole.is_object() || side.empty() || of.empty()) return;
+        whole["CodeMeaning"] = side + " " + of;
+        add_segment(whole, names);
+      });
+    });
+  });
+}
+
+// {"1": "femur"} or {"femur": 1}; nnU-Net's regions of several labels are none
+void add_pairs(const Json& object, Names& names) {
+  if (!object.is_object()) return;
+  for (const auto& [key, value] : object.items()) {
+    if (const auto number = parse_number<LabelId>(key); number && value.is_string())
+      names.add(*number, value.get_ref<const std::string&>(), std::nullopt);
+    else if (const auto of_name = value.is_number() ? value_of(value) : std::nullopt)
+      names.add(*of_name, key, std::nullopt);
+  }
+}
+
+// the one table of several tasks, {"total": {"1": "spleen", ...}}
+const Json* only_table(const Json& json) {
+  const Json* table = nullptr;
+  for (const auto& [key, value] : json.items()) {
+    if (!value.is_object()) continue;
+    if (table != nullptr) return nullptr;
+    table = &value;
+  }
+  return table;
+}
+
+}  // namespace
+
+Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const std::string& source) {
+  bool too_deep = false;
+  const auto keep = [&](int depth, Json::parse_event_t, Json&) {
+    too_deep = too_deep || depth > kDeepest;
+    return depth <= kDeepest;
+  };
+  const Json json = Json::parse(text, keep, false);
+  if (too_deep || json.is_discarded())
+    return bad_input(source, too_deep ? "nests deeper than any table of names" : "is not valid JSON",
+                     kRemedy);
+
+  Names names(source);
+  if (const Json* attributes = find(json, {"segmentAttributes", "segments", "Segments"}))
+    add_segments(*attributes, names);
+  else if (const Json* codes = find(json, {"SegmentationCodes"}))
+    add_terminology(*codes, names);
+  else if (const Json* labels = find(json, {"labels", "class_map", "label_names"}))
+    labels->is_array() ? add_segments(*labels, names) : add_pairs(*labels, names);
+  else if (json.is_array())
+    add_segments(json, names);
+  else
+    add_pairs(json, names);
+  if (!names.any() && json.is_object())
+    if (const Json* table = only_table(json)) add_pairs(*table, names);
+  return std::move(names).take();
+}
+
+}  // namespace palpate

@@ -1,0 +1,90 @@
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "palpate/volume_io.h"
+
+namespace palpate {
+namespace {
+
+using Names = std::map<int, std::string>;
+
+Names names_of(const std::string& text) {
+  const auto labels = parse_label_json(text, "names.json");
+  if (!labels) return {{-1, labels.error().message()}};
+  Names names;
+  for (const NamedLabel& label : *labels) names[label.value] = label.name;
+  return names;
+}
+
+TEST(LabelJson, ReadsNumbersWithNamesEitherWayRound) {
+  const Names expected{{1, "spleen"}, {2, "kidney_right"}};
+  EXPECT_EQ(names_of(R"({"1": "spleen", "2": "kidney_right"})"), expected);
+  EXPECT_EQ(names_of(R"({"spleen": 1, "kidney_right": 2})"), expected);
+  // nnU-Net's data sets, both versions, with a region of two labels
+  EXPECT_EQ(names_of(R"({"labels": {"1": "spleen", "2": "kidney_right"}, "name": "x", "numTraining": 3})"),
+            expected);
+  EXPECT_EQ(
+      names_of(R"({"labels": {"spleen": 1, "kidney_right": 2, "all": [1, 2]}, "file_ending": ".nii.gz"})"),
+      expected);
+  // a class map of TotalSegmentator's, under its task
+  EXPECT_EQ(names_of(R"({"total": {"1": "spleen", "2": "kidney_right"}})"), expected);
+}
+
+TEST(LabelJson, ReadsTheSegmentsOfDcmqi) {
+  const char* text = R"({
+    "ContentCreatorName": "Doe^Jane", "SeriesNumber": "300", "segmentAttributes": [
+      [{"labelID": 1, "SegmentLabel": "Liver", "SegmentAlgorithmType": "MANUAL",
+        "SegmentedPropertyCategoryCodeSequence": {"CodeMeaning": "Tissue"},
+        "SegmentedPropertyTypeCodeSequence": {"CodeValue": "T-62000", "CodeMeaning": "Liver"},
+        "recommendedDisplayRGBValue": [221, 130, 101]}],
+      [{"labelID": 2, "SegmentedPropertyTypeCodeSequence": {"CodeMeaning": "Kidney"},
+        "SegmentedPropertyTypeModifierCodeSequence": {"CodeMeaning": "Left"}}]]})";
+  EXPECT_EQ(names_of(text), (Names{{1, "Liver"}, {2, "Left Kidney"}}));
+  EXPECT_EQ(parse_label_json(text, "x")->front().colour, (Rgb{221, 130, 101}));
+}
+
+TEST(LabelJson, ReadsATerminologyOfSlicers) {
+  EXPECT_EQ(names_of(R"({"SegmentationCategoryTypeContextName": "Anatomy", "SegmentationCodes": {"Category": [
+      {"CodeMeaning": "Tissue", "Type": [
+        {"CodeMeaning": "Artery", "3dSlicerLabel": "artery", "3dSlicerIntegerLabel": 30,
+         "recommendedDisplayRGBValue": [216, 101, 79]},
+        {"CodeMeaning": "Kidney", "Modifier": [
+          {"CodeMeaning": "Right", "3dSlicerLabel": "right kidney", "3dSlicerIntegerLabel": 40},
+          {"CodeMeaning": "Left", "3dSlicerIntegerLabel": 41}]},
+        {"CodeMeaning": "Without a number"}]}]}})"),
+            (Names{{30, "artery"}, {40, "right kidney"}, {41, "Left Kidney"}}));
+}
+
+TEST(LabelJson, ReadsListsOfSegments) {
+  const char* text =
+      R"([{"value": 5, "name": "femur", "color": [0.5, 0, 1.0]}, {"value": 6, "name": "tibia"}])";
+  EXPECT_EQ(names_of(text), (Names{{5, "femur"}, {6, "tibia"}}));
+  EXPECT_EQ(parse_label_json(text, "x")->front().colour, (Rgb{128, 0, 255}));
+  EXPECT_EQ(names_of(R"({"segments": [{"id": "Segment_1", "name": "femur", "labelValue": 3}]})"),
+            (Names{{3, "femur"}}));
+  EXPECT_EQ(names_of(R"({"labels": [{"id": 3, "name": "femur"}]})"), (Names{{3, "femur"}}));
+}
+
+TEST(LabelJson, WhatNamesNothingOrTwiceIsAnError) {
+  const std::string deep = std::string(100'000, '[') + std::string(100'000, ']');
+  const std::string nested = std::string(40, '[') + "{\"value\": 1, \"name\": \"a\"}" + std::string(40, ']');
+  for (const std::string& bad :
+       {std::string(), std::string("{"), std::string("1"), std::string("null"), std::string("[]"),
+        std::string("{}"), std::string(R"({"Modality": "MR", "EchoTime": 0.03})"),
+        std::string(R"({"1": "a"} x)"),
+        std::string(R"([{"value": 1, "name": "a"}, {"value": 1, "name": "b"}])"), std::string(R"({"1": ""})"),
+        std::string("{\"1\": \"a\\u0007\"}"), std::string("{\"1\": \"\xff\"}"),
+        std::string(R"({"70000": "a"})"), std::string(R"({"a": 1.5})"), std::string(R"({"a": -1})"),
+        std::string(R"({"a": {"1": "x"}, "b": {"2": "y"}})"), std::string(R"([[[{"name": "a"}]]])"), deep,
+        nested}) {
+    const auto labels = parse_label_json(bad, "names.json");
+    ASSERT_FALSE(labels) << bad.substr(0, 100);
+    EXPECT_EQ(labels.error().kind, ErrorKind::kBadInput);
+    EXPECT_EQ(labels.error().where.substr(0, 10), "names.json") << bad.substr(0, 100);
+    EXPECT_FALSE(labels.error().remedy.empty());
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,320 @@
+"""The first step of a new user, with whatever file is at hand: it ends in a picture or a run, or in a sentence that
+says what to do."""
+
+import gzip
+import io
+import json
+import os
+import pathlib
+import re
+import struct
+import tarfile
+import zipfile
+import zlib
+
+import cli
+
+GEOMETRY = ("space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n"
+            "encoding: raw\n")
+SIZE = 24
+
+
+def write_nrrd(file, voxel, type_="uint8", code="B", fields=""):
+    voxels = b"".join(struct.pack("<" + code, voxel(i, j, k))
+                      for k in range(SIZE) for j in range(SIZE) for i in range(SIZE))
+    file.write_bytes((f"NRRD0004\ntype: {type_}\ndimension: 3\nsizes: {SIZE} {SIZE} {SIZE}\nendian: little\n"
+                      f"{GEOMETRY}{fields}\n").encode() + voxels)
+    return file
+
+
+def blocks(i, j, k):
+    """Two structures on each other."""
+    return (1 if i < 12 else 2) if 4 <= i < 20 and 4 <= j < 20 and 4 <= k < 20 else 0
+
+
+def noise(i, j, k):
+    return 1000 + (i * 7919 + j * 104729 + k * 1299709) % 1777 if blocks(i, j, k) else (i * 31 + j * 17 + k * 7) % 97
+
+
+def dicom(sop_class):
+    """The beginning of a DICOM file of that class, and some of its data set."""
+    uid = sop_class.encode() + b"\0" * (len(sop_class) % 2)
+    meta = b"\x02\0\x02\0UI" + struct.pack("<H", len(uid)) + uid
+    return (b"\0" * 128 + b"DICM" + b"\x02\0\0\0UL\x04\0" + struct.pack("<I", len(meta)) + meta
+            + b"\x08\0\x05\0CS\x0a\0ISO_IR 100" + b"\0" * 500)
+
+
+def png():
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 1, 1, 8, 0, 0, 0, 0))
+            + chunk(b"IDAT", zlib.compress(b"\0\0")) + chunk(b"IEND", b""))
+
+
+def nifti2(voxel, intent=0):
+    head = bytearray(544)
+    struct.pack_into("<i8shh", head, 0, 540, b"n+2\0\r\n\x1a\n", 2, 8)
+    struct.pack_into("<8q", head, 16, 3, SIZE, SIZE, SIZE, 1, 1, 1, 1)
+    struct.pack_into("<8d", head, 104, 1, 1, 1, 1, 0, 0, 0, 0)
+    struct.pack_into("<q", head, 168, 544)
+    struct.pack_into("<ii", head, 344, 0, 1)
+    struct.pack_into("<12d", head, 400, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0)
+    struct.pack_into("<ii", head, 500, 2, intent)
+    return bytes(head) + bytes(voxel(i, j, k) for k in range(SIZE) for j in range(SIZE) for i in range(SIZE))
+
+
+def nifti1(voxel, intent=0, code="B", datatype=2):
+    head = bytearray(352)
+    struct.pack_into("<i", head, 0, 348)
+    struct.pack_into("<8h", head, 40, 3, SIZE, SIZE, SIZE, 1, 1, 1, 1)
+    struct.pack_into("<hhh", head, 68, intent, datatype, 8 * struct.calcsize(code))
+    struct.pack_into("<8f", head, 76, 1, 1, 1, 1, 0, 0, 0, 0)
+    struct.pack_into("<f", head, 108, 352)
+    head[123] = 2
+    struct.pack_into("<hh", head, 252, 0, 1)
+    struct.pack_into("<12f", head, 280, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0)
+    head[344:347] = b"n+1"
+    return bytes(head) + b"".join(struct.pack("<" + code, voxel(i, j, k))
+                                  for k in range(SIZE) for j in range(SIZE) for i in range(SIZE))
+
+
+class FirstSteps(cli.PalpateTest):
+    VERBS = {"section": ["-o", "picture.png"], "explore": ["--seconds", "0.2", "--no-viewer"],
+             "forces": ["-o", "forces.svg"], "hold": ["--at=12,12,12"], "simulate": [], "info": [],
+             "scene new": [], "prepare": ["-o", "field.nrrd"]}
+
+    def run_verb(self, verb, file):
+        arguments = [str(self.folder / a) if "." in a and not a.startswith("-") and verb != "explore" else a
+                     for a in self.VERBS[verb]]
+        return cli.run(*verb.split(), file, *arguments)
+
+    def picture(self, *arguments):
+        picture = self.folder / "picture.png"
+        picture.unlink(missing_ok=True)
+        done = self.succeed("section", *arguments, "-o", picture)
+        self.assertEqual(picture.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
+        return done
+
+    # ---- what is no volume is named for what it is
+
+    def foreign(self):
+        """{file: (what it is, what to do)}"""
+        kinds = {}
+
+        def add(name, content, what, remedy):
+            (self.folder / name).write_bytes(content)
+            kinds[self.folder / name] = what, remedy
+
+        storage = "1.2.840.10008.5.1.4.1.1."
+        add("slice.dcm", dicom(storage + "2"), "a DICOM file", "dcm2niix")
+        add("IM0001", dicom(storage + "4"), "a DICOM file", "dcm2niix")
+        add("seg.dcm", dicom(storage + "66.4"), "a DICOM segmentation (SEG)", "segimage2itkimage")
+        add("rt.dcm", dicom(storage + "481.3"), "a DICOM structure set (RTSTRUCT)", "SlicerRT")
+        add("knee.stl", b"x" * 80 + struct.pack("<I", 1) + b"\0" * 50, "a surface (STL)", ".seg.nrrd")
+        add("knee.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a surface (OBJ)", ".seg.nrrd")
+        add("knee.ply", b"ply\nformat ascii 1.0\n", "a surface (PLY)", ".seg.nrrd")
+        add("knee.vtk", b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n", "a surface (VTK)", ".seg.nrrd")
+        add("shot.png", png(), "a picture (PNG)", "volume")
+        add("shot.nii", png(), "a picture (PNG)", "volume")
+        add("photo.jpg", b"\xff\xd8\xff\xe0\0\x10JFIF", "a picture (JPEG)", "volume")
+        add("brain.mnc", b"CDF\1" + b"\0" * 100, "MINC 1", "mnc2nii")
+        add("brain2.mnc", b"\x89HDF\r\n\x1a\n" + b"\0" * 100, "MINC 2", "mnc2nii")
+        add("aseg.mgz", gzip.compress(b"\0\0\0\1" + b"\0" * 300), "FreeSurfer", "mri_convert")
+        add("empty.nii.gz", b"", "empty", "again")
+        add("empty", b"", "empty", "again")
+        add("other.nii.gz", gzip.compress(png()), "a picture (PNG), compressed by gzip", "volume")
+        add("renamed.nii.gz", (b"NRRD0004\ntype: uint8\n\n"), "an NRRD volume", ".nrrd")
+        packed = io.BytesIO()
+        with zipfile.ZipFile(packed, "w") as archive:
+            archive.writestr("scan.nii", b"x")
+        add("knee.zip", packed.getvalue(), "a zip archive", "unpack")
+        packed = io.BytesIO()
+        with tarfile.open(fileobj=packed, mode="w:gz") as archive:
+            archive.addfile(tarfile.TarInfo("scan.nii"))
+        add("knee.tar.gz", packed.getvalue(), "a tar archive, compressed by gzip", "unpack")
+        return kinds
+
+    def test_what_is_no_volume_is_named_with_the_way_out(self):
+        for file, (what, remedy) in self.foreign().items():
+            for verb in ("info", "section", "simulate", "scene new"):
+                with self.subTest(file.name, verb=verb):
+                    done = self.run_verb(verb, file)
+                    self.assertEqual(done.returncode, cli.BAD_INPUT, done.stderr)
+                    self.assertEqual(done.stderr.count("palpate: error:"), 1, done.stderr)
+                    self.assertIn(what, done.stderr)
+                    self.assertIn(remedy, done.stderr)
+        self.assertFalse((self.folder / "picture.png").exists())
+
+    def test_folders(self):
+        series, mixed, empty = (self.folder / name for name in ("series", "mixed", "empty"))
+        for folder in (series, mixed, empty):
+            folder.mkdir()
+        for n in range(3):
+            (series / f"IM{n}").write_bytes(dicom("1.2.840.10008.5.1.4.1.1.4"))
+        for name in "liver", "spleen", "femur_left", "femur_right":
+            (mixed / f"{name}.nii.gz").write_bytes(b"")
+        surfaces = self.folder / "surfaces" / "below"
+        surfaces.mkdir(parents=True)
+        (surfaces / "knee.ply").write_bytes(b"ply\n")
+        for verb in ("info", "section", "explore", "scene new"):
+            for folder, says in ((series, ["DICOM", "dcm2niix"]), (mixed, ["name a file in it: femur_left.nii.gz", "1 more"]),
+                                 (empty, ["without a file"]), (surfaces.parent, ["surface (PLY)", ".seg.nrrd"])):
+                with self.subTest(folder.name, verb=verb):
+                    done = self.run_verb(verb, folder)
+                    self.assertEqual(done.returncode, cli.BAD_INPUT, done.stderr)
+                    for text in says:
+                        self.assertIn(text, done.stderr)
+
+    def test_shared_dicom_is_named(self):
+        root = cli.need("edge/dicom/bad_sequence.dcm").parent.parent.parent
+        for name, what in (("dicom_seg/liver.dcm", "DICOM segmentation (SEG)"), ("dicom_seg/ct-3slice", "DICOM"),
+                           ("dicom_seg/sparse-labelmap-ppv5.dcm", "DICOM segmentation (SEG)"),
+                           ("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/gantrytilting", "DICOM"),
+                           ("edge/dicom/bad_sequence.dcm", "DICOM")):
+            with self.subTest(name):
+                self.fail_clearly(cli.BAD_INPUT, "info", root / name, says=what)
+        for path in sorted((root / "edge").rglob("*.dcm")) + sorted((root / "dicom_seg").rglob("*.dcm")):
+            with self.subTest(path.name):
+                self.fail_clearly(cli.BAD_INPUT, "section", path, "-o", self.folder / "x.png", says="DICOM")
+
+    def test_any_bytes_end_in_a_sentence(self):
+        """A prefix of every kind, whatever its name, is one clear error or works."""
+        files = [file.read_bytes() for file in self.foreign()] + [nifti2(blocks), os.urandom(4000)]
+        seeds = [(content[:cut], ending) for content in files for cut in (1, 40, 133, 700)
+                 for ending in (".nii", ".dcm", "")]
+        for n, (content, ending) in enumerate(seeds[::7]):
+            path = self.folder / f"bytes{n}{ending}"
+            path.write_bytes(content)
+            done = cli.run("info", path)
+            self.assertIn(done.returncode, (cli.OK, cli.BAD_INPUT), done.stderr)
+            self.assertNotIn("bug:", done.stderr)
+
+    # ---- a volume where a scene is wanted gets a proposed one
+
+    def test_a_label_map_by_itself_is_felt(self):
+        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
+        (self.folder / "labels.json").write_text(json.dumps({"femur": 1, "femoral_cartilage": 2}))
+        done = self.picture(labels)
+        self.assertIn("all 2 structures felt (bone, cartilage)", done.stderr)
+        self.assertIn(f"palpate scene new {labels} -o scene.toml", done.stderr)
+        run = self.folder / "run.h5"
+        done = self.succeed("simulate", labels, "-o", run)
+        self.assertIn("femur", done.stdout)
+        self.assertIn("identical", self.succeed("replay", run, labels).stdout)
+        self.succeed("report", run, labels)
+        for verb in ("explore", "forces", "hold"):
+            with self.subTest(verb):
+                self.assertEqual(self.run_verb(verb, labels).returncode, cli.OK)
+        # the command that was told writes the same scene
+        scene = self.folder / "scene.toml"
+        self.succeed("scene", "new", labels, "-o", scene)
+        self.assertIn("identical", self.succeed("replay", run, scene).stdout)
+
+    def test_a_scan_by_itself_is_felt_where_it_is_bright(self):
+        scan = write_nrrd(self.folder / "scan.nrrd", noise, "int16", "h")
+        self.assertIn("is a scan, felt where it is brighter than", self.picture(scan).stderr)
+        self.assertIn("surface", self.succeed("simulate", scan).stdout)
+        scene = self.folder / "scene.toml"
+        self.assertIn("taken as a scan", self.succeed("scene", "new", scan, "-o", scene).stderr)
+        self.assertIn("threshold", scene.read_text())
+        self.succeed("scene", "check", scene)
+
+    def test_a_volume_without_its_ending_is_found(self):
+        plain = write_nrrd(self.folder / "labels.nrrd", blocks)
+        bare = plain.rename(self.folder / "labels")
+        self.fail_clearly(cli.BAD_INPUT, "section", bare, "-o", self.folder / "x.png", says="ends in .nrrd")
+
+    def test_where_nothing_is_felt_it_is_shown(self):
+        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
+        self.assertIn("no name of its labels suggests a tissue", self.picture(labels).stderr)
+        scene = self.folder / "scene.toml"
+        self.assertIn("label 1, label 2", self.succeed("scene", "new", labels, "-o", scene).stderr)
+        self.assertIn("nothing in this scene is felt", self.succeed("scene", "check", scene).stderr)
+        self.picture(scene)
+        for verb in ("simulate", "forces", "hold", "prepare"):
+            with self.subTest(verb):
+                target = scene if verb == "prepare" else labels
+                done = self.run_verb(verb, target)
+                self.assertEqual(done.returncode, cli.BAD_INPUT, done.stdout)
+                self.assertIn("nothing in it is felt yet", done.stderr)
+                self.assertIn("felt = true", done.stderr)
+        # the page shows it; without one there is nothing to do
+        done = self.succeed("explore", scene, "--seconds", "0.5", "--port", "0", "--no-realtime")
+        self.assertIn("nothing in it is felt yet", done.stderr)
+        self.assertIn("to see it, open http", done.stderr)
+        self.fail_clearly(cli.BAD_INPUT, "explore", scene, "--no-viewer", says="nothing in it is felt yet")
+        # a tissue that is felt, but of no voxel
+        scene.write_text(f'[data]\nlabels = "{labels}"\n[[tissue]]\nname = "a"\nlabels = [9]\noptional = true\n')
+        self.picture(scene)
+        self.fail_clearly(cli.BAD_INPUT, "simulate", scene, says="no voxel of the scene is felt")
+
+    def test_a_mask_is_called_after_its_file(self):
+        mask = write_nrrd(self.folder / "femur_left.nrrd", lambda i, j, k: blocks(i, j, k) > 0)
+        self.assertIn("felt as bone", self.picture(mask).stderr)
+        self.assertRegex(self.succeed("info", mask).stdout, r" 1  femur_left ")
+
+    def test_a_volume_where_a_scene_file_is_checked(self):
+        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
+        self.fail_clearly(cli.BAD_INPUT, "scene", "check", labels, says=f"palpate scene new {labels} -o scene.toml")
+
+    # ---- NIfTI-2, and what a NIfTI says of its values
+
+    def test_nifti_2(self):
+        file = self.folder / "vertebrae_L5.nii.gz"
+        file.write_bytes(gzip.compress(nifti2(lambda i, j, k: int(blocks(i, j, k) > 0))))
+        info = json.loads(self.succeed("info", file, "--json").stdout)
+        self.assertEqual(info["kind"], "labels")
+        self.assertEqual(info["labels"][0]["voxels"], 16**3)
+        self.assertEqual(info["axes"], "RAS")
+        self.assertIn("felt as bone", self.picture(file).stderr)
+
+    def test_the_intent_decides(self):
+        for name, content, kind in (("float_labels.nii", nifti1(lambda i, j, k: float(noise(i, j, k) // 100), 1002, "f", 16), "labels"),
+                                    ("statistic.nii", nifti1(blocks, 3), "scan"), ("plain.nii", nifti1(blocks), "labels")):
+            with self.subTest(name):
+                file = self.folder / name
+                file.write_bytes(content)
+                self.assertEqual(json.loads(self.succeed("info", file, "--json").stdout)["kind"], kind)
+
+    def test_a_scan_taken_for_labels_is_noticed(self):
+        scan = write_nrrd(self.folder / "scan.nrrd", noise, "int16", "h")
+        self.assertIn("looks like a scan", self.succeed("scene", "new", "--labels", scan).stderr)
+        self.assertIn("looks like a scan", self.succeed("info", "--labels", scan).stderr)
+        fraction = self.folder / "fraction.nii"
+        fraction.write_bytes(nifti1(lambda i, j, k: 0.5 * noise(i, j, k), 0, "f", 16))
+        self.fail_clearly(cli.BAD_INPUT, "scene", "new", "--labels", fraction, says="is it a scan?")
+
+    # ---- words
+
+    def test_what_people_type_names_the_verb(self):
+        for words, verb in ((["import", "scan.nii.gz"], "palpate scene new"), (["open", "x"], "palpate explore"),
+                            (["load", "x"], "palpate explore"), (["view", "x"], "palpate explore FILE, or palpate section"),
+                            (["show", "x"], "palpate explore"), (["run", "x"], "palpate simulate"),
+                            (["play", "run.h5"], "palpate replay"), (["convert", "x"], "palpate prepare"),
+                            (["list"], "palpate data list"), (["new"], "palpate scene new"), (["feel", "x"], "palpate explore"),
+                            (["touch", "x"], "palpate explore"), (["record", "x"], "palpate simulate"),
+                            (["imprt", "x"], "palpate scene new"), (["conver"], "palpate prepare"),
+                            (["simualte"], "simulate"), (["help", "simualte"], "simulate"), (["help", "import"], "palpate scene new")):
+            with self.subTest(words):
+                self.fail_clearly(cli.USAGE, *words, says="did you mean " + verb)
+        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
+        self.fail_clearly(cli.USAGE, labels, says="is a file, and no verb")
+
+    def test_every_verb_that_is_named_is_one(self):
+        """The commands that messages tell to type are commands."""
+        source = (pathlib.Path(__file__).parents[2] / "apps/palpate/main.cc").read_text()
+        told = set(re.findall(r"\"palpate ((?:scene |data )?[a-z]+) ", source))
+        self.assertGreater(len(told), 6)
+        for command in told - {"help"}:
+            with self.subTest(command):
+                self.succeed(*command.split(), "--help")
+
+    def test_help(self):
+        self.assertEqual(self.succeed("help").stdout, self.succeed("--help").stdout)
+        self.assertEqual(self.succeed("help", "simulate").stdout, self.succeed("simulate", "--help").stdout)
+        self.assertEqual(self.succeed("help", "data", "fetch").stdout, self.succeed("data", "fetch", "--help").stdout)
+        self.fail_clearly(cli.USAGE, "help", "frobnicate", says="frobnicate: unknown verb")
+
+
+if __name__ == "__main__":
+    cli.main()
