@@ -27,8 +27,8 @@ struct LoadedScene {
 };
 
 /// @param what         a catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
-///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume: a
-///                     scan or a label map by itself gets the scene that new_scene_text proposes
+///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume:
+///                     a scan or a label map by itself gets the scene that new_scene_text proposes
 /// @param preparation  instead of the scene's
 /// Errors: kBadInput that names what a file is where it is neither (DICOM, a surface, a picture, a folder,
 /// ...).
