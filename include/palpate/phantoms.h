@@ -51,7 +51,7 @@ struct KneeParameters {
 struct ShellParameters {
   PhantomSettings settings{};
   double radius_mm = 30;    ///< outer
-  double thickness_mm = 2;  ///< at least the diagonal of a voxel: it lets nothing through
+  double thickness_mm = 3;  ///< at least the diagonal of a voxel: it lets nothing through
 };
 
 /// A cranium with thin temporal walls, and orbits that open into it by a narrow canal only.

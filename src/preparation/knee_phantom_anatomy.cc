@@ -310,7 +310,7 @@ KneeSite knee_site(const std::string& structure, const Shape& shape) {
     P eye, target;
   };
   static const std::vector<View> kViews = {
-      {"femur", {0, -90, 62}, {0, -8, 62}},                          // above the trochlea
+      {"femur", {90, -6, 44}, {10, -6, 44}},                         // its lateral metaphysis
       {"tibia", {-30, -90, -30}, {-18, 1, -30}},                     // its anteromedial face
       {"fibula", {90, 19, -34}, {36, 19, -34}},                      // below its head
       {"patella", {1, -90, 36}, {1, -41, 36}},                       // its front
