@@ -45,8 +45,8 @@ inline constexpr std::size_t kMostContacts = 8;
 
 /// What is remembered between two ticks. Small and without pointers.
 struct ProxyState {
-  /// False: the tip has not been free since contact began anew (start, clutch, pause, jump, other surfaces),
-  /// so that nobody knows on which side it is. No force then.
+  /// False: the tip has not been free since contact began anew (start, clutch, pause, jump, a surface that
+  /// has grown over it), so that nobody knows on which side it is. No force then.
   bool coupled = false;
   bool sticking = false;
   Point<Patient> position;   ///< of the tip's proxy
@@ -95,10 +95,18 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
                           const Point<Patient>& tip, ProxyState& state, const ProxyOptions& options = {});
 inline constexpr double kMostDip_mm = 0.05;
 
-/// After a change of the surfaces: a proxy that is outside all of them stays where it is, any other is let
-/// go.
+/// Which of the surfaces before a change one of those after it was.
+struct SurfaceBefore {
+  std::int16_t index;  ///< of the same structure's; -1: it had none
+  bool same;           ///< in shape and place, however it feels now
+};
+/// After a change of the surfaces. What has not changed shape keeps the proxy as it is: where it is, what it
+/// sticks to, what it has gone through. A structure that was gone through and has another shape now is still
+/// gone through. A proxy that lies inside a surface that is new or has another shape is let go: nobody knows
+/// on which side of that it is.
+/// @param before  one for each of `surfaces`; empty where nothing is known of those before: all are new
 void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                ProxyState& state);
+                std::span<const SurfaceBefore> before, ProxyState& state);
 
 /// Couples a tip that is inside: its proxy is born at the nearest place outside all surfaces. False where
 /// there is none within their reach. The caller lets the force ramp in.

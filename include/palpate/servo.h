@@ -24,18 +24,22 @@ struct OutputLimits {
   double slew_N_per_s = 2000;
 };
 OutputLimits limits_of(const DeviceInfo& info);
+/// N/mm of the device that its maker vouches for: infinite where that is not known, 0 for what is no
+/// stiffness (negative, not a number).
+double vouched_stiffness_N_per_mm(const DeviceInfo& info);
 
 /// Inputs of a tick that belong to one device.
 struct DeviceParameters {
   double force_gain = 1;  ///< N at the device for one N in the patient (WorkspaceSettings::force_gain)
   double scale = 1;  ///< mm in the patient for one mm of the device; torques shrink with it, as the tool does
   OutputLimits limits;
-  /// What a hand holds with the device, N/mm of the device. Stiffer tissues are felt as this stiff: by the
-  /// proxy each for itself, by the direct methods all softer by one factor.
+  /// What a hand holds with the device, N/mm of the device, and no more than what its maker vouches for.
+  /// Stiffer tissues are felt as this stiff: by the proxy each for itself, by the direct methods all softer
+  /// by one factor.
   double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   double position_step_mm = kNotKnown;  ///< of its encoders: less is no motion to the passivity controller
 };
-/// Without a limit of stiffness.
+/// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
 
 /// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is felt as a
@@ -110,6 +114,14 @@ struct SessionState {
   // what made the last forces, 0 before the first tick: another value starts a blend
   std::uint64_t made_by = 0;
   std::array<Hand, kMaxDevices> hands;
+  /// Those of the model of the last tick, by which a new version's are told from other ones. They follow from
+  /// that version, which the hash knows.
+  struct Surfaces {
+    std::uint32_t version = 0;  ///< of that model, 0 before the first tick
+    int count = 0;
+    std::array<LabelId, kMostSurfaces> label{};
+    std::array<std::uint64_t, kMostSurfaces> content{};  ///< Surface::content_hash()
+  } surfaces;
 
   /// 64-bit hash of the state, equal for equal states on every build.
   std::uint64_t hash(int devices) const;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <utility>
 
 #include "palpate/sampling.h"
@@ -21,8 +22,7 @@ class Surface {
   /// @param steepest   the position's greatest slope anywhere, its fall to the value outside included; below
   /// 1
   ///                   counts as 1, an exact distance's
-  Surface(SignedField position, SignedField normal, double steepest)
-      : position_(std::move(position)), normal_(std::move(normal)), steepest_(std::max(1.0, steepest)) {}
+  Surface(SignedField position, SignedField normal, double steepest);
 
   /// mm, positive outside. Of a place that is none (NaN): as outside the volume.
   double distance_mm(const Point<Patient>& x) const { return sample_value(position_, x); }
@@ -36,10 +36,13 @@ class Surface {
   const SignedField& position() const { return position_; }
   const SignedField& normal() const { return normal_; }
   double steepest() const { return steepest_; }
+  /// Equal for surfaces that are the same everywhere, whenever they were prepared.
+  std::uint64_t content_hash() const { return content_hash_; }
 
  private:
   SignedField position_, normal_;
   double steepest_ = 1;
+  std::uint64_t content_hash_ = 0;
 };
 
 }  // namespace palpate

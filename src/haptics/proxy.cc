@@ -410,9 +410,9 @@ class Walk {
 };
 
 bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-             const SurfaceSet& punctured, const Point<Patient>& at) {
+             const SurfaceSet& but, const Point<Patient>& at) {
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if (punctured[s]) continue;
+    if (but[s]) continue;
     for (const ToolSphere& sphere : spheres)
       if (surfaces[s].surface->distance_mm(at + sphere.offset_mm) < sphere.radius_mm - kOutside_mm)
         return false;
@@ -507,12 +507,32 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
 }
 
 void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                ProxyState& state) {
-  const bool stays = state.coupled && is_free(surfaces, spheres, {}, state.position);
-  const Point<Patient> position = state.position;
-  state = {};
-  state.coupled = stays;
-  state.position = position;
+                std::span<const SurfaceBefore> before, ProxyState& state) {
+  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && (before.empty() || before.size() == surfaces.size()));
+  const ProxyState old = state;
+  SurfaceSet same, punctured;
+  for (std::size_t s = 0; s < before.size(); ++s) {
+    same[s] = before[s].same;
+    punctured[s] = before[s].index >= 0 && old.punctured[static_cast<std::size_t>(before[s].index)];
+  }
+  if (!old.coupled || !is_free(surfaces, spheres, same | punctured, old.position)) {
+    state = {};
+    state.position = old.position;
+    return;
+  }
+
+  // what it leans on, in the places of now; what is not felt any more is let go
+  state.punctured = punctured;
+  state.contacts = 0;
+  for (const ProxyContact& contact : std::span(old.contact).first(static_cast<std::size_t>(old.contacts))) {
+    const auto now = std::find_if(before.begin(), before.end(),
+                                  [&](const SurfaceBefore& one) { return one.index == contact.surface; });
+    if (now == before.end()) continue;
+    ProxyContact& kept = state.contact[static_cast<std::size_t>(state.contacts++)];
+    kept = contact;
+    kept.surface = static_cast<int>(now - before.begin());
+  }
+  state.sticking = old.sticking && state.contacts > 0;
 }
 
 bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,

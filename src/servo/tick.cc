@@ -3,6 +3,7 @@
 
 #include "base/hash.h"
 #include "palpate/servo.h"
+#include "servo/kept_surfaces.h"
 #include "servo/output_stage.h"
 #include "servo/passivity.h"
 #include "servo/tick_record.h"
@@ -91,9 +92,10 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
 
 // Where nobody knows how the tip got to where it is, nobody knows on which side of a surface it is. While the
 // force still fades out it is known.
-ProxyChange begin_contact_anew(const Model& model, const OutputRequest& request, SessionState::Hand& hand) {
+ProxyChange begin_contact_anew(const Model& model, std::span<const SurfaceBefore> before,
+                               const OutputRequest& request, SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
-  const ProxyChange change{hand.proxy_version != model.version, hand.held_directly && !lost};
+  const ProxyChange change{hand.proxy_version != model.version, before, hand.held_directly && !lost};
   if (lost) {
     hand.proxy = {};
     hand.coupling = {};
@@ -140,7 +142,7 @@ bool outside(const Field& field, const Point<Patient>& x) {
 }
 
 void tick_device(const Model& model, const Parameters& parameters, const DeviceParameters& own,
-                 const DeviceState& device, double dt_s, bool changed,
+                 const DeviceState& device, double dt_s, bool changed, std::span<const SurfaceBefore> before,
                  const Transform<World, Patient>& X_WorldPatient,
                  const Transform<Patient, World>& X_PatientWorld, SessionState::Hand& hand, Wrench& wrench,
                  DeviceTick& out) {
@@ -166,7 +168,7 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
     const Vector<Patient> velocity_mm_s =
         follow_tip(device, tip, dt_s, (request.faults & kFlagJump) != 0, hand);
     if (parameters.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
-      const ProxyChange change = begin_contact_anew(model, request, hand);
+      const ProxyChange change = begin_contact_anew(model, before, request, hand);
       tool = touch_by_proxy(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
                             X_PatientWorld, dt_s, change, hand.proxy, hand.coupling);
     } else {
@@ -230,14 +232,23 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const bool changed = state.made_by != 0 && state.made_by != maker;
   state.made_by = maker;
 
+  // surfaces of another version keep the proxies of those that they still are
+  SurfacesBefore before;
+  const bool other_surfaces = state.surfaces.version != model.version;
+  const auto surfaces_before =
+      other_surfaces ? find_before(model, state.surfaces, before) : std::span<const SurfaceBefore>();
+
   // each device
   const std::uint32_t common_flags = (is_rotation(parameters.rotation_target) ? 0u : kFlagRotationIgnored) |
                                      (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
-    tick_device(model, parameters, parameters.device[d], devices[d], dt_s, changed, X_WorldPatient,
-                X_PatientWorld, state.hands[d], wrenches[d], record.device[d]);
+    const bool known = state.hands[d].proxy_version == state.surfaces.version;
+    tick_device(model, parameters, parameters.device[d], devices[d], dt_s, changed,
+                known ? surfaces_before : std::span<const SurfaceBefore>(), X_WorldPatient, X_PatientWorld,
+                state.hands[d], wrenches[d], record.device[d]);
     record.device[d].flags |= common_flags;
   }
+  if (other_surfaces) remember_surfaces(model, state.surfaces);
   state.tick += 1;
   state.time_s += dt_s;
 

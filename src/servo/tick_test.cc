@@ -699,6 +699,226 @@ TEST(Tick, TheProxyIsLetGoByNewSurfacesThatItIsInside) {
   EXPECT_EQ(loop.record.device[0].proxy_patient_mm, loop.record.device[0].tip_patient_mm);
 }
 
+// the same shape, prepared anew
+std::shared_ptr<const Surface> anew(const Surface& surface) {
+  return std::make_shared<const Surface>(surface.position(), surface.normal(), surface.steepest());
+}
+
+FeltSurface ball_beside(const Model& model, const Eigen::Vector3d& centre, double radius_mm) {
+  const SignedField field = testing::sampled_distance(
+      model.labels->geometry(), [&](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, 4);
+  FeltSurface felt = model.surfaces[0];
+  felt.surface = std::make_shared<const Surface>(field, field, testing::steepest_of(field));
+  return felt;
+}
+
+// before the bone's and the shell's
+void begin_to_feel(const FeltSurface& surface, Model& model) {
+  model.surfaces.insert(model.surfaces.begin(), surface);
+  model.label_of_surface.insert(model.label_of_surface.begin(), testing::kFat);
+}
+
+// edits of the model that leave what was pressed where it was
+struct Edit {
+  const char* name;
+  std::function<void(Model&)> make;
+  double bone_N_per_mm = 1.5;
+  bool makes_soft = false;  ///< a shell that is pressed is gone through
+};
+
+const Edit kEdits[] = {
+    {"nothing", [](Model&) {}},
+    {"the shell's stiffness", [](Model& model) { model.surfaces[1].stiffness_N_per_mm = 0.3; }},
+    {"the bone's stiffness", [](Model& model) { model.surfaces[0].stiffness_N_per_mm = 0.9; }, 0.9},
+    {"friction", [](Model& model) { model.surfaces[0].static_friction = 3; }},
+    {"a shell that is never gone through",
+     [](Model& model) { model.surfaces[1].puncture_N = std::numeric_limits<double>::infinity(); }},
+    {"a shell that is gone through more easily", [](Model& model) { model.surfaces[1].puncture_N = 0.01; },
+     1.5, true},
+    {"surfaces prepared anew",
+     [](Model& model) {
+       for (FeltSurface& felt : model.surfaces) felt.surface = anew(*felt.surface);
+     }},
+    {"another order",
+     [](Model& model) {
+       std::swap(model.surfaces[0], model.surfaces[1]);
+       std::swap(model.label_of_surface[0], model.label_of_surface[1]);
+     }},
+    {"something else begins to be felt",
+     [](Model& model) {
+       begin_to_feel(ball_beside(model, {-25, 0, 0}, 2), model);
+     }},
+    {"the shell is another one, far away",
+     [](Model& model) {
+       const SignedField field = testing::sampled_distance(
+           model.labels->geometry(),
+           [](const Eigen::Vector3d& p) {
+             return std::min(p.norm() - kBoneRadius_mm - 3, (p - Eigen::Vector3d(-20, 0, 0)).norm() - 4);
+           },
+           4);
+       model.surfaces[1].surface = std::make_shared<const Surface>(field, field, testing::steepest_of(field));
+     }},
+};
+
+// the bone within 3 mm of what 0.5 N go through
+ProxyLoop wrapped_bone() {
+  ProxyLoop loop(3);
+  loop.model.surfaces[1].surface = ball_beside(loop.model, {0, 0, 0}, kBoneRadius_mm + 3).surface;
+  loop.model.surfaces[1].puncture_N = 0.5;
+  loop.parameters.viscosity = false;
+  return loop;
+}
+
+// through that, and a millimetre into the bone
+ProxyLoop through_the_shell() {
+  static const ProxyLoop pressed = [] {
+    ProxyLoop loop = wrapped_bone();
+    loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 200);
+    for (int n = 0; n < 100; ++n) loop.at({kBoneRadius_mm - 1, 0, 0});
+    return loop;
+  }();
+  return pressed;
+}
+
+TEST(Tick, AnEditKeepsTheContactWhileSomethingIsPunctured) {
+  for (const Edit& edit : kEdits) {
+    SCOPED_TRACE(edit.name);
+    ProxyLoop loop = through_the_shell();
+    ASSERT_NEAR(loop.wrench.force_N.x(), 1.5, 0.03);
+    const auto proxy = loop.record.device[0].proxy_patient_mm;
+    edit.make(loop.model);
+    ++loop.model.version;
+    for (int n = 0; n < 300; ++n) {
+      loop.at({kBoneRadius_mm - 1, 0, 0});
+      ASSERT_FALSE(loop.record.device[0].flags & (kFlagInside | kFlagRuptured | kFlagWedged)) << n;
+      ASSERT_GT(loop.wrench.force_N.x(), 0.8) << n;
+    }
+    EXPECT_NEAR(loop.wrench.force_N.x(), edit.bone_N_per_mm, 0.03);
+    for (int axis = 0; axis < 3; ++axis)
+      EXPECT_NEAR(loop.record.device[0].proxy_patient_mm[static_cast<std::size_t>(axis)],
+                  proxy[static_cast<std::size_t>(axis)], 1e-3);
+    // it comes out as it would have: the shell is closed behind it
+    loop.lead({kBoneRadius_mm - 1, 0, 0}, {kBoneRadius_mm + 6, 0, 0}, 200);
+    EXPECT_EQ(loop.state.hands[0].proxy.punctured.count(), 0u);
+  }
+}
+
+TEST(Tick, AnEditLeavesAProxyThatSticksStuck) {
+  const ProxyLoop untouched(3);
+  for (const Edit& edit : kEdits) {
+    if (edit.makes_soft) continue;
+    SCOPED_TRACE(edit.name);
+    ProxyLoop loop = untouched;
+    loop.parameters.viscosity = false;
+    for (FeltSurface& felt : loop.model.surfaces) {
+      felt.static_friction = 2;
+      felt.dynamic_friction = 0.1;
+    }
+    const Point<World> tip(kBoneRadius_mm + 2, 0.8, 0);
+    loop.lead({kBoneRadius_mm + 5, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
+    loop.lead({kBoneRadius_mm + 2, 0, 0}, tip, 100);
+    ASSERT_TRUE(loop.state.hands[0].proxy.sticking);
+    const Point<Patient> stuck = loop.state.hands[0].proxy.position;
+    edit.make(loop.model);
+    ++loop.model.version;
+    for (int n = 0; n < 300; ++n) loop.at(tip);
+    EXPECT_TRUE(loop.state.hands[0].proxy.sticking);
+    EXPECT_LT((loop.state.hands[0].proxy.position - stuck).norm(), 1e-3);
+  }
+}
+
+TEST(Tick, AnEditKeepsTheContactOfEveryDevice) {
+  // the first has gone through the shell, the second leans on it, the third has not come near anything
+  ProxyLoop loop = wrapped_bone();
+  std::array<DeviceState, 3> devices;
+  std::array<Wrench, 3> wrenches;
+  for (std::size_t d = 1; d < 3; ++d) {
+    loop.parameters.device[d] = loop.parameters.device[0];
+    loop.state.hands[d].output.gain = 1;
+  }
+  const auto tick_at = [&](double part) {
+    devices[0].tip = Point<World>(kBoneRadius_mm + 6 - 7 * part, 0, 0);
+    devices[1].tip = Point<World>(0, kBoneRadius_mm + 6 - 3.5 * part, 0);
+    devices[2].tip = Point<World>(0, 0, kBoneRadius_mm + 6);
+    tick(loop.model, loop.parameters, devices, kTick_s, loop.state, wrenches, loop.record);
+  };
+  for (int n = 1; n <= 300; ++n) tick_at(std::min(1.0, n / 200.0));
+  for (const Edit& edit : kEdits) {
+    if (edit.makes_soft) continue;
+    SCOPED_TRACE(edit.name);
+    Model edited = loop.model;
+    edit.make(edited);
+    edited.version = loop.model.version + 1;
+    std::swap(loop.model, edited);
+    for (int n = 0; n < 200; ++n) tick_at(1);
+    // and back again, which is an edit too
+    edited.version = loop.model.version + 1;
+    std::swap(loop.model, edited);
+    for (int n = 0; n < 200; ++n) tick_at(1);
+    for (std::size_t d = 0; d < 3; ++d) EXPECT_FALSE(loop.record.device[d].flags & kFlagInside) << d;
+    EXPECT_NEAR(wrenches[0].force_N.x(), 1.5, 0.03);
+    EXPECT_EQ(wrenches[2].force_N, Vector<World>());
+    EXPECT_NEAR(wrenches[1].force_N.y(), 0.5 * 0.75, 0.03);
+  }
+}
+
+TEST(Tick, ATissueThatIsNotFeltAnyMoreLetsTheProxyOnAndKeepsTheRest) {
+  ProxyLoop loop = through_the_shell();
+  const Point<World> tip(kBoneRadius_mm - 1, 0, 0);
+  // the shell's surface moves to the bone's place
+  loop.model.surfaces.erase(loop.model.surfaces.begin());
+  loop.model.label_of_surface.erase(loop.model.label_of_surface.begin());
+  loop.model.tissues[0].felt = false;
+  ++loop.model.version;
+  for (int n = 0; n < 300; ++n) {
+    loop.at(tip);
+    ASSERT_FALSE(loop.record.device[0].flags & kFlagInside) << n;
+  }
+  EXPECT_EQ(loop.wrench.force_N, Vector<World>()) << "nothing is in the way";
+  EXPECT_TRUE(loop.state.hands[0].proxy.punctured[0]) << "the shell, which it has not come out of";
+  EXPECT_FALSE(loop.state.hands[0].proxy.punctured[1]);
+}
+
+TEST(Tick, ATissueThatBeginsToBeFeltWhereTheProxyIsLetsGoOfIt) {
+  ProxyLoop loop = through_the_shell();
+  begin_to_feel(ball_beside(loop.model, {kBoneRadius_mm, 0, 0}, 2), loop.model);
+  ++loop.model.version;
+  for (int n = 0; n < 300; ++n) loop.at({kBoneRadius_mm - 1, 0, 0});
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagInside);
+  EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+}
+
+TEST(Tick, APunctureForceThatIsLoweredHoldsFromTheNextTick) {
+  ProxyLoop loop(3);
+  loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 200);
+  ASSERT_NEAR(loop.wrench.force_N.x(), 0.75, 0.05);
+  loop.model.surfaces[1].puncture_N = 0.5;
+  ++loop.model.version;
+  loop.at({kBoneRadius_mm + 2, 0, 0});
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagRuptured);
+}
+
+// a replay prepares the scene anew
+TEST(Tick, EditsAreTheSameToSurfacesThatWerePreparedAnew) {
+  ProxyLoop once = wrapped_bone(), again = once;
+  for (FeltSurface& felt : again.model.surfaces) felt.surface = anew(*felt.surface);
+  int edits = 0;
+  for (int n = 0; n < 400; ++n) {
+    const Point<World> tip(kBoneRadius_mm + 6 - 0.035 * std::min(n, 200), 0.002 * n, 0);
+    for (ProxyLoop* loop : {&once, &again}) {
+      if (n % 40 == 20) {
+        loop->model.surfaces[1].stiffness_N_per_mm = 0.75 - 0.001 * n;
+        ++loop->model.version;
+      }
+      loop->at(tip);
+    }
+    edits += n % 40 == 20;
+    ASSERT_EQ(once.record.state_hash, again.record.state_hash) << n;
+  }
+  EXPECT_EQ(edits, 10);
+  EXPECT_TRUE(once.state.hands[0].proxy.punctured[1]);
+}
+
 TEST(Tick, FromADirectMethodInContactAProxyIsBornAtTheNearestSurface) {
   ProxyLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;

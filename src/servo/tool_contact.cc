@@ -155,7 +155,7 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
     tool_spheres[count++] = {X_PatientWorld * Vector<World>(turn * offset_mm), model.tool.radius_mm};
   const std::span<const ToolSphere> spheres{tool_spheres.data(), count};
 
-  if (change.surfaces) keep_proxy(model.surfaces, spheres, proxy);
+  if (change.surfaces) keep_proxy(model.surfaces, spheres, change.before, proxy);
   if (change.method && !proxy.coupled) give_birth_to_proxy(model.surfaces, spheres, tip, proxy);
   const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy,
                                            {parameters.friction, most_stiffness_N_per_mm(gains)});

@@ -38,8 +38,9 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
 
 /// What has changed since the last tick of the proxy.
 struct ProxyChange {
-  bool surfaces = false;  ///< it is on others'
-  bool method = false;    ///< a direct method pushed until now: where the tip is inside, a proxy is born
+  bool surfaces = false;                  ///< it is on those of another version of the model
+  std::span<const SurfaceBefore> before;  ///< these, one for each of the model's
+  bool method = false;  ///< a direct method pushed until now: where the tip is inside, a proxy is born
 };
 
 /// The same by the proxy, which remembers where it is. Friction is its own, viscosity that of the direct

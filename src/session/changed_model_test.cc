@@ -94,6 +94,44 @@ TEST(ChangedModel, WhatIsLeftOfTheFieldsIsNeverStifferThanTheStiffestTissue) {
   EXPECT_EQ(harder->force_field(ForceMethod::kTrilinear).full_force_N(), made_N);
 }
 
+// pressed through the shell, which 0.3 N go through, onto the bone, while both tissues are edited by turns
+TEST(ChangedModel, EditsWhileATissueIsPuncturedKeepWhatIsFelt) {
+  Model ball_to_puncture = *ball();
+  ball_to_puncture.tissues[kCartilageTissue].puncture_N = 0.3;
+  ball_to_puncture.surfaces[1].puncture_N = 0.3;
+  // it is all around the bone, so that the proxy lies within it
+  const SignedField around = testing::sampled_distance(
+      ball_to_puncture.labels->geometry(),
+      [](const Eigen::Vector3d& p) { return p.norm() - testing::kBoneRadius_mm - 3; }, 4);
+  ball_to_puncture.surfaces[1].surface =
+      std::make_shared<const Surface>(around, around, testing::steepest_of(around));
+  const auto made = std::make_shared<const Model>(std::move(ball_to_puncture));
+  ModelVersions now{made, made};
+  Parameters parameters;
+  parameters.method = ForceMethod::kProxy;
+  parameters.viscosity = parameters.passivity = false;
+  SessionState state;
+  TickRecord record;
+  Wrench wrench;
+  double least_N = 1;
+  for (int n = 0; n < 3000; ++n) {
+    DeviceState device;
+    device.tip = Point<World>(testing::kBoneRadius_mm - 1 + 7 * std::max(0.0, 1 - n / 400.0), 0, 0);
+    if (n >= 1200 && n % 200 == 0) {
+      const std::size_t tissue = n % 400 == 0 ? kCartilageTissue : kBoneTissue;
+      ModelChange change = unchanged(*now.felt, tissue);
+      change.stiffness_N_per_mm -= 0.02;
+      now = next_version(now, change).value();
+    }
+    tick(*now.felt, parameters, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
+    if (n < 1200) continue;
+    ASSERT_FALSE(record.device[0].flags & (kFlagInside | kFlagRuptured)) << n;
+    least_N = std::min(least_N, wrench.force_N.x());
+  }
+  EXPECT_EQ(now.felt->version, 10u);
+  EXPECT_GT(least_N, 0.95) << "1.5 N/mm less some, a millimetre deep, at most 3 N and never let go";
+}
+
 // A scene with two balls of bone, each in a shell of cartilage, and fat around.
 LabelMap shelled_balls() {
   GridGeometry grid;
