@@ -79,8 +79,9 @@ class ServoLoop {
  public:
   /// Opens the driver, starts the servo thread and its watchdog. The force comes in over half a second.
   /// @param driver      outlives the loop
-  /// @param parameters  of the devices the most stiffness alone: the rest is what the driver and the
-  /// workspaces say
+  /// @param parameters  of the devices the most stiffness alone, where it is less than what the driver
+  /// vouches
+  ///                    for: the rest is what the driver and the workspaces say
   /// @param workspaces  one for each device, or one for all
   /// Errors: kUsage for settings out of range, or when an arm would move without consent; what the driver
   /// says.

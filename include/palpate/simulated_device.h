@@ -21,6 +21,7 @@ struct PlantDevice {
   double mass_kg, damping_N_s_per_m, coulomb_N, encoder_step_m, peak_force_N, continuous_force_N;
   double reach_m =
       kNotKnown;  ///< radius of the ball that the tip can be led through; the plant does not end there
+  double stiffness_N_per_mm = kNotKnown;  ///< the most that the maker vouches for
 };
 /// The hand between the intended and the actual position. SI.
 struct PlantHand {
@@ -44,8 +45,7 @@ class SimulatedDevice {
   SimulatedDevice(const PlantDevice& device, const PlantHand& hand, double delay_s = 0);
   static constexpr double kMostDelay_s = 0.02;
 
-  /// Axes are World's. The workspace is the largest cube in the device's reach; what the maker vouches for in
-  /// stiffness is not known.
+  /// Axes are World's. The workspace is the largest cube in the device's reach.
   DeviceInfo info() const;
   /// Places everything at rest at `tip`.
   void reset(const Point<Device>& tip);

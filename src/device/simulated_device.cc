@@ -32,7 +32,8 @@ Eigen::Vector3d saturated(const Eigen::Vector3d& force_N, double peak_N) {
 }  // namespace
 
 const std::vector<PlantDevice>& known_plant_devices() {
-  // mass kg, damping N.s/m, Coulomb N, encoder step m, peak N, continuous N, reach m
+  // mass kg, damping N.s/m, Coulomb N, encoder step m, peak N, continuous N, reach m; what stiffness their
+  // makers vouch for is not known
   static const std::vector<PlantDevice> devices{
       {"premium-1.5", 0.075, 0.005, 0.04, 30e-6, 8.5, 1.4, 0.12},
       {"touch", 0.045, 0.1, 0.26, 55e-6, 3.3, 0.88, 0.075},
@@ -71,6 +72,7 @@ DeviceInfo SimulatedDevice::info() const {
   info.peak_force_N = device_.peak_force_N;
   info.continuous_force_N = device_.continuous_force_N;
   info.position_step_mm = device_.encoder_step_m / kMetresPerMm;
+  if (!std::isnan(device_.stiffness_N_per_mm)) info.stiffness_N_per_mm = device_.stiffness_N_per_mm;
   if (!std::isnan(device_.reach_m)) {
     const double half_mm = device_.reach_m / kMetresPerMm / std::sqrt(3.0);
     info.workspace = {Point<Device>(-half_mm, -half_mm, -half_mm), Point<Device>(half_mm, half_mm, half_mm)};

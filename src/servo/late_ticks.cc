@@ -1,6 +1,9 @@
 #include "servo/late_ticks.h"
 
+#include <unistd.h>
+
 #include <chrono>
+#include <optional>
 
 #include "servo/realtime.h"
 #include "servo/thread_monitor.h"
@@ -12,16 +15,22 @@ constexpr auto kLook = std::chrono::milliseconds(10);
 
 }  // namespace
 
-void LateTicks::begin(int tid, int servo_cpu) {
-  thread_ = std::thread([this, tid, servo_cpu] {
+void LateTicks::begin(int servo_cpu) {
+  thread_ = std::thread([this, servo_cpu] {
     keep_off_cpu(servo_cpu);
-    look_for_causes(tid);
+    look_for_causes();
   });
 }
 
 void LateTicks::end() {
   end_.store(true);
   if (thread_.joinable()) thread_.join();
+}
+
+// the address of a thread that has ended may be the next one's; what a thread keeps for itself is not
+void LateTicks::tick_here() noexcept {
+  thread_local const pid_t tid = ::gettid();
+  tid_.store(tid, std::memory_order_relaxed);
 }
 
 void LateTicks::add(std::int64_t late_ns, std::uint64_t ticks) noexcept {
@@ -31,15 +40,22 @@ void LateTicks::add(std::int64_t late_ns, std::uint64_t ticks) noexcept {
   late_.store(late_.load(std::memory_order_relaxed) + ticks, std::memory_order_release);
 }
 
-void LateTicks::look_for_causes(int tid) {
-  ThreadMonitor monitor(tid);
-  ThreadMonitor::Counters before = monitor.read();
+void LateTicks::look_for_causes() {
+  pid_t watched = 0;
+  std::optional<ThreadMonitor> monitor;
+  ThreadMonitor::Counters before;
   std::uint64_t seen = 0;
   while (true) {
     const bool last = end_.load();
     const std::uint64_t late = late_.load(std::memory_order_acquire);
     const std::int64_t worst_ns = worst_ns_.exchange(0, std::memory_order_relaxed);
-    ThreadMonitor::Counters after = monitor.read();
+    // of two threads there is no growth to tell: what was late while they changed stays unknown
+    if (const pid_t ticking = tid_.load(std::memory_order_relaxed); ticking != watched) {
+      watched = ticking;
+      monitor.emplace(watched);
+      before = {};
+    }
+    ThreadMonitor::Counters after = monitor ? monitor->read() : ThreadMonitor::Counters();
     if (late > seen) {
       const LateCause cause = late_cause(before, after, worst_ns);
       by_cause_[static_cast<std::size_t>(cause)].fetch_add(late - seen);

@@ -1,7 +1,5 @@
 #include "servo/loop.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -48,9 +46,10 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     const WorkspaceSettings& workspace = workspaces[workspaces.size() == 1 ? 0 : d];
     mappings_.emplace_back(devices[d], workspace);
     // what a hand holds is known to whoever starts the loop, the rest to the device
-    const double most_stiffness_N_per_mm = latest_.device[d].most_stiffness_N_per_mm;
+    const double held_N_per_mm = latest_.device[d].most_stiffness_N_per_mm;
     latest_.device[d] = device_parameters(devices[d], workspace);
-    latest_.device[d].most_stiffness_N_per_mm = most_stiffness_N_per_mm;
+    double& most_N_per_mm = latest_.device[d].most_stiffness_N_per_mm;
+    most_N_per_mm = std::min(most_N_per_mm, held_N_per_mm);
   }
   posted_ = latest_;
 }
@@ -60,12 +59,13 @@ Loop::~Loop() {
 }
 
 Result<void> Loop::begin() {
-  std::promise<int> tid;
-  auto started = tid.get_future();
+  std::promise<void> ready;
+  const auto started = ready.get_future();
   try {
     scheduling_.watchdog = watchdog_.begin(settings_.realtime, settings_.cpu);
-    thread_ = std::thread([this, &tid] { run(tid); });
-    late_ticks_.begin(started.get(), settings_.cpu);
+    thread_ = std::thread([this, &ready] { run(ready); });
+    started.wait();
+    late_ticks_.begin(settings_.cpu);
   } catch (const std::system_error& error) {
     return Error{ErrorKind::kUnavailable, std::string("no thread for the servo: ") + error.what(), "",
                  "close other programs, or raise the limit of processes (ulimit -u)"};
@@ -73,7 +73,7 @@ Result<void> Loop::begin() {
   return {};
 }
 
-void Loop::run(std::promise<int>& tid) {
+void Loop::run(std::promise<void>& ready) {
   // a driver that calls back ticks in its vendor's thread, and this one only waits for it
   const bool ticks_here = driver_.devices().front().drive != DeviceInfo::Drive::kCallback;
   RealtimeRequest request;
@@ -87,7 +87,8 @@ void Loop::run(std::promise<int>& tid) {
   scheduling_.scheduler = ticks_here ? grant.scheduler : "that of the vendor's thread";
   scheduling_.memory = grant.memory;
   running_.store(true);
-  tid.set_value(::gettid());
+  if (ticks_here) late_ticks_.tick_here();
+  ready.set_value();
   driver_.run(*this, *this);
   watchdog_.rest();
   running_.store(false);
@@ -157,6 +158,7 @@ bool Loop::wait() noexcept {
 
 void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept {
   const std::int64_t begun_ns = now_();
+  late_ticks_.tick_here();
   const std::size_t count = mappings_.size();
   PALPATE_CHECK(samples.size() == count && commands.size() == count);
   const double dt_s = keep_time(begun_ns);

@@ -55,7 +55,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override;
 
  private:
-  void run(std::promise<int>& tid);
+  void run(std::promise<void>& ready);
   double keep_time(std::int64_t now_ns) noexcept;
   void take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
   void publish() noexcept;

@@ -1,6 +1,8 @@
 #include "servo/loop.h"
 
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -267,6 +269,94 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
   EXPECT_EQ(version, 20u);
 }
 
+// ---- why ticks were late, of a device whose ticks come every 4 ms where every 2 ms was promised
+
+constexpr auto kLate = 4ms;
+
+// touches pages for the first time for so long
+void fault_for(std::chrono::nanoseconds time) {
+  constexpr std::size_t kPages = 16;
+  static const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+  for (const auto end = std::chrono::steady_clock::now() + time; std::chrono::steady_clock::now() < end;) {
+    void* room = ::mmap(nullptr, kPages * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    for (std::size_t n = 0; n < kPages; ++n) static_cast<volatile char*>(room)[n * page] = 1;
+    ::munmap(room, kPages * page);
+    std::this_thread::sleep_for(200us);
+  }
+}
+
+// called back by a vendor's threads, one after the other; the loop's own thread waits
+struct CalledBack {
+  using Wait = std::function<void()>;
+  /// @param between  what the vendor's threads do between two ticks, one of these for each thread
+  /// @param waiting  what the loop's own thread does meanwhile
+  CalledBack(std::vector<Wait> between, Wait waiting)
+      : between_(std::move(between)), waiting_(std::move(waiting)) {
+    driver.info.drive = DeviceInfo::Drive::kCallback;
+    driver.info.rate_hz = 500;
+  }
+  TestDriver driver{[this](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
+    for (std::size_t n = 0; n < between_.size(); ++n) {
+      std::atomic<bool> ended{false};
+      // the next one gets this one's stack, and with it its address
+      std::thread vendor([&, n] {
+        while (!clock.stopped() && thread == n) {
+          between_[n]();
+          self.tick_at(servo, Point<Device>(kBoneRadius_mm, 0, 0));
+        }
+        ended = true;
+      });
+      while (!ended) waiting_();
+      vendor.join();
+    }
+  }};
+  std::atomic<std::size_t> thread{0};  // that ticks, and those before it have ended
+
+ private:
+  std::vector<Wait> between_;
+  Wait waiting_;
+};
+
+const auto sleeps = [] { std::this_thread::sleep_for(kLate); };
+const auto faults = [] { fault_for(kLate); };
+
+TEST(Loop, ATickThatIsCalledBackIsLateByWhatItsOwnThreadMet) {
+  CalledBack faulting({faults}, sleeps);
+  const auto loop = started(faulting.driver, {.realtime = false});
+  // some are stolen from this machine as well
+  wait_until([&] { return loop->health().late.page_fault > 20; });
+  loop->stop();
+}
+
+TEST(Loop, WhatTheThreadMetThatOnlyWaitsForACallbackIsNoCause) {
+  CalledBack late({sleeps}, faults);
+  const auto loop = started(late.driver, {.realtime = false});
+  // the first ticks of a thread touch what they have not touched before
+  wait_until([&] { return loop->health().late.total() > 20; });
+  loop->reset_health();
+  wait_until([&] { return loop->health().late.total() > 60; });
+  loop->stop();
+  const LateCounts counts = loop->health().late;
+  EXPECT_LT(counts.page_fault, counts.total() / 4);
+}
+
+TEST(Loop, CausesFollowADriverThatChangesItsThread) {
+  CalledBack changing({sleeps, faults, sleeps}, sleeps);
+  const auto loop = started(changing.driver, {.realtime = false});
+  wait_until([&] { return loop->health().late.total() > 20; });
+  loop->reset_health();
+  changing.thread = 1;
+  wait_until([&] { return loop->health().late.page_fault > 20; });
+  changing.thread = 2;
+  const std::uint64_t ticks = loop->health().ticks;
+  wait_until([&] { return loop->health().ticks > ticks + 20; });
+  loop->reset_health();
+  wait_until([&] { return loop->health().late.total() > 40; });
+  loop->stop();
+  const LateCounts counts = loop->health().late;
+  EXPECT_LT(counts.page_fault, counts.total() / 4);
+}
+
 // ---- on a clock that only the test moves: two runs are the same tick for tick
 
 std::atomic<std::int64_t> test_time_ns{0};
@@ -365,6 +455,41 @@ TEST(Loop, ADeviceWithAClockOfItsOwnIsMeasuredByIt) {
   tick_after(loop, 3'500'000);
   EXPECT_LT(loop.health().on_time, 1);
   EXPECT_NEAR(loop.health().lateness.max_us, 1500, 1);
+}
+
+TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
+  // the ball of 1.5 N/mm, a millimetre deep; what a hand holds is what the caller says
+  const auto felt_N = [](std::optional<double> vouched, double held) {
+    test_time_ns = 1'000'000;
+    TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+    driver.info.stiffness_N_per_mm = vouched;
+    Parameters parameters;
+    parameters.method = ForceMethod::kProxy;
+    parameters.viscosity = parameters.friction = false;
+    parameters.device[0].most_stiffness_N_per_mm = held;
+    auto model = std::make_shared<const Model>(testing::with_exact_surfaces(*ball()));
+    Loop loop(std::move(model), driver, parameters, {WorkspaceSettings{}}, {}, test_clock);
+    for (int n = 0; n < 200; ++n) tick_after(loop, 1'000'000, kBoneRadius_mm + 1 - 0.01 * n);
+    for (int n = 0; n < 600; ++n) tick_after(loop, 1'000'000, kBoneRadius_mm - 1);
+    const DeviceTick seen = loop.snapshot().device[0];
+    EXPECT_EQ(seen.most_stiffness_N_per_mm, loop.parameters().device[0].most_stiffness_N_per_mm);
+    return std::pair{seen.most_stiffness_N_per_mm, seen.force_N[0]};
+  };
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  const auto expect = [&](std::optional<double> vouched, double held, double most, double force_N) {
+    SCOPED_TRACE(vouched.value_or(-7));
+    const auto [felt, pushed_N] = felt_N(vouched, held);
+    EXPECT_EQ(felt, most);
+    EXPECT_NEAR(pushed_N, force_N, 0.03);
+  };
+  expect({}, kNone, kNone, 1.5);
+  expect(0.6, kNone, 0.6, 0.6);
+  expect(0.6, 0.9, 0.6, 0.6);
+  expect(0.6, 0.4, 0.4, 0.4);
+  expect(5.0, kNone, 5.0, 1.5);
+  // no stiffness is none
+  expect(-1.0, kNone, 0, 0);
+  expect(std::nan(""), kNone, 0, 0);
 }
 
 TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {

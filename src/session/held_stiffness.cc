@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "palpate/servo.h"
 #include "session/critical_stiffness.h"
 
 namespace palpate {
@@ -23,11 +24,14 @@ const Tissue& stiffest_of(const Model& model) {
   });
 }
 
-std::string loop_of(const PlantDevice& device, double rate_hz, double delay_s) {
-  char text[80];
-  std::snprintf(text, sizeof text, delay_s > 0 ? " at %g Hz with %g ms of delay" : " at %g Hz", rate_hz,
+std::string held_by_hand(const PlantDevice& device, double rate_hz, double delay_s) {
+  char loop[80];
+  std::snprintf(loop, sizeof loop, delay_s > 0 ? " at %g Hz with %g ms of delay" : " at %g Hz", rate_hz,
                 delay_s * 1e3);
-  return device.name + text;
+  char margin[120];
+  std::snprintf(margin, sizeof margin, ", %.1f of where a grip begins to swing (passive with any hand: %.3g)",
+                kStiffnessMargin, passivity_bound_N_per_mm(device, rate_hz));
+  return "a hand holds with " + device.name + loop + margin;
 }
 
 }  // namespace
@@ -40,26 +44,30 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
   const double all_points = one_point * static_cast<double>(model.tool.points_mm.size());
   HeldStiffness held;
   held.asked_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
-  held.most_N_per_mm = held_by_theory(device, rate_hz, delay_s);
-  if (all_points <= held.most_N_per_mm) return held;
-
-  progress.report("how stiff a wall the device holds", 0);
-  const auto most = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
-  if (!most) return most.error();
-  progress.report("how stiff a wall the device holds", 1);
-  held.most_N_per_mm = *most;
+  const double vouched = vouched_stiffness_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
+  double by_hand = held_by_theory(device, rate_hz, delay_s);
+  // what the maker does not vouch for need not be held
+  if (std::min(all_points, vouched) > by_hand) {
+    progress.report("how stiff a wall the device holds", 0);
+    const auto most = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
+    if (!most) return most.error();
+    progress.report("how stiff a wall the device holds", 1);
+    by_hand = *most;
+  }
+  held.most_N_per_mm = std::min(by_hand, vouched);
   if (held.asked_N_per_mm <= held.most_N_per_mm) return held;
 
   const auto points = static_cast<int>(std::lround(held.asked_N_per_mm / one_point));
   char text[400];
   std::snprintf(
       text, sizeof text,
-      "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): felt as %.3g, "
-      "the most that a hand holds with %s, %.1f of where a grip begins to swing (passive with any hand: "
-      "%.3g)",
+      "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): felt as "
+      "%.3g, the most that %s",
       stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
       workspace.force_gain, points, points == 1 ? "" : "s", held.most_N_per_mm,
-      loop_of(device, rate_hz, delay_s).c_str(), kStiffnessMargin, passivity_bound_N_per_mm(device, rate_hz));
+      (vouched < by_hand ? "the maker of " + device.name + " vouches for"
+                         : held_by_hand(device, rate_hz, delay_s))
+          .c_str());
   held.clamped = text;
   return held;
 }

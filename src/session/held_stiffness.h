@@ -15,7 +15,9 @@ struct HeldStiffness {
   /// By the stiffest tissue, scale and gain of the workspace included; by a direct method of all points of
   /// the tool together.
   double asked_N_per_mm = 0;
-  double most_N_per_mm = 0;  ///< recommended_stiffness_N_per_mm, or less that is known to be held
+  /// recommended_stiffness_N_per_mm, or less that is known to be held; what the device's maker vouches for
+  /// where that is less still.
+  double most_N_per_mm = 0;
   /// What is clamped, in words with the numbers; empty: nothing is.
   std::string clamped;
 };

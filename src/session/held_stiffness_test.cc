@@ -54,6 +54,35 @@ TEST(HeldStiffness, PointsThatTouchTogetherAddUpButNotForTheProxy) {
   EXPECT_EQ(by_proxy->most_N_per_mm, directly->most_N_per_mm) << "the method may change";
 }
 
+TEST(HeldStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers) {
+  PlantDevice premium = *find_plant_device("premium-1.5");
+  const double by_hand = *recommended_stiffness_N_per_mm(premium, 1000, 1e-3);
+  ASSERT_GT(by_hand, 0.8);
+  struct Case {
+    double vouched, asked, most;
+    const char* says;
+  };
+  for (const Case& one :
+       {Case{0.8, 6, 0.8, "felt as 0.8, the most that the maker of premium-1.5 vouches for"},
+        Case{0.8, 0.9, 0.8, "'bone' asks for 0.9 N/mm"}, Case{0.8, 0.7, 0.8, nullptr},
+        Case{50, 6, by_hand, "the most that a hand holds"}, Case{1e-3, 6, 1e-3, "felt as 0.001"},
+        Case{kNotKnown, 6, by_hand, "the most that a hand holds"}}) {
+    SCOPED_TRACE(one.vouched);
+    premium.stiffness_N_per_mm = one.vouched;
+    for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
+      const auto held = held_stiffness(*ball_of(one.asked).model, {}, method, premium, 1000, 1e-3);
+      ASSERT_TRUE(held.ok());
+      EXPECT_LE(held->most_N_per_mm, one.most);
+      if (one.says == nullptr) {
+        EXPECT_EQ(held->clamped, "");
+      } else {
+        EXPECT_EQ(held->most_N_per_mm, one.most);
+        EXPECT_NE(held->clamped.find(one.says), std::string::npos) << held->clamped;
+      }
+    }
+  }
+}
+
 TEST(HeldStiffness, WhatTheoryPromisesIsLessThanWhatIsRecommended) {
   // otherwise a scene could be softer without anybody being told
   for (const char* name : {"premium-1.5", "touch"})
