@@ -49,9 +49,12 @@ struct LatenessPair {
 /// Of all blocks so far. compute is LoopHealth's: from samples in to commands out.
 struct PaceFigures {
   Percentiles compute, lateness, bare_lateness;
-  /// Of the servo block and the bare block after it whose ratio is the middle one of all such pairs: one pair
-  /// alone says as much about who else ran just then.
+  /// Of the pair of neighbouring blocks whose ratio is the middle one of all such pairs: one pair alone says
+  /// as much about who else ran just then.
   LatenessPair typical_p50, typical_p99;
+  /// Of the pair whose ratio a quarter of all pairs do not reach. What the program adds, it adds in every
+  /// pair; what others take hits one loop here and the other there.
+  LatenessPair least_p50, least_p99;
   std::uint64_t ticks = 0, skipped = 0, dropped = 0;
   std::uint64_t bare_ticks = 0, bare_skipped = 0;
   double on_time = 1;     ///< LoopHealth::on_time
@@ -62,7 +65,8 @@ struct PaceFigures {
 
 /// The servo on the real clock with a simulated hand that strokes a structure to and fro, its ticks taken
 /// from the ring by a recorder; and the bare loop, which waits for the same points in time and does nothing.
-/// Blocks of the two in turn meet the same machine.
+/// Blocks of the two in turn meet the same machine, the more so the shorter they are; a servo block and a
+/// bare block, in whichever order, are a pair.
 class PaceMeter {
  public:
   /// @param path  outlives the meter
@@ -82,6 +86,18 @@ class PaceMeter {
 /// Ticks one after the other along the whole path by a method that the model is prepared for, on the calling
 /// thread: ns of processor time a tick, one value a round.
 std::vector<double> time_ticks(const Model& model, const PalpationPath& path, ForceMethod method, int rounds);
+
+/// Of a tick, and of a peer that says what this machine is worth at that moment.
+struct TickCost {
+  double tick_ns = 0, bare_ns = 0;  ///< of processor time
+  double ratio = 0;                 ///< tick over peer
+};
+/// Ticks as time_ticks takes them, in slices of a tenth of a millisecond, each beside a slice of the founding
+/// force alone at the same places, written out plainly: seven trilinear interpolations of the model's field,
+/// one voxel after the other, and their differences. Medians over all pairs of slices: what makes the machine
+/// slow for longer than a slice makes both slow.
+TickCost time_ticks_beside_bare(const Model& model, const PalpationPath& path, ForceMethod method,
+                                int rounds);
 
 /// Single ticks of the same, once along the path, those in free space left out: microseconds by the wall
 /// clock, what reading it costs (some 0.02) and what others take of the processor included. Zeros when no

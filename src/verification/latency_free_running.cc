@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "base/spsc_ring.h"
 #include "palpate/servo_timing.h"
+#include "verification/bare_force.h"
 
 namespace palpate {
 namespace {
@@ -105,6 +106,42 @@ std::vector<double> time_ticks(const Model& model, const PalpationPath& path, Fo
     round_ns.push_back(static_cast<double>(busy_ns() - begun_ns) / static_cast<double>(path.states.size()));
   }
   return round_ns;
+}
+
+TickCost time_ticks_beside_bare(const Model& model, const PalpationPath& path, ForceMethod method,
+                                int rounds) {
+  // a slice of each takes about as long
+  constexpr std::size_t kSlice = 250;
+  constexpr int kRepeats = 4;
+  Parameters parameters = path.parameters;
+  parameters.method = method;
+  const double dt_s = 1 / path.rate_hz, full_force_N = model.force_field(method).full_force_N();
+  const Transform<Patient, World> X_PatientWorld = model.X_WorldPatient.inverse();
+  std::vector<double> ticks_ns, bares_ns, ratios;
+  Vector<Patient> sum_N;
+  for (int round = 0; round < rounds; ++round) {
+    SessionState state;
+    Wrench wrench;
+    TickRecord record;
+    for (std::size_t begin = 0; begin < path.states.size(); begin += kSlice) {
+      const auto slice = std::span(path.states).subspan(begin, std::min(kSlice, path.states.size() - begin));
+      const std::int64_t begun_ns = busy_ns();
+      for (const DeviceState& sensed : slice)
+        tick(model, parameters, {&sensed, 1}, dt_s, state, {&wrench, 1}, record);
+      const std::int64_t between_ns = busy_ns();
+      for (int repeat = 0; repeat < kRepeats; ++repeat)
+        for (const DeviceState& sensed : slice)
+          sum_N += bare_force_N(*model.field, full_force_N, X_PatientWorld * sensed.tip);
+      const std::int64_t ended_ns = busy_ns();
+      const auto count = static_cast<double>(slice.size());
+      ticks_ns.push_back(static_cast<double>(between_ns - begun_ns) / count);
+      bares_ns.push_back(static_cast<double>(ended_ns - between_ns) / (kRepeats * count));
+      ratios.push_back(ticks_ns.back() / bares_ns.back());
+    }
+  }
+  // looked at, so that it is computed
+  PALPATE_CHECK(sum_N.all_finite());
+  return {median(ticks_ns), median(bares_ns), median(ratios)};
 }
 
 Percentiles time_ticks_in_contact(const Model& model, const PalpationPath& path, ForceMethod method) {

@@ -28,14 +28,14 @@ LatenessPair pair_of(double servo_us, double bare_us) {
   return {servo_us, std::max(bare_us, kLeast_us)};
 }
 
-// the pair whose ratio is the middle one; of an even number the greater of the two. None: zeros
-LatenessPair typical(std::vector<LatenessPair> pairs) {
+// the pair whose ratio so many parts of all do not reach; of two the greater one. None: zeros
+LatenessPair pair_at(std::vector<LatenessPair> pairs, double part) {
   if (pairs.empty()) return {};
-  const auto middle = pairs.begin() + static_cast<std::ptrdiff_t>(pairs.size() / 2);
-  std::nth_element(pairs.begin(), middle, pairs.end(), [](const LatenessPair& a, const LatenessPair& b) {
+  const auto place = pairs.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(pairs.size()));
+  std::nth_element(pairs.begin(), place, pairs.end(), [](const LatenessPair& a, const LatenessPair& b) {
     return a.servo_us * b.bare_us < b.servo_us * a.bare_us;
   });
-  return *middle;
+  return *place;
 }
 
 std::int64_t ns_of(double seconds) {
@@ -99,6 +99,7 @@ class Meter final : public PaceMeter {
 
  private:
   void see(const TickRecord& record);
+  void pair_blocks();
   void add_health(const LoopHealth& health);
 
   const std::shared_ptr<const Model> model_;
@@ -107,7 +108,7 @@ class Meter final : public PaceMeter {
   std::atomic<bool> counting_{false};
 
   LatencyHistogram compute_, lateness_, bare_lateness_;
-  LatencyHistogram block_lateness_;  // of the last servo block
+  LatencyHistogram servo_block_, bare_block_;  // the last of each, until they are a pair
   std::uint64_t ticks_ = 0, touching_ = 0;
   double on_time_ticks_ = 0, due_ticks_ = 0;
   std::vector<LatenessPair> pairs_p50_, pairs_p99_;
@@ -134,7 +135,7 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
   header.rate_hz = settings_.rate_hz;
   header.clock = "real";
   counting_ = false;
-  block_lateness_.clear();
+  servo_block_.clear();
   auto recorder = Recorder::start(loop.ring(), "", header, [this](const TickRecord& record) { see(record); });
   if (!recorder) return recorder.error();
 
@@ -149,8 +150,9 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
   // joins the recorder's thread: what it has counted is then ours to read
   recorder->reset();
   if (!whole) return Progress::interrupted();
-  lateness_.merge(block_lateness_);
+  lateness_.merge(servo_block_);
   add_health(health);
+  pair_blocks();
   return {};
 }
 
@@ -158,7 +160,7 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
 void Meter::see(const TickRecord& record) {
   if (!counting_) return;
   compute_.add(ns_of(record.compute_s));
-  block_lateness_.add(ns_of(record.lateness_s));
+  servo_block_.add(ns_of(record.lateness_s));
   touching_ += (record.device[0].flags & kFlagContact) != 0;
   ++ticks_;
 }
@@ -177,23 +179,28 @@ Result<void> Meter::bare_block(double seconds, const Progress& progress) {
   request.fifo = request.lock_memory = settings_.realtime;
   request.cpu = settings_.cpu;
   std::atomic<bool> stop{false};
-  LatencyHistogram lateness;
+  bare_block_.clear();
   auto running = std::async(std::launch::async, [&] {
-    return run_bare_loop(settings_.rate_hz, seconds, settings_.spin_s, request, stop, lateness);
+    return run_bare_loop(settings_.rate_hz, seconds, settings_.spin_s, request, stop, bare_block_);
   });
   while (running.wait_for(kPoll) != std::future_status::ready)
     if (progress.stopped()) stop = true;
   const BareLoop bare = running.get();
   if (progress.stopped()) return Progress::interrupted();
-  bare_lateness_.merge(lateness);
-  const Percentiles servo = percentiles_of(block_lateness_), beside = percentiles_of(lateness);
-  if (block_lateness_.summary().n > 0) {
-    pairs_p50_.push_back(pair_of(servo.p50_us, beside.p50_us));
-    pairs_p99_.push_back(pair_of(servo.p99_us, beside.p99_us));
-  }
+  bare_lateness_.merge(bare_block_);
   sums_.bare_ticks += bare.ticks;
   sums_.bare_skipped += bare.skipped;
+  pair_blocks();
   return {};
+}
+
+void Meter::pair_blocks() {
+  if (servo_block_.summary().n == 0 || bare_block_.summary().n == 0) return;
+  const Percentiles servo = percentiles_of(servo_block_), bare = percentiles_of(bare_block_);
+  pairs_p50_.push_back(pair_of(servo.p50_us, bare.p50_us));
+  pairs_p99_.push_back(pair_of(servo.p99_us, bare.p99_us));
+  servo_block_.clear();
+  bare_block_.clear();
 }
 
 PaceFigures Meter::figures() const {
@@ -201,8 +208,10 @@ PaceFigures Meter::figures() const {
   figures.compute = percentiles_of(compute_);
   figures.lateness = percentiles_of(lateness_);
   figures.bare_lateness = percentiles_of(bare_lateness_);
-  figures.typical_p50 = typical(pairs_p50_);
-  figures.typical_p99 = typical(pairs_p99_);
+  figures.typical_p50 = pair_at(pairs_p50_, 0.5);
+  figures.typical_p99 = pair_at(pairs_p99_, 0.5);
+  figures.least_p50 = pair_at(pairs_p50_, 0.25);
+  figures.least_p99 = pair_at(pairs_p99_, 0.25);
   figures.ticks = ticks_;
   if (ticks_ > 0) figures.in_contact = static_cast<double>(touching_) / static_cast<double>(ticks_);
   if (due_ticks_ > 0) figures.on_time = on_time_ticks_ / due_ticks_;

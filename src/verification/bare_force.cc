@@ -1,0 +1,52 @@
+#include "verification/bare_force.h"
+
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+// of the eight voxels around a place that is given in voxels; 0 outside
+template <class T>
+double value_at(const PaddedVolume<T>& voxels, const Eigen::Vector3d& place) {
+  std::array<int, 3> first{};
+  std::array<double, 3> part{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double at = place[static_cast<Eigen::Index>(axis)];
+    if (!(at > -1 && at < voxels.geometry().dims[axis])) return 0;
+    first[axis] = static_cast<int>(std::floor(at));
+    part[axis] = at - first[axis];
+  }
+  double value = 0;
+  for (int k = 0; k < 2; ++k)
+    for (int j = 0; j < 2; ++j)
+      for (int i = 0; i < 2; ++i)
+        value += (i ? part[0] : 1 - part[0]) * (j ? part[1] : 1 - part[1]) * (k ? part[2] : 1 - part[2]) *
+                 voxels.at(first[0] + i, first[1] + j, first[2] + k);
+  return value / std::numeric_limits<T>::max();
+}
+
+template <class T>
+Vector<Patient> force_at(const Field& field, const PaddedVolume<T>& voxels, double full_force_N,
+                         const Point<Patient>& tip) {
+  const Eigen::Vector3d place = (field.X_VoxelPatient() * tip).eigen();
+  Eigen::Vector3d slope;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Eigen::Vector3d step = Eigen::Vector3d::Unit(axis);
+    slope[axis] = 0.5 * (value_at(voxels, place + step) - value_at(voxels, place - step));
+  }
+  const Eigen::Vector3d gradient = field.gradient_map() * slope;
+  const double length = gradient.norm();
+  if (!(length > 0)) return {};
+  return Vector<Patient>(gradient * (-full_force_N * value_at(voxels, place) / length));
+}
+
+}  // namespace
+
+Vector<Patient> bare_force_N(const Field& field, double full_force_N, const Point<Patient>& tip) {
+  return std::visit([&](const auto& voxels) { return force_at(field, voxels, full_force_N, tip); },
+                    field.padded());
+}
+
+}  // namespace palpate
