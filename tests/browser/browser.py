@@ -69,7 +69,7 @@ class Browser:
             return json.load(answer)["value"]
 
     def _wait_for_driver(self):
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + 120
         while True:
             try:
                 if self._request("GET", "/status")["ready"]:
@@ -90,7 +90,7 @@ class Browser:
         """Runs the body of a JavaScript function in the page; returns what it returns."""
         return self.post("/execute/sync", {"script": script, "args": list(arguments)})
 
-    def wait(self, script, seconds=30):
+    def wait(self, script, seconds=120):
         """Until the expression is true."""
         deadline = time.monotonic() + seconds
         while not self.run("return " + script):

@@ -103,7 +103,7 @@ class Server:
 
     def get(self, path, token=None):
         request = urllib.request.Request(self.url + path, headers={"Authorization": f"Bearer {token}"} if token else {})
-        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=30) as answer:
+        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=120) as answer:
             data = answer.read()
             return zlib.decompress(data, 31) if answer.headers.get("Content-Encoding") == "gzip" else data
 
@@ -510,7 +510,7 @@ class WithPointer(Viewer):
             self.page.click("#record")
             time.sleep(4)
             self.page.click("#record")
-            deadline = time.monotonic() + 20
+            deadline = time.monotonic() + 120
             while len([name for name in os.listdir(folder) if name.endswith((".webm", ".jsonl"))]) < 2:
                 self.assertLess(time.monotonic(), deadline, os.listdir(folder))
                 time.sleep(0.1)

@@ -61,8 +61,8 @@ class Terminal:
 
     def read(self):
         """More of what is shown; False at the end."""
-        if not select.select([self.master], [], [], 60)[0]:
-            raise AssertionError(f"nothing for a minute; shown: {self.shown[-500:]}")
+        if not select.select([self.master], [], [], 300)[0]:
+            raise AssertionError(f"nothing for five minutes; shown: {self.shown[-500:]}")
         try:
             piece = os.read(self.master, 4096)
         except OSError:
@@ -78,7 +78,7 @@ class Terminal:
     def finish(self):
         while self.read():
             pass
-        out, _ = self.process.communicate(timeout=60)
+        out, _ = self.process.communicate(timeout=300)
         return self.process.returncode, out
 
     def close(self):
@@ -100,7 +100,7 @@ class Viewer:
     def __init__(self, address):
         self.address = address
         host, port = re.fullmatch(r"http://([\d.]+):(\d+)/", address).groups()
-        self.socket = socket.create_connection((host, int(port)), timeout=60)
+        self.socket = socket.create_connection((host, int(port)), timeout=300)
         key = base64.b64encode(os.urandom(16)).decode()
         self.socket.sendall((f"GET /ws HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
                              f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
@@ -173,7 +173,7 @@ class Viewer:
 
     def get(self, path):
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-        with opener.open(self.address + path, timeout=60) as answer:
+        with opener.open(self.address + path, timeout=300) as answer:
             data = answer.read()
             return gzip.decompress(data) if answer.headers["Content-Encoding"] == "gzip" else data
 
@@ -388,7 +388,7 @@ class Explore(cli.PalpateTest):
         self.assertEqual((answer["type"], answer.get("where")), ("refused", "stiffness_N_per_mm"), answer)
 
         process.send_signal(signal.SIGINT)
-        out, error = process.communicate(timeout=60)
+        out, error = process.communicate(timeout=300)
         self.assertEqual(process.returncode, cli.OK, error)
         self.assert_replays(recording, out, self.scene)
 
@@ -420,7 +420,7 @@ class Explore(cli.PalpateTest):
         viewer.wait_for_pose(lambda force, _stiffness, _label, flags: force == 0 and flags & STALE)
         viewer.wait_for_pose(press)
         process.send_signal(signal.SIGINT)
-        out, error = process.communicate(timeout=60)
+        out, error = process.communicate(timeout=300)
         self.assertEqual(process.returncode, cli.OK, error)
         self.assertEqual(len(cli.held(out)), 1, out)
         self.assert_replays(recording, out, self.scene)

@@ -45,7 +45,7 @@ class Latency(cli.PalpateTest):
                 cli.wait_for_handler(process)
                 time.sleep(delay_s)
                 process.send_signal(signal.SIGINT)
-                out, err = process.communicate(timeout=60)
+                out, err = process.communicate(timeout=600)
                 self.assertEqual(process.returncode, cli.INTERRUPTED, err)
                 self.assertIn("interrupted", err)
                 self.assertEqual(out, "")
