@@ -34,8 +34,8 @@ class StillHost : public ViewerHost {
   ViewedState state() const override { return {}; }
   Result<void> set(const SettingsRequest&) override { return {}; }
   Result<void> set(const TissueRequest&) override { return {}; }
-  void emergency_stop() override {}
-  Result<void> rearm() override { return {}; }
+  void emergency_stop(const ViewerIdentity&) override {}
+  Result<void> rearm(const ViewerIdentity&) override { return {}; }
   Result<void> take_pointer(bool) override { return {}; }
   void move_pointer(const std::array<double, 3>&) override {}
 

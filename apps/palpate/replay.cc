@@ -14,9 +14,10 @@ struct Options {
 
 int replay_recording(const Options& options, Console& console) {
   const Progress progress = console.progress();
-  const auto recording = read_recording(options.recording, progress);
+  const auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
-  const auto loaded = load_scene_of_recording(*recording, options.target, progress, console.warn());
+  const auto loaded =
+      load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
 
   const auto result = replay(*recording, loaded->model, progress);
@@ -30,9 +31,10 @@ int replay_recording(const Options& options, Console& console) {
                 static_cast<unsigned long long>(*result->first_difference), result->difference.c_str());
     return kExitLimit;
   }
-  std::printf("identical: %llu ticks, run hash %016llx%s\n", static_cast<unsigned long long>(result->ticks),
-              static_cast<unsigned long long>(result->run_hash),
-              recording->summary ? "" : " (the recording was cut short; its last second may be missing)");
+  std::printf(
+      "identical: %llu ticks, run hash %016llx%s\n", static_cast<unsigned long long>(result->ticks),
+      static_cast<unsigned long long>(result->run_hash),
+      recording->head().summary ? "" : " (the recording was cut short; its last second may be missing)");
   return kExitOk;
 }
 

@@ -19,12 +19,13 @@ int report_recording(const Options& options, Console& console) {
   std::filesystem::path output = options.output;
   if (output.empty()) output = std::filesystem::path(options.recording).replace_extension(".html");
   const Progress progress = console.progress();
-  const auto recording = read_recording(options.recording, progress);
+  const auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
-  auto inputs = input_files(options.target.empty() ? recording->header.data_set : options.target);
+  auto inputs = input_files(options.target.empty() ? recording->head().header.data_set : options.target);
   inputs.push_back(options.recording);
   if (const auto writable = check_output(output, inputs); !writable) return console.fail(writable.error());
-  const auto loaded = load_scene_of_recording(*recording, options.target, progress, console.warn());
+  const auto loaded =
+      load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
 
   const auto written = write_report(output, *recording, *loaded->model, progress);

@@ -82,7 +82,7 @@ int simulate_target(const Options& options, Console& console) {
   if (!outputs->recording.empty()) console.note("recording: " + outputs->recording.string());
 
   if (!outputs->report.empty()) {
-    const auto recorded = read_recording(outputs->recording, progress);
+    const auto recorded = RecordingSource::open(outputs->recording, progress);
     if (!recorded) return console.fail(recorded.error());
     if (const auto written = write_report(outputs->report, *recorded, *loaded->model, progress); !written)
       return console.fail(written.error());

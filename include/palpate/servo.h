@@ -58,6 +58,9 @@ struct Parameters {
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
 };
 
+/// TickSwitch bits.
+std::uint8_t switches_of(const Parameters& parameters);
+
 /// A change of model, method or parameters is spread over this time.
 inline constexpr double kBlend_s = 0.1;
 

@@ -93,8 +93,9 @@ class ServoLoop {
 
   // ---- inputs: from any thread but the servo's, which never waits for one
   /// Edits the parameters as they are now, for the next tick on. Gains and limits of the devices stay: they
-  /// are the loop's own. `edit` is called at once, under the lock of all callers.
-  virtual void change(const std::function<void(Parameters&)>& edit) = 0;
+  /// are the loop's own. `edit` is called at once, under the lock of all callers. The number of this change,
+  /// from 1: ticks have felt it when TickRecord::settings_number is not below it.
+  virtual std::uint32_t change(const std::function<void(Parameters&)>& edit) = 0;
   virtual Parameters parameters() const = 0;
   /// From the next tick on; the force turns into the new one over kBlend_s. A model whose version is not
   /// above the last one's is a bug. The old one is freed by a later call of set_model() or collect(), never
@@ -102,9 +103,10 @@ class ServoLoop {
   virtual void set_model(std::shared_ptr<const Model> model) = 0;
   /// Frees models that no tick uses any more; how many are still held.
   virtual std::size_t collect() = 0;
-  /// Forces off at once, until rearm(). Any thread at any time, signal handlers included.
-  virtual void emergency_stop() noexcept = 0;
-  virtual void rearm() noexcept = 0;
+  /// Forces off at once, until rearm(). Any thread at any time, signal handlers included. Its number, counted
+  /// with those of rearm(): ticks have heard of it when TickRecord::arming_number is not below it.
+  virtual std::uint32_t emergency_stop() noexcept = 0;
+  virtual std::uint32_t rearm() noexcept = 0;
   /// Lets the force fade out, then ends the servo thread and leaves the devices at zero. Called by the
   /// destructor too; takes a fifth of a second, a hung servo thread apart.
   virtual void stop() = 0;

@@ -38,7 +38,7 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
 
 /// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
 /// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.
-Result<LoadedScene> load_scene_of_recording(const Recording& recording, const std::string& what,
+Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
                                             const Progress& progress = {}, const Warn& warn = {});
 
 /// Whether anything in the model can be felt: a tissue that is, with a voxel. What is not can be shown.
@@ -118,8 +118,9 @@ struct ReplayResult {
 /// Runs every recorded input again through the tick and compares every output, bit for bit, and the state
 /// hash.
 /// @param model  is prepared for the methods that were felt where it is not
-/// Errors: kBadInput for another scene's recording, or of a model or method that is not known here.
-Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Model> model,
+/// Errors: kBadInput for another scene's recording, or of a model or method that is not known here; those of
+/// reading it.
+Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<const Model> model,
                             const Progress& progress = {});
 
 }  // namespace palpate

@@ -95,6 +95,9 @@ struct TickRecord {
   double lateness_s = 0;  ///< real clock: how late the tick began; not part of the hash
   double compute_s = 0;   ///< real clock: from reading the states to the commands; not part of the hash
   std::uint32_t model_version = 0;
+  /// How many changes of the parameters, and how many stops and rearms, the loop had heard of. In no
+  /// recording, which has the requests themselves (EventLog).
+  std::uint32_t settings_number = 0, arming_number = 0;
   std::uint8_t method = 0;                                 ///< ForceMethod
   std::uint8_t switches = 0;                               ///< TickSwitch bits
   double max_force_N = 0;                                  ///< the user's limit

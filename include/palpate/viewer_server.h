@@ -88,16 +88,24 @@ struct ViewedState {
   bool recording = false;
 };
 
+/// A viewer, as a session tells who asked it for something.
+struct ViewerIdentity {
+  std::uint32_t number = 0;  ///< from 1, in the order in which they said hello
+  bool control = false;      ///< it may change things; a stop is everybody's
+};
+
 /// A request that is well formed; whether it is granted is for the host to say.
 struct SettingsRequest {
   std::optional<std::string> method;
   std::optional<bool> friction, viscosity, passivity, paused;
   std::optional<double> max_force_N;
   std::optional<std::array<double, 4>> rotation_wxyz;
+  ViewerIdentity by;
 };
 struct TissueRequest {
   int tissue = 0;
   std::optional<double> stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm;
+  ViewerIdentity by;
 };
 
 /// A session as its viewers know it. Every member is called on the server's own thread (scene() also by
@@ -115,9 +123,9 @@ class ViewerHost {
   /// All of what is asked, or an error that names the value and nothing of it.
   virtual Result<void> set(const SettingsRequest& request) = 0;
   virtual Result<void> set(const TissueRequest& request) = 0;
-  virtual void emergency_stop() = 0;
+  virtual void emergency_stop(const ViewerIdentity& by) = 0;
   /// Error kUsage where a device is physical.
-  virtual Result<void> rearm() = 0;
+  virtual Result<void> rearm(const ViewerIdentity& by) = 0;
   /// Whether a viewer may move the tip; whether one does. Error kUsage where something else moves it.
   virtual Result<void> take_pointer(bool take) = 0;
   /// The tip that the pointer wants, patient, mm; finite.

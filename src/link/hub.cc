@@ -109,6 +109,7 @@ void Hub::want_volume(const PayloadKey& key, std::function<void(PayloadStore::Pa
 // ---- what viewers ask
 
 void Hub::welcome(Viewer& viewer) {
+  viewer.get_number(++greeted_);
   count();
   look_at_state();
   viewer.show_state();
@@ -131,18 +132,22 @@ std::string Hub::answer(Viewer& viewer, const Request& request) {
 Result<void> Hub::grant(Viewer& viewer, const Request& request) {
   // a stop is everybody's
   if (std::holds_alternative<StopRequest>(request.what)) {
-    host_.emergency_stop();
+    host_.emergency_stop(viewer.identity());
     return {};
   }
   if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
   if (viewer.role() != Role::kControl)
     return Error{ErrorKind::kUsage, "this viewer may look but not change anything", "role",
                  "connect with a token for control"};
-  if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return host_.set(*settings);
-  if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return host_.set(*tissue);
+  const auto set = [&](auto asked) {
+    asked.by = viewer.identity();
+    return host_.set(asked);
+  };
+  if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
+  if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
   if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
     return grant_pointer(viewer, *pointer);
-  return host_.rearm();
+  return host_.rearm(viewer.identity());
 }
 
 Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {

@@ -92,6 +92,7 @@ class Hub {
   std::set<std::shared_ptr<Connection>> connections_;
   std::set<std::shared_ptr<Viewer>> viewers_;
   int welcomed_ = 0;
+  std::uint32_t greeted_ = 0;  ///< viewers that have said hello so far
   bool posing_ = false, ended_ = false;
   const Viewer* pointer_ = nullptr;  ///< who moves the tip
   ViewedState state_;

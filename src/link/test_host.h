@@ -60,6 +60,7 @@ class FakeHost : public ViewerHost {
   }
   Result<void> set(const SettingsRequest& request) override {
     const std::lock_guard lock(mutex_);
+    asked_by_ = request.by;
     if (request.max_force_N && *request.max_force_N > 3)
       return Error{ErrorKind::kUsage, "is above what this device may give", "max_force_N", "ask for less"};
     if (request.max_force_N) state_.max_force_N = *request.max_force_N;
@@ -71,6 +72,7 @@ class FakeHost : public ViewerHost {
   }
   Result<void> set(const TissueRequest& request) override {
     const std::lock_guard lock(mutex_);
+    asked_by_ = request.by;
     if (static_cast<std::size_t>(request.tissue) >= state_.tissues.size())
       return Error{ErrorKind::kUsage, "is no tissue", "tissue", ""};
     ViewedTissueState& tissue = state_.tissues[request.tissue];
@@ -78,12 +80,14 @@ class FakeHost : public ViewerHost {
     ++state_.model_version;
     return {};
   }
-  void emergency_stop() override {
+  void emergency_stop(const ViewerIdentity& by) override {
     const std::lock_guard lock(mutex_);
+    asked_by_ = by;
     state_.emergency_stop = true;
   }
-  Result<void> rearm() override {
+  Result<void> rearm(const ViewerIdentity& by) override {
     const std::lock_guard lock(mutex_);
+    asked_by_ = by;
     if (state_.armed) return Error{ErrorKind::kUsage, "arming is local", "", "arm at the device"};
     state_.emergency_stop = false;
     return {};
@@ -100,6 +104,11 @@ class FakeHost : public ViewerHost {
   std::array<double, 3> tip() const {
     const std::lock_guard lock(mutex_);
     return tip_;
+  }
+  /// Who asked for something last.
+  ViewerIdentity asked_by() const {
+    const std::lock_guard lock(mutex_);
+    return asked_by_;
   }
   /// What somebody else does, at the terminal for example.
   template <class Change>
@@ -118,6 +127,7 @@ class FakeHost : public ViewerHost {
   mutable std::mutex mutex_;
   ViewedState state_;
   std::array<double, 3> tip_{};
+  ViewerIdentity asked_by_;
 };
 
 /// What a server wrote to its log.

@@ -54,6 +54,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool is_ending() const { return ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   Role role() const { return role_; }
+  /// Its own among all that say hello to this server.
+  void get_number(std::uint32_t number) { number_ = number; }
+  ViewerIdentity identity() const { return {number_, role_ == Role::kControl}; }
 
  private:
   void read();
@@ -79,6 +82,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
 
   bool open_ = false, welcomed_ = false, ending_ = false, gone_ = false, reading_ = false, writing_ = false;
   Role role_ = Role::kView;
+  std::uint32_t number_ = 0;
   Clock::time_point hello_by_, end_by_, write_begun_;
   Clock::duration pose_period_{};
   Clock::time_point next_pose_{};

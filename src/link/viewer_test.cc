@@ -140,8 +140,11 @@ TEST(Viewer, RequestsAreGrantedAndRefused) {
   viewer.send({{"type", "stop"}, {"id", 4}});
   EXPECT_EQ(viewer.text("done")["id"], 4);
   EXPECT_TRUE(test.host.state().emergency_stop);
-  viewer.send({{"type", "rearm"}, {"id", 5}});
-  EXPECT_EQ(viewer.text("done")["id"], 5);
+  EXPECT_EQ(test.host.asked_by().number, 1u);
+  EXPECT_TRUE(test.host.asked_by().control);
+  other.send({{"type", "rearm"}, {"id", 5}});
+  EXPECT_EQ(other.text("done")["id"], 5);
+  EXPECT_EQ(test.host.asked_by().number, 2u) << "in the order in which they said hello";
   EXPECT_FALSE(test.host.state().emergency_stop);
   viewer.send({{"type", "nonsense"}, {"id", 6}});
   EXPECT_EQ(viewer.text("refused")["id"], 6);
@@ -173,6 +176,8 @@ TEST(Viewer, RolesAreKept) {
   viewer.send({{"type", "stop"}, {"id", 2}});
   EXPECT_EQ(viewer.text("done")["id"], 2);
   EXPECT_TRUE(guarded.test.host.state().emergency_stop);
+  EXPECT_EQ(guarded.test.host.asked_by().number, 1u);
+  EXPECT_FALSE(guarded.test.host.asked_by().control);
   EXPECT_FALSE(guarded.test.host.state().paused);
   EXPECT_FALSE(guarded.test.host.pointer_taken);
   EXPECT_EQ(guarded.test.host.tip()[0], 0);

@@ -4,7 +4,7 @@
 
 #include "palpate/device.h"
 #include "palpate/force_method.h"
-#include "palpate/telemetry.h"
+#include "palpate/recording.h"
 
 // Without a default, so that the compiler names a bit that was added elsewhere and has no name here.
 namespace palpate::internal {
@@ -86,6 +86,56 @@ const char* name_of(DeviceStatus status) {
   return nullptr;
 }
 
+const char* name_of(SettingBit bit) {
+  switch (bit) {
+    case kSettingMethod:
+      return "method";
+    case kSettingFriction:
+      return "friction";
+    case kSettingViscosity:
+      return "viscosity";
+    case kSettingPassivity:
+      return "passivity";
+    case kSettingPaused:
+      return "paused";
+    case kSettingMaxForce:
+      return "limit of force";
+    case kSettingRotation:
+      return "rotation";
+  }
+  return nullptr;
+}
+
+const char* name_of(RecordingEvent::Kind kind) {
+  switch (kind) {
+    case RecordingEvent::Kind::kModel:
+      return "model";
+    case RecordingEvent::Kind::kSettings:
+      return "settings";
+    case RecordingEvent::Kind::kStop:
+      return "stop";
+    case RecordingEvent::Kind::kRearm:
+      return "rearm";
+  }
+  return nullptr;
+}
+
+const char* name_of(Asker asker) {
+  switch (asker) {
+    case Asker::kSession:
+      return "the session itself";
+    case Asker::kScript:
+      return "script";
+    case Asker::kKey:
+      return "key";
+    case Asker::kControlViewer:
+      return "viewer with control";
+    case Asker::kLookingViewer:
+      return "viewer that may look";
+  }
+  return nullptr;
+}
+
 template <class Bits>
 std::string text_of_all() {
   std::string text;
@@ -94,6 +144,14 @@ std::string text_of_all() {
     if (const char* name = name_of(static_cast<Bits>(value)))
       text += (text.empty() ? "" : ", ") + std::to_string(value) + " " + name;
   }
+  return text;
+}
+
+template <class Numbered>
+std::string text_of_numbers() {
+  std::string text;
+  for (std::uint8_t number = 0; const char* name = name_of(static_cast<Numbered>(number)); ++number)
+    text += (text.empty() ? "" : ", ") + std::to_string(number) + " " + name;
   return text;
 }
 
@@ -107,6 +165,16 @@ std::string switch_bits() {
 }
 std::string status_bits() {
   return text_of_all<DeviceStatus>();
+}
+
+std::string setting_bits() {
+  return text_of_all<SettingBit>();
+}
+std::string event_kinds() {
+  return text_of_numbers<RecordingEvent::Kind>();
+}
+std::string askers() {
+  return text_of_numbers<Asker>();
 }
 
 std::string method_numbers() {

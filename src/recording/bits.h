@@ -12,7 +12,12 @@ std::string flag_bits();
 std::string switch_bits();
 /// DeviceTick::status
 std::string status_bits();
+/// RecordingEvent::changed
+std::string setting_bits();
 /// "0 trilinear, 1 b-spline, ..."
 std::string method_numbers();
+/// RecordingEvent::kind and its by.asker, likewise.
+std::string event_kinds();
+std::string askers();
 
 }  // namespace palpate::internal

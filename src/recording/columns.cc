@@ -3,7 +3,7 @@
 #include <array>
 #include <bit>
 
-#include "palpate/telemetry.h"
+#include "palpate/recording.h"
 #include "recording/bits.h"
 
 namespace palpate::internal {
@@ -16,6 +16,7 @@ using enum Number;
 
 #define PALPATE_TICK(field) offsetof(TickRecord, field)
 #define PALPATE_DEVICE(field) offsetof(DeviceTick, field)
+#define PALPATE_EVENT(field) offsetof(RecordingEvent, field)
 
 constexpr std::array kTickColumns{
     Column{"tick", kU64, 1, PALPATE_TICK(tick), "1", "-", "number of the tick, from 0"},
@@ -37,6 +38,37 @@ constexpr std::array kTickColumns{
            "interpolated rotation of the object, the one that is felt, unit quaternion"},
     Column{"state_hash", kU64, 1, PALPATE_TICK(state_hash), "1", "-",
            "hash of the session state after the tick, what was sent included"},
+};
+
+constexpr std::array kEventColumns{
+    Column{"tick", kU64, 1, PALPATE_EVENT(tick), "1", "-", "number of the first tick that had heard of it"},
+    Column{"kind", kU8, 1, PALPATE_EVENT(kind), "1", "-", "what was asked for", event_kinds},
+    Column{"asked_by", kU8, 1, PALPATE_EVENT(by.asker), "1", "-", "who asked for it", askers},
+    Column{"viewer", kU32, 1, PALPATE_EVENT(by.viewer), "1", "-",
+           "which viewer asked, from 1 in the order in which they said hello, 0 none"},
+    Column{
+        "number", kU32, 1, PALPATE_EVENT(number), "1", "-",
+        "model: the version that it became; settings: which one, from 1; stop and rearm: which one of both, "
+        "from 1"},
+    Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
+           "model: place of the changed tissue in the scene, from 0; 4294967295: the fields of the direct "
+           "methods were made anew"},
+    Column{"stiffness_N_per_mm", kF64, 1, PALPATE_EVENT(change.stiffness_N_per_mm), "N/mm", "-",
+           "model: what the tissue has from then on"},
+    Column{"static_friction", kF64, 1, PALPATE_EVENT(change.static_friction), "1", "-", "model: likewise"},
+    Column{"friction", kF64, 1, PALPATE_EVENT(change.dynamic_friction), "1", "-", "model: likewise"},
+    Column{"viscosity_N_s_per_mm", kF64, 1, PALPATE_EVENT(change.viscosity_N_s_per_mm), "N s/mm", "-",
+           "model: likewise"},
+    Column{"changed", kU8, 1, PALPATE_EVENT(changed), "bits", "-", "settings: what became different",
+           setting_bits},
+    Column{"method", kU8, 1, PALPATE_EVENT(method), "1", "-", "settings: force method from then on",
+           method_numbers},
+    Column{"switches", kU8, 1, PALPATE_EVENT(switches), "bits", "-",
+           "settings: what is switched on from then on", switch_bits},
+    Column{"max_force_N", kF64, 1, PALPATE_EVENT(max_force_N), "N", "-",
+           "settings: the user's limit of force from then on"},
+    Column{"rotation_target_wxyz", kF64, 4, PALPATE_EVENT(rotation_wxyz), "1", "World",
+           "settings: commanded rotation of the object from then on, unit quaternion"},
 };
 
 constexpr std::array kDeviceColumns{
@@ -107,6 +139,7 @@ constexpr std::array kDeviceColumns{
 
 #undef PALPATE_TICK
 #undef PALPATE_DEVICE
+#undef PALPATE_EVENT
 
 std::size_t sum_of_rows(std::span<const Column> columns) {
   std::size_t bytes = 0;
@@ -136,6 +169,9 @@ std::span<const Column> tick_columns() {
 }
 std::span<const Column> device_columns() {
   return kDeviceColumns;
+}
+std::span<const Column> event_columns() {
+  return kEventColumns;
 }
 
 std::size_t tick_bytes(int devices) {

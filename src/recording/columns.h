@@ -4,8 +4,8 @@
 #include <span>
 #include <string>
 
-/// The one table of what a recording stores for every tick. The writer, the reader and the check of
-/// docs/recording.md all walk it; a new column is one new line here and one in the document.
+/// The one table of what a recording stores for every tick and every event. The writer, the reader and the
+/// check of docs/recording.md all walk it; a new column is one new line here and one in the document.
 namespace palpate::internal {
 
 /// How a value lies in memory and, identically, in the file: little-endian.
@@ -13,12 +13,12 @@ enum class Number { kU8, kU16, kU32, kU64, kF64 };
 
 std::size_t size_of(Number number);
 
-/// One data set: `width` numbers for every tick.
+/// One data set: `width` numbers a row.
 struct Column {
   const char* name;  ///< of the data set in its group
   Number number;
-  std::size_t width;                ///< numbers a tick; 1: the data set is [N], otherwise [N, width]
-  std::size_t offset;               ///< of the first number in TickRecord, or in DeviceTick
+  std::size_t width;                ///< numbers a row; 1: the data set is [N], otherwise [N, width]
+  std::size_t offset;               ///< of the first number in TickRecord, DeviceTick or RecordingEvent
   const char* unit;                 ///< "1": a pure number
   const char* frame;                ///< whose axes, or "-"
   const char* meaning;              ///< ASCII
@@ -33,6 +33,8 @@ struct Column {
 std::span<const Column> tick_columns();
 /// Columns of the groups /device0 ... /device3: offsets in DeviceTick.
 std::span<const Column> device_columns();
+/// Columns of the group /events: offsets in RecordingEvent.
+std::span<const Column> event_columns();
 /// Bytes of one tick of a recording with that many devices.
 std::size_t tick_bytes(int devices);
 

@@ -17,6 +17,7 @@
 #include "recording/columns.h"
 #include "recording/hdf5_types.h"
 #include "recording/recording_file.h"
+#include "recording/stream.h"
 #include "recording/test_support.h"
 
 namespace palpate {
@@ -34,35 +35,61 @@ std::string not_a_beginning(const std::vector<TickRecord>& read, const std::vect
   return "";
 }
 
+// "" or what is wrong with the events that were read with some first ticks
+std::string wrong_events(const Recording& read, const std::vector<RecordingEvent>& written) {
+  const std::size_t due = read.ticks.empty() ? 0 : internal::events_up_to(written, read.ticks.back().tick);
+  if (read.events.size() != due)
+    return std::to_string(read.events.size()) + " events and not " + std::to_string(due);
+  for (std::size_t i = 0; i < due; ++i)
+    if (const auto field = test::first_difference(read.events[i], written[i]); !field.empty())
+      return "event " + std::to_string(i) + " " + field;
+  return "";
+}
+
 // The file as h5py and MATLAB see it: every column through plain HDF5 over its own whole extent.
-// "" or the first column that is not a beginning of what was written.
-std::string wrong_column(const fs::path& file, const std::vector<TickRecord>& written) {
+// "" or the first column that is not a beginning of what was written, or lacks what a tick had heard of.
+std::string wrong_column(const fs::path& file, const std::vector<TickRecord>& written,
+                         const std::vector<RecordingEvent>& events = {}) {
   const internal::Hdf5Section section;
   const internal::Handle opened(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!opened.ok()) return "HDF5 does not open the file";
-  const auto check = [&](const std::string& name, const internal::Column& column, int device) -> std::string {
+  std::size_t ticks = 0;  // in the longest column of them
+  const auto check = [&](const std::string& name, const internal::Column& column, std::size_t least_rows,
+                         std::size_t most_rows, const auto& record_of) -> std::string {
     const internal::Handle data_set(H5Dopen2(opened.get(), name.c_str(), H5P_DEFAULT), H5Dclose);
     const internal::Handle space(H5Dget_space(data_set.get()), H5Sclose);
     hsize_t extent[2] = {0, 1};
-    if (H5Sget_simple_extent_dims(space.get(), extent, nullptr) < 0 || extent[0] > written.size())
-      return name;
+    if (H5Sget_simple_extent_dims(space.get(), extent, nullptr) < 0 || extent[0] > most_rows) return name;
+    if (extent[0] < least_rows) return name + " lacks what a tick had heard of";
     std::vector<std::byte> rows(extent[0] * column.row_bytes());
     if (H5Dread(data_set.get(), internal::hdf5_type(column.number), H5S_ALL, H5S_ALL, H5P_DEFAULT,
                 rows.data()) < 0)
       return name + " does not read";
     for (std::size_t row = 0; row < extent[0]; ++row) {
-      const auto* record = device < 0 ? reinterpret_cast<const std::byte*>(&written[row])
-                                      : reinterpret_cast<const std::byte*>(&written[row].device[0]);
+      const auto* record = reinterpret_cast<const std::byte*>(record_of(row));
       if (std::memcmp(rows.data() + row * column.row_bytes(), record + column.offset, column.row_bytes()) !=
           0)
         return name + " row " + std::to_string(row);
     }
+    ticks = std::max<std::size_t>(ticks, extent[0]);
     return "";
   };
   for (const auto& column : internal::tick_columns())
-    if (auto wrong = check(std::string("/ticks/") + column.name, column, -1); !wrong.empty()) return wrong;
+    if (auto wrong = check(std::string("/ticks/") + column.name, column, 0, written.size(),
+                           [&](std::size_t row) { return &written[row]; });
+        !wrong.empty())
+      return wrong;
   for (const auto& column : internal::device_columns())
-    if (auto wrong = check(std::string("/device0/") + column.name, column, 0); !wrong.empty()) return wrong;
+    if (auto wrong = check(std::string("/device0/") + column.name, column, 0, written.size(),
+                           [&](std::size_t row) { return &written[row].device[0]; });
+        !wrong.empty())
+      return wrong;
+  const std::size_t due = ticks == 0 ? 0 : internal::events_up_to(events, written[ticks - 1].tick);
+  for (const auto& column : internal::event_columns())
+    if (auto wrong = check(std::string("/events/") + column.name, column, due, events.size(),
+                           [&](std::size_t row) { return &events[row]; });
+        !wrong.empty())
+      return wrong;
   return "";
 }
 
@@ -73,6 +100,7 @@ std::vector<TickRecord> many_seconds() {
   auto ticks = test::random_ticks(8 * 39, 1, kRate, 20260301);
   double time_s = 0;
   for (std::size_t i = 0; i < ticks.size(); ++i) {
+    ticks[i].tick = i;
     ticks[i].time_s = time_s;
     time_s += (i >= 6 * 8 && i < 8 * 8 ? 3 : 1) / kRate;
   }
@@ -85,13 +113,17 @@ struct Commit {
 };
 
 // one whole run into memory
-std::vector<Commit> record_all(const std::vector<TickRecord>& ticks, test::MemorySink::Disk& disk) {
+std::vector<Commit> record_all(const std::vector<TickRecord>& ticks,
+                               const std::vector<RecordingEvent>& events, test::MemorySink::Disk& disk) {
   auto writer =
       internal::create_on(std::make_unique<test::MemorySink>(disk), test::example_header(1, kRate), "run.h5");
   EXPECT_TRUE(writer) << writer.error().message();
   std::vector<Commit> commits{{disk.steps.size(), 0}};
   for (std::size_t i = 0; i < ticks.size(); ++i) {
-    EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 1)));
+    // at most one a tick
+    const auto first = std::ranges::lower_bound(events, ticks[i].tick, {}, &RecordingEvent::tick);
+    const std::size_t told = first != events.end() && first->tick == ticks[i].tick;
+    EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 1), std::span(first, told)));
     if (disk.steps.size() != commits.back().steps) commits.push_back({disk.steps.size(), i + 1});
   }
   EXPECT_TRUE((*writer)->finish(test::example_summary(ticks.size())));
@@ -102,8 +134,11 @@ std::vector<Commit> record_all(const std::vector<TickRecord>& ticks, test::Memor
 TEST(KilledRecording, IsWholeAfterEveryWrite) {
   const test::TemporaryFolder folder;
   const auto ticks = many_seconds();
+  // fewer than a chunk holds, so that what is written between two flushes stays what they write
+  const auto events = test::random_events(ticks, 5, 4);
+  ASSERT_LT(events.size(), 64u);
   test::MemorySink::Disk disk;
-  const auto commits = record_all(ticks, disk);
+  const auto commits = record_all(ticks, events, disk);
   ASSERT_EQ(commits.size(), 1 + 39 + 2 + 1u);
 
   std::vector<std::byte> file;
@@ -117,10 +152,11 @@ TEST(KilledRecording, IsWholeAfterEveryWrite) {
       SCOPED_TRACE("killed before write " + std::to_string(done) + " of " +
                    std::to_string(disk.steps.size()));
       test::write_bytes(folder / "run.h5", file);
-      ASSERT_EQ(wrong_column(folder / "run.h5", ticks), "");
+      ASSERT_EQ(wrong_column(folder / "run.h5", ticks, events), "");
       const auto read = test::read_in_this_process(folder / "run.h5");
       ASSERT_TRUE(read) << read.error().message();
       ASSERT_EQ(not_a_beginning((*read).ticks, ticks), "");
+      ASSERT_EQ(wrong_events(*read, events), "");
       // what was safe stays safe, and a run is called whole only when it is
       ASSERT_GE((*read).ticks.size(), std::max(longest, commits[c].ticks));
       longest = (*read).ticks.size();
@@ -188,11 +224,14 @@ TEST(FullDisk, KeepsWhatWasFlushedWhereverItStrikes) {
 }
 
 // a child that records until it is killed, and says after every append how many ticks it has handed over
-void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks, int report) {
+void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks,
+                     std::span<const RecordingEvent> events, int report) {
   auto writer = RecordingWriter::create(file, test::example_header(1));
   if (!writer) ::_exit(1);
   for (std::uint64_t given = 0; given + 100 <= ticks.size(); given += 100) {
-    if (!(*writer)->append(ticks.subspan(given, 100))) ::_exit(1);
+    const std::size_t told = internal::events_up_to(events, ticks[given + 99].tick);
+    if (!(*writer)->append(ticks.subspan(given, 100), events.first(told))) ::_exit(1);
+    events = events.subspan(told);
     const std::uint64_t total = given + 100;
     if (::write(report, &total, sizeof total) != sizeof total) ::_exit(1);
   }
@@ -203,6 +242,8 @@ TEST(KilledRecording, LosesAtMostTheLastSecond) {
   const test::TemporaryFolder folder;
   // as fast as it can: far above any real rate, most of the time inside a write
   const auto ticks = test::example_ticks(40'000, 1, 1000);
+  // so many that they fill a chunk between two flushes of ticks
+  const auto events = test::random_events(ticks, 7, 2);
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
@@ -212,7 +253,7 @@ TEST(KilledRecording, LosesAtMostTheLastSecond) {
     ASSERT_EQ(::pipe(ends), 0);
     const auto file = folder / ("run" + std::to_string(round) + ".h5");
     const pid_t child = ::fork();
-    if (child == 0) record_for_ever(file, ticks, ends[1]);
+    if (child == 0) record_for_ever(file, ticks, events, ends[1]);
     ::close(ends[1]);
     // the first ticks are in, so there is a file; then some milliseconds more
     std::uint64_t given = 0, total = 0;
@@ -222,12 +263,13 @@ TEST(KilledRecording, LosesAtMostTheLastSecond) {
     while (::read(ends[0], &total, sizeof total) == sizeof total) given = total;
     ::close(ends[0]);
 
-    EXPECT_EQ(wrong_column(file, ticks), "");
+    EXPECT_EQ(wrong_column(file, ticks, events), "");
     const auto read = read_recording(file);
     ASSERT_TRUE(read) << read.error().message();
     EXPECT_FALSE((*read).summary);
     EXPECT_GT((*read).ticks.size() + 1000, given);
     EXPECT_EQ(not_a_beginning((*read).ticks, ticks), "");
+    EXPECT_EQ(wrong_events(*read, events), "");
   }
 }
 

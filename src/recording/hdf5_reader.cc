@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <optional>
+#include <string_view>
 #include <type_traits>
 
 #include "palpate/device.h"
@@ -201,13 +203,14 @@ class DataSet {
   std::array<hsize_t, 2> dims_{0, 1}, chunk_{1, 1};
 };
 
-// a column of ticks with the data set that holds it
+// a column with the data set that holds it
 struct StoredColumn {
   const Column* column;
   DataSet data_set;
 };
 
-void check_format(hid_t file) {
+// the major number
+std::uint32_t check_format(hid_t file) {
   if (H5Aexists(file, "format") <= 0 || Attribute(file, "format").text() != kFormat)
     throw Refusal{"is an HDF5 file, but not a recording of palpate",
                   "name a file that palpate simulate or explore wrote"};
@@ -216,10 +219,12 @@ void check_format(hid_t file) {
     throw Refusal{"was written by a newer palpate: format " + std::to_string(major) +
                       ", this one reads format " + std::to_string(kFormatMajor),
                   "use a newer palpate"};
-  if (major < kFormatMajor)
+  if (major < kEarliestMajor)
     throw Refusal{"was made by an earlier palpate (format " + std::to_string(major) +
-                      "; this one reads format " + std::to_string(kFormatMajor) + ")",
+                      "; this one reads formats " + std::to_string(kEarliestMajor) + " and " +
+                      std::to_string(kFormatMajor) + ")",
                   "record it again"};
+  return major;
 }
 
 void read_structures(hid_t file, std::uint64_t file_bytes,
@@ -280,8 +285,13 @@ std::optional<RecordingSummary> read_summary(hid_t file, std::uint64_t file_byte
   require(trouble.rows() <= kMaxTroubles, "it lists too many troubles");
   trouble.require_stored(file_bytes);
   summary.trouble = trouble.texts(kMaxText);
-  // format 3.0 has none
-  if (!is_there(group.get(), "model_changes")) return summary;
+  return summary;
+}
+
+// Format 3 lists the model's changes at the end of a whole run, from 3.1 on, and not when they took hold.
+std::vector<RecordingEvent> read_earlier_changes(hid_t file, std::uint64_t file_bytes) {
+  const Handle group = open_group(file, "summary");
+  if (!is_there(group.get(), "model_changes")) return {};
   const DataSet changes(group.get(), "summary", "model_changes");
   changes.require_shape(2, std::tuple_size_v<ChangeRow>);
   changes.require_type(H5T_IEEE_F64LE);
@@ -289,12 +299,15 @@ std::optional<RecordingSummary> read_summary(hid_t file, std::uint64_t file_byte
   changes.require_stored(file_bytes);
   std::vector<ChangeRow> rows(static_cast<std::size_t>(changes.rows()));
   if (!rows.empty()) changes.read_all(H5T_IEEE_F64LE, rows.data());
+  std::vector<RecordingEvent> events;
   for (const ChangeRow& row : rows) {
     const auto change = change_of(row);
     require(change.has_value(), "a change of the model has no version or tissue");
-    summary.changes.push_back(*change);
+    RecordingEvent& event = events.emplace_back();
+    event.number = change->version;
+    event.change = *change;
   }
-  return summary;
+  return events;
 }
 
 void open_columns(hid_t file, const std::string& group_name, std::span<const Column> columns,
@@ -319,10 +332,104 @@ std::uint64_t common_rows(const std::vector<StoredColumn>& columns, bool complet
   return rows;
 }
 
-bool send_rows(const std::vector<StoredColumn>& columns, std::uint64_t rows, ByteTarget& target) {
+// Every event in order, some at a time.
+class EventQueue {
+ public:
+  EventQueue(std::vector<StoredColumn> columns, std::uint64_t rows)
+      : columns_(std::move(columns)), rows_(rows) {}
+  // those of format 3
+  explicit EventQueue(std::vector<RecordingEvent> all) : waiting_(std::move(all)) {}
+
+  // format 3: the first tick of each version is where it took hold
+  void see_version(std::uint32_t version, std::uint64_t tick) {
+    for (; timed_ < waiting_.size() && waiting_[timed_].number <= version; ++timed_)
+      waiting_[timed_].tick = tick;
+  }
+  // the rest were felt by no tick that is there
+  void forget_untimed() { waiting_.resize(timed_); }
+
+  // at most kBlockRows of those up to `tick` that were not taken yet
+  std::vector<RecordingEvent> take(std::uint64_t tick) {
+    std::vector<RecordingEvent> taken;
+    while (taken.size() < kBlockRows) {
+      if (next_ == waiting_.size()) refill();
+      if (next_ == waiting_.size() || waiting_[next_].tick > tick) break;
+      taken.push_back(waiting_[next_++]);
+    }
+    return taken;
+  }
+
+ private:
+  void refill() {
+    const std::uint64_t count = std::min(kBlockRows, rows_ - read_);
+    if (count == 0) return;
+    waiting_.assign(static_cast<std::size_t>(count), {});
+    next_ = 0;
+    std::vector<std::byte> values;
+    for (const auto& [column, data_set] : columns_) {
+      const std::size_t width = column->row_bytes();
+      values.resize(waiting_.size() * width);
+      data_set.read_rows(hdf5_type(column->number), read_, count, values.data());
+      for (std::size_t row = 0; row < waiting_.size(); ++row)
+        std::memcpy(reinterpret_cast<std::byte*>(&waiting_[row]) + column->offset,
+                    values.data() + row * width, width);
+    }
+    read_ += count;
+  }
+
+  std::vector<StoredColumn> columns_;
+  std::uint64_t rows_ = 0, read_ = 0;
+  std::vector<RecordingEvent> waiting_;
+  std::size_t next_ = 0, timed_ = 0;
+};
+
+EventQueue open_events(hid_t file, std::uint32_t major, std::uint64_t file_bytes, bool complete) {
+  if (major < kFormatMajor)
+    return EventQueue(complete ? read_earlier_changes(file, file_bytes) : std::vector<RecordingEvent>());
+  std::vector<StoredColumn> columns;
+  open_columns(file, "events", event_columns(), file_bytes, columns);
+  const std::uint64_t rows = common_rows(columns, complete);
+  return {std::move(columns), rows};
+}
+
+template <class T>
+std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string_view name,
+                           std::uint64_t first, std::uint64_t count) {
+  const auto found =
+      std::ranges::find_if(columns, [&](const StoredColumn& stored) { return stored.column->name == name; });
+  std::vector<T> values(static_cast<std::size_t>(count));
+  found->data_set.read_rows(hdf5_type(found->column->number), first, count, values.data());
+  return values;
+}
+
+// what is told before the ticks, from the few columns that it takes
+void look_ahead(const std::vector<StoredColumn>& columns, std::uint64_t rows, bool versions,
+                RecordingHead& head, EventQueue& events) {
+  TicksSeen seen;
+  for (std::uint64_t first = 0; first < rows; first += kBlockRows) {
+    const std::uint64_t count = std::min(kBlockRows, rows - first);
+    const auto tick = read_column<std::uint64_t>(columns, "tick", first, count);
+    const auto time_s = read_column<double>(columns, "time_s", first, count);
+    const auto method = read_column<std::uint8_t>(columns, "method", first, count);
+    for (std::size_t i = 0; i < count; ++i) seen.see(tick[i], time_s[i], method[i]);
+    if (!versions) continue;
+    const auto version = read_column<std::uint32_t>(columns, "model_version", first, count);
+    for (std::size_t i = 0; i < count; ++i) events.see_version(version[i], tick[i]);
+  }
+  if (versions) events.forget_untimed();
+  seen.tell(head);
+}
+
+bool send_parts(const std::vector<StoredColumn>& columns, std::uint64_t rows, EventQueue& events,
+                ByteTarget& target) {
   std::vector<std::byte> buffer;
   for (std::uint64_t first = 0; first < rows; first += kBlockRows) {
     const std::uint64_t count = std::min(kBlockRows, rows - first);
+    const std::uint64_t last_tick = read_column<std::uint64_t>(columns, "tick", first + count - 1, 1).front();
+    auto of_these = events.take(last_tick);
+    for (; of_these.size() == kBlockRows; of_these = events.take(last_tick))
+      if (!send_events(target, of_these, 0)) return false;
+    if (!send_events(target, of_these, static_cast<std::uint32_t>(count))) return false;
     for (const auto& [column, data_set] : columns) {
       buffer.resize(static_cast<std::size_t>(count) * column->row_bytes());
       data_set.read_rows(hdf5_type(column->number), first, count, buffer.data());
@@ -347,19 +454,24 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target) {
   try {
     const Handle opened = open_file(file);
     require(opened.ok(), "HDF5 cannot open it");
-    check_format(opened.get());
+    const std::uint32_t major = check_format(opened.get());
     hsize_t file_bytes = 0;
     require(H5Fget_filesize(opened.get(), &file_bytes) >= 0, "HDF5 cannot open it");
 
-    RecordingHead head{read_header(opened.get(), file_bytes), read_summary(opened.get(), file_bytes), 0};
+    RecordingHead head{
+        read_header(opened.get(), file_bytes), read_summary(opened.get(), file_bytes), 0, true, {}};
+    const bool complete = head.summary.has_value();
+    // the ticks' ends first: what they had heard of is in the file before them, also while it is written
     std::vector<StoredColumn> columns;
     open_columns(opened.get(), "ticks", tick_columns(), file_bytes, columns);
     for (int d = 0; d < head.header.devices; ++d)
       open_columns(opened.get(), "device" + std::to_string(d), device_columns(), file_bytes, columns);
-    head.rows = common_rows(columns, head.summary.has_value());
+    const std::uint64_t rows = common_rows(columns, complete);
+    EventQueue events = open_events(opened.get(), major, file_bytes, complete);
+    look_ahead(columns, rows, major < kFormatMajor, head, events);
 
     head_sent = true;
-    return send_head(target, head) && send_rows(columns, head.rows, target);
+    return send_head(target, head) && send_parts(columns, rows, events, target);
   } catch (const Refusal& refusal) {
     return !head_sent && send_refusal(target, {ErrorKind::kBadInput, refusal.what, "", refusal.remedy});
   }

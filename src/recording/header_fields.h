@@ -15,9 +15,11 @@ namespace palpate::internal {
 
 inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
-inline constexpr std::uint32_t kFormatMajor = 3;
+inline constexpr std::uint32_t kFormatMajor = 4;
 /// Incremented when something is added that old readers can leave aside.
-inline constexpr std::uint32_t kFormatMinor = 1;
+inline constexpr std::uint32_t kFormatMinor = 0;
+/// The earliest that is still read: without /events, with the model's changes at the end of a whole run.
+inline constexpr std::uint32_t kEarliestMajor = 3;
 
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";
@@ -26,8 +28,9 @@ inline constexpr std::size_t kMaxText = 4096;  ///< bytes of one text of the hea
 inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxStructures = 65536;
 inline constexpr std::size_t kMaxTroubles = 1000;
-inline constexpr std::size_t kMaxChanges = 100'000;
-inline constexpr std::size_t kTroubleBytes = 512;  ///< of one of them, as written here
+inline constexpr std::size_t kMaxChanges = 100'000;  ///< of the model, in format 3
+inline constexpr std::size_t kMaxMethods = 256;      ///< their number is a byte
+inline constexpr std::size_t kTroubleBytes = 512;    ///< of one of them, as written here
 
 /// Everything of the header but the script and the structures: attributes of the group /header.
 template <class Header, class Visit>
@@ -52,16 +55,8 @@ void visit_header(Header& header, Visit&& visit) {
   visit("scheduler", header.scheduler);
 }
 
-/// A row of /summary/model_changes: version, tissue, and its values in the order of the struct.
+/// A row of format 3's /summary/model_changes: version, tissue, and its values in the order of the struct.
 using ChangeRow = std::array<double, 6>;
-inline ChangeRow row_of(const ModelChange& change) {
-  return {static_cast<double>(change.version),
-          static_cast<double>(change.tissue),
-          change.stiffness_N_per_mm,
-          change.static_friction,
-          change.dynamic_friction,
-          change.viscosity_N_s_per_mm};
-}
 /// Nothing for a row whose numbers are none that a version or a tissue can have.
 inline std::optional<ModelChange> change_of(const ChangeRow& row) {
   const auto whole = [](double value) {

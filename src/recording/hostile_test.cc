@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <functional>
@@ -12,6 +13,7 @@
 #include <random>
 
 #include "base/test_seed.h"
+#include "recording/columns.h"
 #include "recording/hdf5_handle.h"
 #include "recording/stream.h"
 #include "recording/test_support.h"
@@ -31,7 +33,7 @@ class Hostile : public testing::Test {
   void SetUp() override {
     auto writer = RecordingWriter::create(file_, test::example_header(1, 8));
     ASSERT_TRUE(writer);
-    ASSERT_TRUE((*writer)->append(test::example_ticks(kTicks, 1, 8)));
+    ASSERT_TRUE((*writer)->append(test::example_ticks(kTicks, 1, 8), test::example_events()));
     ASSERT_TRUE((*writer)->finish(test::example_summary(kTicks)));
     bytes_ = test::read_bytes(file_);
   }
@@ -116,12 +118,12 @@ TEST_F(Hostile, ChangedShapesAndTypesAreNamed) {
   EXPECT_EQ(with("summary/trouble", string_type(8).get(), {1}), "no error");
   EXPECT_THAT(error_after([](hid_t f) { H5Ldelete(f, "summary/trouble", H5P_DEFAULT); }),
               HasSubstr("/summary/trouble is missing"));
-  EXPECT_THAT(with("summary/model_changes", H5T_IEEE_F64LE, {2}), HasSubstr("another shape"));
-  EXPECT_THAT(with("summary/model_changes", H5T_IEEE_F64LE, {2, 5}), HasSubstr("another shape"));
-  EXPECT_THAT(with("summary/model_changes", H5T_IEEE_F32LE, {2, 6}), HasSubstr("another type"));
-  EXPECT_THAT(with("summary/model_changes", H5T_IEEE_F64LE, {100001, 6}), HasSubstr("too many changes"));
-  EXPECT_EQ(error_after([](hid_t f) { H5Ldelete(f, "summary/model_changes", H5P_DEFAULT); }), "no error")
-      << "format 3.0 has none";
+  EXPECT_THAT(error_after([](hid_t f) { H5Ldelete(f, "events", H5P_DEFAULT); }),
+              HasSubstr("no group /events"));
+  EXPECT_THAT(with("events/tick", H5T_STD_U32LE, {2}), HasSubstr("/events/tick has another type"));
+  EXPECT_THAT(with("events/tick", H5T_STD_U64LE, {3}), HasSubstr("another length"));
+  EXPECT_THAT(with("events/tick", H5T_STD_U64LE, {2, 2}), HasSubstr("another shape"));
+  EXPECT_THAT(with("events/rotation_target_wxyz", H5T_IEEE_F64LE, {2, 3}), HasSubstr("another shape"));
   const Handle endless(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(endless.get(), H5T_VARIABLE);
   EXPECT_THAT(with("header/script", endless.get(), {}), HasSubstr("not a text"));
@@ -174,9 +176,9 @@ TEST_F(Hostile, HeadersAreChecked) {
               HasSubstr("hand"));
   EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "clock", string_type(7).get(), "sundial"); }),
               HasSubstr("clock is neither virtual nor real"));
-  const std::uint32_t newer = 4, minor = 77;
+  const std::uint32_t newer = 5, minor = 77;
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format_major", H5T_STD_U32LE, &newer); }),
-              HasSubstr("written by a newer palpate: format 4"));
+              HasSubstr("written by a newer palpate: format 5"));
   EXPECT_EQ(error_after([&](hid_t f) { set_attribute(f, "format_minor", H5T_STD_U32LE, &minor); }),
             "no error");
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format", string_type(3).get(), "abc"); }),
@@ -199,8 +201,75 @@ TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(read.error().where, file_.string());
-  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 1; this one reads format 3)");
+  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 1; this one reads formats 3 and 4)");
   EXPECT_EQ(read.error().remedy, "record it again");
+}
+
+// a file of format 3.1: no events, and how the model changed at its end
+void become_format_3(hid_t file, const std::vector<std::array<double, 6>>& changes) {
+  const std::uint32_t major = 3;
+  const Handle attribute(H5Aopen(file, "format_major", H5P_DEFAULT), H5Aclose);
+  ASSERT_GE(H5Awrite(attribute.get(), H5T_STD_U32LE, &major), 0);
+  ASSERT_GE(H5Ldelete(file, "events", H5P_DEFAULT), 0);
+  const hsize_t dims[2] = {changes.size(), 6};
+  const Handle space(H5Screate_simple(2, dims, nullptr), H5Sclose);
+  const Handle made(H5Dcreate2(file, "summary/model_changes", H5T_IEEE_F64LE, space.get(), H5P_DEFAULT,
+                               H5P_DEFAULT, H5P_DEFAULT),
+                    H5Dclose);
+  ASSERT_GE(H5Dwrite(made.get(), H5T_IEEE_F64LE, H5S_ALL, H5S_ALL, H5P_DEFAULT, changes.data()), 0);
+}
+
+TEST_F(Hostile, Format3IsStillRead) {
+  auto ticks = test::example_ticks(kTicks, 1, 8);
+  for (std::size_t i = 0; i < kTicks; ++i) ticks[i].model_version = i < 5 ? 1 : i < 11 ? 3 : 4;
+  {
+    auto writer = RecordingWriter::create(file_, test::example_header(1, 8));
+    ASSERT_TRUE(writer);
+    ASSERT_TRUE((*writer)->append(ticks));
+    ASSERT_TRUE((*writer)->finish(test::example_summary(kTicks)));
+  }
+  const auto whole = test::read_bytes(file_);
+  const auto read_with = [&](const std::vector<std::array<double, 6>>& changes) {
+    test::write_bytes(file_, whole);
+    {
+      const internal::Hdf5Section section;
+      const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
+      become_format_3(file.get(), changes);
+    }
+    return read_recording(file_);
+  };
+  // each where the first tick felt it; the last one was felt by none
+  const auto read =
+      read_with({{2, 0, 0.8, 0.3, 0.2, 0.1}, {3, 1, 0.7, 0, 0, 0}, {4, 4294967295.0, 0, 0, 0, 0}, {5, 0}});
+  ASSERT_TRUE(read) << read.error().message();
+  ASSERT_EQ(read->ticks.size(), kTicks);
+  ASSERT_EQ(read->events.size(), 3u);
+  EXPECT_EQ(read->events[0].change, (ModelChange{2, 0, 0.8, 0.3, 0.2, 0.1}));
+  EXPECT_EQ(read->events[0].tick, 5u);
+  EXPECT_EQ(read->events[1].change, (ModelChange{3, 1, 0.7}));
+  EXPECT_EQ(read->events[1].tick, 5u);
+  EXPECT_EQ(read->events[2].change, (ModelChange{4, ModelChange::kFieldsMadeAnew}));
+  EXPECT_EQ(read->events[2].tick, 11u);
+  const auto wild = read_with({{2.5, 0, 0.8, 0.3, 0.2, 0.1}});
+  ASSERT_FALSE(wild);
+  EXPECT_THAT(wild.error().what, HasSubstr("no version or tissue"));
+  EXPECT_THAT(read_with(std::vector<std::array<double, 6>>(100001)).error().what,
+              HasSubstr("too many changes"));
+}
+
+TEST_F(Hostile, EventsAreBelievedByNobody) {
+  const auto with = [&](const char* name, hid_t type, const void* values) {
+    return error_after([&](hid_t f) {
+      const Handle column(H5Dopen2(f, name, H5P_DEFAULT), H5Dclose);
+      EXPECT_GE(H5Dwrite(column.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), 0);
+    });
+  };
+  const std::uint64_t backwards[] = {7, 3}, late[] = {3, 1'000'000};
+  EXPECT_THAT(with("events/tick", H5T_STD_U64LE, backwards), HasSubstr("events are out of order"));
+  EXPECT_EQ(with("events/tick", H5T_STD_U64LE, late), "no error") << "of no tick that is there";
+  const std::uint8_t wild[] = {1, 9};
+  EXPECT_THAT(with("events/kind", H5T_STD_U8LE, wild), HasSubstr("of no kind"));
+  EXPECT_THAT(with("events/asked_by", H5T_STD_U8LE, wild), HasSubstr("by nobody that there is"));
 }
 
 TEST_F(Hostile, NothingIsReadFromOtherFiles) {
@@ -296,13 +365,13 @@ TEST_F(Hostile, FlippedBytesNeverCrash) {
 
 Result<Recording> receive(std::span<const std::byte> bytes) {
   test::MemorySource source(bytes);
-  return internal::receive_recording(source, {});
+  return test::receive_all(source);
 }
 
 TEST(Stream, EndsAreNoticedAtEveryByte) {
   test::MemoryTarget sent;
   const auto header = test::example_header(1);
-  ASSERT_TRUE(internal::send_head(sent, {header, test::example_summary(0), 0}));
+  ASSERT_TRUE(internal::send_head(sent, {header, test::example_summary(0), 0, true, {{5, 0}, {1, 7}}}));
   for (std::size_t size = 0; size < sent.bytes.size(); ++size)
     EXPECT_FALSE(receive(std::span(sent.bytes).first(size))) << size;
   const auto whole = receive(sent.bytes);
@@ -310,12 +379,58 @@ TEST(Stream, EndsAreNoticedAtEveryByte) {
   EXPECT_EQ(test::first_difference((*whole).header, header), "");
   ASSERT_TRUE((*whole).summary);
   EXPECT_EQ((*whole).summary->trouble, test::example_summary(0).trouble);
-  EXPECT_EQ((*whole).summary->changes, test::example_summary(0).changes);
+}
+
+// the stream of a few ticks with their events
+std::vector<std::byte> stream_of(const std::vector<TickRecord>& ticks,
+                                 const std::vector<RecordingEvent>& events, const RecordingHead& head) {
+  test::MemoryTarget sent;
+  EXPECT_TRUE(internal::send_head(sent, head));
+  EXPECT_TRUE(internal::send_events(sent, events, static_cast<std::uint32_t>(ticks.size())));
+  const auto put = [&](const internal::Column& column, const auto& record_of) {
+    for (const TickRecord& tick : ticks) {
+      const auto* first = reinterpret_cast<const std::byte*>(record_of(tick)) + column.offset;
+      EXPECT_TRUE(sent.write({first, column.row_bytes()}));
+    }
+  };
+  for (const auto& column : internal::tick_columns())
+    put(column, [](const TickRecord& tick) { return &tick; });
+  for (const auto& column : internal::device_columns())
+    put(column, [](const TickRecord& tick) { return &tick.device[0]; });
+  return sent.bytes;
+}
+
+TEST(Stream, BelievesNoPart) {
+  const auto ticks = test::example_ticks(3, 1, 1000);
+  const RecordingHead head{test::example_header(1), {}, 3, true, {{0, 0}}};
+  const auto error_of = [](const std::vector<std::byte>& bytes) {
+    const auto read = receive(bytes);
+    return read ? std::string("no error") : read.error().what;
+  };
+  EXPECT_EQ(error_of(stream_of(ticks, test::example_events(), head)), "no error");
+  // what the beginning says of the ticks
+  RecordingHead other = head;
+  other.methods = {{1, 0}};
+  EXPECT_THAT(error_of(stream_of(ticks, {}, other)), HasSubstr("not what its beginning says"));
+  auto standing = ticks;
+  standing[2].time_s = standing[1].time_s;
+  EXPECT_THAT(error_of(stream_of(standing, {}, head)), HasSubstr("not what its beginning says"));
+  other = head;
+  other.clock_rises = false;
+  EXPECT_EQ(error_of(stream_of(standing, {}, other)), "no error");
+  // more ticks than are left, more events than a part holds, and nothing at all without end
+  other = head;
+  other.ticks = 2;
+  EXPECT_THAT(error_of(stream_of(ticks, {}, other)), HasSubstr("no size that it may have"));
+  EXPECT_THAT(error_of(stream_of(ticks, std::vector<RecordingEvent>(4097), head)),
+              HasSubstr("no size that it may have"));
+  EXPECT_THAT(error_of(stream_of({}, {}, head)), HasSubstr("no size that it may have"));
 }
 
 TEST(Stream, PromisesOfRowsTakeNoMemory) {
   test::MemoryTarget sent;
-  ASSERT_TRUE(internal::send_head(sent, {test::example_header(4), std::nullopt, std::uint64_t{1} << 60}));
+  ASSERT_TRUE(
+      internal::send_head(sent, {test::example_header(4), std::nullopt, std::uint64_t{1} << 60, true, {}}));
   const auto read = receive(sent.bytes);
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().what, "ended");
@@ -323,7 +438,7 @@ TEST(Stream, PromisesOfRowsTakeNoMemory) {
 
 TEST(Stream, BelievesNoHeader) {
   const auto error_of = [](auto&& change) {
-    internal::RecordingHead head{test::example_header(1), test::example_summary(0), 0};
+    RecordingHead head{test::example_header(1), test::example_summary(0), 0, true, {}};
     change(head);
     test::MemoryTarget sent;
     EXPECT_TRUE(internal::send_head(sent, head));
@@ -341,8 +456,7 @@ TEST(Stream, BelievesNoHeader) {
               HasSubstr("too many troubles"));
   EXPECT_THAT(error_of([](auto& head) { head.summary->trouble = {std::string(5000, 'x')}; }),
               HasSubstr("too long"));
-  EXPECT_THAT(error_of([](auto& head) { head.summary->changes.resize(100001); }),
-              HasSubstr("too many changes"));
+  EXPECT_THAT(error_of([](auto& head) { head.methods.resize(257); }), HasSubstr("too many methods"));
   EXPECT_THAT(error_of([](auto& head) { head.summary->ticks = 1; }), HasSubstr("counts 1 ticks"));
 }
 

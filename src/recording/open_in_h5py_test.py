@@ -71,7 +71,7 @@ class OpenInH5py(unittest.TestCase):
                 attributes = {key: value.decode("ascii") for key, value in item.attrs.items()}
                 if attributes:
                     self.assertEqual(set(attributes), {"unit", "frame", "description"}, name)
-                few = name.startswith("structures/") or name in ("summary/trouble", "summary/model_changes")
+                few = name.startswith(("structures/", "events/")) or name == "summary/trouble"
                 rows = 2 if few else ROWS
                 found["/" + name] = (
                     column_shape(item.shape, rows),
@@ -90,7 +90,12 @@ class OpenInH5py(unittest.TestCase):
 
     def test_every_bit_is_documented(self):
         """The table of bits holds what the descriptions of the columns list, by value and by name."""
-        columns = {"flags": "device0/flags", "switches": "ticks/switches", "status": "device0/status"}
+        columns = {
+            "flags": "device0/flags",
+            "switches": "ticks/switches",
+            "status": "device0/status",
+            "changed": "events/changed",
+        }
         with self.write() as file:
             for of, column in columns.items():
                 documented = [f"{value} {name}" for _, value, name, _ in rows_of_tables(of + "` | ")]
@@ -107,7 +112,7 @@ class OpenInH5py(unittest.TestCase):
                     attribute = group.attrs.get_id(name)
                     found[prefix + name] = "text" if attribute.dtype.kind == "S" else attribute.dtype.name
                     self.assertEqual(attribute.shape, ())
-            for name in ("ticks", "device0", "device1", "structures", "summary"):
+            for name in ("ticks", "device0", "device1", "structures", "events", "summary"):
                 self.assertEqual(len(file[name].attrs), 0)
         self.assertEqual(found, documented)
 
@@ -157,6 +162,16 @@ class OpenInH5py(unittest.TestCase):
             self.assertEqual(file["summary/clamped"][()], 1000)
             self.assertEqual(file["summary/skipped"][()], 1021)
             trouble = [sentence.decode() for sentence in file["summary/trouble"][:]]
+            events = file["events"]
+            self.assertEqual(events["tick"][:].tolist(), [3, 7])
+            self.assertEqual(events["kind"][:].tolist(), [0, 1])
+            self.assertEqual(events["asked_by"][:].tolist(), [3, 2])
+            self.assertEqual(events["viewer"][:].tolist(), [2, 0])
+            self.assertEqual(events["number"][:].tolist(), [4, 1])
+            self.assertEqual(events["stiffness_N_per_mm"][0], 0.8)
+            self.assertEqual(events["changed"][1], 48)
+            self.assertEqual(events["max_force_N"][1], 1.25)
+            self.assertEqual(events["rotation_target_wxyz"][1].tolist(), [0, 1, 0, 0])
             self.assertEqual(trouble, ["line 3: asked for 2.00 N, felt 1.40 N", "größer"])
 
     def test_a_killed_one_opens(self):
@@ -170,6 +185,8 @@ class OpenInH5py(unittest.TestCase):
                 for name, data_set in file[group].items():
                     self.assertEqual(data_set.shape[0], 2400, name)
             numpy.testing.assert_array_equal(file["ticks/time_s"][:], numpy.arange(2400) / 1000)
+            for name, data_set in file["events"].items():
+                self.assertEqual(data_set.shape[0], 2, name)
 
     def test_copies_by_other_tools_are_read(self):
         """What h5repack or h5py make of a recording: other chunks, no compression, or other compression."""
@@ -181,7 +198,7 @@ class OpenInH5py(unittest.TestCase):
                     target.attrs.create(key, file.attrs[key], dtype=file.attrs.get_id(key).dtype)
                 for group in ("header", "structures", "summary"):
                     file.copy(group, target)
-                for group in ("ticks", "device0", "device1"):
+                for group in ("ticks", "device0", "device1", "events"):
                     for name, data_set in file[group].items():
                         target.create_dataset(f"{group}/{name}", data=data_set[...], **options)
             subprocess.run([EXAMPLE, "same", self.file, copy], check=True)

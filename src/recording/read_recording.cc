@@ -11,6 +11,7 @@
 #include <csignal>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <new>
 
 #include "recording/hdf5_handle.h"
@@ -143,55 +144,157 @@ std::optional<Error> not_hdf5(const std::filesystem::path& file) {
   return bad("is not a recording: it is no HDF5 file", "name a file that palpate simulate or explore wrote");
 }
 
-struct Child {
-  pid_t id = -1;
-  int pipe = -1;
+// the process that opens the file, and the end of its pipe
+class Child {
+ public:
+  explicit Child(const std::filesystem::path& file) {
+    int ends[2];
+    if (::pipe2(ends, O_CLOEXEC) != 0) return;
+    {
+      const Hdf5Section section;
+      id_ = ::fork();
+      if (id_ == 0) run_child(file, ends[1]);
+    }
+    ::close(ends[1]);
+    pipe_ = ends[0];
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+  // it has ended, or what it is still doing is of no use
+  ~Child() {
+    if (pipe_ >= 0) ::close(pipe_);
+    if (!started()) return;
+    ::kill(id_, SIGKILL);
+    while (::waitpid(id_, nullptr, 0) < 0 && errno == EINTR) {
+    }
+  }
+  bool started() const { return id_ > 0; }
+  int pipe() const { return pipe_; }
+
+ private:
+  pid_t id_ = -1;
+  int pipe_ = -1;
 };
 
-Child start_child(const std::filesystem::path& file) {
-  int ends[2];
-  if (::pipe2(ends, O_CLOEXEC) != 0) return {};
-  pid_t id;
-  {
-    const Hdf5Section section;
-    id = ::fork();
-    if (id == 0) run_child(file, ends[1]);
-  }
-  ::close(ends[1]);
-  if (id < 0) ::close(ends[0]);
-  return {id, ends[0]};
+using TakeHead = std::function<Result<bool>(const RecordingHead&)>;
+using TakePart = std::function<Result<void>(const RecordingPart&)>;
+
+// what is wrong with the file, or with what is read; not with what is made of it
+Error about(const std::filesystem::path& file, Error error) {
+  if (error.kind != ErrorKind::kInterrupted) error.where = file.string();
+  return error;
 }
 
-Result<Recording> read_isolated(const std::filesystem::path& file, const Progress& progress) {
-  const Child child = start_child(file);
-  if (child.id < 0)
+/// @param take_head  says whether the parts are wanted too
+Result<void> read_isolated(const std::filesystem::path& file, const TakeHead& take_head,
+                           const TakePart& take_part, const Progress& progress) try {
+  if (auto error = not_hdf5(file)) return *error;
+  const Child child(file);
+  if (!child.started())
     return Error{ErrorKind::kUnavailable, std::string("no process to read it in: ") + std::strerror(errno),
-                 "", ""};
-  Result<Recording> recording = Error{ErrorKind::kBadInput, "the recording does not fit in memory", "", ""};
-  try {
-    PipeSource source(child.pipe, progress);
-    recording = receive_recording(source, progress);
-  } catch (const std::bad_alloc&) {
-    // the error above
-  }
-  // it has ended, or what it is still doing is of no use
-  ::close(child.pipe);
-  ::kill(child.id, SIGKILL);
-  while (::waitpid(child.id, nullptr, 0) < 0 && errno == EINTR) {
-  }
-  return recording;
+                 file.string(), ""};
+  PipeSource source(child.pipe(), progress);
+  auto received = receive_head(source);
+  if (!received) return about(file, received.error());
+  const RecordingHead head = *std::move(received);
+  const auto wanted = take_head(head);
+  if (!wanted) return wanted.error();
+  if (!*wanted) return {};
+  bool own_error = false;
+  auto done = receive_parts(
+      source, head,
+      [&](const RecordingPart& part) {
+        auto taken = take_part(part);
+        own_error = !taken;
+        return taken;
+      },
+      progress);
+  if (done || own_error) return done;
+  return about(file, done.error());
+} catch (const std::bad_alloc&) {
+  return Error{ErrorKind::kBadInput, "the recording does not fit in memory", file.string(), ""};
+}
+
+bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
+  return a.started_utc == b.started_utc && a.model_hash == b.model_hash && a.seed == b.seed &&
+         a.devices == b.devices && a.script_text == b.script_text;
 }
 
 }  // namespace
 }  // namespace internal
 
+Result<RecordingSource> RecordingSource::open(const std::filesystem::path& file, const Progress& progress) {
+  RecordingHead head;
+  const auto take_head = [&](const RecordingHead& read) -> Result<bool> {
+    head = read;
+    return false;
+  };
+  auto read = internal::read_isolated(file, take_head, {}, progress);
+  if (!read) return read.error();
+  return RecordingSource(file, std::move(head));
+}
+
+RecordingSource::RecordingSource(const Recording& recording) : memory_(&recording) {
+  head_.header = recording.header;
+  head_.summary = recording.summary;
+  internal::TicksSeen seen;
+  for (const TickRecord& tick : recording.ticks) seen.see(tick.tick, tick.time_s, tick.method);
+  seen.tell(head_);
+}
+
+Result<void> RecordingSource::read(const std::function<Result<void>(const RecordingPart&)>& take,
+                                   const Progress& progress) const {
+  // as many ticks as the head tells of, and their events
+  std::uint64_t left = head_.ticks;
+  const auto take_known = [&](RecordingPart part) -> Result<void> {
+    if (left == 0) return {};
+    if (part.ticks.size() > left) {
+      part.ticks = part.ticks.first(static_cast<std::size_t>(left));
+      part.events = part.events.first(internal::events_up_to(part.events, part.ticks.back().tick));
+    }
+    left -= part.ticks.size();
+    return take(part);
+  };
+  if (memory_ == nullptr) {
+    const auto take_head = [&](const RecordingHead& now) -> Result<bool> {
+      if (internal::same_run(now.header, head_.header) && now.ticks >= head_.ticks) return true;
+      return Error{ErrorKind::kBadInput, "another recording has taken its place while it was read",
+                   file_.string(), "try again when nothing writes to it"};
+    };
+    return internal::read_isolated(file_, take_head, take_known, progress);
+  }
+
+  std::span<const TickRecord> ticks(memory_->ticks);
+  std::span<const RecordingEvent> events(memory_->events);
+  while (!ticks.empty()) {
+    if (progress.stopped()) return Progress::interrupted();
+    const auto part = ticks.first(std::min<std::size_t>(ticks.size(), internal::kBlockRows));
+    const std::size_t told = internal::events_up_to(events, part.back().tick);
+    if (auto taken = take_known({part, events.first(told)}); !taken) return taken;
+    ticks = ticks.subspan(part.size());
+    events = events.subspan(told);
+  }
+  return {};
+}
+
 Result<Recording> read_recording(const std::filesystem::path& file, const Progress& progress) {
-  if (auto error = internal::not_hdf5(file)) return *error;
-  Result<Recording> recording = internal::read_isolated(file, progress);
-  if (recording || recording.error().kind == ErrorKind::kInterrupted) return recording;
-  Error error = recording.error();
-  error.where = file.string();
-  return error;
+  Recording recording;
+  double all = 0;
+  const auto take_head = [&](const RecordingHead& head) -> Result<bool> {
+    recording.header = head.header;
+    recording.summary = head.summary;
+    all = static_cast<double>(head.ticks);
+    return true;
+  };
+  // memory is taken as the rows arrive, not as their number promises
+  const auto take_part = [&](const RecordingPart& part) -> Result<void> {
+    progress.report("reading the recording", static_cast<double>(recording.ticks.size()) / all);
+    recording.ticks.insert(recording.ticks.end(), part.ticks.begin(), part.ticks.end());
+    recording.events.insert(recording.events.end(), part.events.begin(), part.events.end());
+    return {};
+  };
+  if (auto read = internal::read_isolated(file, take_head, take_part, progress); !read) return read.error();
+  return recording;
 }
 
 }  // namespace palpate

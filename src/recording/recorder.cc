@@ -24,11 +24,12 @@ constexpr std::size_t kBatch = 256;
 class RingRecorder : public Recorder {
  public:
   RingRecorder(SpscRing<TickRecord>& ring, std::unique_ptr<RecordingWriter> writer,
-               std::filesystem::path file, std::function<void(const TickRecord&)> see)
+               std::filesystem::path file, std::function<void(const TickRecord&)> see, EventLog* told)
       : ring_(ring),
         writer_(std::move(writer)),
         file_(std::move(file)),
         see_(std::move(see)),
+        told_(told),
         batch_(kBatch) {}
   ~RingRecorder() override { stop(); }
 
@@ -44,14 +45,14 @@ class RingRecorder : public Recorder {
     return failure_;
   }
   Result<RecordingSummary> finish(std::uint64_t dropped, std::uint64_t skipped,
-                                  const std::vector<std::string>& trouble,
-                                  const std::vector<ModelChange>& changes) override;
+                                  const std::vector<std::string>& trouble) override;
 
  private:
   void run() noexcept;
   void stop();
   void drain();
   void take(std::span<const TickRecord> ticks);
+  void take_heard(const TickRecord& tick);
   Result<void> write(std::span<const TickRecord> ticks);
   void give_up(const Error& error);
 
@@ -60,7 +61,10 @@ class RingRecorder : public Recorder {
   std::unique_ptr<RecordingWriter> writer_;  // none: nothing is kept
   const std::filesystem::path file_;
   const std::function<void(const TickRecord&)> see_;
+  EventLog* const told_;  // none: nothing is told
   std::vector<TickRecord> batch_;
+  std::list<RecordingEvent> unheard_;   // that no tick had heard of yet
+  std::vector<RecordingEvent> events_;  // of the batch
 
   std::thread thread_;
   std::atomic<bool> stop_ = false;
@@ -99,13 +103,42 @@ void RingRecorder::take(std::span<const TickRecord> ticks) {
   }
   if (see_)
     for (const TickRecord& tick : ticks) see_(tick);
-  if (!writer_) return;
   if (auto written = write(ticks); !written) give_up(written.error());
+}
+
+bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
+  switch (event.kind) {
+    case RecordingEvent::Kind::kModel:
+      return tick.model_version >= event.number;
+    case RecordingEvent::Kind::kSettings:
+      return tick.settings_number >= event.number;
+    case RecordingEvent::Kind::kStop:
+    case RecordingEvent::Kind::kRearm:
+      break;
+  }
+  return tick.arming_number >= event.number;
+}
+
+// the rows that this tick is the first to have heard of
+void RingRecorder::take_heard(const TickRecord& tick) {
+  for (auto row = unheard_.begin(); row != unheard_.end();) {
+    if (!had_heard(tick, *row)) {
+      ++row;
+      continue;
+    }
+    row->tick = tick.tick;
+    events_.push_back(*row);
+    row = unheard_.erase(row);
+  }
 }
 
 Result<void> RingRecorder::write(std::span<const TickRecord> ticks) {
   try {
-    return writer_->append(ticks);
+    // after the ticks were taken: what they had heard of is there
+    events_.clear();
+    if (told_ != nullptr) told_->take(unheard_);
+    for (const TickRecord& tick : ticks) take_heard(tick);
+    return writer_ ? writer_->append(ticks, events_) : Result<void>();
   } catch (const std::bad_alloc&) {
     return output_error(file_, ENOMEM);
   }
@@ -119,8 +152,7 @@ void RingRecorder::give_up(const Error& error) {
 }
 
 Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64_t skipped,
-                                              const std::vector<std::string>& trouble,
-                                              const std::vector<ModelChange>& changes) {
+                                              const std::vector<std::string>& trouble) {
   PALPATE_CHECK(thread_.joinable());
   stop();
   if (failure_) return *failure_;
@@ -128,7 +160,6 @@ Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64
   summary.dropped = dropped;
   summary.skipped = skipped;
   summary.trouble = trouble;
-  summary.changes = changes;
   if (writer_) {
     if (auto finished = writer_->finish(summary); !finished) {
       give_up(finished.error());
@@ -146,8 +177,8 @@ Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64
 Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
                                                  std::unique_ptr<RecordingWriter> writer,
                                                  const std::filesystem::path& file,
-                                                 std::function<void(const TickRecord&)> see) {
-  auto recorder = std::make_unique<RingRecorder>(ring, std::move(writer), file, std::move(see));
+                                                 std::function<void(const TickRecord&)> see, EventLog* told) {
+  auto recorder = std::make_unique<RingRecorder>(ring, std::move(writer), file, std::move(see), told);
   try {
     recorder->start();
   } catch (const std::system_error& refused) {
@@ -162,14 +193,15 @@ Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
 Result<std::unique_ptr<Recorder>> Recorder::start(SpscRing<TickRecord>& ring,
                                                   const std::filesystem::path& file,
                                                   const RecordingHeader& header,
-                                                  std::function<void(const TickRecord&)> see) {
+                                                  std::function<void(const TickRecord&)> see,
+                                                  EventLog* told) {
   std::unique_ptr<RecordingWriter> writer;
   if (!file.empty()) {
     auto created = RecordingWriter::create(file, header);
     if (!created) return created.error();
     writer = std::move(*created);
   }
-  return internal::start_recorder(ring, std::move(writer), file, std::move(see));
+  return internal::start_recorder(ring, std::move(writer), file, std::move(see), told);
 }
 
 }  // namespace palpate

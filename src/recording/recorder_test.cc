@@ -4,9 +4,14 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
+#include <chrono>
+#include <iterator>
+#include <map>
 #include <random>
 #include <semaphore>
+#include <set>
 #include <thread>
 
 #include "base/spsc_ring.h"
@@ -121,12 +126,95 @@ TEST(Recorder, DoesNotStartWhereNoFileCanBe) {
   EXPECT_EQ(recorder.error().kind, ErrorKind::kOutput);
 }
 
+// a servo that says up to what it has heard, in a loop that several threads tell things
+struct ToldServo {
+  EventLog told;
+  std::atomic<std::uint32_t> version{1}, settings{0}, arming{0};
+
+  void tell(RecordingEvent::Kind kind, std::atomic<std::uint32_t>& channel, AskedBy by) {
+    told.tell([&] {
+      RecordingEvent event;
+      event.kind = kind;
+      event.by = by;
+      // the servo may look at once, and whoever told may lose the processor here
+      event.number = channel.fetch_add(1) + 1;
+      std::this_thread::yield();
+      event.change.version = kind == RecordingEvent::Kind::kModel ? event.number : 0;
+      return event;
+    });
+  }
+  void look(TickRecord& tick) const {
+    tick.model_version = version;
+    tick.settings_number = settings;
+    tick.arming_number = arming;
+  }
+};
+
+TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
+  const test::TemporaryFolder folder;
+  auto ticks = test::example_ticks(20'000, 1, kRate);
+  ToldServo servo;
+  SpscRing<TickRecord> ring(64);
+  auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(1, kRate), {}, &servo.told);
+  ASSERT_TRUE(recorder) << recorder.error().message();
+  // faster than ticks, so that many are heard of by one
+  std::atomic<bool> over = false;
+  std::vector<std::thread> tellers;
+  for (std::uint32_t teller = 0; teller < 2; ++teller)
+    tellers.emplace_back([&, teller] {
+      for (int i = 0; !over; ++i) {
+        if (teller == 0 && i % 2 == 0) servo.tell(RecordingEvent::Kind::kModel, servo.version, {});
+        servo.tell(RecordingEvent::Kind::kSettings, servo.settings, {Asker::kControlViewer, teller});
+        servo.tell(i % 2 == 0 ? RecordingEvent::Kind::kStop : RecordingEvent::Kind::kRearm, servo.arming,
+                   {Asker::kKey, teller});
+        std::this_thread::sleep_for(std::chrono::microseconds(50));
+      }
+    });
+  for (TickRecord& tick : ticks) {
+    servo.look(tick);
+    // every hundredth is lost on its way
+    if (tick.tick % 100 == 50) continue;
+    while (!ring.push(tick)) std::this_thread::yield();
+  }
+  over = true;
+  for (std::thread& teller : tellers) teller.join();
+  ASSERT_TRUE((*recorder)->finish(0, 0, {}));
+
+  const auto read = read_recording(folder / "run.h5");
+  ASSERT_TRUE(read) << read.error().message();
+  std::map<std::uint64_t, const TickRecord*> by_number;
+  for (const TickRecord& tick : ticks)
+    if (tick.tick % 100 != 50) by_number[tick.tick] = &tick;
+  const auto heard = [](const TickRecord& tick, const RecordingEvent& event) {
+    return (event.kind == RecordingEvent::Kind::kModel      ? tick.model_version
+            : event.kind == RecordingEvent::Kind::kSettings ? tick.settings_number
+                                                            : tick.arming_number) >= event.number;
+  };
+  std::array<std::set<std::uint32_t>, 3> numbers;
+  for (const RecordingEvent& event : read->events) {
+    const auto at = by_number.find(event.tick);
+    ASSERT_NE(at, by_number.end());
+    EXPECT_TRUE(heard(*at->second, event)) << event.tick;
+    if (at != by_number.begin()) {
+      EXPECT_FALSE(heard(*std::prev(at)->second, event)) << event.tick;
+    }
+    numbers[std::min<std::size_t>(static_cast<std::size_t>(event.kind), 2)].insert(event.number);
+  }
+  // all that the last tick had heard of, each once
+  const TickRecord& last = *by_number.rbegin()->second;
+  EXPECT_EQ(numbers[0].size(), last.model_version - 1);
+  EXPECT_EQ(numbers[1].size(), last.settings_number);
+  EXPECT_EQ(numbers[2].size(), last.arming_number);
+  EXPECT_EQ(read->events.size(), numbers[0].size() + numbers[1].size() + numbers[2].size());
+  EXPECT_GT(read->events.size(), 100u);
+}
+
 // a writer whose disk has stopped, until it is let go
 class StuckWriter : public RecordingWriter {
  public:
   explicit StuckWriter(std::binary_semaphore& entered, std::binary_semaphore& let_go)
       : entered_(entered), let_go_(let_go) {}
-  Result<void> append(std::span<const TickRecord>) override {
+  Result<void> append(std::span<const TickRecord>, std::span<const RecordingEvent>) override {
     entered_.release();
     let_go_.acquire();
     return {};

@@ -24,7 +24,8 @@ int write(const std::filesystem::path& file, bool killed) {
   const auto ticks = test::example_ticks(2500, 2, 1000);
   auto writer = RecordingWriter::create(file, test::example_header());
   if (!writer) return report(writer.error());
-  if (auto appended = (*writer)->append(ticks); !appended) return report(appended.error());
+  if (auto appended = (*writer)->append(ticks, test::example_events()); !appended)
+    return report(appended.error());
   if (killed) ::kill(::getpid(), SIGKILL);
   const auto finished = (*writer)->finish(test::example_summary(ticks.size()));
   return finished ? 0 : report(finished.error());
@@ -38,6 +39,9 @@ int same(const std::filesystem::path& a, const std::filesystem::path& b) {
   if ((*first).ticks.size() != (*second).ticks.size()) difference = "number of ticks";
   for (std::size_t i = 0; i < (*first).ticks.size() && difference.empty(); ++i)
     difference = test::first_difference((*first).ticks[i], (*second).ticks[i]);
+  if ((*first).events.size() != (*second).events.size()) difference = "number of events";
+  for (std::size_t i = 0; i < (*first).events.size() && difference.empty(); ++i)
+    difference = test::first_difference((*first).events[i], (*second).events[i]);
   if (difference.empty()) return 0;
   std::fprintf(stderr, "they differ: %s\n", difference.c_str());
   return 1;

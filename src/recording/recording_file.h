@@ -17,6 +17,7 @@ Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sin
 Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
                                                  std::unique_ptr<RecordingWriter> writer,
                                                  const std::filesystem::path& file,
-                                                 std::function<void(const TickRecord&)> see);
+                                                 std::function<void(const TickRecord&)> see,
+                                                 EventLog* told = nullptr);
 
 }  // namespace palpate::internal

@@ -9,6 +9,7 @@
 
 #include "base/test_seed.h"
 #include "recording/columns.h"
+#include "recording/stream.h"
 #include "recording/test_support.h"
 
 namespace palpate {
@@ -18,12 +19,15 @@ using testing::HasSubstr;
 
 // writes in pieces of changing size, as a recorder thread gets them
 void write_recording(const std::filesystem::path& file, const RecordingHeader& header,
-                     const std::vector<TickRecord>& ticks, std::size_t piece = 37) {
+                     const std::vector<TickRecord>& ticks, std::size_t piece = 37,
+                     std::span<const RecordingEvent> events = {}) {
   auto writer = RecordingWriter::create(file, header);
   ASSERT_TRUE(writer) << writer.error().message();
   for (std::span<const TickRecord> rest(ticks); !rest.empty();) {
     const auto now = rest.first(std::min(piece, rest.size()));
-    const auto appended = (*writer)->append(now);
+    const auto told = events.first(internal::events_up_to(events, now.back().tick));
+    events = events.subspan(told.size());
+    const auto appended = (*writer)->append(now, told);
     ASSERT_TRUE(appended) << appended.error().message();
     rest = rest.subspan(now.size());
     piece = piece % 501 + 17;
@@ -38,6 +42,19 @@ void expect_same(const std::vector<TickRecord>& read, const std::vector<TickReco
     ASSERT_EQ(test::first_difference(read[i], written[i]), "") << "tick " << i;
 }
 
+void expect_same(const std::vector<RecordingEvent>& read, const std::vector<RecordingEvent>& written) {
+  ASSERT_EQ(read.size(), written.size());
+  for (std::size_t i = 0; i < read.size(); ++i)
+    ASSERT_EQ(test::first_difference(read[i], written[i]), "") << "event " << i;
+}
+
+// any bits in everything but the numbers of the ticks, of which every other one is missing
+std::vector<TickRecord> numbered_ticks(std::size_t count, int devices, double rate_hz, std::uint64_t seed) {
+  auto ticks = test::random_ticks(count, devices, rate_hz, seed);
+  for (std::size_t i = 0; i < count; ++i) ticks[i].tick = 2 * i;
+  return ticks;
+}
+
 TEST(Recording, ComesBackBitForBit) {
   const test::TemporaryFolder folder;
   const unsigned seed = test::test_seed();
@@ -48,15 +65,140 @@ TEST(Recording, ComesBackBitForBit) {
       if (count > 401 && devices == 2) continue;
       SCOPED_TRACE(std::to_string(count) + " ticks, " + std::to_string(devices) + " devices");
       const auto header = test::example_header(devices, 500);
-      const auto ticks = test::random_ticks(count, devices, 500, seed + count);
-      write_recording(folder / "run.h5", header, ticks);
+      const auto ticks = numbered_ticks(count, devices, 500, seed + count);
+      // around the borders of a chunk of events (64) too
+      const auto events = test::random_events(ticks, count < 4096 ? 4 : 97, seed + count);
+      write_recording(folder / "run.h5", header, ticks, 37, events);
       const auto read = read_recording(folder / "run.h5");
       ASSERT_TRUE(read) << read.error().message();
       EXPECT_EQ(test::first_difference((*read).header, header), "");
       expect_same((*read).ticks, ticks);
+      expect_same((*read).events, events);
       ASSERT_TRUE((*read).summary);
       EXPECT_EQ(test::first_difference(*(*read).summary, test::example_summary(count)), "");
     }
+}
+
+TEST(Recording, MoreIsToldBeforeATickThanAPartHolds) {
+  const test::TemporaryFolder folder;
+  const auto ticks = numbered_ticks(5000, 1, 500, 1);
+  std::vector<RecordingEvent> events;
+  for (const std::size_t tick : {3u, 4500u})
+    for (int i = 0; i < 9000; ++i)
+      events.push_back(test::random_events(std::span(ticks).subspan(tick, 1), 1, tick + i).front());
+  write_recording(folder / "run.h5", test::example_header(1, 500), ticks, 37, events);
+  const auto source = RecordingSource::open(folder / "run.h5");
+  ASSERT_TRUE(source) << source.error().message();
+  std::vector<RecordingEvent> told;
+  std::uint64_t read = 0;
+  const auto done = source->read([&](const RecordingPart& part) -> Result<void> {
+    EXPECT_LE(part.ticks.size(), 4096u);
+    EXPECT_LE(part.events.size(), 4096u);
+    told.insert(told.end(), part.events.begin(), part.events.end());
+    // what these ticks had heard of is there
+    for (const TickRecord& tick : part.ticks) {
+      EXPECT_EQ(tick.tick, 2 * read++);
+      const std::size_t due = tick.tick < 6 ? 0u : tick.tick < 9000 ? 9000u : 18000u;
+      EXPECT_GE(told.size(), due);
+    }
+    return {};
+  });
+  ASSERT_TRUE(done) << done.error().message();
+  EXPECT_EQ(read, ticks.size());
+  expect_same(told, events);
+}
+
+// as the reader's own child finds it, and as a recording in memory tells it
+TEST(RecordingSource, TellsWhatTheTicksAreAndReadsThemAgain) {
+  const test::TemporaryFolder folder;
+  auto ticks = test::example_ticks(9000, 1, 1000);
+  for (std::size_t i = 0; i < ticks.size(); ++i) ticks[i].method = i < 5 ? 5 : i < 8000 ? 1 : 200;
+  for (const bool rises : {true, false}) {
+    SCOPED_TRACE(rises);
+    if (!rises) ticks[8500].time_s = ticks[8499].time_s;
+    write_recording(folder / "run.h5", test::example_header(1), ticks, 37, test::example_events());
+    const auto recording = read_recording(folder / "run.h5");
+    ASSERT_TRUE(recording) << recording.error().message();
+    const auto opened = RecordingSource::open(folder / "run.h5");
+    ASSERT_TRUE(opened) << opened.error().message();
+    for (const RecordingSource& source : {*opened, RecordingSource(*recording)}) {
+      const RecordingHead& head = source.head();
+      EXPECT_EQ(head.ticks, ticks.size());
+      EXPECT_EQ(head.clock_rises, rises);
+      ASSERT_EQ(head.methods.size(), 3u);
+      EXPECT_EQ(head.methods[0].method, 5);
+      EXPECT_EQ(head.methods[1].method, 1);
+      EXPECT_EQ(head.methods[1].tick, 5u);
+      EXPECT_EQ(head.methods[2].method, 200);
+      EXPECT_EQ(head.methods[2].tick, 8000u);
+      EXPECT_EQ(test::first_difference(head.header, test::example_header(1)), "");
+      ASSERT_TRUE(head.summary);
+      for (int pass = 0; pass < 2; ++pass) {
+        std::size_t read = 0;
+        std::vector<RecordingEvent> told;
+        const auto done = source.read([&](const RecordingPart& part) -> Result<void> {
+          for (const TickRecord& tick : part.ticks)
+            EXPECT_EQ(test::first_difference(tick, ticks.at(read++)), "");
+          told.insert(told.end(), part.events.begin(), part.events.end());
+          return {};
+        });
+        ASSERT_TRUE(done) << done.error().message();
+        EXPECT_EQ(read, ticks.size());
+        expect_same(told, test::example_events());
+      }
+    }
+  }
+}
+
+TEST(RecordingSource, EndsWhereWhoReadsWantsIt) {
+  const test::TemporaryFolder folder;
+  write_recording(folder / "run.h5", test::example_header(1), test::example_ticks(20000, 1, 1000));
+  const auto source = RecordingSource::open(folder / "run.h5");
+  ASSERT_TRUE(source);
+  int parts = 0;
+  const auto ended = source->read([&](const RecordingPart&) -> Result<void> {
+    if (++parts < 2) return {};
+    return Error{ErrorKind::kOutput, "enough", "here", ""};
+  });
+  ASSERT_FALSE(ended);
+  EXPECT_EQ(ended.error().message(), "here: enough");
+  EXPECT_EQ(parts, 2);
+  const std::atomic<bool> stop = true;
+  const auto stopped = source->read([](const RecordingPart&) -> Result<void> { return {}; }, {{}, &stop});
+  ASSERT_FALSE(stopped);
+  EXPECT_EQ(stopped.error().kind, ErrorKind::kInterrupted);
+}
+
+TEST(RecordingSource, ReadsAsFarAsItWasOpenedAndNothingElse) {
+  const test::TemporaryFolder folder;
+  const auto ticks = test::example_ticks(3200, 1, 1000);
+  auto writer = RecordingWriter::create(folder / "run.h5", test::example_header(1));
+  ASSERT_TRUE(writer);
+  ASSERT_TRUE((*writer)->append(std::span(ticks).first(800), test::example_events()));
+  const auto source = RecordingSource::open(folder / "run.h5");
+  ASSERT_TRUE(source);
+  EXPECT_EQ(source->head().ticks, 800u);
+  // it grows on, and what it is told then is of later ticks
+  auto later = test::example_events();
+  for (RecordingEvent& event : later) event.tick += 1000;
+  ASSERT_TRUE((*writer)->append(std::span(ticks).subspan(800), later));
+  std::size_t read = 0, told = 0;
+  const auto count = [&](const RecordingPart& part) -> Result<void> {
+    read += part.ticks.size();
+    told += part.events.size();
+    return {};
+  };
+  ASSERT_TRUE(source->read(count));
+  EXPECT_EQ(read, 800u);
+  EXPECT_EQ(told, 2u);
+  // another run under the same name
+  auto header = test::example_header(1);
+  header.seed += 1;
+  write_recording(folder / "run.h5", header, ticks);
+  const auto other = source->read(count);
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().what, HasSubstr("another recording"));
+  EXPECT_EQ(other.error().where, (folder / "run.h5").string());
 }
 
 std::vector<std::string> trouble_after_reading(const std::vector<std::string>& trouble) {
@@ -110,9 +252,18 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   EXPECT_EQ(internal::tick_bytes(1), 126u + 414u);
   EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 414u);
   EXPECT_LT(unclaimed(device), 8) << "a field of DeviceTick without a column";
+  // what the recorder makes rows of is in no column either
   EXPECT_LT(static_cast<std::size_t>(unclaimed(tick)),
-            sizeof(TickRecord::device) + sizeof(TickRecord::devices) + 8)
+            sizeof(TickRecord::device) + sizeof(TickRecord::devices) + sizeof(TickRecord::settings_number) +
+                sizeof(TickRecord::arming_number) + 8)
       << "a field of TickRecord without a column";
+  std::vector<bool> event(sizeof(RecordingEvent));
+  std::size_t padding = 0;
+  for (const auto& column : internal::event_columns()) claim(event, column);
+  // a change's version is the event's number; the rest is padding before numbers of four and eight bytes
+  for (std::size_t i = 0; i < event.size(); ++i) padding += !event[i];
+  EXPECT_LT(padding, sizeof(ModelChange::version) + 7 + 3 + 4 + 5)
+      << "a field of RecordingEvent without a column";
 }
 
 TEST(Recording, DescribesEveryBit) {
@@ -125,6 +276,14 @@ TEST(Recording, DescribesEveryBit) {
             "what was switched on: 1 friction, 2 viscosity, 4 paused, 8 emergency stop, 16 passivity");
   EXPECT_EQ(description(internal::device_columns(), "status"),
             "input: why the device gets no force: 1 fault, 2 clutched, 4 halted");
+  EXPECT_EQ(description(internal::event_columns(), "kind"),
+            "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm");
+  EXPECT_EQ(description(internal::event_columns(), "asked_by"),
+            "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
+            "may look");
+  EXPECT_THAT(description(internal::event_columns(), "changed"),
+              testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of "
+                                "force, 64 rotation"));
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
   EXPECT_THAT(flags, testing::EndsWith(", 524288 ruptured, 1048576 passivity"));

@@ -24,6 +24,8 @@ namespace {
 constexpr double kMaxUnflushed_s = 1.0;
 constexpr double kChunk_s = 0.8;
 constexpr double kMaxChunkRows = 65536;
+// A chunk that is not full is written anew with each flush, and what it was is lost space: so a small one.
+constexpr std::size_t kEventChunkRows = 64;
 
 std::size_t chunk_rows_at(double rate_hz) {
   return static_cast<std::size_t>(std::clamp(std::floor(kChunk_s * rate_hz), 1.0, kMaxChunkRows));
@@ -177,21 +179,60 @@ std::vector<std::string> kept_trouble(const std::vector<std::string>& trouble) {
 // one column while it is being filled: the rows of the chunk that is not full yet
 struct GrowingColumn {
   const Column* column;
-  int device;  // -1: of the tick itself
   Handle data_set;
   std::vector<std::byte> chunk;
+};
 
-  void put(std::size_t row, const TickRecord& tick) {
-    const auto* record =
-        device < 0 ? reinterpret_cast<const std::byte*>(&tick)
-                   : reinterpret_cast<const std::byte*>(&tick.device[static_cast<std::size_t>(device)]);
-    std::memcpy(chunk.data() + row * column->row_bytes(), record + column->offset, column->row_bytes());
+// Columns of one length, row for row. Whole chunks are written; one that is not full is written again,
+// beginning with the same rows, when it has more.
+class GrowingTable {
+ public:
+  GrowingTable(std::size_t chunk_rows) : chunk_rows_(chunk_rows) {}
+
+  void add(Scribe& scribe, const char* group_name, std::span<const Column> columns) {
+    const Handle group = scribe.group(group_name);
+    for (const Column& column : columns)
+      columns_.push_back({&column, scribe.column(group.get(), column, chunk_rows_),
+                          std::vector<std::byte>(chunk_rows_ * column.row_bytes())});
   }
 
-  // the first `rows` of the chunk, which starts at row `first`, become the end of the data set
-  bool flush(hsize_t first, hsize_t rows) const {
-    return grow(data_set, hdf5_type(column->number), column->width, first, rows, chunk.data());
+  // a row's part in the columns from `first` on; the first of them that is not filled yet
+  std::size_t put(std::size_t first, std::span<const Column> columns, const void* record) {
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      std::memcpy(columns_[first + c].chunk.data() + filled_ * columns[c].row_bytes(),
+                  static_cast<const std::byte*>(record) + columns[c].offset, columns[c].row_bytes());
+    return first + columns.size();
   }
+  void next_row() { ++filled_; }
+
+  bool full() const { return filled_ == chunk_rows_; }
+  bool all_flushed() const { return filled_ == flushed_; }
+  std::size_t flushed_rows() const { return start_ + flushed_; }
+
+  // the chunk becomes the end of the data sets, to be committed
+  bool flush(const CommitFile& bytes) const {
+    return std::ranges::all_of(columns_, [&](const GrowingColumn& of) {
+      return grow(of.data_set, hdf5_type(of.column->number), of.column->width, start_, filled_,
+                  of.chunk.data()) &&
+             bytes.error() == 0;
+    });
+  }
+  void committed() {
+    flushed_ = filled_;
+    if (!full()) return;
+    // the next chunk
+    start_ += chunk_rows_;
+    filled_ = flushed_ = 0;
+    for (GrowingColumn& column : columns_) std::ranges::fill(column.chunk, std::byte{0});
+  }
+  void close() { columns_.clear(); }
+
+ private:
+  std::size_t chunk_rows_;
+  std::vector<GrowingColumn> columns_;
+  std::size_t start_ = 0;    // rows in full chunks
+  std::size_t filled_ = 0;   // rows in the chunk being filled
+  std::size_t flushed_ = 0;  // of these, already committed
 };
 
 class Hdf5Writer : public RecordingWriter {
@@ -200,7 +241,7 @@ class Hdf5Writer : public RecordingWriter {
       : name_(std::move(file)),
         bytes_(std::move(sink)),
         devices_(header.devices),
-        chunk_rows_(chunk_rows_at(header.rate_hz)) {}
+        ticks_(chunk_rows_at(header.rate_hz)) {}
   ~Hdf5Writer() override {
     // a run that ends without a summary still keeps every tick it was given
     const Hdf5Section section;
@@ -209,7 +250,7 @@ class Hdf5Writer : public RecordingWriter {
   }
 
   Result<void> start(const RecordingHeader& header);
-  Result<void> append(std::span<const TickRecord> ticks) override;
+  Result<void> append(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events) override;
   Result<void> finish(const RecordingSummary& summary) override;
 
  private:
@@ -217,28 +258,25 @@ class Hdf5Writer : public RecordingWriter {
   bool write_summary(const RecordingSummary& summary);
   void write_structures(Scribe& scribe, const std::vector<RecordingHeader::Structure>& structures);
   Result<void> flush();
+  Result<void> commit_rows(GrowingTable& table);
   void close();
   Error failure() const;
 
   std::filesystem::path name_;
   CommitFile bytes_;
   int devices_;
-  std::size_t chunk_rows_;
   Handle file_;
-  std::vector<GrowingColumn> columns_;
-  Handle trouble_, changes_;
-  hsize_t chunk_start_ = 0;       // ticks in full chunks
-  std::size_t filled_ = 0;        // ticks in the chunk being filled
-  std::size_t flushed_ = 0;       // of these, already committed
+  GrowingTable ticks_, events_{kEventChunkRows};
+  Handle trouble_;
   double unflushed_since_s_ = 0;  // time of the first tick that is not
   bool finished_ = false;
 };
 
 Error Hdf5Writer::failure() const {
   Error error = output_error(name_, bytes_.error() != 0 ? bytes_.error() : EIO);
-  if (chunk_start_ + flushed_ > 0)
+  if (ticks_.flushed_rows() > 0)
     error.remedy += (error.remedy.empty() ? "" : "; ") + std::string("the first ") +
-                    std::to_string(chunk_start_ + flushed_) + " ticks are kept";
+                    std::to_string(ticks_.flushed_rows()) + " ticks are kept";
   return error;
 }
 
@@ -285,18 +323,11 @@ bool Hdf5Writer::write_fixed_part(const RecordingHeader& header) {
   constexpr hsize_t kTroubleChunk = 16;
   trouble_ = scribe.growing(summary.get(), "trouble", fixed_text_type(kTroubleBytes, H5T_CSET_UTF8).get(), 1,
                             kTroubleChunk);
-  constexpr hsize_t kChangesChunk = 256;
-  changes_ = scribe.growing(summary.get(), "model_changes", H5T_IEEE_F64LE, std::tuple_size_v<ChangeRow>,
-                            kChangesChunk);
 
-  const auto add_columns = [&](const char* group_name, std::span<const Column> columns, int device) {
-    const Handle group = scribe.group(group_name);
-    for (const Column& column : columns)
-      columns_.push_back({&column, device, scribe.column(group.get(), column, chunk_rows_),
-                          std::vector<std::byte>(chunk_rows_ * column.row_bytes())});
-  };
-  add_columns("ticks", tick_columns(), -1);
-  for (int d = 0; d < devices_; ++d) add_columns(("device" + std::to_string(d)).c_str(), device_columns(), d);
+  ticks_.add(scribe, "ticks", tick_columns());
+  for (int d = 0; d < devices_; ++d)
+    ticks_.add(scribe, ("device" + std::to_string(d)).c_str(), device_columns());
+  events_.add(scribe, "events", event_columns());
   return scribe.ok();
 }
 
@@ -325,37 +356,44 @@ void Hdf5Writer::write_structures(Scribe& scribe, const std::vector<RecordingHea
   texts("tissue", &RecordingHeader::Structure::tissue);
 }
 
-Result<void> Hdf5Writer::append(std::span<const TickRecord> ticks) {
+Result<void> Hdf5Writer::append(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events) {
   PALPATE_CHECK(!finished_);
   if (bytes_.error() != 0) return failure();
   const Hdf5Section section;
+  // before the ticks that had heard of them
+  for (const RecordingEvent& event : events) {
+    events_.put(0, event_columns(), &event);
+    events_.next_row();
+    if (!events_.full()) continue;
+    if (auto committed = commit_rows(events_); !committed) return committed;
+  }
   for (const TickRecord& tick : ticks) {
     PALPATE_CHECK(tick.devices == devices_);
-    if (filled_ == flushed_) unflushed_since_s_ = tick.time_s;
-    for (GrowingColumn& column : columns_) column.put(filled_, tick);
-    ++filled_;
-    const bool due = filled_ == chunk_rows_ || tick.time_s - unflushed_since_s_ >= kMaxUnflushed_s;
+    if (ticks_.all_flushed()) unflushed_since_s_ = tick.time_s;
+    std::size_t column = ticks_.put(0, tick_columns(), &tick);
+    for (int d = 0; d < devices_; ++d)
+      column = ticks_.put(column, device_columns(), &tick.device[static_cast<std::size_t>(d)]);
+    ticks_.next_row();
+    const bool due = ticks_.full() || tick.time_s - unflushed_since_s_ >= kMaxUnflushed_s;
     if (!due) continue;
     if (auto flushed = flush(); !flushed) return flushed;
   }
   return {};
 }
 
+// Events in a commit of their own: however it ends, no tick is there without what it had heard of.
 Result<void> Hdf5Writer::flush() {
-  if (filled_ == flushed_) return {};
-  const bool written = std::ranges::all_of(columns_, [&](const GrowingColumn& column) {
-    return column.flush(chunk_start_, filled_) && bytes_.error() == 0;
-  });
-  if (!written || !commit(file_, bytes_)) {
+  if (auto committed = commit_rows(events_); !committed) return committed;
+  return commit_rows(ticks_);
+}
+
+Result<void> Hdf5Writer::commit_rows(GrowingTable& table) {
+  if (table.all_flushed()) return {};
+  if (!table.flush(bytes_) || !commit(file_, bytes_)) {
     bytes_.fail(EIO);
     return failure();
   }
-  flushed_ = filled_;
-  if (filled_ < chunk_rows_) return {};
-  // the next chunk
-  chunk_start_ += chunk_rows_;
-  filled_ = flushed_ = 0;
-  for (GrowingColumn& column : columns_) std::ranges::fill(column.chunk, std::byte{0});
+  table.committed();
   return {};
 }
 
@@ -373,13 +411,6 @@ bool Hdf5Writer::write_summary(const RecordingSummary& summary) {
     written = written &&
               grow(trouble_, type.get(), 1, 0, sentences.size(), padded(sentences, kTroubleBytes).data());
   }
-  std::vector<ChangeRow> changes;
-  for (const ModelChange& change :
-       std::span(summary.changes).first(std::min(summary.changes.size(), kMaxChanges)))
-    changes.push_back(row_of(change));
-  if (!changes.empty())
-    written = written &&
-              grow(changes_, H5T_IEEE_F64LE, std::tuple_size_v<ChangeRow>, 0, changes.size(), changes.data());
   // the mark of a whole run comes after everything that it vouches for
   const std::uint8_t complete = 1;
   return written && commit(file_, bytes_) && put("complete", H5T_STD_U8LE, &complete) &&
@@ -404,9 +435,9 @@ Result<void> Hdf5Writer::finish(const RecordingSummary& summary) {
 void Hdf5Writer::close() {
   if (!file_.ok()) return;
   bytes_.seal();
-  columns_.clear();
+  ticks_.close();
+  events_.close();
   trouble_.reset();
-  changes_.reset();
   file_.reset();
   bytes_.trim_and_sync();
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <type_traits>
+#include <utility>
 
 #include "palpate/device.h"
 #include "recording/columns.h"
@@ -113,19 +114,22 @@ RecordingSummary receive_summary(Receiver& in) {
   in.get(count);
   if (count > kMaxTroubles) in.fail("it lists too many troubles");
   for (std::uint32_t i = 0; i < count && in.ok(); ++i) in.get(summary.trouble.emplace_back());
-  in.get(count);
-  if (count > kMaxChanges) in.fail("it lists too many changes of the model");
-  for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
-    ChangeRow row{};
-    for (double& value : row) in.get(value);
-    const auto change = change_of(row);
-    if (!change) in.fail("a change of the model has no version or tissue");
-    summary.changes.push_back(change.value_or(ModelChange{}));
-  }
   return summary;
 }
 
-RecordingHead receive_head(Receiver& in) {
+void receive_methods(Receiver& in, std::vector<RecordingHead::FeltMethod>& methods) {
+  std::uint32_t count = 0;
+  in.get(count);
+  if (count > kMaxMethods) in.fail("it lists too many methods");
+  for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
+    RecordingHead::FeltMethod felt;
+    in.get(felt.method);
+    in.get(felt.tick);
+    methods.push_back(felt);
+  }
+}
+
+RecordingHead receive_accepted(Receiver& in) {
   RecordingHead head;
   RecordingHeader& header = head.header;
   visit_header(header, [&](const char*, auto& value) { in.get(value); });
@@ -134,33 +138,36 @@ RecordingHead receive_head(Receiver& in) {
   bool complete = false;
   in.get(complete);
   if (complete) head.summary = receive_summary(in);
-  in.get(head.rows);
+  in.get(head.ticks);
+  in.get(head.clock_rises);
+  receive_methods(in, head.methods);
 
   if (header.devices < 1 || header.devices > kMaxDevices)
     in.fail("it names " + std::to_string(header.devices) + " devices");
   if (!std::isfinite(header.rate_hz) || header.rate_hz <= 0) in.fail("its rate is not a number above 0 Hz");
   if (header.clock != kVirtualClock && header.clock != kRealClock)
     in.fail("its clock is neither virtual nor real");
-  if (head.summary && head.summary->ticks != head.rows)
+  if (head.summary && head.summary->ticks != head.ticks)
     in.fail("its summary counts " + std::to_string(head.summary->ticks) + " ticks, the data sets hold " +
-            std::to_string(head.rows));
+            std::to_string(head.ticks));
   return head;
 }
 
-// one column of a block into the ticks it belongs to; `record` finds the TickRecord's part
-template <class Record>
-void receive_column(Receiver& in, const Column& column, std::span<TickRecord> ticks,
-                    std::vector<std::byte>& buffer, Record&& record) {
+// one column into the rows it belongs to; `record` finds the part of a row that the column's offset counts
+// from
+template <class Row, class Record>
+void receive_column(Receiver& in, const Column& column, std::span<Row> rows, std::vector<std::byte>& buffer,
+                    Record&& record) {
   const std::size_t width = column.row_bytes();
-  buffer.resize(ticks.size() * width);
+  buffer.resize(rows.size() * width);
   in.get_bytes(buffer);
   if (!in.ok()) return;
-  for (std::size_t row = 0; row < ticks.size(); ++row)
-    std::memcpy(reinterpret_cast<std::byte*>(record(ticks[row])) + column.offset, buffer.data() + row * width,
+  for (std::size_t row = 0; row < rows.size(); ++row)
+    std::memcpy(reinterpret_cast<std::byte*>(record(rows[row])) + column.offset, buffer.data() + row * width,
                 width);
 }
 
-void receive_block(Receiver& in, int devices, std::span<TickRecord> ticks, std::vector<std::byte>& buffer) {
+void receive_ticks(Receiver& in, int devices, std::span<TickRecord> ticks, std::vector<std::byte>& buffer) {
   for (const Column& column : tick_columns())
     receive_column(in, column, ticks, buffer, [](TickRecord& tick) { return &tick; });
   for (std::size_t d = 0; d < static_cast<std::size_t>(devices); ++d)
@@ -169,13 +176,24 @@ void receive_block(Receiver& in, int devices, std::span<TickRecord> ticks, std::
   for (TickRecord& tick : ticks) tick.devices = devices;
 }
 
+// @param last_tick  of the event before them, which becomes that of the last one
+void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_t& last_tick,
+                    std::vector<std::byte>& buffer) {
+  for (const Column& column : event_columns())
+    receive_column(in, column, events, buffer, [](RecordingEvent& event) { return &event; });
+  for (RecordingEvent& event : events) {
+    if (event.kind > RecordingEvent::Kind::kRearm) in.fail("an event is of no kind that there is");
+    if (event.by.asker > Asker::kLookingViewer) in.fail("an event was asked for by nobody that there is");
+    if (event.tick < last_tick) in.fail("its events are out of order");
+    last_tick = event.tick;
+    event.change.version = event.kind == RecordingEvent::Kind::kModel ? event.number : 0;
+  }
+}
+
 void send_summary(Sender& out, const RecordingSummary& summary) {
   visit_summary(summary, [&](const char*, std::uint64_t value) { out.put(value); });
   out.put(static_cast<std::uint32_t>(summary.trouble.size()));
   for (const std::string& sentence : summary.trouble) out.put(sentence);
-  out.put(static_cast<std::uint32_t>(summary.changes.size()));
-  for (const ModelChange& change : summary.changes)
-    for (const double value : row_of(change)) out.put(value);
 }
 
 }  // namespace
@@ -204,28 +222,98 @@ bool send_head(ByteTarget& target, const RecordingHead& head) {
   }
   out.put(head.summary.has_value());
   if (head.summary) send_summary(out, *head.summary);
-  out.put(head.rows);
+  out.put(head.ticks);
+  out.put(head.clock_rises);
+  out.put(static_cast<std::uint32_t>(head.methods.size()));
+  for (const RecordingHead::FeltMethod& felt : head.methods) {
+    out.put(felt.method);
+    out.put(felt.tick);
+  }
   return out.ok();
 }
 
-Result<Recording> receive_recording(ByteSource& source, const Progress& progress) {
+bool send_events(ByteTarget& target, std::span<const RecordingEvent> events, std::uint32_t ticks) {
+  Sender out(target);
+  out.put(static_cast<std::uint32_t>(events.size()));
+  out.put(ticks);
+  std::vector<std::byte> values;
+  for (const Column& column : event_columns()) {
+    values.clear();
+    for (const RecordingEvent& event : events) {
+      const auto* first = reinterpret_cast<const std::byte*>(&event) + column.offset;
+      values.insert(values.end(), first, first + column.row_bytes());
+    }
+    if (out.ok() && !target.write(values)) return false;
+  }
+  return out.ok();
+}
+
+void TicksSeen::see(std::uint64_t tick, double time_s, std::uint8_t method) {
+  clock_rises_ = clock_rises_ && std::isfinite(time_s) && (ticks_ == 0 || time_s > last_s_);
+  last_s_ = time_s;
+  ++ticks_;
+  if (std::exchange(felt_[method], true)) return;
+  methods_.push_back({method, tick});
+}
+
+void TicksSeen::tell(RecordingHead& head) const {
+  head.ticks = ticks_;
+  head.clock_rises = clock_rises_;
+  head.methods = methods_;
+}
+
+bool TicksSeen::agrees_with(const RecordingHead& head) const {
+  const auto same = [](const RecordingHead::FeltMethod& a, const RecordingHead::FeltMethod& b) {
+    return a.method == b.method && a.tick == b.tick;
+  };
+  return (clock_rises_ || !head.clock_rises) && methods_.size() <= head.methods.size() &&
+         std::equal(methods_.begin(), methods_.end(), head.methods.begin(), same);
+}
+
+std::size_t events_up_to(std::span<const RecordingEvent> events, std::uint64_t tick) {
+  const auto after = [&](const RecordingEvent& event) { return event.tick > tick; };
+  return static_cast<std::size_t>(std::ranges::find_if(events, after) - events.begin());
+}
+
+Result<RecordingHead> receive_head(ByteSource& source) {
   Receiver in(source);
   bool accepted = false;
   in.get(accepted);
   if (in.ok() && !accepted) return receive_refusal(in);
-  RecordingHead head = receive_head(in);
-
-  // memory is taken as the rows arrive, not as their number promises
-  Recording recording{std::move(head.header), {}, std::move(head.summary)};
-  std::vector<std::byte> buffer;
-  for (std::uint64_t first = 0; first < head.rows && in.ok(); first += kBlockRows) {
-    progress.report("reading the recording", static_cast<double>(first) / static_cast<double>(head.rows));
-    const std::size_t rows = static_cast<std::size_t>(std::min(kBlockRows, head.rows - first));
-    recording.ticks.resize(recording.ticks.size() + rows);
-    receive_block(in, recording.header.devices, std::span(recording.ticks).last(rows), buffer);
-  }
+  RecordingHead head = receive_accepted(in);
   if (!in.ok()) return in.error();
-  return recording;
+  return head;
+}
+
+Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
+                           const std::function<Result<void>(const RecordingPart&)>& take,
+                           const Progress& progress) {
+  Receiver in(source);
+  std::vector<TickRecord> ticks;
+  std::vector<RecordingEvent> events;
+  std::vector<std::byte> buffer;
+  std::uint64_t last_event_tick = 0;
+  TicksSeen seen;
+  for (std::uint64_t left = head.ticks; left > 0;) {
+    if (progress.stopped()) return Progress::interrupted();
+    std::uint32_t event_count = 0, tick_count = 0;
+    in.get(event_count);
+    in.get(tick_count);
+    if (event_count > kBlockRows || tick_count > std::min(kBlockRows, left) || event_count + tick_count == 0)
+      in.fail("a part of it has no size that it may have");
+    if (!in.ok()) return in.error();
+
+    events.assign(event_count, {});
+    receive_events(in, events, last_event_tick, buffer);
+    ticks.assign(tick_count, {});
+    receive_ticks(in, head.header.devices, ticks, buffer);
+    for (const TickRecord& tick : ticks) seen.see(tick.tick, tick.time_s, tick.method);
+    if (!seen.agrees_with(head)) in.fail("its ticks are not what its beginning says");
+    if (!in.ok()) return in.error();
+    if (auto taken = take({ticks, events}); !taken) return taken;
+    left -= tick_count;
+  }
+  return {};
 }
 
 }  // namespace palpate::internal

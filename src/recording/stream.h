@@ -1,9 +1,12 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "palpate/recording.h"
 
@@ -13,9 +16,13 @@
 ///   byte 0      u32 n, n bytes: what is wrong; u32 m, m bytes: the remedy            a refusal
 ///   byte 1      header fields in the order of visit_header, script, structures,
 ///               byte 0 or 1 and, after 1, the fields of the summary, u32 number of troubles, troubles,
-///               u32 number of changes, six f64 of each, u64 rows, then blocks of at most kBlockRows rows:
-///               per block the rows of each column, in the order of tick_columns(), device_columns() of
-///               device 0, of device 1, ...
+///               u64 ticks, byte: whether the clock rises, u32 number of methods, u8 method and u64 tick of
+///               each, then parts until all ticks are there:
+///
+///                 u32 events, u32 ticks, at most kBlockRows of each and at least one of either
+///                 rows of each column in the order of event_columns(),
+///                 rows of each column in the order of tick_columns(), device_columns() of device 0, of
+///                 device 1, ...
 ///
 /// Numbers are little-endian; a text is u32 n and n bytes.
 namespace palpate::internal {
@@ -35,16 +42,35 @@ class ByteSource {
   virtual Result<void> read(std::span<std::byte> bytes) = 0;
 };
 
-/// Everything but the ticks.
-struct RecordingHead {
-  RecordingHeader header;
-  std::optional<RecordingSummary> summary;
-  std::uint64_t rows = 0;
+/// What a recording's ticks tell of the whole, from the first tick on.
+class TicksSeen {
+ public:
+  void see(std::uint64_t tick, double time_s, std::uint8_t method);
+  /// Into the head that it is about.
+  void tell(RecordingHead& head) const;
+  /// Whether so far it is as a head says.
+  bool agrees_with(const RecordingHead& head) const;
+
+ private:
+  std::uint64_t ticks_ = 0;
+  bool clock_rises_ = true;
+  double last_s_ = 0;
+  std::array<bool, 256> felt_{};
+  std::vector<RecordingHead::FeltMethod> methods_;
 };
 
 bool send_refusal(ByteTarget& target, const Error& refusal);
 bool send_head(ByteTarget& target, const RecordingHead& head);
-/// The rest of a recording, or the refusal, or what is wrong with the stream. Error::where is empty.
-Result<Recording> receive_recording(ByteSource& source, const Progress& progress);
+/// The beginning of a part, up to the columns of its ticks.
+bool send_events(ByteTarget& target, std::span<const RecordingEvent> events, std::uint32_t ticks);
+
+/// The head, or the refusal, or what is wrong with the stream. Error::where is empty.
+Result<RecordingHead> receive_head(ByteSource& source);
+/// All parts after the head. `take` may end it by an error.
+Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
+                           const std::function<Result<void>(const RecordingPart&)>& take,
+                           const Progress& progress);
+/// How many of the first events are not after this tick.
+std::size_t events_up_to(std::span<const RecordingEvent> events, std::uint64_t tick);
 
 }  // namespace palpate::internal

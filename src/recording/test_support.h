@@ -1,14 +1,14 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
 #include <filesystem>
 #include <random>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "base/test_folder.h"
+#include "base/test_process.h"
 #include "palpate/recording.h"
 #include "recording/commit_file.h"
 #include "recording/stream.h"
@@ -19,6 +19,11 @@ namespace palpate::test {
 /// A header with every field set.
 RecordingHeader example_header(int devices = 2, double rate_hz = 1000);
 RecordingSummary example_summary(std::uint64_t ticks);
+/// One of the model and one of settings, in ticks 3 and 7.
+std::vector<RecordingEvent> example_events();
+/// Any bits that an event may have, at most one of them in a row after `ticks[0]`, `ticks[every]`, ...
+std::vector<RecordingEvent> random_events(std::span<const TickRecord> ticks, std::size_t every,
+                                          std::uint64_t seed);
 
 /// A smooth, plausible run on a virtual clock.
 std::vector<TickRecord> example_ticks(std::size_t count, int devices, double rate_hz);
@@ -28,6 +33,7 @@ std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate
 /// "" when both hold the same bits in every field, the name of the first differing field otherwise.
 /// Fields are listed by hand here, so that one forgotten in the table of columns is noticed.
 std::string first_difference(const TickRecord& a, const TickRecord& b);
+std::string first_difference(const RecordingEvent& a, const RecordingEvent& b);
 std::string first_difference(const RecordingHeader& a, const RecordingHeader& b);
 std::string first_difference(const RecordingSummary& a, const RecordingSummary& b);
 
@@ -72,13 +78,12 @@ class MemoryTarget : public internal::ByteTarget {
   std::vector<std::byte> bytes;
 };
 
+/// All that comes through a stream.
+Result<Recording> receive_all(internal::ByteSource& source);
+
 /// read_recording without its child process, which takes long to start under sanitizers. For files that
 /// are not hostile.
 Result<Recording> read_in_this_process(const std::filesystem::path& file);
-
-/// Kills a child process wherever it is but in the middle of a write: there Linux would stop at the border
-/// between two pages (docs/recording.md, limits). Returns when it is gone.
-void kill_between_writes(pid_t child);
 
 void write_bytes(const std::filesystem::path& file, std::span<const std::byte> bytes);
 std::vector<std::byte> read_bytes(const std::filesystem::path& file);

@@ -80,16 +80,16 @@ std::string fact(const std::string& label, const std::string& value) {
   return "<div><dt>" + label + "</dt><dd>" + value + "</dd></div>";
 }
 
-std::string facts(const Run& run, const Contact& contact) {
-  const DeviceTick& peak = run.at_peak(contact);
+std::string facts(const Run& run, const ShownContact& shown) {
+  const Contact& contact = shown.contact;
+  const DeviceTick& peak = shown.at_peak();
   std::string html = "<dl class=\"facts\">";
-  html += fact("Largest force",
-               number(force_N(peak), 2) + " N at " + number(run.edges_s[contact.peak], 2) + " s");
+  html +=
+      fact("Largest force", number(contact.peak_force_N, 2) + " N at " + number(contact.peak_s, 2) + " s");
   html += fact("Depth there",
                is_deeper_than_measured(peak, run.model) ? "deeper than measured" : depth_text(peak.depth_mm));
-  html += fact("Contact", number(contact.begin_s(run.edges_s), 2) + " to " +
-                              number(contact.end_s(run.edges_s), 2) + " s");
-  if (device_count(run.recording) > 1) html += fact("Device", std::to_string(contact.device + 1));
+  html += fact("Contact", number(contact.begin_s, 2) + " to " + number(contact.end_s, 2) + " s");
+  if (run.devices > 1) html += fact("Device", std::to_string(contact.device + 1));
   return html + "</dl>";
 }
 
@@ -107,22 +107,22 @@ std::string legend(const Run& run, LabelId touched, const std::set<LabelId>& see
 }
 
 std::string panel(const Run& run, std::size_t index, const SectionStyle& style, double mm_per_N) {
-  const Contact& contact = run.shown[index];
-  const TickRecord& tick = run.recording.ticks[contact.peak];
+  const ShownContact& shown = run.shown[index];
+  const Contact& contact = shown.contact;
   const std::string number_text = std::to_string(index), name = run.name(contact.label);
-  const auto& tip = tick.device[contact.device].tip_patient_mm;
+  const auto& tip = shown.at_peak().tip_patient_mm;
 
   SectionMarks marks;
   marks.contact = Point<Patient>(tip[0], tip[1], tip[2]);
-  marks.force_N = patient_force_N(run.model, tick, contact.device);
+  marks.force_N = patient_force_N(run.model, shown.peak, contact.device);
   marks.arrow_mm_per_N = mm_per_N;
   marks.side = run.side();
   marks.oriented = run.model.oriented;
-  marks.ways = way_around(run.recording, run.edges_s, contact);
+  marks.ways = shown.ways;
 
   std::string html = "<section class=\"panel\" id=\"contact-" + number_text +
                      "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
-                     swatch(run.colour(contact.label)) + escape(name) + "</h3>" + facts(run, contact) +
+                     swatch(run.colour(contact.label)) + escape(name) + "</h3>" + facts(run, shown) +
                      "<div class=\"sections\">\n";
   std::set<LabelId> seen;
   const double width_mm = field_of_view_mm(run.model);
@@ -134,9 +134,9 @@ std::string tabs(const Run& run) {
   std::string html = "<div class=\"tabs\" role=\"tablist\" aria-label=\"Contacts\">\n";
   for (std::size_t i = 0; i < run.shown.size(); ++i) {
     const std::string index = std::to_string(i);
+    const LabelId label = run.shown[i].contact.label;
     html += "<button type=\"button\" role=\"tab\" id=\"tab-" + index + "\" aria-controls=\"contact-" + index +
-            "\">" + swatch(run.colour(run.shown[i].label)) + escape(run.name(run.shown[i].label)) +
-            "</button>\n";
+            "\">" + swatch(run.colour(label)) + escape(run.name(label)) + "</button>\n";
   }
   return html + "</div>\n";
 }

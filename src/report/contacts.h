@@ -1,20 +1,20 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <map>
+#include <optional>
 #include <vector>
 
 #include "palpate/haptics.h"
 #include "palpate/recording.h"
+#include "report/timed_ticks.h"
 
-/// What happened in a run, worked out from its ticks: when which structure was touched, how hard, how
-/// deep. Times are on the run's own clock, in s.
+/// What happened in a run, worked out from its ticks as they are read: when which structure was touched, how
+/// hard, how deep. Each of these is shown every tick in order. Times are on the run's own clock, in s.
 namespace palpate::report {
-
-/// Where each tick begins, and behind the last one where it ends: ticks + 1 values, strictly increasing.
-/// A clock that is not (a damaged file) is replaced by the tick's number over the rate.
-std::vector<double> tick_edges_s(const Recording& recording);
 
 /// Magnitude of the force sent; 0 where it is not finite.
 double force_N(const DeviceTick& device);
@@ -25,24 +25,37 @@ struct Contact {
   LabelId label = 0;
   std::size_t first = 0, last = 0;
   std::size_t peak = 0;  ///< the first tick with the largest force
+  double begin_s = 0, end_s = 0;
+  double peak_force_N = 0, peak_s = 0;  ///< the largest force, and when it was
 
-  double begin_s(const std::vector<double>& edges_s) const { return edges_s[first]; }
-  double end_s(const std::vector<double>& edges_s) const { return edges_s[last + 1]; }
-  double duration_s(const std::vector<double>& edges_s) const { return end_s(edges_s) - begin_s(edges_s); }
+  double duration_s() const { return end_s - begin_s; }
 };
 
 inline constexpr double kShortestContact_s = 0.05;
 /// A structure that was touched for less than this in all was touched in passing.
 inline constexpr double kPassing_s = 0.5;
 
-/// Contacts that last at least `shortest_s`, by their first tick.
-std::vector<Contact> find_contacts(const Recording& recording, const std::vector<double>& edges_s,
-                                   double shortest_s = kShortestContact_s);
+/// Contacts that last at least `shortest_s`.
+class ContactFinder {
+ public:
+  explicit ContactFinder(int devices, double shortest_s = kShortestContact_s)
+      : shortest_s_(shortest_s), open_(static_cast<std::size_t>(devices)) {}
+  void see(const TimedTick& now);
+  /// After the last tick; by their first tick.
+  std::vector<Contact> finish();
+
+ private:
+  void close(std::optional<Contact>& contact);
+
+  double shortest_s_;
+  std::vector<std::optional<Contact>> open_;  // of each device
+  std::vector<Contact> found_;
+};
 
 /// One structure over the whole run: every tick that touched it, brief ones too. Means are over time.
 struct StructureFigures {
   LabelId label = 0;
-  int contacts = 0;  ///< of those that find_contacts() returned
+  int contacts = 0;  ///< of those that ContactFinder found
   double contact_s = 0;
   double mean_force_N = 0, peak_force_N = 0;
   /// The largest that was measured. Negative: felt only in front of its surface, in the smoothed rim.
@@ -61,27 +74,49 @@ struct StructureFigures {
 /// normal leads past it.) Yes where the model does not know the structure.
 bool is_deeper_than_measured(const DeviceTick& device, const Model& model);
 
-/// In the order in which structures were first touched.
-std::vector<StructureFigures> summarise_structures(const Recording& recording, const Model& model,
-                                                   const std::vector<double>& edges_s,
-                                                   const std::vector<Contact>& contacts);
+/// The figures of each structure.
+class StructureMeter {
+ public:
+  /// @param model  outlives the meter
+  StructureMeter(int devices, const Model& model) : devices_(devices), model_(model) {}
+  void see(const TimedTick& now);
+  /// After the last tick, in the order in which structures were first touched.
+  std::vector<StructureFigures> finish(const std::vector<Contact>& contacts);
+
+ private:
+  int devices_;
+  const Model& model_;
+  std::vector<StructureFigures> figures_;  // sums instead of means
+  std::map<LabelId, std::size_t> place_;
+};
 
 /// The longest contact of each structure; of more than `most` structures those touched longest in all.
 /// By their first tick.
 std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
-                                   const std::vector<StructureFigures>& structures,
-                                   const std::vector<double>& edges_s, std::size_t most);
+                                   const std::vector<StructureFigures>& structures, std::size_t most);
 
 /// The recording's summary; counted from the ticks when the run was cut short, and then without `skipped`,
 /// which no tick tells of, and with the gaps between the ticks as `dropped`.
-RecordingSummary summary_of(const Recording& recording);
+class SummaryMeter {
+ public:
+  void see(const TickRecord& tick);
+  RecordingSummary finish(const RecordingHead& head) const;
+
+ private:
+  RecordingSummary counted_;
+  std::uint64_t first_tick_ = 0, last_tick_ = 0;
+};
 
 /// After these the safety stage sent something else than was computed, or nothing. A pause and a clutch are
 /// the user's, and outside the volume there is nothing to send.
 inline constexpr std::uint32_t kInterventionFlags =
     kFaultFlags | kFlagClamped | kFlagRotationIgnored | kFlagThermal | kFlagSlew | kFlagStale;
 /// Ticks with one of these flags on any device.
-std::uint64_t count_ticks_with(const Recording& recording, std::uint32_t flags);
+struct TickCount {
+  std::uint32_t flags = 0;
+  std::uint64_t ticks = 0;
+  void see(const TickRecord& tick, int devices);
+};
 
 /// The limit that one device was held to; NaN where a fault or an old pose left nothing to limit.
 double limit_N(const DeviceTick& device);
@@ -94,10 +129,12 @@ struct ForceExtremes {
   /// force: somebody changed the file.
   std::uint64_t above_limit = 0;
   double most_heat = 0;  ///< of the thermal budget, 0 ... 1, of any device
+  bool limited = false;  ///< there was a limit
+
+  void see(const TickRecord& tick, int devices);
 };
-ForceExtremes force_extremes(const Recording& recording);
 
 /// 1 ... 4, whatever a damaged file says.
-int device_count(const Recording& recording);
+int device_count(const RecordingHead& head);
 
 }  // namespace palpate::report

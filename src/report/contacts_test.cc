@@ -2,12 +2,66 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <span>
 
 namespace palpate::report {
 namespace {
+
+/// Every tick of a recording with its times.
+template <class See>
+void see_all(const Recording& recording, See&& see) {
+  TickTimes times(RecordingSource(recording).head());
+  // in pieces, as they are read
+  for (std::size_t first = 0; first < recording.ticks.size(); first += 37)
+    times.take(
+        std::span(recording.ticks).subspan(first, std::min<std::size_t>(37, recording.ticks.size() - first)),
+        see);
+  times.finish(see);
+}
+
+int devices_of(const Recording& recording) {
+  return device_count(RecordingSource(recording).head());
+}
+
+std::vector<StructureFigures> summarise_structures(const Recording& recording, const Model& model,
+                                                   const std::vector<Contact>& contacts) {
+  StructureMeter meter(devices_of(recording), model);
+  see_all(recording, [&](const TimedTick& now) { meter.see(now); });
+  return meter.finish(contacts);
+}
+
+RecordingSummary summary_of(const Recording& recording) {
+  SummaryMeter meter;
+  for (const TickRecord& tick : recording.ticks) meter.see(tick);
+  return meter.finish(RecordingSource(recording).head());
+}
+
+std::uint64_t count_ticks_with(const Recording& recording, std::uint32_t flags) {
+  TickCount count{flags, 0};
+  for (const TickRecord& tick : recording.ticks) count.see(tick, devices_of(recording));
+  return count.ticks;
+}
+
+ForceExtremes force_extremes(const Recording& recording) {
+  ForceExtremes extremes;
+  for (const TickRecord& tick : recording.ticks) extremes.see(tick, devices_of(recording));
+  return extremes;
+}
+
+/// Where each tick begins, and behind the last one where it ends.
+std::vector<double> tick_edges_s(const Recording& recording) {
+  std::vector<double> edges{0};
+  see_all(recording, [&](const TimedTick& now) {
+    EXPECT_EQ(now.index + 1, edges.size());
+    edges.back() = now.begin_s;
+    edges.push_back(now.end_s);
+  });
+  return edges;
+}
 
 /// A run at 1 kHz with one device.
 struct Script {
@@ -28,7 +82,11 @@ struct Script {
     }
   }
   std::vector<double> edges() const { return tick_edges_s(recording); }
-  std::vector<Contact> contacts() const { return find_contacts(recording, edges()); }
+  std::vector<Contact> contacts() const {
+    ContactFinder finder(devices_of(recording));
+    see_all(recording, [&](const TimedTick& now) { finder.see(now); });
+    return finder.finish();
+  }
 };
 
 TEST(Contacts, AreUnbrokenAndOfOneStructure) {
@@ -43,13 +101,13 @@ TEST(Contacts, AreUnbrokenAndOfOneStructure) {
   EXPECT_EQ(contacts[0].label, 5);
   EXPECT_EQ(contacts[0].first, 100u);
   EXPECT_EQ(contacts[0].last, 179u);
-  EXPECT_NEAR(contacts[0].duration_s(run.edges()), 0.080, 1e-12);
+  EXPECT_NEAR(contacts[0].duration_s(), 0.080, 1e-12);
   EXPECT_EQ(contacts[1].first, 180u);
   EXPECT_EQ(contacts[1].last, 249u);
   // the last contact reaches to the end of the run
   EXPECT_EQ(contacts[2].label, 6);
   EXPECT_EQ(contacts[2].last, run.recording.ticks.size() - 1);
-  EXPECT_NEAR(contacts[2].duration_s(run.edges()), 0.060, 1e-12);
+  EXPECT_NEAR(contacts[2].duration_s(), 0.060, 1e-12);
 }
 
 TEST(Contacts, LastFiftyMillisecondsAtLeast) {
@@ -67,7 +125,7 @@ TEST(Contacts, LabelWithoutContactDoesNotCount) {
   run.ticks(200, 5, 1);
   for (TickRecord& tick : run.recording.ticks) tick.device[0].flags = 0;
   EXPECT_TRUE(run.contacts().empty());
-  EXPECT_TRUE(summarise_structures(run.recording, Model{}, run.edges(), {}).empty());
+  EXPECT_TRUE(summarise_structures(run.recording, Model{}, {}).empty());
 }
 
 TEST(Contacts, PeakIsTheFirstTickWithTheLargestForce) {
@@ -133,7 +191,7 @@ TEST(Structures, FiguresAreOverTimeAndCountBriefTouches) {
   run.ticks(10, 0, 0, 0, 400);
   run.ticks(20, 5, 3.0, 0.9, 4);   // brief
   run.ticks(10, 8, 0.5, -0.4, 1);  // brief, the only one, and in front of the surface
-  const auto figures = summarise_structures(run.recording, Model{}, run.edges(), run.contacts());
+  const auto figures = summarise_structures(run.recording, Model{}, run.contacts());
   ASSERT_EQ(figures.size(), 2u);
   EXPECT_EQ(figures[0].label, 5);
   EXPECT_EQ(figures[0].contacts, 1);
@@ -155,7 +213,7 @@ TEST(Structures, DepthOutOfReachIsNoNumber) {
   run.ticks(60, 6, 2.0, kNan);
   run.ticks(60, 7, 2.0, 0.4);
   run.ticks(60, 0, 0.0, kNan);  // nothing touched
-  const auto figures = summarise_structures(run.recording, Model{}, run.edges(), run.contacts());
+  const auto figures = summarise_structures(run.recording, Model{}, run.contacts());
   ASSERT_EQ(figures.size(), 3u);
   EXPECT_EQ(figures[0].max_depth_mm, 0.2);
   EXPECT_TRUE(figures[0].deeper_than_measured);
@@ -175,7 +233,7 @@ TEST(Structures, TheFieldTellsDeepInsideFromInFront) {
   const auto deeper = [&](double field) {
     device.field = field;
     EXPECT_EQ(is_deeper_than_measured(device, model), field >= 0.4);
-    const auto figures = summarise_structures(run.recording, model, run.edges(), run.contacts());
+    const auto figures = summarise_structures(run.recording, model, run.contacts());
     EXPECT_TRUE(figures[0].depth_has_gaps);
     EXPECT_EQ(figures[0].max_depth_mm, 0.2);
     EXPECT_FALSE(figures[0].in_front);
@@ -194,7 +252,7 @@ TEST(Structures, BelowHalfASecondInAllIsInPassing) {
   run.ticks(5, 0);
   run.ticks(250, 1, 1);
   run.ticks(499, 2, 1);
-  const auto figures = summarise_structures(run.recording, Model{}, run.edges(), run.contacts());
+  const auto figures = summarise_structures(run.recording, Model{}, run.contacts());
   ASSERT_EQ(figures.size(), 2u);
   EXPECT_FALSE(figures[0].in_passing());
   EXPECT_TRUE(figures[1].in_passing());
@@ -209,17 +267,16 @@ TEST(MainContacts, AreTheLongestOfTheStructuresTouchedLongest) {
   run.ticks(70, 2, 1);
   run.ticks(5, 0);
   run.ticks(300, 3, 1);
-  const auto edges = run.edges();
   const auto contacts = run.contacts();
-  const auto figures = summarise_structures(run.recording, Model{}, edges, contacts);
-  const auto all = main_contacts(contacts, figures, edges, 8);
+  const auto figures = summarise_structures(run.recording, Model{}, contacts);
+  const auto all = main_contacts(contacts, figures, 8);
   ASSERT_EQ(all.size(), 3u);
   EXPECT_EQ(all[0].label, 1);
   EXPECT_EQ(all[0].first, 65u);
   EXPECT_EQ(all[1].label, 2);
   EXPECT_EQ(all[2].label, 3);
   // structure 2 was touched least
-  const auto two = main_contacts(contacts, figures, edges, 2);
+  const auto two = main_contacts(contacts, figures, 2);
   ASSERT_EQ(two.size(), 2u);
   EXPECT_EQ(two[0].label, 1);
   EXPECT_EQ(two[1].label, 3);

@@ -2,46 +2,63 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "palpate/check.h"
 
 namespace palpate::report {
 namespace {
 
-/// Smallest and largest finite value of [first, end), in the order in which they occur.
-std::pair<double, double> extremes(const std::vector<double>& values, std::size_t first, std::size_t end) {
-  constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
-  std::size_t low = end, high = end;
-  for (std::size_t i = first; i < end; ++i) {
-    if (!std::isfinite(values[i])) continue;
-    if (low == end || values[i] < values[low]) low = i;
-    if (high == end || values[i] > values[high]) high = i;
-  }
-  if (low == end) return {kGap, kGap};
-  return low < high ? std::pair{values[low], values[high]} : std::pair{values[high], values[low]};
-}
+constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
-PlotData decimate(PlotData data, std::size_t most_points) {
+Decimator::Decimator(std::size_t samples, std::size_t series, std::size_t most_points)
+    : samples_(samples), runs_(samples <= most_points ? 0 : most_points / 2), extremes_(series) {
   PALPATE_CHECK(most_points >= 2);
-  const std::size_t n = data.x.size(), runs = most_points / 2;
-  if (n <= most_points) return data;
+  data_.series.resize(series);
+  if (runs_ > 0) begin_run();
+}
 
-  PlotData result;
-  result.series.resize(data.series.size());
-  for (std::size_t run = 0; run < runs; ++run) {
-    // n > 2 runs, so that every run holds at least two samples and its two x differ
-    const std::size_t first = run * n / runs, end = (run + 1) * n / runs;
-    result.x.push_back(data.x[first]);
-    result.x.push_back(data.x[first + (end - first) / 2]);
-    for (std::size_t s = 0; s < data.series.size(); ++s) {
-      const auto [earlier, later] = extremes(data.series[s], first, end);
-      result.series[s].push_back(earlier);
-      result.series[s].push_back(later);
-    }
+void Decimator::begin_run() {
+  // more than two samples a run on average, so that every run holds at least two and its two x differ
+  run_first_ = run_ * samples_ / runs_;
+  run_end_ = (run_ + 1) * samples_ / runs_;
+  for (Extremes& extremes : extremes_) extremes = {kGap, kGap};
+}
+
+void Decimator::end_run() {
+  for (std::size_t s = 0; s < extremes_.size(); ++s) {
+    const Extremes& of = extremes_[s];
+    data_.series[s].push_back(of.low_first ? of.low : of.high);
+    data_.series[s].push_back(of.low_first ? of.high : of.low);
   }
-  return result;
+  if (++run_ < runs_) begin_run();
+}
+
+void Decimator::add(double x, std::span<const double> values) {
+  PALPATE_CHECK(values.size() == extremes_.size() && taken_ < samples_);
+  const std::size_t sample = taken_++;
+  if (runs_ == 0) {
+    data_.x.push_back(x);
+    for (std::size_t s = 0; s < values.size(); ++s) data_.series[s].push_back(values[s]);
+    return;
+  }
+  if (sample == run_first_ || sample == run_first_ + (run_end_ - run_first_) / 2) data_.x.push_back(x);
+  for (std::size_t s = 0; s < values.size(); ++s) {
+    if (!std::isfinite(values[s])) continue;
+    Extremes& of = extremes_[s];
+    const bool first = std::isnan(of.low);
+    // the later one of the two comes second; a single value is both
+    if (first || values[s] > of.high) of.high = values[s], of.low_first = true;
+    if (first || values[s] < of.low) of.low = values[s], of.low_first = first;
+  }
+  if (taken_ == run_end_) end_run();
+}
+
+PlotData Decimator::finish() {
+  PALPATE_CHECK(taken_ == samples_);
+  return std::move(data_);
 }
 
 }  // namespace palpate::report

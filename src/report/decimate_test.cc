@@ -24,6 +24,16 @@ PlotData random_data(std::size_t samples, unsigned seed) {
   return data;
 }
 
+PlotData decimate(const PlotData& data, std::size_t most_points) {
+  Decimator decimator(data.x.size(), data.series.size(), most_points);
+  std::vector<double> values(data.series.size());
+  for (std::size_t i = 0; i < data.x.size(); ++i) {
+    for (std::size_t s = 0; s < values.size(); ++s) values[s] = data.series[s][i];
+    decimator.add(data.x[i], values);
+  }
+  return decimator.finish();
+}
+
 TEST(Decimate, FewSamplesStayAsTheyAre) {
   const PlotData data = random_data(100, 1), same = decimate(data, 100);
   EXPECT_EQ(same.x, data.x);

@@ -34,16 +34,12 @@ std::string side_badge(const Run& run) {
 }
 
 /// The force methods that were felt, in the order of their first tick.
-std::string methods_text(const Recording& recording) {
-  std::vector<std::uint8_t> seen;
+std::string methods_text(const RecordingHead& recording) {
   std::string text;
-  for (const TickRecord& tick : recording.ticks) {
-    if (std::find(seen.begin(), seen.end(), tick.method) != seen.end()) continue;
-    seen.push_back(tick.method);
-    text += (text.empty() ? "" : ", ") + (tick.method < kForceMethods.size()
-                                              ? std::string(kForceMethods[tick.method].name)
-                                              : "number " + std::to_string(tick.method));
-  }
+  for (const RecordingHead::FeltMethod& felt : recording.methods)
+    text += (text.empty() ? "" : ", ") + (felt.method < kForceMethods.size()
+                                              ? std::string(kForceMethods[felt.method].name)
+                                              : "number " + std::to_string(felt.method));
   return text;
 }
 
@@ -97,14 +93,11 @@ std::string force_tile(const Run& run) {
 
 std::string safety_tile(const Run& run) {
   // a tick may be more than one of these
-  const std::uint64_t invalid = count_ticks_with(run.recording, kFlagNotFinite | kFlagRotationIgnored);
-  const std::uint64_t other = count_ticks_with(
-      run.recording, kInterventionFlags & ~(kFlagClamped | kFlagNotFinite | kFlagRotationIgnored));
-  return tile("Safety interventions",
-              unit(grouped(run.interventions), run.interventions == 1 ? "tick" : "ticks"),
-              grouped(run.summary.clamped) + " clamped, " + grouped(invalid) + " invalid" +
+  const std::uint64_t ticks = run.interventions.ticks, other = run.other.ticks;
+  return tile("Safety interventions", unit(grouped(ticks), ticks == 1 ? "tick" : "ticks"),
+              grouped(run.summary.clamped) + " clamped, " + grouped(run.invalid.ticks) + " invalid" +
                   (other > 0 ? ", " + grouped(other) + " other" : ""),
-              run.interventions > 0 ? "notice" : "");
+              ticks > 0 ? "notice" : "");
 }
 
 std::string hash_tile(const Run& run) {
@@ -137,16 +130,16 @@ std::string header_html(const Run& run) {
   if (!header.data_set.empty()) html += "<span>Data set " + escape(header.data_set) + "</span>";
   if (!header.device.empty()) html += "<span>Device " + escape(header.device) + "</span>";
   if (!header.hand.empty()) html += "<span>Hand " + escape(header.hand) + "</span>";
-  if (!run.recording.ticks.empty()) html += "<span>Force method " + methods_text(run.recording) + "</span>";
+  if (run.recording.ticks > 0) html += "<span>Force method " + methods_text(run.recording) + "</span>";
   if (!header.started_utc.empty()) html += "<span>Recorded " + escape(header.started_utc) + "</span>";
   return html + "</p></header>\n" + callouts(run);
 }
 
 std::string tiles_html(const Run& run) {
   std::string html = "<dl class=\"tiles\">\n";
-  html += tile(
-      "Duration", unit(number(run.duration_s(), 1), "s"),
-      ticks_text(run.recording.ticks.size()) + " at " + json_number(run.recording.header.rate_hz, 1) + " Hz");
+  html +=
+      tile("Duration", unit(number(run.duration_s, 1), "s"),
+           ticks_text(run.recording.ticks) + " at " + json_number(run.recording.header.rate_hz, 1) + " Hz");
   html += force_tile(run) + structures_tile(run) + safety_tile(run) + hash_tile(run);
   return html + "</dl>\n";
 }

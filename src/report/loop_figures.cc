@@ -1,28 +1,57 @@
 #include "report/loop_figures.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 namespace palpate::report {
+namespace {
 
-Spread spread_of(std::vector<double> values_s) {
-  std::erase_if(values_s, [](double value) { return !std::isfinite(value); });
-  std::ranges::sort(values_s);
+// sign, exponent and 12 bits of the fraction
+constexpr int kDroppedBits = 52 - 12;
+
+}  // namespace
+
+void SpreadMeter::add(double value_s) {
+  if (!std::isfinite(value_s)) return;
+  Bin& bin = bins_[std::bit_cast<std::uint64_t>(value_s) >> kDroppedBits];
+  bin.largest_s = bin.count == 0 ? value_s : std::max(bin.largest_s, value_s);
+  ++bin.count;
+  ++count_;
+}
+
+Spread SpreadMeter::spread() const {
+  std::vector<Bin> sorted;
+  for (const auto& [key, bin] : bins_) sorted.push_back(bin);
+  std::ranges::sort(sorted, {}, &Bin::largest_s);
   const auto at = [&](double part) {
-    if (values_s.empty()) return std::numeric_limits<double>::quiet_NaN();
     // the smallest value that at least this part of all do not exceed
-    const double rank = std::ceil(part * static_cast<double>(values_s.size()));
-    return values_s[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
+    const double rank = std::max(std::ceil(part * static_cast<double>(count_)), 1.0);
+    std::uint64_t seen = 0;
+    for (const Bin& bin : sorted) {
+      seen += bin.count;
+      if (static_cast<double>(seen) >= rank) return bin.largest_s;
+    }
+    return std::numeric_limits<double>::quiet_NaN();
   };
   return {at(0.5), at(0.99), at(0.999), at(1)};
 }
 
-double measured_rate_hz(const Recording& recording, const std::vector<double>& edges_s) {
-  const std::vector<TickRecord>& ticks = recording.ticks;
-  if (ticks.size() < 2) return std::numeric_limits<double>::quiet_NaN();
-  const double computed = static_cast<double>(ticks.back().tick) - static_cast<double>(ticks.front().tick);
-  return computed / (edges_s[ticks.size() - 1] - edges_s.front());
+void RateOfTicks::see(const TimedTick& now) {
+  if (ticks_++ == 0) {
+    first_ = now.tick.tick;
+    first_s_ = now.begin_s;
+  }
+  last_ = now.tick.tick;
+  last_s_ = now.begin_s;
+}
+
+double RateOfTicks::rate_hz() const {
+  if (ticks_ < 2) return std::numeric_limits<double>::quiet_NaN();
+  return (static_cast<double>(last_) - static_cast<double>(first_)) / (last_s_ - first_s_);
 }
 
 }  // namespace palpate::report

@@ -7,10 +7,23 @@
 #include <limits>
 #include <random>
 
-#include "report/contacts.h"
-
 namespace palpate::report {
 namespace {
+
+Spread spread_of(const std::vector<double>& values_s) {
+  SpreadMeter meter;
+  for (const double value : values_s) meter.add(value);
+  return meter.spread();
+}
+
+double measured_rate_hz(const Recording& recording) {
+  RateOfTicks rate;
+  TickTimes times(RecordingSource(recording).head());
+  const auto see = [&](const TimedTick& now) { rate.see(now); };
+  times.take(recording.ticks, see);
+  times.finish(see);
+  return rate.rate_hz();
+}
 
 TEST(Spread, IsOfNearestRanks) {
   std::vector<double> values;
@@ -44,6 +57,24 @@ TEST(Spread, HoldsByItsDefinition) {
   }
 }
 
+TEST(Spread, IsNeverTooSmallAndTooLargeByAPartIn4096) {
+  std::mt19937_64 random(20260302);
+  SCOPED_TRACE("seed 20260302");
+  std::lognormal_distribution<double> late(-11, 1.5);
+  std::vector<double> values(50'000);
+  for (double& value : values) value = late(random);
+  const Spread spread = spread_of(values);
+  std::ranges::sort(values);
+  for (const auto& [rank, value] : {std::pair{25'000, spread.p50_s},
+                                    {49'500, spread.p99_s},
+                                    {49'950, spread.p999_s},
+                                    {50'000, spread.max_s}}) {
+    EXPECT_GE(value, values[static_cast<std::size_t>(rank) - 1]);
+    EXPECT_LE(value, values[static_cast<std::size_t>(rank) - 1] * (1 + 1.0 / 4096));
+  }
+  EXPECT_EQ(spread.max_s, values.back());
+}
+
 TEST(Spread, LeavesOutWhatIsNoNumber) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const Spread spread = spread_of({kNan, 3, std::numeric_limits<double>::infinity(), 1, kNan});
@@ -62,9 +93,9 @@ TEST(MeasuredRate, CountsTicksThatWereDropped) {
     tick.time_s = 2e-3 * static_cast<double>(tick.tick);
     recording.ticks.push_back(tick);
   }
-  EXPECT_NEAR(measured_rate_hz(recording, tick_edges_s(recording)), 500, 1e-6);
+  EXPECT_NEAR(measured_rate_hz(recording), 500, 1e-6);
   recording.ticks.resize(1);
-  EXPECT_TRUE(std::isnan(measured_rate_hz(recording, tick_edges_s(recording))));
+  EXPECT_TRUE(std::isnan(measured_rate_hz(recording)));
 }
 
 }  // namespace

@@ -1,18 +1,10 @@
 #include <cmath>
 
 #include "report/html.h"
-#include "report/loop_figures.h"
 #include "report/parts.h"
 
 namespace palpate::report {
 namespace {
-
-std::vector<double> over_ticks(const Run& run, double TickRecord::*value) {
-  std::vector<double> values;
-  values.reserve(run.recording.ticks.size());
-  for (const TickRecord& tick : run.recording.ticks) values.push_back(tick.*value);
-  return values;
-}
 
 std::string spread_row(const std::string& name, const Spread& spread, const std::string& meaning) {
   std::string html = "<tr><th scope=\"row\">" + name + "</th>";
@@ -23,12 +15,11 @@ std::string spread_row(const std::string& name, const Spread& spread, const std:
 
 /// "1 000.2 Hz of 1 000 Hz"
 std::string rate_text(const Run& run) {
-  return number(measured_rate_hz(run.recording, run.edges_s), 1) + " Hz of " +
-         json_number(run.recording.header.rate_hz, 1) + " Hz";
+  return number(run.rate.rate_hz(), 1) + " Hz of " + json_number(run.recording.header.rate_hz, 1) + " Hz";
 }
 
 std::string count_text(const Run& run, std::uint64_t count) {
-  const double computed = static_cast<double>(run.recording.ticks.size() + run.summary.dropped);
+  const double computed = static_cast<double>(run.recording.ticks + run.summary.dropped);
   const double percent = computed > 0 ? 100 * static_cast<double>(count) / computed : 0;
   return grouped(count) + (count > 0 ? " (" + number(percent, percent < 1 ? 3 : 1) + " %)" : "");
 }
@@ -36,9 +27,9 @@ std::string count_text(const Run& run, std::uint64_t count) {
 }  // namespace
 
 std::string loop_html(const Run& run) {
-  if (!run.real_clock() || run.recording.ticks.empty()) return "";
-  const Spread lateness = spread_of(over_ticks(run, &TickRecord::lateness_s));
-  const Spread compute = spread_of(over_ticks(run, &TickRecord::compute_s));
+  if (!run.real_clock() || run.recording.ticks == 0) return "";
+  const Spread lateness = run.lateness.spread();
+  const Spread compute = run.compute.spread();
   std::string html =
       "<section class=\"card\" aria-labelledby=\"loop-title\"><h2 id=\"loop-title\">Loop</h2>\n"
       "<dl class=\"provenance\">\n";
@@ -59,7 +50,7 @@ std::string loop_html(const Run& run) {
          "<div class=\"plot\"><h3 id=\"lateness-title\">Lateness <span "
          "class=\"unit\">\u00b5s</span></h3><div "
          "class=\"canvas\" id=\"plot-lateness\" role=\"img\" aria-label=\"Lateness of each tick over " +
-         number(run.duration_s(), 1) + " s; most " + number(1e6 * lateness.max_s, 1) +
+         number(run.duration_s, 1) + " s; most " + number(1e6 * lateness.max_s, 1) +
          " microseconds\"></div></div>\n</section>\n";
 }
 

@@ -128,25 +128,35 @@ std::string draw_letters(const SectionPlane& plane) {
 
 }  // namespace
 
-std::vector<Way> way_around(const Recording& recording, const std::vector<double>& edges_s,
-                            const Contact& contact) {
-  const double from_s = contact.begin_s(edges_s) - kWayMargin_s, to_s = contact.end_s(edges_s) + kWayMargin_s;
-  std::vector<Way> ways;
-  for (std::size_t i = 0; i < recording.ticks.size(); ++i) {
-    if (edges_s[i] < from_s || edges_s[i] > to_s) continue;
-    const DeviceTick& device = recording.ticks[i].device[contact.device];
-    const Point<Patient> tip(device.tip_patient_mm[0], device.tip_patient_mm[1], device.tip_patient_mm[2]);
-    if (!tip.all_finite() || (device.flags & kFlagNotFinite) != 0) continue;
-    const bool touching = i >= contact.first && i <= contact.last;
-    if (ways.empty() || ways.back().touching != touching) {
-      // the next stretch begins where the last one ended
-      Way next{touching, {}};
-      if (!ways.empty()) next.points.push_back(ways.back().points.back());
-      ways.push_back(std::move(next));
-    }
-    ways.back().points.push_back(tip);
+void WayFollower::see(const TimedTick& now) {
+  if (now.begin_s < contact_.begin_s - kWayMargin_s || now.begin_s > contact_.end_s + kWayMargin_s) return;
+  const DeviceTick& device = now.tick.device[contact_.device];
+  const Point<Patient> tip(device.tip_patient_mm[0], device.tip_patient_mm[1], device.tip_patient_mm[2]);
+  if (!tip.all_finite() || (device.flags & kFlagNotFinite) != 0) return;
+  const bool touching = now.index >= contact_.first && now.index <= contact_.last;
+  const bool turn = ways_.empty() || ways_.back().touching != touching;
+  // the ends of a stretch are kept, and what is between them in equal steps
+  if (!turn && now.index % step_ != 0 && now.index != contact_.last) return;
+  if (turn) {
+    // the next stretch begins where the last one ended
+    Way next{touching, {}};
+    if (!ways_.empty()) next.points.push_back(ways_.back().points.back());
+    ways_.push_back(std::move(next));
   }
-  return ways;
+  ways_.back().points.push_back(tip);
+  if (++points_ >= kMostWayPoints) thin_out();
+}
+
+void WayFollower::thin_out() {
+  step_ *= 2;
+  points_ = 0;
+  for (Way& way : ways_) {
+    std::vector<Point<Patient>> kept;
+    for (std::size_t i = 0; i < way.points.size(); ++i)
+      if (i % 2 == 0 || i + 1 == way.points.size()) kept.push_back(way.points[i]);
+    points_ += kept.size();
+    way.points = std::move(kept);
+  }
 }
 
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device) {

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "palpate/recording.h"
@@ -17,9 +19,22 @@ struct Way {
 };
 
 /// The way of a contact's tip from a second before it to a second after it, cut where the contact
-/// begins and ends.
-std::vector<Way> way_around(const Recording& recording, const std::vector<double>& edges_s,
-                            const Contact& contact);
+/// begins and ends. A long way keeps every second, fourth, eighth ... of its points, so that it never has
+/// more than kMostWayPoints.
+inline constexpr std::size_t kMostWayPoints = 20'000;
+class WayFollower {
+ public:
+  explicit WayFollower(const Contact& contact) : contact_(contact) {}
+  void see(const TimedTick& now);
+  std::vector<Way> finish() { return std::move(ways_); }
+
+ private:
+  void thin_out();
+
+  Contact contact_;
+  std::vector<Way> ways_;
+  std::size_t points_ = 0, step_ = 1;  // every step_th tick is kept
+};
 
 /// The force sent in one tick, turned from the workspace into the patient as the object was felt then.
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device);

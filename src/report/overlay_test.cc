@@ -70,14 +70,33 @@ TEST(Overlay, OnlyTheWayNearThePlaneIsDrawn) {
   EXPECT_THAT(section_svg(axial(), marks, ""), Not(HasSubstr("polyline")));
 }
 
+template <class See>
+void see_all(const Recording& recording, See&& see) {
+  TickTimes times(RecordingSource(recording).head());
+  times.take(recording.ticks, see);
+  times.finish(see);
+}
+
+// the first contact of a recording
+Contact first_contact(const Recording& recording) {
+  ContactFinder finder(1);
+  see_all(recording, [&](const TimedTick& now) { finder.see(now); });
+  const auto contacts = finder.finish();
+  EXPECT_FALSE(contacts.empty());
+  return contacts.empty() ? Contact{} : contacts.front();
+}
+
+std::vector<Way> way_around(const Recording& recording, const Contact& contact) {
+  WayFollower follower(contact);
+  see_all(recording, [&](const TimedTick& now) { follower.see(now); });
+  return follower.finish();
+}
+
 TEST(Overlay, WayIsCutWhereTheContactBeginsAndEnds) {
   const Model model = example::model();
   const Recording recording = example::recording(model);
-  const auto edges = tick_edges_s(recording);
-  const auto contacts = find_contacts(recording, edges);
-  ASSERT_FALSE(contacts.empty());
-  const Contact& contact = contacts.front();
-  const auto ways = way_around(recording, edges, contact);
+  const Contact contact = first_contact(recording);
+  const auto ways = way_around(recording, contact);
   ASSERT_EQ(ways.size(), 3u);
   EXPECT_FALSE(ways[0].touching);
   EXPECT_TRUE(ways[1].touching);
@@ -86,6 +105,34 @@ TEST(Overlay, WayIsCutWhereTheContactBeginsAndEnds) {
   EXPECT_EQ(ways[1].points.size(), contact.last - contact.first + 2);
   EXPECT_EQ(ways[1].points.front(), ways[0].points.back());
   EXPECT_NEAR(static_cast<double>(ways[2].points.size()), 1001, 2);  // a second after it
+}
+
+TEST(Overlay, ALongWayKeepsItsEndsAndFewPoints) {
+  // an hour's hold in little: 300 000 ticks along a line
+  Recording recording;
+  recording.ticks.resize(300'000);
+  for (std::size_t i = 0; i < recording.ticks.size(); ++i) {
+    TickRecord& tick = recording.ticks[i];
+    tick.tick = i;
+    tick.time_s = 1e-3 * static_cast<double>(i);
+    tick.device[0].tip_patient_mm = {1e-3 * static_cast<double>(i), 0, 0};
+    if (i < 5000 || i >= 290'000) continue;
+    tick.device[0].label = 3;
+    tick.device[0].flags = kFlagContact;
+  }
+  const auto ways = way_around(recording, first_contact(recording));
+  ASSERT_EQ(ways.size(), 3u);
+  const auto& points = ways[1].points;
+  std::size_t all = 0;
+  for (const Way& way : ways) all += way.points.size();
+  EXPECT_LE(all, kMostWayPoints);
+  EXPECT_GT(points.size(), kMostWayPoints / 4);
+  EXPECT_NEAR(points.front().x(), 4.999, 1e-9);
+  EXPECT_NEAR(points.back().x(), 289.999, 1e-9);
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    ASSERT_GT(points[i].x(), points[i - 1].x());
+    ASSERT_LT(points[i].x() - points[i - 1].x(), 0.065);
+  }
 }
 
 TEST(Overlay, ForceIsTurnedBackWithTheObject) {

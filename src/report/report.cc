@@ -50,18 +50,22 @@ std::string banner_html(const Run& run) {
          (run.model.oriented ? "" : "<span class=\"badge\">Orientation unknown</span>") + "</div>\n";
 }
 
-Result<std::string> page_html(const Recording& recording, const Model& model, const Progress& progress) {
-  if (recording.header.model_hash != model.content_hash) {
+Result<std::string> page_html(const RecordingSource& recording, const Model& model,
+                              const Progress& progress) {
+  const RecordingHeader& header = recording.head().header;
+  if (header.model_hash != model.content_hash) {
     return Error{ErrorKind::kBadInput,
-                 "the recording was made with another model (" + hex(recording.header.model_hash) +
+                 "the recording was made with another model (" + hex(header.model_hash) +
                      ") than the one at hand (" + hex(model.content_hash) + ")",
                  "", "give the scene file or the data set with which it was recorded, unchanged since"};
   }
-  const Run run(recording, model);
+  const auto read = read_run(recording, model, progress);
+  if (!read) return read.error();
+  const Run& run = *read;
   const auto contacts = contacts_html(run, progress);
   if (!contacts.ok()) return contacts.error();
 
-  std::string html = head_html(recording.header) + "<body>\n" + banner_html(run) + "<main>\n";
+  std::string html = head_html(header) + "<body>\n" + banner_html(run) + "<main>\n";
   html += header_html(run) + tiles_html(run) + trouble_html(run) + *contacts + plots_html(run) +
           structure_table_html(run) + safety_table_html(run) + loop_html(run) + provenance_html(run) +
           "</main>\n";
@@ -78,12 +82,13 @@ Result<std::string> page_html(const Recording& recording, const Model& model, co
 
 namespace palpate {
 
-Result<std::string> report_html(const Recording& recording, const Model& model, const Progress& progress) {
+Result<std::string> report_html(const RecordingSource& recording, const Model& model,
+                                const Progress& progress) {
   return report::page_html(recording, model, progress);
 }
 
-Result<void> write_report(const std::filesystem::path& file, const Recording& recording, const Model& model,
-                          const Progress& progress) {
+Result<void> write_report(const std::filesystem::path& file, const RecordingSource& recording,
+                          const Model& model, const Progress& progress) {
   const auto html = report_html(recording, model, progress);
   if (!html.ok()) return html.error();
   return write_file(file, *html);

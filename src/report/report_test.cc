@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "base/test_folder.h"
+#include "base/test_process.h"
 #include "report/example_run.h"
 
 namespace palpate::report {
@@ -390,6 +391,37 @@ TEST_F(Report, CanBeInterrupted) {
   const auto html = report_html(recording, model, Progress({}, &stop));
   ASSERT_FALSE(html.ok());
   EXPECT_EQ(html.error().kind, ErrorKind::kInterrupted);
+}
+
+TEST_F(Report, OfALongRunTakesNoMoreMemory) {
+  const test::TemporaryFolder folder;
+  // the example run again and again, on one clock
+  const auto peak_MiB = [&](int times) {
+    auto writer = RecordingWriter::create(folder / "run.h5", recording.header);
+    PALPATE_CHECK(writer.ok());
+    std::uint64_t ticks = 0;
+    for (int i = 0; i < times; ++i) {
+      std::vector<TickRecord> again = recording.ticks;
+      for (TickRecord& tick : again) {
+        tick.tick = ticks++;
+        tick.time_s = 1e-3 * static_cast<double>(tick.tick);
+      }
+      PALPATE_CHECK((*writer)->append(again).ok());
+    }
+    RecordingSummary summary;
+    summary.ticks = ticks;
+    PALPATE_CHECK((*writer)->finish(summary).ok());
+    const double peak = test::peak_memory_of([&] {
+      const auto source = RecordingSource::open(folder / "run.h5");
+      const auto html = source ? report_html(*source, model) : source.error();
+      return html && html->find("Contact per structure") != std::string::npos;
+    });
+    EXPECT_GT(peak, 0) << "there was no report";
+    return peak;
+  };
+  const double once = peak_MiB(1), four_times = peak_MiB(4);
+  // 28 800 ticks more would be 52 MB in memory
+  EXPECT_LT(four_times - once, 12) << once << " MiB and " << four_times << " MiB";
 }
 
 TEST_F(Report, IsWrittenWholeOrNotAtAll) {

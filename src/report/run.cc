@@ -1,31 +1,116 @@
 #include "report/run.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "report/html.h"
 
 namespace palpate::report {
 namespace {
 
-const RecordingHeader::Structure* find_structure(const Recording& recording, LabelId label) {
+const RecordingHeader::Structure* find_structure(const RecordingHead& recording, LabelId label) {
   const auto& structures = recording.header.structures;
   const auto found = std::find_if(structures.begin(), structures.end(),
                                   [&](const RecordingHeader::Structure& s) { return s.label == label; });
   return found == structures.end() ? nullptr : &*found;
 }
 
+constexpr std::size_t kMostPoints = 4000;
+constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
+
+double speed_mm_s(const DeviceTick& device) {
+  const auto& v = device.velocity_patient_mm_s;
+  return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
+/// The plots' values of one tick, in the order of Run::plots. Depth only while something is touched.
+void plotted_values(const Run& run, const TickRecord& tick, std::vector<double>& values) {
+  values.clear();
+  for (std::size_t d = 0; d < static_cast<std::size_t>(run.devices); ++d) {
+    const DeviceTick& device = tick.device[d];
+    const double depth_mm = (device.flags & kFlagContact) != 0 ? device.depth_mm : kGap;
+    values.insert(values.end(), {limit_N(device), force_N(device), depth_mm, speed_mm_s(device)});
+  }
+  if (run.real_clock()) values.push_back(1e6 * tick.lateness_s);
+}
+
+/// Every tick with its times to `see`.
+template <class See>
+Result<void> read_timed(const RecordingSource& recording, const char* stage, const Progress& progress,
+                        See&& see) {
+  TickTimes times(recording.head());
+  double done = 0;
+  const auto read = recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        progress.report(stage, done / static_cast<double>(recording.head().ticks));
+        done += static_cast<double>(part.ticks.size());
+        times.take(part.ticks, see);
+        return {};
+      },
+      progress);
+  if (read) times.finish(see);
+  return read;
+}
+
+Result<void> read_figures(const RecordingSource& recording, const Progress& progress, Run& run) {
+  const RecordingHead& head = recording.head();
+  ContactFinder contacts(run.devices);
+  StructureMeter structures(run.devices, run.model);
+  SummaryMeter summary;
+  Decimator plots(static_cast<std::size_t>(head.ticks),
+                  kQuantities * static_cast<std::size_t>(run.devices) + run.real_clock(), kMostPoints);
+  std::vector<double> values;
+  double begin_s = 0;
+  const auto read = read_timed(recording, "reading the recording", progress, [&](const TimedTick& now) {
+    if (now.index == 0) {
+      run.first = now.tick;
+      begin_s = now.begin_s;
+    }
+    run.duration_s = now.end_s - begin_s;
+    contacts.see(now);
+    structures.see(now);
+    summary.see(now.tick);
+    for (TickCount* count : {&run.interventions, &run.invalid, &run.other}) count->see(now.tick, run.devices);
+    run.forces.see(now.tick, run.devices);
+    run.lateness.add(now.tick.lateness_s);
+    run.compute.add(now.tick.compute_s);
+    run.rate.see(now);
+    plotted_values(run, now.tick, values);
+    plots.add(now.begin_s, values);
+  });
+  if (!read) return read;
+  run.contacts = contacts.finish();
+  run.structures = structures.finish(run.contacts);
+  run.summary = summary.finish(head);
+  run.plots = plots.finish();
+  return {};
+}
+
+Result<void> follow_contacts(const RecordingSource& recording, const Progress& progress, Run& run) {
+  if (run.shown.empty()) return {};
+  std::vector<WayFollower> followers;
+  for (const ShownContact& shown : run.shown) followers.emplace_back(shown.contact);
+  const auto read = read_timed(recording, "following the contacts", progress, [&](const TimedTick& now) {
+    for (std::size_t i = 0; i < followers.size(); ++i) {
+      followers[i].see(now);
+      if (run.shown[i].contact.peak == now.index) run.shown[i].peak = now.tick;
+    }
+  });
+  for (std::size_t i = 0; i < followers.size(); ++i) run.shown[i].ways = followers[i].finish();
+  return read;
+}
+
 }  // namespace
 
-Run::Run(const Recording& recording_in, const Model& model_in)
-    : recording(recording_in),
-      model(model_in),
-      edges_s(tick_edges_s(recording)),
-      contacts(find_contacts(recording, edges_s)),
-      structures(summarise_structures(recording, model, edges_s, contacts)),
-      shown(main_contacts(contacts, structures, edges_s, kMostShown)),
-      summary(summary_of(recording)),
-      interventions(count_ticks_with(recording, kInterventionFlags)),
-      forces(force_extremes(recording)) {}
+Result<Run> read_run(const RecordingSource& recording, const Model& model, const Progress& progress) {
+  Run run(recording.head(), model);
+  if (auto read = read_figures(recording, progress, run); !read) return read.error();
+  for (const Contact& contact : main_contacts(run.contacts, run.structures, kMostShown))
+    run.shown.push_back({contact, {}, {}});
+  if (auto read = follow_contacts(recording, progress, run); !read) return read.error();
+  return run;
+}
 
 bool Run::felt_in_front() const {
   return std::any_of(structures.begin(), structures.end(),

@@ -4,27 +4,54 @@
 #include <vector>
 
 #include "palpate/haptics.h"
+#include "palpate/progress.h"
 #include "palpate/recording.h"
 #include "report/contacts.h"
+#include "report/decimate.h"
+#include "report/loop_figures.h"
+#include "report/overlay.h"
 
 namespace palpate::report {
 
 /// How many structures get sections of their own.
 inline constexpr std::size_t kMostShown = 8;
 
-/// A recording with everything that the parts of the page are told about it. Refers to both arguments.
-struct Run {
-  Run(const Recording& recording_in, const Model& model_in);
+/// Quantities of each device that are plotted.
+inline constexpr std::size_t kQuantities = 4;
 
-  const Recording& recording;
+/// A contact with sections of its own.
+struct ShownContact {
+  Contact contact;
+  TickRecord peak;  ///< with the largest force
+  std::vector<Way> ways;
+
+  const DeviceTick& at_peak() const { return peak.device[static_cast<std::size_t>(contact.device)]; }
+};
+
+/// A recording with everything that the parts of the page are told about it. Refers to the source and the
+/// model that it was read from.
+struct Run {
+  /// With nothing in it yet.
+  Run(const RecordingHead& recording_in, const Model& model_in)
+      : recording(recording_in), model(model_in), devices(device_count(recording_in)) {}
+
+  const RecordingHead& recording;
   const Model& model;
-  std::vector<double> edges_s;
+  int devices;       ///< 1 ... 4, whatever a damaged file says
+  TickRecord first;  ///< the first tick, where there is one
+  double duration_s = 0;
   std::vector<Contact> contacts;
   std::vector<StructureFigures> structures;
-  std::vector<Contact> shown;   ///< one contact a structure, with sections
-  RecordingSummary summary;     ///< counted from the ticks when the run was cut short
-  std::uint64_t interventions;  ///< ticks in which the safety stage intervened
+  std::vector<ShownContact> shown;                 ///< one contact a structure, with sections
+  RecordingSummary summary;                        ///< counted from the ticks when the run was cut short
+  TickCount interventions{kInterventionFlags, 0};  ///< of the safety stage
+  TickCount invalid{kFlagNotFinite | kFlagRotationIgnored, 0};
+  TickCount other{kInterventionFlags & ~(kFlagClamped | kFlagNotFinite | kFlagRotationIgnored), 0};
   ForceExtremes forces;
+  SpreadMeter lateness, compute;
+  RateOfTicks rate;
+  /// Of each device limit, force, depth and speed, then, on the real clock, the lateness in microseconds.
+  PlotData plots;
 
   /// Unknown when it is not known how the volume lies in the patient, whatever the scene says.
   Side side() const { return model.oriented ? model.side : Side::kUnknown; }
@@ -33,15 +60,15 @@ struct Run {
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
   bool real_clock() const { return recording.header.clock == "real"; }
-  double duration_s() const { return edges_s.back() - edges_s.front(); }
-  const DeviceTick& at_peak(const Contact& contact) const {
-    return recording.ticks[contact.peak].device[contact.device];
-  }
   /// The name in the recording, else in the model, else "label 12".
   std::string name(LabelId label) const;
   /// The colour in the model, which the sections show, else in the recording.
   Rgb colour(LabelId label) const;
 };
+
+/// Reads the recording twice: what happened, then the ways of the contacts that are shown. Errors: those of
+/// reading it.
+Result<Run> read_run(const RecordingSource& recording, const Model& model, const Progress& progress);
 
 /// A small square of a structure's colour.
 std::string swatch(const Rgb& colour);

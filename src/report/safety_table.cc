@@ -82,7 +82,7 @@ std::string row_html(const Run& run, const Row& row) {
   const std::uint64_t count = run.summary.*row.count;
   const bool expected = row.shown == Shown::kAlways || (row.shown == Shown::kOnRealClock && run.real_clock());
   if (count == 0 && !expected) return "";
-  const double ticks = static_cast<double>(run.recording.ticks.size());
+  const double ticks = static_cast<double>(run.recording.ticks);
   const double percent = ticks > 0 ? 100 * static_cast<double>(count) / ticks : 0;
   return "<tr" + std::string(count == 0 ? " class=\"none\"" : "") + "><th scope=\"row\">" + row.name +
          "</th>" + cell(grouped(count)) + cell(number(percent, percent > 0 && percent < 1 ? 2 : 1) + " %") +
@@ -105,17 +105,16 @@ std::string newtons(double force_N) {
 
 /// What the forces were held to: the limit, what each device bears, how warm it got.
 std::string limits_html(const Run& run) {
-  if (run.recording.ticks.empty()) return "";
+  if (run.recording.ticks == 0) return "";
   const ForceExtremes& forces = run.forces;
   std::string limit = number(forces.highest_limit_N, 2) + " N";
   if (forces.lowest_limit_N < forces.highest_limit_N)
     limit = number(forces.lowest_limit_N, 2) + " to " + limit;
   std::string html = "<dl class=\"provenance limits\">\n" + entry("Limit in effect", limit);
-  const int devices = device_count(run.recording);
   bool thermal = false;
-  for (int d = 0; d < devices; ++d) {
-    const DeviceTick& device = run.recording.ticks.front().device[static_cast<std::size_t>(d)];
-    const std::string which = devices > 1 ? "Device " + std::to_string(d + 1) : "The device";
+  for (int d = 0; d < run.devices; ++d) {
+    const DeviceTick& device = run.first.device[static_cast<std::size_t>(d)];
+    const std::string which = run.devices > 1 ? "Device " + std::to_string(d + 1) : "The device";
     html += entry(which + " gives at most", newtons(device.peak_force_N));
     html += entry(which + " bears for ever", newtons(device.continuous_force_N));
     thermal = thermal || std::isfinite(device.continuous_force_N);

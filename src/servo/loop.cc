@@ -37,7 +37,7 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
       period_ns_(std::llround(1e9 / rate_of(driver, settings))),
       now_(now),
       model_(std::move(model)),
-      latest_(parameters),
+      latest_{parameters},
       pacer_(settings.rate_hz, settings.spin_s, stop_),
       ring_(static_cast<std::size_t>(std::ceil(settings.ring_s * rate_of(driver, settings)))),
       watchdog_(driver) {
@@ -46,10 +46,10 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     const WorkspaceSettings& workspace = workspaces[workspaces.size() == 1 ? 0 : d];
     mappings_.emplace_back(devices[d], workspace);
     // what a hand holds is known to whoever starts the loop, the rest to the device
-    const double held_N_per_mm = latest_.device[d].most_stiffness_N_per_mm;
-    latest_.device[d] = device_parameters(devices[d], workspace);
-    double& most_N_per_mm = latest_.device[d].most_stiffness_N_per_mm;
-    most_N_per_mm = std::min(most_N_per_mm, held_N_per_mm);
+    DeviceParameters& own = latest_.parameters.device[d];
+    const double held_N_per_mm = own.most_stiffness_N_per_mm;
+    own = device_parameters(devices[d], workspace);
+    own.most_stiffness_N_per_mm = std::min(own.most_stiffness_N_per_mm, held_N_per_mm);
   }
   posted_ = latest_;
 }
@@ -96,17 +96,27 @@ void Loop::run(std::promise<void>& ready) {
 
 // ---- callers
 
-void Loop::change(const std::function<void(Parameters&)>& edit) {
+std::uint32_t Loop::change(const std::function<void(Parameters&)>& edit) {
   const std::lock_guard lock(callers_);
-  const auto own = latest_.device;
-  edit(latest_);
-  latest_.device = own;
+  const auto own = latest_.parameters.device;
+  edit(latest_.parameters);
+  latest_.parameters.device = own;
+  latest_.number += 1;
   parameters_in_.post(latest_);
+  return latest_.number;
+}
+
+// state and number in one word: a tick that sees the number sees what it stands for
+std::uint32_t Loop::arm(bool stopped) noexcept {
+  std::uint64_t now = arming_.load(), next = 0;
+  do next = ((now | 1) + 1) | static_cast<std::uint64_t>(stopped);
+  while (!arming_.compare_exchange_weak(now, next));
+  return static_cast<std::uint32_t>(next >> 1);
 }
 
 Parameters Loop::parameters() const {
   const std::lock_guard lock(callers_);
-  return latest_;
+  return latest_.parameters;
 }
 
 void Loop::stop() {
@@ -189,9 +199,12 @@ double Loop::keep_time(std::int64_t now_ns) noexcept {
 
 void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept {
   parameters_in_.take(posted_);
-  parameters_ = posted_;
-  parameters_.emergency_stop = posted_.emergency_stop || emergency_.load(std::memory_order_relaxed);
-  parameters_.paused = posted_.paused || stopping_.load(std::memory_order_relaxed);
+  parameters_ = posted_.parameters;
+  record_.settings_number = posted_.number;
+  const std::uint64_t arming = arming_.load(std::memory_order_relaxed);
+  record_.arming_number = static_cast<std::uint32_t>(arming >> 1);
+  parameters_.emergency_stop = posted_.parameters.emergency_stop || (arming & 1) != 0;
+  parameters_.paused = posted_.parameters.paused || stopping_.load(std::memory_order_relaxed);
   // after a stall nothing is sent at first, also where the watchdog stood still with everything else
   const bool stalled = dt_s > static_cast<double>(kStall_ns) * 1e-9;
   const std::uint32_t halted = stalled || watchdog_.halted() ? kDeviceHalted : 0u;

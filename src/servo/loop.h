@@ -34,12 +34,12 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   /// there is no thread to be had.
   Result<void> begin();
 
-  void change(const std::function<void(Parameters&)>& edit) override;
+  std::uint32_t change(const std::function<void(Parameters&)>& edit) override;
   Parameters parameters() const override;
   void set_model(std::shared_ptr<const Model> model) override { model_.set(std::move(model)); }
   std::size_t collect() override { return model_.collect(); }
-  void emergency_stop() noexcept override { emergency_.store(true); }
-  void rearm() noexcept override { emergency_.store(false); }
+  std::uint32_t emergency_stop() noexcept override { return arm(true); }
+  std::uint32_t rearm() noexcept override { return arm(false); }
   void stop() override;
   bool running() const noexcept override { return running_.load(); }
   TickRecord snapshot() const override { return snapshot_.load(); }
@@ -55,7 +55,14 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override;
 
  private:
+  // parameters with the number of the change that made them
+  struct Posted {
+    Parameters parameters;
+    std::uint32_t number = 0;
+  };
+
   void run(std::promise<void>& ready);
+  std::uint32_t arm(bool stopped) noexcept;
   double keep_time(std::int64_t now_ns) noexcept;
   void take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
   void publish() noexcept;
@@ -70,13 +77,14 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   // written by callers
   ModelSlot model_;
   mutable std::mutex callers_;
-  Parameters latest_;
-  Mailbox<Parameters> parameters_in_;
-  std::atomic<bool> stop_{false}, stopping_{false}, emergency_{false}, reset_{false};
+  Posted latest_;
+  Mailbox<Posted> parameters_in_;
+  std::atomic<bool> stop_{false}, stopping_{false}, reset_{false};
+  std::atomic<std::uint64_t> arming_{0};  // twice the number of the last stop or rearm, one more: stopped
 
   // the servo thread's own
   Pacer pacer_;
-  Parameters posted_;      // by callers
+  Posted posted_;          // by callers
   Parameters parameters_;  // of this tick
   std::vector<WorkspaceMapping> mappings_;
   SessionState state_;

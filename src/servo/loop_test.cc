@@ -144,7 +144,8 @@ TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
   Resting resting;
   const auto loop = started(resting.driver);
   EXPECT_EQ(loop->parameters().device[0].limits.peak_force_N, 8);
-  loop->change([](Parameters& parameters) {
+  EXPECT_EQ(loop->snapshot().settings_number, 0u);
+  const std::uint32_t number = loop->change([](Parameters& parameters) {
     parameters.friction = false;
     parameters.max_force_N = 0.25;
     parameters.device[0].limits.peak_force_N = 100;
@@ -152,6 +153,8 @@ TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
   });
   wait_until([&] { return loop->snapshot().max_force_N == 0.25; });
   const TickRecord seen = loop->snapshot();
+  EXPECT_EQ(number, 1u);
+  EXPECT_EQ(seen.settings_number, 1u);
   EXPECT_FALSE(seen.switches & kSwitchFriction);
   EXPECT_EQ(seen.device[0].peak_force_N, 8) << "nobody raises a device's limit from outside";
   EXPECT_EQ(seen.device[0].force_gain, 1);

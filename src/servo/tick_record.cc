@@ -18,6 +18,13 @@ std::array<double, 4> plain(const Eigen::Quaterniond& q) {
   return {q.w(), q.x(), q.y(), q.z()};
 }
 
+std::uint8_t switches_of(const Parameters& parameters) {
+  return static_cast<std::uint8_t>(
+      (parameters.friction ? kSwitchFriction : 0) | (parameters.viscosity ? kSwitchViscosity : 0) |
+      (parameters.passivity ? kSwitchPassivity : 0) | (parameters.paused ? kSwitchPaused : 0) |
+      (parameters.emergency_stop ? kSwitchEmergencyStop : 0));
+}
+
 void record_inputs(const Model& model, const Parameters& parameters, const SessionState& state, double dt_s,
                    std::size_t devices, TickRecord& record) {
   record.tick = state.tick;
@@ -26,10 +33,7 @@ void record_inputs(const Model& model, const Parameters& parameters, const Sessi
   record.lateness_s = record.compute_s = 0;
   record.model_version = model.version;
   record.method = static_cast<std::uint8_t>(parameters.method);
-  record.switches = static_cast<std::uint8_t>(
-      (parameters.friction ? kSwitchFriction : 0) | (parameters.viscosity ? kSwitchViscosity : 0) |
-      (parameters.passivity ? kSwitchPassivity : 0) | (parameters.paused ? kSwitchPaused : 0) |
-      (parameters.emergency_stop ? kSwitchEmergencyStop : 0));
+  record.switches = switches_of(parameters);
   record.max_force_N = parameters.max_force_N;
   record.rotation_target_wxyz = plain(parameters.rotation_target);
   record.devices = static_cast<int>(devices);

@@ -69,7 +69,7 @@ void grant(ExploreRequest request, const Session& session) {
   else if (request == ExploreRequest::kEmergencyStop)
     session.viewed.stop_here();
   else if (request == ExploreRequest::kPause)
-    session.loop.change([](Parameters& parameters) { parameters.paused = !parameters.paused; });
+    session.viewed.pause_here();
   else if (request == ExploreRequest::kNextMethod)
     session.viewed.next_method();
 }
@@ -115,8 +115,7 @@ void finish(const Session& session, ExploreResult& result) {
   const auto trouble = session.tip.trouble();
   result.trouble.insert(result.trouble.end(), trouble.begin(), trouble.end());
 
-  const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble,
-                                                session.viewed.changes());
+  const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble);
   if (finished) {
     result.summary = *finished;
   } else {
@@ -125,7 +124,6 @@ void finish(const Session& session, ExploreResult& result) {
     result.summary.dropped = result.health.dropped;
     result.summary.skipped = result.health.skipped;
     result.summary.trouble = result.trouble;
-    result.summary.changes = session.viewed.changes();
   }
   result.holds = session.watch.holds();
   // a pointer has no list of what it is to touch
@@ -194,7 +192,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   header.scheduler = (*loop)->scheduling().scheduler;
   ExploreWatch watch(model, (*tip)->structures());
   auto recorder = Recorder::start((*loop)->ring(), recording, header,
-                                  [&watch](const TickRecord& record) { watch.see(record); });
+                                  [&watch](const TickRecord& record) { watch.see(record); }, &viewed.told());
   if (!recorder) return recorder.error();
 
   // however this ends, nobody looks at the loop or the watch when they are gone
@@ -209,7 +207,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
     }
   } const end_of_viewing{viewers, viewed, **tip};
   viewed.begin(**loop, watch);
-  if (auto begun = (*tip)->begin(**loop); !begun) return begun.error();
+  if (auto begun = (*tip)->begin(**loop, viewed.told()); !begun) return begun.error();
   const Session session{model, **loop, **recorder, **tip, watch, viewed};
   ExploreResult result;
   result.trouble = setup->trouble;

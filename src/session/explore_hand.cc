@@ -5,6 +5,7 @@
 #include <system_error>
 
 #include "base/clock.h"
+#include "session/told_loop.h"
 
 namespace palpate {
 namespace {
@@ -19,11 +20,12 @@ constexpr std::uint32_t kForceIsOff = kFaultFlags | kFlagRamp | kFlagStale;
 }  // namespace
 
 HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver,
-                       ServoLoop& loop, bool repeat)
+                       ServoLoop& loop, EventLog& told, bool repeat)
     : hand_(std::move(hand)),
       mapping_(driver.devices()[0], workspace),
       driver_(driver),
       loop_(loop),
+      told_(told),
       repeat_(repeat) {}
 
 Result<void> HandThread::begin() try {
@@ -71,7 +73,7 @@ void HandThread::move(double dt_s) {
   driver_.intend(mapping_.to_device(*intention), monotonic_ns() + kLead_ns);
   const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
   if (!turned && !commands.method) return;
-  loop_.change([&](Parameters& parameters) {
+  change_told(loop_, told_, {Asker::kScript}, [&](Parameters& parameters) {
     if (turned) parameters.rotation_target = commands.rotation_target;
     if (commands.method) parameters.method = *commands.method;
   });

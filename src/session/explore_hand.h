@@ -6,6 +6,7 @@
 #include <thread>
 #include <vector>
 
+#include "palpate/recording.h"
 #include "palpate/servo_loop.h"
 #include "palpate/simulated_device.h"
 #include "session/scripted_hand.h"
@@ -17,9 +18,10 @@ namespace palpate {
 /// does who feels it go, and does not catch up on time in which its thread did not run.
 class HandThread {
  public:
+  /// @param told  what the loop is told by the script; outlives the hand
   /// @param repeat  begin again when the script has ended
   HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver, ServoLoop& loop,
-             bool repeat);
+             EventLog& told, bool repeat);
   ~HandThread() { end(); }
   HandThread(const HandThread&) = delete;
   HandThread& operator=(const HandThread&) = delete;
@@ -43,6 +45,7 @@ class HandThread {
   const WorkspaceMapping mapping_;
   SimulatedDriver& driver_;
   ServoLoop& loop_;
+  EventLog& told_;
   const bool repeat_;
   std::atomic<bool> end_{false}, done_{false};
   std::atomic<double> progress_{0};

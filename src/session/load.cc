@@ -137,9 +137,9 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
   return LoadedScene{std::move(*scene), std::move(*model), ""};
 }
 
-Result<LoadedScene> load_scene_of_recording(const Recording& recording, const std::string& what,
+Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
                                             const Progress& progress, const Warn& warn) {
-  const std::string& target = what.empty() ? recording.header.data_set : what;
+  const std::string& target = what.empty() ? recording.data_set : what;
   if (target.empty())
     return Error{ErrorKind::kUsage, "the recording was made with a scene file, which it does not hold", "",
                  "name it after the recording: RECORDING SCENE"};

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdio>
+#include <deque>
 
 #include "palpate/session.h"
 #include "session/changed_model.h"
@@ -114,101 +115,125 @@ Parameters parameters_of(const TickRecord& recorded) {
 }
 
 // those that were felt
-Result<std::vector<ForceMethod>> methods_of(const Recording& recording) {
+Result<std::vector<ForceMethod>> methods_of(const RecordingHead& head) {
   std::vector<ForceMethod> methods;
-  for (const TickRecord& recorded : recording.ticks) {
-    if (recorded.method >= kForceMethods.size())
+  for (const RecordingHead::FeltMethod& felt : head.methods) {
+    if (felt.method >= kForceMethods.size())
       return Error{
           ErrorKind::kBadInput,
-          "tick " + std::to_string(recorded.tick) + " used a force method that this version does not have",
-          "", "replay it with the version that made it"};
-    const auto method = static_cast<ForceMethod>(recorded.method);
-    if (std::find(methods.begin(), methods.end(), method) == methods.end()) methods.push_back(method);
+          "tick " + std::to_string(felt.tick) + " used a force method that this version does not have", "",
+          "replay it with the version that made it"};
+    methods.push_back(static_cast<ForceMethod>(felt.method));
   }
   return methods;
 }
 
-// the version that a tick felt, by the changes that lead to it
-Result<void> advance_to(const TickRecord& recorded, const Recording& recording, const Progress& progress,
-                        ModelVersions& model) {
-  const std::vector<ModelChange> none;
-  const auto& changes = recording.summary ? recording.summary->changes : none;
-  while (model.felt->version < recorded.model_version) {
-    const std::size_t next = model.felt->version - recording.header.model_version;
-    if (next >= changes.size()) break;
-    auto changed = next_version(model, changes[next], progress);
-    if (!changed) return changed.error();
-    model = *std::move(changed);
+/// Runs tick after tick and stops at the first that differs.
+class Replayer {
+ public:
+  Replayer(std::shared_ptr<const Model> model, const Progress& progress)
+      : model_{model, model}, progress_(progress) {}
+
+  Result<void> take(const RecordingPart& part) {
+    for (const RecordingEvent& event : part.events)
+      if (event.kind == RecordingEvent::Kind::kModel) changes_.push_back(event.change);
+    for (const TickRecord& recorded : part.ticks) {
+      if (!result_.difference.empty()) return {};
+      if (auto there = advance_to(recorded); !there) return there;
+      run_again(recorded);
+    }
+    return {};
   }
-  if (recorded.model_version == model.felt->version) return {};
+  bool differs() const { return !result_.difference.empty(); }
+  ReplayResult& result() { return result_; }
+
+ private:
+  Result<void> advance_to(const TickRecord& recorded);
+  void run_again(const TickRecord& recorded);
+
+  ModelVersions model_;
+  const Progress& progress_;
+  std::deque<ModelChange> changes_;  // that no tick has felt yet
+  SessionState state_;
+  ReplayResult result_;
+};
+
+// the version that a tick felt, by the changes that lead to it
+Result<void> Replayer::advance_to(const TickRecord& recorded) {
+  while (model_.felt->version < recorded.model_version && !changes_.empty()) {
+    auto changed = next_version(model_, changes_.front(), progress_);
+    if (!changed) return changed.error();
+    model_ = *std::move(changed);
+    changes_.pop_front();
+  }
+  if (recorded.model_version == model_.felt->version) return {};
   return Error{ErrorKind::kBadInput,
                "tick " + std::to_string(recorded.tick) + " felt version " +
                    std::to_string(recorded.model_version) + " of the model, which the file does not hold",
-               "",
-               recording.summary ? "only runs whose changes of the model were recorded can be replayed"
-                                 : "the run was cut short: how the model had changed stands at its end"};
+               "", "only runs whose changes of the model were recorded can be replayed"};
+}
+
+void Replayer::run_again(const TickRecord& recorded) {
+  // every input of the tick as it was
+  const Parameters parameters = parameters_of(recorded);
+  std::array<DeviceState, kMaxDevices> devices;
+  for (int d = 0; d < recorded.devices; ++d) devices[d] = state_of(recorded.device[d]);
+
+  // what the recorder never got cannot be felt again
+  if (recorded.tick != state_.tick) {
+    result_.first_difference = state_.tick;
+    result_.difference = recorded.tick < state_.tick
+                             ? "the recorded ticks are out of order"
+                             : "the recorder lost ticks " + std::to_string(state_.tick) + " to " +
+                                   std::to_string(recorded.tick - 1);
+    return;
+  }
+
+  std::array<Wrench, kMaxDevices> wrenches;
+  TickRecord again;
+  const std::size_t count = static_cast<std::size_t>(recorded.devices);
+  tick(*model_.felt, parameters, {devices.data(), count}, recorded.dt_s, state_, {wrenches.data(), count},
+       again);
+  result_.ticks += 1;
+  result_.run_hash = mix_run_hash(result_.run_hash, again.state_hash);
+  result_.difference = first_difference(recorded, again);
+  if (!result_.difference.empty()) result_.first_difference = recorded.tick;
 }
 
 }  // namespace
 
-Result<ReplayResult> replay(const Recording& recording, std::shared_ptr<const Model> prepared,
+Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<const Model> prepared,
                             const Progress& progress) {
-  if (recording.header.model_hash != prepared->content_hash)
+  const RecordingHead& head = recording.head();
+  if (head.header.model_hash != prepared->content_hash)
     return Error{
         ErrorKind::kBadInput, "the recording was made with another scene or other volumes", "",
         "name the scene file or data set that it was made with; a changed scene is another model, and so "
         "may be the same scene to another version: this one was recorded by palpate " +
-            recording.header.palpate_version + ", commit " + recording.header.commit};
+            head.header.palpate_version + ", commit " + head.header.commit};
 
-  const auto methods = methods_of(recording);
+  const auto methods = methods_of(head);
   if (!methods) return methods.error();
   const auto ready = ready_for(std::move(prepared), *methods, progress);
   if (!ready) return ready.error();
-  ModelVersions model{*ready, *ready};
 
-  ReplayResult result;
-  SessionState state;
-  for (const TickRecord& recorded : recording.ticks) {
-    if (result.ticks % 1000 == 0) {
-      progress.report("replaying",
-                      static_cast<double>(result.ticks) / static_cast<double>(recording.ticks.size()));
-      if (progress.stopped()) return Progress::interrupted();
-    }
-
-    if (auto there = advance_to(recorded, recording, progress, model); !there) return there.error();
-
-    // every input of the tick as it was
-    const Parameters parameters = parameters_of(recorded);
-    std::array<DeviceState, kMaxDevices> devices;
-    for (int d = 0; d < recorded.devices; ++d) devices[d] = state_of(recorded.device[d]);
-
-    // what the recorder never got cannot be felt again
-    if (recorded.tick != state.tick) {
-      result.first_difference = state.tick;
-      result.difference = recorded.tick < state.tick
-                              ? "the recorded ticks are out of order"
-                              : "the recorder lost ticks " + std::to_string(state.tick) + " to " +
-                                    std::to_string(recorded.tick - 1);
-      return result;
-    }
-
-    std::array<Wrench, kMaxDevices> wrenches;
-    TickRecord again;
-    const std::size_t count = static_cast<std::size_t>(recorded.devices);
-    tick(*model.felt, parameters, {devices.data(), count}, recorded.dt_s, state, {wrenches.data(), count},
-         again);
-    result.ticks += 1;
-    result.run_hash = mix_run_hash(result.run_hash, again.state_hash);
-    result.difference = first_difference(recorded, again);
-    if (!result.difference.empty()) {
-      result.first_difference = recorded.tick;
-      return result;
-    }
-  }
+  Replayer replayer(*ready, progress);
+  ReplayResult& result = replayer.result();
+  // the rest of what differs need not be read
+  const Error enough{ErrorKind::kInterrupted, "", "", ""};
+  const auto read = recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        progress.report("replaying", static_cast<double>(result.ticks) / static_cast<double>(head.ticks));
+        if (auto taken = replayer.take(part); !taken) return taken;
+        return replayer.differs() ? Result<void>(enough) : Result<void>();
+      },
+      progress);
+  if (replayer.differs()) return result;
+  if (!read) return read.error();
   progress.report("replaying", 1);
   // a complete recording also carries the hash of the whole run
-  result.identical = !recording.summary ||
-                     (recording.summary->run_hash == result.run_hash && recording.summary->dropped == 0);
+  result.identical =
+      !head.summary || (head.summary->run_hash == result.run_hash && head.summary->dropped == 0);
   if (!result.identical) {
     result.first_difference = result.ticks;
     result.difference = "the recording's ticks are not all there";

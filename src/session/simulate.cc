@@ -38,20 +38,17 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   std::vector<HoldMeter> meters;
   for (const LabelId structure : hand->structures()) meters.emplace_back(model, structure);
 
+  VirtualRun run(model, *setup, std::move(*hand));
   const std::size_t block = static_cast<std::size_t>(setup->script.rate_hz);  // one second
   std::vector<TickRecord> unwritten;
   unwritten.reserve(block);
   const auto write_block = [&]() -> Result<void> {
-    if (!writer || unwritten.empty()) {
-      unwritten.clear();
-      return {};
-    }
-    auto written = writer->append(unwritten);
+    const auto told = run.take_told();
+    auto written = writer && !unwritten.empty() ? writer->append(unwritten, told) : Result<void>();
     unwritten.clear();
     return written;
   };
 
-  VirtualRun run(model, *setup, std::move(*hand));
   bool stopped = false;
   do {
     const TickRecord& record = run.tick();

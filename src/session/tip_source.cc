@@ -18,8 +18,8 @@ class ScriptSource final : public TipSource {
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "script"; }
   std::vector<LabelId> structures() const override { return structures_; }
-  Result<void> begin(ServoLoop& loop) override {
-    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, repeat_);
+  Result<void> begin(ServoLoop& loop, EventLog& told) override {
+    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, repeat_);
     return hand_->begin();
   }
   bool done() const override { return hand_->done(); }
@@ -54,7 +54,7 @@ class PointerSource final : public TipSource {
   const char* name() const override { return "pointer"; }
   std::vector<LabelId> structures() const override { return structures_; }
   PointerDriver* pointer() override { return &driver_; }
-  Result<void> begin(ServoLoop& /*loop*/) override { return {}; }
+  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/) override { return {}; }
   bool done() const override { return false; }
   double progress() const override { return 0; }
   void end() override {}

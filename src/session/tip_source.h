@@ -22,8 +22,9 @@ class TipSource {
   /// Where a viewer moves it; else null.
   virtual PointerDriver* pointer() { return nullptr; }
 
-  /// The loop runs. Errors: those of HandThread::begin().
-  virtual Result<void> begin(ServoLoop& loop) = 0;
+  /// The loop runs. @param told  what it is told, by a script for example; outlives the tip. Errors: those
+  /// of HandThread::begin().
+  virtual Result<void> begin(ServoLoop& loop, EventLog& told) = 0;
   virtual bool done() const = 0;
   virtual double progress() const = 0;
   /// The tip stays where it is.

@@ -11,8 +11,8 @@
 
 #include "base/hash.h"
 #include "palpate/rendering.h"
-#include "recording/header_fields.h"
 #include "session/plain_vectors.h"
+#include "session/told_loop.h"
 
 namespace palpate {
 namespace {
@@ -68,6 +68,9 @@ Error bad(std::string what, std::string where, std::string remedy) {
 Error refused(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
 }
+AskedBy asked_by(const ViewerIdentity& viewer) {
+  return {viewer.control ? Asker::kControlViewer : Asker::kLookingViewer, viewer.number};
+}
 Error not_running() {
   return {ErrorKind::kUnavailable, "the session does not run yet", "", "ask again in a moment"};
 }
@@ -107,7 +110,8 @@ ViewedSession::ViewedSession(ViewedParts parts)
 void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   watch_ = &watch;
   loop_.store(&loop);
-  if (stopped_.load()) loop.emergency_stop();
+  const std::lock_guard lock(stop_mutex_);
+  if (stopped_.load()) stop_told(loop, told_, stopped_by_);
 }
 
 // ---- what viewers are told
@@ -252,11 +256,6 @@ std::optional<Error> ViewedSession::method_failure() const {
   return method_failure_;
 }
 
-std::vector<ModelChange> ViewedSession::changes() const {
-  const std::lock_guard lock(mutex_);
-  return changes_;
-}
-
 double ViewedSession::highest_max_force_N() const {
   const std::lock_guard lock(mutex_);
   return highest_max_force_N_;
@@ -314,9 +313,10 @@ Result<void> ViewedSession::set(const SettingsRequest& request) {
   const std::lock_guard lock(mutex_);
   if (auto fine = check(request, loop->parameters()); !fine) return fine;
   if (request.method)
-    if (auto chosen = choose(*find_force_method(*request.method), *loop); !chosen) return chosen;
+    if (auto chosen = choose(*find_force_method(*request.method), asked_by(request.by), *loop); !chosen)
+      return chosen;
   if (request.max_force_N) highest_max_force_N_ = std::max(highest_max_force_N_, *request.max_force_N);
-  loop->change([&](Parameters& parameters) {
+  change_told(*loop, told_, asked_by(request.by), [&](Parameters& parameters) {
     if (request.friction) parameters.friction = *request.friction;
     if (request.viscosity) parameters.viscosity = *request.viscosity;
     if (request.passivity) parameters.passivity = *request.passivity;
@@ -359,10 +359,6 @@ Result<void> ViewedSession::set(const TissueRequest& request) {
   if (physical() && more)
     return refused("friction and viscosity are not raised from afar while a device may push", "tissue",
                    "change the scene and start palpate at the device");
-  if (changes_.size() >= internal::kMaxChanges)
-    return refused(
-        "a session takes no more than " + std::to_string(internal::kMaxChanges) + " changes of tissues",
-        "tissue", "begin another session");
 
   auto next = changed_model(*model_.felt, *model_.made, change);
   if (!next) {
@@ -374,51 +370,60 @@ Result<void> ViewedSession::set(const TissueRequest& request) {
                                          loop->parameters().method);
       !fine)
     return fine;
-  go_on_with({*std::move(next), model_.made}, change, *loop);
+  go_on_with({*std::move(next), model_.made}, change, asked_by(request.by), *loop);
   return {};
 }
 
 // all of it, or an exception and nothing of it
-void ViewedSession::go_on_with(ModelVersions next, const ModelChange& change, ServoLoop& loop) {
-  changes_.push_back(change);
-  try {
-    loop.set_model(next.felt);
-  } catch (...) {
-    changes_.pop_back();
-    throw;
-  }
+void ViewedSession::go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop) {
+  set_model_told(loop, told_, by, next.felt, change);
   model_ = std::move(next);
 }
 
-void ViewedSession::emergency_stop() {
-  stop_here();
+void ViewedSession::emergency_stop(const ViewerIdentity& by) {
+  stop(asked_by(by));
   stopped_from_afar_.store(std::chrono::steady_clock::now());
 }
 
 void ViewedSession::stop_here() {
+  stop({Asker::kKey});
+}
+
+void ViewedSession::stop(AskedBy by) {
   // a stop and a rearm at once: whichever is last holds, for the loop and for what viewers are told
   const std::lock_guard lock(stop_mutex_);
   stopped_.store(true);
-  if (ServoLoop* loop = loop_.load()) loop->emergency_stop();
+  stopped_by_ = by;
+  if (ServoLoop* loop = loop_.load()) stop_told(*loop, told_, by);
 }
 
 bool ViewedSession::just_stopped_from_afar() const {
   return std::chrono::steady_clock::now() - stopped_from_afar_.load() < kOneStop;
 }
 
-Result<void> ViewedSession::rearm() {
+Result<void> ViewedSession::rearm(const ViewerIdentity& by) {
   if (physical())
     return refused("a device that may push is armed at the device, not from afar", "",
                    "press space where palpate runs");
   if (!loop_.load()) return not_running();
-  rearm_here();
+  rearm(asked_by(by));
   return {};
 }
 
 void ViewedSession::rearm_here() {
+  rearm({Asker::kKey});
+}
+
+void ViewedSession::rearm(AskedBy by) {
   const std::lock_guard lock(stop_mutex_);
   stopped_.store(false);
-  if (ServoLoop* loop = loop_.load()) loop->rearm();
+  if (ServoLoop* loop = loop_.load()) rearm_told(*loop, told_, by);
+}
+
+void ViewedSession::pause_here() {
+  if (ServoLoop* loop = loop_.load())
+    change_told(*loop, told_, {Asker::kKey},
+                [](Parameters& parameters) { parameters.paused = !parameters.paused; });
 }
 
 void ViewedSession::next_method() {
@@ -431,7 +436,7 @@ void ViewedSession::next_method() {
   };
   ForceMethod next = next_of(now);
   while (next != now && !possible(next)) next = next_of(next);
-  if (auto chosen = choose(next, *loop); !chosen) give_up(next, chosen.error());
+  if (auto chosen = choose(next, {Asker::kKey}, *loop); !chosen) give_up(next, chosen.error());
 }
 
 void ViewedSession::follow_script() {
@@ -445,21 +450,22 @@ void ViewedSession::follow_script() {
     give_up(method, made_for_others());
   else if (method_failure_ && given_up_ == model_.felt->version)
     give_up(method, *method_failure_);
-  else if (auto chosen = choose(method, *loop); !chosen)
+  else if (auto chosen = choose(method, {Asker::kScript}, *loop); !chosen)
     give_up(method, chosen.error());
 }
 
 // ---- fields
 
-Result<void> ViewedSession::choose(ForceMethod method, ServoLoop& loop) try {
+Result<void> ViewedSession::choose(ForceMethod method, AskedBy by, ServoLoop& loop) try {
   awaited_.reset();
   method_failure_.reset();
   if (can_feel(method)) {
-    loop.change([&](Parameters& parameters) { parameters.method = method; });
+    change_told(loop, told_, by, [&](Parameters& parameters) { parameters.method = method; });
     return {};
   }
   if (!maker_.joinable()) maker_ = std::thread([this] { make_fields(); });
   awaited_ = method;
+  awaited_by_ = by;
   wanted_.notify_one();
   return {};
 } catch (const std::system_error& error) {
@@ -514,12 +520,12 @@ Result<std::shared_ptr<const Model>> ViewedSession::version_with_fields(const Mo
 
 Result<void> ViewedSession::feel_by(std::shared_ptr<const Model> next) try {
   ServoLoop& loop = *loop_.load();
-  go_on_with({next, next}, {next->version, ModelChange::kFieldsMadeAnew}, loop);
+  go_on_with({next, next}, {next->version, ModelChange::kFieldsMadeAnew}, awaited_by_, loop);
   if (!awaited_) return {};
   if (!can_feel(*awaited_))
     return Error{ErrorKind::kUnavailable, "this force method does not suit the tissues as they are now", "",
                  "choose another"};
-  return choose(*awaited_, loop);
+  return choose(*awaited_, awaited_by_, loop);
 } catch (const std::exception& why) {
   return not_made(why);
 }
@@ -531,7 +537,7 @@ void ViewedSession::give_up(ForceMethod method, Error why) {
   why.where = name_of(method);
   method_failure_ = std::move(why);
   // a script has changed to it before its fields were there
-  loop_.load()->change([&](Parameters& parameters) {
+  change_told(*loop_.load(), told_, {}, [&](Parameters& parameters) {
     if (parameters.method == method && model_.felt->has(ForceMethod::kProxy))
       parameters.method = ForceMethod::kProxy;
   });

@@ -43,10 +43,11 @@ struct ViewedParts {
 /// line are, and goes to the loop by its usual ways, so that no tick waits for anybody. It begins without a
 /// loop, so that who serves it can fail before anything pushes; requests are refused until begin().
 ///
-/// A tissue that changes becomes a new version of the model (session/changed_model.h); changes() are all of
-/// them, for the recording. The direct methods' fields are made anew when one of them is chosen, on a thread
-/// of its own, at the lowest priority; until they are there the method stays as it was. Where they cannot be
-/// made it stays so, and state() says why until another is chosen. Any thread.
+/// A tissue that changes becomes a new version of the model (session/changed_model.h). Whatever the loop is
+/// told stands in told(), with who asked, for the recording. The direct methods' fields are made anew when
+/// one of them is chosen, on a thread of its own, at the lowest priority; until they are there the method
+/// stays as it was. Where they cannot be made it stays so, and state() says why until another is chosen. Any
+/// thread.
 class ViewedSession final : public ViewerHost {
  public:
   explicit ViewedSession(ViewedParts parts);
@@ -63,14 +64,15 @@ class ViewedSession final : public ViewerHost {
   ViewedState state() const override;
   Result<void> set(const SettingsRequest& request) override;
   Result<void> set(const TissueRequest& request) override;
-  void emergency_stop() override;
-  Result<void> rearm() override;
+  void emergency_stop(const ViewerIdentity& by) override;
+  Result<void> rearm(const ViewerIdentity& by) override;
   Result<void> take_pointer(bool take) override;
   void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
 
   // ---- keys, at the device itself
   void stop_here();
   void rearm_here();
+  void pause_here();
   /// A viewer has stopped so lately that a stop here means the same.
   bool just_stopped_from_afar() const;
   void next_method();
@@ -79,7 +81,8 @@ class ViewedSession final : public ViewerHost {
 
   /// Why the method that was asked for last is not felt.
   std::optional<Error> method_failure() const;
-  std::vector<ModelChange> changes() const;
+  /// What the loop is told, from begin() on.
+  EventLog& told() { return told_; }
   /// The user's limit of the force, where it stood highest.
   double highest_max_force_N() const;
 
@@ -90,14 +93,16 @@ class ViewedSession final : public ViewerHost {
   bool can_feel(ForceMethod method) const;
   Result<void> check(const SettingsRequest& request, const Parameters& now) const;
   Result<void> check_from_afar(const SettingsRequest& request, const Parameters& now) const;
-  Result<void> choose(ForceMethod method, ServoLoop& loop);
+  Result<void> choose(ForceMethod method, AskedBy by, ServoLoop& loop);
   void make_fields();
   Result<std::shared_ptr<const Model>> version_with_fields(const ModelVersions& of,
                                                            std::shared_ptr<const Model>& fields,
                                                            const Progress& progress) const;
   Result<void> feel_by(std::shared_ptr<const Model> next);
   void give_up(ForceMethod method, Error why);
-  void go_on_with(ModelVersions next, const ModelChange& change, ServoLoop& loop);
+  void go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
+  void stop(AskedBy by);
+  void rearm(AskedBy by);
   Result<void> check_stiffness_change(double from_N_per_mm, double to_N_per_mm, ForceMethod method) const;
   double felt_stiffness_N_per_mm(const DeviceTick& device, ForceMethod method) const;
 
@@ -105,17 +110,19 @@ class ViewedSession final : public ViewerHost {
   mutable std::once_flag scene_made_;
   mutable ViewedScene scene_;
 
+  EventLog told_;
   std::atomic<ServoLoop*> loop_{nullptr};
   const ExploreWatch* watch_ = nullptr;  // set before loop_
   std::mutex stop_mutex_;                // of a stop or a rearm as a whole
+  AskedBy stopped_by_;                   // of the mutex above
   std::atomic<bool> stopped_{false}, pointer_taken_{false};
   std::atomic<std::chrono::steady_clock::time_point> stopped_from_afar_{};  // never: when the clock began
 
   mutable std::mutex mutex_;  // of what follows
   ModelVersions model_;
-  std::vector<ModelChange> changes_;
   double highest_max_force_N_;
   std::optional<ForceMethod> awaited_;  // the direct method that is felt when its fields are made
+  AskedBy awaited_by_;                  // who wants it
   std::uint32_t given_up_ = 0;          // the version whose fields could not be made
   std::optional<Error> method_failure_;
 

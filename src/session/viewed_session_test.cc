@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
+#include <list>
 #include <new>
 #include <optional>
 #include <stdexcept>
@@ -148,6 +150,19 @@ class Viewed : public ::testing::Test {
     return all;
   }
 
+  // all that the session has told its recorder so far
+  const std::list<RecordingEvent>& told() {
+    viewed_->told().take(told_);
+    return told_;
+  }
+  std::vector<ModelChange> changes() {
+    std::vector<ModelChange> changes;
+    for (const RecordingEvent& event : told())
+      if (event.kind == RecordingEvent::Kind::kModel) changes.push_back(event.change);
+    return changes;
+  }
+
+  std::list<RecordingEvent> told_;
   decltype(ViewedParts::new_fields) new_fields_ = with_new_fields;
   std::shared_ptr<const Model> model_;
   WorkspaceSettings workspace_;
@@ -277,7 +292,7 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
     EXPECT_EQ(error_of(bad).where, where) << error_of(bad).what;
     EXPECT_EQ(viewed_->state().model_version, 1u);
     EXPECT_EQ(viewed_->state().tissues[1].stiffness_N_per_mm, 0.75);
-    EXPECT_TRUE(viewed_->changes().empty());
+    EXPECT_TRUE(changes().empty());
   }
   EXPECT_EQ(error_of(request).what, "no error");
   EXPECT_EQ(viewed_->state().model_version, 2u);
@@ -286,7 +301,7 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   EXPECT_EQ(cartilage.static_friction, 0.4);
   EXPECT_EQ(cartilage.dynamic_friction, 0.3);
   EXPECT_EQ(cartilage.viscosity_N_s_per_mm, 0);
-  EXPECT_EQ(viewed_->changes(), (std::vector<ModelChange>{{2, 1, 0.5, 0.4, 0.3, 0}}));
+  EXPECT_EQ(changes(), (std::vector<ModelChange>{{2, 1, 0.5, 0.4, 0.3, 0}}));
   // what is so already is no version
   EXPECT_EQ(error_of(request).what, "no error");
   EXPECT_EQ(viewed_->state().model_version, 2u);
@@ -389,10 +404,10 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   EXPECT_EQ(error_of(softer).what, "no error");
   may_be_made = true;
   ASSERT_TRUE(soon([&] { return viewed_->state().method == "trilinear"; }));
-  const auto changes = viewed_->changes();
-  ASSERT_GE(changes.size(), 3u);
-  EXPECT_EQ(changes.back().tissue, ModelChange::kFieldsMadeAnew);
-  EXPECT_EQ(changes.back().version, viewed_->state().model_version);
+  const auto made = changes();
+  ASSERT_GE(made.size(), 3u);
+  EXPECT_EQ(made.back().tissue, ModelChange::kFieldsMadeAnew);
+  EXPECT_EQ(made.back().version, viewed_->state().model_version);
   ASSERT_NO_FATAL_FAILURE(press(2));
   EXPECT_NEAR(stiffness(), 0.5, 1e-12);
   ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - 1.0) < 0.1; })) << force_N(latest());
@@ -400,7 +415,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   direct.method = "b-spline";
   EXPECT_EQ(error_of(direct).what, "no error");
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kSpline); }));
-  EXPECT_EQ(viewed_->changes().size(), changes.size()) << "they were made once";
+  EXPECT_EQ(changes().size(), made.size()) << "they were made once";
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
 }
 
@@ -571,12 +586,12 @@ TEST_F(Viewed, NobodyRaisesAnythingFromAfarWhileADeviceMayPush) {
   EXPECT_EQ(error_of(one(&S::paused, true)).what, "no error");
   EXPECT_EQ(error_of(one(&S::paused, false)).where, "paused");
 
-  viewed_->emergency_stop();
+  viewed_->emergency_stop({3, false});
   EXPECT_TRUE(viewed_->just_stopped_from_afar());
   EXPECT_TRUE(viewed_->state().emergency_stop);
   EXPECT_FALSE(viewed_->state().armed);
   ASSERT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) != 0; }));
-  EXPECT_EQ(error_in(viewed_->rearm()).kind, ErrorKind::kUsage);
+  EXPECT_EQ(error_in(viewed_->rearm({4, true})).kind, ErrorKind::kUsage);
   EXPECT_TRUE(viewed_->state().emergency_stop);
   viewed_->rearm_here();
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
@@ -586,11 +601,65 @@ TEST_F(Viewed, NobodyRaisesAnythingFromAfarWhileADeviceMayPush) {
 TEST_F(Viewed, ASimulatedDeviceIsRearmedFromAfar) {
   start();
   EXPECT_FALSE(viewed_->state().armed);
-  viewed_->emergency_stop();
+  viewed_->emergency_stop({3, false});
   ASSERT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) != 0; }));
-  EXPECT_EQ(error_in(viewed_->rearm()).what, "no error");
+  EXPECT_EQ(error_in(viewed_->rearm({4, true})).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
   EXPECT_FALSE(viewed_->state().emergency_stop);
+}
+
+TEST_F(Viewed, WhoAskedForWhatIsTold) {
+  start();
+  SettingsRequest settings;
+  settings.by = {7, true};
+  settings.friction = false;
+  settings.max_force_N = 2.5;
+  EXPECT_EQ(error_of(settings).what, "no error");
+  EXPECT_EQ(error_of(settings).what, "no error");
+  settings.max_force_N = 99;
+  EXPECT_EQ(error_of(settings).where, "max_force_N");
+  TissueRequest softer;
+  softer.by = {8, true};
+  softer.tissue = kCartilageTissue;
+  softer.static_friction = 0.35;
+  EXPECT_EQ(error_of(softer).what, "no error");
+  viewed_->emergency_stop({9, false});
+  EXPECT_EQ(error_in(viewed_->rearm({7, true})).what, "no error");
+  viewed_->stop_here();
+  viewed_->rearm_here();
+  viewed_->pause_here();
+  viewed_->next_method();
+
+  using Kind = RecordingEvent::Kind;
+  const std::vector<RecordingEvent> events(told().begin(), told().end());
+  ASSERT_EQ(events.size(), 9u) << "what was refused is not told";
+  const auto expect = [&](std::size_t place, Kind kind, AskedBy by, std::uint32_t number) {
+    EXPECT_EQ(events[place].kind, kind) << place;
+    EXPECT_EQ(events[place].by, by) << place;
+    EXPECT_EQ(events[place].number, number) << place;
+  };
+  expect(0, Kind::kSettings, {Asker::kControlViewer, 7}, 1);
+  EXPECT_EQ(events[0].changed, kSettingFriction | kSettingMaxForce);
+  EXPECT_EQ(events[0].switches, kSwitchViscosity);
+  EXPECT_EQ(events[0].max_force_N, 2.5);
+  expect(1, Kind::kSettings, {Asker::kControlViewer, 7}, 2);
+  EXPECT_EQ(events[1].changed, 0) << "it held already";
+  expect(2, Kind::kModel, {Asker::kControlViewer, 8}, 2);
+  EXPECT_EQ(events[2].change.static_friction, 0.35);
+  expect(3, Kind::kStop, {Asker::kLookingViewer, 9}, 1);
+  expect(4, Kind::kRearm, {Asker::kControlViewer, 7}, 2);
+  expect(5, Kind::kStop, {Asker::kKey, 0}, 3);
+  expect(6, Kind::kRearm, {Asker::kKey, 0}, 4);
+  expect(7, Kind::kSettings, {Asker::kKey, 0}, 3);
+  EXPECT_EQ(events[7].changed, kSettingPaused);
+  EXPECT_EQ(events[7].switches, kSwitchViscosity | kSwitchPaused);
+  expect(8, Kind::kSettings, {Asker::kKey, 0}, 4);
+  EXPECT_EQ(events[8].changed, kSettingMethod);
+  // and ticks say that they have heard of it
+  EXPECT_TRUE(soon([&] {
+    const TickRecord tick = latest();
+    return tick.settings_number == 4 && tick.arming_number == 4 && tick.model_version == 2;
+  }));
 }
 
 TEST_F(Viewed, BeforeItRunsItShowsAndRefuses) {
@@ -604,7 +673,7 @@ TEST_F(Viewed, BeforeItRunsItShowsAndRefuses) {
   EXPECT_EQ(viewed.state().model_version, 1u);
   EXPECT_EQ(error_in(viewed.set(SettingsRequest{})).kind, ErrorKind::kUnavailable);
   EXPECT_EQ(error_in(viewed.set(TissueRequest{})).kind, ErrorKind::kUnavailable);
-  EXPECT_EQ(error_in(viewed.rearm()).kind, ErrorKind::kUnavailable);
+  EXPECT_EQ(error_in(viewed.rearm({})).kind, ErrorKind::kUnavailable);
 }
 
 // ---- a whole session, recorded
@@ -635,6 +704,38 @@ class ViewedExplore : public ::testing::Test {
     auto read = read_recording(file);
     PALPATE_CHECK(read.ok() && read->summary);
     return *std::move(read);
+  }
+  static std::vector<ModelChange> changes_in(const Recording& recording) {
+    std::vector<ModelChange> changes;
+    for (const RecordingEvent& event : recording.events)
+      if (event.kind == RecordingEvent::Kind::kModel) changes.push_back(event.change);
+    return changes;
+  }
+  static ModelChange& first_change(Recording& recording) {
+    return std::find_if(
+               recording.events.begin(), recording.events.end(),
+               [](const RecordingEvent& event) { return event.kind == RecordingEvent::Kind::kModel; })
+        ->change;
+  }
+  // each row stands at the tick from which on its values hold, the last of one tick for all of them
+  static void expect_events_where_they_took_hold(const Recording& recording) {
+    for (std::size_t e = 0; e < recording.events.size(); ++e) {
+      const RecordingEvent& event = recording.events[e];
+      const TickRecord& tick = recording.ticks.at(event.tick);
+      ASSERT_EQ(tick.tick, event.tick);
+      if (event.kind == RecordingEvent::Kind::kModel) {
+        EXPECT_GE(tick.model_version, event.number);
+        EXPECT_LT(recording.ticks.at(event.tick - 1).model_version, event.number);
+      }
+      const bool last = std::none_of(
+          recording.events.begin() + static_cast<std::ptrdiff_t>(e) + 1, recording.events.end(),
+          [&](const RecordingEvent& later) { return later.kind == event.kind && later.tick == event.tick; });
+      if (event.kind != RecordingEvent::Kind::kSettings || !last) continue;
+      EXPECT_EQ(tick.method, event.method);
+      EXPECT_EQ(tick.switches & ~kSwitchEmergencyStop, event.switches);
+      EXPECT_EQ(tick.max_force_N, event.max_force_N);
+      EXPECT_EQ(tick.rotation_target_wxyz, event.rotation_wxyz);
+    }
   }
   void expect_replays(const Recording& recording) {
     const auto again = replay(recording, loaded_.model);
@@ -699,33 +800,38 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   EXPECT_GT(softened_N, 0.1);
   EXPECT_EQ(told, 0.8);
   EXPECT_EQ(result_->limit_N, 2.5) << "the highest that held";
-  ASSERT_EQ(recording.summary->changes.size(), 3u);
-  EXPECT_EQ(recording.summary->changes[1].stiffness_N_per_mm, 0.8);
-  EXPECT_EQ(recording.summary->changes[2].static_friction, 0.6);
+  const auto changes = changes_in(recording);
+  ASSERT_EQ(changes.size(), 3u);
+  EXPECT_EQ(changes[1].stiffness_N_per_mm, 0.8);
+  EXPECT_EQ(changes[2].static_friction, 0.6);
+  expect_events_where_they_took_hold(recording);
   EXPECT_EQ(recording.ticks.back().model_version, 4u);
   EXPECT_EQ(recording.ticks.back().max_force_N, 1.0);
   EXPECT_TRUE(recording.ticks.back().switches & kSwitchPaused);
   EXPECT_NEAR(recording.ticks.back().rotation_target_wxyz[3], std::sin(0.05), 1e-12);
   expect_replays(recording);
 
+  // a run that was cut short has them too
+  Recording cut = recording;
+  cut.summary.reset();
+  auto again = replay(cut, loaded_.model);
+  ASSERT_TRUE(again.ok()) << again.error().message();
+  EXPECT_TRUE(again->identical) << again->difference;
   // changes that are not there, or that no scene may have, are told
   Recording without = recording;
-  without.summary->changes.clear();
-  auto again = replay(without, loaded_.model);
-  ASSERT_FALSE(again.ok());
-  EXPECT_THAT(again.error().what, HasSubstr("of the model, which the file does not hold"));
-  without.summary.reset();
+  without.events.clear();
   again = replay(without, loaded_.model);
   ASSERT_FALSE(again.ok());
-  EXPECT_THAT(again.error().remedy, HasSubstr("cut short"));
+  EXPECT_THAT(again.error().what, HasSubstr("of the model, which the file does not hold"));
   Recording wild = recording;
-  wild.summary->changes[0].stiffness_N_per_mm = 1e9;
+  first_change(wild).stiffness_N_per_mm = 1e9;
   again = replay(wild, loaded_.model);
   ASSERT_FALSE(again.ok());
   EXPECT_EQ(again.error().where, "stiffness");
   // and another value is another run
   Recording other = recording;
-  other.summary->changes[1].stiffness_N_per_mm = 0.85;
+  for (RecordingEvent& event : other.events)
+    if (event.change.version == 3) event.change.stiffness_N_per_mm = 0.85;
   again = replay(other, loaded_.model);
   ASSERT_TRUE(again.ok());
   EXPECT_FALSE(again->identical);
@@ -757,8 +863,9 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
   });
   ASSERT_GE(felt_at, 0);
   EXPECT_TRUE(result_->stopped_by_user) << "nothing was felt then";
-  ASSERT_EQ(recording.summary->changes.size(), 2u);
-  EXPECT_EQ(recording.summary->changes[1].tissue, ModelChange::kFieldsMadeAnew);
+  const auto changes = changes_in(recording);
+  ASSERT_EQ(changes.size(), 2u);
+  EXPECT_EQ(changes[1].tissue, ModelChange::kFieldsMadeAnew);
   EXPECT_EQ(recording.ticks.back().model_version, 3u);
   expect_replays(recording);
 }

@@ -1,5 +1,7 @@
 #include "session/virtual_run.h"
 
+#include "session/told_loop.h"
+
 namespace palpate {
 
 VirtualRun::VirtualRun(const Model& model, const RunSetup& setup, ScriptedHand hand)
@@ -22,8 +24,16 @@ bool VirtualRun::act() {
   HandCommands commands{parameters_.rotation_target, {}};
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
-  parameters_.rotation_target = commands.rotation_target;
-  if (commands.method) parameters_.method = *commands.method;
+  const bool turned = commands.rotation_target.coeffs() != parameters_.rotation_target.coeffs();
+  if (turned || commands.method) {
+    const Parameters before = parameters_;
+    parameters_.rotation_target = commands.rotation_target;
+    if (commands.method) parameters_.method = *commands.method;
+    RecordingEvent& event = told_.emplace_back(settings_event(before, parameters_));
+    event.tick = state_.tick;
+    event.by = {Asker::kScript};
+    event.number = ++told_number_;
+  }
   intended_ = *intention;
   device_.intend(mapping_.to_device(intended_));
   device_.advance(mapping_.to_device(sent_), dt_s_);

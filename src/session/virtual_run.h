@@ -1,5 +1,9 @@
 #pragma once
 
+#include <cstdint>
+#include <utility>
+#include <vector>
+
 #include "session/run_setup.h"
 #include "session/scripted_hand.h"
 
@@ -23,6 +27,8 @@ class VirtualRun {
   const Point<World>& intended() const { return intended_; }
   double time_s() const { return state_.time_s; }
   const ScriptedHand& hand() const { return hand_; }
+  /// What the script asked for since it was asked last, with the tick that feels it first.
+  std::vector<RecordingEvent> take_told() { return std::exchange(told_, {}); }
 
  private:
   const Model& model_;
@@ -36,6 +42,8 @@ class VirtualRun {
   Wrench sent_;
   Point<World> intended_;
   TickRecord record_;
+  std::vector<RecordingEvent> told_;
+  std::uint32_t told_number_ = 0;
 };
 
 }  // namespace palpate

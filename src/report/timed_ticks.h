@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "palpate/recording.h"
+
+namespace palpate::report {
+
+/// A tick with its place in the recording and on the run's own clock.
+struct TimedTick {
+  const TickRecord& tick;
+  std::size_t index;      ///< from 0
+  double begin_s, end_s;  ///< where it begins, and where the next one does
+};
+
+/// Tells of each tick, as they are read, where it begins and ends: of the last one so long after its
+/// beginning as that is after the one before it. A clock that does not rise (a damaged file) is replaced by
+/// the tick's place over the rate.
+class TickTimes {
+ public:
+  explicit TickTimes(const RecordingHead& head);
+
+  /// Calls `see` with each tick, the last one excepted, which follows with the next ones or at the end.
+  template <class See>
+  void take(std::span<const TickRecord> ticks, See&& see) {
+    const TickRecord* last = count_ > 0 ? &last_ : nullptr;
+    for (const TickRecord& tick : ticks) {
+      const double begin_s = begins(tick);
+      if (last != nullptr) see(TimedTick{*last, count_ - 1, last_begin_s_, begin_s});
+      last_step_s_ = last != nullptr ? begin_s - last_begin_s_ : period_s_;
+      last_begin_s_ = begin_s;
+      last = &tick;
+      ++count_;
+    }
+    if (!ticks.empty()) last_ = ticks.back();
+  }
+  template <class See>
+  void finish(See&& see) const {
+    if (count_ > 0) see(TimedTick{last_, count_ - 1, last_begin_s_, last_begin_s_ + last_step_s_});
+  }
+
+ private:
+  double begins(const TickRecord& tick) const {
+    return clock_rises_ ? tick.time_s : static_cast<double>(count_) * period_s_;
+  }
+
+  bool clock_rises_;
+  double period_s_;
+  std::size_t count_ = 0;
+  TickRecord last_;
+  double last_begin_s_ = 0, last_step_s_ = 0;
+};
+
+}  // namespace palpate::report

@@ -1,0 +1,137 @@
+// What is left of a session that is killed: everything up to the last flush, edits included.
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <random>
+#include <set>
+#include <thread>
+
+#include "base/test_process.h"
+#include "base/test_seed.h"
+#include "session/edited_session.h"
+#include "session/test_session.h"
+
+namespace palpate {
+namespace {
+
+// edited_session, with the end of a pipe to which it says each edit
+struct Edited {
+  explicit Edited(const std::filesystem::path& file) {
+    int ends[2];
+    PALPATE_CHECK(::pipe2(ends, O_CLOEXEC) == 0);
+    id = ::fork();
+    if (id == 0) {
+      ::dup2(ends[1], STDOUT_FILENO);
+      ::execl(PALPATE_EDITED_SESSION, "edited_session", file.c_str(), static_cast<char*>(nullptr));
+      ::_exit(127);
+    }
+    ::close(ends[1]);
+    said = ends[0];
+  }
+  ~Edited() { ::close(said); }
+  bool next_edit() const {
+    char byte = 0;
+    return ::read(said, &byte, 1) == 1;
+  }
+  pid_t id = -1;
+  int said = -1;
+};
+
+// what a viewer's edits left in a session, in order
+void expect_edits(const Recording& recording) {
+  std::uint32_t version = recording.header.model_version;
+  std::set<std::uint32_t> askers;
+  for (const RecordingEvent& event : recording.events) {
+    const TickRecord& tick = recording.ticks.at(event.tick);
+    ASSERT_EQ(tick.tick, event.tick);
+    if (event.by.asker == Asker::kControlViewer) askers.insert(event.by.viewer);
+    if (event.kind != RecordingEvent::Kind::kModel) continue;
+    EXPECT_EQ(event.number, ++version);
+    EXPECT_EQ(event.change.stiffness_N_per_mm, 0.8 + 0.01 * (event.by.viewer % 40));
+    // from this tick on and not before
+    EXPECT_GE(tick.model_version, version);
+    ASSERT_GT(event.tick, 0u);
+    EXPECT_LT(recording.ticks[event.tick - 1].model_version, version);
+  }
+  if (!recording.ticks.empty()) {
+    EXPECT_EQ(recording.ticks.back().model_version, version) << "an edit that was felt is missing";
+  }
+  // every edit up to the last one that is there
+  EXPECT_EQ(askers.size(), askers.empty() ? 0 : *askers.rbegin());
+}
+
+TEST(KilledSession, ReplaysToTheLastFlushWithItsEdits) {
+  // PALPATE_TEST_KILLS=50 is the whole campaign
+  const char* asked = std::getenv("PALPATE_TEST_KILLS");
+  const int kills = asked != nullptr ? std::atoi(asked) : 5;
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  const LoadedScene loaded = testing::loaded_ball();
+  const auto model = ready_for(loaded.model, std::vector{loaded.scene.force.method});
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  const test::TemporaryFolder folder;
+  std::size_t ticks = 0, events = 0, versions = 0;
+  for (int kill = 0; kill < kills; ++kill) {
+    SCOPED_TRACE("kill " + std::to_string(kill));
+    const auto file = folder / ("run" + std::to_string(kill) + ".h5");
+    const Edited session(file);
+    ASSERT_TRUE(session.next_edit()) << "it never ran";
+    std::this_thread::sleep_for(std::chrono::milliseconds(random() % 4000));
+    // what is safe by now
+    const auto before = RecordingSource::open(file);
+    ASSERT_TRUE(before.ok()) << before.error().message();
+    std::this_thread::sleep_for(std::chrono::microseconds(random() % 400'000));
+    test::kill_between_writes(session.id);
+
+    const auto recording = read_recording(file);
+    ASSERT_TRUE(recording.ok()) << recording.error().message();
+    EXPECT_FALSE(recording->summary);
+    EXPECT_GE(recording->ticks.size(), before->head().ticks);
+    ASSERT_NO_FATAL_FAILURE(expect_edits(*recording));
+    const auto again = replay(*recording, *model);
+    ASSERT_TRUE(again.ok()) << again.error().message();
+    EXPECT_TRUE(again->identical) << again->difference;
+    EXPECT_EQ(again->ticks, recording->ticks.size());
+    ticks += recording->ticks.size();
+    events += recording->events.size();
+    if (!recording->ticks.empty()) versions += recording->ticks.back().model_version - 1;
+    std::filesystem::remove(file);
+  }
+  std::printf("%d kills: %zu ticks replayed, with %zu events, %zu versions of the model among them\n", kills,
+              ticks, events, versions);
+  EXPECT_GT(events, 0u);
+  EXPECT_GT(versions, 0u);
+}
+
+TEST(LongRecording, ReplaysInMemoryThatDoesNotGrowWithIt) {
+  const LoadedScene loaded = testing::loaded_ball();
+  const auto model = ready_for(loaded.model, std::vector{loaded.scene.force.method});
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  const test::TemporaryFolder folder;
+  const auto peak_MiB = [&](double seconds) {
+    const auto script = parse_script(
+        "[[step]]\napproach = \"ball\"\n[[step]]\npress = 0.8\n[[step]]\nhold = " + std::to_string(seconds) +
+            "\n",
+        "script");
+    PALPATE_CHECK(script.ok());
+    const auto simulated = simulate({loaded.scene, *model, ""}, *script, {}, folder / "run.h5");
+    PALPATE_CHECK(simulated.ok());
+    const double peak = test::peak_memory_of([&] {
+      const auto source = RecordingSource::open(folder / "run.h5");
+      const auto again = source ? replay(*source, *model) : source.error();
+      return again && again->identical && again->ticks == simulated->summary.ticks;
+    });
+    EXPECT_GT(peak, 0) << "it did not replay";
+    return peak;
+  };
+  const double once = peak_MiB(10), four_times = peak_MiB(40);
+  // 30 000 ticks more would be 54 MB in memory
+  EXPECT_LT(four_times - once, 12) << once << " MiB and " << four_times << " MiB";
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "palpate/recording.h"
+#include "palpate/servo_loop.h"
+
+/// Requests to a loop, each with its row for the recording: who asked for what. All that a session is told
+/// while it runs comes to its loop this way. Any thread.
+namespace palpate {
+
+/// The row of a change of settings, without who asked and its number.
+RecordingEvent settings_event(const Parameters& before, const Parameters& after);
+
+/// As ServoLoop::change().
+void change_told(ServoLoop& loop, EventLog& told, AskedBy by, const std::function<void(Parameters&)>& edit);
+/// As ServoLoop::set_model(). @param change  leads to it from the version before it
+void set_model_told(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr<const Model> model,
+                    const ModelChange& change);
+/// As ServoLoop::emergency_stop(), which is done also where there is no memory for the row.
+void stop_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
+/// As ServoLoop::rearm().
+void rearm_told(ServoLoop& loop, EventLog& told, AskedBy by);
+
+}  // namespace palpate
