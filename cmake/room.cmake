@@ -1,27 +1,31 @@
-# palpate_tests(TARGET PREFIX [SLOW_SANITIZED FILTER]): the tests of an executable. Those that FILTER (as
-# --gtest_filter has it) names prove physics by so much work that a sanitizer run leaves them out; smaller
-# ones take the same code through it. They begin first, so that all cores end together.
+# palpate_tests(TARGET PREFIX [SLOW_SANITIZED FILTER] [PROPERTIES ...]): the tests of an executable, a process for each
+# suite. Those that FILTER (as --gtest_filter has it) names prove physics by so much work that a sanitizer run
+# leaves them out; smaller ones take the same code through it. PROPERTIES are ctest's, of the others.
 function(palpate_tests target prefix)
-  cmake_parse_arguments(TESTS "" "SLOW_SANITIZED" "" ${ARGN})
-  set(discover TEST_PREFIX ${prefix}. DISCOVERY_MODE PRE_TEST)
-  if(TESTS_SLOW_SANITIZED)
-    gtest_discover_tests(${target} ${discover} TEST_FILTER "-${TESTS_SLOW_SANITIZED}" PROPERTIES TIMEOUT 600)
-    gtest_discover_tests(${target} ${discover} TEST_FILTER "${TESTS_SLOW_SANITIZED}"
-                         PROPERTIES TIMEOUT 600 LABELS slow-sanitized COST 50)
-  else()
-    gtest_discover_tests(${target} ${discover} PROPERTIES TIMEOUT 600)
-  endif()
+  cmake_parse_arguments(TESTS "" "SLOW_SANITIZED" "PROPERTIES" ${ARGN})
+  set(listing ${CMAKE_CURRENT_BINARY_DIR}/${target}_tests.cmake)
+  file(GENERATE OUTPUT ${listing} CONTENT "set(program \"$<TARGET_FILE:${target}>\")
+set(prefix \"${prefix}\")
+set(slow \"${TESTS_SLOW_SANITIZED}\")
+set(properties \"${TESTS_PROPERTIES}\")
+set(timeout 1800)
+set(results \"${PROJECT_BINARY_DIR}/suites\")
+include(\"${PROJECT_SOURCE_DIR}/cmake/list_suites.cmake\")
+")
+  set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${listing})
 endfunction()
 
-# palpate_room(NAME SOURCES ... [LINK ...] [PRIVATE_LINK ...] [TESTS ...] [SLOW_SANITIZED FILTER] [FUZZERS ...])
+# palpate_room(NAME SOURCES ... [SIMD ...] [LINK ...] [PRIVATE_LINK ...] [TESTS ...] [SLOW_SANITIZED FILTER] [FUZZERS ...])
 #
 # One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
-# for all *_test.cc of the room) and its fuzzers (one executable a file).
+# for all *_test.cc of the room) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
+# once for every target, and that no other source can therefore share a unit with.
 function(palpate_room name)
-  cmake_parse_arguments(ROOM "" "SLOW_SANITIZED" "SOURCES;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS" ${ARGN})
+  cmake_parse_arguments(ROOM "" "SLOW_SANITIZED" "SOURCES;SIMD;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS" ${ARGN})
   set(library palpate_${name})
   if(ROOM_SOURCES)
-    add_library(${library} STATIC ${ROOM_SOURCES})
+    add_library(${library} STATIC ${ROOM_SOURCES} ${ROOM_SIMD})
+    set_source_files_properties(${ROOM_SIMD} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
     set(scope PUBLIC)
     target_link_libraries(${library} PRIVATE ${ROOM_PRIVATE_LINK})
   else()
@@ -30,9 +34,6 @@ function(palpate_room name)
   endif()
   target_include_directories(${library} ${scope} ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(${library} ${scope} ${ROOM_LINK})
-  if(ROOM_SOURCES)
-    palpate_precompile(${library} libraries)
-  endif()
 
   if(PALPATE_BUILD_TESTS AND ROOM_TESTS)
     add_executable(${name}_test ${ROOM_TESTS})
@@ -46,14 +47,16 @@ function(palpate_room name)
     if(PALPATE_SANITIZE MATCHES "undefined")
       target_compile_options(${name}_test PRIVATE -fno-sanitize=undefined)
     endif()
-    palpate_precompile(${name}_test tests)
     palpate_tests(${name}_test ${name} SLOW_SANITIZED "${ROOM_SLOW_SANITIZED}")
   endif()
 
-  if(PALPATE_BUILD_FUZZERS)
+  if(PALPATE_BUILD_FUZZERS AND ROOM_FUZZERS)
+    # coverage for what is fuzzed; each fuzzer adds the driver
+    target_compile_options(${library} PRIVATE -fsanitize=fuzzer-no-link)
     foreach(fuzzer ${ROOM_FUZZERS})
       get_filename_component(target ${fuzzer} NAME_WE)
       add_executable(${target} ${fuzzer})
+      target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
       target_link_libraries(${target} PRIVATE ${library})
       target_link_options(${target} PRIVATE -fsanitize=fuzzer)
     endforeach()

@@ -23,7 +23,7 @@
 namespace palpate::app {
 namespace {
 
-struct Options {
+struct ExploreArguments {
   std::string target;
   std::optional<std::filesystem::path> script, recording;
   std::optional<double> max_force_N, rate_hz, seconds;
@@ -37,7 +37,7 @@ struct Options {
   ViewerServerOptions viewers;
 };
 
-Result<void> check(const Options& options) {
+Result<void> check(const ExploreArguments& options) {
   if (options.pointer && options.no_viewer)
     return Error{ErrorKind::kUsage, "the pointer is a viewer's, and --no-viewer lets none look on",
                  "--device", "leave out --no-viewer"};
@@ -83,8 +83,8 @@ class FaultLines {
 };
 
 // the port that was asked for; without one the usual one, or one of those after it
-Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const Options& options, Console& console,
-                                            FaultLines& faults) {
+Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ExploreArguments& options,
+                                            Console& console, FaultLines& faults) {
   constexpr int kTries = 20;
   ViewerServerOptions settings = options.viewers;
   settings.port = options.port.value_or(kViewerPort);
@@ -102,8 +102,8 @@ Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const Options& opt
 }
 
 // @param address  becomes that of the page
-std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const Options& options, Console& console,
-                                                                     FaultLines& faults,
+std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const ExploreArguments& options,
+                                                                     Console& console, FaultLines& faults,
                                                                      std::string& address) {
   if (options.no_viewer) return {};
   return [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
@@ -114,7 +114,7 @@ std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const Optio
   };
 }
 
-ExploreOptions session_of(const Options& options, Keys& keys, FaultLines& faults, Console& console) {
+ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLines& faults, Console& console) {
   ExploreOptions session;
   session.run = {options.max_force_N, options.seed, options.rate_hz, options.method};
   session.loop.spin_s = options.spin_us * 1e-6;
@@ -206,8 +206,8 @@ std::string live_line(const ExploreStatus& status) {
 
 // notes at the first call, then the live line; a recording that ends is told once, and so is each method that
 // could not be made ready
-std::function<void(const ExploreStatus&)> status_for(const Options& options, const std::string& address,
-                                                     Console& console) {
+std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
+                                                     const std::string& address, Console& console) {
   return [&console, &address, asked = !options.no_realtime, first = true, told = false,
           told_method = std::string()](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s.scheduling, asked, console);
@@ -289,7 +289,7 @@ void warn_of_trouble(const std::vector<std::string>& trouble, Console& console) 
     console.warn()("and " + std::to_string(trouble.size() - kMost) + " more like these");
 }
 
-int explore_target(const Options& options, Console& console) {
+int explore_target(const ExploreArguments& options, Console& console) {
   if (const auto fine = check(options); !fine) return console.fail(fine.error());
   const Progress progress = console.progress();
   const auto loaded = load_target(options.target, console);
@@ -327,7 +327,7 @@ int explore_target(const Options& options, Console& console) {
   return kExitOk;
 }
 
-void add_viewer_options(CLI::App* verb, Options& options) {
+void add_viewer_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_option("--port", options.port,
                    "Port of the viewer's page, 0 for any that is free; default: " +
                        std::to_string(kViewerPort) + " or the next free one")
@@ -347,7 +347,7 @@ void add_viewer_options(CLI::App* verb, Options& options) {
                    "A further name by which the page is asked for; may be repeated");
 }
 
-void add_options(CLI::App* verb, Options& options) {
+void add_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_option("target", options.target, kTargetHelp)->required();
   verb->add_option("-s,--script", options.script,
                    "Palpation script (TOML); default: one that suits the scene");
@@ -382,7 +382,7 @@ void add_options(CLI::App* verb, Options& options) {
 }  // namespace
 
 void add_explore(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ExploreArguments>();
   CLI::App* verb =
       app.add_subcommand("explore", "Palpate a scene in real time, by a simulated hand or a pointer");
   add_options(verb, *options);

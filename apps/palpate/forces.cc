@@ -12,7 +12,7 @@
 namespace palpate::app {
 namespace {
 
-struct Options {
+struct ForcesOptions {
   std::string target, plane = "axial";
   std::filesystem::path output;
   std::optional<ForceMethod> method;
@@ -45,7 +45,7 @@ Error at_option(Error error) {
   return error;
 }
 
-int draw_forces(const Options& options, Console& console) {
+int draw_forces(const ForcesOptions& options, Console& console) {
   if (const auto writable = check_output(options.output, input_files(options.target)); !writable)
     return console.fail(writable.error());
   if (const auto extension = options.output.extension(); !extension.empty() && extension != ".svg")
@@ -81,7 +81,7 @@ int draw_forces(const Options& options, Console& console) {
 }  // namespace
 
 void add_forces(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ForcesOptions>();
   CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
   verb->add_option("target", options->target, kTargetHelp)->required();
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();

@@ -16,7 +16,7 @@
 namespace palpate::app {
 namespace {
 
-struct Options {
+struct HoldOptions {
   std::string target, device = "premium-1.5", hand = "light-grip";
   std::optional<std::filesystem::path> output;
   std::vector<std::string> methods;
@@ -28,7 +28,7 @@ struct Options {
   bool json = false;
 };
 
-Result<void> check(const Options& options) {
+Result<void> check_hold(const HoldOptions& options) {
   if (options.at.empty() == options.voxel.empty())
     return Error{ErrorKind::kUsage, "where is the tip to be held?", "", "say it with --at or with --voxel"};
   if (!options.output) return {};
@@ -42,7 +42,7 @@ Point<Patient> point_of(const std::vector<double>& at) {
   return {at[0], at[1], at[2]};
 }
 
-Result<Point<Patient>> place_of(const Options& options, const GridGeometry& grid) {
+Result<Point<Patient>> place_of(const HoldOptions& options, const GridGeometry& grid) {
   if (!options.at.empty()) return point_of(options.at);
   const auto& v = options.voxel;
   if (!grid.contains(v[0], v[1], v[2]))
@@ -53,7 +53,7 @@ Result<Point<Patient>> place_of(const Options& options, const GridGeometry& grid
   return grid.X_PatientVoxel() * Point<Voxel>(v[0], v[1], v[2]);
 }
 
-std::vector<ForceMethod> methods_of(const Options& options, const LoadedScene& loaded) {
+std::vector<ForceMethod> methods_of(const HoldOptions& options, const LoadedScene& loaded) {
   std::vector<ForceMethod> methods;
   for (const std::string& name : options.methods) methods.push_back(*find_force_method(name));
   if (methods.empty()) methods.push_back(loaded.scene.force.method);
@@ -61,7 +61,7 @@ std::vector<ForceMethod> methods_of(const Options& options, const LoadedScene& l
 }
 
 // The gain with which the stiffest tissue is felt as this part of what is recommended.
-Result<double> force_gain(const Options& options, const Hold& hold, const Model& model,
+Result<double> force_gain(const HoldOptions& options, const Hold& hold, const Model& model,
                           const Progress& progress) {
   if (!options.stiffness) return 1.0;
   const auto recommended = recommended_stiffness_N_per_mm(hold.device, hold.rate_hz, hold.delay_s, progress);
@@ -116,8 +116,8 @@ void print_json(const std::vector<HeldTip>& tips, const Hold& hold, const Model&
   std::printf("%s\n", json.dump(2).c_str());
 }
 
-int hold_target(const Options& options, Console& console) {
-  if (const auto right = check(options); !right) return console.fail(right.error());
+int hold_target(const HoldOptions& options, Console& console) {
+  if (const auto right = check_hold(options); !right) return console.fail(right.error());
   const Progress progress = console.progress();
   const auto loaded = load_felt_target(options.target, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
@@ -173,7 +173,7 @@ CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<doub
       ->type_name("X,Y,Z");
 }
 
-void add_options(CLI::App& verb, Options& options) {
+void add_options(CLI::App& verb, HoldOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_place(verb, "--at", options.at, "Where the hand rests: patient coordinates in mm, LPS");
   verb.add_option("--voxel", options.voxel, "The same as a voxel's indices, from 0")
@@ -210,7 +210,7 @@ void add_options(CLI::App& verb, Options& options) {
 }  // namespace
 
 void add_hold(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<HoldOptions>();
   CLI::App* verb = app.add_subcommand("hold", "Hold a tip still with a simulated hand: how much it buzzes");
   add_options(*verb, *options);
   verb->footer(

@@ -15,7 +15,7 @@
 namespace palpate::app {
 namespace {
 
-struct Options {
+struct InfoOptions {
   std::string file, names;
   bool json = false, labels = false, scan = false;
 };
@@ -55,7 +55,7 @@ Info of_scan(const ScanFile& scan) {
   return info;
 }
 
-Result<Info> inspect(const Options& options, Console& console) {
+Result<Info> inspect(const InfoOptions& options, Console& console) {
   const std::optional<std::filesystem::path> names =
       options.names.empty() ? std::nullopt : std::optional<std::filesystem::path>(options.names);
   if (options.labels) {
@@ -329,7 +329,7 @@ void print_json(std::ostream& out, const Info& info) {
   out << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
 }
 
-int run_info(const Options& options, Console& console) {
+int run_info(const InfoOptions& options, Console& console) {
   const auto info = inspect(options, console);
   if (!info) return console.fail(info.error());
   options.json ? print_json(std::cout, *info) : print_text(std::cout, *info);
@@ -340,7 +340,7 @@ int run_info(const Options& options, Console& console) {
 
 void add_info(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("info", "Show what a volume holds and what is odd about it");
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<InfoOptions>();
   verb->add_option("FILE", options->file, "NRRD, NIfTI or MetaImage file, scan or labels")->required();
   verb->add_option("-n,--names", options->names,
                    "table that names the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");

@@ -15,7 +15,7 @@
 namespace palpate::app {
 namespace {
 
-constexpr const char* kExamples =
+constexpr const char* kPrepareExamples =
     "Examples:\n"
     "  palpate prepare knee.seg.nrrd -o field.nrrd --sigma 1.5\n"
     "  palpate prepare ct.nii.gz --threshold 150 400 -o bone.nrrd --bits 8\n"
@@ -26,7 +26,7 @@ constexpr const char* kExamples =
     "tissues, sigma, engine and bits. The field is written in the file's own geometry: 0 is free space,\n"
     "255 or 65535 the inside of the stiffest tissue.";
 
-struct Options {
+struct PrepareOptions {
   std::string what, output;
   double sigma_mm = 1.0;
   std::string engine = "direct";
@@ -39,7 +39,7 @@ struct Options {
 
 using FieldVolume = std::variant<Volume<std::uint8_t>, Volume<std::uint16_t>>;
 
-GaussianOptions gaussian_options(const Options& options) {
+GaussianOptions gaussian_options(const PrepareOptions& options) {
   const auto engine = options.engine == "fourier" ? GaussianEngine::kFourier : GaussianEngine::kDirect;
   return {.sigma_mm = options.sigma_mm, .engine = engine, .threads = options.threads};
 }
@@ -49,7 +49,7 @@ bool names_scene_or_data_set(const std::string& what) {
 }
 
 /// The weights before smoothing: every label full, or the ramp of a scan.
-Result<Volume<std::uint8_t>> read_weights(const Options& options, Console& console) {
+Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console& console) {
   if (!options.threshold.empty()) {
     const auto file = read_scan(options.what, console.progress(), console.warn());
     if (!file) return file.error();
@@ -72,7 +72,8 @@ Result<Volume<std::uint8_t>> read_weights(const Options& options, Console& conso
   return weigh_labels(file->labels, weights);
 }
 
-Result<FieldVolume> smooth(const Volume<std::uint8_t>& weights, const Options& options, Console& console) {
+Result<FieldVolume> smooth(const Volume<std::uint8_t>& weights, const PrepareOptions& options,
+                           Console& console) {
   if (options.bits == 8) {
     auto field = gaussian_smooth(weights, gaussian_options(options), console.progress());
     if (!field) return field.error();
@@ -104,7 +105,7 @@ void print_field(const FieldVolume& field, double sigma_mm, double ramp_width_mm
   std::printf("field     %d bits\n", field.index() == 0 ? 8 : 16);
 }
 
-int compare_engines(const Volume<std::uint8_t>& weights, const Options& options, Console& console) {
+int compare_engines(const Volume<std::uint8_t>& weights, const PrepareOptions& options, Console& console) {
   const auto difference = compare_gaussian_engines(weights, options.sigma_mm, console.progress());
   if (!difference) return console.fail(difference.error());
   std::printf("engines   differ by at most %.4f of 255 before rounding, %.6f on average\n",
@@ -116,7 +117,7 @@ int compare_engines(const Volume<std::uint8_t>& weights, const Options& options,
   return kExitOk;
 }
 
-int prepare_file(const Options& options, Console& console) {
+int prepare_file(const PrepareOptions& options, Console& console) {
   const auto weights = read_weights(options, console);
   if (!weights) return console.fail(weights.error());
   if (options.compare) {
@@ -129,7 +130,7 @@ int prepare_file(const Options& options, Console& console) {
   return kExitOk;
 }
 
-int prepare_scene(const Options& options, Console& console) {
+int prepare_scene(const PrepareOptions& options, Console& console) {
   if (!options.settings.empty()) {
     return console.fail({ErrorKind::kUsage, "for volumes only: a scene decides its own preparation",
                          options.settings,
@@ -152,7 +153,7 @@ bool is_segmentation_name(std::string name) {
   return name.ends_with(".seg.nrrd");
 }
 
-int run_prepare(const Options& options, Console& console) {
+int run_prepare(const PrepareOptions& options, Console& console) {
   if (is_segmentation_name(options.output)) {
     return console.fail({ErrorKind::kUsage, "is the name of a segmentation, and a field is none",
                          options.output, "name it .nrrd without .seg, .nii.gz or .mha"});
@@ -170,10 +171,10 @@ int run_prepare(const Options& options, Console& console) {
 }  // namespace
 
 void add_prepare(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PrepareOptions>();
   CLI::App* verb =
       app.add_subcommand("prepare", "Turn labels or a scan into the field that forces come from");
-  verb->footer(kExamples);
+  verb->footer(kPrepareExamples);
   verb->add_option("what", options->what, "label map, scan, scene file or data set")->required();
   verb->add_option("-o,--output", options->output, "field to write: .nrrd, .nii.gz or .mha")->required();
 

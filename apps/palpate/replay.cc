@@ -7,12 +7,12 @@
 namespace palpate::app {
 namespace {
 
-struct Options {
+struct ReplayOptions {
   std::filesystem::path recording;
   std::string target;
 };
 
-int replay_recording(const Options& options, Console& console) {
+int replay_recording(const ReplayOptions& options, Console& console) {
   const Progress progress = console.progress();
   const auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
@@ -41,7 +41,7 @@ int replay_recording(const Options& options, Console& console) {
 }  // namespace
 
 void add_replay(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ReplayOptions>();
   CLI::App* verb = app.add_subcommand("replay", "Run a recording's inputs again and compare every tick");
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();

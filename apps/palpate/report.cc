@@ -10,12 +10,12 @@
 namespace palpate::app {
 namespace {
 
-struct Options {
+struct ReportOptions {
   std::filesystem::path recording, output;
   std::string target;
 };
 
-int report_recording(const Options& options, Console& console) {
+int report_recording(const ReportOptions& options, Console& console) {
   std::filesystem::path output = options.output;
   if (output.empty()) output = std::filesystem::path(options.recording).replace_extension(".html");
   const Progress progress = console.progress();
@@ -41,7 +41,7 @@ int report_recording(const Options& options, Console& console) {
 }  // namespace
 
 void add_report(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ReportOptions>();
   CLI::App* verb = app.add_subcommand("report", "Turn a recording into one self-contained HTML page");
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();

@@ -12,7 +12,7 @@
 namespace palpate::app {
 namespace {
 
-struct Options {
+struct SectionOptions {
   std::string target, view = "along";
   std::optional<std::string> plane;
   std::filesystem::path output;
@@ -23,7 +23,7 @@ struct Options {
   bool fill = false, outline = false;
 };
 
-SectionKind kind_of(const Options& options) {
+SectionKind kind_of(const SectionOptions& options) {
   if (!options.plane) return options.direction.empty() ? SectionKind::kThree : SectionKind::kOblique;
   if (*options.plane == "axial") return SectionKind::kAxial;
   if (*options.plane == "coronal") return SectionKind::kCoronal;
@@ -31,7 +31,7 @@ SectionKind kind_of(const Options& options) {
   return *options.plane == "oblique" ? SectionKind::kOblique : SectionKind::kThree;
 }
 
-Result<void> check(const Options& options) {
+Result<void> check_section(const SectionOptions& options) {
   const auto usage = [](std::string what, std::string where, std::string remedy) {
     return Error{ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
   };
@@ -51,7 +51,7 @@ Result<void> check(const Options& options) {
   return {};
 }
 
-SectionRequest request_of(const Options& options, const GridGeometry& grid) {
+SectionRequest request_of(const SectionOptions& options, const GridGeometry& grid) {
   SectionRequest request;
   request.kind = kind_of(options);
   request.centre =
@@ -69,8 +69,8 @@ SectionRequest request_of(const Options& options, const GridGeometry& grid) {
   return request;
 }
 
-int draw_section(const Options& options, Console& console) {
-  if (const auto right = check(options); !right) return console.fail(right.error());
+int draw_section(const SectionOptions& options, Console& console) {
+  if (const auto right = check_section(options); !right) return console.fail(right.error());
   const auto loaded = load_target(options.target, console);
   if (!loaded) return console.fail(loaded.error());
   const Model& model = *loaded->model;
@@ -94,7 +94,7 @@ CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<do
       ->check(number_between(-most, most));
 }
 
-void add_options(CLI::App& verb, Options& options) {
+void add_section_options(CLI::App& verb, SectionOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   verb.add_option("-o,--output", options.output, "Picture to write (PNG)")->required();
   add_numbers(verb, "--at", options.at, 3, 1e6,
@@ -134,9 +134,9 @@ void add_options(CLI::App& verb, Options& options) {
 }  // namespace
 
 void add_section(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<SectionOptions>();
   CLI::App* verb = app.add_subcommand("section", "Draw scan and structures in a plane, as PNG");
-  add_options(*verb, *options);
+  add_section_options(*verb, *options);
   verb->footer(
       "Examples:\n"
       "  palpate section knee-phantom -o three.png\n"

@@ -13,7 +13,7 @@
 namespace palpate::app {
 namespace {
 
-struct Options {
+struct SimulateOptions {
   std::string target;
   std::optional<std::filesystem::path> script, recording, report;
   std::optional<double> max_force_N, rate_hz;
@@ -28,7 +28,7 @@ struct Outputs {
 
 // Checked before any work. A report is made from a recording: without a name for it, it stands beside the
 // report, and does not replace what it was not told to replace.
-Result<Outputs> outputs_of(const Options& options) {
+Result<Outputs> outputs_of(const SimulateOptions& options) {
   Outputs outputs{options.recording.value_or(""), options.report.value_or("")};
   const bool derived = !outputs.report.empty() && outputs.recording.empty();
   if (derived) outputs.recording = std::filesystem::path(outputs.report).replace_extension(".h5");
@@ -57,7 +57,7 @@ void print(const SimulationResult& result) {
   std::printf("run hash %016llx\n", static_cast<unsigned long long>(result.summary.run_hash));
 }
 
-int simulate_target(const Options& options, Console& console) {
+int simulate_target(const SimulateOptions& options, Console& console) {
   const auto outputs = outputs_of(options);
   if (!outputs) return console.fail(outputs.error());
   const Progress progress = console.progress();
@@ -94,7 +94,7 @@ int simulate_target(const Options& options, Console& console) {
 }  // namespace
 
 void add_simulate(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<SimulateOptions>();
   CLI::App* verb =
       app.add_subcommand("simulate", "Let a simulated hand palpate a scene and record what it feels");
   verb->add_option("target", options->target, kTargetHelp)->required();

@@ -8,7 +8,7 @@
 namespace palpate::app {
 namespace {
 
-constexpr const char* kExamples =
+constexpr const char* kVerifyExamples =
     "Examples:\n"
     "  palpate verify --list                            the suites there are\n"
     "  palpate verify accuracy                          a table of figures and limits\n"
@@ -19,7 +19,7 @@ constexpr const char* kExamples =
     "\n"
     "Exit code 3 when a figure is beyond its limit. See docs/verify.md.";
 
-struct Options {
+struct VerifyOptions {
   std::string suite, json;
   bool list = false;
   SuiteOptions suite_options;
@@ -30,7 +30,7 @@ void list_suites() {
     std::printf("%-12s %s\n", name.c_str(), line.c_str());
 }
 
-int verify(const Options& options, Console& console) {
+int verify(const VerifyOptions& options, Console& console) {
   if (options.list) {
     list_suites();
     return kExitOk;
@@ -54,7 +54,7 @@ int verify(const Options& options, Console& console) {
 }  // namespace
 
 void add_verify(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<VerifyOptions>();
   CLI::App* verb =
       app.add_subcommand("verify", "Measure what this build does on this machine, against limits");
   verb->add_option("suite", options->suite, "What to measure")->type_name("SUITE");
@@ -71,7 +71,7 @@ void add_verify(CLI::App& app, Run& run) {
       ->check(number_between(250, 10000));
   verb->add_option("--scene", of_suite.scene,
                    "latency: a data set (palpate data list) or a scene file; default knee-phantom");
-  verb->footer(kExamples);
+  verb->footer(kVerifyExamples);
   verb->callback(
       [options, &run] { run = [options](Console& console) { return verify(*options, console); }; });
 }

@@ -30,6 +30,8 @@ struct SectionPlane {
   int width_px = 512, height_px = 512;
 
   double mm_per_px() const { return width_mm / width_px; }
+  /// A picture without pixels is a bug.
+  std::size_t pixel_count() const;
   Point<Patient> at(double column, double row) const;             ///< pixel (centre 0,0) to patient
   std::array<double, 2> pixel_of(const Point<Patient>& p) const;  ///< projected onto the plane
 };

@@ -13,11 +13,11 @@ namespace palpate {
 namespace {
 
 // so stiff that the tip is where the hand wants it
-const PlantDevice kIdeal{"ideal", 0.05, 0, 0, 0, 1e9, 1e9};
+const PlantDevice kFrictionless{"ideal", 0.05, 0, 0, 0, 1e9, 1e9};
 const PlantHand kIron{"iron", 0.05, 100, 50000};
 const PlantHand kNone{"none", 0.05, 0, 0};
 
-constexpr std::int64_t kMs_ns = 1'000'000;
+constexpr std::int64_t kMillisecond_ns = 1'000'000;
 
 // calls back with every sample, on the servo's thread
 class Servo final : public ServoFunction {
@@ -41,7 +41,7 @@ class Ticks final : public ServoClock {
       : left_(count), stall_at_(stall_at), stall_ns_(stall_ns) {}
   bool wait() noexcept override {
     if (stopped()) return false;
-    std::this_thread::sleep_for(std::chrono::nanoseconds(left_ == stall_at_ ? stall_ns_ : kMs_ns));
+    std::this_thread::sleep_for(std::chrono::nanoseconds(left_ == stall_at_ ? stall_ns_ : kMillisecond_ns));
     --left_;
     return true;
   }
@@ -69,7 +69,7 @@ class Until final : public ServoClock {
 };
 
 SimulatedDevice device_at(const PlantHand& hand, const Point<Device>& tip) {
-  SimulatedDevice device(kIdeal, hand);
+  SimulatedDevice device(kFrictionless, hand);
   device.reset(tip);
   return device;
 }
@@ -77,16 +77,16 @@ SimulatedDevice device_at(const PlantHand& hand, const Point<Device>& tip) {
 TEST(SimulatedDriver, LeadsTheHandEvenlyAndRestsThere) {
   SimulatedDriver driver(device_at(kIron, Point<Device>(1, 2, 3)));
   const Point<Device> target(11, -8, 8);
-  const std::int64_t begin_ns = monotonic_ns(), at_ns = begin_ns + 80 * kMs_ns;
+  const std::int64_t begin_ns = monotonic_ns(), at_ns = begin_ns + 80 * kMillisecond_ns;
   driver.intend(target, at_ns);
   Servo servo([](const DeviceSample&) { return DeviceCommand{}; });
-  Until clock(at_ns + 20 * kMs_ns);
+  Until clock(at_ns + 20 * kMillisecond_ns);
   driver.run(servo, clock);
 
   // on the line, in time with it; the first step of the speed rings off within a few milliseconds
   int on_the_way = 0;
   for (const DeviceSample& sample : servo.samples()) {
-    if (sample.taken_ns < begin_ns + 20 * kMs_ns) continue;
+    if (sample.taken_ns < begin_ns + 20 * kMillisecond_ns) continue;
     const double part = std::min(
         1.0, static_cast<double>(sample.taken_ns - begin_ns) / static_cast<double>(at_ns - begin_ns));
     const Point<Device> expected = Point<Device>(1, 2, 3) + (target - Point<Device>(1, 2, 3)) * part;
@@ -100,14 +100,14 @@ TEST(SimulatedDriver, LeadsTheHandEvenlyAndRestsThere) {
 TEST(SimulatedDriver, ANewIntentionBeginsWhereTheHandIs) {
   // turned round half-way: never further than the half, and no jump
   SimulatedDriver driver(device_at(kIron, Point<Device>()));
-  driver.intend(Point<Device>(20, 0, 0), monotonic_ns() + 120 * kMs_ns);
+  driver.intend(Point<Device>(20, 0, 0), monotonic_ns() + 120 * kMillisecond_ns);
   double turned_at_mm = -1;
   Until clock(std::numeric_limits<std::int64_t>::max());
   Servo servo([&](const DeviceSample& sample) {
     if (turned_at_mm < 0 && sample.tip.x() > 10) {
       turned_at_mm = sample.tip.x();
-      driver.intend(Point<Device>(0, 0, 0), sample.taken_ns + 60 * kMs_ns);
-      clock.set_end(sample.taken_ns + 80 * kMs_ns);
+      driver.intend(Point<Device>(0, 0, 0), sample.taken_ns + 60 * kMillisecond_ns);
+      clock.set_end(sample.taken_ns + 80 * kMillisecond_ns);
     }
     return DeviceCommand{};
   });
@@ -139,7 +139,7 @@ TEST(SimulatedDriver, ThePlantGoesOnByTheRealTime) {
   // count as 100
   SimulatedDriver driver(device_at(kNone, Point<Device>()));
   Servo servo([](const DeviceSample&) { return DeviceCommand{Vector<Device>(0, 0.02, 0), {}}; });
-  Ticks clock(30, 10, 130 * kMs_ns);
+  Ticks clock(30, 10, 130 * kMillisecond_ns);
   driver.run(servo, clock);
   // the first command acts from the first tick on
   double felt_s = 0, stalled_s = 0;
@@ -174,7 +174,7 @@ TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
     for (int n = 0; !ended; ++n) {
       // the coordinates belong together: a torn one would leave the diagonal
       const double x = 5 * std::sin(0.01 * n);
-      driver.intend(Point<Device>(x, x, x), monotonic_ns() + kMs_ns);
+      driver.intend(Point<Device>(x, x, x), monotonic_ns() + kMillisecond_ns);
       std::this_thread::yield();
     }
   });
@@ -216,7 +216,7 @@ TEST(SimulatedDriver, KnowsWhatIsKnownOfItsDevice) {
   EXPECT_FALSE(info.stiffness_N_per_mm.has_value());
   EXPECT_FALSE(info.peak_torque_Nmm.has_value());
   EXPECT_FALSE(info.rate_hz.has_value());
-  EXPECT_FALSE(SimulatedDevice(kIdeal, kIron).info().workspace.has_value());
+  EXPECT_FALSE(SimulatedDevice(kFrictionless, kIron).info().workspace.has_value());
 }
 
 }  // namespace

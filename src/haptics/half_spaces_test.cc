@@ -13,9 +13,9 @@ namespace {
 
 using testing::random_direction;
 
-constexpr unsigned kSeed = 505;
+constexpr unsigned kHalfSpacesSeed = 505;
 
-Point<Patient> random_point(std::mt19937& random, double spread_mm) {
+Point<Patient> random_corner(std::mt19937& random, double spread_mm) {
   std::normal_distribution<double> normal(0, spread_mm);
   return {normal(random), normal(random), normal(random)};
 }
@@ -44,19 +44,19 @@ TEST(ClosestPoint, InFreeSpaceIsThePointItself) {
 }
 
 TEST(ClosestPoint, AgreesWithAlternatingProjections) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kHalfSpacesSeed));
+  std::mt19937 random(kHalfSpacesSeed);
   int by_count[4] = {};
   for (int n = 0; n < 4000; ++n) {
     // all hold at one place, so that some point is left
-    const Point<Patient> inside = random_point(random, 1);
+    const Point<Patient> inside = random_corner(random, 1);
     std::vector<HalfSpace> half_spaces(1 + n % 5);
     for (HalfSpace& half_space : half_spaces) {
       half_space.normal = random_direction(random);
       half_space.offset =
-          half_space.normal.eigen().dot(inside.eigen()) - std::abs(random_point(random, 0.3).x());
+          half_space.normal.eigen().dot(inside.eigen()) - std::abs(random_corner(random, 0.3).x());
     }
-    const Point<Patient> x = random_point(random, 3);
+    const Point<Patient> x = random_corner(random, 3);
     const auto found = closest_point(x, half_spaces);
     ASSERT_TRUE(found) << n;
     ++by_count[found->count];

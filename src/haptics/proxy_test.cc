@@ -15,7 +15,7 @@ using testing::felt_surface;
 using testing::ProxyRun;
 using testing::random_direction;
 
-constexpr unsigned kSeed = 51;
+constexpr unsigned kProxySeed = 51;
 const Eigen::Vector3d kKnee_mm(0.277, 0.277, 1.0);
 
 // everything below z = 0
@@ -35,8 +35,8 @@ ProxyRun on_floor(double friction_static = 0, double friction_dynamic = 0, doubl
 
 TEST(Proxy, FollowsTheTipInFreeSpace) {
   ProxyRun run = on_floor();
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kProxySeed));
+  std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> wide(-30, 30), above(0.05, 30);
   for (int n = 0; n < 1000; ++n) {
     // drawn one by one: arguments are evaluated in no certain order
@@ -56,8 +56,8 @@ TEST(Proxy, FollowsTheTipInFreeSpace) {
 TEST(Proxy, FollowsAHandAtOnceInFreeSpace) {
   // up to 2.8 m/s, down to where a surface becomes a wall
   ProxyRun run = on_floor();
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kProxySeed));
+  std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> aside(-0.7, 0.7), above(0.06, 2);
   Point<Patient> tip(0, 0, 1);
   run.at(tip);
@@ -102,8 +102,8 @@ TEST(Proxy, SlidesWithoutFrictionStraightUnderTheTip) {
 
 // both ends outside, the plate between them
 TEST(Proxy, NeverPassesAThinPlateHoweverFastTheTip) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kProxySeed));
+  std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> thick(1.2, 2.2), unit(0, 1);
   for (int n = 0; n < 60; ++n) {
     const Vector<Patient> across = random_direction(random);
@@ -320,8 +320,8 @@ TEST(Proxy, FrictionConeIsAsSet) {
 
 // on a plane however it lies to the voxels, in any direction along it
 TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kProxySeed));
+  std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> unit(0, 1);
   for (int n = 0; n < 40; ++n) {
     const Vector<Patient> up = random_direction(random);
@@ -462,8 +462,8 @@ TEST(Proxy, StiffnessIsThatOfWhatIsTouchedByItsPull) {
 }
 
 TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kProxySeed));
+  std::mt19937 random(kProxySeed);
   ProxyRun run;
   // a heap of balls that overlap: the tool lies on many of them
   for (int s = 0; s < 40; ++s) {
@@ -486,8 +486,8 @@ TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
 
 // whatever is touched, the work of one tick is bounded and nothing is ever below by more than is allowed
 TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kProxySeed));
+  std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> unit(0, 1), about(-1, 1);
   for (int scene = 0; scene < 24; ++scene) {
     ProxyRun run;

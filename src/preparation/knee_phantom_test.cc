@@ -54,13 +54,13 @@ double gap_mm(const Shape& from, const Shape& to) {
   const GridGeometry grid = millimetre_grid();
   std::mutex joining;
   double least = 1e9;
-  const auto narrow = [](const Shape::Node::Ptr& node, const Block&,
+  const auto narrow = [](const Shape::Node::Ptr& node, const VoxelBlock&,
                          const Ball& ball) -> std::optional<Shape::Node::Ptr> {
     const auto within = node->within(node, ball);
     if (std::abs(within.distance) > ball.radius) return {};
     return within.node;
   };
-  const auto leaf = [&](const Shape::Node::Ptr& node, const Block& block) {
+  const auto leaf = [&](const Shape::Node::Ptr& node, const VoxelBlock& block) {
     double here = 1e9;
     block.for_each_voxel([&](int i, int j, int k) {
       const Eigen::Vector3d p = (grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen();
@@ -189,7 +189,7 @@ TEST(KneePhantom, NoTwoStructuresShareAPoint) {
   using Candidates = std::vector<std::pair<std::size_t, Shape::Node::Ptr>>;
   Candidates all;
   for (std::size_t i = 0; i < parts.size(); ++i) all.emplace_back(i, parts[i].shape.node());
-  const auto narrow = [](const Candidates& candidates, const Block&,
+  const auto narrow = [](const Candidates& candidates, const VoxelBlock&,
                          const Ball& ball) -> std::optional<Candidates> {
     Candidates near;
     for (const auto& [part, node] : candidates) {
@@ -202,7 +202,7 @@ TEST(KneePhantom, NoTwoStructuresShareAPoint) {
   std::atomic<int> shared = 0;
   std::atomic<int> asked = 0;
   const GridGeometry grid = millimetre_grid();
-  const auto leaf = [&](const Candidates& candidates, const Block& block) {
+  const auto leaf = [&](const Candidates& candidates, const VoxelBlock& block) {
     block.for_each_voxel([&](int i, int j, int k) {
       const Eigen::Vector3d p = (grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen();
       int inside = 0;

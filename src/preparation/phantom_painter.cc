@@ -69,7 +69,7 @@ class Painter {
     return here;
   }
 
-  void paint_block(const Candidates& candidates, const Block& block) const {
+  void paint_block(const Candidates& candidates, const VoxelBlock& block) const {
     block.for_each_voxel([&](int i, int j, int k) {
       const Eigen::Vector3d p = (X_PatientVoxel_ * Point<Voxel>(i, j, k)).eigen();
       const Eigen::Vector3d anatomical = p.cwiseQuotient(scale_);
@@ -206,10 +206,10 @@ Result<Phantom> paint_phantom(const PhantomPlan& plan, const PhantomSettings& se
   if (settings.noise_mm > 0) jitter.emplace(grid, settings.noise_mm, settings.seed);
 
   const Painter painter(plan, jitter, labels, scan);
-  const auto narrow = [&](const Candidates& c, const Block&, const Ball& ball) {
+  const auto narrow = [&](const Candidates& c, const VoxelBlock&, const Ball& ball) {
     return painter.narrow(c, ball);
   };
-  const auto leaf = [&](const Candidates& c, const Block& block) { painter.paint_block(c, block); };
+  const auto leaf = [&](const Candidates& c, const VoxelBlock& block) { painter.paint_block(c, block); };
   if (!visit_grid(grid, painter.everything(), "phantom", progress, narrow, leaf))
     return Progress::interrupted();
   drop_specks(labels);

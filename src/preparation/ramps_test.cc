@@ -18,16 +18,16 @@ namespace {
 
 using test::kTissue;
 
-constexpr LabelId kBone = kTissue, kCartilage = 3, kMeniscus = 4, kOther = 9;
+constexpr LabelId kBoneLabel = kTissue, kCartilageLabel = 3, kMeniscusLabel = 4, kOther = 9;
 constexpr double kBone_N_per_mm = 1.5, kCartilage_N_per_mm = 0.9, kMeniscus_N_per_mm = 0.6;
 const Eigen::Vector3d kSlices(0.277, 0.277, 1.0);
 const std::array<Eigen::Vector3d, 2> kClinical{kSlices, Eigen::Vector3d(0.6, 0.6, 0.9)};
 
 // bone, cartilage on it, meniscus on both, and a structure that rests on nothing
 std::vector<RampStructure> knee() {
-  return {{kBone, kBone_N_per_mm, {}},
-          {kCartilage, kCartilage_N_per_mm, {kBone}},
-          {kMeniscus, kMeniscus_N_per_mm, {kBone, kCartilage}},
+  return {{kBoneLabel, kBone_N_per_mm, {}},
+          {kCartilageLabel, kCartilage_N_per_mm, {kBoneLabel}},
+          {kMeniscusLabel, kMeniscus_N_per_mm, {kBoneLabel, kCartilageLabel}},
           {kOther, kCartilage_N_per_mm, {}}};
 }
 
@@ -73,8 +73,8 @@ GridGeometry cube(const Eigen::Vector3d& spacing_mm, double side_mm) {
 // ---- directions
 
 // the same ball with air around, which the union Gaussian needs
-struct Ball {
-  Ball(double radius_mm, const Eigen::Vector3d& spacing_mm, std::mt19937& random) {
+struct BallCase {
+  BallCase(double radius_mm, const Eigen::Vector3d& spacing_mm, std::mt19937& random) {
     const test::RandomBall tight(radius_mm, spacing_mm, random);
     GridGeometry grid = tight.labels.geometry();
     std::array<int, 3> air;
@@ -110,8 +110,8 @@ TEST(Ramps, OnBallsPointOutward) {
     for (const double radius_mm : {5.0, 10.0, 20.0}) {
       std::array<std::vector<double>, kDepth_mm.size()> ramp_deg, gaussian_deg, felt_mm;
       for (int n = 0; n < 20; ++n) {
-        const Ball ball(radius_mm, spacing, random);
-        const Ramps ramps = prepared(ball.labels, {{kBone, 1, {}}});
+        const BallCase ball(radius_mm, spacing, random);
+        const Ramps ramps = prepared(ball.labels, {{kBoneLabel, 1, {}}});
         expect_nothing_outside_and_something_inside(ball.labels, ramps);
         const Field ramp(ramps.field), gaussian = union_gaussian(ball.labels);
         for (int ray = 0; ray < 300; ++ray) {
@@ -153,7 +153,7 @@ TEST(Ramps, RiseWithTheStiffnessAndEndAtTheWidth) {
     for (const Eigen::Vector3d& up : ups) {
       SCOPED_TRACE(testing::Message() << spacing.transpose() << " up " << up.transpose());
       const GridGeometry grid = cube(spacing, 30);
-      const auto labels = layers(grid, up, [](double h) { return h < 0 ? kBone : LabelId{0}; });
+      const auto labels = layers(grid, up, [](double h) { return h < 0 ? kBoneLabel : LabelId{0}; });
       const Ramps ramps = prepared(labels);
       EXPECT_DOUBLE_EQ(ramps.full_force_N, kBone_N_per_mm * 4);
       const Field field(ramps.field);
@@ -185,7 +185,7 @@ TEST(Ramps, OfPlatesOfOneAndTwoVoxelsPushBothWays) {
           for (int j = 0; j < grid.dims[1]; ++j)
             for (int i = 0; i < grid.dims[0]; ++i) {
               const int at = std::array{i, j, k}[axis];
-              if (at >= first && at < first + thick) labels.at(i, j, k) = kBone;
+              if (at >= first && at < first + thick) labels.at(i, j, k) = kBoneLabel;
             }
         const Ramps ramps = prepared(labels);
         expect_nothing_outside_and_something_inside(labels, ramps);
@@ -212,7 +212,7 @@ TEST(Ramps, OfPlatesOfOneAndTwoVoxelsPushBothWays) {
 TEST(Ramps, LeaveTheNarrowestGapFree) {
   const GridGeometry grid = cube(kSlices, 24);
   const auto labels = layers(grid, Eigen::Vector3d::UnitX(), [](double h) {
-    return std::abs(h) < 0.2 ? LabelId{0} : h < 0 ? kBone : kOther;
+    return std::abs(h) < 0.2 ? LabelId{0} : h < 0 ? kBoneLabel : kOther;
   });
   const Ramps ramps = prepared(labels);
   expect_nothing_outside_and_something_inside(labels, ramps);
@@ -222,9 +222,9 @@ TEST(Ramps, LeaveTheNarrowestGapFree) {
 TEST(Ramps, OfTouchingStructuresMeetInAValley) {
   const GridGeometry grid = cube(kSlices, 24);
   const auto labels =
-      layers(grid, Eigen::Vector3d::UnitX(), [](double h) { return h < -0.1 ? kBone : kOther; });
+      layers(grid, Eigen::Vector3d::UnitX(), [](double h) { return h < -0.1 ? kBoneLabel : kOther; });
   // two bones: the same tissue
-  const Ramps ramps = prepared(labels, {{kBone, 1, {}}, {kOther, 1, {}}});
+  const Ramps ramps = prepared(labels, {{kBoneLabel, 1, {}}, {kOther, 1, {}}});
   const int border = grid.dims[0] / 2;
   EXPECT_LT(force_N(ramps, border - 1, 40, 12), 0.3);
   EXPECT_LT(force_N(ramps, border, 40, 12), 0.3);
@@ -240,7 +240,7 @@ TEST(Ramps, OfCartilageOnBoneGoOnThroughTheirBorder) {
       const GridGeometry grid = cube(spacing, 32);
       constexpr double kThick_mm = 1.5;
       const auto labels = layers(grid, up, [](double h) {
-        return h > kThick_mm ? LabelId{0} : h > 0 ? kCartilage : kBone;
+        return h > kThick_mm ? LabelId{0} : h > 0 ? kCartilageLabel : kBoneLabel;
       });
       const Ramps ramps = prepared(labels, knee(), {.width_mm = 6});
       expect_nothing_outside_and_something_inside(labels, ramps);
@@ -270,7 +270,7 @@ TEST(Ramps, OfCartilageOnBoneGoOnThroughTheirBorder) {
 TEST(Ramps, OfThreeOnEachOtherAddUp) {
   const GridGeometry grid = cube({0.5, 0.5, 0.5}, 30);
   const auto labels = layers(grid, Eigen::Vector3d::UnitZ(), [](double h) {
-    return h > 3.7 ? LabelId{0} : h > 1.7 ? kMeniscus : h > -0.2 ? kCartilage : kBone;
+    return h > 3.7 ? LabelId{0} : h > 1.7 ? kMeniscusLabel : h > -0.2 ? kCartilageLabel : kBoneLabel;
   });
   const Ramps ramps = prepared(labels);
   const int middle = grid.dims[2] / 2;
@@ -291,7 +291,9 @@ TEST(Ramps, BesideCartilageBoneIsFeltFromItsBareSurface) {
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i)
-        labels.at(i, j, k) = k < top ? kBone : k < top + 5 && i < grid.dims[0] / 2 ? kCartilage : LabelId{0};
+        labels.at(i, j, k) = k < top                               ? kBoneLabel
+                             : k < top + 5 && i < grid.dims[0] / 2 ? kCartilageLabel
+                                                                   : LabelId{0};
   const Ramps ramps = prepared(labels);
   EXPECT_NEAR(force_N(ramps, 48, 30, top - 4), kBone_N_per_mm * 2, 0.5);
   EXPECT_NEAR(force_N(ramps, 12, 30, top - 4), kBone_N_per_mm * 2 + kCartilage_N_per_mm * 2.5, 0.6);
@@ -348,7 +350,8 @@ TEST(Ramps, NeverExceedTheLeastOverPathsFromFreeSpace) {
     Volume<LabelId> labels(grid);
     std::uniform_real_distribution<double> within(4, 9);
     // lumps, later ones over earlier ones
-    for (const LabelId label : {kBone, kCartilage, kBone, kCartilage, kOther, LabelId{0}}) {
+    for (const LabelId label :
+         {kBoneLabel, kCartilageLabel, kBoneLabel, kCartilageLabel, kOther, LabelId{0}}) {
       const Eigen::Vector3d centre(within(random), within(random), within(random));
       const double radius = label == 0 || label == kOther ? 1.5 : 4;
       for (int k = 0; k < 18; ++k)
@@ -358,9 +361,10 @@ TEST(Ramps, NeverExceedTheLeastOverPathsFromFreeSpace) {
               labels.at(i, j, k) = label;
     }
     const Ramps ramps = prepared(labels);
-    const auto most = least_over_paths(labels, {kBone, kCartilage}, {kBone_N_per_mm, kCartilage_N_per_mm});
+    const auto most =
+        least_over_paths(labels, {kBoneLabel, kCartilageLabel}, {kBone_N_per_mm, kCartilage_N_per_mm});
     for (std::size_t v = 0; v < most.size(); ++v) {
-      if (labels.voxels()[v] != kBone && labels.voxels()[v] != kCartilage) continue;
+      if (labels.voxels()[v] != kBoneLabel && labels.voxels()[v] != kCartilageLabel) continue;
       EXPECT_LE(ramps.full_force_N * ramps.field.voxels()[v] / 65535, most[v] + 1e-3);
     }
   }
@@ -374,7 +378,7 @@ Volume<LabelId> lumps(std::mt19937& random) {
   for (int k = 5; k < 55; ++k)
     for (int j = 5; j < 35; ++j)
       for (int i = 5; i < 45; ++i)
-        labels.at(i, j, k) = i + k / 3 < 25 ? kBone : i + k / 3 < 29 ? kCartilage : kMeniscus;
+        labels.at(i, j, k) = i + k / 3 < 25 ? kBoneLabel : i + k / 3 < 29 ? kCartilageLabel : kMeniscusLabel;
   return labels;
 }
 
@@ -416,9 +420,10 @@ TEST(Ramps, WhatCannotBePreparedIsAnError) {
   EXPECT_NE(error_of(knee(), {.width_mm = std::nan("")}), "");
   EXPECT_NE(error_of(knee(), {.threads = -1}), "");
   EXPECT_NE(error_of({{0, 1, {}}}, {}), "");
-  EXPECT_NE(error_of({{kBone, 0, {}}}, {}), "");
-  EXPECT_NE(error_of({{kCartilage, 1, {kBone}}}, {}), "");
-  EXPECT_NE(error_of({{kCartilage, 2, {kBone}}, {kBone, 1, {}}}, {}).find("stiffer"), std::string::npos);
+  EXPECT_NE(error_of({{kBoneLabel, 0, {}}}, {}), "");
+  EXPECT_NE(error_of({{kCartilageLabel, 1, {kBoneLabel}}}, {}), "");
+  EXPECT_NE(error_of({{kCartilageLabel, 2, {kBoneLabel}}, {kBoneLabel, 1, {}}}, {}).find("stiffer"),
+            std::string::npos);
 
   const std::atomic<bool> stop{true};
   const auto stopped = prepare_ramps(labels, knee(), {}, Progress({}, &stop));

@@ -20,7 +20,7 @@
 namespace palpate {
 
 /// Voxels begin ... end-1 of a grid along each axis.
-struct Block {
+struct VoxelBlock {
   std::array<int, 3> begin, end;
 
   /// Calls visit(i, j, k) for each voxel, i fastest.
@@ -45,7 +45,7 @@ inline double half_diagonal_mm(const GridGeometry& grid, const Eigen::Vector3d& 
 }
 
 /// The ball around a block's voxels, their full extent included.
-inline Ball ball_around(const GridGeometry& grid, const Block& block) {
+inline Ball ball_around(const GridGeometry& grid, const VoxelBlock& block) {
   const Eigen::Vector3d begin(block.begin[0], block.begin[1], block.begin[2]);
   const Eigen::Vector3d end(block.end[0], block.end[1], block.end[2]);
   const Eigen::Vector3d middle = 0.5 * (begin + end) - Eigen::Vector3d::Constant(0.5);
@@ -58,7 +58,7 @@ inline constexpr int kLeafBlock = 2;  ///< not halved any further
 /// Visits one block and its parts. `narrow(state, block, ball)` gives what remains to be asked there, or
 /// nothing when the block is finished; `leaf(state, block)` does the voxels of a smallest block.
 template <class State, class Narrow, class Leaf>
-void descend(const GridGeometry& grid, const Block& block, const State& state, const Narrow& narrow,
+void descend(const GridGeometry& grid, const VoxelBlock& block, const State& state, const Narrow& narrow,
              const Leaf& leaf) {
   const std::optional<State> here = narrow(state, block, ball_around(grid, block));
   if (!here) return;
@@ -75,16 +75,16 @@ void descend(const GridGeometry& grid, const Block& block, const State& state, c
   for (std::size_t k = 1; k < cuts[2].size(); ++k) {
     for (std::size_t j = 1; j < cuts[1].size(); ++j) {
       for (std::size_t i = 1; i < cuts[0].size(); ++i) {
-        const Block part{{cuts[0][i - 1], cuts[1][j - 1], cuts[2][k - 1]},
-                         {cuts[0][i], cuts[1][j], cuts[2][k]}};
+        const VoxelBlock part{{cuts[0][i - 1], cuts[1][j - 1], cuts[2][k - 1]},
+                              {cuts[0][i], cuts[1][j], cuts[2][k]}};
         descend(grid, part, *here, narrow, leaf);
       }
     }
   }
 }
 
-inline std::vector<Block> top_blocks(const GridGeometry& grid) {
-  std::vector<Block> blocks;
+inline std::vector<VoxelBlock> top_blocks(const GridGeometry& grid) {
+  std::vector<VoxelBlock> blocks;
   for (int k = 0; k < grid.dims[2]; k += kTopBlock) {
     for (int j = 0; j < grid.dims[1]; j += kTopBlock) {
       for (int i = 0; i < grid.dims[0]; i += kTopBlock) {
@@ -101,7 +101,7 @@ inline std::vector<Block> top_blocks(const GridGeometry& grid) {
 template <class State, class Narrow, class Leaf>
 bool visit_grid(const GridGeometry& grid, const State& state, std::string_view stage,
                 const Progress& progress, const Narrow& narrow, const Leaf& leaf) {
-  const std::vector<Block> blocks = top_blocks(grid);
+  const std::vector<VoxelBlock> blocks = top_blocks(grid);
   std::atomic<std::size_t> done = 0;
   std::atomic<bool> stopped = false;
   std::mutex reporting;

@@ -9,7 +9,7 @@ namespace {
 using namespace testing;
 using P = Point<Patient>;
 
-constexpr std::uint64_t kSeed = 20240613;
+constexpr std::uint64_t kCombineSeed = 20240613;
 
 const Shape kLeft = Shape::sphere(P(-3, 0, 0), 5);
 const Shape kRight = Shape::sphere(P(3, 0, 0), 5);
@@ -64,7 +64,7 @@ TEST(ShapeCombine, BlendFillsTheCreaseByAQuarterOfItsWidthAndNothingElse) {
   const Shape sharp = Shape::unite({kLeft, kRight}), soft = Shape::blend({kLeft, kRight}, 2);
   EXPECT_NEAR(soft.distance_mm(P(0, 6, 0)), sharp.distance_mm(P(0, 6, 0)) - 0.5, 1e-12);
   EXPECT_EQ(soft.distance_mm(P(-10, 0, 0)), sharp.distance_mm(P(-10, 0, 0)));
-  std::mt19937_64 random(kSeed);
+  std::mt19937_64 random(kCombineSeed);
   for (int n = 0; n < 500; ++n) {
     const P p(random_point(random));
     EXPECT_LE(soft.distance_mm(p), sharp.distance_mm(p));
@@ -79,19 +79,19 @@ TEST(ShapeCombine, RoundedIntersectionTakesTheEdgeOff) {
 }
 
 TEST(ShapeCombine, DistanceChangesByAtMostOneMillimetrePerMillimetre) {
-  std::mt19937_64 random(kSeed);
+  std::mt19937_64 random(kCombineSeed);
   for (const KnownShape& compound : compounds()) {
     for (int n = 0; n < 1000; ++n) {
       const P p(random_point(random)), q(random_point(random));
       EXPECT_LE(std::abs(compound.shape.distance_mm(p) - compound.shape.distance_mm(q)),
                 (p - q).norm() + 1e-9)
-          << compound.name << ", seed " << kSeed;
+          << compound.name << ", seed " << kCombineSeed;
     }
   }
 }
 
 TEST(ShapeCombine, NormalIsTheDirectionOfTheGradient) {
-  std::mt19937_64 random(kSeed);
+  std::mt19937_64 random(kCombineSeed);
   for (const KnownShape& compound : compounds()) {
     int compared = 0;
     for (int n = 0; n < 300; ++n) {
@@ -107,14 +107,14 @@ TEST(ShapeCombine, NormalIsTheDirectionOfTheGradient) {
       if ((forward - backward).norm() > 1e-4 || forward.norm() < 0.1) continue;
       ++compared;
       EXPECT_LT((forward.normalized() - compound.shape.normal(P(p)).eigen()).norm(), 1e-3)
-          << compound.name << ", seed " << kSeed << ", point " << p.transpose();
+          << compound.name << ", seed " << kCombineSeed << ", point " << p.transpose();
     }
     EXPECT_GT(compared, 250) << compound.name;
   }
 }
 
 TEST(ShapeCombine, NarrowedToABallNothingChangesByABit) {
-  std::mt19937_64 random(kSeed);
+  std::mt19937_64 random(kCombineSeed);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> fraction(0, 1);
   int narrowed = 0;
@@ -128,7 +128,7 @@ TEST(ShapeCombine, NarrowedToABallNothingChangesByABit) {
         const Vector3d direction = Vector3d(normal(random), normal(random), normal(random)).normalized();
         const P p(ball.centre + fraction(random) * ball.radius * direction);
         EXPECT_EQ(Shape(within.node).distance_mm(p), compound.shape.distance_mm(p))
-            << compound.name << ", seed " << kSeed;
+            << compound.name << ", seed " << kCombineSeed;
       }
     }
   }

@@ -11,7 +11,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::uint64_t kSeed = 20240612;
+constexpr std::uint64_t kEllipsoidSeed = 20240612;
 
 double level(const Vector3d& x, const Vector3d& radii) {
   return x.cwiseQuotient(radii).squaredNorm();
@@ -30,8 +30,8 @@ void expect_nearest(const Vector3d& p, const Vector3d& radii) {
 }
 
 TEST(NearestOnEllipsoid, LiesOnTheSurfaceBelowTheQuery) {
-  std::mt19937_64 random(kSeed);
-  SCOPED_TRACE(kSeed);
+  std::mt19937_64 random(kEllipsoidSeed);
+  SCOPED_TRACE(kEllipsoidSeed);
   std::uniform_real_distribution<double> within(-40, 40), exponent(-1, 1.5);
   for (int n = 0; n < 3000; ++n) {
     const Vector3d radii(std::pow(10, exponent(random)), std::pow(10, exponent(random)),
@@ -41,7 +41,7 @@ TEST(NearestOnEllipsoid, LiesOnTheSurfaceBelowTheQuery) {
 }
 
 TEST(NearestOnEllipsoid, IsNotBeatenByAnySurfacePoint) {
-  std::mt19937_64 random(kSeed);
+  std::mt19937_64 random(kEllipsoidSeed);
   std::normal_distribution<double> normal;
   const Vector3d radii(12, 5, 2);
   for (int n = 0; n < 40; ++n) {
@@ -49,7 +49,7 @@ TEST(NearestOnEllipsoid, IsNotBeatenByAnySurfacePoint) {
     const double distance = std::abs(nearest_on_ellipsoid(p, radii).distance);
     for (int s = 0; s < 3000; ++s) {
       const Vector3d on_sphere = Vector3d(normal(random), normal(random), normal(random)).normalized();
-      EXPECT_GE((radii.cwiseProduct(on_sphere) - p).norm(), distance - 1e-12) << "seed " << kSeed;
+      EXPECT_GE((radii.cwiseProduct(on_sphere) - p).norm(), distance - 1e-12) << "seed " << kEllipsoidSeed;
     }
   }
 }
@@ -81,7 +81,7 @@ TEST(NearestOnEllipsoid, IsContinuousUpToThePlanes) {
 }
 
 TEST(NearestOnEllipsoid, OfASphereIsTheSphere) {
-  std::mt19937_64 random(kSeed);
+  std::mt19937_64 random(kEllipsoidSeed);
   std::uniform_real_distribution<double> within(-9, 9);
   for (int n = 0; n < 200; ++n) {
     const Vector3d p(within(random), within(random), within(random));

@@ -14,10 +14,10 @@ namespace {
 
 using test::kTissue;
 
-const std::array<Eigen::Vector3d, 2> kClinical{Eigen::Vector3d(0.277, 0.277, 1.0),
-                                               Eigen::Vector3d(0.625, 0.625, 0.9)};
+const std::array<Eigen::Vector3d, 2> kClinicalSpacings{Eigen::Vector3d(0.277, 0.277, 1.0),
+                                                       Eigen::Vector3d(0.625, 0.625, 0.9)};
 
-PreparedSurface prepared(const Volume<LabelId>& labels, const SurfaceOptions& options = {}) {
+PreparedSurface prepared_surfaces(const Volume<LabelId>& labels, const SurfaceOptions& options = {}) {
   auto all = prepare_surfaces(labels, {kTissue}, options);
   EXPECT_TRUE(all.ok());
   return std::move(all->front());
@@ -38,7 +38,7 @@ void expect_directions(const Eigen::Vector3d& spacing, const Directions& limits)
   std::vector<double> angles, errors, angles_away;
   for (int n = 0; n < 20; ++n) {
     const test::RandomBall ball(limits.radius_mm, spacing, random);
-    const PreparedSurface s = prepared(ball.labels);
+    const PreparedSurface s = prepared_surfaces(ball.labels);
     for (int ray = 0; ray < 500; ++ray) {
       const Eigen::Vector3d d = test::random_direction(random);
       const double r = limits.radius_mm - 1.5 +
@@ -71,7 +71,7 @@ void expect_directions(const Eigen::Vector3d& spacing, const Directions& limits)
 }
 
 TEST(Surfaces, NormalsOfBallsPointOutward) {
-  for (const Eigen::Vector3d& spacing : kClinical) {
+  for (const Eigen::Vector3d& spacing : kClinicalSpacings) {
     for (const Directions& limits :
          {Directions{5, 0.7, 2.5}, Directions{10, 0.5, 2}, Directions{15, 0.5, 2}, Directions{20, 0.5, 2}}) {
       expect_directions(spacing, limits);
@@ -104,7 +104,7 @@ TEST(Surfaces, PlatesOfOneAndTwoVoxelsSurvive) {
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> within(-0.5, 0.5);
-  for (const Eigen::Vector3d& spacing : kClinical) {
+  for (const Eigen::Vector3d& spacing : kClinicalSpacings) {
     for (int n = 0; n < 12; ++n) {
       const Eigen::Vector3d normal = test::random_direction(random);
       // as thick as one or two voxels are along the normal: the grid's steps across it leave no hole then
@@ -116,19 +116,19 @@ TEST(Surfaces, PlatesOfOneAndTwoVoxelsSurvive) {
         const double d = (p - centre).dot(normal);
         return std::abs(d) < thick / 2 && (p - centre).squaredNorm() - d * d < 36;
       });
-      const PreparedSurface s = prepared(labels);
+      const PreparedSurface s = prepared_surfaces(labels);
       expect_sides_kept(s, labels);
     }
   }
 }
 
 TEST(Surfaces, ThinPlatesPushOutwardThroughTheirDepth) {
-  const Eigen::Vector3d spacing = kClinical[0];
+  const Eigen::Vector3d spacing = kClinicalSpacings[0];
   const auto labels =
       test::label_where(test::surface_grid({90, 90, 25}, spacing), [](const Eigen::Vector3d& p) {
         return std::abs(p[1] - 12.4) < 1 && std::abs(p[0] - 12.4) < 8 && std::abs(p[2] - 12) < 8;
       });
-  const PreparedSurface s = prepared(labels);
+  const PreparedSurface s = prepared_surfaces(labels);
   for (const double depth : {0.0, 0.3, 0.6, 0.8}) {
     for (const double side : {-1.0, 1.0}) {
       const Vector<Patient> n = s.surface.outward({12.4, 12.4 + side * (1 - depth), 12});
@@ -142,8 +142,8 @@ TEST(Surfaces, ThinPlatesPushOutwardThroughTheirDepth) {
 TEST(Surfaces, StayAtTheirReachFarAwayAndHaveNoStepThere) {
   std::mt19937 random(2);
   for (const double reach : {2.0, 4.0}) {
-    const test::RandomBall ball(3, kClinical[1], random);
-    const PreparedSurface s = prepared(ball.labels, {.reach_mm = reach});
+    const test::RandomBall ball(3, kClinicalSpacings[1], random);
+    const PreparedSurface s = prepared_surfaces(ball.labels, {.reach_mm = reach});
     const Volume<std::int16_t> position = s.surface.position().padded().unpadded();
     const auto limit = static_cast<std::int16_t>(reach / kSurfaceStep_mm);
     const GridGeometry& grid = position.geometry();
@@ -170,7 +170,7 @@ TEST(Surfaces, AreNeverSteeperThanTheySay) {
   grid.direction << 0.6, -0.8, 0, 0.8, 0.6, 0, 0, 0, -1;
   Volume<LabelId> labels(grid);
   for (LabelId& v : labels.voxels()) v = random() % 9 == 0 ? kTissue : LabelId{0};
-  const Surface s = prepared(labels).surface;
+  const Surface s = prepared_surfaces(labels).surface;
   EXPECT_GE(s.steepest(), 1);
   std::uniform_real_distribution<double> u(0, 1);
   double worst = 0;
@@ -216,12 +216,12 @@ Volume<LabelId> odd_tissue(const Eigen::Vector3d& spacing, std::mt19937& random)
 TEST(Surfaces, DoNotDependOnThreadsOrTargets) {
   std::mt19937 random(6);
   const auto labels = odd_tissue({0.4, 0.4, 0.7}, random);
-  const PreparedSurface one = prepared(labels, {.threads = 1});
-  for (const int threads : {0, 2, 3, 7}) expect_same(prepared(labels, {.threads = threads}), one);
+  const PreparedSurface one = prepared_surfaces(labels, {.threads = 1});
+  for (const int threads : {0, 2, 3, 7}) expect_same(prepared_surfaces(labels, {.threads = threads}), one);
   for (const std::int64_t target : test::all_targets()) {
     SCOPED_TRACE(test::target_name(target));
     const test::OnlyTargets only(target);
-    expect_same(prepared(labels), one);
+    expect_same(prepared_surfaces(labels), one);
   }
 }
 
@@ -232,7 +232,7 @@ TEST(Surfaces, PreparedAgainInADirtyBoxEqualTheFullRebuild) {
   for (const Eigen::Vector3d& spacing : {Eigen::Vector3d(0.4, 0.4, 0.7), Eigen::Vector3d(0.3, 0.5, 1.0)}) {
     auto labels = odd_tissue(spacing, random);
     const auto& dims = labels.geometry().dims;
-    PreparedSurface now = prepared(labels);
+    PreparedSurface now = prepared_surfaces(labels);
     int local = 0;
     for (int n = 0; n < 12; ++n) {
       SCOPED_TRACE("edit " + std::to_string(n));
@@ -254,7 +254,7 @@ TEST(Surfaces, PreparedAgainInADirtyBoxEqualTheFullRebuild) {
       local += prepare_patch(now, labels, dirty).local ? 1 : 0;
       auto again = prepare_surface_again(now, labels, dirty);
       ASSERT_TRUE(again.ok());
-      expect_same(*again, prepared(labels));
+      expect_same(*again, prepared_surfaces(labels));
       now = std::move(*again);
     }
     EXPECT_GT(local, 4);
@@ -263,8 +263,8 @@ TEST(Surfaces, PreparedAgainInADirtyBoxEqualTheFullRebuild) {
 
 TEST(Surfaces, NoticeWhenADirtyBoxMovesTheirExtent) {
   std::mt19937 random(8);
-  const test::RandomBall ball(4, kClinical[1], random);
-  const PreparedSurface old = prepared(ball.labels);
+  const test::RandomBall ball(4, kClinicalSpacings[1], random);
+  const PreparedSurface old = prepared_surfaces(ball.labels);
   auto labels = ball.labels;
   const int top = old.workings.extent.first[2] + old.workings.extent.size[2] - 1;
   const VoxelBox dirty{{0, 0, top}, {100, 100, 1}};
@@ -274,7 +274,7 @@ TEST(Surfaces, NoticeWhenADirtyBoxMovesTheirExtent) {
   EXPECT_FALSE(prepare_patch(old, labels, dirty).local);
   const auto again = prepare_surface_again(old, labels, dirty);
   ASSERT_TRUE(again.ok());
-  expect_same(*again, prepared(labels));
+  expect_same(*again, prepared_surfaces(labels));
 
   // nothing changed: nothing to do
   const SurfacePatch none = prepare_patch(old, ball.labels, dirty);
@@ -291,12 +291,12 @@ TEST(Surfaces, NoticeWhenADirtyBoxMovesTheirExtent) {
 TEST(Surfaces, ReportStraysAndDropThemOnRequest) {
   std::mt19937 random(9);
   test::RandomBall ball(6, {0.5, 0.5, 1}, random);
-  const auto clean = prepared(ball.labels);
+  const auto clean = prepared_surfaces(ball.labels);
   ball.labels.at(0, 0, 0) = kTissue;
   ball.labels.at(1, 1, 1) = kTissue;  // by a corner
   ball.labels.at(0, 5, 0) = kTissue;
 
-  const PreparedSurface kept = prepared(ball.labels);
+  const PreparedSurface kept = prepared_surfaces(ball.labels);
   EXPECT_EQ(kept.components, 3);
   ASSERT_EQ(kept.strays.size(), 2u);
   EXPECT_EQ(kept.strays[0].voxels, 1u);
@@ -309,7 +309,7 @@ TEST(Surfaces, ReportStraysAndDropThemOnRequest) {
   expect_sides_kept(kept, ball.labels);
   EXPECT_NEAR(kept.volume_mm3, clean.volume_mm3 + 0.75, 1e-9);
 
-  PreparedSurface dropped = prepared(ball.labels, {.drop_below_mm3 = 1});
+  PreparedSurface dropped = prepared_surfaces(ball.labels, {.drop_below_mm3 = 1});
   EXPECT_TRUE(dropped.strays[0].dropped && dropped.strays[1].dropped);
   expect_same(dropped, clean);
   EXPECT_FALSE(prepare_patch(dropped, ball.labels, {{0, 0, 0}, {1, 1, 1}}).local);
@@ -331,14 +331,14 @@ TEST(Surfaces, RefuseWhatCannotBe) {
   EXPECT_FALSE(prepare_surfaces(labels, {kTissue, 3}, {}).ok());
   EXPECT_TRUE(prepare_surfaces(labels, {}, {}).ok());
   // a structure that fills its volume ends where the volume does
-  const PreparedSurface full = prepared(labels);
+  const PreparedSurface full = prepared_surfaces(labels);
   EXPECT_LT(full.surface.distance_mm({1.5, 1.5, 1.5}), 0);
   EXPECT_GT(full.surface.distance_mm({1.5, 1.5, -1}), 0);
 }
 
 TEST(Surfaces, ReportProgressAndStop) {
   std::mt19937 random(10);
-  const test::RandomBall ball(6, kClinical[1], random);
+  const test::RandomBall ball(6, kClinicalSpacings[1], random);
   std::vector<double> shown;
   ASSERT_TRUE(prepare_surfaces(ball.labels, {kTissue}, {},
                                Progress([&](std::string_view, double f) { shown.push_back(f); }, nullptr))

@@ -26,7 +26,7 @@ Error too_large() {
 // The shape as it is in a block, unless that block is all inside or all outside; then `fill` writes it.
 template <class T>
 auto narrow_or_fill(Volume<T>& volume, T inside) {
-  return [&volume, inside](const Shape::Node::Ptr& node, const Block& block,
+  return [&volume, inside](const Shape::Node::Ptr& node, const VoxelBlock& block,
                            const Ball& ball) -> std::optional<Shape::Node::Ptr> {
     const Shape::Node::Within here = node->within(node, ball);
     if (std::abs(here.distance) <= ball.radius) return here.node;
@@ -69,7 +69,7 @@ Result<Volume<float>> voxelize_coverage(const Shape& shape, const GridGeometry& 
   const std::vector<Eigen::Vector3d> offsets = subsample_offsets(grid, subsamples);
   const double voxel_radius = half_diagonal_mm(grid, Eigen::Vector3d::Ones());
   const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
-  const auto leaf = [&](const Shape::Node::Ptr& node, const Block& block) {
+  const auto leaf = [&](const Shape::Node::Ptr& node, const VoxelBlock& block) {
     block.for_each_voxel([&](int i, int j, int k) {
       const Eigen::Vector3d centre = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
       coverage.at(i, j, k) = covered_fraction(*node, centre, offsets, voxel_radius);
@@ -90,7 +90,7 @@ Result<Volume<LabelId>> voxelize_binary(const Shape& shape, const GridGeometry& 
   if (const Result<void> usable = check_grid(grid); !usable) return usable.error();
   Volume<LabelId> labels(grid);
   const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
-  const auto leaf = [&](const Shape::Node::Ptr& node, const Block& block) {
+  const auto leaf = [&](const Shape::Node::Ptr& node, const VoxelBlock& block) {
     block.for_each_voxel([&](int i, int j, int k) {
       if (node->distance((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen()) < 0) labels.at(i, j, k) = label;
     });

@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-constexpr double kRate = 1000;
+constexpr double kRecorderRate = 1000;
 const std::vector<std::string> kTrouble{"line 3: asked for 2.00 N, felt 1.40 N"};
 
 // a servo that waits for room, so that every tick is due to arrive
@@ -47,10 +47,10 @@ void expect_beginning(const std::vector<TickRecord>& read, const std::vector<Tic
 
 TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
   const test::TemporaryFolder folder;
-  const auto ticks = test::random_ticks(5000, 2, kRate, 11);
+  const auto ticks = test::random_ticks(5000, 2, kRecorderRate, 11);
   SpscRing<TickRecord> ring(128);  // many times around
   std::vector<std::uint64_t> seen;
-  auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(2, kRate),
+  auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(2, kRecorderRate),
                                   [&](const TickRecord& tick) { seen.push_back(tick.state_hash); });
   ASSERT_TRUE(recorder) << recorder.error().message();
 
@@ -89,11 +89,11 @@ TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
 }
 
 TEST(Recorder, WithoutAFileStillCountsAndSees) {
-  const auto ticks = test::example_ticks(700, 1, kRate);
+  const auto ticks = test::example_ticks(700, 1, kRecorderRate);
   SpscRing<TickRecord> ring(1024);
   std::uint64_t seen = 0;
   auto recorder =
-      Recorder::start(ring, "", test::example_header(1, kRate), [&](const TickRecord&) { ++seen; });
+      Recorder::start(ring, "", test::example_header(1, kRecorderRate), [&](const TickRecord&) { ++seen; });
   ASSERT_TRUE(recorder);
   push_all(ring, ticks);
   const auto finished = (*recorder)->finish(0, 0, {});
@@ -104,10 +104,10 @@ TEST(Recorder, WithoutAFileStillCountsAndSees) {
 
 TEST(Recorder, TakesWhatIsLeftBeforeItLeaves) {
   const test::TemporaryFolder folder;
-  const auto ticks = test::example_ticks(900, 1, kRate);
+  const auto ticks = test::example_ticks(900, 1, kRecorderRate);
   SpscRing<TickRecord> ring(1024);
   {
-    auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(1, kRate));
+    auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(1, kRecorderRate));
     ASSERT_TRUE(recorder);
     push_all(ring, ticks);
   }
@@ -227,7 +227,7 @@ class StuckWriter : public RecordingWriter {
 };
 
 TEST(Recorder, AStuckDiskHoldsUpNeitherTheRingNorWhoAsks) {
-  const auto ticks = test::example_ticks(17, 1, kRate);
+  const auto ticks = test::example_ticks(17, 1, kRecorderRate);
   SpscRing<TickRecord> ring(16);
   std::binary_semaphore entered(0), let_go(0);
   auto recorder =
@@ -256,8 +256,8 @@ struct Steps {
 Steps healthy_steps(const std::vector<TickRecord>& ticks) {
   test::MemorySink::Disk disk;
   Steps steps{};
-  auto writer =
-      internal::create_on(std::make_unique<test::MemorySink>(disk), test::example_header(1, kRate), "run.h5");
+  auto writer = internal::create_on(std::make_unique<test::MemorySink>(disk),
+                                    test::example_header(1, kRecorderRate), "run.h5");
   EXPECT_TRUE(writer);
   steps.created = disk.steps.size();
   EXPECT_TRUE((*writer)->append(ticks));
@@ -269,13 +269,13 @@ Steps healthy_steps(const std::vector<TickRecord>& ticks) {
 
 TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
   const test::TemporaryFolder folder;
-  const auto ticks = test::example_ticks(2500, 1, kRate);
+  const auto ticks = test::example_ticks(2500, 1, kRecorderRate);
   const Steps steps = healthy_steps(ticks);
   // in the second chunk of ticks, so that the first is kept
   test::MemorySink::Disk disk;
   disk.fails_at = steps.created + (steps.appended - steps.created) / 2 - 3;
-  auto writer =
-      internal::create_on(std::make_unique<test::MemorySink>(disk), test::example_header(1, kRate), "run.h5");
+  auto writer = internal::create_on(std::make_unique<test::MemorySink>(disk),
+                                    test::example_header(1, kRecorderRate), "run.h5");
   ASSERT_TRUE(writer);
   SpscRing<TickRecord> ring(64);
   std::uint64_t seen = 0;
@@ -312,13 +312,13 @@ TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
 }
 
 TEST(Recorder, ADiskThatIsFullAtTheVeryEndIsAnErrorToo) {
-  const auto ticks = test::example_ticks(800, 1, kRate);
+  const auto ticks = test::example_ticks(800, 1, kRecorderRate);
   const Steps steps = healthy_steps(ticks);
   ASSERT_LT(steps.appended, steps.finished);
   test::MemorySink::Disk disk;
   disk.fails_at = steps.appended;
-  auto writer =
-      internal::create_on(std::make_unique<test::MemorySink>(disk), test::example_header(1, kRate), "run.h5");
+  auto writer = internal::create_on(std::make_unique<test::MemorySink>(disk),
+                                    test::example_header(1, kRecorderRate), "run.h5");
   ASSERT_TRUE(writer);
   SpscRing<TickRecord> ring(1024);
   auto recorder = internal::start_recorder(ring, std::move(*writer), "run.h5", {});
@@ -332,9 +332,9 @@ TEST(Recorder, ADiskThatIsFullAtTheVeryEndIsAnErrorToo) {
 }
 
 // a child that records until it is killed, and says now and then how many ticks it has pushed
-void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks, int report) {
+void record_through_the_ring(const fs::path& file, std::span<const TickRecord> ticks, int report) {
   SpscRing<TickRecord> ring(512);
-  auto recorder = Recorder::start(ring, file, test::example_header(1, kRate));
+  auto recorder = Recorder::start(ring, file, test::example_header(1, kRecorderRate));
   if (!recorder) ::_exit(1);
   for (std::uint64_t pushed = 0; pushed + 100 <= ticks.size(); pushed += 100) {
     push_all(ring, ticks.subspan(pushed, 100));
@@ -346,7 +346,7 @@ void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks, in
 
 TEST(Recorder, KilledLeavesARecordingThatOpens) {
   const test::TemporaryFolder folder;
-  const auto ticks = test::example_ticks(12'000, 1, kRate);
+  const auto ticks = test::example_ticks(12'000, 1, kRecorderRate);
   const std::uint64_t seed = 20260301;
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
@@ -356,7 +356,7 @@ TEST(Recorder, KilledLeavesARecordingThatOpens) {
     ASSERT_EQ(::pipe(ends), 0);
     const fs::path file = folder / ("run" + std::to_string(round) + ".h5");
     const pid_t child = ::fork();
-    if (child == 0) record_for_ever(file, ticks, ends[1]);
+    if (child == 0) record_through_the_ring(file, ticks, ends[1]);
     ::close(ends[1]);
     std::uint64_t pushed = 0, total = 0;
     for (std::uint64_t enough = 1000 + random() % 4000; pushed < enough;)

@@ -6,13 +6,8 @@
 namespace palpate {
 namespace {
 
-std::size_t pixel_count(const SectionPlane& plane) {
-  PALPATE_CHECK(plane.width_px > 0 && plane.height_px > 0);
-  return static_cast<std::size_t>(plane.width_px) * static_cast<std::size_t>(plane.height_px);
-}
-
 Image empty_image(const SectionPlane& plane) {
-  return {plane.width_px, plane.height_px, std::vector<std::uint8_t>(3 * pixel_count(plane))};
+  return {plane.width_px, plane.height_px, std::vector<std::uint8_t>(3 * plane.pixel_count())};
 }
 
 SectionRenderer once(const Model& model, const SectionStyle& style) {
@@ -56,13 +51,13 @@ Image render_scan_layer(const Model& model, const SectionPlane& plane, const Sec
 }
 
 Overlay render_structure_layer(const Model& model, const SectionPlane& plane, const SectionStyle& style) {
-  Overlay overlay{plane.width_px, plane.height_px, std::vector<std::uint8_t>(4 * pixel_count(plane))};
+  Overlay overlay{plane.width_px, plane.height_px, std::vector<std::uint8_t>(4 * plane.pixel_count())};
   once(model, style).render_structures(plane, overlay.rgba);
   return overlay;
 }
 
 std::vector<LabelId> section_labels(const Model& model, const SectionPlane& plane) {
-  std::vector<LabelId> labels(pixel_count(plane));
+  std::vector<LabelId> labels(plane.pixel_count());
   once(model, {}).labels(plane, labels);
   return labels;
 }

@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 constexpr LabelId kFemur = 95, kFibula = 97;
-constexpr Rgb kFemurColour{220, 40, 30}, kFibulaColour{20, 60, 230};
+constexpr Rgb kFemurPaint{220, 40, 30}, kFibulaColour{20, 60, 230};
 
 /// Marks every voxel whose centre lies within `radius_mm` of `centre`.
 void paint_ball(Volume<LabelId>& labels, const Point<Patient>& centre, double radius_mm, LabelId label) {
@@ -49,7 +49,7 @@ Model two_balls(const GridGeometry& grid) {
   paint_ball(labels, kMiddle + Vector<Patient>(14, 4, -6), 4, kFibula);
   Model model;
   model.labels = std::make_shared<const Volume<LabelId>>(std::move(labels));
-  model.segments = {{kFemur, "femur", kFemurColour, 0, kFemur},
+  model.segments = {{kFemur, "femur", kFemurPaint, 0, kFemur},
                     {kFibula, "fibula", kFibulaColour, 0, kFibula}};
   model.tissues.resize(1);
   model.tissue_of_label.assign(kFibula + 1, -1);
@@ -65,7 +65,7 @@ Rgb pixel(const Image& image, std::array<double, 2> at) {
 
 const SectionStyle kOpaque{0, 0, 1.0, true, 256};
 
-class LayersOnGrids : public testing::TestWithParam<int> {
+class LayersOnGrids : public ::testing::TestWithParam<int> {
  protected:
   GridGeometry grid() const {
     const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
@@ -91,7 +91,7 @@ TEST_P(LayersOnGrids, StructuresAppearWhereTheyAre) {
   for (const AnatomicalPlane plane :
        {AnatomicalPlane::kAxial, AnatomicalPlane::kCoronal, AnatomicalPlane::kSagittal}) {
     const SectionPlane at_femur = anatomical_section(plane, kMiddle, 60, 240, 200);
-    EXPECT_EQ(pixel(render_section(model, at_femur, kOpaque), at_femur.pixel_of(kMiddle)), kFemurColour);
+    EXPECT_EQ(pixel(render_section(model, at_femur, kOpaque), at_femur.pixel_of(kMiddle)), kFemurPaint);
     const SectionPlane at_fibula = anatomical_section(plane, fibula, 60, 240, 200);
     EXPECT_EQ(pixel(render_section(model, at_fibula, kOpaque), at_fibula.pixel_of(fibula)), kFibulaColour);
   }
@@ -169,10 +169,10 @@ TEST_P(LayersOnGrids, ScanIsInterpolatedLinearly) {
   }
 }
 
-std::string grid_name(const testing::TestParamInfo<int>& grid) {
+std::string grid_name(const ::testing::TestParamInfo<int>& grid) {
   return std::vector<std::string>{"axisAligned", "leftHanded", "oblique", "permuted"}[grid.param];
 }
-INSTANTIATE_TEST_SUITE_P(Grids, LayersOnGrids, testing::Values(0, 1, 2, 3), grid_name);
+INSTANTIATE_TEST_SUITE_P(Grids, LayersOnGrids, ::testing::Values(0, 1, 2, 3), grid_name);
 
 TEST(Layers, ScanIsClampedToItsWindow) {
   Model model;
@@ -237,9 +237,9 @@ TEST(Layers, SectionIsTheScanUnderTheStructures) {
   const Image image = render_section(model, plane, {0, 1, 0.4, true, 256});
   const Rgb grey = pixel(image, {2, 50}), mixed = pixel(image, {50, 50});
   EXPECT_EQ(grey, (Rgb{128, 128, 128}));
-  EXPECT_NEAR(mixed.r, 0.6 * 128 + 0.4 * kFemurColour.r, 1);
-  EXPECT_NEAR(mixed.g, 0.6 * 128 + 0.4 * kFemurColour.g, 1);
-  EXPECT_NEAR(mixed.b, 0.6 * 128 + 0.4 * kFemurColour.b, 1);
+  EXPECT_NEAR(mixed.r, 0.6 * 128 + 0.4 * kFemurPaint.r, 1);
+  EXPECT_NEAR(mixed.g, 0.6 * 128 + 0.4 * kFemurPaint.g, 1);
+  EXPECT_NEAR(mixed.b, 0.6 * 128 + 0.4 * kFemurPaint.b, 1);
 }
 
 TEST(Layers, PlanesFarAwayOrNotFiniteShowBackground) {

@@ -88,13 +88,13 @@ TEST(Png, HoldsNoTextAndNoTime) {
   for (const unsigned colours : {100u, 4000u}) {
     const std::vector<std::uint8_t> bytes = encode_png(speckled(50, 50, colours));
     EXPECT_THAT(chunks(bytes),
-                testing::IsSubsetOf({"IHDR", "PLTE", "tRNS", "sRGB", "gAMA", "cHRM", "IDAT", "IEND"}));
+                ::testing::IsSubsetOf({"IHDR", "PLTE", "tRNS", "sRGB", "gAMA", "cHRM", "IDAT", "IEND"}));
     EXPECT_TRUE(chunks(bytes).contains("IEND"));
   }
 }
 
 TEST(Png, WritesAFileOrSaysWhyNot) {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "palpate_png_test";
+  const auto folder = std::filesystem::path(::testing::TempDir()) / "palpate_png_test";
   std::filesystem::create_directories(folder);
   const Image image = speckled(12, 10, 50);
   ASSERT_TRUE(write_png(folder / "a.png", image).ok());

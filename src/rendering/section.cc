@@ -42,6 +42,11 @@ Rotation<Patient, Patient> least_turn(const Vector<Patient>& from, const Vector<
 
 }  // namespace
 
+std::size_t SectionPlane::pixel_count() const {
+  PALPATE_CHECK(width_px > 0 && height_px > 0);
+  return static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px);
+}
+
 Point<Patient> SectionPlane::at(double column, double row) const {
   const double x_mm = (column - 0.5 * (width_px - 1)) * mm_per_px();
   const double y_mm = (row - 0.5 * (height_px - 1)) * mm_per_px();

@@ -63,11 +63,6 @@ std::uint8_t to_byte(double value) {
   return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 1.0) * 255.0));
 }
 
-std::size_t pixel_count(const SectionPlane& plane) {
-  PALPATE_CHECK(plane.width_px > 0 && plane.height_px > 0 && plane.width_mm > 0);
-  return static_cast<std::size_t>(plane.width_px) * static_cast<std::size_t>(plane.height_px);
-}
-
 bool differs_from_neighbour(const PixelView& row, int x) {
   const LabelId label = row.labels[x];
   return row.labels[x - 1] != label || row.labels[x + 1] != label || row.above[x] != label ||
@@ -150,7 +145,7 @@ PixelView SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
 }
 
 void SectionRenderer::render(const SectionPlane& plane, std::span<std::uint8_t> rgb) {
-  PALPATE_CHECK(rgb.size() == 3 * pixel_count(plane));
+  PALPATE_CHECK(rgb.size() == 3 * plane.pixel_count());
   std::uint8_t* out = rgb.data();
   for (PixelView row = sample(plane, Layers::kBoth); row.next(); out += std::ptrdiff_t{3} * plane.width_px)
     internal::section::blend_row(paints_.data(), row.grey, row.labels, row.above, row.below, plane.width_px,
@@ -158,14 +153,14 @@ void SectionRenderer::render(const SectionPlane& plane, std::span<std::uint8_t> 
 }
 
 void SectionRenderer::render_scan(const SectionPlane& plane, std::span<std::uint8_t> rgb) {
-  PALPATE_CHECK(rgb.size() == 3 * pixel_count(plane));
+  PALPATE_CHECK(rgb.size() == 3 * plane.pixel_count());
   std::uint8_t* out = rgb.data();
   for (PixelView row = sample(plane, Layers::kScan); row.next(); out += std::ptrdiff_t{3} * plane.width_px)
     internal::section::grey_row(row.grey, plane.width_px, out);
 }
 
 void SectionRenderer::render_structures(const SectionPlane& plane, std::span<std::uint8_t> rgba) {
-  PALPATE_CHECK(rgba.size() == 4 * pixel_count(plane));
+  PALPATE_CHECK(rgba.size() == 4 * plane.pixel_count());
   auto out = rgba.begin();
   for (PixelView row = sample(plane, Layers::kLabels); row.next();) {
     for (int x = 0; x < plane.width_px; ++x) {
@@ -176,7 +171,7 @@ void SectionRenderer::render_structures(const SectionPlane& plane, std::span<std
 }
 
 void SectionRenderer::labels(const SectionPlane& plane, std::span<LabelId> labels) {
-  PALPATE_CHECK(labels.size() == pixel_count(plane));
+  PALPATE_CHECK(labels.size() == plane.pixel_count());
   auto out = labels.begin();
   for (PixelView row = sample(plane, Layers::kLabels); row.next();)
     out = std::copy_n(row.labels, plane.width_px, out);

@@ -9,9 +9,9 @@ namespace {
 
 using test::make_grid;
 
-constexpr unsigned kSeed = 4711;
+constexpr unsigned kGaussianSeed = 4711;
 
-GaussianSphere sphere_of(const LabelVoxels& voxels, double sigma) {
+GaussianSphere gaussian_sphere_of(const LabelVoxels& voxels, double sigma) {
   return GaussianSphere::make(voxels, sigma).value();
 }
 
@@ -48,8 +48,8 @@ double plane_weight(double sigma) {
 }
 
 TEST(GaussianSphere, FastFormGivesTheLiteralNumbersAnywhere) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kGaussianSeed));
+  std::mt19937 random(kGaussianSeed);
   for (const auto& dims : {std::array{11, 9, 8}, std::array{3, 4, 2}, std::array{1, 1, 1}}) {
     for (int kind = 0; kind < 4; ++kind) {
       const auto labels = internal::random_labels(test::make_grid(dims, kind), random);
@@ -57,7 +57,7 @@ TEST(GaussianSphere, FastFormGivesTheLiteralNumbersAnywhere) {
       for (const double sigma : {0.5, 0.8, 1.0, 2.0}) {
         for (const auto& voxels : {LabelVoxels(labels, {1, 2, 3}), LabelVoxels(labels, {1, 5, 40000}),
                                    LabelVoxels::mask(*labels, {4}), LabelVoxels(labels, {})}) {
-          const GaussianSphere sphere = sphere_of(voxels, sigma);
+          const GaussianSphere sphere = gaussian_sphere_of(voxels, sigma);
           for (const auto& p : points) {
             const FieldSample fast = sphere.sample(p), literal = sphere.sample_literal(p);
             ASSERT_NEAR(fast.value, literal.value, 1e-5) << sigma << " at " << p.eigen().transpose();
@@ -72,13 +72,13 @@ TEST(GaussianSphere, FastFormGivesTheLiteralNumbersAnywhere) {
 }
 
 TEST(GaussianSphere, LiteralFormIsTheFormula) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kGaussianSeed));
+  std::mt19937 random(kGaussianSeed);
   for (int kind = 0; kind < 4; ++kind) {
     const GridGeometry grid = test::make_grid({9, 8, 7}, kind);
     const LabelVoxels voxels(internal::random_labels(grid, random), {1, 2, 40000});
     for (const double sigma : {0.5, 1.0, 2.0}) {
-      const GaussianSphere sphere = sphere_of(voxels, sigma);
+      const GaussianSphere sphere = gaussian_sphere_of(voxels, sigma);
       for (int n = 0; n < 400; ++n) {
         // not on a half voxel, where the last bit decides about the window
         Point<Voxel> x;
@@ -95,7 +95,7 @@ TEST(GaussianSphere, LiteralFormIsTheFormula) {
 TEST(GaussianSphere, WeightsDoNotSumToOneAsPublished) {
   const GridGeometry grid = test::make_grid({16, 16, 16}, 1);
   const auto full = std::make_shared<Volume<LabelId>>(grid, LabelId{1});
-  const GaussianSphere sphere = sphere_of({full, {1}}, 1);
+  const GaussianSphere sphere = gaussian_sphere_of({full, {1}}, 1);
   double axis_sum = 0;
   for (int n = -2; n <= 2; ++n) axis_sum += std::exp(-n * n / 2.0) / std::sqrt(2 * std::numbers::pi);
   const FieldSample centre = sphere.sample(grid.X_PatientVoxel() * Point<Voxel>(8, 8, 8));
@@ -117,7 +117,7 @@ TEST(GaussianSphere, JumpsWhereTheWindowMovesAndNowhereElse) {
       for (int i = 8; i < 20; ++i) wall->at(i, j, k) = 1;
     }
   }
-  const GaussianSphere sphere = sphere_of({wall, {1}}, 1);
+  const GaussianSphere sphere = gaussian_sphere_of({wall, {1}}, 1);
   for (const bool literal : {false, true}) {
     const auto value = [&](double i) {
       const Point<Patient> p = grid.X_PatientVoxel() * Point<Voxel>(i, 6, 6);
@@ -134,12 +134,13 @@ TEST(GaussianSphere, JumpsWhereTheWindowMovesAndNowhereElse) {
 }
 
 TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kGaussianSeed));
+  std::mt19937 random(kGaussianSeed);
   GridGeometry grid = test::make_grid({80, 80, 60}, 0);
   grid.spacing_mm = {0.625, 0.625, 0.9};
   for (const double sigma : {1.0, 2.0}) {
-    const GaussianSphere sphere = sphere_of({internal::ball_labels(grid, grid.centre(), 18), {1}}, sigma);
+    const GaussianSphere sphere =
+        gaussian_sphere_of({internal::ball_labels(grid, grid.centre(), 18), {1}}, sigma);
     const auto window = [&](const Point<Patient>& p) {
       return ((sphere.voxels().X_VoxelPatient() * p).eigen().array() + 0.5).floor().matrix().eval();
     };
@@ -162,7 +163,8 @@ TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
 
 TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
-  const GaussianSphere sphere = sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 1);
+  const GaussianSphere sphere =
+      gaussian_sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 1);
   auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-4.1, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 7.6));

@@ -16,7 +16,7 @@ using internal::decode_octahedral;
 using internal::encode_octahedral;
 using internal::OctahedralCode;
 
-constexpr unsigned kSeed = 99;
+constexpr unsigned kOctahedralSeed = 99;
 
 Eigen::Vector3d random_direction(std::mt19937& random) {
   std::normal_distribution<double> normal;
@@ -40,8 +40,8 @@ TEST(Octahedral, EveryCodeIsADirectionThatReturnsToIt) {
 }
 
 TEST(Octahedral, CodeIsTheNearestOfAll) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kOctahedralSeed));
+  std::mt19937 random(kOctahedralSeed);
   const int levels = 15;
   for (int n = 0; n < 2000; ++n) {
     const Eigen::Vector3d direction = random_direction(random);
@@ -70,8 +70,8 @@ TEST(Octahedral, AxesAreExact) {
 }
 
 TEST(StoredNormal, ErrorsAreInTheRatiosThatTheEncodingsPromise) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kOctahedralSeed));
+  std::mt19937 random(kOctahedralSeed);
   const auto mean_error = [&](NormalEncoding encoding) {
     double sum = 0;
     const int count = 20000;

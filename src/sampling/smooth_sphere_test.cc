@@ -9,15 +9,15 @@ namespace {
 
 using test::make_grid;
 
-constexpr unsigned kSeed = 1234;
+constexpr unsigned kSmoothSeed = 1234;
 
-SmoothSphere sphere_of(const LabelVoxels& voxels, double sigma_mm) {
+SmoothSphere smooth_sphere_of(const LabelVoxels& voxels, double sigma_mm) {
   return SmoothSphere::make(voxels, sigma_mm).value();
 }
 
 TEST(SmoothSphere, VectorFormGivesTheLiteralNumbersAnywhere) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
+  std::mt19937 random(kSmoothSeed);
   for (const auto& dims : {std::array{19, 9, 8}, std::array{3, 4, 2}, std::array{1, 1, 1}}) {
     for (int kind = 0; kind < 4; ++kind) {
       const auto labels = internal::random_labels(test::make_grid(dims, kind), random);
@@ -25,7 +25,7 @@ TEST(SmoothSphere, VectorFormGivesTheLiteralNumbersAnywhere) {
         const auto points = internal::random_points(labels->geometry(), 6, 60, random);
         for (const auto& voxels : {LabelVoxels(labels, {1, 2, 3}), LabelVoxels(labels, {1, 5, 40000}),
                                    LabelVoxels::mask(*labels, {4}), LabelVoxels(labels, {})}) {
-          const SmoothSphere sphere = sphere_of(voxels, sigma);
+          const SmoothSphere sphere = smooth_sphere_of(voxels, sigma);
           for (const auto& p : points) {
             const FieldSample sample = sphere.sample(p), literal = sphere.sample_literal(p);
             ASSERT_NEAR(sample.value, literal.value, 1e-5) << sigma << " at " << p.eigen().transpose();
@@ -39,11 +39,11 @@ TEST(SmoothSphere, VectorFormGivesTheLiteralNumbersAnywhere) {
 }
 
 TEST(SmoothSphere, GivesTheLiteralNumbersForAKernelOfManyVectors) {
-  std::mt19937 random(kSeed);
+  std::mt19937 random(kSmoothSeed);
   GridGeometry grid = test::make_grid({90, 12, 9}, 0);
   grid.spacing_mm = {0.1, 0.9, 1.3};
   const auto labels = internal::random_labels(grid, random);
-  const SmoothSphere sphere = sphere_of({labels, {1, 2, 3}}, 1.2);
+  const SmoothSphere sphere = smooth_sphere_of({labels, {1, 2, 3}}, 1.2);
   EXPECT_DOUBLE_EQ(sphere.radius_voxels()[0], 36);
   for (const auto& p : internal::random_points(grid, 3, 30, random)) {
     EXPECT_NEAR(sphere.sample(p).value, sphere.sample_literal(p).value, 1e-5);
@@ -52,11 +52,11 @@ TEST(SmoothSphere, GivesTheLiteralNumbersForAKernelOfManyVectors) {
 }
 
 TEST(SmoothSphere, GradientIsTheDerivativePerMillimetreInThePatientFrame) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
+  std::mt19937 random(kSmoothSeed);
   for (int kind = 0; kind < 4; ++kind) {
     const GridGeometry grid = test::make_grid({14, 9, 8}, kind);
-    const SmoothSphere sphere = sphere_of({internal::random_labels(grid, random), {1, 2, 3}}, 0.7);
+    const SmoothSphere sphere = smooth_sphere_of({internal::random_labels(grid, random), {1, 2, 3}}, 0.7);
     for (const auto& p : internal::random_points(grid, 1, 60, random)) {
       const Vector<Patient> gradient = sphere.sample(p).gradient;
       const double h = 1e-4;
@@ -73,13 +73,13 @@ TEST(SmoothSphere, GradientIsTheDerivativePerMillimetreInThePatientFrame) {
 }
 
 TEST(SmoothSphere, IsExactlyFlatWhereAllVoxelsWithinReachAreEqual) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
+  std::mt19937 random(kSmoothSeed);
   for (int kind = 0; kind < 4; ++kind) {
     const GridGeometry grid = test::make_grid({40, 24, 20}, kind);
     const auto full = std::make_shared<Volume<LabelId>>(grid, LabelId{3});
-    const SmoothSphere inside = sphere_of({full, {3}}, 0.8);
-    const SmoothSphere outside = sphere_of({full, {4}}, 0.8);
+    const SmoothSphere inside = smooth_sphere_of({full, {3}}, 0.8);
+    const SmoothSphere outside = smooth_sphere_of({full, {4}}, 0.8);
     for (int n = 0; n < 100; ++n) {
       Point<Voxel> x;
       for (int axis = 0; axis < 3; ++axis) {
@@ -97,8 +97,8 @@ TEST(SmoothSphere, IsExactlyFlatWhereAllVoxelsWithinReachAreEqual) {
 
 TEST(SmoothSphere, WeightsSumToOneEverywhereTheBorderIncluded) {
   // the same labels inside a larger volume of free space: the border makes no difference
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
+  std::mt19937 random(kSmoothSeed);
   const GridGeometry small_grid = test::make_grid({9, 8, 7}, 3);
   const auto labels = internal::random_labels(small_grid, random);
   GridGeometry grid = small_grid;
@@ -119,10 +119,10 @@ TEST(SmoothSphere, WeightsSumToOneEverywhereTheBorderIncluded) {
   LabelSet others = LabelSet::all();
   for (const int id : {1, 2, 40000}) others.erase(static_cast<LabelId>(id));
   for (const double sigma : {0.1, 0.6}) {
-    const SmoothSphere sphere = sphere_of({labels, some}, sigma),
-                       of_others = sphere_of({labels, others}, sigma);
-    const SmoothSphere with_margin = sphere_of({surrounded, some}, sigma),
-                       of_free = sphere_of({free_space, {1}}, sigma);
+    const SmoothSphere sphere = smooth_sphere_of({labels, some}, sigma),
+                       of_others = smooth_sphere_of({labels, others}, sigma);
+    const SmoothSphere with_margin = smooth_sphere_of({surrounded, some}, sigma),
+                       of_free = smooth_sphere_of({free_space, {1}}, sigma);
     for (const auto& p : internal::random_points(small_grid, 2, 200, random)) {
       EXPECT_NEAR(sphere.sample(p).value, with_margin.sample(p).value, 1e-6);
       EXPECT_NEAR(sphere.sample(p).value + of_others.sample(p).value + of_free.sample(p).value, 1, 1e-6);
@@ -145,7 +145,7 @@ TEST(SmoothSphere, FlatWallHasTheDocumentedSlope) {
       }
     }
     const double sigma = 1.5;
-    const SmoothSphere sphere = sphere_of({wall, {1}}, sigma);
+    const SmoothSphere sphere = smooth_sphere_of({wall, {1}}, sigma);
     double steepest = 0;
     for (double at = 19; at < 20; at += 0.01) {
       Point<Voxel> x(20, 20, 20);
@@ -163,10 +163,10 @@ TEST(SmoothSphere, FlatWallHasTheDocumentedSlope) {
 }
 
 TEST(SmoothSphere, DoesNotJumpWhereItsWindowMoves) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
+  std::mt19937 random(kSmoothSeed);
   const GridGeometry grid = test::make_grid({20, 20, 20}, 0);
-  const SmoothSphere sphere = sphere_of({internal::random_labels(grid, random), {1, 2, 3}}, 1.1);
+  const SmoothSphere sphere = smooth_sphere_of({internal::random_labels(grid, random), {1, 2, 3}}, 1.1);
   const double tiny = 1e-7;
   for (int start = 5; start < 12; ++start) {
     // the window gains and loses a voxel where its end meets a centre
@@ -179,12 +179,12 @@ TEST(SmoothSphere, DoesNotJumpWhereItsWindowMoves) {
 }
 
 TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
+  std::mt19937 random(kSmoothSeed);
   GridGeometry grid = test::make_grid({90, 90, 64}, 0);
   grid.spacing_mm = {0.625, 0.625, 0.9};
   const LabelVoxels voxels(internal::ball_labels(grid, grid.centre(), 20), {1});
-  const SmoothSphere smooth = sphere_of(voxels, 1.5), smallest = sphere_of(voxels, 0.05);
+  const SmoothSphere smooth = smooth_sphere_of(voxels, 1.5), smallest = smooth_sphere_of(voxels, 0.05);
   internal::Choppiness all, of_smallest;
   for (const double depth : {-0.5, 0.0, 0.75, 1.5}) {
     const auto path = internal::winding_path(grid.centre(), 20 - depth, 0.01, 2500, random);
@@ -205,7 +205,8 @@ TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
 
 TEST(SmoothSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
-  const SmoothSphere sphere = sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 0.5);
+  const SmoothSphere sphere =
+      smooth_sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 0.5);
   auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-sphere.radius_voxels()[0] - 0.1, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 3.1 + sphere.radius_voxels()[2]));
@@ -221,7 +222,7 @@ TEST(SmoothSphere, RadiusIsInMillimetresAndNeverLessThanTwoVoxels) {
   GridGeometry grid = test::make_grid({4, 4, 4}, 0);
   grid.spacing_mm = {0.5, 1, 3};
   const LabelVoxels voxels(std::make_shared<Volume<LabelId>>(grid), {1});
-  EXPECT_EQ(sphere_of(voxels, 1).radius_voxels(), (std::array<double, 3>{6, 3, 2}));
+  EXPECT_EQ(smooth_sphere_of(voxels, 1).radius_voxels(), (std::array<double, 3>{6, 3, 2}));
 
   for (const double sigma :
        {0.0, -1.0, 11.0, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {

@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 // beyond one voxel outside, the spline's value is the one outside
-constexpr double kReach = 1;
+constexpr double kSplineReach = 1;
 
 /// Fills what queries near the border read: the coefficients are odd about one voxel beyond the grid. The
 /// border of a PaddedVolume is shared by two rows, and two voxels of it are each one's.
@@ -76,7 +76,7 @@ SplineField::SplineField(const Volume<float>& values, const SplineOptions& optio
     if (largest > 0) scale_ = static_cast<double>(largest) / std::numeric_limits<std::int16_t>::max();
     coefficients_ = padded(in_steps(coefficients, scale_));
   }
-  map_ = internal::SamplingMap(values.geometry(), scale_, options.outside, options.outside, kReach, 1);
+  map_ = internal::SamplingMap(values.geometry(), scale_, options.outside, options.outside, kSplineReach, 1);
 }
 
 SplineField::SplineField(const Field& field, const SplineOptions& options)

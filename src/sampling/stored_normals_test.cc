@@ -9,7 +9,7 @@ namespace {
 
 using test::make_grid;
 
-constexpr unsigned kSeed = 31;
+constexpr unsigned kNormalsSeed = 31;
 constexpr std::array kEncodings{NormalEncoding::kBytes, NormalEncoding::kOctahedral16,
                                 NormalEncoding::kOctahedral24};
 
@@ -30,8 +30,8 @@ Volume<T> random_ramp(const GridGeometry& grid, std::mt19937& random) {
 }
 
 TEST(StoredNormals, VectorFormGivesTheLiteralNumbersAnywhere) {
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937 random(kSeed);
+  SCOPED_TRACE("seed " + std::to_string(kNormalsSeed));
+  std::mt19937 random(kNormalsSeed);
   for (const auto& dims : {std::array{9, 8, 7}, std::array{1, 3, 2}, std::array{1, 1, 1}}) {
     for (int kind = 0; kind < 4; ++kind) {
       const GridGeometry grid = test::make_grid(dims, kind);
@@ -127,7 +127,7 @@ TEST(StoredNormals, BytesFlattenASurfaceThatRunsNearlyParallelToAnAxis) {
 }
 
 TEST(StoredNormals, CountTheirStorage) {
-  std::mt19937 random(kSeed);
+  std::mt19937 random(kNormalsSeed);
   const auto ramp = random_ramp<std::uint8_t>(test::make_grid({10, 6, 5}, 1), random);
   const auto occupied =
       std::count_if(ramp.voxels().begin(), ramp.voxels().end(), [](auto v) { return v > 0; });

@@ -101,7 +101,7 @@ TEST(ParseScript, AxesHaveUnitLength) {
   EXPECT_TRUE(std::get<RotateStep>(script->steps[0]).axis_world.isApprox(Eigen::Vector3d(0, 0.6, 0.8)));
 }
 
-double default_of(const TableSpec& table, std::string_view key) {
+double script_default_of(const TableSpec& table, std::string_view key) {
   return std::stod(std::string(table.find(key)->default_text));
 }
 
@@ -116,21 +116,22 @@ TEST(ParseScript, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(keys.top.find("hand")->default_text, "\"" + script->hand + "\"");
   EXPECT_EQ(script->device_line, 0);
   EXPECT_EQ(script->hand_line, 0);
-  EXPECT_EQ(script->rate_hz, default_of(keys.top, "rate"));
-  EXPECT_EQ(script->delay_s, default_of(keys.top, "delay"));
-  EXPECT_EQ(script->tremor_mm, default_of(keys.top, "tremor"));
-  EXPECT_EQ(static_cast<double>(script->seed), default_of(keys.top, "seed"));
+  EXPECT_EQ(script->rate_hz, script_default_of(keys.top, "rate"));
+  EXPECT_EQ(script->delay_s, script_default_of(keys.top, "delay"));
+  EXPECT_EQ(script->tremor_mm, script_default_of(keys.top, "tremor"));
+  EXPECT_EQ(static_cast<double>(script->seed), script_default_of(keys.top, "seed"));
   const auto& actions = keys.actions;
-  EXPECT_EQ(std::get<ApproachStep>(script->steps[0]).speed_mm_s, default_of(actions[0], "speed"));
-  EXPECT_EQ(std::get<ApproachStep>(script->steps[0]).clearance_mm, default_of(actions[0], "clearance"));
-  EXPECT_EQ(std::get<PressStep>(script->steps[1]).settle_s, default_of(actions[1], "settle"));
-  EXPECT_EQ(std::get<SlideStep>(script->steps[2]).speed_mm_s, default_of(actions[3], "speed"));
+  EXPECT_EQ(std::get<ApproachStep>(script->steps[0]).speed_mm_s, script_default_of(actions[0], "speed"));
+  EXPECT_EQ(std::get<ApproachStep>(script->steps[0]).clearance_mm,
+            script_default_of(actions[0], "clearance"));
+  EXPECT_EQ(std::get<PressStep>(script->steps[1]).settle_s, script_default_of(actions[1], "settle"));
+  EXPECT_EQ(std::get<SlideStep>(script->steps[2]).speed_mm_s, script_default_of(actions[3], "speed"));
   EXPECT_EQ(std::get<SlideStep>(script->steps[2]).direction, Vector<Patient>(0, 0, 1));
   EXPECT_EQ(actions[3].find("direction")->default_text, "\"superior\"");
-  EXPECT_EQ(std::get<RotateStep>(script->steps[3]).seconds, default_of(actions[4], "seconds"));
+  EXPECT_EQ(std::get<RotateStep>(script->steps[3]).seconds, script_default_of(actions[4], "seconds"));
   EXPECT_EQ(std::get<RotateStep>(script->steps[3]).axis_world, Eigen::Vector3d(0, 0, 1));
   EXPECT_EQ(actions[4].find("axis")->default_text, "\"up\"");
-  EXPECT_EQ(std::get<LeaveStep>(script->steps[4]).speed_mm_s, default_of(actions[6], "speed"));
+  EXPECT_EQ(std::get<LeaveStep>(script->steps[4]).speed_mm_s, script_default_of(actions[6], "speed"));
 }
 
 struct BadScript {

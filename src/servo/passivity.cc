@@ -9,7 +9,7 @@ namespace {
 // an encoder without a known step counts as one that is coarse among those that are known
 constexpr double kCoarseStep_mm = 0.06;
 // A way of one step tells no speed: it may be the encoder's own. One for which the tip needs longer is rest.
-constexpr double kTellingSteps = 1.5, kLongest_s = 0.007;
+constexpr double kTellingSteps = 1.5, kLongestUntold_s = 0.007;
 // what stays covered: as much as the encoder hides (F 2 steps, methods of Hannaford & Ryu with quantisation)
 constexpr double kReserveSteps = 2;
 // Slower than a speed is told the tip still has a direction: it turns where it has gone back so far, which is
@@ -29,7 +29,7 @@ void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& 
   state.way_mm += along_mm;
   state.time_s += dt_s;
   const bool told = std::abs(state.way_mm) >= kTellingSteps * step_mm;
-  if (!told && state.time_s < kLongest_s) return;
+  if (!told && state.time_s < kLongestUntold_s) return;
   state.speed_mm_s = told ? state.way_mm / state.time_s : 0;
   state.way_mm = state.time_s = 0;
 }

@@ -16,25 +16,25 @@ using testing::kBone;
 using testing::kBoneRadius_mm;
 using testing::kCartilage;
 
-constexpr double kTick_s = 1e-3;
+constexpr double kMillisecond_s = 1e-3;
 
 // one device, ticked at chosen places, by a stage that neither ramps, slews nor damps unless a test wants it
 // to
-struct Loop {
+struct TickedLoop {
   Model model = ball_model();
   Parameters parameters;
   SessionState state;
   TickRecord record;
   Wrench wrench;
 
-  Loop() {
+  TickedLoop() {
     state.hands[0].output.gain = 1;
     parameters.passivity = false;
     parameters.device[0].limits.slew_N_per_s = std::numeric_limits<double>::infinity();
     parameters.device[0].limits.peak_torque_Nmm = 1000;
   }
   void at(const DeviceState& device) {
-    tick(model, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
+    tick(model, parameters, {&device, 1}, kMillisecond_s, state, {&wrench, 1}, record);
   }
   void at(const Point<World>& tip) {
     DeviceState device;
@@ -49,7 +49,7 @@ struct Loop {
 };
 
 TEST(Tick, PushesOutAlongTheAnalyticNormalWithTheAnalyticForce) {
-  Loop loop;
+  TickedLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.parameters.max_force_N = 100;
   const double full_N = loop.model.methods[0]->full_force_N();
@@ -69,7 +69,7 @@ TEST(Tick, PushesOutAlongTheAnalyticNormalWithTheAnalyticForce) {
 }
 
 TEST(Tick, SlopeAtTheSurfaceIsTheTissuesStiffness) {
-  Loop loop;
+  TickedLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.parameters.max_force_N = 100;
   loop.at(Point<World>(kBoneRadius_mm - 0.1, 0, 0));
@@ -81,7 +81,7 @@ TEST(Tick, SlopeAtTheSurfaceIsTheTissuesStiffness) {
 
 TEST(Tick, ForceTurnsWithTheObject) {
   // the ball is made unequal by moving it off the pivot: what is felt must turn rigidly with it
-  Loop still, turned;
+  TickedLoop still, turned;
   still.parameters.friction = still.parameters.viscosity = false;
   still.model.X_WorldPatient = Transform<World, Patient>(still.model.X_WorldPatient.linear(), {4, 1, -2});
   turned.parameters = still.parameters;
@@ -100,7 +100,7 @@ TEST(Tick, ForceTurnsWithTheObject) {
 }
 
 TEST(Tick, ARotationCommandIsInterpolatedWithoutAStepOfForce) {
-  Loop loop;
+  TickedLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   // off the pivot, so that turning moves the surface under the still tip
   loop.model.X_WorldPatient = Transform<World, Patient>(loop.model.X_WorldPatient.linear(), {10, 0, 0});
@@ -124,7 +124,7 @@ TEST(Tick, ARotationCommandIsInterpolatedWithoutAStepOfForce) {
 }
 
 TEST(Tick, ACommandThatIsNoRotationIsIgnoredAndSaidSo) {
-  Loop loop;
+  TickedLoop loop;
   const auto R = Rotation<World, World>::about(Eigen::Vector3d::UnitY(), 0.2);
   loop.parameters.rotation_target = R.quaternion();
   for (int n = 0; n < 150; ++n) loop.at(Point<World>(kBoneRadius_mm, 0, 0));
@@ -139,7 +139,7 @@ TEST(Tick, ACommandThatIsNoRotationIsIgnoredAndSaidSo) {
 }
 
 TEST(Tick, DeepInsideIsAContactThoughNothingPushes) {
-  Loop loop;
+  TickedLoop loop;
   for (int n = 0; n < 30; ++n) loop.at(Point<World>(0, 0, 0));
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
   EXPECT_EQ(loop.record.device[0].label, kBone);
@@ -148,7 +148,7 @@ TEST(Tick, DeepInsideIsAContactThoughNothingPushes) {
 
 TEST(Tick, VelocityIsRelativeToTheObject) {
   // a tip that rides on the turning object does not move relative to it
-  Loop loop;
+  TickedLoop loop;
   const auto turn_at = [](double t) {
     return Rotation<World, World>::about(Eigen::Vector3d::UnitZ(), 0.5 * t);
   };
@@ -156,7 +156,7 @@ TEST(Tick, VelocityIsRelativeToTheObject) {
   for (int command = 0; command < 10; ++command) {
     loop.parameters.rotation_target = turn_at(t + 0.1).quaternion();
     for (int n = 0; n < 100; ++n) {
-      t += kTick_s;
+      t += kMillisecond_s;
       loop.at(Point<World>((turn_at(t) * Vector<World>(0, kBoneRadius_mm, 0)).eigen()));
     }
   }
@@ -165,7 +165,7 @@ TEST(Tick, VelocityIsRelativeToTheObject) {
 }
 
 TEST(Tick, NeverSendsMoreThanTheLimitAndSaysSo) {
-  Loop loop;
+  TickedLoop loop;
   loop.parameters.max_force_N = 0.8;
   for (double x = 20; x > 5; x -= 0.05) {
     loop.at(Point<World>(x, 0.3, 0));
@@ -176,7 +176,7 @@ TEST(Tick, NeverSendsMoreThanTheLimitAndSaysSo) {
 }
 
 TEST(Tick, SurvivesPosesThatAreNotFinite) {
-  Loop loop;
+  TickedLoop loop;
   loop.at(Point<World>(kBoneRadius_mm, 0, 0));
   for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
     loop.at(Point<World>(0, bad, 0));
@@ -192,7 +192,7 @@ TEST(Tick, SurvivesPosesThatAreNotFinite) {
 }
 
 TEST(Tick, ATipThatJumpsGetsNothingAndThenTheRamp) {
-  Loop loop;
+  TickedLoop loop;
   loop.at(Point<World>(kBoneRadius_mm, 0, 0));
   EXPECT_GT(loop.wrench.force_N.norm(), 0.1);
   loop.at(Point<World>(kBoneRadius_mm - 10.1, 0, 0));
@@ -220,7 +220,7 @@ TEST(Tick, ATipThatJumpsGetsNothingAndThenTheRamp) {
 }
 
 TEST(Tick, PauseFadesOutAndBackIn) {
-  Loop loop;
+  TickedLoop loop;
   const Point<World> tip(kBoneRadius_mm, 0, 0);
   loop.at(tip);
   const double full_N = loop.wrench.force_N.norm();
@@ -243,7 +243,7 @@ TEST(Tick, PauseFadesOutAndBackIn) {
 }
 
 TEST(Tick, AForceThatIsNotFiniteLeavesNothingBehind) {
-  Loop loop;
+  TickedLoop loop;
   const Point<World> tip(kBoneRadius_mm, 0, 0);
   loop.at(tip);
   const double full_N = loop.model.methods[0]->full_force_N();
@@ -258,7 +258,7 @@ TEST(Tick, AForceThatIsNotFiniteLeavesNothingBehind) {
 }
 
 TEST(Tick, EmergencyStopIsAtOnceAndStatusBitsAreFaults) {
-  Loop loop;
+  TickedLoop loop;
   DeviceState device;
   device.tip = Point<World>(kBoneRadius_mm, 0, 0);
   const auto expect_off = [&](std::uint32_t flag) {
@@ -283,7 +283,7 @@ TEST(Tick, EmergencyStopIsAtOnceAndStatusBitsAreFaults) {
 }
 
 TEST(Tick, GainsMultiplyWhatTheDeviceIsSentAndTheLimitHoldsForIt) {
-  Loop one, two;
+  TickedLoop one, two;
   one.parameters.max_force_N = two.parameters.max_force_N = 2;
   two.parameters.device[0].force_gain = 2;
   two.parameters.device[0].scale = 4;
@@ -301,26 +301,26 @@ TEST(Tick, GainsMultiplyWhatTheDeviceIsSentAndTheLimitHoldsForIt) {
 // what changes the force while the tip holds still
 struct Change {
   const char* name;
-  std::function<void(Loop&)> apply;
+  std::function<void(TickedLoop&)> apply;
 };
 
 TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
   const Change changes[] = {
       {"model",
-       [](Loop& loop) {
+       [](TickedLoop& loop) {
          testing::set_full_force(loop.model, 1.7 * loop.model.methods[0]->full_force_N());
          ++loop.model.version;
        }},
-      {"gain", [](Loop& loop) { loop.parameters.device[0].force_gain = 0.4; }},
-      {"viscosity", [](Loop& loop) { loop.parameters.viscosity = false; }},
-      {"friction", [](Loop& loop) { loop.parameters.friction = false; }},
-      {"b-spline", [](Loop& loop) { loop.parameters.method = ForceMethod::kSpline; }},
-      {"smooth sphere", [](Loop& loop) { loop.parameters.method = ForceMethod::kSmoothSphere; }},
+      {"gain", [](TickedLoop& loop) { loop.parameters.device[0].force_gain = 0.4; }},
+      {"viscosity", [](TickedLoop& loop) { loop.parameters.viscosity = false; }},
+      {"friction", [](TickedLoop& loop) { loop.parameters.friction = false; }},
+      {"b-spline", [](TickedLoop& loop) { loop.parameters.method = ForceMethod::kSpline; }},
+      {"smooth sphere", [](TickedLoop& loop) { loop.parameters.method = ForceMethod::kSmoothSphere; }},
   };
   const Model model = testing::with_every_method(ball_model());
   for (const Change& change : changes) {
     // sliding along the surface, so that friction and viscosity act
-    Loop kept, changed;
+    TickedLoop kept, changed;
     kept.model = changed.model = model;
     kept.model.tissues[0].viscosity_N_s_per_mm = changed.model.tissues[0].viscosity_N_s_per_mm = 0.01;
     double largest_step_N = 0, undisturbed_N = 0, apart_N = 0;
@@ -346,10 +346,10 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
     }
     ASSERT_GT(apart_N, 0.02) << change.name << " must change something";
     // a smooth step of that height over 0.1 s: 1.5 times the even slope at its steepest
-    EXPECT_LT(largest_step_N, 1.2 * undisturbed_N + 1.6 * apart_N * kTick_s / kBlend_s) << change.name;
+    EXPECT_LT(largest_step_N, 1.2 * undisturbed_N + 1.6 * apart_N * kMillisecond_s / kBlend_s) << change.name;
 
     // and what comes out in the end is what the change alone would give
-    Loop from_the_start;
+    TickedLoop from_the_start;
     from_the_start.model = model;
     from_the_start.model.tissues[0].viscosity_N_s_per_mm = 0.01;
     change.apply(from_the_start);
@@ -364,7 +364,7 @@ TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
   // the tip holds still, so that nothing but the method changes the force
   const Model model = testing::with_every_method(ball_model({0.6, 0.6, 0.9}, 1.0, 3));
   for (const ForceMethodInfo& from : kDirectMethods) {
-    Loop loop;
+    TickedLoop loop;
     loop.model = model;
     loop.parameters.method = from.method;
     for (const ForceMethodInfo& to : kDirectMethods) {
@@ -384,9 +384,9 @@ TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
         largest_step_N = std::max(largest_step_N, (loop.wrench.force_N - previous).norm());
         previous = loop.wrench.force_N;
       }
-      EXPECT_LE(largest_step_N, 1.6 * (previous - before).norm() * kTick_s / kBlend_s + 1e-12);
+      EXPECT_LE(largest_step_N, 1.6 * (previous - before).norm() * kMillisecond_s / kBlend_s + 1e-12);
       // as if it had been felt by that method from the start
-      Loop fresh;
+      TickedLoop fresh;
       fresh.model = model;
       fresh.parameters.method = to.method;
       fresh.at(tip);
@@ -396,7 +396,7 @@ TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
 }
 
 // a loop that feels by the proxy
-struct ProxyLoop : Loop {
+struct ProxyLoop : TickedLoop {
   explicit ProxyLoop(double cartilage_mm = 0) {
     model = testing::with_exact_surfaces(ball_model({0.6, 0.6, 0.9}, 1.0, cartilage_mm), cartilage_mm);
     parameters.method = ForceMethod::kProxy;
@@ -493,14 +493,14 @@ TEST(Tick, FromADirectMethodToTheProxyTheForceIsNoStep) {
     previous_N = loop.wrench.force_N.norm();
   }
   EXPECT_EQ(previous_N, 0) << "the surface is not reached yet";
-  EXPECT_LE(largest_step_N, 1.6 * before_N * kTick_s / kBlend_s);
+  EXPECT_LE(largest_step_N, 1.6 * before_N * kMillisecond_s / kBlend_s);
 }
 
 // pressed and let go at a speed, again and again: the work that the force did on the tip
 double given_out_mJ(ProxyLoop& loop, double speed_mm_s) {
   loop.parameters.friction = loop.parameters.viscosity = false;
   double given_mJ = 0;
-  const double stride_mm = speed_mm_s * kTick_s;
+  const double stride_mm = speed_mm_s * kMillisecond_s;
   double x_mm = kBoneRadius_mm + 10.5 * stride_mm;
   for (int n = 0; n < 400; ++n) {
     const double way_mm = n % 40 < 20 ? -stride_mm : stride_mm;
@@ -543,7 +543,7 @@ TEST(Tick, ATurningObjectIsNoActivity) {
   loop.parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()));
   for (int n = 0; n < 100; ++n) {
     // where the turn of this tick will put it
-    const double part = std::min(1.0, (n + 1) * kTick_s / kRotationInterval_s);
+    const double part = std::min(1.0, (n + 1) * kMillisecond_s / kRotationInterval_s);
     const auto turn = Rotation<World, World>::about(Eigen::Vector3d::UnitZ(), 0.3 * part);
     loop.at(Point<World>((turn * Vector<World>(kBoneRadius_mm - 1, 0, 0)).eigen()));
   }
@@ -551,12 +551,12 @@ TEST(Tick, ATurningObjectIsNoActivity) {
 }
 
 TEST(Tick, EnergyIsForgottenWithEveryOtherMemory) {
-  const std::pair<const char*, std::function<void(Loop&, DeviceState&)>> losses[] = {
-      {"pause", [](Loop& loop, DeviceState&) { loop.parameters.paused = true; }},
-      {"clutch", [](Loop&, DeviceState& device) { device.status = kDeviceClutched; }},
-      {"jump", [](Loop&, DeviceState& device) { device.tip += Vector<World>(0, 20, 0); }},
-      {"not finite", [](Loop&, DeviceState& device) { device.tip = Point<World>(0, std::nan(""), 0); }},
-      {"emergency stop", [](Loop& loop, DeviceState&) { loop.parameters.emergency_stop = true; }}};
+  const std::pair<const char*, std::function<void(TickedLoop&, DeviceState&)>> losses[] = {
+      {"pause", [](TickedLoop& loop, DeviceState&) { loop.parameters.paused = true; }},
+      {"clutch", [](TickedLoop&, DeviceState& device) { device.status = kDeviceClutched; }},
+      {"jump", [](TickedLoop&, DeviceState& device) { device.tip += Vector<World>(0, 20, 0); }},
+      {"not finite", [](TickedLoop&, DeviceState& device) { device.tip = Point<World>(0, std::nan(""), 0); }},
+      {"emergency stop", [](TickedLoop& loop, DeviceState&) { loop.parameters.emergency_stop = true; }}};
   for (const auto& [name, lose] : losses) {
     SCOPED_TRACE(name);
     ProxyLoop loop;
@@ -958,7 +958,7 @@ TEST(Tick, InsideAPuncturedStructureItsViscosityIsFelt) {
   EXPECT_EQ(loop.wrench.force_N, Vector<World>()) << "it rests";
   const double way_mm = 4;
   loop.lead({kBoneRadius_mm - 4, 0, 0}, {kBoneRadius_mm - 4 - way_mm, 0, 0}, 40);
-  const double drag_N = loop.model.tissues[0].viscosity_N_s_per_mm * way_mm / (40 * kTick_s);
+  const double drag_N = loop.model.tissues[0].viscosity_N_s_per_mm * way_mm / (40 * kMillisecond_s);
   EXPECT_NEAR(loop.wrench.force_N.x(), drag_N, 0.1 * drag_N);
   EXPECT_EQ(loop.record.device[0].label, kBone);
 }
@@ -1004,7 +1004,7 @@ TEST(Tick, TheCouplingsDampingComesInWithTheSpringAndNeverPullsIn) {
 }
 
 TEST(Tick, AMethodThatTheModelIsNotReadyForIsFlaggedAndTheTrilinearOneIsFelt) {
-  Loop with, without;
+  TickedLoop with, without;
   without.parameters.method = ForceMethod::kSmoothSphere;
   const Point<World> tip(kBoneRadius_mm, 0, 0);
   with.at(tip);
@@ -1020,7 +1020,7 @@ TEST(Tick, AMethodThatTheModelIsNotReadyForIsFlaggedAndTheTrilinearOneIsFelt) {
 }
 
 TEST(Tick, OutsideTheVolumeIsFreeAndFlagged) {
-  Loop loop;
+  TickedLoop loop;
   for (const Point<World>& tip :
        {Point<World>(35, 0, 0), Point<World>(0, -1e9, 0), Point<World>(0, 0, 1e300)}) {
     loop.set_down_at(tip);
@@ -1030,7 +1030,7 @@ TEST(Tick, OutsideTheVolumeIsFreeAndFlagged) {
 }
 
 TEST(Tick, ViscosityActsDeepInsideWhereTheNormalVanishes) {
-  Loop loop;
+  TickedLoop loop;
   for (int n = 0; n < 30; ++n) loop.at(Point<World>(0.02 * n, 0, 0));
   EXPECT_EQ(loop.record.device[0].normal_patient, (std::array<double, 3>{}));
   // 20 mm/s through bone's viscosity
@@ -1038,7 +1038,7 @@ TEST(Tick, ViscosityActsDeepInsideWhereTheNormalVanishes) {
 }
 
 TEST(Tick, SeveralPointsGiveATorqueAboutTheTip) {
-  Loop loop;
+  TickedLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.model.tool.points_mm = {{0, 0, 0}, {10, 0, 0}};
   DeviceState device;
@@ -1052,8 +1052,8 @@ TEST(Tick, SeveralPointsGiveATorqueAboutTheTip) {
 }
 
 TEST(Tick, DevicesDoNotDisturbEachOther) {
-  Loop alone;
-  Loop both;
+  TickedLoop alone;
+  TickedLoop both;
   std::array<DeviceState, 2> devices;
   std::array<Wrench, 2> wrenches;
   both.state.hands[1].output.gain = 1;
@@ -1063,28 +1063,28 @@ TEST(Tick, DevicesDoNotDisturbEachOther) {
     alone.at(tip);
     devices[0].tip = Point<World>(-kBoneRadius_mm, 0, 0.1 * n);
     devices[1].tip = tip;
-    tick(both.model, both.parameters, devices, kTick_s, both.state, wrenches, both.record);
+    tick(both.model, both.parameters, devices, kMillisecond_s, both.state, wrenches, both.record);
     EXPECT_EQ(wrenches[1].force_N, alone.wrench.force_N);
   }
 }
 
 TEST(Tick, StateHashRepeatsAndSeesEveryInput) {
   const auto run = [](double nudge, bool friction) {
-    Loop loop;
+    TickedLoop loop;
     loop.parameters.friction = friction;
     for (int n = 0; n < 40; ++n) loop.at(Point<World>(kBoneRadius_mm, 0.1 * n + (n == 20 ? nudge : 0), 0));
     return loop.record.state_hash;
   };
   EXPECT_EQ(run(0, true), run(0, true));
   EXPECT_NE(run(0, true), run(0, false));
-  Loop a, b;
+  TickedLoop a, b;
   a.at(Point<World>(1, 2, 3));
   b.at(Point<World>(1, 2, std::nextafter(3.0, 4.0)));
   EXPECT_NE(a.record.state_hash, b.record.state_hash);
 }
 
 TEST(Tick, RecordHoldsEveryInput) {
-  Loop loop;
+  TickedLoop loop;
   loop.parameters.viscosity = false;
   loop.parameters.passivity = true;
   loop.parameters.max_force_N = 1.25;

@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-constexpr auto kLook = std::chrono::milliseconds(2);
+constexpr auto kWatch = std::chrono::milliseconds(2);
 // above the servo's, so that a tick that never ends cannot keep it from looking
 constexpr int kPriority = 90;
 // ticks that come again before the devices may go on
@@ -43,7 +43,7 @@ void Watchdog::end() {
 
 void Watchdog::guard() {
   while (!end_.load(std::memory_order_relaxed)) {
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kWatch);
     look(monotonic_ns());
   }
 }

@@ -6,7 +6,7 @@ namespace palpate {
 namespace {
 
 // shortest digits that read back as the same number, always a float in TOML
-std::string number(double value) {
+std::string shortest_number(double value) {
   char text[40];
   for (int digits = 1; digits <= 17; ++digits) {
     std::snprintf(text, sizeof text, "%.*g", digits, value);
@@ -35,7 +35,7 @@ std::string quoted(const std::string& text) {
 }
 
 std::string array(const Eigen::Vector3d& v) {
-  return "[" + number(v.x()) + ", " + number(v.y()) + ", " + number(v.z()) + "]";
+  return "[" + shortest_number(v.x()) + ", " + shortest_number(v.y()) + ", " + shortest_number(v.z()) + "]";
 }
 
 std::string line(const char* key, const std::string& value) {
@@ -44,26 +44,26 @@ std::string line(const char* key, const std::string& value) {
 
 struct StepText {
   std::string operator()(const ApproachStep& s) const {
-    return line("approach", quoted(s.structure)) + line("speed", number(s.speed_mm_s)) +
-           line("clearance", number(s.clearance_mm));
+    return line("approach", quoted(s.structure)) + line("speed", shortest_number(s.speed_mm_s)) +
+           line("clearance", shortest_number(s.clearance_mm));
   }
   std::string operator()(const PressStep& s) const {
-    return line("press", number(s.force_N)) + line("settle", number(s.settle_s));
+    return line("press", shortest_number(s.force_N)) + line("settle", shortest_number(s.settle_s));
   }
-  std::string operator()(const HoldStep& s) const { return line("hold", number(s.seconds)); }
+  std::string operator()(const HoldStep& s) const { return line("hold", shortest_number(s.seconds)); }
   std::string operator()(const SlideStep& s) const {
-    return line("slide", number(s.distance_mm)) + line("direction", array(s.direction.eigen())) +
-           line("speed", number(s.speed_mm_s));
+    return line("slide", shortest_number(s.distance_mm)) + line("direction", array(s.direction.eigen())) +
+           line("speed", shortest_number(s.speed_mm_s));
   }
   std::string operator()(const RotateStep& s) const {
-    return line("rotate", number(s.degrees)) + line("axis", array(s.axis_world)) +
-           line("seconds", number(s.seconds));
+    return line("rotate", shortest_number(s.degrees)) + line("axis", array(s.axis_world)) +
+           line("seconds", shortest_number(s.seconds));
   }
   std::string operator()(const MethodStep& s) const {
     return line("method", quoted(std::string(name_of(s.method))));
   }
   std::string operator()(const LeaveStep& s) const {
-    return line("leave", "true") + line("speed", number(s.speed_mm_s));
+    return line("leave", "true") + line("speed", shortest_number(s.speed_mm_s));
   }
 };
 
@@ -71,8 +71,9 @@ struct StepText {
 
 std::string script_text(const Script& script) {
   std::string text = line("title", quoted(script.title)) + line("device", quoted(script.device)) +
-                     line("hand", quoted(script.hand)) + line("rate", number(script.rate_hz)) +
-                     line("delay", number(script.delay_s * 1e3)) + line("tremor", number(script.tremor_mm)) +
+                     line("hand", quoted(script.hand)) + line("rate", shortest_number(script.rate_hz)) +
+                     line("delay", shortest_number(script.delay_s * 1e3)) +
+                     line("tremor", shortest_number(script.tremor_mm)) +
                      line("seed", std::to_string(script.seed));
   for (const ScriptStep& step : script.steps) text += "\n[[step]]\n" + std::visit(StepText{}, step);
   return text;

@@ -26,7 +26,7 @@ namespace {
 using ::testing::HasSubstr;
 
 constexpr double kCartilage_mm = 3;
-constexpr int kBoneTissue = 0, kCartilageTissue = 1;
+constexpr int kViewedBone = 0, kViewedCartilage = 1;
 
 // whether it comes true while anybody would wait for it
 bool soon(const std::function<bool()>& condition) {
@@ -38,7 +38,7 @@ bool soon(const std::function<bool()>& condition) {
   return true;
 }
 
-double force_N(const TickRecord& tick) {
+double sent_N(const TickRecord& tick) {
   const auto& f = tick.device[0].force_N;
   return Eigen::Vector3d(f[0], f[1], f[2]).norm();
 }
@@ -181,10 +181,10 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   EXPECT_EQ(scene.scan, nullptr);
   ASSERT_EQ(scene.structures.size(), 3u);
   EXPECT_EQ(scene.structures[1].name, "shell");
-  EXPECT_EQ(scene.structures[1].tissue, kCartilageTissue);
+  EXPECT_EQ(scene.structures[1].tissue, kViewedCartilage);
   ASSERT_EQ(scene.tissues.size(), 3u);
   EXPECT_EQ(scene.tissues[1].name, "cartilage");
-  EXPECT_EQ(scene.tissues[1].rests_on, std::vector<int>{kBoneTissue});
+  EXPECT_EQ(scene.tissues[1].rests_on, std::vector<int>{kViewedBone});
   EXPECT_FALSE(scene.tissues[2].felt);
   EXPECT_EQ(scene.methods.size(), kForceMethods.size());
   EXPECT_EQ(scene.peak_force_N, 8);
@@ -273,7 +273,7 @@ TEST_F(Viewed, SettingsAreTakenAllOrNone) {
 TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   start();
   TissueRequest request;
-  request.tissue = kCartilageTissue;
+  request.tissue = kViewedCartilage;
   request.stiffness_N_per_mm = 0.5;
   request.static_friction = 0.4;
   request.dynamic_friction = 0.3;
@@ -311,11 +311,11 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
 TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   start();
   ASSERT_NO_FATAL_FAILURE(press(2));
-  ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - 1.5) < 0.02; })) << force_N(latest());
+  ASSERT_TRUE(soon([&] { return std::abs(sent_N(latest()) - 1.5) < 0.02; })) << sent_N(latest());
   EXPECT_EQ(stiffness(), 0.75);
   (void)ticks();
   TissueRequest request;
-  request.tissue = kCartilageTissue;
+  request.tissue = kViewedCartilage;
   // there and back again, before the last change has faded out
   for (const double wanted : {0.4, 0.7, 0.1, 0.75, 0.3}) {
     request.stiffness_N_per_mm = wanted;
@@ -326,15 +326,15 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   // it passes 0.6 N on its way to others, too
   ASSERT_TRUE(soon([&] {
     const TickRecord tick = latest();
-    return tick.model_version == 6 && std::abs(force_N(tick) - 0.6) < 0.02;
-  })) << force_N(latest());
+    return tick.model_version == 6 && std::abs(sent_N(tick) - 0.6) < 0.02;
+  })) << sent_N(latest());
   const auto felt = ticks();
   for (std::size_t t = 1; t < felt.size(); ++t) {
     // 1.3 N at most come as those of a seam do; a thread without a processor gives none
     const double most_N = 1.3 * felt[t].dt_s * (1 / kSeam_s + 1.5 / kBlend_s) + 0.005;
     const std::uint32_t flags = felt[t].device[0].flags | felt[t - 1].device[0].flags;
     if ((flags & (kFaultFlags | kFlagStale | kFlagRamp | kFlagSlew)) != 0) continue;
-    EXPECT_LE(std::abs(force_N(felt[t]) - force_N(felt[t - 1])), most_N) << felt[t].tick;
+    EXPECT_LE(std::abs(sent_N(felt[t]) - sent_N(felt[t - 1])), most_N) << felt[t].tick;
   }
   EXPECT_EQ(felt.back().model_version, 6u);
   EXPECT_TRUE(soon([&] { return loop_->collect() == 1; })) << "older versions are freed";
@@ -349,8 +349,8 @@ TEST_F(Viewed, TheStiffnessThatIsToldIsWhatTheHandFeels) {
     ASSERT_NO_FATAL_FAILURE(press(2));
     EXPECT_NEAR(stiffness(), std::min(0.5 * 0.75, most), 1e-12);
     // a millimetre of the device is two of the patient
-    ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - stiffness() * 1) < 0.02; }))
-        << force_N(latest()) << " " << stiffness();
+    ASSERT_TRUE(soon([&] { return std::abs(sent_N(latest()) - stiffness() * 1) < 0.02; }))
+        << sent_N(latest()) << " " << stiffness();
     TearDown();
   }
 }
@@ -358,7 +358,7 @@ TEST_F(Viewed, TheStiffnessThatIsToldIsWhatTheHandFeels) {
 TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   start();
   TissueRequest softer;
-  softer.tissue = kCartilageTissue;
+  softer.tissue = kViewedCartilage;
   softer.stiffness_N_per_mm = 0.5;
   SettingsRequest direct;
   direct.method = "b-spline";
@@ -392,7 +392,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   };
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
-  softer.tissue = kCartilageTissue;
+  softer.tissue = kViewedCartilage;
   softer.stiffness_N_per_mm = 0.3;
   SettingsRequest direct;
   direct.method = "trilinear";
@@ -410,7 +410,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   EXPECT_EQ(made.back().version, viewed_->state().model_version);
   ASSERT_NO_FATAL_FAILURE(press(2));
   EXPECT_NEAR(stiffness(), 0.5, 1e-12);
-  ASSERT_TRUE(soon([&] { return std::abs(force_N(latest()) - 1.0) < 0.1; })) << force_N(latest());
+  ASSERT_TRUE(soon([&] { return std::abs(sent_N(latest()) - 1.0) < 0.1; })) << sent_N(latest());
   // the others came with it
   direct.method = "b-spline";
   EXPECT_EQ(error_of(direct).what, "no error");
@@ -422,7 +422,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
 TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
-  softer.tissue = kBoneTissue;
+  softer.tissue = kViewedBone;
   softer.stiffness_N_per_mm = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
   viewed_->next_method();  // the one after the proxy is the trilinear one
@@ -466,7 +466,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   };
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
-  softer.tissue = kCartilageTissue;
+  softer.tissue = kViewedCartilage;
   softer.stiffness_N_per_mm = 0.3;
   ASSERT_EQ(error_of(softer).what, "no error");
   SettingsRequest direct;
@@ -510,7 +510,7 @@ TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
   };
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
-  softer.tissue = kBoneTissue;
+  softer.tissue = kViewedBone;
   softer.stiffness_N_per_mm = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSmoothSphere; });
@@ -533,7 +533,7 @@ TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
 TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
   start();
   TissueRequest softer;
-  softer.tissue = kBoneTissue;
+  softer.tissue = kViewedBone;
   softer.stiffness_N_per_mm = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSpline; });
@@ -557,7 +557,7 @@ TEST_F(Viewed, NobodyRaisesAnythingFromAfarWhileADeviceMayPush) {
   EXPECT_EQ(error_of(settings).where, "max_force_N") << "what was lowered stays low";
 
   TissueRequest tissue;
-  tissue.tissue = kBoneTissue;
+  tissue.tissue = kViewedBone;
   tissue.stiffness_N_per_mm = 1.51;
   EXPECT_EQ(error_of(tissue).where, "stiffness_N_per_mm");
   tissue.stiffness_N_per_mm = 1.0;
@@ -568,7 +568,7 @@ TEST_F(Viewed, NobodyRaisesAnythingFromAfarWhileADeviceMayPush) {
 
   // nor is anything else that makes a hand feel more; less of it is granted
   TissueRequest rougher;
-  rougher.tissue = kBoneTissue;
+  rougher.tissue = kViewedBone;
   rougher.static_friction = 1.5;
   EXPECT_EQ(error_of(rougher).kind, ErrorKind::kUsage);
   const auto one = [](std::optional<bool> SettingsRequest::*what, bool value) {
@@ -750,7 +750,7 @@ class ViewedExplore : public ::testing::Test {
   std::optional<ExploreResult> result_;
 };
 
-const char* const kPress =
+const char* const kPressAndHold =
     "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n";
 
 TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
@@ -758,10 +758,10 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   options.seconds = 60;
   int changed_at = -1, turned_at = -1;
   double softened_N = 0, told = 0;
-  const Recording recording = run(options, kPress, [&](ViewerHost& host, int call) {
+  const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int call) {
     std::array<double, kMaxDevices> felt{};
     const TickRecord tick = host.snapshot(felt);
-    if (changed_at < 0 && force_N(tick) > 0.5) {
+    if (changed_at < 0 && sent_N(tick) > 0.5) {
       TissueRequest softer;
       softer.stiffness_N_per_mm = 0.9;
       softer.static_friction = 0.6;
@@ -774,9 +774,9 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
       changed_at = call;
     }
     // a hand without a processor bounces on the surface
-    if (changed_at >= 0 && turned_at < 0 && call >= changed_at + 25 && force_N(tick) > 0.1) {
+    if (changed_at >= 0 && turned_at < 0 && call >= changed_at + 25 && sent_N(tick) > 0.1) {
       turned_at = call;
-      softened_N = force_N(tick);
+      softened_N = sent_N(tick);
       told = felt[0];
       SettingsRequest turn;
       turn.rotation_wxyz = {std::cos(0.05), 0, 0, std::sin(0.05)};
@@ -842,10 +842,10 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
   ExploreOptions options;
   options.seconds = 60;
   int softened_at = -1, felt_at = -1;
-  const Recording recording = run(options, kPress, [&](ViewerHost& host, int call) {
+  const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int call) {
     std::array<double, kMaxDevices> felt{};
     const TickRecord tick = host.snapshot(felt);
-    if (softened_at < 0 && force_N(tick) > 0.5) {
+    if (softened_at < 0 && sent_N(tick) > 0.5) {
       TissueRequest softer;
       softer.stiffness_N_per_mm = 0.9;
       ASSERT_TRUE(host.set(softer).ok());
@@ -896,21 +896,21 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
     std::array<double, kMaxDevices> felt{};
     const TickRecord tick = host->snapshot(felt);
     const std::uint32_t flags = tick.device[0].flags;
-    seen = "flags " + std::to_string(flags) + ", " + std::to_string(force_N(tick)) + " N";
+    seen = "flags " + std::to_string(flags) + ", " + std::to_string(sent_N(tick)) + " N";
     if (part == kAbove) {
       host->move_pointer(above);
       if ((flags & (kFlagStale | kFlagRamp)) == 0) part = kPressing;
     } else if (part == kPressing) {
       host->move_pointer(inside);
-      if (force_N(tick) > 0.8) part = kLost;
+      if (sent_N(tick) > 0.8) part = kLost;
     } else if (part == kLost) {
-      if ((flags & kFlagStale) != 0 && force_N(tick) == 0) part = kBack;
+      if ((flags & kFlagStale) != 0 && sent_N(tick) == 0) part = kBack;
     } else if (part == kBack) {
       host->move_pointer(inside);
-      if (force_N(tick) > 0.8) part = kDone;
+      if (sent_N(tick) > 0.8) part = kDone;
     } else {
       EXPECT_TRUE(host->take_pointer(false).ok());
-      if ((flags & kFlagStale) != 0 && force_N(tick) == 0) stop_.store(true);
+      if ((flags & kFlagStale) != 0 && sent_N(tick) == 0) stop_.store(true);
     }
     return ExploreRequest::kNone;
   };
@@ -931,7 +931,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   for (std::size_t t = 1; t < recording->ticks.size(); ++t) {
     const TickRecord &now = recording->ticks[t], &before = recording->ticks[t - 1];
     if (((now.device[0].flags | before.device[0].flags) & (kFaultFlags | kFlagStale)) != 0) continue;
-    EXPECT_LE(std::abs(force_N(now) - force_N(before)), 2000 * now.dt_s + 1e-9) << now.tick;
+    EXPECT_LE(std::abs(sent_N(now) - sent_N(before)), 2000 * now.dt_s + 1e-9) << now.tick;
     EXPECT_EQ(now.device[0].flags & kFlagJump, 0u);
   }
 }
@@ -941,7 +941,7 @@ TEST_F(ViewedExplore, WhoCannotShowItEndsItBeforeItBegins) {
   options.viewers = [](ViewerHost&) -> Result<std::shared_ptr<void>> {
     return Error{ErrorKind::kUnavailable, "the port is taken", "--port", "choose another"};
   };
-  const auto script = parse_script(kPress, "test script");
+  const auto script = parse_script(kPressAndHold, "test script");
   const auto result = explore(loaded_, *script, options, folder_ / "run.h5");
   ASSERT_FALSE(result.ok());
   EXPECT_EQ(result.error().where, "--port");

@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kWarmUp_s = 0.2;
 // how often the calling thread wakes up, in both kinds of block
-constexpr auto kPoll = std::chrono::milliseconds(5);
+constexpr auto kMeterPoll = std::chrono::milliseconds(5);
 // how far ahead the hand is told where to go: it never has to wait for the calling thread
 constexpr double kAhead_s = 0.02;
 
@@ -61,7 +61,7 @@ class Stroke {
       if (progress.stopped()) return false;
       const std::int64_t at_ns = monotonic_ns() + ns_of(kAhead_s);
       driver_.intend(mapping_.to_device(wanted_at(at_ns)), at_ns);
-      std::this_thread::sleep_for(kPoll);
+      std::this_thread::sleep_for(kMeterPoll);
     }
     return true;
   }
@@ -183,7 +183,7 @@ Result<void> Meter::bare_block(double seconds, const Progress& progress) {
   auto running = std::async(std::launch::async, [&] {
     return run_bare_loop(settings_.rate_hz, seconds, settings_.spin_s, request, stop, bare_block_);
   });
-  while (running.wait_for(kPoll) != std::future_status::ready)
+  while (running.wait_for(kMeterPoll) != std::future_status::ready)
     if (progress.stopped()) stop = true;
   const BareLoop bare = running.get();
   if (progress.stopped()) return Progress::interrupted();

@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kMostSeconds = 600;
+constexpr double kMostPathSeconds = 600;
 
 // the scene's own script; the object is not turned, so that a path is a list of points; every structure is
 // stroked before it is left
@@ -66,7 +66,7 @@ Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& pr
                      .parameters = setup->parameters,
                      .states = {},
                      .intended = {}};
-  const auto most_ticks = static_cast<std::size_t>(kMostSeconds * path.rate_hz);
+  const auto most_ticks = static_cast<std::size_t>(kMostPathSeconds * path.rate_hz);
   VirtualRun run(model, *setup, std::move(*hand));
   LongestTouch touch;
   std::size_t touching = 0;

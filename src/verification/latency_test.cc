@@ -17,12 +17,12 @@ using ::testing::HasSubstr;
 using testing::loaded_ball;
 
 // made once: a run takes a moment
-const LoadedScene& ball() {
+const LoadedScene& felt_ball() {
   static const LoadedScene loaded = loaded_ball();
   return loaded;
 }
 const PalpationPath& ball_path() {
-  static const PalpationPath path = palpate_once(ball()).value();
+  static const PalpationPath path = palpate_once(felt_ball()).value();
   return path;
 }
 
@@ -43,7 +43,7 @@ TEST(PalpationPath, StrokesTheStructureInOneLongTouch) {
   EXPECT_LT(path.in_contact, 1.0);
 
   // 5 mm of surface are felt, and nowhere does the tip lie far from it
-  const Transform<Patient, World> X_PatientWorld = ball().model->X_WorldPatient.inverse();
+  const Transform<Patient, World> X_PatientWorld = felt_ball().model->X_WorldPatient.inverse();
   double farthest_mm = 0;
   for (std::size_t t = path.touch_begin; t < path.touch_end; ++t) {
     const Point<Patient> tip = X_PatientWorld * path.states[t].tip;
@@ -54,7 +54,7 @@ TEST(PalpationPath, StrokesTheStructureInOneLongTouch) {
 }
 
 TEST(PalpationPath, IsTheSameEveryTime) {
-  const auto again = palpate_once(ball());
+  const auto again = palpate_once(felt_ball());
   ASSERT_TRUE(again.ok());
   ASSERT_EQ(again->states.size(), ball_path().states.size());
   for (std::size_t t = 0; t < again->states.size(); t += 97)
@@ -63,13 +63,13 @@ TEST(PalpationPath, IsTheSameEveryTime) {
 
 TEST(PalpationPath, CanBeInterrupted) {
   const std::atomic<bool> stop = true;
-  const auto path = palpate_once(ball(), Progress({}, &stop));
+  const auto path = palpate_once(felt_ball(), Progress({}, &stop));
   ASSERT_FALSE(path.ok());
   EXPECT_EQ(path.error().kind, ErrorKind::kInterrupted);
 }
 
 TEST(PaceMeter, CountsEveryTickOfItsBlocksInContact) {
-  const auto meter = PaceMeter::create(ball().model, ball_path(), {.rate_hz = 1000});
+  const auto meter = PaceMeter::create(felt_ball().model, ball_path(), {.rate_hz = 1000});
   constexpr double kSeconds = 0.2;
   for (int block = 0; block < 2; ++block) {
     ASSERT_TRUE(meter->servo_block(kSeconds).ok());
@@ -117,7 +117,7 @@ TEST(PaceMeter, ABlockOfEachIsAPairInWhicheverOrder) {
 }
 
 TEST(PaceMeter, RefusesARateThatTheLoopRefuses) {
-  const auto meter = PaceMeter::create(ball().model, ball_path(), {.rate_hz = 20});
+  const auto meter = PaceMeter::create(felt_ball().model, ball_path(), {.rate_hz = 20});
   const auto measured = meter->servo_block(0.1);
   ASSERT_FALSE(measured.ok());
   EXPECT_EQ(measured.error().kind, ErrorKind::kUsage);
@@ -125,7 +125,7 @@ TEST(PaceMeter, RefusesARateThatTheLoopRefuses) {
 
 TEST(PaceMeter, BothBlocksCanBeInterrupted) {
   const std::atomic<bool> stop = true;
-  const auto meter = PaceMeter::create(ball().model, ball_path(), {});
+  const auto meter = PaceMeter::create(felt_ball().model, ball_path(), {});
   for (const auto& measured :
        {meter->servo_block(600, Progress({}, &stop)), meter->bare_block(600, Progress({}, &stop))}) {
     ASSERT_FALSE(measured.ok());
@@ -136,7 +136,7 @@ TEST(PaceMeter, BothBlocksCanBeInterrupted) {
 
 TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
   for (const ForceMethodInfo& info : kDirectMethods) {
-    const auto model = ready_for(ball().model, {&info.method, 1});
+    const auto model = ready_for(felt_ball().model, {&info.method, 1});
     ASSERT_TRUE(model.ok());
     EXPECT_FALSE(info.name.empty());
     const auto ticks = time_ticks(**model, ball_path(), info.method, 3);
@@ -264,7 +264,7 @@ TEST(Latency, MeasuresWhatItWasAskedFor) {
   options.seconds = 0.1;
   options.rate_hz = 2000;
   options.spin_us = 50;
-  const auto report = measure_latency(ball(), options);
+  const auto report = measure_latency(felt_ball(), options);
   ASSERT_TRUE(report.ok()) << report.error().message();
   const auto json = nlohmann::json::parse(to_json(*report));
   for (const char* note : {"scheduler", "memory", "scene", "pace", "founding"})

@@ -10,14 +10,14 @@ namespace palpate {
 namespace {
 
 constexpr double kReach = 7.5;  // in sigma: beyond, a Gaussian weighs less than 1e-13
-constexpr int kNodes = 48;
+constexpr int kIndicatorNodes = 48;
 
 template <class Integrand>
 double integrate(double from, double to, const Integrand& f) {
-  static const GaussLegendre<kNodes> quadrature;
+  static const GaussLegendre<kIndicatorNodes> quadrature;
   const double middle = 0.5 * (from + to), half = 0.5 * (to - from);
   double sum = 0;
-  for (std::size_t i = 0; i < kNodes; ++i)
+  for (std::size_t i = 0; i < kIndicatorNodes; ++i)
     sum += quadrature.weight[i] * f(middle + half * quadrature.node[i]);
   return half * sum;
 }

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kRate_hz = 1000, kDelay_s = 1e-3;
+constexpr double kBuzzRate_hz = 1000, kDelay_s = 1e-3;
 constexpr double kGap_mm = 3, kPlate_mm = 15, kSpacing_mm = 0.6;
 constexpr double kHold_N = 1, kInside_mm = 5;
 // in the middle between the plates no method pushes to either side; what the hand begins before the wall with
@@ -35,7 +35,7 @@ class BuzzFigures {
  public:
   void add(const std::string& path, const Buzz& buzz) {
     const auto figure = [&](const char* what, double value, const char* unit) {
-      return Figure{path + "/" + what, value, unit, static_cast<std::uint64_t>(kRate_hz), {}};
+      return Figure{path + "/" + what, value, unit, static_cast<std::uint64_t>(kBuzzRate_hz), {}};
     };
     lengths_.push_back(figure("peak-to-peak", buzz.peak_to_peak_um, "um"));
     lengths_.push_back(figure("rms", buzz.rms_um, "um"));
@@ -114,7 +114,7 @@ namespace {
 // every method on one preparation, at all places with both grips
 Result<void> add_holds(const PlantDevice& device, PreparationMethod preparation, const Progress& progress,
                        BuzzFigures& figures) {
-  const auto stiffness = recommended_stiffness_N_per_mm(device, kRate_hz, kDelay_s, progress);
+  const auto stiffness = recommended_stiffness_N_per_mm(device, kBuzzRate_hz, kDelay_s, progress);
   if (!stiffness) return stiffness.error();
   const auto model = two_plates(*stiffness, preparation, progress);
   if (!model) return model.error();
@@ -127,7 +127,7 @@ Result<void> add_holds(const PlantDevice& device, PreparationMethod preparation,
       const PlantHand hand = *find_plant_hand(grip);
       for (const HeldPlace& place : places_on_plates(**model, info.method, hand)) {
         const auto held = hold_tip(
-            **model, {device, hand, info.method, kRate_hz, kDelay_s, 1, place.from, place.at}, progress);
+            **model, {device, hand, info.method, kBuzzRate_hz, kDelay_s, 1, place.from, place.at}, progress);
         if (!held) return held.error();
         figures.add("stability/buzz/" + device.name + "/" + method + "/" + place.name + "/" + grip,
                     held->buzz);

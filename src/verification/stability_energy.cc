@@ -16,15 +16,15 @@
 namespace palpate {
 namespace {
 
-constexpr double kDt_s = 1e-3;
-constexpr double kSpacing_mm = 0.6, kUserLimit_N = 3;
+constexpr double kEnergyTick_s = 1e-3;
+constexpr double kWallSpacing_mm = 0.6, kUserLimit_N = 3;
 // where the hand wants to be next: so far from the surface, that much to the side of where it was
 constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMostAside_rad = 0.6;
 constexpr double kShortest_s = 0.12, kLongest_s = 0.6;
 // before that it waits for the force to have come in
 constexpr double kBegin_s = 0.6;
 // the object turns to another random rotation ten times a second
-constexpr int kTicksATurn = 100;
+constexpr int kTicksATurning = 100;
 constexpr double kMostObjectTurn_rad = 0.03;
 // of what is given out without the controller
 constexpr double kMostGivenOut_percent = 5;
@@ -47,7 +47,7 @@ class RandomHand {
   explicit RandomHand(std::uint64_t seed) : random_(seed) {}
   Point<Patient> start() const { return from_; }
   Point<Patient> next() {
-    elapsed_s_ += kDt_s;
+    elapsed_s_ += kEnergyTick_s;
     if (elapsed_s_ >= time_s_) choose();
     const double u = elapsed_s_ / time_s_;
     return from_ + (to_ - from_) * (u * u * u * (10 - 15 * u + 6 * u * u));
@@ -79,8 +79,8 @@ Transform<Patient, World> pose_of(const Model& model, const Eigen::Quaterniond& 
 Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress) {
   GridGeometry grid;
   grid.dims = {65, 65, 65};
-  grid.spacing_mm = Eigen::Vector3d::Constant(kSpacing_mm);
-  grid.origin = Point<Patient>(-32 * kSpacing_mm, -32 * kSpacing_mm, -32 * kSpacing_mm);
+  grid.spacing_mm = Eigen::Vector3d::Constant(kWallSpacing_mm);
+  grid.origin = Point<Patient>(-32 * kWallSpacing_mm, -32 * kWallSpacing_mm, -32 * kWallSpacing_mm);
   LabelMap labels;
   labels.layers.emplace_back(grid);
   labels.segments = {{1, "ball", {}, 0, 1}};
@@ -124,7 +124,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   plant.reset(on_device(hand.start()));
 
   // a command acts so many ticks after it was given
-  const int delay = static_cast<int>(std::lround(exploration.delay_s / kDt_s));
+  const int delay = static_cast<int>(std::lround(exploration.delay_s / kEnergyTick_s));
   std::deque<Vector<World>> line(static_cast<std::size_t>(delay));
   SessionState state;
   TickRecord record;
@@ -137,14 +137,14 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   Transform<Patient, World> X_PatientWorld = pose_of(ball, state.rotation_felt);
   Point<Patient> tip = X_PatientWorld * Point<World>(plant.true_tip().eigen());
   Vector<World> acted;
-  const long ticks = std::lround(exploration.time_s / kDt_s);
+  const long ticks = std::lround(exploration.time_s / kEnergyTick_s);
   for (long n = 0; n < ticks; ++n) {
-    if (exploration.turning && n % kTicksATurn == 0)
+    if (exploration.turning && n % kTicksATurning == 0)
       parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(
                                        between(random, 0, kMostObjectTurn_rad), any_direction(random))) *
                                    parameters.rotation_target;
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
-    tick(ball, parameters, {&sensed, 1}, kDt_s, state, {&sent, 1}, record);
+    tick(ball, parameters, {&sensed, 1}, kEnergyTick_s, state, {&sent, 1}, record);
 
     // the force of the last tick has acted up to now
     X_PatientWorld = pose_of(ball, state.rotation_felt);
@@ -158,7 +158,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     acted = line.front();
     line.pop_front();
     plant.intend(on_device(hand.next()));
-    plant.advance(mapping.to_device(sent), kDt_s);
+    plant.advance(mapping.to_device(sent), kEnergyTick_s);
 
     const bool touches = acted.norm() > 0;
     const bool controlled = (record.device[0].flags & kFlagPassivity) != 0;
@@ -184,7 +184,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
     Exploration free = exploration;
     free.controller = false;
     const ExploredEnergy with = explore_energy(**ball, exploration), without = explore_energy(**ball, free);
-    const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s / kDt_s));
+    const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s / kEnergyTick_s));
     // what an encoder step hides
     const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
     const auto limit = [&](double most) { return limited ? std::optional(most) : std::nullopt; };
@@ -201,7 +201,8 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
     for (const double delay_s : {0.0, 1e-3, 3e-3}) {
       progress.report(std::string("exploring: ") + device, delay_s / 4e-3);
       Exploration exploration{*find_plant_device(device), {}};
-      const auto stiffness = recommended_stiffness_N_per_mm(exploration.device, 1 / kDt_s, delay_s, progress);
+      const auto stiffness =
+          recommended_stiffness_N_per_mm(exploration.device, 1 / kEnergyTick_s, delay_s, progress);
       if (!stiffness) return stiffness.error();
       exploration.stiffness_N_per_mm = *stiffness;
       exploration.delay_s = delay_s;
@@ -211,7 +212,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
           exploration.hand = *find_plant_hand(grip);
           exploration.method = method;
           const std::string path = "stability/energy/" + std::string(name_of(method)) + "/" + device + "/" +
-                                   grip + "/" + loop_name(1 / kDt_s, delay_s);
+                                   grip + "/" + loop_name(1 / kEnergyTick_s, delay_s);
           add(exploration, path, delay_s == 0);
           if (delay_s > 0 || method != ForceMethod::kProxy) continue;
           Exploration other = exploration;

@@ -7,12 +7,12 @@
 namespace palpate::volume_io {
 namespace {
 
-using Fields = std::map<std::string, std::string>;
+using MetaFields = std::map<std::string, std::string>;
 
 // the lines up to the one that says where the voxels are, which is the last
-Result<std::pair<Fields, std::size_t>> split_lines(std::string_view bytes, const std::string& source) {
+Result<std::pair<MetaFields, std::size_t>> split_fields(std::string_view bytes, const std::string& source) {
   constexpr std::size_t kLongestName = 100, kLongestLine = 4000;
-  Fields fields;
+  MetaFields fields;
   std::string_view rest = bytes;
   for (int number = 1; !rest.empty(); ++number) {
     const std::string_view line = take_line(rest);
@@ -31,7 +31,7 @@ Result<std::pair<Fields, std::size_t>> split_lines(std::string_view bytes, const
                    "is the file whole?");
 }
 
-std::optional<Component> parse_type(const std::string& name) {
+std::optional<Component> parse_element_type(const std::string& name) {
   static const std::map<std::string, Component> kTypes{
       {"MET_CHAR", Component::kInt8},       {"MET_UCHAR", Component::kUint8},
       {"MET_SHORT", Component::kInt16},     {"MET_USHORT", Component::kUint16},
@@ -42,7 +42,7 @@ std::optional<Component> parse_type(const std::string& name) {
   return found == kTypes.end() ? std::nullopt : std::optional(found->second);
 }
 
-const std::string* field(const Fields& fields, std::initializer_list<const char*> names) {
+const std::string* field(const MetaFields& fields, std::initializer_list<const char*> names) {
   for (const char* name : names)
     if (const auto found = fields.find(name); found != fields.end()) return &found->second;
   return nullptr;
@@ -64,7 +64,7 @@ std::optional<std::vector<double>> parse_numbers(const std::string& text, std::s
   return numbers.size() == count ? std::optional(numbers) : std::nullopt;
 }
 
-Result<std::vector<std::int64_t>> parse_axes(const Fields& fields, const std::string& source) {
+Result<std::vector<std::int64_t>> parse_axes(const MetaFields& fields, const std::string& source) {
   const std::string* object = field(fields, {"ObjectType"});
   if (object != nullptr && *object != "Image")
     return bad_input(source, "holds no image but another MetaIO object");
@@ -85,7 +85,7 @@ Result<std::vector<std::int64_t>> parse_axes(const Fields& fields, const std::st
   return axes;
 }
 
-Result<bool> check_geometry(const Fields& fields, std::size_t axes, const std::string& source) {
+Result<bool> check_geometry(const MetaFields& fields, std::size_t axes, const std::string& source) {
   if (const std::string* text = field(fields, {"ElementSpacing", "ElementSize"})) {
     const auto spacing = parse_numbers(*text, axes);
     if (!spacing) return bad_input(source, "its spacing is not one finite number for each axis");
@@ -101,13 +101,13 @@ Result<bool> check_geometry(const Fields& fields, std::size_t axes, const std::s
   return matrix != nullptr && axes >= 3;
 }
 
-Result<void> read_voxel_fields(const Fields& fields, const std::string& source, MetaImageHeader& header) {
+Result<void> read_voxel_fields(const MetaFields& fields, const std::string& source, MetaImageHeader& header) {
   const std::string* channels = field(fields, {"ElementNumberOfChannels"});
   if (channels != nullptr && parse_number<int>(*channels) != 1)
     return bad_input(source, "holds several values for each voxel", "extract one channel");
   const std::string* type = field(fields, {"ElementType"});
   if (type == nullptr) return bad_input(source, "its header lacks the ElementType");
-  const auto component = parse_type(*type);
+  const auto component = parse_element_type(*type);
   if (!component)
     return bad_input(source, "its ElementType " + type->substr(0, 30) + " is not a number that can be read",
                      "save it with another type, for example MET_SHORT");
@@ -132,7 +132,7 @@ Result<void> read_voxel_fields(const Fields& fields, const std::string& source, 
 }  // namespace
 
 Result<MetaImageHeader> parse_metaimage_header(std::string_view bytes, const std::string& source) {
-  const auto lines = split_lines(bytes, source);
+  const auto lines = split_fields(bytes, source);
   if (!lines) return lines.error();
   const auto& [fields, end] = *lines;
   auto axes = parse_axes(fields, source);

@@ -5,7 +5,7 @@
 namespace palpate::volume_io {
 namespace {
 
-const std::string kGood =
+const std::string kGoodNrrd =
     "NRRD0004\n"
     "# comment\n"
     "type: short\n"
@@ -18,14 +18,14 @@ const std::string kGood =
     "encoding: gzip\n"
     "space origin: (0,0,0)\n";
 
-std::string replaced(const std::string& from, const std::string& to) {
-  std::string header = kGood;
+std::string nrrd_with(const std::string& from, const std::string& to) {
+  std::string header = kGoodNrrd;
   header.replace(header.find(from), from.size(), to);
   return header;
 }
 
 TEST(NrrdHeader, ReadsSizesTypeAndPlaceOfTheVoxels) {
-  const auto header = parse_nrrd_header(kGood + "byte skip: 7\nline skip: 2\n\nvoxels", "x");
+  const auto header = parse_nrrd_header(kGoodNrrd + "byte skip: 7\nline skip: 2\n\nvoxels", "x");
   ASSERT_TRUE(header) << header.error().message();
   EXPECT_EQ(header->axes, (std::vector<std::int64_t>{4, 3, 2}));
   EXPECT_EQ(header->voxels.component, Component::kInt16);
@@ -34,12 +34,12 @@ TEST(NrrdHeader, ReadsSizesTypeAndPlaceOfTheVoxels) {
   EXPECT_TRUE(header->has_geometry);
   EXPECT_EQ(header->voxels.skip, 7u);
   EXPECT_EQ(header->line_skip, 2);
-  EXPECT_EQ(header->voxels.offset, kGood.size() + std::string("byte skip: 7\nline skip: 2\n\n").size());
+  EXPECT_EQ(header->voxels.offset, kGoodNrrd.size() + std::string("byte skip: 7\nline skip: 2\n\n").size());
 }
 
 TEST(NrrdHeader, ReadsLineEndsOfWindowsAndAnyCase) {
   std::string windows;
-  for (const char c : replaced("encoding: gzip", "Encoding: GZ"))
+  for (const char c : nrrd_with("encoding: gzip", "Encoding: GZ"))
     windows += c == '\n' ? std::string("\r\n") : std::string(1, c);
   const auto header = parse_nrrd_header(windows + "\r\nvoxels", "x");
   ASSERT_TRUE(header) << header.error().message();
@@ -48,7 +48,7 @@ TEST(NrrdHeader, ReadsLineEndsOfWindowsAndAnyCase) {
 
 TEST(NrrdHeader, KeepsOnlyTheSegmentsOfTheFreeFields) {
   const auto header = parse_nrrd_header(
-      kGood + "Segment0_Name:=fe\\\\mur\\nleft\nDicom.PatientName:=DOE^CANARY\nbyte skip:= 12\n\n", "x");
+      kGoodNrrd + "Segment0_Name:=fe\\\\mur\\nleft\nDicom.PatientName:=DOE^CANARY\nbyte skip:= 12\n\n", "x");
   ASSERT_TRUE(header) << header.error().message();
   ASSERT_EQ(header->segment_fields.size(), 1u);
   EXPECT_EQ(header->segment_fields[0].second, "fe\\mur\nleft");
@@ -56,7 +56,7 @@ TEST(NrrdHeader, KeepsOnlyTheSegmentsOfTheFreeFields) {
 }
 
 TEST(NrrdHeader, FindsTheLayerAxisAtEitherEnd) {
-  std::string four = kGood;
+  std::string four = kGoodNrrd;
   four.replace(four.find("dimension: 3"), 12, "dimension: 4");
   four.replace(four.find("sizes: 4 3 2"), 12, "sizes: 5 4 3 2");
   four.replace(four.find("(1,0,0)"), 7, "none (1,0,0)");
@@ -81,50 +81,50 @@ TEST(NrrdHeader, FindsTheLayerAxisAtEitherEnd) {
 }
 
 TEST(NrrdHeader, CountsANegativeByteSkipFromTheEnd) {
-  EXPECT_EQ(parse_nrrd_header(kGood + "byte skip: -1\n", "x")->voxels.bytes_after, 0u);
-  EXPECT_EQ(parse_nrrd_header(kGood + "byteskip: -5\n", "x")->voxels.bytes_after, 4u);
+  EXPECT_EQ(parse_nrrd_header(kGoodNrrd + "byte skip: -1\n", "x")->voxels.bytes_after, 0u);
+  EXPECT_EQ(parse_nrrd_header(kGoodNrrd + "byteskip: -5\n", "x")->voxels.bytes_after, 4u);
 }
 
 TEST(NrrdHeader, WithoutDirectionsOrAPatientSpaceItHasNoGeometry) {
   EXPECT_FALSE(
-      parse_nrrd_header(replaced("space directions: (1,0,0) (0,1,0) (0,0,1)", "spacings: 1 1 2"), "x")
+      parse_nrrd_header(nrrd_with("space directions: (1,0,0) (0,1,0) (0,0,1)", "spacings: 1 1 2"), "x")
           ->has_geometry);
-  EXPECT_FALSE(parse_nrrd_header(replaced("left-posterior-superior", "3D-right-handed"), "x")->has_geometry);
-  EXPECT_TRUE(parse_nrrd_header(replaced("left-posterior-superior", "RAS"), "x")->has_geometry);
+  EXPECT_FALSE(parse_nrrd_header(nrrd_with("left-posterior-superior", "3D-right-handed"), "x")->has_geometry);
+  EXPECT_TRUE(parse_nrrd_header(nrrd_with("left-posterior-superior", "RAS"), "x")->has_geometry);
 }
 
 TEST(NrrdHeader, WhatCannotBeRightIsAnError) {
   for (const std::string& bad : {std::string(),
                                  std::string("NRRD"),
                                  std::string("NRRD0004\n"),
-                                 replaced("NRRD", "NRDR"),
-                                 replaced("sizes: 4 3 2", "sizes: 4 3"),
-                                 replaced("sizes: 4 3 2", "sizes: 4 3 two"),
-                                 replaced("sizes: 4 3 2", "sizes: 4 3 99999999999999999999"),
-                                 replaced("dimension: 3", "dimension: -1"),
-                                 replaced("type: short", "type: block"),
-                                 replaced("type: short\n", ""),
-                                 replaced("endian: big\n", ""),
-                                 replaced("endian: big", "endian: middle"),
-                                 replaced("encoding: gzip", "encoding: zstd"),
-                                 replaced("(0,0,1)", "(0,0,nan)"),
-                                 replaced("(0,0,1)", "(0,0,inf)"),
-                                 replaced("(0,0,1)", "(0,0,1"),
-                                 replaced("(0,0,1)", "(0,1)"),
-                                 replaced("(0,0,1)", "none"),
-                                 replaced("(0,0,1)", ""),
-                                 replaced("origin: (0,0,0)", "origin: (0,nan,0)"),
-                                 replaced("kinds: domain", "kinds: RGB-color domain"),
-                                 kGood + "space units: \"um\" \"um\" \"um\"\n",
-                                 kGood + "spacings: 1 0 1\n",
-                                 kGood + "spacings: 1 -1 1\n",
-                                 kGood + "spacings: 1 nan 1\n",
-                                 kGood + "data file: LIST\n",
-                                 kGood + "data file: a%03d.raw 1 9 1\n",
-                                 kGood + "type: short\n",
-                                 kGood + "no colon\n",
-                                 kGood + "byte skip: x\n",
-                                 kGood + "line skip: -1\n"}) {
+                                 nrrd_with("NRRD", "NRDR"),
+                                 nrrd_with("sizes: 4 3 2", "sizes: 4 3"),
+                                 nrrd_with("sizes: 4 3 2", "sizes: 4 3 two"),
+                                 nrrd_with("sizes: 4 3 2", "sizes: 4 3 99999999999999999999"),
+                                 nrrd_with("dimension: 3", "dimension: -1"),
+                                 nrrd_with("type: short", "type: block"),
+                                 nrrd_with("type: short\n", ""),
+                                 nrrd_with("endian: big\n", ""),
+                                 nrrd_with("endian: big", "endian: middle"),
+                                 nrrd_with("encoding: gzip", "encoding: zstd"),
+                                 nrrd_with("(0,0,1)", "(0,0,nan)"),
+                                 nrrd_with("(0,0,1)", "(0,0,inf)"),
+                                 nrrd_with("(0,0,1)", "(0,0,1"),
+                                 nrrd_with("(0,0,1)", "(0,1)"),
+                                 nrrd_with("(0,0,1)", "none"),
+                                 nrrd_with("(0,0,1)", ""),
+                                 nrrd_with("origin: (0,0,0)", "origin: (0,nan,0)"),
+                                 nrrd_with("kinds: domain", "kinds: RGB-color domain"),
+                                 kGoodNrrd + "space units: \"um\" \"um\" \"um\"\n",
+                                 kGoodNrrd + "spacings: 1 0 1\n",
+                                 kGoodNrrd + "spacings: 1 -1 1\n",
+                                 kGoodNrrd + "spacings: 1 nan 1\n",
+                                 kGoodNrrd + "data file: LIST\n",
+                                 kGoodNrrd + "data file: a%03d.raw 1 9 1\n",
+                                 kGoodNrrd + "type: short\n",
+                                 kGoodNrrd + "no colon\n",
+                                 kGoodNrrd + "byte skip: x\n",
+                                 kGoodNrrd + "line skip: -1\n"}) {
     const auto header = parse_nrrd_header(bad, "x.nrrd");
     ASSERT_FALSE(header) << bad;
     EXPECT_EQ(header.error().where.substr(0, 6), "x.nrrd");

@@ -39,7 +39,7 @@ def main():
     # optimisation, too, and then calls what would else be inlined
     consumer = pathlib.Path(__file__).parent / "core_consumer"
     run([options.cmake, "-S", consumer, "-B", options.build, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=", "-DCMAKE_CXX_FLAGS=-O0",
-         "-DPALPATE_PRECOMPILED_HEADERS=libraries", f"-DCMAKE_CXX_COMPILER={options.cxx}",
+         "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0", f"-DCMAKE_CXX_COMPILER={options.cxx}",
          f"-DPALPATE_SOURCE={pathlib.Path(options.source).resolve()}", f"-DPALPATE_SANITIZE={options.sanitize}"])
     run([options.cmake, "--build", options.build, "--parallel", "1"])
 
