@@ -12,8 +12,8 @@ if(CMAKE_SCRIPT_MODE_FILE)
     file(READ ${file} bytes HEX)
     file(SHA256 ${file} hash)
     string(REGEX REPLACE "(..)" "0x\\1," bytes "${bytes}")
-    string(APPEND content "static constexpr unsigned char kBytes${n}[] = {${bytes}};\n")
-    string(APPEND entries "      {\"${name}\", {reinterpret_cast<const char*>(kBytes${n}), sizeof(kBytes${n})},\n"
+    string(APPEND content "static constexpr unsigned char k_${NAME}_${n}[] = {${bytes}};\n")
+    string(APPEND entries "      {\"${name}\", {reinterpret_cast<const char*>(k_${NAME}_${n}), sizeof(k_${NAME}_${n})},\n"
                           "       \"${hash}\"},\n")
     math(EXPR n "${n} + 1")
   endforeach()
