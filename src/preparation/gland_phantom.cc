@@ -1,3 +1,6 @@
+#include <cmath>
+#include <numbers>
+
 #include "preparation/phantom_chance.h"
 #include "preparation/phantom_plan.h"
 
@@ -12,24 +15,28 @@ using V = Vector<Patient>;
 constexpr Rgb kJawColour{197, 189, 177}, kGlandColour{212, 160, 90}, kFatColour{240, 220, 130},
     kSkinColour{225, 180, 150};
 
+// Half an ellipse of capsules in three heights, the rami behind it and a chin.
 Shape jaw(double width, double depth) {
+  constexpr int kLinks = 10;
+  const auto arch = [&](int n, double z) {
+    const double angle = n * std::numbers::pi / (2 * kLinks);
+    return P(width * 48 * std::sin(angle), depth * (42 - 76 * std::cos(angle)), z);
+  };
   std::vector<Shape> bone;
-  const std::vector<std::pair<double, double>> arch = {{0, -34}, {22, -25}, {36, -5}, {44, 18}, {48, 42}};
-  for (const double z : {-9.0, 0.0, 9.0})
-    for (const double side : {-1.0, 1.0})
-      for (std::size_t i = 1; i < arch.size(); ++i) {
-        const auto at = [&](std::size_t n) {
-          return P(side * width * arch[n].first, depth * arch[n].second, z);
-        };
-        bone.push_back(Shape::capsule(at(i - 1), at(i), 6));
-      }
-  bone.push_back(Shape::sphere(P(0, depth * -35, -9), 8));
+  for (const double z : {-9.0, 0.0, 9.0}) {
+    std::vector<Shape> links;
+    for (int n = -kLinks; n < kLinks; ++n) links.push_back(Shape::capsule(arch(n, z), arch(n + 1, z), 6));
+    bone.push_back(Shape::unite(links));
+  }
+  std::vector<Shape> rami;
   for (const double side : {-1.0, 1.0}) {
-    bone.push_back(
+    rami.push_back(
         Shape::capsule(P(side * width * 48, depth * 42, -5), P(side * width * 51, depth * 52, 40), 6));
-    bone.push_back(
+    rami.push_back(
         Shape::capsule(P(side * width * 47, depth * 32, 5), P(side * width * 50, depth * 40, 38), 5));
   }
+  bone.push_back(Shape::unite(rami));
+  bone.push_back(Shape::sphere(P(0, depth * -35, -9), 8));
   return Shape::blend(bone, 5);
 }
 

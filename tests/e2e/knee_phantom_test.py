@@ -17,6 +17,34 @@ class KneePhantom(cli.PalpateTest):
         self.succeed("scene", "new", files[0], "-o", scene)
         return scene
 
+    def test_a_phantom_with_parameters_is_a_data_set(self):
+        recording, picture = self.folder / "odd.h5", self.folder / "odd.png"
+        name = "knee-phantom:spacing=1.6,side=right,lesion=6,missing=patellar_cartilage"
+        done = self.succeed("simulate", name, "-o", recording)
+        self.assertNotIn("patellar_cartilage", cli.held(done.stdout))
+        self.assertIn("femur", cli.held(done.stdout))
+        # the recording tells which it was, parameters included
+        again = self.succeed("replay", recording)
+        self.assertEqual(cli.run_hash(again.stdout), cli.run_hash(done.stdout))
+        self.succeed("replay", recording, "knee-phantom:missing=patellar_cartilage,lesion=6,side=right,spacing=1.60")
+        self.succeed("section", name, "--pixels", "320", "-o", picture)
+        self.assertTrue(picture.exists())
+
+        wrong = cli.run("simulate", "knee-phantom:sde=right")
+        self.assertEqual(wrong.returncode, 1)
+        self.assertIn("no key `sde`", wrong.stderr)
+        self.assertIn("side: left or right", wrong.stderr)
+        for key in ["lesion-in", "temporal", "thickness", "gland"]:
+            self.assertIn(f"| `{key}` |", self.succeed("data", "keys").stdout)
+
+    def test_each_phantom_is_felt_by_its_own_scene(self):
+        for name, structures in [("shell-phantom:spacing=1.2", ["shell"]),
+                                 ("skull-phantom:spacing=2.2,temporal=4", ["skull", "brain"]),
+                                 ("gland-phantom:spacing=1.2", ["gland", "mandible"])]:
+            held = cli.held(self.succeed("simulate", name).stdout)
+            for structure in structures:
+                self.assertGreaterEqual(held[structure][0], 0.5, structure)
+
     def test_every_bone_and_cartilage_is_held_recorded_replayed_and_reported(self):
         recording, report = self.folder / "run.h5", self.folder / "run.html"
         # by its name it is finer: for the sanitizers tests/builds/sanitized_equals_release runs and replays that
