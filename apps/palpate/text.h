@@ -12,7 +12,7 @@ std::size_t columns_of(const std::string& text);
 std::string fitted(std::string text, std::size_t width);
 
 /// The candidate that a mistyped word most likely meant, or an empty text when none is near: at most two
-/// letters inserted, removed or exchanged, and less than half of the word.
+/// letters inserted, removed, replaced or swapped, and less than half of the word.
 std::string nearest(const std::string& word, const std::vector<std::string>& candidates);
 
 }  // namespace palpate::app

@@ -120,7 +120,7 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
     Error error = scene.error();
     std::error_code unreadable;
     if (!std::filesystem::exists(what, unreadable) && !unreadable) {
-      error.what = "neither a data set nor a scene file";
+      error.what = "no such file, and no data set of that name";
       error.remedy =
           "palpate data list shows the data sets; palpate scene new writes a scene file for a scan and "
           "labels";

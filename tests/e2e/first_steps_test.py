@@ -253,6 +253,12 @@ class FirstSteps(cli.PalpateTest):
         self.assertIn("felt as bone", self.picture(mask).stderr)
         self.assertRegex(self.succeed("info", mask).stdout, r" 1  femur_left ")
 
+    def test_a_file_that_is_not_there(self):
+        for verb in ("section", "simulate", "info"):
+            done = self.run_verb(verb, self.folder / "missing.nii.gz")
+            self.assertEqual(done.returncode, cli.BAD_INPUT, done.stderr)
+            self.assertIn("missing.nii.gz: no such file", done.stderr)
+
     def test_a_volume_where_a_scene_file_is_checked(self):
         labels = write_nrrd(self.folder / "labels.nrrd", blocks)
         self.fail_clearly(cli.BAD_INPUT, "scene", "check", labels, says=f"palpate scene new {labels} -o scene.toml")
@@ -293,7 +299,7 @@ class FirstSteps(cli.PalpateTest):
                             (["play", "run.h5"], "palpate replay"), (["convert", "x"], "palpate prepare"),
                             (["list"], "palpate data list"), (["new"], "palpate scene new"), (["feel", "x"], "palpate explore"),
                             (["touch", "x"], "palpate explore"), (["record", "x"], "palpate simulate"),
-                            (["imprt", "x"], "palpate scene new"), (["conver"], "palpate prepare"),
+                            (["imprt", "x"], "palpate scene new"), (["opne", "x"], "palpate explore"), (["conver"], "palpate prepare"),
                             (["simualte"], "simulate"), (["help", "simualte"], "simulate"), (["help", "import"], "palpate scene new")):
             with self.subTest(words):
                 self.fail_clearly(cli.USAGE, *words, says="did you mean " + verb)
