@@ -92,6 +92,42 @@ TEST(ReadScan, ReadsFloatsTextAndHexadecimal) {
   EXPECT_EQ(hex->scan.voxels(), (std::vector<float>{258, 65296}));
 }
 
+// a file's values along x, as a volume of one row
+std::filesystem::path write_row(const TemporaryFolder& folder, const std::vector<int>& values) {
+  std::string text;
+  for (const int value : values) text += std::to_string(value) + " ";
+  return write_text(folder / "row.nrrd",
+                    nrrd("int16", std::to_string(values.size()) + " 1 1", "encoding: ascii\n", text));
+}
+
+TEST(ReadVolume, LabelsAreWholeFewAndInPatches) {
+  const TemporaryFolder folder;
+  const auto are_labels = [&](const std::vector<int>& values) {
+    const auto volume = read_volume(write_row(folder, values));
+    EXPECT_TRUE(volume.ok());
+    return volume.ok() && std::holds_alternative<LabelFile>(*volume);
+  };
+  EXPECT_TRUE(are_labels({0, 1, 1, 1, 2, 2, 2, 0}));
+  EXPECT_FALSE(are_labels({0, 1, 2, 3, 4, 5, 6, 0})) << "they change from voxel to voxel";
+  EXPECT_FALSE(are_labels({-1, 1, 1, 1, 2, 2, 2, 0}));
+  EXPECT_FALSE(are_labels({0, 5000, 5000, 5000, 0}));
+  EXPECT_FALSE(are_labels({0, 0, 0})) << "nothing is no label map";
+}
+
+TEST(ReadVolume, AScanReadAsLabelsIsNoticed) {
+  const TemporaryFolder folder;
+  const auto warning_of = [&](int values, int run) {
+    std::vector<int> row;
+    for (int n = 0; n < values * run; ++n) row.push_back(1 + n / run);
+    std::string warning;
+    EXPECT_TRUE(read_labels(write_row(folder, row), {}, {}, [&](const std::string& w) { warning = w; }).ok());
+    return warning;
+  };
+  EXPECT_NE(warning_of(200, 1).find("looks like a scan"), std::string::npos);
+  EXPECT_EQ(warning_of(200, 4), "") << "many labels in patches";
+  EXPECT_EQ(warning_of(30, 1), "") << "few labels";
+}
+
 TEST(ReadScan, ASliceIsAVolumeOfOne) {
   const TemporaryFolder folder;
   const auto scan = read_scan(write_text(
