@@ -179,13 +179,13 @@ double measured_stiffness_N_per_mm(const PlantDevice& device, const PlantHand& h
 
   SimulatedDevice plant(device, hand);
   plant.reset(start);
-  constexpr double kTick_s = 1e-3, kSpeed_mm_s = 4;
+  constexpr double kStep_s = 1e-3, kSpeed_mm_s = 4;
   constexpr int kSettled = 500, kEnd = 2000;
   double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
   DeviceCommand command;
   for (int i = 1; i <= kEnd; ++i) {
-    plant.intend(start + inward * (kSpeed_mm_s * kTick_s * i));
-    plant.advance(command, kTick_s);
+    plant.intend(start + inward * (kSpeed_mm_s * kStep_s * i));
+    plant.advance(command, kStep_s);
     const Point<World> tip = mapping.to_world(plant.read(), 0).tip;
     const double depth_mm = std::max(0.0, (surface - tip).dot(outward));
     command = mapping.to_device(Wrench{outward * (wall_N_per_mm * depth_mm * settings.force_gain), {}});
