@@ -8,8 +8,8 @@
 namespace palpate {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 TEST(PhantomName, ParametersAreRead) {
   const auto parsed = parse_phantom(
@@ -27,7 +27,7 @@ TEST(PhantomName, ParametersAreRead) {
   EXPECT_EQ(knee.lesion_depth_mm, 2.5);
   EXPECT_EQ(knee.defect_mm, 5);
   EXPECT_EQ(knee.defect_in, "patellar_cartilage");
-  EXPECT_THAT(knee.missing, testing::ElementsAre("femoral_cartilage", "medial_meniscus"));
+  EXPECT_THAT(knee.missing, ::testing::ElementsAre("femoral_cartilage", "medial_meniscus"));
   EXPECT_EQ(knee.settings.noise_mm, 0.4);
   EXPECT_EQ(knee.settings.islands, 20u);
   EXPECT_EQ(knee.settings.scan_seed, 9u);

@@ -18,7 +18,7 @@
 namespace palpate {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 Phantom made(const std::string& name) {
   const auto parameters = parse_phantom(name);

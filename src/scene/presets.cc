@@ -208,9 +208,9 @@ std::vector<TissuePreset> make_presets() {
            "45 Hz, shear modulus 4.9 kPa; E = 3 mu, nu = 0.5",
            {}, {"kidney", "renal"}));
   presets.push_back(
-      make("spleen", punch_stiffness(3 * 0.0036, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
-           "Talwalkar et al. 2009, AJR 193:122: human spleen by MR elastography at 60 Hz, shear stiffness "
-           "3.6 kPa in volunteers; E = 3 mu, nu = 0.5",
+      make("spleen", punch_stiffness(3 * 0.003565, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+           "Mannelli et al. 2010, AJR 195:387: spleen of volunteers by MR elastography at 60 Hz, shear "
+           "stiffness 3.565 kPa with the driver on the right; E = 3 mu, nu = 0.5",
            {}, {"spleen", "splenic", "lien"}));
   presets.push_back(
       make("lung", punch_stiffness(3 * 0.00114, 0.5), {0.05, 0.002, 0.1, 0.001}, 0.4,
@@ -233,9 +233,9 @@ std::vector<TissuePreset> make_presets() {
             "midbrain",     "medulla oblongata", "corpus callosum", "gyrus",         "ctx",
             "frontal lobe", "parietal lobe",     "temporal lobe",   "occipital lobe"}));
   presets.push_back(
-      make("gland", punch_stiffness(0.0159, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
-           "Sebag et al. 2010, J Clin Endocrinol Metab 95:5281: normal human thyroid by shear wave "
-           "elastography, E = 15.9 kPa; nu = 0.5",
+      make("gland", punch_stiffness(0.01092, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
+           "Arda et al. 2011, AJR 197:532: submandibular glands of volunteers by shear wave elastography, "
+           "E = 10.92 kPa (parotid 10.38, thyroid 10.97, pancreas 4.8); nu = 0.5",
            {"gland", "glandula", "glandular"},
            {"thyroid", "parathyroid", "parotid", "submandibular", "sublingual", "salivary", "adrenal",
             "pituitary", "hypophysis", "prostate", "pancreas", "thymus", "breast", "mammary", "testis"}));

@@ -17,7 +17,7 @@ using namespace volume_io;
 namespace {
 
 // what the fields of one SegmentN say
-struct Fields {
+struct SegmentFields {
   std::string id, name;
   std::optional<Rgb> colour;
   std::optional<int> layer;
@@ -50,7 +50,7 @@ std::optional<Rgb> parse_unit_colour(std::string_view text) {
 }
 
 Result<void> read_field(std::string_view field, const std::string& text, int layers,
-                        const std::string& source, const std::string& key, Fields& fields) {
+                        const std::string& source, const std::string& key, SegmentFields& fields) {
   if (field == "ID") fields.id = text;
   if (field == "Name") fields.name = text;
   if (field == "Color") {
@@ -113,7 +113,7 @@ Rgb colour_for(LabelId id) {
 
 Result<std::vector<Segment>> parse_segment_fields(
     const std::vector<std::pair<std::string, std::string>>& fields, int layers, const std::string& source) {
-  std::map<int, Fields> by_number;
+  std::map<int, SegmentFields> by_number;
   for (const auto& [key, text] : fields) {
     const auto parsed = parse_key(key);
     static const std::set<std::string_view> kOurs{"ID", "Name", "Color", "Layer", "LabelValue"};
