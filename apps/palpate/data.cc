@@ -38,7 +38,8 @@ void print_files(const LocalData& data) {
 std::string state(const CatalogEntry& entry, const Result<LocalData>& data) {
   if (data) return "here, in " + data->labels.parent_path().string();
   if (data.error().kind != ErrorKind::kUnavailable) return "unusable: " + data.error().message();
-  if (entry.source == DataSource::kGenerated) return "made in memory when it is asked for";
+  if (entry.source == DataSource::kGenerated)
+    return "made in memory when it is asked for; parameters: palpate data keys";
   return "not here: " + data.error().remedy;
 }
 
@@ -169,7 +170,8 @@ void add_data(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate data list\n"
       "  palpate data fetch knee-atlas\n"
-      "  palpate data where knee-atlas");
+      "  palpate data where knee-atlas\n"
+      "  palpate data keys                              what phantoms may be told: knee-phantom:side=right");
   const auto options = std::make_shared<DataOptions>();
   add_list(*data, options, run);
   add_fetch(*data, options, run);
