@@ -18,12 +18,18 @@ std::string millimetres(double value) {
   return text;
 }
 
+std::string quoted(const char* key) {
+  std::string text(1, '`');
+  text += key;
+  return text += '`';
+}
+
 // what is thinner than this lets something through where voxels meet at a corner
 Result<void> check_thickness(const PhantomParameters& parameters, const char* key, double thickness_mm) {
   const double diagonal_mm = settings_of(parameters).spacing_mm.norm();
   if (thickness_mm >= diagonal_mm) return {};
   return refused(parameters,
-                 "`" + std::string(key) + "` of " + millimetres(thickness_mm) +
+                 quoted(key) + " of " + millimetres(thickness_mm) +
                      " is less than the diagonal of a voxel, " + millimetres(diagonal_mm) +
                      ", and would have holes",
                  "make it thicker, or the spacing finer");
@@ -32,7 +38,7 @@ Result<void> check_thickness(const PhantomParameters& parameters, const char* ke
 Result<void> check_together(const PhantomParameters& all, const KneeParameters& knee) {
   const KneeParameters mean;
   const auto needs = [&](const char* key, const char* other) {
-    return refused(all, "`" + std::string(key) + "` without `" + other + "` changes nothing",
+    return refused(all, quoted(key) + " without `" + other + "` changes nothing",
                    "give the radius of the " + std::string(other) + " as well");
   };
   if (knee.lesion_mm == 0 && knee.lesion_in != mean.lesion_in) return needs("lesion-in", "lesion");
@@ -42,7 +48,7 @@ Result<void> check_together(const PhantomParameters& all, const KneeParameters& 
   const auto present = [&](const char* key, const std::string& structure) -> Result<void> {
     for (const std::string& name : knee.missing)
       if (name == structure)
-        return refused(all, "`" + std::string(key) + "` is " + structure + ", which is `missing`",
+        return refused(all, quoted(key) + " is " + structure + ", which is `missing`",
                        "name another structure");
     return {};
   };
@@ -52,8 +58,8 @@ Result<void> check_together(const PhantomParameters& all, const KneeParameters& 
     if (radius_mm == 0) continue;
     if (radius_mm < 1.5 * widest_mm)
       return refused(all,
-                     "`" + std::string(key) + "` of " + millimetres(radius_mm) +
-                         " is too small for voxels of " + millimetres(widest_mm),
+                     quoted(key) + " of " + millimetres(radius_mm) + " is too small for voxels of " +
+                         millimetres(widest_mm),
                      "its radius is at least one and a half voxels");
     if (auto there = present((std::string(key) + "-in").c_str(), structure); !there) return there;
   }
