@@ -673,7 +673,7 @@ TEST_F(Viewed, BeforeItRunsItShowsAndRefuses) {
   EXPECT_EQ(viewed.state().model_version, 1u);
   EXPECT_EQ(error_in(viewed.set(SettingsRequest{})).kind, ErrorKind::kUnavailable);
   EXPECT_EQ(error_in(viewed.set(TissueRequest{})).kind, ErrorKind::kUnavailable);
-  EXPECT_EQ(error_in(viewed.rearm({})).kind, ErrorKind::kUnavailable);
+  EXPECT_EQ(error_in(viewed.rearm(ViewerIdentity{})).kind, ErrorKind::kUnavailable);
 }
 
 // ---- a whole session, recorded
