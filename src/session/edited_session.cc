@@ -21,7 +21,7 @@ int main(int count, char** arguments) {
   }
   constexpr auto kPeriod = std::chrono::milliseconds(200);
   const auto script = parse_script(
-      "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 600.0\n",
+      "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n",
       "edited session");
   PALPATE_CHECK(script.ok());
   ViewerHost* host = nullptr;
