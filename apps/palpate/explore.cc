@@ -274,6 +274,7 @@ void print_changed(const RecordingSummary& s) {
 }
 
 void print(const ExploreResult& result) {
+  print_touches(result.touches);
   print_holds(result.holds);
   print_loop(result.health);
   print_changed(result.summary);
@@ -324,7 +325,8 @@ int explore_target(const ExploreArguments& options, Console& console) {
     return console.fail({ErrorKind::kUnavailable, "the device's driver gave up", "",
                          "look at its connection and power; what was felt until then is kept"});
   if (options.recording) console.note("recording: " + options.recording->string());
-  return kExitOk;
+  // who ends a session has seen what it did
+  return result->failed_steps == 0 || result->stopped_by_user ? kExitOk : kExitLimit;
 }
 
 void add_viewer_options(CLI::App* verb, ExploreArguments& options) {
@@ -401,7 +403,8 @@ void add_explore(CLI::App& app, Run& run) {
       "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"
       "program at once. Ctrl-Z does nothing: a device would hold its last force meanwhile.\n"
       "A disk that fills ends the recording, not the session; the exit code is then 4.\n"
-      "docs/explore.md: real-time privileges, and how to read the figures.");
+      "docs/explore.md: real-time privileges, and how to read the figures.\n\n" +
+      held_defined() + " The exit code is\nthen 3, unless the user ended the session.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return explore_target(*options, console); }; });
 }

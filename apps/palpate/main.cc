@@ -27,8 +27,8 @@ constexpr const char* kExamples =
     "  palpate help simulate                            what a verb takes\n"
     "\n"
     "Exit codes: 0 done; 1 a file or setting cannot be used; 2 wrong command line; 3 a figure beyond\n"
-    "its limit or a replay that differs; 4 a result could not be written; 5 a data set or the network\n"
-    "is missing; 130 interrupted.\n"
+    "its limit, a replay that differs or a step of a script that failed; 4 a result could not be written;\n"
+    "5 a data set or the network is missing; 130 interrupted.\n"
     "\n"
     "Research and education, not for clinical use.";
 

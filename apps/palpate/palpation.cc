@@ -1,5 +1,6 @@
 #include "palpation.h"
 
+#include <cmath>
 #include <cstdio>
 
 #include "text.h"
@@ -43,6 +44,22 @@ void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& pr
           },
           "How labels become the field; default: the scene's")
       ->check(CLI::IsMember({"inward-ramp", "union-gaussian"}));
+}
+
+void print_touches(const std::vector<TouchFigure>& touches) {
+  for (const TouchFigure& touch : touches)
+    std::printf("line %d touched %s at %.1f, %.1f, %.1f mm\n", touch.line, touch.structure.c_str(),
+                touch.point.x(), touch.point.y(), touch.point.z());
+}
+
+std::string held_defined() {
+  return "\"held\" is the longest time without a break in which a structure was touched with a force "
+         "within\n" +
+         std::to_string(std::lround(100 * kHeldWithin)) +
+         " % of one that the script presses it with (with any force, where nothing presses it). A step that\n"
+         "does not get what it asks for has failed: it is said, the hand goes back, and the run goes on "
+         "with\n"
+         "the next approach.";
 }
 
 void print_holds(const std::vector<HoldFigure>& holds) {

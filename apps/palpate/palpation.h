@@ -32,6 +32,11 @@ void add_method_option(CLI::App& verb, const std::string& help, std::span<const 
 /// --preparation NAME, instead of the scene's.
 void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation);
 
+/// On stdout, a line each: where the approaches touched.
+void print_touches(const std::vector<TouchFigure>& touches);
+/// What "held" is, for help texts.
+std::string held_defined();
+
 /// A table on stdout: how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);
 

@@ -49,6 +49,7 @@ Result<Outputs> outputs_of(const SimulateOptions& options) {
 }
 
 void print(const SimulationResult& result) {
+  print_touches(result.touches);
   print_holds(result.holds);
   std::printf("largest force %.3f N of %.3f N allowed; %llu ticks, %llu clamped, %llu not finite\n",
               result.max_force_N, result.limit_N, static_cast<unsigned long long>(result.summary.ticks),
@@ -88,7 +89,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
       return console.fail(written.error());
     console.note("report: " + outputs->report.string());
   }
-  return kExitOk;
+  return result->failed_steps == 0 ? kExitOk : kExitLimit;
 }
 
 }  // namespace
@@ -120,7 +121,8 @@ void add_simulate(CLI::App& app, Run& run) {
       "  palpate simulate knee-phantom --method smooth-sphere -o smooth.h5\n\n"
       "The simulated hand and device run on a virtual clock: the same scene, script and seed give the same "
       "run\n"
-      "bit for bit. docs/script.md documents scripts, docs/recording.md what a recording holds.");
+      "bit for bit. docs/script.md documents scripts, docs/recording.md what a recording holds.\n\n" +
+      held_defined() + " The exit code is then 3.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return simulate_target(*options, console); }; });
 }

@@ -15,10 +15,10 @@ namespace palpate::app {
 /// Documented in `palpate --help` and README.md.
 enum ExitCode : int {
   kExitOk = 0,
-  kExitBadInput = 1,     ///< a file or a setting cannot be used
-  kExitUsage = 2,        ///< the command line does not make sense
-  kExitLimit = 3,        ///< a figure beyond its limit, or a replay that differs
-  kExitOutput = 4,       ///< a result could not be written
+  kExitBadInput = 1,  ///< a file or a setting cannot be used
+  kExitUsage = 2,     ///< the command line does not make sense
+  kExitLimit = 3,     ///< a figure beyond its limit, a replay that differs, or a step of a script that failed
+  kExitOutput = 4,    ///< a result could not be written
   kExitUnavailable = 5,  ///< a data set or the network is missing
   kExitInterrupted = 130,
 };

@@ -75,10 +75,12 @@ struct ExploreResult {
   RecordingSummary summary;
   LoopHealth health;
   Scheduling scheduling;
+  std::vector<TouchFigure> touches;
   std::vector<HoldFigure> holds;
+  std::size_t failed_steps = 0;      ///< of the script
   double max_force_N = 0;            ///< largest force sent
   double limit_N = 0;                ///< the highest that held
-  std::vector<std::string> trouble;  ///< steps that did not reach what they asked, in words
+  std::vector<std::string> trouble;  ///< what is known not to be reached, and steps that failed, in words
   std::optional<Error> recording_failure;
   bool stopped_by_user = false;  ///< by progress.stopped()
   bool device_lost = false;      ///< the driver gave up, which ended the session

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -207,9 +208,24 @@ std::string tissue_preset_table();
 
 // ---- script -------------------------------------------------------------------------------------
 
+/// The patient's directions, LPS, by the names that scripts give them.
+inline constexpr std::array<std::pair<std::string_view, std::array<double, 3>>, 6> kPatientDirections{
+    {{"superior", {0, 0, 1}},
+     {"inferior", {0, 0, -1}},
+     {"anterior", {0, -1, 0}},
+     {"posterior", {0, 1, 0}},
+     {"left", {1, 0, 0}},
+     {"right", {-1, 0, 0}}}};
+
 /// Move to a free point in front of a structure, then touch it.
 struct ApproachStep {
-  std::string structure;  ///< name, or "#95" for a label number
+  std::string structure;                ///< name, or "#95" for a label number; empty: `point` is given
+  std::optional<Point<Patient>> point;  ///< the nearest felt structure there is touched
+  /// Of the structure: the place that is farthest this way, or nearest to another structure (name or
+  /// "#95") or point. At most one of the two; without any the hand chooses.
+  std::optional<Vector<Patient>> landmark;  ///< one of kPatientDirections
+  std::variant<std::monostate, std::string, Point<Patient>> nearest;
+  std::optional<Vector<Patient>> from;  ///< unit, from the surface to where the hand comes from
   double speed_mm_s = 40;
   double clearance_mm = 15;  ///< start at most this far in front of the surface, along its normal
 };

@@ -84,26 +84,42 @@ struct SimulationOptions {
   std::optional<ForceMethod> method;  ///< at first; default the scene's
 };
 
+/// A force counts as held within this part of what was asked for.
+inline constexpr double kHeldWithin = 0.2;
+
 /// How one structure of the script was held.
 struct HoldFigure {
   std::string structure;
   LabelId label = 0;
-  double held_s = 0;  ///< longest time without a break at 0.5 ... 2 N on that structure
+  /// Longest time without a break in which that structure was touched with a force within kHeldWithin of one
+  /// that a press of the script asks for there; where none does, with any force.
+  double held_s = 0;
   double mean_force_N = 0;
   double peak_force_N = 0;
 };
 
+/// Where an approach touched the structure that it asked for.
+struct TouchFigure {
+  int line = 0;  ///< of the script
+  std::string structure;
+  LabelId label = 0;
+  Point<Patient> point;
+};
+
 struct SimulationResult {
   RecordingSummary summary;
+  std::vector<TouchFigure> touches;  ///< in the order of the approaches that touched
   std::vector<HoldFigure> holds;
+  std::size_t failed_steps = 0;
   double max_force_N = 0;  ///< largest force sent
   double limit_N = 0;
   std::vector<std::string>
-      trouble;  ///< steps that did not reach what they asked, in words without a file's name
+      trouble;  ///< what is known not to be reached, and steps that failed, in words without a file's name
 };
 
 /// Runs a script against a model with the simulated hand on the virtual clock, into a recording file
-/// (may be empty: none). Interrupted, the recording is finished and reopens.
+/// (may be empty: none). A step that fails is no error: the run goes on with the next approach. Interrupted,
+/// the recording is finished and reopens.
 Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
                                   const SimulationOptions& options, const std::filesystem::path& recording,
                                   const Progress& progress = {});

@@ -88,6 +88,9 @@ std::string facts(const Run& run, const ShownContact& shown) {
       fact("Largest force", number(contact.peak_force_N, 2) + " N at " + number(contact.peak_s, 2) + " s");
   html += fact("Depth there",
                is_deeper_than_measured(peak, run.model) ? "deeper than measured" : depth_text(peak.depth_mm));
+  const auto& touched = contact.first_touch_mm;
+  html += fact("First touched at",
+               number(touched[0], 1) + ", " + number(touched[1], 1) + ", " + number(touched[2], 1) + " mm");
   html += fact("Contact", number(contact.begin_s, 2) + " to " + number(contact.end_s, 2) + " s");
   if (run.devices > 1) html += fact("Device", std::to_string(contact.device + 1));
   return html + "</dl>";

@@ -47,8 +47,16 @@ void ContactFinder::see(const TimedTick& now) {
     // follow the structure as far as it goes
     const double force = force_N(device);
     if (!contact)
-      contact = Contact{static_cast<int>(d), device.label, now.index, now.index,  now.index,
-                        now.begin_s,         now.end_s,    force,     now.begin_s};
+      contact = Contact{.device = static_cast<int>(d),
+                        .label = device.label,
+                        .first = now.index,
+                        .last = now.index,
+                        .peak = now.index,
+                        .begin_s = now.begin_s,
+                        .end_s = now.end_s,
+                        .first_touch_mm = device.proxy_patient_mm,
+                        .peak_force_N = force,
+                        .peak_s = now.begin_s};
     contact->last = now.index;
     contact->end_s = now.end_s;
     if (!(force > contact->peak_force_N)) continue;

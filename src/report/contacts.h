@@ -26,7 +26,8 @@ struct Contact {
   std::size_t first = 0, last = 0;
   std::size_t peak = 0;  ///< the first tick with the largest force
   double begin_s = 0, end_s = 0;
-  double peak_force_N = 0, peak_s = 0;  ///< the largest force, and when it was
+  std::array<double, 3> first_touch_mm{};  ///< where the proxy was then, in Patient
+  double peak_force_N = 0, peak_s = 0;     ///< the largest force, and when it was
 
   double duration_s() const { return end_s - begin_s; }
 };

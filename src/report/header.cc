@@ -148,7 +148,10 @@ std::string trouble_html(const Run& run) {
   if (!run.recording.summary || run.recording.summary->trouble.empty()) return "";
   std::string html =
       "<section class=\"card notice\" aria-labelledby=\"trouble-title\"><h2 id=\"trouble-title\">What the "
-      "hand did not reach</h2>\n<ul class=\"trouble\">\n";
+      "hand did not reach</h2>\n<p class=\"hint\">A press is there when the force has stayed within 10 % of "
+      "what it asked for, a hold when it has stayed within 20 % for as long as it asked, on the structure "
+      "approached and without a break. After a step that failed the hand went back.</p>\n<ul "
+      "class=\"trouble\">\n";
   for (const std::string& sentence : run.recording.summary->trouble) {
     html += "<li>" + escape(sentence) + "</li>\n";
   }

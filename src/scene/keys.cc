@@ -41,7 +41,7 @@ std::string value_cell(const KeySpec& key) {
 }
 
 std::string range_cell(const KeySpec& key) {
-  if (!key.has_range() || key.type == kDirection) return "";
+  if (!key.has_range() || key.type == kDirection || key.type == kPlace) return "";
   return concat({number_text(key.min), " … ", number_text(key.max)});
 }
 
@@ -377,8 +377,12 @@ const SceneKeys& scene_key_tables() {
 
 const ScriptKeys& script_key_tables() {
   constexpr std::string_view kStructure =
-      "The structure, by name exactly as the labels have it, or `\"#95\"` by number. A place on it that a "
-      "hand can reach is found from the labels.";
+      "The structure, by name exactly as the labels have it, or `\"#95\"` by number: a place on it that a "
+      "hand can reach is found from the labels. Or a point, LPS: the felt structure whose surface is "
+      "nearest, "
+      "at most 5 mm away.";
+  static const std::vector<std::string_view> kDirections{"superior",  "inferior", "anterior",
+                                                         "posterior", "left",     "right"};
   static const ScriptKeys keys{
       .top = {"top level",
               "The hand and the device that are simulated.",
@@ -423,21 +427,45 @@ const ScriptKeys& script_key_tables() {
           {"approach",
            "Moves to a free place in front of a structure, then touches it. Whatever was touched before has "
            "to be left first.",
-           {{.name = "approach", .type = kText, .meaning = kStructure},
+           {{.name = "approach",
+             .type = kPlace,
+             .unit = "mm",
+             .min = -1e6,
+             .max = 1e6,
+             .meaning = kStructure},
+            {.name = "landmark",
+             .type = kChoice,
+             .choices = kDirections,
+             .meaning = "Touches the structure's most superior, most inferior, ... place, or one within 5 mm "
+                        "of being it."},
+            {.name = "nearest",
+             .type = kPlace,
+             .unit = "mm",
+             .min = -1e6,
+             .max = 1e6,
+             .meaning = "Touches the structure where it is nearest to another one, or to a point, LPS; or "
+                        "within 5 mm of that. Not beside `landmark`."},
+            {.name = "from",
+             .type = kDirection,
+             .min = -1e6,
+             .max = 1e6,
+             .choices = kDirections,
+             .meaning = "Whence the hand comes on its last, straight stretch; or in LPS. Without it the way "
+                        "is found, along the surface's normal where that is free."},
             {.name = "speed",
              .type = kNumber,
              .default_text = "40",
              .unit = "mm/s",
              .min = 0.1,
              .max = 200,
-             .meaning = "Of the way there; the touch itself is slower."},
+             .meaning = "Of the way there; less near what is felt, and the touch itself is slower."},
             {.name = "clearance",
              .type = kNumber,
              .default_text = "15",
              .unit = "mm",
              .min = 1,
              .max = 100,
-             .meaning = "Starts at most this far in front of the surface, along its normal."}}},
+             .meaning = "The last stretch to the surface is straight and at most this long."}}},
           {"press",
            "Pushes along the surface's normal until the force is reached. Needs an approach before.",
            {{.name = "press",
@@ -445,16 +473,18 @@ const ScriptKeys& script_key_tables() {
              .unit = "N",
              .min = 0.02,
              .max = 40,
-             .meaning = "The force. Limits hold all the same."},
+             .meaning = "The force. Limits hold all the same: what they do not allow is not reached."},
             {.name = "settle",
              .type = kNumber,
              .default_text = "0.5",
              .unit = "s",
              .min = 0,
              .max = 10,
-             .meaning = "Time in which the force is reached."}}},
+             .meaning = "For how long the force has to stay within 10 % before the next step."}}},
           {"hold",
-           "Keeps the force. Needs an approach before.",
+           "Keeps the force until it has been held so long: within 20 % of what was pressed, on the "
+           "structure "
+           "approached, without a break. Needs an approach before.",
            {{.name = "hold", .type = kNumber, .unit = "s", .min = 0.01, .max = 60, .meaning = "How long."}}},
           {"slide",
            "Moves along the surface, keeping the force. Needs an approach before.",
@@ -464,7 +494,7 @@ const ScriptKeys& script_key_tables() {
              .default_text = "\"superior\"",
              .min = -1e6,
              .max = 1e6,
-             .choices = {"superior", "inferior", "anterior", "posterior", "left", "right"},
+             .choices = kDirections,
              .meaning = "The patient's; or in LPS: +x to the patient's left, +y posterior, +z superior. What "
                         "points out of "
                         "the surface is taken away; the length does not matter."},
@@ -474,9 +504,11 @@ const ScriptKeys& script_key_tables() {
              .unit = "mm/s",
              .min = 0.1,
              .max = 200,
-             .meaning = "Along the surface."}}},
+             .meaning = "Along the surface; at most what lets the hand stop within a third of a millimetre "
+                        "of what it meets."}}},
           {"rotate",
-           "Turns the object while the hand stays, commanded ten times a second.",
+           "Turns the object while the hand stays, commanded ten times a second. A hand that touches yields "
+           "with the surface; one that does not steps back first.",
            {{.name = "rotate",
              .type = kNumber,
              .unit = "degrees",
@@ -564,6 +596,8 @@ std::string_view type_text(KeyType type) {
       return "two numbers";
     case kPoint:
       return "a point [x, y, z]";
+    case kPlace:
+      return "a text or a point [x, y, z]";
     case kPoints:
       return "a list of points";
     case kDirection:

@@ -21,6 +21,7 @@ enum class KeyType {
   kNames,      ///< list of names
   kInterval,   ///< [low, high], low < high, each min ... max
   kPoint,      ///< [x, y, z], each coordinate min ... max
+  kPlace,      ///< a text that is not empty, or [x, y, z], each coordinate min ... max
   kPoints,     ///< list of [x, y, z], each coordinate min ... max
   kDirection,  ///< one of `choices`, or [x, y, z] that is not zero
   kTable,      ///< [name]

@@ -7,13 +7,6 @@
 namespace palpate {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, std::array<double, 3>>, 6> kPatientDirections{
-    {{"superior", {0, 0, 1}},
-     {"inferior", {0, 0, -1}},
-     {"anterior", {0, -1, 0}},
-     {"posterior", {0, 1, 0}},
-     {"left", {1, 0, 0}},
-     {"right", {-1, 0, 0}}}};
 constexpr std::array<std::pair<std::string_view, std::array<double, 3>>, 3> kWorldDirections{
     {{"right", {1, 0, 0}}, {"forward", {0, 1, 0}}, {"up", {0, 0, 1}}}};
 
@@ -40,13 +33,40 @@ bool is_structure(const std::string& text) {
   return number <= 65535;
 }
 
+/// A structure or a point; a number that no label has is a problem.
+std::optional<std::variant<std::string, Eigen::Vector3d>> read_place(const TableReader& reader,
+                                                                     std::string_view key,
+                                                                     Problems& problems) {
+  auto place = reader.place(key);
+  if (!place) return std::nullopt;
+  const auto* name = std::get_if<std::string>(&*place);
+  if (!name || is_structure(*name)) return place;
+  problems.add(reader.line(key), std::string(key) + " = \"" + *name + "\" is no label number",
+               "a label number is written \"#1\" ... \"#65535\"");
+  return std::nullopt;
+}
+
 ScriptStep read_approach(const TableReader& reader, Problems& problems) {
   ApproachStep step;
-  step.structure = reader.text("approach").value_or("");
-  if (!step.structure.empty() && !is_structure(step.structure)) {
-    problems.add(reader.line("approach"), "approach = \"" + step.structure + "\" is no label number",
-                 "a label number is written \"#1\" ... \"#65535\"");
+  if (const auto place = read_place(reader, "approach", problems)) {
+    if (const auto* name = std::get_if<std::string>(&*place)) step.structure = *name;
+    if (const auto* point = std::get_if<Eigen::Vector3d>(&*place)) step.point = Point<Patient>(*point);
   }
+  if (const auto landmark = reader.choice("landmark"))
+    step.landmark = Vector<Patient>(vector_of(*landmark, kPatientDirections));
+  if (const auto place = read_place(reader, "nearest", problems)) {
+    if (const auto* name = std::get_if<std::string>(&*place)) step.nearest = *name;
+    if (const auto* point = std::get_if<Eigen::Vector3d>(&*place)) step.nearest = Point<Patient>(*point);
+  }
+  if (step.landmark && step.nearest.index() != 0)
+    problems.add(reader.line("nearest"), "an approach with both landmark and nearest",
+                 "keep the one that says where to touch");
+  if (step.point && (step.landmark || step.nearest.index() != 0))
+    problems.add(reader.line(step.landmark ? "landmark" : "nearest"),
+                 "an approach to a point that also says where to touch",
+                 "name a structure: approach = \"...\"");
+  if (const auto from = reader.direction("from"))
+    step.from = Vector<Patient>(vector_of(*from, kPatientDirections)).normalized();
   step.speed_mm_s = reader.number("speed").value_or(step.speed_mm_s);
   step.clearance_mm = reader.number("clearance").value_or(step.clearance_mm);
   return step;
@@ -154,7 +174,8 @@ void check_order(const Script& script, Problems& problems) {
     if (const auto* approach = std::get_if<ApproachStep>(&step)) {
       if (touching) {
         problems.add(script.lines[i],
-                     "approach while still touching \"" + touching->structure + "\" (line " +
+                     "approach while still touching " +
+                         (touching->point ? "a point" : "\"" + touching->structure + "\"") + " (line " +
                          std::to_string(since) + ")",
                      "put a step with leave = true before it");
       }

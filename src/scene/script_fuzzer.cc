@@ -14,7 +14,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   PALPATE_CHECK(script->delay_s >= 0 && script->delay_s <= 0.02);
   for (const auto& step : script->steps) {
     if (const auto* approach = std::get_if<palpate::ApproachStep>(&step))
-      PALPATE_CHECK(!approach->structure.empty());
+      PALPATE_CHECK(approach->structure.empty() == approach->point.has_value());
     if (const auto* slide = std::get_if<palpate::SlideStep>(&step))
       PALPATE_CHECK(slide->direction.norm() > 0);
   }

@@ -95,6 +95,25 @@ TEST(ParseScript, DirectionsAreThePatients) {
   }
 }
 
+TEST(ParseScript, AnApproachSaysWhereAndWhence) {
+  const auto script = parse_script(
+      "[[step]]\napproach = [1, -2.5, 3]\nfrom = [0, 0, 2]\n[[step]]\nleave = true\n"
+      "[[step]]\napproach = 'femur'\nlandmark = 'anterior'\n[[step]]\nleave = true\n"
+      "[[step]]\napproach = 'femur'\nnearest = '#7'\nfrom = 'left'\n[[step]]\nleave = true\n"
+      "[[step]]\napproach = 'femur'\nnearest = [4, 5, 6]\n",
+      "t");
+  ASSERT_TRUE(script.ok()) << script.error().message();
+  const auto step = [&](std::size_t s) { return std::get<ApproachStep>(script->steps[s]); };
+  EXPECT_EQ(step(0).point, Point<Patient>(1, -2.5, 3));
+  EXPECT_EQ(step(0).structure, "");
+  EXPECT_EQ(step(0).from, Vector<Patient>(0, 0, 1)) << "a direction has unit length";
+  EXPECT_EQ(step(2).landmark, Vector<Patient>(0, -1, 0));
+  EXPECT_FALSE(step(2).from);
+  EXPECT_EQ(std::get<std::string>(step(4).nearest), "#7");
+  EXPECT_EQ(step(4).from, Vector<Patient>(1, 0, 0));
+  EXPECT_EQ(std::get<Point<Patient>>(step(6).nearest), Point<Patient>(4, 5, 6));
+}
+
 TEST(ParseScript, AxesHaveUnitLength) {
   const auto script = parse_script("[[step]]\nrotate = 5\naxis = [0, 3, 4]\n", "t");
   ASSERT_TRUE(script.ok()) << script.error().message();
@@ -190,6 +209,14 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"[[step]]\napproach = '#65536'\n", 2, "no label number", ""},
         BadScript{"[[step]]\napproach = '#9x'\n", 2, "no label number", ""},
         BadScript{"[[step]]\napproach = '#4294967391'\n", 2, "no label number", ""},
+        BadScript{APPROACH "nearest = '#0'\n", 3, "nearest = \"#0\" is no label number", ""},
+        BadScript{APPROACH "nearest = [1, 2]\n", 3, "not three numbers", "a text or a point"},
+        BadScript{APPROACH "landmark = 'top'\n", 3, "unknown landmark \"top\"", "\"superior\""},
+        BadScript{APPROACH "landmark = 'left'\nnearest = 'tibia'\n", 4, "both landmark and nearest",
+                  "keep the one"},
+        BadScript{"[[step]]\napproach = [1, 2, 3]\nlandmark = 'left'\n", 3, "also says where",
+                  "name a structure"},
+        BadScript{APPROACH "from = [0, 0, 0]\n", 3, "from points nowhere", ""},
         BadScript{APPROACH "[[step]]\npress = 41\n", 4, "press = 41 is outside 0.02 ... 40 N", ""},
         BadScript{APPROACH "[[step]]\nhold = 61\n", 4, "hold = 61 is outside 0.01 ... 60 s", ""},
         BadScript{APPROACH "[[step]]\nslide = 0\n", 4, "slide = 0 is outside 0.1 ... 200 mm", ""},

@@ -91,13 +91,16 @@ std::optional<std::string> TableReader::text(std::string_view key) const {
     wrong_type(*spec, *value);
     return std::nullopt;
   }
-  // a zero byte would end a file's name, and an empty text names nothing
-  if (text->empty() || text->find('\0') != std::string::npos) {
-    problems_.add(value->line, std::string(key) + (text->empty() ? " is empty" : " holds a zero byte"),
-                  spec->default_text.empty() ? "give it a text" : remedy_text(*spec));
-    return std::nullopt;
-  }
-  return *text;
+  return whole_text(*spec, *value);
+}
+
+// a zero byte would end a file's name, and an empty text names nothing
+std::optional<std::string> TableReader::whole_text(const KeySpec& key, const TomlValue& value) const {
+  const auto& text = *value.as<std::string>();
+  if (!text.empty() && text.find('\0') == std::string::npos) return text;
+  problems_.add(value.line, std::string(key.name) + (text.empty() ? " is empty" : " holds a zero byte"),
+                key.default_text.empty() ? "give it a text" : remedy_text(key));
+  return std::nullopt;
 }
 
 std::optional<std::string> TableReader::choice(std::string_view key) const {
@@ -306,6 +309,24 @@ std::optional<std::vector<Eigen::Vector3d>> TableReader::points(std::string_view
     points.push_back(*point);
   }
   return points;
+}
+
+std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::place(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kPlace, &spec);
+  if (!value) return std::nullopt;
+  if (value->as<std::string>()) {
+    auto text = whole_text(*spec, *value);
+    if (!text) return std::nullopt;
+    return *std::move(text);
+  }
+  if (!value->as<TomlArray>()) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  const auto point = vector3(*spec, *value, value->line);
+  if (!point) return std::nullopt;
+  return *point;
 }
 
 std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::direction(std::string_view key) const {

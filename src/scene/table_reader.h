@@ -60,6 +60,8 @@ class TableReader {
   std::optional<std::array<double, 2>> interval(std::string_view key) const;
   std::optional<Eigen::Vector3d> point(std::string_view key) const;
   std::optional<std::vector<Eigen::Vector3d>> points(std::string_view key) const;
+  /// A structure's name, or a point.
+  std::optional<std::variant<std::string, Eigen::Vector3d>> place(std::string_view key) const;
   /// A name from the choices, or a vector.
   std::optional<std::variant<std::string, Eigen::Vector3d>> direction(std::string_view key) const;
   const TomlTable* table(std::string_view key) const;  ///< null when absent
@@ -74,6 +76,7 @@ class TableReader {
   const TomlValue* find(std::string_view key, const KeySpec** spec) const;
   const TomlValue* find(std::string_view key, KeyType type, const KeySpec** spec) const;
   void wrong_type(const KeySpec& key, const TomlValue& value) const;
+  std::optional<std::string> whole_text(const KeySpec& key, const TomlValue& value) const;
   std::optional<double> number_in_range(const KeySpec& key, const TomlValue& value, int line) const;
   std::optional<Eigen::Vector3d> vector3(const KeySpec& key, const TomlValue& value, int line) const;
 

@@ -113,6 +113,8 @@ void finish(const Session& session, ExploreResult& result) {
   result.health = session.loop.health();
   result.scheduling = session.loop.scheduling();
   const auto trouble = session.tip.trouble();
+  result.failed_steps = trouble.size();
+  result.touches = session.tip.touches();
   result.trouble.insert(result.trouble.end(), trouble.begin(), trouble.end());
 
   const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble);
@@ -190,7 +192,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   RecordingHeader header = header_of_run(loaded, *setup);
   header.clock = "real";
   header.scheduler = (*loop)->scheduling().scheduler;
-  ExploreWatch watch(model, (*tip)->structures());
+  ExploreWatch watch(model, (*tip)->asked());
   auto recorder = Recorder::start((*loop)->ring(), recording, header,
                                   [&watch](const TickRecord& record) { watch.see(record); }, &viewed.told());
   if (!recorder) return recorder.error();

@@ -36,6 +36,7 @@ class HandThread {
   double progress() const { return progress_.load(); }
   /// After end().
   const std::vector<std::string>& trouble() const { return hand_.trouble(); }
+  const std::vector<TouchFigure>& touches() const { return hand_.touches(); }
 
  private:
   void run();

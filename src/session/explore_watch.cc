@@ -16,8 +16,8 @@ std::int64_t ns(double seconds) {
 
 }  // namespace
 
-ExploreWatch::ExploreWatch(const Model& model, const std::vector<LabelId>& structures) {
-  for (const LabelId structure : structures) meters_.emplace_back(model, structure);
+ExploreWatch::ExploreWatch(const Model& model, const std::vector<HoldAsked>& asked) {
+  for (const HoldAsked& structure : asked) meters_.emplace_back(model, structure);
 }
 
 void ExploreWatch::see(const TickRecord& record) {

@@ -20,7 +20,7 @@ class ExploreWatch {
     double compute_p50_us = 0;
   };
 
-  ExploreWatch(const Model& model, const std::vector<LabelId>& structures);
+  ExploreWatch(const Model& model, const std::vector<HoldAsked>& asked);
   void see(const TickRecord& record);
 
   LastSecond last_second() const;

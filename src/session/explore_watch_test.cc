@@ -74,7 +74,7 @@ TEST(ExploreWatch, OneLateTickIsForgottenAfterASecond) {
 }
 
 TEST(ExploreWatch, NothingSeenIsNothing) {
-  const ExploreWatch watch(*testing::loaded_ball().model, {testing::kBone});
+  const ExploreWatch watch(*testing::loaded_ball().model, {{testing::kBone, {}}});
   EXPECT_EQ(watch.last_second().lateness_max_us, 0);
   EXPECT_EQ(watch.max_force_N(), 0);
   ASSERT_EQ(watch.holds().size(), 1u);
@@ -83,11 +83,13 @@ TEST(ExploreWatch, NothingSeenIsNothing) {
 }
 
 TEST(ExploreWatch, LargestForceIsOfAnyDeviceAndHoldsOfTheirStructure) {
-  ExploreWatch watch(*testing::loaded_ball().model, {testing::kBone, testing::kCartilage});
+  ExploreWatch watch(*testing::loaded_ball().model,
+                     {{testing::kBone, {1.0}}, {testing::kCartilage, {1.0, 2.0}}});
   for (int n = 0; n < 400; ++n) {
     TickRecord record = tick_at(n * 1e-3, 1);
     record.devices = 2;
-    record.device[0].force_N = {0, 0.6, 0.8};
+    // of 1 N: within a fifth of one that is asked for
+    record.device[0].force_N = {0, 0.6, n == 40 ? 1.1 : 0.8};
     record.device[0].label = n < 300 ? testing::kBone : testing::kCartilage;
     record.device[1].force_N = {n == 7 ? 1.5 : 0.1, 0, 0};
     // of a device that is not there
@@ -95,8 +97,8 @@ TEST(ExploreWatch, LargestForceIsOfAnyDeviceAndHoldsOfTheirStructure) {
     watch.see(record);
   }
   EXPECT_DOUBLE_EQ(watch.max_force_N(), 1.5);
-  EXPECT_NEAR(watch.holds()[0].held_s, 0.3, 1e-9);
-  EXPECT_NEAR(watch.holds()[0].mean_force_N, 1, 1e-9);
+  EXPECT_NEAR(watch.holds()[0].held_s, 0.259, 1e-9) << "after the break";
+  EXPECT_NEAR(watch.holds()[0].mean_force_N, 1, 1e-3);
   EXPECT_NEAR(watch.holds()[1].held_s, 0.1, 1e-9);
 }
 

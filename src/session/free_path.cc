@@ -9,7 +9,7 @@ namespace palpate {
 namespace {
 
 constexpr double kCell_mm = 1.2;
-constexpr int kMargin = 4;        // cells of free space round the volume: the air about the patient
+constexpr int kLeastMargin = 4;   // cells of free space round the volume: the air about the patient
 constexpr std::uint8_t kFar = 8;  // clearance beyond this many cells is worth nothing more
 
 // what a millimetre costs at this clearance
@@ -27,13 +27,20 @@ void for_each_neighbour(const std::array<int, 3>& c, Visit visit) {
 
 }  // namespace
 
-FreeSpace::FreeSpace(const Model& model)
+FreeSpace::FreeSpace(const Model& model, double reach_mm)
     : X_PatientVoxel_(model.labels->geometry().X_PatientVoxel()), X_VoxelPatient_(X_PatientVoxel_.inverse()) {
   const GridGeometry& grid = model.labels->geometry();
   for (int axis = 0; axis < 3; ++axis) {
     voxels_per_cell_[axis] = std::max(1, static_cast<int>(std::lround(kCell_mm / grid.spacing_mm[axis])));
-    cells_[axis] = (grid.dims[axis] + voxels_per_cell_[axis] - 1) / voxels_per_cell_[axis] + 2 * kMargin;
+    const double side_mm = voxels_per_cell_[axis] * grid.spacing_mm[axis];
+    cell_mm_ = axis == 0 ? side_mm : std::min(cell_mm_, side_mm);
   }
+  // n steps away there are n - 1 whole cells between
+  needed_ = static_cast<std::uint8_t>(
+      std::min<double>(kFar, 1 + std::ceil(std::min(reach_mm, kMostReach_mm) / cell_mm_)));
+  margin_ = std::max(kLeastMargin, static_cast<int>(needed_));
+  for (int axis = 0; axis < 3; ++axis)
+    cells_[axis] = (grid.dims[axis] + voxels_per_cell_[axis] - 1) / voxels_per_cell_[axis] + 2 * margin_;
 
   // a cell with any felt voxel in it is taken
   clearance_.assign(static_cast<std::size_t>(cells_[0]) * cells_[1] * cells_[2], kFar);
@@ -44,8 +51,8 @@ FreeSpace::FreeSpace(const Model& model)
       for (int i = 0; i < grid.dims[0]; ++i, ++at) {
         const LabelId label = model.labels->voxels()[at];
         if (label == 0 || !model.is_felt(label)) continue;
-        const Cell c{i / voxels_per_cell_[0] + kMargin, j / voxels_per_cell_[1] + kMargin,
-                     k / voxels_per_cell_[2] + kMargin};
+        const Cell c{i / voxels_per_cell_[0] + margin_, j / voxels_per_cell_[1] + margin_,
+                     k / voxels_per_cell_[2] + margin_};
         if (clearance_[index(c)] == 0) continue;
         clearance_[index(c)] = 0;
         front.push_back(c);
@@ -62,13 +69,31 @@ FreeSpace::FreeSpace(const Model& model)
       });
     front = std::move(next);
   }
+
+  // what the tool comes to from a corner, which is outside
+  from_outside_.assign(clearance_.size(), false);
+  from_outside_[0] = true;
+  for (front = {Cell{0, 0, 0}}; !front.empty();) {
+    const Cell c = front.back();
+    front.pop_back();
+    for_each_neighbour(c, [&](const Cell& n) {
+      if (!contains(n) || from_outside_[index(n)] || clearance_[index(n)] < needed_) return;
+      from_outside_[index(n)] = true;
+      front.push_back(n);
+    });
+  }
+}
+
+double FreeSpace::clearance_mm(const Point<Patient>& p) const {
+  const std::uint8_t steps = clearance_[index(cell_at(p))];
+  return steps == 0 ? 0 : (steps - 1) * cell_mm_;
 }
 
 FreeSpace::Cell FreeSpace::cell_at(const Point<Patient>& p) const {
   const Point<Voxel> v = X_VoxelPatient_ * p;
   Cell c;
   for (int axis = 0; axis < 3; ++axis) {
-    const double cell = std::floor((v[axis] + 0.5) / voxels_per_cell_[axis]) + kMargin;
+    const double cell = std::floor((v[axis] + 0.5) / voxels_per_cell_[axis]) + margin_;
     c[axis] = static_cast<int>(std::clamp(cell, 0.0, cells_[axis] - 1.0));
   }
   return c;
@@ -76,7 +101,7 @@ FreeSpace::Cell FreeSpace::cell_at(const Point<Patient>& p) const {
 
 Point<Patient> FreeSpace::centre(const Cell& c) const {
   Point<Voxel> v;
-  for (int axis = 0; axis < 3; ++axis) v[axis] = (c[axis] - kMargin + 0.5) * voxels_per_cell_[axis] - 0.5;
+  for (int axis = 0; axis < 3; ++axis) v[axis] = (c[axis] - margin_ + 0.5) * voxels_per_cell_[axis] - 0.5;
   return X_PatientVoxel_ * v;
 }
 
@@ -89,7 +114,7 @@ std::optional<FreeSpace::Cell> FreeSpace::nearest_free(const Cell& c) const {
       for (int dx = -kReach; dx <= kReach; ++dx) {
         const Cell n{c[0] + dx, c[1] + dy, c[2] + dz};
         const int distance = dx * dx + dy * dy + dz * dz;
-        if (distance >= best_distance || !contains(n) || clearance_[index(n)] == 0) continue;
+        if (distance >= best_distance || !contains(n) || clearance_[index(n)] < needed_) continue;
         best = n;
         best_distance = distance;
       }
@@ -127,7 +152,7 @@ std::vector<Point<Patient>> FreeSpace::path(const Point<Patient>& from, const Po
     for_each_neighbour(c, [&](const Cell& n) {
       if (!contains(n)) return;
       const std::size_t there = index(n);
-      if (clearance_[there] == 0) return;
+      if (clearance_[there] < needed_) return;
       const float total =
           cost[here] + static_cast<float>((centre(n) - p).norm() * price_of(clearance_[there]));
       if (total >= cost[there]) return;

@@ -7,6 +7,7 @@
 #include "palpate/preparation.h"
 #include "palpate_version.h"
 #include "session/held_stiffness.h"
+#include "session/plain_vectors.h"
 #include "session/run_setup.h"
 #include "session/script_text.h"
 
@@ -14,8 +15,6 @@ namespace palpate {
 namespace {
 
 constexpr double kDefaultUserLimit_N = 3;
-// a hold counts between these forces
-constexpr double kHoldLow_N = 0.5, kHoldHigh_N = 2;
 
 std::string utc_now() {
   const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
@@ -138,23 +137,27 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   return header;
 }
 
-HoldMeter::HoldMeter(const Model& model, LabelId label) {
-  figure_.label = label;
-  figure_.structure = model.name_of(label);
+HoldMeter::HoldMeter(const Model& model, const HoldAsked& asked)
+    : forces_N_(asked.forces_N), unbroken_s_(std::max<std::size_t>(1, asked.forces_N.size()), 0.0) {
+  figure_.label = asked.structure;
+  figure_.structure = model.name_of(asked.structure);
 }
 
 void HoldMeter::see(const TickRecord& record) {
   const DeviceTick& device = record.device[0];
-  const auto& f = device.force_N;
-  const double force_N = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+  const double force_N = norm(device.force_N);
   const bool own = device.label == figure_.label;
   if (own) {
     sum_N_ += force_N;
     ++ticks_;
     figure_.peak_force_N = std::max(figure_.peak_force_N, force_N);
   }
-  unbroken_s_ = own && force_N >= kHoldLow_N && force_N <= kHoldHigh_N ? unbroken_s_ + record.dt_s : 0;
-  figure_.held_s = std::max(figure_.held_s, unbroken_s_);
+  for (std::size_t f = 0; f < unbroken_s_.size(); ++f) {
+    const bool held =
+        own && (forces_N_.empty() || std::abs(force_N - forces_N_[f]) <= kHeldWithin * forces_N_[f]);
+    unbroken_s_[f] = held ? unbroken_s_[f] + record.dt_s : 0;
+    figure_.held_s = std::max(figure_.held_s, unbroken_s_[f]);
+  }
 }
 
 HoldFigure HoldMeter::figure() const {

@@ -36,16 +36,24 @@ Result<RunSetup> set_up_pointer_run(const LoadedScene& loaded, const SimulationO
 
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
 
-/// Longest unbroken hold, mean and peak of one structure, from every tick in order.
+/// A structure that is to be held, and the forces with which a script presses it; none: it is only touched.
+struct HoldAsked {
+  LabelId structure = 0;
+  std::vector<double> forces_N = {};
+};
+
+/// Longest unbroken hold (HoldFigure::held_s), mean and peak of one structure, from every tick in order.
 class HoldMeter {
  public:
-  HoldMeter(const Model& model, LabelId label);
+  HoldMeter(const Model& model, const HoldAsked& asked);
   void see(const TickRecord& record);
   HoldFigure figure() const;
 
  private:
   HoldFigure figure_;
-  double sum_N_ = 0, unbroken_s_ = 0;
+  std::vector<double> forces_N_;    // that are asked for; none: any
+  std::vector<double> unbroken_s_;  // of each
+  double sum_N_ = 0;
   std::uint64_t ticks_ = 0;
 };
 

@@ -44,7 +44,16 @@ std::string line(const char* key, const std::string& value) {
 
 struct StepText {
   std::string operator()(const ApproachStep& s) const {
-    return line("approach", quoted(s.structure)) + line("speed", shortest_number(s.speed_mm_s)) +
+    std::string text = line("approach", s.point ? array(s.point->eigen()) : quoted(s.structure));
+    for (const auto& [name, direction] : kPatientDirections)
+      if (s.landmark && *s.landmark == Vector<Patient>(direction[0], direction[1], direction[2]))
+        text += line("landmark", quoted(std::string(name)));
+    if (const auto* structure = std::get_if<std::string>(&s.nearest))
+      text += line("nearest", quoted(*structure));
+    if (const auto* point = std::get_if<Point<Patient>>(&s.nearest))
+      text += line("nearest", array(point->eigen()));
+    if (s.from) text += line("from", array(s.from->eigen()));
+    return text + line("speed", shortest_number(s.speed_mm_s)) +
            line("clearance", shortest_number(s.clearance_mm));
   }
   std::string operator()(const PressStep& s) const {

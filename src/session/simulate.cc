@@ -36,7 +36,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   result.limit_N = setup->limit_N;
   result.trouble = setup->trouble;
   std::vector<HoldMeter> meters;
-  for (const LabelId structure : hand->structures()) meters.emplace_back(model, structure);
+  for (const HoldAsked& asked : hand->asked()) meters.emplace_back(model, asked);
 
   VirtualRun run(model, *setup, std::move(*hand));
   const std::size_t block = static_cast<std::size_t>(setup->script.rate_hz);  // one second
@@ -70,6 +70,8 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   // without its summary the recording counts as cut short, which it is
   if (stopped) return Progress::interrupted();
   result.trouble.insert(result.trouble.end(), run.hand().trouble().begin(), run.hand().trouble().end());
+  result.failed_steps = run.hand().trouble().size();
+  result.touches = run.hand().touches();
   result.summary.trouble = result.trouble;
   if (writer)
     if (auto finished = writer->finish(result.summary); !finished) return finished.error();

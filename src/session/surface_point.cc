@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "palpate/session.h"
+#include "session/surface_point.h"
 
 namespace palpate {
 namespace {
@@ -58,27 +58,6 @@ Uncut uncut_part(const Volume<LabelId>& labels, LabelId structure) {
     part.high[axis] = last[axis] >= grid.dims[axis] - 1 - near ? last[axis] - margin : last[axis];
   }
   return part;
-}
-
-// voxels of the structure with free space beside them
-std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure) {
-  const Volume<LabelId>& labels = *model.labels;
-  const auto& dims = labels.geometry().dims;
-  const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
-  constexpr std::array<std::array<int, 3>, 6> kFaces{
-      {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
-  const Uncut uncut = uncut_part(labels, structure);
-  std::vector<Point<Patient>> border;
-  for (int k = 0; k < dims[2]; ++k)
-    for (int j = 0; j < dims[1]; ++j)
-      for (int i = 0; i < dims[0]; ++i) {
-        if (labels.at(i, j, k) != structure || !uncut.contains(i, j, k)) continue;
-        const bool free = std::any_of(kFaces.begin(), kFaces.end(), [&](const auto& f) {
-          return !model.is_felt(labels.at_or(i + f[0], j + f[1], k + f[2], 0));
-        });
-        if (free) border.push_back(X_PatientVoxel * Point<Voxel>(i, j, k));
-      }
-  return border;
 }
 
 // the value of the field at a structure's surface: half its level, and of ramps that half a voxel below
@@ -183,18 +162,33 @@ double own_share(const Model& model, const Point<Patient>& surface, const Vector
 
 }  // namespace
 
-Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm) {
-  const std::string name = "'" + model.name_of(structure) + "'";
-  if (!model.is_felt(structure))
-    return Error{ErrorKind::kBadInput, name + " is not felt in this scene", "",
-                 "set felt = true on its [[tissue]], or choose another structure"};
+std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure) {
+  const Volume<LabelId>& labels = *model.labels;
+  const auto& dims = labels.geometry().dims;
+  const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
+  constexpr std::array<std::array<int, 3>, 6> kFaces{
+      {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
+  const Uncut uncut = uncut_part(labels, structure);
+  std::vector<Point<Patient>> border;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j)
+      for (int i = 0; i < dims[0]; ++i) {
+        if (labels.at(i, j, k) != structure || !uncut.contains(i, j, k)) continue;
+        const bool free = std::any_of(kFaces.begin(), kFaces.end(), [&](const auto& f) {
+          return !model.is_felt(labels.at_or(i + f[0], j + f[1], k + f[2], 0));
+        });
+        if (free) border.push_back(X_PatientVoxel * Point<Voxel>(i, j, k));
+      }
+  return border;
+}
 
-  const std::vector<Point<Patient>> border = border_voxels(model, structure);
+std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId structure,
+                                                 std::span<const Point<Patient>> border,
+                                                 double clearance_mm) {
   constexpr std::size_t kMostCandidates = 4000;
   const std::size_t stride = border.size() / kMostCandidates + 1;
   const double value = surface_value(model, structure);
-  std::optional<SurfacePoint> best;
-  double best_score = 0;
+  std::vector<SurfaceCandidate> candidates;
   for (std::size_t c = 0; c < border.size(); c += stride) {
     const auto surface = onto_surface(model, border[c], value);
     if (!surface) continue;
@@ -212,19 +206,27 @@ Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, d
     const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
     const double own = own_share(model, *surface, candidate.normal, structure);
     const double score = own * own * own * evenness * (0.15 + reach) * give(model, candidate, structure);
-    if (score > best_score) {
-      best_score = score;
-      best = candidate;
-    }
+    if (score > 0) candidates.push_back({candidate, score});
   }
-  if (!best)
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const auto& a, const auto& b) { return a.score > b.score; });
+  return candidates;
+}
+
+Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm) {
+  const std::string name = "'" + model.name_of(structure) + "'";
+  if (!model.is_felt(structure))
+    return Error{ErrorKind::kBadInput, name + " is not felt in this scene", "",
+                 "set felt = true on its [[tissue]], or choose another structure"};
+  const auto candidates = surface_candidates(model, structure, border_voxels(model, structure), clearance_mm);
+  if (candidates.empty())
     return Error{
         ErrorKind::kBadInput,
         "no surface of " + name + " can be touched: it is covered, or thinner than the smoothing leaves it",
         "",
         model.ramp_width_mm > 0 ? "choose another structure"
                                 : "lower sigma in [preparation], or choose another structure"};
-  return *best;
+  return candidates.front().surface;
 }
 
 }  // namespace palpate

@@ -10,14 +10,14 @@ class ScriptSource final : public TipSource {
  public:
   ScriptSource(const RunSetup& setup, ScriptedHand hand, bool repeat)
       : workspace_(setup.workspace),
-        structures_(hand.structures()),
+        asked_(hand.asked()),
         planned_(std::move(hand)),
         driver_(resting_at(setup, planned_->start())),
         repeat_(repeat) {}
 
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "script"; }
-  std::vector<LabelId> structures() const override { return structures_; }
+  std::vector<HoldAsked> asked() const override { return asked_; }
   Result<void> begin(ServoLoop& loop, EventLog& told) override {
     hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, repeat_);
     return hand_->begin();
@@ -28,6 +28,7 @@ class ScriptSource final : public TipSource {
     if (hand_) hand_->end();
   }
   std::vector<std::string> trouble() const override { return hand_->trouble(); }
+  std::vector<TouchFigure> touches() const override { return hand_->touches(); }
 
  private:
   // the device rests where the hand begins
@@ -38,7 +39,7 @@ class ScriptSource final : public TipSource {
   }
 
   const WorkspaceSettings workspace_;
-  const std::vector<LabelId> structures_;
+  const std::vector<HoldAsked> asked_;
   std::optional<ScriptedHand> planned_;
   SimulatedDriver driver_;
   const bool repeat_;
@@ -48,19 +49,26 @@ class ScriptSource final : public TipSource {
 class PointerSource final : public TipSource {
  public:
   explicit PointerSource(const RunSetup& setup)
-      : structures_(setup.model->label_of_surface), driver_(resting_above(setup)) {}
+      : asked_(touched(setup.model->label_of_surface)), driver_(resting_above(setup)) {}
 
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "pointer"; }
-  std::vector<LabelId> structures() const override { return structures_; }
+  std::vector<HoldAsked> asked() const override { return asked_; }
   PointerDriver* pointer() override { return &driver_; }
   Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/) override { return {}; }
   bool done() const override { return false; }
   double progress() const override { return 0; }
   void end() override {}
   std::vector<std::string> trouble() const override { return {}; }
+  std::vector<TouchFigure> touches() const override { return {}; }
 
  private:
+  // nobody asks for a force
+  static std::vector<HoldAsked> touched(const std::vector<LabelId>& structures) {
+    std::vector<HoldAsked> asked;
+    for (const LabelId structure : structures) asked.push_back({structure, {}});
+    return asked;
+  }
   static Point<Device> resting_above(const RunSetup& setup) {
     const GridGeometry& grid = setup.model->labels->geometry();
     const Transform<World, Voxel> X_WorldVoxel = setup.model->X_WorldPatient * grid.X_PatientVoxel();
@@ -75,7 +83,7 @@ class PointerSource final : public TipSource {
         .to_device(Point<World>(0, 0, top_mm + kClear_mm));
   }
 
-  const std::vector<LabelId> structures_;
+  const std::vector<HoldAsked> asked_;
   PointerDriver driver_;
 };
 

@@ -18,7 +18,7 @@ class TipSource {
   /// "script" or "pointer"
   virtual const char* name() const = 0;
   /// Whose holds are measured.
-  virtual std::vector<LabelId> structures() const = 0;
+  virtual std::vector<HoldAsked> asked() const = 0;
   /// Where a viewer moves it; else null.
   virtual PointerDriver* pointer() { return nullptr; }
 
@@ -29,8 +29,10 @@ class TipSource {
   virtual double progress() const = 0;
   /// The tip stays where it is.
   virtual void end() = 0;
-  /// After end().
+  /// After end(): steps that failed, a sentence each.
   virtual std::vector<std::string> trouble() const = 0;
+  /// After end().
+  virtual std::vector<TouchFigure> touches() const = 0;
 };
 
 /// The simulated hand that follows a script, with a simulated device. Errors: those of

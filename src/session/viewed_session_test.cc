@@ -111,7 +111,7 @@ class Viewed : public ::testing::Test {
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
     PALPATE_CHECK(loop.ok());
     loop_ = *std::move(loop);
-    watch_.emplace(*model_, std::vector<LabelId>{});
+    watch_.emplace(*model_, std::vector<HoldAsked>{});
     viewed_->begin(*loop_, *watch_);
   }
   void TearDown() override {
