@@ -132,7 +132,7 @@ void add_fetch(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run&
   verb->callback([options, &run] { run = [options](Console& c) { return fetch_set(*options, c); }; });
 }
 
-void add_keys(CLI::App& data, Run& run) {
+void add_data_keys(CLI::App& data, Run& run) {
   CLI::App* verb = data.add_subcommand("keys", "Print what a phantom's name may be told, as Markdown tables");
   verb->footer(
       "A phantom's parameters follow its name, wherever the name of a data set stands.\n"
@@ -175,7 +175,7 @@ void add_data(CLI::App& app, Run& run) {
   const auto options = std::make_shared<DataOptions>();
   add_list(*data, options, run);
   add_fetch(*data, options, run);
-  add_keys(*data, run);
+  add_data_keys(*data, run);
   add_where(*data, options, run);
 }
 

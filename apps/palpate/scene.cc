@@ -442,7 +442,7 @@ int run_keys(bool script) {
   return kExitOk;
 }
 
-void add_keys(CLI::App& app, Run& run) {
+void add_scene_keys(CLI::App& app, Run& run) {
   const auto script = std::make_shared<bool>(false);
   CLI::App* verb =
       app.add_subcommand("keys", "Print every key with default, unit and range, and the presets");
@@ -463,7 +463,7 @@ void add_scene(CLI::App& app, Run& run) {
       "  palpate scene keys");
   add_new(*verb, run);
   add_check(*verb, run);
-  add_keys(*verb, run);
+  add_scene_keys(*verb, run);
 }
 
 }  // namespace palpate::app

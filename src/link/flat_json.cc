@@ -8,11 +8,11 @@
 namespace palpate::link {
 namespace {
 
-using Json = nlohmann::json;
+using PlainJson = nlohmann::json;
 
 /// Takes the parser's events as they come and stops it, by false, at the first that does not fit: nothing is
 /// built that would have to be looked through afterwards.
-class Events : public nlohmann::json_sax<Json> {
+class Events : public nlohmann::json_sax<PlainJson> {
  public:
   explicit Events(FlatObject& object) : object_(object) {}
 
@@ -79,7 +79,7 @@ std::optional<FlatObject> parse_flat_json(std::string_view text) {
   if (text.find('\0') != text.npos) return std::nullopt;
   FlatObject object;
   Events events(object);
-  if (!Json::sax_parse(text.begin(), text.end(), &events)) return std::nullopt;
+  if (!PlainJson::sax_parse(text.begin(), text.end(), &events)) return std::nullopt;
   return object;
 }
 

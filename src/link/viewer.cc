@@ -16,8 +16,8 @@ namespace {
 namespace websocket = beast::websocket;
 
 constexpr auto kHelloWithin = std::chrono::seconds(5);
-constexpr auto kTakenWithin = std::chrono::seconds(10);
-constexpr auto kGoodbyeWithin = std::chrono::seconds(2);
+constexpr auto kReadWithin = std::chrono::seconds(10);
+constexpr auto kLeaveWithin = std::chrono::seconds(2);
 constexpr double kMostMessages_each_second = 250;
 // so many answers may wait before no more requests are taken
 constexpr std::size_t kMostAnswers = 32;
@@ -207,7 +207,7 @@ void Viewer::write(net::const_buffer bytes, bool binary) {
 void Viewer::write_failed() {
   if (!reading_) return gone();
   if (std::exchange(ending_, true)) return;
-  end_by_ = Clock::now() + kGoodbyeWithin;
+  end_by_ = Clock::now() + kLeaveWithin;
 }
 
 // ---- the end
@@ -217,7 +217,7 @@ void Viewer::end(std::uint16_t code, std::string_view fault) {
   if (!fault.empty()) hub_.log().say(peer_, fault);
   // there is nobody to say goodbye to yet, and Beast's streams cannot close while they open
   if (!open_) return gone();
-  end_by_ = Clock::now() + kGoodbyeWithin;
+  end_by_ = Clock::now() + kLeaveWithin;
   socket_.async_close(websocket::close_reason(static_cast<websocket::close_code>(code)),
                       [self = shared_from_this()](ErrorCode) { self->gone(); });
 }
@@ -227,7 +227,7 @@ void Viewer::check(Clock::time_point now) {
     if (now >= end_by_) gone();
   } else if (!welcomed_ && now >= hello_by_) {
     end(kNoHello, "no hello");
-  } else if (writing_ && now >= write_begun_ + kTakenWithin) {
+  } else if (writing_ && now >= write_begun_ + kReadWithin) {
     hub_.log().say(peer_, "takes nothing");
     gone();
   } else if (open_) {

@@ -7,12 +7,6 @@
 #include "palpate/check.h"
 
 namespace palpate::report {
-namespace {
-
-constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
-
 Decimator::Decimator(std::size_t samples, std::size_t series, std::size_t most_points)
     : samples_(samples), runs_(samples <= most_points ? 0 : most_points / 2), extremes_(series) {
   PALPATE_CHECK(most_points >= 2);

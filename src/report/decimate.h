@@ -1,10 +1,14 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <vector>
 
 namespace palpate::report {
+
+/// Where a series has no value.
+inline constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 
 /// Several series over one rising x. A value that is not finite is a gap.
 struct PlotData {

@@ -10,8 +10,6 @@
 namespace palpate::report {
 namespace {
 
-constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
-
 PlotData random_data(std::size_t samples, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;

@@ -7,8 +7,6 @@
 namespace palpate::report {
 namespace {
 
-constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
-
 std::string json_array(const std::vector<double>& values, int decimals) {
   std::string json = "[";
   for (const double value : values) {

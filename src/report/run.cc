@@ -17,7 +17,6 @@ const RecordingHeader::Structure* find_structure(const RecordingHead& recording,
 }
 
 constexpr std::size_t kMostPoints = 4000;
-constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 
 double speed_mm_s(const DeviceTick& device) {
   const auto& v = device.velocity_patient_mm_s;
