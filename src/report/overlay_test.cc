@@ -71,7 +71,7 @@ TEST(Overlay, OnlyTheWayNearThePlaneIsDrawn) {
 }
 
 template <class See>
-void see_all(const Recording& recording, See&& see) {
+void see_ways(const Recording& recording, See&& see) {
   TickTimes times(RecordingSource(recording).head());
   times.take(recording.ticks, see);
   times.finish(see);
@@ -80,7 +80,7 @@ void see_all(const Recording& recording, See&& see) {
 // the first contact of a recording
 Contact first_contact(const Recording& recording) {
   ContactFinder finder(1);
-  see_all(recording, [&](const TimedTick& now) { finder.see(now); });
+  see_ways(recording, [&](const TimedTick& now) { finder.see(now); });
   const auto contacts = finder.finish();
   EXPECT_FALSE(contacts.empty());
   return contacts.empty() ? Contact{} : contacts.front();
@@ -88,7 +88,7 @@ Contact first_contact(const Recording& recording) {
 
 std::vector<Way> way_around(const Recording& recording, const Contact& contact) {
   WayFollower follower(contact);
-  see_all(recording, [&](const TimedTick& now) { follower.see(now); });
+  see_ways(recording, [&](const TimedTick& now) { follower.see(now); });
   return follower.finish();
 }
 

@@ -72,7 +72,7 @@ double most_beyond_mm(const Recording& recording, const Model& model, double for
   return most;
 }
 
-class HandCampaign : public testing::TestWithParam<std::string> {};
+class HandCampaign : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
   auto loaded = load_scene_or_data_set(GetParam());
@@ -128,7 +128,7 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
   for (const std::string& sentence : result->trouble) std::printf("    %s\n", sentence.c_str());
 }
 
-INSTANTIATE_TEST_SUITE_P(Patients, HandCampaign, testing::ValuesIn(patients()), [](const auto& patient) {
+INSTANTIATE_TEST_SUITE_P(Patients, HandCampaign, ::testing::ValuesIn(patients()), [](const auto& patient) {
   std::string name = patient.param;
   for (char& c : name)
     if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';

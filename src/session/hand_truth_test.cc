@@ -13,9 +13,9 @@
 namespace palpate {
 namespace {
 
-using testing::AllOf;
-using testing::Each;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::Each;
+using ::testing::HasSubstr;
 
 // what is felt at a place of a volume of 48 mm about the origin; labels 1 ... 4 are a, b, c and d
 using Shape = std::function<LabelId(const Eigen::Vector3d&)>;
@@ -69,7 +69,7 @@ std::string touch_named(const std::string& name, double press_N = 1, const std::
   return touch("approach = \"" + name + "\"", press_N, more);
 }
 
-class HandTruth : public testing::Test {
+class HandTruth : public ::testing::Test {
  protected:
   void run(const LoadedScene& scene, const std::string& script_text, const SimulationOptions& options = {}) {
     auto script = parse_script(script_text, "test script");
@@ -299,7 +299,7 @@ struct Way {
   const char* hand;
   double tool_radius_mm, stiffness_N_per_mm, press_N;
 };
-class HandTruthWith : public HandTruth, public testing::WithParamInterface<Way> {};
+class HandTruthWith : public HandTruth, public ::testing::WithParamInterface<Way> {};
 
 TEST_P(HandTruthWith, ABallIsHeldNoDeeperThanTheForceExplains) {
   const Way& way = GetParam();
@@ -316,13 +316,13 @@ TEST_P(HandTruthWith, ABallIsHeldNoDeeperThanTheForceExplains) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Grips, HandTruthWith,
-                         testing::Values(Way{"light-grip", 0, 1.2, 1}, Way{"whole-arm", 0, 1.2, 1},
-                                         Way{"firm-grip", 3, 1.2, 1}, Way{"light-grip", 3, 1.2, 0.5},
-                                         Way{"firm-grip", 0, 0.05, 0.3}, Way{"whole-arm", 0, 0.1, 0.5},
-                                         Way{"firm-grip", 0, 5, 1.2}),
+                         ::testing::Values(Way{"light-grip", 0, 1.2, 1}, Way{"whole-arm", 0, 1.2, 1},
+                                           Way{"firm-grip", 3, 1.2, 1}, Way{"light-grip", 3, 1.2, 0.5},
+                                           Way{"firm-grip", 0, 0.05, 0.3}, Way{"whole-arm", 0, 0.1, 0.5},
+                                           Way{"firm-grip", 0, 5, 1.2}),
                          [](const auto& way) { return "Way" + std::to_string(way.index); });
 
-class HandTruthBy : public HandTruth, public testing::WithParamInterface<ForceMethod> {};
+class HandTruthBy : public HandTruth, public ::testing::WithParamInterface<ForceMethod> {};
 
 TEST_P(HandTruthBy, EveryMethodHoldsOrFailsByName) {
   SimulationOptions options;
@@ -347,9 +347,9 @@ TEST_P(HandTruthBy, EveryMethodHoldsOrFailsByName) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, HandTruthBy,
-                         testing::Values(ForceMethod::kTrilinear, ForceMethod::kSpline,
-                                         ForceMethod::kGaussianSphere, ForceMethod::kSmoothSphere,
-                                         ForceMethod::kStoredNormals, ForceMethod::kProxy),
+                         ::testing::Values(ForceMethod::kTrilinear, ForceMethod::kSpline,
+                                           ForceMethod::kGaussianSphere, ForceMethod::kSmoothSphere,
+                                           ForceMethod::kStoredNormals, ForceMethod::kProxy),
                          [](const auto& method) {
                            std::string name(name_of(method.param));
                            std::erase(name, '-');

@@ -19,15 +19,15 @@ constexpr double kWorthOfSuiting_mm = 2;
 constexpr double kTilt = 35 * std::numbers::pi / 180, kLeastFacing = 0.3;
 // where no straight stretch is as short as asked: so much longer it may be
 constexpr double kLonger_mm = 10;
-constexpr int kRim = 8;
+constexpr int kTouchRim = 8;
 
-std::array<Vector<Patient>, kRim> directions_about(const Vector<Patient>& axis) {
+std::array<Vector<Patient>, kTouchRim> directions_about(const Vector<Patient>& axis) {
   const Vector<Patient> helper =
       std::abs(axis.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
   const Vector<Patient> u = axis.cross(helper).normalized(), v = axis.cross(u);
-  std::array<Vector<Patient>, kRim> directions;
-  for (int d = 0; d < kRim; ++d) {
-    const double angle = d * 2 * std::numbers::pi / kRim;
+  std::array<Vector<Patient>, kTouchRim> directions;
+  for (int d = 0; d < kTouchRim; ++d) {
+    const double angle = d * 2 * std::numbers::pi / kTouchRim;
     directions[static_cast<std::size_t>(d)] = u * std::cos(angle) + v * std::sin(angle);
   }
   return directions;
@@ -68,7 +68,8 @@ class Stretch {
 
  private:
   // of anything but the structure itself, which is near at the end of the way
-  bool is_free(const Point<Patient>& here, const std::array<Vector<Patient>, kRim>& rim, bool off) const {
+  bool is_free(const Point<Patient>& here, const std::array<Vector<Patient>, kTouchRim>& rim,
+               bool off) const {
     const auto fits = [&](const Point<Patient>& x) {
       const LabelId label = felt_label_at(model_, x);
       return label == 0 || (label == structure_ && !off);

@@ -102,7 +102,7 @@ TEST(PaceMeter, CountsEveryTickOfItsBlocksInContact) {
 }
 
 TEST(PaceMeter, ABlockOfEachIsAPairInWhicheverOrder) {
-  const auto meter = PaceMeter::create(ball().model, ball_path(), {.rate_hz = 1000});
+  const auto meter = PaceMeter::create(felt_ball().model, ball_path(), {.rate_hz = 1000});
   constexpr double kSeconds = 0.05;
   ASSERT_TRUE(meter->bare_block(kSeconds).ok());
   EXPECT_EQ(meter->figures().typical_p50.bare_us, 0) << "no pair yet";
@@ -162,7 +162,7 @@ TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
 
 TEST(FreeRunning, ATicksCostIsTheMiddleOfManyPairsOfSlices) {
   const auto cost_of = [](ForceMethod method) {
-    const auto model = ready_for(ball().model, {&method, 1});
+    const auto model = ready_for(felt_ball().model, {&method, 1});
     PALPATE_CHECK(model.ok());
     return time_ticks_beside_bare(**model, ball_path(), method, 2);
   };
