@@ -20,14 +20,14 @@ using ::testing::HasSubstr;
 // what is felt at a place of a volume of 48 mm about the origin; labels 1 ... 4 are a, b, c and d
 using Shape = std::function<LabelId(const Eigen::Vector3d&)>;
 
-struct World {
+struct MadeScene {
   Shape shape;
   double stiffness_N_per_mm = 1.2;
   double tool_radius_mm = 0;
   std::string names[4] = {"a", "b", "c", "d"};
 };
 
-LoadedScene scene_of(const World& world) {
+LoadedScene scene_of(const MadeScene& world) {
   GridGeometry grid;
   grid.dims = {48, 48, 48};
   grid.origin = Point<Patient>(-23.5, -23.5, -23.5);
@@ -200,7 +200,7 @@ TEST_F(HandTruth, PointsLandmarksAndWhatIsNearestAreTouchedWhereTheyAre) {
 }
 
 TEST_F(HandTruth, WhatIsNotThereNotFeltOrAmbiguousIsAnErrorWithItsLine) {
-  World world{[](const Eigen::Vector3d& p) {
+  MadeScene world{[](const Eigen::Vector3d& p) {
     if (p.norm() > 10) return LabelId{0};
     return p.x() > 5 ? LabelId{3} : p.x() > 0 ? LabelId{1} : LabelId{2};
   }};
@@ -304,7 +304,7 @@ class HandTruthWith : public HandTruth, public ::testing::WithParamInterface<Way
 
 TEST_P(HandTruthWith, ABallIsHeldNoDeeperThanTheForceExplains) {
   const Way& way = GetParam();
-  World world{ball(14)};
+  MadeScene world{ball(14)};
   world.stiffness_N_per_mm = way.stiffness_N_per_mm;
   world.tool_radius_mm = way.tool_radius_mm;
   run(scene_of(world), std::string("hand = \"") + way.hand + "\"\n" + touch_named("a", way.press_N));
