@@ -142,6 +142,17 @@ TEST_F(HandTruth, ThroughAShellThereIsNoWayAndNoneIsMade) {
   EXPECT_TRUE(result_.touches.empty());
 }
 
+TEST_F(HandTruth, AThinWallIsHeldFromOutside) {
+  const LoadedScene scene = scene_of({[](const Eigen::Vector3d& p) {
+    const double r = p.norm();
+    return r > 14 && r < 16 ? LabelId{1} : LabelId{0};
+  }});
+  run(scene, touch_named("a"));
+  expect_all_held();
+  EXPECT_NEAR(result_.touches[0].point.eigen().norm(), 16, 0.8);
+  expect_never_deeper(1, 1.2);
+}
+
 TEST_F(HandTruth, ThroughAHoleThereIsAWay) {
   const LoadedScene scene = scene_of({[](const Eigen::Vector3d& p) {
     const double r = p.norm();

@@ -197,7 +197,8 @@ std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId str
     candidate.normal = outward_normal(model, *surface);
     if (model.ramp_width_mm > 0) {
       const Vector<Patient> below = outward_normal(model, *surface - candidate.normal * kInside_mm);
-      if (below != Vector<Patient>()) candidate.normal = below;
+      // of what is thin the far side's slope is no normal of this one
+      if (below.dot(candidate.normal) > 0) candidate.normal = below;
     }
     candidate.clearance_mm = clearance_along(model, *surface, candidate.normal, clearance_mm);
 
@@ -205,7 +206,9 @@ std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId str
     const double reach = candidate.clearance_mm / clearance_mm;
     const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
     const double own = own_share(model, *surface, candidate.normal, structure);
-    const double score = own * own * own * evenness * (0.15 + reach) * give(model, candidate, structure);
+    // what gives a ramp nothing to press, as a thin wall, keeps the proxy out all the same
+    const double firmness = 0.02 + 0.98 * give(model, candidate, structure);
+    const double score = own * own * own * evenness * (0.15 + reach) * firmness;
     if (score > 0) candidates.push_back({candidate, score});
   }
   std::stable_sort(candidates.begin(), candidates.end(),
