@@ -8,7 +8,7 @@
 namespace palpate::app {
 namespace {
 
-termios before;
+termios terminal_before;
 std::atomic<bool> changed{false};
 
 }  // namespace
@@ -16,8 +16,8 @@ std::atomic<bool> changed{false};
 Keys::Keys() {
   // a program in the background must not touch the terminal: it would be stopped
   if (!::isatty(STDIN_FILENO) || ::tcgetpgrp(STDIN_FILENO) != ::getpgrp()) return;
-  if (::tcgetattr(STDIN_FILENO, &before) != 0) return;
-  termios keys = before;
+  if (::tcgetattr(STDIN_FILENO, &terminal_before) != 0) return;
+  termios keys = terminal_before;
   keys.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
   keys.c_cc[VMIN] = 0;
   keys.c_cc[VTIME] = 0;
@@ -30,7 +30,7 @@ std::optional<char> Keys::next() {
 }
 
 void Keys::restore() noexcept {
-  if (changed.exchange(false)) ::tcsetattr(STDIN_FILENO, TCSANOW, &before);
+  if (changed.exchange(false)) ::tcsetattr(STDIN_FILENO, TCSANOW, &terminal_before);
 }
 
 }  // namespace palpate::app

@@ -320,11 +320,11 @@ struct CalledBack {
   Wait waiting_;
 };
 
-const auto sleeps = [] { std::this_thread::sleep_for(kLate); };
+const auto sleeps_late = [] { std::this_thread::sleep_for(kLate); };
 const auto faults = [] { fault_for(kLate); };
 
 TEST(Loop, ATickThatIsCalledBackIsLateByWhatItsOwnThreadMet) {
-  CalledBack faulting({faults}, sleeps);
+  CalledBack faulting({faults}, sleeps_late);
   const auto loop = started(faulting.driver, {.realtime = false});
   // some are stolen from this machine as well
   wait_until([&] { return loop->health().late.page_fault > 20; });
@@ -332,7 +332,7 @@ TEST(Loop, ATickThatIsCalledBackIsLateByWhatItsOwnThreadMet) {
 }
 
 TEST(Loop, WhatTheThreadMetThatOnlyWaitsForACallbackIsNoCause) {
-  CalledBack late({sleeps}, faults);
+  CalledBack late({sleeps_late}, faults);
   const auto loop = started(late.driver, {.realtime = false});
   // the first ticks of a thread touch what they have not touched before
   wait_until([&] { return loop->health().late.total() > 20; });
@@ -344,7 +344,7 @@ TEST(Loop, WhatTheThreadMetThatOnlyWaitsForACallbackIsNoCause) {
 }
 
 TEST(Loop, CausesFollowADriverThatChangesItsThread) {
-  CalledBack changing({sleeps, faults, sleeps}, sleeps);
+  CalledBack changing({sleeps_late, faults, sleeps_late}, sleeps_late);
   const auto loop = started(changing.driver, {.realtime = false});
   wait_until([&] { return loop->health().late.total() > 20; });
   loop->reset_health();

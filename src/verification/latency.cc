@@ -135,7 +135,8 @@ std::vector<Figure> pace_figures(double rate_hz, const PaceFigures& pace) {
   const std::uint64_t both = std::min(pace.ticks, pace.bare_ticks);
   add_ratio(figures, base + "/lateness/ratio/p50", pace.typical_p50, both);
   add_ratio(figures, base + "/lateness/ratio/p99", pace.typical_p99, both);
-  const auto compute_us = lateness_limited ? std::optional(pace.compute.p50_us) : std::nullopt;
+  std::optional<double> compute_us;
+  if (lateness_limited) compute_us = pace.compute.p50_us;
   add_ratio(figures, base + "/lateness/least-ratio/p50", pace.least_p50, both, compute_us);
   add_ratio(figures, base + "/lateness/least-ratio/p99", pace.least_p99, both, compute_us);
 

@@ -120,12 +120,12 @@ std::vector<Point<Patient>> places_of(const Volume<LabelId>& labels, LabelId lab
 /// One structure by its nearest voxels, on a grid whose axes are those of `direction`.
 Volume<LabelId> turned(const Volume<LabelId>& labels, LabelId label,
                        const std::vector<Point<Patient>>& places, const Eigen::Matrix3d& direction) {
-  constexpr double kAround_mm = 3;
+  constexpr double kMargin_mm = 3;
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (const Point<Patient>& place : places) {
     const Eigen::Array3d along = (direction.transpose() * place.eigen()).array();
-    low = low.min(along - kAround_mm);
-    high = high.max(along + kAround_mm);
+    low = low.min(along - kMargin_mm);
+    high = high.max(along + kMargin_mm);
   }
   GridGeometry grid;
   for (int axis = 0; axis < 3; ++axis)
