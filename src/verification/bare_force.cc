@@ -7,6 +7,9 @@
 namespace palpate {
 namespace {
 
+// below it the slope is rounding and has no direction, as for the force methods
+constexpr double kFlat_per_mm = 1e-6;
+
 // of the eight voxels around a place that is given in voxels; 0 outside
 template <class T>
 double value_at(const PaddedVolume<T>& voxels, const Eigen::Vector3d& place) {
@@ -38,7 +41,7 @@ Vector<Patient> force_at(const Field& field, const PaddedVolume<T>& voxels, doub
   }
   const Eigen::Vector3d gradient = field.gradient_map() * slope;
   const double length = gradient.norm();
-  if (!(length > 0)) return {};
+  if (!(length > kFlat_per_mm)) return {};
   return Vector<Patient>(gradient * (-full_force_N * value_at(voxels, place) / length));
 }
 

@@ -28,7 +28,10 @@ TEST(BareForce, IsTheForceOfTheTrilinearMethod) {
     for (int n = 0; n < 3000; ++n) {
       // some outside the volume, which ends at 30 mm
       const Point<Patient> tip(place(random), place(random), place(random));
-      const Vector<Patient> expected = normal_force(sample_central_differences(*field, tip), 3);
+      FieldSample sample = sample_central_differences(*field, tip);
+      // a slope of rounding alone has any direction
+      if (sample.gradient.norm() < 1e-6) sample.gradient = {};
+      const Vector<Patient> expected = normal_force(sample, 3);
       EXPECT_LT((bare_force_N(*field, 3, tip) - expected).norm(), 1e-9) << tip.eigen().transpose();
       pushed += expected != Vector<Patient>();
     }
