@@ -489,7 +489,7 @@ TEST(Phantoms, TheGlandTouchesTheJawAndTheLayersTouchEachOther) {
   const Phantom skin = made("gland-phantom:spacing=1,skin=3");
   EXPECT_GT(shared_faces(skin, "gland", "skin"), 200u);
   // about as long as asked
-  const auto& box = statistics(made("gland-phantom:spacing=1")).at("gland");
+  const auto box = statistics(made("gland-phantom:spacing=1")).at("gland");
   double longest = 0;
   for (const std::size_t axis : {0u, 1u, 2u})
     longest = std::max<double>(longest, box.box_max[axis] - box.box_min[axis] + 1);
