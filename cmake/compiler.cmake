@@ -21,12 +21,8 @@ if(PALPATE_SANITIZE)
   add_compile_options(-fsanitize=${PALPATE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${PALPATE_SANITIZE})
   # Two widths of vectors and none at all show what a sanitizer can see; the release build has every target of
-  # Highway's, and its tests compare them all. The fuzzers meet none of it.
-  if(PALPATE_BUILD_FUZZERS)
-    add_compile_definitions(HWY_COMPILE_ONLY_STATIC)
-  else()
-    add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3|HWY_AVX3_DL)")
-  endif()
+  # Highway's, and its tests compare them all.
+  add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3|HWY_AVX3_DL)")
   # What is read or written beyond an object, or by a pointer that wrapped around, AddressSanitizer sees; not a
   # wrapped pointer that nobody follows. These two checks took g++ a seventh of its time. The fuzzers, by clang,
   # keep them for the parsers, where offsets come from outside.
