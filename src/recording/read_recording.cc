@@ -13,6 +13,7 @@
 #include <fstream>
 #include <functional>
 #include <new>
+#include <system_error>
 
 #include "recording/hdf5_handle.h"
 #include "recording/hdf5_reader.h"
@@ -215,6 +216,11 @@ Result<void> read_isolated(const std::filesystem::path& file, const TakeHead& ta
   return Error{ErrorKind::kBadInput, "the recording does not fit in memory", file.string(), ""};
 }
 
+std::filesystem::file_time_type last_change(const std::filesystem::path& file) {
+  std::error_code failed;
+  return std::filesystem::last_write_time(file, failed);
+}
+
 bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
   return a.started_utc == b.started_utc && a.model_hash == b.model_hash && a.seed == b.seed &&
          a.devices == b.devices && a.script_text == b.script_text;
@@ -229,9 +235,15 @@ Result<RecordingSource> RecordingSource::open(const std::filesystem::path& file,
     head = read;
     return false;
   };
-  auto read = internal::read_isolated(file, take_head, {}, progress);
-  if (!read) return read.error();
-  return RecordingSource(file, std::move(head));
+  // a reader that is slow beside the writer may meet an index in the middle of a change: it looks again
+  constexpr int kMostLooks = 20;
+  for (int look = 1;; ++look) {
+    const auto before = internal::last_change(file);
+    const auto read = internal::read_isolated(file, take_head, {}, progress);
+    if (read) return RecordingSource(file, std::move(head));
+    const bool was_written = internal::last_change(file) != before;
+    if (read.error().kind != ErrorKind::kBadInput || !was_written || look == kMostLooks) return read.error();
+  }
 }
 
 RecordingSource::RecordingSource(const Recording& recording) : memory_(&recording) {
