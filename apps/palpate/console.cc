@@ -1,4 +1,5 @@
 #include <poll.h>
+#include <semaphore.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -10,6 +11,8 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <string_view>
+#include <thread>
 
 #include "keys.h"
 #include "palpate/progress_lines.h"
@@ -19,14 +22,32 @@
 namespace palpate::app {
 namespace {
 
-std::atomic<bool> stop_requested{false};
+std::atomic<bool> stop_requested{false}, stop_heard{false};
+sem_t stop_posted;
 
 extern "C" void request_stop(int signal) {
   // a second one ends the program at once, the usual way
-  if (!stop_requested.exchange(true)) return;
+  if (!stop_requested.exchange(true)) {
+    ::sem_post(&stop_posted);
+    return;
+  }
   Keys::restore();
   std::signal(signal, SIG_DFL);
   std::raise(signal);
+}
+
+// Ends the program where the work does not look whether it shall stop: it waits for a file system or a name
+// server, or is in a library's long loop. What has heard of the stop ends in its own time, so that nothing is
+// half written.
+void end_what_does_not_hear() {
+  while (::sem_wait(&stop_posted) != 0) {
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(800));
+  if (stop_heard) return;
+  Keys::restore();
+  constexpr std::string_view kWords = "palpate: error: interrupted\n";
+  [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, kWords.data(), kWords.size());
+  ::_exit(kExitInterrupted);
 }
 
 // what a line on the terminal may take; the last column stays free, so that the cursor does not wrap
@@ -122,17 +143,19 @@ int exit_code(ErrorKind kind) {
 }  // namespace
 
 Console::Console() {
+  ::sem_init(&stop_posted, 0, 0);
+  std::thread(end_what_does_not_hear).detach();
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, request_stop);
 }
 
 Progress Console::progress() {
   Progress::Show show;
-  if (quiet) return {show, &stop_requested};
+  if (quiet) return {show, &stop_requested, &stop_heard};
   if (::isatty(STDERR_FILENO))
     show = [](std::string_view stage, double fraction) { bar().show(stage, fraction); };
   else
     show = [](std::string_view stage, double fraction) { lines().show(stage, fraction); };
-  return {show, &stop_requested};
+  return {show, &stop_requested, &stop_heard};
 }
 
 void Console::live(const std::string& line) {

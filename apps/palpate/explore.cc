@@ -31,7 +31,7 @@ struct ExploreArguments {
   std::optional<ForceMethod> method;
   double spin_us = 0;
   int cpu = -1;
-  bool repeat = false, no_realtime = false, pointer = false;
+  bool repeat = false, no_realtime = false, no_supervisor = false, pointer = false;
   bool no_viewer = false;
   std::optional<int> port;  // empty: kViewerPort, or the next that is free
   ViewerServerOptions viewers;
@@ -122,6 +122,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
   session.loop.cpu = options.cpu;
   session.seconds = options.seconds;
   session.repeat = options.repeat;
+  if (!options.no_supervisor) session.supervisor = {"/proc/self/exe", "supervise"};
   session.request = [&keys, &faults, &console] {
     faults.show_next(console);
     switch (keys.next().value_or('\0')) {
@@ -152,10 +153,12 @@ void note_felt_stiffness(const LoadedScene& loaded, Console& console) {
   }
 }
 
-void note_scheduling(const Scheduling& scheduling, bool asked, Console& console) {
+void note_scheduling(const ExploreStatus& status, bool asked, Console& console) {
+  const Scheduling& scheduling = status.scheduling;
   console.note("scheduler: " + scheduling.scheduler);
   console.note("memory: " + scheduling.memory);
   console.note("watchdog: " + scheduling.watchdog);
+  console.note("supervisor: " + (status.supervisor.empty() ? "none (--no-supervisor)" : status.supervisor));
   if (asked && !(scheduling.realtime && scheduling.memory_locked))
     console.note("  ticks may come late; docs/explore.md says how to grant what was refused");
 }
@@ -209,14 +212,18 @@ std::string live_line(const ExploreStatus& status) {
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
                                                      const std::string& address, Console& console) {
   return [&console, &address, asked = !options.no_realtime, first = true, told = false,
-          told_method = std::string()](const ExploreStatus& s) mutable {
-    if (first) note_scheduling(s.scheduling, asked, console);
+          told_method = std::string(), deaths = 0](const ExploreStatus& s) mutable {
+    if (first) note_scheduling(s, asked, console);
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
     if (s.recording_failure && !told) {
       console.warn()(s.recording_failure->message() + "\n  the session goes on without it");
       told = true;
     }
+    if (s.supervisor_deaths > deaths)
+      console.warn()(
+          "the supervisor died, and the force is off; another one watches now, and re-arming is yours");
+    deaths = s.supervisor_deaths;
     const std::string method = s.method_failure ? s.method_failure->message() : "";
     if (!method.empty() && method != told_method) console.warn()(method);
     told_method = method;
@@ -306,6 +313,8 @@ int explore_target(const ExploreArguments& options, Console& console) {
 
   // stopped in the background, a device would hold its last force
   std::signal(SIGTSTP, SIG_IGN);
+  // a terminal that vanishes takes its keys with it; a hand is not let go of for that
+  std::signal(SIGHUP, SIG_IGN);
   std::optional<Keys> keys(std::in_place);
   std::string address;
   FaultLines faults;
@@ -379,6 +388,8 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
       ->check(whole_between(0, 4095));
   verb->add_flag("--no-realtime", options.no_realtime,
                  "Ask for neither real-time scheduling nor locked memory");
+  verb->add_flag("--no-supervisor", options.no_supervisor,
+                 "Start no process that watches this one from outside");
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "palpate/supervisor.h"
 #include "palpate_version.h"
 #include "text.h"
 #include "verb.h"
@@ -221,8 +222,13 @@ int after_flushing(int code) {
 }  // namespace palpate::app
 
 int main(int argc, char** argv) {
+  // the process that explore starts beside itself
+  if (argc > 1 && std::string_view(argv[1]) == "supervise")
+    return palpate::supervise({argv + 2, argv + argc});
   // a file size limit is met as an error of the write, with a message, and not as a death
   std::signal(SIGXFSZ, SIG_IGN);
+  // a reader that went away is met as one, too
+  std::signal(SIGPIPE, SIG_IGN);
   try {
     return palpate::app::after_flushing(palpate::app::run(argc, argv));
   } catch (const std::bad_alloc&) {

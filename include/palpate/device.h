@@ -138,8 +138,12 @@ class DeviceDriver {
   /// From now on the devices get zeros, whatever update() answers. Any thread, at any time, also while the
   /// servo thread hangs: the watchdog calls it.
   virtual void halt() noexcept = 0;
-  /// Ends halt().
+  /// Ends halt(), and what came by halt_file().
   virtual void resume() noexcept = 0;
+  /// For devices that another process holds: a file that, written to by any process, has the same effect
+  /// there as halt(), also when this process is gone. Open from construction to destruction. -1: the devices
+  /// live in this process.
+  virtual int halt_file() const noexcept { return -1; }
 };
 
 }  // namespace palpate

@@ -42,6 +42,9 @@ struct ExploreOptions {
   LoopSettings loop;              ///< its rate is ignored: the run's own holds
   std::optional<double> seconds;  ///< end after that long; empty: when the script ends
   bool repeat = false;            ///< begin the script again when it has ended, until stopped
+  /// Program and arguments that call supervise() (supervisor.h): a process that watches this one is made of
+  /// them. Dies it, the force goes off, and another one is started. Empty: nobody watches.
+  std::vector<std::string> supervisor;
   /// Asked fifty times a second by the calling thread; must not wait. Empty: nobody asks for anything.
   std::function<ExploreRequest()> request;
   /// Shows the session to viewers and takes their requests: called once, before the loop runs and anything is
@@ -53,8 +56,10 @@ struct ExploreOptions {
 /// Where a session stands. Figures of time are of the last second that reached the recorder.
 struct ExploreStatus {
   Scheduling scheduling;
-  double time_s = 0;   ///< since the session began
-  double rate_hz = 0;  ///< ticks a second, of the last second
+  std::string supervisor;     ///< what its process got, as Scheduling::scheduler; empty: there is none
+  int supervisor_deaths = 0;  ///< since the session began; each has stopped it
+  double time_s = 0;          ///< since the session began
+  double rate_hz = 0;         ///< ticks a second, of the last second
   double lateness_p50_us = 0, lateness_p99_us = 0, lateness_max_us = 0;
   double compute_p50_us = 0;
   // of the latest tick

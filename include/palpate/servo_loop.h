@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/heartbeat.h"
 #include "palpate/servo.h"
 #include "palpate/workspace.h"
 
@@ -36,6 +37,8 @@ struct LoopSettings {
   int cpu = -1;           ///< the only CPU for the servo thread; -1: any
   bool may_move = false;  ///< the user has agreed that an arm moves by itself (DeviceInfo::moves_by_itself)
   double ring_s = 2;      ///< how many seconds of ticks wait for the recorder before they are dropped
+  /// Where another process watches (supervisor.h); outlives the loop. nullptr: none does.
+  Heartbeat* heartbeat = nullptr;
 };
 
 /// What the operating system gave the servo thread.

@@ -40,7 +40,7 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
       latest_{parameters},
       pacer_(settings.rate_hz, settings.spin_s, stop_),
       ring_(static_cast<std::size_t>(std::ceil(settings.ring_s * rate_of(driver, settings)))),
-      watchdog_(driver) {
+      watchdog_(driver, settings.heartbeat) {
   const auto devices = driver.devices();
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const WorkspaceSettings& workspace = workspaces[workspaces.size() == 1 ? 0 : d];

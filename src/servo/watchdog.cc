@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-constexpr auto kWatch = std::chrono::milliseconds(2);
+constexpr auto kWatch = std::chrono::milliseconds(1);
 // above the servo's, so that a tick that never ends cannot keep it from looking
 constexpr int kPriority = 90;
 // ticks that come again before the devices may go on
@@ -52,13 +52,18 @@ void Watchdog::look(std::int64_t now_ns) {
   const std::int64_t beat_ns = beat_ns_.load(std::memory_order_acquire);
   const std::uint64_t beats = beats_.load(std::memory_order_relaxed);
   const bool stalled = !standing_down_.load() && beat_ns != kResting && now_ns - beat_ns > kStall_ns;
-  if (!halted_ && stalled) {
+  // read before the devices are let go: a halt that comes later is not ended with it
+  const std::uint32_t halts = heartbeat_ != nullptr ? heartbeat_->halts.load() : 0;
+  const bool halted_outside = heartbeat_ != nullptr && halts != heartbeat_->halts_that_ended.load();
+  if (heartbeat_ != nullptr) heartbeat_->looked_ns.store(now_ns);
+  if (!halted_ && (stalled || halted_outside)) {
     halted_.store(true, std::memory_order_release);
     driver_.halt();
     stalls_.fetch_add(1);
     beats_when_halted_ = beats;
   } else if (halted_ && !stalled && beats >= beats_when_halted_ + kTicksToTrust) {
     driver_.resume();
+    if (heartbeat_ != nullptr) heartbeat_->halts_that_ended.store(halts);
     halted_.store(false, std::memory_order_release);
   }
 }

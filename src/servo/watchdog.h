@@ -6,17 +6,19 @@
 #include <thread>
 
 #include "palpate/device.h"
+#include "palpate/heartbeat.h"
 
 namespace palpate {
 
-inline constexpr std::int64_t kStall_ns = 10'000'000;
+inline constexpr std::int64_t kStall_ns = 9'000'000;
 
-/// Watches the servo thread from another one: halts the devices when no tick has ended for kStall_ns, and
-/// lets them go on when ticks come again. The ticks until then see halted() and send nothing, so that the
-/// output stage brings the force in anew.
+/// Watches the servo thread from another one: halts the devices when no tick has ended for kStall_ns, or when
+/// a supervisor has halted them, and lets them go on when ticks come again. The ticks until then see halted()
+/// and send nothing, so that the output stage brings the force in anew.
 class Watchdog {
  public:
-  explicit Watchdog(DeviceDriver& driver) : driver_(driver) {}
+  /// @param heartbeat  what a supervisor is told; nullptr: there is none
+  Watchdog(DeviceDriver& driver, Heartbeat* heartbeat) : driver_(driver), heartbeat_(heartbeat) {}
   ~Watchdog() { end(); }
   Watchdog(const Watchdog&) = delete;
   Watchdog& operator=(const Watchdog&) = delete;
@@ -26,7 +28,10 @@ class Watchdog {
   /// @param servo_cpu  the CPU that the servo is bound to, -1: none; the watchdog keeps off it
   std::string begin(bool realtime, int servo_cpu);
   /// Nothing is a stall from here on: the devices are at rest, and their driver may take its time.
-  void stand_down() noexcept { standing_down_.store(true); }
+  void stand_down() noexcept {
+    standing_down_.store(true);
+    if (heartbeat_ != nullptr) heartbeat_->beat_ns.store(Heartbeat::kResting);
+  }
   /// After the servo thread has ended. A driver that is halted is let go, for the next loop.
   void end();
 
@@ -35,20 +40,26 @@ class Watchdog {
   void beat(std::int64_t now_ns) noexcept {
     beats_.store(beats_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
     beat_ns_.store(now_ns, std::memory_order_release);
+    if (heartbeat_ != nullptr && !standing_down_.load(std::memory_order_relaxed))
+      heartbeat_->beat_ns.store(now_ns, std::memory_order_release);
   }
   /// No tick is due any more.
-  void rest() noexcept { beat_ns_.store(kResting, std::memory_order_release); }
+  void rest() noexcept {
+    beat_ns_.store(kResting, std::memory_order_release);
+    if (heartbeat_ != nullptr) heartbeat_->beat_ns.store(Heartbeat::kResting);
+  }
 
   // ---- any thread
   bool halted() const noexcept { return halted_.load(std::memory_order_acquire); }
   std::uint64_t stalls() const noexcept { return stalls_.load(); }
 
  private:
-  static constexpr std::int64_t kResting = 0;
+  static constexpr std::int64_t kResting = Heartbeat::kResting;
   void guard();
   void look(std::int64_t now_ns);
 
   DeviceDriver& driver_;
+  Heartbeat* const heartbeat_;
   std::atomic<bool> end_{false}, halted_{false}, standing_down_{false};
   std::atomic<std::int64_t> beat_ns_{kResting};
   std::atomic<std::uint64_t> beats_{0}, stalls_{0};

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <thread>
 
+#include "palpate/supervisor.h"
 #include "session/explore_watch.h"
 #include "session/plain_vectors.h"
 #include "session/run_setup.h"
@@ -30,15 +31,18 @@ struct Session {
   TipSource& tip;
   const ExploreWatch& watch;
   ViewedSession& viewed;
+  Supervisor* supervisor;  // nullptr: there is none
 };
 
-ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate) {
+ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, int supervisor_deaths) {
   const LoopHealth health = session.loop.health();
   const ExploreWatch::LastSecond last = session.watch.last_second();
   const TickRecord tick = session.loop.snapshot();
   const DeviceTick& device = tick.device[0];
   ExploreStatus status;
   status.scheduling = session.loop.scheduling();
+  if (session.supervisor != nullptr) status.supervisor = session.supervisor->scheduler();
+  status.supervisor_deaths = supervisor_deaths;
   status.time_s = time_s;
   status.rate_hz = rate.see(health.ticks);
   status.lateness_p50_us = last.lateness_p50_us;
@@ -74,21 +78,40 @@ void grant(ExploreRequest request, const Session& session) {
     session.viewed.next_method();
 }
 
+// Nothing pushes while nobody watches.
+class SupervisorKeeper {
+ public:
+  explicit SupervisorKeeper(const Session& session) : session_(session) {}
+  void look() {
+    if (session_.supervisor == nullptr || session_.supervisor->watching()) return;
+    if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.viewed.stop_unwatched();
+    // tried again at the next look
+    if (session_.supervisor->watch_again()) deaths_ += 1;
+  }
+  int deaths() const { return deaths_; }
+
+ private:
+  const Session& session_;
+  int deaths_ = 0;
+};
+
 // until the script is done, the time is up, the user stops it or the driver gives up
 void watch_until_over(const Session& session, const ExploreOptions& options, const Progress& progress,
                       const std::function<void(const ExploreStatus&)>& show, ExploreResult& result) {
   RateMeter rate;
+  SupervisorKeeper supervisor(session);
   const Clock::time_point begun = Clock::now();
   Clock::time_point next_status = begun;
   while (!session.tip.done()) {
     result.stopped_by_user = progress.stopped();
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
+    supervisor.look();
     if (options.request) grant(options.request(), session);
     session.viewed.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
     if (show && Clock::now() >= next_status) {
-      show(status_of(session, seconds_since(begun), rate));
+      show(status_of(session, seconds_since(begun), rate, supervisor.deaths()));
       next_status = std::max(next_status + kStatusPeriod, Clock::now());
     }
     std::this_thread::sleep_for(kPoll);
@@ -154,6 +177,17 @@ ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& t
           scene.modality};
 }
 
+/// Of a session without a supervisor: nullptr.
+Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options, const DeviceDriver& driver) {
+  if (options.supervisor.empty()) return std::unique_ptr<Supervisor>();
+  SupervisorSettings settings;
+  settings.command = options.supervisor;
+  if (driver.halt_file() >= 0) settings.halt_files.push_back(driver.halt_file());
+  const auto devices = driver.devices();
+  settings.kill_frozen = settings.halt_files.empty() && !std::ranges::all_of(devices, &DeviceInfo::simulated);
+  return Supervisor::start(settings);
+}
+
 }  // namespace
 
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
@@ -184,6 +218,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   LoopSettings settings = options.loop;
   settings.rate_hz = setup->script.rate_hz;
   const Model& model = *setup->model;
+  auto supervisor = supervisor_of(options, (*tip)->driver());
+  if (!supervisor) return supervisor.error();
+  if (*supervisor) settings.heartbeat = &(*supervisor)->heartbeat();
   auto loop =
       ServoLoop::start(setup->model, (*tip)->driver(), setup->parameters, {setup->workspace}, settings);
   if (!loop) return loop.error();
@@ -210,7 +247,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   } const end_of_viewing{viewers, viewed, **tip};
   viewed.begin(**loop, watch);
   if (auto begun = (*tip)->begin(**loop, viewed.told()); !begun) return begun.error();
-  const Session session{model, **loop, **recorder, **tip, watch, viewed};
+  const Session session{model, **loop, **recorder, **tip, watch, viewed, supervisor->get()};
   ExploreResult result;
   result.trouble = setup->trouble;
   watch_until_over(session, options, progress, status, result);

@@ -410,6 +410,10 @@ Result<void> ViewedSession::rearm(const ViewerIdentity& by) {
   return {};
 }
 
+void ViewedSession::stop_unwatched() {
+  stop({Asker::kSession});
+}
+
 void ViewedSession::rearm_here() {
   rearm({Asker::kKey});
 }

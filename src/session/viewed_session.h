@@ -71,6 +71,8 @@ class ViewedSession final : public ViewerHost {
 
   // ---- keys, at the device itself
   void stop_here();
+  /// Nobody watches the session from outside any more.
+  void stop_unwatched();
   void rearm_here();
   void pause_here();
   /// A viewer has stopped so lately that a stop here means the same.

@@ -34,14 +34,14 @@ int press_count() {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   constexpr int kDefault = 280;
 #else
-  constexpr int kDefault = 100'000;
+  constexpr int kDefault = 10'000;
 #endif
   return asked != nullptr ? std::atoi(asked) : kDefault;
 }
 
 // of every structure; the labels are taken anew for each
 int turn_count() {
-  constexpr int kFew = 10'000;
+  constexpr int kFew = 100'000;
   return press_count() < kFew ? 1 : 4;
 }
 

@@ -278,6 +278,55 @@ class Explore(cli.PalpateTest):
                     self.assertNotIn(" Hz  late ", line)
                 self.assertIn("stopped", terminal.screen())
 
+    def supervisor_of(self, process):
+        """The process that watches another, of its children."""
+        children = pathlib.Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        names = {child: pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0") for child in children}
+        return next(int(child) for child, words in names.items() if b"supervise" in words)
+
+    def test_a_vanished_terminal_and_closed_pipes_end_nothing(self):
+        recording = self.folder / "run.h5"
+        session = subprocess.Popen([cli.PALPATE, *self.explore("-o", recording, "--repeat")], stdin=subprocess.DEVNULL,
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        with session:
+            for line in session.stderr:
+                if line.startswith("supervisor: "):
+                    break
+            session.stdout.close()
+            session.stderr.close()
+            session.send_signal(signal.SIGHUP)
+            session.send_signal(signal.SIGPIPE)
+            time.sleep(1)
+            self.assertIsNone(session.poll())
+            session.send_signal(signal.SIGTERM)
+            # it was felt and recorded to its end, and its figures could not be printed
+            self.assertEqual(session.wait(timeout=120), cli.OUTPUT)
+        self.assertNotIn("cut short", self.succeed("replay", recording, self.scene).stdout)
+
+    def test_a_supervisor_watches_and_is_replaced(self):
+        terminal = self.terminal(*self.explore("--repeat"))
+        terminal.wait_for(r" 0\.[5-9]\d/1\.40 N  femur")
+        supervisor = self.supervisor_of(terminal.process)
+        os.kill(supervisor, signal.SIGKILL)
+        # nobody watches: nothing pushes, until somebody re-arms
+        terminal.wait_for("the supervisor died")
+        terminal.wait_for("EMERGENCY STOP")
+        another = self.supervisor_of(terminal.process)
+        self.assertNotEqual(another, supervisor)
+        # whatever the session dies of, its supervisor does not stay behind
+        terminal.process.kill()
+        terminal.finish()
+        for _ in range(600):
+            if not pathlib.Path(f"/proc/{another}").exists():
+                break
+            time.sleep(0.1)
+        self.assertFalse(pathlib.Path(f"/proc/{another}").exists())
+
+    def test_supervise_is_called_by_explore_alone(self):
+        done = cli.run("supervise", "1", "0", "0")
+        self.assertEqual(done.returncode, cli.USAGE)
+        self.assertIn("called by palpate explore", done.stderr)
+
     def interrupted_twice(self, recording):
         terminal = self.terminal(*self.explore("-o", recording))
         terminal.wait_for(" Hz  late ")

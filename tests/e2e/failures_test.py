@@ -1,14 +1,17 @@
 """Interrupt, full disk, unwritable folder, missing file at every verb: a clear message, the exit code, and
 nothing half-written but a recording that reopens."""
 
+import fcntl
 import os
 import pathlib
 import pty
 import resource
 import shutil
 import signal
+import struct
 import subprocess
 import tempfile
+import termios
 import time
 import unittest
 
@@ -54,6 +57,23 @@ class Failures(cli.PalpateTest):
     @classmethod
     def tearDownClass(cls):
         cls._made.cleanup()
+
+    def test_a_signal_ends_what_waits_for_others(self):
+        # a reader that does not read: the pipe is full, and writing waits
+        for number in (signal.SIGTERM, signal.SIGINT):
+            reader, writer = os.pipe()
+            fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
+            with subprocess.Popen([cli.PALPATE, "data", "keys"], stdin=subprocess.DEVNULL, stdout=writer,
+                                  stderr=subprocess.PIPE, text=True) as waiting:
+                os.close(writer)
+                while struct.unpack("i", fcntl.ioctl(reader, termios.FIONREAD, bytes(4)))[0] < 4096:
+                    self.assertIsNone(waiting.poll())
+                    time.sleep(0.01)
+                waiting.send_signal(number)
+                _, said = waiting.communicate(timeout=120)
+                self.assertEqual(waiting.returncode, cli.INTERRUPTED)
+                self.assertIn("interrupted", said)
+            os.close(reader)
 
     def writing_verbs(self, output):
         """Every verb that writes, writing to `output`."""

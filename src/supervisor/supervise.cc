@@ -1,0 +1,178 @@
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <array>
+#include <charconv>
+#include <cstdio>
+#include <cstring>
+#include <optional>
+
+#include "base/clock.h"
+#include "servo/realtime.h"
+#include "supervisor/shared_block.h"
+
+namespace palpate {
+namespace {
+
+constexpr timespec kLook{0, 1'000'000};
+// what one look adds at most to the time for which nothing was seen: where the whole machine stood still, the
+// session is not to blame
+constexpr std::int64_t kMostPerLook_ns = 5'000'000;
+constexpr std::int64_t kFrozen_ns = 500'000'000;
+// above the loop's watchdog, which is above the servo
+constexpr int kPriority = 95;
+
+const char* name_of(SupervisorEvent::Kind kind) {
+  switch (kind) {
+    case SupervisorEvent::Kind::kStall:
+      return "stall";
+    case SupervisorEvent::Kind::kDeath:
+      return "death";
+    case SupervisorEvent::Kind::kKilled:
+      return "killed";
+  }
+  return "";
+}
+
+class Supervision {
+ public:
+  Supervision(SharedBlock& block, int halt_files, bool kill_frozen, bool record)
+      : block_(block), halt_files_(halt_files), kill_frozen_(kill_frozen), record_(record) {}
+
+  // false: the session is over
+  bool look() {
+    pollfd session{kSessionFile, POLLIN, 0};
+    const bool gone = ::ppoll(&session, 1, &kLook, nullptr) > 0;
+    const std::int64_t now_ns = monotonic_ns();
+    if (block_.ended.load(std::memory_order_acquire)) return false;
+    if (gone) {
+      const std::int64_t halted_ns = halt();
+      note(SupervisorEvent::Kind::kDeath, now_ns, halted_ns);
+      return false;
+    }
+    if (halt_files_ > 0) watch_beats(now_ns);
+    if (kill_frozen_) watch_for_standstill(now_ns);
+    return true;
+  }
+
+ private:
+  std::int64_t halt() const {
+    // one that is full has heard it already
+    for (int n = 0; n < halt_files_; ++n) {
+      const std::uint64_t one = 1;
+      [[maybe_unused]] const ssize_t written = ::write(kFirstHaltFile + n, &one, sizeof one);
+    }
+    return monotonic_ns();
+  }
+
+  void note(SupervisorEvent::Kind kind, std::int64_t seen_ns, std::int64_t halted_ns) {
+    const SupervisorEvent event{kind, block_.heartbeat.beat_ns.load(), seen_ns, halted_ns};
+    block_.add(event);
+    if (!record_) return;
+    ::dprintf(kFirstHaltFile + halt_files_,
+              R"({"kind": "%s", "last_beat_ns": %lld, "seen_ns": %lld, "halted_ns": %lld})"
+              "\n",
+              name_of(kind), static_cast<long long>(event.last_beat_ns),
+              static_cast<long long>(event.seen_ns), static_cast<long long>(event.halted_ns));
+  }
+
+  void watch_beats(std::int64_t now_ns) {
+    Heartbeat& heartbeat = block_.heartbeat;
+    const std::int64_t beat_ns = heartbeat.beat_ns.load(std::memory_order_acquire);
+    const bool stalled = beat_ns != Heartbeat::kResting && now_ns - beat_ns > kSupervisedStall_ns;
+    const bool halted = heartbeat.halts.load() != heartbeat.halts_that_ended.load();
+    if (!stalled || halted) return;
+    // counted when it is done: the loop may end a halt that it has seen, and a byte must not come after that
+    const std::int64_t halted_ns = halt();
+    heartbeat.halts.fetch_add(1);
+    note(SupervisorEvent::Kind::kStall, now_ns, halted_ns);
+  }
+
+  void watch_for_standstill(std::int64_t now_ns) {
+    const std::int64_t passed_ns = last_look_ns_ == 0 ? 0 : now_ns - last_look_ns_;
+    last_look_ns_ = now_ns;
+    const std::int64_t seen_ns = std::max(block_.heartbeat.beat_ns.load(), block_.heartbeat.looked_ns.load());
+    const bool lives = seen_ns == Heartbeat::kResting || seen_ns != last_seen_ns_;
+    last_seen_ns_ = seen_ns;
+    still_ns_ = lives ? 0 : still_ns_ + std::min(passed_ns, kMostPerLook_ns);
+    if (still_ns_ < kFrozen_ns) return;
+    ::syscall(SYS_pidfd_send_signal, kSessionFile, SIGKILL, nullptr, 0);
+    note(SupervisorEvent::Kind::kKilled, now_ns, monotonic_ns());
+    still_ns_ = 0;
+  }
+
+  SharedBlock& block_;
+  const int halt_files_;
+  const bool kill_frozen_, record_;
+  std::int64_t last_look_ns_ = 0, last_seen_ns_ = 0, still_ns_ = 0;
+};
+
+SharedBlock* shared_block() {
+  struct stat status {};
+  if (::fstat(kBlockFile, &status) != 0 || status.st_size != static_cast<off_t>(sizeof(SharedBlock)))
+    return nullptr;
+  void* room =
+      ::mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, kBlockFile, 0);
+  if (room == MAP_FAILED) return nullptr;
+  auto* block = static_cast<SharedBlock*>(room);
+  return block->magic == SharedBlock::kMagic ? block : nullptr;
+}
+
+// the numbers that Supervisor::start() appends: halt files, whether to kill, whether to record
+std::optional<std::array<int, 3>> numbers_in(const std::vector<std::string>& arguments) {
+  std::array<int, 3> numbers{};
+  if (arguments.size() != numbers.size()) return std::nullopt;
+  for (std::size_t n = 0; n < numbers.size(); ++n) {
+    const std::string& text = arguments[n];
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), numbers[n]);
+    if (error != std::errc() || end != text.data() + text.size() || numbers[n] < 0) return std::nullopt;
+  }
+  if (numbers[0] > static_cast<int>(kMostHaltFiles)) return std::nullopt;
+  return numbers;
+}
+
+}  // namespace
+
+int supervise(const std::vector<std::string>& arguments) {
+  const auto numbers = numbers_in(arguments);
+  SharedBlock* block = numbers ? shared_block() : nullptr;
+  if (block == nullptr) {
+    std::fprintf(stderr, "palpate: error: supervise is called by palpate explore alone\n");
+    return 2;
+  }
+  const auto [halt_files, kill_frozen, record] = *numbers;
+  // a full or a broken halt file must not hold or end what others wait for
+  ::signal(SIGPIPE, SIG_IGN);
+  for (int n = 0; n < halt_files + record; ++n)
+    ::fcntl(kFirstHaltFile + n, F_SETFL, ::fcntl(kFirstHaltFile + n, F_GETFL) | O_NONBLOCK);
+  // blocks the signals that ask a program to end, too: this one ends when the session has
+  const RealtimeGrant grant = make_this_thread_realtime({.fifo = true,
+                                                         .priority = kPriority,
+                                                         .lock_memory = true,
+                                                         .cpu = -1,
+                                                         .leave_above = 0,
+                                                         .name = "palpate-super"});
+  std::strncpy(block->scheduler.data(), grant.scheduler.c_str(), block->scheduler.size() - 1);
+  block->watching.store(true, std::memory_order_release);
+
+  Supervision supervision(*block, halt_files, kill_frozen != 0, record != 0);
+  while (supervision.look()) {
+  }
+  if (block->ended.load()) return 0;
+  // who holds a simulated device in its own process has nothing to hear
+  if (halt_files == 0 && kill_frozen == 0) return 0;
+  const SupervisorEvent last = block->all().back();
+  std::fprintf(stderr, "palpate: the session's process died; %s %.1f ms after the last tick\n",
+               halt_files > 0 ? "its devices were told to give no force" : "its hold on its devices was gone",
+               static_cast<double>(last.halted_ns - last.last_beat_ns) * 1e-6);
+  return 0;
+}
+
+}  // namespace palpate

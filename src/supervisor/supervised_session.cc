@@ -1,0 +1,117 @@
+// supervised_session MEMORY_FILE HALT_FILE RECORD_FILE KILL_FROZEN
+// supervised_session supervise ...
+//
+// A servo loop on the real clock, a supervisor beside it, and a device that another process holds. It writes
+// a byte when it gives its full force, and then does what it reads from its standard input, a letter each.
+// For supervisor_test.cc.
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <stdexcept>
+#include <thread>
+
+#include "haptics/test_model.h"
+#include "palpate/check.h"
+#include "palpate/servo_loop.h"
+#include "palpate/supervisor.h"
+#include "supervisor/test_device.h"
+
+namespace palpate {
+namespace {
+
+void wait_for_full_force(const ServoLoop& loop) {
+  for (;;) {
+    const DeviceTick now = loop.snapshot().device[0];
+    if (std::abs(now.force_N[0]) > 0.3 && (now.flags & (kFlagRamp | kFaultFlags)) == 0) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+}
+
+void in_another_thread(void (*work)()) {
+  std::thread(work).detach();
+  for (;;) ::pause();
+}
+
+// false: that was the end in good order
+bool obey(char order, testing::TestDeviceDriver& driver) {
+  switch (order) {
+    case 'a':
+      std::abort();
+    case 't':
+      in_another_thread([] { std::terminate(); });
+      break;
+    case 'x':
+      in_another_thread([] { throw std::runtime_error("thrown for a test"); });
+      break;
+    case 's':
+      in_another_thread([] { std::raise(SIGSEGV); });
+      break;
+    case '_':
+      ::_exit(0);
+    case 'e':
+      std::exit(0);
+    case 'h':
+      driver.hangs = true;
+      break;
+    case 'g':
+      driver.hangs = false;
+      break;
+    case 'q':
+      return false;
+    default:
+      break;
+  }
+  return true;
+}
+
+// @param halt_file  -1: the supervisor is told of none, as though the device lived in this process
+int run(int memory_file, int halt_file, int record_file, bool kill_frozen) {
+  void* room =
+      ::mmap(nullptr, sizeof(testing::TestDeviceMemory), PROT_READ | PROT_WRITE, MAP_SHARED, memory_file, 0);
+  PALPATE_CHECK(room != MAP_FAILED);
+  auto& memory = *static_cast<testing::TestDeviceMemory*>(room);
+  testing::TestDeviceDriver driver(memory, halt_file, Point<Device>(testing::kBoneRadius_mm, 0, 0));
+  SupervisorSettings supervised{.command = {"/proc/self/exe", "supervise"},
+                                .halt_files = {},
+                                .kill_frozen = kill_frozen,
+                                .record_file = record_file};
+  if (halt_file >= 0) supervised.halt_files.push_back(halt_file);
+  auto supervisor = Supervisor::start(supervised);
+  PALPATE_CHECK(supervisor.ok());
+  Model model = testing::ball_model({1, 1, 1});
+  LoopSettings settings;
+  settings.heartbeat = &(*supervisor)->heartbeat();
+  auto loop = ServoLoop::start(std::make_shared<const Model>(std::move(model)), driver, {},
+                               {WorkspaceSettings{}}, settings);
+  PALPATE_CHECK(loop.ok());
+  wait_for_full_force(**loop);
+  for (;;) {
+    PALPATE_CHECK(::write(STDOUT_FILENO, ".", 1) == 1);
+    char order = 0;
+    if (::read(STDIN_FILENO, &order, 1) != 1 || !obey(order, driver)) break;
+    // whatever was done to it, it comes back
+    if (order == 'g') wait_for_full_force(**loop);
+  }
+  (*loop)->stop();
+  return 0;
+}
+
+}  // namespace
+}  // namespace palpate
+
+int main(int count, char** arguments) {
+  const std::vector<std::string> words(arguments, arguments + count);
+  if (count >= 2 && words[1] == "supervise") return palpate::supervise({words.begin() + 2, words.end()});
+  if (count != 5) {
+    std::fprintf(stderr, "usage: supervised_session MEMORY_FILE HALT_FILE RECORD_FILE KILL_FROZEN\n");
+    return 2;
+  }
+  return palpate::run(std::atoi(arguments[1]), std::atoi(arguments[2]), std::atoi(arguments[3]),
+                      std::atoi(arguments[4]) != 0);
+}

@@ -1,0 +1,175 @@
+#include "palpate/supervisor.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <new>
+#include <utility>
+
+#include "palpate/check.h"
+#include "supervisor/shared_block.h"
+
+namespace palpate {
+namespace {
+
+// a program starts in less; one that is held up by a busy machine may take it
+constexpr int kPatience_ms = 30'000;
+
+/// A file that is closed with this object; -1: none.
+class File {
+ public:
+  explicit File(int number) : number_(number) {}
+  ~File() {
+    if (number_ >= 0) ::close(number_);
+  }
+  File(File&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  File& operator=(File&&) = delete;
+  int number() const { return number_; }
+
+ private:
+  int number_;
+};
+
+int open_process(pid_t process) {
+  return static_cast<int>(::syscall(SYS_pidfd_open, process, 0));
+}
+
+Error refused(const std::string& what) {
+  return {ErrorKind::kUnavailable, "no supervisor: " + what + ": " + std::strerror(errno), "",
+          "close other programs, or raise the limits of processes and files (ulimit -u, ulimit -n)"};
+}
+
+class SupervisorProcess final : public Supervisor {
+ public:
+  SupervisorProcess(SharedBlock& block, File block_file, const SupervisorSettings& settings)
+      : block_(block), block_file_(std::move(block_file)), settings_(settings) {}
+  ~SupervisorProcess() override {
+    block_.ended.store(true, std::memory_order_release);
+    end();
+    ::munmap(&block_, sizeof block_);
+  }
+  SupervisorProcess(const SupervisorProcess&) = delete;
+  SupervisorProcess& operator=(const SupervisorProcess&) = delete;
+
+  Result<void> begin();
+
+  Heartbeat& heartbeat() noexcept override { return block_.heartbeat; }
+  bool watching() const noexcept override {
+    pollfd ended{file_, POLLIN, 0};
+    return file_ >= 0 && ::poll(&ended, 1, 0) == 0;
+  }
+  Result<void> watch_again() override {
+    if (watching()) return {};
+    end();
+    return begin();
+  }
+  std::string scheduler() const override { return block_.scheduler.data(); }
+  std::vector<SupervisorEvent> events() const override { return block_.all(); }
+
+ private:
+  void end();
+
+  SharedBlock& block_;
+  const File block_file_;
+  const SupervisorSettings settings_;
+  pid_t process_ = -1;
+  int file_ = -1;  // readable when the supervisor has ended
+};
+
+// it looks once a millisecond; one that stands still, or is another program, is not waited for
+void SupervisorProcess::end() {
+  if (process_ <= 0) return;
+  pollfd ended{file_, POLLIN, 0};
+  const int patience_ms = block_.watching.load() ? 1000 : 0;
+  if (file_ < 0 || ::poll(&ended, 1, patience_ms) != 1) ::kill(process_, SIGKILL);
+  while (::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {
+  }
+  process_ = -1;
+  if (file_ >= 0) ::close(std::exchange(file_, -1));
+  block_.watching.store(false);
+}
+
+Result<void> SupervisorProcess::begin() {
+  const File session(open_process(::getpid()));
+  if (session.number() < 0) return refused("its view of this process");
+
+  // copies above all numbers that the new process has them under, so that none is overwritten before it is
+  // copied
+  std::vector<File> files;
+  const int above = kFirstHaltFile + static_cast<int>(kMostHaltFiles) + 1;
+  const auto copy = [&](int file) {
+    files.emplace_back(::fcntl(file, F_DUPFD_CLOEXEC, above));
+    return files.back().number() >= 0;
+  };
+  bool copied = copy(block_file_.number()) && copy(session.number());
+  for (const int file : settings_.halt_files) copied = copied && copy(file);
+  const bool record = settings_.record_file >= 0;
+  if (record) copied = copied && copy(settings_.record_file);
+  if (!copied) return refused("its files");
+
+  posix_spawn_file_actions_t actions;
+  posix_spawnattr_t attributes;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  ::posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+  for (std::size_t n = 0; n < files.size(); ++n)
+    ::posix_spawn_file_actions_adddup2(&actions, files[n].number(), kBlockFile + static_cast<int>(n));
+  ::posix_spawn_file_actions_addclosefrom_np(&actions, kBlockFile + static_cast<int>(files.size()));
+  // a session of its own: no key and no closed terminal reaches it
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID | POSIX_SPAWN_SETSIGMASK);
+  sigset_t none;
+  ::sigemptyset(&none);
+  ::posix_spawnattr_setsigmask(&attributes, &none);
+
+  std::vector<std::string> words = settings_.command;
+  words.push_back(std::to_string(settings_.halt_files.size()));
+  words.emplace_back(settings_.kill_frozen ? "1" : "0");
+  words.emplace_back(record ? "1" : "0");
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  const int failed = ::posix_spawn(&process_, arguments[0], &actions, &attributes, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  ::posix_spawnattr_destroy(&attributes);
+  if (failed != 0) {
+    process_ = -1;
+    errno = failed;
+    return refused(words.front());
+  }
+  file_ = open_process(process_);
+  if (file_ < 0) return refused("its end");
+
+  pollfd ended{file_, POLLIN, 0};
+  for (int waited = 0; waited < kPatience_ms; ++waited) {
+    if (block_.watching.load(std::memory_order_acquire)) return {};
+    if (::poll(&ended, 1, 1) > 0) break;
+  }
+  return Error{ErrorKind::kUnavailable, "no supervisor: its process did not begin to watch", words.front(),
+               "close other programs, and try again"};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Supervisor>> Supervisor::start(const SupervisorSettings& settings) {
+  PALPATE_CHECK(!settings.command.empty() && settings.halt_files.size() <= kMostHaltFiles);
+  File file(::memfd_create("palpate-supervisor", MFD_CLOEXEC));
+  if (file.number() < 0 || ::ftruncate(file.number(), sizeof(SharedBlock)) != 0)
+    return refused("memory to share");
+  void* room = ::mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE,
+                      file.number(), 0);
+  if (room == MAP_FAILED) return refused("memory to share");
+  auto supervisor = std::make_unique<SupervisorProcess>(*new (room) SharedBlock, std::move(file), settings);
+  if (auto begun = supervisor->begin(); !begun) return begun.error();
+  return std::unique_ptr<Supervisor>(std::move(supervisor));
+}
+
+}  // namespace palpate

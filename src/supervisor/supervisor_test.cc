@@ -1,0 +1,384 @@
+#include "palpate/supervisor.h"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <random>
+#include <sstream>
+#include <thread>
+
+#include "base/test_seed.h"
+#include "servo/realtime.h"
+#include "supervisor/test_device.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::TestDeviceMemory;
+
+double ms(std::int64_t ns) {
+  return static_cast<double>(ns) * 1e-6;
+}
+
+/// A session that presses with a supervisor beside it, in a process of its own, and its device, in another.
+class Pressing {
+ public:
+  explicit Pressing(bool device_elsewhere = true, bool kill_frozen = false) {
+    memory_file_ = ::memfd_create("test device", 0);
+    PALPATE_CHECK(::ftruncate(memory_file_, sizeof(TestDeviceMemory)) == 0);
+    void* room =
+        ::mmap(nullptr, sizeof(TestDeviceMemory), PROT_READ | PROT_WRITE, MAP_SHARED, memory_file_, 0);
+    PALPATE_CHECK(room != MAP_FAILED);
+    device_ = new (room) TestDeviceMemory;
+    int halt[2], orders[2], said[2], record[2];
+    for (int* pipe : {halt, orders, said, record}) PALPATE_CHECK(::pipe2(pipe, O_CLOEXEC) == 0);
+    orders_ = orders[1];
+    said_ = said[0];
+    record_ = record[0];
+
+    device_process_ = ::fork();
+    if (device_process_ == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      // who reads the others waits for the end of all who could write
+      for (const int file : {halt[1], orders[0], orders[1], said[0], said[1], record[0], record[1]})
+        ::close(file);
+      testing::be_test_device(*device_, halt[0]);
+    }
+    session_ = ::fork();
+    if (session_ == 0) {
+      ::dup2(orders[0], STDIN_FILENO);
+      ::dup2(said[1], STDOUT_FILENO);
+      const rlimit none{0, 0};
+      ::setrlimit(RLIMIT_CORE, &none);
+      for (const int file : {halt[1], record[1]}) ::fcntl(file, F_SETFD, 0);
+      const std::string memory = std::to_string(memory_file_),
+                        halt_file = std::to_string(device_elsewhere ? halt[1] : -1),
+                        records = std::to_string(record[1]);
+      ::execl(PALPATE_SUPERVISED_SESSION, PALPATE_SUPERVISED_SESSION, memory.c_str(), halt_file.c_str(),
+              records.c_str(), kill_frozen ? "1" : "0", nullptr);
+      ::_exit(127);
+    }
+    for (const int file : {halt[0], halt[1], orders[0], said[1], record[1]}) ::close(file);
+  }
+  ~Pressing() {
+    for (const pid_t process : {session_, device_process_}) {
+      ::kill(process, SIGKILL);
+      ::waitpid(process, nullptr, 0);
+    }
+    for (const int file : {orders_, said_, record_, memory_file_}) ::close(file);
+    ::munmap(device_, sizeof *device_);
+  }
+  Pressing(const Pressing&) = delete;
+  Pressing& operator=(const Pressing&) = delete;
+
+  /// It gives its full force; false: it died.
+  bool presses() const {
+    char byte = 0;
+    return ::read(said_, &byte, 1) == 1;
+  }
+  void order(char letter) const { PALPATE_CHECK(::write(orders_, &letter, 1) == 1); }
+  void signal(int signal) const { ::kill(session_, signal); }
+
+  /// When the device came to rest after `then_ns`; 0: not within ten seconds.
+  std::int64_t rest_after(std::int64_t then_ns) const {
+    for (int n = 0; n < 10'000; ++n) {
+      // the end of a pause is no rest: it has to last
+      if (const std::int64_t at_ns = device_->at_rest_after(then_ns);
+          at_ns != 0 && monotonic_ns() > at_ns + 20'000'000)
+        return at_ns;
+      std::this_thread::sleep_for(1ms);
+    }
+    return 0;
+  }
+  bool acts_again() const {
+    for (int n = 0; n < 20'000 && !(device_->acting_N > 0); ++n) std::this_thread::sleep_for(1ms);
+    return device_->acting_N > 0;
+  }
+
+  /// The supervisor's own record, when it has ended: the events in order.
+  std::vector<std::string> record() const {
+    std::string text;
+    std::array<char, 256> part{};
+    for (ssize_t got = 0; (got = ::read(record_, part.data(), part.size())) > 0;)
+      text.append(part.data(), static_cast<std::size_t>(got));
+    std::vector<std::string> lines;
+    std::istringstream in(text);
+    for (std::string line; std::getline(in, line);) lines.push_back(line);
+    return lines;
+  }
+  pid_t session() const { return session_; }
+  const TestDeviceMemory& device() const { return *device_; }
+
+ private:
+  int memory_file_ = -1, orders_ = -1, said_ = -1, record_ = -1;
+  TestDeviceMemory* device_ = nullptr;
+  pid_t device_process_ = -1, session_ = -1;
+};
+
+std::int64_t number_in(const std::string& line, const std::string& field) {
+  const auto at = line.find("\"" + field + "\": ");
+  return at == std::string::npos ? -1 : std::stoll(line.substr(at + field.size() + 4));
+}
+
+/// How late a thread of no special kind gets its processor while this lives: a promise about time is made
+/// beside it.
+class BareThread {
+ public:
+  BareThread() {
+    thread_ = std::thread([this] {
+      while (!end_) {
+        const std::int64_t asked_ns = monotonic_ns();
+        std::this_thread::sleep_for(1ms);
+        const std::int64_t late_ns = monotonic_ns() - asked_ns - 1'000'000;
+        if (late_ns > latest_ns_) latest_ns_ = late_ns;
+      }
+    });
+  }
+  ~BareThread() {
+    end_ = true;
+    thread_.join();
+  }
+  std::int64_t latest_ns() const { return latest_ns_; }
+
+ private:
+  std::atomic<bool> end_{false};
+  std::atomic<std::int64_t> latest_ns_{0};
+  std::thread thread_;
+};
+
+struct End {
+  const char* name;
+  int signal;  // 0: an order
+  char order;
+};
+constexpr End kEnds[] = {{"SIGKILL", SIGKILL, 0},
+                         {"SIGTERM", SIGTERM, 0},
+                         {"SIGINT", SIGINT, 0},
+                         {"SIGQUIT", SIGQUIT, 0},
+                         {"SIGSEGV", SIGSEGV, 0},
+                         {"SIGBUS", SIGBUS, 0},
+                         {"SIGFPE", SIGFPE, 0},
+                         {"SIGILL", SIGILL, 0},
+                         {"SIGABRT", SIGABRT, 0},
+                         {"SIGSYS", SIGSYS, 0},
+                         {"SIGTRAP", SIGTRAP, 0},
+                         {"SIGXCPU", SIGXCPU, 0},
+                         {"SIGXFSZ", SIGXFSZ, 0},
+                         {"SIGALRM", SIGALRM, 0},
+                         {"SIGPROF", SIGPROF, 0},
+                         {"SIGVTALRM", SIGVTALRM, 0},
+                         {"SIGUSR1", SIGUSR1, 0},
+                         {"SIGUSR2", SIGUSR2, 0},
+                         {"SIGHUP", SIGHUP, 0},
+                         {"SIGPIPE", SIGPIPE, 0},
+                         {"SIGIO", SIGIO, 0},
+                         {"SIGPWR", SIGPWR, 0},
+                         {"SIGSTKFLT", SIGSTKFLT, 0},
+                         {"abort", 0, 'a'},
+                         {"terminate", 0, 't'},
+                         {"exception", 0, 'x'},
+                         {"a thread's SIGSEGV", 0, 's'},
+                         {"_exit", 0, '_'},
+                         {"exit", 0, 'e'}};
+
+// one trial each in every run of the tests, twenty where PALPATE_TEST_DEATHS=all asks for the whole campaign
+int trials() {
+  const char* asked = std::getenv("PALPATE_TEST_DEATHS");
+  return asked != nullptr && std::string(asked) == "all" ? 20 : 1;
+}
+
+TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  std::vector<double> after_ms, beyond_ms;
+  for (const End& end : kEnds) {
+    for (int n = 0; n < trials(); ++n) {
+      const Pressing session;
+      ASSERT_TRUE(session.presses()) << end.name;
+      std::this_thread::sleep_for(std::chrono::microseconds(random() % 5'000));
+      const BareThread bare;
+      const std::int64_t then_ns = monotonic_ns();
+      if (end.signal != 0)
+        session.signal(end.signal);
+      else
+        session.order(end.order);
+      const std::int64_t rest_ns = session.rest_after(then_ns);
+      ASSERT_NE(rest_ns, 0) << end.name << ": the device still pushes";
+      after_ms.push_back(ms(rest_ns - then_ns));
+      beyond_ms.push_back(ms(rest_ns - then_ns - bare.latest_ns()));
+      // the supervisor has seen it, and says when
+      const auto record = session.record();
+      ASSERT_FALSE(record.empty()) << end.name;
+      EXPECT_NE(record.back().find("\"death\""), std::string::npos) << end.name << ": " << record.back();
+      EXPECT_GE(number_in(record.back(), "halted_ns"), number_in(record.back(), "seen_ns"));
+      EXPECT_GE(number_in(record.back(), "seen_ns"), number_in(record.back(), "last_beat_ns"));
+    }
+  }
+  std::ranges::sort(after_ms);
+  std::ranges::sort(beyond_ms);
+  std::printf(
+      "%zu deaths: zero after %.2f ms (median), %.2f (largest); less a bare thread's lateness %.2f, %.2f\n",
+      after_ms.size(), after_ms[after_ms.size() / 2], after_ms.back(), beyond_ms[beyond_ms.size() / 2],
+      beyond_ms.back());
+}
+
+TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  std::vector<double> after_ms;
+  for (int n = 0; n < 2 * trials(); ++n) {
+    const BareThread bare;
+    const std::int64_t then_ns = monotonic_ns();
+    session.signal(SIGSTOP);
+    const std::int64_t rest_ns = session.rest_after(then_ns);
+    ASSERT_NE(rest_ns, 0) << "the device still pushes";
+    after_ms.push_back(ms(rest_ns - then_ns));
+    EXPECT_EQ(session.device().acting_N, 0);
+    session.signal(SIGCONT);
+    EXPECT_TRUE(session.acts_again());
+    // back in full, and not at once
+    session.order('g');
+    ASSERT_TRUE(session.presses());
+    std::printf("stopped: zero after %.2f ms, a bare thread late by %.2f\n", after_ms.back(),
+                ms(bare.latest_ns()));
+  }
+  session.order('q');
+  const auto record = session.record();
+  ASSERT_GE(record.size(), after_ms.size());
+  for (const std::string& line : record) EXPECT_NE(line.find("\"stall\""), std::string::npos) << line;
+}
+
+TEST(Supervisor, AServoThreadThatHangsGetsZero) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  const std::int64_t then_ns = monotonic_ns();
+  session.order('h');
+  ASSERT_TRUE(session.presses());
+  ASSERT_NE(session.rest_after(then_ns), 0);
+  session.order('g');
+  ASSERT_TRUE(session.presses());
+  EXPECT_TRUE(session.acts_again());
+  session.order('q');
+}
+
+TEST(Supervisor, AnEndInGoodOrderIsNoEvent) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  session.order('q');
+  // a machine that stands still for a moment is a stall
+  for (const std::string& line : session.record())
+    EXPECT_NE(line.find("\"stall\""), std::string::npos) << line;
+  int status = 0;
+  ASSERT_EQ(::waitpid(session.session(), &status, 0), session.session());
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+  EXPECT_EQ(session.device().acting_N, 0);
+}
+
+TEST(Supervisor, EndsAProcessThatStandsStillWithItsDeviceInIt) {
+  const Pressing session(false, true);
+  ASSERT_TRUE(session.presses());
+  session.signal(SIGSTOP);
+  int status = 0;
+  // stopped for a breath it lives on; for good it is ended
+  ASSERT_EQ(::waitpid(session.session(), &status, 0), session.session());
+  EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+  const auto record = session.record();
+  ASSERT_EQ(record.size(), 2u);
+  EXPECT_NE(record[0].find("\"killed\""), std::string::npos);
+  EXPECT_NE(record[1].find("\"death\""), std::string::npos);
+}
+
+TEST(Supervisor, NeitherSimulatedNorElsewhereIsAProcessEnded) {
+  const Pressing session(false, false);
+  ASSERT_TRUE(session.presses());
+  session.signal(SIGSTOP);
+  std::this_thread::sleep_for(1s);
+  session.signal(SIGCONT);
+  session.order('g');
+  EXPECT_TRUE(session.presses());
+  session.order('q');
+}
+
+// of all children of a process the one that watches it
+pid_t supervisor_of(pid_t session) {
+  const std::string path =
+      "/proc/" + std::to_string(session) + "/task/" + std::to_string(session) + "/children";
+  std::FILE* file = std::fopen(path.c_str(), "r");
+  int child = 0;
+  if (file == nullptr || std::fscanf(file, "%d", &child) != 1) child = 0;
+  if (file != nullptr) std::fclose(file);
+  return child;
+}
+
+TEST(Supervisor, BothDeadTheDeviceIsAlone) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  const pid_t supervisor = supervisor_of(session.session());
+  ASSERT_GT(supervisor, 0);
+  const std::int64_t then_ns = monotonic_ns();
+  ::kill(supervisor, SIGKILL);
+  session.signal(SIGKILL);
+  EXPECT_NE(session.rest_after(then_ns), 0);
+}
+
+TEST(Supervisor, KeysAndSignalsThatEndProgramsDoNotEndIt) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  const pid_t supervisor = supervisor_of(session.session());
+  ASSERT_GT(supervisor, 0);
+  EXPECT_NE(::getsid(supervisor), ::getsid(session.session()));
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGALRM, SIGUSR1})
+    ::kill(supervisor, signal);
+  std::this_thread::sleep_for(50ms);
+  EXPECT_EQ(::kill(supervisor, 0), 0);
+  const std::int64_t then_ns = monotonic_ns();
+  session.signal(SIGKILL);
+  EXPECT_NE(session.rest_after(then_ns), 0);
+  const auto record = session.record();
+  ASSERT_FALSE(record.empty());
+  EXPECT_NE(record.back().find("\"death\""), std::string::npos);
+}
+
+TEST(Supervisor, SaysThatItHasDiedAndWatchesAgain) {
+  auto supervisor =
+      Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
+  ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
+  EXPECT_TRUE((*supervisor)->watching());
+  EXPECT_FALSE((*supervisor)->scheduler().empty());
+  ::kill(supervisor_of(::getpid()), SIGKILL);
+  for (int n = 0; n < 10'000 && (*supervisor)->watching(); ++n) std::this_thread::sleep_for(1ms);
+  EXPECT_FALSE((*supervisor)->watching());
+  const auto again = (*supervisor)->watch_again();
+  ASSERT_TRUE(again.ok()) << again.error().message();
+  EXPECT_TRUE((*supervisor)->watching());
+}
+
+TEST(Supervisor, AProgramThatIsNoneIsAnError) {
+  for (const char* program : {"/no/such/program", "/bin/true"}) {
+    const auto supervisor = Supervisor::start({.command = {program}, .halt_files = {}});
+    ASSERT_FALSE(supervisor.ok()) << program;
+    EXPECT_EQ(supervisor.error().kind, ErrorKind::kUnavailable);
+    EXPECT_NE(supervisor.error().message().find(program), std::string::npos) << supervisor.error().message();
+  }
+}
+
+TEST(Supervise, CalledByAPersonItSaysWhoCallsIt) {
+  EXPECT_EQ(supervise({}), 2);
+  EXPECT_EQ(supervise({"1", "0", "0"}), 2);
+  EXPECT_EQ(supervise({"-1", "0", "0"}), 2);
+  EXPECT_EQ(supervise({"9", "0", "0"}), 2);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,125 @@
+#pragma once
+
+#include <poll.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+#include "base/clock.h"
+#include "palpate/device.h"
+#include "servo/realtime.h"
+
+/// A device that another process holds, for tests: what stands behind a driver's port when the process with
+/// the driver dies. It has no watchdog of its own: what it was told last it goes on doing.
+namespace palpate::testing {
+
+/// What driver and device share, and what the test reads.
+struct TestDeviceMemory {
+  // ---- by the driver
+  std::atomic<double> force_N{0};
+  std::atomic<std::uint64_t> commands{0};
+  std::atomic<bool> halted{false};
+  std::atomic<std::uint32_t> resumes{0};
+  // ---- by the device: every change of what acts from something to nothing and back
+  struct Change {
+    std::atomic<std::int64_t> at_ns{0};
+    std::atomic<bool> acts{false};
+  };
+  static constexpr std::size_t kMost = 4096;
+  std::array<Change, kMost> changes;
+  std::atomic<std::uint32_t> change_count{0};
+  std::atomic<double> acting_N{0};
+
+  /// The first moment after `then_ns` from which nothing acts; 0: it still acts.
+  std::int64_t at_rest_after(std::int64_t then_ns) const {
+    std::int64_t found_ns = 0;
+    for (std::uint32_t n = change_count.load(); n-- > 0;) {
+      if (changes[n].acts) break;
+      found_ns = std::max<std::int64_t>(changes[n].at_ns, then_ns);
+      if (changes[n].at_ns <= then_ns) break;
+    }
+    return found_ns;
+  }
+};
+
+/// The driver: a tip that rests in the tissue, and a hand that never moves.
+class TestDeviceDriver final : public DeviceDriver {
+ public:
+  TestDeviceDriver(TestDeviceMemory& memory, int halt_file, const Point<Device>& tip)
+      : memory_(memory), halt_file_(halt_file), tip_(tip) {
+    info_.name = "test device";
+    info_.peak_force_N = 3;
+  }
+  std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
+  Result<void> open(bool /*may_move*/) override { return {}; }
+  void run(ServoFunction& servo, ServoClock& clock) noexcept override {
+    DeviceSample sample;
+    sample.tip = tip_;
+    DeviceCommand command;
+    while (clock.wait()) {
+      while (hangs) ::usleep(100);
+      sample.taken_ns = monotonic_ns();
+      servo.update({&sample, 1}, {&command, 1});
+      memory_.force_N = command.force_N.norm();
+      memory_.commands.fetch_add(1);
+    }
+    memory_.force_N = 0;
+  }
+  void halt() noexcept override { memory_.halted = true; }
+  void resume() noexcept override {
+    memory_.halted = false;
+    memory_.resumes.fetch_add(1);
+  }
+  int halt_file() const noexcept override { return halt_file_; }
+
+  std::atomic<bool> hangs{false};  ///< no tick comes any more
+
+ private:
+  TestDeviceMemory& memory_;
+  const int halt_file_;
+  const Point<Device> tip_;
+  DeviceInfo info_;
+};
+
+/// The device's whole life, four times a millisecond, until it is killed.
+/// @param halted  the other end of the driver's halt file
+[[noreturn]] inline void be_test_device(TestDeviceMemory& memory, int halted) {
+  // as a device's own electronics, which wait for nobody
+  make_this_thread_realtime({.fifo = true,
+                             .priority = 97,
+                             .lock_memory = false,
+                             .cpu = -1,
+                             .leave_above = 0,
+                             .name = "test-device"});
+  bool halted_outside = false, alone = false, acted = false;
+  std::uint32_t resumes = 0;
+  for (;;) {
+    // a resume that is seen here has its bytes before it in the pipe
+    const std::uint32_t now_resumed = memory.resumes.load();
+    pollfd file{halted, POLLIN, 0};
+    constexpr timespec kPeriod{0, 250'000};
+    if (::ppoll(&file, 1, alone ? nullptr : &kPeriod, nullptr) > 0) {
+      std::array<char, 64> bytes{};
+      // nobody is left who could write
+      if (::read(halted, bytes.data(), bytes.size()) <= 0) alone = true;
+      halted_outside = true;
+    }
+    if (now_resumed != resumes) halted_outside = alone;
+    resumes = now_resumed;
+    const double acting_N = halted_outside || memory.halted ? 0.0 : memory.force_N.load();
+    memory.acting_N = acting_N;
+    const bool acts = acting_N > 0;
+    if (acts == acted) continue;
+    acted = acts;
+    const std::uint32_t n = memory.change_count.load();
+    if (n == TestDeviceMemory::kMost) continue;
+    memory.changes[n].at_ns = monotonic_ns();
+    memory.changes[n].acts = acts;
+    memory.change_count = n + 1;
+  }
+}
+
+}  // namespace palpate::testing
