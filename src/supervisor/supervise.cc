@@ -8,6 +8,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstdio>
@@ -168,10 +169,12 @@ int supervise(const std::vector<std::string>& arguments) {
   if (block->ended.load()) return 0;
   // who holds a simulated device in its own process has nothing to hear
   if (halt_files == 0 && kill_frozen == 0) return 0;
-  const SupervisorEvent last = block->all().back();
+  // a process that dies often stands still before the kernel tells of it
+  const auto events = block->all();
+  const auto first = std::ranges::find(events, events.back().last_beat_ns, &SupervisorEvent::last_beat_ns);
   std::fprintf(stderr, "palpate: the session's process died; %s %.1f ms after the last tick\n",
                halt_files > 0 ? "its devices were told to give no force" : "its hold on its devices was gone",
-               static_cast<double>(last.halted_ns - last.last_beat_ns) * 1e-6);
+               static_cast<double>(first->halted_ns - first->last_beat_ns) * 1e-6);
   return 0;
 }
 
