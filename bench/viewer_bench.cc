@@ -36,7 +36,7 @@ class StillHost : public ViewerHost {
   Result<void> set(const TissueRequest&) override { return {}; }
   void emergency_stop(const ViewerIdentity&) override {}
   Result<void> rearm(const ViewerIdentity&) override { return {}; }
-  Result<void> take_pointer(bool) override { return {}; }
+  Result<void> take_pointer(bool, const ViewerIdentity&) override { return {}; }
   void move_pointer(const std::array<double, 3>&) override {}
 
  private:

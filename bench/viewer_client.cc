@@ -4,6 +4,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -101,6 +102,85 @@ std::string ViewerClient::frame() {
     }
     if (!receive()) return {};
   }
+}
+
+namespace {
+
+/// A request on a connection that is kept, its body counted or kept.
+class Download {
+ public:
+  explicit Download(int port) : port_(port), handle_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    // no wait outlasts the measurement
+    const timeval patience{0, 200'000};
+    ::setsockopt(handle_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    connected_ = ::connect(handle_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
+  }
+  ~Download() { ::close(handle_); }
+  Download(const Download&) = delete;
+  Download& operator=(const Download&) = delete;
+
+  /// Whether the answer came to its end in time.
+  bool get(const std::string& target, std::int64_t until_ns, std::uint64_t& bytes,
+           std::string* body = nullptr) {
+    const std::string request = "GET " + target + " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port_) +
+                                "\r\nAccept-Encoding: gzip\r\n\r\n";
+    if (!connected_ || ::send(handle_, request.data(), request.size(), MSG_NOSIGNAL) < 0) return false;
+    std::string head;
+    std::size_t end = std::string::npos;
+    while ((end = head.find("\r\n\r\n")) == std::string::npos) {
+      if (steady_ns() >= until_ns) return false;
+      const ssize_t got = ::recv(handle_, buffer_.data(), buffer_.size(), 0);
+      if (got == 0) return false;
+      if (got > 0) head.append(buffer_.data(), static_cast<std::size_t>(got));
+    }
+    const std::size_t said = head.find("\r\nContent-Length: ");
+    if (said == std::string::npos) return false;
+    const std::size_t length = std::stoul(head.substr(said + 18));
+    std::size_t got_bytes = head.size() - end - 4;
+    bytes += got_bytes;
+    if (body) *body = head.substr(end + 4);
+    while (got_bytes < length) {
+      if (steady_ns() >= until_ns) return false;
+      const ssize_t got = ::recv(handle_, buffer_.data(), std::min(buffer_.size(), length - got_bytes), 0);
+      if (got == 0) return false;
+      if (got < 0) continue;
+      got_bytes += static_cast<std::size_t>(got);
+      bytes += static_cast<std::uint64_t>(got);
+      if (body) body->append(buffer_.data(), static_cast<std::size_t>(got));
+    }
+    return true;
+  }
+
+ private:
+  int port_, handle_;
+  bool connected_ = false;
+  std::vector<char> buffer_ = std::vector<char>(256 << 10);
+};
+
+}  // namespace
+
+Downloads download_until(int port, std::int64_t until_ns) {
+  Downloads seen;
+  Download connection(port);
+  const std::int64_t begin_ns = steady_ns();
+  std::uint64_t other_bytes = 0;
+  std::string scene;
+  if (!connection.get("/api/scene", until_ns, other_bytes, &scene)) return seen;
+  const std::size_t at = scene.find("\"hash\":");
+  const std::size_t quote = scene.find('"', at + 7);
+  if (at == std::string::npos || quote == std::string::npos) return seen;
+  const std::string hash = scene.substr(quote + 1, scene.find('"', quote + 1) - quote - 1);
+  for (std::uint64_t n = 0; steady_ns() < until_ns; ++n) {
+    const char* const kind = n % 2 == 0 ? "scan/" : "labels/";
+    if (!connection.get("/api/volume/" + std::string(kind) + hash, until_ns, seen.bytes)) return seen;
+    ++seen.whole;
+    if (n == 1) seen.first_ms = static_cast<double>(steady_ns() - begin_ns) * 1e-6;
+  }
+  return seen;
 }
 
 double quantile(std::vector<double>& values, double part) {

@@ -41,6 +41,15 @@ class ViewerClient {
   std::uint64_t last_ = 0;
 };
 
+/// What a viewer loads before it shows anything, the scan and the labels, again and again as one that wants
+/// to do harm would.
+struct Downloads {
+  std::uint64_t bytes = 0, whole = 0;  ///< received; volumes that came to their end
+  double first_ms = 0;                 ///< until scan and labels were there for the first time; 0: never
+};
+/// @return when the time is up or the server is gone
+Downloads download_until(int port, std::int64_t until_ns);
+
 /// The value below which a part of them lies; not a number for none. Sorts them.
 double quantile(std::vector<double>& values, double part);
 

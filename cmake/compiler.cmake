@@ -17,6 +17,27 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   add_compile_options(-Wno-restrict)
 endif()
 
+# What an attacker who found a fault in a parser would need is taken away: SECURITY.md, and
+# tests/checks/check_hardening.py looks for each in the program. Flags of this folder alone: who links the core gets
+# none of them. A sanitizer sees more than these do, and has its own idea of the stack.
+if(PALPATE_HARDEN AND NOT PALPATE_SANITIZE)
+  add_compile_options(-fstack-protector-strong -fstack-clash-protection)
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|i[3-6]86)$")
+    add_compile_options(-fcf-protection=full)
+  elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "^(aarch64|arm64)$")
+    add_compile_options(-mbranch-protection=standard)
+  endif()
+  # glibc checks sizes where the compiler has computed them, which wants an optimised build
+  add_compile_options("$<$<CONFIG:Release,RelWithDebInfo,MinSizeRel>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=3>")
+  if(CMAKE_CXX_FLAGS_DEBUG MATCHES "-O[g123s]")
+    add_compile_options("$<$<CONFIG:Debug>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=3>")
+  endif()
+  add_link_options(LINKER:-z,relro LINKER:-z,now LINKER:-z,noexecstack)
+  # an executable anywhere in memory, whatever the compiler does unasked
+  include(CheckPIESupported)
+  check_pie_supported()
+endif()
+
 if(PALPATE_SANITIZE)
   add_compile_options(-fsanitize=${PALPATE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${PALPATE_SANITIZE})

@@ -34,7 +34,7 @@ function(install_packages)
   if(NOT installed STREQUAL wanted)
     run_quietly(${SHARED}/npm-ci.log
       "npm ci failed. It fetches the page's packages from registry.npmjs.org once, so it needs the network then."
-      ${NPM} ci --no-audit --no-fund --loglevel=error)
+      ${NPM} ci --ignore-scripts --no-audit --no-fund --loglevel=error)
     file(WRITE ${stamp} ${wanted})
   endif()
 endfunction()

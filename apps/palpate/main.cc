@@ -103,6 +103,7 @@ constexpr OtherWord kOtherWords[] = {
     {"labels", "palpate info FILE"},
     {"test", "palpate verify accuracy"},
     {"bench", "palpate verify latency"},
+    {"password", "palpate token"},
     {"version", "palpate --version"},
 };
 
@@ -194,7 +195,7 @@ int run(int argc, char** argv) {
 
   Run verb;
   for (const auto add : {add_info, add_data, add_scene, add_prepare, add_forces, add_hold, add_section,
-                         add_simulate, add_explore, add_replay, add_report, add_verify})
+                         add_simulate, add_explore, add_token, add_replay, add_report, add_verify})
     add(app, verb);
   if (const auto helped = help_on(app, {argv + std::min(argc, 1), argv + argc}, console)) return *helped;
   try {

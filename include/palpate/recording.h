@@ -85,6 +85,7 @@ enum SettingBit : std::uint8_t {
   kSettingPaused = 1u << 4,
   kSettingMaxForce = 1u << 5,
   kSettingRotation = 1u << 6,
+  kSettingPointer = 1u << 7,  ///< a viewer took the tip, or left it: in turns, for one at a time has it
 };
 
 /// Something that a run was told from outside, and the tick in which it took hold.

@@ -127,16 +127,24 @@ class ViewerHost {
   /// Error kUsage where a device is physical.
   virtual Result<void> rearm(const ViewerIdentity& by) = 0;
   /// Whether a viewer may move the tip; whether one does. Error kUsage where something else moves it.
-  virtual Result<void> take_pointer(bool take) = 0;
+  /// @param by  who takes it, or leaves it
+  virtual Result<void> take_pointer(bool take, const ViewerIdentity& by) = 0;
   /// The tip that the pointer wants, patient, mm; finite.
   virtual void move_pointer(const std::array<double, 3>& tip_patient_mm) = 0;
 };
+
+/// The lines of a token file with a new token for control and one for looking on, each with 130 bits of the
+/// kernel's random numbers. Error kUnavailable where it gives none.
+Result<std::string> new_viewer_tokens();
+/// Writes them to a new file that its owner alone may read. Errors: kOutput for a file that is there already
+/// or cannot be written; nothing of it is left then.
+Result<void> write_viewer_tokens(const std::filesystem::path& file);
 
 struct ViewerServerOptions {
   std::string address = "127.0.0.1";  ///< a numeric one; other than loopback wants tokens
   int port = kViewerPort;             ///< 0: any that is free
   /// Lines "control TOKEN" and "view TOKEN", of at least 16 printable characters without blanks, and comments
-  /// that begin with '#'; empty: none.
+  /// that begin with '#'; empty: none. Tokens that could be guessed are warned of in `log`, or refused.
   std::filesystem::path token_file;
   std::filesystem::path tls_certificate, tls_key;  ///< PEM; both or neither
   /// Further names by which the server is asked for, NAME or, behind a tunnel, NAME:PORT.

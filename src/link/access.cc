@@ -1,10 +1,16 @@
 #include "link/access.h"
 
+#include <fcntl.h>
 #include <openssl/crypto.h>
 #include <openssl/evp.h>
+#include <sys/random.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdlib>
 
 #include "base/file.h"
 
@@ -12,6 +18,11 @@ namespace palpate::link {
 namespace {
 
 constexpr std::size_t kLeastToken = 16, kMostTokenFile_bytes = 64 << 10;
+// below the first a token is refused, below the second it is warned of
+constexpr double kLeastBits = 16, kGoodBits = 80;
+// 32 characters of which none looks like another, and so many of them that there are 130 bits
+constexpr std::string_view kAlphabet = "abcdefghijkmnpqrstuvwxyz23456789";
+constexpr std::size_t kNewToken = 26;
 constexpr int kHttpPort = 80, kHttpsPort = 443;
 
 char lower(char c) {
@@ -42,14 +53,45 @@ bool is_printable(char c) {
 }
 
 Error bad_line(const std::string& source, int line, std::string what) {
-  return {ErrorKind::kBadInput, std::move(what), source + ":" + std::to_string(line),
-          "write lines of \"control TOKEN\" or \"view TOKEN\", with tokens of at least " +
-              std::to_string(kLeastToken) + " printable characters without blanks"};
+  return {
+      ErrorKind::kBadInput, std::move(what), source + ":" + std::to_string(line),
+      "let `palpate token` make it, or write lines of \"control TOKEN\" or \"view TOKEN\", with tokens of at "
+      "least " +
+          std::to_string(kLeastToken) + " printable characters without blanks, as random as you can"};
+}
+
+Result<std::string> new_token() {
+  std::array<unsigned char, kNewToken> random{};
+  if (::getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size()))
+    return Error{ErrorKind::kUnavailable, "the system gives no random numbers", "getrandom", "try again"};
+  std::string token;
+  for (const unsigned char byte : random) token += kAlphabet[byte % kAlphabet.size()];
+  return token;
 }
 
 }  // namespace
 
-Result<Tokens> Tokens::parse(std::string_view text, const std::string& source) {
+double most_bits(std::string_view token) {
+  // the piece that all of it repeats
+  std::size_t piece = 1;
+  while (piece < token.size() && token.substr(piece) != token.substr(0, token.size() - piece)) ++piece;
+  token = token.substr(0, piece);
+  const auto any = [&](auto kind) { return std::any_of(token.begin(), token.end(), kind); };
+  const auto is_lower = [](char c) { return c >= 'a' && c <= 'z'; };
+  const auto is_upper = [](char c) { return c >= 'A' && c <= 'Z'; };
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  const auto is_other = [&](char c) { return !is_lower(c) && !is_upper(c) && !is_digit(c); };
+  const int characters = 26 * any(is_lower) + 26 * any(is_upper) + 10 * any(is_digit) + 32 * any(is_other);
+  double bits = 0;
+  for (std::size_t n = 0; n < token.size(); ++n) {
+    const bool goes_on = n > 0 && std::abs(token[n] - token[n - 1]) <= 1;
+    bits += goes_on ? 1 : std::log2(characters);
+  }
+  return bits;
+}
+
+Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
+                             const std::function<void(const std::string&)>& warn) {
   Tokens tokens;
   for (int line = 1; !text.empty(); ++line) {
     std::string_view row = text.substr(0, text.find('\n'));
@@ -62,6 +104,11 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source) {
     if (role != "control" && role != "view") return bad_line(source, line, "this line names no role");
     if (token.size() < kLeastToken || !std::all_of(token.begin(), token.end(), is_printable))
       return bad_line(source, line, "this line has no usable token");
+    const double bits = most_bits(token);
+    if (bits < kLeastBits) return bad_line(source, line, "this line's token is guessed at once");
+    if (bits < kGoodBits && warn)
+      warn(source + ":" + std::to_string(line) +
+           ": this token could be guessed; `palpate token` makes one that cannot");
     tokens.tokens_.push_back({digest_of(token), role == "control" ? Role::kControl : Role::kView});
   }
   if (tokens.empty())
@@ -77,7 +124,7 @@ Result<Tokens> Tokens::read(const std::filesystem::path& file,
   struct stat status;
   if (warn && ::stat(file.c_str(), &status) == 0 && (status.st_mode & (S_IRWXG | S_IRWXO)) != 0)
     warn(file.string() + ": others than its owner may read the tokens; chmod 600 it");
-  return parse(*text, file.string());
+  return parse(*text, file.string(), warn);
 }
 
 Tokens::Digest Tokens::digest_of(std::string_view token) {
@@ -122,8 +169,15 @@ bool Access::is_own_origin(std::string_view origin, std::string_view host) const
           same_name(origin.substr(scheme.size()), host));
 }
 
-std::optional<Role> Access::role_of(std::string_view token) const {
-  return tokens_.empty() ? Role::kControl : tokens_.role_of(token);
+Access::Admission Access::admit(std::string_view token, const AddressBlock& from,
+                                GuessLimit::Clock::time_point now) {
+  if (tokens_.empty()) return {Role::kControl};
+  // who shows none guesses nothing
+  if (token.empty()) return {};
+  if (!guesses_.may_guess(from, now)) return {std::nullopt, true};
+  const auto role = tokens_.role_of(token);
+  if (!role) guesses_.guessed_wrong(from, now);
+  return {role};
 }
 
 std::string_view Access::bearer(std::string_view authorization) {
@@ -133,3 +187,35 @@ std::string_view Access::bearer(std::string_view authorization) {
 }
 
 }  // namespace palpate::link
+
+namespace palpate {
+
+Result<std::string> new_viewer_tokens() {
+  std::string text;
+  for (const char* role : {"control ", "view "}) {
+    const auto token = link::new_token();
+    if (!token) return token.error();
+    text += role + *token + "\n";
+  }
+  return text;
+}
+
+Result<void> write_viewer_tokens(const std::filesystem::path& file) {
+  const auto text = new_viewer_tokens();
+  if (!text) return text.error();
+  // nobody else's from the first moment, and never in the place of tokens that somebody has
+  const int handle = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR);
+  if (handle < 0 && errno == EEXIST)
+    return Error{ErrorKind::kOutput, "is there already, and whoever has its tokens would lose his way in",
+                 file.string(), "choose another name, or remove it first"};
+  if (handle < 0) return output_error(file, errno);
+  const bool written = ::write(handle, text->data(), text->size()) == static_cast<ssize_t>(text->size()) &&
+                       ::fsync(handle) == 0;
+  const int why = errno;
+  ::close(handle);
+  if (written) return {};
+  ::unlink(file.c_str());
+  return output_error(file, why);
+}
+
+}  // namespace palpate

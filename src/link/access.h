@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "link/guess_limit.h"
 #include "link/scene_json.h"
 #include "palpate/result.h"
 
@@ -18,8 +19,10 @@ namespace palpate::link {
 class Tokens {
  public:
   /// Lines "control TOKEN" and "view TOKEN"; blank ones and those that begin with '#' are skipped.
-  static Result<Tokens> parse(std::string_view text, const std::string& source);
-  /// @param warn  told when others than the file's owner may read it
+  /// @param warn  told the lines whose tokens could be guessed
+  static Result<Tokens> parse(std::string_view text, const std::string& source,
+                              const std::function<void(const std::string&)>& warn = {});
+  /// @param warn  also told when others than the file's owner may read it
   static Result<Tokens> read(const std::filesystem::path& file,
                              const std::function<void(const std::string&)>& warn);
 
@@ -38,6 +41,10 @@ class Tokens {
   std::vector<Token> tokens_;
 };
 
+/// How many bits a token has at most: of random characters of its kinds all, of those that go on from the one
+/// before (aaaa, abcd, 4321) one each, of a piece that is repeated the piece. Words are not known.
+double most_bits(std::string_view token);
+
 /// Who is asked, where and for whom.
 class Access {
  public:
@@ -50,8 +57,12 @@ class Access {
   bool serves(std::string_view host, std::string_view local_address) const;
   /// Whether a page of that origin is the server's own, as asked for by `host`. Empty: no page.
   bool is_own_origin(std::string_view origin, std::string_view host) const;
-  /// The role of whoever shows this token, empty for none.
-  std::optional<Role> role_of(std::string_view token) const;
+  /// Who comes with a token, or with none (empty).
+  struct Admission {
+    std::optional<Role> role;       ///< nothing: not let in
+    bool too_many_guesses = false;  ///< the token was not looked at: GuessLimit
+  };
+  Admission admit(std::string_view token, const AddressBlock& from, GuessLimit::Clock::time_point now);
   /// The token of "Bearer TOKEN"; empty where it is none.
   static std::string_view bearer(std::string_view authorization);
 
@@ -65,6 +76,7 @@ class Access {
   bool tls_;
   std::vector<std::string> names_;
   Tokens tokens_;
+  GuessLimit guesses_;
 };
 
 }  // namespace palpate::link

@@ -3,6 +3,11 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "base/file.h"
 #include "base/test_folder.h"
 
 namespace palpate::link {
@@ -46,9 +51,85 @@ TEST(Tokens, FaultyFilesNameTheirLineAndNoToken) {
   EXPECT_EQ(line_of("control\n"), "tokens:1");
 }
 
+TEST(Tokens, WeakOnesAreRefusedOrWarnedOf) {
+  const auto refused = [](const std::string& token) {
+    const auto tokens = Tokens::parse("# ours\nview " + token, "tokens");
+    if (tokens.ok()) return false;
+    EXPECT_EQ(tokens.error().where, "tokens:2");
+    EXPECT_NE(tokens.error().remedy.find("palpate token"), std::string::npos);
+    EXPECT_EQ(tokens.error().message().find(token), std::string::npos);
+    return true;
+  };
+  for (const char* token : {"short-one", "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa",
+                            "abababababababababababab", "xyzxyzxyzxyzxyzxyz", "12345678901234567890"})
+    EXPECT_TRUE(refused(token)) << token;
+  const auto warned = [](const std::string& token) {
+    std::string lines;
+    EXPECT_TRUE(
+        Tokens::parse("control " + token, "tokens", [&](const std::string& line) { lines += line; }).ok());
+    EXPECT_EQ(lines.find(token), std::string::npos);
+    EXPECT_TRUE(lines.empty() || lines.find("tokens:1: ") == 0) << lines;
+    return !lines.empty();
+  };
+  for (const char* token :
+       {"abcdefghijklmnop", "0123456789abcdef", "operating-operating-", "7391846205738164"})
+    EXPECT_TRUE(warned(token)) << token;
+  for (const char* token : {"k7wq2mzr9xbt4hvc", "9f86d081884c7d659a2feaa0c55ad015"})
+    EXPECT_FALSE(warned(token)) << token;
+}
+
+TEST(Tokens, NewOnesAreRandom) {
+  std::set<std::string> seen;
+  std::map<char, int> characters;
+  for (int n = 0; n < 500; ++n) {
+    const auto text = new_viewer_tokens();
+    ASSERT_TRUE(text.ok());
+    std::string warned;
+    const auto tokens = Tokens::parse(*text, "new", [&](const std::string& line) { warned += line; });
+    ASSERT_TRUE(tokens.ok()) << *text;
+    EXPECT_EQ(warned, "");
+    std::istringstream lines(*text);
+    std::string role, token;
+    for (const char* expected : {"control", "view"}) {
+      lines >> role >> token;
+      EXPECT_EQ(role, expected);
+      EXPECT_GE(most_bits(token), 80) << token;
+      EXPECT_EQ(token.size(), 26u);
+      EXPECT_TRUE(seen.insert(token).second) << token;
+      for (const char c : token) ++characters[c];
+    }
+    EXPECT_EQ(tokens->role_of(token), Role::kView);
+  }
+  // 26 characters of 32 that are equally likely have 130 bits; 812 of each, 28 of standard deviation
+  ASSERT_EQ(characters.size(), 32u);
+  for (const auto& [c, count] : characters) EXPECT_NEAR(count, 812.5, 6 * 28) << c;
+}
+
+TEST(Tokens, AFileOfNewOnesIsItsOwnersAlone) {
+  const TemporaryFolder folder;
+  const auto file = folder / "tokens";
+  const mode_t before = ::umask(0);
+  ASSERT_TRUE(write_viewer_tokens(file).ok());
+  ::umask(before);
+  struct stat status;
+  ASSERT_EQ(::stat(file.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0600u);
+  std::string warned;
+  EXPECT_TRUE(Tokens::read(file, [&](const std::string& line) { warned += line; }).ok());
+  EXPECT_EQ(warned, "");
+  // never in the place of others, whose holders would be locked out
+  const std::string tokens = *read_file(file);
+  const auto again = write_viewer_tokens(file);
+  ASSERT_FALSE(again.ok());
+  EXPECT_EQ(again.error().kind, ErrorKind::kOutput);
+  EXPECT_EQ(*read_file(file), tokens);
+  EXPECT_EQ(write_viewer_tokens(folder / "none" / "tokens").error().kind, ErrorKind::kOutput);
+}
+
 TEST(Tokens, AFileThatOthersMayReadIsWarnedOf) {
   const TemporaryFolder folder;
-  const auto file = write_text(folder / "tokens", std::string("view ") + kView + "\n");
+  constexpr const char* kStrong = "k7wq2mzr9xbt4hvc";
+  const auto file = write_text(folder / "tokens", std::string("view ") + kStrong + "\n");
   std::string warned;
   const auto warn = [&](const std::string& line) { warned += line; };
   ::chmod(file.c_str(), 0600);
@@ -57,7 +138,7 @@ TEST(Tokens, AFileThatOthersMayReadIsWarnedOf) {
   ::chmod(file.c_str(), 0640);
   ASSERT_TRUE(Tokens::read(file, warn).ok());
   EXPECT_NE(warned.find("chmod 600"), std::string::npos);
-  EXPECT_EQ(warned.find(kView), std::string::npos);
+  EXPECT_EQ(warned.find(kStrong), std::string::npos);
   EXPECT_FALSE(Tokens::read(folder / "none", warn).ok());
 }
 
@@ -94,10 +175,10 @@ TEST(Access, OnlyItsOwnPageIsItsOwnOrigin) {
 }
 
 TEST(Access, WithoutTokensEverybodyHasControl) {
-  EXPECT_EQ(Access("127.0.0.1", 8480, false, {}, {}).role_of(""), Role::kControl);
-  const Access guarded("127.0.0.1", 8480, false, {}, both());
-  EXPECT_FALSE(guarded.role_of(""));
-  EXPECT_EQ(guarded.role_of(Access::bearer(std::string("Bearer ") + kView)), Role::kView);
+  EXPECT_EQ(Access("127.0.0.1", 8480, false, {}, {}).admit("", {}, {}).role, Role::kControl);
+  Access guarded("127.0.0.1", 8480, false, {}, both());
+  EXPECT_FALSE(guarded.admit("", {}, {}).role);
+  EXPECT_EQ(guarded.admit(Access::bearer(std::string("Bearer ") + kView), {}, {}).role, Role::kView);
   EXPECT_EQ(Access::bearer("bearer x"), "x");
   for (const char* other : {"", "Bearer", "Basic eA==", "x"}) EXPECT_EQ(Access::bearer(other), "") << other;
 }

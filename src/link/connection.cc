@@ -44,6 +44,8 @@ Connection::Connection(std::unique_ptr<Stream> stream, Hub& hub)
     : stream_(std::move(stream)),
       hub_(hub),
       peer_(peer_of(*stream_)),
+      from_(block_of(*stream_)),
+      turn_(stream_->get_executor()),
       since_(Clock::now()),
       close_by_(since_ + kFirstHeadWithin) {
   ErrorCode failed;
@@ -99,12 +101,18 @@ void Connection::serve() {
   request_.authorization = view(head[http::field::authorization]);
   request_.accept_encoding = view(head[http::field::accept_encoding]);
   request_.if_none_match = view(head[http::field::if_none_match]);
-  for (const auto once : {http::field::host, http::field::origin, http::field::authorization})
+  for (const auto once :
+       {http::field::host, http::field::origin, http::field::authorization, http::field::content_length})
     request_.ambiguous = request_.ambiguous || head.count(once) > 1;
-  request_.has_body = parser_->chunked() || parser_->content_length().value_or(0) > 0;
+  // where two programs on the way differ about the length of a body, its end is somebody's next request
+  request_.ambiguous = request_.ambiguous || head.count(http::field::transfer_encoding) > 0 ||
+                       head[http::field::content_length].find(',') != beast::string_view::npos;
+  request_.has_body = parser_->content_length().value_or(0) > 0;
   request_.upgrade = beast::websocket::is_upgrade(head);
   request_.subprotocol = http::token_list(head[http::field::sec_websocket_protocol]).exists("palpate.v1");
   request_.local_address = local_address_;
+  request_.from = from_;
+  request_.at = Clock::now();
 
   auto answer = hub_.site().answer(request_);
   const bool keep_alive = head.keep_alive() && !request_.has_body;
@@ -124,7 +132,7 @@ void Connection::serve() {
     if (!connection || connection->closed_) return;
     if (!payload) return connection->refuse_volume();
     wanted_head.body = std::move(payload);
-    connection->send(std::move(wanted_head), keep_alive);
+    connection->send_volume(std::move(wanted_head), keep_alive);
   });
 }
 
@@ -136,10 +144,7 @@ void Connection::refuse_volume() {
 void Connection::become_viewer() {
   // nobody may speak the new protocol before it is agreed upon
   if (input_.size() > 0) return send(Site::refusal(400), false);
-  if (!hub_.room_for_viewer()) {
-    hub_.log().say(peer_, "too many viewers");
-    return send(Site::refusal(503), false);
-  }
+  hub_.make_room_for_silent_viewer();
   const auto viewer = std::make_shared<Viewer>(std::move(stream_), hub_);
   closed_ = true;
   hub_.remove(shared_from_this());
@@ -152,32 +157,65 @@ void Connection::get_on(Clock::duration within) {
   close_by_ = since_ + within;
 }
 
-void Connection::send(HttpAnswer answer, bool keep_alive) {
+bool Connection::begin_answer(HttpAnswer answer, bool keep_alive) {
   answer_ = std::move(answer);
   head_ = hub_.site().head_of(answer_, request_, keep_alive);
   about_ = About::kTaking;
-  taken_bytes_ = 0;
+  taken_bytes_ = written_bytes_ = 0;
   get_on(kTakenWithin);
-  const bool bodiless = request_.method == "HEAD" || answer_.status == 304;
-  const std::string_view body = bodiless ? std::string_view() : answer_.text();
+  return request_.method != "HEAD" && answer_.status != 304;
+}
+
+void Connection::send(HttpAnswer answer, bool keep_alive) {
+  const std::string_view body = begin_answer(std::move(answer), keep_alive) ? answer_.text() : "";
   const std::array<net::const_buffer, 2> bytes{net::buffer(head_), net::buffer(body)};
+  write(bytes, [this, keep_alive] { sent(keep_alive); });
+}
+
+void Connection::send_volume(HttpAnswer answer, bool keep_alive) {
+  volume_left_ = begin_answer(std::move(answer), keep_alive) ? answer_.text() : "";
+  write(std::array{net::buffer(head_)}, [this, keep_alive] { send_part(keep_alive); });
+}
+
+// one part after the other, each when it is its turn among those of all downloads
+void Connection::send_part(bool keep_alive) {
+  if (volume_left_.empty()) return sent(keep_alive);
+  const auto turn = hub_.downloads().next(volume_left_.size(), Clock::now());
+  const auto send = [this, part = volume_left_.substr(0, turn.bytes), keep_alive] {
+    volume_left_.remove_prefix(part.size());
+    write(std::array{net::buffer(part)}, [this, keep_alive] { send_part(keep_alive); });
+  };
+  if (turn.at <= Clock::now()) return send();
+  turn_.expires_at(turn.at);
+  turn_.async_wait([self = shared_from_this(), send](ErrorCode failed) {
+    if (!failed && !self->closed_) send();
+  });
+}
+
+template <class Buffers, class Then>
+void Connection::write(const Buffers& bytes, Then then) {
   // so much that is taken gives time for as much
   const auto progress = [self = shared_from_this()](ErrorCode failed, std::size_t taken) -> std::size_t {
-    if (taken >= self->taken_bytes_ + kTaken_bytes) {
-      self->taken_bytes_ = taken;
+    if (self->written_bytes_ + taken >= self->taken_bytes_ + kTaken_bytes) {
+      self->taken_bytes_ = self->written_bytes_ + taken;
       self->get_on(kTakenWithin);
     }
     return failed ? 0 : kTaken_bytes;
   };
   net::async_write(*stream_, bytes, progress,
-                   [self = shared_from_this(), keep_alive](ErrorCode failed, std::size_t) {
-                     self->answer_ = {};
+                   [self = shared_from_this(), then](ErrorCode failed, std::size_t taken) {
+                     self->written_bytes_ += taken;
                      if (self->closed_) return;
                      if (failed) return self->close();
-                     if (!keep_alive) return self->linger();
-                     self->get_on(kNextHeadWithin);
-                     self->read();
+                     then();
                    });
+}
+
+void Connection::sent(bool keep_alive) {
+  answer_ = {};
+  if (!keep_alive) return linger();
+  get_on(kNextHeadWithin);
+  read();
 }
 
 // What the other side is still sending would make the system throw the answer away: it is read and dropped,
@@ -199,6 +237,7 @@ void Connection::check(Clock::time_point now) {
 
 void Connection::close() {
   if (std::exchange(closed_, true)) return;
+  turn_.cancel();
   stream_->close();
   hub_.remove(shared_from_this());
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <boost/asio/basic_waitable_timer.hpp>
 #include <boost/beast/core/flat_static_buffer.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/parser.hpp>
@@ -48,13 +49,22 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void serve();
   void refuse_volume();
   void become_viewer();
+  /// Whether a body follows.
+  bool begin_answer(HttpAnswer answer, bool keep_alive);
   void send(HttpAnswer answer, bool keep_alive);
+  void send_volume(HttpAnswer answer, bool keep_alive);
+  void send_part(bool keep_alive);
+  /// Writes, and says that it got on with each 64 KiB that were taken.
+  template <class Buffers, class Then>
+  void write(const Buffers& bytes, Then then);
+  void sent(bool keep_alive);
   void linger();
   void get_on(Clock::duration within);
 
   std::unique_ptr<Stream> stream_;
   Hub& hub_;
   const std::string peer_;
+  const AddressBlock from_;
   std::string local_address_;
   beast::flat_static_buffer<2 * kMostHead_bytes> input_;
   std::optional<Parser> parser_;
@@ -63,7 +73,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::string head_;
   About about_ = About::kSilent;
   bool closed_ = false;
-  std::size_t taken_bytes_ = 0;
+  std::size_t taken_bytes_ = 0, written_bytes_ = 0;  // of the answer
+  std::string_view volume_left_;
+  net::basic_waitable_timer<Clock, net::wait_traits<Clock>, Stream::executor_type> turn_;
   Clock::time_point since_, close_by_;
 };
 

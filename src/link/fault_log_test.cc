@@ -33,8 +33,8 @@ TEST(FaultLog, NobodyNeedsToListen) {
 }
 
 TEST(TokenBucket, HoldsARate) {
-  TokenBucket bucket(250);
   auto now = TokenBucket::Clock::now();
+  TokenBucket bucket(250, 250, now);
   // ten seconds at the rate
   for (int n = 0; n < 2500; ++n, now += 4ms) ASSERT_TRUE(bucket.take(now)) << n;
   int taken = 0;

@@ -13,7 +13,6 @@
 namespace palpate::link {
 namespace {
 
-constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
 constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
 constexpr auto kPosePeriod =
@@ -21,11 +20,12 @@ constexpr auto kPosePeriod =
 
 }  // namespace
 
-Hub::Hub(net::io_context& context, ViewerHost& host, const Site& site, PayloadStore& volumes, FaultLog log,
-         std::function<void(int)> count_viewers)
+Hub::Hub(net::io_context& context, ViewerHost& host, Site& site, PayloadStore& volumes,
+         DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
     : host_(host),
       site_(site),
       volumes_(volumes),
+      downloads_(downloads),
       log_(std::move(log)),
       count_viewers_(std::move(count_viewers)),
       context_(context),
@@ -68,7 +68,7 @@ void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
   if (viewers_.erase(viewer) == 0) return;
   if (pointer_ == viewer.get()) {
     pointer_ = nullptr;
-    (void)host_.take_pointer(false);
+    (void)host_.take_pointer(false, viewer->identity());
   }
   if (viewer->welcomed()) count();
   if (ended_ && viewers_.empty()) context_.stop();
@@ -86,17 +86,36 @@ void Hub::make_room_for_connection() {
   std::shared_ptr(*oldest)->close();
 }
 
-bool Hub::room_for_viewer() {
+void Hub::make_room_for_silent_viewer() {
   // one that is ending waits for a goodbye alone, and takes up a place meanwhile
   const auto ending =
       std::find_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->is_ending(); });
-  if (viewers_.size() >= kMostViewers && ending != viewers_.end()) std::shared_ptr(*ending)->gone();
-  if (viewers_.size() < kMostViewers) return true;
+  if (viewers_.size() >= kMostViewers + kMostSilent && ending != viewers_.end())
+    std::shared_ptr(*ending)->gone();
   std::shared_ptr<Viewer> oldest;
-  for (const auto& viewer : viewers_)
-    if (viewer->is_silent() && (!oldest || viewer->hello_by() < oldest->hello_by())) oldest = viewer;
-  if (!oldest) return false;
-  oldest->end(kTryAgainLater, "too many viewers, a silent one is closed");
+  std::size_t silent = 0;
+  for (const auto& viewer : viewers_) {
+    if (!viewer->is_silent()) continue;
+    ++silent;
+    if (!oldest || viewer->hello_by() < oldest->hello_by()) oldest = viewer;
+  }
+  if (silent >= kMostSilent) oldest->end(kTryAgainLater, "too many viewers, a silent one is closed");
+}
+
+bool Hub::make_room_for_viewer(Role role) {
+  std::shared_ptr<Viewer> latest;  // of those that look on
+  std::size_t all = 0, looking = 0;
+  for (const auto& viewer : viewers_) {
+    if (!viewer->welcomed() || viewer->is_ending()) continue;
+    ++all;
+    if (viewer->role() == Role::kControl) continue;
+    ++looking;
+    if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
+  }
+  if (role == Role::kView && looking >= kMostViewers - kKeptForControl) return false;
+  if (all < kMostViewers) return true;
+  if (role == Role::kView || !latest) return false;
+  latest->end(kTryAgainLater, "gives its place to one with control");
   return true;
 }
 
@@ -155,7 +174,7 @@ Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
     return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until it lets go"};
   // nothing changes for one that leaves it untaken
   if (!request.take && !pointer_) return {};
-  if (auto taken = host_.take_pointer(request.take); !taken) return taken;
+  if (auto taken = host_.take_pointer(request.take, viewer.identity()); !taken) return taken;
   pointer_ = request.take ? &viewer : nullptr;
   return {};
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <string_view>
 
+#include "link/download_pace.h"
 #include "link/fault_log.h"
 #include "link/payload_store.h"
 #include "link/pose_message.h"
@@ -28,12 +29,16 @@ class Viewer;
 class Hub {
  public:
   using Clock = std::chrono::steady_clock;
-  /// At most so many WebSockets, and so many connections with them.
+  /// At most so many viewers that have said hello, and so many connections with them.
   static constexpr std::size_t kMostViewers = 64, kMostConnections = 256;
+  /// Those that look on leave so many places to those with control.
+  static constexpr std::size_t kKeptForControl = 2;
+  /// WebSockets that have yet to say hello: who they are is not known before.
+  static constexpr std::size_t kMostSilent = 16;
 
   /// @param host, site, volumes  outlive the hub
-  Hub(boost::asio::io_context& context, ViewerHost& host, const Site& site, PayloadStore& volumes,
-      FaultLog log, std::function<void(int)> count_viewers);
+  Hub(boost::asio::io_context& context, ViewerHost& host, Site& site, PayloadStore& volumes,
+      DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers);
   ~Hub();
 
   void begin();
@@ -46,17 +51,21 @@ class Hub {
   void remove(const std::shared_ptr<Connection>& connection);
   void add(std::shared_ptr<Viewer> viewer);
   void remove(const std::shared_ptr<Viewer>& viewer);
-  /// Where all places are taken, one who has not said hello for the longest time loses his: nobody without a
-  /// token keeps out those who have one.
-  bool room_for_viewer();
+  /// Of the WebSockets that have not said hello the one that has not for the longest time gives way where
+  /// there are many: nobody without a token keeps out those who have one.
+  void make_room_for_silent_viewer();
+  /// Whether one who says hello finds a place. One with control does as long as others look on, of whom the
+  /// one that came last then gives way.
+  bool make_room_for_viewer(Role role);
   /// Where all places are taken, one is closed: of those that have yet to say what they want, of those that
   /// take their answer, or else of those that wait for one, the one that has not got on for the longest time.
   void make_room_for_connection();
 
   // ---- what they need
 
-  const Site& site() const { return site_; }
+  Site& site() { return site_; }
   FaultLog& log() { return log_; }
+  DownloadPace& downloads() { return downloads_; }
   /// Hands over the bytes on the server's thread.
   void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
 
@@ -81,8 +90,9 @@ class Hub {
   void sweep();
 
   ViewerHost& host_;
-  const Site& site_;
+  Site& site_;
   PayloadStore& volumes_;
+  DownloadPace downloads_;
   FaultLog log_;
   const std::function<void(int)> count_viewers_;
 

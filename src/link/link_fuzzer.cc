@@ -37,8 +37,8 @@ void message(std::string_view text) {
 
 void http(std::string_view text) {
   static testing::FakeHost host;
-  static const Site site(host, Access("127.0.0.1", 8480, false, {"theatre.example"}, {}),
-                         {"00aa", 1, 0, {0, 1}, false});
+  static Site site(host, Access("127.0.0.1", 8480, false, {"theatre.example"}, {}),
+                   {"00aa", 1, 0, {0, 1}, false});
   const auto line = [&] {
     const std::string_view row = text.substr(0, text.find('\n'));
     text.remove_prefix(std::min(text.size(), row.size() + 1));

@@ -1,3 +1,4 @@
+#include <openssl/ssl.h>
 #include <pthread.h>
 
 #include <atomic>
@@ -23,6 +24,10 @@ using net::ip::tcp;
 
 constexpr auto kAcceptAgain = std::chrono::milliseconds(100);
 constexpr int kMostPort = 65535;
+// ephemeral keys and authenticated encryption alone
+constexpr const char *kCiphers12 = "ECDHE+AESGCM:ECDHE+CHACHA20:!aNULL",
+                     *kCiphers13 =
+                         "TLS_AES_256_GCM_SHA384:TLS_CHACHA20_POLY1305_SHA256:TLS_AES_128_GCM_SHA256";
 
 Error usage(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
@@ -53,11 +58,14 @@ Error bad_tls(const std::filesystem::path& file, const char* what) {
 Result<std::unique_ptr<net::ssl::context>> tls_context(const ViewerServerOptions& options) {
   if (options.tls_certificate.empty()) return std::unique_ptr<net::ssl::context>();
   auto tls = std::make_unique<net::ssl::context>(net::ssl::context::tls_server);
+  // keys are gone when the connection is: whoever learns the certificate's key later reads nothing of it
+  SSL_CTX* const context = tls->native_handle();
+  PALPATE_CHECK(SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION) == 1 &&
+                SSL_CTX_set_cipher_list(context, kCiphers12) == 1 &&
+                SSL_CTX_set_ciphersuites(context, kCiphers13) == 1);
+  SSL_CTX_set_options(context, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET);
+  SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);
   ErrorCode failed;
-  tls->set_options(net::ssl::context::default_workarounds | net::ssl::context::no_sslv2 |
-                       net::ssl::context::no_sslv3 | net::ssl::context::no_tlsv1 |
-                       net::ssl::context::no_tlsv1_1,
-                   failed);
   // a key with a passphrase must not ask for it at the terminal
   tls->set_password_callback([](std::size_t, net::ssl::context::password_purpose) { return std::string(); },
                              failed);
@@ -86,7 +94,11 @@ class Server : public ViewerServer {
     site_.emplace(host,
                   Access(address.to_string(), port(), tls_ != nullptr, options.host_names, std::move(tokens)),
                   facts);
-    hub_.emplace(context_, host, *site_, *volumes_, FaultLog(options.log),
+    // what a page loads: the scan and the labels
+    const std::size_t voxel_bytes = (scene.scan ? 2 : 0) + (facts.wide_labels ? 2 : 1);
+    const DownloadPace downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
+                                 DownloadPace::Clock::now());
+    hub_.emplace(context_, host, *site_, *volumes_, downloads, FaultLog(options.log),
                  [this](int viewers) { viewers_ = viewers; });
     hub_->begin();
     accept();

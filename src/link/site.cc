@@ -65,7 +65,7 @@ HttpAnswer not_modified(std::string fields) {
 }  // namespace
 
 std::string_view reason_of(int status) {
-  constexpr std::array<std::pair<int, std::string_view>, 16> kReasons{{
+  constexpr std::array<std::pair<int, std::string_view>, 17> kReasons{{
       {101, "Switching Protocols"},
       {200, "OK"},
       {304, "Not Modified"},
@@ -78,6 +78,7 @@ std::string_view reason_of(int status) {
       {413, "Content Too Large"},
       {421, "Misdirected Request"},
       {426, "Upgrade Required"},
+      {429, "Too Many Requests"},
       {431, "Request Header Fields Too Large"},
       {500, "Internal Server Error"},
       {503, "Service Unavailable"},
@@ -93,6 +94,7 @@ HttpAnswer Site::refusal(int status) {
   answer.status = status;
   answer.fields = field("Content-Type", "text/plain; charset=utf-8") + field("Cache-Control", "no-store");
   if (status == 401) answer.fields += field("WWW-Authenticate", "Bearer");
+  if (status == 429) answer.fields += field("Retry-After", "1");
   if (status == 405) answer.fields += field("Allow", "GET, HEAD");
   answer.fixed_body = reason_of(status);
   return answer;
@@ -101,7 +103,7 @@ HttpAnswer Site::refusal(int status) {
 Site::Site(ViewerHost& host, Access access, VolumeFacts facts)
     : host_(host), access_(std::move(access)), facts_(std::move(facts)) {}
 
-std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::answer(const HttpRequest& request) const {
+std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::answer(const HttpRequest& request) {
   // who asks, before what for
   if (request.ambiguous) return refusal(400);
   if (!access_.serves(request.host, request.local_address)) return refusal(421);
@@ -123,9 +125,9 @@ std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::answer(const HttpRequest& 
     if (!request.subprotocol || request.method != "GET") return refusal(400);
     return Upgrade{};
   }
-  const auto role = access_.role_of(Access::bearer(request.authorization));
-  if (!role) return refusal(401);
-  if (path == kScene) return scene(*role);
+  const auto who = access_.admit(Access::bearer(request.authorization), request.from, request.at);
+  if (!who.role) return refusal(who.too_many_guesses ? 429 : 401);
+  if (path == kScene) return scene(*who.role);
   if (path.starts_with(kVolumes)) return volume(path.substr(kVolumes.size()), query, request);
   return refusal(404);
 }

@@ -16,11 +16,15 @@ namespace palpate::link {
 struct HttpRequest {
   std::string_view method, target;
   std::string_view host, origin, fetch_site, authorization, accept_encoding, if_none_match;
-  bool ambiguous = false;  ///< one of host, origin and authorization stands there twice
+  /// What two programs could read in two ways: host, origin, authorization or the length of a body twice, or
+  /// a body in another form than its bytes.
+  bool ambiguous = false;
   bool has_body = false;
   bool upgrade = false;            ///< to a WebSocket
   bool subprotocol = false;        ///< ours is among those that the viewer speaks
   std::string_view local_address;  ///< where the connection arrived
+  AddressBlock from{};             ///< where it came from
+  GuessLimit::Clock::time_point at{};
 };
 
 struct HttpAnswer {
@@ -47,8 +51,8 @@ class Site {
   /// @param host  outlives the site, as does its scene
   Site(ViewerHost& host, Access access, VolumeFacts facts);
 
-  std::variant<HttpAnswer, VolumeWanted, Upgrade> answer(const HttpRequest& request) const;
-  const Access& access() const { return access_; }
+  std::variant<HttpAnswer, VolumeWanted, Upgrade> answer(const HttpRequest& request);
+  Access& access() { return access_; }
 
   /// The bytes before the body.
   /// @param host  of the request; one that is not served here goes into no answer
@@ -63,7 +67,7 @@ class Site {
                                                          const HttpRequest& request) const;
 
   ViewerHost& host_;
-  const Access access_;
+  Access access_;
   const VolumeFacts facts_;
 };
 

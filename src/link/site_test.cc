@@ -24,12 +24,12 @@ struct SiteTest : ::testing::Test {
     request.local_address = "127.0.0.1";
     return request;
   }
-  int status_of(const HttpRequest& request) const {
+  int status_of(const HttpRequest& request) {
     const auto answer = site.answer(request);
     if (const auto* ready = std::get_if<HttpAnswer>(&answer)) return ready->status;
     return std::holds_alternative<VolumeWanted>(answer) ? 200 : 101;
   }
-  int status_of(std::string_view target) const { return status_of(get(target)); }
+  int status_of(std::string_view target) { return status_of(get(target)); }
 };
 
 TEST_F(SiteTest, ServesWhatTheDocumentNames) {
@@ -110,8 +110,8 @@ TEST_F(SiteTest, OtherSitesGetNoData) {
 }
 
 TEST_F(SiteTest, TokensAreAskedForWhereThereIsData) {
-  const Site guarded(host, Access("127.0.0.1", 8480, false, {}, *Tokens::parse("view 0123456789abcdef", "t")),
-                     VolumeFacts{"00aa", 1, 0, {0, 1}, false});
+  Site guarded(host, Access("127.0.0.1", 8480, false, {}, *Tokens::parse("view 0123456789abcdef", "t")),
+               VolumeFacts{"00aa", 1, 0, {0, 1}, false});
   const auto status = [&](std::string_view target, std::string_view authorization) {
     HttpRequest request = get(target);
     request.authorization = authorization;

@@ -14,6 +14,8 @@
 #include <string>
 #include <utility>
 
+#include "link/guess_limit.h"
+
 namespace palpate::link {
 
 namespace net = boost::asio;
@@ -88,6 +90,12 @@ inline std::string peer_of(Stream& stream) {
   ErrorCode failed;
   const auto endpoint = stream.socket().remote_endpoint(failed);
   return failed ? "gone" : endpoint.address().to_string();
+}
+
+inline AddressBlock block_of(Stream& stream) {
+  ErrorCode failed;
+  const auto endpoint = stream.socket().remote_endpoint(failed);
+  return failed ? AddressBlock{} : block_of(endpoint.address());
 }
 
 }  // namespace palpate::link

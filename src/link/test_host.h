@@ -92,7 +92,9 @@ class FakeHost : public ViewerHost {
     state_.emergency_stop = false;
     return {};
   }
-  Result<void> take_pointer(bool take) override {
+  Result<void> take_pointer(bool take, const ViewerIdentity& by) override {
+    const std::lock_guard lock(mutex_);
+    asked_by_ = by;
     pointer_taken = take;
     return {};
   }

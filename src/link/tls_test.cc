@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
+#include <openssl/rsa.h>
+#include <openssl/ssl.h>
 #include <openssl/x509.h>
 
 #include <memory>
@@ -35,8 +37,9 @@ std::string text_of(BIO* bio) {
 }
 
 // a key and a certificate that it signs itself
-Pem self_signed() {
-  const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> key(EVP_EC_gen("P-256"), &EVP_PKEY_free);
+Pem self_signed(bool rsa = false) {
+  const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> key(rsa ? EVP_RSA_gen(2048) : EVP_EC_gen("P-256"),
+                                                                &EVP_PKEY_free);
   const std::unique_ptr<X509, decltype(&X509_free)> certificate(X509_new(), &X509_free);
   X509_set_version(certificate.get(), 2);
   ASN1_INTEGER_set(X509_get_serialNumber(certificate.get()), 1);
@@ -97,6 +100,87 @@ TEST_F(TlsTest, NothingGoesPastIt) {
   TestSocket silent(test.port());
   EXPECT_TRUE(silent.closes());
   EXPECT_NE(test.log.text().find("no TLS"), std::string::npos);
+}
+
+/// A client of which everything may be chosen that it offers.
+struct OfferingClient {
+  OfferingClient(int port, int version, const std::string& ciphers) {
+    handle = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    PALPATE_CHECK(::connect(handle, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0);
+    // also what today's libraries would not offer by themselves
+    SSL_CTX_set_security_level(context, 0);
+    SSL_CTX_set_min_proto_version(context, version);
+    SSL_CTX_set_max_proto_version(context, version);
+    PALPATE_CHECK(version == TLS1_3_VERSION ? SSL_CTX_set_ciphersuites(context, ciphers.c_str()) == 1
+                                            : SSL_CTX_set_cipher_list(context, ciphers.c_str()) == 1);
+    tls = SSL_new(context);
+    SSL_set_fd(tls, handle);
+    agreed = SSL_connect(tls) == 1;
+  }
+  ~OfferingClient() {
+    SSL_free(tls);
+    SSL_CTX_free(context);
+    ::close(handle);
+  }
+  OfferingClient(const OfferingClient&) = delete;
+  OfferingClient& operator=(const OfferingClient&) = delete;
+
+  int handle = -1;
+  SSL_CTX* context = SSL_CTX_new(TLS_client_method());
+  SSL* tls = nullptr;
+  bool agreed = false;
+};
+
+TEST_F(TlsTest, OnlyCiphersWhoseKeysAreForgotten) {
+  for (const bool rsa : {false, true}) {
+    const Pem pem = self_signed(rsa);
+    write_text(folder / "certificate.pem", pem.certificate);
+    write_text(folder / "key.pem", pem.key);
+    TestServer test(options);
+    const auto agrees = [&](int version, const std::string& ciphers) {
+      return OfferingClient(test.port(), version, ciphers).agreed;
+    };
+    const std::string own = rsa ? "ECDHE-RSA-" : "ECDHE-ECDSA-";
+    for (const char* cipher : {"AES128-GCM-SHA256", "AES256-GCM-SHA384", "CHACHA20-POLY1305"})
+      EXPECT_TRUE(agrees(TLS1_2_VERSION, own + cipher)) << own << cipher;
+    for (const char* cipher :
+         {"TLS_AES_128_GCM_SHA256", "TLS_AES_256_GCM_SHA384", "TLS_CHACHA20_POLY1305_SHA256"})
+      EXPECT_TRUE(agrees(TLS1_3_VERSION, cipher)) << cipher;
+    // without authenticated encryption, without ephemeral keys, without a certificate, shortened, older
+    for (const std::string& cipher :
+         {own + "AES128-SHA256", own + "AES256-SHA384", own + "AES128-SHA", std::string("AES128-GCM-SHA256"),
+          std::string("AES256-SHA256"), std::string("AES128-SHA"), std::string("DHE-RSA-AES128-GCM-SHA256"),
+          std::string("AECDH-AES128-SHA"), std::string("AES128-CCM8")})
+      EXPECT_FALSE(agrees(TLS1_2_VERSION, cipher)) << cipher;
+    EXPECT_FALSE(agrees(TLS1_3_VERSION, "TLS_AES_128_CCM_8_SHA256"));
+    EXPECT_FALSE(agrees(TLS1_1_VERSION, "ALL"));
+    EXPECT_FALSE(agrees(TLS1_VERSION, "ALL"));
+  }
+}
+
+TEST_F(TlsTest, NothingOfAConnectionOutlivesIt) {
+  TestServer test(options);
+  OfferingClient client(test.port(), TLS1_2_VERSION, "ECDHE+AESGCM");
+  ASSERT_TRUE(client.agreed);
+  EXPECT_EQ(SSL_get_current_compression(client.tls), nullptr);
+  // with which another connection could begin
+  const SSL_SESSION* const session = SSL_get0_session(client.tls);
+  unsigned id_bytes = 0;
+  SSL_SESSION_get_id(session, &id_bytes);
+  EXPECT_EQ(id_bytes, 0u);
+  EXPECT_FALSE(SSL_SESSION_has_ticket(session));
+}
+
+TEST_F(TlsTest, KeysAreNotAgreedUponAnew) {
+  TestServer test(options);
+  OfferingClient client(test.port(), TLS1_2_VERSION, "ECDHE+AESGCM");
+  ASSERT_TRUE(client.agreed);
+  ASSERT_EQ(SSL_renegotiate(client.tls), 1);
+  EXPECT_NE(SSL_do_handshake(client.tls), 1);
 }
 
 TEST_F(TlsTest, EndsWithViewersConnected) {

@@ -5,24 +5,34 @@
 
 namespace palpate::link {
 
-/// So many a second on average, and no more than that many at once.
+/// So many a second on average, and no more than a number of them at once.
 class TokenBucket {
  public:
   using Clock = std::chrono::steady_clock;
 
-  explicit TokenBucket(double each_second) : each_second_(each_second), left_(each_second) {}
+  /// Full at first.
+  TokenBucket(double each_second, double at_once, Clock::time_point now)
+      : each_second_(each_second), at_once_(at_once), left_(at_once), last_(now) {}
 
-  /// False where there have been too many.
+  /// How many may be taken.
+  double left(Clock::time_point now) const {
+    const double passed_s = std::max(std::chrono::duration<double>(now - last_).count(), 0.0);
+    return std::min(at_once_, left_ + passed_s * each_second_);
+  }
+  /// As if none had ever been taken.
+  bool is_full(Clock::time_point now) const { return left(now) >= at_once_; }
+  /// False, and nothing is taken, where there have been too many.
   bool take(Clock::time_point now) {
-    const double passed_s = std::chrono::duration<double>(now - last_).count();
-    last_ = now;
-    left_ = std::min(each_second_, left_ + passed_s * each_second_) - 1;
-    return left_ >= 0;
+    left_ = left(now);
+    last_ = std::max(last_, now);
+    if (left_ < 1) return false;
+    left_ -= 1;
+    return true;
   }
 
  private:
-  double each_second_, left_;
-  Clock::time_point last_ = Clock::now();
+  double each_second_, at_once_, left_;
+  Clock::time_point last_;
 };
 
 }  // namespace palpate::link

@@ -22,7 +22,8 @@ constexpr double kMostMessages_each_second = 250;
 // so many answers may wait before no more requests are taken
 constexpr std::size_t kMostAnswers = 32;
 // close codes of ours, 4000 and above as RFC 6455 leaves them to applications
-constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello = 4408;
+constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello = 4408,
+                        kTooManyGuesses = 4429;
 
 // What waits in the system for a viewer that does not read is old when it does: keep that small, and send
 // small messages at once.
@@ -41,8 +42,9 @@ Viewer::Viewer(std::unique_ptr<Stream> stream, Hub& hub)
     : stream_(std::move(stream)),
       hub_(hub),
       peer_(peer_of(*stream_)),
+      from_(block_of(*stream_)),
       socket_(*stream_),
-      messages_(kMostMessages_each_second),
+      messages_(kMostMessages_each_second, kMostMessages_each_second, Clock::now()),
       hello_by_(Clock::now() + kHelloWithin) {}
 
 void Viewer::begin(UpgradeRequest request) {
@@ -139,9 +141,11 @@ void Viewer::take(const Request& request) {
 
 void Viewer::greet(const Hello& hello) {
   if (hello.protocol != kProtocol) return end(kProtocolUnknown, "another version of the protocol");
-  const auto role = hub_.site().access().role_of(hello.token);
-  if (!role) return end(kTokenRefused, "a wrong token or none");
-  role_ = *role;
+  const auto who = hub_.site().access().admit(hello.token, from_, Clock::now());
+  if (who.too_many_guesses) return end(kTooManyGuesses, "a token after too many wrong ones");
+  if (!who.role) return end(kTokenRefused, "a wrong token or none");
+  if (!hub_.make_room_for_viewer(*who.role)) return end(kTryAgainLater, "too many viewers");
+  role_ = *who.role;
   welcomed_ = true;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));

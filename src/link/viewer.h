@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "link/guess_limit.h"
 #include "link/pose_message.h"
 #include "link/request.h"
 #include "link/scene_json.h"
@@ -20,6 +21,8 @@
 namespace palpate::link {
 
 class Hub;
+
+inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 
 /// One viewer's WebSocket. What it is sent waits here, never in the hub and never more than this:
 ///
@@ -75,6 +78,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::unique_ptr<Stream> stream_;
   Hub& hub_;
   const std::string peer_;
+  const AddressBlock from_;
   beast::websocket::stream<Stream&, false> socket_;
   UpgradeRequest request_;
   beast::flat_static_buffer<kMostMessage_bytes> input_;

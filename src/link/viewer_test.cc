@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
+#include <string>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -233,8 +235,11 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   // the one that goes lets go
   first.socket().end_sending();
   EXPECT_TRUE(comes_true([&] { return !test.host.pointer_taken; }));
+  EXPECT_EQ(test.host.asked_by().number, 1u) << "by him, whom nobody asks any more";
   second.send({{"type", "pointer"}, {"id", 5}, {"take", true}});
   EXPECT_EQ(second.text("done")["id"], 5);
+  EXPECT_EQ(test.host.asked_by().number, 2u);
+  EXPECT_TRUE(test.host.asked_by().control);
   second.send({{"type", "pointer"}, {"id", 6}, {"take", false}});
   EXPECT_EQ(second.text("done")["id"], 6);
   EXPECT_FALSE(test.host.pointer_taken);
@@ -320,31 +325,67 @@ TEST(Viewer, OneThatTakesNoAnswersStillStops) {
   EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 0; }));
 }
 
-TEST(Viewer, AtMostSixtyFour) {
-  TestServer test;
-  std::vector<std::unique_ptr<TestViewer>> viewers;
-  for (int n = 0; n < 64; ++n) {
-    viewers.push_back(std::make_unique<TestViewer>(test.port()));
-    ASSERT_EQ(viewers.back()->opening().status, 101) << n;
-    ASSERT_EQ(viewers.back()->greet()["type"], "welcome") << n;
+/// Viewers by the token that they show.
+struct Crowd {
+  Crowd() {
+    ViewerServerOptions options;
+    options.token_file =
+        write_text(folder / "tokens", std::string("control ") + kControl + "\nview " + kView + "\n");
+    test.emplace(options);
   }
-  EXPECT_EQ(TestViewer(test.port()).opening().status, 503);
+  /// What it is told: "welcome", or the close code.
+  std::string comes(const char* token) {
+    auto viewer = std::make_unique<TestViewer>(test->port());
+    const Json welcome = viewer->greet({{"token", token}});
+    if (welcome.is_null()) return "sent away";
+    inside.push_back(std::move(viewer));
+    return welcome["type"];
+  }
+
+  static constexpr const char *kControl = "control-token-control", *kView = "view-token-view-token";
+  const TemporaryFolder folder;
+  std::optional<TestServer> test;
+  std::vector<std::unique_ptr<TestViewer>> inside;
+};
+
+TEST(Viewer, AtMostSixtyFour) {
+  Crowd crowd;
+  for (int n = 0; n < 64; ++n) ASSERT_EQ(crowd.comes(Crowd::kControl), "welcome") << n;
+  EXPECT_EQ(crowd.comes(Crowd::kControl), "sent away");
+  EXPECT_EQ(crowd.comes(Crowd::kView), "sent away");
+  TestViewer late(crowd.test->port());
+  late.send({{"type", "hello"}, {"protocol", 1}, {"token", Crowd::kControl}});
+  EXPECT_EQ(late.close_code(), 1013);
   // the page is still served, and one that goes makes room
-  EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
-  viewers.pop_back();
-  EXPECT_TRUE(comes_true([&] { return TestViewer(test.port()).opening().status == 101; }));
+  EXPECT_EQ(request(crowd.test->port(), "GET", "/").status, 200);
+  crowd.inside.pop_back();
+  EXPECT_TRUE(comes_true([&] { return crowd.comes(Crowd::kControl) == "welcome"; }));
+}
+
+TEST(Viewer, WhoLooksOnKeepsNobodyWithControlOut) {
+  Crowd crowd;
+  for (int n = 0; n < 62; ++n) ASSERT_EQ(crowd.comes(Crowd::kView), "welcome") << n;
+  for (int n = 0; n < 5; ++n) EXPECT_EQ(crowd.comes(Crowd::kView), "sent away") << "two places are kept";
+  // two have a place, and as many more as one likes find one
+  for (int n = 0; n < 5; ++n) EXPECT_EQ(crowd.comes(Crowd::kControl), "welcome") << n;
+  // of those who came last; whoever was there first noticed nothing
+  for (const std::size_t gone : {59, 60, 61}) EXPECT_EQ(crowd.inside[gone]->close_code(), 1013) << gone;
+  for (const std::size_t stays : {0, 1, 58, 62, 66})
+    EXPECT_FALSE(crowd.inside[stays]->pose().empty()) << stays;
+  EXPECT_TRUE(comes_true([&] { return crowd.test->server->viewers() == 64; }));
+  EXPECT_EQ(crowd.comes(Crowd::kView), "sent away");
 }
 
 TEST(Viewer, WhoSaysNothingKeepsNobodyOut) {
-  TestServer test;
+  Crowd crowd;
+  // also where nearly every place is taken
+  for (int n = 0; n < 62; ++n) ASSERT_EQ(crowd.comes(Crowd::kView), "welcome") << n;
   std::vector<std::unique_ptr<TestViewer>> silent;
-  for (int n = 0; n < 64; ++n) {
-    silent.push_back(std::make_unique<TestViewer>(test.port()));
+  for (int n = 0; n < 40; ++n) {
+    silent.push_back(std::make_unique<TestViewer>(crowd.test->port()));
     ASSERT_EQ(silent.back()->opening().status, 101) << n;
   }
-  TestViewer viewer(test.port());
-  ASSERT_EQ(viewer.opening().status, 101);
-  EXPECT_EQ(viewer.greet()["type"], "welcome");
+  EXPECT_EQ(crowd.comes(Crowd::kControl), "welcome");
   EXPECT_EQ(silent.front()->close_code(), 1013) << "the first of them";
 }
 

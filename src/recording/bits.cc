@@ -102,6 +102,8 @@ const char* name_of(SettingBit bit) {
       return "limit of force";
     case kSettingRotation:
       return "rotation";
+    case kSettingPointer:
+      return "tip taken or left";
   }
   return nullptr;
 }

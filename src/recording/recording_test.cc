@@ -283,7 +283,7 @@ TEST(Recording, DescribesEveryBit) {
             "may look");
   EXPECT_THAT(description(internal::event_columns(), "changed"),
               testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of "
-                                "force, 64 rotation"));
+                                "force, 64 rotation, 128 tip taken or left"));
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
   EXPECT_THAT(flags, testing::EndsWith(", 524288 ruptured, 1048576 passivity"));

@@ -57,6 +57,21 @@ void change_told(ServoLoop& loop, EventLog& told, AskedBy by, const std::functio
   });
 }
 
+void pointer_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
+  try {
+    told.tell([&] {
+      RecordingEvent event;
+      const std::uint32_t number =
+          loop.change([&](Parameters& parameters) { event = settings_event(parameters, parameters); });
+      event.changed = kSettingPointer;
+      event.by = by;
+      event.number = number;
+      return event;
+    });
+  } catch (const std::exception&) {
+  }
+}
+
 void set_model_told(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr<const Model> model,
                     const ModelChange& change) {
   told.tell([&] {

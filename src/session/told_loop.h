@@ -15,6 +15,9 @@ RecordingEvent settings_event(const Parameters& before, const Parameters& after)
 
 /// As ServoLoop::change().
 void change_told(ServoLoop& loop, EventLog& told, AskedBy by, const std::function<void(Parameters&)>& edit);
+/// A viewer took the tip, or left it: nothing of the loop's own changes, and where there is no memory there
+/// is no row.
+void pointer_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
 /// As ServoLoop::set_model(). @param change  leads to it from the version before it
 void set_model_told(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr<const Model> model,
                     const ModelChange& change);

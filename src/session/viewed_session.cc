@@ -557,12 +557,15 @@ void ViewedSession::end() {
   loop_.store(nullptr);
 }
 
-Result<void> ViewedSession::take_pointer(bool take) {
+Result<void> ViewedSession::take_pointer(bool take, const ViewerIdentity& by) {
   if (!parts_.pointer)
     return refused("the tip is moved by the " + parts_.input + " here", "take",
                    "start palpate explore with --device pointer");
-  pointer_taken_.store(take);
+  ServoLoop* loop = loop_.load();
+  if (take && !loop) return not_running();
+  const bool was_taken = pointer_taken_.exchange(take);
   if (!take) parts_.pointer->release();
+  if (loop && take != was_taken) pointer_told(*loop, told_, asked_by(by));
   return {};
 }
 

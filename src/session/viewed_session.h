@@ -66,7 +66,7 @@ class ViewedSession final : public ViewerHost {
   Result<void> set(const TissueRequest& request) override;
   void emergency_stop(const ViewerIdentity& by) override;
   Result<void> rearm(const ViewerIdentity& by) override;
-  Result<void> take_pointer(bool take) override;
+  Result<void> take_pointer(bool take, const ViewerIdentity& by) override;
   void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
 
   // ---- keys, at the device itself

@@ -595,7 +595,7 @@ TEST_F(Viewed, NobodyRaisesAnythingFromAfarWhileADeviceMayPush) {
   EXPECT_TRUE(viewed_->state().emergency_stop);
   viewed_->rearm_here();
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
-  EXPECT_EQ(error_in(viewed_->take_pointer(true)).kind, ErrorKind::kUsage);
+  EXPECT_EQ(error_in(viewed_->take_pointer(true, {1, true})).kind, ErrorKind::kUsage);
 }
 
 TEST_F(Viewed, ASimulatedDeviceIsRearmedFromAfar) {
@@ -892,7 +892,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
       EXPECT_EQ(host->scene().input, "pointer");
       // not taken: it moves nothing
       host->move_pointer(inside);
-      EXPECT_TRUE(host->take_pointer(true).ok());
+      EXPECT_TRUE(host->take_pointer(true, {5, true}).ok());
     }
     ++since;
     std::array<double, kMaxDevices> felt{};
@@ -911,7 +911,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
       host->move_pointer(inside);
       if (sent_N(tick) > 0.8) part = kDone;
     } else {
-      EXPECT_TRUE(host->take_pointer(false).ok());
+      EXPECT_TRUE(host->take_pointer(false, {5, true}).ok());
       if ((flags & kFlagStale) != 0 && sent_N(tick) == 0) stop_.store(true);
     }
     return ExploreRequest::kNone;
@@ -929,6 +929,14 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   EXPECT_FALSE(recording->header.simulated);
   EXPECT_EQ(recording->header.script_text, "");
   expect_replays(*recording);
+  // who had the tip, and when: left once, however often it is said
+  ASSERT_EQ(recording->events.size(), 2u);
+  for (const RecordingEvent& event : recording->events) {
+    EXPECT_EQ(event.kind, RecordingEvent::Kind::kSettings);
+    EXPECT_EQ(event.changed, kSettingPointer);
+    EXPECT_EQ(event.by, (AskedBy{Asker::kControlViewer, 5}));
+  }
+  EXPECT_LT(recording->events[0].tick, recording->events[1].tick);
   // the force that is shown has no steps while it is held: 6 mm within an interval of at least 4 ms
   for (std::size_t t = 1; t < recording->ticks.size(); ++t) {
     const TickRecord &now = recording->ticks[t], &before = recording->ticks[t - 1];

@@ -48,6 +48,13 @@ def main():
     if sought:
         sys.exit(f"configuring the core looked for: {', '.join(sought)}")
 
+    # how somebody else's program is linked is his own affair
+    rules = (pathlib.Path(options.build) / "build.ninja").read_text()
+    linking = rules[rules.index("build core_consumer: "):].split("\n\n", 1)[0]
+    forced = re.findall(r"-Wl,-z,?\S*|-z \w+", linking)
+    if forced:
+        sys.exit(f"who links the core gets flags of ours: {', '.join(forced)}")
+
     program = os.path.join(options.build, "core_consumer")
     print(run([program]).strip())
     loaded = [line.split()[0] for line in run(["ldd", program]).splitlines() if line.strip()]

@@ -1,0 +1,148 @@
+#include "link/download_pace.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "link/test_client.h"
+#include "link/test_host.h"
+
+namespace palpate::link {
+namespace {
+
+using namespace std::chrono_literals;
+using palpate::testing::read_answer;
+using palpate::testing::request;
+using palpate::testing::TestServer;
+using palpate::testing::TestSocket;
+using Clock = DownloadPace::Clock;
+
+constexpr std::size_t kAtOnce_bytes = 20'000'000;
+
+/// Sends a download as fast as it may. @return when it is done
+Clock::time_point send(DownloadPace& pace, std::size_t bytes, Clock::time_point now) {
+  while (bytes > 0) {
+    const auto turn = pace.next(bytes, now);
+    EXPECT_GE(turn.bytes, 1u);
+    EXPECT_LE(turn.bytes, bytes);
+    bytes -= turn.bytes;
+    now = std::max(now, turn.at);
+  }
+  return now;
+}
+
+TEST(DownloadPace, WhatOneViewerLoadsIsNotHeldUp) {
+  const Clock::time_point begin{};
+  DownloadPace pace(kAtOnce_bytes, begin);
+  EXPECT_EQ(pace.next(kAtOnce_bytes, begin).bytes, DownloadPace::kLargePart_bytes);
+  EXPECT_EQ(send(pace, kAtOnce_bytes - DownloadPace::kLargePart_bytes, begin), begin);
+  // and again, when as much could have gone at the rate
+  const auto later = begin + 1s;
+  EXPECT_EQ(send(pace, kAtOnce_bytes, later), later);
+  // rest that lasts longer saves up no more
+  const auto much_later = begin + 1h;
+  EXPECT_EQ(send(pace, kAtOnce_bytes, much_later), much_later);
+  EXPECT_GT(send(pace, 1'000'000, much_later), much_later);
+}
+
+TEST(DownloadPace, WhatIsMoreGoesInSmallPartsAtTheRate) {
+  const Clock::time_point begin{};
+  DownloadPace pace(kAtOnce_bytes, begin);
+  send(pace, kAtOnce_bytes, begin);
+  // by one that is always ready
+  Clock::time_point now = begin;
+  double sent_bytes = 0;
+  for (int n = 0; n < 10000; ++n) {
+    const auto turn = pace.next(1 << 30, now);
+    EXPECT_EQ(turn.bytes, DownloadPace::kSmallPart_bytes);
+    sent_bytes += static_cast<double>(turn.bytes);
+    EXPECT_GT(turn.at, now);
+    now = turn.at;
+  }
+  const double s = std::chrono::duration<double>(now - begin).count();
+  EXPECT_NEAR(sent_bytes / s / DownloadPace::kEachSecond_bytes, 1, 1e-6);
+}
+
+// each has its next part wait at most once, so that none overtakes
+TEST(DownloadPace, EachOfManyGetsItsShare) {
+  struct Download {
+    Clock::time_point at;
+    std::size_t waits = 0, sent = 0;
+  };
+  Clock::time_point now{};
+  DownloadPace pace(kAtOnce_bytes, now);
+  send(pace, kAtOnce_bytes, now);
+  std::vector<Download> downloads(64);
+  const auto wants = [&](Download& download) {
+    const auto turn = pace.next(1 << 30, now);
+    download.at = turn.at;
+    download.waits = turn.bytes;
+  };
+  for (Download& download : downloads) wants(download);
+  for (int n = 0; n < 6400; ++n) {
+    Download& next = *std::min_element(downloads.begin(), downloads.end(),
+                                       [](const auto& a, const auto& b) { return a.at < b.at; });
+    now = next.at;
+    next.sent += next.waits;
+    wants(next);
+  }
+  for (const Download& download : downloads) EXPECT_EQ(download.sent, 100 * DownloadPace::kSmallPart_bytes);
+}
+
+// the bound holds however slow this machine is: more time is always allowed
+TEST(DownloadPace, AServerKeepsIt) {
+  constexpr std::array<int, 3> kDims{128, 128, 64};
+  TestServer test({}, kDims);
+  const double scan_bytes = 2.0 * kDims[0] * kDims[1] * kDims[2], once_bytes = scan_bytes * 1.5;
+  const auto begun = Clock::now();
+  constexpr int kLoads = 20;
+  for (int n = 0; n < kLoads; ++n)
+    EXPECT_EQ(
+        static_cast<double>(request(test.port(), "GET", "/api/volume/scan/0f3a000000000001").body.size()),
+        scan_bytes);
+  const double s = std::chrono::duration<double>(Clock::now() - begun).count();
+  EXPECT_GE(s, (kLoads * scan_bytes - once_bytes) / DownloadPace::kEachSecond_bytes);
+}
+
+// several on one connection, the last bytes of each exact
+TEST(DownloadPace, PartsComeInOrder) {
+  constexpr std::array<int, 3> kDims{128, 128, 63};
+  TestServer test({}, kDims);
+  TestSocket socket(test.port());
+  std::string first;
+  for (int n = 0; n < 4; ++n) {
+    socket.send("GET /api/volume/scan/0f3a000000000001 HTTP/1.1\r\nHost: " + test.host_name() + "\r\n\r\n");
+    const auto answer = read_answer(socket);
+    ASSERT_EQ(answer.status, 200);
+    ASSERT_EQ(answer.body.size(), 2u * kDims[0] * kDims[1] * kDims[2]);
+    if (n == 0) first = answer.body;
+    EXPECT_TRUE(answer.body == first);
+  }
+  const auto scan = test.host.scene().scan;
+  for (std::size_t v = 0; v < scan->voxels().size(); v += 997)
+    ASSERT_EQ(palpate::testing::number_at<std::int16_t>(first, 2 * v), static_cast<int>(scan->voxels()[v]))
+        << v;
+}
+
+TEST(DownloadPace, VolumesAreMadeAtTheLowestPriority) {
+  TestServer test;
+  EXPECT_EQ(request(test.port(), "GET", "/api/volume/scan/0f3a000000000001").status, 200);
+  int found = 0;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::string name;
+    std::getline(std::ifstream(task.path() / "comm"), name);
+    if (name != "viewer-volumes") continue;
+    ++found;
+    EXPECT_EQ(::getpriority(PRIO_PROCESS, static_cast<id_t>(std::stoi(task.path().filename()))), 19);
+  }
+  EXPECT_EQ(found, 1);
+}
+
+}  // namespace
+}  // namespace palpate::link

@@ -1,0 +1,139 @@
+#include "link/guess_limit.h"
+
+#include <gtest/gtest.h>
+
+#include <boost/asio/ip/address.hpp>
+#include <deque>
+#include <random>
+
+#include "base/test_seed.h"
+#include "link/access.h"
+#include "link/site.h"
+#include "link/test_host.h"
+
+namespace palpate::link {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = GuessLimit::Clock;
+
+constexpr const char* kRight = "a-token-of-our-own-71";
+
+AddressBlock block(const std::string& address) {
+  return block_of(boost::asio::ip::make_address(address));
+}
+AddressBlock block(std::uint32_t address) {
+  return block_of(boost::asio::ip::make_address_v4(address));
+}
+
+Access guarded() {
+  return Access("127.0.0.1", 8480, false, {}, *Tokens::parse(std::string("view ") + kRight, "tokens"));
+}
+
+TEST(GuessLimit, AddressesOfOneMachineCountTogether) {
+  EXPECT_EQ(block("10.1.2.3"), block("::ffff:10.1.2.3"));
+  EXPECT_NE(block("10.1.2.3"), block("10.1.2.4"));
+  EXPECT_EQ(block("2001:db8:1:2::1"), block("2001:db8:1:2:ffff:ffff:ffff:ffff"));
+  EXPECT_NE(block("2001:db8:1:2::1"), block("2001:db8:1:3::1"));
+  EXPECT_NE(block("0.0.0.0"), block("::"));
+  EXPECT_NE(block("0.0.0.1"), block("::1"));
+}
+
+// however the guesses come: all at once, evenly, in bursts
+TEST(GuessLimit, NeverMoreThanTenInASecond) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE(seed);
+  std::mt19937 random(seed);
+  for (const int longest_ms : {1, 20, 150, 1500}) {
+    Access access = guarded();
+    Clock::time_point now{};
+    std::deque<Clock::time_point> looked_at;
+    int most = 0;
+    for (int n = 0; n < 5000; ++n) {
+      now += std::chrono::milliseconds(random() % static_cast<unsigned>(longest_ms + 1));
+      const auto who = access.admit("wrong-" + std::to_string(random()), block("10.1.2.3"), now);
+      EXPECT_FALSE(who.role);
+      if (!who.too_many_guesses) looked_at.push_back(now);
+      while (!looked_at.empty() && looked_at.front() <= now - 1s) looked_at.pop_front();
+      most = std::max(most, static_cast<int>(looked_at.size()));
+    }
+    EXPECT_LE(most, 10);
+    EXPECT_GE(most, longest_ms < 100 ? 9 : 2) << "somebody who mistypes is not kept waiting";
+  }
+}
+
+TEST(GuessLimit, OtherAddressesAreNotHeldUp) {
+  Access access = guarded();
+  const Clock::time_point now{};
+  while (!access.admit("wrong", block("10.1.2.3"), now).too_many_guesses) {
+  }
+  EXPECT_EQ(access.admit(kRight, block("10.1.2.4"), now).role, Role::kView);
+  EXPECT_EQ(access.admit(kRight, block("2001:db8::1"), now).role, Role::kView);
+}
+
+// behind one address with somebody who guesses
+TEST(GuessLimit, TheRightTokenIsKeptOutNoLongerThanTheGuessing) {
+  Access access = guarded();
+  Clock::time_point now{};
+  // an hour of it, as fast as it goes
+  for (int n = 0; n < 36000; ++n) {
+    now += 100ms;
+    for (int k = 0; k < 10; ++k) access.admit("wrong", block("10.1.2.3"), now);
+  }
+  const auto during = access.admit(kRight, block("10.1.2.3"), now);
+  EXPECT_TRUE(during.too_many_guesses) << "an answer would be an answer to every guess";
+  EXPECT_FALSE(during.role);
+  EXPECT_EQ(access.admit(kRight, block("10.1.2.3"), now + 201ms).role, Role::kView);
+}
+
+// the page asks for several things at once, each with its token
+TEST(GuessLimit, RightTokensAndNoneCostNothing) {
+  Access access = guarded();
+  const Clock::time_point now{};
+  for (int n = 0; n < 1000; ++n) {
+    EXPECT_EQ(access.admit(kRight, block("10.1.2.3"), now).role, Role::kView);
+    EXPECT_FALSE(access.admit("", block("10.1.2.3"), now).too_many_guesses);
+  }
+}
+
+TEST(GuessLimit, TheTableOfAddressesIsBounded) {
+  GuessLimit limit;
+  Clock::time_point now{};
+  int looked_at = 0;
+  const int tried = 3 * static_cast<int>(GuessLimit::kMostAddresses);
+  for (int n = 0; n < tried; ++n) {
+    const AddressBlock from = block(static_cast<std::uint32_t>(n));
+    if (!limit.may_guess(from, now)) continue;
+    ++looked_at;
+    limit.guessed_wrong(from, now);
+  }
+  EXPECT_EQ(limit.addresses(), GuessLimit::kMostAddresses);
+  EXPECT_EQ(looked_at, static_cast<int>(GuessLimit::kMostAddresses + GuessLimit::kAtOnce));
+  // those that are quiet are forgotten, also where nobody new was let guess
+  now += 300ms;
+  EXPECT_TRUE(limit.may_guess(block("10.9.9.9"), now));
+  EXPECT_EQ(limit.addresses(), 0u);
+}
+
+TEST(GuessLimit, TheSiteSaysWhenToTryAgain) {
+  testing::FakeHost host;
+  Site site(host, guarded(), VolumeFacts{"00aa", 1, 0, {0, 1}, false});
+  HttpRequest request;
+  request.method = "GET";
+  request.target = "/api/scene";
+  request.host = "localhost:8480";
+  request.local_address = "127.0.0.1";
+  request.authorization = "Bearer wrong";
+  const auto answer = [&] { return std::get<HttpAnswer>(site.answer(request)); };
+  for (int n = 0; n < GuessLimit::kAtOnce; ++n) EXPECT_EQ(answer().status, 401);
+  EXPECT_EQ(answer().status, 429);
+  const std::string head = site.head_of(answer(), request, false);
+  EXPECT_NE(head.find("429 Too Many Requests\r\n"), std::string::npos);
+  EXPECT_NE(head.find("Retry-After: 1\r\n"), std::string::npos);
+  // the page itself holds no data, and comes all the same
+  request.target = "/";
+  EXPECT_EQ(answer().status, 200);
+}
+
+}  // namespace
+}  // namespace palpate::link
