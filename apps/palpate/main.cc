@@ -9,7 +9,10 @@
 #include <string_view>
 #include <vector>
 
+#include "palpate/reading.h"
 #include "palpate_version.h"
+#include "streams.h"
+#include "surroundings.h"
 #include "text.h"
 #include "verb.h"
 
@@ -190,6 +193,18 @@ int run(int argc, char** argv) {
   Console console;
   app.add_flag("-q,--quiet", console.quiet,
                "No progress and no notes; results, warnings and errors still appear");
+  ReadingLimits reading;
+  app.add_option_function<std::string>(
+         "--memory", [&](const std::string& text) { reading.most_memory_bytes = memory_bytes(text); },
+         "Most memory that files may take of this machine, as 800M or 4G; default: half of what is available")
+      ->check(CLI::Validator(
+          [](const std::string& text) {
+            return memory_bytes(text) > 0 ? std::string() : "no amount of memory: write it as 800M or 4G";
+          },
+          "AMOUNT"));
+  app.add_flag(
+      "--follow-links", reading.follow_links,
+      "Headers and scenes may name data files that stand, or are links that lead, outside their folder");
 
   Run verb;
   for (const auto add : {add_info, add_data, add_scene, add_prepare, add_forces, add_hold, add_section,
@@ -203,6 +218,7 @@ int run(int argc, char** argv) {
     const bool asked = error.get_exit_code() == 0 && !asks_for_help_with_nothing(app);
     return asked ? app.exit(error) : console.fail(explain(app, error));
   }
+  set_reading_limits(reading);
   return verb(console);
 }
 
@@ -221,6 +237,8 @@ int after_flushing(int code) {
 }  // namespace palpate::app
 
 int main(int argc, char** argv) {
+  palpate::app::distrust_environment();
+  palpate::app::show_only_printable();
   // a file size limit is met as an error of the write, with a message, and not as a death
   std::signal(SIGXFSZ, SIG_IGN);
   try {
