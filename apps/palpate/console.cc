@@ -15,7 +15,9 @@
 #include <thread>
 
 #include "keys.h"
+#include "palpate/printable.h"
 #include "palpate/progress_lines.h"
+#include "streams.h"
 #include "text.h"
 #include "verb.h"
 
@@ -69,20 +71,23 @@ class Bar {
     drawn_ = now;
     constexpr int kWidth = 30;
     const int filled = static_cast<int>(kWidth * std::min(1.0, std::max(0.0, fraction)));
-    std::fprintf(stderr, "\r\033[K%-34.34s [%s%s] %3d %%", stage_.c_str(), std::string(filled, '#').c_str(),
-                 std::string(kWidth - filled, ' ').c_str(), static_cast<int>(100 * fraction));
+    std::fprintf(terminal(), "\r\033[K%s [%s%s] %3d %%", fitted(printable_name(stage_), 34).c_str(),
+                 std::string(filled, '#').c_str(), std::string(kWidth - filled, ' ').c_str(),
+                 static_cast<int>(100 * fraction));
     shown_ = true;
     if (fraction >= 1) erase();
-    std::fflush(stderr);
+    std::fflush(terminal());
   }
   void show(const std::string& line) {
     const std::lock_guard lock(mutex_);
     // a terminal that is held (Ctrl-S) must not hold what the line tells of
-    pollfd terminal{STDERR_FILENO, POLLOUT, 0};
-    if (::poll(&terminal, 1, 0) != 1) return;
-    std::fprintf(stderr, "\r\033[K%s", fitted(line, std::min(columns_of(line), terminal_columns())).c_str());
+    pollfd screen{STDERR_FILENO, POLLOUT, 0};
+    if (::poll(&screen, 1, 0) != 1) return;
+    const std::string shown = printable_name(line);
+    std::fprintf(terminal(), "\r\033[K%s",
+                 fitted(shown, std::min(columns_of(shown), terminal_columns())).c_str());
     shown_ = true;
-    std::fflush(stderr);
+    std::fflush(terminal());
   }
   void clear() {
     const std::lock_guard lock(mutex_);
@@ -91,7 +96,7 @@ class Bar {
 
  private:
   void erase() {
-    if (shown_) std::fputs("\r\033[K", stderr);
+    if (shown_) std::fputs("\r\033[K", terminal());
     shown_ = false;
   }
   std::mutex mutex_;
@@ -181,7 +186,9 @@ void Console::note(const std::string& text) {
 
 int Console::fail(const Error& error) {
   bar().clear();
-  std::fprintf(stderr, "palpate: error: %s\n", error.message().c_str());
+  // a line end in a name would let it write a line of its own
+  const Error shown{error.kind, printable_name(error.what), printable_name(error.where), error.remedy};
+  std::fprintf(stderr, "palpate: error: %s\n", shown.message().c_str());
   return exit_code(error.kind);
 }
 

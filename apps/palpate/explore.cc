@@ -37,7 +37,9 @@ struct ExploreArguments {
   ViewerServerOptions viewers;
 };
 
-Result<void> check(const ExploreArguments& options) {
+// the claim of the recording, where one is wanted
+Result<std::optional<OutputClaim>> check(const ExploreArguments& options) {
+  using Claim = std::optional<OutputClaim>;
   if (options.pointer && options.no_viewer)
     return Error{ErrorKind::kUsage, "the pointer is a viewer's, and --no-viewer lets none look on",
                  "--device", "leave out --no-viewer"};
@@ -48,10 +50,12 @@ Result<void> check(const ExploreArguments& options) {
   if (options.cpu >= cpus)
     return Error{ErrorKind::kUsage, "this machine has no CPU " + std::to_string(options.cpu), "--cpu",
                  "choose one from 0 to " + std::to_string(cpus - 1)};
-  if (!options.recording) return {};
+  if (!options.recording) return Claim();
   auto inputs = input_files(options.target);
   if (options.script) inputs.push_back(*options.script);
-  return check_output(*options.recording, inputs);
+  auto claimed = claim_output(*options.recording, inputs);
+  if (!claimed) return claimed.error();
+  return Claim(*std::move(claimed));
 }
 
 /// Faults of viewers, on their way from the server's thread to the terminal. A terminal that is held (Ctrl-S)
@@ -298,7 +302,8 @@ void warn_of_trouble(const std::vector<std::string>& trouble, Console& console) 
 }
 
 int explore_target(const ExploreArguments& options, Console& console) {
-  if (const auto fine = check(options); !fine) return console.fail(fine.error());
+  const auto claimed = check(options);
+  if (!claimed) return console.fail(claimed.error());
   const Progress progress = console.progress();
   const auto loaded = load_target(options.target, console);
   if (!loaded) return console.fail(loaded.error());

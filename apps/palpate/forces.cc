@@ -46,8 +46,8 @@ Error at_option(Error error) {
 }
 
 int draw_forces(const ForcesOptions& options, Console& console) {
-  if (const auto writable = check_output(options.output, input_files(options.target)); !writable)
-    return console.fail(writable.error());
+  const auto claimed = claim_output(options.output, input_files(options.target));
+  if (!claimed) return console.fail(claimed.error());
   if (const auto extension = options.output.extension(); !extension.empty() && extension != ".svg")
     return console.fail({ErrorKind::kUsage, "the picture is an SVG, whatever its name",
                          options.output.string(), "give it a name that ends with .svg"});

@@ -28,14 +28,18 @@ struct HoldOptions {
   bool json = false;
 };
 
-Result<void> check_hold(const HoldOptions& options) {
+// the claim of the picture, where one is wanted
+Result<std::optional<OutputClaim>> check_hold(const HoldOptions& options) {
+  using Claim = std::optional<OutputClaim>;
   if (options.at.empty() == options.voxel.empty())
     return Error{ErrorKind::kUsage, "where is the tip to be held?", "", "say it with --at or with --voxel"};
-  if (!options.output) return {};
+  if (!options.output) return Claim();
   if (const auto extension = options.output->extension(); !extension.empty() && extension != ".svg")
     return Error{ErrorKind::kUsage, "the picture is an SVG, whatever its name", options.output->string(),
                  "give it a name that ends with .svg"};
-  return check_output(*options.output, input_files(options.target));
+  auto claimed = claim_output(*options.output, input_files(options.target));
+  if (!claimed) return claimed.error();
+  return Claim(*std::move(claimed));
 }
 
 Point<Patient> point_of(const std::vector<double>& at) {
@@ -117,7 +121,8 @@ void print_json(const std::vector<HeldTip>& tips, const Hold& hold, const Model&
 }
 
 int hold_target(const HoldOptions& options, Console& console) {
-  if (const auto right = check_hold(options); !right) return console.fail(right.error());
+  const auto claimed = check_hold(options);
+  if (!claimed) return console.fail(claimed.error());
   const Progress progress = console.progress();
   const auto loaded = load_felt_target(options.target, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());

@@ -59,7 +59,7 @@ Result<Info> inspect(const InfoOptions& options, Console& console) {
   const std::optional<std::filesystem::path> names =
       options.names.empty() ? std::nullopt : std::optional<std::filesystem::path>(options.names);
   if (options.labels) {
-    auto labels = read_labels(options.file, names, console.progress(), console.warn());
+    auto labels = read_labels(options.file, names, console.progress(), console.warn(), Doubtful::kWarnedOf);
     return labels ? Result<Info>(of_labels(*std::move(labels))) : labels.error();
   }
   if (options.scan) {

@@ -9,8 +9,11 @@
 #include <string_view>
 #include <vector>
 
+#include "palpate/reading.h"
 #include "palpate/supervisor.h"
 #include "palpate_version.h"
+#include "streams.h"
+#include "surroundings.h"
 #include "text.h"
 #include "verb.h"
 
@@ -192,6 +195,18 @@ int run(int argc, char** argv) {
   Console console;
   app.add_flag("-q,--quiet", console.quiet,
                "No progress and no notes; results, warnings and errors still appear");
+  ReadingLimits reading;
+  app.add_option_function<std::string>(
+         "--memory", [&](const std::string& text) { reading.most_memory_bytes = memory_bytes(text); },
+         "Most memory that files may take of this machine, as 800M or 4G; default: half of what is available")
+      ->check(CLI::Validator(
+          [](const std::string& text) {
+            return memory_bytes(text) > 0 ? std::string() : "no amount of memory: write it as 800M or 4G";
+          },
+          "AMOUNT"));
+  app.add_flag(
+      "--follow-links", reading.follow_links,
+      "Headers and scenes may name data files that stand, or are links that lead, outside their folder");
 
   Run verb;
   for (const auto add : {add_info, add_data, add_scene, add_prepare, add_forces, add_hold, add_section,
@@ -205,6 +220,7 @@ int run(int argc, char** argv) {
     const bool asked = error.get_exit_code() == 0 && !asks_for_help_with_nothing(app);
     return asked ? app.exit(error) : console.fail(explain(app, error));
   }
+  set_reading_limits(reading);
   return verb(console);
 }
 
@@ -226,6 +242,8 @@ int main(int argc, char** argv) {
   // the process that explore starts beside itself
   if (argc > 1 && std::string_view(argv[1]) == "supervise")
     return palpate::supervise({argv + 2, argv + argc});
+  palpate::app::distrust_environment();
+  palpate::app::show_only_printable();
   // a file size limit is met as an error of the write, with a message, and not as a death
   std::signal(SIGXFSZ, SIG_IGN);
   // a reader that went away is met as one, too

@@ -158,8 +158,8 @@ int run_prepare(const PrepareOptions& options, Console& console) {
     return console.fail({ErrorKind::kUsage, "is the name of a segmentation, and a field is none",
                          options.output, "name it .nrrd without .seg, .nii.gz or .mha"});
   }
-  if (const auto writable = check_output(options.output, input_files(options.what)); !writable)
-    return console.fail(writable.error());
+  const auto claimed = claim_output(options.output, input_files(options.what));
+  if (!claimed) return console.fail(claimed.error());
   if (names_scene_or_data_set(options.what)) return prepare_scene(options, console);
   if (!options.threshold.empty() && !(options.threshold[0] < options.threshold[1])) {
     return console.fail({ErrorKind::kUsage, "the first threshold is not below the second", "--threshold",

@@ -23,7 +23,8 @@ int report_recording(const ReportOptions& options, Console& console) {
   if (!recording) return console.fail(recording.error());
   auto inputs = input_files(options.target.empty() ? recording->head().header.data_set : options.target);
   inputs.push_back(options.recording);
-  if (const auto writable = check_output(output, inputs); !writable) return console.fail(writable.error());
+  const auto claimed = claim_output(output, inputs);
+  if (!claimed) return console.fail(claimed.error());
   const auto loaded =
       load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());

@@ -118,17 +118,19 @@ Result<void> assign_files(NewOptions& options) {
 }
 
 /// A scene file holds a person's work: none is replaced unasked, and the data never.
-Result<void> check_new_output(const NewOptions& options) {
-  if (options.output.empty()) return {};
+Result<std::optional<OutputClaim>> check_new_output(const NewOptions& options) {
+  using Claim = std::optional<OutputClaim>;
+  if (options.output.empty()) return Claim();
   std::vector<fs::path> inputs;
   for (const std::string& input : {options.scan, options.labels, options.names})
     if (!input.empty()) inputs.emplace_back(input);
-  if (const auto writable = check_output(options.output, inputs); !writable) return writable.error();
+  auto claimed = claim_output(options.output, inputs);
+  if (!claimed) return claimed.error();
   std::error_code unknown;
   if (!options.force && fs::exists(options.output, unknown))
     return Error{ErrorKind::kUsage, "the file exists", options.output,
                  "write to another file, or replace it with --force"};
-  return {};
+  return Claim(*std::move(claimed));
 }
 
 /// The structures whose names suggest no preset, in one line: what is left for a person to fill in.
@@ -161,7 +163,8 @@ void note_without_preset(const Scene& scene, Console& console) {
 
 int run_new(NewOptions options, Console& console) {
   if (const auto assigned = assign_files(options); !assigned) return console.fail(assigned.error());
-  if (const auto writable = check_new_output(options); !writable) return console.fail(writable.error());
+  const auto claimed = check_new_output(options);
+  if (!claimed) return console.fail(claimed.error());
 
   NewSceneInput input;
   input.title = options.title;

@@ -31,11 +31,12 @@ SectionKind kind_of(const SectionOptions& options) {
   return *options.plane == "oblique" ? SectionKind::kOblique : SectionKind::kThree;
 }
 
-Result<void> check_section(const SectionOptions& options) {
+Result<OutputClaim> check_section(const SectionOptions& options) {
   const auto usage = [](std::string what, std::string where, std::string remedy) {
     return Error{ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
   };
-  if (auto writable = check_output(options.output, input_files(options.target)); !writable) return writable;
+  auto claimed = claim_output(options.output, input_files(options.target));
+  if (!claimed) return claimed;
   if (const auto extension = options.output.extension(); !extension.empty() && extension != ".png")
     return usage("the picture is a PNG, whatever its name", options.output.string(),
                  "give it a name that ends with .png");
@@ -48,7 +49,7 @@ Result<void> check_section(const SectionOptions& options) {
     return usage("0,0,0 is no direction", "--direction", "give a vector in patient coordinates, LPS");
   if (!options.window.empty() && !(options.window[0] < options.window[1]))
     return usage("the window's lower end is not below its upper end", "--window", "give LOW,HIGH");
-  return {};
+  return claimed;
 }
 
 SectionRequest request_of(const SectionOptions& options, const GridGeometry& grid) {
@@ -70,7 +71,8 @@ SectionRequest request_of(const SectionOptions& options, const GridGeometry& gri
 }
 
 int draw_section(const SectionOptions& options, Console& console) {
-  if (const auto right = check_section(options); !right) return console.fail(right.error());
+  const auto claimed = check_section(options);
+  if (!claimed) return console.fail(claimed.error());
   const auto loaded = load_target(options.target, console);
   if (!loaded) return console.fail(loaded.error());
   const Model& model = *loaded->model;

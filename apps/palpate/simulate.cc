@@ -24,12 +24,13 @@ struct SimulateOptions {
 // where a run is written; empty: not at all
 struct Outputs {
   std::filesystem::path recording, report;
+  std::vector<OutputClaim> claims;
 };
 
 // Checked before any work. A report is made from a recording: without a name for it, it stands beside the
 // report, and does not replace what it was not told to replace.
 Result<Outputs> outputs_of(const SimulateOptions& options) {
-  Outputs outputs{options.recording.value_or(""), options.report.value_or("")};
+  Outputs outputs{options.recording.value_or(""), options.report.value_or(""), {}};
   const bool derived = !outputs.report.empty() && outputs.recording.empty();
   if (derived) outputs.recording = std::filesystem::path(outputs.report).replace_extension(".h5");
   if (same_file(outputs.recording, outputs.report))
@@ -42,9 +43,12 @@ Result<Outputs> outputs_of(const SimulateOptions& options) {
 
   auto inputs = input_files(options.target);
   if (options.script) inputs.push_back(*options.script);
-  for (const auto& output : {outputs.recording, outputs.report})
-    if (!output.empty())
-      if (auto writable = check_output(output, inputs); !writable) return writable.error();
+  for (const auto& output : {outputs.recording, outputs.report}) {
+    if (output.empty()) continue;
+    auto claimed = claim_output(output, inputs);
+    if (!claimed) return claimed.error();
+    outputs.claims.push_back(*std::move(claimed));
+  }
   return outputs;
 }
 

@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "palpate/output.h"
 #include "palpate/verification.h"
@@ -38,8 +39,12 @@ int verify(const VerifyOptions& options, Console& console) {
   if (options.suite.empty()) {
     return console.fail({ErrorKind::kUsage, "which suite?", "", "palpate verify --list names them"});
   }
-  if (!options.json.empty())
-    if (const auto writable = check_output(options.json); !writable) return console.fail(writable.error());
+  std::optional<OutputClaim> claimed;
+  if (!options.json.empty()) {
+    auto taken = claim_output(options.json);
+    if (!taken) return console.fail(taken.error());
+    claimed = *std::move(taken);
+  }
   const auto report = run_suite(options.suite, options.suite_options, console.progress(), console.warn());
   if (!report) return console.fail(report.error());
   std::fputs(to_table(*report).c_str(), stdout);

@@ -67,16 +67,22 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 /// Whether a scan's values are what labels are: by what its file says of them, else whole, few and in
 /// patches.
 bool looks_like_labels(const ScanFile& file);
-/// Whether labels are what a scan's values are: many, and changing from voxel to voxel.
+/// Whether labels are what a scan's values are: more than 64, and changing from voxel to voxel, or by small
+/// steps from every third one.
 bool looks_like_scan(const LabelMap& labels);
 
-/// Reads a segmentation, and warns where it looks like a scan. Voxel values must be whole and in 0 ... 65535.
+/// What becomes of labels that look like a scan (looks_like_scan) and that neither the file nor a table with
+/// names for half of them says to be labels.
+enum class Doubtful { kRefused, kWarnedOf };
+
+/// Reads a segmentation. Voxel values must be whole and in 0 ... 65535.
 /// @param names  a table that names the labels, see read_label_names; without one, and when the file itself
 ///               names none, a table with the file's own name is used, else a single .ctbl or .tsv standing
 ///               in the same folder. A single label that is named nowhere is called after its file.
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
-                              const Progress& progress = {}, const Warn& warn = {});
+                              const Progress& progress = {}, const Warn& warn = {},
+                              Doubtful doubtful = Doubtful::kRefused);
 
 /// One line of a colour table.
 struct NamedLabel {

@@ -6,8 +6,16 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
+#include <map>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "base/hash.h"
 
 namespace palpate {
 namespace {
@@ -67,6 +75,145 @@ std::string ending_of(const std::string& name) {
   return name.substr(two ? before : last);
 }
 
+// ---- who writes what -----------------------------------------------------------------------------
+
+// how the hidden files begin that stand beside a target while it is written
+std::string hidden_prefix(const std::filesystem::path& target) {
+  const std::string name = target.filename().string();
+  std::uint64_t hash = kHashSeed;
+  hash_bytes(hash, name.data(), name.size());
+  char text[40];
+  std::snprintf(text, sizeof text, ".palpate-%016llx", static_cast<unsigned long long>(hash_finish(hash)));
+  return text;
+}
+
+bool is_there_still(int descriptor, const std::string& file) {
+  struct stat opened {
+  }, named{};
+  return ::fstat(descriptor, &opened) == 0 && ::stat(file.c_str(), &named) == 0 &&
+         opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
+}
+
+void remove_temporaries(const std::filesystem::path& folder, const std::string& prefix) {
+  std::error_code failed, ignored;
+  std::vector<std::filesystem::path> left;
+  std::filesystem::directory_iterator entry(folder, failed);
+  for (; !failed && entry != std::filesystem::directory_iterator(); entry.increment(failed))
+    if (entry->path().filename().string().starts_with(prefix + "-")) left.push_back(entry->path());
+  for (const auto& file : left) std::filesystem::remove(file, ignored);
+}
+
+Error written_by_another(const std::filesystem::path& target, int descriptor) {
+  struct flock other {};
+  other.l_type = F_WRLCK;
+  const bool known = ::fcntl(descriptor, F_GETLK, &other) == 0 && other.l_type != F_UNLCK && other.l_pid > 0;
+  return {ErrorKind::kOutput,
+          "is being written by another run" +
+              (known ? " (process " + std::to_string(other.l_pid) + ")" : std::string()),
+          target.string(), "wait until that has ended, or name another file"};
+}
+
+/// The files that this process claims. A process loses its lock on a file when it closes the file, however
+/// often it has it open: each lock is opened once and counted.
+class Claims {
+ public:
+  /// @param target  at the end of links. Returns the name of the lock.
+  Result<std::string> take(const std::filesystem::path& target, const std::filesystem::path& named) {
+    const std::lock_guard guard(mutex_);
+    std::error_code failed;
+    const auto folder = std::filesystem::canonical(folder_of(target), failed);
+    if (failed) return output_error(named, failed.value());
+    const std::string prefix = hidden_prefix(target), lock = (folder / (prefix + ".lock")).string();
+    if (const auto held = held_.find(lock); held != held_.end() && held->second.process == ::getpid()) {
+      ++held->second.count;
+      return lock;
+    }
+    const auto descriptor = lock_file(lock, named);
+    if (!descriptor) return descriptor.error();
+    remove_temporaries(folder, prefix);
+    held_[lock] = {*descriptor, ::getpid(), 1};
+    return lock;
+  }
+
+  void give_back(const std::string& lock) {
+    const std::lock_guard guard(mutex_);
+    const auto held = held_.find(lock);
+    // a copy of the process that made the claim has none
+    if (held == held_.end() || held->second.process != ::getpid() || --held->second.count > 0) return;
+    ::unlink(lock.c_str());
+    ::close(held->second.descriptor);
+    held_.erase(held);
+  }
+
+ private:
+  struct Held {
+    int descriptor;
+    pid_t process;
+    int count;
+  };
+
+  static Result<int> lock_file(const std::string& lock, const std::filesystem::path& named) {
+    // who had it removes it when he has done, perhaps between our opening and our locking it
+    while (true) {
+      const int descriptor =
+          ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY, 0666);
+      if (descriptor < 0) return output_error(named, errno);
+      struct flock whole {};
+      whole.l_type = F_WRLCK;
+      if (::fcntl(descriptor, F_SETLK, &whole) != 0 && (errno == EACCES || errno == EAGAIN)) {
+        const Error error = written_by_another(named, descriptor);
+        ::close(descriptor);
+        return error;
+      }
+      if (is_there_still(descriptor, lock)) return descriptor;
+      ::close(descriptor);
+    }
+  }
+
+  std::mutex mutex_;
+  std::map<std::string, Held> held_;
+};
+
+// never destroyed: claims may be given back at any time
+Claims& claims() {
+  static Claims* const all = new Claims;
+  return *all;
+}
+
+// ---- what is no file -----------------------------------------------------------------------------
+
+bool is_special(mode_t mode) {
+  return !S_ISREG(mode) && !S_ISDIR(mode);
+}
+
+Error not_a_file(const std::filesystem::path& file, mode_t mode) {
+  if (S_ISDIR(mode))
+    return {ErrorKind::kBadInput, "is a folder, not a file", file.string(), "name a file in it"};
+  const char* kind = S_ISFIFO(mode) ? "a pipe" : S_ISSOCK(mode) ? "a socket" : "a device";
+  return {ErrorKind::kBadInput, std::string("is ") + kind + ", not a file", file.string(),
+          "name an ordinary file; what a program puts out has to be saved first"};
+}
+
+Error cannot_be_read(const std::filesystem::path& file, int error_number) {
+  return {ErrorKind::kBadInput, std::string("cannot be read: ") + std::strerror(error_number), file.string(),
+          ""};
+}
+
+// read_some(bytes so far, room for more) until the room is full or the file ends
+template <class ReadSome>
+Result<std::size_t> read_by(const std::filesystem::path& file, std::span<std::byte> bytes,
+                            const ReadSome& read_some) {
+  std::size_t used = 0;
+  while (used < bytes.size()) {
+    const ssize_t got = read_some(used, bytes.subspan(used));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return cannot_be_read(file, errno);
+    if (got == 0) break;
+    used += static_cast<std::size_t>(got);
+  }
+  return used;
+}
+
 }  // namespace
 
 Error output_error(const std::filesystem::path& file, int error_number) {
@@ -105,40 +252,77 @@ Error output_error(const std::filesystem::path& file, int error_number) {
   return error;
 }
 
-Result<std::string> read_file(const std::filesystem::path& file, std::size_t max_bytes) {
-  Descriptor d{::open(file.c_str(), O_RDONLY | O_CLOEXEC)};
-  if (d.fd < 0) {
-    const bool missing = errno == ENOENT;
-    const char* remedy = errno == EACCES ? "check its permissions" : "check the name and the folder";
+Result<InputFile> InputFile::open(const std::filesystem::path& file) {
+  // neither a pipe without a writer nor a line without a carrier makes this wait, and no terminal becomes
+  // ours
+  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+  if (descriptor < 0) {
+    const int failure = errno;
+    struct stat status {};
+    // sockets, and devices that are not there, do not even open
+    if (::stat(file.c_str(), &status) == 0 && is_special(status.st_mode))
+      return not_a_file(file, status.st_mode);
+    const bool missing = failure == ENOENT;
+    const char* remedy = failure == EACCES ? "check its permissions" : "check the name and the folder";
     return Error{ErrorKind::kBadInput,
-                 missing ? "no such file" : std::string("cannot be read: ") + std::strerror(errno),
+                 missing ? "no such file" : std::string("cannot be read: ") + std::strerror(failure),
                  file.string(), remedy};
   }
-  struct stat status;
-  if (::fstat(d.fd, &status) != 0)
-    return Error{ErrorKind::kBadInput, std::string("cannot be read: ") + std::strerror(errno), file.string(),
-                 ""};
-  if (S_ISDIR(status.st_mode))
-    return Error{ErrorKind::kBadInput, "is a folder, not a file", file.string(), "name a file in it"};
+  InputFile opened(descriptor, 0, file);
+  struct stat status {};
+  if (::fstat(descriptor, &status) != 0) return cannot_be_read(file, errno);
+  if (!S_ISREG(status.st_mode)) return not_a_file(file, status.st_mode);
+  opened.size_ = static_cast<std::uint64_t>(status.st_size);
+  return opened;
+}
 
-  // the size is only a hint: pipes have none and files grow
+InputFile::InputFile(InputFile&& other) noexcept
+    : descriptor_(std::exchange(other.descriptor_, -1)), size_(other.size_), file_(std::move(other.file_)) {}
+
+InputFile& InputFile::operator=(InputFile&& other) noexcept {
+  std::swap(descriptor_, other.descriptor_);
+  std::swap(size_, other.size_);
+  std::swap(file_, other.file_);
+  return *this;
+}
+
+InputFile::~InputFile() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+std::filesystem::path InputFile::name_for_libraries() const {
+  return "/proc/self/fd/" + std::to_string(descriptor_);
+}
+
+Result<std::size_t> InputFile::read(std::span<std::byte> bytes) {
+  return read_by(file_, bytes, [&](std::size_t, std::span<std::byte> rest) {
+    return ::read(descriptor_, rest.data(), rest.size());
+  });
+}
+
+Result<std::size_t> InputFile::read_at(std::uint64_t offset, std::span<std::byte> bytes) const {
+  return read_by(file_, bytes, [&](std::size_t used, std::span<std::byte> rest) {
+    return ::pread(descriptor_, rest.data(), rest.size(), static_cast<off_t>(offset + used));
+  });
+}
+
+Result<std::string> read_file(const std::filesystem::path& file, std::size_t max_bytes) {
+  auto opened = InputFile::open(file);
+  if (!opened) return opened.error();
+  // the size is only a hint: files grow
   std::string bytes;
   std::size_t used = 0;
-  bytes.resize(S_ISREG(status.st_mode)
-                   ? std::min<std::size_t>(static_cast<std::size_t>(status.st_size), max_bytes) + 1
-                   : 65536);
+  bytes.resize(static_cast<std::size_t>(std::min<std::uint64_t>(opened->size(), max_bytes)) + 1);
   while (true) {
-    const ssize_t got = ::read(d.fd, bytes.data() + used, bytes.size() - used);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0)
-      return Error{ErrorKind::kBadInput, std::string("cannot be read: ") + std::strerror(errno),
-                   file.string(), ""};
-    if (got == 0) break;
-    used += static_cast<std::size_t>(got);
+    const auto rest = std::as_writable_bytes(std::span(bytes)).subspan(used);
+    const auto got = opened->read(rest);
+    if (!got) return got.error();
+    used += *got;
     if (used > max_bytes)
       return Error{ErrorKind::kBadInput, "is larger than " + std::to_string(max_bytes >> 20) + " MiB",
                    file.string(), "is it the right file?"};
-    if (used == bytes.size()) bytes.resize(bytes.size() * 2);
+    if (*got < rest.size()) break;
+    bytes.resize(bytes.size() * 2);
   }
   bytes.resize(used);
   return bytes;
@@ -156,8 +340,10 @@ Result<PendingFile> PendingFile::create(const std::filesystem::path& target) {
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
     return Error{ErrorKind::kOutput, "cannot be written, it is not an ordinary file", target.string(),
                  "name a file"};
+  auto claim = OutputClaim::take(target);
+  if (!claim) return claim.error();
   const std::string ending = ending_of(file.filename().string());
-  std::string pattern = (folder_of(file) / (".palpate-XXXXXX" + ending)).string();
+  std::string pattern = (folder_of(file) / (hidden_prefix(file) + "-XXXXXX" + ending)).string();
   const int fd = ::mkostemps(pattern.data(), static_cast<int>(ending.size()), O_CLOEXEC);
   if (fd < 0) return output_error(target, errno);
   // the usual permissions of a new file instead of mkstemp's private ones
@@ -165,11 +351,13 @@ Result<PendingFile> PendingFile::create(const std::filesystem::path& target) {
   ::umask(mask);
   ::fchmod(fd, 0666 & ~mask);
   ::close(fd);
-  return PendingFile(file, pattern);
+  return PendingFile(*std::move(claim), file, pattern);
 }
 
 PendingFile::PendingFile(PendingFile&& other) noexcept
-    : target_(std::move(other.target_)), temporary_(std::move(other.temporary_)) {
+    : claim_(std::move(other.claim_)),
+      target_(std::move(other.target_)),
+      temporary_(std::move(other.temporary_)) {
   other.temporary_.clear();
 }
 
@@ -214,12 +402,24 @@ bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
   return !place_a.empty() && place_a == place_b;
 }
 
-Result<void> check_output(const std::filesystem::path& file, std::span<const std::filesystem::path> never) {
+Result<OutputClaim> OutputClaim::take(const std::filesystem::path& file) {
+  auto lock = claims().take(end_of_links(file), file);
+  if (!lock) return lock.error();
+  return OutputClaim(*std::move(lock));
+}
+
+OutputClaim::~OutputClaim() {
+  if (!lock_.empty()) claims().give_back(lock_);
+}
+
+Result<OutputClaim> claim_output(const std::filesystem::path& file,
+                                 std::span<const std::filesystem::path> never) {
   for (const auto& input : never)
     if (same_file(file, input))
       return Error{ErrorKind::kUsage, "would replace an input", file.string(), "write to another file"};
-  if (auto pending = PendingFile::create(file); !pending) return pending.error();
-  return {};
+  const auto pending = PendingFile::create(file);
+  if (!pending) return pending.error();
+  return OutputClaim::take(file);
 }
 
 }  // namespace palpate

@@ -1,20 +1,54 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <string_view>
 
+#include "palpate/output.h"
 #include "palpate/result.h"
 
 namespace palpate {
 
-/// The whole file. Errors: missing, a folder, unreadable, larger than `max_bytes`.
+/// An ordinary file that is open for reading: the one way in which this program opens one. What only looks
+/// like a file is an error at once, where reading it, or opening it already, would wait for somebody else.
+class InputFile {
+ public:
+  /// Errors: missing, a folder, a pipe, a device, a socket, unreadable.
+  static Result<InputFile> open(const std::filesystem::path& file);
+  InputFile(InputFile&& other) noexcept;
+  InputFile& operator=(InputFile&& other) noexcept;
+  ~InputFile();
+
+  /// Stays this object's own, at the front of the file until something reads.
+  int descriptor() const { return descriptor_; }
+  /// Bytes, when it was opened.
+  std::uint64_t size() const { return size_; }
+  /// A name by which a library that takes names opens this very file, whatever has become of its own; as long
+  /// as this object and its process live.
+  std::filesystem::path name_for_libraries() const;
+  /// The next bytes; fewer than asked for only at the end. Errors: of the disk.
+  Result<std::size_t> read(std::span<std::byte> bytes);
+  /// The bytes from an offset on; otherwise as read().
+  Result<std::size_t> read_at(std::uint64_t offset, std::span<std::byte> bytes) const;
+
+ private:
+  InputFile(int descriptor, std::uint64_t size, std::filesystem::path file)
+      : descriptor_(descriptor), size_(size), file_(std::move(file)) {}
+  int descriptor_ = -1;
+  std::uint64_t size_ = 0;
+  std::filesystem::path file_;
+};
+
+/// The whole file. Errors: those of InputFile::open, larger than `max_bytes`.
 Result<std::string> read_file(const std::filesystem::path& file,
                               std::size_t max_bytes = std::size_t{1} << 30);
 
 /// A file that appears whole under its name or not at all: write to path(), then commit(). Until then,
-/// and after any failure, only a hidden temporary in the same folder exists, removed by the destructor.
+/// and after any failure, only a hidden temporary in the same folder exists, removed by the destructor. It
+/// claims the target (palpate/output.h) while it lives.
 class PendingFile {
  public:
   /// Checks that the target's folder exists and takes files, so that long work fails before it starts.
@@ -30,8 +64,9 @@ class PendingFile {
   Result<void> commit();
 
  private:
-  PendingFile(std::filesystem::path target, std::filesystem::path temporary)
-      : target_(std::move(target)), temporary_(std::move(temporary)) {}
+  PendingFile(OutputClaim claim, std::filesystem::path target, std::filesystem::path temporary)
+      : claim_(std::move(claim)), target_(std::move(target)), temporary_(std::move(temporary)) {}
+  OutputClaim claim_;
   std::filesystem::path target_, temporary_;
 };
 

@@ -1,14 +1,21 @@
 #include "base/file.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <fstream>
 #include <utility>
 
+#include "base/test_child.h"
 #include "base/test_files.h"
 #include "palpate/output.h"
 
@@ -111,7 +118,7 @@ TEST_F(FileTest, NamesAsLongAsTheSystemTakesAreWritten) {
   }
   EXPECT_TRUE(write_file(folder_ / ("a." + std::string(253, 'e')), "x").ok());
   // one more is refused before work begins
-  const auto checked = check_output(folder_ / std::string(256, 'n'));
+  const auto checked = claim_output(folder_ / std::string(256, 'n'));
   ASSERT_FALSE(checked.ok());
   EXPECT_NE(checked.error().what.find("too long"), std::string::npos);
 }
@@ -124,7 +131,7 @@ TEST_F(FileTest, TemporariesKeepTheEndingThatNamesTheFormat) {
     auto pending = PendingFile::create(folder_ / name);
     ASSERT_TRUE(pending.ok()) << name;
     const std::string temporary = pending->path().filename().string();
-    EXPECT_EQ(temporary.substr(std::string(".palpate-XXXXXX").size()), ending) << name;
+    EXPECT_EQ(temporary.substr(std::string(".palpate-0123456789abcdef-XXXXXX").size()), ending) << name;
   }
 }
 
@@ -135,13 +142,13 @@ TEST_F(FileTest, AnOutputDoesNotReplaceAnInput) {
   fs::create_directory(folder_ / "sub");
   const std::array<fs::path, 2> never{folder_ / "other", input};
   for (const char* name : {"in.nrrd", "link.nrrd", "./in.nrrd", "sub/../in.nrrd"}) {
-    const auto checked = check_output(folder_ / name, never);
+    const auto checked = claim_output(folder_ / name, never);
     ASSERT_FALSE(checked.ok()) << name;
     EXPECT_EQ(checked.error().kind, ErrorKind::kUsage);
     EXPECT_NE(checked.error().what.find("would replace an input"), std::string::npos);
   }
-  EXPECT_TRUE(check_output(folder_ / "out.nrrd", never).ok());
-  EXPECT_TRUE(check_output(input).ok());
+  EXPECT_TRUE(claim_output(folder_ / "out.nrrd", never).ok());
+  EXPECT_TRUE(claim_output(input).ok());
 }
 
 TEST_F(FileTest, OneFileHasManyNamesAlsoBeforeItIsThere) {
@@ -154,16 +161,104 @@ TEST_F(FileTest, OneFileHasManyNamesAlsoBeforeItIsThere) {
   EXPECT_FALSE(same_file(folder_ / "sub/new", folder_ / "new"));
 }
 
-TEST_F(FileTest, CheckingAnOutputLeavesNothing) {
-  EXPECT_TRUE(check_output(folder_ / "a.html").ok());
+TEST_F(FileTest, ClaimingAnOutputLeavesNothing) {
+  EXPECT_TRUE(claim_output(folder_ / "a.html").ok());
   EXPECT_EQ(folder_.count(), 0u);
-  EXPECT_EQ(check_output(folder_ / "missing/a.html").error().kind, ErrorKind::kOutput);
-  EXPECT_EQ(check_output(folder_.path()).error().kind, ErrorKind::kOutput);
+  EXPECT_EQ(claim_output(folder_ / "missing/a.html").error().kind, ErrorKind::kOutput);
+  EXPECT_EQ(claim_output(folder_.path()).error().kind, ErrorKind::kOutput);
+}
+
+TEST_F(FileTest, WhatOneProcessWritesNoOtherDoes) {
+  fs::create_symlink("a.h5", folder_ / "link.h5");
+  fs::create_directory(folder_ / "sub");
+  auto claim = claim_output(folder_ / "a.h5");
+  ASSERT_TRUE(claim.ok());
+  // the process itself goes on, and the claim stands when the file does
+  ASSERT_TRUE(write_file(folder_ / "a.h5", "mine").ok());
+  testing::Child other([&] {
+    for (const char* name : {"a.h5", "link.h5", "sub/../a.h5"})
+      for (const auto& refused :
+           {claim_output(folder_ / name).error(), write_file(folder_ / name, "theirs").error()})
+        if (refused.kind != ErrorKind::kOutput ||
+            refused.what != "is being written by another run (process " + std::to_string(::getppid()) + ")")
+          ::_exit(1);
+    if (!write_file(folder_ / "b.h5", "theirs").ok()) ::_exit(1);
+  });
+  EXPECT_TRUE(other.finished());
+  EXPECT_EQ(*read_file(folder_ / "a.h5"), "mine");
+
+  claim = claim_output(folder_ / "c.h5");
+  testing::Child later([&] {
+    if (!write_file(folder_ / "a.h5", "theirs").ok()) ::_exit(1);
+  });
+  EXPECT_TRUE(later.finished());
+  EXPECT_EQ(*read_file(folder_ / "a.h5"), "theirs");
+}
+
+TEST_F(FileTest, WhatAKilledRunLeftIsSweptByTheNextOfItsTarget) {
+  testing::Shared<std::atomic<bool>> begun;
+  testing::Child killed([&] {
+    const auto claim = claim_output(folder_ / "a.nrrd");
+    const auto pending = PendingFile::create(folder_ / "a.nrrd");
+    const auto another = PendingFile::create(folder_ / "b.nrrd");
+    *begun = claim.ok() && pending.ok() && another.ok();
+    while (true) ::pause();
+  });
+  while (!*begun) ::usleep(1000);
+  EXPECT_EQ(folder_.count(), 4u) << "two temporaries and two locks";
+  killed.kill();
+  ASSERT_TRUE(write_file(folder_ / "a.nrrd", "x").ok());
+  EXPECT_EQ(folder_.count(), 3u) << "the other target's stay";
+  ASSERT_TRUE(write_file(folder_ / "b.nrrd", "x").ok());
+  EXPECT_EQ(folder_.count(), 2u);
 }
 
 TEST_F(FileTest, AFolderIsNeitherReadNorWritten) {
   EXPECT_EQ(read_file(folder_.path()).error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(write_file(folder_.path(), "x").error().kind, ErrorKind::kOutput);
+}
+
+TEST_F(FileTest, WhatOnlyLooksLikeAFileIsRefusedAtOnce) {
+  const auto refused_as = [](const fs::path& file, const char* kind) {
+    const auto read = read_file(file);
+    ASSERT_FALSE(read.ok()) << file;
+    EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
+    EXPECT_EQ(read.error().what, std::string("is ") + kind + ", not a file");
+    EXPECT_FALSE(InputFile::open(file).ok());
+  };
+  ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  fs::create_symlink("pipe", folder_ / "link");
+  refused_as(folder_ / "pipe", "a pipe");
+  refused_as(folder_ / "link", "a pipe");
+  // with a writer there would be bytes, and no end
+  const int writer = ::open((folder_ / "pipe").c_str(), O_RDWR | O_CLOEXEC);
+  EXPECT_EQ(::write(writer, "x", 1), 1);
+  refused_as(folder_ / "pipe", "a pipe");
+  ::close(writer);
+
+  refused_as("/dev/zero", "a device");
+  sockaddr_un address{AF_UNIX, "socket"};
+  const int socket = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const fs::path here = fs::current_path();
+  fs::current_path(folder_.path());
+  EXPECT_EQ(::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  fs::current_path(here);
+  refused_as(folder_ / "socket", "a socket");
+  ::close(socket);
+}
+
+TEST_F(FileTest, AnOpenFileStaysWhatItWas) {
+  ASSERT_TRUE(write_file(folder_ / "a", "0123456789").ok());
+  auto opened = InputFile::open(folder_ / "a");
+  ASSERT_TRUE(opened.ok());
+  // another takes its name
+  ASSERT_TRUE(write_file(folder_ / "a", "other").ok());
+  EXPECT_EQ(opened->size(), 10u);
+  std::array<char, 4> bytes{};
+  EXPECT_EQ(*opened->read_at(8, std::as_writable_bytes(std::span(bytes))), 2u);
+  EXPECT_EQ(*opened->read(std::as_writable_bytes(std::span(bytes))), 4u);
+  EXPECT_EQ(std::string(bytes.data(), 4), "0123");
+  EXPECT_EQ(test::bytes_of_file(opened->name_for_libraries()), "0123456789");
 }
 
 TEST_F(FileTest, TooLargeAndMissingAreErrors) {

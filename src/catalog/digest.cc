@@ -3,14 +3,14 @@
 #include <openssl/evp.h>
 
 #include <array>
-#include <cstdio>
 #include <memory>
+
+#include "base/file.h"
 
 namespace palpate {
 namespace {
 
 using Context = std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)>;
-using Stream = std::unique_ptr<std::FILE, decltype(&std::fclose)>;
 
 std::string hex(const unsigned char* bytes, unsigned size) {
   constexpr char kDigits[] = "0123456789abcdef";
@@ -24,20 +24,19 @@ std::string hex(const unsigned char* bytes, unsigned size) {
 
 Result<std::string> digest_of_file(const std::filesystem::path& file, const EVP_MD* algorithm,
                                    const std::string& prefix) {
-  const Stream stream(std::fopen(file.c_str(), "rbe"), &std::fclose);
-  if (!stream) return Error{ErrorKind::kBadInput, "cannot be read", file.string(), "check its permissions"};
+  auto opened = InputFile::open(file);
+  if (!opened) return opened.error();
 
   const Context context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
   bool good = context && EVP_DigestInit_ex(context.get(), algorithm, nullptr) == 1 &&
               EVP_DigestUpdate(context.get(), prefix.data(), prefix.size()) == 1;
-  std::array<unsigned char, 1 << 16> buffer;
+  std::array<std::byte, 1 << 16> buffer;
   while (good) {
-    const std::size_t got = std::fread(buffer.data(), 1, buffer.size(), stream.get());
-    if (got == 0) break;
-    good = EVP_DigestUpdate(context.get(), buffer.data(), got) == 1;
+    const auto got = opened->read(buffer);
+    if (!got) return got.error();
+    if (*got == 0) break;
+    good = EVP_DigestUpdate(context.get(), buffer.data(), *got) == 1;
   }
-  if (std::ferror(stream.get()))
-    return Error{ErrorKind::kBadInput, "cannot be read to its end", file.string(), "check the disk"};
 
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
   unsigned size = 0;

@@ -30,8 +30,13 @@ class PartFile {
   }
 
   Result<void> open() {
-    fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY, 0666);
     if (fd_ < 0) return output_error(path_, errno);
+    struct stat status {};
+    if (::fstat(fd_, &status) != 0) return output_error(path_, errno);
+    if (!S_ISREG(status.st_mode))
+      return Error{ErrorKind::kOutput, "cannot be written, it is not an ordinary file", path_.string(),
+                   "remove it"};
     if (::flock(fd_, LOCK_EX | LOCK_NB) != 0)
       return Error{ErrorKind::kUnavailable, "is being fetched by another program", path_.string(),
                    "wait until it is done"};

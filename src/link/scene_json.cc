@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "link/pose_message.h"
+#include "palpate/printable.h"
 #include "palpate_version.h"
 
 namespace palpate::link {
@@ -12,9 +13,14 @@ namespace {
 // keys in the order of the document
 using Json = nlohmann::ordered_json;
 
-// names come from files: bytes that are no UTF-8 are replaced, and what is not known or not finite is null
+// what is not known or not finite is null
 std::string text_of(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+// names come from files, and go to a page
+Json shown(const std::string& name) {
+  return printable_name(name);
 }
 
 Json colour_json(const Rgb& colour) {
@@ -57,7 +63,7 @@ Json tissues_json(const ViewedScene& scene, const ViewedState& state) {
   Json tissues = Json::array();
   for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
     const ViewedTissue& tissue = scene.tissues[t];
-    Json json = {{"name", tissue.name},
+    Json json = {{"name", shown(tissue.name)},
                  {"felt", tissue.felt},
                  {"colour", colour_json(tissue.colour)},
                  {"opacity", tissue.opacity}};
@@ -72,14 +78,14 @@ Json structures_json(const ViewedScene& scene) {
   Json structures = Json::array();
   for (const ViewedStructure& structure : scene.structures)
     structures.push_back({{"label", structure.label},
-                          {"name", structure.name},
+                          {"name", shown(structure.name)},
                           {"colour", colour_json(structure.colour)},
                           {"tissue", structure.tissue}});
   return structures;
 }
 
 Json error_json(const Error& error) {
-  return {{"what", error.what}, {"where", error.where}, {"how", error.remedy}};
+  return {{"what", shown(error.what)}, {"where", shown(error.where)}, {"how", printable(error.remedy)}};
 }
 
 }  // namespace
@@ -108,10 +114,11 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["world_from_patient"] = scene.world_from_patient;
   json["structures"] = structures_json(scene);
   json["tissues"] = tissues_json(scene, state);
-  json["tool"] = {
-      {"name", scene.tool_name}, {"radius_mm", scene.tool_radius_mm}, {"points_mm", scene.tool_points_mm}};
+  json["tool"] = {{"name", shown(scene.tool_name)},
+                  {"radius_mm", scene.tool_radius_mm},
+                  {"points_mm", scene.tool_points_mm}};
   json["methods"] = scene.methods;
-  json["device"] = {{"name", scene.device_name},
+  json["device"] = {{"name", shown(scene.device_name)},
                     {"simulated", scene.simulated},
                     {"input", scene.input},
                     {"peak_force_N", scene.peak_force_N},

@@ -58,7 +58,7 @@ TEST(SceneJson, NamesThatAreNoUtf8DoNotHarm) {
   FakeHost host;
   host.edit_scene().structures[0].name = "f\xff\"</script>\n";
   const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, Role::kView));
-  EXPECT_EQ(json["structures"][0]["name"], "f\ufffd\"</script>\n");
+  EXPECT_EQ(json["structures"][0]["name"], "f\\xff\"</script>\\u000a");
 }
 
 TEST(SceneJson, StateAndAnswers) {

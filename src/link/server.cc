@@ -9,6 +9,7 @@
 #include <thread>
 #include <utility>
 
+#include "base/file.h"
 #include "link/connection.h"
 #include "link/hub.h"
 #include "link/ordinary_thread.h"
@@ -69,9 +70,14 @@ Result<std::unique_ptr<net::ssl::context>> tls_context(const ViewerServerOptions
   // a key with a passphrase must not ask for it at the terminal
   tls->set_password_callback([](std::size_t, net::ssl::context::password_purpose) { return std::string(); },
                              failed);
-  tls->use_certificate_chain_file(options.tls_certificate.string(), failed);
+  constexpr std::size_t kMostPemBytes = std::size_t{1} << 20;
+  const auto certificate = read_file(options.tls_certificate, kMostPemBytes);
+  if (!certificate) return certificate.error();
+  tls->use_certificate_chain(net::buffer(*certificate), failed);
   if (failed) return bad_tls(options.tls_certificate, "holds no certificate that can be read");
-  tls->use_private_key_file(options.tls_key.string(), net::ssl::context::pem, failed);
+  const auto key = read_file(options.tls_key, kMostPemBytes);
+  if (!key) return key.error();
+  tls->use_private_key(net::buffer(*key), net::ssl::context::pem, failed);
   if (failed) return bad_tls(options.tls_key, "holds no key of that certificate that can be read");
   return tls;
 }

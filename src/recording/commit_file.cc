@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 namespace palpate::internal {
 namespace {
 
 class FileSink : public ByteSink {
  public:
-  explicit FileSink(int descriptor) : descriptor_(descriptor) {}
+  FileSink(int descriptor, OutputClaim claim) : claim_(std::move(claim)), descriptor_(descriptor) {}
   FileSink(const FileSink&) = delete;
   FileSink& operator=(const FileSink&) = delete;
   ~FileSink() override { ::close(descriptor_); }
@@ -47,6 +48,7 @@ class FileSink : public ByteSink {
   int sync() override { return ::fsync(descriptor_) == 0 ? 0 : errno; }
 
  private:
+  OutputClaim claim_;
   int descriptor_;
 };
 
@@ -58,8 +60,8 @@ int step_of(std::uint64_t offset, std::span<const std::byte> bytes) {
 
 }  // namespace
 
-std::unique_ptr<ByteSink> make_file_sink(int descriptor) {
-  return std::make_unique<FileSink>(descriptor);
+std::unique_ptr<ByteSink> make_file_sink(int descriptor, OutputClaim claim) {
+  return std::make_unique<FileSink>(descriptor, std::move(claim));
 }
 
 void CommitFile::fail(int error) {

@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "palpate/output.h"
+
 namespace palpate::internal {
 
 /// Bytes on a disk. Every function answers 0 or an errno.
@@ -19,8 +21,8 @@ class ByteSink {
   virtual int sync() = 0;
 };
 
-/// The descriptor, closed with the sink.
-std::unique_ptr<ByteSink> make_file_sink(int descriptor);
+/// The descriptor, closed with the sink, and the file claimed as long.
+std::unique_ptr<ByteSink> make_file_sink(int descriptor, OutputClaim claim);
 
 /// An HDF5 file that a killed program or a full disk leaves readable. HDF5 writes in whatever order suits
 /// its caches; here its writes are put into an order in which every prefix is a whole file:

@@ -15,7 +15,7 @@
 namespace palpate::internal {
 namespace {
 
-// a recording compressed by other tools may unpack to this many times its size, not more
+// a recording compressed by other tools may unpack to this many times its size, all of it, not more
 constexpr std::uint64_t kMaxUnpacking = 100;
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 50;
 constexpr hsize_t kMaxChunkBytes = hsize_t{64} << 20;
@@ -23,6 +23,12 @@ constexpr hsize_t kMaxChunkBytes = hsize_t{64} << 20;
 // thrown within this file only
 struct Refusal {
   std::string what, remedy;
+};
+
+// what a file of this size may still unpack to
+struct Unpacking {
+  explicit Unpacking(std::uint64_t file_bytes) : left(std::min(file_bytes, kMaxFileBytes) * kMaxUnpacking) {}
+  std::uint64_t left;
 };
 
 void require(bool condition, const std::string& what) {
@@ -156,19 +162,34 @@ class DataSet {
   std::vector<std::string> texts(std::size_t most) const {
     const std::size_t size = text_size(type_);
     require(size >= 1 && size <= most, name_ + " is not a text of fixed length");
-    const std::size_t count = static_cast<std::size_t>(rows_or_one());
-    std::string bytes(size * count, '\0');
-    read_all(type_.get(), bytes.data());
+    std::string bytes;
     std::vector<std::string> texts;
-    for (std::size_t i = 0; i < count; ++i) texts.push_back(unpadded(bytes.substr(i * size, size)));
+    if (rank_ == 0) {
+      bytes.resize(size);
+      read_all(type_.get(), bytes.data());
+      return {unpadded(std::move(bytes))};
+    }
+    // some at a time: what they are padded with is most of them
+    constexpr hsize_t kAtOnce = 1024;
+    std::size_t kept = 0;
+    for (hsize_t first = 0; first < rows(); first += kAtOnce) {
+      const hsize_t count = std::min(kAtOnce, rows() - first);
+      bytes.assign(size * static_cast<std::size_t>(count), '\0');
+      read_rows(type_.get(), first, count, bytes.data());
+      for (std::size_t i = 0; i < count; ++i) {
+        texts.push_back(unpadded(bytes.substr(i * size, size)));
+        kept += texts.back().size();
+      }
+      require(kept <= kMaxNames, name_ + " is too long");
+    }
     return texts;
   }
 
   // every row is stored: HDF5 would fill gaps with zeros
-  void require_stored(std::uint64_t file_bytes) const {
+  void require_stored(Unpacking& unpacking) const {
     const hsize_t rows = rows_or_one(), row_bytes = H5Tget_size(type_.get()) * dims_[1];
-    require(rows <= std::min(file_bytes, kMaxFileBytes) * kMaxUnpacking / row_bytes,
-            name_ + " is longer than the file can hold");
+    require(rows <= unpacking.left / row_bytes, name_ + " is longer than the file can hold");
+    unpacking.left -= rows * row_bytes;
     const H5D_layout_t layout = H5Pget_layout(properties_.get());
     if (rows == 0 || layout == H5D_COMPACT) return;
     hsize_t stored = H5Dget_storage_size(data_set_.get()) / row_bytes;
@@ -227,8 +248,7 @@ std::uint32_t check_format(hid_t file) {
   return major;
 }
 
-void read_structures(hid_t file, std::uint64_t file_bytes,
-                     std::vector<RecordingHeader::Structure>& structures) {
+void read_structures(hid_t file, Unpacking& unpacking, std::vector<RecordingHeader::Structure>& structures) {
   const Handle group = open_group(file, "structures");
   const auto open = [&](const char* name, int rank, std::size_t width) {
     DataSet data_set(group.get(), "structures", name);
@@ -241,7 +261,7 @@ void read_structures(hid_t file, std::uint64_t file_bytes,
   require(count <= kMaxStructures, "it lists too many structures");
   for (const DataSet* data_set : {&label, &colour, &name, &tissue}) {
     data_set->require_rows(count);
-    data_set->require_stored(file_bytes);
+    data_set->require_stored(unpacking);
   }
   label.require_type(H5T_STD_U16LE);
   colour.require_type(H5T_STD_U8LE);
@@ -254,7 +274,7 @@ void read_structures(hid_t file, std::uint64_t file_bytes,
   for (std::size_t i = 0; i < count; ++i) structures.push_back({labels[i], names[i], tissues[i], colours[i]});
 }
 
-RecordingHeader read_header(hid_t file, std::uint64_t file_bytes) {
+RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
   RecordingHeader header;
   const Handle group = open_group(file, "header");
   visit_header(header, [&](const char* name, auto& value) { read(Attribute(group.get(), name), value); });
@@ -262,11 +282,11 @@ RecordingHeader read_header(hid_t file, std::uint64_t file_bytes) {
   const DataSet script(group.get(), "header", "script");
   script.require_shape(0);
   header.script_text = script.texts(kMaxScript).front();
-  read_structures(file, file_bytes, header.structures);
+  read_structures(file, unpacking, header.structures);
   return header;
 }
 
-std::optional<RecordingSummary> read_summary(hid_t file, std::uint64_t file_bytes) {
+std::optional<RecordingSummary> read_summary(hid_t file, Unpacking& unpacking) {
   const Handle group = open_group(file, "summary");
   const auto number = [&](const char* name, hid_t type, void* value) {
     const DataSet data_set(group.get(), "summary", name);
@@ -283,20 +303,20 @@ std::optional<RecordingSummary> read_summary(hid_t file, std::uint64_t file_byte
   const DataSet trouble(group.get(), "summary", "trouble");
   trouble.require_shape(1);
   require(trouble.rows() <= kMaxTroubles, "it lists too many troubles");
-  trouble.require_stored(file_bytes);
+  trouble.require_stored(unpacking);
   summary.trouble = trouble.texts(kMaxText);
   return summary;
 }
 
 // Format 3 lists the model's changes at the end of a whole run, from 3.1 on, and not when they took hold.
-std::vector<RecordingEvent> read_earlier_changes(hid_t file, std::uint64_t file_bytes) {
+std::vector<RecordingEvent> read_earlier_changes(hid_t file, Unpacking& unpacking) {
   const Handle group = open_group(file, "summary");
   if (!is_there(group.get(), "model_changes")) return {};
   const DataSet changes(group.get(), "summary", "model_changes");
   changes.require_shape(2, std::tuple_size_v<ChangeRow>);
   changes.require_type(H5T_IEEE_F64LE);
   require(changes.rows() <= kMaxChanges, "it lists too many changes of the model");
-  changes.require_stored(file_bytes);
+  changes.require_stored(unpacking);
   std::vector<ChangeRow> rows(static_cast<std::size_t>(changes.rows()));
   if (!rows.empty()) changes.read_all(H5T_IEEE_F64LE, rows.data());
   std::vector<RecordingEvent> events;
@@ -311,13 +331,13 @@ std::vector<RecordingEvent> read_earlier_changes(hid_t file, std::uint64_t file_
 }
 
 void open_columns(hid_t file, const std::string& group_name, std::span<const Column> columns,
-                  std::uint64_t file_bytes, std::vector<StoredColumn>& opened) {
+                  Unpacking& unpacking, std::vector<StoredColumn>& opened) {
   const Handle group = open_group(file, group_name);
   for (const Column& column : columns) {
     DataSet data_set(group.get(), group_name, column.name);
     data_set.require_type(hdf5_type(column.number));
     data_set.require_shape(column.width == 1 ? 1 : 2, column.width);
-    data_set.require_stored(file_bytes);
+    data_set.require_stored(unpacking);
     opened.push_back({&column, std::move(data_set)});
   }
 }
@@ -383,11 +403,11 @@ class EventQueue {
   std::size_t next_ = 0, timed_ = 0;
 };
 
-EventQueue open_events(hid_t file, std::uint32_t major, std::uint64_t file_bytes, bool complete) {
+EventQueue open_events(hid_t file, std::uint32_t major, Unpacking& unpacking, bool complete) {
   if (major < kFormatMajor)
-    return EventQueue(complete ? read_earlier_changes(file, file_bytes) : std::vector<RecordingEvent>());
+    return EventQueue(complete ? read_earlier_changes(file, unpacking) : std::vector<RecordingEvent>());
   std::vector<StoredColumn> columns;
-  open_columns(file, "events", event_columns(), file_bytes, columns);
+  open_columns(file, "events", event_columns(), unpacking, columns);
   const std::uint64_t rows = common_rows(columns, complete);
   return {std::move(columns), rows};
 }
@@ -459,17 +479,19 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target) {
     const std::uint32_t major = check_format(opened.get());
     hsize_t file_bytes = 0;
     require(H5Fget_filesize(opened.get(), &file_bytes) >= 0, "HDF5 cannot open it");
+    Unpacking unpacking(file_bytes);
 
-    RecordingHead head{
-        read_header(opened.get(), file_bytes), read_summary(opened.get(), file_bytes), 0, true, {}};
+    RecordingHead head;
+    head.header = read_header(opened.get(), unpacking);
+    head.summary = read_summary(opened.get(), unpacking);
     const bool complete = head.summary.has_value();
     // the ticks' ends first: what they had heard of is in the file before them, also while it is written
     std::vector<StoredColumn> columns;
-    open_columns(opened.get(), "ticks", tick_columns(), file_bytes, columns);
+    open_columns(opened.get(), "ticks", tick_columns(), unpacking, columns);
     for (int d = 0; d < head.header.devices; ++d)
-      open_columns(opened.get(), "device" + std::to_string(d), device_columns(), file_bytes, columns);
+      open_columns(opened.get(), "device" + std::to_string(d), device_columns(), unpacking, columns);
     const std::uint64_t rows = common_rows(columns, complete);
-    EventQueue events = open_events(opened.get(), major, file_bytes, complete);
+    EventQueue events = open_events(opened.get(), major, unpacking, complete);
     look_ahead(columns, rows, major < kFormatMajor, head, events);
 
     head_sent = true;

@@ -27,6 +27,8 @@ inline constexpr const char* kRealClock = "real";
 inline constexpr std::size_t kMaxText = 4096;  ///< bytes of one text of the header
 inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxStructures = 65536;
+inline constexpr std::size_t kMaxNames = std::size_t{64}
+                                         << 20;  ///< bytes of all structures' names and tissues
 inline constexpr std::size_t kMaxTroubles = 1000;
 inline constexpr std::size_t kMaxChanges = 100'000;  ///< of the model, in format 3
 inline constexpr std::size_t kMaxMethods = 256;      ///< their number is a byte

@@ -2,11 +2,11 @@
 #include <poll.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
@@ -15,6 +15,7 @@
 #include <new>
 #include <system_error>
 
+#include "base/file.h"
 #include "recording/hdf5_handle.h"
 #include "recording/hdf5_reader.h"
 
@@ -121,40 +122,27 @@ void confine() {
   ::_exit(sent ? 0 : 1);
 }
 
-std::optional<Error> not_hdf5(const std::filesystem::path& file) {
-  const auto bad = [&](std::string what, std::string remedy) {
-    return Error{ErrorKind::kBadInput, std::move(what), file.string(), std::move(remedy)};
-  };
-  struct stat status;
-  if (::stat(file.c_str(), &status) != 0)
-    return errno == ENOENT ? bad("no such file", "check the name and the folder")
-                           : bad(std::string("cannot be read: ") + std::strerror(errno), "");
-  if (S_ISDIR(status.st_mode)) return bad("is a folder, not a file", "name a file in it");
-  if (!S_ISREG(status.st_mode)) return bad("is not a plain file", "name a recording");
-
+std::optional<Error> not_hdf5(const InputFile& opened, const std::filesystem::path& file) {
   // HDF5's signature stands at 0, 512, 1024, 2048, ...
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) return bad("cannot be read", "check its permissions");
-  for (std::streamoff at = 0; at < status.st_size; at = at == 0 ? 512 : 2 * at) {
-    char bytes[8] = {};
-    stream.seekg(at);
-    stream.read(bytes, sizeof bytes);
-    if (std::memcmp(bytes, "\x89HDF\r\n\x1a\n", sizeof bytes) == 0) return std::nullopt;
-    stream.clear();
+  for (std::uint64_t at = 0; at < opened.size(); at = at == 0 ? 512 : 2 * at) {
+    std::array<std::byte, 8> bytes{};
+    if (const auto got = opened.read_at(at, bytes); !got) return got.error();
+    if (std::memcmp(bytes.data(), "\x89HDF\r\n\x1a\n", bytes.size()) == 0) return std::nullopt;
   }
-  return bad("is not a recording: it is no HDF5 file", "name a file that palpate simulate or explore wrote");
+  return Error{ErrorKind::kBadInput, "is not a recording: it is no HDF5 file", file.string(),
+               "name a file that palpate simulate or explore wrote"};
 }
 
 // the process that opens the file, and the end of its pipe
 class Child {
  public:
-  explicit Child(const std::filesystem::path& file) {
+  explicit Child(const InputFile& file) {
     int ends[2];
     if (::pipe2(ends, O_CLOEXEC) != 0) return;
     {
       const Hdf5Section section;
       id_ = ::fork();
-      if (id_ == 0) run_child(file, ends[1]);
+      if (id_ == 0) run_child(file.name_for_libraries(), ends[1]);
     }
     ::close(ends[1]);
     pipe_ = ends[0];
@@ -189,8 +177,10 @@ Error about(const std::filesystem::path& file, Error error) {
 /// @param take_head  says whether the parts are wanted too
 Result<void> read_isolated(const std::filesystem::path& file, const TakeHead& take_head,
                            const TakePart& take_part, const Progress& progress) try {
-  if (auto error = not_hdf5(file)) return *error;
-  const Child child(file);
+  const auto opened = InputFile::open(file);
+  if (!opened) return opened.error();
+  if (auto error = not_hdf5(*opened, file)) return *error;
+  const Child child(*opened);
   if (!child.started())
     return Error{ErrorKind::kUnavailable, std::string("no process to read it in: ") + std::strerror(errno),
                  file.string(), ""};

@@ -464,10 +464,13 @@ std::optional<Error> header_error(const RecordingHeader& header) {
     if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::string>) check(name, value, kMaxText);
   });
   check("script", header.script_text, kMaxScript);
+  std::size_t names = 0;
   for (const auto& structure : header.structures) {
     check("name of a structure", structure.name, kMaxText);
     check("tissue of a structure", structure.tissue, kMaxText);
+    names += structure.name.size() + structure.tissue.size();
   }
+  if (names > kMaxNames) error = bad("the names of the structures are longer than 64 MiB");
   return error;
 }
 
@@ -490,11 +493,13 @@ Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sin
 Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::filesystem::path& file,
                                                                  const RecordingHeader& header) {
   // the name appears when there is a recording to open under it
+  auto claim = OutputClaim::take(file);
+  if (!claim) return claim.error();
   auto pending = PendingFile::create(file);
   if (!pending) return pending.error();
   const int descriptor = ::open(pending->path().c_str(), O_RDWR | O_CLOEXEC);
   if (descriptor < 0) return output_error(file, errno);
-  auto writer = internal::create_on(internal::make_file_sink(descriptor), header, file);
+  auto writer = internal::create_on(internal::make_file_sink(descriptor, *std::move(claim)), header, file);
   if (!writer) return writer;
   if (auto committed = pending->commit(); !committed) return committed.error();
   return writer;

@@ -95,6 +95,7 @@ void receive_structures(Receiver& in, std::vector<RecordingHeader::Structure>& s
   std::uint32_t count = 0;
   in.get(count);
   if (count > kMaxStructures) in.fail("it lists too many structures");
+  std::size_t names = 0;
   for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
     RecordingHeader::Structure structure{};
     in.get(structure.label);
@@ -103,6 +104,8 @@ void receive_structures(Receiver& in, std::vector<RecordingHeader::Structure>& s
     in.get(structure.colour.r);
     in.get(structure.colour.g);
     in.get(structure.colour.b);
+    names += structure.name.size() + structure.tissue.size();
+    if (names > kMaxNames) in.fail("the names of its structures are too long");
     structures.push_back(std::move(structure));
   }
 }

@@ -1,17 +1,12 @@
 #include "rendering/markup.h"
 
+#include "palpate/printable.h"
+
 namespace palpate::markup {
-namespace {
-
-bool is_control(char c) {
-  return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
-}
-
-}  // namespace
 
 std::string escape(std::string_view text) {
   std::string result;
-  for (const char c : text) {
+  for (const char c : printable(text)) {
     switch (c) {
       case '&':
         result += "&amp;";
@@ -29,7 +24,7 @@ std::string escape(std::string_view text) {
         result += "&#39;";
         break;
       default:
-        result += is_control(c) && c != '\n' && c != '\t' ? ' ' : c;
+        result += c;
     }
   }
   return result;

@@ -7,7 +7,8 @@ namespace {
 
 TEST(Escape, MarkupBecomesText) {
   EXPECT_EQ(escape("<b onload=\"x('&')\">"), "&lt;b onload=&quot;x(&#39;&amp;&#39;)&quot;&gt;");
-  EXPECT_EQ(escape(std::string_view("a\0b\x1b\x7f\n\tc", 8)), "a b  \n\tc");
+  EXPECT_EQ(escape(std::string_view("a\0b\x1b\x7f\n\tc", 8)), "a\\u0000b\\u001b\\u007f\n\tc");
+  EXPECT_EQ(escape("\u202e<\x9b"), "\\u202e&lt;\\x9b");
   EXPECT_EQ(escape("genou (gauche) \u00e9"), "genou (gauche) \u00e9");
 }
 

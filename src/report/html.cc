@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "palpate/printable.h"
+
 namespace palpate::report {
 namespace {
 
@@ -32,7 +34,7 @@ std::uint8_t hex_value(char digit) {
 
 std::string json_string(std::string_view text) {
   std::string result = "\"";
-  for (const char c : text) {
+  for (const char c : printable(text)) {
     // '<' would let a name end the script element that it stands in
     if (is_control(c) || c == '"' || c == '\\' || c == '<' || c == '>' || c == '&') {
       result += "\\u00";

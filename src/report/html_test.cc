@@ -11,6 +11,7 @@ namespace {
 
 TEST(JsonString, CannotLeaveAScriptElement) {
   EXPECT_EQ(json_string("</script><!--\"\\\n"), "\"\\u003c/script\\u003e\\u003c!--\\u0022\\u005c\\u000a\"");
+  EXPECT_EQ(json_string("\u202e\x9b"), "\"\\u005cu202e\\u005cx9b\"") << "spelled out, and read as such";
   EXPECT_EQ(json_string("knee \u00e9"), "\"knee \u00e9\"");
 }
 

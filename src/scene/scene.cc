@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/file.h"
+#include "palpate/reading.h"
 #include "scene/table_reader.h"
 
 namespace palpate {
@@ -257,7 +258,11 @@ void read_tissues(const TableReader& top, Scene& scene, Problems& problems) {
     scene.tissues.push_back(read_tissue(TableReader(table, scene_key_tables().tissue, problems), problems));
 }
 
-/// Whether the files are there; what is in them is for those to say who read them.
+bool says_elsewhere(const std::filesystem::path& file) {
+  return file.is_absolute() || std::find(file.begin(), file.end(), "..") != file.end();
+}
+
+/// Whether the files are there, and where they seem to be; what is in them is for those to say who read them.
 Result<void> check_files(const Scene& scene) {
   const std::array<std::pair<const std::optional<std::filesystem::path>&, int>, 3> files{
       {{scene.scan, scene.lines.scan}, {scene.labels, scene.lines.labels}, {scene.names, scene.lines.names}}};
@@ -265,9 +270,12 @@ Result<void> check_files(const Scene& scene) {
     if (!file) continue;
     std::error_code unknown;
     const std::filesystem::path path = scene.resolve(*file);
-    if (std::filesystem::status(path, unknown).type() != std::filesystem::file_type::not_found) continue;
-    return Error{ErrorKind::kBadInput, "no such file: " + path.string(), scene.where(line),
-                 "paths are absolute, or relative to the folder of the scene file"};
+    if (std::filesystem::status(path, unknown).type() == std::filesystem::file_type::not_found)
+      return Error{ErrorKind::kBadInput, "no such file: " + path.string(), scene.where(line),
+                   "paths are absolute, or relative to the folder of the scene file"};
+    // what the scene itself says to stand elsewhere is there to be read; where a link leads is not
+    if (says_elsewhere(*file)) continue;
+    if (auto stays = check_stays_in(scene.folder, path); !stays) return stays.error();
   }
   return {};
 }

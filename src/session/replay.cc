@@ -137,6 +137,9 @@ class Replayer {
   Result<void> take(const RecordingPart& part) {
     for (const RecordingEvent& event : part.events)
       if (event.kind == RecordingEvent::Kind::kModel) changes_.push_back(event.change);
+    if (changes_.size() > kMostUnfelt)
+      return Error{ErrorKind::kBadInput, "the recording lists more changes of the model than a run can have",
+                   "", ""};
     for (const TickRecord& recorded : part.ticks) {
       if (!result_.difference.empty()) return {};
       if (auto there = advance_to(recorded); !there) return there;
@@ -148,6 +151,8 @@ class Replayer {
   ReplayResult& result() { return result_; }
 
  private:
+  // between two ticks there are a few; of format 3, which has none at their time, kMaxChanges in all
+  static constexpr std::size_t kMostUnfelt = 100'000;
   Result<void> advance_to(const TickRecord& recorded);
   void run_again(const TickRecord& recorded);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "base/file.h"
 #include "volume_io/label_text.h"
 #include "volume_io/voxel_stream.h"
 
@@ -116,7 +117,8 @@ Result<VolumeFile> inspect(const std::filesystem::path& file) {
   if (status.type() == std::filesystem::file_type::not_found)
     return bad_input(file.string(), "no such file", "check the name and the folder");
   if (std::filesystem::is_directory(status)) return folder_error(file);
-  if (!std::filesystem::is_regular_file(status)) return bad_input(file.string(), "is not a plain file");
+  // a pipe, a device, a socket, or nothing that may be read
+  if (const auto opened = InputFile::open(file); !opened) return opened.error();
   const auto format = format_of(file);
   if (!format) {
     const auto kind = content_of(file);

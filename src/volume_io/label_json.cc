@@ -11,10 +11,29 @@ using namespace volume_io;
 
 namespace {
 
-using Json = nlohmann::ordered_json;
+// not the ordered one, which looks through all keys for each
+using Json = nlohmann::json;
 
-// Names are only ever looked for a few levels down; what is deeper is refused while it is read.
+// Names are only ever looked for a few levels down; what is deeper is refused.
 constexpr int kDeepest = 12;
+
+// Counted here: asked while it reads, the parser looks through the whole of a list after each of its parts.
+bool nests_too_deep(std::string_view text) {
+  int depth = 0;
+  bool quoted = false;
+  for (std::size_t n = 0; n < text.size(); ++n) {
+    const char c = text[n];
+    if (quoted) {
+      n += c == '\\';
+      quoted = c != '"';
+    } else {
+      quoted = c == '"';
+      depth += (c == '{' || c == '[') - (c == '}' || c == ']');
+      if (depth > kDeepest) return true;
+    }
+  }
+  return false;
+}
 
 constexpr const char* kRemedy =
     R"(give numbers with names, {"1": "femur"} or {"femur": 1}, or what dcmqi or 3D Slicer writes of segments)";
@@ -165,15 +184,9 @@ const Json* only_table(const Json& json) {
 }  // namespace
 
 Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const std::string& source) {
-  bool too_deep = false;
-  const auto keep = [&](int depth, Json::parse_event_t, Json&) {
-    too_deep = too_deep || depth > kDeepest;
-    return depth <= kDeepest;
-  };
-  const Json json = Json::parse(text, keep, false);
-  if (too_deep || json.is_discarded())
-    return bad_input(source, too_deep ? "nests deeper than any table of names" : "is not valid JSON",
-                     kRemedy);
+  if (nests_too_deep(text)) return bad_input(source, "nests deeper than any table of names", kRemedy);
+  const Json json = Json::parse(text, nullptr, false);
+  if (json.is_discarded()) return bad_input(source, "is not valid JSON", kRemedy);
 
   Names names(source);
   if (const Json* attributes = find(json, {"segmentAttributes", "segments", "Segments"}))

@@ -10,14 +10,17 @@ using namespace volume_io;
 namespace {
 
 // Neighbours along i that are both not background, by whether they are equal: in patches most are, in a scan
-// few.
+// few. And those that are next to equal: in a smooth scan most of the unequal ones, in patches hardly any.
 struct Neighbours {
-  std::size_t equal = 0, unequal = 0;
+  std::size_t equal = 0, unequal = 0, near = 0;
 
   template <class T>
   void see(const std::vector<T>& voxels) {
     for (std::size_t n = 1; n < voxels.size(); ++n)
-      if (voxels[n] != 0 && voxels[n - 1] != 0) ++(voxels[n] == voxels[n - 1] ? equal : unequal);
+      if (voxels[n] != 0 && voxels[n - 1] != 0) {
+        ++(voxels[n] == voxels[n - 1] ? equal : unequal);
+        near += voxels[n] != voxels[n - 1] && std::abs(voxels[n] - voxels[n - 1]) <= 2;
+      }
   }
 };
 
@@ -56,7 +59,8 @@ bool looks_like_scan(const LabelMap& labels) {
   if (labels.segments.size() <= kManyLabels) return false;
   Neighbours neighbours;
   for (const Volume<LabelId>& layer : labels.layers) neighbours.see(layer.voxels());
-  return neighbours.unequal > neighbours.equal;
+  const bool smooth = 2 * neighbours.near > neighbours.unequal;
+  return neighbours.unequal > neighbours.equal || (smooth && 2 * neighbours.unequal > neighbours.equal);
 }
 
 }  // namespace palpate

@@ -1,3 +1,4 @@
+#include "palpate/reading.h"
 #include "volume_io/formats.h"
 #include "volume_io/headers.h"
 #include "volume_io/label_text.h"
@@ -20,7 +21,9 @@ Result<std::filesystem::path> partner(const std::filesystem::path& file, const s
     std::filesystem::path candidate = stem;
     candidate.replace_extension(other);
     std::error_code ignored;
-    if (std::filesystem::is_regular_file(candidate, ignored)) return candidate;
+    if (!std::filesystem::is_regular_file(candidate, ignored)) continue;
+    if (auto stays = check_stays_in(file.parent_path(), candidate); !stays) return stays.error();
+    return candidate;
   }
   return bad_input(file.string(), "its other half (" + ending + ") is missing",
                    "a .hdr and its .img belong together");

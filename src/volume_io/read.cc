@@ -3,7 +3,9 @@
 #include <cstring>
 #include <limits>
 #include <new>
+#include <set>
 
+#include "palpate/reading.h"
 #include "volume_io/formats.h"
 #include "volume_io/label_names.h"
 #include "volume_io/looks_like.h"
@@ -26,8 +28,35 @@ void for_each_value(std::uint64_t first, std::span<const std::byte> bytes, const
   }
 }
 
+// Memory for all voxels is asked for and not yet taken: what a header promises and the file does not hold is
+// never taken. grow_to() takes it, from the front on.
+template <class T>
+std::vector<T> unfilled(const GridGeometry& geometry) {
+  std::vector<T> voxels;
+  voxels.reserve(geometry.voxel_count());
+  return voxels;
+}
+
+template <class T>
+void grow_to(std::vector<T>& voxels, std::uint64_t count) {
+  if (count > voxels.size()) voxels.resize(static_cast<std::size_t>(count));
+}
+
 bool is_scaled(const VoxelSource& source) {
   return source.slope != 1 || source.intercept != 0;
+}
+
+// Segments in the file, or a table that names half of the labels, say that they are labels however they look.
+bool says_labels(const LabelFile& file) {
+  return file.header.has_segments || file.header.meaning == ValueMeaning::kLabels ||
+         2 * file.unnamed.size() < file.labels.segments.size();
+}
+
+Error taken_for_labels(const std::filesystem::path& file, std::size_t values) {
+  return bad_input(file.string(),
+                   "looks like a scan, not like a label map: " + std::to_string(values) +
+                       " values, which change from voxel to voxel",
+                   "give it as the scan; if it is a label map, name its labels in a table (--names)");
 }
 
 Error out_of_memory(const std::filesystem::path& file) {
@@ -52,18 +81,23 @@ bool replace_non_finite(std::vector<float>& voxels, std::size_t& replaced) {
   return true;
 }
 
+// what a label may be, background included
+constexpr std::size_t kValues = 65536;
+
 // puts the values of a label file into the layers, and notes which there are
 class LabelSink {
  public:
   explicit LabelSink(const VolumeFile& file)
-      : file_(file),
-        layers_(static_cast<std::size_t>(file.header.layers), Volume<LabelId>(file.header.geometry)),
-        present_(layers_.size(), std::vector<char>(65536)) {}
+      : file_(file), present_(static_cast<std::size_t>(file.header.layers), std::vector<char>(kValues)) {
+    for (int layer = 0; layer < file.header.layers; ++layer)
+      layers_.push_back(unfilled<LabelId>(file.header.geometry));
+  }
 
   template <class T>
   Result<void> take(std::uint64_t first, std::span<const std::byte> bytes) {
     const std::uint64_t layers = layers_.size(), voxels = file_.header.geometry.voxel_count();
     const bool scaled = is_scaled(file_.voxels);
+    grow(first + bytes.size() / sizeof(T));
     std::optional<std::uint64_t> wrong;
     for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
       LabelId label = 0;
@@ -77,17 +111,32 @@ class LabelSink {
         layer = file_.layers_first ? n % layers : n / voxels;
         voxel = file_.layers_first ? n / layers : n % voxels;
       }
-      layers_[layer].voxels()[voxel] = label;
+      layers_[layer][voxel] = label;
       present_[layer][label] = 1;
     });
     if (wrong) return not_a_label(*wrong);
     return {};
   }
 
-  std::vector<Volume<LabelId>>& layers() { return layers_; }
+  /// After the last voxel.
+  std::vector<Volume<LabelId>> take_layers() {
+    std::vector<Volume<LabelId>> layers;
+    for (auto& voxels : layers_) layers.emplace_back(file_.header.geometry, std::move(voxels));
+    return layers;
+  }
   bool present(std::size_t layer, LabelId value) const { return present_[layer][value] != 0; }
 
  private:
+  // every layer to where the first `values` of the file reach
+  void grow(std::uint64_t values) {
+    const std::uint64_t layers = layers_.size(), voxels = file_.header.geometry.voxel_count();
+    for (std::uint64_t layer = 0; layer < layers; ++layer) {
+      const std::uint64_t before = file_.layers_first ? 0 : layer * voxels;
+      const std::uint64_t here =
+          file_.layers_first ? (values + layers - 1) / layers : values - std::min(values, before);
+      grow_to(layers_[layer], std::min(here, voxels));
+    }
+  }
   template <class T>
   bool to_label(T stored, bool scaled, LabelId& label) const {
     if constexpr (std::is_integral_v<T>) {
@@ -115,7 +164,7 @@ class LabelSink {
   }
 
   const VolumeFile& file_;
-  std::vector<Volume<LabelId>> layers_;
+  std::vector<std::vector<LabelId>> layers_;
   std::vector<std::vector<char>> present_;  // by layer and value
 };
 
@@ -134,15 +183,15 @@ Result<std::vector<Segment>> find_segments(const VolumeFile& file, const LabelSi
   auto declared = parse_segment_fields(file.segment_fields, file.header.layers, file.voxels.file.string());
   if (!declared) return declared.error();
   std::vector<Segment> segments = std::move(*declared);
-  for (int layer = 0; layer < file.header.layers; ++layer)
-    for (int v = 1; v < 65536; ++v) {
+  std::set<std::pair<int, LabelId>> known;
+  for (const Segment& s : segments) known.emplace(s.layer, s.value);
+  for (int layer = 0; layer < file.header.layers && segments.size() < kValues; ++layer)
+    for (std::size_t v = 1; v < kValues; ++v) {
       const auto value = static_cast<LabelId>(v);
-      if (!sink.present(static_cast<std::size_t>(layer), value)) continue;
-      const bool known = std::any_of(segments.begin(), segments.end(),
-                                     [&](const Segment& s) { return s.layer == layer && s.value == value; });
-      if (!known) segments.push_back({0, "", colour_for(value), layer, value});
+      if (sink.present(static_cast<std::size_t>(layer), value) && !known.contains({layer, value}))
+        segments.push_back({0, "", colour_for(value), layer, value});
     }
-  if (!number_segments(segments))
+  if (segments.size() >= kValues || !number_segments(segments))
     return bad_input(file.voxels.file.string(), "has more segments than there are numbers for");
   return segments;
 }
@@ -155,7 +204,8 @@ Result<std::vector<NamedLabel>> find_names(const VolumeFile& file, const std::fi
   if (file.header.has_segments) return std::vector<NamedLabel>();
   const auto table = table_beside(labels);
   if (!table) return std::vector<NamedLabel>();
-  auto names = read_label_names(*table);
+  const auto stays = check_stays_in(labels.parent_path(), *table);
+  auto names = stays ? read_label_names(*table) : stays.error();
   if (names) return names;
   // nobody asked for this table: it may be about something else
   if (warn) warn(names.error().message() + "\n  the table was not used, the labels stay without names");
@@ -171,14 +221,14 @@ Result<ScanFile> read_scan_file(const std::filesystem::path& path, const Progres
                      "if it is a segmentation give it as the labels");
   if (auto plausible = check_plausible(*file, sizeof(float)); !plausible) return plausible.error();
 
-  ScanFile result{file->header, Volume<float>(file->header.geometry)};
-  std::vector<float>& voxels = result.scan.voxels();
+  std::vector<float> voxels = unfilled<float>(file->header.geometry);
   const VoxelSource& source = file->voxels;
   const bool scaled = is_scaled(source);
   const auto read =
       stream_voxels(*file, progress, [&](std::uint64_t first, std::span<const std::byte> bytes) {
         with_type(source.component, [&](auto type) {
           using T = decltype(type);
+          grow_to(voxels, first + bytes.size() / sizeof(T));
           for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
             voxels[n] =
                 scaled ? static_cast<float>(source.slope * static_cast<double>(stored) + source.intercept)
@@ -194,17 +244,19 @@ Result<ScanFile> read_scan_file(const std::filesystem::path& path, const Progres
   if (replaced > 0 && warn)
     warn(path.string() + ": " + std::to_string(replaced) +
          " voxels are not numbers (NaN or infinite); they are taken as the lowest value of the scan");
-  return result;
+  return ScanFile{file->header, Volume<float>(file->header.geometry, std::move(voxels))};
 }
 
 Result<LabelFile> read_label_file(const std::filesystem::path& path,
                                   const std::optional<std::filesystem::path>& names, const Progress& progress,
-                                  const Warn& warn) {
+                                  const Warn& warn, Doubtful doubtful) {
   const auto file = inspect(path);
   if (!file) return file.error();
   const auto table = find_names(*file, path, names, warn);
   if (!table) return table.error();
-  if (auto plausible = check_plausible(*file, sizeof(LabelId)); !plausible) return plausible.error();
+  const auto layers = static_cast<std::uint64_t>(file->header.layers);
+  if (auto plausible = check_plausible(*file, sizeof(LabelId), layers * kValues); !plausible)
+    return plausible.error();
 
   LabelSink sink(*file);
   const auto read =
@@ -220,13 +272,13 @@ Result<LabelFile> read_label_file(const std::filesystem::path& path,
   // a mask of one structure is called after its file
   if (segments->size() == 1 && segments->front().name.empty())
     segments->front().name = name_of_mask(path).value_or("");
-  LabelFile result{file->header, {std::move(sink.layers()), std::move(*segments)}, {}};
+  LabelFile result{file->header, {sink.take_layers(), std::move(*segments)}, {}};
   for (const Segment& s : result.labels.segments)
     if (s.name.empty()) result.unnamed.push_back(s.id);
-  if (warn && looks_like_scan(result.labels))
-    warn(path.string() +
-         " looks like a scan, not like a label map: " + std::to_string(result.labels.segments.size()) +
-         " values, which change from voxel to voxel; is it the scan? then give it as that");
+  if (says_labels(result) || !looks_like_scan(result.labels)) return result;
+  const Error taken = taken_for_labels(path, result.labels.segments.size());
+  if (doubtful == Doubtful::kRefused) return taken;
+  if (warn) warn(taken.message());
   return result;
 }
 
@@ -252,10 +304,14 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
   const auto header = read_header(file);
   if (!header) return header.error();
   if (header->has_segments || header->layers > 1 || header->meaning == ValueMeaning::kLabels) return labels();
-  auto scan = read_scan(file, progress, warn);
-  if (!scan) return scan.error();
-  if (names ? could_be_labels(scan->scan.voxels(), false) : looks_like_labels(*scan)) return labels();
-  return Volumes(*std::move(scan));
+  {
+    auto scan = read_scan(file, progress, warn);
+    if (!scan) return scan.error();
+    const bool are_labels = names ? could_be_labels(scan->scan.voxels(), false) : looks_like_labels(*scan);
+    if (!are_labels) return Volumes(*std::move(scan));
+  }
+  // the scan's memory is free again
+  return labels();
 }
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress,
@@ -267,8 +323,8 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
-                              const Warn& warn) try {
-  return read_label_file(file, names, progress, warn);
+                              const Warn& warn, Doubtful doubtful) try {
+  return read_label_file(file, names, progress, warn, doubtful);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }

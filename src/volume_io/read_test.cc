@@ -114,18 +114,41 @@ TEST(ReadVolume, LabelsAreWholeFewAndInPatches) {
   EXPECT_FALSE(are_labels({0, 0, 0})) << "nothing is no label map";
 }
 
-TEST(ReadVolume, AScanReadAsLabelsIsNoticed) {
+TEST(ReadVolume, AScanTakenForLabelsIsRefused) {
   const TemporaryFolder folder;
-  const auto warning_of = [&](int values, int run) {
+  const auto refusal_of = [&](const std::vector<int>& row, const auto&... how) {
+    const auto read = read_labels(write_row(folder, row), how...);
+    return read ? std::string() : read.error().message();
+  };
+  const auto rising = [](int values, int run) {
     std::vector<int> row;
     for (int n = 0; n < values * run; ++n) row.push_back(1 + n / run);
-    std::string warning;
-    EXPECT_TRUE(read_labels(write_row(folder, row), {}, {}, [&](const std::string& w) { warning = w; }).ok());
-    return warning;
+    return row;
   };
-  EXPECT_NE(warning_of(200, 1).find("looks like a scan"), std::string::npos);
-  EXPECT_EQ(warning_of(200, 4), "") << "many labels in patches";
-  EXPECT_EQ(warning_of(30, 1), "") << "few labels";
+  const std::vector<int> scan = rising(200, 1);
+  EXPECT_NE(refusal_of(scan).find("looks like a scan"), std::string::npos);
+  EXPECT_EQ(refusal_of(rising(200, 4)), "") << "many labels in patches";
+  EXPECT_EQ(refusal_of(rising(30, 1)), "") << "few labels";
+
+  // a smooth scan of 8 bits repeats values, and its steps are small; the parcels of an atlas have any number
+  std::vector<int> smooth, atlas;
+  for (int n = 0; n < 4000; ++n) {
+    smooth.push_back(static_cast<int>(std::lround(128 + 100 * std::sin(n / 200.0))));
+    atlas.push_back(1 + (n / 2 * 137) % 900);
+  }
+  for (int n = 0; n < 4000; n += 2)
+    smooth.insert(smooth.end(), {100 + n % 140, 100 + n % 140, 101 + n % 140});
+  EXPECT_NE(refusal_of(smooth).find("looks like a scan"), std::string::npos);
+  EXPECT_EQ(refusal_of(atlas), "") << "parcels of two voxels";
+
+  // who says that they are labels, by a table or a switch, is believed
+  std::string warning;
+  const auto warn = [&](const std::string& said) { warning = said; };
+  EXPECT_EQ(refusal_of(scan, std::nullopt, Progress(), Warn(warn), Doubtful::kWarnedOf), "");
+  EXPECT_NE(warning.find("looks like a scan"), std::string::npos);
+  std::string table = "value\tname\n";
+  for (int n = 1; n <= 120; ++n) table += std::to_string(n) + "\tparcel " + std::to_string(n) + "\n";
+  EXPECT_EQ(refusal_of(scan, write_text(folder / "table.tsv", table)), "");
 }
 
 TEST(ReadScan, ASliceIsAVolumeOfOne) {

@@ -2,6 +2,8 @@
 
 #include <limits>
 
+#include "palpate/reading.h"
+
 namespace palpate::volume_io {
 
 std::size_t bytes_of(Component component) {
@@ -59,16 +61,19 @@ Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, co
 
 Result<std::filesystem::path> data_file_beside(const std::filesystem::path& header, const std::string& name) {
   const std::filesystem::path relative(name);
-  bool leads_out = relative.empty() || relative.is_absolute() || name.find('\0') != std::string::npos;
+  bool leads_out = relative.is_absolute();
   for (const auto& part : relative) leads_out |= part == "..";
-  if (leads_out)
+  if (relative.empty() || name.find('\0') != std::string::npos ||
+      (leads_out && !reading_limits().follow_links))
     return bad_input(header.string(), "names a data file outside its own folder",
-                     "put the data file beside the header and name it without a path");
+                     "put the data file beside the header and name it without a path, or, if it is meant to "
+                     "stand elsewhere, allow it with --follow-links");
   const std::filesystem::path file = header.parent_path() / relative;
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
     return bad_input(header.string(), "its data file " + relative.string() + " is missing",
                      "put the data file beside the header");
+  if (auto stays = check_stays_in(header.parent_path(), file); !stays) return stays.error();
   return file;
 }
 

@@ -53,7 +53,8 @@ inline Error bad_input(const std::string& source, std::string what, std::string 
 }
 
 /// The file beside its header that the header names. A header is untrusted: names that lead out of its
-/// folder are an error, and so is what is not a plain file.
+/// folder, and links there that do, are an error unless that is allowed (palpate/reading.h), and so is what
+/// is not a plain file.
 Result<std::filesystem::path> data_file_beside(const std::filesystem::path& header, const std::string& name);
 
 }  // namespace palpate::volume_io

@@ -1,17 +1,16 @@
 #include "volume_io/voxel_stream.h"
 
 #include <bzlib.h>
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
 #include <bit>
-#include <cerrno>
 #include <charconv>
 #include <cstring>
 #include <memory>
+
+#include "base/file.h"
+#include "palpate/reading.h"
 
 namespace palpate::volume_io {
 namespace {
@@ -19,33 +18,24 @@ namespace {
 // the file from an offset on, in pieces
 class FileBytes {
  public:
-  ~FileBytes() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-  }
-  FileBytes() = default;
-  FileBytes(const FileBytes&) = delete;
-  FileBytes& operator=(const FileBytes&) = delete;
-
   Result<void> open(const std::filesystem::path& file, std::uint64_t offset) {
-    descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
-    if (descriptor_ < 0 || ::lseek(descriptor_, static_cast<off_t>(offset), SEEK_SET) < 0)
-      return bad_input(file.string(), std::string("cannot be read: ") + std::strerror(errno));
+    auto opened = InputFile::open(file);
+    if (!opened) return opened.error();
+    file_ = *std::move(opened);
+    at_ = offset;
     return {};
   }
   // fewer bytes than asked for only at the end or after a fault of the disk
   std::size_t read(std::span<std::byte> out) {
-    std::size_t used = 0;
-    while (used < out.size()) {
-      const ssize_t got = ::read(descriptor_, out.data() + used, out.size() - used);
-      if (got < 0 && errno == EINTR) continue;
-      if (got <= 0) break;
-      used += static_cast<std::size_t>(got);
-    }
-    return used;
+    const auto got = file_->read_at(at_, out);
+    if (!got) return 0;
+    at_ += *got;
+    return *got;
   }
 
  private:
-  int descriptor_ = -1;
+  std::optional<InputFile> file_;
+  std::uint64_t at_ = 0;
 };
 
 // decoded bytes in order
@@ -384,7 +374,7 @@ Result<std::string> read_front(const std::filesystem::path& file, Encoding encod
   return front;
 }
 
-Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value) {
+Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value, std::uint64_t besides) {
   std::error_code failed;
   const std::uint64_t bytes = std::filesystem::file_size(file.voxels.file, failed);
   if (failed) return bad_input(file.voxels.file.string(), "cannot be read: " + failed.message());
@@ -397,14 +387,7 @@ Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value
                          " bytes can hold at most " + std::to_string(most),
                      "the file is cut short or its header is damaged: copy or download it again");
   }
-  const auto memory = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
-                      static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
-  if (promised > memory / bytes_per_value)
-    return bad_input(file.voxels.file.string(),
-                     "needs " + std::to_string((promised * bytes_per_value) >> 30) +
-                         " GiB, this machine has " + std::to_string(memory >> 30),
-                     "crop or resample it first");
-  return {};
+  return allow_memory(promised * bytes_per_value + besides, file.voxels.file.string());
 }
 
 Result<void> stream_voxels(const VolumeFile& file, const Progress& progress, const TakeVoxels& take) {

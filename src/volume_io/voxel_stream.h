@@ -14,9 +14,9 @@ Result<std::string> read_front(const std::filesystem::path& file, Encoding encod
 /// and their bytes. An Error stops the reading and is returned from it.
 using TakeVoxels = std::function<Result<void>(std::uint64_t first, std::span<const std::byte> values)>;
 
-/// An error unless the file can hold what its header promises and this machine can hold the volume with
-/// `bytes_per_value` each. Looks at sizes only; comes before anything is allocated.
-Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value);
+/// An error unless the file can hold what its header promises and the process may have the volume with
+/// `bytes_per_value` each, and with `besides`. Looks at sizes only; comes before anything is allocated.
+Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value, std::uint64_t besides = 0);
 
 /// Reads every voxel value once, in file order. Short, damaged or surplus data are errors that say so.
 Result<void> stream_voxels(const VolumeFile& file, const Progress& progress, const TakeVoxels& take);

@@ -284,7 +284,7 @@ class FirstSteps(cli.PalpateTest):
 
     def test_a_scan_taken_for_labels_is_noticed(self):
         scan = write_nrrd(self.folder / "scan.nrrd", noise, "int16", "h")
-        self.assertIn("looks like a scan", self.succeed("scene", "new", "--labels", scan).stderr)
+        self.fail_clearly(cli.BAD_INPUT, "scene", "new", "--labels", scan, says="looks like a scan")
         self.assertIn("looks like a scan", self.succeed("info", "--labels", scan).stderr)
         fraction = self.folder / "fraction.nii"
         fraction.write_bytes(nifti1(lambda i, j, k: 0.5 * noise(i, j, k), 0, "f", 16))

@@ -1,0 +1,22 @@
+#include "surroundings.h"
+
+#include <cstdlib>
+
+namespace palpate::app {
+
+void distrust_environment() {
+  // whatever of these the dynamic linker reads it has read before main, and leaves out by itself where a
+  // program has capabilities
+  for (const char* name : {
+           "ITK_AUTOLOAD_PATH",                                                           // ITK's factories
+           "HDF5_PLUGIN_PATH", "HDF5_PLUGIN_PRELOAD", "HDF5_VOL_CONNECTOR",               // HDF5's filters,
+           "HDF5_DRIVER", "HDF5_DRIVER_CONFIG",                                           // ... drivers
+           "OPENSSL_CONF", "OPENSSL_CONF_INCLUDE", "OPENSSL_ENGINES", "OPENSSL_MODULES",  // OpenSSL's engines
+           "SSLKEYLOGFILE",                     // curl: keys, in clear
+           "GCONV_PATH", "LOCPATH", "NLSPATH",  // glibc's conversions
+           "HWLOC_PLUGINS_PATH",                // oneTBB's helper
+       })
+    ::unsetenv(name);
+}
+
+}  // namespace palpate::app

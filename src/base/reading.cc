@@ -1,0 +1,150 @@
+#include "palpate/reading.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <optional>
+#include <string_view>
+
+#include "base/file.h"
+
+namespace palpate {
+namespace {
+
+ReadingLimits& the_limits() {
+  static ReadingLimits limits;
+  return limits;
+}
+
+constexpr std::size_t kMostProcBytes = std::size_t{1} << 20;
+
+std::optional<std::uint64_t> number_in(std::string_view text) {
+  std::uint64_t number = 0;
+  text.remove_prefix(std::min(text.size(), text.find_first_of("0123456789")));
+  const auto read = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (read.ec != std::errc()) return std::nullopt;
+  return number;
+}
+
+std::optional<std::uint64_t> number_of_file(const std::filesystem::path& file) {
+  const auto text = read_file(file, kMostProcBytes);
+  return text ? number_in(*text) : std::nullopt;
+}
+
+// of a line "name:   123 kB"
+std::optional<std::uint64_t> line_bytes(const std::filesystem::path& file, std::string_view name) {
+  const auto text = read_file(file, kMostProcBytes);
+  if (!text) return std::nullopt;
+  const auto at = text->find(name);
+  if (at == std::string::npos) return std::nullopt;
+  const auto kib = number_in(std::string_view(*text).substr(at + name.size()));
+  return kib ? std::optional(*kib << 10) : std::nullopt;
+}
+
+// what the process's control group and those above it leave; all of them, of version 2 and 1, without a limit
+std::uint64_t left_by_groups() {
+  std::uint64_t left = std::numeric_limits<std::uint64_t>::max();
+  const auto see = [&](const std::filesystem::path& folder, const char* most, const char* used) {
+    const auto limit = number_of_file(folder / most), now = number_of_file(folder / used);
+    if (limit && now) left = std::min(left, *limit - std::min(*limit, *now));
+  };
+  const auto groups = read_file("/proc/self/cgroup", kMostProcBytes);
+  std::string_view rest = groups ? std::string_view(*groups) : std::string_view();
+  while (!rest.empty()) {
+    // "0::/path", or "4:memory:/path"
+    const std::string_view line = rest.substr(0, rest.find('\n'));
+    rest.remove_prefix(std::min(rest.size(), line.size() + 1));
+    const auto slash = line.find(":/");
+    if (slash == std::string_view::npos) continue;
+    const bool second = line.starts_with("0::");
+    if (!second && line.find("memory") == std::string_view::npos) continue;
+    const std::filesystem::path root = second ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
+    for (std::filesystem::path group = line.substr(slash + 2);; group = group.parent_path()) {
+      see(root / group, second ? "memory.max" : "memory.limit_in_bytes",
+          second ? "memory.current" : "memory.usage_in_bytes");
+      if (group.empty()) break;
+    }
+  }
+  return left;
+}
+
+std::uint64_t taken() {
+  return line_bytes("/proc/self/status", "VmRSS:").value_or(0);
+}
+
+std::uint64_t most_memory() {
+  static const std::uint64_t by_default = [] {
+    const std::uint64_t machine = line_bytes("/proc/meminfo", "MemAvailable:")
+                                      .value_or(static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
+                                                static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)));
+    return taken() + std::min(machine, left_by_groups()) / 2;
+  }();
+  const std::uint64_t chosen = the_limits().most_memory_bytes;
+  return chosen > 0 ? chosen : by_default;
+}
+
+}  // namespace
+
+void set_reading_limits(const ReadingLimits& limits) {
+  the_limits() = limits;
+}
+
+const ReadingLimits& reading_limits() {
+  return the_limits();
+}
+
+Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what) {
+  const std::uint64_t most = most_memory(), now = taken();
+  if (more_bytes <= most - std::min(most, now)) return {};
+  // rounded up, so that what is asked for is enough
+  const std::uint64_t mebibytes = ((now + more_bytes) >> 20) + 1;
+  return Error{ErrorKind::kBadInput,
+               "needs " + memory_text(now + more_bytes) + " of memory, " + memory_text(most) + " are allowed",
+               what,
+               "is it as large as it should be? then allow more with --memory " + std::to_string(mebibytes) +
+                   "M, or crop or resample it first"};
+}
+
+Result<void> check_stays_in(const std::filesystem::path& folder, const std::filesystem::path& file) {
+  if (reading_limits().follow_links) return {};
+  std::error_code failed;
+  const auto home = std::filesystem::canonical(folder.empty() ? "." : folder, failed);
+  if (failed) return {};
+  const auto end = std::filesystem::canonical(file, failed);
+  if (failed) return {};
+  const auto [differs, ignored] = std::mismatch(home.begin(), home.end(), end.begin(), end.end());
+  if (differs == home.end()) return {};
+  return Error{ErrorKind::kBadInput, "leads out of its folder by a link, to " + end.string(), file.string(),
+               "if that is meant, allow it with --follow-links"};
+}
+
+std::string memory_text(std::uint64_t bytes) {
+  constexpr std::array<const char*, 4> kUnits{"KiB", "MiB", "GiB", "TiB"};
+  double amount = static_cast<double>(bytes) / 1024;
+  std::size_t unit = 0;
+  for (; amount >= 1024 && unit + 1 < kUnits.size(); ++unit) amount /= 1024;
+  char text[40];
+  std::snprintf(text, sizeof text, "%.1f %s", amount, kUnits[unit]);
+  return text;
+}
+
+std::uint64_t memory_bytes(const std::string& text) {
+  double amount = 0;
+  const auto read = std::from_chars(text.data(), text.data() + text.size(), amount, std::chars_format::fixed);
+  std::string_view unit(read.ptr, static_cast<std::size_t>(text.data() + text.size() - read.ptr));
+  while (unit.starts_with(' ')) unit.remove_prefix(1);
+  if (read.ec != std::errc() || unit.empty()) return 0;
+  constexpr std::string_view kUnits = "KMGT";
+  const auto power = kUnits.find(static_cast<char>(unit.front() & ~0x20));
+  unit.remove_prefix(1);
+  if (power == std::string_view::npos || !(unit.empty() || unit == "iB" || unit == "B")) return 0;
+  const double bytes = std::ldexp(amount, 10 * (static_cast<int>(power) + 1));
+  return bytes >= 1 && bytes < 0x1p63 ? static_cast<std::uint64_t>(bytes) : 0;
+}
+
+}  // namespace palpate

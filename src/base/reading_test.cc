@@ -1,0 +1,73 @@
+#include "palpate/reading.h"
+
+#include <gtest/gtest.h>
+
+#include "base/test_folder.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+// leaves the process's limits as they were
+class ReadingTest : public ::testing::Test {
+ protected:
+  ~ReadingTest() override { set_reading_limits({}); }
+  test::TemporaryFolder folder_;
+};
+
+constexpr std::uint64_t kGiB = std::uint64_t{1} << 30;
+
+TEST_F(ReadingTest, AmountsAreReadAsTheyAreWritten) {
+  EXPECT_EQ(memory_bytes("800M"), 800u << 20);
+  EXPECT_EQ(memory_bytes("1.5GiB"), 3 * kGiB / 2);
+  EXPECT_EQ(memory_bytes("4 gb"), 0u) << "bits or bytes?";
+  EXPECT_EQ(memory_bytes("4 GB"), 4 * kGiB);
+  EXPECT_EQ(memory_bytes("2t"), 2048 * kGiB);
+  for (const char* wrong : {"", "4", "G", "-4G", "4X", "4Gx", "0G", "nanG", "infG", "1e30G", "99999999999T"})
+    EXPECT_EQ(memory_bytes(wrong), 0u) << wrong;
+  EXPECT_EQ(memory_text(5 * kGiB + kGiB / 10), "5.1 GiB");
+  EXPECT_EQ(memory_bytes(memory_text(kGiB)), kGiB);
+}
+
+TEST_F(ReadingTest, MemoryIsAllowedUpToTheLimitWithWhatIsTakenAlready) {
+  set_reading_limits({.most_memory_bytes = 4 * kGiB});
+  EXPECT_TRUE(allow_memory(kGiB, "a").ok());
+  EXPECT_FALSE(allow_memory(4 * kGiB, "a").ok()) << "the process has some itself";
+  const Error error = allow_memory(8 * kGiB, "scan.nrrd").error();
+  EXPECT_EQ(error.where, "scan.nrrd");
+  EXPECT_NE(error.what.find("of memory, 4.0 GiB are allowed"), std::string::npos) << error.what;
+  // the cure that it names is one
+  const auto at = error.remedy.find("--memory ") + 9;
+  set_reading_limits(
+      {.most_memory_bytes = memory_bytes(error.remedy.substr(at, error.remedy.find(',', at) - at))});
+  EXPECT_TRUE(allow_memory(8 * kGiB, "scan.nrrd").ok());
+}
+
+TEST_F(ReadingTest, ByDefaultNoMoreThanHalfOfTheMachine) {
+  EXPECT_TRUE(allow_memory(1 << 20, "a").ok());
+  EXPECT_FALSE(allow_memory(std::uint64_t{1} << 62, "a").ok());
+}
+
+TEST_F(ReadingTest, AFileStaysInItsFolder) {
+  const fs::path home = folder_ / "home";
+  test::write_text(home / "below/data", "x");
+  test::write_text(folder_ / "home2/data", "x");
+  fs::create_symlink("below/data", home / "inside");
+  fs::create_symlink("../home2/data", home / "outside");
+  fs::create_symlink("../home2", home / "way");
+  fs::create_symlink("home", folder_ / "other-name");
+  for (const char* name : {"below/data", "inside", "missing", "../home/inside"})
+    EXPECT_TRUE(check_stays_in(home, home / name).ok()) << name;
+  EXPECT_TRUE(check_stays_in(folder_ / "other-name", folder_ / "other-name/inside").ok());
+  for (const char* name : {"outside", "way/data", "../home2/data"}) {
+    const auto stays = check_stays_in(home, home / name);
+    ASSERT_FALSE(stays.ok()) << name;
+    EXPECT_NE(stays.error().remedy.find("--follow-links"), std::string::npos);
+  }
+  set_reading_limits({.follow_links = true});
+  EXPECT_TRUE(check_stays_in(home, home / "outside").ok());
+}
+
+}  // namespace
+}  // namespace palpate
