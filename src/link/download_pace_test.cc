@@ -1,12 +1,9 @@
 #include "link/download_pace.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <array>
-#include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
@@ -128,20 +125,6 @@ TEST(DownloadPace, PartsComeInOrder) {
   for (std::size_t v = 0; v < scan->voxels().size(); v += 997)
     ASSERT_EQ(palpate::testing::number_at<std::int16_t>(first, 2 * v), static_cast<int>(scan->voxels()[v]))
         << v;
-}
-
-TEST(DownloadPace, VolumesAreMadeAtTheLowestPriority) {
-  TestServer test;
-  EXPECT_EQ(request(test.port(), "GET", "/api/volume/scan/0f3a000000000001").status, 200);
-  int found = 0;
-  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
-    std::string name;
-    std::getline(std::ifstream(task.path() / "comm"), name);
-    if (name != "viewer-volumes") continue;
-    ++found;
-    EXPECT_EQ(::getpriority(PRIO_PROCESS, static_cast<id_t>(std::stoi(task.path().filename()))), 19);
-  }
-  EXPECT_EQ(found, 1);
 }
 
 }  // namespace

@@ -10,7 +10,7 @@ namespace palpate::link {
 
 PayloadStore::PayloadStore(Maker make) : make_(std::move(make)) {
   thread_ = std::thread([this] {
-    be_last_thread("viewer-volumes");
+    be_ordinary_thread("viewer-volumes");
     work();
   });
 }
