@@ -1,6 +1,7 @@
 #include "surroundings.h"
 
 #include <cstdlib>
+#include <initializer_list>
 
 namespace palpate::app {
 

@@ -256,12 +256,12 @@ Result<std::shared_ptr<const Field>> ramp_field(const PreparationSettings& prepa
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress,
                                                  const Warn& warn, bool oriented) {
-  // labels, scan and fields on the grid, and what making them takes: measured, on a knee of 1.5 million
-  // voxels
-  constexpr std::uint64_t kBytesPerVoxel = 32;
+  // labels, scan and fields on the grid, and what making and pressing them takes: measured, on knees of 1.5
+  // and 6.7 million voxels
+  constexpr std::uint64_t kBytesPerVoxel = 32, kBesides = std::uint64_t{32} << 20;
   const GridGeometry* finer = labels ? &labels->geometry() : &scan->geometry();
   if (labels && scan) finer = &field_grid(&labels->geometry(), &scan->geometry());
-  if (auto allowed = allow_memory(finer->voxel_count() * kBytesPerVoxel, scene.source); !allowed)
+  if (auto allowed = allow_memory(finer->voxel_count() * kBytesPerVoxel + kBesides, scene.source); !allowed)
     return allowed.error();
   auto common = onto_one_grid(labels, scan, warn);
   if (!common) {

@@ -340,12 +340,13 @@ void swap_bytes(std::span<std::byte> values, std::size_t size) {
 std::uint64_t most_values(const VoxelSource& source, std::uint64_t stored) {
   // deflate: 258 bytes for 2 bits. bzip2: 900 000 bytes for some 32, each 5 of them a run of up to 259
   constexpr std::uint64_t kMostDeflate = 1032, kMostBzip2 = 1 << 21;
-  const std::uint64_t size = bytes_of(source.component);
+  const std::uint64_t size = bytes_of(source.component), before = source.bytes_after.value_or(source.skip);
+  const auto after_skip = [&](std::uint64_t bytes) { return (bytes - std::min(bytes, before)) / size; };
   switch (source.encoding) {
     case Encoding::kDeflate:
-      return stored * kMostDeflate / size;
+      return after_skip(stored * kMostDeflate);
     case Encoding::kBzip2:
-      return stored * kMostBzip2 / size;
+      return after_skip(stored * kMostBzip2);
     case Encoding::kText:
       return (stored + 1) / 2;
     case Encoding::kHex:
@@ -353,8 +354,7 @@ std::uint64_t most_values(const VoxelSource& source, std::uint64_t stored) {
     case Encoding::kRaw:
       break;
   }
-  const std::uint64_t before = source.bytes_after.value_or(source.skip);
-  return (stored - std::min(stored, before)) / size;
+  return after_skip(stored);
 }
 
 }  // namespace

@@ -79,11 +79,12 @@ def volumes(folder):
     full = zeros(1280, gzip.compress)
     put("full.nrrd", nrrd("1280 1024 1024", "encoding: gzip\n") + full)
     put("full.nii.gz", gzip.compress(nifti(1280, 1024, 1024)) + full)
-    # what is promised may be had, and is not there
-    put("short.nrrd", nrrd("1024 1024 192", "encoding: gzip\n") + zeros(160, gzip.compress))
-    put("short.nii.gz", gzip.compress(nifti(1024, 1024, 192)) + zeros(160, gzip.compress))
-    put("short.mha", metaimage("1024 1024 192", "CompressedData = True\nElementDataFile = LOCAL") + deflated(160))
-    put("short.bz2.nrrd", nrrd("1024 1024 192", "encoding: bzip2\n") + bz2.compress(bytes(16 * MIB)))
+    # what is promised may be had, and is not there; what follows is no voxels, and makes the file large enough
+    rest = b"\x55" * 400_000
+    put("short.nrrd", nrrd("1024 1024 192", "encoding: gzip\n") + zeros(160, gzip.compress) + rest)
+    put("short.nii.gz", gzip.compress(nifti(1024, 1024, 192)) + zeros(160, gzip.compress) + rest)
+    put("short.mha", metaimage("1024 1024 192", "CompressedData = True\nElementDataFile = LOCAL") + deflated(160) + rest)
+    put("short.bz2.nrrd", nrrd("1024 1024 192", "encoding: bzip2\n") + bz2.compress(bytes(16 * MIB)) + rest)
     put("more.nrrd", nrrd("1024 1024 128", "encoding: gzip\n") + zeros(1280, gzip.compress))
     put("skip.nrrd", nrrd("10 10 10", "encoding: gzip\nbyte skip: 2000000000\n") + full)
     put("end.nrrd", nrrd("1024 1024 2000", "encoding: gzip\nbyte skip: -1\n") + full)
