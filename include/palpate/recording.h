@@ -127,8 +127,9 @@ struct RecordingEvent {
 /// overtake each other before a tick looks are heard of by the same tick. Any thread.
 class EventLog {
  public:
-  /// @param apply  does what is asked and returns the row, without its tick. Where it throws there is no row.
-  void tell(const std::function<RecordingEvent()>& apply);
+  /// @param apply  does what is asked and returns the row, without its tick; nothing where nothing was done.
+  ///               Where it throws there is no row.
+  void tell(const std::function<std::optional<RecordingEvent>()>& apply);
   /// The rows since the last time go to the end of `rows`. Waits for those that are announced, which takes
   /// as long as a change of the loop's parameters or model.
   void take(std::list<RecordingEvent>& rows);
