@@ -127,11 +127,19 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
   session.seconds = options.seconds;
   session.repeat = options.repeat;
   if (!options.no_supervisor) session.supervisor = {"/proc/self/exe", "supervise"};
+  // the live line asks, and a key answers
+  session.asks_here = keys.active() && ::isatty(STDERR_FILENO) == 1 && !console.quiet;
   session.request = [&keys, &faults, &console] {
     faults.show_next(console);
     switch (keys.next().value_or('\0')) {
       case ' ':
         return ExploreRequest::kEmergencyStop;
+      case 'r':
+        return ExploreRequest::kRearm;
+      case 'y':
+        return ExploreRequest::kAgree;
+      case 'n':
+        return ExploreRequest::kDecline;
       case 'p':
         return ExploreRequest::kPause;
       case 'm':
@@ -186,10 +194,17 @@ std::string state_of(std::uint32_t flags) {
                              {kFlagThermal, "cooling"},
                              {kFlagClamped, "clamped"},
                              {kFlagPassivity, "damped"},
+                             {kFlagTurnHeld, "turn held"},
                              {kFlagRamp, "fading"}};
   for (const Word& word : kWords)
     if ((flags & word.flag) != 0) return std::string(" ") + word.text;
   return "";
+}
+
+// what whoever looks at it may do about a stop
+std::string cure_of(const ExploreStatus& status) {
+  if (!status.stop) return "";
+  return status.rearmed_in_page ? ": see page" : ": r rearms";
 }
 
 // 79 columns: what is always there, the structure in what is left, and on the right what is not usual
@@ -201,14 +216,15 @@ std::string live_line(const ExploreStatus& status) {
   std::snprintf(text, sizeof text, "%5.1f s %6.0f Hz  late %11s µs  %.2f/%.2f N  ", status.time_s,
                 status.rate_hz, late, status.force_N, status.limit_N);
   const std::string usual = text;
-  std::string unusual = state_of(status.flags);
+  std::string unusual = state_of(status.flags) + cure_of(status);
   if (status.heat >= 0.005) unusual += " heat " + std::to_string(std::lround(100 * status.heat)) + "%";
   if (status.method != ForceMethod::kProxy) unusual += " " + std::string(name_of(status.method));
   if (status.skipped > 0) unusual += " skip " + std::to_string(status.skipped);
   if (status.dropped > 0) unusual += " drop " + std::to_string(status.dropped);
   const std::size_t taken = columns_of(usual) + columns_of(unusual);
   const std::size_t left = kColumns > taken ? kColumns - taken : 0;
-  return usual + fitted(status.structure, std::max(kLeastForStructure, left)) + unusual;
+  return usual + fitted(status.structure, std::max(status.stop ? std::size_t{1} : kLeastForStructure, left)) +
+         unusual;
 }
 
 // notes at the first call, then the live line; a recording that ends is told once, and so is each method that
@@ -225,13 +241,13 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
       told = true;
     }
     if (s.supervisor_deaths > deaths)
-      console.warn()(
-          "the supervisor died, and the force is off; another one watches now, and re-arming is yours");
+      console.warn()("the supervisor died, and the force is off; another one watches now");
     deaths = s.supervisor_deaths;
     const std::string method = s.method_failure ? s.method_failure->message() : "";
     if (!method.empty() && method != told_method) console.warn()(method);
     told_method = method;
-    console.live(live_line(s));
+    if (s.refusal) console.warn()(s.refusal->message());
+    console.live(s.question ? "y / n? " + s.question->text : live_line(s));
   };
 }
 
@@ -277,7 +293,8 @@ void print_changed(const RecordingSummary& s) {
                                                           {"inside", s.inside},
                                                           {"wedged", s.wedged},
                                                           {"ruptured", s.ruptured},
-                                                          {"damped", s.passivated}};
+                                                          {"damped", s.passivated},
+                                                          {"turn held", s.turns_held}};
   std::string text;
   for (const auto& [name, count] : counts)
     if (count > 0) text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count);
@@ -413,8 +430,10 @@ void add_explore(CLI::App& app, Run& run) {
       "A page shows it in any browser, at the address that is told when the loop runs (docs/viewer.md).\n"
       "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"
       "second (median/99th percentile/largest), the force and its limit, and the structure touched.\n"
-      "Keys: space is the emergency stop, and space again brings the force back; p pauses and goes on;\n"
-      "m feels by the next force method (docs/methods.md).\n"
+      "Keys: space is the emergency stop and never anything else; r brings the force back, where the tip\n"
+      "touches nothing (a pointer's: Rearm in the page); p pauses and goes on; m feels by the next force\n"
+      "method (docs/methods.md). While a device may push, a viewer's wish to change something is shown\n"
+      "instead of the line: y agrees, n declines.\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
       "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"
       "program at once. Ctrl-Z does nothing: a device would hold its last force meanwhile.\n"

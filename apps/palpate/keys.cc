@@ -24,6 +24,10 @@ Keys::Keys() {
   changed = ::tcsetattr(STDIN_FILENO, TCSANOW, &keys) == 0;
 }
 
+bool Keys::active() const {
+  return changed;
+}
+
 std::optional<char> Keys::next() {
   char key = 0;
   return changed && ::read(STDIN_FILENO, &key, 1) == 1 ? std::optional(key) : std::nullopt;

@@ -13,6 +13,8 @@ class Keys {
   Keys(const Keys&) = delete;
   Keys& operator=(const Keys&) = delete;
 
+  /// There is a terminal whose keys are read.
+  bool active() const;
   /// The next key that has been pressed; never waits.
   std::optional<char> next();
   /// The terminal as it was. Signal handlers may call it.

@@ -20,12 +20,23 @@
 ///                                                         └─► viewers, who also ask for changes
 namespace palpate {
 
-/// What the user asks for while a session runs.
+/// What the user asks for while a session runs. A rearm and an answer are to what ExploreStatus has shown
+/// last.
 enum class ExploreRequest : std::uint8_t {
   kNone,
-  kEmergencyStop,  ///< forces off at once; asked for again: on, by the ramp
-  kPause,          ///< forces fade out; asked for again: in
-  kNextMethod,     ///< feel by the next force method, in a circle
+  kEmergencyStop,  ///< forces off at once, and no more than that
+  kRearm,          ///< forces on again by the ramp, after the stop that was shown, where the tip is free
+  kAgree,          ///< to the question that was shown
+  kDecline,
+  kPause,       ///< forces fade out; asked for again: in
+  kNextMethod,  ///< feel by the next force method, in a circle
+};
+
+/// A viewer wants to change something while a physical device may push: "viewer 3 wants to turn the object by
+/// 20 degrees".
+struct ConsentQuestion {
+  std::uint64_t number = 0;  ///< from 1; another one, another number
+  std::string text;
 };
 
 /// Who moves the tip.
@@ -47,6 +58,9 @@ struct ExploreOptions {
   std::vector<std::string> supervisor;
   /// Asked fifty times a second by the calling thread; must not wait. Empty: nobody asks for anything.
   std::function<ExploreRequest()> request;
+  /// Whoever makes these requests sees ExploreStatus::question and answers it. Without, viewers change
+  /// nothing while a physical device may push.
+  bool asks_here = false;
   /// Shows the session to viewers and takes their requests: called once, before the loop runs and anything is
   /// recorded. What it returns is destroyed when the session ends, before the host. Its error is explore()'s.
   /// Empty: nobody looks on.
@@ -74,6 +88,10 @@ struct ExploreStatus {
   std::optional<Error> recording_failure;
   /// Why the force method that was asked for last is not felt.
   std::optional<Error> method_failure;
+  std::optional<std::uint32_t> stop;        ///< which one holds; empty: none
+  bool rearmed_in_page = false;             ///< and not by kRearm: a viewer's pointer moves the tip
+  std::optional<ConsentQuestion> question;  ///< to be answered by kAgree or kDecline
+  std::optional<Error> refusal;             ///< of a request since the last status
 };
 
 struct ExploreResult {

@@ -68,6 +68,7 @@ enum class Asker : std::uint8_t {
   kKey,            ///< a key where palpate runs
   kControlViewer,  ///< a viewer that may change things
   kLookingViewer,  ///< a viewer that may look, and stop
+  kAgreedViewer,   ///< a viewer that may change things, agreed to by a key where palpate runs
 };
 struct AskedBy {
   Asker asker = Asker::kSession;
@@ -127,8 +128,9 @@ struct RecordingEvent {
 /// overtake each other before a tick looks are heard of by the same tick. Any thread.
 class EventLog {
  public:
-  /// @param apply  does what is asked and returns the row, without its tick. Where it throws there is no row.
-  void tell(const std::function<RecordingEvent()>& apply);
+  /// @param apply  does what is asked and returns the row, without its tick; nothing where nothing was done.
+  ///               Where it throws there is no row.
+  void tell(const std::function<std::optional<RecordingEvent>()>& apply);
   /// The rows since the last time go to the end of `rows`. Waits for those that are announced, which takes
   /// as long as a change of the loop's parameters or model.
   void take(std::list<RecordingEvent>& rows);
@@ -149,7 +151,7 @@ struct RecordingSummary {
   std::uint64_t clamped = 0, not_finite = 0, outside = 0, paused = 0, rotation_ignored = 0, thermal = 0;
   std::uint64_t slewed = 0, stale = 0, jumped = 0, device_faults = 0, halted = 0, emergency_stopped = 0;
   std::uint64_t clutched = 0, faded = 0, blended = 0, method_missing = 0;
-  std::uint64_t inside = 0, wedged = 0, ruptured = 0, passivated = 0;
+  std::uint64_t inside = 0, wedged = 0, ruptured = 0, passivated = 0, turns_held = 0;
   std::uint64_t dropped = 0;  ///< ticks that were computed and never reached the recorder: the ring was full
   std::uint64_t skipped = 0;  ///< points in time of the real clock that passed without a tick
   /// What the simulated hand did not reach, a sentence each. A recording keeps 1000 of them, the last of

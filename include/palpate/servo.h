@@ -104,6 +104,7 @@ struct SessionState {
     Wrench difference;
     double blend_elapsed_s = kBlend_s;
     PassivityState passivity;
+    double turned_mJ = 0;  ///< work that the turning object has done on the hand since the run began
     OutputState output;
   };
 

@@ -78,6 +78,21 @@ struct LoopHealth {
   LateCounts late;
 };
 
+/// The last stop or rearm that a loop was told.
+struct Arming {
+  std::uint32_t number = 0;  ///< stops and rearms are counted together, from 1; 0: there was none
+  bool stopped = false;
+};
+
+/// What became of a rearm.
+enum class Rearmed : std::uint8_t {
+  kDone,          ///< the force comes in by the ramp, from the next tick on in which the tip is still free
+  kNotStopped,    ///< nothing is stopped
+  kStoppedAgain,  ///< there was another stop after the one that it answers
+  kUnheard,       ///< no tick has heard of the stop yet
+  kTouching,      ///< a tip touches something: only a free hand gets its force back
+};
+
 class ServoLoop {
  public:
   /// Opens the driver, starts the servo thread and its watchdog. The force comes in over half a second.
@@ -106,10 +121,16 @@ class ServoLoop {
   virtual void set_model(std::shared_ptr<const Model> model) = 0;
   /// Frees models that no tick uses any more; how many are still held.
   virtual std::size_t collect() = 0;
-  /// Forces off at once, until rearm(). Any thread at any time, signal handlers included. Its number, counted
+  /// Forces off from the next tick on, until a rearm() that answers this stop or a later one: it only ever
+  /// stops, however often it is called. Any thread at any time, signal handlers included. Its number, counted
   /// with those of rearm(): ticks have heard of it when TickRecord::arming_number is not below it.
   virtual std::uint32_t emergency_stop() noexcept = 0;
-  virtual std::uint32_t rearm() noexcept = 0;
+  /// Ends a stop, where it is the last one and no device touches anything. A tick in which one does after all
+  /// stays stopped, and the rearm is void. Any thread.
+  /// @param stop  number of the stop that whoever rearms has seen
+  /// @param number  becomes that of the rearm, where it is done
+  virtual Rearmed rearm(std::uint32_t stop, std::uint32_t& number) noexcept = 0;
+  virtual Arming arming() const noexcept = 0;
   /// Lets the force fade out, then ends the servo thread and leaves the devices at zero. Called by the
   /// destructor too; takes a fifth of a second, a hung servo thread apart.
   virtual void stop() = 0;

@@ -38,6 +38,7 @@ enum TickFlag : std::uint32_t {
   kFlagWedged = 1u << 18,          ///< the tool is wider than the gap that it is in: the proxy stayed
   kFlagRuptured = 1u << 19,        ///< the tool went through a surface
   kFlagPassivity = 1u << 20,       ///< damped, so that the hand gets no more energy than it has put in
+  kFlagTurnHeld = 1u << 21,        ///< the object turned slower than it was told, so as not to push the hand
 };
 /// After these the force is zero at once, and comes back by the ramp.
 inline constexpr std::uint32_t kFaultFlags =
@@ -76,6 +77,7 @@ struct DeviceTick {
   double heat = 0;                     ///< part of the thermal budget that is used, 0 ... 1
   double energy_mJ = 0;                ///< that the hand has put in and not got back (passivity observer)
   double damping_N_s_per_m = 0;        ///< along the force, added by the passivity controller
+  double turned_mJ = 0;  ///< work that the turning object has done on the hand since the run began
   std::array<double, 3> tip_patient_mm{};
   std::array<double, 3> proxy_patient_mm{};       ///< where the proxy is; by a direct method, the tip
   std::array<double, 3> normal_patient{};         ///< outward, unit; zero in free space

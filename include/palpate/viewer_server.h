@@ -79,11 +79,13 @@ struct ViewedState {
   std::string method_awaited;  ///< that is felt as soon as its fields are made; empty: none
   /// Why the method that was asked for last could not be made ready, its name as the place.
   std::optional<Error> method_failure;
-  bool friction = true, viscosity = true, passivity = true, paused = false, emergency_stop = false;
+  bool friction = true, viscosity = true, passivity = true, paused = false;
   double max_force_N = 0;
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   std::uint32_t model_version = 1;
   std::vector<ViewedTissueState> tissues;
+  /// Of the stop that holds (Arming::number), which a rearm names; empty: the force is not stopped.
+  std::optional<std::uint32_t> stop;
   bool armed = false;  ///< a physical device may push
   bool recording = false;
 };
@@ -101,11 +103,30 @@ struct SettingsRequest {
   std::optional<double> max_force_N;
   std::optional<std::array<double, 4>> rotation_wxyz;
   ViewerIdentity by;
+  std::int64_t id = 0;  ///< of the viewer's own, for a late answer
 };
 struct TissueRequest {
   int tissue = 0;
   std::optional<double> stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm;
   ViewerIdentity by;
+  std::int64_t id = 0;
+};
+/// Force back after a stop.
+struct RearmRequest {
+  std::uint32_t stop = 0;  ///< which stop it answers: that of the state that whoever rearms has seen
+  ViewerIdentity by;
+};
+
+/// What became of a request for a change, where it was not refused.
+enum class Grant : std::uint8_t {
+  kDone,
+  kAsked,  ///< somebody at the device is asked whether it may be: a LateAnswer follows
+};
+/// The answer to what was asked, when somebody has agreed to it or nobody has.
+struct LateAnswer {
+  ViewerIdentity by;
+  std::int64_t id = 0;
+  Result<void> outcome;
 };
 
 /// A session as its viewers know it. Every member is called on the server's own thread (scene() also by
@@ -121,11 +142,17 @@ class ViewerHost {
   virtual ViewedHealth health() const = 0;
   virtual ViewedState state() const = 0;
   /// All of what is asked, or an error that names the value and nothing of it.
-  virtual Result<void> set(const SettingsRequest& request) = 0;
-  virtual Result<void> set(const TissueRequest& request) = 0;
+  virtual Result<Grant> set(const SettingsRequest& request) = 0;
+  virtual Result<Grant> set(const TissueRequest& request) = 0;
+  /// Answers to what was asked before, each once.
+  virtual std::vector<LateAnswer> take_answers() = 0;
+  /// A viewer is gone: what it has asked for and what nobody has agreed to yet is not done any more.
+  virtual void forget(const ViewerIdentity& viewer) = 0;
+  /// Only ever stops.
   virtual void emergency_stop(const ViewerIdentity& by) = 0;
-  /// Error kUsage where a device is physical.
-  virtual Result<void> rearm(const ViewerIdentity& by) = 0;
+  /// Error kUsage where a device is physical, where another stop came after the one that it answers, where
+  /// the tip touches something, and where nothing is stopped.
+  virtual Result<void> rearm(const RearmRequest& request) = 0;
   /// Whether a viewer may move the tip; whether one does. Error kUsage where something else moves it.
   /// @param by  who takes it, or leaves it
   virtual Result<void> take_pointer(bool take, const ViewerIdentity& by) = 0;

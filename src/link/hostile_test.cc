@@ -53,7 +53,7 @@ struct HostileTest : ::testing::Test {
     const std::string pose = bystander.pose();
     ASSERT_FALSE(pose.empty());
     EXPECT_GT(number_at<std::uint64_t>(pose, 8), sequence_);
-    bystander.send({{"type", "rearm"}, {"id", 77}});
+    bystander.send({{"type", "set"}, {"id", 77}, {"paused", false}});
     EXPECT_EQ(bystander.text("done")["id"], 77);
     EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
     EXPECT_EQ(test.log.text().find(kCanary), std::string::npos);
@@ -227,7 +227,7 @@ TEST_F(HostileTest, MessagesThatAreTooLong) {
   for (int n = 0; n < 1'000'000 && viewer.socket().send(masked_frame(0x00, std::string(1000, ' '))); ++n) {
   }
   EXPECT_LT(resident_MB() - before_MB, 50);
-  const std::string longest = R"({"type":"rearm","id":5})";
+  const std::string longest = R"({"type":"set","id":5,"paused":false})";
   TestViewer fair(test.port());
   fair.greet();
   fair.socket().send(masked_frame(kText, longest + std::string(4096 - longest.size(), ' ')));
@@ -248,7 +248,7 @@ TEST_F(HostileTest, MessagesOutOfTurn) {
   TestViewer early(test.port());
   early.send({{"type", "stop"}, {"id", 1}});
   EXPECT_EQ(early.close_code(), 1008);
-  EXPECT_FALSE(test.host.state().emergency_stop);
+  EXPECT_FALSE(test.host.state().stop);
   TestViewer other(test.port());
   other.send({{"type", "hello"}, {"protocol", 2}});
   EXPECT_EQ(other.close_code(), 4406);
@@ -316,8 +316,8 @@ TEST_F(HostileTest, AStopStops) {
     TestViewer viewer(test.port());
     viewer.greet();
     viewer.socket().send(bytes);
-    EXPECT_TRUE(comes_true([&] { return test.host.state().emergency_stop; })) << bytes;
-    test.host.change([](ViewedState& state) { state.emergency_stop = false; });
+    EXPECT_TRUE(comes_true([&] { return test.host.state().stop.has_value(); })) << bytes;
+    test.host.change([](ViewedState& state) { state.stop.reset(); });
   }
   // what came of one before the connection was lost
   const std::string whole = masked_frame(kText, blanks);
@@ -325,14 +325,14 @@ TEST_F(HostileTest, AStopStops) {
   lost.greet();
   lost.socket().send(whole.substr(0, whole.size() - 100));
   lost.socket().end_sending();
-  EXPECT_TRUE(comes_true([&] { return test.host.state().emergency_stop; }));
-  test.host.change([](ViewedState& state) { state.emergency_stop = false; });
+  EXPECT_TRUE(comes_true([&] { return test.host.state().stop.has_value(); }));
+  test.host.change([](ViewedState& state) { state.stop.reset(); });
   // of somebody who has shown no token, and of one who says something else
   TestViewer unknown(test.port());
   unknown.socket().send(masked_frame(kText, stop));
   EXPECT_EQ(unknown.close_code(), 1008);
   EXPECT_EQ(code_after(masked_frame(kText, R"({"type": "tip", "stop": "\"type\": \"stop\""})")), 1007);
-  EXPECT_FALSE(test.host.state().emergency_stop);
+  EXPECT_FALSE(test.host.state().stop);
 }
 
 // who neither says hello nor takes leave keeps a place for a while: never so many that nobody gets in

@@ -66,6 +66,7 @@ void Hub::add(std::shared_ptr<Viewer> viewer) {
 
 void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
   if (viewers_.erase(viewer) == 0) return;
+  if (viewer->welcomed()) host_.forget(viewer->identity());
   if (pointer_ == viewer.get()) {
     pointer_ = nullptr;
     (void)host_.take_pointer(false, viewer->identity());
@@ -145,14 +146,15 @@ void Hub::count() {
 
 std::string Hub::answer(Viewer& viewer, const Request& request) {
   const auto granted = grant(viewer, request);
-  return granted ? done_json(request.id) : refused_json(request.id, granted.error());
+  if (!granted) return refused_json(request.id, granted.error());
+  return *granted == Grant::kAsked ? asked_json(request.id) : done_json(request.id);
 }
 
-Result<void> Hub::grant(Viewer& viewer, const Request& request) {
+Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
   // a stop is everybody's
   if (std::holds_alternative<StopRequest>(request.what)) {
     host_.emergency_stop(viewer.identity());
-    return {};
+    return Grant::kDone;
   }
   if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
   if (viewer.role() != Role::kControl)
@@ -160,13 +162,25 @@ Result<void> Hub::grant(Viewer& viewer, const Request& request) {
                  "connect with a token for control"};
   const auto set = [&](auto asked) {
     asked.by = viewer.identity();
+    asked.id = request.id;
     return host_.set(asked);
   };
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
   if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
-  if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
-    return grant_pointer(viewer, *pointer);
-  return host_.rearm(viewer.identity());
+  const auto* pointer = std::get_if<PointerRequest>(&request.what);
+  const auto granted =
+      pointer ? grant_pointer(viewer, *pointer) : grant_rearm(viewer, std::get<RearmRequest>(request.what));
+  return granted ? Result<Grant>(Grant::kDone) : granted.error();
+}
+
+// whoever has the hand gets its force back
+Result<void> Hub::grant_rearm(Viewer& viewer, RearmRequest request) {
+  if (host_.scene().input == "pointer" && pointer_ != &viewer)
+    return Error{
+        ErrorKind::kUsage, "the force is given back by whoever moves the tip", "",
+        pointer_ ? "ask them, or wait until they let go" : "take the pointer first (Touch), then rearm"};
+  request.by = viewer.identity();
+  return host_.rearm(request);
 }
 
 Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
@@ -244,7 +258,15 @@ void Hub::sweep() {
   log_.catch_up(now);
   if (welcomed_ == 0) return;
   health_ = host_.health();
+  answer_late();
   look_at_state();
+}
+
+void Hub::answer_late() {
+  for (const LateAnswer& late : host_.take_answers())
+    for (const auto& viewer : viewers_)
+      if (viewer->identity().number == late.by.number && viewer->welcomed())
+        viewer->say(late.outcome ? done_json(late.id) : refused_json(late.id, late.outcome.error()));
 }
 
 }  // namespace palpate::link

@@ -81,7 +81,9 @@ class Hub {
   std::string state_for(const Viewer& viewer) const;
 
  private:
-  Result<void> grant(Viewer& viewer, const Request& request);
+  Result<Grant> grant(Viewer& viewer, const Request& request);
+  Result<void> grant_rearm(Viewer& viewer, RearmRequest request);
+  void answer_late();
   Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
   void count();
   void wait_for_poses();

@@ -191,7 +191,10 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
   } else if (*type == "pointer") {
     request.what = read_pointer(fields);
   } else if (*type == "rearm") {
-    request.what = RearmRequest{};
+    fields.want("stop");
+    RearmRequest rearm;
+    rearm.stop = static_cast<std::uint32_t>(fields.whole("stop", 0, 0xffffffff).value_or(0));
+    request.what = rearm;
     fields.end();
   } else {
     fields.refuse("type", "is none that there is");

@@ -23,7 +23,6 @@ struct Hello {
   double poses_hz = 60;
 };
 struct StopRequest {};
-struct RearmRequest {};
 struct PointerRequest {
   bool take = false;
 };

@@ -62,11 +62,12 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(tissue->viscosity_N_s_per_mm, 0);
 
   EXPECT_TRUE(parsed<StopRequest>(R"({"type": "stop", "id": 3})"));
-  EXPECT_TRUE(parsed<RearmRequest>(R"({"type": "rearm", "id": 4})"));
+  EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7})")->stop, 7u);
   EXPECT_TRUE(parsed<PointerRequest>(R"({"type": "pointer", "id": 5, "take": true})")->take);
   EXPECT_EQ(parsed<TipMessage>(R"({"type": "tip", "patient_mm": [1, -2.5, 3e1]})")->tip_patient_mm,
             (std::array<double, 3>{1, -2.5, 30}));
-  EXPECT_EQ(parsed<Request>(R"({"type": "rearm", "id": 9007199254740991})")->id, 9007199254740991);
+  EXPECT_EQ(parsed<Request>(R"({"type": "rearm", "id": 9007199254740991, "stop": 4294967295})")->id,
+            9007199254740991);
 }
 
 TEST(Request, WrongValuesAreRefusedByTheirKey) {
@@ -85,7 +86,10 @@ TEST(Request, WrongValuesAreRefusedByTheirKey) {
   EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"tissue":1})"), "");
   EXPECT_EQ(refused_at(R"({"type":"pointer","id":1})"), "take");
   EXPECT_EQ(refused_at(R"({"type":"pointer","id":1,"take":"yes"})"), "take");
-  EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"more":1})"), "");
+  EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":1,"more":1})"), "");
+  EXPECT_EQ(refused_at(R"({"type":"rearm","id":1})"), "stop");
+  EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":-1})"), "stop");
+  EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":4294967296})"), "stop");
   EXPECT_EQ(refused_at(R"({"type":"format the disk","id":1})"), "type");
 }
 

@@ -143,7 +143,8 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer) {
   json["viscosity"] = state.viscosity;
   json["passivity"] = state.passivity;
   json["paused"] = state.paused;
-  json["emergency_stop"] = state.emergency_stop;
+  json["emergency_stop"] = state.stop.has_value();
+  json["stop"] = state.stop ? Json(*state.stop) : Json();
   json["max_force_N"] = state.max_force_N;
   json["rotation_wxyz"] = state.rotation_wxyz;
   json["model_version"] = state.model_version;
@@ -162,6 +163,10 @@ std::string welcome_json(Role role) {
 
 std::string done_json(std::int64_t id) {
   return text_of({{"type", "done"}, {"id", id}});
+}
+
+std::string asked_json(std::int64_t id) {
+  return text_of({{"type", "asked"}, {"id", id}});
 }
 
 std::string refused_json(std::int64_t id, const Error& error) {

@@ -33,6 +33,7 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer);
 
 std::string welcome_json(Role role);
 std::string done_json(std::int64_t id);
+std::string asked_json(std::int64_t id);
 std::string refused_json(std::int64_t id, const Error& error);
 
 }  // namespace palpate::link

@@ -65,7 +65,7 @@ TEST(SceneJson, StateAndAnswers) {
   FakeHost host;
   EXPECT_EQ(Json::parse(state_json(host.state(), 2, true)), Json::parse(R"({
     "type": "state", "method": "proxy", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false,
-    "emergency_stop": false, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1,
+    "emergency_stop": false, "stop": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1,
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "viewers": 2, "pointer": true})"));

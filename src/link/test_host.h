@@ -5,6 +5,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "palpate/viewer_server.h"
@@ -58,9 +59,13 @@ class FakeHost : public ViewerHost {
     const std::lock_guard lock(mutex_);
     return state_;
   }
-  Result<void> set(const SettingsRequest& request) override {
+  Result<Grant> set(const SettingsRequest& request) override {
     const std::lock_guard lock(mutex_);
     asked_by_ = request.by;
+    if (asks_) {
+      asked_.push_back({request.by, request.id, {}});
+      return Grant::kAsked;
+    }
     if (request.max_force_N && *request.max_force_N > 3)
       return Error{ErrorKind::kUsage, "is above what this device may give", "max_force_N", "ask for less"};
     if (request.max_force_N) state_.max_force_N = *request.max_force_N;
@@ -68,9 +73,9 @@ class FakeHost : public ViewerHost {
     if (request.friction) state_.friction = *request.friction;
     if (request.paused) state_.paused = *request.paused;
     if (request.rotation_wxyz) state_.rotation_wxyz = *request.rotation_wxyz;
-    return {};
+    return Grant::kDone;
   }
-  Result<void> set(const TissueRequest& request) override {
+  Result<Grant> set(const TissueRequest& request) override {
     const std::lock_guard lock(mutex_);
     asked_by_ = request.by;
     if (static_cast<std::size_t>(request.tissue) >= state_.tissues.size())
@@ -78,18 +83,27 @@ class FakeHost : public ViewerHost {
     ViewedTissueState& tissue = state_.tissues[request.tissue];
     if (request.stiffness_N_per_mm) tissue.stiffness_N_per_mm = *request.stiffness_N_per_mm;
     ++state_.model_version;
-    return {};
+    return Grant::kDone;
+  }
+  std::vector<LateAnswer> take_answers() override {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(answers_, {});
+  }
+  void forget(const ViewerIdentity& viewer) override {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(asked_, [&](const LateAnswer& asked) { return asked.by.number == viewer.number; });
   }
   void emergency_stop(const ViewerIdentity& by) override {
     const std::lock_guard lock(mutex_);
     asked_by_ = by;
-    state_.emergency_stop = true;
+    state_.stop = ++stops_;
   }
-  Result<void> rearm(const ViewerIdentity& by) override {
+  Result<void> rearm(const RearmRequest& request) override {
     const std::lock_guard lock(mutex_);
-    asked_by_ = by;
+    asked_by_ = request.by;
     if (state_.armed) return Error{ErrorKind::kUsage, "arming is local", "", "arm at the device"};
-    state_.emergency_stop = false;
+    if (state_.stop != request.stop) return Error{ErrorKind::kUsage, "is another stop", "stop", "look again"};
+    state_.stop.reset();
     return {};
   }
   Result<void> take_pointer(bool take, const ViewerIdentity& by) override {
@@ -106,6 +120,22 @@ class FakeHost : public ViewerHost {
   std::array<double, 3> tip() const {
     const std::lock_guard lock(mutex_);
     return tip_;
+  }
+  /// From now on somebody is asked before settings change.
+  void ask_first() {
+    const std::lock_guard lock(mutex_);
+    asks_ = true;
+  }
+  /// What is asked and not answered.
+  std::size_t asked() const {
+    const std::lock_guard lock(mutex_);
+    return asked_.size();
+  }
+  /// All of it, the same.
+  void answer(const Result<void>& outcome) {
+    const std::lock_guard lock(mutex_);
+    for (const LateAnswer& asked : asked_) answers_.push_back({asked.by, asked.id, outcome});
+    asked_.clear();
   }
   /// Who asked for something last.
   ViewerIdentity asked_by() const {
@@ -130,6 +160,9 @@ class FakeHost : public ViewerHost {
   ViewedState state_;
   std::array<double, 3> tip_{};
   ViewerIdentity asked_by_;
+  std::uint32_t stops_ = 0;
+  bool asks_ = false;
+  std::vector<LateAnswer> asked_, answers_;
 };
 
 /// What a server wrote to its log.
@@ -153,7 +186,11 @@ class TestLog {
 
 /// A server of a FakeHost on a port of its own.
 struct TestServer {
-  explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3}) : host(dims) {
+  /// @param input  ViewedScene::input
+  explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3},
+                      const std::string& input = "script")
+      : host(dims) {
+    host.edit_scene().input = input;
     options.port = 0;
     options.log = log.writer();
     auto started = ViewerServer::start(host, options);

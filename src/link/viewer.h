@@ -46,6 +46,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool is_due(Clock::time_point now) const;
   void show(const PoseMessage& pose, Clock::time_point now);
   void show_state();
+  /// An answer.
+  void say(std::string text);
   /// Says goodbye with a close code, and why to the log.
   void end(std::uint16_t code, std::string_view fault);
   /// Leaves the hub, without a goodbye or after it.
@@ -68,7 +70,6 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void take(const std::optional<ViewerMessage>& message);
   void take(const Request& request);
   void greet(const Hello& hello);
-  void say(std::string text);
   void write_next();
   /// @param bytes  stay as they are until it is done
   void write(net::const_buffer bytes, bool binary);

@@ -141,13 +141,22 @@ TEST(Viewer, RequestsAreGrantedAndRefused) {
   EXPECT_EQ(test.host.state().tissues[0].stiffness_N_per_mm, 0.8);
   viewer.send({{"type", "stop"}, {"id", 4}});
   EXPECT_EQ(viewer.text("done")["id"], 4);
-  EXPECT_TRUE(test.host.state().emergency_stop);
+  EXPECT_TRUE(test.host.state().stop);
   EXPECT_EQ(test.host.asked_by().number, 1u);
   EXPECT_TRUE(test.host.asked_by().control);
-  other.send({{"type", "rearm"}, {"id", 5}});
+  // a rearm names the stop that it answers; one that is late answers another
+  Json stopped = other.text("state");
+  while (!stopped.is_null() && stopped["stop"].is_null()) stopped = other.text("state");
+  EXPECT_EQ(stopped["emergency_stop"], true);
+  viewer.send({{"type", "stop"}, {"id", 5}});
+  EXPECT_EQ(viewer.text("done")["id"], 5);
+  other.send({{"type", "rearm"}, {"id", 4}, {"stop", stopped["stop"]}});
+  EXPECT_EQ(other.text("refused")["where"], "stop");
+  EXPECT_TRUE(test.host.state().stop);
+  other.send({{"type", "rearm"}, {"id", 5}, {"stop", *test.host.state().stop}});
   EXPECT_EQ(other.text("done")["id"], 5);
   EXPECT_EQ(test.host.asked_by().number, 2u) << "in the order in which they said hello";
-  EXPECT_FALSE(test.host.state().emergency_stop);
+  EXPECT_FALSE(test.host.state().stop);
   viewer.send({{"type", "nonsense"}, {"id", 6}});
   EXPECT_EQ(viewer.text("refused")["id"], 6);
 }
@@ -166,10 +175,10 @@ TEST(Viewer, RolesAreKept) {
   const int port = guarded.test.port();
   TestViewer viewer(port);
   EXPECT_EQ(viewer.greet({{"token", kViewToken}})["role"], "view");
-  for (const Json& asked :
-       {Json{{"type", "set"}, {"id", 1}, {"paused", true}},
-        Json{{"type", "tissue"}, {"id", 1}, {"tissue", 0}, {"stiffness_N_per_mm", 1}},
-        Json{{"type", "rearm"}, {"id", 1}}, Json{{"type", "pointer"}, {"id", 1}, {"take", true}}}) {
+  for (const Json& asked : {Json{{"type", "set"}, {"id", 1}, {"paused", true}},
+                            Json{{"type", "tissue"}, {"id", 1}, {"tissue", 0}, {"stiffness_N_per_mm", 1}},
+                            Json{{"type", "rearm"}, {"id", 1}, {"stop", 1}},
+                            Json{{"type", "pointer"}, {"id", 1}, {"take", true}}}) {
     viewer.send(asked);
     EXPECT_EQ(viewer.text("refused")["where"], "role") << asked;
   }
@@ -177,7 +186,7 @@ TEST(Viewer, RolesAreKept) {
   // a stop is everybody's
   viewer.send({{"type", "stop"}, {"id", 2}});
   EXPECT_EQ(viewer.text("done")["id"], 2);
-  EXPECT_TRUE(guarded.test.host.state().emergency_stop);
+  EXPECT_TRUE(guarded.test.host.state().stop);
   EXPECT_EQ(guarded.test.host.asked_by().number, 1u);
   EXPECT_FALSE(guarded.test.host.asked_by().control);
   EXPECT_FALSE(guarded.test.host.state().paused);
@@ -211,6 +220,56 @@ TEST(Viewer, NoTokenNoView) {
   EXPECT_EQ(log.find("0123456789"), std::string::npos);
 }
 
+// an answer that comes when somebody at the device has given it, to who asked
+TEST(Viewer, WhatWaitsForConsentIsAnsweredLater) {
+  TestServer test;
+  test.host.ask_first();
+  TestViewer one(test.port()), other(test.port());
+  one.greet();
+  other.greet();
+  one.send({{"type", "set"}, {"id", 7}, {"paused", true}});
+  EXPECT_EQ(one.text("asked"), Json::parse(R"({"type": "asked", "id": 7})"));
+  other.send({{"type", "set"}, {"id", 8}, {"paused", true}});
+  EXPECT_EQ(other.text("asked")["id"], 8);
+  // a stop needs nobody
+  one.send({{"type", "stop"}, {"id", 9}});
+  EXPECT_EQ(one.text("done")["id"], 9);
+  EXPECT_TRUE(test.host.state().stop);
+  // the one that goes waits for nothing
+  other.socket().end_sending();
+  EXPECT_TRUE(comes_true([&] { return test.host.asked() == 1; }));
+  test.host.answer({});
+  EXPECT_EQ(one.text("done")["id"], 7);
+  one.send({{"type", "set"}, {"id", 10}, {"paused", true}});
+  EXPECT_EQ(one.text("asked")["id"], 10);
+  test.host.answer(Error{ErrorKind::kUsage, "it was declined", "", ""});
+  EXPECT_EQ(
+      one.text("refused"),
+      Json::parse(R"({"type": "refused", "id": 10, "what": "it was declined", "where": "", "how": ""})"));
+}
+
+TEST(Viewer, WhoeverMovesTheTipGetsItsForceBack) {
+  TestServer test({}, {5, 4, 3}, "pointer");
+  TestViewer first(test.port()), second(test.port());
+  first.greet();
+  second.greet();
+  first.send({{"type", "stop"}, {"id", 1}});
+  EXPECT_EQ(first.text("done")["id"], 1);
+  const auto rearm = [&](TestViewer& viewer, int id) {
+    viewer.send({{"type", "rearm"}, {"id", id}, {"stop", *test.host.state().stop}});
+  };
+  rearm(first, 2);
+  EXPECT_EQ(first.text("refused")["id"], 2) << "nobody has the tip";
+  first.send({{"type", "pointer"}, {"id", 3}, {"take", true}});
+  EXPECT_EQ(first.text("done")["id"], 3);
+  rearm(second, 4);
+  EXPECT_EQ(second.text("refused")["id"], 4);
+  EXPECT_TRUE(test.host.state().stop);
+  rearm(first, 5);
+  EXPECT_EQ(first.text("done")["id"], 5);
+  EXPECT_FALSE(test.host.state().stop);
+}
+
 TEST(Viewer, OneAtATimeMovesTheTip) {
   TestServer test;
   TestViewer first(test.port()), second(test.port());
@@ -228,8 +287,6 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   second.send({{"type", "pointer"}, {"id", 3}, {"take", false}});
   EXPECT_EQ(second.text("refused")["id"], 3);
   second.send({{"type", "tip"}, {"patient_mm", {70, 80, 90}}});
-  second.send({{"type", "rearm"}, {"id", 4}});
-  EXPECT_EQ(second.text("done")["id"], 4);
   first.send({{"type", "tip"}, {"patient_mm", {1, 2, 3}}});
   EXPECT_TRUE(comes_true([&] { return test.host.tip() == std::array<double, 3>{1, 2, 3}; }));
   // the one that goes lets go
@@ -318,7 +375,7 @@ TEST(Viewer, OneThatTakesNoAnswersStillStops) {
   };
   for (int n = 0; n < 600; ++n) ASSERT_TRUE(ask({{"type", "set"}, {"id", n}, {"max_force_N", 0.001 * n}}));
   ASSERT_TRUE(ask({{"type", "stop"}, {"id", 600}}));
-  EXPECT_TRUE(comes_true([&] { return test.host.state().emergency_stop; }));
+  EXPECT_TRUE(comes_true([&] { return test.host.state().stop.has_value(); }));
   EXPECT_LT(test.host.state().max_force_N, 0.599) << "what cannot be answered is not done";
   EXPECT_NE(test.log.text().find("takes no answers"), std::string::npos);
   EXPECT_EQ(test.log.text().find("too many messages"), std::string::npos);

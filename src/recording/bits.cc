@@ -54,6 +54,8 @@ const char* name_of(TickFlag flag) {
       return "ruptured";
     case kFlagPassivity:
       return "passivity";
+    case kFlagTurnHeld:
+      return "turn held";
   }
   return nullptr;
 }
@@ -134,6 +136,8 @@ const char* name_of(Asker asker) {
       return "viewer with control";
     case Asker::kLookingViewer:
       return "viewer that may look";
+    case Asker::kAgreedViewer:
+      return "viewer with control, agreed to by a key";
   }
   return nullptr;
 }

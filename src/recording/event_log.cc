@@ -2,7 +2,7 @@
 
 namespace palpate {
 
-void EventLog::tell(const std::function<RecordingEvent()>& apply) {
+void EventLog::tell(const std::function<std::optional<RecordingEvent>()>& apply) {
   // first the memory: what has been done keeps its row
   std::list<RecordingEvent> row(1);
   std::list<std::uint64_t> announcement(1);
@@ -23,7 +23,9 @@ void EventLog::tell(const std::function<RecordingEvent()>& apply) {
     announced_.splice(announced_.end(), announcement);
   }
 
-  row.front() = apply();
+  const auto done = apply();
+  if (!done) return;
+  row.front() = *done;
   // given back before the announcement is over
   const std::lock_guard lock(mutex_);
   rows_.splice(rows_.end(), row);

@@ -224,10 +224,10 @@ class DataSet {
   std::array<hsize_t, 2> dims_{0, 1}, chunk_{1, 1};
 };
 
-// a column with the data set that holds it
+// a column with the data set that holds it; an earlier file may have none
 struct StoredColumn {
   const Column* column;
-  DataSet data_set;
+  std::optional<DataSet> data_set;
 };
 
 // the major number
@@ -286,7 +286,7 @@ RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
   return header;
 }
 
-std::optional<RecordingSummary> read_summary(hid_t file, Unpacking& unpacking) {
+std::optional<RecordingSummary> read_summary(hid_t file, std::uint32_t major, Unpacking& unpacking) {
   const Handle group = open_group(file, "summary");
   const auto number = [&](const char* name, hid_t type, void* value) {
     const DataSet data_set(group.get(), "summary", name);
@@ -298,8 +298,10 @@ std::optional<RecordingSummary> read_summary(hid_t file, Unpacking& unpacking) {
   number("complete", H5T_STD_U8LE, &complete);
   if (complete == 0) return std::nullopt;
   RecordingSummary summary;
-  visit_summary(summary,
-                [&](const char* name, std::uint64_t& value) { number(name, H5T_STD_U64LE, &value); });
+  visit_summary(summary, [&](const char* name, std::uint64_t& value) {
+    // what was not counted then
+    if (major >= kFormatMajor || is_there(group.get(), name)) number(name, H5T_STD_U64LE, &value);
+  });
   const DataSet trouble(group.get(), "summary", "trouble");
   trouble.require_shape(1);
   require(trouble.rows() <= kMaxTroubles, "it lists too many troubles");
@@ -330,10 +332,14 @@ std::vector<RecordingEvent> read_earlier_changes(hid_t file, Unpacking& unpackin
   return events;
 }
 
-void open_columns(hid_t file, const std::string& group_name, std::span<const Column> columns,
-                  Unpacking& unpacking, std::vector<StoredColumn>& opened) {
+void open_columns(hid_t file, std::uint32_t major, const std::string& group_name,
+                  std::span<const Column> columns, Unpacking& unpacking, std::vector<StoredColumn>& opened) {
   const Handle group = open_group(file, group_name);
   for (const Column& column : columns) {
+    if (major < column.since && !is_there(group.get(), column.name)) {
+      opened.push_back({&column, std::nullopt});
+      continue;
+    }
     DataSet data_set(group.get(), group_name, column.name);
     data_set.require_type(hdf5_type(column.number));
     data_set.require_shape(column.width == 1 ? 1 : 2, column.width);
@@ -343,11 +349,12 @@ void open_columns(hid_t file, const std::string& group_name, std::span<const Col
 }
 
 std::uint64_t common_rows(const std::vector<StoredColumn>& columns, bool complete) {
-  std::uint64_t rows = columns.front().data_set.rows();
+  std::uint64_t rows = columns.front().data_set->rows();
   for (const StoredColumn& column : columns) {
+    if (!column.data_set) continue;
     // a run that was cut short may have grown in some columns and not yet in others
-    if (complete) column.data_set.require_rows(rows);
-    rows = std::min<std::uint64_t>(rows, column.data_set.rows());
+    if (complete) column.data_set->require_rows(rows);
+    rows = std::min<std::uint64_t>(rows, column.data_set->rows());
   }
   return rows;
 }
@@ -389,7 +396,7 @@ class EventQueue {
     for (const auto& [column, data_set] : columns_) {
       const std::size_t width = column->row_bytes();
       values.resize(waiting_.size() * width);
-      data_set.read_rows(hdf5_type(column->number), read_, count, values.data());
+      data_set->read_rows(hdf5_type(column->number), read_, count, values.data());
       for (std::size_t row = 0; row < waiting_.size(); ++row)
         std::memcpy(reinterpret_cast<std::byte*>(&waiting_[row]) + column->offset,
                     values.data() + row * width, width);
@@ -407,7 +414,7 @@ EventQueue open_events(hid_t file, std::uint32_t major, Unpacking& unpacking, bo
   if (major < kFormatMajor)
     return EventQueue(complete ? read_earlier_changes(file, unpacking) : std::vector<RecordingEvent>());
   std::vector<StoredColumn> columns;
-  open_columns(file, "events", event_columns(), unpacking, columns);
+  open_columns(file, major, "events", event_columns(), unpacking, columns);
   const std::uint64_t rows = common_rows(columns, complete);
   return {std::move(columns), rows};
 }
@@ -418,7 +425,7 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
   const auto found =
       std::ranges::find_if(columns, [&](const StoredColumn& stored) { return stored.column->name == name; });
   std::vector<T> values(static_cast<std::size_t>(count));
-  found->data_set.read_rows(hdf5_type(found->column->number), first, count, values.data());
+  found->data_set->read_rows(hdf5_type(found->column->number), first, count, values.data());
   return values;
 }
 
@@ -451,8 +458,8 @@ bool send_parts(const std::vector<StoredColumn>& columns, std::uint64_t rows, Ev
       if (!send_events(target, of_these, 0)) return false;
     if (!send_events(target, of_these, static_cast<std::uint32_t>(count))) return false;
     for (const auto& [column, data_set] : columns) {
-      buffer.resize(static_cast<std::size_t>(count) * column->row_bytes());
-      data_set.read_rows(hdf5_type(column->number), first, count, buffer.data());
+      buffer.assign(static_cast<std::size_t>(count) * column->row_bytes(), std::byte{0});
+      if (data_set) data_set->read_rows(hdf5_type(column->number), first, count, buffer.data());
       if (!target.write(buffer)) return false;
     }
   }
@@ -483,13 +490,13 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target) {
 
     RecordingHead head;
     head.header = read_header(opened.get(), unpacking);
-    head.summary = read_summary(opened.get(), unpacking);
+    head.summary = read_summary(opened.get(), major, unpacking);
     const bool complete = head.summary.has_value();
     // the ticks' ends first: what they had heard of is in the file before them, also while it is written
     std::vector<StoredColumn> columns;
-    open_columns(opened.get(), "ticks", tick_columns(), unpacking, columns);
+    open_columns(opened.get(), major, "ticks", tick_columns(), unpacking, columns);
     for (int d = 0; d < head.header.devices; ++d)
-      open_columns(opened.get(), "device" + std::to_string(d), device_columns(), unpacking, columns);
+      open_columns(opened.get(), major, "device" + std::to_string(d), device_columns(), unpacking, columns);
     const std::uint64_t rows = common_rows(columns, complete);
     EventQueue events = open_events(opened.get(), major, unpacking, complete);
     look_ahead(columns, rows, major < kFormatMajor, head, events);

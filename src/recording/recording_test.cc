@@ -249,8 +249,8 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   const auto unclaimed = [](const std::vector<bool>& bytes) { return std::ranges::count(bytes, false); };
   EXPECT_EQ(unclaimed(tick), static_cast<std::ptrdiff_t>(sizeof(TickRecord) - internal::tick_bytes(0)));
   EXPECT_EQ(internal::tick_bytes(0), 126u);
-  EXPECT_EQ(internal::tick_bytes(1), 126u + 414u);
-  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 414u);
+  EXPECT_EQ(internal::tick_bytes(1), 126u + 422u);
+  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 422u);
   EXPECT_LT(unclaimed(device), 8) << "a field of DeviceTick without a column";
   // what the recorder makes rows of is in no column either
   EXPECT_LT(static_cast<std::size_t>(unclaimed(tick)),
@@ -280,14 +280,14 @@ TEST(Recording, DescribesEveryBit) {
             "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm");
   EXPECT_EQ(description(internal::event_columns(), "asked_by"),
             "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
-            "may look");
+            "may look, 5 viewer with control, agreed to by a key");
   EXPECT_THAT(description(internal::event_columns(), "changed"),
               testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of "
                                 "force, 64 rotation, 128 tip taken or left"));
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
-  EXPECT_THAT(flags, testing::EndsWith(", 524288 ruptured, 1048576 passivity"));
-  EXPECT_EQ(std::ranges::count(flags, ','), 20 + 1);  // and one in the sentence before
+  EXPECT_THAT(flags, testing::EndsWith(", 1048576 passivity, 2097152 turn held"));
+  EXPECT_EQ(std::ranges::count(flags, ','), 21 + 1);  // and one in the sentence before
 }
 
 TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
@@ -312,7 +312,8 @@ TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
       {kFlagInside, &RecordingSummary::inside},
       {kFlagWedged, &RecordingSummary::wedged},
       {kFlagRuptured, &RecordingSummary::ruptured},
-      {kFlagPassivity, &RecordingSummary::passivated}};
+      {kFlagPassivity, &RecordingSummary::passivated},
+      {kFlagTurnHeld, &RecordingSummary::turns_held}};
   for (const auto& [flag, count] : counted) {
     SCOPED_TRACE(flag);
     RecordingSummary summary, expected;

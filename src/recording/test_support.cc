@@ -54,6 +54,7 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.heat) != bits(b.heat)) return "heat";
   if (bits(a.energy_mJ) != bits(b.energy_mJ)) return "energy_mJ";
   if (bits(a.damping_N_s_per_m) != bits(b.damping_N_s_per_m)) return "damping_N_s_per_m";
+  if (bits(a.turned_mJ) != bits(b.turned_mJ)) return "turned_mJ";
   if (!same(a.tip_patient_mm, b.tip_patient_mm)) return "tip_patient_mm";
   if (!same(a.proxy_patient_mm, b.proxy_patient_mm)) return "proxy_patient_mm";
   if (!same(a.normal_patient, b.normal_patient)) return "normal_patient";
@@ -100,11 +101,12 @@ DeviceTick random_device(RandomBits& random) {
   random.fill(device.angular_velocity_world_rad_s);
   device.buttons = static_cast<std::uint32_t>(random.word());
   device.status = static_cast<std::uint32_t>(random.word());
-  for (double* number : {&device.gripper_rad, &device.age_s, &device.force_gain, &device.scale,
-                         &device.peak_force_N, &device.continuous_force_N, &device.peak_torque_Nmm,
-                         &device.peak_gripper_N, &device.slew_N_per_s, &device.most_stiffness_N_per_mm,
-                         &device.position_step_mm, &device.gripper_N, &device.unclamped_force_N,
-                         &device.limit_N, &device.heat, &device.energy_mJ, &device.damping_N_s_per_m})
+  for (double* number :
+       {&device.gripper_rad, &device.age_s, &device.force_gain, &device.scale, &device.peak_force_N,
+        &device.continuous_force_N, &device.peak_torque_Nmm, &device.peak_gripper_N, &device.slew_N_per_s,
+        &device.most_stiffness_N_per_mm, &device.position_step_mm, &device.gripper_N,
+        &device.unclamped_force_N, &device.limit_N, &device.heat, &device.energy_mJ,
+        &device.damping_N_s_per_m, &device.turned_mJ})
     *number = random.number();
   random.fill(device.force_N);
   random.fill(device.torque_Nmm);
@@ -182,7 +184,7 @@ RecordingSummary example_summary(std::uint64_t ticks) {
         &summary.jumped,           &summary.device_faults, &summary.halted,   &summary.emergency_stopped,
         &summary.clutched,         &summary.faded,         &summary.blended,  &summary.method_missing,
         &summary.inside,           &summary.wedged,        &summary.ruptured, &summary.passivated,
-        &summary.dropped,          &summary.skipped})
+        &summary.turns_held,       &summary.dropped,       &summary.skipped})
     *count = next++;
   summary.trouble = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
   return summary;
@@ -366,6 +368,7 @@ std::string first_difference(const RecordingSummary& a, const RecordingSummary& 
   if (a.wedged != b.wedged) return "wedged";
   if (a.ruptured != b.ruptured) return "ruptured";
   if (a.passivated != b.passivated) return "passivated";
+  if (a.turns_held != b.turns_held) return "turns_held";
   if (a.dropped != b.dropped) return "dropped";
   if (a.skipped != b.skipped) return "skipped";
   if (a.trouble != b.trouble) return "trouble";

@@ -74,6 +74,8 @@ constexpr std::array kOthers{
         "The force would have given the hand more energy than the hand had put in; a damper took off what "
         "was too "
         "much."},
+    Row{"Turn held", &RecordingSummary::turns_held, Shown::kWhenMet,
+        "The object was told to turn and turned slower, so that it pushed the hand by no more than 5 mW."},
     Row{"Method missing", &RecordingSummary::method_missing, Shown::kWhenMet,
         "The model was not prepared for the chosen force method; the trilinear one was felt."},
 };

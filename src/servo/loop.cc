@@ -106,12 +106,27 @@ std::uint32_t Loop::change(const std::function<void(Parameters&)>& edit) {
   return latest_.number;
 }
 
-// state and number in one word: a tick that sees the number sees what it stands for
-std::uint32_t Loop::arm(bool stopped) noexcept {
+std::uint32_t Loop::emergency_stop() noexcept {
   std::uint64_t now = arming_.load(), next = 0;
-  do next = ((now | 1) + 1) | static_cast<std::uint64_t>(stopped);
+  do next = ((now >> 1) + 1) << 1 | 1;
   while (!arming_.compare_exchange_weak(now, next));
   return static_cast<std::uint32_t>(next >> 1);
+}
+
+Rearmed Loop::rearm(std::uint32_t stop, std::uint32_t& number) noexcept {
+  std::uint64_t now = arming_.load();
+  if ((now & 1) == 0) return Rearmed::kNotStopped;
+  if (static_cast<std::uint32_t>(now >> 1) != stop) return Rearmed::kStoppedAgain;
+  if (free_at_.load() != now) return heard_.load() == now ? Rearmed::kTouching : Rearmed::kUnheard;
+  const std::uint64_t next = ((now >> 1) + 1) << 1;
+  if (!arming_.compare_exchange_strong(now, next)) return Rearmed::kStoppedAgain;
+  number = static_cast<std::uint32_t>(next >> 1);
+  return Rearmed::kDone;
+}
+
+Arming Loop::arming() const noexcept {
+  const std::uint64_t now = arming_.load();
+  return {static_cast<std::uint32_t>(now >> 1), (now & 1) != 0};
 }
 
 Parameters Loop::parameters() const {
@@ -197,13 +212,25 @@ double Loop::keep_time(std::int64_t now_ns) noexcept {
   return static_cast<double>(since_ns) * 1e-9;
 }
 
+// Whether this tick is stopped. A stop is from the tick that hears of it on; a rearm is where that tick's tip
+// is still free, else it is void and everything stays as it was.
+bool Loop::hear_arming() noexcept {
+  std::uint64_t arming = arming_.load();
+  const bool asked_to_stop = (arming & 1) != 0;
+  if (!asked_to_stop && stopped_ && touched_)
+    arming_.compare_exchange_strong(arming, arming | 1);
+  else
+    stopped_ = asked_to_stop;
+  record_.arming_number = static_cast<std::uint32_t>(arming >> 1);
+  heard_arming_ = arming;
+  return stopped_;
+}
+
 void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept {
   parameters_in_.take(posted_);
   parameters_ = posted_.parameters;
   record_.settings_number = posted_.number;
-  const std::uint64_t arming = arming_.load(std::memory_order_relaxed);
-  record_.arming_number = static_cast<std::uint32_t>(arming >> 1);
-  parameters_.emergency_stop = posted_.parameters.emergency_stop || (arming & 1) != 0;
+  parameters_.emergency_stop = hear_arming() || posted_.parameters.emergency_stop;
   parameters_.paused = posted_.parameters.paused || stopping_.load(std::memory_order_relaxed);
   // after a stall nothing is sent at first, also where the watchdog stood still with everything else
   const bool stalled = dt_s > static_cast<double>(kStall_ns) * 1e-9;
@@ -221,9 +248,16 @@ void Loop::publish() noexcept {
       offsetof(TickRecord, device) + sizeof(DeviceTick) * static_cast<std::size_t>(record_.devices);
   snapshot_.store(record_, bytes);
   if (!ring_.push(record_, bytes)) add(counts_.dropped, 1);
-  bool silent = parameters_.paused;
-  for (int d = 0; d < record_.devices; ++d)
+  // where a pose is none, nobody knows
+  constexpr std::uint32_t kNotFree = kFlagContact | kFlagInside | kFlagNotFinite;
+  bool silent = parameters_.paused, touching = false;
+  for (int d = 0; d < record_.devices; ++d) {
+    touching = touching || (record_.device[d].flags & kNotFree) != 0;
     silent = silent && state_.hands[d].output.gain == 0 && wrenches_[d].force_N == Vector<World>();
+  }
+  touched_ = touching;
+  free_at_.store(touching ? kNowhere : heard_arming_);
+  heard_.store(heard_arming_);
   silent_.store(silent, std::memory_order_relaxed);
 }
 

@@ -38,8 +38,9 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   Parameters parameters() const override;
   void set_model(std::shared_ptr<const Model> model) override { model_.set(std::move(model)); }
   std::size_t collect() override { return model_.collect(); }
-  std::uint32_t emergency_stop() noexcept override { return arm(true); }
-  std::uint32_t rearm() noexcept override { return arm(false); }
+  std::uint32_t emergency_stop() noexcept override;
+  Rearmed rearm(std::uint32_t stop, std::uint32_t& number) noexcept override;
+  Arming arming() const noexcept override;
   void stop() override;
   bool running() const noexcept override { return running_.load(); }
   TickRecord snapshot() const override { return snapshot_.load(); }
@@ -61,8 +62,10 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
     std::uint32_t number = 0;
   };
 
+  static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
+
   void run(std::promise<void>& ready);
-  std::uint32_t arm(bool stopped) noexcept;
+  bool hear_arming() noexcept;
   double keep_time(std::int64_t now_ns) noexcept;
   void take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
   void publish() noexcept;
@@ -80,7 +83,9 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   Posted latest_;
   Mailbox<Posted> parameters_in_;
   std::atomic<bool> stop_{false}, stopping_{false}, reset_{false};
-  std::atomic<std::uint64_t> arming_{0};  // twice the number of the last stop or rearm, one more: stopped
+  // Twice the number of the last stop or rearm, one more: stopped. Of one word, so that a tick that sees the
+  // number sees what it stands for, and a rearm that meets a later stop finds another word than it answers.
+  std::atomic<std::uint64_t> arming_{0};
 
   // the servo thread's own
   Pacer pacer_;
@@ -93,7 +98,10 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   TickRecord record_;
   std::int64_t last_begun_ns_ = 0;
   std::int64_t lateness_ns_ = 0;
-  bool paced_ = false;  // this tick came from our own clock
+  bool stopped_ = false;  // by the last tick's arming
+  std::uint64_t heard_arming_ = 0;
+  bool touched_ = true;  // something, in the last tick; before the first nobody knows
+  bool paced_ = false;   // this tick came from our own clock
   std::uint64_t skipped_ = 0;
 
   // written by the servo thread, read by others
@@ -105,6 +113,8 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
     std::atomic<std::int64_t> first_ns{0}, last_ns{0};
   } counts_;
   std::atomic<bool> silent_{false}, running_{false};
+  // the arming that the last tick had heard of, and where that tick's tips were all free
+  std::atomic<std::uint64_t> heard_{0}, free_at_{kNowhere};
 
   // what health() is counted from
   LateCounts late_before_;

@@ -162,19 +162,41 @@ TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
 }
 
 TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
-  Resting resting;
-  const auto loop = started(resting.driver, {.ring_s = 10});
+  // leaves the ball when it is stopped, and comes back when it is not
+  std::vector<double> forces_N;
+  std::atomic<bool> away{false};
+  TestDriver driver([&](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
+    double x_mm = kBoneRadius_mm;
+    while (clock.wait()) {
+      x_mm = std::clamp(x_mm + (away ? 0.2 : -0.2), kBoneRadius_mm, kBoneRadius_mm + 8);
+      forces_N.push_back(self.tick_at(servo, Point<Device>(x_mm, 0, 0)).force_N.norm());
+    }
+  });
+  const auto loop = started(driver, {.ring_s = 10});
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0.3; });
-  loop->emergency_stop();
+  const std::uint32_t first = loop->emergency_stop();
   wait_until([&] { return (loop->snapshot().device[0].flags & kFlagEmergencyStop) != 0; });
   EXPECT_EQ(loop->snapshot().device[0].force_N[0], 0);
+  std::uint32_t number = 0;
+  EXPECT_EQ(loop->rearm(first, number), Rearmed::kTouching);
+  // who stops what is stopped only stops
+  const std::uint32_t second = loop->emergency_stop();
+  EXPECT_GT(second, first);
+  away = true;
+  wait_until([&] { return (loop->snapshot().device[0].flags & kFlagContact) == 0; });
+  EXPECT_EQ(loop->rearm(first, number), Rearmed::kStoppedAgain);
   std::this_thread::sleep_for(20ms);
-  EXPECT_EQ(loop->snapshot().device[0].force_N[0], 0);
-  loop->rearm();
+  EXPECT_TRUE(loop->arming().stopped);
+  EXPECT_TRUE(loop->snapshot().switches & kSwitchEmergencyStop);
+  EXPECT_EQ(number, 0u);
+  EXPECT_EQ(loop->rearm(second, number), Rearmed::kDone);
+  EXPECT_GT(number, second);
+  EXPECT_EQ(loop->rearm(second, number), Rearmed::kNotStopped);
+  away = false;
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0; });
   loop->stop();
   // the first force after the stop comes in by the ramp, whenever this thread looked
-  std::vector<TickRecord> records(resting.forces_N.size());
+  std::vector<TickRecord> records(forces_N.size());
   ASSERT_EQ(loop->ring().pop(records), records.size());
   const auto stopped = std::find_if(records.begin(), records.end(), [](const TickRecord& record) {
     return (record.device[0].flags & kFlagEmergencyStop) != 0;
@@ -442,8 +464,34 @@ TEST(Loop, AnEmergencyStopMayComeAsAParameterToo) {
   for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
   loop.change([](Parameters& parameters) { parameters.emergency_stop = true; });
   EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>());
-  loop.rearm();
+  std::uint32_t number = 0;
+  EXPECT_EQ(loop.rearm(0, number), Rearmed::kNotStopped);
   EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>()) << "who asked for it still does";
+}
+
+TEST(Loop, AStopWinsWhateverElseReachesTheSameTick) {
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
+  std::uint32_t number = 0;
+  // nobody knows yet what it touches
+  EXPECT_EQ(loop.rearm(loop.emergency_stop(), number), Rearmed::kUnheard);
+  constexpr double kFree_mm = kBoneRadius_mm + 8;
+  for (int n = 0; n < 10; ++n) tick_after(loop, 1'000'000, kFree_mm);
+  // rearmed, and stopped again before a tick has looked
+  EXPECT_EQ(loop.rearm(loop.arming().number, number), Rearmed::kDone);
+  const std::uint32_t last = loop.emergency_stop();
+  tick_after(loop, 1'000'000, kFree_mm);
+  EXPECT_TRUE(loop.snapshot().switches & kSwitchEmergencyStop);
+  EXPECT_EQ(loop.snapshot().arming_number, last);
+  // and a stop after a tick that was armed
+  EXPECT_EQ(loop.rearm(last, number), Rearmed::kDone);
+  tick_after(loop, 1'000'000, kFree_mm);
+  EXPECT_FALSE(loop.snapshot().switches & kSwitchEmergencyStop);
+  EXPECT_EQ(loop.snapshot().arming_number, number);
+  loop.emergency_stop();
+  tick_after(loop, 1'000'000, kFree_mm);
+  EXPECT_TRUE(loop.snapshot().switches & kSwitchEmergencyStop);
 }
 
 TEST(Loop, ADeviceWithAClockOfItsOwnIsMeasuredByIt) {

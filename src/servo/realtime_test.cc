@@ -193,10 +193,13 @@ class LoopExercise : private ServoClock {
 
  private:
   bool wait() noexcept override {
-    if (left_ % 64 == 0)
-      driver_.intend(Point<Device>(left_ % 128 ? 12 : 17, 0, 0), monotonic_ns() + 5'000'000);
-    if (left_ % 500 == 0) loop_.emergency_stop();
-    if (left_ % 500 == 50) loop_.rearm();
+    // a stop, out of the ball, on again and back
+    const bool out = left_ % 500 >= 300;
+    if (left_ % 50 == 0)
+      driver_.intend(Point<Device>(out ? 40 : left_ % 100 ? 12 : 17, 0, 0), monotonic_ns() + 5'000'000);
+    if (left_ % 500 == 499) loop_.emergency_stop();
+    std::uint32_t number = 0;
+    if (left_ % 500 == 300) (void)loop_.rearm(loop_.arming().number, number);
     return left_-- > 0 && loop_.wait();
   }
   bool stopped() const noexcept override { return left_ <= 0; }

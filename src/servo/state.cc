@@ -68,6 +68,7 @@ std::uint64_t SessionState::hash(int devices) const {
          {passivity.energy_mJ, passivity.way_mm, passivity.time_s, passivity.speed_mm_s, passivity.play_mm})
       hash_double(hash, value);
     hash_word(hash, passivity.gives_way);
+    hash_double(hash, hands[d].turned_mJ);
     hash_wrench(hash, hands[d].output.sent);
     hash_double(hash, hands[d].output.gain);
     hash_double(hash, hands[d].output.heat);

@@ -8,6 +8,7 @@
 #include "servo/passivity.h"
 #include "servo/tick_record.h"
 #include "servo/tool_contact.h"
+#include "servo/turning.h"
 
 /// One tick, in order: object's pose -> tip in the patient -> velocity -> contact -> surface effects ->
 /// blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or throws.
@@ -16,28 +17,6 @@ namespace {
 
 // no hand moves a device farther than this in one tick, and none faster
 constexpr double kJump_mm = 10, kJump_mm_s = 10e3;
-
-// a commanded rotation is a unit quaternion but for rounding
-bool is_rotation(const Eigen::Quaterniond& q) {
-  const double norm = q.norm();
-  return norm > 0.5 && norm < 2;
-}
-
-// a new command starts a turn from where the object is felt now; it takes kRotationInterval_s. A command
-// that is no rotation is left alone.
-void advance_rotation(const Parameters& parameters, double dt_s, SessionState& state) {
-  const Eigen::Quaterniond& target = parameters.rotation_target;
-  if (target.coeffs() != state.rotation_target.coeffs() && is_rotation(target)) {
-    state.rotation_start = state.rotation_felt;
-    state.rotation_target = target;
-    state.rotation_elapsed_s = 0;
-  }
-  if (state.rotation_elapsed_s >= kRotationInterval_s) return;
-  state.rotation_elapsed_s += dt_s;
-  const double part = std::min(1.0, state.rotation_elapsed_s / kRotationInterval_s);
-  const Rotation<World, World> start(state.rotation_start), target_rotation(state.rotation_target);
-  state.rotation_felt = start.slerp(part, target_rotation).quaternion();
-}
 
 // what is wrong with a device's state (kFaultFlags)
 std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters, double scale, double dt_s,
@@ -221,7 +200,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   record_inputs(model, parameters, state, dt_s, devices.size(), record);
 
   // the object's pose
-  advance_rotation(parameters, dt_s, state);
+  const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, World> turn(Rotation<World, World>(state.rotation_felt), Vector<World>());
   const Transform<World, Patient> X_WorldPatient = turn * model.X_WorldPatient;
   const Transform<Patient, World> X_PatientWorld = X_WorldPatient.inverse();
@@ -246,7 +225,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
     tick_device(model, parameters, parameters.device[d], devices[d], dt_s, changed,
                 known ? surfaces_before : std::span<const SurfaceBefore>(), X_WorldPatient, X_PatientWorld,
                 state.hands[d], wrenches[d], record.device[d]);
-    record.device[d].flags |= common_flags;
+    record.device[d].flags |= common_flags | ((holding >> d & 1) != 0 ? kFlagTurnHeld : 0u);
   }
   if (other_surfaces) remember_surfaces(model, state.surfaces);
   state.tick += 1;

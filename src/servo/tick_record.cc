@@ -74,6 +74,7 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
   out.limit_N = sent.limit_N;
   out.heat = hand.output.heat;
   out.energy_mJ = hand.passivity.energy_mJ;
+  out.turned_mJ = hand.turned_mJ;
   if (hand.seen) out.tip_patient_mm = plain(hand.previous_tip);
   out.proxy_patient_mm = hand.seen ? plain(tool.strongest.proxy) : out.tip_patient_mm;
   out.normal_patient = plain(-tool.strongest.sample.gradient.normalized());

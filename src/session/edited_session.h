@@ -13,6 +13,8 @@ inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
   const ViewerIdentity by{number, true};
   SettingsRequest settings;
   settings.by = by;
+  // after a stop, as soon as the hand has left what it touched
+  if (const auto stop = host.state().stop) (void)host.rearm({*stop, by});
   switch (number % 4) {
     case 0: {
       TissueRequest tissue;
@@ -30,7 +32,7 @@ inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
     default:
       if (number % 8 == 3) {
         host.emergency_stop(by);
-        return host.rearm(by).ok();
+        return true;
       }
       settings.viscosity = number % 16 == 7;
       return host.set(settings).ok();

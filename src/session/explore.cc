@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "palpate/supervisor.h"
 #include "session/explore_watch.h"
@@ -34,7 +35,15 @@ struct Session {
   Supervisor* supervisor;  // nullptr: there is none
 };
 
-ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, int supervisor_deaths) {
+/// What was shown last: a key answers nothing that nobody has seen.
+struct Shown {
+  std::uint32_t stop = 0;
+  std::uint64_t question = 0;
+  std::optional<Error> refusal;  // to be shown next
+};
+
+ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, Shown& shown,
+                        int supervisor_deaths) {
   const LoopHealth health = session.loop.health();
   const ExploreWatch::LastSecond last = session.watch.last_second();
   const TickRecord tick = session.loop.snapshot();
@@ -61,21 +70,33 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.progress = session.tip.progress();
   status.recording_failure = session.recorder.failure();
   status.method_failure = session.viewed.method_failure();
+  status.stop = session.viewed.stop_that_holds();
+  status.rearmed_in_page = session.tip.pointer() != nullptr;
+  status.question = session.viewed.question();
+  status.refusal = std::exchange(shown.refusal, std::nullopt);
+  shown.stop = status.stop.value_or(0);
+  shown.question = status.question ? status.question->number : 0;
   return status;
 }
 
-void grant(ExploreRequest request, const Session& session) {
-  const TickRecord latest = session.loop.snapshot();
-  const bool stopped =
-      (latest.switches & kSwitchEmergencyStop) != 0 && !session.viewed.just_stopped_from_afar();
-  if (request == ExploreRequest::kEmergencyStop && stopped)
-    session.viewed.rearm_here();
-  else if (request == ExploreRequest::kEmergencyStop)
-    session.viewed.stop_here();
-  else if (request == ExploreRequest::kPause)
-    session.viewed.pause_here();
-  else if (request == ExploreRequest::kNextMethod)
-    session.viewed.next_method();
+void grant(ExploreRequest request, const Session& session, Shown& shown) {
+  switch (request) {
+    case ExploreRequest::kEmergencyStop:
+      return session.viewed.stop_here();
+    case ExploreRequest::kRearm:
+      if (const auto rearmed = session.viewed.rearm_here(shown.stop); !rearmed)
+        shown.refusal = rearmed.error();
+      return;
+    case ExploreRequest::kAgree:
+    case ExploreRequest::kDecline:
+      return session.viewed.answer_here(shown.question, request == ExploreRequest::kAgree);
+    case ExploreRequest::kPause:
+      return session.viewed.pause_here();
+    case ExploreRequest::kNextMethod:
+      return session.viewed.next_method();
+    case ExploreRequest::kNone:
+      return;
+  }
 }
 
 // Nothing pushes while nobody watches.
@@ -99,6 +120,7 @@ class SupervisorKeeper {
 void watch_until_over(const Session& session, const ExploreOptions& options, const Progress& progress,
                       const std::function<void(const ExploreStatus&)>& show, ExploreResult& result) {
   RateMeter rate;
+  Shown shown;
   SupervisorKeeper supervisor(session);
   const Clock::time_point begun = Clock::now();
   Clock::time_point next_status = begun;
@@ -107,11 +129,11 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
     supervisor.look();
-    if (options.request) grant(options.request(), session);
+    if (options.request) grant(options.request(), session, shown);
     session.viewed.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
     if (show && Clock::now() >= next_status) {
-      show(status_of(session, seconds_since(begun), rate, supervisor.deaths()));
+      show(status_of(session, seconds_since(begun), rate, shown, supervisor.deaths()));
       next_status = std::max(next_status + kStatusPeriod, Clock::now());
     }
     std::this_thread::sleep_for(kPoll);
@@ -168,13 +190,14 @@ Result<std::unique_ptr<TipSource>> tip_source_of(const RunSetup& setup, const Ex
   return source;
 }
 
-ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& tip, bool recording) {
+ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& tip,
+                         const ExploreOptions& options, bool recording) {
   const auto devices = tip.driver().devices();
   return {setup.model,     {devices.begin(), devices.end()},
           setup.workspace, setup.parameters,
           tip.name(),      setup.script.rate_hz,
           tip.pointer(),   recording,
-          scene.modality};
+          scene.modality,  options.asks_here};
 }
 
 /// Of a session without a supervisor: nullptr.
@@ -208,7 +231,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   if (progress.stopped()) return Progress::interrupted();
 
   // who shows it may fail before anything pushes
-  ViewedSession viewed(viewed_parts(*setup, loaded.scene, **tip, !recording.empty()));
+  ViewedSession viewed(viewed_parts(*setup, loaded.scene, **tip, options, !recording.empty()));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
     auto shown = options.viewers(viewed);

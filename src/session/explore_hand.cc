@@ -16,6 +16,9 @@ constexpr std::int64_t kLead_ns = 2 * kHandPeriod.count();
 // a hand that was held up longer goes on from where it was
 constexpr double kMostStep_s = 0.02;
 constexpr std::uint32_t kForceIsOff = kFaultFlags | kFlagRamp | kFlagStale;
+constexpr double kLeaving_mm_s = 50, kComingBack_mm_s = 20;
+// farther than a hand trembles
+constexpr double kClear_mm = 3;
 
 }  // namespace
 
@@ -55,8 +58,13 @@ void HandThread::run() {
 
 void HandThread::move(double dt_s) {
   const TickRecord felt = loop_.snapshot();
+  const DeviceTick& device = felt.device[0];
   const bool felt_nothing_yet = felt.dt_s == 0;
-  if (felt_nothing_yet || (felt.device[0].flags & kForceIsOff) != 0) return;
+  if (felt_nothing_yet) return;
+  if ((device.flags & kFlagEmergencyStop) != 0) return withdraw(device, dt_s);
+  if ((device.flags & kForceIsOff) != 0 || !come_back(dt_s)) return;
+  const Vector<World> force_N(device.force_N[0], device.force_N[1], device.force_N[2]);
+  if (force_N.norm() > 0) outward_ = force_N.normalized();
 
   // viewers turn the object too
   const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
@@ -70,13 +78,46 @@ void HandThread::move(double dt_s) {
       done_.store(true);
     return;
   }
-  driver_.intend(mapping_.to_device(*intention), monotonic_ns() + kLead_ns);
+  wanted_ = *intention;
+  intend(*intention);
   const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
   if (!turned && !commands.method) return;
   change_told(loop_, told_, {Asker::kScript}, [&](Parameters& parameters) {
     if (turned) parameters.rotation_target = commands.rotation_target;
     if (commands.method) parameters.method = *commands.method;
   });
+}
+
+void HandThread::intend(const Point<World>& target) {
+  driver_.intend(mapping_.to_device(target), monotonic_ns() + kLead_ns);
+}
+
+// along the force that it felt last: nothing holds it up, so that it gets out of anything
+void HandThread::withdraw(const DeviceTick& felt, double dt_s) {
+  if (!wanted_) return;
+  if (!led_) {
+    led_ = wanted_;
+    clear_mm_ = kClear_mm;
+  }
+  if ((felt.flags & (kFlagContact | kFlagInside)) != 0) clear_mm_ = 0;
+  if (clear_mm_ >= kClear_mm) return;
+  *led_ += outward_ * (kLeaving_mm_s * dt_s);
+  clear_mm_ += kLeaving_mm_s * dt_s;
+  intend(*led_);
+}
+
+// to where the script left off; whether it is there
+bool HandThread::come_back(double dt_s) {
+  if (!led_) return true;
+  const Vector<World> way = *wanted_ - *led_;
+  const double step_mm = kComingBack_mm_s * dt_s;
+  if (way.norm() <= step_mm) {
+    led_.reset();
+    return true;
+  }
+  *led_ += way.normalized() * step_mm;
+  intend(*led_);
+  return false;
 }
 
 }  // namespace palpate

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -15,7 +16,8 @@ namespace palpate {
 
 /// A scripted hand on a thread of its own, as slow as a person beside the servo: it feels the latest tick and
 /// says where it wants to be a little later. It rests while the force is off or still coming in, as somebody
-/// does who feels it go, and does not catch up on time in which its thread did not run.
+/// does who feels it go, and does not catch up on time in which its thread did not run. Of an emergency stop
+/// it leaves what it touches, since only a free hand gets its force back, and comes back when it has it.
 class HandThread {
  public:
   /// @param told  what the loop is told by the script; outlives the hand
@@ -41,6 +43,9 @@ class HandThread {
  private:
   void run();
   void move(double dt_s);
+  void withdraw(const DeviceTick& felt, double dt_s);
+  bool come_back(double dt_s);
+  void intend(const Point<World>& target);
 
   ScriptedHand hand_;
   const WorkspaceMapping mapping_;
@@ -48,6 +53,10 @@ class HandThread {
   ServoLoop& loop_;
   EventLog& told_;
   const bool repeat_;
+  // where the script wants it, where it is led, and the way out of what it touches
+  std::optional<Point<World>> wanted_, led_;
+  Vector<World> outward_{0, 0, 1};
+  double clear_mm_ = 0;  // that it has gone without touching anything
   std::atomic<bool> end_{false}, done_{false};
   std::atomic<double> progress_{0};
   std::thread thread_;

@@ -187,6 +187,52 @@ TEST_F(Explore, StoppedInMidPressTheForceFadesOut) {
   EXPECT_GE(pressed_N, 0.3);
 }
 
+// only a free hand gets its force back: it leaves by itself, and goes on where it was
+TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
+  ExploreOptions options;
+  options.seconds = kPatience_s;
+  ExploreStatus seen;
+  int stops = 0, shown_since = 0;
+  bool rearmed = false;
+  options.request = [&] {
+    // a stop is asked for three times, and only stops
+    if (stops < 3 && (stops > 0 || seen.force_N > 0.5)) {
+      shown_since = 0;
+      return ++stops, ExploreRequest::kEmergencyStop;
+    }
+    return stops == 3 && shown_since > 1 && seen.stop ? ExploreRequest::kRearm : ExploreRequest::kNone;
+  };
+  const auto result = run(script_of(kPress), options, [&](const ExploreStatus& status) {
+    seen = status;
+    if (status.refusal) {
+      // the key is pressed again and again until the line shows that it is heard
+      EXPECT_THAT(status.refusal->what,
+                  ::testing::AnyOf(HasSubstr("touches something"), HasSubstr("not stopped")));
+    }
+    shown_since += stops == 3;
+    rearmed = rearmed || (shown_since > 2 && !status.stop);
+    if (rearmed && status.force_N > 0.5) stop_.store(true);
+  });
+  EXPECT_TRUE(result.stopped_by_user) << "it never came back";
+  const auto& ticks = recording_.ticks;
+  const auto is_stopped = [](const TickRecord& tick) { return (tick.switches & kSwitchEmergencyStop) != 0; };
+  const auto stopped = std::find_if(ticks.begin(), ticks.end(), is_stopped);
+  const auto again = std::find_if_not(stopped, ticks.end(), is_stopped);
+  ASSERT_NE(again, ticks.end());
+  EXPECT_TRUE((stopped - 1)->device[0].flags & kFlagContact);
+  for (auto tick = stopped; tick != again; ++tick) EXPECT_EQ(force_N(*tick), 0);
+  EXPECT_FALSE((again - 1)->device[0].flags & (kFlagContact | kFlagInside));
+  std::vector<std::pair<RecordingEvent::Kind, Asker>> told;
+  for (const RecordingEvent& event : recording_.events)
+    if (event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm)
+      told.emplace_back(event.kind, event.by.asker);
+  using Kind = RecordingEvent::Kind;
+  EXPECT_EQ(told, (decltype(told){{Kind::kStop, Asker::kKey},
+                                  {Kind::kStop, Asker::kKey},
+                                  {Kind::kStop, Asker::kKey},
+                                  {Kind::kRearm, Asker::kKey}}));
+}
+
 TEST_F(Explore, EndsAfterItsTime) {
   ExploreOptions options;
   options.seconds = 0.2;

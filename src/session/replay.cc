@@ -45,6 +45,7 @@ std::string first_different_output(const DeviceTick& recorded, const DeviceTick&
   compare("heat", recorded.heat, again.heat);
   compare("energy_mJ", recorded.energy_mJ, again.energy_mJ);
   compare("damping_N_s_per_m", recorded.damping_N_s_per_m, again.damping_N_s_per_m);
+  compare("turned_mJ", recorded.turned_mJ, again.turned_mJ);
   compare("tip_patient_mm", recorded.tip_patient_mm, again.tip_patient_mm);
   compare("proxy_patient_mm", recorded.proxy_patient_mm, again.proxy_patient_mm);
   compare("normal_patient", recorded.normal_patient, again.normal_patient);

@@ -97,8 +97,15 @@ void stop_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
   }
 }
 
-void rearm_told(ServoLoop& loop, EventLog& told, AskedBy by) {
-  told.tell([&] { return arming(RecordingEvent::Kind::kRearm, by, loop.rearm()); });
+Rearmed rearm_told(ServoLoop& loop, EventLog& told, AskedBy by, std::uint32_t stop) {
+  Rearmed rearmed = Rearmed::kNotStopped;
+  told.tell([&]() -> std::optional<RecordingEvent> {
+    std::uint32_t number = 0;
+    rearmed = loop.rearm(stop, number);
+    if (rearmed != Rearmed::kDone) return std::nullopt;
+    return arming(RecordingEvent::Kind::kRearm, by, number);
+  });
+  return rearmed;
 }
 
 }  // namespace palpate

@@ -23,7 +23,7 @@ void set_model_told(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr
                     const ModelChange& change);
 /// As ServoLoop::emergency_stop(), which is done also where there is no memory for the row.
 void stop_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
-/// As ServoLoop::rearm().
-void rearm_told(ServoLoop& loop, EventLog& told, AskedBy by);
+/// As ServoLoop::rearm(); one that is not done has no row.
+Rearmed rearm_told(ServoLoop& loop, EventLog& told, AskedBy by, std::uint32_t stop);
 
 }  // namespace palpate

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <exception>
+#include <numbers>
 #include <system_error>
 
 #include "base/hash.h"
@@ -20,8 +21,6 @@ namespace {
 // viewers ask with every pose; the figures are of a second
 constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
 constexpr int kLowestPriority = 19;
-// two people who stop within that time mean one stop
-constexpr auto kOneStop = std::chrono::seconds(1);
 // from the volume's centre
 constexpr double kFarthestTip_mm = 2000;
 // no unit of a scan but the Hounsfield has values as low: air is -1000
@@ -68,6 +67,9 @@ Error bad(std::string what, std::string where, std::string remedy) {
 Error refused(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
 }
+AskedBy agreed_to(const ViewerIdentity& viewer) {
+  return {Asker::kAgreedViewer, viewer.number};
+}
 AskedBy asked_by(const ViewerIdentity& viewer) {
   return {viewer.control ? Asker::kControlViewer : Asker::kLookingViewer, viewer.number};
 }
@@ -100,6 +102,83 @@ Error not_made(const std::exception& why) {
           "go on by the proxy, or end other programs for their memory"};
 }
 
+// what of a request would change something
+SettingsRequest changes_of(SettingsRequest request, const Parameters& now, bool method_is_awaited) {
+  const auto leave_out = [](auto& wanted, const auto& held) {
+    if (wanted && *wanted == held) wanted.reset();
+  };
+  if (!method_is_awaited) leave_out(request.method, std::string(name_of(now.method)));
+  leave_out(request.friction, now.friction);
+  leave_out(request.viscosity, now.viscosity);
+  leave_out(request.passivity, now.passivity);
+  leave_out(request.paused, now.paused);
+  leave_out(request.max_force_N, now.max_force_N);
+  const Eigen::Quaterniond& q = now.rotation_target;
+  leave_out(request.rotation_wxyz, std::array{q.w(), q.x(), q.y(), q.z()});
+  return request;
+}
+
+// whether a hand that is pushed again would feel more of it
+bool feels_more(const SettingsRequest& wanted, const Parameters& now) {
+  return (wanted.max_force_N && *wanted.max_force_N > now.max_force_N) || wanted.friction == true ||
+         wanted.viscosity == true || wanted.passivity == false || wanted.paused == false;
+}
+
+/// What a request wants, as a person is asked for it: "pause the force, and turn the object by 20 degrees".
+class Words {
+ public:
+  Words& add(const std::string& what) {
+    text_ += (text_.empty() ? "" : ", and ") + what;
+    return *this;
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+std::string words_for(const SettingsRequest& wanted, const Parameters& now) {
+  Words words;
+  const auto switched = [&](const std::optional<bool>& on, const char* what) {
+    if (on) words.add(std::string("switch ") + what + (*on ? " on" : " off"));
+  };
+  if (wanted.rotation_wxyz) {
+    constexpr double kDegrees = 180 / std::numbers::pi;
+    const double by = now.rotation_target.angularDistance(quaternion(*wanted.rotation_wxyz).normalized());
+    words.add("turn the object by " + number_text(std::round(by * kDegrees * 10) / 10) + " degrees");
+  }
+  if (wanted.paused) words.add(*wanted.paused ? "pause the force" : "end the pause");
+  if (wanted.max_force_N)
+    words.add("set the limit of the force to " + number_text(*wanted.max_force_N) + " N, now " +
+              number_text(now.max_force_N));
+  if (wanted.method) words.add("feel by the method " + *wanted.method);
+  switched(wanted.friction, "friction");
+  switched(wanted.viscosity, "viscosity");
+  switched(wanted.passivity, "the passivity controller");
+  return words.text();
+}
+
+// names come from files: no byte of theirs moves a terminal's cursor
+std::string plain_name(std::string name) {
+  for (char& c : name)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  return name;
+}
+
+std::string words_for(const std::string& tissue, const ModelChange& before, const ModelChange& after) {
+  Words words;
+  const auto number = [&](const char* what, double from, double to, const char* unit) {
+    if (from != to)
+      words.add("change " + (words.text().empty() ? plain_name(tissue) + "'s " : std::string("its ")) + what +
+                " from " + number_text(from) + " to " + number_text(to) + unit);
+  };
+  number("stiffness", before.stiffness_N_per_mm, after.stiffness_N_per_mm, " N/mm");
+  number("static friction", before.static_friction, after.static_friction, "");
+  number("friction", before.dynamic_friction, after.dynamic_friction, "");
+  number("viscosity", before.viscosity_N_s_per_mm, after.viscosity_N_s_per_mm, " N s/mm");
+  return words.text();
+}
+
 }  // namespace
 
 ViewedSession::ViewedSession(ViewedParts parts)
@@ -111,7 +190,7 @@ void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   watch_ = &watch;
   loop_.store(&loop);
   const std::lock_guard lock(stop_mutex_);
-  if (stopped_.load()) stop_told(loop, told_, stopped_by_);
+  if (stopped_early_.load()) stop_told(loop, told_, stopped_by_);
 }
 
 // ---- what viewers are told
@@ -235,11 +314,11 @@ ViewedState ViewedSession::state() const {
   state.viscosity = now.viscosity;
   state.passivity = now.passivity;
   state.paused = now.paused;
-  state.emergency_stop = stopped_.load();
+  state.stop = stop_that_holds();
   state.max_force_N = now.max_force_N;
   const Eigen::Quaterniond& q = now.rotation_target;
   state.rotation_wxyz = {q.w(), q.x(), q.y(), q.z()};
-  state.armed = physical() && loop && !stopped_.load();
+  state.armed = physical() && loop && !state.stop;
   state.recording = parts_.recording;
   const std::lock_guard lock(mutex_);
   if (awaited_) state.method_awaited = name_of(*awaited_);
@@ -268,22 +347,6 @@ bool ViewedSession::can_feel(ForceMethod method) const {
          (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
 }
 
-// what may make a hand feel more is for those who stand at the device
-Result<void> ViewedSession::check_from_afar(const SettingsRequest& request, const Parameters& now) const {
-  if (!physical()) return {};
-  const auto here = [](std::string what, const char* where) {
-    return refused(std::move(what) + " from afar while a device may push", where, "do it where palpate runs");
-  };
-  if (request.max_force_N && *request.max_force_N > now.max_force_N)
-    return here("the limit of the force is not raised", "max_force_N");
-  if (now.paused && request.paused == false) return here("a pause is not ended", "paused");
-  if (now.passivity && request.passivity == false)
-    return here("the passivity controller is not switched off", "passivity");
-  if (!now.friction && request.friction == true) return here("friction is not switched on", "friction");
-  if (!now.viscosity && request.viscosity == true) return here("viscosity is not switched on", "viscosity");
-  return {};
-}
-
 Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& now) const {
   if (request.method) {
     const auto method = find_force_method(*request.method);
@@ -304,19 +367,50 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
     if (!(norm > 0.5 && norm < 2))
       return bad("the rotation is no unit quaternion", "rotation_wxyz", "send w, x, y, z of length 1");
   }
-  return check_from_afar(request, now);
+  return {};
 }
 
-Result<void> ViewedSession::set(const SettingsRequest& request) {
+// While a hand may be pushed whoever holds it agrees to every change; while it may not, to what it would feel
+// more of.
+bool ViewedSession::wants_consent(bool feels_more) const {
+  return physical() && (feels_more || !stop_that_holds());
+}
+
+template <class Request>
+Result<Grant> ViewedSession::ask(const Request& request, std::string what) {
+  if (!parts_.asks_here)
+    return refused("nobody can be asked whether this may be while a device may push", "",
+                   "start palpate in a terminal, where somebody sees the question");
+  consent_.ask(request.by, request.id, std::move(what), [this, request]() -> Result<void> {
+    ServoLoop* loop = loop_.load();
+    if (!loop) return not_running();
+    const std::lock_guard lock(mutex_);
+    // what holds may have changed meanwhile
+    if (auto fine = check(request, loop->parameters()); !fine) return fine.error();
+    return apply(request, agreed_to(request.by));
+  });
+  return Grant::kAsked;
+}
+
+Result<Grant> ViewedSession::set(const SettingsRequest& request) {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   const std::lock_guard lock(mutex_);
-  if (auto fine = check(request, loop->parameters()); !fine) return fine;
+  const Parameters now = loop->parameters();
+  if (auto fine = check(request, now); !fine) return fine.error();
+  const SettingsRequest wanted = changes_of(request, now, awaited_.has_value());
+  const std::string what = words_for(wanted, now);
+  if (!what.empty() && wants_consent(feels_more(wanted, now))) return ask(wanted, what);
+  if (auto applied = apply(request, asked_by(request.by)); !applied) return applied.error();
+  return Grant::kDone;
+}
+
+Result<void> ViewedSession::apply(const SettingsRequest& request, AskedBy by) {
+  ServoLoop& loop = *loop_.load();
   if (request.method)
-    if (auto chosen = choose(*find_force_method(*request.method), asked_by(request.by), *loop); !chosen)
-      return chosen;
+    if (auto chosen = choose(*find_force_method(*request.method), by, loop); !chosen) return chosen;
   if (request.max_force_N) highest_max_force_N_ = std::max(highest_max_force_N_, *request.max_force_N);
-  change_told(*loop, told_, asked_by(request.by), [&](Parameters& parameters) {
+  change_told(loop, told_, by, [&](Parameters& parameters) {
     if (request.friction) parameters.friction = *request.friction;
     if (request.viscosity) parameters.viscosity = *request.viscosity;
     if (request.passivity) parameters.passivity = *request.passivity;
@@ -330,9 +424,6 @@ Result<void> ViewedSession::set(const SettingsRequest& request) {
 Result<void> ViewedSession::check_stiffness_change(double from_N_per_mm, double to_N_per_mm,
                                                    ForceMethod method) const {
   if (to_N_per_mm == from_N_per_mm) return {};
-  if (physical() && to_N_per_mm > from_N_per_mm)
-    return refused("a stiffness is not raised from afar while a device may push", "stiffness_N_per_mm",
-                   "change the scene and start palpate at the device");
   if (method != ForceMethod::kProxy || !model_.felt->has(method))
     return refused(
         "the field that " + std::string(name_of(method)) + " reads was made for the stiffness that is felt",
@@ -340,10 +431,8 @@ Result<void> ViewedSession::check_stiffness_change(double from_N_per_mm, double 
   return {};
 }
 
-Result<void> ViewedSession::set(const TissueRequest& request) {
-  ServoLoop* loop = loop_.load();
-  if (!loop) return not_running();
-  const std::lock_guard lock(mutex_);
+// the change, which may be none
+Result<ModelChange> ViewedSession::check(const TissueRequest& request, const Parameters& now) const {
   if (request.tissue < 0 || static_cast<std::size_t>(request.tissue) >= model_.felt->tissues.size())
     return bad("there is no such tissue", "tissue", "tissues are counted from 0, in the order of the scene");
   const ModelChange before = unchanged(*model_.felt, static_cast<std::size_t>(request.tissue));
@@ -352,25 +441,44 @@ Result<void> ViewedSession::set(const TissueRequest& request) {
   change.static_friction = request.static_friction.value_or(before.static_friction);
   change.dynamic_friction = request.dynamic_friction.value_or(before.dynamic_friction);
   change.viscosity_N_s_per_mm = request.viscosity_N_s_per_mm.value_or(before.viscosity_N_s_per_mm);
-  if (change == before) return {};
-  const bool more = change.static_friction > before.static_friction ||
-                    change.dynamic_friction > before.dynamic_friction ||
-                    change.viscosity_N_s_per_mm > before.viscosity_N_s_per_mm;
-  if (physical() && more)
-    return refused("friction and viscosity are not raised from afar while a device may push", "tissue",
-                   "change the scene and start palpate at the device");
-
+  if (change == before) return change;
   auto next = changed_model(*model_.felt, *model_.made, change);
   if (!next) {
     Error error = next.error();
     error.where = request_key(error.where);
     return error;
   }
-  if (auto fine = check_stiffness_change(before.stiffness_N_per_mm, change.stiffness_N_per_mm,
-                                         loop->parameters().method);
+  if (auto fine = check_stiffness_change(before.stiffness_N_per_mm, change.stiffness_N_per_mm, now.method);
       !fine)
-    return fine;
-  go_on_with({*std::move(next), model_.made}, change, asked_by(request.by), *loop);
+    return fine.error();
+  return change;
+}
+
+Result<Grant> ViewedSession::set(const TissueRequest& request) {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return not_running();
+  const std::lock_guard lock(mutex_);
+  const auto change = check(request, loop->parameters());
+  if (!change) return change.error();
+  const Tissue& tissue = model_.felt->tissues[static_cast<std::size_t>(request.tissue)];
+  const ModelChange before = unchanged(*model_.felt, static_cast<std::size_t>(request.tissue));
+  if (*change == before) return Grant::kDone;
+  const bool more = change->stiffness_N_per_mm > before.stiffness_N_per_mm ||
+                    change->static_friction > before.static_friction ||
+                    change->dynamic_friction > before.dynamic_friction ||
+                    change->viscosity_N_s_per_mm > before.viscosity_N_s_per_mm;
+  if (wants_consent(more)) return ask(request, words_for(tissue.name, before, *change));
+  if (auto applied = apply(request, asked_by(request.by)); !applied) return applied.error();
+  return Grant::kDone;
+}
+
+Result<void> ViewedSession::apply(const TissueRequest& request, AskedBy by) {
+  ServoLoop& loop = *loop_.load();
+  const auto change = check(request, loop.parameters());
+  if (!change) return change.error();
+  auto next = changed_model(*model_.felt, *model_.made, *change);
+  if (!next) return next.error();
+  go_on_with({*std::move(next), model_.made}, *change, by, loop);
   return {};
 }
 
@@ -382,7 +490,6 @@ void ViewedSession::go_on_with(ModelVersions next, const ModelChange& change, As
 
 void ViewedSession::emergency_stop(const ViewerIdentity& by) {
   stop(asked_by(by));
-  stopped_from_afar_.store(std::chrono::steady_clock::now());
 }
 
 void ViewedSession::stop_here() {
@@ -390,38 +497,52 @@ void ViewedSession::stop_here() {
 }
 
 void ViewedSession::stop(AskedBy by) {
-  // a stop and a rearm at once: whichever is last holds, for the loop and for what viewers are told
   const std::lock_guard lock(stop_mutex_);
-  stopped_.store(true);
+  if (ServoLoop* loop = loop_.load()) return stop_told(*loop, told_, by);
   stopped_by_ = by;
-  if (ServoLoop* loop = loop_.load()) stop_told(*loop, told_, by);
+  stopped_early_.store(true);
 }
 
-bool ViewedSession::just_stopped_from_afar() const {
-  return std::chrono::steady_clock::now() - stopped_from_afar_.load() < kOneStop;
+std::optional<std::uint32_t> ViewedSession::stop_that_holds() const {
+  const ServoLoop* loop = loop_.load();
+  const Arming arming = loop ? loop->arming() : Arming{0, stopped_early_.load()};
+  return arming.stopped ? std::optional(arming.number) : std::nullopt;
 }
 
-Result<void> ViewedSession::rearm(const ViewerIdentity& by) {
+Result<void> ViewedSession::rearm(const RearmRequest& request) {
   if (physical())
     return refused("a device that may push is armed at the device, not from afar", "",
-                   "press space where palpate runs");
-  if (!loop_.load()) return not_running();
-  rearm(asked_by(by));
+                   "press r where palpate runs, with the tip free");
+  return rearm(request.stop, asked_by(request.by));
+}
+
+Result<void> ViewedSession::rearm_here(std::uint32_t stop) {
+  if (parts_.pointer)
+    return refused("the force of a pointer is given back by whoever moves it", "", "press Rearm in the page");
+  return rearm(stop, {Asker::kKey});
+}
+
+Result<void> ViewedSession::rearm(std::uint32_t stop, AskedBy by) {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return not_running();
+  switch (rearm_told(*loop, told_, by, stop)) {
+    case Rearmed::kNotStopped:
+      return refused("the force is not stopped", "stop", "");
+    case Rearmed::kStoppedAgain:
+      return refused("there was another stop after the one that this answers", "stop",
+                     "see why, and rearm again");
+    case Rearmed::kUnheard:
+      return refused("the stop has not taken hold yet", "stop", "ask again in a moment");
+    case Rearmed::kTouching:
+      return refused("the tip touches something", "", "lead it to where it is free, then rearm");
+    case Rearmed::kDone:
+      break;
+  }
   return {};
 }
 
 void ViewedSession::stop_unwatched() {
   stop({Asker::kSession});
-}
-
-void ViewedSession::rearm_here() {
-  rearm({Asker::kKey});
-}
-
-void ViewedSession::rearm(AskedBy by) {
-  const std::lock_guard lock(stop_mutex_);
-  stopped_.store(false);
-  if (ServoLoop* loop = loop_.load()) rearm_told(*loop, told_, by);
 }
 
 void ViewedSession::pause_here() {

@@ -17,6 +17,7 @@
 #include "palpate/servo_loop.h"
 #include "palpate/viewer_server.h"
 #include "session/changed_model.h"
+#include "session/consent.h"
 #include "session/explore_watch.h"
 #include "session/rate_meter.h"
 
@@ -33,6 +34,7 @@ struct ViewedParts {
   PointerDriver* pointer = nullptr;  ///< where a viewer moves the tip; outlives the session
   bool recording = false;
   Modality modality = Modality::kUnknown;  ///< as the scene says it
+  bool asks_here = false;                  ///< somebody at this machine sees question() and answers
   /// As with_new_fields, which it is but in tests; may throw.
   std::function<Result<std::shared_ptr<const Model>>(const Model& felt, const Model& made,
                                                      const Progress& progress)>
@@ -48,6 +50,10 @@ struct ViewedParts {
 /// one of them is chosen, on a thread of its own, at the lowest priority; until they are there the method
 /// stays as it was. Where they cannot be made it stays so, and state() says why until another is chosen. Any
 /// thread.
+///
+/// While a physical device may push, what viewers want to change waits until somebody at this machine agrees
+/// to it (session/consent.h); while it is stopped, so does what would make a hand feel more afterwards. A
+/// stop needs nobody's consent.
 class ViewedSession final : public ViewerHost {
  public:
   explicit ViewedSession(ViewedParts parts);
@@ -62,10 +68,12 @@ class ViewedSession final : public ViewerHost {
   TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override;
   ViewedHealth health() const override;
   ViewedState state() const override;
-  Result<void> set(const SettingsRequest& request) override;
-  Result<void> set(const TissueRequest& request) override;
+  Result<Grant> set(const SettingsRequest& request) override;
+  Result<Grant> set(const TissueRequest& request) override;
+  std::vector<LateAnswer> take_answers() override { return consent_.take_answers(); }
+  void forget(const ViewerIdentity& viewer) override { consent_.forget(viewer); }
   void emergency_stop(const ViewerIdentity& by) override;
-  Result<void> rearm(const ViewerIdentity& by) override;
+  Result<void> rearm(const RearmRequest& request) override;
   Result<void> take_pointer(bool take, const ViewerIdentity& by) override;
   void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
 
@@ -73,10 +81,15 @@ class ViewedSession final : public ViewerHost {
   void stop_here();
   /// Nobody watches the session from outside any more.
   void stop_unwatched();
-  void rearm_here();
+  /// @param stop  the one that was shown. Errors: those of a viewer's rearm; a pointer's force is given back
+  /// in the page.
+  Result<void> rearm_here(std::uint32_t stop);
   void pause_here();
-  /// A viewer has stopped so lately that a stop here means the same.
-  bool just_stopped_from_afar() const;
+  /// What a viewer wants and somebody here is to agree to.
+  std::optional<ConsentQuestion> question() { return consent_.question(); }
+  void answer_here(std::uint64_t question, bool agreed) { consent_.answer(question, agreed); }
+  /// The number of the stop that holds.
+  std::optional<std::uint32_t> stop_that_holds() const;
   void next_method();
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
   void follow_script();
@@ -94,7 +107,12 @@ class ViewedSession final : public ViewerHost {
   double most_force_N() const;
   bool can_feel(ForceMethod method) const;
   Result<void> check(const SettingsRequest& request, const Parameters& now) const;
-  Result<void> check_from_afar(const SettingsRequest& request, const Parameters& now) const;
+  Result<ModelChange> check(const TissueRequest& request, const Parameters& now) const;
+  bool wants_consent(bool feels_more) const;
+  template <class Request>
+  Result<Grant> ask(const Request& request, std::string what);
+  Result<void> apply(const SettingsRequest& request, AskedBy by);
+  Result<void> apply(const TissueRequest& request, AskedBy by);
   Result<void> choose(ForceMethod method, AskedBy by, ServoLoop& loop);
   void make_fields();
   Result<std::shared_ptr<const Model>> version_with_fields(const ModelVersions& of,
@@ -104,7 +122,7 @@ class ViewedSession final : public ViewerHost {
   void give_up(ForceMethod method, Error why);
   void go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
   void stop(AskedBy by);
-  void rearm(AskedBy by);
+  Result<void> rearm(std::uint32_t stop, AskedBy by);
   Result<void> check_stiffness_change(double from_N_per_mm, double to_N_per_mm, ForceMethod method) const;
   double felt_stiffness_N_per_mm(const DeviceTick& device, ForceMethod method) const;
 
@@ -115,10 +133,10 @@ class ViewedSession final : public ViewerHost {
   EventLog told_;
   std::atomic<ServoLoop*> loop_{nullptr};
   const ExploreWatch* watch_ = nullptr;  // set before loop_
-  std::mutex stop_mutex_;                // of a stop or a rearm as a whole
+  std::mutex stop_mutex_;                // of what is stopped before there is a loop
   AskedBy stopped_by_;                   // of the mutex above
-  std::atomic<bool> stopped_{false}, pointer_taken_{false};
-  std::atomic<std::chrono::steady_clock::time_point> stopped_from_afar_{};  // never: when the clock began
+  std::atomic<bool> stopped_early_{false}, pointer_taken_{false};
+  Consent consent_;
 
   mutable std::mutex mutex_;  // of what follows
   ModelVersions model_;

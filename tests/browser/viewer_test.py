@@ -317,8 +317,14 @@ class WithPointer(Viewer):
               socket.send(JSON.stringify({ type: "hello", protocol: 1, poses_hz: 1 }));
               socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
             };
-            socket.onmessage = ({ data }) => { window.hand.isTaken ||= typeof data === "string" && JSON.parse(data).type === "done"; };
-            window.hand = { isTaken: false, lead(points) { way = points; step = 0; } };""")
+            socket.onmessage = ({ data }) => {
+              if (typeof data !== "string") return;
+              const message = JSON.parse(data);
+              if (message.id !== undefined) window.hand.answers[message.id] = message;
+              window.hand.isTaken ||= message.type === "done";
+            };
+            window.hand = { isTaken: false, answers: {}, lead(points) { way = points; step = 0; },
+                            ask: (message) => socket.send(JSON.stringify(message)), letGo() { clearInterval(timer); socket.close(); } };""")
         self.page.wait("window.hand.isTaken")
 
     def lead(self, way):
@@ -421,9 +427,31 @@ class WithPointer(Viewer):
         self.page.pointer({"type": "pointerUp", "button": 0})
         self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
 
-    def test_space_stops_and_rearm_brings_the_force_back(self):
+    def test_space_only_stops_and_whoever_has_a_free_hand_rearms(self):
+        felt = self.touch_something()
+        free = self.approaches(felt["label"], 1, random.Random(1))[0][0]
         self.page.press(" ")
         self.page.wait("palpateViewer.state.emergency_stop && (palpateViewer.pose.devices[0].flags & 8192) !== 0")
+        first = self.page.run("return palpateViewer.state.stop")
+        self.page.press(" ")
+        self.page.wait(f"palpateViewer.state.stop > {first}")
+        self.assertTrue(self.page.run("return palpateViewer.state.emergency_stop"))
+        # the other has the hand, and is refused by name of another stop, and as long as it touches something
+        self.page.wait("document.getElementById('flags').textContent.includes('whoever moves the tip rearms')")
+        self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
+        for answer, stop, words in ((2, "%d" % first, "another stop"), (3, "palpateViewer.state.stop", "touches something")):
+            self.page.run("window.hand.ask({ type: 'rearm', id: %d, stop: %s })" % (answer, stop))
+            self.page.wait(f"window.hand.answers[{answer}]")
+            told = self.page.run(f"return window.hand.answers[{answer}]")
+            self.assertEqual(told["type"], "refused", told)
+            self.assertIn(words, told["what"])
+        # this page takes the hand again, from where it is free
+        self.lead([free])
+        self.page.run("window.hand.letGo()")
+        self.page.wait("!document.querySelector('[data-tool=touch]').disabled")
+        time.sleep(0.3)
+        self.page.click("[data-tool=touch]")
+        self.page.wait("palpateViewer.state.pointer && !document.getElementById('rearm').disabled")
         self.page.click("#rearm")
         self.page.wait("!palpateViewer.state.emergency_stop")
 
@@ -571,6 +599,47 @@ class WithHand(Viewer):
         self.page.wait("palpateViewer.link === 'connected' && palpateViewer.age_ms < 250")
 
 
+class WithDevice(Viewer):
+    """A physical device, of which somebody agrees to everything after a while: the mock's alone, for palpate drives none yet."""
+
+    def setUp(self):
+        self.server = Server("device").__enter__()
+        self.addCleanup(self.server.__exit__)
+        self.expected = ()
+        self.open_page()
+
+    @classmethod
+    def setUpClass(cls):
+        cls.open_browser()
+
+    def text(self, name):
+        return self.page.run("return document.getElementById(arguments[0]).textContent", name)
+
+    def test_a_turn_is_asked_for_once_when_it_has_come_to_rest(self):
+        self.page.wait("palpateViewer.state.armed")
+        self.assertIn("device armed", self.text("viewers"))
+        self.page.run("""window.asked = [];
+            const send = WebSocket.prototype.send;
+            WebSocket.prototype.send = function (data) {
+              if (JSON.parse(data).type === "set") window.asked.push(JSON.parse(data));
+              return send.call(this, data);
+            };""")
+        self.page.click("#turn")
+        self.drag("#picture-volume .stack", 100, 0)
+        self.page.wait("document.getElementById('toast').textContent.startsWith('Asked at the device')")
+        self.assertEqual(self.page.run("return palpateViewer.state.rotation_wxyz"), [1, 0, 0, 0], "nobody has agreed yet")
+        self.page.wait("palpateViewer.state.rotation_wxyz[0] < 0.99")
+        self.assertEqual(self.page.run("return window.asked.length"), 1)
+
+    def test_it_is_stopped_from_here_and_armed_there(self):
+        self.page.wait("palpateViewer.state.armed")
+        self.page.press(" ")
+        self.page.wait("palpateViewer.state.emergency_stop && !palpateViewer.state.armed")
+        self.page.wait("document.getElementById('flags').textContent.includes('armed again where palpate runs')")
+        self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
+        self.assertEqual(self.text("stop"), "Stopped")
+
+
 class WithTokens(Viewer):
     CONTROL, VIEW = "control-token-0123456789", "view-token-01234567890"
 
@@ -656,7 +725,7 @@ def decode_png(data):
 if __name__ == "__main__":
     if len(sys.argv) >= 3 and sys.argv[1] == "palpate":
         command = palpate_command(sys.argv[2])
-        del sys.argv[1:3]
+        del sys.argv[1:3], WithDevice
     elif len(sys.argv) >= 5 and sys.argv[1] == "mock":
         command = mock_command(*sys.argv[2:5])
         del sys.argv[1:5]

@@ -21,6 +21,8 @@ export interface Listener {
   /** A token is needed, or the one that was shown is wrong. */
   onToken(): void;
   onProblem(text: string): void;
+  /** Somebody at the device is asked whether a request may be; its answer comes when they have said so. */
+  onAsked(): void;
 }
 
 export class Connection {
@@ -117,6 +119,9 @@ export class Connection {
         break;
       case "state":
         this.listener.onState(message as State);
+        break;
+      case "asked":
+        this.listener.onAsked();
         break;
       case "done":
       case "refused": {

@@ -25,6 +25,7 @@ const FLAG_TEXTS: [number, string][] = [
   [Flag.deviceFault, "device fault"], [Flag.halted, "halted"], [Flag.jump, "jump"], [Flag.notFinite, "not finite"],
   [Flag.clamped, "at the limit"], [Flag.thermal, "motor warm"], [Flag.clutched, "clutched"], [Flag.wedged, "wedged"],
   [Flag.ruptured, "through the surface"], [Flag.inside, "inside since contact began"], [Flag.passivity, "damped"],
+  [Flag.turnHeld, "turn held"],
   [Flag.ramp, "fading"],
 ];
 const MOVER = { script: "simulated hand", pointer: "moved by a viewer's pointer", device: "in a hand" } as const;
@@ -55,7 +56,9 @@ export class Controls {
     const { session, requests, actions } = this;
     byId("theme").addEventListener("click", nextTheme);
     byId("stop").addEventListener("click", () => this.stop());
-    byId("rearm").addEventListener("click", () => void requests.once({ type: "rearm" }));
+    byId("rearm").addEventListener("click", () => {
+      if (session.state?.stop != null) void requests.once({ type: "rearm", stop: session.state.stop });
+    });
     byId("pause").addEventListener("click", () => this.togglePause());
     byId("follow").addEventListener("click", () => this.toggleFollow());
     byId("clear").addEventListener("click", actions.clearMeasures);
@@ -126,6 +129,21 @@ export class Controls {
     keys[event.key.toLowerCase()]?.();
   }
 
+  /** Whoever has the hand; a physical device is armed where it is. */
+  private get mayRearm(): boolean {
+    const { scene, state } = this.session;
+    return this.isAllowed && state?.stop != null && scene?.device.simulated === true && (scene.device.input !== "pointer" || state.pointer);
+  }
+  /** What is to be done about a stop, the tip being where it is. */
+  private rearmHint(touches: boolean): string {
+    const { scene, state } = this.session;
+    if (scene?.device.simulated === false) return "armed again where palpate runs: r, with the tip free";
+    if (scene?.device.input === "pointer" && !state?.pointer) return "whoever moves the tip rearms";
+    if (touches && scene?.device.input === "script") return "the hand leaves what it touches, then Rearm";
+    if (touches) return "lead the tip to where it is free, then Rearm";
+    return "Rearm brings the force back";
+  }
+  /** Never anything else: it can be pressed again and again. */
   private stop(): void {
     void this.requests.once({ type: "stop" });
   }
@@ -206,9 +224,8 @@ export class Controls {
   }
   /** Enables what this viewer may do now. */
   allow(): void {
-    const state = this.session.state;
     for (const id of ["method", "friction", "viscosity", "passivity", "limit", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
-    byId<HTMLButtonElement>("rearm").disabled = !this.isAllowed || !state?.emergency_stop;
+    byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
     byId<HTMLButtonElement>("stop").disabled = this.connection.link !== "connected";
   }
 
@@ -247,7 +264,8 @@ export class Controls {
       write(byId("heat"), Number.isFinite(device.heat) ? `${Math.round(100 * device.heat)} %` : "–");
       const isResting = session.scene?.device.input === "pointer" && device.flags & Flag.stale;
       write(byId("flags"), isResting && !pose.devices.some((d) => d.flags & Flag.emergencyStop) ? "Hold the button in a picture to touch"
-        : FLAG_TEXTS.filter(([flag]) => device.flags & flag).map(([, words]) => words).join(" · "));
+        : [...FLAG_TEXTS.filter(([flag]) => device.flags & flag).map(([, words]) => words),
+           ...(session.state?.stop != null ? [this.rearmHint((device.flags & (Flag.contact | Flag.inside)) !== 0)] : [])].join(" · "));
       this.structures.touched(device.label);
       const angle = angleOf_deg(pose.rotation);
       write(byId("turned"), angle > 0.05 ? `turned by ${angle.toFixed(0)}°` : "not turned");

@@ -51,9 +51,10 @@ class Page {
       onPose: (pose) => this.onPose(pose),
       onToken: () => this.askForToken(),
       onProblem: toast,
+      onAsked: () => toast("Asked at the device: it happens when somebody there agrees, within 20 s."),
     }, this.token);
     const { session } = this;
-    this.requests = new Requests(this.connection);
+    this.requests = new Requests(this.connection, () => session.state?.armed === true);
     this.pointer = new PointerDevice(session, this.connection);
     this.volume = new VolumeView(session, this.renderer, this.pointer, (rotation) =>
       void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }));

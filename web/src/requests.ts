@@ -1,18 +1,28 @@
-// Requests to the loop. Of a slider's many values only the latest goes out while one is on its way.
+// Requests to the loop. Of a slider's many values only the latest goes out while one is on its way. While a device may push each of them is
+// a question to somebody there: then the one at which the slider comes to rest.
 
 import type { Connection, Refusal, Request } from "./connection.js";
 import { toast } from "./dom.js";
 
+const AT_REST_MS = 500;
+
 export class Requests {
+  private readonly resting = new Map<string, number>();
   private readonly busy = new Set<string>();
   private readonly next = new Map<string, Request>();
   /** Called after every refusal: what is shown goes back to what holds. */
   onRefused: () => void = () => {};
 
-  constructor(private readonly connection: Connection) {}
+  /** @param isAsked  whether somebody is asked before anything changes */
+  constructor(private readonly connection: Connection, private readonly isAsked: () => boolean) {}
 
   /** @param key  requests of one key replace each other */
   async latest(key: string, request: Request): Promise<void> {
+    clearTimeout(this.resting.get(key));
+    if (this.isAsked()) {
+      this.resting.set(key, window.setTimeout(() => void this.once(request), AT_REST_MS));
+      return;
+    }
     if (this.busy.has(key)) {
       this.next.set(key, request);
       return;

@@ -64,6 +64,7 @@ export interface State {
   passivity: boolean;
   paused: boolean;
   emergency_stop: boolean;
+  stop: number | null; // which stop holds; a rearm names it
   max_force_N: number;
   rotation_wxyz: Quaternion;
   model_version: number;

@@ -26,6 +26,7 @@ export const Flag = {
   wedged: 1 << 18,
   ruptured: 1 << 19,
   passivity: 1 << 20,
+  turnHeld: 1 << 21,
 } as const;
 
 /** palpate::TickSwitch */

@@ -1,7 +1,7 @@
 // A stand-in for `palpate explore` that serves the built page, a made-up left knee and a tip that moves, by
 // docs/viewer-protocol.md. For work on the page and for its tests where there is no palpate.
 //
-//   npm run build && npm run mock -- [--port 8480] [--input script|pointer] [--token-file FILE] [--page dist]
+//   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 
 import { createHash } from "node:crypto";
 import { readFileSync } from "node:fs";
@@ -89,15 +89,15 @@ const scene = (role) => ({
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
   tool: { name: "point", radius_mm: 1, points_mm: [[0, 0, 0]] },
   methods: ["proxy", "trilinear"],
-  device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: true, input: options.input,
+  device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
             peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
   limits: { max_force_N: 1.4, least_max_force_N: 0.1, most_max_force_N: 1.4, stiffness_N_per_mm: [0.001, 10], friction: [0, 2] },
   rate_hz: 1000,
 });
 const state = {
-  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, emergency_stop: false, max_force_N: 1.4,
+  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, emergency_stop: false, stop: null, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
-    ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: false, recording: false,
+    ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false,
 };
 
 // HTTP
@@ -133,6 +133,7 @@ const server = createServer((request, response) => {
 const places = [[2, -40, 20], [17, -24, 4], [-17, -22, 2], [30, 8, -8], [-30, 6, -3.5], [0, -14, -40], [42, 12, -40], [5, -16, 55]];
 let tip = [0, -52, 20];
 let before = tip;
+let stops = 0;
 let pointer = null; // the viewer that moves the tip
 let asked_ms = -1e9;
 let felt = [1, 0, 0, 0];
@@ -225,6 +226,11 @@ function refusal(message, viewer) {
   if (message.type === "tissue" && !(message.stiffness_N_per_mm === undefined || (message.stiffness_N_per_mm >= 0.001 && message.stiffness_N_per_mm <= 10))) {
     return { what: "That stiffness is out of range.", where: "stiffness_N_per_mm", how: "0.001 to 10 N/mm." };
   }
+  if (message.type === "rearm") {
+    if (options.input === "device") return { what: "A device that may push is armed at the device.", how: "Press r where palpate runs." };
+    if (message.stop !== state.stop) return { what: "There was another stop after the one that this answers.", where: "stop", how: "See why, and rearm again." };
+    if (labelAt(tip) !== 0 && options.input === "pointer") return { what: "The tip touches something.", where: "", how: "Lead it to where it is free, then rearm." };
+  }
   if (message.type === "pointer" && options.input !== "pointer") return { what: "A simulated hand moves the tip.", where: "take", how: "Start palpate with --input pointer." };
   return null;
 }
@@ -250,8 +256,17 @@ sockets.on("connection", (socket) => {
     const { type, id, ...values } = message;
     const refused = refusal(message, viewer);
     if (refused) return socket.send(JSON.stringify({ type: "refused", id, ...refused }));
-    if (type === "stop") state.emergency_stop = true;
-    if (type === "rearm") state.emergency_stop = false;
+    // somebody at the device agrees after a while
+    if (state.armed && (type === "set" || type === "tissue")) {
+      socket.send(JSON.stringify({ type: "asked", id }));
+      setTimeout(() => grant(socket, type, id, values), 1500);
+      return undefined;
+    }
+    return grant(socket, type, id, values);
+  });
+  const grant = (socket, type, id, values) => {
+    if (type === "stop") Object.assign(state, { emergency_stop: true, stop: ++stops, armed: false });
+    if (type === "rearm") Object.assign(state, { emergency_stop: false, stop: null });
     if (type === "pointer") pointer = values.take ? socket : null;
     if (type === "set") Object.assign(state, values);
     if (type === "tissue") {
@@ -261,7 +276,7 @@ sockets.on("connection", (socket) => {
     }
     socket.send(JSON.stringify({ type: "done", id }));
     return tellState();
-  });
+  };
   socket.on("close", () => {
     viewers.delete(socket);
     if (pointer === socket) pointer = null;

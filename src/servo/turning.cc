@@ -1,0 +1,108 @@
+#include "servo/turning.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// what one tick may spend does not grow with its lateness
+constexpr double kLongestTick_s = 0.01;
+// the turn of a tick is that small that its way is nearly straight: tries until it is within the limits
+constexpr int kTries = 6;
+
+Eigen::Quaterniond felt_after(const SessionState& state, double elapsed_s) {
+  const double part = std::min(1.0, elapsed_s / kRotationInterval_s);
+  return Rotation<World, World>(state.rotation_start)
+      .slerp(part, Rotation<World, World>(state.rotation_target))
+      .quaternion();
+}
+
+/// What of the object lay under a device's tip a tick ago, and how it is held there.
+struct Held {
+  bool pushed = false;  ///< force is sent there, or may be in this tick
+  Vector<World> lever;  ///< from World's origin, the object not turned, mm of the patient
+  Vector<World> sent_N;
+  double stiffness_N_per_mm = 0;  ///< at the device; 0: not known
+  double scale = 1;
+};
+
+Held held_by(const Model& model, const DeviceParameters& own, const DeviceState& device,
+             const SessionState::Hand& hand) {
+  Held held;
+  if (!hand.seen || hand.output.gain == 0 || !device.tip.all_finite() || !(own.scale > 0)) return held;
+  held.pushed = true;
+  held.lever = Vector<World>((model.X_WorldPatient * hand.previous_tip).eigen());
+  held.sent_N = hand.output.sent.force_N;
+  held.stiffness_N_per_mm = hand.coupling.stiffness_N_per_mm * own.force_gain * own.scale;
+  held.scale = own.scale;
+  return held;
+}
+
+// mm of the device
+Vector<World> way_of(const Held& held, const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
+  return (Rotation<World, World>(to) * held.lever - Rotation<World, World>(from) * held.lever) / held.scale;
+}
+
+// The part of a way that keeps both limits. Against a spring the force grows on the way: F s + K s^2 / 2.
+double allowed_part(const Held& held, const Vector<World>& way_mm, double dt_s) {
+  const double length_mm = way_mm.norm(), force_N = held.sent_N.norm();
+  const double most_mJ = kMostTurnPower_mW * dt_s;
+  double part = std::min(1.0, kMostTurnSpeed_mm_s * dt_s / std::max(length_mm, 1e-12));
+  if (!(force_N > 0)) return part;
+  const double along_mm = held.sent_N.dot(way_mm) / force_N;
+  if (along_mm == 0) return part;
+  const double stiffness = along_mm > 0 ? held.stiffness_N_per_mm : 0;
+  const double most_mm = 2 * most_mJ / (force_N + std::sqrt(force_N * force_N + 2 * stiffness * most_mJ));
+  return std::min(part, most_mm / std::abs(along_mm));
+}
+
+}  // namespace
+
+bool is_rotation(const Eigen::Quaterniond& q) {
+  const double norm = q.norm();
+  return norm > 0.5 && norm < 2;
+}
+
+std::uint32_t turn_object(const Model& model, const Parameters& parameters,
+                          std::span<const DeviceState> devices, double dt_s, SessionState& state) {
+  // a new command starts a turn from where the object is felt now
+  const Eigen::Quaterniond& target = parameters.rotation_target;
+  if (target.coeffs() != state.rotation_target.coeffs() && is_rotation(target)) {
+    state.rotation_start = state.rotation_felt;
+    state.rotation_target = target;
+    state.rotation_elapsed_s = 0;
+  }
+  if (state.rotation_elapsed_s >= kRotationInterval_s || !(dt_s > 0)) return 0;
+
+  // as far as every hand allows
+  std::array<Held, kMaxDevices> held;
+  for (std::size_t d = 0; d < devices.size(); ++d)
+    held[d] = held_by(model, parameters.device[d], devices[d], state.hands[d]);
+  const Eigen::Quaterniond before = state.rotation_felt;
+  const double within_s = std::min(dt_s, kLongestTick_s);
+  std::uint32_t holding = 0;
+  double step_s = dt_s;
+  Eigen::Quaterniond felt = felt_after(state, state.rotation_elapsed_s + step_s);
+  for (int tries = 0; tries < kTries; ++tries) {
+    double part = 1;
+    for (std::size_t d = 0; d < devices.size(); ++d) {
+      if (!held[d].pushed) continue;
+      const double own = allowed_part(held[d], way_of(held[d], before, felt), within_s);
+      if (own < 1) holding |= 1u << d;
+      part = std::min(part, own);
+    }
+    if (part >= 1 - 1e-6) break;
+    step_s *= part;
+    felt = felt_after(state, state.rotation_elapsed_s + step_s);
+  }
+
+  // the account
+  for (std::size_t d = 0; d < devices.size(); ++d)
+    if (held[d].pushed) state.hands[d].turned_mJ += held[d].sent_N.dot(way_of(held[d], before, felt));
+  state.rotation_elapsed_s += step_s;
+  state.rotation_felt = felt;
+  return holding;
+}
+
+}  // namespace palpate
