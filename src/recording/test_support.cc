@@ -179,12 +179,12 @@ RecordingSummary example_summary(std::uint64_t ticks) {
   // no two counts are alike
   std::uint64_t next = 1000;
   for (std::uint64_t* count :
-       {&summary.clamped,          &summary.not_finite,    &summary.outside,  &summary.paused,
-        &summary.rotation_ignored, &summary.thermal,       &summary.slewed,   &summary.stale,
-        &summary.jumped,           &summary.device_faults, &summary.halted,   &summary.emergency_stopped,
-        &summary.clutched,         &summary.faded,         &summary.blended,  &summary.method_missing,
-        &summary.inside,           &summary.wedged,        &summary.ruptured, &summary.passivated,
-        &summary.turns_held,       &summary.dropped,       &summary.skipped})
+       {&summary.clamped,          &summary.not_finite,    &summary.outside,   &summary.paused,
+        &summary.rotation_ignored, &summary.thermal,       &summary.slewed,    &summary.stale,
+        &summary.jumped,           &summary.device_faults, &summary.halted,    &summary.emergency_stopped,
+        &summary.clutched,         &summary.faded,         &summary.blended,   &summary.method_missing,
+        &summary.inside,           &summary.wedged,        &summary.ruptured,  &summary.passivated,
+        &summary.dropped,          &summary.skipped,       &summary.turns_held})
     *count = next++;
   summary.trouble = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
   return summary;
