@@ -18,7 +18,7 @@ constexpr double kMostStep_s = 0.02;
 constexpr std::uint32_t kForceIsOff = kFaultFlags | kFlagRamp | kFlagStale;
 constexpr double kLeaving_mm_s = 50, kComingBack_mm_s = 20;
 // farther than a hand trembles
-constexpr double kClear_mm = 3;
+constexpr double kAwayFromAll_mm = 3;
 
 }  // namespace
 
@@ -97,10 +97,10 @@ void HandThread::withdraw(const DeviceTick& felt, double dt_s) {
   if (!wanted_) return;
   if (!led_) {
     led_ = wanted_;
-    clear_mm_ = kClear_mm;
+    clear_mm_ = kAwayFromAll_mm;
   }
   if ((felt.flags & (kFlagContact | kFlagInside)) != 0) clear_mm_ = 0;
-  if (clear_mm_ >= kClear_mm) return;
+  if (clear_mm_ >= kAwayFromAll_mm) return;
   *led_ += outward_ * (kLeaving_mm_s * dt_s);
   clear_mm_ += kLeaving_mm_s * dt_s;
   intend(*led_);

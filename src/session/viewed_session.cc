@@ -347,7 +347,7 @@ bool ViewedSession::can_feel(ForceMethod method) const {
          (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
 }
 
-Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& now) const {
+Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& /*now*/) const {
   if (request.method) {
     const auto method = find_force_method(*request.method);
     if (!method || !parts_.model->has(*method))
