@@ -37,10 +37,9 @@ ssize_t write_printable(void* cookie, const char* bytes, std::size_t size) {
   return static_cast<ssize_t>(size);
 }
 
-// lives until the process has ended: what is buffered is written after main
-std::FILE* printable_stream(int descriptor, int buffering) {
-  std::FILE* const stream =
-      ::fopencookie(new Border{descriptor, {}}, "w", {nullptr, write_printable, nullptr, nullptr});
+/// @param border  lives until the process has ended: what is buffered is written after main
+std::FILE* printable_stream(Border& border, int buffering) {
+  std::FILE* const stream = ::fopencookie(&border, "w", {nullptr, write_printable, nullptr, nullptr});
   if (stream != nullptr) std::setvbuf(stream, nullptr, buffering, BUFSIZ);
   return stream;
 }
@@ -50,8 +49,10 @@ std::FILE* plain_stderr = stderr;
 }  // namespace
 
 void show_only_printable() {
-  std::FILE* const out = printable_stream(STDOUT_FILENO, ::isatty(STDOUT_FILENO) ? _IOLBF : _IOFBF);
-  std::FILE* const err = printable_stream(STDERR_FILENO, _IONBF);
+  static auto* const out_border = new Border{STDOUT_FILENO, {}};
+  static auto* const err_border = new Border{STDERR_FILENO, {}};
+  std::FILE* const out = printable_stream(*out_border, ::isatty(STDOUT_FILENO) ? _IOLBF : _IOFBF);
+  std::FILE* const err = printable_stream(*err_border, _IONBF);
   if (out == nullptr || err == nullptr) std::terminate();
   std::fflush(nullptr);
   stdout = out;

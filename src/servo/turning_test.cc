@@ -26,7 +26,7 @@ struct TurningWall {
 
   TurningWall() {
     // below is posterior, +y of the patient
-    const GridGeometry& grid = model.labels->geometry();
+    const GridGeometry grid = model.labels->geometry();
     const auto depth_mm = [](const Eigen::Vector3d& p) { return -p.y(); };
     auto labels = std::make_shared<Volume<LabelId>>(grid);
     for (std::size_t v = 0; v < grid.voxel_count(); ++v)
