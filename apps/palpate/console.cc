@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "keys.h"
+#include "palpate/output.h"
 #include "palpate/printable.h"
 #include "palpate/progress_lines.h"
 #include "streams.h"
@@ -46,6 +47,7 @@ void end_what_does_not_hear() {
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(800));
   if (stop_heard) return;
+  abandon_outputs();
   Keys::restore();
   constexpr std::string_view kWords = "palpate: error: interrupted\n";
   [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, kWords.data(), kWords.size());

@@ -33,6 +33,11 @@ class OutputClaim {
   std::string lock_;
 };
 
+/// Removes what this process has begun to write and not finished: temporaries, locks, folders of work. For a
+/// program that ends at once, whatever its other threads are doing; what one of them holds just then stays,
+/// and the next run on that output sweeps it.
+void abandon_outputs() noexcept;
+
 /// Claims a file for a run that will write it: it could be written now, its folder exists and takes files, it
 /// is not a folder or a device itself, and no other process is writing it. Asked before long work, so that a
 /// wrong name costs nothing, and kept until the file is written.

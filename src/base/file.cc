@@ -10,8 +10,10 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <exception>
 #include <map>
 #include <mutex>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -135,6 +137,29 @@ class Claims {
     return lock;
   }
 
+  /// Does not wait for whoever is here.
+  void abandon() {
+    const std::unique_lock guard(mutex_, std::try_to_lock);
+    if (!guard) return;
+    std::error_code ignored;
+    for (const auto& folder : unfinished_) std::filesystem::remove_all(folder, ignored);
+    for (const auto& [lock, held] : held_) {
+      if (held.process != ::getpid()) continue;
+      const std::filesystem::path file = lock;
+      remove_temporaries(file.parent_path(), file.stem().string());
+      ::unlink(lock.c_str());
+    }
+  }
+
+  void begin(const std::filesystem::path& folder) {
+    const std::lock_guard guard(mutex_);
+    unfinished_.insert(folder);
+  }
+  void finish(const std::filesystem::path& folder) {
+    const std::lock_guard guard(mutex_);
+    unfinished_.erase(folder);
+  }
+
   void give_back(const std::string& lock) {
     const std::lock_guard guard(mutex_);
     const auto held = held_.find(lock);
@@ -172,6 +197,7 @@ class Claims {
 
   std::mutex mutex_;
   std::map<std::string, Held> held_;
+  std::set<std::filesystem::path> unfinished_;
 };
 
 // never destroyed: claims may be given back at any time
@@ -406,6 +432,18 @@ Result<OutputClaim> OutputClaim::take(const std::filesystem::path& file) {
   auto lock = claims().take(end_of_links(file), file);
   if (!lock) return lock.error();
   return OutputClaim(*std::move(lock));
+}
+
+void abandon_outputs() noexcept try { claims().abandon(); } catch (const std::exception&) {
+  // no memory: the next run sweeps
+}
+
+UnfinishedFolder::UnfinishedFolder(std::filesystem::path folder) : folder_(std::move(folder)) {
+  claims().begin(folder_);
+}
+
+UnfinishedFolder::~UnfinishedFolder() {
+  if (!folder_.empty()) claims().finish(folder_);
 }
 
 OutputClaim::~OutputClaim() {

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "palpate/output.h"
 #include "palpate/result.h"
@@ -75,5 +76,17 @@ Result<void> write_file(const std::filesystem::path& file, std::string_view byte
 
 /// The error for an errno met while writing `file`, with what to do about it.
 Error output_error(const std::filesystem::path& file, int error_number);
+
+/// A folder that abandon_outputs() removes with everything in it, as long as this lives.
+class UnfinishedFolder {
+ public:
+  explicit UnfinishedFolder(std::filesystem::path folder);
+  UnfinishedFolder(UnfinishedFolder&& other) noexcept : folder_(std::exchange(other.folder_, {})) {}
+  UnfinishedFolder& operator=(UnfinishedFolder&&) = delete;
+  ~UnfinishedFolder();
+
+ private:
+  std::filesystem::path folder_;
+};
 
 }  // namespace palpate

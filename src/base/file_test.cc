@@ -13,6 +13,7 @@
 #include <cerrno>
 #include <csignal>
 #include <fstream>
+#include <optional>
 #include <utility>
 
 #include "base/test_child.h"
@@ -68,6 +69,27 @@ TEST_F(FileTest, AFullDiskIsAnOutputErrorThatKeepsTheOldFile) {
   EXPECT_EQ(*read_file(folder_ / "a"), "old");
   EXPECT_EQ(folder_.count(), 1u);
   EXPECT_NE(output_error("a", ENOSPC).message().find("disk is full"), std::string::npos);
+}
+
+TEST_F(FileTest, WhoEndsAtOnceLeavesNothingUnfinished) {
+  ASSERT_TRUE(write_file(folder_ / "whole", "x").ok());
+  const auto pending = PendingFile::create(folder_ / "pending");
+  ASSERT_TRUE(pending.ok());
+  const auto claim = OutputClaim::take(folder_ / "claimed");
+  ASSERT_TRUE(claim.ok());
+  const auto folder = folder_ / "work";
+  fs::create_directories(folder / "deeper");
+  ASSERT_TRUE(write_file(folder / "deeper" / "part", "x").ok());
+  std::optional<UnfinishedFolder> unfinished(folder);
+  EXPECT_GT(folder_.count(), 3u);
+  abandon_outputs();
+  EXPECT_EQ(folder_.count(), 1u);
+  EXPECT_EQ(*read_file(folder_ / "whole"), "x");
+  // what is finished stays
+  unfinished.reset();
+  fs::create_directories(folder);
+  abandon_outputs();
+  EXPECT_TRUE(fs::exists(folder));
 }
 
 TEST_F(FileTest, ADeviceIsNotReplaced) {

@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <utility>
 
 #include "base/file.h"
 #include "catalog/fetch_files.h"
@@ -37,7 +38,8 @@ class WorkFolder {
     if (::mkdtemp(pattern.data()) == nullptr) return output_error(parent, errno);
     return WorkFolder(pattern);
   }
-  WorkFolder(WorkFolder&& other) noexcept : path_(std::move(other.path_)) { other.path_.clear(); }
+  WorkFolder(WorkFolder&& other) noexcept
+      : path_(std::exchange(other.path_, {})), unfinished_(std::move(other.unfinished_)) {}
   WorkFolder& operator=(WorkFolder&&) = delete;
   ~WorkFolder() {
     std::error_code ignored;
@@ -46,8 +48,9 @@ class WorkFolder {
   const fs::path& path() const { return path_; }
 
  private:
-  explicit WorkFolder(fs::path path) : path_(std::move(path)) {}
+  explicit WorkFolder(fs::path path) : path_(std::move(path)), unfinished_(path_) {}
   fs::path path_;
+  UnfinishedFolder unfinished_;
 };
 
 // whether the phantom in `folder` has voxels of these edges; its name says all else
