@@ -165,6 +165,10 @@ Progress Console::progress() {
   return {show, &stop_requested, &stop_heard};
 }
 
+std::size_t Console::columns() const {
+  return terminal_columns();
+}
+
 void Console::live(const std::string& line) {
   if (quiet || !::isatty(STDERR_FILENO)) return;
   if (line.empty())

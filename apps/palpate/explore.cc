@@ -207,24 +207,35 @@ std::string cure_of(const ExploreStatus& status) {
   return status.rearmed_in_page ? ": see page" : ": r rearms";
 }
 
-// 79 columns: what is always there, the structure in what is left, and on the right what is not usual
-std::string live_line(const ExploreStatus& status) {
-  constexpr std::size_t kColumns = 79, kLeastForStructure = 8;
-  char late[60], text[160];
-  std::snprintf(late, sizeof late, "%.0f/%.0f/%.0f", status.lateness_p50_us, status.lateness_p99_us,
-                status.lateness_max_us);
-  std::snprintf(text, sizeof text, "%5.1f s %6.0f Hz  late %11s µs  %.2f/%.2f N  ", status.time_s,
-                status.rate_hz, late, status.force_N, status.limit_N);
-  const std::string usual = text;
+// What is usual, the structure in what is left, and on the right what is not usual. Where all of it does not
+// fit, times give way: whoever is stopped must read how to go on.
+std::string live_line(const ExploreStatus& status, std::size_t columns) {
+  constexpr std::size_t kMostColumns = 99, kLeastForStructure = 8;
+  columns = std::min(columns, kMostColumns);
   std::string unusual = state_of(status.flags) + cure_of(status);
   if (status.heat >= 0.005) unusual += " heat " + std::to_string(std::lround(100 * status.heat)) + "%";
   if (status.method != ForceMethod::kProxy) unusual += " " + std::string(name_of(status.method));
   if (status.skipped > 0) unusual += " skip " + std::to_string(status.skipped);
   if (status.dropped > 0) unusual += " drop " + std::to_string(status.dropped);
-  const std::size_t taken = columns_of(usual) + columns_of(unusual);
-  const std::size_t left = kColumns > taken ? kColumns - taken : 0;
-  return usual + fitted(status.structure, std::max(status.stop ? std::size_t{1} : kLeastForStructure, left)) +
-         unusual;
+
+  char time[30], rate[30], late[60], late_part[90], force[60];
+  std::snprintf(time, sizeof time, "%5.1f s ", status.time_s);
+  std::snprintf(rate, sizeof rate, "%6.0f Hz  ", status.rate_hz);
+  std::snprintf(late, sizeof late, "%.0f/%.0f/%.0f", status.lateness_p50_us, status.lateness_p99_us,
+                status.lateness_max_us);
+  std::snprintf(late_part, sizeof late_part, "late %11s µs  ", late);
+  std::snprintf(force, sizeof force, "%.2f/%.2f N  ", status.force_N, status.limit_N);
+  const std::size_t for_structure = status.stop ? 1 : kLeastForStructure;
+  std::string line;
+  std::size_t left = 0;
+  for (const std::string& usual :
+       {std::string(time) + rate + late_part + force, std::string(time) + rate + force, std::string(force)}) {
+    const std::size_t taken = columns_of(usual) + columns_of(unusual);
+    left = columns > taken ? columns - taken : 0;
+    line = usual;
+    if (left >= for_structure) break;
+  }
+  return line + fitted(status.structure, std::max(for_structure, left)) + unusual;
 }
 
 // notes at the first call, then the live line; a recording that ends is told once, and so is each method that
@@ -247,7 +258,7 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
     if (!method.empty() && method != told_method) console.warn()(method);
     told_method = method;
     if (s.refusal) console.warn()(s.refusal->message());
-    console.live(s.question ? "y / n? " + s.question->text : live_line(s));
+    console.live(s.question ? "y / n? " + s.question->text : live_line(s, console.columns()));
   };
 }
 

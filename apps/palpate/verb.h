@@ -35,6 +35,8 @@ class Console {
   /// A line on stderr that the next one replaces and everything else erases, cut to the terminal's width;
   /// an empty one only erases. Nothing when quiet, or where there is no terminal.
   void live(const std::string& line);
+  /// What a live line may take.
+  std::size_t columns() const;
   Warn warn();                         ///< "palpate: warning: ..." on stderr
   void note(const std::string& text);  ///< a line on stderr unless quiet
   int fail(const Error& error);        ///< prints the error on stderr; returns the exit code of its kind

@@ -24,8 +24,9 @@ double rate_of(const DeviceDriver& driver, const LoopSettings& settings) {
   return own ? *info.rate_hz : settings.rate_hz;
 }
 
+// release: who has read a counter sees every counter at least as far on as it was then
 void add(std::atomic<std::uint64_t>& counter, std::uint64_t more) {
-  counter.store(counter.load(std::memory_order_relaxed) + more, std::memory_order_relaxed);
+  counter.store(counter.load(std::memory_order_relaxed) + more, std::memory_order_release);
 }
 
 }  // namespace
@@ -150,6 +151,8 @@ void Loop::stop() {
 
 LoopHealth Loop::health() const {
   LoopHealth health;
+  // before what it is a part of: the loop ticks on meanwhile
+  const std::uint64_t on_time = counts_.on_time.load();
   health.ticks = counts_.ticks.load();
   health.skipped = counts_.skipped.load();
   health.dropped = counts_.dropped.load();
@@ -162,7 +165,8 @@ LoopHealth Loop::health() const {
   const double elapsed_s = static_cast<double>(counts_.last_ns.load() - counts_.first_ns.load()) * 1e-9;
   if (health.ticks > 1 && elapsed_s > 0) health.rate_hz = static_cast<double>(health.ticks - 1) / elapsed_s;
   const std::uint64_t due = health.ticks + health.skipped;
-  if (due > 0) health.on_time = static_cast<double>(counts_.on_time.load()) / static_cast<double>(due);
+  // a reset between the two leaves more than there are
+  if (due > 0) health.on_time = static_cast<double>(std::min(on_time, due)) / static_cast<double>(due);
   return health;
 }
 

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
+#include <thread>
 
 #include "haptics/test_model.h"
 #include "palpate/simulated_device.h"
@@ -506,6 +507,25 @@ TEST(Loop, ADeviceWithAClockOfItsOwnIsMeasuredByIt) {
   tick_after(loop, 3'500'000);
   EXPECT_LT(loop.health().on_time, 1);
   EXPECT_NEAR(loop.health().lateness.max_us, 1500, 1);
+}
+
+TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {.rate_hz = 1000}, test_clock);
+  std::atomic<bool> seen{false};
+  std::thread ticking([&] {
+    while (!seen) tick_after(loop, 1'000'000);
+  });
+  double most = 0;
+  for (int n = 0; n < 2000; ++n) {
+    if (n % 500 == 499) loop.reset_health();
+    most = std::max(most, loop.health().on_time);
+  }
+  seen = true;
+  ticking.join();
+  EXPECT_GT(loop.health().ticks, 0u);
+  EXPECT_LE(most, 1);
 }
 
 TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {

@@ -1,5 +1,6 @@
 """What the end-to-end tests share: running palpate, finding data, skipping visibly."""
 
+import faulthandler
 import os
 import pathlib
 import re
@@ -170,6 +171,8 @@ class KneeTest(PalpateTest):
 
 
 def main():
+    # where it stands, before ctest kills it
+    faulthandler.dump_traceback_later(float(os.environ["TIMEOUT_S"]) - 30, exit=True)
     result = unittest.main(exit=False).result
     if result.wasSuccessful() and result.testsRun and len(result.skipped) == result.testsRun:
         sys.exit(77)

@@ -28,6 +28,7 @@ import privacy_test
 
 PRESS = '[[step]]\napproach = "femur"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n'
 ERASE = "\r\033[K"
+PRESSES = r" 0\.[5-9]\d/1\.40 N  femur"
 
 # s since the tick before, N sent, N asked and flags of ticks in the last second before the loop was told to stop; then
 # the same from that tick on
@@ -70,14 +71,23 @@ class Terminal:
         self.shown += piece.decode()
         return bool(piece)
 
-    def wait_for(self, pattern):
-        while not re.search(pattern, self.shown):
+    def wait_until(self, done, what):
+        # the live line never falls silent
+        until = time.monotonic() + 120
+        while not done():
             if not self.read():
-                raise AssertionError(f"ended without {pattern}; shown: {self.shown[-500:]}")
+                raise AssertionError(f"ended without {what}; shown: {self.shown[-500:]}")
+            if time.monotonic() > until:
+                raise AssertionError(f"two minutes without {what}; shown: {self.shown[-2000:]}")
+
+    def wait_for(self, pattern):
+        self.wait_until(lambda: re.search(pattern, self.shown), pattern)
 
     def finish(self):
+        until = time.monotonic() + 120
         while self.read():
-            pass
+            if time.monotonic() > until:
+                raise AssertionError(f"not ended after two minutes; shown: {self.shown[-2000:]}")
         out, _ = self.process.communicate(timeout=300)
         return self.process.returncode, out
 
@@ -87,7 +97,7 @@ class Terminal:
         os.close(self.master)
 
     def frames(self):
-        return [frame for frame in self.shown.split(ERASE) if " Hz  late " in frame]
+        return [frame for frame in self.shown.split(ERASE) if " Hz  " in frame]
 
     def screen(self):
         """What is left to see at the end, a string a line."""
@@ -252,18 +262,17 @@ class Explore(cli.PalpateTest):
         self.assertLessEqual(max(len(line) for line in done.stdout.splitlines() if not re.match(lists, line)), 80)
         # no terminal: no live line and no codes for one
         self.assertNotIn("\033", done.stdout + done.stderr)
-        self.assertNotIn(" Hz  late ", done.stderr)
+        self.assertNotIn(" Hz  ", done.stderr)
 
     def test_signals_end_a_session_in_good_order(self):
         sessions = {}
         for number in (signal.SIGINT, signal.SIGTERM):
             recording = self.folder / f"{number}.h5"
-            sessions[number] = recording, self.terminal(*self.explore("-o", recording))
+            sessions[number] = recording, self.terminal(*self.explore("-o", recording, "--repeat"))
         for number, (recording, terminal) in sessions.items():
             with self.subTest(number):
-                terminal.wait_for(r" 0\.[5-9]\d/1\.40 N  femur")
-                while len(terminal.frames()) <= 5:
-                    terminal.read()
+                # it presses in the last frame that is whole
+                terminal.wait_until(lambda: len(terminal.frames()) > 6 and re.search(PRESSES, terminal.frames()[-2]), PRESSES)
                 terminal.process.send_signal(number)
                 code, out = terminal.finish()
                 self.assertEqual(code, cli.OK, terminal.shown)
@@ -275,7 +284,7 @@ class Explore(cli.PalpateTest):
                 for frame in terminal.frames():
                     self.assertLess(len(frame.split("\r")[0]), 80, frame)
                 for line in terminal.screen():
-                    self.assertNotIn(" Hz  late ", line)
+                    self.assertNotIn(" Hz  ", line)
                 self.assertIn("stopped", terminal.screen())
 
     def supervisor_of(self, process):
@@ -288,24 +297,25 @@ class Explore(cli.PalpateTest):
         recording = self.folder / "run.h5"
         session = subprocess.Popen([cli.PALPATE, *self.explore("-o", recording, "--repeat")], stdin=subprocess.DEVNULL,
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        with session:
-            for line in session.stderr:
-                if line.startswith("supervisor: "):
-                    break
-            session.stdout.close()
-            session.stderr.close()
-            session.send_signal(signal.SIGHUP)
-            session.send_signal(signal.SIGPIPE)
-            time.sleep(1)
-            self.assertIsNone(session.poll())
-            session.send_signal(signal.SIGTERM)
-            # it was felt and recorded to its end, and its figures could not be printed
-            self.assertEqual(session.wait(timeout=120), cli.OUTPUT)
+        self.addCleanup(session.wait)
+        self.addCleanup(session.kill)
+        for line in session.stderr:
+            if line.startswith("supervisor: "):
+                break
+        session.stdout.close()
+        session.stderr.close()
+        session.send_signal(signal.SIGHUP)
+        session.send_signal(signal.SIGPIPE)
+        time.sleep(1)
+        self.assertIsNone(session.poll())
+        session.send_signal(signal.SIGTERM)
+        # it was felt and recorded to its end, and its figures could not be printed
+        self.assertEqual(session.wait(timeout=120), cli.OUTPUT)
         self.assertNotIn("cut short", self.succeed("replay", recording, self.scene).stdout)
 
     def test_a_supervisor_watches_and_is_replaced(self):
         terminal = self.terminal(*self.explore("--repeat"))
-        terminal.wait_for(r" 0\.[5-9]\d/1\.40 N  femur")
+        terminal.wait_for(PRESSES)
         supervisor = self.supervisor_of(terminal.process)
         os.kill(supervisor, signal.SIGKILL)
         # nobody watches: nothing pushes, until somebody re-arms
@@ -329,7 +339,7 @@ class Explore(cli.PalpateTest):
 
     def interrupted_twice(self, recording):
         terminal = self.terminal(*self.explore("-o", recording))
-        terminal.wait_for(" Hz  late ")
+        terminal.wait_for(" Hz  ")
         terminal.process.send_signal(signal.SIGINT)
         # the second after the first was taken, not together with it
         while terminal.process.poll() is None and cli.interrupt_is("ShdPnd", terminal.process):
@@ -348,8 +358,9 @@ class Explore(cli.PalpateTest):
         self.assertIn("cut short", self.succeed("replay", recording, self.scene).stdout)
 
     def test_keys_stop_and_pause_the_force(self):
-        terminal = self.terminal(*self.explore(), keyboard=True)
-        terminal.wait_for(r" 0\.[5-9]\d/1\.40 N  femur")
+        # where the machine stands still the hand may give its step up: it begins again
+        terminal = self.terminal(*self.explore("--repeat"), keyboard=True)
+        terminal.wait_for(PRESSES)
         before = termios.tcgetattr(terminal.master)
         # a stop only stops, however often it is asked for
         for _ in range(3):
@@ -357,23 +368,31 @@ class Explore(cli.PalpateTest):
             terminal.wait_for(r" 0\.00/\S+ N .*EMERGENCY STOP: r rearms")
         # the hand leaves what it touched, and then another key is heard
         self.rearm(terminal)
-        terminal.wait_for(r" 0\.[5-9]\d/1\.40 N  femur")
+        terminal.wait_for(PRESSES)
         terminal.press(b"p")
         terminal.wait_for(r" 0\.00/\S+ N .*PAUSED")
         # Ctrl-Z does nothing, and Ctrl-C is still an end in good order
         terminal.press(b"\x1a")
-        terminal.wait_for(" Hz  late ")
+        terminal.wait_for(" Hz  ")
         terminal.press(b"\x03")
         code, out = terminal.finish()
         self.assertEqual(code, cli.OK, terminal.shown)
         self.assertRegex(out, r"force changed in ticks: .*paused \d+.*emergency stop \d+")
         self.assertFalse(before[3] & termios.ECHO, "keys were not shown")
 
+    def test_who_is_stopped_reads_how_to_go_on_in_a_narrow_terminal(self):
+        terminal = self.terminal(*self.explore("--repeat"), keyboard=True)
+        for columns in (60, 40):
+            fcntl.ioctl(terminal.master, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+            terminal.press(b" ")
+            terminal.wait_for(r"N  .* EMERGENCY STOP: r rearms" + re.escape(ERASE))
+            self.assertLess(len(terminal.shown.split(ERASE)[-2]), columns)
+
     def rearm(self, terminal):
         for _ in range(100):
             terminal.press(b"r")
             # the last frame may not be whole yet
-            terminal.wait_for(r"(?s) Hz  late .* Hz  late .* Hz  late ")
+            terminal.wait_for(r"(?s) Hz  .* Hz  .* Hz  ")
             if "EMERGENCY STOP" not in terminal.frames()[-2]:
                 return
             time.sleep(0.2)
@@ -532,7 +551,7 @@ class Explore(cli.PalpateTest):
 
     def test_nothing_listens_without_a_viewer(self):
         terminal = self.terminal(*self.explore("--no-viewer"))
-        terminal.wait_for(" Hz  late ")
+        terminal.wait_for(" Hz  ")
         for link in pathlib.Path(f"/proc/{terminal.process.pid}/fd").iterdir():
             # one may be closed just now
             with contextlib.suppress(FileNotFoundError):
