@@ -50,6 +50,8 @@ Result<std::optional<OutputClaim>> check(const ExploreArguments& options) {
   if (options.cpu >= cpus)
     return Error{ErrorKind::kUsage, "this machine has no CPU " + std::to_string(options.cpu), "--cpu",
                  "choose one from 0 to " + std::to_string(cpus - 1)};
+  if (!options.no_viewer)
+    if (const auto servable = ViewerServer::check(options.viewers); !servable) return servable.error();
   if (!options.recording) return Claim();
   auto inputs = input_files(options.target);
   if (options.script) inputs.push_back(*options.script);

@@ -191,28 +191,49 @@ class Server : public ViewerServer {
   std::thread thread_;
 };
 
+// what options name, read
+struct Admission {
+  net::ip::address address;
+  Tokens tokens;
+  std::unique_ptr<net::ssl::context> tls;
+};
+
+Result<Admission> admission(const ViewerServerOptions& options) {
+  const auto address = checked_address(options);
+  if (!address) return address.error();
+  Admission read{*address, {}, nullptr};
+  if (!options.token_file.empty()) {
+    auto tokens = Tokens::read(options.token_file, options.log);
+    if (!tokens) return tokens.error();
+    read.tokens = *std::move(tokens);
+  }
+  auto tls = tls_context(options);
+  if (!tls) return tls.error();
+  read.tls = *std::move(tls);
+  return read;
+}
+
 }  // namespace
 }  // namespace link
 
+Result<void> ViewerServer::check(ViewerServerOptions options) {
+  options.log = {};
+  const auto read = link::admission(options);
+  if (!read) return read.error();
+  return {};
+}
+
 Result<std::unique_ptr<ViewerServer>> ViewerServer::start(ViewerHost& host,
                                                           const ViewerServerOptions& options) {
-  const auto address = link::checked_address(options);
-  if (!address) return address.error();
-  link::Tokens tokens;
-  if (!options.token_file.empty()) {
-    auto read = link::Tokens::read(options.token_file, options.log);
-    if (!read) return read.error();
-    tokens = *std::move(read);
-  }
-  auto tls = link::tls_context(options);
-  if (!tls) return tls.error();
-  if (!address->is_loopback() && options.tls_certificate.empty() && options.log)
+  auto read = link::admission(options);
+  if (!read) return read.error();
+  if (!read->address.is_loopback() && options.tls_certificate.empty() && options.log)
     options.log(
         "viewers: tokens and data cross the network in the clear; --tls-cert and --tls-key encrypt them");
 
   link::ErrorCode failed;
-  auto server =
-      std::make_unique<link::Server>(host, options, *std::move(tls), std::move(tokens), *address, failed);
+  auto server = std::make_unique<link::Server>(host, options, std::move(read->tls), std::move(read->tokens),
+                                               read->address, failed);
   if (failed)
     return Error{ErrorKind::kUnavailable, "cannot be listened at: " + failed.message(),
                  options.address + ":" + std::to_string(options.port),
