@@ -101,8 +101,9 @@ const ReadingLimits& reading_limits() {
 Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what) {
   const std::uint64_t most = most_memory(), now = taken();
   if (more_bytes <= most - std::min(most, now)) return {};
-  // rounded up, so that what is asked for is enough
-  const std::uint64_t mebibytes = ((now + more_bytes) >> 20) + 1;
+  // so that what is asked for is enough: of one program's runs one has some MiB more in memory than another
+  constexpr std::uint64_t kRunsDiffer = 16 << 20;
+  const std::uint64_t mebibytes = ((now + more_bytes + kRunsDiffer) >> 20) + 1;
   return Error{ErrorKind::kBadInput,
                "needs " + memory_text(now + more_bytes) + " of memory, " + memory_text(most) + " are allowed",
                what,
