@@ -1,6 +1,6 @@
 """Opens the viewer page in headless Chromium against a running server and uses it as a person would.
 
-usage: viewer_test.py palpate PALPATE [TEST ...]          (`palpate explore knee-phantom`, as it is)
+usage: viewer_test.py palpate PALPATE [TEST ...]          (`palpate explore knee-phantom`, coarse)
        viewer_test.py mock NODE MOCK_SERVER PAGE_FOLDER [TEST ...]
 
 Exit code 77 (a skip) where there is no browser, except in CI, where that is a failure.
@@ -29,7 +29,8 @@ browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 SIZE = (1024, 640)  # a small one: the pictures are computed by the processor
 LOADED = "window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh"
-STRUCTURES, POSITIONS = 8, 3
+# of the pixel under the tip: how many structures are looked for, and at how many places; all of it is 8 structures
+STRUCTURES, POSITIONS = int(os.environ.get("PALPATE_TEST_STRUCTURES", "3")), 3
 BLENDING = 1 << 15  # of a pose's flags
 
 command = None  # of the server: (port, input, token file) -> arguments
@@ -44,7 +45,7 @@ def test_seed():
 def palpate_command(program):
     def arguments(port, source, tokens):
         # as a developer's machine with other work to do would run it: no lateness is asserted here
-        return [program, "explore", "knee-phantom", "--port", str(port), "--seconds", "600",
+        return [program, "explore", "knee-phantom:spacing=1.2", "--port", str(port), "--seconds", "600",
                 *(["--device", "pointer"] if source == "pointer" else ["--repeat"]),
                 *(["--token-file", tokens] if tokens else [])]
     return arguments

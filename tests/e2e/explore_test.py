@@ -26,7 +26,7 @@ import urllib.request
 import cli
 import privacy_test
 
-PRESS = '[[step]]\napproach = "femur"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n'
+PRESS = cli.TOUCH + '[[step]]\nhold = 60.0\n'
 ERASE = "\r\033[K"
 PRESSES = r" 0\.[5-9]\d/1\.40 N  femur"
 
@@ -201,7 +201,7 @@ class Explore(cli.PalpateTest):
     def setUpClass(cls):
         cls._made = tempfile.TemporaryDirectory(prefix="palpate-e2e-")
         made = cls.made = pathlib.Path(cls._made.name)
-        done = cli.run("data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", "1.5")
+        done = cli.run("data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", cli.KNEE_MM)
         assert done.returncode == 0, done.stderr
         labels = next((made / "knee").glob("*.seg.nrrd"))
         cls.scene, cls.script = made / "scene.toml", made / "press.toml"

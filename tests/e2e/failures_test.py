@@ -37,8 +37,7 @@ class Failures(cli.PalpateTest):
         # one small knee, its scene and a recording serve every verb
         cls._made = tempfile.TemporaryDirectory(prefix="palpate-e2e-")
         made = cls.made = pathlib.Path(cls._made.name)
-        for arguments in (["data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", "1.5"],):
-            assert cli.run(*arguments).returncode == 0, arguments
+        assert cli.run("data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", cli.KNEE_MM).returncode == 0
         cls.labels = next((made / "knee").glob("*.seg.nrrd"))
         cls.scan = next(p for p in (made / "knee").glob("*.nrrd") if p != cls.labels)
         cls.scene, cls.script = made / "scene.toml", made / "press.toml"
@@ -332,7 +331,7 @@ class Failures(cli.PalpateTest):
     def test_an_interrupt_at_any_moment_leaves_whole_files_or_none(self):
         large = self.made / "large-for-moments"
         # the sanitizers take as long for the coarser knee
-        self.succeed("data", "fetch", "knee-phantom", "-o", large, "--voxel", "1" if cli.SANITIZED else "0.6")
+        self.succeed("data", "fetch", "knee-phantom", "-o", large, "--voxel", "1.2" if cli.SANITIZED else "0.6")
         labels = next(large.glob("*.seg.nrrd"))
         scan = next(p for p in large.glob("*.nrrd") if p != labels)
         scene, recording = large / "scene.toml", large / "run.h5"

@@ -11,7 +11,7 @@ STRUCTURES = ["femur", "tibia", "fibula", "patella", "femoral_cartilage", "later
 class KneePhantom(cli.PalpateTest):
     def coarse_scene(self):
         knee, scene = self.folder / "knee", self.folder / "scene.toml"
-        self.succeed("data", "fetch", "knee-phantom", "-o", knee, "--voxel", "1.5")
+        self.succeed("data", "fetch", "knee-phantom", "-o", knee, "--voxel", cli.KNEE_MM)
         files = sorted(knee.glob("*.seg.nrrd"))
         self.assertEqual(len(files), 1)
         self.succeed("scene", "new", files[0], "-o", scene)
@@ -19,14 +19,14 @@ class KneePhantom(cli.PalpateTest):
 
     def test_a_phantom_with_parameters_is_a_data_set(self):
         recording, picture = self.folder / "odd.h5", self.folder / "odd.png"
-        name = "knee-phantom:spacing=1.6,side=right,lesion=6,missing=patellar_cartilage"
+        name = f"knee-phantom:spacing={cli.KNEE_MM},side=right,lesion=6,missing=patellar_cartilage"
         done = self.succeed("simulate", name, "-o", recording)
         self.assertNotIn("patellar_cartilage", cli.held(done.stdout))
         self.assertIn("femur", cli.held(done.stdout))
         # the recording tells which it was, parameters included
         again = self.succeed("replay", recording)
         self.assertEqual(cli.run_hash(again.stdout), cli.run_hash(done.stdout))
-        self.succeed("replay", recording, "knee-phantom:missing=patellar_cartilage,lesion=6,side=right,spacing=1.60")
+        self.succeed("replay", recording, f"knee-phantom:missing=patellar_cartilage,lesion=6,side=right,spacing={cli.KNEE_MM}0")
         self.succeed("section", name, "--pixels", "320", "-o", picture)
         self.assertTrue(picture.exists())
 

@@ -110,7 +110,7 @@ class BombTest(KneeTest):
 
     def test_recordings(self):
         whole = self.folder / "whole.h5"
-        self.assertIn(cli.run("simulate", self.scene, "-o", whole).returncode, [OK, cli.LIMIT])
+        self.assertIn(cli.run("simulate", self.scene, "-s", self.script, "-o", whole).returncode, [OK, cli.LIMIT])
         if importlib.util.find_spec("h5py") is None:
             cli.missing("python3-h5py")
         for name, file in self.bombs("recordings", whole).items():
@@ -189,7 +189,7 @@ class OneWriterTest(KneeTest):
             finally:
                 first.kill()
         # a killed run claims nothing, and what it left goes
-        self.assertIn(cli.run("simulate", self.scene, "-o", recording).returncode, [OK, cli.LIMIT])
+        self.assertIn(cli.run("simulate", self.scene, "-s", self.script, "-o", recording).returncode, [OK, cli.LIMIT])
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["link.h5", "run.h5"])
 
 
@@ -209,7 +209,7 @@ class SurroundingsTest(KneeTest):
             environment[name] = str(self.folder)
         self.new_scene(self.scan, self.labels)
         for arguments in [["info", self.labels], ["section", self.scan, "-o", self.folder / "x.png"],
-                          ["simulate", self.scene, "-o", self.folder / "x.h5"], ["replay", self.folder / "x.h5", self.scene],
+                          ["simulate", self.scene, "-s", self.script, "-o", self.folder / "x.h5"], ["replay", self.folder / "x.h5", self.scene],
                           ["explore", self.scene, "--token-file", tokens, "--listen", "127.0.0.1"]]:
             with self.subTest(arguments=arguments):
                 proof.unlink(missing_ok=True)
@@ -327,4 +327,4 @@ class CanaryTest(PalpateTest):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    cli.main()
