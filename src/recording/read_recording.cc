@@ -1,126 +1,22 @@
-#include <fcntl.h>
-#include <poll.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <csignal>
 #include <cstring>
-#include <fstream>
 #include <functional>
+#include <memory>
 #include <new>
 #include <system_error>
 
 #include "base/file.h"
+#include "reader/reader_process.h"
+#include "reader/reader_process.h"
 #include "recording/hdf5_handle.h"
 #include "recording/hdf5_reader.h"
 
-// HDF5 is not safe against hostile files, so a child process opens them: it may crash, loop or swallow
-// memory. The parent takes plain rows from a pipe (stream.h) and believes none of them unchecked.
+// HDF5 is not safe against hostile files, so a process of its own opens them (reader_process.h). What comes
+// from it are plain rows (stream.h).
 namespace palpate {
 namespace internal {
 namespace {
-
-constexpr rlim_t kChildMemory = rlim_t{1} << 30;  // beyond what the parent has, bytes
-constexpr int kPollMs = 100;
-constexpr int kPatienceMs = 20'000;  // without a byte from the child
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-constexpr bool kSanitized = true;
-#else
-constexpr bool kSanitized = false;
-#endif
-#else
-constexpr bool kSanitized = false;
-#endif
-
-class PipeTarget : public ByteTarget {
- public:
-  explicit PipeTarget(int descriptor) : descriptor_(descriptor) {}
-  bool write(std::span<const std::byte> bytes) override {
-    while (!bytes.empty()) {
-      const ssize_t wrote = ::write(descriptor_, bytes.data(), bytes.size());
-      if (wrote < 0 && errno == EINTR) continue;
-      if (wrote <= 0) return false;
-      bytes = bytes.subspan(static_cast<std::size_t>(wrote));
-    }
-    return true;
-  }
-
- private:
-  int descriptor_;
-};
-
-class PipeSource : public ByteSource {
- public:
-  PipeSource(int descriptor, const Progress& progress) : descriptor_(descriptor), progress_(progress) {}
-
-  Result<void> read(std::span<std::byte> bytes) override {
-    while (!bytes.empty()) {
-      if (auto ready = wait(); !ready) return ready;
-      const ssize_t got = ::read(descriptor_, bytes.data(), bytes.size());
-      if (got < 0 && errno == EINTR) continue;
-      if (got <= 0) return damaged("HDF5 fails on it");
-      bytes = bytes.subspan(static_cast<std::size_t>(got));
-    }
-    return {};
-  }
-
- private:
-  static Error damaged(const std::string& what) {
-    return {ErrorKind::kBadInput, "the recording is damaged: " + what, "", ""};
-  }
-
-  // until there is something to read, in short steps so that a suspended program does not lose patience
-  Result<void> wait() {
-    for (int waited = 0; waited < kPatienceMs; waited += kPollMs) {
-      if (progress_.stopped()) return Progress::interrupted();
-      pollfd pipe{descriptor_, POLLIN, 0};
-      if (::poll(&pipe, 1, kPollMs) > 0) return {};
-    }
-    return damaged("HDF5 does not come to an end with it");
-  }
-
-  int descriptor_;
-  const Progress& progress_;
-};
-
-// Everything that keeps a process led astray from doing harm: no memory without end, no messages, no
-// core file with a patient in it, no life after the parent.
-void confine() {
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  ::prctl(PR_SET_DUMPABLE, 0);
-  for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGALRM, SIGPIPE})
-    ::signal(signal, SIG_DFL);
-  const int nothing = ::open("/dev/null", O_RDWR);
-  for (const int descriptor : {0, 1, 2}) ::dup2(nothing, descriptor);
-  // sanitizers reserve terabytes of addresses
-  if (kSanitized) return;
-  rlim_t pages = 0;
-  std::ifstream("/proc/self/statm") >> pages;
-  const rlim_t most = pages * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) + kChildMemory;
-  const rlimit limit{most, most};
-  ::setrlimit(RLIMIT_AS, &limit);
-}
-
-[[noreturn]] void run_child(const std::filesystem::path& file, int descriptor) {
-  bool sent = false;
-  try {
-    confine();
-    PipeTarget target(descriptor);
-    sent = send_recording(file, target);
-  } catch (...) {
-    // out of memory; the parent sees the pipe end early
-  }
-  ::_exit(sent ? 0 : 1);
-}
 
 std::optional<Error> not_hdf5(const InputFile& opened, const std::filesystem::path& file) {
   // HDF5's signature stands at 0, 512, 1024, 2048, ...
@@ -133,37 +29,18 @@ std::optional<Error> not_hdf5(const InputFile& opened, const std::filesystem::pa
                "name a file that palpate simulate or explore wrote"};
 }
 
-// the process that opens the file, and the end of its pipe
-class Child {
- public:
-  explicit Child(const InputFile& file) {
-    int ends[2];
-    if (::pipe2(ends, O_CLOEXEC) != 0) return;
-    {
-      const Hdf5Section section;
-      id_ = ::fork();
-      if (id_ == 0) run_child(file.name_for_libraries(), ends[1]);
-    }
-    ::close(ends[1]);
-    pipe_ = ends[0];
-  }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
-  // it has ended, or what it is still doing is of no use
-  ~Child() {
-    if (pipe_ >= 0) ::close(pipe_);
-    if (!started()) return;
-    ::kill(id_, SIGKILL);
-    while (::waitpid(id_, nullptr, 0) < 0 && errno == EINTR) {
-    }
-  }
-  bool started() const { return id_ > 0; }
-  int pipe() const { return pipe_; }
-
- private:
-  pid_t id_ = -1;
-  int pipe_ = -1;
-};
+// @param progress  stays where it is as long as the process lives
+Result<std::unique_ptr<reader::ReaderProcess>> start_reader(const InputFile& file, const Progress& progress) {
+  const int descriptor = file.descriptor();
+  reader::ReaderProcess::Job job;
+  job.files = {&descriptor, 1};
+  job.died = "the recording is damaged: HDF5 fails on it";
+  job.endless = "the recording is damaged: HDF5 does not come to an end with it";
+  const auto name = file.name_for_libraries();
+  const Hdf5Section section;
+  return reader::ReaderProcess::start(
+      job, [&](reader::ParentEnd& parent) { return send_recording(name, parent); }, progress);
+}
 
 using TakeHead = std::function<Result<bool>(const RecordingHead&)>;
 using TakePart = std::function<Result<void>(const RecordingPart&)>;
@@ -180,11 +57,9 @@ Result<void> read_isolated(const std::filesystem::path& file, const TakeHead& ta
   const auto opened = InputFile::open(file);
   if (!opened) return opened.error();
   if (auto error = not_hdf5(*opened, file)) return *error;
-  const Child child(*opened);
-  if (!child.started())
-    return Error{ErrorKind::kUnavailable, std::string("no process to read it in: ") + std::strerror(errno),
-                 file.string(), ""};
-  PipeSource source(child.pipe(), progress);
+  const auto process = start_reader(*opened, progress);
+  if (!process) return about(file, process.error());
+  ByteSource& source = **process;
   auto received = receive_head(source);
   if (!received) return about(file, received.error());
   const RecordingHead head = *std::move(received);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <type_traits>
 #include <utility>
 
 #include "palpate/device.h"
@@ -13,65 +12,11 @@
 namespace palpate::internal {
 namespace {
 
-class Sender {
- public:
-  explicit Sender(ByteTarget& target) : target_(target) {}
-  bool ok() const { return ok_; }
+using reader::Receiver;
+using reader::Sender;
+static_assert(Receiver::kMostText == kMaxText);
 
-  template <class Plain>
-  requires std::is_arithmetic_v<Plain>
-  void put(const Plain& value) { put_bytes(std::as_bytes(std::span(&value, 1))); }
-  void put(const std::string& text) {
-    put(static_cast<std::uint32_t>(text.size()));
-    put_bytes(std::as_bytes(std::span(text)));
-  }
-
- private:
-  void put_bytes(std::span<const std::byte> bytes) { ok_ = ok_ && target_.write(bytes); }
-
-  ByteTarget& target_;
-  bool ok_ = true;
-};
-
-// Reads fields; after the first failure values stay as they are and error() tells why.
-class Receiver {
- public:
-  explicit Receiver(ByteSource& source) : source_(source) {}
-  bool ok() const { return !error_.has_value(); }
-  const Error& error() const { return *error_; }
-
-  template <class Plain>
-  requires std::is_arithmetic_v<Plain>
-  void get(Plain& value) {
-    Plain read{};
-    get_bytes(std::as_writable_bytes(std::span(&read, 1)));
-    if (ok()) value = read;
-  }
-  void get(bool& value) {
-    std::uint8_t byte = 0;
-    get(byte);
-    value = byte != 0;
-  }
-  void get(std::string& text, std::size_t most = kMaxText) {
-    std::uint32_t size = 0;
-    get(size);
-    if (size > most) fail("a text of it is too long");
-    if (!ok()) return;
-    text.resize(size);
-    get_bytes(std::as_writable_bytes(std::span(text)));
-  }
-  void get_bytes(std::span<std::byte> bytes) {
-    if (!ok()) return;
-    if (auto read = source_.read(bytes); !read) error_ = read.error();
-  }
-  void fail(const std::string& what) {
-    if (ok()) error_ = Error{ErrorKind::kBadInput, "the recording is damaged: " + what, "", ""};
-  }
-
- private:
-  ByteSource& source_;
-  std::optional<Error> error_;
-};
+constexpr const char* kDamaged = "the recording is damaged: ";
 
 // what another process says is shown to a person: printable ASCII only
 std::string printable(std::string text) {
@@ -279,7 +224,7 @@ std::size_t events_up_to(std::span<const RecordingEvent> events, std::uint64_t t
 }
 
 Result<RecordingHead> receive_head(ByteSource& source) {
-  Receiver in(source);
+  Receiver in(source, kDamaged);
   bool accepted = false;
   in.get(accepted);
   if (in.ok() && !accepted) return receive_refusal(in);
@@ -291,7 +236,7 @@ Result<RecordingHead> receive_head(ByteSource& source) {
 Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
                            const std::function<Result<void>(const RecordingPart&)>& take,
                            const Progress& progress) {
-  Receiver in(source);
+  Receiver in(source, kDamaged);
   std::vector<TickRecord> ticks;
   std::vector<RecordingEvent> events;
   std::vector<std::byte> buffer;

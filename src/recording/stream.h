@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "palpate/recording.h"
+#include "reader/fields.h"
 
 /// What the process that opens an HDF5 file sends to the one that wants its content. HDF5 may have been
 /// led astray by the file, so the receiver believes nothing.
@@ -29,18 +30,8 @@ namespace palpate::internal {
 
 inline constexpr std::uint64_t kBlockRows = 4096;
 
-class ByteTarget {
- public:
-  virtual ~ByteTarget() = default;
-  virtual bool write(std::span<const std::byte> bytes) = 0;
-};
-
-class ByteSource {
- public:
-  virtual ~ByteSource() = default;
-  /// Fills `bytes` or says why not.
-  virtual Result<void> read(std::span<std::byte> bytes) = 0;
-};
+using reader::ByteSource;
+using reader::ByteTarget;
 
 /// What a recording's ticks tell of the whole, from the first tick on.
 class TicksSeen {

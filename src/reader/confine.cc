@@ -1,0 +1,127 @@
+#include "reader/confine.h"
+
+#include <fcntl.h>
+#include <linux/landlock.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdint>
+#include <fstream>
+#include <vector>
+
+namespace palpate::reader {
+namespace {
+
+constexpr rlim_t kMoreMemory = rlim_t{1} << 30;  // beyond what the parent has, bytes
+constexpr rlim_t kDescriptors = 64;
+
+// everything that Landlock's first version knows: what is named here and allowed by no rule is refused
+constexpr std::uint64_t kHandled = (LANDLOCK_ACCESS_FS_MAKE_SYM << 1) - 1;
+static_assert(kHandled & LANDLOCK_ACCESS_FS_EXECUTE);
+
+int landlock_version() {
+  return static_cast<int>(
+      ::syscall(SYS_landlock_create_ruleset, nullptr, std::size_t{0}, LANDLOCK_CREATE_RULESET_VERSION));
+}
+
+// The rules are about the files themselves and not about their names: whatever else comes to stand under a
+// name cannot be opened by it.
+void hold_to_files(std::span<const int> files) {
+  landlock_ruleset_attr handled{};
+  handled.handled_access_fs = kHandled;
+  // what a later version's structure has more of stays zero, which is how the first one knows it
+  const int rules = static_cast<int>(
+      ::syscall(SYS_landlock_create_ruleset, &handled, sizeof handled.handled_access_fs, 0u));
+  if (rules < 0) return;
+  for (const int file : files) {
+    landlock_path_beneath_attr rule{};
+    rule.allowed_access = LANDLOCK_ACCESS_FS_READ_FILE;
+    rule.parent_fd = file;
+    ::syscall(SYS_landlock_add_rule, rules, LANDLOCK_RULE_PATH_BENEATH, &rule, 0u);
+  }
+  ::syscall(SYS_landlock_restrict_self, rules, 0u);
+  ::close(rules);
+}
+
+// a key in the terminal is meant for the parent, which ends this process when it is done with it
+void forget_signals() {
+  for (int signal = 1; signal < NSIG; ++signal) ::signal(signal, SIG_DFL);
+  for (const int signal : {SIGINT, SIGQUIT, SIGHUP}) ::signal(signal, SIG_IGN);
+  sigset_t none;
+  ::sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+}
+
+void close_all_but(std::span<const int> keep) {
+  std::vector<int> kept(keep.begin(), keep.end());
+  std::sort(kept.begin(), kept.end());
+  const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+  for (const int descriptor : {0, 1, 2}) {
+    // one of these where the program was started without it
+    if (std::binary_search(kept.begin(), kept.end(), descriptor)) continue;
+    if (::dup2(nothing, descriptor) < 0) ::close(descriptor);
+  }
+  unsigned first = 3;
+  for (const int descriptor : kept) {
+    if (descriptor < static_cast<int>(first)) continue;
+    if (descriptor > static_cast<int>(first)) ::close_range(first, static_cast<unsigned>(descriptor) - 1, 0);
+    first = static_cast<unsigned>(descriptor) + 1;
+  }
+  ::close_range(first, ~0u, 0);
+}
+
+void limit(__rlimit_resource_t what, rlim_t most) {
+  const rlimit both{most, most};
+  ::setrlimit(what, &both);
+}
+
+rlim_t memory_now() {
+  rlim_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  return pages * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE));
+}
+
+}  // namespace
+
+bool sanitized() {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  return true;
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+  return true;
+#else
+  return false;
+#endif
+#else
+  return false;
+#endif
+}
+
+bool can_hold_to_files() {
+  return landlock_version() >= 1;
+}
+
+void confine(int parent, std::span<const int> keep, std::span<const int> files) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  // it may have gone before it could be noticed
+  if (::getppid() != parent) ::_exit(1);
+  ::prctl(PR_SET_DUMPABLE, 0);
+  forget_signals();
+  close_all_but(keep);
+  limit(RLIMIT_CORE, 0);
+  if (sanitized()) return;
+  limit(RLIMIT_AS, memory_now() + kMoreMemory);
+  limit(RLIMIT_FSIZE, 0);
+  limit(RLIMIT_NOFILE, kDescriptors);
+  limit(RLIMIT_NPROC, 0);
+  // without this neither of the following is to be had
+  if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return;
+  hold_to_files(files);
+  hold_to_calls();
+}
+
+}  // namespace palpate::reader

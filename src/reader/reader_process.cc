@@ -1,0 +1,135 @@
+#include "reader/reader_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "reader/confine.h"
+
+namespace palpate::reader {
+namespace {
+
+constexpr std::chrono::milliseconds kPoll{100};
+
+Error no_process() {
+  return {ErrorKind::kUnavailable, std::string("no process to read it in: ") + std::strerror(errno), "", ""};
+}
+
+[[noreturn]] void run(int parent, ParentEnd& end, std::span<const int> keep, std::span<const int> files,
+                      const ReaderProcess::Work& work) {
+  bool done = false;
+  try {
+    confine(parent, keep, files);
+    done = work(end);
+  } catch (...) {
+    // out of memory; the parent sees the pipe end early
+  }
+  ::_exit(done ? 0 : 1);
+}
+
+}  // namespace
+
+bool ParentEnd::write(std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t wrote = ::write(pipe_, bytes.data(), bytes.size());
+    if (wrote < 0 && errno == EINTR) continue;
+    if (wrote <= 0) return false;
+    bytes = bytes.subspan(static_cast<std::size_t>(wrote));
+  }
+  return true;
+}
+
+bool ParentEnd::wait_for_word() {
+  std::uint64_t word = 0;
+  while (true) {
+    pollfd words{words_, POLLIN, 0};
+    if (::poll(&words, 1, -1) < 0 && errno != EINTR) return false;
+    if (::read(words_, &word, sizeof word) == sizeof word) return true;
+    if (errno != EAGAIN && errno != EINTR) return false;
+  }
+}
+
+Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, const Work& work,
+                                                            const Progress& progress) {
+  std::unique_ptr<ReaderProcess> process(new ReaderProcess(progress));
+  process->died_ = job.died;
+  process->endless_ = job.endless;
+  process->patience_ = job.patience;
+  if (job.shared_bytes > 0) {
+    // without a descriptor nobody can change its size
+    void* shared =
+        ::mmap(nullptr, job.shared_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (shared == MAP_FAILED) return no_process();
+    process->shared_ = {static_cast<std::byte*>(shared), job.shared_bytes};
+  }
+  // the process, which has it too, could fill it: the parent never waits for room in it
+  process->words_ = ::eventfd(0, EFD_CLOEXEC | EFD_SEMAPHORE | EFD_NONBLOCK);
+  int ends[2];
+  if (process->words_ < 0 || ::pipe2(ends, O_CLOEXEC) != 0) return no_process();
+  process->pipe_ = ends[0];
+
+  std::vector<int> keep(job.files.begin(), job.files.end());
+  keep.insert(keep.end(), {ends[1], process->words_});
+  const pid_t parent = ::getpid();
+  process->id_ = ::fork();
+  if (process->id_ == 0) {
+    ParentEnd end(ends[1], process->words_, process->shared_);
+    run(parent, end, keep, job.files, work);
+  }
+  const auto failure = no_process();
+  ::close(ends[1]);
+  if (process->id_ < 0) return failure;
+  return process;
+}
+
+ReaderProcess::~ReaderProcess() {
+  // it has ended, or what it is still doing is of no use
+  if (id_ > 0) {
+    ::kill(id_, SIGKILL);
+    while (::waitpid(id_, nullptr, 0) < 0 && errno == EINTR) {
+    }
+  }
+  for (const int descriptor : {pipe_, words_})
+    if (descriptor >= 0) ::close(descriptor);
+  if (!shared_.empty()) ::munmap(shared_.data(), shared_.size());
+}
+
+Result<void> ReaderProcess::read(std::span<std::byte> bytes) {
+  while (!bytes.empty()) {
+    if (auto ready = wait(); !ready) return ready;
+    const ssize_t got = ::read(pipe_, bytes.data(), bytes.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) return Error{ErrorKind::kBadInput, died_, "", ""};
+    bytes = bytes.subspan(static_cast<std::size_t>(got));
+  }
+  return {};
+}
+
+void ReaderProcess::go_on() const {
+  const std::uint64_t once = 1;
+  // it fails only where the process itself has filled it, and then has enough of them
+  while (::write(words_, &once, sizeof once) < 0 && errno == EINTR) {
+  }
+}
+
+// until there is something to read, in short steps so that a suspended program does not lose patience
+Result<void> ReaderProcess::wait() const {
+  for (std::chrono::milliseconds waited{0}; waited < patience_; waited += kPoll) {
+    if (progress_.stopped()) return Progress::interrupted();
+    pollfd pipe{pipe_, POLLIN, 0};
+    if (::poll(&pipe, 1, static_cast<int>(kPoll.count())) > 0) return {};
+  }
+  return Error{ErrorKind::kBadInput, endless_, "", ""};
+}
+
+}  // namespace palpate::reader

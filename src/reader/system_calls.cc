@@ -1,0 +1,188 @@
+#include <fcntl.h>
+#include <linux/audit.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cerrno>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "reader/confine.h"
+
+namespace palpate::reader {
+namespace {
+
+#if defined(__x86_64__)
+constexpr std::uint32_t kMachine = AUDIT_ARCH_X86_64;
+#elif defined(__aarch64__)
+constexpr std::uint32_t kMachine = AUDIT_ARCH_AARCH64;
+#else
+// no machine has this one: every process is left without a filter
+constexpr std::uint32_t kMachine = 0;
+#endif
+static_assert(std::endian::native == std::endian::little, "arguments are looked at in their lower half");
+
+constexpr std::uint32_t kRefuse = SECCOMP_RET_ERRNO | EPERM;
+
+// offsets into what the kernel shows of a call; of an argument the lower half, which is all that an int has
+constexpr std::uint32_t kNumber = offsetof(seccomp_data, nr);
+constexpr std::uint32_t kArchitecture = offsetof(seccomp_data, arch);
+constexpr std::uint32_t argument(std::uint32_t n) {
+  return offsetof(seccomp_data, args) + n * static_cast<std::uint32_t>(sizeof(std::uint64_t));
+}
+constexpr std::uint32_t upper_half(std::uint32_t n) {
+  return argument(n) + 4;
+}
+
+// Calls that a reader needs whatever their arguments: none opens, names, starts or reaches anything.
+constexpr long kHarmless[] = {
+    // what is open
+    __NR_read,
+    __NR_write,
+    __NR_readv,
+    __NR_writev,
+    __NR_pread64,
+    __NR_lseek,
+    __NR_fstat,
+    __NR_close,
+    __NR_ppoll,
+    // what a name leads to, which Landlock does not hide
+    __NR_newfstatat,
+    __NR_statx,
+    __NR_readlinkat,
+    __NR_getcwd,
+    // memory
+    __NR_munmap,
+    __NR_mremap,
+    __NR_brk,
+    __NR_madvise,
+    // threads' and signals' own affairs
+    __NR_futex,
+    __NR_rt_sigaction,
+    __NR_rt_sigprocmask,
+    __NR_rt_sigreturn,
+    __NR_restart_syscall,
+    __NR_sched_yield,
+    __NR_sched_getaffinity,
+    __NR_getpid,
+    __NR_gettid,
+    __NR_getppid,
+    // time and chance
+    __NR_clock_gettime,
+    __NR_clock_nanosleep,
+    __NR_gettimeofday,
+    __NR_getrandom,
+    // the end
+    __NR_exit,
+    __NR_exit_group,
+#if defined(__x86_64__)
+    __NR_poll,
+    __NR_stat,
+    __NR_lstat,
+    __NR_readlink,
+    __NR_time,
+#endif
+};
+
+// a filter, instruction by instruction
+class Filter {
+ public:
+  void load(std::uint32_t offset) { add(BPF_LD | BPF_W | BPF_ABS, offset, 0, 0); }
+  void answer(std::uint32_t with) { add(BPF_RET | BPF_K, with, 0, 0); }
+  // answers at once where the loaded word is this one, is another, or has one of these bits
+  void answer_if(std::uint32_t word, std::uint32_t with) {
+    add(BPF_JMP | BPF_JEQ | BPF_K, word, 0, 1);
+    answer(with);
+  }
+  void answer_unless(std::uint32_t word, std::uint32_t with) {
+    add(BPF_JMP | BPF_JEQ | BPF_K, word, 1, 0);
+    answer(with);
+  }
+  void answer_if_any(std::uint32_t bits, std::uint32_t with) {
+    add(BPF_JMP | BPF_JSET | BPF_K, bits, 0, 1);
+    answer(with);
+  }
+  // what `rules` adds is for one call alone, which it answers whatever it is: others still have their number
+  // loaded
+  template <class Rules>
+  void for_call(long number, const Rules& rules) {
+    add(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(number), 0, 0);
+    const std::size_t jump = code_.size() - 1;
+    rules();
+    code_[jump].jf = static_cast<std::uint8_t>(code_.size() - 1 - jump);
+  }
+  bool install() {
+    const sock_fprog program{static_cast<unsigned short>(code_.size()), code_.data()};
+    return ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+  }
+
+ private:
+  void add(int code, std::uint32_t k, std::uint8_t jt, std::uint8_t jf) {
+    code_.push_back({static_cast<std::uint16_t>(code), jt, jf, k});
+  }
+  std::vector<sock_filter> code_;
+};
+
+Filter filter_for(std::uint32_t own_process) {
+  Filter filter;
+  filter.load(kArchitecture);
+  filter.answer_unless(kMachine, kRefuse);
+  filter.load(kNumber);
+  for (const long call : kHarmless) filter.answer_if(static_cast<std::uint32_t>(call), SECCOMP_RET_ALLOW);
+
+  // reading only
+  filter.for_call(__NR_openat, [&] {
+    filter.load(argument(2));
+    filter.answer_if_any(O_ACCMODE | O_CREAT | O_TRUNC | (__O_TMPFILE & ~O_DIRECTORY), kRefuse);
+    filter.answer(SECCOMP_RET_ALLOW);
+  });
+  // never memory that can be run
+  for (const long call : {long{__NR_mmap}, long{__NR_mprotect}})
+    filter.for_call(call, [&] {
+      filter.load(argument(2));
+      filter.answer_if_any(PROT_EXEC, kRefuse);
+      filter.answer(SECCOMP_RET_ALLOW);
+    });
+  // abort() in this process, a signal to no other
+  filter.for_call(__NR_tgkill, [&] {
+    filter.load(argument(0));
+    filter.answer_unless(own_process, kRefuse);
+    filter.answer(SECCOMP_RET_ALLOW);
+  });
+  // what a descriptor is, and not whom it signals
+  filter.for_call(__NR_fcntl, [&] {
+    filter.load(argument(1));
+    for (const std::uint32_t command : {F_GETFD, F_SETFD, F_GETFL})
+      filter.answer_if(command, SECCOMP_RET_ALLOW);
+    filter.answer(kRefuse);
+  });
+  // limits are asked for and not set
+  filter.for_call(__NR_prlimit64, [&] {
+    for (const std::uint32_t half : {argument(2), upper_half(2)}) {
+      filter.load(half);
+      filter.answer_unless(0, kRefuse);
+    }
+    filter.answer(SECCOMP_RET_ALLOW);
+  });
+  filter.answer(kRefuse);
+  return filter;
+}
+
+}  // namespace
+
+bool can_hold_to_calls() {
+  // a filter that is not there: the kernel that knows filters looks for it first
+  return kMachine != 0 && ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, nullptr) != 0 && errno == EFAULT;
+}
+
+bool hold_to_calls() {
+  return kMachine != 0 && filter_for(static_cast<std::uint32_t>(::getpid())).install();
+}
+
+}  // namespace palpate::reader
