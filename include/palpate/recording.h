@@ -196,7 +196,8 @@ class RecordingSource {
  public:
   /// A cut-short one up to its last whole flush, also while it is being written: then as far as it was
   /// now. Damaged or foreign bytes, and recordings of formats that are not read, are one clear error, never a
-  /// crash: HDF5 runs in a forked child process.
+  /// crash: HDF5 runs in a process of its own, a copy of the program that can do nothing else. It is to be
+  /// read where a servo does not tick; volume_io.h says what the copy costs.
   static Result<RecordingSource> open(const std::filesystem::path& file, const Progress& progress = {});
   /// What is in memory already, which outlives the source.
   RecordingSource(const Recording& recording);  // NOLINT(google-explicit-constructor): it is one

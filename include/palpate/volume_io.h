@@ -13,6 +13,11 @@
 /// (.nii, .nii.gz, .hdr/.img) and MetaImage (.mha, .mhd). Every error names the file, what is wrong
 /// and how to mend it; short data are an error, never zeros. Text fields of a file other than
 /// segment names and colours are dropped on reading: they may name a patient.
+///
+/// Each reading starts a process of its own, a copy of the program that can do nothing but read this file; it
+/// ends with the reading, and with the thread that reads. Copying takes 1 ms and some 50 ms more for each GiB
+/// that the program has taken, and leaves it a fault for each page that it then changes: read before a servo
+/// ticks, or in another program. Errors further to those named below: kUnavailable, no process is to be had.
 namespace palpate {
 
 /// What a file says that its values are.

@@ -63,6 +63,8 @@ void close_all_but(std::span<const int> keep) {
   for (const int descriptor : {0, 1, 2}) {
     // one of these where the program was started without it
     if (std::binary_search(kept.begin(), kept.end(), descriptor)) continue;
+    // a sanitizer tells there what it has found
+    if (descriptor == 2 && sanitized()) continue;
     if (::dup2(nothing, descriptor) < 0) ::close(descriptor);
   }
   unsigned first = 3;

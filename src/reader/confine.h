@@ -13,15 +13,14 @@ bool can_hold_to_files();
 bool can_hold_to_calls();
 
 /// For a new process that has one thread: takes away for ever
-/// - * life after `parent`, stdin, stdout and stderr, every descriptor but those of `keep`, signal handlers,
-/// core
-///   files and being looked at by others;
+/// - * life after `parent`, stdin, stdout and (where not sanitized) stderr, every descriptor but those of
+/// `keep`,
+///   signal handlers, core files and being looked at by others;
 /// - memory beyond what it has and 1 GiB, files that grow, more than 64 descriptors, other processes, new
-/// privileges;
+///   privileges;
 /// - opening by any name what is not one of `files` (Landlock), and opening to write;
 /// - system calls but for reading what is open, memory without code in it, clocks and its own end (seccomp,
-/// on
-///   x86-64 and ARM64): others fail with EPERM.
+///   on x86-64 and ARM64): others fail with EPERM.
 /// Where the kernel has no Landlock or no seccomp, the rest holds.
 /// @param keep   descriptors that stay open, those of `files` included
 /// @param files  descriptors of open files

@@ -19,12 +19,11 @@
 ///
 /// The process is a copy of the program as it stands, with the calling thread alone. So who starts one
 /// - holds, while it is started, whatever lock its work will want: another thread's lock stays locked in the
-/// copy.
-///   malloc's and stdio's are seen to;
+///   copy. malloc's and stdio's are seen to;
 /// - keeps that thread alive while it reads: Linux ends the process with the thread that started it;
-/// - pays for the copy with some 3 ms for each GiB that the program has, and then, as long as the process
-/// lives, with
-///   a fault for each page that the program changes: none is started in a program whose servo ticks.
+/// - pays for the copy of the page tables, 1 ms and 50 ms more for each GiB that the program has taken, and
+///   then, as long as the process lives, a fault for each page that the program changes: none is started in a
+///   program whose servo ticks.
 namespace palpate::reader {
 
 /// The end that the work in the process has.

@@ -8,7 +8,6 @@
 
 #include "base/file.h"
 #include "reader/reader_process.h"
-#include "reader/reader_process.h"
 #include "recording/hdf5_handle.h"
 #include "recording/hdf5_reader.h"
 

@@ -4,7 +4,9 @@
 #include <array>
 
 #include "base/file.h"
+#include "palpate/reading.h"
 #include "volume_io/label_text.h"
+#include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"
 
 namespace palpate::volume_io {
@@ -49,7 +51,7 @@ FolderContent look_into(const std::filesystem::path& folder) {
       content.volumes.push_back(entry->path().lexically_relative(folder).string());
     } else if (opened < kMostOpened) {
       ++opened;
-      const auto kind = content_of(entry->path());
+      const auto kind = content_of(entry->path(), unpacked_front);
       if (kind && kind->dicom_image) ++content.dicom_images;
       if (kind && !kind->dicom_image && !content.other) content.other = kind;
     }
@@ -80,6 +82,22 @@ Error folder_error(const std::filesystem::path& folder) {
   return is_folder(" without a volume in it", "name a volume: NRRD, NIfTI or MetaImage");
 }
 
+// the other file of a pair: "knee.hdr" and "knee.img", each perhaps with ".gz"
+Result<std::filesystem::path> partner(const std::filesystem::path& file, const std::string& ending) {
+  std::filesystem::path stem = file;
+  if (has_ending(stem, ".gz")) stem.replace_extension();
+  for (const std::string& other : {ending, ending + ".gz"}) {
+    std::filesystem::path candidate = stem;
+    candidate.replace_extension(other);
+    std::error_code ignored;
+    if (!std::filesystem::is_regular_file(candidate, ignored)) continue;
+    if (auto stays = check_stays_in(file.parent_path(), candidate); !stays) return stays.error();
+    return candidate;
+  }
+  return bad_input(file.string(), "its other half (" + ending + ") is missing",
+                   "a .hdr and its .img belong together");
+}
+
 }  // namespace
 
 bool has_ending(const std::filesystem::path& file, std::string_view ending) {
@@ -96,7 +114,7 @@ Result<const Format*> format_of(const std::filesystem::path& file) {
       "use NRRD (.nrrd, .nhdr, .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img) or MetaImage (.mha, .mhd)");
 }
 
-std::optional<FileKind> content_of(const std::filesystem::path& file) {
+std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack) {
   std::error_code failed;
   const std::uint64_t size = std::filesystem::file_size(file, failed);
   const auto front = read_front(file, Encoding::kRaw, kKindBytes);
@@ -104,32 +122,51 @@ std::optional<FileKind> content_of(const std::filesystem::path& file) {
   const std::string name = file.filename().string();
   if (!front->starts_with("\x1f\x8b")) return kind_of(*front, name, size);
   // what a name without ".gz" would end in tells too
-  const auto unpacked = read_front(file, Encoding::kDeflate, kKindBytes);
-  if (!unpacked) return std::nullopt;
-  auto inside = kind_of(*unpacked, has_ending(file, ".gz") ? file.stem().string() : name, 0);
+  const std::string unpacked = unpack(file, kKindBytes);
+  auto inside = kind_of(unpacked, has_ending(file, ".gz") ? file.stem().string() : name, 0);
   if (inside) inside->what += ", compressed by gzip";
   return inside;
 }
 
-Result<VolumeFile> inspect(const std::filesystem::path& file) {
+std::optional<Error> not_a_file(const std::filesystem::path& file) {
   std::error_code ignored;
   const auto status = std::filesystem::status(file, ignored);
   if (status.type() == std::filesystem::file_type::not_found)
     return bad_input(file.string(), "no such file", "check the name and the folder");
   if (std::filesystem::is_directory(status)) return folder_error(file);
-  // a pipe, a device, a socket, or nothing that may be read
-  if (const auto opened = InputFile::open(file); !opened) return opened.error();
-  const auto format = format_of(file);
-  if (!format) {
-    const auto kind = content_of(file);
-    return kind ? bad_input(file.string(), "is " + kind->what, kind->remedy) : format.error();
+  return std::nullopt;
+}
+
+Result<std::filesystem::path> find_other_file(const std::filesystem::path& file, const OtherFile& wanted) {
+  switch (wanted.which) {
+    case OtherFile::Which::kHeader:
+      return partner(file, ".hdr");
+    case OtherFile::Which::kVoxels:
+      return partner(file, ".img");
+    case OtherFile::Which::kNamed:
+      break;
   }
-  auto volume = (*format)->inspect(file);
-  if (volume) return volume;
+  return data_file_beside(file, wanted.name);
+}
+
+Result<std::filesystem::path> OtherFiles::find(const OtherFile& wanted) {
+  for (const auto& [known, file] : known_)
+    if (known == wanted) return file;
+  asked_ = wanted;
+  return bad_input("", "another file is needed first");
+}
+
+Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others) {
+  auto volume = format.inspect(file, others);
+  if (volume || others.asked()) return volume;
   // what is in it may be something else than its name says
-  const auto kind = content_of(file);
-  if (!kind || kind->volume == (*format)->name) return volume;
-  return bad_input(file.string(), "is " + kind->what + ", and not " + (*format)->name + " as its name says",
+  const auto unpack = [](const std::filesystem::path& packed, std::size_t bytes) {
+    const auto front = read_front(packed, Encoding::kDeflate, bytes);
+    return front ? *front : std::string();
+  };
+  const auto kind = content_of(file, unpack);
+  if (!kind || kind->volume == format.name) return volume;
+  return bad_input(file.string(), "is " + kind->what + ", and not " + format.name + " as its name says",
                    kind->remedy);
 }
 
@@ -147,18 +184,6 @@ Result<GridGeometry> itk_geometry(ItkFormat format, const std::filesystem::path&
   return checked(geometry, file.string());
 }
 
-Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& source) {
-  if (!geometry.spacing_mm.allFinite() || !geometry.direction.allFinite() || !geometry.origin.all_finite())
-    return bad_input(source, "its geometry holds something that is not a number");
-  if (geometry.spacing_mm.minCoeff() <= 0) return bad_input(source, "its spacing is not positive");
-  // unit columns: the determinant is the volume of their box, 1 when they are square to each other
-  constexpr double kFlat = 1e-3;
-  if (std::abs(geometry.direction.determinant()) < kFlat)
-    return bad_input(source, "its axes lie in one plane, they span no volume",
-                     "repair its directions from the scan");
-  return geometry;
-}
-
 }  // namespace palpate::volume_io
 
 namespace palpate {
@@ -169,7 +194,7 @@ bool is_volume(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored)) return false;
   if (format_of(file)) return true;
-  const auto kind = content_of(file);
+  const auto kind = content_of(file, unpacked_front);
   return kind && !kind->volume.empty();
 }
 
@@ -178,7 +203,7 @@ std::optional<Error> something_else(const std::filesystem::path& file) {
   const auto status = std::filesystem::status(file, ignored);
   if (std::filesystem::is_directory(status)) return folder_error(file);
   if (!std::filesystem::is_regular_file(status) || format_of(file)) return std::nullopt;
-  const auto kind = content_of(file);
+  const auto kind = content_of(file, unpacked_front);
   if (!kind || !kind->volume.empty()) return std::nullopt;
   return bad_input(file.string(), "is " + kind->what, kind->remedy);
 }

@@ -96,6 +96,7 @@ Result<ItkGrid> itk_read_grid(ItkFormat format, const std::filesystem::path& fil
 }
 
 Result<void> itk_write(ItkFormat format, const std::filesystem::path& file, const ItkImage& image) {
+  const ItkSection section;
   try {
     const auto io = create(format);
     io->SetFileName(file.string());

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <filesystem>
+#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,7 +23,16 @@ struct ItkGrid {
   std::array<std::array<double, 3>, 3> columns{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 };
 
-/// How ITK understands the geometry of a file whose header has passed our own checks. Reads no voxels.
+/// Held around every use of ITK in this process, and while a process is started that will use it: it would
+/// inherit whatever lock of ITK's another thread has.
+class ItkSection {
+ private:
+  static inline std::mutex mutex_;
+  std::lock_guard<std::mutex> lock_{mutex_};
+};
+
+/// How ITK understands the geometry of a file whose header has passed our own checks. Reads no voxels. For a
+/// process of its own (volume_reader.h): it takes no section.
 Result<ItkGrid> itk_read_grid(ItkFormat format, const std::filesystem::path& file);
 
 /// What to write: voxels on a grid, `components` values each, value after value.

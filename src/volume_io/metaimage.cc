@@ -4,7 +4,7 @@
 
 namespace palpate::volume_io {
 
-Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file) {
+Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others) {
   const std::string source = file.string();
   const auto front = read_front(file, Encoding::kRaw, kMostHeaderBytes);
   if (!front) return front.error();
@@ -17,14 +17,12 @@ Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file) {
   volume.voxels = header->voxels;
   volume.voxels.file = file;
   if (!header->data_file.empty()) {
-    const auto data = data_file_beside(file, header->data_file);
+    const auto data = others.find({OtherFile::Which::kNamed, header->data_file});
     if (!data) return data.error();
     volume.voxels.file = *data;
   }
   const auto geometry = itk_geometry(ItkFormat::kMetaImage, file, *dims);
   if (!geometry) return geometry.error();
-  volume.header.format = "MetaImage";
-  volume.header.component_type = name_of(header->voxels.component);
   volume.header.geometry = *geometry;
   volume.header.has_geometry = header->has_geometry;
   return volume;

@@ -1,7 +1,5 @@
-#include "palpate/reading.h"
 #include "volume_io/formats.h"
 #include "volume_io/headers.h"
-#include "volume_io/label_text.h"
 #include "volume_io/voxel_stream.h"
 
 namespace palpate::volume_io {
@@ -11,22 +9,6 @@ Result<Encoding> encoding_of(const std::filesystem::path& file) {
   const auto front = read_front(file, Encoding::kRaw, 2);
   if (!front) return front.error();
   return *front == "\x1f\x8b" ? Encoding::kDeflate : Encoding::kRaw;
-}
-
-// the other file of a pair: "knee.hdr" and "knee.img", each perhaps with ".gz"
-Result<std::filesystem::path> partner(const std::filesystem::path& file, const std::string& ending) {
-  std::filesystem::path stem = file;
-  if (has_ending(stem, ".gz")) stem.replace_extension();
-  for (const std::string& other : {ending, ending + ".gz"}) {
-    std::filesystem::path candidate = stem;
-    candidate.replace_extension(other);
-    std::error_code ignored;
-    if (!std::filesystem::is_regular_file(candidate, ignored)) continue;
-    if (auto stays = check_stays_in(file.parent_path(), candidate); !stays) return stays.error();
-    return candidate;
-  }
-  return bad_input(file.string(), "its other half (" + ending + ") is missing",
-                   "a .hdr and its .img belong together");
 }
 
 GridGeometry from_affine(const Eigen::Matrix<double, 3, 4>& affine, const std::array<int, 3>& dims) {
@@ -44,10 +26,10 @@ GridGeometry from_affine(const Eigen::Matrix<double, 3, 4>& affine, const std::a
 
 }  // namespace
 
-Result<VolumeFile> inspect_nifti(const std::filesystem::path& named) {
+Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles& others) {
   std::filesystem::path file = named;
   if (has_ending(named, ".img") || has_ending(named, ".img.gz")) {
-    const auto header_file = partner(named, ".hdr");
+    const auto header_file = others.find({OtherFile::Which::kHeader, ""});
     if (!header_file) return header_file.error();
     file = *header_file;
   }
@@ -66,7 +48,7 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named) {
   volume.voxels.file = file;
   volume.voxels.encoding = *encoding;
   if (header->separate) {
-    const auto data = partner(file, ".img");
+    const auto data = others.find({OtherFile::Which::kVoxels, ""});
     if (!data) return data.error();
     const auto data_encoding = encoding_of(*data);
     if (!data_encoding) return data_encoding.error();
@@ -79,8 +61,6 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named) {
   const auto geometry = header->affine ? checked(from_affine(*header->affine, *dims), source)
                                        : itk_geometry(ItkFormat::kNifti, file, *dims);
   if (!geometry) return geometry.error();
-  volume.header.format = "NIfTI";
-  volume.header.component_type = name_of(header->voxels.component);
   volume.header.geometry = *geometry;
   volume.header.has_geometry = header->has_geometry;
   volume.header.meaning = header->meaning;

@@ -40,7 +40,7 @@ Result<void> check_counted_from_end(const VoxelSource& voxels, const std::array<
 
 }  // namespace
 
-Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file) {
+Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others) {
   const std::string source = file.string();
   const auto front = read_front(file, Encoding::kRaw, kMostHeaderBytes);
   if (!front) return front.error();
@@ -54,7 +54,7 @@ Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file) {
   volume.voxels = header->voxels;
   volume.voxels.file = file;
   if (!header->data_file.empty()) {
-    const auto data = data_file_beside(file, header->data_file);
+    const auto data = others.find({OtherFile::Which::kNamed, header->data_file});
     if (!data) return data.error();
     volume.voxels.file = *data;
     volume.voxels.offset = 0;
@@ -68,9 +68,6 @@ Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file) {
 
   const auto geometry = itk_geometry(ItkFormat::kNrrd, file, *dims);
   if (!geometry) return geometry.error();
-  volume.header.has_segments = !header->segment_fields.empty();
-  volume.header.format = volume.header.has_segments ? "Slicer segmentation (NRRD)" : "NRRD";
-  volume.header.component_type = name_of(header->voxels.component);
   volume.header.geometry = *geometry;
   volume.header.layers = header->layers;
   volume.header.has_geometry = header->has_geometry;

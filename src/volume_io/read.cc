@@ -10,6 +10,7 @@
 #include "volume_io/label_names.h"
 #include "volume_io/looks_like.h"
 #include "volume_io/segment_fields.h"
+#include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"
 
 namespace palpate {
@@ -212,31 +213,27 @@ Result<std::vector<NamedLabel>> find_names(const VolumeFile& file, const std::fi
   return std::vector<NamedLabel>();
 }
 
-Result<ScanFile> read_scan_file(const std::filesystem::path& path, const Progress& progress,
-                                const Warn& warn) {
-  const auto file = inspect(path);
-  if (!file) return file.error();
-  if (file->header.layers > 1)
+Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& path, const Warn& warn) {
+  const VolumeFile& file = reader.file();
+  if (file.header.layers > 1)
     return bad_input(path.string(), "holds several values for each voxel, a scan has one",
                      "if it is a segmentation give it as the labels");
-  if (auto plausible = check_plausible(*file, sizeof(float)); !plausible) return plausible.error();
+  if (auto plausible = check_plausible(file, sizeof(float)); !plausible) return plausible.error();
 
-  std::vector<float> voxels = unfilled<float>(file->header.geometry);
-  const VoxelSource& source = file->voxels;
+  std::vector<float> voxels = unfilled<float>(file.header.geometry);
+  const VoxelSource& source = file.voxels;
   const bool scaled = is_scaled(source);
-  const auto read =
-      stream_voxels(*file, progress, [&](std::uint64_t first, std::span<const std::byte> bytes) {
-        with_type(source.component, [&](auto type) {
-          using T = decltype(type);
-          grow_to(voxels, first + bytes.size() / sizeof(T));
-          for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
-            voxels[n] =
-                scaled ? static_cast<float>(source.slope * static_cast<double>(stored) + source.intercept)
-                       : static_cast<float>(stored);
-          });
-        });
-        return Result<void>();
+  const auto read = reader.stream([&](std::uint64_t first, std::span<const std::byte> bytes) {
+    with_type(source.component, [&](auto type) {
+      using T = decltype(type);
+      grow_to(voxels, first + bytes.size() / sizeof(T));
+      for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
+        voxels[n] = scaled ? static_cast<float>(source.slope * static_cast<double>(stored) + source.intercept)
+                           : static_cast<float>(stored);
       });
+    });
+    return Result<void>();
+  });
   if (!read) return read.error();
 
   std::size_t replaced = 0;
@@ -244,35 +241,33 @@ Result<ScanFile> read_scan_file(const std::filesystem::path& path, const Progres
   if (replaced > 0 && warn)
     warn(path.string() + ": " + std::to_string(replaced) +
          " voxels are not numbers (NaN or infinite); they are taken as the lowest value of the scan");
-  return ScanFile{file->header, Volume<float>(file->header.geometry, std::move(voxels))};
+  return ScanFile{file.header, Volume<float>(file.header.geometry, std::move(voxels))};
 }
 
-Result<LabelFile> read_label_file(const std::filesystem::path& path,
-                                  const std::optional<std::filesystem::path>& names, const Progress& progress,
-                                  const Warn& warn, Doubtful doubtful) {
-  const auto file = inspect(path);
-  if (!file) return file.error();
-  const auto table = find_names(*file, path, names, warn);
+Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path& path,
+                              const std::optional<std::filesystem::path>& names, const Warn& warn,
+                              Doubtful doubtful) {
+  const VolumeFile& file = reader.file();
+  const auto table = find_names(file, path, names, warn);
   if (!table) return table.error();
-  const auto layers = static_cast<std::uint64_t>(file->header.layers);
-  if (auto plausible = check_plausible(*file, sizeof(LabelId), layers * kValues); !plausible)
+  const auto layers = static_cast<std::uint64_t>(file.header.layers);
+  if (auto plausible = check_plausible(file, sizeof(LabelId), layers * kValues); !plausible)
     return plausible.error();
 
-  LabelSink sink(*file);
-  const auto read =
-      stream_voxels(*file, progress, [&](std::uint64_t first, std::span<const std::byte> bytes) {
-        return with_type(file->voxels.component,
-                         [&](auto type) { return sink.take<decltype(type)>(first, bytes); });
-      });
+  LabelSink sink(file);
+  const auto read = reader.stream([&](std::uint64_t first, std::span<const std::byte> bytes) {
+    return with_type(file.voxels.component,
+                     [&](auto type) { return sink.take<decltype(type)>(first, bytes); });
+  });
   if (!read) return read.error();
 
-  auto segments = find_segments(*file, sink);
+  auto segments = find_segments(file, sink);
   if (!segments) return segments.error();
   apply_names(*table, *segments);
   // a mask of one structure is called after its file
   if (segments->size() == 1 && segments->front().name.empty())
     segments->front().name = name_of_mask(path).value_or("");
-  LabelFile result{file->header, {sink.take_layers(), std::move(*segments)}, {}};
+  LabelFile result{file.header, {sink.take_layers(), std::move(*segments)}, {}};
   for (const Segment& s : result.labels.segments)
     if (s.name.empty()) result.unnamed.push_back(s.id);
   if (says_labels(result) || !looks_like_scan(result.labels)) return result;
@@ -285,38 +280,44 @@ Result<LabelFile> read_label_file(const std::filesystem::path& path,
 }  // namespace
 
 Result<VolumeHeader> read_header(const std::filesystem::path& file) try {
-  const auto inspected = inspect(file);
-  if (!inspected) return inspected.error();
-  return inspected->header;
+  const Progress silent;
+  const auto reader = VolumeReader::open(file, silent);
+  if (!reader) return reader.error();
+  return reader->file().header;
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }
 
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names,
-                                                      const Progress& progress, const Warn& warn) {
+                                                      const Progress& progress, const Warn& warn) try {
   using Volumes = std::variant<ScanFile, LabelFile>;
+  auto reader = VolumeReader::open(file, progress);
+  if (!reader) return reader.error();
   const auto labels = [&]() -> Result<Volumes> {
-    auto read = read_labels(file, names, progress, warn);
+    auto read = take_labels(*reader, file, names, warn, Doubtful::kRefused);
     if (!read) return read.error();
     return Volumes(*std::move(read));
   };
-  const auto header = read_header(file);
-  if (!header) return header.error();
-  if (header->has_segments || header->layers > 1 || header->meaning == ValueMeaning::kLabels) return labels();
+  const VolumeHeader& header = reader->file().header;
+  if (header.has_segments || header.layers > 1 || header.meaning == ValueMeaning::kLabels) return labels();
   {
-    auto scan = read_scan(file, progress, warn);
+    auto scan = take_scan(*reader, file, warn);
     if (!scan) return scan.error();
     const bool are_labels = names ? could_be_labels(scan->scan.voxels(), false) : looks_like_labels(*scan);
     if (!are_labels) return Volumes(*std::move(scan));
   }
   // the scan's memory is free again
   return labels();
+} catch (const std::bad_alloc&) {
+  return out_of_memory(file);
 }
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress,
                            const Warn& warn) try {
-  return read_scan_file(file, progress, warn);
+  auto reader = VolumeReader::open(file, progress);
+  if (!reader) return reader.error();
+  return take_scan(*reader, file, warn);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }
@@ -324,7 +325,9 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
                               const Warn& warn, Doubtful doubtful) try {
-  return read_label_file(file, names, progress, warn, doubtful);
+  auto reader = VolumeReader::open(file, progress);
+  if (!reader) return reader.error();
+  return take_labels(*reader, file, names, warn, doubtful);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }

@@ -1,5 +1,6 @@
 #include "volume_io/voxel_source.h"
 
+#include <cmath>
 #include <limits>
 
 #include "palpate/reading.h"
@@ -57,6 +58,18 @@ Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, co
     dims[a] = static_cast<int>(axes[a]);
   }
   return dims;
+}
+
+Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& source) {
+  if (!geometry.spacing_mm.allFinite() || !geometry.direction.allFinite() || !geometry.origin.all_finite())
+    return bad_input(source, "its geometry holds something that is not a number");
+  if (geometry.spacing_mm.minCoeff() <= 0) return bad_input(source, "its spacing is not positive");
+  // unit columns: the determinant is the volume of their box, 1 when they are square to each other
+  constexpr double kFlat = 1e-3;
+  if (std::abs(geometry.direction.determinant()) < kFlat)
+    return bad_input(source, "its axes lie in one plane, they span no volume",
+                     "repair its directions from the scan");
+  return geometry;
 }
 
 Result<std::filesystem::path> data_file_beside(const std::filesystem::path& header, const std::string& name) {

@@ -38,6 +38,11 @@ struct VoxelSource {
 
 /// One file on disk, understood but not yet read.
 struct VolumeFile {
+  /// Over all layers.
+  std::uint64_t value_count() const {
+    return header.geometry.voxel_count() * static_cast<std::uint64_t>(header.layers);
+  }
+
   VolumeHeader header;
   VoxelSource voxels;
   bool layers_first = true;  ///< layers > 1: the layer is the fastest axis, else the slowest
@@ -51,6 +56,9 @@ Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, co
 inline Error bad_input(const std::string& source, std::string what, std::string remedy = "") {
   return {ErrorKind::kBadInput, std::move(what), source, std::move(remedy)};
 }
+
+/// The geometry if it can be one: finite, positive spacing, directions that span space.
+Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& source);
 
 /// The file beside its header that the header names. A header is untrusted: names that lead out of its
 /// folder, and links there that do, are an error unless that is allowed (palpate/reading.h), and so is what

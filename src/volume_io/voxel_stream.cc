@@ -257,17 +257,13 @@ std::unique_ptr<ByteStream> stream_for(const VoxelSource& source) {
   return std::make_unique<RawStream>();
 }
 
-std::uint64_t value_count(const VolumeFile& file) {
-  return file.header.geometry.voxel_count() * static_cast<std::uint64_t>(file.header.layers);
-}
-
 Error ended_early(const VolumeFile& file, std::uint64_t values, const std::string& fault) {
   const auto& dims = file.header.geometry.dims;
   const auto voxels = values / static_cast<std::uint64_t>(file.header.layers);
   const auto slice = static_cast<std::uint64_t>(dims[0]) * static_cast<std::uint64_t>(dims[1]);
   std::string what = "the voxel data end after ";
   if (!file.layers_first)
-    what += std::to_string(values) + " of " + std::to_string(value_count(file)) + " values";
+    what += std::to_string(values) + " of " + std::to_string(file.value_count()) + " values";
   else if (dims[2] > 1)
     what += std::to_string(voxels / slice) + " of " + std::to_string(dims[2]) + " slices";
   else
@@ -289,10 +285,12 @@ struct Positioned {
   std::string fault;  // not empty: the first voxel is never reached
 };
 
-std::uint64_t pass_over(ByteStream& stream, std::uint64_t bytes) {
+std::uint64_t pass_over(ByteStream& stream, std::uint64_t bytes, VoxelSink& sink) {
+  constexpr std::uint64_t kWord = std::uint64_t{1} << 24;
   std::vector<std::byte> dump(kPiece);
   std::uint64_t passed = 0;
   while (passed < bytes) {
+    if (passed % kWord == 0) sink.still_reading();
     const auto piece = static_cast<std::size_t>(std::min<std::uint64_t>(dump.size(), bytes - passed));
     const std::size_t got = stream.read(std::span(dump).first(piece));
     passed += got;
@@ -308,15 +306,15 @@ Result<std::unique_ptr<ByteStream>> open_stream(const VoxelSource& source) {
 }
 
 // a stream that stands at the first voxel
-Result<Positioned> at_first_voxel(const VolumeFile& file) {
+Result<Positioned> at_first_voxel(const VolumeFile& file, VoxelSink& sink) {
   const VoxelSource& source = file.voxels;
   auto stream = open_stream(source);
   if (!stream) return stream.error();
   std::uint64_t skip = source.skip;
   if (source.bytes_after) {
     // counted back from the end, which only decoding tells
-    const std::uint64_t total = pass_over(**stream, ~std::uint64_t{0});
-    const std::uint64_t needed = value_count(file) * bytes_of(source.component) + *source.bytes_after;
+    const std::uint64_t total = pass_over(**stream, ~std::uint64_t{0}, sink);
+    const std::uint64_t needed = file.value_count() * bytes_of(source.component) + *source.bytes_after;
     if (total < needed || !(*stream)->fault().empty())
       return Positioned{nullptr,
                         (*stream)->fault().empty() ? "they are shorter than promised" : (*stream)->fault()};
@@ -324,7 +322,7 @@ Result<Positioned> at_first_voxel(const VolumeFile& file) {
     stream = open_stream(source);
     if (!stream) return stream.error();
   }
-  if (pass_over(**stream, skip) < skip)
+  if (pass_over(**stream, skip, sink) < skip)
     return Positioned{nullptr,
                       (*stream)->fault().empty() ? "they are shorter than promised" : (*stream)->fault()};
   return Positioned{std::move(*stream), ""};
@@ -379,7 +377,7 @@ Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value
   const std::uint64_t bytes = std::filesystem::file_size(file.voxels.file, failed);
   if (failed) return bad_input(file.voxels.file.string(), "cannot be read: " + failed.message());
   const std::uint64_t stored = bytes - std::min<std::uint64_t>(bytes, file.voxels.offset);
-  const std::uint64_t promised = value_count(file), most = most_values(file.voxels, stored);
+  const std::uint64_t promised = file.value_count(), most = most_values(file.voxels, stored);
   if (promised > most) {
     if (file.voxels.encoding == Encoding::kRaw) return ended_early(file, most, "");
     return bad_input(file.voxels.file.string(),
@@ -390,9 +388,9 @@ Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value
   return allow_memory(promised * bytes_per_value + besides, file.voxels.file.string());
 }
 
-Result<void> stream_voxels(const VolumeFile& file, const Progress& progress, const TakeVoxels& take) {
+Result<void> send_voxels(const VolumeFile& file, VoxelSink& sink) {
   const VoxelSource& source = file.voxels;
-  auto at = at_first_voxel(file);
+  auto at = at_first_voxel(file, sink);
   if (!at) return at.error();
   if (!at->fault.empty()) return ended_early(file, 0, at->fault);
   ByteStream& stream = *at->stream;
@@ -401,24 +399,21 @@ Result<void> stream_voxels(const VolumeFile& file, const Progress& progress, con
   const std::size_t size = bytes_of(source.component);
   const bool swap = source.encoding != Encoding::kText && size > 1 &&
                     source.big_endian != (std::endian::native == std::endian::big);
-  const std::uint64_t count = value_count(file);
-  std::vector<std::byte> piece((std::size_t{1} << 17) * size);
+  const std::uint64_t count = file.value_count();
   for (std::uint64_t first = 0; first < count;) {
-    if (progress.stopped()) return Progress::interrupted();
-    const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(count - first, piece.size() / size));
-    const auto values = std::span(piece).first(wanted * size);
+    const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(count - first, kPieceValues));
+    const auto values = sink.room().first(wanted * size);
     const std::size_t got = stream.read(values);
     if (got < values.size()) return ended_early(file, first + got / size, stream.fault());
     if (swap) swap_bytes(values, size);
-    if (auto taken = take(first, values); !taken) return taken;
+    sink.put(values.size());
     first += wanted;
-    progress.report("reading", static_cast<double>(first) / static_cast<double>(count));
   }
 
   // what follows: the rest of the stream carries its checksum
   if (source.encoding == Encoding::kRaw && source.may_have_more) return {};
   const std::uint64_t after = source.bytes_after.value_or(0);
-  const std::uint64_t more = pass_over(stream, source.may_have_more ? ~std::uint64_t{0} : after + 1);
+  const std::uint64_t more = pass_over(stream, source.may_have_more ? ~std::uint64_t{0} : after + 1, sink);
   if (!stream.fault().empty() && source.encoding != Encoding::kText)
     return bad_input(source.file.string(), "all voxels are there, but " + stream.fault(),
                      "copy or download the file again");

@@ -6,7 +6,7 @@
 
 #include "base/file.h"
 #include "volume_io/formats.h"
-#include "volume_io/voxel_stream.h"
+#include "volume_io/volume_reader.h"
 
 namespace palpate {
 
@@ -20,15 +20,17 @@ Error cannot_write(const std::filesystem::path& file, std::string what, std::str
 
 /// Reads the file back and compares every byte: the libraries below do not always notice a full disk.
 bool reads_back(const std::filesystem::path& file, const GridGeometry& geometry, const ItkImage& image) {
-  const auto written = inspect(file);
-  if (!written || !written->header.geometry.same_grid(geometry) ||
-      written->header.component_type != name_of(image.component) ||
-      written->header.layers != image.components)
+  const Progress silent;
+  auto reader = VolumeReader::open(file, silent);
+  if (!reader) return false;
+  const VolumeHeader& written = reader->file().header;
+  if (!written.geometry.same_grid(geometry) || written.component_type != name_of(image.component) ||
+      written.layers != image.components)
     return false;
   const auto* expected = static_cast<const std::byte*>(image.voxels);
   const std::size_t size = bytes_of(image.component);
   bool equal = true;
-  const auto read = stream_voxels(*written, {}, [&](std::uint64_t first, std::span<const std::byte> values) {
+  const auto read = reader->stream([&](std::uint64_t first, std::span<const std::byte> values) {
     equal = equal && std::memcmp(values.data(), expected + first * size, values.size()) == 0;
     return Result<void>();
   });

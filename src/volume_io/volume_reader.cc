@@ -1,0 +1,186 @@
+#include "volume_io/volume_reader.h"
+
+#include <array>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+#include <variant>
+
+#include "volume_io/formats.h"
+#include "volume_io/volume_message.h"
+#include "volume_io/voxel_stream.h"
+
+namespace palpate::volume_io {
+namespace {
+
+// Pieces of values on their way between the two processes. Sixteen were no faster than four, which stay in a
+// cache.
+constexpr std::size_t kSlots = 4;
+constexpr std::size_t kSlotBytes = kPieceValues * sizeof(double);
+
+// ---- in the process that reads ------------------------------------------------------------------
+
+// the slots in turn; throws where the parent takes no more
+class Slots : public VoxelSink {
+ public:
+  explicit Slots(reader::ParentEnd& parent) : parent_(parent) {}
+
+  std::span<std::byte> room() override {
+    if (filled_ == kSlots) wait();
+    return parent_.shared().subspan(next_ * kSlotBytes, kSlotBytes);
+  }
+  void put(std::size_t bytes) override {
+    say(static_cast<std::uint32_t>(bytes));
+    next_ = (next_ + 1) % kSlots;
+    ++filled_;
+  }
+  void still_reading() override { say(kStillReading); }
+  /// Returns when the parent has copied all of them.
+  void drain() {
+    while (filled_ > 0) wait();
+  }
+
+ private:
+  void wait() {
+    if (!parent_.wait_for_word()) throw std::runtime_error("no word");
+    --filled_;
+  }
+  void say(std::uint32_t number) {
+    if (!parent_.write(std::as_bytes(std::span(&number, 1)))) throw std::runtime_error("nobody reads");
+  }
+
+  reader::ParentEnd& parent_;
+  std::size_t next_ = 0, filled_ = 0;
+};
+
+bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others) {
+  const auto volume = understand(format, files.front(), others);
+  if (others.asked()) return send_wish(parent, *others.asked());
+  if (!volume) return send_refusal(parent, volume.error());
+  if (!send_volume(parent, *volume, files)) return false;
+  while (parent.wait_for_word()) {
+    Slots slots(parent);
+    const auto read = send_voxels(*volume, slots);
+    slots.drain();
+    if (!send_end(parent, read)) return false;
+  }
+  return false;
+}
+
+// ---- in this process ----------------------------------------------------------------------------
+
+Result<std::unique_ptr<reader::ReaderProcess>> start(const std::vector<InputFile>& files,
+                                                     std::size_t shared_bytes, const Progress& progress,
+                                                     const reader::ReaderProcess::Work& work) {
+  std::vector<int> descriptors;
+  for (const InputFile& file : files) descriptors.push_back(file.descriptor());
+  reader::ReaderProcess::Job job;
+  job.files = descriptors;
+  job.shared_bytes = shared_bytes;
+  job.died = "is damaged: its reader fails on it";
+  job.endless = "is damaged: its reader does not come to an end with it";
+  const ItkSection section;
+  return reader::ReaderProcess::start(job, work, progress);
+}
+
+// what the header does not say in so many words
+void name_format(const Format& format, VolumeFile& volume) {
+  volume.header.format = volume.header.has_segments ? "Slicer segmentation (NRRD)" : format.name;
+  volume.header.component_type = name_of(volume.voxels.component);
+}
+
+}  // namespace
+
+Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const Progress& progress) {
+  if (auto error = not_a_file(file)) return *std::move(error);
+  // a pipe, a device, a socket, or nothing that may be read
+  auto opened = InputFile::open(file);
+  if (!opened) return opened.error();
+  const auto format = format_of(file);
+  if (!format) {
+    const auto kind = content_of(file, unpacked_front);
+    return kind ? bad_input(file.string(), "is " + kind->what, kind->remedy) : format.error();
+  }
+
+  VolumeReader reader(progress);
+  reader.names_.push_back(file);
+  reader.files_.push_back(*std::move(opened));
+  OtherFiles others;
+  // an .img, its .hdr, and the .img that this one asks for
+  constexpr std::size_t kMostFiles = 3;
+  while (true) {
+    auto process = start(reader.files_, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
+      return read_for(parent, **format, reader.names_, others);
+    });
+    if (!process) return Error{process.error().kind, process.error().what, file.string(), ""};
+    auto answer = receive_answer(**process, reader.names_);
+    if (!answer) return answer.error();
+    if (auto* volume = std::get_if<VolumeFile>(&*answer)) {
+      reader.process_ = *std::move(process);
+      reader.volume_ = std::move(*volume);
+      name_format(**format, reader.volume_);
+      return reader;
+    }
+    // it may read this one too: another process, which may have both
+    if (reader.files_.size() == kMostFiles) return nonsense(reader.names_);
+    auto& wanted = std::get<OtherFile>(*answer);
+    const auto other = find_other_file(file, wanted);
+    if (!other) return other.error();
+    auto other_opened = InputFile::open(*other);
+    if (!other_opened) return other_opened.error();
+    reader.names_.push_back(*other);
+    reader.files_.push_back(*std::move(other_opened));
+    others.add(std::move(wanted), *other);
+  }
+}
+
+Result<void> VolumeReader::stream(const TakeVoxels& take) {
+  PALPATE_CHECK(process_ != nullptr);
+  // ended by the first error
+  auto process = std::move(process_);
+  const std::size_t size = bytes_of(volume_.voxels.component);
+  const std::uint64_t count = volume_.value_count();
+  std::vector<std::byte> piece(kPieceValues * size);
+  std::uint64_t first = 0;
+  process->go_on();
+  for (std::size_t slot = 0;;) {
+    std::uint32_t bytes = 0;
+    if (auto said = process->read(std::as_writable_bytes(std::span(&bytes, 1))); !said)
+      return about(said.error(), names_);
+    if (bytes == kEnd) break;
+    if (bytes == kStillReading) continue;
+    if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(names_);
+    // a copy, which does not change while it is looked at
+    const auto values = std::span(piece).first(bytes);
+    std::memcpy(values.data(), process->shared().data() + slot * kSlotBytes, bytes);
+    process->go_on();
+    slot = (slot + 1) % kSlots;
+    if (auto taken = take(first, values); !taken) return taken;
+    first += bytes / size;
+    progress_->report("reading", static_cast<double>(first) / static_cast<double>(count));
+  }
+  if (auto whole = receive_end(*process, names_); !whole) return whole;
+  if (first != count) return nonsense(names_);
+  process_ = std::move(process);
+  return {};
+}
+
+std::string unpacked_front(const std::filesystem::path& file, std::size_t bytes) {
+  std::vector<InputFile> files;
+  if (auto opened = InputFile::open(file)) files.push_back(*std::move(opened));
+  if (files.empty()) return "";
+  const Progress silent;
+  const auto process = start(files, 0, silent, [&](reader::ParentEnd& parent) {
+    const auto front = read_front(file, Encoding::kDeflate, bytes);
+    reader::Sender out(parent);
+    out.put(front ? *front : std::string());
+    return out.ok();
+  });
+  if (!process) return "";
+  std::string front;
+  reader::Receiver in(**process, "");
+  in.get(front, bytes);
+  return front;
+}
+
+}  // namespace palpate::volume_io

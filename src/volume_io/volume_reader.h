@@ -1,0 +1,59 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/file.h"
+#include "reader/reader_process.h"
+#include "volume_io/voxel_source.h"
+
+/// A volume is read by a process of its own (reader_process.h): its header by us and ITK, its voxels through
+/// zlib and libbz2. This process takes the header's fields and the stored values (volume_message.h), which it
+/// copies piece by piece out of memory that both have: a volume is held once.
+///
+///   this process                                    the process that reads
+///     opens the file, starts it                       may open this file alone
+///                          ◄─ volume, wish, refusal ─ reads the header
+///     a wish: finds the other file, opens
+///     it, and starts anew with both
+///     the voxels are wanted ─ word ─────────────────► for each piece:
+///                          ◄─ "slot n is filled" ──── fills slot n, which is free at first
+///     copies it, "it is free" ─ word ───────────────►
+///     makes of the values what is wanted
+namespace palpate::volume_io {
+
+/// Receives consecutive stored values, in the machine's byte order: the index of the first in the file
+/// and their bytes. An Error stops the reading and is returned from it.
+using TakeVoxels = std::function<Result<void>(std::uint64_t first, std::span<const std::byte> values)>;
+
+/// One volume, for as long as its files stay open.
+class VolumeReader {
+ public:
+  /// Understands the header. Errors: missing, not a plain file, unknown format, and all that is wrong with
+  /// the header.
+  /// @param progress  stays where it is as long as this object lives
+  static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress);
+
+  const VolumeFile& file() const { return volume_; }
+  /// Streams every voxel, as often as it is called; after an error never again.
+  /// Errors: data that end early or are damaged, surplus data, interrupted, and those of `take`.
+  Result<void> stream(const TakeVoxels& take);
+
+ private:
+  explicit VolumeReader(const Progress& progress) : progress_(&progress) {}
+
+  const Progress* progress_;
+  // the one that the user named first
+  std::vector<std::filesystem::path> names_;
+  std::vector<InputFile> files_;
+  std::unique_ptr<reader::ReaderProcess> process_;
+  VolumeFile volume_;
+};
+
+/// The first unpacked bytes of a file that gzip has packed, read by such a process; none where there is none.
+std::string unpacked_front(const std::filesystem::path& file, std::size_t bytes);
+
+}  // namespace palpate::volume_io
