@@ -14,8 +14,7 @@ bool can_hold_to_calls();
 
 /// For a new process that has one thread: takes away for ever
 /// - * life after `parent`, stdin, stdout and (where not sanitized) stderr, every descriptor but those of
-/// `keep`,
-///   signal handlers, core files and being looked at by others;
+///   `keep`, signal handlers, core files and being looked at by others;
 /// - memory beyond what it has and 1 GiB, files that grow, more than 64 descriptors, other processes, new
 ///   privileges;
 /// - opening by any name what is not one of `files` (Landlock), and opening to write;

@@ -5,8 +5,11 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/ptrace.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -17,15 +20,18 @@
 
 #include <cerrno>
 #include <csignal>
+#include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <sstream>
-#include <thread>
+#include <vector>
 
 #include "base/file.h"
+#include "base/test_child.h"
 #include "base/test_folder.h"
 #include "palpate/check.h"
 #include "reader/reader_process.h"
@@ -33,7 +39,7 @@
 namespace palpate::reader {
 namespace {
 
-class Confined : public testing::Test {
+class Confined : public ::testing::Test {
  protected:
   void SetUp() override {
     std::ofstream(file_) << "content";
@@ -183,6 +189,49 @@ TEST_F(Confined, ChangesNothing) {
     return ::mprotect(page, 4096, PROT_READ | PROT_EXEC);
   });
   EXPECT_EQ(folder_.count(), 2u);
+}
+
+// a kernel without Landlock, without seccomp's filters
+void become_old_kernel(bool without_files, bool without_calls) {
+  constexpr auto kRefuse = [](std::uint32_t error) {
+    return sock_filter BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | error);
+  };
+  std::vector<sock_filter> code{BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr))};
+  if (without_files) {
+    code.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_landlock_create_ruleset, 0, 1));
+    code.push_back(kRefuse(ENOSYS));
+  }
+  if (without_calls) {
+    code.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_prctl, 0, 3));
+    code.push_back(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, args)));
+    code.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, PR_SET_SECCOMP, 0, 1));
+    code.push_back(kRefuse(EINVAL));
+  }
+  code.push_back(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW));
+  const sock_fprog program{static_cast<unsigned short>(code.size()), code.data()};
+  PALPATE_CHECK(::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0);
+  PALPATE_CHECK(::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0);
+}
+
+TEST_F(Confined, ReadsOnWhereTheKernelLacksAWall) {
+  if (!can_hold_to_calls()) GTEST_SKIP() << "this kernel has no seccomp, by which another one is played";
+  const bool has_landlock = can_hold_to_files();
+  for (const bool without_files : {false, true})
+    for (const bool without_calls : {false, true}) {
+      palpate::testing::Child kernel([&] {
+        become_old_kernel(without_files, without_calls);
+        PALPATE_CHECK(can_hold_to_calls() == !without_calls);
+        PALPATE_CHECK(can_hold_to_files() == (has_landlock && !without_files));
+        PALPATE_CHECK(outcome([&] { return open_to_read(file_); }) == 0);
+        // what is there holds by itself
+        PALPATE_CHECK(outcome([&] { return open_to_read(other_); }) == (can_hold_to_files() ? EACCES : 0));
+        PALPATE_CHECK(outcome([] { return ::socket(AF_UNIX, SOCK_STREAM, 0); }) ==
+                      (without_calls ? 0 : EPERM));
+        PALPATE_CHECK(outcome([&] { return ::truncate(file_.c_str(), 0); }) == (without_calls ? 0 : EPERM));
+        std::ofstream(file_) << "content";
+      });
+      EXPECT_TRUE(kernel.finished()) << without_files << without_calls;
+    }
 }
 
 TEST_F(Confined, ReadsWhereTheProgramHasNoStdin) {
