@@ -13,11 +13,6 @@
 namespace palpate::volume_io {
 namespace {
 
-// Pieces of values on their way between the two processes. Sixteen were no faster than four, which stay in a
-// cache.
-constexpr std::size_t kSlots = 4;
-constexpr std::size_t kSlotBytes = kPieceValues * sizeof(double);
-
 // ---- in the process that reads ------------------------------------------------------------------
 
 // the slots in turn; throws where the parent takes no more
@@ -136,32 +131,36 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
 
 Result<void> VolumeReader::stream(const TakeVoxels& take) {
   PALPATE_CHECK(process_ != nullptr);
-  // ended by the first error
-  auto process = std::move(process_);
-  const std::size_t size = bytes_of(volume_.voxels.component);
-  const std::uint64_t count = volume_.value_count();
+  auto taken = take_voxels(*process_, volume_, names_, *progress_, take);
+  if (!taken) process_ = nullptr;
+  return taken;
+}
+
+Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,
+                         const Progress& progress, const TakeVoxels& take) {
+  const std::size_t size = bytes_of(file.voxels.component);
+  const std::uint64_t count = file.value_count();
   std::vector<std::byte> piece(kPieceValues * size);
   std::uint64_t first = 0;
-  process->go_on();
+  process.go_on();
   for (std::size_t slot = 0;;) {
     std::uint32_t bytes = 0;
-    if (auto said = process->read(std::as_writable_bytes(std::span(&bytes, 1))); !said)
-      return about(said.error(), names_);
+    if (auto said = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !said)
+      return about(said.error(), files);
     if (bytes == kEnd) break;
     if (bytes == kStillReading) continue;
-    if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(names_);
+    if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(files);
     // a copy, which does not change while it is looked at
     const auto values = std::span(piece).first(bytes);
-    std::memcpy(values.data(), process->shared().data() + slot * kSlotBytes, bytes);
-    process->go_on();
+    std::memcpy(values.data(), process.shared().data() + slot * kSlotBytes, bytes);
+    process.go_on();
     slot = (slot + 1) % kSlots;
     if (auto taken = take(first, values); !taken) return taken;
     first += bytes / size;
-    progress_->report("reading", static_cast<double>(first) / static_cast<double>(count));
+    progress.report("reading", static_cast<double>(first) / static_cast<double>(count));
   }
-  if (auto whole = receive_end(*process, names_); !whole) return whole;
-  if (first != count) return nonsense(names_);
-  process_ = std::move(process);
+  if (auto whole = receive_end(process, files); !whole) return whole;
+  if (first != count) return nonsense(files);
   return {};
 }
 

@@ -8,7 +8,9 @@
 
 #include "base/file.h"
 #include "reader/reader_process.h"
+#include "volume_io/volume_message.h"
 #include "volume_io/voxel_source.h"
+#include "volume_io/voxel_stream.h"
 
 /// A volume is read by a process of its own (reader_process.h): its header by us and ITK, its voxels through
 /// zlib and libbz2. This process takes the header's fields and the stored values (volume_message.h), which it
@@ -52,6 +54,15 @@ class VolumeReader {
   std::unique_ptr<reader::ReaderProcess> process_;
   VolumeFile volume_;
 };
+
+/// Pieces of values on their way between the two processes, in ReaderProcess::shared(). Sixteen were no
+/// faster than four, which stay in a cache.
+constexpr std::size_t kSlots = 4;
+constexpr std::size_t kSlotBytes = kPieceValues * sizeof(double);
+
+/// This process's half of VolumeReader::stream(). It believes nothing of what the other one sends.
+Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,
+                         const Progress& progress, const TakeVoxels& take);
 
 /// The first unpacked bytes of a file that gzip has packed, read by such a process; none where there is none.
 std::string unpacked_front(const std::filesystem::path& file, std::size_t bytes);

@@ -6,7 +6,9 @@
 
 #include <atomic>
 #include <fstream>
-#include <sstream>
+#include <functional>
+#include <string>
+#include <vector>
 
 #include "base/test_files.h"
 #include "reader/confine.h"
@@ -180,6 +182,51 @@ TEST_F(VolumeReaderTest, HundredsLeaveNothing) {
     ASSERT_TRUE(VolumeReader::open(pair, silent_));
     ASSERT_FALSE(VolumeReader::open(bad, silent_));
   }
+}
+
+// what comes of 64 values of two bytes from a process that says this, one number after the other
+std::string taken_from(const std::vector<std::uint32_t>& words, const Result<void>* end) {
+  const std::vector<std::filesystem::path> files{"v"};
+  VolumeFile file;
+  file.header.geometry.dims = {4, 4, 4};
+  file.voxels.file = "v";
+  reader::ReaderProcess::Job job;
+  job.shared_bytes = kSlots * kSlotBytes;
+  job.died = "it died";
+  const Progress silent;
+  auto process = reader::ReaderProcess::start(
+      job,
+      [&](reader::ParentEnd& parent) {
+        return parent.wait_for_word() && parent.write(std::as_bytes(std::span(words))) &&
+               (end == nullptr || send_end(parent, *end));
+      },
+      silent);
+  PALPATE_CHECK(process.ok());
+  std::uint64_t values = 0;
+  const auto taken =
+      take_voxels(**process, file, files, silent, [&](std::uint64_t, std::span<const std::byte> bytes) {
+        values += bytes.size() / 2;
+        return Result<void>();
+      });
+  EXPECT_LE(values, 64u);
+  return taken ? std::to_string(values) : taken.error().what;
+}
+
+TEST_F(VolumeReaderTest, BelievesNoPiece) {
+  const std::string nonsense = "is damaged: its reader says what no volume can be";
+  const Result<void> whole, refused = bad_input("v", "ends early");
+  EXPECT_EQ(taken_from({128}, &whole), "64");
+  EXPECT_EQ(taken_from({0, 64, 0, 0, 62, 2, 0}, &whole), "64");
+  EXPECT_EQ(taken_from({126}, &refused), "ends early");
+  // half a value, more than there are, more than a slot holds
+  EXPECT_EQ(taken_from({127}, &whole), nonsense);
+  EXPECT_EQ(taken_from({130}, &whole), nonsense);
+  EXPECT_EQ(taken_from({128, 2}, &whole), nonsense);
+  EXPECT_EQ(taken_from({~std::uint32_t{0} - 1}, &whole), nonsense);
+  // whole before it is
+  EXPECT_EQ(taken_from({126}, &whole), nonsense);
+  EXPECT_EQ(taken_from({}, &whole), nonsense);
+  EXPECT_EQ(taken_from({128}, nullptr), "it died");
 }
 
 TEST_F(VolumeReaderTest, WhatGzipPackedIsUnpackedElsewhere) {
