@@ -184,7 +184,8 @@ struct ViewerServerOptions {
 /// for all viewers, one that makes volumes for them.
 class ViewerServer {
  public:
-  /// Everything that start() refuses of options but the port, which may be taken: before long work. Logs nothing.
+  /// Everything that start() refuses of options but the port, which may be taken: before long work. Logs
+  /// nothing.
   static Result<void> check(ViewerServerOptions options);
   /// Errors: kUsage for options that do not go together (an address beyond loopback without tokens, a
   /// certificate without its key); kBadInput for a token file or certificate that cannot be read, with its

@@ -42,7 +42,8 @@ TEST_F(ReadingTest, MemoryIsAllowedUpToTheLimitWithWhatIsTakenAlready) {
   set_reading_limits(
       {.most_memory_bytes = memory_bytes(error.remedy.substr(at, error.remedy.find(',', at) - at))});
   EXPECT_TRUE(allow_memory(8 * kGiB, "scan.nrrd").ok());
-  EXPECT_TRUE(allow_memory(8 * kGiB + (8 << 20), "scan.nrrd").ok()) << "also where a run has taken more itself";
+  EXPECT_TRUE(allow_memory(8 * kGiB + (8 << 20), "scan.nrrd").ok())
+      << "also where a run has taken more itself";
 }
 
 TEST_F(ReadingTest, ByDefaultNoMoreThanHalfOfTheMachine) {
