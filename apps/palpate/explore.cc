@@ -25,7 +25,7 @@ namespace {
 
 struct ExploreArguments {
   std::string target;
-  std::optional<std::filesystem::path> script, recording;
+  std::optional<std::filesystem::path> script, recording, supervisor_log;
   std::optional<double> max_force_N, rate_hz, seconds;
   std::optional<std::uint64_t> seed;
   std::optional<ForceMethod> method;
@@ -37,9 +37,8 @@ struct ExploreArguments {
   ViewerServerOptions viewers;
 };
 
-// the claim of the recording, where one is wanted
-Result<std::optional<OutputClaim>> check(const ExploreArguments& options) {
-  using Claim = std::optional<OutputClaim>;
+// the claims of what is written: the recording, the supervisor's log
+Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   if (options.pointer && options.no_viewer)
     return Error{ErrorKind::kUsage, "the pointer is a viewer's, and --no-viewer lets none look on",
                  "--device", "leave out --no-viewer"};
@@ -52,12 +51,25 @@ Result<std::optional<OutputClaim>> check(const ExploreArguments& options) {
                  "choose one from 0 to " + std::to_string(cpus - 1)};
   if (!options.no_viewer)
     if (const auto servable = ViewerServer::check(options.viewers); !servable) return servable.error();
-  if (!options.recording) return Claim();
+  if (options.supervisor_log && options.no_supervisor)
+    return Error{ErrorKind::kUsage, "where nobody watches there is nothing to write down", "--supervisor-log",
+                 "leave out --no-supervisor"};
+  if (options.recording && options.supervisor_log && same_file(*options.recording, *options.supervisor_log))
+    return Error{ErrorKind::kUsage, "is the recording, too", "--supervisor-log", "choose another file"};
+  std::vector<OutputClaim> claims;
+  if (!options.recording && !options.supervisor_log) return claims;
   auto inputs = input_files(options.target);
   if (options.script) inputs.push_back(*options.script);
-  auto claimed = claim_output(*options.recording, inputs);
-  if (!claimed) return claimed.error();
-  return Claim(*std::move(claimed));
+  const ViewerServerOptions& viewers = options.viewers;
+  for (const auto& input : {viewers.token_file, viewers.tls_certificate, viewers.tls_key})
+    if (!input.empty()) inputs.push_back(input);
+  for (const auto& output : {options.recording, options.supervisor_log}) {
+    if (!output) continue;
+    auto claimed = claim_output(*output, inputs);
+    if (!claimed) return claimed.error();
+    claims.push_back(*std::move(claimed));
+  }
+  return claims;
 }
 
 /// Faults of viewers, on their way from the server's thread to the terminal. A terminal that is held (Ctrl-S)
@@ -129,6 +141,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
   session.seconds = options.seconds;
   session.repeat = options.repeat;
   if (!options.no_supervisor) session.supervisor = {"/proc/self/exe", "supervise"};
+  session.supervisor_log = options.supervisor_log.value_or("");
   // the live line asks, and a key answers
   session.asks_here = keys.active() && ::isatty(STDERR_FILENO) == 1 && !console.quiet;
   session.request = [&keys, &faults, &console] {
@@ -245,7 +258,7 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
                                                      const std::string& address, Console& console) {
   return [&console, &address, asked = !options.no_realtime, first = true, told = false,
-          told_method = std::string(), deaths = 0](const ExploreStatus& s) mutable {
+          told_method = std::string(), deaths = 0, unwatched = false](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s, asked, console);
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
@@ -253,9 +266,15 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
       console.warn()(s.recording_failure->message() + "\n  the session goes on without it");
       told = true;
     }
-    if (s.supervisor_deaths > deaths)
+    if (s.supervisor_failure && !unwatched)
+      console.warn()("the supervisor died, and the force stays off, for no other can be started:\n  " +
+                     s.supervisor_failure->message());
+    else if (!s.supervisor_failure && unwatched)
+      console.warn()("a supervisor watches again");
+    else if (!s.supervisor_failure && s.supervisor_deaths > deaths)
       console.warn()("the supervisor died, and the force is off; another one watches now");
     deaths = s.supervisor_deaths;
+    unwatched = s.supervisor_failure.has_value();
     const std::string method = s.method_failure ? s.method_failure->message() : "";
     if (!method.empty() && method != told_method) console.warn()(method);
     told_method = method;
@@ -347,7 +366,7 @@ int explore_target(const ExploreArguments& options, Console& console) {
   note_felt_stiffness(*loaded, console);
 
   // stopped in the background, a device would hold its last force
-  std::signal(SIGTSTP, SIG_IGN);
+  for (const int signal : {SIGTSTP, SIGTTIN, SIGTTOU}) std::signal(signal, SIG_IGN);
   // a terminal that vanishes takes its keys with it; a hand is not let go of for that
   std::signal(SIGHUP, SIG_IGN);
   std::optional<Keys> keys(std::in_place);
@@ -425,6 +444,8 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
                  "Ask for neither real-time scheduling nor locked memory");
   verb->add_flag("--no-supervisor", options.no_supervisor,
                  "Start no process that watches this one from outside");
+  verb->add_option("--supervisor-log", options.supervisor_log,
+                   "File that what that process has seen and done is added to, a line of JSON each");
 }
 
 }  // namespace

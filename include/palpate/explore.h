@@ -56,6 +56,9 @@ struct ExploreOptions {
   /// Program and arguments that call supervise() (supervisor.h): a process that watches this one is made of
   /// them. Dies it, the force goes off, and another one is started. Empty: nobody watches.
   std::vector<std::string> supervisor;
+  /// Gets the supervisor's record (SupervisorSettings::record_file), at its end where it is there already.
+  /// Empty: no file does.
+  std::filesystem::path supervisor_log;
   /// Asked fifty times a second by the calling thread; must not wait. Empty: nobody asks for anything.
   std::function<ExploreRequest()> request;
   /// Whoever makes these requests sees ExploreStatus::question and answers it. Without, viewers change
@@ -72,8 +75,10 @@ struct ExploreStatus {
   Scheduling scheduling;
   std::string supervisor;     ///< what its process got, as Scheduling::scheduler; empty: there is none
   int supervisor_deaths = 0;  ///< since the session began; each has stopped it
-  double time_s = 0;          ///< since the session began
-  double rate_hz = 0;         ///< ticks a second, of the last second
+  /// Why nobody watches since the last of these deaths; tried again every second, and stopped until then.
+  std::optional<Error> supervisor_failure;
+  double time_s = 0;   ///< since the session began
+  double rate_hz = 0;  ///< ticks a second, of the last second
   double lateness_p50_us = 0, lateness_p99_us = 0, lateness_max_us = 0;
   double compute_p50_us = 0;
   // of the latest tick
@@ -116,8 +121,8 @@ struct ExploreResult {
 /// @param script     of the hand; a pointer has none
 /// @param recording  a file to write; empty: none
 /// @param status     called on this thread when the loop runs, and then ten times a second; may be empty
-/// Errors: those of set-up (a script's device, hand or structures, settings of the loop), and of creating
-/// the recording; the viewers'.
+/// Errors: those of set-up (a script's device, hand or structures, settings of the loop), of creating the
+/// recording, of opening the supervisor's log; the viewers', the supervisor's.
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
                               const std::filesystem::path& recording, const Progress& progress = {},
                               const std::function<void(const ExploreStatus&)>& status = {});

@@ -29,9 +29,10 @@ struct SupervisorSettings {
   /// A device lives in this process: where neither a tick nor the watchdog has been seen for half a second,
   /// the process is killed.
   bool kill_frozen = false;
-  /// Gets a line of JSON for each event, with the fields of SupervisorEvent: a record that outlives the
-  /// session. -1: none.
+  /// Gets a line of JSON for each event, with the fields of SupervisorEvent, the session's process and the
+  /// wall clock: a record that outlives the session. Stays the caller's, and open. -1: none.
   int record_file = -1;
+  bool realtime = true;  ///< ask for SCHED_FIFO and locked memory; refused, it watches without
 };
 
 /// What the supervisor has seen and done.

@@ -1,10 +1,15 @@
 #include "palpate/explore.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <thread>
 #include <utility>
 
+#include "base/file.h"
 #include "palpate/supervisor.h"
 #include "session/explore_watch.h"
 #include "session/plain_vectors.h"
@@ -42,8 +47,32 @@ struct Shown {
   std::optional<Error> refusal;  // to be shown next
 };
 
+// Nothing pushes while nobody watches.
+class SupervisorKeeper {
+ public:
+  explicit SupervisorKeeper(const Session& session) : session_(session) {}
+  void look() {
+    if (session_.supervisor == nullptr || session_.supervisor->watching()) return;
+    if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.viewed.stop_unwatched();
+    if (Clock::now() < next_try_) return;
+    if (!failure_) deaths_ += 1;
+    const auto again = session_.supervisor->watch_again();
+    failure_ = again ? std::nullopt : std::optional(again.error());
+    next_try_ = again ? Clock::time_point() : Clock::now() + std::chrono::seconds(1);
+  }
+  int deaths() const { return deaths_; }
+  /// Why there is none in the place of the last one that died.
+  const std::optional<Error>& failure() const { return failure_; }
+
+ private:
+  const Session& session_;
+  int deaths_ = 0;
+  std::optional<Error> failure_;
+  Clock::time_point next_try_;
+};
+
 ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, Shown& shown,
-                        int supervisor_deaths) {
+                        const SupervisorKeeper& supervisor) {
   const LoopHealth health = session.loop.health();
   const ExploreWatch::LastSecond last = session.watch.last_second();
   const TickRecord tick = session.loop.snapshot();
@@ -51,7 +80,8 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   ExploreStatus status;
   status.scheduling = session.loop.scheduling();
   if (session.supervisor != nullptr) status.supervisor = session.supervisor->scheduler();
-  status.supervisor_deaths = supervisor_deaths;
+  status.supervisor_deaths = supervisor.deaths();
+  status.supervisor_failure = supervisor.failure();
   status.time_s = time_s;
   status.rate_hz = rate.see(health.ticks);
   status.lateness_p50_us = last.lateness_p50_us;
@@ -99,23 +129,6 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
   }
 }
 
-// Nothing pushes while nobody watches.
-class SupervisorKeeper {
- public:
-  explicit SupervisorKeeper(const Session& session) : session_(session) {}
-  void look() {
-    if (session_.supervisor == nullptr || session_.supervisor->watching()) return;
-    if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.viewed.stop_unwatched();
-    // tried again at the next look
-    if (session_.supervisor->watch_again()) deaths_ += 1;
-  }
-  int deaths() const { return deaths_; }
-
- private:
-  const Session& session_;
-  int deaths_ = 0;
-};
-
 // until the script is done, the time is up, the user stops it or the driver gives up
 void watch_until_over(const Session& session, const ExploreOptions& options, const Progress& progress,
                       const std::function<void(const ExploreStatus&)>& show, ExploreResult& result) {
@@ -133,7 +146,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
     session.viewed.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
     if (show && Clock::now() >= next_status) {
-      show(status_of(session, seconds_since(begun), rate, shown, supervisor.deaths()));
+      show(status_of(session, seconds_since(begun), rate, shown, supervisor));
       next_status = std::max(next_status + kStatusPeriod, Clock::now());
     }
     std::this_thread::sleep_for(kPoll);
@@ -200,11 +213,35 @@ ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& t
           scene.modality,  options.asks_here};
 }
 
+/// The supervisor's record, open as long as this lives.
+class SupervisorLog {
+ public:
+  static Result<SupervisorLog> open(const std::filesystem::path& file) {
+    if (file.empty()) return SupervisorLog(-1);
+    const int number = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+    if (number < 0) return output_error(file, errno);
+    return SupervisorLog(number);
+  }
+  SupervisorLog(SupervisorLog&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  SupervisorLog& operator=(SupervisorLog&&) = delete;
+  ~SupervisorLog() {
+    if (number_ >= 0) ::close(number_);
+  }
+  int number() const { return number_; }
+
+ private:
+  explicit SupervisorLog(int number) : number_(number) {}
+  int number_;
+};
+
 /// Of a session without a supervisor: nullptr.
-Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options, const DeviceDriver& driver) {
+Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options, const SupervisorLog& log,
+                                                  const DeviceDriver& driver) {
   if (options.supervisor.empty()) return std::unique_ptr<Supervisor>();
   SupervisorSettings settings;
   settings.command = options.supervisor;
+  settings.record_file = log.number();
+  settings.realtime = options.loop.realtime;
   if (driver.halt_file() >= 0) settings.halt_files.push_back(driver.halt_file());
   const auto devices = driver.devices();
   settings.kill_frozen = settings.halt_files.empty() && !std::ranges::all_of(devices, &DeviceInfo::simulated);
@@ -241,7 +278,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   LoopSettings settings = options.loop;
   settings.rate_hz = setup->script.rate_hz;
   const Model& model = *setup->model;
-  auto supervisor = supervisor_of(options, (*tip)->driver());
+  const auto log = SupervisorLog::open(options.supervisor_log);
+  if (!log) return log.error();
+  auto supervisor = supervisor_of(options, *log, (*tip)->driver());
   if (!supervisor) return supervisor.error();
   if (*supervisor) settings.heartbeat = &(*supervisor)->heartbeat();
   auto loop =

@@ -13,6 +13,7 @@
 #include <charconv>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <optional>
 
 #include "base/clock.h"
@@ -44,8 +45,12 @@ const char* name_of(SupervisorEvent::Kind kind) {
 
 class Supervision {
  public:
-  Supervision(SharedBlock& block, int halt_files, bool kill_frozen, bool record)
-      : block_(block), halt_files_(halt_files), kill_frozen_(kill_frozen), record_(record) {}
+  Supervision(SharedBlock& block, int halt_files, bool kill_frozen, bool record, int session)
+      : block_(block),
+        halt_files_(halt_files),
+        kill_frozen_(kill_frozen),
+        record_(record),
+        session_(session) {}
 
   // false: the session is over
   bool look() {
@@ -63,6 +68,9 @@ class Supervision {
     return true;
   }
 
+  /// errno of the first event that its record did not take; 0: it took all.
+  int record_failure() const { return record_failure_; }
+
  private:
   std::int64_t halt() const {
     // one that is full has heard it already
@@ -76,12 +84,32 @@ class Supervision {
   void note(SupervisorEvent::Kind kind, std::int64_t seen_ns, std::int64_t halted_ns) {
     const SupervisorEvent event{kind, block_.heartbeat.beat_ns.load(), seen_ns, halted_ns};
     block_.add(event);
-    if (!record_) return;
-    ::dprintf(kFirstHaltFile + halt_files_,
-              R"({"kind": "%s", "last_beat_ns": %lld, "seen_ns": %lld, "halted_ns": %lld})"
-              "\n",
-              name_of(kind), static_cast<long long>(event.last_beat_ns),
-              static_cast<long long>(event.seen_ns), static_cast<long long>(event.halted_ns));
+    if (record_) write_down(event);
+  }
+
+  // whole or not at all: another session's lines may follow
+  void write_down(const SupervisorEvent& event) {
+    const int file = kFirstHaltFile + halt_files_;
+    const std::time_t now = std::time(nullptr);
+    std::tm utc{};
+    ::gmtime_r(&now, &utc);
+    std::array<char, 32> time{};
+    std::strftime(time.data(), time.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
+    std::array<char, 256> line{};
+    const int length = std::snprintf(
+        line.data(), line.size(),
+        R"({"kind": "%s", "last_beat_ns": %lld, "seen_ns": %lld, "halted_ns": %lld, "session": %d, "utc": "%s"})"
+        "\n",
+        name_of(event.kind), static_cast<long long>(event.last_beat_ns),
+        static_cast<long long>(event.seen_ns), static_cast<long long>(event.halted_ns), session_,
+        time.data());
+    struct stat before {};
+    const bool kept_size = ::fstat(file, &before) == 0 && S_ISREG(before.st_mode);
+    const ssize_t written = ::write(file, line.data(), static_cast<std::size_t>(length));
+    if (written == length) return;
+    if (record_failure_ == 0) record_failure_ = written < 0 ? errno : ENOSPC;
+    if (written > 0 && kept_size) [[maybe_unused]]
+      const int cut = ::ftruncate(file, before.st_size);
   }
 
   void watch_beats(std::int64_t now_ns) {
@@ -112,6 +140,8 @@ class Supervision {
   SharedBlock& block_;
   const int halt_files_;
   const bool kill_frozen_, record_;
+  const int session_;
+  int record_failure_ = 0;
   std::int64_t last_look_ns_ = 0, last_seen_ns_ = 0, still_ns_ = 0;
 };
 
@@ -126,9 +156,10 @@ SharedBlock* shared_block() {
   return block->magic == SharedBlock::kMagic ? block : nullptr;
 }
 
-// the numbers that Supervisor::start() appends: halt files, whether to kill, whether to record
-std::optional<std::array<int, 3>> numbers_in(const std::vector<std::string>& arguments) {
-  std::array<int, 3> numbers{};
+// the numbers that Supervisor::start() appends: halt files, whether to kill, whether to record, whether to be
+// real-time, the session's process
+std::optional<std::array<int, 5>> numbers_in(const std::vector<std::string>& arguments) {
+  std::array<int, 5> numbers{};
   if (arguments.size() != numbers.size()) return std::nullopt;
   for (std::size_t n = 0; n < numbers.size(); ++n) {
     const std::string& text = arguments[n];
@@ -148,24 +179,27 @@ int supervise(const std::vector<std::string>& arguments) {
     std::fprintf(stderr, "palpate: error: supervise is called by palpate explore alone\n");
     return 2;
   }
-  const auto [halt_files, kill_frozen, record] = *numbers;
+  const auto [halt_files, kill_frozen, record, realtime, session] = *numbers;
   // a full or a broken halt file must not hold or end what others wait for
   ::signal(SIGPIPE, SIG_IGN);
   for (int n = 0; n < halt_files + record; ++n)
     ::fcntl(kFirstHaltFile + n, F_SETFL, ::fcntl(kFirstHaltFile + n, F_GETFL) | O_NONBLOCK);
   // blocks the signals that ask a program to end, too: this one ends when the session has
-  const RealtimeGrant grant = make_this_thread_realtime({.fifo = true,
+  const RealtimeGrant grant = make_this_thread_realtime({.fifo = realtime != 0,
                                                          .priority = kPriority,
-                                                         .lock_memory = true,
+                                                         .lock_memory = realtime != 0,
                                                          .cpu = -1,
                                                          .leave_above = 0,
                                                          .name = "palpate-super"});
   std::strncpy(block->scheduler.data(), grant.scheduler.c_str(), block->scheduler.size() - 1);
   block->watching.store(true, std::memory_order_release);
 
-  Supervision supervision(*block, halt_files, kill_frozen != 0, record != 0);
+  Supervision supervision(*block, halt_files, kill_frozen != 0, record != 0, session);
   while (supervision.look()) {
   }
+  if (supervision.record_failure() != 0)
+    std::fprintf(stderr, "palpate: warning: the supervisor's log of process %d lacks events: %s\n", session,
+                 std::strerror(supervision.record_failure()));
   if (block->ended.load()) return 0;
   // who holds a simulated device in its own process has nothing to hear
   if (halt_files == 0 && kill_frozen == 0) return 0;

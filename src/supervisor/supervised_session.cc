@@ -1,10 +1,11 @@
-// supervised_session MEMORY_FILE HALT_FILE RECORD_FILE KILL_FROZEN
+// supervised_session MEMORY_FILE HALT_FILE RECORD_FILE KILL_FROZEN RECORDING
 // supervised_session supervise ...
 //
 // A servo loop on the real clock, a supervisor beside it, and a device that another process holds. It writes
 // a byte when it gives its full force, and then does what it reads from its standard input, a letter each.
-// For supervisor_test.cc.
+// It records, where RECORDING is not empty. For supervisor_test.cc.
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -13,7 +14,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
-#include <stdexcept>
+#include <filesystem>
 #include <thread>
 
 #include "haptics/test_model.h"
@@ -21,6 +22,7 @@
 #include "palpate/servo_loop.h"
 #include "palpate/supervisor.h"
 #include "supervisor/test_device.h"
+#include "supervisor/test_recorder.h"
 
 namespace palpate {
 namespace {
@@ -38,16 +40,45 @@ void in_another_thread(void (*work)()) {
   for (;;) ::pause();
 }
 
+// from now on nothing is added to its file; returns when the recorder has met that, or never does
+void fill_disk(const Recorder& recorder, const std::filesystem::path& file) {
+  std::signal(SIGXFSZ, SIG_IGN);
+  const rlim_t size = std::filesystem::file_size(file);
+  const rlimit full{size, RLIM_INFINITY};
+  ::setrlimit(RLIMIT_FSIZE, &full);
+  for (int n = 0; n < 30'000 && !recorder.failure(); ++n)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+}
+
 // false: that was the end in good order
 bool obey(char order, testing::TestDeviceDriver& driver) {
   switch (order) {
+    case 'v':
+      driver.throws = true;
+      for (;;) ::pause();
+    case 'w':
+      driver.throws_in_halt = true;
+      driver.hangs = true;
+      for (;;) ::pause();
+    case 'r':
+      testing::recorder_throws = true;
+      for (;;) ::pause();
+    case 'z':
+      driver.freeze();
+      break;
+    case 'c':
+      // nobody is answered any more
+      std::signal(SIGPIPE, SIG_IGN);
+      ::close(STDOUT_FILENO);
+      ::close(STDERR_FILENO);
+      break;
     case 'a':
       std::abort();
     case 't':
       in_another_thread([] { std::terminate(); });
       break;
     case 'x':
-      in_another_thread([] { throw std::runtime_error("thrown for a test"); });
+      in_another_thread(testing::throw_for_a_test);
       break;
     case 's':
       in_another_thread([] { std::raise(SIGSEGV); });
@@ -61,6 +92,7 @@ bool obey(char order, testing::TestDeviceDriver& driver) {
       break;
     case 'g':
       driver.hangs = false;
+      testing::TestDeviceDriver::frozen = false;
       break;
     case 'q':
       return false;
@@ -71,7 +103,8 @@ bool obey(char order, testing::TestDeviceDriver& driver) {
 }
 
 // @param halt_file  -1: the supervisor is told of none, as though the device lived in this process
-int run(int memory_file, int halt_file, int record_file, bool kill_frozen) {
+int run(int memory_file, int halt_file, int record_file, bool kill_frozen,
+        const std::filesystem::path& recording) {
   void* room =
       ::mmap(nullptr, sizeof(testing::TestDeviceMemory), PROT_READ | PROT_WRITE, MAP_SHARED, memory_file, 0);
   PALPATE_CHECK(room != MAP_FAILED);
@@ -90,16 +123,18 @@ int run(int memory_file, int halt_file, int record_file, bool kill_frozen) {
   auto loop = ServoLoop::start(std::make_shared<const Model>(std::move(model)), driver, {},
                                {WorkspaceSettings{}}, settings);
   PALPATE_CHECK(loop.ok());
+  const auto recorder = testing::start_recorder(**loop, recording);
   wait_for_full_force(**loop);
+  char order = 0;
   for (;;) {
-    PALPATE_CHECK(::write(STDOUT_FILENO, ".", 1) == 1);
-    char order = 0;
+    PALPATE_CHECK(order == 'c' || ::write(STDOUT_FILENO, ".", 1) == 1);
     if (::read(STDIN_FILENO, &order, 1) != 1 || !obey(order, driver)) break;
+    if (order == 'f') fill_disk(*recorder, recording);
     // whatever was done to it, it comes back
     if (order == 'g') wait_for_full_force(**loop);
   }
   (*loop)->stop();
-  return 0;
+  return recorder->finish(0, 0, {}).ok() ? 0 : 1;
 }
 
 }  // namespace
@@ -108,10 +143,11 @@ int run(int memory_file, int halt_file, int record_file, bool kill_frozen) {
 int main(int count, char** arguments) {
   const std::vector<std::string> words(arguments, arguments + count);
   if (count >= 2 && words[1] == "supervise") return palpate::supervise({words.begin() + 2, words.end()});
-  if (count != 5) {
-    std::fprintf(stderr, "usage: supervised_session MEMORY_FILE HALT_FILE RECORD_FILE KILL_FROZEN\n");
+  if (count != 6) {
+    std::fprintf(stderr,
+                 "usage: supervised_session MEMORY_FILE HALT_FILE RECORD_FILE KILL_FROZEN RECORDING\n");
     return 2;
   }
   return palpate::run(std::atoi(arguments[1]), std::atoi(arguments[2]), std::atoi(arguments[3]),
-                      std::atoi(arguments[4]) != 0);
+                      std::atoi(arguments[4]) != 0, arguments[5]);
 }

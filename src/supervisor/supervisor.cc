@@ -134,6 +134,8 @@ Result<void> SupervisorProcess::begin() {
   words.push_back(std::to_string(settings_.halt_files.size()));
   words.emplace_back(settings_.kill_frozen ? "1" : "0");
   words.emplace_back(record ? "1" : "0");
+  words.emplace_back(settings_.realtime ? "1" : "0");
+  words.push_back(std::to_string(::getpid()));
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);

@@ -12,11 +12,14 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <random>
 #include <sstream>
 #include <thread>
 
+#include "base/test_folder.h"
 #include "base/test_seed.h"
+#include "palpate/recording.h"
 #include "servo/realtime.h"
 #include "supervisor/test_device.h"
 
@@ -33,7 +36,9 @@ double ms(std::int64_t ns) {
 /// A session that presses with a supervisor beside it, in a process of its own, and its device, in another.
 class Pressing {
  public:
-  explicit Pressing(bool device_elsewhere = true, bool kill_frozen = false) {
+  /// @param recording  empty: it records nothing
+  explicit Pressing(bool device_elsewhere = true, bool kill_frozen = false,
+                    const std::filesystem::path& recording = {}) {
     memory_file_ = ::memfd_create("test device", 0);
     PALPATE_CHECK(::ftruncate(memory_file_, sizeof(TestDeviceMemory)) == 0);
     void* room =
@@ -67,7 +72,7 @@ class Pressing {
                         halt_file = std::to_string(device_elsewhere ? halt[1] : -1),
                         records = std::to_string(record[1]);
       ::execl(PALPATE_SUPERVISED_SESSION, PALPATE_SUPERVISED_SESSION, memory.c_str(), halt_file.c_str(),
-              records.c_str(), kill_frozen ? "1" : "0", nullptr);
+              records.c_str(), kill_frozen ? "1" : "0", recording.c_str(), nullptr);
       ::_exit(127);
     }
     for (const int file : {halt[0], halt[1], orders[0], said[1], record[1]}) ::close(file);
@@ -190,6 +195,9 @@ constexpr End kEnds[] = {{"SIGKILL", SIGKILL, 0},
                          {"terminate", 0, 't'},
                          {"exception", 0, 'x'},
                          {"a thread's SIGSEGV", 0, 's'},
+                         {"an exception in the servo's thread", 0, 'v'},
+                         {"an exception in the watchdog's thread", 0, 'w'},
+                         {"an exception in the recorder's thread", 0, 'r'},
                          {"_exit", 0, '_'},
                          {"exit", 0, 'e'}};
 
@@ -208,16 +216,48 @@ void print(const char* what, std::vector<double> figures_ms) {
               at(0.5), at(0.99), at(1));
 }
 
+// any moment of the recorder's second between two flushes
+std::chrono::microseconds some_time(std::mt19937_64& random) {
+  return std::chrono::microseconds(random() % 1'000'000);
+}
+
+std::uint64_t ticks_in(const std::filesystem::path& recording) {
+  const auto source = RecordingSource::open(recording);
+  EXPECT_TRUE(source.ok()) << source.error().message();
+  return source.ok() ? source->head().ticks : 0;
+}
+
+/// It opens, and reads to its end without a gap. @param flushed  ticks that were safe before
+void expect_reopens(const std::filesystem::path& recording, std::uint64_t flushed, bool whole = false) {
+  const auto source = RecordingSource::open(recording);
+  ASSERT_TRUE(source.ok()) << source.error().message();
+  EXPECT_EQ(source->head().summary.has_value(), whole);
+  std::uint64_t ticks = 0;
+  const auto read = source->read([&](const RecordingPart& part) -> Result<void> {
+    for (const TickRecord& tick : part.ticks) EXPECT_EQ(tick.tick, ticks++);
+    return {};
+  });
+  EXPECT_TRUE(read.ok()) << read.error().message();
+  EXPECT_EQ(ticks, source->head().ticks);
+  EXPECT_GE(ticks, flushed);
+}
+
 TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
+  const test::TemporaryFolder folder;
+  const auto recording = folder / "run.h5";
   std::vector<double> after_ms, since_tick_ms, beyond_ms;
+  std::uint64_t flushed_in_all = 0;
   for (const End& end : kEnds) {
+    SCOPED_TRACE(end.name);
     for (int n = 0; n < trials(); ++n) {
-      const Pressing session;
+      const Pressing session(true, false, recording);
       ASSERT_TRUE(session.presses()) << end.name;
-      std::this_thread::sleep_for(std::chrono::microseconds(random() % 5'000));
+      std::this_thread::sleep_for(some_time(random));
+      const std::uint64_t flushed = ticks_in(recording);
+      flushed_in_all += flushed;
       const BareThread bare;
       const std::int64_t then_ns = monotonic_ns();
       if (end.signal != 0)
@@ -235,8 +275,11 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
       EXPECT_GE(number_in(record.back(), "seen_ns"), number_in(record.back(), "last_beat_ns"));
       since_tick_ms.push_back(ms(rest_ns - number_in(record.back(), "last_beat_ns")));
       beyond_ms.push_back(since_tick_ms.back() - ms(bare.latest_ns()));
+      ASSERT_NO_FATAL_FAILURE(expect_reopens(recording, flushed));
     }
   }
+  // else nothing was asked of the recordings
+  EXPECT_GT(flushed_in_all, 0u);
   print("zero after the cause", after_ms);
   print("zero after the last tick", since_tick_ms);
   print("the same, less a bare thread's lateness", beyond_ms);
@@ -281,8 +324,88 @@ TEST(Supervisor, AServoThreadThatHangsGetsZero) {
   session.order('q');
 }
 
+TEST(Supervisor, AClockThreadFrozenWhereItStandsGetsZeroAndComesBack) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  const test::TemporaryFolder folder;
+  const auto recording = folder / "run.h5";
+  const Pressing session(true, false, recording);
+  ASSERT_TRUE(session.presses());
+  std::vector<double> after_ms;
+  const auto freeze = [&] {
+    std::this_thread::sleep_for(some_time(random));
+    const std::int64_t then_ns = monotonic_ns();
+    session.order('z');
+    ASSERT_TRUE(session.presses());
+    const std::int64_t rest_ns = session.rest_after(then_ns);
+    ASSERT_NE(rest_ns, 0) << "the device still pushes";
+    after_ms.push_back(ms(rest_ns - then_ns));
+  };
+  for (int n = 0; n < trials(); ++n) {
+    ASSERT_NO_FATAL_FAILURE(freeze());
+    session.order('g');
+    ASSERT_TRUE(session.presses());
+    EXPECT_TRUE(session.acts_again());
+  }
+  // and dies of it in the end
+  ASSERT_NO_FATAL_FAILURE(freeze());
+  const std::uint64_t flushed = ticks_in(recording);
+  session.signal(SIGKILL);
+  const auto record = session.record();
+  ASSERT_GE(record.size(), after_ms.size() + 1);
+  for (std::size_t n = 0; n + 1 < record.size(); ++n)
+    EXPECT_NE(record[n].find("\"stall\""), std::string::npos) << record[n];
+  EXPECT_NE(record.back().find("\"death\""), std::string::npos) << record.back();
+  EXPECT_EQ(session.device().acting_N, 0);
+  expect_reopens(recording, flushed);
+  print("frozen: zero after the cause", after_ms);
+}
+
+// What ends a recording or an output is nothing to the hand, and takes nothing from the supervisor.
+TEST(Supervisor, AFullDiskAndClosedStreamsLeaveTheForceAsItIs) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  const test::TemporaryFolder folder;
+  const auto recording = folder / "run.h5";
+  for (const char order : {'f', 'c'}) {
+    SCOPED_TRACE(order == 'f' ? "a full disk" : "closed stdout and stderr");
+    std::vector<double> since_tick_ms;
+    for (int n = 0; n < trials(); ++n) {
+      const Pressing session(true, false, recording);
+      ASSERT_TRUE(session.presses());
+      std::this_thread::sleep_for(some_time(random));
+      const std::uint64_t flushed = ticks_in(recording), commands = session.device().commands;
+      session.order(order);
+      // a closed stdout is the end of what it says
+      ASSERT_EQ(session.presses(), order == 'f');
+      if (order == 'f') std::this_thread::sleep_for(some_time(random) / 10);
+      EXPECT_GT(session.device().acting_N, 0);
+      for (int tries = 0; tries < 10'000 && session.device().commands == commands; ++tries)
+        std::this_thread::sleep_for(1ms);
+      EXPECT_GT(session.device().commands, commands);
+
+      const std::int64_t then_ns = monotonic_ns();
+      session.signal(SIGKILL);
+      const std::int64_t rest_ns = session.rest_after(then_ns);
+      ASSERT_NE(rest_ns, 0) << "the device still pushes";
+      const auto record = session.record();
+      ASSERT_FALSE(record.empty());
+      EXPECT_NE(record.back().find("\"death\""), std::string::npos) << record.back();
+      since_tick_ms.push_back(ms(rest_ns - number_in(record.back(), "last_beat_ns")));
+      ASSERT_NO_FATAL_FAILURE(expect_reopens(recording, flushed));
+    }
+    print(order == 'f' ? "after a full disk, zero after the last tick"
+                       : "after closed streams, zero after the last tick",
+          since_tick_ms);
+  }
+}
+
 TEST(Supervisor, AnEndInGoodOrderIsNoEvent) {
-  const Pressing session;
+  const test::TemporaryFolder folder;
+  const auto recording = folder / "run.h5";
+  const Pressing session(true, false, recording);
   ASSERT_TRUE(session.presses());
   session.order('q');
   // a machine that stands still for a moment is a stall
@@ -292,6 +415,7 @@ TEST(Supervisor, AnEndInGoodOrderIsNoEvent) {
   ASSERT_EQ(::waitpid(session.session(), &status, 0), session.session());
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
   EXPECT_EQ(session.device().acting_N, 0);
+  expect_reopens(recording, 1, true);
 }
 
 TEST(Supervisor, EndsAProcessThatStandsStillWithItsDeviceInIt) {
@@ -371,6 +495,47 @@ TEST(Supervisor, SaysThatItHasDiedAndWatchesAgain) {
   const auto again = (*supervisor)->watch_again();
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_TRUE((*supervisor)->watching());
+}
+
+TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
+  const auto supervisor = Supervisor::start(
+      {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .realtime = false});
+  ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
+  EXPECT_NE((*supervisor)->scheduler().find("not asked for"), std::string::npos)
+      << (*supervisor)->scheduler();
+}
+
+// A disk that is full takes whole lines or none: those of another session may follow.
+TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
+  const test::TemporaryFolder folder;
+  const auto file = folder / "record";
+  const int record = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
+  ASSERT_GE(record, 0);
+  int over[2];
+  ASSERT_EQ(::pipe2(over, O_CLOEXEC), 0);
+  const pid_t session = ::fork();
+  if (session == 0) {
+    ::dup2(over[1], STDERR_FILENO);
+    const auto supervisor = Supervisor::start(
+        {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .record_file = record});
+    if (!supervisor.ok()) ::_exit(1);
+    // some of a line fits
+    const rlimit full{20, RLIM_INFINITY};
+    if (::prlimit(supervisor_of(::getpid()), RLIMIT_FSIZE, &full, nullptr) != 0) ::_exit(1);
+    ::close(over[0]);
+    ::raise(SIGKILL);
+  }
+  ::close(over[1]);
+  int status = 0;
+  ASSERT_EQ(::waitpid(session, &status, 0), session);
+  ASSERT_TRUE(WIFSIGNALED(status)) << "no supervisor";
+  // the supervisor's own copy of it is the last
+  std::string said;
+  for (char byte = 0; ::read(over[0], &byte, 1) == 1;) said += byte;
+  ::close(over[0]);
+  EXPECT_NE(said.find("lacks events"), std::string::npos) << said;
+  EXPECT_EQ(std::filesystem::file_size(file), 0u);
+  ::close(record);
 }
 
 TEST(Supervisor, AProgramThatIsNoneIsAnError) {

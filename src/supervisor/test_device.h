@@ -1,12 +1,15 @@
 #pragma once
 
 #include <poll.h>
+#include <pthread.h>
+#include <signal.h>
 #include <time.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <stdexcept>
 
 #include "base/clock.h"
 #include "palpate/device.h"
@@ -15,6 +18,11 @@
 /// A device that another process holds, for tests: what stands behind a driver's port when the process with
 /// the driver dies. It has no watchdog of its own: what it was told last it goes on doing.
 namespace palpate::testing {
+
+/// Where nothing may be thrown, which the compiler would notice.
+inline void throw_for_a_test() {
+  throw std::runtime_error("thrown for a test");
+}
 
 /// What driver and device share, and what the test reads.
 struct TestDeviceMemory {
@@ -59,8 +67,15 @@ class TestDeviceDriver final : public DeviceDriver {
     DeviceSample sample;
     sample.tip = tip_;
     DeviceCommand command;
+    // to be frozen by, which no other thread of the loop's may be
+    sigset_t freezing;
+    ::sigemptyset(&freezing);
+    ::sigaddset(&freezing, kFreeze);
+    ::pthread_sigmask(SIG_UNBLOCK, &freezing, nullptr);
+    ticking_ = ::pthread_self();
     while (clock.wait()) {
       while (hangs) ::usleep(100);
+      if (throws) throw_for_a_test();
       sample.taken_ns = monotonic_ns();
       servo.update({&sample, 1}, {&command, 1});
       memory_.force_N = command.force_N.norm();
@@ -68,20 +83,41 @@ class TestDeviceDriver final : public DeviceDriver {
     }
     memory_.force_N = 0;
   }
-  void halt() noexcept override { memory_.halted = true; }
+  void halt() noexcept override {
+    if (throws_in_halt) throw_for_a_test();
+    memory_.halted = true;
+  }
   void resume() noexcept override {
     memory_.halted = false;
     memory_.resumes.fetch_add(1);
   }
   int halt_file() const noexcept override { return halt_file_; }
 
-  std::atomic<bool> hangs{false};  ///< no tick comes any more
+  /// Stops the thread that ticks at whatever instruction it is, until `frozen` is false again.
+  void freeze() {
+    frozen = true;
+    ::signal(kFreeze, [](int) {
+      while (frozen) {
+        constexpr timespec kPause{0, 100'000};
+        ::nanosleep(&kPause, nullptr);
+      }
+    });
+    ::pthread_kill(ticking_, kFreeze);
+  }
+
+  std::atomic<bool> hangs{false};           ///< no tick comes any more
+  std::atomic<bool> throws{false};          ///< in the next tick, on the servo's thread
+  std::atomic<bool> throws_in_halt{false};  ///< on the thread that halts it, the watchdog's
+  static inline std::atomic<bool> frozen{false};
 
  private:
+  // not one that a test ends processes by
+  static inline const int kFreeze = SIGRTMIN + 1;
   TestDeviceMemory& memory_;
   const int halt_file_;
   const Point<Device> tip_;
   DeviceInfo info_;
+  std::atomic<pthread_t> ticking_{};
 };
 
 /// The device's whole life, four times a millisecond, until it is killed.

@@ -326,11 +326,64 @@ class Explore(cli.PalpateTest):
         # whatever the session dies of, its supervisor does not stay behind
         terminal.process.kill()
         terminal.finish()
+        self.assert_gone(another)
+
+    def assert_gone(self, process):
         for _ in range(600):
-            if not pathlib.Path(f"/proc/{another}").exists():
+            if not pathlib.Path(f"/proc/{process}").exists():
                 break
             time.sleep(0.1)
-        self.assertFalse(pathlib.Path(f"/proc/{another}").exists())
+        self.assertFalse(pathlib.Path(f"/proc/{process}").exists())
+
+    def test_a_supervisor_that_cannot_be_replaced_is_told_of_once(self):
+        log = self.folder / "supervisor.log"
+        terminal = self.terminal(*self.explore("--repeat", "--no-viewer", "--supervisor-log", log))
+        terminal.wait_for(PRESSES)
+        # what it needs for another one are files
+        limits = resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE)
+        resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE, (3, limits[1]))
+        os.kill(self.supervisor_of(terminal.process), signal.SIGKILL)
+        terminal.wait_for(r"warning: the supervisor died, and the force stays off, for no other can be started:\s+no supervisor: ")
+        terminal.wait_for("EMERGENCY STOP")
+        # three more tries
+        until = time.monotonic() + 3.5
+        terminal.wait_until(lambda: time.monotonic() > until, "the time for more tries")
+        self.assertEqual(terminal.shown.count("warning:"), 1, terminal.shown)
+        self.assertIn("EMERGENCY STOP", terminal.frames()[-2])
+        resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE, limits)
+        terminal.wait_for("a supervisor watches again")
+        self.assertEqual(terminal.shown.count("warning:"), 2, terminal.shown)
+        # and it does, with the log of the one before it
+        another = self.supervisor_of(terminal.process)
+        terminal.process.kill()
+        terminal.finish()
+        self.assert_gone(another)
+        event, = map(json.loads, log.read_text().splitlines())
+        self.assertEqual((event["kind"], event["session"]), ("death", terminal.process.pid))
+
+    def test_the_log_of_the_supervisor_replaces_nothing(self):
+        log, tokens = self.folder / "supervisor.log", self.folder / "tokens"
+        log.write_text("of another session\n")
+        self.succeed(*self.explore("--seconds", "0.1", "--supervisor-log", log))
+        self.assertEqual(log.read_text(), "of another session\n")
+        self.succeed("token", "-o", tokens)
+        inputs = {path: path.read_bytes() for path in (self.scene, self.script, tokens)}
+        viewed = ["--token-file", tokens]
+        for path in inputs:
+            self.fail_clearly(cli.USAGE, *self.explore(*viewed, "--supervisor-log", path), says="would replace an input")
+            self.fail_clearly(cli.USAGE, *self.explore(*viewed, "-o", path), says="would replace an input")
+        self.assertEqual({path: path.read_bytes() for path in inputs}, inputs)
+        recording = self.folder / "run.h5"
+        self.fail_clearly(cli.USAGE, *self.explore("-o", recording, "--supervisor-log", f"{self.folder}/./run.h5"),
+                          says="is the recording, too")
+        self.fail_clearly(cli.USAGE, *self.explore("--no-supervisor", "--supervisor-log", log), says="nobody watches")
+        self.fail_clearly(cli.OUTPUT, *self.explore("--supervisor-log", self.folder / "missing" / "log"), says="missing")
+        # who has not begun leaves none
+        elbow = self.folder / "elbow.toml"
+        elbow.write_text(PRESS.replace("femur", "elbow"))
+        self.fail_clearly(cli.BAD_INPUT, "explore", self.scene, "-s", elbow, "--supervisor-log", self.folder / "new.log",
+                          says="elbow.toml:1")
+        self.assertEqual({path.name for path in self.folder.iterdir()}, {"supervisor.log", "tokens", "elbow.toml"})
 
     def test_supervise_is_called_by_explore_alone(self):
         done = cli.run("supervise", "1", "0", "0")
@@ -634,7 +687,8 @@ class Explore(cli.PalpateTest):
         self.assertRegex(done.stdout, r"(?m)^\d+ ticks, ")
         # who asks for nothing is refused nothing
         done = self.succeed(*self.explore("--seconds", "0.1", "--no-realtime"))
-        self.assertIn("SCHED_FIFO not asked for", done.stderr)
+        for who in ("scheduler", "watchdog", "supervisor"):
+            self.assertRegex(done.stderr, rf"(?m)^{who}: SCHED_OTHER \(SCHED_FIFO not asked for")
         self.assertNotIn("refused", done.stderr)
 
     def test_the_stiffness_that_is_felt_is_told(self):

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <memory>
+
+#include "palpate/check.h"
+#include "palpate/recording.h"
+#include "palpate/servo_loop.h"
+#include "supervisor/test_device.h"
+
+namespace palpate::testing {
+
+/// What the recorder of start_recorder() shall throw on its own thread.
+inline std::atomic<bool> recorder_throws{false};
+
+/// Records a loop of one device at 1 kHz. @param file  empty: counts its ticks
+inline std::unique_ptr<Recorder> start_recorder(ServoLoop& loop, const std::filesystem::path& file) {
+  RecordingHeader header;
+  header.clock = "real";
+  header.scheduler = loop.scheduling().scheduler;
+  header.scene_title = "a ball";
+  auto recorder = Recorder::start(loop.ring(), file, header, [](const TickRecord&) {
+    if (recorder_throws) throw_for_a_test();
+  });
+  PALPATE_CHECK(recorder.ok());
+  return *std::move(recorder);
+}
+
+}  // namespace palpate::testing
