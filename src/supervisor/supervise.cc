@@ -1,6 +1,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
+#include <pthread.h>
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -10,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <charconv>
 #include <cstdio>
 #include <cstring>
@@ -43,14 +45,108 @@ const char* name_of(SupervisorEvent::Kind kind) {
   return "";
 }
 
+/// Writes the events down, on an ordinary thread of its own: a disk that lets everybody wait must not hold
+/// who watches.
+class RecordWriter {
+ public:
+  RecordWriter(const SharedBlock& block, int file, int session)
+      : block_(block), file_(file), session_(session), written_(block.event_count.load()) {}
+  RecordWriter(const RecordWriter&) = delete;
+  RecordWriter& operator=(const RecordWriter&) = delete;
+
+  /// Before this thread becomes real-time, for the other is to stay ordinary.
+  void begin() {
+    // all memory of the process will be locked
+    constexpr std::size_t kStack_bytes = 256 << 10;
+    sigset_t all, before;
+    ::sigfillset(&all);
+    ::pthread_sigmask(SIG_SETMASK, &all, &before);
+    pthread_attr_t attributes;
+    ::pthread_attr_init(&attributes);
+    ::pthread_attr_setstacksize(&attributes, kStack_bytes);
+    failure_ = ::pthread_create(
+        &thread_, &attributes,
+        [](void* self) -> void* {
+          static_cast<RecordWriter*>(self)->run();
+          return nullptr;
+        },
+        this);
+    begun_ = failure_ == 0;
+    ::pthread_attr_destroy(&attributes);
+    ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  }
+
+  /// Nothing happens any more. An errno for the first event that is not in the file; 0: all are. Afterwards
+  /// the process has to end, for one that waits for its disk is left to itself.
+  int end() {
+    if (!begun_) return written_ == block_.event_count.load() ? 0 : failure_.load();
+    ending_.store(true);
+    timespec until{};
+    ::clock_gettime(CLOCK_REALTIME, &until);
+    until.tv_sec += kPatience_s;
+    const int late = ::pthread_timedjoin_np(thread_, nullptr, &until);
+    return late != 0 ? late : failure_.load();
+  }
+
+ private:
+  static constexpr int kPatience_s = 10;
+
+  void run() noexcept {
+    for (bool last = false; !last;) {
+      last = ending_.load();
+      const std::uint32_t count = block_.event_count.load(std::memory_order_acquire);
+      // of more the oldest are gone
+      if (count - written_ > SharedBlock::kMostEvents) {
+        fail(EOVERFLOW);
+        written_ = count - SharedBlock::kMostEvents;
+      }
+      for (; written_ != count; ++written_) write_down(block_.events[written_ % SharedBlock::kMostEvents]);
+      constexpr timespec kPause{0, 10'000'000};
+      if (!last) ::nanosleep(&kPause, nullptr);
+    }
+  }
+
+  // whole or not at all: another session's lines may follow
+  void write_down(const SupervisorEvent& event) {
+    const std::time_t now = std::time(nullptr);
+    std::tm utc{};
+    ::gmtime_r(&now, &utc);
+    std::array<char, 32> time{};
+    std::strftime(time.data(), time.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
+    std::array<char, 256> line{};
+    const int length = std::snprintf(
+        line.data(), line.size(),
+        R"({"kind": "%s", "last_beat_ns": %lld, "seen_ns": %lld, "halted_ns": %lld, "session": %d, "utc": "%s"})"
+        "\n",
+        name_of(event.kind), static_cast<long long>(event.last_beat_ns),
+        static_cast<long long>(event.seen_ns), static_cast<long long>(event.halted_ns), session_,
+        time.data());
+    struct stat before {};
+    const bool kept_size = ::fstat(file_, &before) == 0 && S_ISREG(before.st_mode);
+    const ssize_t written = ::write(file_, line.data(), static_cast<std::size_t>(length));
+    if (written == length) return;
+    fail(written < 0 ? errno : ENOSPC);
+    if (written > 0 && kept_size) [[maybe_unused]]
+      const int cut = ::ftruncate(file_, before.st_size);
+  }
+
+  void fail(int error) {
+    if (failure_ == 0) failure_ = error;
+  }
+
+  const SharedBlock& block_;
+  const int file_, session_;
+  std::uint32_t written_;
+  pthread_t thread_{};
+  bool begun_ = false;
+  std::atomic<bool> ending_{false};
+  std::atomic<int> failure_{0};
+};
+
 class Supervision {
  public:
-  Supervision(SharedBlock& block, int halt_files, bool kill_frozen, bool record, int session)
-      : block_(block),
-        halt_files_(halt_files),
-        kill_frozen_(kill_frozen),
-        record_(record),
-        session_(session) {}
+  Supervision(SharedBlock& block, int halt_files, bool kill_frozen)
+      : block_(block), halt_files_(halt_files), kill_frozen_(kill_frozen) {}
 
   // false: the session is over
   bool look() {
@@ -68,9 +164,6 @@ class Supervision {
     return true;
   }
 
-  /// errno of the first event that its record did not take; 0: it took all.
-  int record_failure() const { return record_failure_; }
-
  private:
   std::int64_t halt() const {
     // one that is full has heard it already
@@ -82,34 +175,7 @@ class Supervision {
   }
 
   void note(SupervisorEvent::Kind kind, std::int64_t seen_ns, std::int64_t halted_ns) {
-    const SupervisorEvent event{kind, block_.heartbeat.beat_ns.load(), seen_ns, halted_ns};
-    block_.add(event);
-    if (record_) write_down(event);
-  }
-
-  // whole or not at all: another session's lines may follow
-  void write_down(const SupervisorEvent& event) {
-    const int file = kFirstHaltFile + halt_files_;
-    const std::time_t now = std::time(nullptr);
-    std::tm utc{};
-    ::gmtime_r(&now, &utc);
-    std::array<char, 32> time{};
-    std::strftime(time.data(), time.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
-    std::array<char, 256> line{};
-    const int length = std::snprintf(
-        line.data(), line.size(),
-        R"({"kind": "%s", "last_beat_ns": %lld, "seen_ns": %lld, "halted_ns": %lld, "session": %d, "utc": "%s"})"
-        "\n",
-        name_of(event.kind), static_cast<long long>(event.last_beat_ns),
-        static_cast<long long>(event.seen_ns), static_cast<long long>(event.halted_ns), session_,
-        time.data());
-    struct stat before {};
-    const bool kept_size = ::fstat(file, &before) == 0 && S_ISREG(before.st_mode);
-    const ssize_t written = ::write(file, line.data(), static_cast<std::size_t>(length));
-    if (written == length) return;
-    if (record_failure_ == 0) record_failure_ = written < 0 ? errno : ENOSPC;
-    if (written > 0 && kept_size) [[maybe_unused]]
-      const int cut = ::ftruncate(file, before.st_size);
+    block_.add({kind, block_.heartbeat.beat_ns.load(), seen_ns, halted_ns});
   }
 
   void watch_beats(std::int64_t now_ns) {
@@ -139,9 +205,7 @@ class Supervision {
 
   SharedBlock& block_;
   const int halt_files_;
-  const bool kill_frozen_, record_;
-  const int session_;
-  int record_failure_ = 0;
+  const bool kill_frozen_;
   std::int64_t last_look_ns_ = 0, last_seen_ns_ = 0, still_ns_ = 0;
 };
 
@@ -182,8 +246,10 @@ int supervise(const std::vector<std::string>& arguments) {
   const auto [halt_files, kill_frozen, record, realtime, session] = *numbers;
   // a full or a broken halt file must not hold or end what others wait for
   ::signal(SIGPIPE, SIG_IGN);
-  for (int n = 0; n < halt_files + record; ++n)
+  for (int n = 0; n < halt_files; ++n)
     ::fcntl(kFirstHaltFile + n, F_SETFL, ::fcntl(kFirstHaltFile + n, F_GETFL) | O_NONBLOCK);
+  RecordWriter writer(*block, kFirstHaltFile + halt_files, session);
+  if (record != 0) writer.begin();
   // blocks the signals that ask a program to end, too: this one ends when the session has
   const RealtimeGrant grant = make_this_thread_realtime({.fifo = realtime != 0,
                                                          .priority = kPriority,
@@ -194,12 +260,12 @@ int supervise(const std::vector<std::string>& arguments) {
   std::strncpy(block->scheduler.data(), grant.scheduler.c_str(), block->scheduler.size() - 1);
   block->watching.store(true, std::memory_order_release);
 
-  Supervision supervision(*block, halt_files, kill_frozen != 0, record != 0, session);
+  Supervision supervision(*block, halt_files, kill_frozen != 0);
   while (supervision.look()) {
   }
-  if (supervision.record_failure() != 0)
+  if (const int failure = record != 0 ? writer.end() : 0; failure != 0)
     std::fprintf(stderr, "palpate: warning: the supervisor's log of process %d lacks events: %s\n", session,
-                 std::strerror(supervision.record_failure()));
+                 std::strerror(failure));
   if (block->ended.load()) return 0;
   // who holds a simulated device in its own process has nothing to hear
   if (halt_files == 0 && kill_frozen == 0) return 0;

@@ -43,8 +43,9 @@ void in_another_thread(void (*work)()) {
 // from now on nothing is added to its file; returns when the recorder has met that, or never does
 void fill_disk(const Recorder& recorder, const std::filesystem::path& file) {
   std::signal(SIGXFSZ, SIG_IGN);
-  const rlim_t size = std::filesystem::file_size(file);
-  const rlimit full{size, RLIM_INFINITY};
+  rlimit full{};
+  ::getrlimit(RLIMIT_FSIZE, &full);
+  full.rlim_cur = std::filesystem::file_size(file);
   ::setrlimit(RLIMIT_FSIZE, &full);
   for (int n = 0; n < 30'000 && !recorder.failure(); ++n)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

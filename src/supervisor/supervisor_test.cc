@@ -16,6 +16,7 @@
 #include <random>
 #include <sstream>
 #include <thread>
+#include <utility>
 
 #include "base/test_folder.h"
 #include "base/test_seed.h"
@@ -50,6 +51,7 @@ class Pressing {
     orders_ = orders[1];
     said_ = said[0];
     record_ = record[0];
+    record_in_ = record[1];
 
     device_process_ = ::fork();
     if (device_process_ == 0) {
@@ -75,14 +77,15 @@ class Pressing {
               records.c_str(), kill_frozen ? "1" : "0", recording.c_str(), nullptr);
       ::_exit(127);
     }
-    for (const int file : {halt[0], halt[1], orders[0], said[1], record[1]}) ::close(file);
+    for (const int file : {halt[0], halt[1], orders[0], said[1]}) ::close(file);
   }
   ~Pressing() {
     for (const pid_t process : {session_, device_process_}) {
       ::kill(process, SIGKILL);
       ::waitpid(process, nullptr, 0);
     }
-    for (const int file : {orders_, said_, record_, memory_file_}) ::close(file);
+    for (const int file : {orders_, said_, record_, record_in_, memory_file_})
+      if (file >= 0) ::close(file);
     ::munmap(device_, sizeof *device_);
   }
   Pressing(const Pressing&) = delete;
@@ -112,15 +115,25 @@ class Pressing {
     return device_->acting_N > 0;
   }
 
+  /// Its record takes nothing until record() is asked for.
+  void fill_record() const {
+    ::fcntl(record_in_, F_SETFL, O_NONBLOCK);
+    while (::write(record_in_, "\n", 1) == 1) {
+    }
+    ::fcntl(record_in_, F_SETFL, 0);
+  }
+
   /// The supervisor's own record, when it has ended: the events in order.
   std::vector<std::string> record() const {
+    ::close(std::exchange(record_in_, -1));
     std::string text;
     std::array<char, 256> part{};
     for (ssize_t got = 0; (got = ::read(record_, part.data(), part.size())) > 0;)
       text.append(part.data(), static_cast<std::size_t>(got));
     std::vector<std::string> lines;
     std::istringstream in(text);
-    for (std::string line; std::getline(in, line);) lines.push_back(line);
+    for (std::string line; std::getline(in, line);)
+      if (!line.empty()) lines.push_back(line);
     return lines;
   }
   pid_t session() const { return session_; }
@@ -128,6 +141,7 @@ class Pressing {
 
  private:
   int memory_file_ = -1, orders_ = -1, said_ = -1, record_ = -1;
+  mutable int record_in_ = -1;  // until record() waits for the end of all who could write
   TestDeviceMemory* device_ = nullptr;
   pid_t device_process_ = -1, session_ = -1;
 };
@@ -505,6 +519,28 @@ TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
       << (*supervisor)->scheduler();
 }
 
+// A record that lets its writer wait holds nobody up, and has everything in the end.
+TEST(Supervisor, ARecordThatTakesNothingForAWhileHoldsNothing) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  session.fill_record();
+  for (int n = 0; n < 2; ++n) {
+    const std::int64_t then_ns = monotonic_ns();
+    session.signal(SIGSTOP);
+    ASSERT_NE(session.rest_after(then_ns), 0) << "the device still pushes";
+    session.signal(SIGCONT);
+    EXPECT_TRUE(session.acts_again());
+  }
+  const std::int64_t then_ns = monotonic_ns();
+  session.signal(SIGKILL);
+  ASSERT_NE(session.rest_after(then_ns), 0) << "the device still pushes";
+  const auto record = session.record();
+  ASSERT_GE(record.size(), 3u);
+  for (std::size_t n = 0; n + 1 < record.size(); ++n)
+    EXPECT_NE(record[n].find("\"stall\""), std::string::npos) << record[n];
+  EXPECT_NE(record.back().find("\"death\""), std::string::npos) << record.back();
+}
+
 // A disk that is full takes whole lines or none: those of another session may follow.
 TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
   const test::TemporaryFolder folder;
@@ -520,7 +556,9 @@ TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
         {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .record_file = record});
     if (!supervisor.ok()) ::_exit(1);
     // some of a line fits
-    const rlimit full{20, RLIM_INFINITY};
+    rlimit full{};
+    ::getrlimit(RLIMIT_FSIZE, &full);
+    full.rlim_cur = 20;
     if (::prlimit(supervisor_of(::getpid()), RLIMIT_FSIZE, &full, nullptr) != 0) ::_exit(1);
     ::close(over[0]);
     ::raise(SIGKILL);
