@@ -1,0 +1,244 @@
+"""palpate explore dies, or is to die, at random moments: of every signal, with its disk full or its streams closed, stopped
+for a while. Each time its supervisor's log says what happened, its recording replays as far as it goes, and nothing of it
+stays behind. A trial of some causes in every run, PALPATE_TEST_DEATHS=all takes all causes 20 times."""
+
+import json
+import os
+import pathlib
+import random
+import resource
+import select
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+import cli
+import explore_test
+
+# big enough to be pressed, and soon ready
+KNEE_MM = "3.0"
+SEED = int(os.environ.get("PALPATE_TEST_SEED", "20261121").replace("any", str(random.randrange(10**9))))
+ALL = os.environ.get("PALPATE_TEST_DEATHS") == "all"
+
+# signals that nobody has promised anything about: the program dies of them
+DEADLY = [signal.SIGKILL, signal.SIGQUIT, signal.SIGILL, signal.SIGTRAP, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE,
+          signal.SIGUSR1, signal.SIGSEGV, signal.SIGUSR2, signal.SIGALRM, signal.SIGSTKFLT, signal.SIGXCPU, signal.SIGVTALRM,
+          signal.SIGPROF, signal.SIGIO, signal.SIGPWR, signal.SIGSYS, signal.SIGRTMIN, signal.SIGRTMAX]
+GENTLE = [signal.SIGINT, signal.SIGTERM]
+# a device would hold its last force, or a hand would be let go of for nothing
+IGNORED = [signal.SIGHUP, signal.SIGPIPE, signal.SIGXFSZ, signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU]
+
+
+def trials(causes, few):
+    """Those of a run, in order: all of them often, or a few by the seed."""
+    return causes * 20 if ALL else random.Random(SEED).sample(causes, few)
+
+
+class Session:
+    """palpate explore that palpates for ever, records and is watched."""
+
+    def __init__(self, recording, log, arguments):
+        self.recording, self.log = recording, log
+        self.process = subprocess.Popen(
+            [cli.PALPATE, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            preexec_fn=self.as_a_user_would)
+        self.told = ""
+        while "supervisor: " not in self.told:
+            line = self.process.stderr.readline()
+            assert line, f"ended before it ran: {self.told}"
+            self.told += line
+        children = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        self.supervisor = pathlib.Path(f"/proc/{children[0]}")
+
+    @staticmethod
+    def as_a_user_would():
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        # a test that runs in the background ignores some
+        for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+
+    def events(self):
+        return [json.loads(line) for line in self.log.read_text().splitlines()]
+
+    def end(self):
+        """(exit code, stdout, all of stderr), with the supervisor gone."""
+        out, rest = self.process.communicate(timeout=120)
+        self.wait_until(lambda: not self.supervisor.exists(), "its supervisor is gone")
+        return self.process.returncode, out, self.told + rest
+
+    @staticmethod
+    def wait_until(done, what):
+        until = time.monotonic() + 120
+        while not done():
+            assert time.monotonic() < until, f"two minutes until {what}"
+            time.sleep(0.002)
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.kill()
+        for stream in (self.process.stdout, self.process.stderr):
+            stream.close()
+        self.process.wait()
+
+
+class Deaths(cli.PalpateTest):
+    @classmethod
+    def setUpClass(cls):
+        print(f"seed {SEED}", flush=True)
+        cls._made = tempfile.TemporaryDirectory(prefix="palpate-e2e-")
+        made = pathlib.Path(cls._made.name)
+        assert cli.run("data", "fetch", "knee-phantom", "-o", made / "knee", "--voxel", KNEE_MM).returncode == cli.OK
+        cls.scene, cls.script = made / "scene.toml", made / "press.toml"
+        assert cli.run("scene", "new", next((made / "knee").glob("*.seg.nrrd")), "-o", cls.scene).returncode == cli.OK
+        cls.script.write_text(cli.TOUCH + "[[step]]\nhold = 60.0\n")
+        cls.random = random.Random(SEED)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls._made.cleanup()
+
+    def explore(self, recording, log):
+        log.unlink(missing_ok=True)
+        return ["explore", self.scene, "--script", self.script, "--repeat", "--no-viewer", "-o", recording, "--supervisor-log", log]
+
+    def begin(self):
+        """A session, at a random moment of it."""
+        recording, log = self.folder / "run.h5", self.folder / "supervisor.log"
+        session = Session(recording, log, self.explore(recording, log))
+        self.addCleanup(session.close)
+        time.sleep(self.random.uniform(0, 2))
+        return session
+
+    def assert_replays(self, recording, whole):
+        again = self.succeed("replay", recording, self.scene)
+        self.assertIn("identical", again.stdout)
+        self.assertEqual("cut short" not in again.stdout, whole, again.stdout)
+
+    def assert_nothing_left(self, claims=0):
+        """Beside what was asked for there is nothing, but for as many empty locks of a process that could not give them back;
+        the next session in this folder takes and removes them."""
+        left = [path for path in self.folder.iterdir() if path.name not in ("run.h5", "supervisor.log")]
+        self.assertEqual(len(left), claims, left)
+        for path in left:
+            self.assertTrue(path.name.endswith(".lock") and path.stat().st_size == 0, left)
+
+    def print_figures(self, what, figures_ms):
+        figures_ms.sort()
+        at = [figures_ms[int(part * (len(figures_ms) - 1))] for part in (0.5, 0.99, 1)]
+        print(f"{what}, {len(figures_ms)} trials, ms: {at[0]:.2f} (p50), {at[1]:.2f} (p99), {at[2]:.2f} (largest)",
+              flush=True)
+
+    def test_what_it_dies_of_is_seen_and_written_down(self):
+        seen_ms = []
+        for number in trials(DEADLY, 4):
+            with self.subTest(number):
+                session = self.begin()
+                then_ns = time.monotonic_ns()
+                session.process.send_signal(number)
+                code, _, _ = session.end()
+                self.assertEqual(code, -number)
+                event, = session.events()
+                self.assertEqual((event["kind"], event["session"]), ("death", session.process.pid))
+                self.assertGreaterEqual(event["halted_ns"], event["seen_ns"])
+                self.assertGreaterEqual(event["seen_ns"], event["last_beat_ns"])
+                seen_ms.append((event["halted_ns"] - then_ns) / 1e6)
+                self.assert_replays(session.recording, whole=False)
+                self.assert_nothing_left(claims=2)
+        self.print_figures("seen after the signal", seen_ms)
+
+    def test_signals_that_ask_for_the_end_get_one_in_good_order(self):
+        took_ms = []
+        for number in trials(GENTLE, 1):
+            with self.subTest(number):
+                session = self.begin()
+                then = time.monotonic()
+                session.process.send_signal(number)
+                code, _, told = session.end()
+                took_ms.append(1000 * (time.monotonic() - then))
+                self.assertEqual((code, session.events()), (cli.OK, []), told)
+                self.assert_replays(session.recording, whole=True)
+                self.assert_nothing_left()
+        self.print_figures("ended after the signal", took_ms)
+
+    def test_signals_that_end_nothing(self):
+        for number in trials(IGNORED, 2):
+            with self.subTest(number):
+                session = self.begin()
+                session.process.send_signal(number)
+                # its recording goes on growing
+                size = session.recording.stat().st_size
+                session.wait_until(lambda: session.recording.stat().st_size > size, "it records more")
+                session.process.terminate()
+                code, _, told = session.end()
+                self.assertEqual((code, session.events()), (cli.OK, []), told)
+                self.assert_replays(session.recording, whole=True)
+                self.assert_nothing_left()
+
+    def test_stopped_for_a_while_it_goes_on(self):
+        for _ in trials([signal.SIGSTOP], 1):
+            recording, log = self.folder / "run.h5", self.folder / "supervisor.log"
+            terminal = explore_test.Terminal(*self.explore(recording, log))
+            self.addCleanup(terminal.close)
+            terminal.wait_for(explore_test.PRESSES)
+            time.sleep(self.random.uniform(0, 1))
+            terminal.process.send_signal(signal.SIGSTOP)
+            time.sleep(0.3)
+            # what was shown until then
+            while select.select([terminal.master], [], [], 0)[0]:
+                terminal.read()
+            terminal.shown = ""
+            terminal.process.send_signal(signal.SIGCONT)
+            terminal.wait_for(explore_test.PRESSES)
+            terminal.process.terminate()
+            code, out = terminal.finish()
+            self.assertEqual(code, cli.OK, terminal.shown)
+            # nothing was sent at first
+            self.assertRegex(out, r"halted \d+")
+            # its device is simulated: nobody else is told to halt it, and it is not killed for standing still
+            self.assertEqual(log.read_text(), "")
+            self.assert_replays(recording, whole=True)
+            self.assert_nothing_left()
+
+    def test_closed_streams_end_nothing(self):
+        for _ in trials(["closed streams"], 1):
+            session = self.begin()
+            session.process.stdout.close()
+            session.process.stderr.close()
+            size = session.recording.stat().st_size
+            session.wait_until(lambda: session.recording.stat().st_size > size, "it records more")
+            session.process.terminate()
+            # its figures could not be printed
+            self.assertEqual(session.process.wait(timeout=120), cli.OUTPUT)
+            session.wait_until(lambda: not session.supervisor.exists(), "its supervisor is gone")
+            self.assertEqual(session.events(), [])
+            self.assert_replays(session.recording, whole=True)
+            self.assert_nothing_left()
+
+    def test_a_full_disk_ends_the_recording_alone(self):
+        for n, _ in enumerate(trials(["full disk"], 1)):
+            session = self.begin()
+            size = session.recording.stat().st_size
+            most = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+            resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (size, most))
+            while "the session goes on" not in session.told:
+                line = session.process.stderr.readline()
+                self.assertTrue(line, session.told)
+                session.told += line
+            # goes on, and ends or dies as any other does
+            if n % 2 == 0:
+                session.process.terminate()
+                code, _, _ = session.end()
+                self.assertEqual((code, session.events()), (cli.OUTPUT, []))
+                self.assert_nothing_left()
+            else:
+                session.process.kill()
+                code, _, _ = session.end()
+                self.assertEqual((code, [event["kind"] for event in session.events()]), (-signal.SIGKILL, ["death"]))
+                self.assert_nothing_left(claims=2)
+            self.assert_replays(session.recording, whole=False)
+
+
+if __name__ == "__main__":
+    cli.main()
