@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <functional>
@@ -514,17 +515,21 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {.rate_hz = 1000}, test_clock);
   std::atomic<bool> seen{false};
+  std::atomic<int> ticks{0};
   std::thread ticking([&] {
-    while (!seen) tick_after(loop, 1'000'000);
+    while (!seen) {
+      tick_after(loop, 1'000'000);
+      ++ticks;
+    }
   });
   double most = 0;
-  for (int n = 0; n < 2000; ++n) {
+  // as often as it takes for the two to have met: on a busy machine one of them may stand still for long
+  for (int n = 0; n < 2000 || ticks < 2000; ++n) {
     if (n % 500 == 499) loop.reset_health();
     most = std::max(most, loop.health().on_time);
   }
   seen = true;
   ticking.join();
-  EXPECT_GT(loop.health().ticks, 0u);
   EXPECT_LE(most, 1);
 }
 
