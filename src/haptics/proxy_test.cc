@@ -244,6 +244,93 @@ TEST(Proxy, ALayerThatWasGoneThroughDoesNotCloseRoundTheProxy) {
   }
 }
 
+// labels by place, as voxels
+Volume<LabelId> labelled(const GridGeometry& grid,
+                         const std::function<LabelId(const Eigen::Vector3d&)>& label_at) {
+  Volume<LabelId> labels(grid);
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i)
+        labels.at(i, j, k) = label_at((grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen());
+  return labels;
+}
+
+TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
+  const GridGeometry grid = cube_grid(9, {0.36, 0.36, 0.7});
+  ProxyRun run;
+  run.surfaces.resize(2);
+  run.surfaces[0].stiffness_N_per_mm = 1;
+  run.surfaces[0].static_friction = run.surfaces[0].dynamic_friction = 0.2;
+  run.surfaces[1].stiffness_N_per_mm = 0.4;
+  run.surfaces[1].static_friction = run.surfaces[1].dynamic_friction = 0.1;
+  run.surfaces.push_back(felt_surface(grid, floor_mm));
+  run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
+  run.surfaces[2].owners = std::make_shared<const Owners>(
+      labelled(grid,
+               [](const Eigen::Vector3d& p) {
+                 return static_cast<LabelId>(p.z() >= 0 ? 0 : p.x() < 0 ? 1 : 2);
+               }),
+      std::vector<std::int16_t>{-1, 0, 1});
+  for (const double radius_mm : {0.0, 1.5}) {
+    run.spheres = {{{}, radius_mm}};
+    run.state = {};
+    run.at({-5, 0, 5});
+    run.lead({-5, 0, 5}, {-5, 0, radius_mm - 1}, 0.05);
+    run.lead({-5, 0, radius_mm - 1}, {-4.5, 0, radius_mm - 1}, 0.01);
+    EXPECT_NEAR(run.result.force_N.z(), 1, 0.01);
+    EXPECT_NEAR(-run.result.force_N.x(), 0.2, 0.005);
+    constexpr double kStep = 0.01;
+    double before_N = run.result.force_N.norm();
+    for (double x = -4.5; x <= 4.5; x += kStep) {
+      const ProxyResult& result = run.at({x, 0, radius_mm - 1});
+      EXPECT_LT(std::abs(result.force_N.norm() - before_N), kStep * 0.6 * 1.2 / Owners::kReach_mm + 1e-3)
+          << x;
+      before_N = result.force_N.norm();
+    }
+    EXPECT_NEAR(run.result.force_N.z(), 0.4, 0.004);
+    EXPECT_NEAR(-run.result.force_N.x(), 0.04, 0.002);
+    EXPECT_LT(run.deepest_mm, kMostDip_mm);
+  }
+}
+
+TEST(Proxy, WhatIsGoneThroughOpensTheOuterSurfaceAndWhatLiesBeneathHolds) {
+  // skin 2 mm thick on bone, and bone that comes to the outside at x > 2
+  const GridGeometry grid = cube_grid(9, {0.5, 0.5, 0.5});
+  const auto bone_mm = [](const Eigen::Vector3d& p) {
+    return std::min(p.z() + 2, std::max(p.z(), 2 - p.x()));
+  };
+  const auto skin_mm = [](const Eigen::Vector3d& p) { return std::max(std::abs(p.z() + 1) - 1, p.x() - 2); };
+  ProxyRun run;
+  run.surfaces = {felt_surface(grid, skin_mm), felt_surface(grid, bone_mm), felt_surface(grid, floor_mm)};
+  run.surfaces[0].puncture_N = 1;
+  run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
+  run.surfaces[2].owners = std::make_shared<const Owners>(
+      labelled(grid,
+               [&](const Eigen::Vector3d& p) {
+                 return static_cast<LabelId>(bone_mm(p) < 0 ? 2 : skin_mm(p) < 0 ? 1 : 0);
+               }),
+      std::vector<std::int16_t>{-1, 0, 1});
+  run.at({-3, 0, 5});
+  run.lead({-3, 0, 5}, {-3, 0, -0.9}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet());
+  EXPECT_NEAR(run.state.position.z(), 0, 0.02);
+  run.lead({-3, 0, -0.9}, {-3, 0, -2.5}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet(0b101)) << "the skin, and with it the outer surface";
+  EXPECT_NEAR(run.state.position.z(), -2, 0.02) << "held by the bone";
+  run.lead({-3, 0, -2.5}, {-3, 0, -1}, 0.05);
+  run.lead({-3, 0, -1}, {3, 0, -1}, 0.05);
+  EXPECT_NEAR(run.state.position.x(), 2, 0.02) << "held by the bone beside it";
+  run.lead({3, 0, -1}, {-3, 0, -1}, 0.05);
+  run.lead({-3, 0, -1}, {-3, 0, 3}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet()) << "closed behind it";
+  EXPECT_EQ(run.result.force_N, Vector<Patient>());
+  // where the bone comes to the outside no force goes through
+  run.lead({-3, 0, 3}, {6, 0, 3}, 0.05);
+  run.lead({6, 0, 3}, {6, 0, -4}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet());
+  EXPECT_NEAR(run.state.position.z(), 0, 0.02);
+}
+
 // how evenly the force changes while the tip slides slowly, deep below a surface
 void expect_even(ProxyRun& run, const std::function<Point<Patient>(double)>& tip_at, double step) {
   run.at(tip_at(0));

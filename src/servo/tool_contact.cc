@@ -65,7 +65,11 @@ ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
 LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at) {
   const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
-  return model.is_felt(label) ? label : model.label_of_surface[static_cast<std::size_t>(contact.surface)];
+  if (model.is_felt(label)) return label;
+  const auto surface = static_cast<std::size_t>(contact.surface);
+  const Owners* owners = model.surfaces[surface].owners.get();
+  return model
+      .label_of_surface[owners == nullptr ? surface : static_cast<std::size_t>(owners->at(at).largest())];
 }
 
 // what the proxy leans on most, as a contact of the direct methods
