@@ -67,8 +67,11 @@ inline constexpr double kBlend_s = 0.1;
 /// What the output stage remembers of one device.
 struct OutputState {
   Wrench sent;
-  double gain = 0;  ///< of the ramp, 0 ... 1
-  double heat = 0;  ///< part of the thermal budget that is used, 0 ... 1
+  double gain = 0;         ///< of the ramp, 0 ... 1
+  double heat = 0;         ///< part of the thermal budget that is used, 0 ... 1
+  double whole_s = 0;      ///< since the last fault or dropout; not counted beyond the ramp's time
+  bool away = false;       ///< no fresh pose now, for a short time yet: the gain waits
+  bool returning = false;  ///< one has come again: the force grows slowly for a while
 };
 
 /// What the spring and the damper between tip and proxy remember.
