@@ -422,6 +422,56 @@ TEST(Tick, TheProxyHoldsTheTipWithTheTissuesStiffness) {
   EXPECT_NEAR(Vector<Patient>(proxy[0], proxy[1], proxy[2]).norm(), kBoneRadius_mm, 0.03);
 }
 
+TEST(Tick, TheRecordedNormalIsNoFartherFromTheForceThanFrictionAllows) {
+  // Terraces of 0.7 mm whose normals are those of the slope, as smoothed ones are: the proxy rests on their
+  // edges. And a notch of two walls.
+  const auto slope_mm = [](const Eigen::Vector3d& p) {
+    return (p.z() - 0.0875 * p.x()) / std::hypot(1, 0.0875);
+  };
+  const auto terraces_mm = [](const Eigen::Vector3d& p) {
+    const double at = 0.0875 * p.x() / 0.7;
+    return 0.9 * (p.z() - 0.7 * (std::floor(at) + std::clamp(8 * (at - std::floor(at)) - 3.5, 0.0, 1.0)));
+  };
+  const auto notch_mm = [](const Eigen::Vector3d& p) {
+    return std::max(p.z() - std::abs(p.x()), -30.0) / std::sqrt(2.0);
+  };
+  for (const double coefficient : {0.0, 0.025, 0.3})
+    for (const bool notch : {false, true}) {
+      SCOPED_TRACE(std::to_string(coefficient) + (notch ? ", notch" : ", terraces"));
+      ProxyLoop loop;
+      loop.parameters.viscosity = false;
+      loop.parameters.friction = coefficient > 0;
+      const GridGeometry& grid = loop.model.labels->geometry();
+      const auto position = notch ? testing::sampled_distance(grid, notch_mm, 4)
+                                  : testing::sampled_distance(grid, terraces_mm, 4);
+      const auto normals = notch ? position : testing::sampled_distance(grid, slope_mm, 4);
+      loop.model.surfaces = {
+          {std::make_shared<const Surface>(position, normals, testing::steepest_of(position)), 1.5,
+           coefficient, coefficient}};
+      loop.model.label_of_surface = {kBone};
+      const auto at = [&](double x, double y, double z) {
+        DeviceState device;
+        device.tip = loop.model.X_WorldPatient * Point<Patient>(x, y, z);
+        loop.at(device);
+      };
+      at(-6, 0, 3);
+      for (int n = 0; n < 400; ++n) at(-6, 0, 3 - 0.01 * n);
+      double farthest = 0;
+      for (int n = 0; n < 12'000; ++n) {
+        const double x = -6 + 0.001 * n;
+        at(x, 0.5 * std::sin(0.003 * n), (notch ? std::abs(x) : 0.0875 * x) - 1);
+        const auto& seen = loop.record.device[0];
+        const Vector<Patient> normal(seen.normal_patient[0], seen.normal_patient[1], seen.normal_patient[2]);
+        const Vector<Patient> force = loop.model.X_WorldPatient.inverse() * loop.wrench.force_N;
+        if (force.norm() < 0.1) continue;
+        ASSERT_NEAR(normal.norm(), 1, 1e-9);
+        farthest = std::max(farthest, force.cross(normal).norm() / force.dot(normal));
+        ASSERT_GT(force.dot(normal), 0);
+      }
+      EXPECT_LT(farthest, coefficient + 0.001) << "tangential over normal force";
+    }
+}
+
 TEST(Tick, TheProxyTellsTheStructureByTheLabelsWhereItLeans) {
   ProxyLoop loop(3);
   loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
