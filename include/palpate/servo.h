@@ -38,6 +38,10 @@ struct DeviceParameters {
   /// by one factor.
   double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   double position_step_mm = kNotKnown;  ///< of its encoders: less is no motion to the passivity controller
+  /// Damping that the device bears, N s/mm of the device: more of a tissue's viscosity, the published
+  /// friction's and the coupling's is felt as so much. Not above 0 or not a number: nothing is known of it,
+  /// and nothing clamped.
+  double most_damping_N_s_per_mm = kNotKnown;
 };
 /// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);

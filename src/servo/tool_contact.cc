@@ -17,9 +17,16 @@ double most_stiffness_N_per_mm(const DeviceParameters& own) {
   return most < 0 ? 0 : most;
 }
 
-/// @param full_force_N  where the field is 1
+// likewise
+double most_damping_N_s_per_mm(const DeviceParameters& own) {
+  return own.most_damping_N_s_per_mm > 0 ? own.most_damping_N_s_per_mm / (own.force_gain * own.scale)
+                                         : std::numeric_limits<double>::infinity();
+}
+
+/// @param full_force_N     where the field is 1
+/// @param most_N_s_per_mm  of all that damps at this point
 PointContact touch(const Model& model, const Parameters& parameters, double full_force_N,
-                   const Point<Patient>& x, const Vector<Patient>& velocity_mm_s) {
+                   double most_N_s_per_mm, const Point<Patient>& x, const Vector<Patient>& velocity_mm_s) {
   const ForceField& field = model.force_field(parameters.method);
   PointContact contact;
   contact.proxy = x;
@@ -30,9 +37,13 @@ PointContact touch(const Model& model, const Parameters& parameters, double full
   if (contact.site.tissue < 0) return contact;
 
   const Tissue& tissue = model.tissues[contact.site.tissue];
-  if (parameters.friction) contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N);
+  const double left_N_s_per_mm =
+      parameters.viscosity ? std::max(0.0, most_N_s_per_mm - tissue.viscosity_N_s_per_mm) : most_N_s_per_mm;
+  if (parameters.friction)
+    contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N, left_N_s_per_mm);
   if (parameters.viscosity)
-    contact.force_N += viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level);
+    contact.force_N +=
+        viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, most_N_s_per_mm);
   return contact;
 }
 
@@ -147,6 +158,8 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
   // points that touch together add up
   const double stiffness_N_per_mm =
       model.greatest_stiffness_N_per_mm() * static_cast<double>(model.tool.points_mm.size());
+  const double most_N_s_per_mm =
+      most_damping_N_s_per_mm(gains) / static_cast<double>(model.tool.points_mm.size());
   const double softer = std::min(1.0, most_stiffness_N_per_mm(gains) / stiffness_N_per_mm);
   const double full_force_N = model.force_field(parameters.method).full_force_N() * softer;
   tool.stiffness_N_per_mm = stiffness_N_per_mm * softer * gains.force_gain * gains.scale;
@@ -154,7 +167,7 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
   for (const Eigen::Vector3d& offset_mm : model.tool.points_mm) {
     const Vector<World> arm_mm(turn * offset_mm);
     const PointContact contact =
-        touch(model, parameters, full_force_N, tip + X_PatientWorld * arm_mm, velocity_mm_s);
+        touch(model, parameters, full_force_N, most_N_s_per_mm, tip + X_PatientWorld * arm_mm, velocity_mm_s);
     const Vector<World> force_N = X_WorldPatient * contact.force_N;
     tool.asked.force_N += force_N * gains.force_gain;
     tool.asked.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
@@ -184,16 +197,19 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
   const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy,
                                            {parameters.friction, most_stiffness_N_per_mm(gains)});
   const Vector<Patient> pull_mm = proxy.coupled ? proxy.position - tip : Vector<Patient>();
-  const double part =
-      coupled(result, pull_mm, model.method_settings.coupling_damping_N_s_per_mm, dt_s, coupling);
+  const double most_N_s_per_mm = most_damping_N_s_per_mm(gains);
+  const double damping_N_s_per_mm =
+      std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
+  const double part = coupled(result, pull_mm, damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;
   tool.strongest =
       strongest_of(model, proxy, spheres, tip, parameters.friction, result.force_N, result.force_N * part);
   ContactSite& site = tool.strongest.site;
   if (site.tissue < 0 && proxy.punctured.any()) site = site_of(model, label_at(model, tip), kInside_mm);
   if (parameters.viscosity && site.tissue >= 0)
-    tool.strongest.force_N += viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)],
-                                            velocity_mm_s, site.depth_mm / kInside_mm);
+    tool.strongest.force_N +=
+        viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], velocity_mm_s,
+                      site.depth_mm / kInside_mm, most_N_s_per_mm - damping_N_s_per_mm);
   tool.asked.force_N = X_WorldPatient * tool.strongest.force_N * gains.force_gain;
   tool.asked.torque_Nmm = X_WorldPatient * result.torque_Nmm * (part * gains.force_gain / gains.scale);
   tool.stored_mJ =
