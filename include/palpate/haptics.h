@@ -168,11 +168,15 @@ class VelocityWindow {
 
 /// Viscosity: -c v, scaled by how far the tip is inside (field over the tissue's level, 0 ... 1), so
 /// that it enters without a step. N.
-Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside);
+/// @param most_N_s_per_mm  of its viscosity
+Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside,
+                              double most_N_s_per_mm = std::numeric_limits<double>::infinity());
 
 /// The published pseudo-friction: a viscous force along the surface, capped at the tissue's maximum
 /// and at mu |F_n|. N.
+/// @param most_N_s_per_mm  of its damping
 Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& velocity_mm_s,
-                                const Vector<Patient>& normal_force_N);
+                                const Vector<Patient>& normal_force_N,
+                                double most_N_s_per_mm = std::numeric_limits<double>::infinity());
 
 }  // namespace palpate

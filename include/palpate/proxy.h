@@ -48,7 +48,7 @@ struct ProxyContact {
   double pull_mm = 0;      ///< along the normal: what it adds to the way from the tip to the proxy
 };
 /// A corner of three walls, each of which may be met by every sphere of the tool.
-inline constexpr std::size_t kMostContacts = 8;
+inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
 
 /// What is remembered between two ticks. Small and without pointers.
 struct ProxyState {

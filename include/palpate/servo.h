@@ -38,6 +38,10 @@ struct DeviceParameters {
   /// by one factor.
   double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   double position_step_mm = kNotKnown;  ///< of its encoders: less is no motion to the passivity controller
+  /// Damping that the device bears, N s/mm of the device: more of a tissue's viscosity, the published
+  /// friction's and the coupling's is felt as so much. Not above 0 or not a number: nothing is known of it,
+  /// and nothing clamped.
+  double most_damping_N_s_per_mm = kNotKnown;
 };
 /// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
@@ -67,8 +71,11 @@ inline constexpr double kBlend_s = 0.1;
 /// What the output stage remembers of one device.
 struct OutputState {
   Wrench sent;
-  double gain = 0;  ///< of the ramp, 0 ... 1
-  double heat = 0;  ///< part of the thermal budget that is used, 0 ... 1
+  double gain = 0;         ///< of the ramp, 0 ... 1
+  double heat = 0;         ///< part of the thermal budget that is used, 0 ... 1
+  double whole_s = 0;      ///< since the last fault or dropout; not counted beyond the ramp's time
+  bool away = false;       ///< no fresh pose now, for a short time yet: the gain waits
+  bool returning = false;  ///< one has come again: the force grows slowly for a while
 };
 
 /// What the spring and the damper between tip and proxy remember.

@@ -68,6 +68,7 @@ struct DeviceTick {
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, peak_torque_Nmm = kNotKnown;
   double peak_gripper_N = kNotKnown, slew_N_per_s = kNotKnown;
   double most_stiffness_N_per_mm = kNotKnown, position_step_mm = kNotKnown;
+  double most_damping_N_s_per_mm = kNotKnown;  ///< 0 of recordings before format 4.1: likewise
   // out
   std::array<double, 3> force_N{};     ///< sent, World
   std::array<double, 3> torque_Nmm{};  ///< about the tip, World
@@ -79,8 +80,8 @@ struct DeviceTick {
   double damping_N_s_per_m = 0;        ///< along the force, added by the passivity controller
   double turned_mJ = 0;  ///< work that the turning object has done on the hand since the run began
   std::array<double, 3> tip_patient_mm{};
-  std::array<double, 3> proxy_patient_mm{};       ///< where the proxy is; by a direct method, the tip
-  std::array<double, 3> normal_patient{};         ///< outward, unit; zero in free space
+  std::array<double, 3> proxy_patient_mm{};  ///< where the proxy is; by a direct method, the tip
+  std::array<double, 3> normal_patient{};    ///< of all that is leant on, outward, unit; zero in free space
   std::array<double, 3> velocity_patient_mm_s{};  ///< windowed, relative to the object
   double field = 0;                               ///< 0 ... 1; the proxy reads none: 0
   /// ContactSite::depth_mm; NaN: no surface within reach, 0 where nothing is felt. Of the proxy: from it to

@@ -16,7 +16,8 @@ struct HalfSpace {
   /// How far inside q is; negative: outside.
   double clearance(const Point<Patient>& q) const { return normal.eigen().dot(q.eigen()) - offset; }
 };
-inline constexpr std::size_t kMostHalfSpaces = 8;
+/// A corner of three walls, each of which may be met by every sphere of a tool.
+inline constexpr std::size_t kMostHalfSpaces = 12;
 
 /// The closest point to another that half-spaces leave, and what holds it there: the point is
 /// x + sum of pull[i] * normal of half-space active[i], every pull above 0 mm.

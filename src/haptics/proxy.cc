@@ -246,7 +246,11 @@ class Walk {
   // one stride; false when the proxy has come to rest
   bool step(ProxyResult& result) {
     const double free_mm = touch_what_is_near();
+    // a try that fails has let nothing go: the next one is held as the proxy was before
+    const bool sticking = state_.sticking, anchored = anchored_;
     for (int attempt = 0; attempt < kMostTries; ++attempt) {
+      state_.sticking = sticking;
+      anchored_ = anchored;
       const auto nearest = closest_point(tip_, walls_.half_spaces());
       if (!nearest) {
         result.wedged = true;
@@ -260,6 +264,8 @@ class Walk {
       if (add_walls_below(end)) continue;
       return go_to(end);
     }
+    state_.sticking = sticking;
+    anchored_ = anchored;
     return creep();
   }
 

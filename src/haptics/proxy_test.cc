@@ -165,6 +165,29 @@ TEST(Proxy, IsHeldByThreeWallsOfThreeStructures) {
   EXPECT_LT((run.result.force_N - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3);
 }
 
+TEST(Proxy, FourSpheresInACornerLeanOnAllThreeWalls) {
+  // of tools that differ by micrometres, so that each sphere meets each wall
+  ProxyRun run;
+  for (int axis = 0; axis < 3; ++axis)
+    run.surfaces.push_back(
+        felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [axis](const Eigen::Vector3d& p) { return p[axis]; }));
+  run.spheres.clear();
+  for (const double aside_mm : {0.0, 0.001, 0.002, 0.003})
+    run.spheres.push_back({Vector<Patient>(aside_mm, aside_mm, aside_mm), 1});
+  run.at({3, 3, 3});
+  run.lead({3, 3, 3}, {0, -1, 0.5}, 0.2);
+  EXPECT_LT((run.state.position - Point<Patient>(1, 1, 1)).norm(), 4e-3);
+  EXPECT_EQ(run.state.contacts, 12);
+  EXPECT_FALSE(run.result.wedged);
+  EXPECT_LT((run.result.force_N - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3);
+  Vector<Patient> pull_mm;
+  for (int n = 0; n < run.state.contacts; ++n)
+    pull_mm += run.state.contact[static_cast<std::size_t>(n)].normal *
+               run.state.contact[static_cast<std::size_t>(n)].pull_mm;
+  EXPECT_LT((pull_mm - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3) << "and the walls give all of it";
+  EXPECT_LT(run.deepest_mm, kMostDip_mm);
+}
+
 TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
   ProxyRun run;
   for (const double side : {-1.0, 1.0})
@@ -467,6 +490,27 @@ TEST(Proxy, DoesNotDriftWhileItSticks) {
       run.at({1 + 0.05 * std::sin(0.06 * n), 0.5 + 0.05 * std::cos(0.05 * n), -2});
     run.at({1, 0.5, -2});
     EXPECT_LT((run.state.position - before).norm(), 1e-3) << "mm";
+  }
+}
+
+TEST(Proxy, AWallThatIsMetOnTheWayLetsNoFrictionGo) {
+  // Stuck on a floor just before a wall, farther from it than a wall is seen, pulled into the notch and along
+  // it. On the floor alone it would have to slide; the notch holds it by static friction.
+  for (const double before_wall_mm : {0.055, 0.06, 0.065}) {
+    SCOPED_TRACE(before_wall_mm);
+    ProxyRun run = on_floor(0.8, 0.2);
+    run.surfaces.push_back(
+        felt_surface(cube_grid(10, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.x(); }));
+    run.surfaces[1].static_friction = 0.8;
+    run.surfaces[1].dynamic_friction = 0.2;
+    run.surfaces[1].stiffness_N_per_mm = 2;
+    run.lead({before_wall_mm, 0, 3}, {before_wall_mm, 0, -1}, 0.1);
+    ASSERT_TRUE(run.state.sticking);
+    ASSERT_EQ(run.state.contacts, 1);
+    run.at({-1.5, 0.6, -1});
+    EXPECT_EQ(run.state.contacts, 2);
+    EXPECT_TRUE(run.state.sticking);
+    EXPECT_NEAR(run.state.position.y(), 0, 1e-3);
   }
 }
 

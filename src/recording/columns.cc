@@ -5,6 +5,7 @@
 
 #include "palpate/recording.h"
 #include "recording/bits.h"
+#include "recording/header_fields.h"
 
 namespace palpate::internal {
 namespace {
@@ -13,6 +14,9 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 using enum Number;
+
+// added within this format: some files of it lack it
+constexpr std::uint32_t kWithinFormat = kFormatMajor + 1;
 
 #define PALPATE_TICK(field) offsetof(TickRecord, field)
 #define PALPATE_DEVICE(field) offsetof(DeviceTick, field)
@@ -105,6 +109,9 @@ constexpr std::array kDeviceColumns{
            "input: stiffness of the device that a hand holds; stiffer tissues are felt as this stiff"},
     Column{"position_step_mm", kF64, 1, PALPATE_DEVICE(position_step_mm), "mm", "-",
            "input: step of the device's encoders, NaN: not known"},
+    Column{"most_damping_N_s_per_mm", kF64, 1, PALPATE_DEVICE(most_damping_N_s_per_mm), "N s/mm", "-",
+           "input: damping that the device bears; more is felt as so much, NaN: not known", nullptr,
+           kWithinFormat},
     Column{"force_N", kF64, 3, PALPATE_DEVICE(force_N), "N", "World", "output: force sent to the device"},
     Column{"torque_Nmm", kF64, 3, PALPATE_DEVICE(torque_Nmm), "N mm", "World",
            "output: torque about the tip sent to the device"},

@@ -23,7 +23,7 @@ struct Column {
   const char* frame;                ///< whose axes, or "-"
   const char* meaning;              ///< ASCII
   std::string (*bits)() = nullptr;  ///< the list of what its bits or numbers mean
-  std::uint32_t since = 3;          ///< the format's major number; what earlier files lack is read as 0
+  std::uint32_t since = 3;  ///< the format's major number that never lacks it; what a file lacks is read as 0
 
   std::size_t row_bytes() const { return size_of(number) * width; }
   /// Stored with the data set.

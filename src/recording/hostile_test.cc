@@ -210,7 +210,8 @@ void become_format_3(hid_t file, const std::vector<std::array<double, 6>>& chang
   const std::uint32_t major = 3;
   const Handle attribute(H5Aopen(file, "format_major", H5P_DEFAULT), H5Aclose);
   ASSERT_GE(H5Awrite(attribute.get(), H5T_STD_U32LE, &major), 0);
-  for (const char* later : {"events", "device0/turned_mJ", "summary/turns_held"})
+  for (const char* later :
+       {"events", "device0/turned_mJ", "device0/most_damping_N_s_per_mm", "summary/turns_held"})
     ASSERT_GE(H5Ldelete(file, later, H5P_DEFAULT), 0);
   const hsize_t dims[2] = {changes.size(), 6};
   const Handle space(H5Screate_simple(2, dims, nullptr), H5Sclose);
@@ -251,6 +252,7 @@ TEST_F(Hostile, Format3IsStillRead) {
   EXPECT_EQ(read->events[1].tick, 5u);
   EXPECT_EQ(read->events[2].change, (ModelChange{4, ModelChange::kFieldsMadeAnew}));
   EXPECT_EQ(read->events[2].tick, 11u);
+  EXPECT_EQ(read->ticks[3].device[0].most_damping_N_s_per_mm, 0) << "not known";
   const auto wild = read_with({{2.5, 0, 0.8, 0.3, 0.2, 0.1}});
   ASSERT_FALSE(wild);
   EXPECT_THAT(wild.error().what, HasSubstr("no version or tissue"));

@@ -65,14 +65,36 @@ double freshness_at(double age_s) {
 }
 
 // the part of the way to `wanted` that one tick may take
-double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& limits, double dt_s) {
+double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& limits, double slew_N_per_s,
+                 double dt_s) {
   const auto part = [](double way, double most) { return way > most ? most / way : 1.0; };
   const double swing = dt_s / kFullSwing_s;
-  const double slew_N_per_s = limits.slew_N_per_s > 0 ? limits.slew_N_per_s : OutputLimits{}.slew_N_per_s;
   return std::min(
       {part(magnitude(wanted.force_N - sent.force_N), slew_N_per_s * dt_s),
        part(magnitude(wanted.torque_Nmm - sent.torque_Nmm), allowed(limits.peak_torque_Nmm) * swing),
        part(std::abs(wanted.gripper_N - sent.gripper_N), allowed(limits.peak_gripper_N) * swing)});
+}
+
+// What an old pose or a fault takes away, and how it comes back. A pause, which fades, is not kept waiting
+// for.
+void lose(const OutputRequest& request, std::uint32_t faults, OutputState& state) {
+  const bool is_short = request.age_s <= kShortDropout_s && (state.away || state.whole_s >= kRampIn_s);
+  state.away = faults == 0 && !request.off && request.age_s >= kStale_s && is_short;
+  if (!state.away) state.gain = 0;
+  state.sent = {};
+  state.whole_s = 0;
+  state.returning = false;
+}
+
+// The slew that holds now: a slow one where the force grows and has come back from a dropout.
+double slew_now_N_per_s(const OutputLimits& limits, const Vector<World>& wanted_N, double dt_s,
+                        OutputState& state) {
+  state.returning = state.away || (state.returning && state.whole_s < kReturn_s);
+  state.away = false;
+  state.whole_s = std::min(kRampIn_s, state.whole_s + dt_s);
+  const double slew_N_per_s = limits.slew_N_per_s > 0 ? limits.slew_N_per_s : OutputLimits{}.slew_N_per_s;
+  const bool grows = magnitude(wanted_N) > magnitude(state.sent.force_N);
+  return state.returning && grows ? std::min(slew_N_per_s, kReturn_N_per_s) : slew_N_per_s;
 }
 
 Wrench between(const Wrench& from, const Wrench& to, double part) {
@@ -106,12 +128,11 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   out.flags = request.faults & kFaultFlags;
   if (!all_finite(request.asked)) out.flags |= kFlagNotFinite;
 
-  // an old state fades, a fault is off at once; both come back by the ramp
+  // an old state fades, a fault is off at once
   const double freshness = freshness_at(request.age_s);
   if (freshness < 1) out.flags |= kFlagStale;
   if ((out.flags & kFaultFlags) != 0 || freshness == 0) {
-    state.sent = {};
-    state.gain = 0;
+    lose(request, out.flags & kFaultFlags, state);
     state.heat = warmed(limits, state.heat, 0, dt_s);
     return out;
   }
@@ -131,7 +152,8 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
                            : std::min(1.0, state.gain + dt_s / kRampIn_s);
   if (state.gain < 1) out.flags |= kFlagRamp;
   const Wrench wanted = scaled(kept, state.gain);
-  const double part = slew_part(state.sent, wanted, limits, dt_s);
+  const double part =
+      slew_part(state.sent, wanted, limits, slew_now_N_per_s(limits, wanted.force_N, dt_s, state), dt_s);
   if (part < 1) out.flags |= kFlagSlew;
 
   // the limit again, for a slew from above it, and the decay of an ageing state

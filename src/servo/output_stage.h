@@ -11,6 +11,12 @@ inline constexpr double kRampIn_s = 0.5;   ///< from nothing to full force, at t
 inline constexpr double kRampOut_s = 0.1;  ///< from full force to nothing, before a pause or the end
 inline constexpr double kFresh_s = 5e-3;   ///< a state of up to this age is acted on in full
 inline constexpr double kStale_s = 10e-3;  ///< one of this age gets nothing
+/// A dropout: poses that have been no older than this come back faster than by the ramp.
+inline constexpr double kShortDropout_s = 20e-3;
+/// So fast the force grows then, and no faster for so long: 0.2 N in a tick of 1 kHz is no kick. 9 N, more
+/// than any known device has, are back in 50 ms; the rest is for the hand's rebound. A hand that lost its
+/// support sinks the less the faster it comes back.
+inline constexpr double kReturn_N_per_s = 180, kReturn_s = 100e-3;
 /// A state from the future comes from another clock; by so much, it is one that is set to ours.
 inline constexpr double kClockJitter_s = 1e-3;
 /// Time constant of the motors' warming. An assumption: the makers give a continuous force and a peak, and
@@ -37,9 +43,11 @@ struct Output {
 };
 
 /// In order: faults and stale states give nothing, at once; limit; ramp; slew; limit again; decay of an
-/// ageing state. The limit keeps the direction and scales the torque alike; it stands before the ramp, so
-/// that what fades is what was felt, and after the slew, so that no tick is above it, however fast it was
-/// lowered.
+/// ageing state. What was lost comes back by the ramp, after a short dropout by a slow slew: then nothing is
+/// wrong, and a hand that presses would fall for half a second. Only one dropout in the ramp's time is that:
+/// of poses that come now and then nobody knows whether they are all there is. The limit keeps the direction
+/// and scales the torque alike; it stands before the ramp, so that what fades is what was felt, and after the
+/// slew, so that no tick is above it, however fast it was lowered.
 /// @param max_force_N  the user's limit; not finite or negative counts as 0
 /// @param dt_s         since the last call; not finite or negative counts as 0
 Output make_output(const OutputRequest& request, const OutputLimits& limits, double max_force_N, double dt_s,

@@ -164,6 +164,102 @@ TEST(OutputStage, AnAgeingStateDecaysFromFiveToTenMilliseconds) {
   EXPECT_LT(stage.step(Vector<World>(0, 2, 0)).wrench.force_N.y(), 0.01);
 }
 
+// without a fresh pose until `age_s`, tick after tick
+Output drop_out(Stage& stage, const Vector<World>& asked, double age_s) {
+  Output out;
+  for (int n = 1; n <= std::lround(age_s / kTick_s); ++n) out = stage.step({{asked, {}}, n * kTick_s});
+  return out;
+}
+
+TEST(OutputStage, AShortDropoutComesBackWithinFiftyMillisecondsAndWithoutAKick) {
+  for (const double rest_N : {0.5, 1.0, 3.0, 8.0})
+    for (const double dropout_s : {10e-3, 11e-3, 15e-3, 20e-3}) {
+      SCOPED_TRACE(std::to_string(rest_N) + " N, " + std::to_string(dropout_s) + " s");
+      Stage stage;
+      stage.max_force_N = 8;
+      const Vector<World> asked(0, rest_N, 0);
+      stage.settle(asked);
+      EXPECT_EQ(drop_out(stage, asked, dropout_s).wrench.force_N, Vector<World>());
+      double before_N = 0;
+      int ticks = 0;
+      while (before_N < rest_N && ticks < 1000) {
+        const double force_N = stage.step(asked).wrench.force_N.y();
+        ASSERT_LE(force_N - before_N, 0.2);
+        ASSERT_GT(force_N, before_N);
+        before_N = force_N;
+        ++ticks;
+      }
+      EXPECT_LE(ticks * kTick_s, 50e-3);
+      // what is taken away does not wait
+      const Vector<World> less(0, rest_N - 0.4, 0);
+      EXPECT_EQ(stage.step(less).wrench.force_N, less);
+      EXPECT_LE(stage.step(asked).wrench.force_N.y(), less.y() + 0.2);
+      // and after that time it is as fast as ever
+      for (int n = 0; n < 100; ++n) stage.step(less);
+      EXPECT_EQ(stage.step(asked).wrench.force_N, asked);
+    }
+}
+
+TEST(OutputStage, WhatIsNoShortDropoutComesBackByTheRamp) {
+  const Vector<World> asked(0, 2, 0);
+  const auto comes_back = [&](Stage& stage) {
+    for (int n = 1; n < 500; ++n)
+      ASSERT_LE(stage.step(asked).wrench.force_N.y(), 2 * n * kTick_s / kRampIn_s + 1e-9) << n;
+    EXPECT_NEAR(stage.step(asked).wrench.force_N.y(), 2, 1e-9);
+  };
+  {
+    SCOPED_TRACE("a longer one");
+    Stage stage;
+    stage.settle(asked);
+    drop_out(stage, asked, 21e-3);
+    comes_back(stage);
+  }
+  for (const std::uint32_t fault :
+       {kFlagNotFinite, kFlagJump, kFlagDeviceFault, kFlagHalted, kFlagEmergencyStop})
+    for (const int when : {0, 12, 20}) {
+      SCOPED_TRACE("fault " + std::to_string(fault) + " after " + std::to_string(when) +
+                   " ticks without a pose");
+      Stage stage;
+      stage.settle(asked);
+      drop_out(stage, asked, when * kTick_s);
+      // also one that is stale at the same time
+      stage.step({{asked, {}}, when == 12 ? 13e-3 : 0, fault});
+      comes_back(stage);
+    }
+  for (const double no_age : {kNaN, kInfinity, -2e-3}) {
+    SCOPED_TRACE("a pose of nobody knows when");
+    Stage stage;
+    stage.settle(asked);
+    stage.step({{asked, {}}, no_age});
+    comes_back(stage);
+  }
+  {
+    SCOPED_TRACE("paused meanwhile");
+    Stage stage;
+    stage.settle(asked);
+    drop_out(stage, asked, 11e-3);
+    stage.step({{asked, {}}, 12e-3, 0, true});
+    comes_back(stage);
+  }
+  {
+    SCOPED_TRACE("a second one before half a second has gone well");
+    Stage stage;
+    stage.settle(asked);
+    drop_out(stage, asked, 20e-3);
+    for (int n = 0; n < 400; ++n) stage.step(asked);
+    EXPECT_EQ(stage.state.sent.force_N, asked);
+    drop_out(stage, asked, 11e-3);
+    comes_back(stage);
+  }
+  {
+    SCOPED_TRACE("one on the ramp");
+    Stage stage;
+    for (int n = 0; n < 250; ++n) stage.step(asked);
+    drop_out(stage, asked, 11e-3);
+    comes_back(stage);
+  }
+}
+
 TEST(OutputStage, SlewSpreadsAStepAndArrives) {
   Stage stage;
   stage.settle(Vector<World>(2, 0, 0));

@@ -72,6 +72,9 @@ std::uint64_t SessionState::hash(int devices) const {
     hash_wrench(hash, hands[d].output.sent);
     hash_double(hash, hands[d].output.gain);
     hash_double(hash, hands[d].output.heat);
+    hash_double(hash, hands[d].output.whole_s);
+    hash_word(hash, static_cast<std::uint64_t>(hands[d].output.away) << 1 |
+                        static_cast<std::uint64_t>(hands[d].output.returning));
   }
   return hash_finish(hash);
 }

@@ -186,6 +186,7 @@ std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::si
     hash_double(maker, parameters.device[d].force_gain);
     hash_double(maker, parameters.device[d].scale);
     hash_double(maker, parameters.device[d].most_stiffness_N_per_mm);
+    hash_double(maker, parameters.device[d].most_damping_N_s_per_mm);
   }
   return hash_finish(maker) | 1;
 }

@@ -58,6 +58,7 @@ void record_inputs(const DeviceState& device, const DeviceParameters& parameters
   out.slew_N_per_s = parameters.limits.slew_N_per_s;
   out.most_stiffness_N_per_mm = parameters.most_stiffness_N_per_mm;
   out.position_step_mm = parameters.position_step_mm;
+  out.most_damping_N_s_per_mm = parameters.most_damping_N_s_per_mm;
 }
 
 void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,

@@ -422,6 +422,56 @@ TEST(Tick, TheProxyHoldsTheTipWithTheTissuesStiffness) {
   EXPECT_NEAR(Vector<Patient>(proxy[0], proxy[1], proxy[2]).norm(), kBoneRadius_mm, 0.03);
 }
 
+TEST(Tick, TheRecordedNormalIsNoFartherFromTheForceThanFrictionAllows) {
+  // Terraces of 0.7 mm whose normals are those of the slope, as smoothed ones are: the proxy rests on their
+  // edges. And a notch of two walls.
+  const auto slope_mm = [](const Eigen::Vector3d& p) {
+    return (p.z() - 0.0875 * p.x()) / std::hypot(1, 0.0875);
+  };
+  const auto terraces_mm = [](const Eigen::Vector3d& p) {
+    const double at = 0.0875 * p.x() / 0.7;
+    return 0.9 * (p.z() - 0.7 * (std::floor(at) + std::clamp(8 * (at - std::floor(at)) - 3.5, 0.0, 1.0)));
+  };
+  const auto notch_mm = [](const Eigen::Vector3d& p) {
+    return std::max(p.z() - std::abs(p.x()), -30.0) / std::sqrt(2.0);
+  };
+  for (const double coefficient : {0.0, 0.025, 0.3})
+    for (const bool notch : {false, true}) {
+      SCOPED_TRACE(std::to_string(coefficient) + (notch ? ", notch" : ", terraces"));
+      ProxyLoop loop;
+      loop.parameters.viscosity = false;
+      loop.parameters.friction = coefficient > 0;
+      const GridGeometry& grid = loop.model.labels->geometry();
+      const auto position = notch ? testing::sampled_distance(grid, notch_mm, 4)
+                                  : testing::sampled_distance(grid, terraces_mm, 4);
+      const auto normals = notch ? position : testing::sampled_distance(grid, slope_mm, 4);
+      loop.model.surfaces = {
+          {std::make_shared<const Surface>(position, normals, testing::steepest_of(position)), 1.5,
+           coefficient, coefficient}};
+      loop.model.label_of_surface = {kBone};
+      const auto at = [&](double x, double y, double z) {
+        DeviceState device;
+        device.tip = loop.model.X_WorldPatient * Point<Patient>(x, y, z);
+        loop.at(device);
+      };
+      at(-6, 0, 3);
+      for (int n = 0; n < 400; ++n) at(-6, 0, 3 - 0.01 * n);
+      double farthest = 0;
+      for (int n = 0; n < 12'000; ++n) {
+        const double x = -6 + 0.001 * n;
+        at(x, 0.5 * std::sin(0.003 * n), (notch ? std::abs(x) : 0.0875 * x) - 1);
+        const auto& seen = loop.record.device[0];
+        const Vector<Patient> normal(seen.normal_patient[0], seen.normal_patient[1], seen.normal_patient[2]);
+        const Vector<Patient> force = loop.model.X_WorldPatient.inverse() * loop.wrench.force_N;
+        if (force.norm() < 0.1) continue;
+        ASSERT_NEAR(normal.norm(), 1, 1e-9);
+        farthest = std::max(farthest, force.cross(normal).norm() / force.dot(normal));
+        ASSERT_GT(force.dot(normal), 0);
+      }
+      EXPECT_LT(farthest, coefficient + 0.001) << "tangential over normal force";
+    }
+}
+
 TEST(Tick, TheProxyTellsTheStructureByTheLabelsWhereItLeans) {
   ProxyLoop loop(3);
   loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
@@ -949,6 +999,57 @@ TEST(Tick, DeepInsideWhereADirectMethodDoesNotPushNoProxyIsBorn) {
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
 }
 
+TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
+  // out of a wall at 40 mm/s, with and without what damps: the proxy's tissue and its coupling, the trilinear
+  // method's tissue and its friction along the surface
+  constexpr double kSpeed_mm_s = 40, kDepth_mm = 1.2;
+  const ProxyLoop fresh;
+  const auto damping_of = [&](ForceMethod method, double viscosity, double coupling, double along,
+                              double most, const Vector<World>& way, double gain = 1, double scale = 1) {
+    Vector<World> force_N[2];
+    for (const bool damped : {false, true}) {
+      ProxyLoop loop = fresh;
+      Tissue& bone = loop.model.tissues[0];
+      bone.viscosity_N_s_per_mm = damped ? viscosity : 0;
+      bone.friction_damping_N_s_per_mm = damped ? along : 0;
+      bone.friction_coefficient = 1;
+      bone.friction_max_N = 100;
+      loop.model.method_settings.coupling_damping_N_s_per_mm = damped ? coupling : 0;
+      loop.parameters.method = method;
+      loop.parameters.friction = method != ForceMethod::kProxy;
+      loop.parameters.device[0].most_damping_N_s_per_mm = most;
+      loop.parameters.device[0].force_gain = gain;
+      loop.parameters.device[0].scale = scale;
+      // down to where the way begins, then along it
+      const Point<World> end(kBoneRadius_mm - kDepth_mm, 0, 0);
+      const Point<World> begin = end - way * (30 * kSpeed_mm_s * kMillisecond_s);
+      loop.lead(begin + Vector<World>(4, 0, 0), begin, 100);
+      loop.lead(begin, end, 30);
+      force_N[damped] = loop.wrench.force_N;
+    }
+    // at the device: N by mm/s of the device
+    return -(force_N[1] - force_N[0]).dot(way) / (kSpeed_mm_s / scale);
+  };
+  const Vector<World> out(1, 0, 0), along(0, 1, 0);
+  for (const double most : {0.012, 0.03}) {
+    SCOPED_TRACE(most);
+    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, most, along), most, 1e-4);
+    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0.004, 0, most, out * -1.0), most, 1e-3);
+    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0, 0.05, 0, most, out * -1.0), most, 1e-3);
+    // a field is not whole there
+    EXPECT_LE(damping_of(ForceMethod::kTrilinear, 0.05, 0, 0, most, along), most);
+    EXPECT_GT(damping_of(ForceMethod::kTrilinear, 0.05, 0, 0, most, along), 0.8 * most);
+    EXPECT_NEAR(damping_of(ForceMethod::kTrilinear, 0.005, 0, 0.06, most, along), most, 1e-3);
+  }
+  // by what the device feels of it
+  EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, 0.012, along, 0.5, 3), 0.012, 1e-4);
+  EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.002, 0, 0, 0.012, along, 0.5, 3), 0.003, 1e-4)
+      << "less is whole";
+  // nothing known, nothing clamped; of recordings that do not tell it, too
+  for (const double unknown : {kNotKnown, 0.0, -1.0})
+    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, unknown, along), 0.05, 1e-4);
+}
+
 TEST(Tick, InsideAPuncturedStructureItsViscosityIsFelt) {
   ProxyLoop loop;
   loop.model.surfaces[0].puncture_N = 1;
@@ -1091,7 +1192,7 @@ TEST(Tick, RecordHoldsEveryInput) {
   loop.parameters.rotation_target = Rotation<World, World>::about(Eigen::Vector3d::UnitX(), 0.3).quaternion();
   loop.model.version = 9;
   DeviceParameters& own = loop.parameters.device[0];
-  own = {1.5, 0.75, {8, 1.4, 300, 5, 900}, 2.5, 0.03};
+  own = {1.5, 0.75, {8, 1.4, 300, 5, 900}, 2.5, 0.03, 0.02};
   DeviceState device;
   device.tip = Point<World>(1, 2, 3);
   device.R_WorldTool = Rotation<World, World>::about(Eigen::Vector3d::UnitY(), 0.1).quaternion();
@@ -1117,6 +1218,7 @@ TEST(Tick, RecordHoldsEveryInput) {
   EXPECT_EQ(in.slew_N_per_s, 900);
   EXPECT_EQ(in.most_stiffness_N_per_mm, 2.5);
   EXPECT_EQ(in.position_step_mm, 0.03);
+  EXPECT_EQ(in.most_damping_N_s_per_mm, 0.02);
   EXPECT_EQ(loop.record.device[0].tip_world_mm, (std::array<double, 3>{1, 2, 3}));
   EXPECT_EQ(loop.record.device[0].orientation_wxyz[0], device.R_WorldTool.w());
   EXPECT_EQ(loop.record.device[0].buttons, 5u);

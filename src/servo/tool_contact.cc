@@ -17,9 +17,16 @@ double most_stiffness_N_per_mm(const DeviceParameters& own) {
   return most < 0 ? 0 : most;
 }
 
-/// @param full_force_N  where the field is 1
+// likewise
+double most_damping_N_s_per_mm(const DeviceParameters& own) {
+  return own.most_damping_N_s_per_mm > 0 ? own.most_damping_N_s_per_mm / (own.force_gain * own.scale)
+                                         : std::numeric_limits<double>::infinity();
+}
+
+/// @param full_force_N     where the field is 1
+/// @param most_N_s_per_mm  of all that damps at this point
 PointContact touch(const Model& model, const Parameters& parameters, double full_force_N,
-                   const Point<Patient>& x, const Vector<Patient>& velocity_mm_s) {
+                   double most_N_s_per_mm, const Point<Patient>& x, const Vector<Patient>& velocity_mm_s) {
   const ForceField& field = model.force_field(parameters.method);
   PointContact contact;
   contact.proxy = x;
@@ -30,9 +37,13 @@ PointContact touch(const Model& model, const Parameters& parameters, double full
   if (contact.site.tissue < 0) return contact;
 
   const Tissue& tissue = model.tissues[contact.site.tissue];
-  if (parameters.friction) contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N);
+  const double left_N_s_per_mm =
+      parameters.viscosity ? std::max(0.0, most_N_s_per_mm - tissue.viscosity_N_s_per_mm) : most_N_s_per_mm;
+  if (parameters.friction)
+    contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N, left_N_s_per_mm);
   if (parameters.viscosity)
-    contact.force_N += viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level);
+    contact.force_N +=
+        viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, most_N_s_per_mm);
   return contact;
 }
 
@@ -72,9 +83,33 @@ LabelId label_under(const Model& model, const ProxyContact& contact, const Point
       .label_of_surface[owners == nullptr ? surface : static_cast<std::size_t>(owners->at(at).largest())];
 }
 
-// what the proxy leans on most, as a contact of the direct methods
+// The normal of all that the proxy leans on together. Where it rests on an edge, or where the position bends
+// more than its smoother normals say, the walls' own are not all that hold it: then it is the direction next
+// to theirs from which the force is no farther than friction lets it be.
+Vector<Patient> normal_of(const Model& model, const ProxyState& proxy, std::span<const ProxyContact> contacts,
+                          bool friction, const Vector<Patient>& force_N) {
+  Vector<Patient> pull_mm;
+  double all_mm = 0, coefficient = 0;
+  for (const ProxyContact& contact : contacts) {
+    const FeltSurface& felt = model.surfaces[static_cast<std::size_t>(contact.surface)];
+    pull_mm += contact.normal * contact.pull_mm;
+    all_mm += contact.pull_mm;
+    if (friction)
+      coefficient += contact.pull_mm * (proxy.sticking ? felt.static_friction : felt.dynamic_friction);
+  }
+  const Vector<Patient> walls = pull_mm.normalized(), along = force_N.normalized();
+  if (!(all_mm > 0) || along == Vector<Patient>()) return walls;
+  const double ahead = walls.dot(along);
+  const Vector<Patient> aside = walls - along * ahead;
+  const double off = aside.norm(), most = coefficient / all_mm;
+  if (off <= most * ahead || off == 0) return walls;
+  return (along + aside * (most / off)).normalized();
+}
+
+// what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
 PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, const Vector<Patient>& force_N) {
+                          const Point<Patient>& tip, bool friction, const Vector<Patient>& spring_N,
+                          const Vector<Patient>& force_N) {
   PointContact contact;
   contact.proxy = proxy.coupled ? proxy.position : tip;
   contact.force_N = force_N;
@@ -83,7 +118,7 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span
                                      [](const auto& a, const auto& b) { return a.pull_mm < b.pull_mm; });
   if (most == contacts.end()) return contact;
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(most->sphere)];
-  contact.sample.gradient = -most->normal;
+  contact.sample.gradient = -normal_of(model, proxy, contacts, friction, spring_N);
   contact.site = site_of(
       model, label_under(model, *most, proxy.position + sphere.offset_mm - most->normal * sphere.radius_mm),
       (proxy.position - tip).norm());
@@ -127,6 +162,8 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
   // points that touch together add up
   const double stiffness_N_per_mm =
       model.greatest_stiffness_N_per_mm() * static_cast<double>(model.tool.points_mm.size());
+  const double most_N_s_per_mm =
+      most_damping_N_s_per_mm(gains) / static_cast<double>(model.tool.points_mm.size());
   const double softer = std::min(1.0, most_stiffness_N_per_mm(gains) / stiffness_N_per_mm);
   const double full_force_N = model.force_field(parameters.method).full_force_N() * softer;
   tool.stiffness_N_per_mm = stiffness_N_per_mm * softer * gains.force_gain * gains.scale;
@@ -134,7 +171,7 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
   for (const Eigen::Vector3d& offset_mm : model.tool.points_mm) {
     const Vector<World> arm_mm(turn * offset_mm);
     const PointContact contact =
-        touch(model, parameters, full_force_N, tip + X_PatientWorld * arm_mm, velocity_mm_s);
+        touch(model, parameters, full_force_N, most_N_s_per_mm, tip + X_PatientWorld * arm_mm, velocity_mm_s);
     const Vector<World> force_N = X_WorldPatient * contact.force_N;
     tool.asked.force_N += force_N * gains.force_gain;
     tool.asked.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
@@ -164,15 +201,19 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
   const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy,
                                            {parameters.friction, most_stiffness_N_per_mm(gains)});
   const Vector<Patient> pull_mm = proxy.coupled ? proxy.position - tip : Vector<Patient>();
-  const double part =
-      coupled(result, pull_mm, model.method_settings.coupling_damping_N_s_per_mm, dt_s, coupling);
+  const double most_N_s_per_mm = most_damping_N_s_per_mm(gains);
+  const double damping_N_s_per_mm =
+      std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
+  const double part = coupled(result, pull_mm, damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;
-  tool.strongest = strongest_of(model, proxy, spheres, tip, result.force_N * part);
+  tool.strongest =
+      strongest_of(model, proxy, spheres, tip, parameters.friction, result.force_N, result.force_N * part);
   ContactSite& site = tool.strongest.site;
   if (site.tissue < 0 && proxy.punctured.any()) site = site_of(model, label_at(model, tip), kInside_mm);
   if (parameters.viscosity && site.tissue >= 0)
-    tool.strongest.force_N += viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)],
-                                            velocity_mm_s, site.depth_mm / kInside_mm);
+    tool.strongest.force_N +=
+        viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], velocity_mm_s,
+                      site.depth_mm / kInside_mm, most_N_s_per_mm - damping_N_s_per_mm);
   tool.asked.force_N = X_WorldPatient * tool.strongest.force_N * gains.force_gain;
   tool.asked.torque_Nmm = X_WorldPatient * result.torque_Nmm * (part * gains.force_gain / gains.scale);
   tool.stored_mJ =

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 
+#include "palpate/haptics.h"
 #include "session/critical_stiffness_hold.h"
 
 namespace palpate {
@@ -116,6 +117,51 @@ TEST(CriticalStiffness, RecommendsPartOfTheLeastOverGrips) {
   // the light grip decides
   EXPECT_DOUBLE_EQ(*recommended, 0.6 * critical(premium(2e-3)));
   EXPECT_FALSE(swings({device, *find_plant_hand("firm-grip"), 500, 2e-3}, 2 * *recommended));
+}
+
+// how a bare mass goes on swinging under a force against its windowed velocity: the second half over the
+// first
+double growth_of_swing(double mass_kg, double damping_N_s_per_mm, double rate_hz, double delay_s) {
+  const PlantDevice device{"bare", mass_kg, 0, 0, 0, 1e9, 1e9};
+  SimulatedDevice plant(device, PlantHand{"none", 0, 0, 0}, delay_s);
+  plant.reset(Point<Device>(0, 0, 0));
+  VelocityWindow window;
+  double before_mm = 0, early = 0, late = 0;
+  const int ticks = static_cast<int>(rate_hz);
+  for (int n = 0; n < 2 * ticks; ++n) {
+    const double at_mm = plant.read().tip.x();
+    window.push(Vector<Patient>(at_mm - before_mm, 0, 0), 1 / rate_hz);
+    before_mm = at_mm;
+    const double speed_mm_s = window.velocity_mm_s().x();
+    // a push to begin with
+    const double force_N = n < ticks / 100 ? 1 : -damping_N_s_per_mm * speed_mm_s;
+    plant.advance({Vector<Device>(force_N, 0, 0), {}}, 1 / rate_hz);
+    double& largest = n < ticks ? early : late;
+    if (n > ticks / 2) largest = std::max(largest, std::abs(plant.true_velocity_mm_s().x()));
+  }
+  return late / early;
+}
+
+TEST(CriticalStiffness, ABareMassSwingsFromTheTheoreticalDampingOn) {
+  for (const double rate_hz : {500.0, 1000.0, 10000.0})
+    for (const double delay_s : {0.0, 1e-3, 3e-3})
+      for (const double mass_kg : {0.045, 0.2}) {
+        SCOPED_TRACE(std::to_string(rate_hz) + " Hz, " + std::to_string(delay_s) + " s");
+        const double neutral = neutral_damping_N_s_per_mm(mass_kg, rate_hz, delay_s);
+        EXPECT_LT(growth_of_swing(mass_kg, 0.92 * neutral, rate_hz, delay_s), 1);
+        EXPECT_GT(growth_of_swing(mass_kg, 1.08 * neutral, rate_hz, delay_s), 1);
+      }
+}
+
+TEST(CriticalStiffness, RecommendsPartOfTheDampingThatABareDeviceBears) {
+  const PlantDevice premium = *find_plant_device("premium-1.5"), touch = *find_plant_device("touch");
+  EXPECT_DOUBLE_EQ(recommended_damping_N_s_per_mm(premium, 1000, 1e-3),
+                   kStiffnessMargin * neutral_damping_N_s_per_mm(premium.mass_kg, 1000, 1e-3));
+  EXPECT_NEAR(recommended_damping_N_s_per_mm(premium, 1000, 1e-3), 0.0141, 1e-4);
+  EXPECT_LT(recommended_damping_N_s_per_mm(touch, 1000, 1e-3),
+            recommended_damping_N_s_per_mm(touch, 1000, 0));
+  EXPECT_LT(recommended_damping_N_s_per_mm(touch, 250, 1e-3),
+            recommended_damping_N_s_per_mm(touch, 1000, 1e-3));
 }
 
 TEST(CriticalStiffness, RefusesWhatCannotBeHeld) {

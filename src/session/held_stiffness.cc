@@ -24,14 +24,18 @@ const Tissue& stiffest_of(const Model& model) {
   });
 }
 
-std::string held_by_hand(const PlantDevice& device, double rate_hz, double delay_s) {
+std::string loop_text(double rate_hz, double delay_s) {
   char loop[80];
   std::snprintf(loop, sizeof loop, delay_s > 0 ? " at %g Hz with %g ms of delay" : " at %g Hz", rate_hz,
                 delay_s * 1e3);
+  return loop;
+}
+
+std::string held_by_hand(const PlantDevice& device, double rate_hz, double delay_s) {
   char margin[120];
   std::snprintf(margin, sizeof margin, ", %.1f of where a grip begins to swing (passive with any hand: %.3g)",
                 kStiffnessMargin, passivity_bound_N_per_mm(device, rate_hz));
-  return "a hand holds with " + device.name + loop + margin;
+  return "a hand holds with " + device.name + loop_text(rate_hz, delay_s) + margin;
 }
 
 }  // namespace
@@ -68,6 +72,32 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
       (vouched < by_hand ? "the maker of " + device.name + " vouches for"
                          : held_by_hand(device, rate_hz, delay_s))
           .c_str());
+  held.clamped = text;
+  return held;
+}
+
+HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace, const PlantDevice& device,
+                         double rate_hz, double delay_s) {
+  HeldDamping held;
+  held.most_N_s_per_mm = recommended_damping_N_s_per_mm(device, rate_hz, delay_s);
+  std::string of = "the proxy's coupling";
+  double asked_N_s_per_mm = model.method_settings.coupling_damping_N_s_per_mm;
+  for (const Tissue& tissue : model.tissues)
+    if (tissue.felt && tissue.viscosity_N_s_per_mm > asked_N_s_per_mm) {
+      of = "'" + tissue.name + "'";
+      asked_N_s_per_mm = tissue.viscosity_N_s_per_mm;
+    }
+  const double felt_N_s_per_mm = asked_N_s_per_mm * workspace.scale * workspace.force_gain;
+  if (felt_N_s_per_mm <= held.most_N_s_per_mm) return held;
+
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "%s asks for %.3g N s/mm of damping (%.3g x scale %.3g x force gain %.3g): felt as %.2g, the "
+                "most that %s "
+                "bears%s, %.1f of where it begins to swing by itself",
+                of.c_str(), felt_N_s_per_mm, asked_N_s_per_mm, workspace.scale, workspace.force_gain,
+                held.most_N_s_per_mm, device.name.c_str(), loop_text(rate_hz, delay_s).c_str(),
+                kStiffnessMargin);
   held.clamped = text;
   return held;
 }

@@ -29,4 +29,13 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
                                      ForceMethod method, const PlantDevice& device, double rate_hz,
                                      double delay_s, const Progress& progress = {});
 
+/// The same of damping, N s/mm of the device: by the most viscous tissue, or by the coupling of the proxy
+/// where that is more.
+struct HeldDamping {
+  double most_N_s_per_mm = 0;  ///< recommended_damping_N_s_per_mm
+  std::string clamped;         ///< as above
+};
+HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace, const PlantDevice& device,
+                         double rate_hz, double delay_s);
+
 }  // namespace palpate

@@ -94,6 +94,45 @@ TEST(HeldStiffness, WhatTheoryPromisesIsLessThanWhatIsRecommended) {
     }
 }
 
+TEST(HeldDamping, IsWhatADeviceBearsByItselfAndSaysSoWithTheNumbers) {
+  const PlantDevice premium = *find_plant_device("premium-1.5");
+  Model model = *ball_of(1).model;
+  WorkspaceSettings workspace;
+  workspace.scale = 2;
+  const auto held = [&] { return held_damping(model, workspace, premium, 1000, 1e-3); };
+  EXPECT_EQ(held().most_N_s_per_mm, recommended_damping_N_s_per_mm(premium, 1000, 1e-3));
+  EXPECT_EQ(held().clamped, "");
+  model.tissues[0].viscosity_N_s_per_mm = 0.05;
+  for (const char* part : {"'bone' asks for 0.1 N s/mm", "0.05 x scale 2 x force gain 1", "felt as 0.014",
+                           "premium-1.5 bears at 1000 Hz with 1 ms of delay"})
+    EXPECT_NE(held().clamped.find(part), std::string::npos) << held().clamped;
+  model.tissues[0].felt = false;
+  EXPECT_EQ(held().clamped, "") << "what is not felt";
+  model.method_settings.coupling_damping_N_s_per_mm = 0.06;
+  EXPECT_NE(held().clamped.find("the proxy's coupling asks for 0.12"), std::string::npos) << held().clamped;
+}
+
+TEST(HeldDamping, IsToldAndRecordedAndReplays) {
+  LoadedScene loaded = ball_of(1);
+  Model model = *loaded.model;
+  model.tissues[0].viscosity_N_s_per_mm = 0.05;
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  Script script = testing::press_script("ball");
+  script.delay_s = 1e-3;
+  test::TemporaryFolder folder;
+  const auto result = simulate(loaded, script, {}, folder / "viscous.h5");
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  ASSERT_FALSE(result->trouble.empty());
+  EXPECT_NE(result->trouble.front().find("N s/mm of damping"), std::string::npos) << result->trouble.front();
+  const auto recording = read_recording(folder / "viscous.h5");
+  ASSERT_TRUE(recording.ok());
+  const double most = recommended_damping_N_s_per_mm(*find_plant_device(script.device), script.rate_hz, 1e-3);
+  for (const TickRecord& record : recording->ticks) ASSERT_EQ(record.device[0].most_damping_N_s_per_mm, most);
+  const auto again = replay(*recording, loaded.model);
+  ASSERT_TRUE(again.ok()) << again.error().message();
+  EXPECT_TRUE(again->identical) << again->difference;
+}
+
 TEST(HeldStiffness, AStiffWallIsFeltAsTheDeviceHoldsIt) {
   const LoadedScene loaded = ball_of(20);
   Script script = testing::press_script("ball");

@@ -3,6 +3,7 @@
 #include "session/critical_stiffness.h"
 #include "verification/stability_buzz.h"
 #include "verification/stability_contact.h"
+#include "verification/stability_dropout.h"
 #include "verification/stability_energy.h"
 #include "verification/stability_names.h"
 #include "verification/stability_theory.h"
@@ -111,6 +112,9 @@ Result<SuiteReport> run_stability(const Progress& progress) {
   const auto energies = energy_figures(progress);
   if (!energies) return energies.error();
   report.figures.insert(report.figures.end(), energies->begin(), energies->end());
+  const auto dropouts = dropout_figures(progress);
+  if (!dropouts) return dropouts.error();
+  report.figures.insert(report.figures.end(), dropouts->begin(), dropouts->end());
   const auto contact = contact_figures(progress);
   if (!contact) return contact.error();
   report.figures.insert(report.figures.end(), contact->begin(), contact->end());

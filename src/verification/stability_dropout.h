@@ -1,0 +1,37 @@
+#pragma once
+
+#include <vector>
+
+#include "palpate/haptics.h"
+#include "palpate/progress.h"
+#include "palpate/simulated_device.h"
+#include "palpate/verification.h"
+
+namespace palpate {
+
+/// A hand that presses on flat_wall(), and poses that fail to come for a while, at 1 kHz through the real
+/// tick.
+struct Dropout {
+  PlantDevice device;
+  PlantHand hand;
+  double stiffness_N_per_mm = 1;  ///< that the hand feels
+  double delay_s = 0;
+  double time_s = 0.02;  ///< for which no fresh pose comes
+  double press_N = 1;    ///< that the hand bears besides the device's Coulomb friction
+};
+
+/// What the hand notices of it.
+struct DroppedOut {
+  double before_N = 0;  ///< that the wall gave
+  double sink_mm = 0;   ///< how far the true tip fell
+  double back_s = 0;    ///< from the first fresh pose until the wall gives four fifths of that, for good
+  double kick_N = 0;    ///< largest growth of the force in a tick of the first 100 ms
+  bool silent = false;  ///< nothing was sent on poses of 10 ms and more
+};
+DroppedOut drop_out(const Model& wall, const Dropout& dropout);
+
+/// Of 20 ms at 1 N, at what is recommended for 1 ms of delay, every device and documented hand. Errors:
+/// kInterrupted.
+Result<std::vector<Figure>> dropout_figures(const Progress& progress);
+
+}  // namespace palpate

@@ -1,0 +1,143 @@
+#include "verification/stability_grip.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <vector>
+
+#include "palpate/servo.h"
+#include "palpate/workspace.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kGripStep_s = 1e-5;
+constexpr double kAbove_mm = 3, kFadeIn_s = 0.6;
+constexpr double kSettledSwing_mm = 0.2, kSettledFor_s = 0.1;
+
+// a mass that Coulomb friction can at most stop
+void push(double force_N, double friction_N, double mass_kg, double& velocity_m_s) {
+  velocity_m_s += force_N * kGripStep_s / mass_kg;
+  const double most_m_s = friction_N * kGripStep_s / mass_kg;
+  velocity_m_s = std::abs(velocity_m_s) > most_m_s ? velocity_m_s - std::copysign(most_m_s, velocity_m_s) : 0;
+}
+
+/// Device and hand along x, m.
+class GripPlant {
+ public:
+  GripPlant(const PlantDevice& device, const Grip& grip, double at_m)
+      : device_(device), grip_(grip), tip_m_(at_m), hand_m_(at_m) {}
+
+  double tip_mm() const { return tip_m_ * 1e3; }
+  double speed_m_s() const { return tip_m_s_; }
+  double read_mm() const {
+    return std::floor(tip_m_ / device_.encoder_step_m) * device_.encoder_step_m * 1e3;
+  }
+  void step(double force_N, double wanted_m, double wanted_m_s) {
+    const bool one = grip_.skin_N_per_m == 0;
+    double& hand_m = one ? tip_m_ : hand_m_;
+    double& hand_m_s = one ? tip_m_s_ : hand_m_s_;
+    const double hand_N =
+        grip_.stiffness_N_per_m * (wanted_m - hand_m) + grip_.damping_N_s_per_m * (wanted_m_s - hand_m_s);
+    const double device_N = force_N - device_.damping_N_s_per_m * tip_m_s_;
+    if (one) {
+      push(hand_N + device_N, device_.coulomb_N, grip_.mass_kg + device_.mass_kg, tip_m_s_);
+    } else {
+      const double skin_N =
+          grip_.skin_N_per_m * (hand_m_ - tip_m_) + grip_.skin_N_s_per_m * (hand_m_s_ - tip_m_s_);
+      push(device_N + skin_N, device_.coulomb_N, device_.mass_kg, tip_m_s_);
+      push(hand_N - skin_N, 0, grip_.mass_kg, hand_m_s_);
+      hand_m_ += hand_m_s_ * kGripStep_s;
+    }
+    tip_m_ += tip_m_s_ * kGripStep_s;
+  }
+
+ private:
+  PlantDevice device_;
+  Grip grip_;
+  double tip_m_, tip_m_s_ = 0, hand_m_, hand_m_s_ = 0;
+};
+
+double swing_of(std::span<const double> way_mm) {
+  const auto [low, high] = std::minmax_element(way_mm.begin(), way_mm.end());
+  return *high - *low;
+}
+
+}  // namespace
+
+GripResult hold_wall(const Model& wall, const GripCase& held) {
+  Model model = wall;
+  for (Tissue& tissue : model.tissues)
+    tissue.viscosity_N_s_per_mm = held.viscosity_N_s_per_mm / held.stiffness_N_per_mm;
+  Parameters parameters;
+  parameters.method = ForceMethod::kProxy;
+  parameters.passivity = held.controller;
+  parameters.device[0].force_gain = held.stiffness_N_per_mm;
+  parameters.device[0].limits.peak_force_N = held.device.peak_force_N;
+  parameters.device[0].most_damping_N_s_per_mm = held.most_damping_N_s_per_mm;
+  parameters.device[0].position_step_mm = held.device.encoder_step_m * 1e3;
+
+  // down at the speed of the impact, to where the hand's spring and the wall's balance at the force
+  const double depth_mm =
+      held.press_N / held.stiffness_N_per_mm + held.press_N / held.grip.stiffness_N_per_m * 1e3;
+  GripPlant plant(held.device, held.grip, kAbove_mm * 1e-3);
+  const double dt_s = 1 / held.rate_hz;
+  const int steps = static_cast<int>(std::lround(dt_s / kGripStep_s));
+  std::deque<double> line(static_cast<std::size_t>(std::lround(held.delay_s / kGripStep_s)), 0.0);
+  SessionState state;
+  TickRecord record;
+  Wrench sent;
+  const double touch_s = kFadeIn_s + kAbove_mm * 1e-3 / held.impact_m_s;
+  const long ticks = std::lround((touch_s + held.time_s) * held.rate_hz);
+  std::vector<double> way_mm, force_N;
+  double wanted_mm = kAbove_mm;
+  double in_m_s = 0;
+  GripResult result;
+  bool inside = false, left = false;
+  for (long n = 0; n < ticks; ++n) {
+    DeviceState sensed;
+    sensed.tip = model.X_WorldPatient * Point<Patient>(plant.read_mm(), 0, 0);
+    tick(model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
+    const double command_N = (model.X_WorldPatient.inverse() * sent.force_N).x();
+    const double time_s = static_cast<double>(n + 1) * dt_s;
+    const double down_mm =
+        std::clamp(held.impact_m_s * 1e3 * (time_s - kFadeIn_s), 0.0, kAbove_mm + depth_mm);
+    const double wanted_m_s = (kAbove_mm - down_mm - wanted_mm) * 1e-3 / dt_s;
+    for (int i = 0; i < steps; ++i) {
+      line.push_back(command_N);
+      const double wanted_m = wanted_mm * 1e-3 + wanted_m_s * (i + 1) * kGripStep_s;
+      plant.step(line.front(), wanted_m, wanted_m_s);
+      line.pop_front();
+      if (!inside && plant.tip_mm() < 0) {
+        inside = true;
+        in_m_s = plant.speed_m_s();
+      }
+      if (inside && !left && plant.tip_mm() > 0) {
+        left = true;
+        result.rebound = -plant.speed_m_s() / in_m_s;
+      }
+    }
+    wanted_mm = kAbove_mm - down_mm;
+    if (time_s < touch_s) continue;
+    way_mm.push_back(plant.tip_mm());
+    force_N.push_back(command_N);
+  }
+
+  const auto second = static_cast<std::size_t>(std::lround(held.rate_hz));
+  const auto last = std::span(way_mm).last(std::min(second, way_mm.size()));
+  result.swing_mm = swing_of(last);
+  const auto [low, high] = std::minmax_element(last.begin(), last.end());
+  const double middle_mm = 0.5 * (*low + *high);
+  for (std::size_t n = 1; n < last.size(); ++n)
+    result.crossings_hz += last[n - 1] < middle_mm && last[n] >= middle_mm;
+  for (std::size_t n = force_N.size() - last.size(); n < force_N.size(); ++n)
+    result.force_N += force_N[n] / static_cast<double>(last.size());
+  const auto piece = static_cast<std::size_t>(std::lround(kSettledFor_s * held.rate_hz));
+  for (std::size_t n = 0; n + piece <= way_mm.size(); ++n)
+    if (swing_of(std::span(way_mm).subspan(n, piece)) > kSettledSwing_mm)
+      result.settled_s = static_cast<double>(n + piece) * dt_s;
+  return result;
+}
+
+}  // namespace palpate

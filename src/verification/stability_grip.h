@@ -1,0 +1,40 @@
+#pragma once
+
+#include "palpate/haptics.h"
+#include "palpate/simulated_device.h"
+
+namespace palpate {
+
+/// A hand that holds a device as it may be held: of one mass, or of two with the skin between them. SI.
+struct Grip {
+  double mass_kg = 0.15, damping_N_s_per_m = 2, stiffness_N_per_m = 80;
+  double skin_N_per_m = 0;      ///< between the device and the hand's mass; 0: they are one
+  double skin_N_s_per_m = 0.5;  ///< likewise
+};
+
+/// A wall that is met and held through the real tick.
+struct GripCase {
+  PlantDevice device;
+  Grip grip;
+  double stiffness_N_per_mm = 1;               ///< that the hand feels
+  double viscosity_N_s_per_mm = 0;             ///< likewise, inside
+  double most_damping_N_s_per_mm = kNotKnown;  ///< DeviceParameters
+  double rate_hz = 1000;
+  double delay_s = 1e-3;
+  bool controller = true;
+  double press_N = 1;       ///< at rest
+  double impact_m_s = 0.1;  ///< with which the hand comes down; then it wants to go no deeper
+  double time_s = 4;        ///< from the touch on
+};
+
+/// What comes of it.
+struct GripResult {
+  double swing_mm = 0;      ///< peak-to-peak of the true tip in the last second
+  double crossings_hz = 0;  ///< how often it went up through its middle in that second
+  double force_N = 0;       ///< mean of it
+  double rebound = 0;       ///< speed out of the wall, the first time it is left, over that of the impact
+  double settled_s = 0;     ///< from the touch on until it swings by no more than 0.2 mm within any 100 ms
+};
+GripResult hold_wall(const Model& wall, const GripCase& grip_case);
+
+}  // namespace palpate

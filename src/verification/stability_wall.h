@@ -1,0 +1,14 @@
+#pragma once
+
+#include <memory>
+
+#include "palpate/haptics.h"
+#include "palpate/progress.h"
+
+namespace palpate {
+
+/// The half of a volume below x = 0, of bone of 1 N/mm, ready for the proxy alone: a flat wall to press on.
+/// The patient's origin is on its surface, in the middle of the volume.
+Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress = {});
+
+}  // namespace palpate
