@@ -99,7 +99,7 @@ TEST(ForEachIndexDeathTest, ThreadSanitizerSeesARaceOfTwoCalls) {
       return true;
     });
   };
-  EXPECT_EXIT(race(); std::exit(0), testing::ExitedWithCode(66), "data race");
+  EXPECT_EXIT(race(); std::exit(0), ::testing::ExitedWithCode(66), "data race");
 }
 #endif
 
