@@ -15,7 +15,6 @@ void distrust_environment() {
            "OPENSSL_CONF", "OPENSSL_CONF_INCLUDE", "OPENSSL_ENGINES", "OPENSSL_MODULES",  // OpenSSL's engines
            "SSLKEYLOGFILE",                     // curl: keys, in clear
            "GCONV_PATH", "LOCPATH", "NLSPATH",  // glibc's conversions
-           "HWLOC_PLUGINS_PATH",                // oneTBB's helper
        })
     ::unsetenv(name);
 }

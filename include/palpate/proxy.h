@@ -72,7 +72,8 @@ struct ProxyOptions {
 struct ProxyResult {
   Vector<Patient> force_N;        ///< on the tip
   Vector<Patient> torque_Nmm;     ///< about the tip
-  double stiffness_N_per_mm = 0;  ///< of the surfaces touched, weighted by their pulls
+  double stiffness_N_per_mm = 0;  ///< of the structures touched, weighted by their pulls
+  double friction = 0;            ///< their coefficient, static where it sticks; 0 where friction is off
   /// The tool is wider than the gap that it is in: no place is left by all walls, and the proxy stays. Where
   /// a turn of the tool has brought it there, without force, until the tip is free.
   bool wedged = false;

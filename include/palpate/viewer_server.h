@@ -189,7 +189,7 @@ class ViewerServer {
   static Result<void> check(ViewerServerOptions options);
   /// Errors: kUsage for options that do not go together (an address beyond loopback without tokens, a
   /// certificate without its key); kBadInput for a token file or certificate that cannot be read, with its
-  /// line; kUnavailable for an address or port that cannot be had.
+  /// line; kUnavailable for an address, a port or threads that cannot be had.
   /// @param host  outlives the server
   static Result<std::unique_ptr<ViewerServer>> start(ViewerHost& host, const ViewerServerOptions& options);
   virtual ~ViewerServer() = default;

@@ -36,6 +36,7 @@ class Child {
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
+  pid_t id() const { return id_; }
   /// Returns when the child stands still, in whatever it was doing.
   void stop() const {
     ::kill(id_, SIGSTOP);

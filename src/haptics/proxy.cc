@@ -494,7 +494,7 @@ void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> sph
   const std::span<const ProxyContact> contacts{state.contact.data(),
                                                static_cast<std::size_t>(state.contacts)};
   std::array<OwnerShares, kMostContacts> owners;
-  double all_mm = 0, stiffness = 0, own_stiffness = 0;
+  double all_mm = 0, stiffness = 0, own_stiffness = 0, friction = 0;
   for (std::size_t n = 0; n < contacts.size(); ++n) {
     const ProxyContact& contact = contacts[n];
     const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
@@ -502,15 +502,18 @@ void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> sph
                           touched(state.position, sphere.offset_mm, contact.normal, sphere.radius_mm));
     all_mm += contact.pull_mm;
     for (const OwnerShare& share : owners[n].all()) {
-      const double own = surfaces[static_cast<std::size_t>(share.structure)].stiffness_N_per_mm;
-      own_stiffness += contact.pull_mm * share.part * own;
-      stiffness += contact.pull_mm * share.part * std::min(own, options.most_stiffness_N_per_mm);
+      const FeltSurface& felt = surfaces[static_cast<std::size_t>(share.structure)];
+      const double own = felt.stiffness_N_per_mm, pull_mm = contact.pull_mm * share.part;
+      own_stiffness += pull_mm * own;
+      stiffness += pull_mm * std::min(own, options.most_stiffness_N_per_mm);
+      friction += pull_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
     }
   }
   if (!(all_mm > 0)) return;
   stiffness /= all_mm;
   own_stiffness /= all_mm;
   result.stiffness_N_per_mm = stiffness;
+  if (options.friction) result.friction = friction / all_mm;
   result.force_N = (state.position - tip) * stiffness;
 
   // what the walls do not give is friction, which acts where they do

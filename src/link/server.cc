@@ -6,6 +6,7 @@
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/ip/v6_only.hpp>
 #include <exception>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -224,7 +225,7 @@ Result<void> ViewerServer::check(ViewerServerOptions options) {
 }
 
 Result<std::unique_ptr<ViewerServer>> ViewerServer::start(ViewerHost& host,
-                                                          const ViewerServerOptions& options) {
+                                                          const ViewerServerOptions& options) try {
   auto read = link::admission(options);
   if (!read) return read.error();
   if (!read->address.is_loopback() && options.tls_certificate.empty() && options.log)
@@ -239,6 +240,9 @@ Result<std::unique_ptr<ViewerServer>> ViewerServer::start(ViewerHost& host,
                  options.address + ":" + std::to_string(options.port),
                  "choose another --port, or end the program that has this one"};
   return std::unique_ptr<ViewerServer>(std::move(server));
+} catch (const std::system_error& error) {
+  return Error{ErrorKind::kUnavailable, std::string("no thread for the viewers: ") + error.what(), "",
+               "close other programs, or raise the limit of processes (ulimit -u)"};
 }
 
 }  // namespace palpate

@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "base/test_folder.h"
+#include "base/test_processors.h"
 #include "link/page.h"
 #include "link/test_client.h"
 #include "link/test_host.h"
@@ -161,6 +162,13 @@ TEST(ViewerServer, ListeningEverywhereItTellsAnAddress) {
     EXPECT_NE(url.find(":" + std::to_string((*server)->port()) + "/"), url.npos) << url;
     EXPECT_EQ(request((*server)->port(), "GET", "/").status, 200);
   }
+}
+
+TEST(ViewerServer, WhereNoThreadIsToBeHadItSaysSo) {
+  const palpate::test::NoThreads none;
+  ViewerServerOptions options;
+  options.port = 0;
+  EXPECT_EQ(kind_of(options), ErrorKind::kUnavailable);
 }
 
 TEST(ViewerServer, TwoOnOnePortIsAnError) {

@@ -1,11 +1,11 @@
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <atomic>
 #include <cmath>
 #include <map>
 #include <mutex>
 
+#include "base/test_processors.h"
 #include "palpate/phantoms.h"
 #include "preparation/knee_phantom_anatomy.h"
 #include "preparation/shape_blocks.h"
@@ -357,7 +357,7 @@ TEST(KneePhantom, AtItsDefaultVoxelSizeIsAWholeLeftKnee) {
 
 TEST(KneePhantom, TheSameSeedGivesTheSameBitsWithAnyNumberOfThreads) {
   const auto many = make_knee_phantom(2, 7);
-  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  const test::OneProcessor one;
   const auto single = make_knee_phantom(2, 7), other = make_knee_phantom(2, 8);
   ASSERT_TRUE(many.ok() && single.ok() && other.ok());
   EXPECT_EQ(many->scan.voxels(), single->scan.voxels());

@@ -1,10 +1,9 @@
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <new>
 #include <optional>
 
+#include "base/for_each_index.h"
 #include "base/hash.h"
 #include "preparation/phantom_plan.h"
 #include "preparation/phantom_scan.h"
@@ -157,15 +156,11 @@ bool add_scan_noise(Volume<float>& scan, PhantomImaging imaging, std::uint64_t s
                     const Progress& progress) {
   const auto& dims = scan.geometry().dims;
   const std::size_t slice = static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]);
-  std::atomic<bool> stopped = false;
-  tbb::parallel_for(0, dims[2], [&](int k) {
-    if (stopped || progress.stopped()) {
-      stopped = true;
-      return;
-    }
+  return for_each_index(dims[2], worker_count(0, dims[2]), [&](int, int k) {
+    if (progress.stopped()) return false;
     add_noise(imaging, &scan.at(0, 0, k), slice, seed, k);
+    return true;
   });
-  return !stopped;
 }
 
 template <class T>

@@ -167,7 +167,7 @@ class ChainWalk {
   // the field to at least what the chain says
   Result<void> raise_field(const ProgressSpan& stage) {
     const Span3 span = chain_.back().position.span();
-    const int workers = internal::worker_count(options_.threads, span.size(2));
+    const int workers = worker_count(options_.threads, span.size(2));
     const auto length = static_cast<std::size_t>(span.size(0));
     std::vector<float> per_step;
     for (std::size_t m = 0; m < chain_.size(); ++m) {
@@ -226,7 +226,7 @@ Result<std::vector<std::uint16_t>> greatest_values(const Volume<LabelId>& labels
                                                    const Volume<std::uint16_t>& field, int threads,
                                                    const Progress& progress, const ProgressSpan& stage) {
   const GridGeometry& grid = labels.geometry();
-  const int workers = internal::worker_count(threads, grid.dims[2]);
+  const int workers = worker_count(threads, grid.dims[2]);
   // one more for what is no structure
   std::vector<std::vector<std::uint16_t>> greatest(static_cast<std::size_t>(workers),
                                                    std::vector<std::uint16_t>(structures + 1, 0));

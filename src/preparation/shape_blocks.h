@@ -1,16 +1,13 @@
 #pragma once
 
-#include <tbb/parallel_for.h>
-
 #include <array>
-#include <atomic>
 #include <cmath>
-#include <mutex>
 #include <optional>
 #include <string_view>
 #include <vector>
 
 #include "palpate/progress.h"
+#include "preparation/gaussian_slices.h"
 #include "preparation/shape_node.h"
 
 /// How shapes become voxels without asking every voxel: the grid is cut into blocks; what a block needs
@@ -102,19 +99,11 @@ template <class State, class Narrow, class Leaf>
 bool visit_grid(const GridGeometry& grid, const State& state, std::string_view stage,
                 const Progress& progress, const Narrow& narrow, const Leaf& leaf) {
   const std::vector<VoxelBlock> blocks = top_blocks(grid);
-  std::atomic<std::size_t> done = 0;
-  std::atomic<bool> stopped = false;
-  std::mutex reporting;
-  tbb::parallel_for(std::size_t{0}, blocks.size(), [&](std::size_t b) {
-    if (stopped || progress.stopped()) {
-      stopped = true;
-      return;
-    }
-    descend(grid, blocks[b], state, narrow, leaf);
-    const std::scoped_lock lock(reporting);
-    progress.report(stage, static_cast<double>(++done) / static_cast<double>(blocks.size()));
-  });
-  return !stopped;
+  const auto count = static_cast<int>(blocks.size());
+  return internal::for_each_slice(
+             count, worker_count(0, count), progress, {stage},
+             [&](int, int b) { descend(grid, blocks[static_cast<std::size_t>(b)], state, narrow, leaf); })
+      .ok();
 }
 
 }  // namespace palpate

@@ -1,6 +1,4 @@
 # the geometric primitives and the phantoms made of them: appended to the room's lists
-find_package(TBB REQUIRED)
-
 list(APPEND PREPARATION_SOURCES
   shape_primitives.cc shape_ellipsoid.cc shape_combine.cc voxelize.cc
   phantoms.cc phantom_keys.cc phantom_name.cc phantom_painter.cc phantom_scan.cc segmentation_noise.cc
@@ -8,6 +6,3 @@ list(APPEND PREPARATION_SOURCES
 list(APPEND PREPARATION_TESTS
   shape_test.cc shape_ellipsoid_test.cc shape_combine_test.cc voxelize_test.cc
   knee_phantom_test.cc phantom_scan_test.cc phantom_name_test.cc phantoms_test.cc)
-
-# the library does not exist yet when this file is included
-cmake_language(DEFER CALL target_link_libraries palpate_preparation PRIVATE TBB::tbb)

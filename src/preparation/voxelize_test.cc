@@ -1,9 +1,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <atomic>
 
+#include "base/test_processors.h"
 #include "preparation/shape_test_shapes.h"
 
 namespace palpate {
@@ -119,7 +119,7 @@ TEST(Voxelize, SingleVoxelsAndThinGridsWork) {
 TEST(Voxelize, TheSameBitsWithOneThreadAndMany) {
   const Shape shape = known_shapes()[5].shape;
   const auto many = voxelize_coverage(shape, cube(0.4));
-  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  const test::OneProcessor one;
   const auto single = voxelize_coverage(shape, cube(0.4));
   ASSERT_TRUE(many.ok() && single.ok());
   EXPECT_EQ(many->voxels(), single->voxels());

@@ -4,12 +4,10 @@
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/mman.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
-#include <csignal>
 #include <cstdint>
 #include <cstring>
 #include <vector>
@@ -22,7 +20,8 @@ namespace {
 constexpr std::chrono::milliseconds kPoll{100};
 
 Error no_process() {
-  return {ErrorKind::kUnavailable, std::string("no process to read it in: ") + std::strerror(errno), "", ""};
+  return {ErrorKind::kUnavailable, std::string("no process to read it in: ") + std::strerror(errno), "",
+          "close other programs, or raise the limits of processes and files (ulimit -u, ulimit -n)"};
 }
 
 [[noreturn]] void run(int parent, ParentEnd& end, std::span<const int> keep, std::span<const int> files,
@@ -81,24 +80,21 @@ Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, cons
   std::vector<int> keep(job.files.begin(), job.files.end());
   keep.insert(keep.end(), {ends[1], process->words_});
   const pid_t parent = ::getpid();
-  process->id_ = ::fork();
-  if (process->id_ == 0) {
+  const pid_t child = ::fork();
+  if (child == 0) {
     ParentEnd end(ends[1], process->words_, process->shared_);
     run(parent, end, keep, job.files, work);
   }
   const auto failure = no_process();
   ::close(ends[1]);
-  if (process->id_ < 0) return failure;
+  if (child < 0) return failure;
+  process->process_ = ChildProcess(child);
   return process;
 }
 
 ReaderProcess::~ReaderProcess() {
   // it has ended, or what it is still doing is of no use
-  if (id_ > 0) {
-    ::kill(id_, SIGKILL);
-    while (::waitpid(id_, nullptr, 0) < 0 && errno == EINTR) {
-    }
-  }
+  process_.end();
   for (const int descriptor : {pipe_, words_})
     if (descriptor >= 0) ::close(descriptor);
   if (!shared_.empty()) ::munmap(shared_.data(), shared_.size());

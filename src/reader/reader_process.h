@@ -1,7 +1,5 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <chrono>
 #include <cstddef>
 #include <functional>
@@ -9,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "base/child_process.h"
 #include "palpate/progress.h"
 #include "reader/fields.h"
 
@@ -76,7 +75,7 @@ class ReaderProcess : public ByteSource {
   Result<void> wait() const;
 
   const Progress& progress_;
-  pid_t id_ = -1;
+  ChildProcess process_;
   int pipe_ = -1, words_ = -1;
   std::span<std::byte> shared_;
   std::string died_, endless_;

@@ -17,6 +17,7 @@
 
 #include "base/test_child.h"
 #include "base/test_folder.h"
+#include "base/test_limits.h"
 #include "reader/test_leaks.h"
 
 namespace palpate::reader {
@@ -92,6 +93,29 @@ TEST_F(ReaderProcessTest, HoweverItDiesThereIsOneError) {
               return parent.write(std::as_bytes(std::span(&half, 1)));
             }),
             "it died");
+}
+
+TEST_F(ReaderProcessTest, IsEndedByNoNumberThatMayBeAnothers) {
+  testing::Child child([] {
+    ::signal(SIGCHLD, SIG_IGN);
+    auto process = start([](ParentEnd&) -> bool { loop(); });
+    if (test::die_of(SYS_kill)) process.reset();
+  });
+  EXPECT_TRUE(child.finished());
+}
+
+TEST_F(ReaderProcessTest, WhereNoProcessIsToBeHadItSaysSo) {
+  // 0: it said so
+  testing::Child child([] {
+    if (!test::forbid_processes()) return;
+    const auto process = ReaderProcess::start(
+        {}, [](ParentEnd&) { return true; }, kSilent);
+    const bool told = !process.ok() && process.error().kind == ErrorKind::kUnavailable &&
+                      process.error().what.find("no process to read it in") != std::string::npos &&
+                      process.error().remedy.find("ulimit -u") != std::string::npos;
+    if (!told) ::_exit(1);
+  });
+  EXPECT_TRUE(child.finished());
 }
 
 TEST_F(ReaderProcessTest, WhatSaysNothingIsWaitedForAsLongAsPatienceLasts) {

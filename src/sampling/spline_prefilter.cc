@@ -1,10 +1,10 @@
 #include "sampling/spline_prefilter.h"
 
 #include <algorithm>
-#include <atomic>
-#include <thread>
 #include <type_traits>
 #include <vector>
+
+#include "base/for_each_index.h"
 
 // Along one line, with c[-1] = c[n] = 0, the equations
 //
@@ -56,19 +56,6 @@ void filter_lines(float* first, std::size_t step, const std::vector<float>& m, s
   }
 }
 
-/// work(0) ... work(count - 1), each once, on several threads.
-template <class Work>
-void for_each_index(int count, int threads, const Work& work) {
-  if (threads <= 0) threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  std::atomic<int> next = 0;
-  const auto take = [&] {
-    for (int index = next++; index < count; index = next++) work(index);
-  };
-  std::vector<std::jthread> others;
-  for (int t = 1; t < std::min(threads, count); ++t) others.emplace_back(take);
-  take();
-}
-
 }  // namespace
 
 void spline_prefilter(Volume<float>& values, int threads) {
@@ -80,15 +67,17 @@ void spline_prefilter(Volume<float>& values, int threads) {
   float* const voxels = values.voxels().data();
 
   constexpr std::size_t kRows = 4;
-  for_each_index(dims[2], threads, [&](int k) {
+  for_each_index(dims[2], worker_count(threads, dims[2]), [&](int, int k) {
     float* const plane = voxels + static_cast<std::size_t>(k) * slice;
     for (std::size_t j = 0; j < ny; j += kRows) {
       filter_lines(plane + j * nx, 1, mi, std::min(kRows, ny - j), nx);
     }
     filter_lines(plane, nx, mj, nx, kNeighbours);
+    return true;
   });
-  for_each_index(dims[1], threads, [&](int j) {
+  for_each_index(dims[1], worker_count(threads, dims[1]), [&](int, int j) {
     filter_lines(voxels + static_cast<std::size_t>(j) * nx, slice, mk, nx, kNeighbours);
+    return true;
   });
 }
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/test_processors.h"
 #include "sampling/spline_prefilter.h"
 #include "sampling/test_oracles.h"
 
@@ -61,6 +62,15 @@ TEST(SplinePrefilter, GivesTheSameBitsForAnyNumberOfThreads) {
     internal::spline_prefilter(together, threads);
     EXPECT_EQ(together.voxels(), alone.voxels()) << threads << " threads";
   }
+}
+
+TEST(SplinePrefilter, IsDoneWhereNoThreadIsToBeHad) {
+  std::mt19937 random(test::kSeed);
+  auto alone = random_values(make_grid({30, 19, 23}, 0), random), refused = alone;
+  internal::spline_prefilter(alone, 1);
+  const test::NoThreads none;
+  internal::spline_prefilter(refused, 4);
+  EXPECT_EQ(refused.voxels(), alone.voxels());
 }
 
 TEST(SplinePrefilter, TurnsAnImpulseIntoPowersOfThePole) {

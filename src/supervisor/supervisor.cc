@@ -7,13 +7,13 @@
 #include <spawn.h>
 #include <sys/mman.h>
 #include <sys/syscall.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstring>
 #include <new>
 #include <utility>
 
+#include "base/child_process.h"
 #include "palpate/check.h"
 #include "supervisor/shared_block.h"
 
@@ -38,10 +38,6 @@ class File {
   int number_;
 };
 
-int open_process(pid_t process) {
-  return static_cast<int>(::syscall(SYS_pidfd_open, process, 0));
-}
-
 Error refused(const std::string& what) {
   return {ErrorKind::kUnavailable, "no supervisor: " + what + ": " + std::strerror(errno), "",
           "close other programs, or raise the limits of processes and files (ulimit -u, ulimit -n)"};
@@ -63,8 +59,8 @@ class SupervisorProcess final : public Supervisor {
 
   Heartbeat& heartbeat() noexcept override { return block_.heartbeat; }
   bool watching() const noexcept override {
-    pollfd ended{file_, POLLIN, 0};
-    return file_ >= 0 && ::poll(&ended, 1, 0) == 0;
+    pollfd ended{process_.file(), POLLIN, 0};
+    return process_.file() >= 0 && ::poll(&ended, 1, 0) == 0;
   }
   Result<void> watch_again() override {
     if (watching()) return {};
@@ -80,25 +76,20 @@ class SupervisorProcess final : public Supervisor {
   SharedBlock& block_;
   const File block_file_;
   const SupervisorSettings settings_;
-  pid_t process_ = -1;
-  int file_ = -1;  // readable when the supervisor has ended
+  ChildProcess process_;
 };
 
 // it looks once a millisecond; one that stands still, or is another program, is not waited for
 void SupervisorProcess::end() {
-  if (process_ <= 0) return;
-  pollfd ended{file_, POLLIN, 0};
+  pollfd ended{process_.file(), POLLIN, 0};
   const int patience_ms = block_.watching.load() ? 1000 : 0;
-  if (file_ < 0 || ::poll(&ended, 1, patience_ms) != 1) ::kill(process_, SIGKILL);
-  while (::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {
-  }
-  process_ = -1;
-  if (file_ >= 0) ::close(std::exchange(file_, -1));
+  if (process_.file() >= 0) ::poll(&ended, 1, patience_ms);
+  process_.end();
   block_.watching.store(false);
 }
 
 Result<void> SupervisorProcess::begin() {
-  const File session(open_process(::getpid()));
+  const File session(static_cast<int>(::syscall(SYS_pidfd_open, ::getpid(), 0)));
   if (session.number() < 0) return refused("its view of this process");
 
   // copies above all numbers that the new process has them under, so that none is overwritten before it is
@@ -139,18 +130,20 @@ Result<void> SupervisorProcess::begin() {
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
-  const int failed = ::posix_spawn(&process_, arguments[0], &actions, &attributes, arguments.data(), environ);
+  pid_t process = -1;
+  const int failed = ::posix_spawn(&process, arguments[0], &actions, &attributes, arguments.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
   ::posix_spawnattr_destroy(&attributes);
   if (failed != 0) {
-    process_ = -1;
     errno = failed;
     return refused(words.front());
   }
-  file_ = open_process(process_);
-  if (file_ < 0) return refused("its end");
+  // room for one more
+  files.clear();
+  process_ = ChildProcess(process);
+  if (process_.file() < 0) return refused("its end");
 
-  pollfd ended{file_, POLLIN, 0};
+  pollfd ended{process_.file(), POLLIN, 0};
   for (int waited = 0; waited < kPatience_ms; ++waited) {
     if (block_.watching.load(std::memory_order_acquire)) return {};
     if (::poll(&ended, 1, 1) > 0) break;

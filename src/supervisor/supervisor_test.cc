@@ -2,23 +2,29 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <spawn.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <deque>
 #include <filesystem>
 #include <random>
 #include <sstream>
 #include <thread>
 #include <utility>
 
+#include "base/test_child.h"
 #include "base/test_folder.h"
+#include "base/test_limits.h"
 #include "base/test_seed.h"
 #include "palpate/recording.h"
 #include "servo/realtime.h"
@@ -32,6 +38,11 @@ using testing::TestDeviceMemory;
 
 double ms(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-6;
+}
+
+// 0: it was before
+double ms_from(std::int64_t then_ns, std::int64_t later_ns) {
+  return ms(std::max<std::int64_t>(0, later_ns - then_ns));
 }
 
 /// A session that presses with a supervisor beside it, in a process of its own, and its device, in another.
@@ -99,13 +110,13 @@ class Pressing {
   void order(char letter) const { PALPATE_CHECK(::write(orders_, &letter, 1) == 1); }
   void signal(int signal) const { ::kill(session_, signal); }
 
-  /// When the device came to rest after `then_ns`; 0: not within ten seconds.
+  /// Since when the device is at rest after `then_ns`, which may be since before; 0: it acts for ten seconds.
   std::int64_t rest_after(std::int64_t then_ns) const {
     for (int n = 0; n < 10'000; ++n) {
       // the end of a pause is no rest: it has to last
-      if (const std::int64_t at_ns = device_->at_rest_after(then_ns);
-          at_ns != 0 && monotonic_ns() > at_ns + 20'000'000)
-        return at_ns;
+      if (const std::int64_t since_ns = device_->at_rest_since();
+          since_ns != 0 && monotonic_ns() > std::max(since_ns, then_ns) + 20'000'000)
+        return since_ns;
       std::this_thread::sleep_for(1ms);
     }
     return 0;
@@ -151,31 +162,67 @@ std::int64_t number_in(const std::string& line, const std::string& field) {
   return at == std::string::npos ? -1 : std::stoll(line.substr(at + field.size() + 4));
 }
 
-/// How late a thread of no special kind gets its processor while this lives: a promise about time is made
-/// beside it.
-class BareThread {
+/// How late bare threads get their processor while this lives, one bound to each that there is: a promise
+/// about time is made beside it.
+class BareThreads {
  public:
-  BareThread() {
-    thread_ = std::thread([this] {
-      while (!end_) {
-        const std::int64_t asked_ns = monotonic_ns();
-        std::this_thread::sleep_for(1ms);
-        const std::int64_t late_ns = monotonic_ns() - asked_ns - 1'000'000;
-        if (late_ns > latest_ns_) latest_ns_ = late_ns;
-      }
-    });
+  /// @param priority  of SCHED_FIFO, where the system allows it
+  explicit BareThreads(int priority) {
+    cpu_set_t set;
+    PALPATE_CHECK(::sched_getaffinity(0, sizeof set, &set) == 0);
+    for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+      if (!CPU_ISSET(static_cast<unsigned>(cpu), &set)) continue;
+      std::atomic<std::int64_t>& asked_ns = asked_ns_.emplace_back(monotonic_ns());
+      threads_.emplace_back([this, priority, cpu, &asked_ns] {
+        make_this_thread_realtime({.fifo = true,
+                                   .priority = priority,
+                                   .lock_memory = false,
+                                   .cpu = cpu,
+                                   .leave_above = 0,
+                                   .name = "bare"});
+        look(asked_ns);
+      });
+    }
   }
-  ~BareThread() {
+  ~BareThreads() {
     end_ = true;
-    thread_.join();
+    for (std::thread& thread : threads_) thread.join();
   }
-  std::int64_t latest_ns() const { return latest_ns_; }
+  BareThreads(const BareThreads&) = delete;
+  BareThreads& operator=(const BareThreads&) = delete;
+
+  /// The latest of them all until now, those that still wait for their processor included.
+  double latest_ms() {
+    for (const auto& asked_ns : asked_ns_) count(monotonic_ns() - asked_ns);
+    return ms(latest_ns_);
+  }
 
  private:
+  static constexpr std::int64_t kSleep_ns = 1'000'000;
+
+  void look(std::atomic<std::int64_t>& asked_ns) {
+    while (!end_) {
+      asked_ns = monotonic_ns();
+      std::this_thread::sleep_for(std::chrono::nanoseconds(kSleep_ns));
+      count(monotonic_ns() - asked_ns);
+    }
+  }
+  void count(std::int64_t slept_ns) {
+    const std::int64_t late_ns = slept_ns - kSleep_ns;
+    for (std::int64_t latest_ns = latest_ns_; late_ns > latest_ns;)
+      if (latest_ns_.compare_exchange_weak(latest_ns, late_ns)) break;
+  }
+
   std::atomic<bool> end_{false};
   std::atomic<std::int64_t> latest_ns_{0};
-  std::thread thread_;
+  std::deque<std::atomic<std::int64_t>> asked_ns_;  // of each
+  std::vector<std::thread> threads_;
 };
+
+// as supervise.cc asks for
+constexpr int kSupervisorPriority = 95;
+// from the last tick to a device without force, and what a bare thread was late by (docs/servo.md)
+constexpr double kPromise_ms = 10;
 
 struct End {
   const char* name;
@@ -262,8 +309,9 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
   std::mt19937_64 random(seed);
   const test::TemporaryFolder folder;
   const auto recording = folder / "run.h5";
-  std::vector<double> after_ms, since_tick_ms, beyond_ms;
+  std::vector<double> after_ms, since_tick_ms, bare_ms, beyond_ms;
   std::uint64_t flushed_in_all = 0;
+  std::size_t late = 0;
   for (const End& end : kEnds) {
     SCOPED_TRACE(end.name);
     for (int n = 0; n < trials(); ++n) {
@@ -272,7 +320,7 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
       std::this_thread::sleep_for(some_time(random));
       const std::uint64_t flushed = ticks_in(recording);
       flushed_in_all += flushed;
-      const BareThread bare;
+      BareThreads bare(kSupervisorPriority);
       const std::int64_t then_ns = monotonic_ns();
       if (end.signal != 0)
         session.signal(end.signal);
@@ -280,23 +328,37 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
         session.order(end.order);
       const std::int64_t rest_ns = session.rest_after(then_ns);
       ASSERT_NE(rest_ns, 0) << end.name << ": the device still pushes";
-      after_ms.push_back(ms(rest_ns - then_ns));
+      after_ms.push_back(ms_from(then_ns, rest_ns));
+      bare_ms.push_back(bare.latest_ms());
       // the supervisor has seen it, and says when
       const auto record = session.record();
       ASSERT_FALSE(record.empty()) << end.name;
+      // and the force did not come back before it was gone
+      EXPECT_EQ(session.rest_after(then_ns), rest_ns) << end.name;
       EXPECT_NE(record.back().find("\"death\""), std::string::npos) << end.name << ": " << record.back();
       EXPECT_GE(number_in(record.back(), "halted_ns"), number_in(record.back(), "seen_ns"));
       EXPECT_GE(number_in(record.back(), "seen_ns"), number_in(record.back(), "last_beat_ns"));
-      since_tick_ms.push_back(ms(rest_ns - number_in(record.back(), "last_beat_ns")));
-      beyond_ms.push_back(since_tick_ms.back() - ms(bare.latest_ns()));
+      since_tick_ms.push_back(ms_from(number_in(record.back(), "last_beat_ns"), rest_ns));
+      beyond_ms.push_back(since_tick_ms.back() - bare_ms.back());
+      if (beyond_ms.back() > kPromise_ms) {
+        std::printf(
+            "%s: zero %.2f ms after the last tick, bare threads late by %.2f; the supervisor's record:\n",
+            end.name, since_tick_ms.back(), bare_ms.back());
+        for (const std::string& line : record) std::printf("  %s\n", line.c_str());
+      }
+      // it looks once a millisecond, as they do, and the device hears of it through one thread more
+      late += since_tick_ms.back() > kPromise_ms + 2 * (bare_ms.back() + 1);
       ASSERT_NO_FATAL_FAILURE(expect_reopens(recording, flushed));
     }
   }
   // else nothing was asked of the recordings
   EXPECT_GT(flushed_in_all, 0u);
+  // a busy machine may hold up the one and not the other now and then
+  EXPECT_LE(late, since_tick_ms.size() / 4);
   print("zero after the cause", after_ms);
   print("zero after the last tick", since_tick_ms);
-  print("the same, less a bare thread's lateness", beyond_ms);
+  print("bare threads of the supervisor's priority late by", bare_ms);
+  print("zero after the last tick, less that", beyond_ms);
 }
 
 TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
@@ -304,12 +366,12 @@ TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
   ASSERT_TRUE(session.presses());
   std::vector<double> after_ms;
   for (int n = 0; n < 2 * trials(); ++n) {
-    const BareThread bare;
+    BareThreads bare(kSupervisorPriority);
     const std::int64_t then_ns = monotonic_ns();
     session.signal(SIGSTOP);
     const std::int64_t rest_ns = session.rest_after(then_ns);
     ASSERT_NE(rest_ns, 0) << "the device still pushes";
-    after_ms.push_back(ms(rest_ns - then_ns));
+    after_ms.push_back(ms_from(then_ns, rest_ns));
     EXPECT_EQ(session.device().acting_N, 0);
     session.signal(SIGCONT);
     EXPECT_TRUE(session.acts_again());
@@ -317,7 +379,7 @@ TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
     session.order('g');
     ASSERT_TRUE(session.presses());
     std::printf("stopped: zero after %.2f ms, a bare thread late by %.2f\n", after_ms.back(),
-                ms(bare.latest_ns()));
+                bare.latest_ms());
   }
   session.order('q');
   const auto record = session.record();
@@ -354,7 +416,7 @@ TEST(Supervisor, AClockThreadFrozenWhereItStandsGetsZeroAndComesBack) {
     ASSERT_TRUE(session.presses());
     const std::int64_t rest_ns = session.rest_after(then_ns);
     ASSERT_NE(rest_ns, 0) << "the device still pushes";
-    after_ms.push_back(ms(rest_ns - then_ns));
+    after_ms.push_back(ms_from(then_ns, rest_ns));
   };
   for (int n = 0; n < trials(); ++n) {
     ASSERT_NO_FATAL_FAILURE(freeze());
@@ -407,7 +469,7 @@ TEST(Supervisor, AFullDiskAndClosedStreamsLeaveTheForceAsItIs) {
       const auto record = session.record();
       ASSERT_FALSE(record.empty());
       EXPECT_NE(record.back().find("\"death\""), std::string::npos) << record.back();
-      since_tick_ms.push_back(ms(rest_ns - number_in(record.back(), "last_beat_ns")));
+      since_tick_ms.push_back(ms_from(number_in(record.back(), "last_beat_ns"), rest_ns));
       ASSERT_NO_FATAL_FAILURE(expect_reopens(recording, flushed));
     }
     print(order == 'f' ? "after a full disk, zero after the last tick"
@@ -576,6 +638,37 @@ TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
   ::close(record);
 }
 
+TEST(Supervisor, IsEndedByNoNumberThatMayBeAnothers) {
+  const testing::Shared<std::atomic<pid_t>> watching;
+  testing::Child child([&] {
+    // nobody waits for it then, and its number is free as soon as it has ended
+    ::signal(SIGCHLD, SIG_IGN);
+    auto supervisor =
+        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
+    if (!supervisor.ok()) ::_exit(1);
+    *watching = supervisor_of(::getpid());
+    // one that does not end by itself
+    ::kill(*watching, SIGSTOP);
+    if (test::die_of(SYS_kill)) supervisor->reset();
+  });
+  const bool finished = child.finished();
+  EXPECT_TRUE(finished);
+  if (!finished && *watching > 0) ::kill(*watching, SIGKILL);
+}
+
+TEST(Supervisor, WhereNoProcessIsToBeHadItSaysSo) {
+  testing::Child child([] {
+    if (!test::forbid_processes()) return;
+    const auto supervisor =
+        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
+    const bool told = !supervisor.ok() && supervisor.error().kind == ErrorKind::kUnavailable &&
+                      supervisor.error().what.find("no supervisor") != std::string::npos &&
+                      supervisor.error().remedy.find("ulimit -u") != std::string::npos;
+    if (!told) ::_exit(1);
+  });
+  EXPECT_TRUE(child.finished());
+}
+
 TEST(Supervisor, AProgramThatIsNoneIsAnError) {
   for (const char* program : {"/no/such/program", "/bin/true"}) {
     const auto supervisor = Supervisor::start({.command = {program}, .halt_files = {}});
@@ -583,6 +676,34 @@ TEST(Supervisor, AProgramThatIsNoneIsAnError) {
     EXPECT_EQ(supervisor.error().kind, ErrorKind::kUnavailable);
     EXPECT_NE(supervisor.error().message().find(program), std::string::npos) << supervisor.error().message();
   }
+}
+
+// Before every other thread it would keep from its processor whoever else is on this machine, supervisors
+// among them.
+TEST(TestDevice, WaitsWhenItIsAlone) {
+  const testing::Shared<TestDeviceMemory> memory;
+  memory->force_N = 1;
+  int halt[2];
+  ASSERT_EQ(::pipe2(halt, O_CLOEXEC), 0);
+  const testing::Child device([&] {
+    ::close(halt[1]);
+    testing::be_test_device(*memory, halt[0]);
+  });
+  for (int n = 0; n < 10'000 && memory->acting_N == 0; ++n) std::this_thread::sleep_for(1ms);
+  ASSERT_GT(memory->acting_N, 0);
+  for (const int file : halt) ::close(file);
+  for (int n = 0; n < 10'000 && memory->at_rest_since() == 0; ++n) std::this_thread::sleep_for(1ms);
+  ASSERT_NE(memory->at_rest_since(), 0);
+  clockid_t clock{};
+  ASSERT_EQ(::clock_getcpuclockid(device.id(), &clock), 0);
+  const auto used_ns = [&] {
+    timespec used{};
+    ::clock_gettime(clock, &used);
+    return used.tv_sec * 1'000'000'000LL + used.tv_nsec;
+  };
+  const std::int64_t before_ns = used_ns(), then_ns = monotonic_ns();
+  std::this_thread::sleep_for(200ms);
+  EXPECT_LT(2 * (used_ns() - before_ns), monotonic_ns() - then_ns);
 }
 
 TEST(Supervise, CalledByAPersonItSaysWhoCallsIt) {

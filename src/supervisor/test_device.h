@@ -41,15 +41,10 @@ struct TestDeviceMemory {
   std::atomic<std::uint32_t> change_count{0};
   std::atomic<double> acting_N{0};
 
-  /// The first moment after `then_ns` from which nothing acts; 0: it still acts.
-  std::int64_t at_rest_after(std::int64_t then_ns) const {
-    std::int64_t found_ns = 0;
-    for (std::uint32_t n = change_count.load(); n-- > 0;) {
-      if (changes[n].acts) break;
-      found_ns = std::max<std::int64_t>(changes[n].at_ns, then_ns);
-      if (changes[n].at_ns <= then_ns) break;
-    }
-    return found_ns;
+  /// Since when nothing acts; 0: something does.
+  std::int64_t at_rest_since() const {
+    const std::uint32_t n = change_count.load();
+    return n == 0 || changes[n - 1].acts ? 0 : changes[n - 1].at_ns.load();
   }
 };
 
@@ -137,7 +132,8 @@ class TestDeviceDriver final : public DeviceDriver {
     const std::uint32_t now_resumed = memory.resumes.load();
     pollfd file{halted, POLLIN, 0};
     constexpr timespec kPeriod{0, 250'000};
-    if (::ppoll(&file, 1, alone ? nullptr : &kPeriod, nullptr) > 0) {
+    // an end that has hung up is readable for ever: who asks again waits for nothing, and lets nobody run
+    if (::ppoll(&file, alone ? 0 : 1, &kPeriod, nullptr) > 0) {
       std::array<char, 64> bytes{};
       // nobody is left who could write
       if (::read(halted, bytes.data(), bytes.size()) <= 0) alone = true;

@@ -2,6 +2,7 @@
 for a while. Each time its supervisor's log says what happened, its recording replays as far as it goes, and nothing of it
 stays behind. A trial of some causes in every run, PALPATE_TEST_DEATHS=all takes all causes 20 times."""
 
+import contextlib
 import json
 import os
 import pathlib
@@ -11,6 +12,7 @@ import select
 import signal
 import subprocess
 import tempfile
+import threading
 import time
 import unittest
 
@@ -20,6 +22,8 @@ import explore_test
 # big enough to be pressed, and soon ready
 KNEE_MM = "3.0"
 SEED = int(os.environ.get("PALPATE_TEST_SEED", "20261121").replace("any", str(random.randrange(10**9))))
+# a death that is seen later is told with what the supervisor wrote down
+LATE_MS = 100
 ALL = os.environ.get("PALPATE_TEST_DEATHS") == "all"
 
 # signals that nobody has promised anything about: the program dies of them
@@ -34,6 +38,34 @@ IGNORED = [signal.SIGHUP, signal.SIGPIPE, signal.SIGXFSZ, signal.SIGTSTP, signal
 def trials(causes, few):
     """Those of a run, in order: all of them often, or a few by the seed."""
     return causes * 20 if ALL else random.Random(SEED).sample(causes, few)
+
+
+class BareThread(threading.Thread):
+    """How late a thread gets its processor while this is entered: one of the supervisor's priority where the system allows it,
+    or an ordinary one, as most are that have to end before their process has."""
+
+    SUPERVISOR = 95
+
+    def __init__(self, priority=None):
+        super().__init__()
+        self.priority, self.latest_ms, self.ended = priority, 0.0, False
+
+    def run(self):
+        if self.priority is not None:
+            with contextlib.suppress(PermissionError):
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self.priority))
+        while not self.ended:
+            asked = time.monotonic()
+            time.sleep(0.001)
+            self.latest_ms = max(self.latest_ms, 1000 * (time.monotonic() - asked) - 1)
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def __exit__(self, *_):
+        self.ended = True
+        self.join()
 
 
 class Session:
@@ -135,15 +167,19 @@ class Deaths(cli.PalpateTest):
         for number in trials(DEADLY, 4):
             with self.subTest(number):
                 session = self.begin()
-                then_ns = time.monotonic_ns()
-                session.process.send_signal(number)
-                code, _, _ = session.end()
+                with BareThread(BareThread.SUPERVISOR) as bare, BareThread() as ordinary:
+                    then_ns = time.monotonic_ns()
+                    session.process.send_signal(number)
+                    code, _, _ = session.end()
                 self.assertEqual(code, -number)
                 event, = session.events()
                 self.assertEqual((event["kind"], event["session"]), ("death", session.process.pid))
                 self.assertGreaterEqual(event["halted_ns"], event["seen_ns"])
                 self.assertGreaterEqual(event["seen_ns"], event["last_beat_ns"])
                 seen_ms.append((event["halted_ns"] - then_ns) / 1e6)
+                if seen_ms[-1] > LATE_MS:
+                    print(f"{signal.Signals(number).name}: seen {seen_ms[-1]:.1f} ms after it, a bare thread of the supervisor's priority "
+                          f"late by {bare.latest_ms:.1f}, an ordinary one by {ordinary.latest_ms:.1f}; {json.dumps(event)}", flush=True)
                 self.assert_replays(session.recording, whole=False)
                 self.assert_nothing_left(claims=2)
         self.print_figures("seen after the signal", seen_ms)

@@ -1,0 +1,76 @@
+#include "base/child_process.h"
+
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <utility>
+
+#include "base/test_child.h"
+#include "base/test_limits.h"
+
+namespace palpate {
+namespace {
+
+pid_t fork_to(void (*work)()) {
+  const pid_t id = ::fork();
+  if (id == 0) {
+    // where a test fails nothing stays behind
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    work();
+    ::_exit(0);
+  }
+  return id;
+}
+
+void wait_for_ever() {
+  for (;;) ::pause();
+}
+
+bool ended(const ChildProcess& process) {
+  pollfd file{process.file(), POLLIN, 0};
+  return ::poll(&file, 1, 10'000) == 1;
+}
+
+TEST(ChildProcess, IsEndedWhateverItDoes) {
+  const pid_t id = fork_to(wait_for_ever);
+  ChildProcess process(id);
+  ASSERT_GE(process.file(), 0);
+  process.end();
+  process.end();
+  EXPECT_EQ(process.file(), -1);
+  EXPECT_TRUE(::waitpid(id, nullptr, 0) < 0 && errno == ECHILD);
+}
+
+TEST(ChildProcess, EndsWithItsObject) {
+  const pid_t id = fork_to(wait_for_ever);
+  {
+    ChildProcess process(id);
+    const ChildProcess moved = std::move(process);
+    EXPECT_GE(moved.file(), 0);
+  }
+  EXPECT_TRUE(::waitpid(id, nullptr, 0) < 0 && errno == ECHILD);
+}
+
+// its number may be another's by then, and no signal goes there
+TEST(ChildProcess, ThatHasEndedIsLeftAloneWhereNobodyHeedsItsEnd) {
+  for (const bool ignored : {false, true}) {
+    testing::Child child([&] {
+      if (ignored) ::signal(SIGCHLD, SIG_IGN);
+      ChildProcess process(fork_to([] {})), running(fork_to(wait_for_ever));
+      if (!test::die_of(SYS_kill)) return;
+      if (process.file() >= 0 && !ended(process)) ::_exit(1);
+      process.end();
+      running.end();
+      if (::waitpid(-1, nullptr, 0) != -1 || errno != ECHILD) ::_exit(1);
+    });
+    EXPECT_TRUE(child.finished()) << ignored;
+  }
+}
+
+}  // namespace
+}  // namespace palpate
