@@ -42,6 +42,8 @@ struct DeviceParameters {
   /// friction's and the coupling's is felt as so much. Not above 0 or not a number: nothing is known of it,
   /// and nothing clamped.
   double most_damping_N_s_per_mm = kNotKnown;
+  /// From a command to its force, s. The passivity observer counts with it; what is not known counts as none.
+  double delay_s = 0;
 };
 /// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
@@ -95,6 +97,28 @@ struct PassivityState {
   bool gives_way = false;
 };
 
+/// What tells a hand that swings by itself (src/servo/swing.h).
+struct SwingState {
+  Vector<World> axis;             ///< of the last force
+  double way_mm = 0, time_s = 0;  ///< along it since the last turn
+  double farthest_mm = 0, farthest_s = 0;
+  Vector<World> aside_mm;  ///< likewise, to the sides
+  double before_mm = 0;    ///< length of the half swing before
+  int halves = 0;          ///< of a swing by itself, one after the other
+  double free_s = 0;       ///< out of contact
+  double later_s = 0;      ///< that the force is taken to act later than is known
+};
+
+/// What was sent and has not acted yet, where a device's delay is known. Oldest first.
+struct DelayLine {
+  struct Held {
+    Vector<World> force_N;
+    double time_s = 0;
+  };
+  std::array<Held, 64> held;
+  int count = 0;
+};
+
 /// Everything a tick remembers. Small, copyable, hashable; no pointers.
 struct SessionState {
   struct Hand {
@@ -111,6 +135,8 @@ struct SessionState {
     Wrench difference;
     double blend_elapsed_s = kBlend_s;
     PassivityState passivity;
+    SwingState swing;
+    DelayLine delay;
     double turned_mJ = 0;  ///< work that the turning object has done on the hand since the run began
     OutputState output;
   };

@@ -69,6 +69,7 @@ struct DeviceTick {
   double peak_gripper_N = kNotKnown, slew_N_per_s = kNotKnown;
   double most_stiffness_N_per_mm = kNotKnown, position_step_mm = kNotKnown;
   double most_damping_N_s_per_mm = kNotKnown;  ///< 0 of recordings before format 4.1: likewise
+  double delay_s = 0;
   // out
   std::array<double, 3> force_N{};     ///< sent, World
   std::array<double, 3> torque_Nmm{};  ///< about the tip, World

@@ -47,6 +47,7 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.most_stiffness_N_per_mm) != bits(b.most_stiffness_N_per_mm)) return "most_stiffness_N_per_mm";
   if (bits(a.position_step_mm) != bits(b.position_step_mm)) return "position_step_mm";
   if (bits(a.most_damping_N_s_per_mm) != bits(b.most_damping_N_s_per_mm)) return "most_damping_N_s_per_mm";
+  if (bits(a.delay_s) != bits(b.delay_s)) return "delay_s";
   if (!same(a.force_N, b.force_N)) return "force_N";
   if (!same(a.torque_Nmm, b.torque_Nmm)) return "torque_Nmm";
   if (bits(a.gripper_N) != bits(b.gripper_N)) return "gripper_N";
@@ -102,12 +103,26 @@ DeviceTick random_device(RandomBits& random) {
   random.fill(device.angular_velocity_world_rad_s);
   device.buttons = static_cast<std::uint32_t>(random.word());
   device.status = static_cast<std::uint32_t>(random.word());
-  for (double* number :
-       {&device.gripper_rad, &device.age_s, &device.force_gain, &device.scale, &device.peak_force_N,
-        &device.continuous_force_N, &device.peak_torque_Nmm, &device.peak_gripper_N, &device.slew_N_per_s,
-        &device.most_stiffness_N_per_mm, &device.position_step_mm, &device.most_damping_N_s_per_mm,
-        &device.gripper_N, &device.unclamped_force_N, &device.limit_N, &device.heat, &device.energy_mJ,
-        &device.damping_N_s_per_m, &device.turned_mJ})
+  for (double* number : {&device.gripper_rad,
+                         &device.age_s,
+                         &device.force_gain,
+                         &device.scale,
+                         &device.peak_force_N,
+                         &device.continuous_force_N,
+                         &device.peak_torque_Nmm,
+                         &device.peak_gripper_N,
+                         &device.slew_N_per_s,
+                         &device.most_stiffness_N_per_mm,
+                         &device.position_step_mm,
+                         &device.most_damping_N_s_per_mm,
+                         &device.delay_s,
+                         &device.gripper_N,
+                         &device.unclamped_force_N,
+                         &device.limit_N,
+                         &device.heat,
+                         &device.energy_mJ,
+                         &device.damping_N_s_per_m,
+                         &device.turned_mJ})
     *number = random.number();
   random.fill(device.force_N);
   random.fill(device.torque_Nmm);

@@ -48,10 +48,11 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     mappings_.emplace_back(devices[d], workspace);
     // what a hand holds is known to whoever starts the loop, the rest to the device
     DeviceParameters& own = latest_.parameters.device[d];
-    const double held_N_per_mm = own.most_stiffness_N_per_mm, borne_N_s_per_mm = own.most_damping_N_s_per_mm;
+    const DeviceParameters told = own;
     own = device_parameters(devices[d], workspace);
-    own.most_stiffness_N_per_mm = std::min(own.most_stiffness_N_per_mm, held_N_per_mm);
-    own.most_damping_N_s_per_mm = borne_N_s_per_mm;
+    own.most_stiffness_N_per_mm = std::min(own.most_stiffness_N_per_mm, told.most_stiffness_N_per_mm);
+    own.most_damping_N_s_per_mm = told.most_damping_N_s_per_mm;
+    own.delay_s = told.delay_s;
   }
   posted_ = latest_;
 }

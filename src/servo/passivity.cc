@@ -6,8 +6,6 @@
 namespace palpate {
 namespace {
 
-// an encoder without a known step counts as one that is coarse among those that are known
-constexpr double kCoarseStep_mm = 0.06;
 // A way of one step tells no speed: it may be the encoder's own. One for which the tip needs longer is rest.
 constexpr double kTellingSteps = 1.5, kLongestUntold_s = 0.007;
 // what stays covered: as much as the encoder hides (F 2 steps, methods of Hannaford & Ryu with quantisation)
@@ -52,12 +50,13 @@ double softened(const PassivityInput& input, double step_mm, const PassivityStat
 
 // The part of the force that is left to a damper that takes off what is not covered within the tick, as far
 // as it may.
-double damped(double force_N, double step_mm, double dt_s, const PassivityState& state,
+double damped(const PassivityInput& input, double force_N, double step_mm, const PassivityState& state,
               double& damping_N_s_per_m) {
   if (state.speed_mm_s <= 0) return 1;
   constexpr double kMillimetresPerMetre = 1e3;
-  const double way_mm = state.speed_mm_s * dt_s;
-  const double missing_mJ = force_N * (way_mm + kReserveSteps * step_mm) - state.energy_mJ;
+  const double way_mm = state.speed_mm_s * input.dt_s;
+  const double missing_mJ = force_N * (way_mm + kReserveSteps * step_mm) +
+                            std::max(0.0, input.pending_N_s) * state.speed_mm_s - state.energy_mJ;
   if (missing_mJ <= 0) return 1;
   damping_N_s_per_m =
       std::min(kMostDamping_N_s_per_m, missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
@@ -78,7 +77,7 @@ double less_on_the_way_out(double force_N, double stiffness_N_per_mm, double ste
 
 PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state) {
   // what flowed in; no more of it is there than the contact can hold
-  state.energy_mJ = std::min(state.energy_mJ - input.sent_N.dot(input.way_mm), input.stored_mJ);
+  state.energy_mJ = std::min(state.energy_mJ - input.acted_N.dot(input.way_mm), input.stored_mJ);
 
   // in free space nothing is left but what is owed
   const double force_N = input.force_N.norm();
@@ -99,7 +98,7 @@ PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivitySta
   const double soft_N = std::min(force_N, soft * input.unlimited_N);
   PassivityOutput out;
   out.factor = soft_N / force_N *
-               std::min(damped(soft_N, step_mm, input.dt_s, state, out.damping_N_s_per_m),
+               std::min(damped(input, soft_N, step_mm, state, out.damping_N_s_per_m),
                         less_on_the_way_out(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
   return out;
 }

@@ -9,12 +9,13 @@ namespace palpate {
 struct PassivityInput {
   Vector<World> force_N;          ///< asked, as far as limit and ramp let it through
   double unlimited_N = 0;         ///< that force without the limit
-  Vector<World> sent_N;           ///< in the tick before
+  Vector<World> acted_N;          ///< since the tick before
   Vector<World> way_mm;           ///< of the tip since then, relative to the object, mm of the device
   double stored_mJ = 0;           ///< that the contact can hold now, as a spring does; infinite: not known
   double stiffness_N_per_mm = 0;  ///< of the contact, at the device
   double step_mm = 0;             ///< of the encoders; not known: that of a coarse one
   double dt_s = 0;
+  double pending_N_s = 0;  ///< along the force: sent and not acted yet
 };
 
 /// What the controller takes off the asked force: a damper along the force.
@@ -35,6 +36,8 @@ struct PassivityOutput {
 /// @param act  false: observes only
 PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state);
 
+/// An encoder without a known step counts as one that is coarse among those that are known.
+inline constexpr double kCoarseStep_mm = 0.06;
 /// More damping than this makes a firmly held tip swing by itself.
 inline constexpr double kMostDamping_N_s_per_m = 20;
 

@@ -68,6 +68,21 @@ std::uint64_t SessionState::hash(int devices) const {
          {passivity.energy_mJ, passivity.way_mm, passivity.time_s, passivity.speed_mm_s, passivity.play_mm})
       hash_double(hash, value);
     hash_word(hash, passivity.gives_way);
+    const SwingState& swing = hands[d].swing;
+    for (int axis = 0; axis < 3; ++axis) {
+      hash_double(hash, swing.axis[axis]);
+      hash_double(hash, swing.aside_mm[axis]);
+    }
+    for (const double value : {swing.way_mm, swing.time_s, swing.farthest_mm, swing.farthest_s,
+                               swing.before_mm, swing.free_s, swing.later_s})
+      hash_double(hash, value);
+    hash_word(hash, static_cast<std::uint64_t>(swing.halves));
+    hash_word(hash, static_cast<std::uint64_t>(hands[d].delay.count));
+    for (int n = 0; n < hands[d].delay.count; ++n) {
+      const DelayLine::Held& held = hands[d].delay.held[static_cast<std::size_t>(n)];
+      for (int axis = 0; axis < 3; ++axis) hash_double(hash, held.force_N[axis]);
+      hash_double(hash, held.time_s);
+    }
     hash_double(hash, hands[d].turned_mJ);
     hash_wrench(hash, hands[d].output.sent);
     hash_double(hash, hands[d].output.gain);

@@ -3,9 +3,11 @@
 
 #include "base/hash.h"
 #include "palpate/servo.h"
+#include "servo/acting_force.h"
 #include "servo/kept_surfaces.h"
 #include "servo/output_stage.h"
 #include "servo/passivity.h"
+#include "servo/swing.h"
 #include "servo/tick_record.h"
 #include "servo/tool_contact.h"
 #include "servo/turning.h"
@@ -90,6 +92,10 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
                  const Vector<World>& way_mm, double max_force_N, double dt_s, SessionState::Hand& hand,
                  OutputRequest& request, DeviceTick& out) {
   // a force that fades out gets nothing back that was held back
+  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kCoarseStep_mm;
+  look_for_swing(request.asked.force_N, way_mm / own.scale, step_mm, dt_s, hand.swing);
+  const double delay_s = own.delay_s + hand.swing.later_s;
+  const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
   const bool faded_out = request.off && hand.output.gain == 0;
   if (faded_out || request.faults != 0 || !request.asked.force_N.all_finite()) {
     hand.passivity = {};
@@ -99,9 +105,9 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
   const double limit_N = next_limit_N(own.limits, max_force_N, dt_s, hand.output);
   const double within = asked_N > limit_N ? limit_N / asked_N : 1;
   const PassivityOutput kept =
-      keep_passive({request.asked.force_N * (within * hand.output.gain), asked_N * hand.output.gain,
-                    hand.output.sent.force_N, way_mm / own.scale, tool.stored_mJ, tool.stiffness_N_per_mm,
-                    own.position_step_mm, dt_s},
+      keep_passive({request.asked.force_N * (within * hand.output.gain), asked_N * hand.output.gain, acted_N,
+                    way_mm / own.scale, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
+                    still_to_act_N_s(hand.delay, request.asked.force_N.normalized(), delay_s)},
                    parameters.passivity, hand.passivity);
   if (kept.factor == 1) return;
   if (within < 1) out.flags |= kFlagClamped;
@@ -141,6 +147,8 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
     hand.held_directly = false;
     hand.coupling = {};
     hand.passivity = {};
+    hand.swing = {};
+    hand.delay = {};
   } else {
     const Point<Patient> tip = X_PatientWorld * device.tip;
     const Vector<Patient> way_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();

@@ -59,6 +59,7 @@ void record_inputs(const DeviceState& device, const DeviceParameters& parameters
   out.most_stiffness_N_per_mm = parameters.most_stiffness_N_per_mm;
   out.position_step_mm = parameters.position_step_mm;
   out.most_damping_N_s_per_mm = parameters.most_damping_N_s_per_mm;
+  out.delay_s = parameters.delay_s;
 }
 
 void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,

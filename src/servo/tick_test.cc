@@ -1192,7 +1192,7 @@ TEST(Tick, RecordHoldsEveryInput) {
   loop.parameters.rotation_target = Rotation<World, World>::about(Eigen::Vector3d::UnitX(), 0.3).quaternion();
   loop.model.version = 9;
   DeviceParameters& own = loop.parameters.device[0];
-  own = {1.5, 0.75, {8, 1.4, 300, 5, 900}, 2.5, 0.03, 0.02};
+  own = {1.5, 0.75, {8, 1.4, 300, 5, 900}, 2.5, 0.03, 0.02, 0.004};
   DeviceState device;
   device.tip = Point<World>(1, 2, 3);
   device.R_WorldTool = Rotation<World, World>::about(Eigen::Vector3d::UnitY(), 0.1).quaternion();
@@ -1219,6 +1219,7 @@ TEST(Tick, RecordHoldsEveryInput) {
   EXPECT_EQ(in.most_stiffness_N_per_mm, 2.5);
   EXPECT_EQ(in.position_step_mm, 0.03);
   EXPECT_EQ(in.most_damping_N_s_per_mm, 0.02);
+  EXPECT_EQ(in.delay_s, 0.004);
   EXPECT_EQ(loop.record.device[0].tip_world_mm, (std::array<double, 3>{1, 2, 3}));
   EXPECT_EQ(loop.record.device[0].orientation_wxyz[0], device.R_WorldTool.w());
   EXPECT_EQ(loop.record.device[0].buttons, 5u);

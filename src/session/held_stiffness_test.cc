@@ -127,7 +127,10 @@ TEST(HeldDamping, IsToldAndRecordedAndReplays) {
   const auto recording = read_recording(folder / "viscous.h5");
   ASSERT_TRUE(recording.ok());
   const double most = recommended_damping_N_s_per_mm(*find_plant_device(script.device), script.rate_hz, 1e-3);
-  for (const TickRecord& record : recording->ticks) ASSERT_EQ(record.device[0].most_damping_N_s_per_mm, most);
+  for (const TickRecord& record : recording->ticks) {
+    ASSERT_EQ(record.device[0].most_damping_N_s_per_mm, most);
+    ASSERT_EQ(record.device[0].delay_s, 1e-3);
+  }
   const auto again = replay(*recording, loaded.model);
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_TRUE(again->identical) << again->difference;

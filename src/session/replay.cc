@@ -111,7 +111,8 @@ Parameters parameters_of(const TickRecord& recorded) {
         {in.peak_force_N, in.continuous_force_N, in.peak_torque_Nmm, in.peak_gripper_N, in.slew_N_per_s},
         in.most_stiffness_N_per_mm,
         in.position_step_mm,
-        in.most_damping_N_s_per_mm};
+        in.most_damping_N_s_per_mm,
+        in.delay_s};
   }
   return parameters;
 }

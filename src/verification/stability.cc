@@ -5,6 +5,7 @@
 #include "verification/stability_contact.h"
 #include "verification/stability_dropout.h"
 #include "verification/stability_energy.h"
+#include "verification/stability_grip.h"
 #include "verification/stability_names.h"
 #include "verification/stability_theory.h"
 
@@ -115,6 +116,9 @@ Result<SuiteReport> run_stability(const Progress& progress) {
   const auto dropouts = dropout_figures(progress);
   if (!dropouts) return dropouts.error();
   report.figures.insert(report.figures.end(), dropouts->begin(), dropouts->end());
+  const auto grips = grip_figures(progress);
+  if (!grips) return grips.error();
+  report.figures.insert(report.figures.end(), grips->begin(), grips->end());
   const auto contact = contact_figures(progress);
   if (!contact) return contact.error();
   report.figures.insert(report.figures.end(), contact->begin(), contact->end());

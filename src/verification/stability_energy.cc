@@ -12,22 +12,27 @@
 #include "palpate/stability.h"
 #include "palpate/workspace.h"
 #include "verification/stability_names.h"
+#include "verification/stability_wall.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kEnergyTick_s = 1e-3;
+constexpr double kEnergyRate_hz = 1000;
 constexpr double kWallSpacing_mm = 0.6, kUserLimit_N = 3;
 // where the hand wants to be next: so far from the surface, that much to the side of where it was
 constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMostAside_rad = 0.6;
 constexpr double kShortest_s = 0.12, kLongest_s = 0.6;
 // before that it waits for the force to have come in
 constexpr double kBegin_s = 0.6;
+// on a plane, so far from its middle
+constexpr double kMostOnPlane_mm = 6;
 // the object turns to another random rotation ten times a second
-constexpr int kTicksATurning = 100;
+constexpr double kTurning_s = 0.1;
 constexpr double kMostObjectTurn_rad = 0.03;
 // of what is given out without the controller
 constexpr double kMostGivenOut_percent = 5;
+// ticks that come at any time, for so long; the stiffest of the presets' tissues
+constexpr double kJitter = 0.5, kUnpunctual_s = 20, kTissue_N_per_mm = 1.5;
 
 double between(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
@@ -41,13 +46,17 @@ Eigen::Vector3d any_direction(std::mt19937_64& random) {
   return direction.normalized();
 }
 
-// places about the ball, one after the other, with a bell of speed between them
+// places about the ball or the plane, one after the other, with a bell of speed between them
 class RandomHand {
  public:
-  explicit RandomHand(std::uint64_t seed) : random_(seed) {}
+  RandomHand(std::uint64_t seed, bool flat)
+      : random_(seed),
+        flat_(flat),
+        from_(flat ? kHighest_mm : kBallRadius_mm + kHighest_mm, 0, 0),
+        to_(from_) {}
   Point<Patient> start() const { return from_; }
-  Point<Patient> next() {
-    elapsed_s_ += kEnergyTick_s;
+  Point<Patient> next(double dt_s) {
+    elapsed_s_ += dt_s;
     if (elapsed_s_ >= time_s_) choose();
     const double u = elapsed_s_ / time_s_;
     return from_ + (to_ - from_) * (u * u * u * (10 - 15 * u + 6 * u * u));
@@ -58,14 +67,21 @@ class RandomHand {
     elapsed_s_ = 0;
     from_ = to_;
     time_s_ = between(random_, kShortest_s, kLongest_s);
+    if (flat_) {
+      const double x = between(random_, kDeepest_mm, kHighest_mm);
+      const double y = between(random_, -kMostOnPlane_mm, kMostOnPlane_mm);
+      to_ = Point<Patient>(x, y, between(random_, -kMostOnPlane_mm, kMostOnPlane_mm));
+      return;
+    }
     const Eigen::AngleAxisd aside(between(random_, 0, kMostAside_rad), any_direction(random_));
     direction_ = aside * direction_;
     to_ = Point<Patient>(direction_ * (kBallRadius_mm + between(random_, kDeepest_mm, kHighest_mm)));
   }
 
   std::mt19937_64 random_;
+  const bool flat_;
   Eigen::Vector3d direction_ = Eigen::Vector3d::UnitX();
-  Point<Patient> from_{kBallRadius_mm + kHighest_mm, 0, 0}, to_ = from_;
+  Point<Patient> from_, to_;
   double time_s_ = kBegin_s, elapsed_s_ = 0;
 };
 
@@ -115,8 +131,11 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   parameters.passivity = exploration.controller;
   parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
   parameters.device[0] = device_parameters(plant.info(), workspace);
+  parameters.device[0].delay_s = exploration.delay_known ? exploration.delay_s : 0;
 
-  RandomHand hand(exploration.seed);
+  PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
+  RandomHand hand(exploration.seed, exploration.flat);
+  std::mt19937_64 unpunctual(exploration.seed + 2);
   std::mt19937_64 random(exploration.seed + 1);
   const auto on_device = [&](const Point<Patient>& at) {
     return mapping.to_device(ball.X_WorldPatient * at);
@@ -124,7 +143,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   plant.reset(on_device(hand.start()));
 
   // a command acts so many ticks after it was given
-  const int delay = static_cast<int>(std::lround(exploration.delay_s / kEnergyTick_s));
+  const int delay = static_cast<int>(std::lround(exploration.delay_s * exploration.rate_hz));
   std::deque<Vector<World>> line(static_cast<std::size_t>(delay));
   SessionState state;
   TickRecord record;
@@ -137,14 +156,16 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   Transform<Patient, World> X_PatientWorld = pose_of(ball, state.rotation_felt);
   Point<Patient> tip = X_PatientWorld * Point<World>(plant.true_tip().eigen());
   Vector<World> acted;
-  const long ticks = std::lround(exploration.time_s / kEnergyTick_s);
+  const long ticks = std::lround(exploration.time_s * exploration.rate_hz);
+  const long ticks_a_turning = std::lround(kTurning_s * exploration.rate_hz);
+  double dt_s = 1 / exploration.rate_hz;
   for (long n = 0; n < ticks; ++n) {
-    if (exploration.turning && n % kTicksATurning == 0)
+    if (exploration.turning && n % ticks_a_turning == 0)
       parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(
                                        between(random, 0, kMostObjectTurn_rad), any_direction(random))) *
                                    parameters.rotation_target;
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
-    tick(ball, parameters, {&sensed, 1}, kEnergyTick_s, state, {&sent, 1}, record);
+    tick(ball, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 
     // the force of the last tick has acted up to now
     X_PatientWorld = pose_of(ball, state.rotation_felt);
@@ -152,13 +173,16 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     energy_mJ -= (X_PatientWorld * acted).dot(now - tip);
     tip = now;
     result.least_mJ = std::min(result.least_mJ, energy_mJ);
-    result.deepest_mm = std::max(result.deepest_mm, kBallRadius_mm - now.eigen().norm());
+    const double depth_mm = exploration.flat ? -now.x() : kBallRadius_mm - now.eigen().norm();
+    result.deepest_mm = std::max(result.deepest_mm, depth_mm);
 
     line.push_back(sent.force_N);
     acted = line.front();
     line.pop_front();
-    plant.intend(on_device(hand.next()));
-    plant.advance(mapping.to_device(sent), kEnergyTick_s);
+    if (exploration.jitter > 0)
+      dt_s = (1 + between(unpunctual, -exploration.jitter, exploration.jitter)) / exploration.rate_hz;
+    plant.intend(on_device(hand.next(dt_s)));
+    plant.advance(mapping.to_device(sent), dt_s);
 
     const bool touches = acted.norm() > 0;
     const bool controlled = (record.device[0].flags & kFlagPassivity) != 0;
@@ -175,24 +199,26 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
 }
 
 Result<std::vector<Figure>> energy_figures(const Progress& progress) {
-  const auto ball = exploration_ball(progress);
+  const auto ball = exploration_ball(progress), wall = flat_wall(progress);
   if (!ball) return ball.error();
+  if (!wall) return wall.error();
 
   // one unit after the other, as tables want them
   std::vector<Figure> energies, parts, depths;
-  const auto add = [&](const Exploration& exploration, const std::string& path, bool limited) {
+  const auto add = [&](const Exploration& exploration, const std::string& path, bool bound, bool limited) {
     Exploration free = exploration;
     free.controller = false;
-    const ExploredEnergy with = explore_energy(**ball, exploration), without = explore_energy(**ball, free);
-    const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s / kEnergyTick_s));
+    const Model& model = exploration.flat ? **wall : **ball;
+    const ExploredEnergy with = explore_energy(model, exploration), without = explore_energy(model, free);
+    const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s * exploration.rate_hz));
     // what an encoder step hides
     const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
-    const auto limit = [&](double most) { return limited ? std::optional(most) : std::nullopt; };
+    const auto limit = [](bool holds, double most) { return holds ? std::optional(most) : std::nullopt; };
     energies.push_back({path + "/given-out/without", 0 - without.least_mJ, "mJ", n, {}});
-    energies.push_back({path + "/given-out/with", 0 - with.least_mJ, "mJ", n, limit(hidden_mJ)});
+    energies.push_back({path + "/given-out/with", 0 - with.least_mJ, "mJ", n, limit(bound, hidden_mJ)});
     energies.push_back({path + "/given-out/hidden", hidden_mJ, "mJ", n, {}});
     const double part = with.least_mJ < 0 ? 100 * with.least_mJ / without.least_mJ : 0;
-    parts.push_back({path + "/part-given-out", part, "percent", n, limit(kMostGivenOut_percent)});
+    parts.push_back({path + "/part-given-out", part, "percent", n, limit(limited, kMostGivenOut_percent)});
     parts.push_back({path + "/damped-of-contact", 100 * with.damped, "percent", n, {}});
     depths.push_back({path + "/deepest/without", without.deepest_mm, "mm", n, {}});
     depths.push_back({path + "/deepest/with", with.deepest_mm, "mm", n, {}});
@@ -202,7 +228,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
       progress.report(std::string("exploring: ") + device, delay_s / 4e-3);
       Exploration exploration{*find_plant_device(device), {}};
       const auto stiffness =
-          recommended_stiffness_N_per_mm(exploration.device, 1 / kEnergyTick_s, delay_s, progress);
+          recommended_stiffness_N_per_mm(exploration.device, kEnergyRate_hz, delay_s, progress);
       if (!stiffness) return stiffness.error();
       exploration.stiffness_N_per_mm = *stiffness;
       exploration.delay_s = delay_s;
@@ -212,15 +238,48 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
           exploration.hand = *find_plant_hand(grip);
           exploration.method = method;
           const std::string path = "stability/energy/" + std::string(name_of(method)) + "/" + device + "/" +
-                                   grip + "/" + loop_name(1 / kEnergyTick_s, delay_s);
-          add(exploration, path, delay_s == 0);
-          if (delay_s > 0 || method != ForceMethod::kProxy) continue;
+                                   grip + "/" + loop_name(kEnergyRate_hz, delay_s);
+          add(exploration, path, delay_s == 0, delay_s == 0);
+          if (method != ForceMethod::kProxy) continue;
           Exploration other = exploration;
+          if (delay_s > 0) {
+            other.delay_known = false;
+            add(other, path + "/not-told", false, false);
+            continue;
+          }
           other.turning = true;
-          add(other, path + "/turning", true);
+          add(other, path + "/turning", true, true);
           other = exploration;
           other.stiffness_N_per_mm = 2 * *stiffness;
-          add(other, path + "/twice-as-stiff", false);
+          add(other, path + "/twice-as-stiff", false, false);
+          for (const bool flat : {false, true}) {
+            other = exploration;
+            other.flat = flat;
+            other.jitter = kJitter;
+            other.time_s = kUnpunctual_s;
+            add(other, path + (flat ? "/unpunctual/flat" : "/unpunctual"), true, false);
+          }
+        }
+    }
+  // as stiff as tissues are, where a device holds that; fewer seconds of more ticks
+  for (const char* device : {"premium-1.5", "touch"})
+    for (const double rate_hz : {250.0, 10000.0}) {
+      progress.report(std::string("exploring at other rates: ") + device, rate_hz / 20000);
+      const auto stiffness = recommended_stiffness_N_per_mm(*find_plant_device(device), rate_hz, 0, progress);
+      if (!stiffness) return stiffness.error();
+      for (const char* grip : {"light-grip", "firm-grip"})
+        for (const bool flat : {false, true}) {
+          if (progress.stopped()) return Progress::interrupted();
+          Exploration other{*find_plant_device(device), *find_plant_hand(grip)};
+          other.stiffness_N_per_mm = std::min(*stiffness, kTissue_N_per_mm);
+          other.rate_hz = rate_hz;
+          other.jitter = kJitter;
+          other.time_s = rate_hz > kEnergyRate_hz ? kUnpunctual_s / 4 : kUnpunctual_s;
+          other.flat = flat;
+          add(other,
+              std::string("stability/energy/proxy/") + device + "/" + grip + "/" + loop_name(rate_hz, 0) +
+                  (flat ? "/unpunctual/flat" : "/unpunctual"),
+              rate_hz > kEnergyRate_hz, false);
         }
     }
   energies.insert(energies.end(), parts.begin(), parts.end());

@@ -16,7 +16,7 @@ namespace palpate {
 Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress = {});
 inline constexpr double kBallRadius_mm = 12;
 
-/// A random exploration of the ball through the real tick at 1 kHz: the hand wants to be at random places in
+/// A random exploration of the ball through the real tick: the hand wants to be at random places in
 /// and outside the ball, one after the other, and goes there smoothly, as fast as hands palpate. Friction and
 /// viscosity are off.
 struct Exploration {
@@ -25,8 +25,12 @@ struct Exploration {
   ForceMethod method = ForceMethod::kProxy;
   double stiffness_N_per_mm = 1;  ///< that the hand feels
   double delay_s = 0;
+  bool delay_known = true;  ///< to the tick
   bool controller = true;
   bool turning = false;  ///< the object turns, too
+  bool flat = false;     ///< on flat_wall() and not on the ball
+  double rate_hz = 1000;
+  double jitter = 0;  ///< each tick is as much shorter or longer, at random; 0 with a delay
   double time_s = 60;
   std::uint64_t seed = 1;
 };
@@ -41,6 +45,7 @@ struct ExploredEnergy {
   int contacts = 0;       ///< how often it was touched
   double damped = 0;      ///< part of the ticks in contact in which the controller acted
 };
+/// @param ball  exploration_ball(), or flat_wall() where it is flat
 ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration);
 
 /// The figures of a minute of exploration, with and without the controller, at the recommended stiffness of

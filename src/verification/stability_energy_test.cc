@@ -4,6 +4,7 @@
 
 #include "palpate/hold.h"
 #include "palpate/stability.h"
+#include "verification/stability_wall.h"
 
 namespace palpate {
 namespace {
@@ -102,6 +103,49 @@ TEST(StabilityEnergy, TheControllerMakesNoQuietContactBuzz) {
           EXPECT_TRUE(held->quiet()) << held->buzz.peak_to_peak_um << " um";
         }
     }
+}
+
+TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutNoMoreThanAnEncoderHides) {
+  const auto ball = exploration_ball();
+  ASSERT_TRUE(ball);
+  const PlantDevice device = *find_plant_device("premium-1.5");
+  for (const double delay_s : {1e-3, 3e-3}) {
+    const auto stiffness = recommended_stiffness_N_per_mm(device, 1000, delay_s);
+    ASSERT_TRUE(stiffness);
+    for (const char* grip : {"light-grip", "firm-grip"}) {
+      SCOPED_TRACE(std::string(grip) + ", delay " + std::to_string(delay_s) + " s");
+      Exploration exploration{device, *find_plant_hand(grip), ForceMethod::kProxy, *stiffness};
+      exploration.delay_s = delay_s;
+      exploration.time_s = 20;
+      const ExploredEnergy told = explore_energy(**ball, exploration);
+      EXPECT_GE(told.least_mJ, -told.largest_force_N * 2 * device.encoder_step_m * 1e3);
+      EXPECT_GT(told.contacts, 5);
+      exploration.delay_known = false;
+      const ExploredEnergy not_told = explore_energy(**ball, exploration);
+      EXPECT_LT(not_told.least_mJ, -0.15);
+      EXPECT_LT(told.deepest_mm, not_told.deepest_mm + 0.1) << "the wall is as stiff";
+    }
+  }
+}
+
+TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBoundFromOneKilohertzOn) {
+  const auto ball = exploration_ball(), wall = flat_wall();
+  ASSERT_TRUE(ball && wall);
+  for (const char* name : {"premium-1.5", "touch"})
+    for (const char* grip : {"light-grip", "firm-grip"})
+      for (const bool flat : {false, true})
+        for (const double rate_hz : {1000.0, 10000.0}) {
+          SCOPED_TRACE(std::string(name) + " " + grip + (flat ? ", plane, " : ", ball, ") +
+                       std::to_string(rate_hz));
+          Exploration exploration{*find_plant_device(name), *find_plant_hand(grip), ForceMethod::kProxy, 1.5};
+          exploration.flat = flat;
+          exploration.rate_hz = rate_hz;
+          exploration.jitter = 0.5;
+          exploration.time_s = rate_hz > 1000 ? 2 : 15;
+          const ExploredEnergy with = explore_energy(flat ? **wall : **ball, exploration);
+          EXPECT_GE(with.least_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
+          EXPECT_GE(with.contacts, 1);
+        }
 }
 
 TEST(StabilityEnergy, AnExplorationRepeats) {

@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "palpate/servo.h"
-#include "palpate/workspace.h"
+#include "palpate/stability.h"
+#include "verification/stability_names.h"
+#include "verification/stability_wall.h"
 
 namespace palpate {
 namespace {
@@ -29,6 +31,11 @@ class GripPlant {
   GripPlant(const PlantDevice& device, const Grip& grip, double at_m)
       : device_(device), grip_(grip), tip_m_(at_m), hand_m_(at_m) {}
 
+  // from now on nobody holds it
+  void throw_it(double speed_m_s) {
+    free_ = true;
+    tip_m_s_ = hand_m_s_ = speed_m_s;
+  }
   double tip_mm() const { return tip_m_ * 1e3; }
   double speed_m_s() const { return tip_m_s_; }
   double read_mm() const {
@@ -38,8 +45,9 @@ class GripPlant {
     const bool one = grip_.skin_N_per_m == 0;
     double& hand_m = one ? tip_m_ : hand_m_;
     double& hand_m_s = one ? tip_m_s_ : hand_m_s_;
-    const double hand_N =
-        grip_.stiffness_N_per_m * (wanted_m - hand_m) + grip_.damping_N_s_per_m * (wanted_m_s - hand_m_s);
+    const double hand_N = free_ ? 0
+                                : grip_.stiffness_N_per_m * (wanted_m - hand_m) +
+                                      grip_.damping_N_s_per_m * (wanted_m_s - hand_m_s);
     const double device_N = force_N - device_.damping_N_s_per_m * tip_m_s_;
     if (one) {
       push(hand_N + device_N, device_.coulomb_N, grip_.mass_kg + device_.mass_kg, tip_m_s_);
@@ -56,6 +64,7 @@ class GripPlant {
  private:
   PlantDevice device_;
   Grip grip_;
+  bool free_ = false;
   double tip_m_, tip_m_s_ = 0, hand_m_, hand_m_s_ = 0;
 };
 
@@ -76,6 +85,7 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   parameters.device[0].force_gain = held.stiffness_N_per_mm;
   parameters.device[0].limits.peak_force_N = held.device.peak_force_N;
   parameters.device[0].most_damping_N_s_per_mm = held.most_damping_N_s_per_mm;
+  parameters.device[0].delay_s = held.delay_known ? held.delay_s : 0;
   parameters.device[0].position_step_mm = held.device.encoder_step_m * 1e3;
 
   // down at the speed of the impact, to where the hand's spring and the wall's balance at the force
@@ -94,7 +104,7 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   double wanted_mm = kAbove_mm;
   double in_m_s = 0;
   GripResult result;
-  bool inside = false, left = false;
+  bool inside = false, left = false, thrown = false;
   for (long n = 0; n < ticks; ++n) {
     DeviceState sensed;
     sensed.tip = model.X_WorldPatient * Point<Patient>(plant.read_mm(), 0, 0);
@@ -104,6 +114,10 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
     const double down_mm =
         std::clamp(held.impact_m_s * 1e3 * (time_s - kFadeIn_s), 0.0, kAbove_mm + depth_mm);
     const double wanted_m_s = (kAbove_mm - down_mm - wanted_mm) * 1e-3 / dt_s;
+    if (held.free && !thrown && time_s > kFadeIn_s) {
+      plant.throw_it(-held.impact_m_s);
+      thrown = true;
+    }
     for (int i = 0; i < steps; ++i) {
       line.push_back(command_N);
       const double wanted_m = wanted_mm * 1e-3 + wanted_m_s * (i + 1) * kGripStep_s;
@@ -138,6 +152,56 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
     if (swing_of(std::span(way_mm).subspan(n, piece)) > kSettledSwing_mm)
       result.settled_s = static_cast<double>(n + piece) * dt_s;
   return result;
+}
+
+namespace {
+
+GripCase free_tap(const PlantDevice& device, double stiffness_N_per_mm) {
+  GripCase tap{.device = device, .grip = {.mass_kg = 0.001}, .stiffness_N_per_mm = stiffness_N_per_mm};
+  tap.device.coulomb_N = tap.device.damping_N_s_per_m = 0;
+  tap.press_N = 0;
+  tap.free = true;
+  tap.time_s = 0.2;
+  return tap;
+}
+
+}  // namespace
+
+Result<std::vector<Figure>> grip_figures(const Progress& progress) {
+  constexpr double kSkin_N_per_m = 2000;
+  const auto wall = flat_wall(progress);
+  if (!wall) return wall.error();
+  // one unit after the other, as tables want them
+  std::vector<Figure> lengths, times, ratios;
+  for (const char* name : {"premium-1.5", "touch"}) {
+    const PlantDevice device = *find_plant_device(name);
+    progress.report(std::string("loose grips: ") + name, 0);
+    const auto stiffness = recommended_stiffness_N_per_mm(device, 1000, 1e-3, progress);
+    if (!stiffness) return stiffness.error();
+    for (const bool told : {true, false}) {
+      const std::string path =
+          "stability/grip/" + device.name + "/" + loop_name(1000, 1e-3) + (told ? "/told" : "/not-told");
+      for (const double damping_N_s_per_m : {0.3, 0.5})
+        for (const double skin_N_per_m : {0.0, kSkin_N_per_m}) {
+          if (progress.stopped()) return Progress::interrupted();
+          GripCase held{.device = device,
+                        .grip = {.damping_N_s_per_m = damping_N_s_per_m, .skin_N_per_m = skin_N_per_m},
+                        .stiffness_N_per_mm = *stiffness};
+          held.delay_known = told;
+          const GripResult result = hold_wall(**wall, held);
+          const std::string of = path + "/b-" + short_number(damping_N_s_per_m) +
+                                 (skin_N_per_m > 0 ? "/two-masses" : "/one-mass");
+          lengths.push_back({of + "/swing", result.swing_mm, "mm", 1, 2e3 * device.encoder_step_m});
+          times.push_back({of + "/settled", result.settled_s, "s", 1, {}});
+        }
+      GripCase tap = free_tap(device, *stiffness);
+      tap.delay_known = told;
+      ratios.push_back({path + "/free-tap/rebound", hold_wall(**wall, tap).rebound, "1", 1, {}});
+    }
+  }
+  lengths.insert(lengths.end(), times.begin(), times.end());
+  lengths.insert(lengths.end(), ratios.begin(), ratios.end());
+  return lengths;
 }
 
 }  // namespace palpate

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <vector>
+
 #include "palpate/haptics.h"
+#include "palpate/progress.h"
 #include "palpate/simulated_device.h"
+#include "palpate/verification.h"
 
 namespace palpate {
 
@@ -22,8 +26,10 @@ struct GripCase {
   double rate_hz = 1000;
   double delay_s = 1e-3;
   bool controller = true;
+  bool delay_known = true;  ///< to the tick
   double press_N = 1;       ///< at rest
   double impact_m_s = 0.1;  ///< with which the hand comes down; then it wants to go no deeper
+  bool free = false;        ///< thrown at the wall: nobody holds it, and the grip is its mass alone
   double time_s = 4;        ///< from the touch on
 };
 
@@ -36,5 +42,9 @@ struct GripResult {
   double settled_s = 0;     ///< from the touch on until it swings by no more than 0.2 mm within any 100 ms
 };
 GripResult hold_wall(const Model& wall, const GripCase& grip_case);
+
+/// Hands with less damping than the documented ones, of one mass and of two; and a free tap. At 1 kHz with 1
+/// ms of delay, told and not told, and what is recommended for the device. Errors: kInterrupted.
+Result<std::vector<Figure>> grip_figures(const Progress& progress);
 
 }  // namespace palpate

@@ -38,5 +38,78 @@ TEST(StabilityGrip, AViscousTissueIsQuietUnderAFingertip) {
         }
 }
 
+// grips with little damping at what is recommended for the documented ones: without the controller they swing
+// for ever
+std::vector<Grip> loose_grips() {
+  std::vector<Grip> grips;
+  for (const double damping_N_s_per_m : {0.3, 0.5})
+    for (const double stiffness_N_per_m : {80.0, 300.0})
+      for (const double mass_kg : {0.02, 0.15})
+        for (const double skin_N_per_m : {0.0, 2000.0})
+          grips.push_back({mass_kg, damping_N_s_per_m, stiffness_N_per_m, skin_N_per_m});
+  return grips;
+}
+
+std::string name_of(const Grip& grip) {
+  return std::to_string(grip.mass_kg) + " kg, " + std::to_string(grip.damping_N_s_per_m) + " N s/m, " +
+         std::to_string(grip.stiffness_N_per_m) + " N/m, skin " + std::to_string(grip.skin_N_per_m);
+}
+
+TEST(StabilityGrip, ALooseGripIsQuietWhetherOrNotTheDelayIsTold) {
+  int swinging = 0;
+  for (const Grip& grip : loose_grips()) {
+    SCOPED_TRACE(name_of(grip));
+    GripCase held{.device = *find_plant_device("premium-1.5"), .grip = grip, .stiffness_N_per_mm = 1.16};
+    held.controller = false;
+    swinging += hold_wall(grip_wall(), held).swing_mm > 0.2;
+    held.controller = true;
+    for (const bool told : {false, true}) {
+      SCOPED_TRACE(told ? "told" : "not told");
+      held.delay_known = told;
+      const GripResult result = hold_wall(grip_wall(), held);
+      EXPECT_LT(result.swing_mm, 2e3 * held.device.encoder_step_m);
+      EXPECT_LT(result.settled_s, told ? 1.2 : 0.9) << "after an impact at 0.1 m/s";
+      EXPECT_NEAR(result.force_N, 1, 0.2) << "the wall is there";
+    }
+  }
+  EXPECT_GE(swinging, 12) << "of 16";
+}
+
+TEST(StabilityGrip, AFreeTapReboundsNoFasterThanItCame) {
+  for (const char* name : {"premium-1.5", "touch"})
+    for (const double mass_kg : {0.001, 0.15})
+      for (const double impact_m_s : {0.05, 0.1, 0.2}) {
+        SCOPED_TRACE(std::string(name) + ", " + std::to_string(mass_kg) + " kg, " +
+                     std::to_string(impact_m_s));
+        GripCase tap{.device = *find_plant_device(name),
+                     .grip = {.mass_kg = mass_kg},
+                     .stiffness_N_per_mm = 1.16,
+                     .press_N = 0,
+                     .impact_m_s = impact_m_s,
+                     .free = true,
+                     .time_s = 0.2};
+        tap.device.coulomb_N = tap.device.damping_N_s_per_m = 0;
+        const double told = hold_wall(grip_wall(), tap).rebound;
+        EXPECT_LE(told, 1);
+        EXPECT_GT(told, 0.7) << "and is a wall";
+        tap.delay_known = false;
+        EXPECT_GT(hold_wall(grip_wall(), tap).rebound, 1);
+      }
+}
+
+// the documented hands swing down after an impact without being taken for a limit cycle's: nothing is softer
+// to them
+TEST(StabilityGrip, ADocumentedHandFeelsTheWholeWall) {
+  for (const PlantHand& hand : known_plant_hands()) {
+    SCOPED_TRACE(hand.name);
+    const GripCase held{.device = *find_plant_device("premium-1.5"),
+                        .grip = {hand.mass_kg, hand.damping_N_s_per_m, hand.stiffness_N_per_m},
+                        .stiffness_N_per_mm = 1.16};
+    const GripResult result = hold_wall(grip_wall(), held);
+    EXPECT_EQ(result.swing_mm, 0);
+    EXPECT_NEAR(result.force_N, 1, 0.06);
+  }
+}
+
 }  // namespace
 }  // namespace palpate

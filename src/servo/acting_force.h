@@ -1,0 +1,15 @@
+#pragma once
+
+#include "palpate/servo.h"
+
+namespace palpate {
+
+/// The mean force that has acted on the device since the last tick, where what is sent acts after a delay.
+/// Each command is held until the next one comes.
+/// @param sent_N  what the last tick sent, `dt_s` ago; joins the line
+Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line);
+
+/// N s along a direction: what has been sent and has not acted yet.
+double still_to_act_N_s(const DelayLine& line, const Vector<World>& along, double delay_s);
+
+}  // namespace palpate
