@@ -6,9 +6,7 @@
 #include <optional>
 #include <random>
 
-#include "palpate/scene.h"
 #include "palpate/servo.h"
-#include "palpate/session.h"
 #include "palpate/stability.h"
 #include "palpate/workspace.h"
 #include "verification/stability_names.h"
@@ -107,17 +105,7 @@ Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress) 
         labels.layers[0].at(i, j, k) =
             (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen().norm() < kBallRadius_mm ? 1 : 0;
 
-  Scene scene;
-  scene.title = "ball";
-  TissueSettings bone;
-  bone.name = "bone";
-  bone.labels = {LabelReference{1}};
-  bone.label_lines = {0};
-  bone.stiffness_N_per_mm = 1;
-  scene.tissues = {bone};
-  const auto model = build_model(scene, &labels, nullptr, progress);
-  if (!model) return model;
-  return ready_for(*model, std::array{ForceMethod::kTrilinear, ForceMethod::kProxy}, progress);
+  return one_bone(labels, {ForceMethod::kTrilinear, ForceMethod::kProxy}, progress);
 }
 
 ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration) {

@@ -19,8 +19,13 @@ Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress) {
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) labels.layers[0].at(i, j, k) = i < grid.dims[0] / 2 ? 1 : 0;
 
+  return one_bone(labels, {ForceMethod::kProxy}, progress);
+}
+
+Result<std::shared_ptr<const Model>> one_bone(const LabelMap& labels, const std::vector<ForceMethod>& methods,
+                                              const Progress& progress) {
   Scene scene;
-  scene.title = "wall";
+  scene.title = labels.segments.front().name;
   TissueSettings bone;
   bone.name = "bone";
   bone.labels = {LabelReference{1}};
@@ -29,7 +34,7 @@ Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress) {
   scene.tissues = {bone};
   const auto model = build_model(scene, &labels, nullptr, progress);
   if (!model) return model;
-  return ready_for(*model, std::array{ForceMethod::kProxy}, progress);
+  return ready_for(*model, methods, progress);
 }
 
 }  // namespace palpate

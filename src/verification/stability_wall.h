@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "palpate/haptics.h"
 #include "palpate/progress.h"
@@ -10,5 +11,9 @@ namespace palpate {
 /// The half of a volume below x = 0, of bone of 1 N/mm, ready for the proxy alone: a flat wall to press on.
 /// The patient's origin is on its surface, in the middle of the volume.
 Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress = {});
+
+/// Label 1 as bone of 1 N/mm, which has the segment's name, ready for these methods.
+Result<std::shared_ptr<const Model>> one_bone(const LabelMap& labels, const std::vector<ForceMethod>& methods,
+                                              const Progress& progress);
 
 }  // namespace palpate
