@@ -68,15 +68,10 @@ double most_beyond_mm(const Recording& recording, const Model& model, double for
       most = std::max(most, d.depth_mm - explained_mm(model.tissue_of(d.label)->stiffness_N_per_mm));
     for (const FeltSurface& s : model.surfaces) {
       if (s.surface == nullptr) continue;
-      double stiffness = s.stiffness_N_per_mm;
-      // an outer surface is as soft as the softest of those to whom the place belongs
-      if (s.owners != nullptr) {
-        stiffness = 1e9;
-        const OwnerShares shares = s.owners->at(tip);
-        for (const OwnerShare& share : shares.all())
-          stiffness = std::min(stiffness,
-                               model.surfaces[static_cast<std::size_t>(share.structure)].stiffness_N_per_mm);
-      }
+      // an outer surface gives what the structure gives that is touched
+      const double stiffness = s.owners != nullptr && d.label != 0
+                                   ? model.tissue_of(d.label)->stiffness_N_per_mm
+                                   : s.stiffness_N_per_mm;
       most = std::max(most, -s.surface->distance_mm(tip) - explained_mm(stiffness));
     }
   }
