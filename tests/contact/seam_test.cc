@@ -31,6 +31,7 @@ constexpr unsigned kSeamSeed = 15;
 constexpr double kPress_N = 1, kSlideMost_N = 3;
 constexpr double kStep_mm = 0.02;  // 20 mm/s at 1 kHz
 constexpr double kFar_mm = 12, kDeepest_mm = 6, kSlide_mm = 5, kWithdrawn_mm = 6, kOutside_mm = 0.05;
+constexpr double kFelt_mm = 0.5, kFelt_N = 0.01;
 constexpr double kJump_N = 0.02, kInward_N = 0.02, kFree_N = 0.001;
 
 int seam_presses() {
@@ -146,7 +147,8 @@ class HalfAVoxel {
 };
 
 struct Figures {
-  int presses = 0, withdrawals = 0, inside = 0, jumped = 0, pulled_inward = 0, trapped = 0, left_out = 0;
+  int presses = 0, withdrawals = 0, unfelt = 0, inside = 0, jumped = 0, pulled_inward = 0, trapped = 0,
+      left_out = 0;
   double largest_jump_N = 0, most_inward_N = 0;
 };
 
@@ -176,6 +178,7 @@ class SeamPress {
       lead(along * kStep_mm);
     // a way that comes out of the body on another side is no press that can be taken back
     if (!came_out_) withdraw();
+    figures_.unfelt += unfelt_;
     figures_.inside += inside_;
     figures_.jumped += jumped_;
   }
@@ -227,6 +230,7 @@ class SeamPress {
     figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
     jumped_ = jumped_ || jump_N > kJump_N;
     inside_ = inside_ || half_.inside(state_.position, tool_.radius_mm);
+    unfelt_ = unfelt_ || (force_N() < kFelt_N && body_.clearance_mm(tip_, tool_.radius_mm) < -kFelt_mm);
     if (!withdrawing_ && force_N() > kFree_N)
       came_out_ = came_out_ || body_.clearance_mm(tip_, tool_.radius_mm) > kOutside_mm;
     if (withdrawn_) most_inward_N_ = std::max(most_inward_N_, -result_.force_N.dot(outward_));
@@ -240,7 +244,8 @@ class SeamPress {
   ProxyResult result_;
   Point<Patient> tip_;
   Vector<Patient> outward_;
-  bool withdrawing_ = false, came_out_ = false, withdrawn_ = false, inside_ = false, jumped_ = false;
+  bool withdrawing_ = false, came_out_ = false, withdrawn_ = false, inside_ = false, unfelt_ = false,
+       jumped_ = false;
   double most_inward_N_ = 0;
 };
 
@@ -290,11 +295,12 @@ Figures press_all_over(const Body& body, int presses, double radius_mm) {
 
 void print(const char* what, double radius_mm, const Figures& f) {
   std::printf(
-      "%-13s tool %.1f mm: %5d presses, %3d inside, %4d with a jump (largest %6.3f N); %5d withdrawn, %2d "
+      "%-13s tool %.1f mm: %5d presses, %3d inside, %3d not felt, %4d with a jump (largest %6.3f N); %5d "
+      "withdrawn, %2d "
       "pulled "
       "inward (at most %.3f N), %2d trapped\n",
-      what, radius_mm, f.presses, f.inside, f.jumped, f.largest_jump_N, f.withdrawals, f.pulled_inward,
-      f.most_inward_N, f.trapped);
+      what, radius_mm, f.presses, f.inside, f.unfelt, f.jumped, f.largest_jump_N, f.withdrawals,
+      f.pulled_inward, f.most_inward_N, f.trapped);
   std::fflush(stdout);
 }
 
