@@ -66,10 +66,8 @@ struct Model {
   /// What the direct methods' forces are computed from, by ForceMethod; null: not prepared. The trilinear one
   /// always is.
   std::array<std::shared_ptr<const ForceField>, kDirectMethods.size()> methods;
-  /// What the proxy leans on: one for each felt structure, then the outer surfaces of those that touch.
-  /// Empty: not prepared.
+  /// What the proxy leans on, with the structure of each; empty: not prepared.
   std::vector<FeltSurface> surfaces;
-  /// Of the structures' surfaces.
   std::vector<LabelId> label_of_surface;
   MethodSettings method_settings;
 

@@ -7,7 +7,6 @@
 #include <memory>
 #include <span>
 
-#include "palpate/owners.h"
 #include "palpate/surface.h"
 
 /// Contact that keeps the tool out: a proxy of the tip stays on the surfaces while the tip goes inside, and
@@ -15,20 +14,14 @@
 /// Positions in the patient frame, so that a proxy that sticks rides on a turning object.
 namespace palpate {
 
-/// A surface with how it feels: a structure's own, or the outer surface that structures which touch have in
-/// common. Two surfaces side by side are both rounded where they meet, and a tool falls into the crack.
+/// A surface with how it feels.
 struct FeltSurface {
-  std::shared_ptr<const Surface> surface;  ///< null: the structure is met by an outer surface alone
+  std::shared_ptr<const Surface> surface;
   double stiffness_N_per_mm = 1;
   double static_friction = 0.1;   ///< coefficient up to which the proxy sticks; at least dynamic_friction
   double dynamic_friction = 0.1;  ///< coefficient with which it slides
   /// Force that makes the tool go through; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
-  /// Of an outer surface: by whose shares it feels in place of the four values above. Null: a structure's
-  /// own.
-  std::shared_ptr<const Owners> owners = nullptr;
-  /// The outer surface that it is part of: it is met only while the tool has gone through that. -1: of none.
-  int beneath = -1;
 };
 inline constexpr std::size_t kMostSurfaces = 256;
 using SurfaceSet = std::bitset<kMostSurfaces>;
@@ -72,8 +65,7 @@ struct ProxyOptions {
 struct ProxyResult {
   Vector<Patient> force_N;        ///< on the tip
   Vector<Patient> torque_Nmm;     ///< about the tip
-  double stiffness_N_per_mm = 0;  ///< of the structures touched, weighted by their pulls
-  double friction = 0;            ///< their coefficient, static where it sticks; 0 where friction is off
+  double stiffness_N_per_mm = 0;  ///< of the surfaces touched, weighted by their pulls
   /// The tool is wider than the gap that it is in: no place is left by all walls, and the proxy stays. Where
   /// a turn of the tool has brought it there, without force, until the tip is free.
   bool wedged = false;
@@ -93,11 +85,9 @@ struct ProxyResult {
 ///   active set; so corners, gaps and both walls of a notch hold.
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
-/// - Stiffness and friction are those of the structures touched, weighted by their pulls, and on an outer
-///   surface by their shares of the place. A structure is gone through when what it gives of the spring's
-///   force, friction aside and before any limit, stiffness included, is above its puncture force. It opens
-///   the outer surface that it is part of, so that what lies beneath is met by surfaces of its own; each
-///   closes again when tip and proxy have left it.
+/// - Stiffness and friction are those of the surfaces touched, weighted by their pulls. A surface is gone
+///   through when what it gives of the spring's force, friction aside and before any limit, stiffness
+///   included, is above its puncture force; it closes again when tip and proxy have left it.
 /// @param surfaces  at most kMostSurfaces; the same ones in every call with one state
 /// @param spheres   1 ... kMostToolSpheres
 /// @param tip       finite

@@ -88,22 +88,6 @@ Result<std::vector<PreparedSurface>> prepare_surfaces(const Volume<LabelId>& lab
                                                       const SurfaceOptions& options,
                                                       const Progress& progress = {});
 
-/// Structures that touch, directly or through others: voxels that share a face, an edge or a corner. Groups
-/// in the order of their first structures, each in the order given; one that touches nobody is a group of its
-/// own. What does not touch stays apart, however narrow the gap. Errors: kInterrupted.
-/// @param structures  without repetition; none is 0
-Result<std::vector<std::vector<LabelId>>> touching_groups(const Volume<LabelId>& labels,
-                                                          const std::vector<LabelId>& structures,
-                                                          int threads = 0, const Progress& progress = {});
-
-/// One surface for each of some groups of structures, as if a group were one structure with the label of its
-/// first: it has no crack where two of them meet. Errors: those of prepare_surfaces.
-/// @param groups  no structure is in two of them
-Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Volume<LabelId>& labels,
-                                                            const std::vector<std::vector<LabelId>>& groups,
-                                                            const SurfaceOptions& options,
-                                                            const Progress& progress = {});
-
 /// New values in a box of a grid, i fastest.
 template <class T>
 struct PatchOf {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "haptics/half_spaces.h"
 #include "palpate/proxy_way.h"
@@ -36,13 +35,6 @@ constexpr std::size_t kMostNear = 32;
 // a tool that has gone through a surface is out of it when it has left it by so much
 constexpr double kSealed_mm = 0.2;
 
-// whether the tool can meet a surface
-bool is_there(std::span<const FeltSurface> surfaces, const SurfaceSet& punctured, std::size_t s) {
-  const FeltSurface& felt = surfaces[s];
-  const bool covered = felt.beneath >= 0 && !punctured[static_cast<std::size_t>(felt.beneath)];
-  return felt.surface != nullptr && !punctured[s] && !covered;
-}
-
 /// A sphere of the tool and a surface that it may meet in this tick.
 struct Near {
   const Surface* surface;
@@ -70,7 +62,7 @@ class NearSurfaces {
   NearSurfaces(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
     for (std::size_t s = 0; s < surfaces.size(); ++s) {
-      if (!is_there(surfaces, punctured, s)) continue;
+      if (punctured[s]) continue;
       const Surface& surface = *surfaces[s].surface;
       for (std::size_t k = 0; k < spheres.size(); ++k) {
         Near near{&surface, static_cast<int>(s), static_cast<int>(k), spheres[k].offset_mm,
@@ -87,8 +79,6 @@ class NearSurfaces {
   std::size_t count() const { return count_; }
   const Near& operator[](std::size_t n) const { return near_[n]; }
   double reach_mm() const { return reach_mm_; }
-  /// Which of them it is.
-  std::size_t place_of(const Near& near) const { return static_cast<std::size_t>(&near - near_.data()); }
 
   /// The clearance of pair n, or, where that is cheaper to know, a lower bound of it above `enough_mm`.
   double clearance(std::size_t n, const Point<Patient>& proxy,
@@ -188,22 +178,6 @@ bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Pa
   }
   return false;
 }
-
-// where a sphere of the tool leans on a surface
-Point<Patient> touched(const Point<Patient>& proxy, const Vector<Patient>& offset_mm,
-                       const Vector<Patient>& normal, double radius_mm) {
-  return proxy + offset_mm - normal * radius_mm;
-}
-
-// to whom a place on a surface belongs
-OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at) {
-  const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
-  return felt.owners != nullptr ? felt.owners->at(at) : OwnerShares(index);
-}
-
-struct Friction {
-  double still = 0, sliding = 0;
-};
 
 /// The proxy's way in one tick.
 class Walk {
@@ -373,10 +347,9 @@ class Walk {
     double still = 0, sliding = 0, all_mm = 0;
     for (int n = 0; n < nearest.count; ++n) {
       const double pull_mm = nearest.pull_mm[static_cast<std::size_t>(n)];
-      const Friction& friction =
-          friction_of(static_cast<std::size_t>(nearest.active[static_cast<std::size_t>(n)]));
-      still += pull_mm * friction.still;
-      sliding += pull_mm * friction.sliding;
+      const FeltSurface& felt = surface_of(nearest.active[static_cast<std::size_t>(n)]);
+      still += pull_mm * felt.static_friction;
+      sliding += pull_mm * felt.dynamic_friction;
       all_mm += pull_mm;
     }
     // a wall's pull is the depth; in a corner the way is shorter than the pulls
@@ -423,22 +396,8 @@ class Walk {
                                                                    walls_.half_space(wall).normal, pull_mm};
   }
 
-  // on an outer surface that of the place where the wall is met first in this tick
-  const Friction& friction_of(std::size_t wall) {
-    const Near& near = walls_.near(wall);
-    std::optional<Friction>& known = friction_[near_.place_of(near)];
-    if (!known) {
-      known.emplace();
-      const Point<Patient> at =
-          touched(proxy_, near.offset_mm, walls_.half_space(wall).normal, near.radius_mm);
-      const OwnerShares owners = owners_at(surfaces_, near.index, at);
-      for (const OwnerShare& share : owners.all()) {
-        const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
-        known->still += share.part * felt.static_friction;
-        known->sliding += share.part * felt.dynamic_friction;
-      }
-    }
-    return *known;
+  const FeltSurface& surface_of(int wall) const {
+    return surfaces_[static_cast<std::size_t>(walls_.near(static_cast<std::size_t>(wall)).index)];
   }
 
   std::span<const FeltSurface> surfaces_;
@@ -453,14 +412,13 @@ class Walk {
   Vector<Patient> last_way_;
   bool anchored_;
   Walls walls_;
-  std::array<std::optional<Friction>, kMostNear> friction_;
   ProxyWay* way_;
 };
 
 bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-             const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at) {
+             const SurfaceSet& but, const Point<Patient>& at) {
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if (but[s] || !is_there(surfaces, punctured, s)) continue;
+    if (but[s]) continue;
     for (const ToolSphere& sphere : spheres)
       if (surfaces[s].surface->distance_mm(at + sphere.offset_mm) < sphere.radius_mm - kOutside_mm)
         return false;
@@ -474,10 +432,7 @@ SurfaceSet still_open(std::span<const FeltSurface> surfaces, std::span<const Too
                       const Point<Patient>& tip, const ProxyState& state) {
   SurfaceSet punctured = state.punctured;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if (!punctured[s] || surfaces[s].surface == nullptr) {
-      punctured[s] = false;
-      continue;
-    }
+    if (!punctured[s]) continue;
     const bool left = std::all_of(spheres.begin(), spheres.end(), [&](const ToolSphere& sphere) {
       const double sealed_mm = sphere.radius_mm + kSealed_mm;
       return surfaces[s].surface->distance_mm(tip + sphere.offset_mm) > sealed_mm &&
@@ -488,50 +443,37 @@ SurfaceSet still_open(std::span<const FeltSurface> surfaces, std::span<const Too
   return punctured;
 }
 
-// what the spring from the tip to the proxy gives, and what it goes through
+// what the spring from the tip to the proxy gives, and through which surfaces it goes
 void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
           const Point<Patient>& tip, const ProxyOptions& options, ProxyState& state, ProxyResult& result) {
   const std::span<const ProxyContact> contacts{state.contact.data(),
                                                static_cast<std::size_t>(state.contacts)};
-  std::array<OwnerShares, kMostContacts> owners;
-  double all_mm = 0, stiffness = 0, own_stiffness = 0, friction = 0;
-  for (std::size_t n = 0; n < contacts.size(); ++n) {
-    const ProxyContact& contact = contacts[n];
-    const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
-    owners[n] = owners_at(surfaces, contact.surface,
-                          touched(state.position, sphere.offset_mm, contact.normal, sphere.radius_mm));
+  double all_mm = 0, stiffness = 0, own_stiffness = 0;
+  for (const ProxyContact& contact : contacts) {
+    const double own = surfaces[static_cast<std::size_t>(contact.surface)].stiffness_N_per_mm;
     all_mm += contact.pull_mm;
-    for (const OwnerShare& share : owners[n].all()) {
-      const FeltSurface& felt = surfaces[static_cast<std::size_t>(share.structure)];
-      const double own = felt.stiffness_N_per_mm, pull_mm = contact.pull_mm * share.part;
-      own_stiffness += pull_mm * own;
-      stiffness += pull_mm * std::min(own, options.most_stiffness_N_per_mm);
-      friction += pull_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
-    }
+    own_stiffness += contact.pull_mm * own;
+    stiffness += contact.pull_mm * std::min(own, options.most_stiffness_N_per_mm);
   }
   if (!(all_mm > 0)) return;
   stiffness /= all_mm;
   own_stiffness /= all_mm;
   result.stiffness_N_per_mm = stiffness;
-  if (options.friction) result.friction = friction / all_mm;
   result.force_N = (state.position - tip) * stiffness;
 
   // what the walls do not give is friction, which acts where they do
   Vector<Patient> along = result.force_N;
   for (const ProxyContact& contact : contacts) along -= contact.normal * (contact.pull_mm * stiffness);
-  for (std::size_t n = 0; n < contacts.size(); ++n) {
-    const ProxyContact& contact = contacts[n];
+  for (const ProxyContact& contact : contacts) {
     const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
     const Vector<Patient> arm_mm = sphere.offset_mm - contact.normal * sphere.radius_mm;
     const Vector<Patient> force_N =
         contact.normal * (contact.pull_mm * stiffness) + along * (contact.pull_mm / all_mm);
     result.torque_Nmm += arm_mm.cross(force_N);
     // a proxy that has not arrived is no measure of what the hand presses
-    if (result.lagging || result.wedged) continue;
-    for (const OwnerShare& share : owners[n].all()) {
-      const auto structure = static_cast<std::size_t>(share.structure);
-      if (!(contact.pull_mm * own_stiffness * share.part > surfaces[structure].puncture_N)) continue;
-      state.punctured[structure] = true;
+    const bool arrived = !result.lagging && !result.wedged;
+    if (arrived &&
+        contact.pull_mm * own_stiffness > surfaces[static_cast<std::size_t>(contact.surface)].puncture_N) {
       state.punctured[static_cast<std::size_t>(contact.surface)] = true;
       result.ruptured = true;
     }
@@ -546,7 +488,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
   ProxyResult result;
   if (!state.coupled) {
-    if (!is_free(surfaces, spheres, {}, {}, tip)) return result;
+    if (!is_free(surfaces, spheres, {}, tip)) return result;
     state = {};
     state.coupled = true;
     state.position = tip;
@@ -559,7 +501,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   NearSurfaces near(surfaces, spheres, state.punctured, state.position, most_mm + kMostPush_mm);
   Walk(surfaces, near, std::min(most_mm, near.reach_mm()), tip, state, options, way).go(result);
   // lost by a turn of the tool, found again where the tip is free
-  if (result.wedged && state.contacts == 0 && is_free(surfaces, spheres, state.punctured, {}, tip))
+  if (result.wedged && state.contacts == 0 && is_free(surfaces, spheres, state.punctured, tip))
     state.position = tip;
   pull(surfaces, spheres, tip, options, state, result);
   return result;
@@ -579,7 +521,7 @@ void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
     same[s] = before[s].same;
     punctured[s] = before[s].index >= 0 && old.punctured[static_cast<std::size_t>(before[s].index)];
   }
-  if (!old.coupled || !is_free(surfaces, spheres, punctured, same, old.position)) {
+  if (!old.coupled || !is_free(surfaces, spheres, same | punctured, old.position)) {
     state = {};
     state.position = old.position;
     return;
@@ -605,11 +547,11 @@ bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const 
   constexpr double kFar_mm = 1000;
   constexpr int kMostSteps = 64, kMostLooks = 4;
   Point<Patient> born = tip;
-  for (int look = 0; look < kMostLooks && !is_free(surfaces, spheres, {}, {}, born); ++look) {
+  for (int look = 0; look < kMostLooks && !is_free(surfaces, spheres, {}, born); ++look) {
     NearSurfaces near(surfaces, spheres, {}, born, kFar_mm);
     if (!leave_surfaces(near, kMostSteps, kFar_mm, born)) return false;
   }
-  if (!is_free(surfaces, spheres, {}, {}, born)) return false;
+  if (!is_free(surfaces, spheres, {}, born)) return false;
   state = {};
   state.coupled = true;
   state.position = born;

@@ -104,9 +104,7 @@ struct ProxyRun {
     for (int n = 0; n <= pieces; ++n) {
       const Point<Patient> p = a + (b - a) * (static_cast<double>(n) / pieces);
       for (std::size_t s = 0; s < surfaces.size(); ++s) {
-        const int outer = surfaces[s].beneath;
-        const bool covered = outer >= 0 && !state.punctured[static_cast<std::size_t>(outer)];
-        if (state.punctured[s] || covered) continue;
+        if (state.punctured[s]) continue;
         for (const ToolSphere& sphere : spheres)
           deepest_mm =
               std::max(deepest_mm, sphere.radius_mm - surfaces[s].surface->distance_mm(p + sphere.offset_mm));

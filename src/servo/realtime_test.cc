@@ -131,7 +131,7 @@ class Exercise {
 
  private:
   Model model_ =
-      testing::with_outer_surface(testing::with_every_method(testing::ball_model({1, 1, 1}, 1.0, 3)), 3);
+      testing::with_exact_surfaces(testing::with_every_method(testing::ball_model({1, 1, 1}, 1.0, 3)), 3);
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;

@@ -76,32 +76,35 @@ ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
 LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at) {
   const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
-  if (model.is_felt(label)) return label;
-  const auto surface = static_cast<std::size_t>(contact.surface);
-  const Owners* owners = model.surfaces[surface].owners.get();
-  return model
-      .label_of_surface[owners == nullptr ? surface : static_cast<std::size_t>(owners->at(at).largest())];
+  return model.is_felt(label) ? label : model.label_of_surface[static_cast<std::size_t>(contact.surface)];
 }
 
 // The normal of all that the proxy leans on together. Where it rests on an edge, or where the position bends
 // more than its smoother normals say, the walls' own are not all that hold it: then it is the direction next
 // to theirs from which the force is no farther than friction lets it be.
-Vector<Patient> normal_of(std::span<const ProxyContact> contacts, double friction,
-                          const Vector<Patient>& force_N) {
+Vector<Patient> normal_of(const Model& model, const ProxyState& proxy, std::span<const ProxyContact> contacts,
+                          bool friction, const Vector<Patient>& force_N) {
   Vector<Patient> pull_mm;
-  for (const ProxyContact& contact : contacts) pull_mm += contact.normal * contact.pull_mm;
+  double all_mm = 0, coefficient = 0;
+  for (const ProxyContact& contact : contacts) {
+    const FeltSurface& felt = model.surfaces[static_cast<std::size_t>(contact.surface)];
+    pull_mm += contact.normal * contact.pull_mm;
+    all_mm += contact.pull_mm;
+    if (friction)
+      coefficient += contact.pull_mm * (proxy.sticking ? felt.static_friction : felt.dynamic_friction);
+  }
   const Vector<Patient> walls = pull_mm.normalized(), along = force_N.normalized();
-  if (along == Vector<Patient>()) return walls;
+  if (!(all_mm > 0) || along == Vector<Patient>()) return walls;
   const double ahead = walls.dot(along);
   const Vector<Patient> aside = walls - along * ahead;
-  const double off = aside.norm();
-  if (off <= friction * ahead || off == 0) return walls;
-  return (along + aside * (friction / off)).normalized();
+  const double off = aside.norm(), most = coefficient / all_mm;
+  if (off <= most * ahead || off == 0) return walls;
+  return (along + aside * (most / off)).normalized();
 }
 
 // what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
 PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, const ProxyResult& result,
+                          const Point<Patient>& tip, bool friction, const Vector<Patient>& spring_N,
                           const Vector<Patient>& force_N) {
   PointContact contact;
   contact.proxy = proxy.coupled ? proxy.position : tip;
@@ -111,7 +114,7 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span
                                      [](const auto& a, const auto& b) { return a.pull_mm < b.pull_mm; });
   if (most == contacts.end()) return contact;
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(most->sphere)];
-  contact.sample.gradient = -normal_of(contacts, result.friction, result.force_N);
+  contact.sample.gradient = -normal_of(model, proxy, contacts, friction, spring_N);
   contact.site = site_of(
       model, label_under(model, *most, proxy.position + sphere.offset_mm - most->normal * sphere.radius_mm),
       (proxy.position - tip).norm());
@@ -199,7 +202,8 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
       std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
   const double part = coupled(result, pull_mm, damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;
-  tool.strongest = strongest_of(model, proxy, spheres, tip, result, result.force_N * part);
+  tool.strongest =
+      strongest_of(model, proxy, spheres, tip, parameters.friction, result.force_N, result.force_N * part);
   ContactSite& site = tool.strongest.site;
   if (site.tissue < 0 && proxy.punctured.any()) site = site_of(model, label_at(model, tip), kInside_mm);
   if (parameters.viscosity && site.tissue >= 0)
