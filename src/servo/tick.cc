@@ -91,11 +91,11 @@ ProxyChange begin_contact_anew(const Model& model, std::span<const SurfaceBefore
 void hold_energy(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
                  const Vector<World>& way_mm, double max_force_N, double dt_s, SessionState::Hand& hand,
                  OutputRequest& request, DeviceTick& out) {
-  // a force that fades out gets nothing back that was held back
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kCoarseStep_mm;
   look_for_swing(request.asked.force_N, way_mm / own.scale, step_mm, dt_s, hand.swing);
   const double delay_s = own.delay_s + hand.swing.later_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
+  // a force that fades out gets nothing back that was held back
   const bool faded_out = request.off && hand.output.gain == 0;
   if (faded_out || request.faults != 0 || !request.asked.force_N.all_finite()) {
     hand.passivity = {};
