@@ -40,6 +40,7 @@ class StillHost : public ViewerHost {
   Result<void> rearm(const RearmRequest&) override { return {}; }
   Result<void> take_pointer(bool, const ViewerIdentity&) override { return {}; }
   void move_pointer(const std::array<double, 3>&) override {}
+  Result<void> play(const PlayRequest&) override { return {}; }
 
  private:
   ViewedScene scene_;

@@ -19,9 +19,10 @@ endfunction()
 #
 # One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
 # for all *_test.cc of the room) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
-# once for every target, and that no other source can therefore share a unit with.
+# once for every target, and that no other source can therefore share a unit with. FUZZED are the sources that the
+# fuzzers' bytes reach, where most of the room's are not.
 function(palpate_room name)
-  cmake_parse_arguments(ROOM "" "SLOW_SANITIZED" "SOURCES;SIMD;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS" ${ARGN})
+  cmake_parse_arguments(ROOM "" "SLOW_SANITIZED" "SOURCES;SIMD;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
   if(ROOM_SOURCES)
     add_library(${library} STATIC ${ROOM_SOURCES} ${ROOM_SIMD})
@@ -56,7 +57,13 @@ function(palpate_room name)
 
   if(PALPATE_BUILD_FUZZERS AND ROOM_FUZZERS)
     # coverage for what is fuzzed; each fuzzer adds the driver
-    target_compile_options(${library} PRIVATE -fsanitize=fuzzer-no-link)
+    if(ROOM_FUZZED)
+      target_compile_options(${library} PRIVATE -fno-sanitize=all -O0)
+      set_source_files_properties(${ROOM_FUZZED} PROPERTIES
+        COMPILE_OPTIONS "-fsanitize=${PALPATE_SANITIZE},fuzzer-no-link;-O1" SKIP_UNITY_BUILD_INCLUSION ON)
+    else()
+      target_compile_options(${library} PRIVATE -fsanitize=fuzzer-no-link)
+    endif()
     foreach(fuzzer ${ROOM_FUZZERS})
       get_filename_component(target ${fuzzer} NAME_WE)
       add_executable(${target} ${fuzzer})

@@ -72,7 +72,7 @@ if(NOT EXISTS ${page})
   file(RENAME ${SHARED}/new ${page})
 endif()
 # newer than the sources, even where the content is the same: else the step would run every time
-foreach(file index.html assets/viewer.js assets/viewer.css assets/icon.svg)
+foreach(file index.html assets/viewer.js assets/viewer_worker.js assets/viewer.css assets/icon.svg)
   get_filename_component(name ${file} NAME)
   file(COPY_FILE ${page}/${file} ${OUT}/${name})
   file(TOUCH ${OUT}/${name})

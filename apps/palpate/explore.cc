@@ -1,15 +1,12 @@
 #include "palpate/explore.h"
 
-#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <deque>
 #include <memory>
-#include <mutex>
 #include <optional>
 
 #include "inputs.h"
@@ -17,6 +14,7 @@
 #include "palpate/output.h"
 #include "palpate/viewer_server.h"
 #include "palpation.h"
+#include "serving.h"
 #include "text.h"
 #include "verb.h"
 
@@ -33,8 +31,7 @@ struct ExploreArguments {
   int cpu = -1;
   bool repeat = false, no_realtime = false, no_supervisor = false, pointer = false;
   bool no_viewer = false;
-  std::optional<int> port;  // empty: kViewerPort, or the next that is free
-  ViewerServerOptions viewers;
+  ServingOptions serving;
 };
 
 // the claims of what is written: the recording, the supervisor's log
@@ -50,7 +47,8 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
     return Error{ErrorKind::kUsage, "this machine has no CPU " + std::to_string(options.cpu), "--cpu",
                  "choose one from 0 to " + std::to_string(cpus - 1)};
   if (!options.no_viewer)
-    if (const auto servable = ViewerServer::check(options.viewers); !servable) return servable.error();
+    if (const auto servable = ViewerServer::check(options.serving.viewers); !servable)
+      return servable.error();
   if (options.supervisor_log && options.no_supervisor)
     return Error{ErrorKind::kUsage, "where nobody watches there is nothing to write down", "--supervisor-log",
                  "leave out --no-supervisor"};
@@ -60,7 +58,7 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   if (!options.recording && !options.supervisor_log) return claims;
   auto inputs = input_files(options.target);
   if (options.script) inputs.push_back(*options.script);
-  const ViewerServerOptions& viewers = options.viewers;
+  const ViewerServerOptions& viewers = options.serving.viewers;
   for (const auto& input : {viewers.token_file, viewers.tls_certificate, viewers.tls_key})
     if (!input.empty()) inputs.push_back(input);
   for (const auto& output : {options.recording, options.supervisor_log}) {
@@ -72,60 +70,13 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   return claims;
 }
 
-/// Faults of viewers, on their way from the server's thread to the terminal. A terminal that is held (Ctrl-S)
-/// or a full pipe must hold neither the server nor who looks for keys.
-class FaultLines {
- public:
-  void put(const std::string& line) {
-    const std::lock_guard lock(mutex_);
-    if (lines_.size() < kMost) lines_.push_back(line);
-  }
-  /// One at most: what a terminal takes without waiting is not known to be more.
-  void show_next(Console& console) {
-    pollfd terminal{STDERR_FILENO, POLLOUT, 0};
-    if (::poll(&terminal, 1, 0) != 1) return;
-    std::string line;
-    {
-      const std::lock_guard lock(mutex_);
-      if (lines_.empty()) return;
-      line = std::move(lines_.front());
-      lines_.pop_front();
-    }
-    console.note(line);
-  }
-
- private:
-  static constexpr std::size_t kMost = 100;
-  std::mutex mutex_;
-  std::deque<std::string> lines_;
-};
-
-// the port that was asked for; without one the usual one, or one of those after it
-Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ExploreArguments& options,
-                                            Console& console, FaultLines& faults) {
-  constexpr int kTries = 20;
-  ViewerServerOptions settings = options.viewers;
-  settings.port = options.port.value_or(kViewerPort);
-  settings.log = [&faults](const std::string& fault) { faults.put(fault); };
-  auto server = ViewerServer::start(host, settings);
-  if (options.port) return server;
-  for (int tries = 1; tries < kTries && !server && server.error().kind == ErrorKind::kUnavailable; ++tries) {
-    ++settings.port;
-    auto next = ViewerServer::start(host, settings);
-    if (next) console.note("port " + std::to_string(kViewerPort) + " is taken");
-    // of an address that cannot be had the first error tells
-    if (next) return next;
-  }
-  return server;
-}
-
 // @param address  becomes that of the page
 std::function<Result<std::shared_ptr<void>>(ViewerHost&)> viewers_of(const ExploreArguments& options,
                                                                      Console& console, FaultLines& faults,
                                                                      std::string& address) {
   if (options.no_viewer) return {};
   return [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
-    auto server = serve(host, options, console, faults);
+    auto server = serve(host, options.serving, console, faults);
     if (!server) return server.error();
     address = (*server)->url();
     return std::shared_ptr<void>(*std::move(server));
@@ -191,26 +142,26 @@ void note_scheduling(const ExploreStatus& status, bool asked, Console& console) 
 }
 
 // the most serious reason why the force is not what the tissue gives
-std::string state_of(std::uint32_t flags) {
+std::string state_of(std::uint32_t flags, bool pointer) {
   struct Word {
     std::uint32_t flag;
     const char* text;
   };
-  constexpr Word kWords[] = {{kFlagEmergencyStop, "EMERGENCY STOP"},
-                             {kFlagHalted, "HALTED"},
-                             {kFlagDeviceFault, "DEVICE FAULT"},
-                             {kFlagNotFinite, "NOT FINITE"},
-                             {kFlagJump, "JUMP"},
-                             {kFlagStale, "stale"},
-                             {kFlagPaused, "PAUSED"},
-                             {kFlagClutched, "clutched"},
-                             {kFlagInside, "inside"},
-                             {kFlagWedged, "wedged"},
-                             {kFlagThermal, "cooling"},
-                             {kFlagClamped, "clamped"},
-                             {kFlagPassivity, "damped"},
-                             {kFlagTurnHeld, "turn held"},
-                             {kFlagRamp, "fading"}};
+  const Word kWords[] = {{kFlagEmergencyStop, "EMERGENCY STOP"},
+                         {kFlagHalted, "HALTED"},
+                         {kFlagDeviceFault, "DEVICE FAULT"},
+                         {kFlagNotFinite, "NOT FINITE"},
+                         {kFlagJump, "JUMP"},
+                         {kFlagStale, pointer ? "at rest" : "stale"},
+                         {kFlagPaused, "PAUSED"},
+                         {kFlagClutched, "clutched"},
+                         {kFlagInside, "inside"},
+                         {kFlagWedged, "wedged"},
+                         {kFlagThermal, "cooling"},
+                         {kFlagClamped, "clamped"},
+                         {kFlagPassivity, "damped"},
+                         {kFlagTurnHeld, "turn held"},
+                         {kFlagRamp, "fading"}};
   for (const Word& word : kWords)
     if ((flags & word.flag) != 0) return std::string(" ") + word.text;
   return "";
@@ -222,17 +173,12 @@ std::string cure_of(const ExploreStatus& status) {
   return status.rearmed_in_page ? ": see page" : ": r rearms";
 }
 
-// What is usual, the structure in what is left, and on the right what is not usual. Where all of it does not
-// fit, times give way: whoever is stopped must read how to go on.
+// What is usual, the structure in what is left, and on the right what is not usual, the most serious first.
+// Where all of it does not fit, times give way, then what is less serious: whoever is stopped must read how to
+// go on.
 std::string live_line(const ExploreStatus& status, std::size_t columns) {
   constexpr std::size_t kMostColumns = 99, kLeastForStructure = 8;
   columns = std::min(columns, kMostColumns);
-  std::string unusual = state_of(status.flags) + cure_of(status);
-  if (status.heat >= 0.005) unusual += " heat " + std::to_string(std::lround(100 * status.heat)) + "%";
-  if (status.method != ForceMethod::kProxy) unusual += " " + std::string(name_of(status.method));
-  if (status.skipped > 0) unusual += " skip " + std::to_string(status.skipped);
-  if (status.dropped > 0) unusual += " drop " + std::to_string(status.dropped);
-
   char time[30], rate[30], late[60], late_part[90], force[60];
   std::snprintf(time, sizeof time, "%5.1f s ", status.time_s);
   std::snprintf(rate, sizeof rate, "%6.0f Hz  ", status.rate_hz);
@@ -241,6 +187,15 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
   std::snprintf(late_part, sizeof late_part, "late %11s µs  ", late);
   std::snprintf(force, sizeof force, "%.2f/%.2f N  ", status.force_N, status.limit_N);
   const std::size_t for_structure = status.stop ? 1 : kLeastForStructure;
+  std::string unusual = state_of(status.flags, status.rearmed_in_page) + cure_of(status);
+  const auto add = [&](const std::string& part) {
+    const std::size_t beside = columns_of(force) + for_structure + columns_of(unusual);
+    if (beside + columns_of(part) <= columns) unusual += part;
+  };
+  if (status.heat >= 0.005) add(" heat " + std::to_string(std::lround(100 * status.heat)) + "%");
+  if (status.method != ForceMethod::kProxy) add(" " + std::string(name_of(status.method)));
+  if (status.skipped > 0) add(" skip " + std::to_string(status.skipped));
+  if (status.dropped > 0) add(" drop " + std::to_string(status.dropped));
   std::string line;
   std::size_t left = 0;
   for (const std::string& usual :
@@ -305,8 +260,8 @@ void print_loop(const LoopHealth& health) {
               u(health.stalls));
 }
 
-// in how many ticks the force was changed or withheld, and why
-void print_changed(const RecordingSummary& s) {
+// in how many ticks the force was changed or withheld, and why; a pointer that nobody presses is at rest
+void print_changed(const RecordingSummary& s, bool pointer) {
   const std::pair<const char*, std::uint64_t> counts[] = {{"clamped", s.clamped},
                                                           {"thermal", s.thermal},
                                                           {"slewed", s.slewed},
@@ -315,7 +270,7 @@ void print_changed(const RecordingSummary& s) {
                                                           {"paused", s.paused},
                                                           {"clutched", s.clutched},
                                                           {"outside", s.outside},
-                                                          {"stale", s.stale},
+                                                          {pointer ? "at rest" : "stale", s.stale},
                                                           {"not finite", s.not_finite},
                                                           {"jumped", s.jumped},
                                                           {"device fault", s.device_faults},
@@ -333,11 +288,11 @@ void print_changed(const RecordingSummary& s) {
   std::printf("force changed in ticks: %s\n", text.empty() ? "none" : text.c_str());
 }
 
-void print(const ExploreResult& result) {
+void print(const ExploreResult& result, bool pointer) {
   print_touches(result.touches);
   print_holds(result.holds);
   print_loop(result.health);
-  print_changed(result.summary);
+  print_changed(result.summary, pointer);
   std::printf("largest force %.3f N of %.3f N allowed\n", result.max_force_N, result.limit_N);
   std::printf("run hash %016llx\n", u(result.summary.run_hash));
 }
@@ -382,7 +337,7 @@ int explore_target(const ExploreArguments& options, Console& console) {
   if (!result) return console.fail(result.error());
   if (result->stopped_by_user) console.note("stopped");
   warn_of_trouble(result->trouble, console);
-  print(*result);
+  print(*result, pointer);
   if (result->recording_failure) return console.fail(*result->recording_failure);
   if (result->device_lost)
     return console.fail({ErrorKind::kUnavailable, "the device's driver gave up", "",
@@ -390,26 +345,6 @@ int explore_target(const ExploreArguments& options, Console& console) {
   if (options.recording) console.note("recording: " + options.recording->string());
   // who ends a session has seen what it did
   return result->failed_steps == 0 || result->stopped_by_user ? kExitOk : kExitLimit;
-}
-
-void add_viewer_options(CLI::App* verb, ExploreArguments& options) {
-  verb->add_option("--port", options.port,
-                   "Port of the viewer's page, 0 for any that is free; default: " +
-                       std::to_string(kViewerPort) + " or the next free one")
-      ->check(whole_between(0, 65535));
-  verb->add_flag("--no-viewer", options.no_viewer, "Serve no page: nothing listens");
-  verb->add_option(
-      "--listen", options.viewers.address,
-      "Address of this machine on which the page is served, in numbers; other than a loopback one it "
-      "wants --token-file; default: 127.0.0.1");
-  verb->add_option(
-      "--token-file", options.viewers.token_file,
-      "Who may look on and who may change something: lines \"control TOKEN\" and \"view TOKEN\"");
-  verb->add_option("--tls-cert", options.viewers.tls_certificate,
-                   "Certificate for https (PEM), with --tls-key");
-  verb->add_option("--tls-key", options.viewers.tls_key, "Its key (PEM)");
-  verb->add_option("--host-name", options.viewers.host_names,
-                   "A further name by which the page is asked for; may be repeated");
 }
 
 void add_options(CLI::App* verb, ExploreArguments& options) {
@@ -437,7 +372,8 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_option("--seed", options.seed, "Seed of the hand's tremor; default: the script's")
       ->check(whole_between(0, 9007199254740991));
   add_method_option(*verb, "Force method at first; default: the scene's", kForceMethods, options.method);
-  add_viewer_options(verb, options);
+  verb->add_flag("--no-viewer", options.no_viewer, "Serve no page: nothing listens");
+  add_serving_options(*verb, options.serving);
   verb->add_option("--cpu", options.cpu, "The only CPU for the servo thread; default: any")
       ->check(whole_between(0, 4095));
   verb->add_flag("--no-realtime", options.no_realtime,

@@ -8,6 +8,8 @@
 #include <numeric>
 #include <sstream>
 
+#include "leaky.h"
+#include "palpate/surfaces.h"
 #include "palpate/volume_io.h"
 #include "text.h"
 #include "verb.h"
@@ -27,11 +29,12 @@ struct Info {
   std::optional<LabelFile> labels;  // nothing for a scan
   std::vector<SegmentStatistics> statistics;
   std::vector<int> empty_slices;
+  std::vector<Leaks> leaks;  // of all labels together
 };
 
 // --- labels or scan -------------------------------------------------------------------------------------
 
-Info of_labels(LabelFile labels) {
+Result<Info> of_labels(LabelFile labels, Console& console) {
   Info info;
   info.header = labels.header;
   info.lowest = std::numeric_limits<double>::infinity();
@@ -42,6 +45,11 @@ Info of_labels(LabelFile labels) {
   }
   info.statistics = segment_statistics(labels.labels);
   info.empty_slices = empty_slices(labels.labels);
+  std::vector<LabelId> all;
+  for (const SegmentStatistics& s : info.statistics) all.push_back(s.id);
+  auto leaks = find_leaks(labels.labels.flattened(), all, 0, console.progress());
+  if (!leaks) return leaks.error();
+  info.leaks = *std::move(leaks);
   info.labels = std::move(labels);
   return info;
 }
@@ -60,7 +68,7 @@ Result<Info> inspect(const InfoOptions& options, Console& console) {
       options.names.empty() ? std::nullopt : std::optional<std::filesystem::path>(options.names);
   if (options.labels) {
     auto labels = read_labels(options.file, names, console.progress(), console.warn(), Doubtful::kWarnedOf);
-    return labels ? Result<Info>(of_labels(*std::move(labels))) : labels.error();
+    return labels ? of_labels(*std::move(labels), console) : labels.error();
   }
   if (options.scan) {
     const auto scan = read_scan(options.file, console.progress(), console.warn());
@@ -68,7 +76,7 @@ Result<Info> inspect(const InfoOptions& options, Console& console) {
   }
   auto volume = read_volume(options.file, names, console.progress(), console.warn());
   if (!volume) return volume.error();
-  if (auto* labels = std::get_if<LabelFile>(&*volume)) return of_labels(std::move(*labels));
+  if (auto* labels = std::get_if<LabelFile>(&*volume)) return of_labels(std::move(*labels), console);
   return of_scan(std::get<ScanFile>(*volume));
 }
 
@@ -182,6 +190,8 @@ std::vector<std::string> oddities(const Info& info) {
                   " slices hold no label: " + ranges(info.empty_slices));
   if (!strays.empty())
     odd.push_back("in several parts, with how many besides the largest and their voxels: " + joined(strays));
+  if (!info.leaks.empty())
+    odd.push_back(leaky_text(info.leaks, [&](LabelId id) { return name_of(info, id); }));
   return odd;
 }
 
@@ -318,6 +328,10 @@ void print_json(std::ostream& out, const Info& info) {
                               {"has_geometry", info.header.has_geometry},
                               {"range", {info.lowest, info.highest}}};
   if (info.labels) {
+    json["leaky"] = nlohmann::ordered_json::array();
+    for (const Leaks& leaks : info.leaks)
+      json["leaky"].push_back(
+          {{"id", leaks.label}, {"places", leaks.joints}, {"one_lps_mm", list(leaks.place.eigen())}});
     json["empty_slices"] = info.empty_slices;
     json["unnamed"] = info.labels->unnamed;
     json["labels"] = nlohmann::ordered_json::array();

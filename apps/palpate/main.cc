@@ -7,8 +7,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include "palpate/cache.h"
 #include "palpate/reading.h"
 #include "palpate/supervisor.h"
 #include "palpate_version.h"
@@ -208,9 +210,15 @@ int run(int argc, char** argv) {
       "--follow-links", reading.follow_links,
       "Headers and scenes may name data files that stand, or are links that lead, outside their folder");
 
+  bool no_cache = false;
+  app.add_flag(
+      "--no-cache", no_cache,
+      "Read and prepare everything anew, and keep nothing for the next start (palpate cache --help)");
+
   Run verb;
-  for (const auto add : {add_info, add_data, add_scene, add_prepare, add_forces, add_hold, add_section,
-                         add_simulate, add_explore, add_token, add_replay, add_report, add_verify})
+  for (const auto add :
+       {add_info, add_data, add_cache, add_scene, add_prepare, add_forces, add_hold, add_section,
+        add_simulate, add_explore, add_token, add_replay, add_report, add_verify})
     add(app, verb);
   if (const auto helped = help_on(app, {argv + std::min(argc, 1), argv + argc}, console)) return *helped;
   try {
@@ -221,6 +229,12 @@ int run(int argc, char** argv) {
     return asked ? app.exit(error) : console.fail(explain(app, error));
   }
   set_reading_limits(reading);
+  if (!no_cache) {
+    auto cache = cache_settings_of_environment();
+    if (!cache) return console.fail(cache.error());
+    cache->warn = console.warn();
+    set_cache(*std::move(cache));
+  }
   return verb(console);
 }
 

@@ -1,13 +1,16 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <limits>
 
 #include "inputs.h"
+#include "leaky.h"
 #include "palpate/catalog.h"
 #include "palpate/output.h"
 #include "palpate/preparation.h"
 #include "palpate/session.h"
+#include "palpate/surfaces.h"
 #include "palpate/volume_io.h"
 #include "palpation.h"
 #include "verb.h"
@@ -48,6 +51,15 @@ bool names_scene_or_data_set(const std::string& what) {
   return find_entry(what).ok() || std::filesystem::path(what).extension() == ".toml";
 }
 
+/// Says where a tool would slip through what is felt. Errors: kInterrupted.
+Result<void> warn_of_leaks(const Volume<LabelId>& labels, const std::vector<LabelId>& felt,
+                           const std::function<std::string(LabelId)>& name_of, Console& console) {
+  const auto leaks = find_leaks(labels, felt, 0, console.progress());
+  if (!leaks) return leaks.error();
+  if (!leaks->empty()) console.warn()(leaky_text(*leaks, name_of));
+  return {};
+}
+
 /// The weights before smoothing: every label full, or the ramp of a scan.
 Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console& console) {
   if (!options.threshold.empty()) {
@@ -67,6 +79,14 @@ Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console
     }
     return error;
   }
+  std::vector<LabelId> all;
+  for (const Segment& segment : file->labels.segments) all.push_back(segment.id);
+  const auto name_of = [&](LabelId id) {
+    const std::string& name = file->labels.find(id)->name;
+    return name.empty() ? "label " + std::to_string(id) : name;
+  };
+  if (auto warned = warn_of_leaks(file->labels.flattened(), all, name_of, console); !warned)
+    return warned.error();
   std::vector<std::uint8_t> weights(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 255);
   weights[0] = 0;
   return weigh_labels(file->labels, weights);
@@ -140,6 +160,12 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
   const auto loaded = load_felt_target(options.what, console);
   if (!loaded) return console.fail(loaded.error());
   const Model& model = *loaded->model;
+  std::vector<LabelId> felt;
+  for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label)
+    if (model.is_felt(static_cast<LabelId>(label))) felt.push_back(static_cast<LabelId>(label));
+  const auto name_of = [&](LabelId id) { return model.name_of(id); };
+  if (auto warned = warn_of_leaks(*model.labels, felt, name_of, console); !warned)
+    return console.fail(warned.error());
   const FieldVolume& field = model.field->storage();
   if (const auto written = write(options.output, field); !written) return console.fail(written.error());
   print_field(field, model.sigma_mm, model.ramp_width_mm);

@@ -1,7 +1,11 @@
+#include <chrono>
 #include <cstdio>
 #include <memory>
+#include <thread>
 
+#include "palpate/playback.h"
 #include "palpate/session.h"
+#include "serving.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -10,15 +14,42 @@ namespace {
 struct ReplayOptions {
   std::filesystem::path recording;
   std::string target;
+  bool view = false;
+  ServingOptions serving;
 };
 
-int replay_recording(const ReplayOptions& options, Console& console) {
+// until somebody ends it
+int show_recording(RecordingSource recording, const LoadedScene& loaded, const ReplayOptions& options,
+                   Console& console) {
   const Progress progress = console.progress();
-  const auto recording = RecordingSource::open(options.recording, progress);
+  const auto playback = open_playback(std::move(recording), loaded.model, loaded.scene.modality, progress);
+  if (!playback) {
+    Error error = playback.error();
+    if (error.where.empty()) error.where = options.recording.string();
+    return console.fail(error);
+  }
+  FaultLines faults;
+  const auto server = serve(**playback, options.serving, console, faults);
+  if (!server) return console.fail(server.error());
+  console.note("to see it, open " + (*server)->url() + "; Ctrl-C ends it");
+  while (!progress.stopped()) {
+    faults.show_next(console);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  return kExitOk;
+}
+
+int replay_recording(const ReplayOptions& options, Console& console) {
+  if (options.view)
+    if (const auto servable = ViewerServer::check(options.serving.viewers); !servable)
+      return console.fail(servable.error());
+  const Progress progress = console.progress();
+  auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
   const auto loaded =
       load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
+  if (options.view) return show_recording(*std::move(recording), *loaded, options, console);
 
   const auto result = replay(*recording, loaded->model, progress);
   if (!result) {
@@ -42,16 +73,26 @@ int replay_recording(const ReplayOptions& options, Console& console) {
 
 void add_replay(CLI::App& app, Run& run) {
   auto options = std::make_shared<ReplayOptions>();
-  CLI::App* verb = app.add_subcommand("replay", "Run a recording's inputs again and compare every tick");
+  CLI::App* verb =
+      app.add_subcommand("replay", "Run a recording's inputs again and compare every tick, or show it");
   verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
       ->required();
   verb->add_option("target", options->target,
                    "Scene file or volume it was made with; not needed for data sets");
+  CLI::Option* view = verb->add_flag(
+      "--view", options->view,
+      "Show it in the viewer's page, at any place and speed, until Ctrl-C; nothing is run again");
+  const std::size_t others = verb->get_options().size();
+  add_serving_options(*verb, options->serving);
+  const auto all = verb->get_options();
+  for (std::size_t i = others; i < all.size(); ++i) all[i]->needs(view);
   verb->footer(
       "Examples:\n"
       "  palpate replay run.h5\n"
-      "  palpate replay run.h5 scene.toml\n\n"
-      "Exit code 0: every tick's state hash is the recorded one. 3: the first tick that differs is named.");
+      "  palpate replay run.h5 scene.toml\n"
+      "  palpate replay run.h5 --view\n\n"
+      "Exit code 0: every tick's state hash is the recorded one. 3: the first tick that differs is named.\n"
+      "docs/viewer.md: what the page shows of a recording.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return replay_recording(*options, console); }; });
 }

@@ -416,6 +416,9 @@ int run_check(const std::string& file, Console& console) {
   std::printf("tool       %s, %zu point%s", scene->tool.name.c_str(), scene->tool.points_mm.size(),
               scene->tool.points_mm.size() == 1 ? "" : "s");
   if (scene->tool.radius_mm > 0) std::printf(", radius %g mm", scene->tool.radius_mm);
+  for (const ToolCapsule& capsule : scene->tool.capsules)
+    std::printf(", capsule of %g mm, radius %g mm", (capsule.to_mm - capsule.from_mm).norm(),
+                capsule.radius_mm);
   std::printf("\n");
   print_workspace(scene->workspace);
   if (scene->max_force_N) std::printf("limit      %g N\n", *scene->max_force_N);

@@ -51,6 +51,7 @@ CLI::Validator whole_between(std::uint64_t low, std::uint64_t high);
 
 void add_info(CLI::App& app, Run& run);
 void add_data(CLI::App& app, Run& run);
+void add_cache(CLI::App& app, Run& run);
 void add_scene(CLI::App& app, Run& run);
 void add_prepare(CLI::App& app, Run& run);
 void add_forces(CLI::App& app, Run& run);

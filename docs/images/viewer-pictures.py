@@ -1,6 +1,6 @@
 """Takes docs/viewer.md's pictures of a running viewer page in headless Chromium.
 
-usage: viewer-pictures.py URL FOLDER
+usage: viewer-pictures.py URL FOLDER    of palpate explore, or of palpate replay --view
 """
 
 import os
@@ -17,15 +17,21 @@ browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "
 
 def main(url, folder):
     with browser.Browser() as page:
-        for name, size, dark, layout in (("viewer-dark", (1440, 900), True, "two"),
-                                         ("viewer-planes-light", (1440, 900), False, "five")):
-            page.resize(*size)
+        page.post("/url", {"url": url})
+        page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
+        is_recording = page.run("return palpateViewer.scene.recording !== null")
+        of_session = (("viewer-dark", True, "two"), ("viewer-planes-light", False, "five"), ("viewer-inside", True, "inside"))
+        for name, dark, layout in (("viewer-recording", True, "two"),) if is_recording else of_session:
+            page.resize(1440, 900)
             page.dark(dark)
             page.post("/url", {"url": url})
             page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
+            if is_recording:
+                page.run("document.getElementById('play').click()")
             page.run("document.querySelector(`[data-layout=${arguments[0]}]`).click()", layout)
             time.sleep(8)  # the plots have something to show
-            page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8", 60)
+            seen = "palpateViewer.scopeWords.includes('ahead')" if layout == "inside" else "Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8"
+            page.wait(seen, 60)
             page.run("palpateViewer.draw()")
             time.sleep(0.2)  # a press lasts a second or two
             page.screenshot(os.path.join(folder, name + ".png"))

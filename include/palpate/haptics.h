@@ -32,14 +32,21 @@ struct Tissue {
   std::vector<int> rests_on;  ///< indices of tissues that support this one
 };
 
-/// The instrument: spheres fixed to the tip's frame (a point tool has one of radius 0, at the origin). The
-/// direct methods feel their centres, the proxy feels them whole.
+/// A part of an instrument that is long: a shaft, a hook. A cylinder with round ends.
+struct ToolCapsule {
+  Eigen::Vector3d from_mm, to_mm;  ///< ends of its axis, in the tip's frame; not the same
+  double radius_mm = 0;
+};
+
+/// The instrument: spheres and capsules fixed to the tip's frame (a point tool has one sphere of radius 0, at
+/// the origin). The direct methods feel the spheres' centres, the proxy feels all of it.
 struct Tool {
   std::string name = "point";
-  std::vector<Eigen::Vector3d> points_mm{Eigen::Vector3d::Zero()};  ///< 1 ... kMaxToolPoints
+  std::vector<Eigen::Vector3d> points_mm{Eigen::Vector3d::Zero()};  ///< 1 ... kMaxToolParts
   double radius_mm = 0;                                             ///< of every one
+  std::vector<ToolCapsule> capsules;                                ///< with the points at most kMaxToolParts
 };
-inline constexpr int kMaxToolPoints = static_cast<int>(kMostToolSpheres);
+inline constexpr int kMaxToolParts = static_cast<int>(kMostToolSpheres);
 
 /// Whose side a scan shows: of a limb, or of both (head, torso) where no side mark is needed.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
@@ -66,8 +73,10 @@ struct Model {
   /// What the direct methods' forces are computed from, by ForceMethod; null: not prepared. The trilinear one
   /// always is.
   std::array<std::shared_ptr<const ForceField>, kDirectMethods.size()> methods;
-  /// What the proxy leans on, with the structure of each; empty: not prepared.
+  /// What the proxy leans on: one for each felt structure, then the outer surfaces of those that touch.
+  /// Empty: not prepared.
   std::vector<FeltSurface> surfaces;
+  /// Of the structures' surfaces.
   std::vector<LabelId> label_of_surface;
   MethodSettings method_settings;
 

@@ -90,6 +90,13 @@ std::string phantom_name(const PhantomParameters& parameters);
 /// Errors: kBadInput for a value out of range, a wall too thin or a lesion too small for the voxels, and more
 /// than 200 million voxels, all before memory is taken; kInterrupted.
 Result<Phantom> make_phantom(const PhantomParameters& parameters, const Progress& progress = {});
+/// What of a phantom is known before it is made.
+struct PhantomWithoutVoxels {
+  GridGeometry grid;
+  std::vector<Segment> segments;
+};
+/// Those of make_phantom() with the same parameters. Errors: kBadInput as there.
+Result<PhantomWithoutVoxels> phantom_without_voxels(const PhantomParameters& parameters);
 /// The mean knee with voxels of `voxel_mm` and this seed of the scan's noise.
 Result<Phantom> make_knee_phantom(double voxel_mm = 0.6, std::uint64_t scan_seed = 1,
                                   const Progress& progress = {});

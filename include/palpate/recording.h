@@ -208,6 +208,10 @@ class RecordingSource {
   /// one that was opened.
   Result<void> read(const std::function<Result<void>(const RecordingPart&)>& take,
                     const Progress& progress = {}) const;
+  /// Ticks in a row, as many as there are of `count` from the one in row `first` on, 0 the first. It takes as
+  /// long at any place. Errors: those of read().
+  Result<std::vector<TickRecord>> read_at(std::uint64_t first, std::uint64_t count,
+                                          const Progress& progress = {}) const;
 
  private:
   RecordingSource(std::filesystem::path file, RecordingHead head)

@@ -54,10 +54,11 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
                                                  const Volume<float>* scan, const Progress& progress = {},
                                                  const Warn& warn = {}, bool oriented = true);
 
-/// The same model, ready for these methods as well; itself where it already is. For the proxy every felt
-/// structure gets its surface (palpate/surfaces.h), which takes seconds. What is added changes neither
-/// version nor content hash. Errors: those of with_methods and prepare_surfaces; more felt structures than
-/// the proxy takes; kInterrupted.
+/// The same model, ready for these methods as well; itself where it already is. For the proxy felt structures
+/// that touch get one outer surface, and all others their own (palpate/surfaces.h), which takes seconds; of
+/// those that touch, the ones with a puncture force and what lies beneath them have surfaces besides. What is
+/// added changes neither version nor content hash. Errors: those of with_methods and prepare_surfaces; more
+/// surfaces than the proxy takes; kInterrupted.
 Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
                                                std::span<const ForceMethod> methods,
                                                const Progress& progress = {});

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 #include "palpate/sampling.h"
 
@@ -10,8 +12,8 @@
 namespace palpate {
 
 /// A structure's surface: where a signed distance is 0, positive outside, negative inside. It is read from
-/// two fields, each on a grid of its own. The position comes from a lightly smoothed distance, so that thin
-/// tissue survives; the normal from a broader one, so that it does not show the voxels (docs/decisions/0009).
+/// two fields, each on a grid of its own. The position is the distance to a net that is as smooth as the
+/// labels allow (docs/decisions/0017); the normal is of a broader one, which shows no voxels (0009).
 /// Beyond its reach the distance stays at what it is there. Immutable; a query allocates, locks and throws
 /// nothing.
 class Surface {
@@ -33,6 +35,22 @@ class Surface {
     return sample_central_differences(position_, x).gradient.normalized();
   }
 
+  /// Whether distance_mm() is outside_mm(), but for rounding, at every place within so many mm of x. Known by
+  /// a box around all others: may be false where it is so.
+  bool is_beyond(const Point<Patient>& x, double within_mm) const {
+    const Eigen::Array3d away_mm =
+        (low_ - x.eigen().array()).max(x.eigen().array() - high_).max(Eigen::Array3d::Zero());
+    return away_mm.square().sum() > within_mm * within_mm;
+  }
+  /// The same of every place within so many mm of a box, which is given by its least and greatest
+  /// coordinates.
+  bool is_beyond(const Eigen::Array3d& low, const Eigen::Array3d& high, double within_mm) const {
+    return (low - high_ > within_mm).any() || (low_ - high > within_mm).any();
+  }
+  double outside_mm() const { return outside_mm_; }
+  /// A lower bound of distance_mm() that costs a fraction of it: the least within some voxels of x.
+  double at_least_mm(const Point<Patient>& x) const;
+
   const SignedField& position() const { return position_; }
   const SignedField& normal() const { return normal_; }
   double steepest() const { return steepest_; }
@@ -40,8 +58,13 @@ class Surface {
   std::uint64_t content_hash() const { return content_hash_; }
 
  private:
+  // of all places where the position is not as outside, in the patient; looked at by every tick
+  Eigen::Array3d low_ = Eigen::Array3d::Zero(), high_ = Eigen::Array3d::Zero();
+  double steepest_ = 1, outside_mm_ = 0;
   SignedField position_, normal_;
-  double steepest_ = 1;
+  // the position's least step in every block of cells, i fastest
+  std::vector<std::int16_t> least_ = std::vector<std::int16_t>(1);
+  std::array<int, 3> blocks_{1, 1, 1};
   std::uint64_t content_hash_ = 0;
 };
 

@@ -11,6 +11,8 @@
 namespace palpate {
 
 inline constexpr int kMaxDevices = 4;
+/// Structures along the tip's way in that a tick tells of.
+inline constexpr int kMostTold = 6;
 
 /// What is not known is not a number.
 inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
@@ -89,6 +91,11 @@ struct DeviceTick {
   /// the tip.
   double depth_mm = 0;
   std::uint16_t label = 0;  ///< touched structure, 0 none
+  /// What the force comes from, outermost first: structures along the tip's way in, how much of that way lies
+  /// within each, and each one's share of the force, 0 ... 1. By a direct method what is touched, with all of
+  /// it. Label 0: no more; none without contact.
+  std::array<std::uint16_t, kMostTold> felt_label{};
+  std::array<double, kMostTold> felt_depth_mm{}, felt_share{};
   std::uint32_t flags = 0;  ///< TickFlag bits
 };
 

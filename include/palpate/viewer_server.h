@@ -36,6 +36,31 @@ struct ViewedStructure {
   Rgb colour;
   int tissue = -1;  ///< -1: of none
 };
+/// A recording, as a time line shows it. Times are the recording's own.
+struct ViewedRecording {
+  std::uint64_t ticks = 0;
+  double begin_s = 0, end_s = 0;  ///< of the first and the last tick
+  struct Contact {
+    double begin_s = 0, end_s = 0;
+    LabelId label = 0;
+    double most_N = 0;  ///< greatest force meanwhile
+  };
+  std::vector<Contact> contacts;        ///< of the first device, in their order
+  std::uint64_t contacts_left_out = 0;  ///< the shortest, where there are too many to be shown
+  struct Event {
+    double time_s = 0;
+    std::string kind;  ///< "stop", "rearm", "settings", "model"
+    std::vector<std::string>
+        changed;               ///< of "settings": what, by the keys of a SettingsRequest, or "pointer"
+    int tissue = -1;           ///< of "model": which has changed, or -1 where the fields were made anew
+    std::string by;            ///< "viewer", "key", "script", "session"
+    std::uint32_t viewer = 0;  ///< its number, where a viewer asked
+  };
+  std::vector<Event> events;
+  std::uint64_t events_left_out = 0;  ///< of settings and models, where there are too many to be shown
+  std::vector<double> force_N;        ///< greatest force in each of equally many ticks, first device
+};
+
 struct ViewedScene {
   std::string side = "unknown";  ///< "left", "right", "both", "unknown"
   bool oriented = true;
@@ -51,14 +76,20 @@ struct ViewedScene {
   std::string tool_name;
   double tool_radius_mm = 0;
   std::vector<std::array<double, 3>> tool_points_mm;
+  struct Capsule {
+    std::array<double, 3> from_mm, to_mm;  ///< ends of its axis, in the tip's frame
+    double radius_mm = 0;
+  };
+  std::vector<Capsule> tool_capsules;
   std::vector<std::string> methods;  ///< that can be chosen
   std::string device_name;
   bool simulated = true;
-  std::string input = "script";  ///< who moves the tip: "script", "pointer", "device"
+  std::string input = "script";  ///< who moves the tip: "script", "pointer", "device", "recording"
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, most_stiffness_N_per_mm = kNotKnown;
   double least_max_force_N = 0, most_max_force_N = 0;
   std::array<double, 2> stiffness_N_per_mm{}, friction{};
   double rate_hz = 1000;
+  std::optional<ViewedRecording> recording;  ///< that is looked at, where no session runs
 };
 
 /// How the loop has kept time in the last second, and what it missed since it began.
@@ -74,6 +105,12 @@ struct ViewedTissueState {
   double static_friction = 0, dynamic_friction = 0;
   double viscosity_N_s_per_mm = 0;
 };
+/// Who stopped the force.
+enum class StoppedBy : std::uint8_t {
+  kSession,  ///< nobody: the session by itself, where nothing watched over it
+  kKey,      ///< a key where palpate runs
+  kViewer,
+};
 struct ViewedState {
   std::string method;
   std::string method_awaited;  ///< that is felt as soon as its fields are made; empty: none
@@ -86,8 +123,17 @@ struct ViewedState {
   std::vector<ViewedTissueState> tissues;
   /// Of the stop that holds (Arming::number), which a rearm names; empty: the force is not stopped.
   std::optional<std::uint32_t> stop;
-  bool armed = false;  ///< a physical device may push
+  StoppedBy stopped_by = StoppedBy::kSession;  ///< of that stop
+  std::uint32_t stopped_by_viewer = 0;         ///< its ViewerIdentity::number, where a viewer stopped
+  bool armed = false;                          ///< a physical device may push
   bool recording = false;
+  /// Where a recording is looked at.
+  struct Playback {
+    bool playing = false;
+    double speed = 1;
+    std::optional<Error> failure;  ///< why no more of it can be shown
+  };
+  std::optional<Playback> playback;
 };
 
 /// A viewer, as a session tells who asked it for something.
@@ -116,6 +162,15 @@ struct RearmRequest {
   std::uint32_t stop = 0;  ///< which stop it answers: that of the state that whoever rearms has seen
   ViewerIdentity by;
 };
+
+/// What is to be seen of a recording.
+struct PlayRequest {
+  std::optional<double> at_s;   ///< the recording's own time; beyond its ends: that end
+  std::optional<bool> playing;  ///< at the end it begins anew
+  std::optional<double> speed;  ///< times as fast as it was, kPlayingSpeeds; below 0: backwards
+};
+/// Least and greatest of a speed, without its sign.
+inline constexpr std::array<double, 2> kPlayingSpeeds{0.01, 32};
 
 /// What became of a request for a change, where it was not refused.
 enum class Grant : std::uint8_t {
@@ -158,6 +213,8 @@ class ViewerHost {
   virtual Result<void> take_pointer(bool take, const ViewerIdentity& by) = 0;
   /// The tip that the pointer wants, patient, mm; finite.
   virtual void move_pointer(const std::array<double, 3>& tip_patient_mm) = 0;
+  /// Error kUsage where a session runs.
+  virtual Result<void> play(const PlayRequest& request) = 0;
 };
 
 /// The lines of a token file with a new token for control and one for looking on, each with 130 bits of the

@@ -49,6 +49,10 @@ struct LabelFile {
   std::vector<LabelId> unnamed;  ///< labels present in the voxels and named nowhere
 };
 
+/// Whether voxels that take a while to unpack are kept unpacked for the next reading, and taken from there
+/// (palpate/cache.h). Header, names and warnings are those of the files in either case.
+enum class Unpacked { kAnew, kKept };
+
 /// Reads only the header. Same errors as reading the file, short voxel data excepted.
 Result<VolumeHeader> read_header(const std::filesystem::path& file);
 
@@ -63,11 +67,12 @@ std::optional<Error> something_else(const std::filesystem::path& file);
 /// @param names  as for read_labels; given, whole numbers are enough
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names = {},
-                                                      const Progress& progress = {}, const Warn& warn = {});
+                                                      const Progress& progress = {}, const Warn& warn = {},
+                                                      Unpacked unpacked = Unpacked::kAnew);
 
 /// Reads any 3-D (or 2-D, as one slice) scalar volume as a scan.
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
-                           const Warn& warn = {});
+                           const Warn& warn = {}, Unpacked unpacked = Unpacked::kAnew);
 
 /// Whether a scan's values are what labels are: by what its file says of them, else whole, few and in
 /// patches.
@@ -87,7 +92,7 @@ enum class Doubtful { kRefused, kWarnedOf };
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},
-                              Doubtful doubtful = Doubtful::kRefused);
+                              Doubtful doubtful = Doubtful::kRefused, Unpacked unpacked = Unpacked::kAnew);
 
 /// One line of a colour table.
 struct NamedLabel {

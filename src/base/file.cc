@@ -391,8 +391,8 @@ PendingFile::~PendingFile() {
   if (!temporary_.empty()) ::unlink(temporary_.c_str());
 }
 
-Result<void> PendingFile::commit() {
-  {
+Result<void> PendingFile::commit(Flush flush) {
+  if (flush == Flush::kToDisk) {
     Descriptor d{::open(temporary_.c_str(), O_RDONLY | O_CLOEXEC)};
     if (d.fd < 0 || ::fsync(d.fd) != 0) return output_error(target_, errno);
   }

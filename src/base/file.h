@@ -47,6 +47,9 @@ class InputFile {
 Result<std::string> read_file(const std::filesystem::path& file,
                               std::size_t max_bytes = std::size_t{1} << 30);
 
+/// Whether a power cut may leave a file that is not whole; a process that dies never does.
+enum class Flush { kToDisk, kNot };
+
 /// A file that appears whole under its name or not at all: write to path(), then commit(). Until then,
 /// and after any failure, only a hidden temporary in the same folder exists, removed by the destructor. It
 /// claims the target (palpate/output.h) while it lives.
@@ -61,8 +64,8 @@ class PendingFile {
   ~PendingFile();
 
   const std::filesystem::path& path() const { return temporary_; }
-  /// Flushes to disk and renames over the target.
-  Result<void> commit();
+  /// Flushes to disk, unless that is not asked for, and renames over the target.
+  Result<void> commit(Flush flush = Flush::kToDisk);
 
  private:
   PendingFile(OutputClaim claim, std::filesystem::path target, std::filesystem::path temporary)

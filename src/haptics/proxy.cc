@@ -2,221 +2,151 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <optional>
 
-#include "haptics/half_spaces.h"
+#include "haptics/near_surfaces.h"
+#include "haptics/tool_turn.h"
 #include "palpate/proxy_way.h"
 
 namespace palpate {
 namespace {
 
-// nearer than this a surface is a wall: then it has a half-space, before it a clearance
-constexpr double kSkin_mm = 0.05;
-// what a stride along surfaces may end below one, before it is put back onto it
-constexpr double kDip_mm = 0.008;
-// A stride along surfaces. Between two ends that lie at most kDip_mm below, a surface as steep as a distance
-// can rise by half a stride.
-constexpr double kStride_mm = 2 * (kMostDip_mm - kDip_mm) - 0.004;
-// shorter ways are none, and so little below is outside
-constexpr double kStill_mm = 2e-5, kOutside_mm = 1e-5;
-constexpr int kMostStrides = 48, kMostTries = 4, kMostHalvings = 8, kMostCorrections = 8;
+// shorter ways are none
+constexpr double kStill_mm = 2e-5;
+constexpr int kMostStrides = 48, kMostTries = 4, kMostHalvings = 8;
+// no stride begins after so many looks at surfaces beyond the first gathering's, which are what strides of
+// several spheres among many walls cost; a capsule is looked at in many places
+constexpr int kMostLooks = 150, kMostLooksOfCapsules = 1000;
 // how far the proxy goes along surfaces in a tick, and beyond the tip's own way
 constexpr double kMostWay_mm = 3, kSlack_mm = 0.2;
-// how far surfaces that the tool has turned into push it
+// of which so much is looked at together
+constexpr double kPart_mm = 0.5;
+// how far surfaces that another tool lies in push it
 constexpr double kMostPush_mm = kMostCorrections * kStride_mm;
-// walls whose normals are as near as this do the same work
-constexpr double kParallel = 0.999, kBeside_mm = 0.02;
 // A stride that leads away from the tip by more than this part of itself is not taken: normals that are
 // smoother than the surface ask for less. What it leads away is energy that nobody put in: a tenth kept a
 // light grip swinging over an edge.
 constexpr double kAway = 0.02;
-// pairs of a sphere and a surface that one tick looks at; more than these near at once, as in no tissue, and
-// the proxy goes no farther than the others allow
-constexpr std::size_t kMostNear = 32;
+// so near to the tip the proxy is where it wants to be
+constexpr double kArrived_mm = 1e-3;
+// so far from a tip that has been free for so long it does not come back to it
+constexpr double kLost_mm = 2, kLost_s = 0.25;
+// how often in a tick a way is felt for that no normal shows
+constexpr int kMostFeelings = 4;
 // a tool that has gone through a surface is out of it when it has left it by so much
 constexpr double kSealed_mm = 0.2;
 
-/// A sphere of the tool and a surface that it may meet in this tick.
-struct Near {
-  const Surface* surface;
-  int index, sphere;
-  Vector<Patient> offset_mm;
-  double radius_mm;
-
-  /// Negative: below the surface. In the surface's own measure of distance.
-  double clearance(const Point<Patient>& proxy) const {
-    return surface->distance_mm(proxy + offset_mm) - radius_mm;
-  }
-  Vector<Patient> outward(const Point<Patient>& proxy) const { return surface->outward(proxy + offset_mm); }
-};
-
-/// What is known of a pair's clearance: it falls no faster than its surface is steep.
-struct Known {
-  Point<Patient> at;
-  double clearance_mm = 0;
-};
-
-class NearSurfaces {
- public:
-  /// Those that the proxy can reach from `at` on a way of `reach_mm`. Where they are too many, the way is as
-  /// long as the nearest ones allow.
-  NearSurfaces(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
-    for (std::size_t s = 0; s < surfaces.size(); ++s) {
-      if (punctured[s]) continue;
-      const Surface& surface = *surfaces[s].surface;
-      for (std::size_t k = 0; k < spheres.size(); ++k) {
-        Near near{&surface, static_cast<int>(s), static_cast<int>(k), spheres[k].offset_mm,
-                  spheres[k].radius_mm};
-        const double clearance_mm = near.clearance(at);
-        if (clearance_mm <= reach_mm * surface.steepest()) insert(near, clearance_mm / surface.steepest());
-      }
-    }
-    for (std::size_t n = 0; n < count_; ++n)
-      known_[n] = {at, clearances_mm_[n] * near_[n].surface->steepest()};
-    reach_mm_ = std::max(0.0, std::min(reach_mm, left_out_mm_));
-  }
-
-  std::size_t count() const { return count_; }
-  const Near& operator[](std::size_t n) const { return near_[n]; }
-  double reach_mm() const { return reach_mm_; }
-
-  /// The clearance of pair n, or, where that is cheaper to know, a lower bound of it above `enough_mm`.
-  double clearance(std::size_t n, const Point<Patient>& proxy,
-                   double enough_mm = std::numeric_limits<double>::infinity()) {
-    Known& known = known_[n];
-    const double moved_mm = (proxy - known.at).norm();
-    const double at_least_mm = known.clearance_mm - moved_mm * near_[n].surface->steepest();
-    if (moved_mm == 0) return known.clearance_mm;
-    if (at_least_mm > enough_mm) return at_least_mm;
-    known = {proxy, near_[n].clearance(proxy)};
-    return known.clearance_mm;
-  }
-
- private:
-  // in order of clearance, so that the nearest ones are kept
-  void insert(const Near& near, double clearance_mm) {
-    if (count_ == kMostNear)
-      left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_.back()));
-    std::size_t place = count_;
-    while (place > 0 && clearances_mm_[place - 1] > clearance_mm) --place;
-    if (place == kMostNear) return;
-    count_ = std::min(count_ + 1, kMostNear);
-    for (std::size_t n = count_ - 1; n > place; --n) {
-      near_[n] = near_[n - 1];
-      clearances_mm_[n] = clearances_mm_[n - 1];
-    }
-    near_[place] = near;
-    clearances_mm_[place] = clearance_mm;
-  }
-
-  std::array<Near, kMostNear> near_;
-  std::array<double, kMostNear> clearances_mm_{};
-  std::array<Known, kMostNear> known_;
-  std::size_t count_ = 0;
-  double left_out_mm_ = std::numeric_limits<double>::infinity();
-  double reach_mm_ = 0;
-};
-
-/// Half-spaces with what they belong to.
-class Walls {
- public:
-  bool full() const { return count_ == kMostHalfSpaces; }
-  void clear() { count_ = 0; }
-  /// The tangent plane at a place whose clearance is known: the surface lies that much farther along it.
-  /// False where there is no direction, or no room.
-  bool add(const Near& near, const Point<Patient>& at, double clearance_mm) {
-    const Vector<Patient> normal = near.outward(at);
-    if (normal == Vector<Patient>()) return false;
-    const HalfSpace wall{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
-    const std::size_t place = full() ? place_of_weaker(wall) : count_++;
-    if (place == kMostHalfSpaces) return false;
-    half_spaces_[place] = wall;
-    near_[place] = &near;
-    return true;
-  }
-  std::size_t count() const { return count_; }
-  std::span<const HalfSpace> half_spaces() const { return {half_spaces_.data(), count_}; }
-  const HalfSpace& half_space(std::size_t n) const { return half_spaces_[n]; }
-  const Near& near(std::size_t n) const { return *near_[n]; }
-
- private:
-  // one that does the same work and leaves more room, or none
-  std::size_t place_of_weaker(const HalfSpace& wall) const {
-    std::size_t n = 0;
-    while (n < kMostHalfSpaces &&
-           !(half_spaces_[n].normal.dot(wall.normal) > kParallel && half_spaces_[n].offset < wall.offset))
-      ++n;
-    return n;
-  }
-
-  std::array<HalfSpace, kMostHalfSpaces> half_spaces_;
-  std::array<const Near*, kMostHalfSpaces> near_{};
-  std::size_t count_ = 0;
-};
-
-// Puts a place back outside every surface that it lies a little below, in steps of so much at most: walls
-// that nearly face each other would send it far away. False where there is no such place near.
-bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Patient>& proxy) {
-  Walls walls;
-  Point<Patient> outside = proxy;
-  for (int n = 0; n <= most_steps; ++n) {
-    walls.clear();
-    double deepest_mm = 0;
-    for (std::size_t i = 0; i < near.count(); ++i) {
-      const double clearance_mm = near.clearance(i, outside, 0);
-      deepest_mm = std::min(deepest_mm, clearance_mm);
-      if (clearance_mm < 0) walls.add(near[i], outside, clearance_mm);
-    }
-    if (deepest_mm > -kOutside_mm) {
-      proxy = outside;
-      return true;
-    }
-    const auto nearest = closest_point(outside, walls.half_spaces());
-    if (!nearest) return false;
-    const Vector<Patient> way = nearest->point - outside;
-    outside += way * std::min(1.0, step_mm / way.norm());
-  }
-  return false;
+int layers_of(std::span<const FeltSurface> surfaces) {
+  int most = 0;
+  for (const FeltSurface& felt : surfaces) most = std::max(most, felt.layer);
+  return std::min(most + 1, kMostLayers);
 }
+
+// from the tip to where a contact acts
+Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
+  return sphere.offset_mm + sphere.along_mm * contact.part - contact.normal * sphere.radius_mm;
+}
+
+bool has_capsules(std::span<const ToolSphere> spheres) {
+  return std::any_of(spheres.begin(), spheres.end(),
+                     [](const ToolSphere& sphere) { return sphere.along_mm != Vector<Patient>(); });
+}
+
+// to whom a place on a surface belongs
+OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at) {
+  const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
+  return felt.owners != nullptr ? felt.owners->at(at)
+                                : OwnerShares(felt.structure < 0 ? index : felt.structure);
+}
+
+// what a surface gives of a structure's stiffness: its layer's part, at most so much of all
+double part_of_stiffness(const FeltSurface& surface, const FeltSurface& structure, double most_N_per_mm) {
+  const double own = std::min(structure.stiffness_N_per_mm, most_N_per_mm);
+  const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
+  return up_to - std::min(own, surface.from_N_per_mm);
+}
+
+struct Friction {
+  double still = 0, sliding = 0;
+};
 
 /// The proxy's way in one tick.
 class Walk {
  public:
-  /// @param most_mm  how far it goes: `near` looks farther, by what a turn of the tool may push
+  /// @param spheres  as the proxy's attitude turns them
+  /// @param most_mm  how far it goes
   /// @param way      gets every corner of it; may be null
-  Walk(std::span<const FeltSurface> surfaces, NearSurfaces& near, double most_mm, const Point<Patient>& tip,
-       ProxyState& state, const ProxyOptions& options, ProxyWay* way)
+  Walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer, double most_mm,
+       const Point<Patient>& tip, ProxyLayer& state, const ProxyOptions& options, ProxyWay* way)
       : surfaces_(surfaces),
         options_(options),
-        near_(near),
-        left_mm_(most_mm),
+        spheres_(spheres),
+        layer_(layer),
+        to_go_mm_(most_mm),
         tip_(tip),
         state_(state),
         proxy_(state.position),
         anchor_(state.position),
         last_way_(state.last_way),
         anchored_(state.contacts > 0),
-        way_(way) {
-    for (std::size_t n = 0; n < near.count(); ++n)
-      steepest_ = std::max(steepest_, near[n].surface->steepest());
-  }
+        way_(way) {}
 
-  void go(ProxyResult& result) {
-    // the tool may have turned into a surface while its tip stood
-    if (!leave_surfaces(near_, kMostCorrections, stride_mm(), proxy_)) {
+  /// False where the proxy lies in walls, as after the tool has become another one, and finds no way out.
+  bool go(ProxyResult& result) {
+    look_around();
+    if (near_.is_in_one() && !leave()) {
       result.wedged = true;
       state_.contacts = 0;
-      return;
+      return false;
     }
     note(proxy_);
+    most_looks_ = near_.looks() + (has_capsules(spheres_) ? kMostLooksOfCapsules : kMostLooks);
     int stride = 0;
-    while (stride < kMostStrides && left_mm_ > 0 && step(result)) ++stride;
-    result.lagging = stride == kMostStrides || left_mm_ <= 0;
+    bool moves = true;
+    state_.part = 1;
+    for (int felt = 0;; ++felt) {
+      while (moves && stride < kMostStrides && near_.looks() < most_looks_ && left_mm_ > kStill_mm) {
+        moves = step(result);
+        stride += moves;
+        if (moves && left_mm_ <= kStill_mm) look_around();
+      }
+      if (moves || result.wedged || !is_held_by_nothing()) break;
+      moves = felt < kMostFeelings && feel_for_a_way();
+      if (!moves) break;
+      if (left_mm_ <= kStill_mm) look_around();
+    }
+    // also where it has not arrived: a tick without force would be felt
+    if (!result.wedged && is_held_by_nothing()) lean_on_what_is_nearest();
+    settle_along_capsules();
+    result.lagging = moves;
     state_.position = proxy_;
     state_.last_way = last_way_;
+    return true;
   }
 
  private:
+  // Gathers what the next part of the way may meet. From free space that is all of it; on surfaces the proxy
+  // mostly goes little of the way to the tip, and less of it has less to look at.
+  void look_around() {
+    const double part_mm = state_.contacts == 0 ? to_go_mm_ : std::min(to_go_mm_, kPart_mm);
+    near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, part_mm + kStride_mm);
+    friction_ = {};
+    steepest_ = near_.steepest();
+    left_mm_ = std::min(part_mm, near_.reach_mm());
+    to_go_mm_ -= part_mm;
+  }
+
+  // out of what it lies in
+  bool leave() {
+    near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, kMostPush_mm);
+    steepest_ = near_.steepest();
+    if (!leave_surfaces(near_, kMostCorrections, stride_mm(), proxy_)) return false;
+    to_go_mm_ += left_mm_;
+    look_around();
+    return true;
+  }
+
   // one stride; false when the proxy has come to rest
   bool step(ProxyResult& result) {
     const double free_mm = touch_what_is_near();
@@ -273,7 +203,7 @@ class Walk {
   }
 
   void note(const Point<Patient>& corner) {
-    if (way_ != nullptr) way_->add(corner);
+    if (way_ != nullptr) way_->add(corner, state_.attitude);
   }
 
   // walls that bend faster than a stride can follow: shorter ones
@@ -289,13 +219,67 @@ class Walk {
     return false;
   }
 
+  // It rests although the tip is elsewhere, and no wall says why: where a slit closes, or thin tissue lies in
+  // a gap, normals may lead to the tip through the surface.
+  bool is_held_by_nothing() const { return state_.contacts == 0 && (tip_ - proxy_).norm() > kArrived_mm; }
+
+  // A stride that leads nearer to the tip and stays outside, by trying: straight on, then farther and farther
+  // aside. False where there is none.
+  bool feel_for_a_way() {
+    const Eigen::Vector3d ahead = (tip_ - proxy_).normalized().eigen();
+    const Eigen::Vector3d right = ahead.unitOrthogonal(), up = ahead.cross(right);
+    constexpr int kRings = 4, kAround = 8;
+    for (double length_mm = std::min(stride_mm(), left_mm_); length_mm > kStride_mm / 5; length_mm *= 0.5)
+      for (int ring = 0; ring < kRings; ++ring)
+        for (int n = 0; n < (ring == 0 ? 1 : kAround); ++n) {
+          const double aside = ring * 0.47, around = (n + 0.5 * (ring & 1)) * 0.7853981633974483;
+          const Vector<Patient> way(length_mm *
+                                    (std::cos(aside) * ahead +
+                                     std::sin(aside) * (std::cos(around) * right + std::sin(around) * up)));
+          const Point<Patient> end = proxy_ + way;
+          if (near_.looks() >= most_looks_) return false;
+          if (is_below(end) || (tip_ - end).norm() >= (tip_ - proxy_).norm()) continue;
+          if (go_to(end)) return true;
+        }
+    return false;
+  }
+
+  // What it cannot pass holds it: without this there would be no force at all, however deep the tip. It gives
+  // what the tip is deep, and not the whole way to the proxy: so nothing pulls at a tip that came out
+  // elsewhere.
+  void lean_on_what_is_nearest() {
+    std::size_t nearest = 0;
+    double least_mm = std::numeric_limits<double>::infinity(), deepest_mm = 0;
+    for (std::size_t n = 0; n < near_.count(); ++n) {
+      deepest_mm = std::max(deepest_mm, -near_.clearance(n, tip_));
+      const double clearance_mm = near_.clearance(n, proxy_);
+      if (clearance_mm < least_mm) nearest = n;
+      least_mm = std::min(least_mm, clearance_mm);
+    }
+    if (least_mm > kSkin_mm || deepest_mm <= 0) return;
+    const Vector<Patient> away = proxy_ - tip_;
+    const double pull_mm = std::min(away.norm(), deepest_mm);
+    state_.contacts = 0;
+    add_contact(nearest, near_.step(nearest), away.normalized(), pull_mm);
+    state_.part = pull_mm / away.norm();
+  }
+
+  // A capsule that lies along a surface leans on the middle of what touches, which does not wander with the
+  // voxels as the nearest place does.
+  void settle_along_capsules() {
+    for (int n = 0; n < state_.contacts; ++n) {
+      const TouchedAt& at = touched_at_[static_cast<std::size_t>(n)];
+      state_.contact[static_cast<std::size_t>(n)].part = near_.middle_of_touching(at.near, proxy_, at.step);
+    }
+  }
+
   // half-spaces of everything that is touched; the clearance of the rest
   double touch_what_is_near() {
     walls_.clear();
     double free_mm = std::numeric_limits<double>::infinity();
     for (std::size_t n = 0; n < near_.count(); ++n) {
       const double clearance_mm = near_.clearance(n, proxy_, kSkin_mm);
-      if (clearance_mm <= kSkin_mm) walls_.add(near_[n], proxy_, clearance_mm);
+      if (clearance_mm <= kSkin_mm) walls_.add(near_[n], near_.step(n), proxy_, clearance_mm);
     }
     if (walls_.count() == 0) free_mm = free_way_mm();
     if (walls_.count() > 0 && !anchored_) {
@@ -330,7 +314,7 @@ class Walk {
     for (std::size_t n = 0; n < near_.count(); ++n) {
       const double clearance_mm = near_.clearance(n, end, -kDip_mm);
       if (clearance_mm >= -kDip_mm) continue;
-      walls_.add(near_[n], end, clearance_mm);
+      walls_.add(near_[n], near_.step(n), end, clearance_mm);
       below = true;
     }
     return below;
@@ -347,9 +331,10 @@ class Walk {
     double still = 0, sliding = 0, all_mm = 0;
     for (int n = 0; n < nearest.count; ++n) {
       const double pull_mm = nearest.pull_mm[static_cast<std::size_t>(n)];
-      const FeltSurface& felt = surface_of(nearest.active[static_cast<std::size_t>(n)]);
-      still += pull_mm * felt.static_friction;
-      sliding += pull_mm * felt.dynamic_friction;
+      const Friction& friction =
+          friction_of(static_cast<std::size_t>(nearest.active[static_cast<std::size_t>(n)]));
+      still += pull_mm * friction.still;
+      sliding += pull_mm * friction.sliding;
       all_mm += pull_mm;
     }
     // a wall's pull is the depth; in a corner the way is shorter than the pulls
@@ -385,143 +370,314 @@ class Walk {
         all += weight[w] = 1 - std::max(0.0, clearance_mm) / kBeside_mm;
       }
       for (std::size_t w = 0; w < walls_.count(); ++w)
-        if (weight[w] > 0) add_contact(w, nearest.pull_mm[static_cast<std::size_t>(n)] * weight[w] / all);
+        if (weight[w] > 0)
+          add_contact(near_.place_of(walls_.near(w)), walls_.step(w), walls_.half_space(w).normal,
+                      nearest.pull_mm[static_cast<std::size_t>(n)] * weight[w] / all);
     }
   }
 
-  void add_contact(std::size_t wall, double pull_mm) {
+  void add_contact(std::size_t near, int step, const Vector<Patient>& normal, double pull_mm) {
     if (state_.contacts == static_cast<int>(kMostContacts)) return;
-    const Near& near = walls_.near(wall);
-    state_.contact[static_cast<std::size_t>(state_.contacts++)] = {near.index, near.sphere,
-                                                                   walls_.half_space(wall).normal, pull_mm};
+    const auto n = static_cast<std::size_t>(state_.contacts++);
+    state_.contact[n] = {near_[near].index, near_[near].sphere, near_[near].part(step), normal, pull_mm};
+    touched_at_[n] = {near, step};
   }
 
-  const FeltSurface& surface_of(int wall) const {
-    return surfaces_[static_cast<std::size_t>(walls_.near(static_cast<std::size_t>(wall)).index)];
+  // on an outer surface that of the place where the wall is met first in this tick
+  const Friction& friction_of(std::size_t wall) {
+    const Near& near = walls_.near(wall);
+    std::optional<Friction>& known = friction_[near_.place_of(near)];
+    if (!known) {
+      known.emplace();
+      const Point<Patient> at =
+          proxy_ + near.offset_mm(walls_.step(wall)) - walls_.half_space(wall).normal * near.shape.radius_mm;
+      const OwnerShares owners = owners_at(surfaces_, near.index, at);
+      for (const OwnerShare& share : owners.all()) {
+        const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
+        known->still += share.part * felt.static_friction;
+        known->sliding += share.part * felt.dynamic_friction;
+      }
+    }
+    return *known;
   }
 
   std::span<const FeltSurface> surfaces_;
   const ProxyOptions options_;
-  NearSurfaces& near_;
-  double left_mm_;
-  double steepest_ = 1;
+  std::span<const ToolSphere> spheres_;
+  const int layer_;
+  NearSurfaces near_;
+  int most_looks_ = 0;
+  double to_go_mm_;      // after this part of the way
+  double left_mm_ = 0;   // of this part
+  double steepest_ = 1;  // of what is near
   const Point<Patient> tip_;
-  ProxyState& state_;
+  ProxyLayer& state_;
   Point<Patient> proxy_;
   Point<Patient> anchor_;  // where friction holds it
   Vector<Patient> last_way_;
   bool anchored_;
   Walls walls_;
+  std::array<std::optional<Friction>, kMostNear> friction_;
+  // of each contact: the pair that it is of, and the step of its row
+  struct TouchedAt {
+    std::size_t near = 0;
+    int step = 0;
+  };
+  std::array<TouchedAt, kMostContacts> touched_at_;
   ProxyWay* way_;
 };
 
-bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-             const SurfaceSet& but, const Point<Patient>& at) {
-  for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if (but[s]) continue;
-    for (const ToolSphere& sphere : spheres)
-      if (surfaces[s].surface->distance_mm(at + sphere.offset_mm) < sphere.radius_mm - kOutside_mm)
-        return false;
-  }
-  return true;
-}
-
-// Surfaces that tip and proxy have left close again: the tip may have come out of a layer below while the
-// proxy is held within it.
+// Surfaces that the hand's tool and the proxy's have left close again: the tip may have come out of a layer
+// below while the proxy is held within it.
 SurfaceSet still_open(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                      const Point<Patient>& tip, const ProxyState& state) {
+                      const ToolPose& hand, const ProxyLayer& state) {
   SurfaceSet punctured = state.punctured;
+  if (punctured.none()) return punctured;
+  const TurnedTool held(spheres, hand.attitude, state.attitude);
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!punctured[s]) continue;
-    const bool left = std::all_of(spheres.begin(), spheres.end(), [&](const ToolSphere& sphere) {
-      const double sealed_mm = sphere.radius_mm + kSealed_mm;
-      return surfaces[s].surface->distance_mm(tip + sphere.offset_mm) > sealed_mm &&
-             surfaces[s].surface->distance_mm(state.position + sphere.offset_mm) > sealed_mm;
-    });
-    if (left) punctured[s] = false;
+    const auto has_left = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
+      return std::all_of(tool.begin(), tool.end(), [&](const ToolSphere& sphere) {
+        const Near near{surfaces[s].surface.get(), 0, 0, sphere, row_steps(sphere)};
+        int looks = 0;
+        return near.clearance(at, kSealed_mm, near.steps / 2, looks).mm > kSealed_mm;
+      });
+    };
+    if (has_left(spheres, hand.tip) && has_left(held.spheres(), state.position)) punctured[s] = false;
   }
   return punctured;
 }
 
-// what the spring from the tip to the proxy gives, and through which surfaces it goes
-void pull(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-          const Point<Patient>& tip, const ProxyOptions& options, ProxyState& state, ProxyResult& result) {
-  const std::span<const ProxyContact> contacts{state.contact.data(),
-                                               static_cast<std::size_t>(state.contacts)};
-  double all_mm = 0, stiffness = 0, own_stiffness = 0;
-  for (const ProxyContact& contact : contacts) {
-    const double own = surfaces[static_cast<std::size_t>(contact.surface)].stiffness_N_per_mm;
-    all_mm += contact.pull_mm;
-    own_stiffness += contact.pull_mm * own;
-    stiffness += contact.pull_mm * std::min(own, options.most_stiffness_N_per_mm);
+/// What structures that can be gone through give of the springs of all layers.
+class Given {
+ public:
+  void add(int structure, double force_N) {
+    std::size_t n = 0;
+    while (n < count_ && structure_[n] != structure) ++n;
+    if (n == structure_.size()) return;
+    if (n == count_) structure_[count_++] = structure;
+    force_N_[n] += force_N;
   }
-  if (!(all_mm > 0)) return;
-  stiffness /= all_mm;
-  own_stiffness /= all_mm;
-  result.stiffness_N_per_mm = stiffness;
-  result.force_N = (state.position - tip) * stiffness;
+  std::size_t count() const { return count_; }
+  int structure(std::size_t n) const { return structure_[n]; }
+  double force_N(std::size_t n) const { return force_N_[n]; }
 
-  // what the walls do not give is friction, which acts where they do
-  Vector<Patient> along = result.force_N;
-  for (const ProxyContact& contact : contacts) along -= contact.normal * (contact.pull_mm * stiffness);
-  for (const ProxyContact& contact : contacts) {
-    const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
-    const Vector<Patient> arm_mm = sphere.offset_mm - contact.normal * sphere.radius_mm;
-    const Vector<Patient> force_N =
-        contact.normal * (contact.pull_mm * stiffness) + along * (contact.pull_mm / all_mm);
-    result.torque_Nmm += arm_mm.cross(force_N);
-    // a proxy that has not arrived is no measure of what the hand presses
-    const bool arrived = !result.lagging && !result.wedged;
-    if (arrived &&
-        contact.pull_mm * own_stiffness > surfaces[static_cast<std::size_t>(contact.surface)].puncture_N) {
-      state.punctured[static_cast<std::size_t>(contact.surface)] = true;
-      result.ruptured = true;
+ private:
+  // more at once, as in no tissue, are gone through later
+  std::array<int, 16> structure_{};
+  std::array<double, 16> force_N_{};
+  std::size_t count_ = 0;
+};
+
+/// What lies along the way in, from the layers' springs (docs/decisions/0018): their sum is also that of each
+/// layer's whole stiffness times the way from its proxy to that of the next one within.
+class WayIn {
+ public:
+  /// @param stretched_mm  the layer's spring, from the tip
+  /// @param stiffness     the layer's part
+  void begin_layer(const Vector<Patient>& stretched_mm, double stiffness) {
+    layer_[layers_++] = {stretched_mm, stiffness, owners_};
+    force_N_ += stretched_mm * stiffness;
+  }
+  /// Of the layer that was begun last.
+  void add_owner(int structure, double part) {
+    const auto own = std::span(owner_).subspan(layer_[layers_ - 1].first_owner, owners_ - first());
+    const auto same = std::find_if(own.begin(), own.end(),
+                                   [&](const OwnerShare& one) { return one.structure == structure; });
+    if (same != own.end())
+      same->part += part;
+    else if (owners_ < owner_.size())
+      owner_[owners_++] = {structure, part};
+  }
+
+  void tell(ProxyResult& result) const {
+    const Vector<Patient> along = force_N_.normalized();
+    std::array<FeltPart, kMostOwners> part;
+    std::size_t parts = 0;
+    double stiffness = 0, all_N = 0;
+    for (std::size_t m = 0; m < layers_; ++m) {
+      const Layer& layer = layer_[m];
+      const bool innermost = m + 1 == layers_;
+      const Vector<Patient> beneath_mm = innermost ? Vector<Patient>() : layer_[m + 1].stretched_mm;
+      const std::size_t end = innermost ? owners_ : layer_[m + 1].first_owner;
+      stiffness += layer.stiffness;
+      // an inner layer that is met from the side may pull farther than the one around it
+      const double depth_mm = std::max(0.0, layer.stretched_mm.norm() - beneath_mm.norm());
+      const double force_N = std::max(0.0, stiffness * (layer.stretched_mm - beneath_mm).dot(along));
+      all_N += force_N;
+      for (std::size_t n = layer.first_owner; n < end; ++n) {
+        std::size_t at = 0;
+        while (at < parts && part[at].structure != owner_[n].structure) ++at;
+        if (at == parts) part[parts++].structure = owner_[n].structure;
+        part[at].depth_mm += depth_mm * owner_[n].part;
+        part[at].share += force_N * owner_[n].part;
+      }
     }
+    if (!(all_N > 0)) return;
+    keep_most(std::span(part).first(parts), all_N, result);
+  }
+
+ private:
+  struct Layer {
+    Vector<Patient> stretched_mm;
+    double stiffness = 0;
+    std::size_t first_owner = 0;
+  };
+  static constexpr std::size_t kMostOwners = 24;
+
+  static void keep_most(std::span<FeltPart> parts, double all_N, ProxyResult& result) {
+    std::array<double, kMostOwners> shares{};
+    for (std::size_t n = 0; n < parts.size(); ++n) shares[n] = parts[n].share /= all_N;
+    double least = kLeastShare;
+    if (parts.size() > kMostFeltParts) {
+      std::nth_element(shares.begin(), shares.begin() + kMostFeltParts - 1,
+                       shares.begin() + static_cast<std::ptrdiff_t>(parts.size()), std::greater<>());
+      least = std::max(least, shares[kMostFeltParts - 1]);
+    }
+    for (const FeltPart& one : parts)
+      if (one.share >= least && result.felt_parts < static_cast<int>(kMostFeltParts))
+        result.felt[static_cast<std::size_t>(result.felt_parts++)] = one;
+  }
+  std::size_t first() const { return layer_[layers_ - 1].first_owner; }
+
+  std::array<Layer, kMostLayers> layer_;
+  std::array<OwnerShare, kMostOwners> owner_;
+  std::size_t layers_ = 0, owners_ = 0;
+  Vector<Patient> force_N_;
+};
+
+/// What the layers' springs give together.
+class Springs {
+ public:
+  Springs(std::span<const FeltSurface> surfaces, const Point<Patient>& tip, const ProxyOptions& options)
+      : surfaces_(surfaces), tip_(tip), options_(options) {}
+
+  /// @param spheres  as the layer's proxy holds them
+  /// @param arrived  false: the proxy is no measure of what the hand presses
+  ProxyForce add(const ProxyLayer& state, std::span<const ToolSphere> spheres, bool arrived) {
+    const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
+    double all_mm = 0, stiffness = 0, own_stiffness = 0, friction = 0;
+    for (std::size_t n = 0; n < contacts.size(); ++n) {
+      const ProxyContact& contact = contacts[n];
+      const FeltSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
+      const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
+      owners_[n] = owners_at(surfaces_, contact.surface, state.position + arm_of(contact, sphere));
+      all_mm += contact.pull_mm;
+      for (const OwnerShare& share : owners_[n].all()) {
+        const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
+        const double pull_mm = contact.pull_mm * share.part;
+        own_stiffness += pull_mm * part_of_stiffness(surface, felt, std::numeric_limits<double>::infinity());
+        stiffness += pull_mm * part_of_stiffness(surface, felt, options_.most_stiffness_N_per_mm);
+        friction += pull_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
+      }
+    }
+    ProxyForce force;
+    if (!(all_mm > 0)) return force;
+    stiffness /= all_mm;
+    own_stiffness /= all_mm;
+    force.stiffness_N_per_mm = stiffness;
+    const Vector<Patient> stretched_mm = (state.position - tip_) * state.part;
+    force.force_N = stretched_mm * stiffness;
+    force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();
+    way_in_.begin_layer(stretched_mm, stiffness);
+    for (std::size_t n = 0; n < contacts.size(); ++n)
+      for (const OwnerShare& share : owners_[n].all())
+        way_in_.add_owner(share.structure, share.part * contacts[n].pull_mm / all_mm);
+
+    // what the walls do not give is friction, which acts where they do
+    Vector<Patient> along = force.force_N;
+    for (const ProxyContact& contact : contacts) along -= contact.normal * (contact.pull_mm * stiffness);
+    for (std::size_t n = 0; n < contacts.size(); ++n) {
+      const ProxyContact& contact = contacts[n];
+      const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
+      const Vector<Patient> force_N =
+          contact.normal * (contact.pull_mm * stiffness) + along * (contact.pull_mm / all_mm);
+      force.torque_Nmm += arm_of(contact, sphere).cross(force_N);
+      normals_N_ += contact.normal * (contact.pull_mm * stiffness);
+      if (!arrived) continue;
+      for (const OwnerShare& share : owners_[n].all())
+        if (std::isfinite(surfaces_[static_cast<std::size_t>(share.structure)].puncture_N))
+          given_.add(share.structure, contact.pull_mm * own_stiffness * share.part);
+    }
+    friction_N_ += friction * stiffness;
+    pulls_N_ += all_mm * stiffness;
+    return force;
+  }
+
+  Vector<Patient> normal() const { return normals_N_.normalized(); }
+  double friction() const { return options_.friction && pulls_N_ > 0 ? friction_N_ / pulls_N_ : 0; }
+  const Given& given() const { return given_; }
+  const WayIn& way_in() const { return way_in_; }
+
+ private:
+  std::span<const FeltSurface> surfaces_;
+  const Point<Patient> tip_;
+  const ProxyOptions options_;
+  std::array<OwnerShares, kMostContacts> owners_;
+  WayIn way_in_;
+  Vector<Patient> normals_N_;
+  double friction_N_ = 0, pulls_N_ = 0;
+  Given given_;
+};
+
+// A structure that was gone through, with every surface that it is part of.
+void open(std::span<const FeltSurface> surfaces, int structure, ProxyState& state) {
+  for (std::size_t s = 0; s < surfaces.size(); ++s) {
+    const FeltSurface& felt = surfaces[s];
+    const bool its_own = static_cast<int>(s) == structure || felt.structure == structure;
+    const bool common =
+        std::find(felt.opened_by.begin(), felt.opened_by.end(), structure) != felt.opened_by.end();
+    if (felt.surface != nullptr && (its_own || common)) state.layer(felt.layer).punctured[s] = true;
   }
 }
 
-}  // namespace
-
-ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, ProxyState& state, const ProxyOptions& options,
-                          ProxyWay* way) {
-  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
+// one layer's proxy turns and goes its way
+ProxyResult walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                 const ToolPose& hand, ProxyLayer& state, const ProxyOptions& options, ProxyWay* way) {
+  const Point<Patient>& tip = hand.tip;
   ProxyResult result;
   if (!state.coupled) {
-    if (!is_free(surfaces, spheres, {}, tip)) return result;
+    if (!is_free(surfaces, spheres, layer, {}, {}, tip)) return result;
     state = {};
     state.coupled = true;
     state.position = tip;
+    state.attitude = hand.attitude;
   }
-  state.punctured = still_open(surfaces, spheres, tip, state);
+  state.punctured = still_open(surfaces, spheres, hand, state);
+
+  const ToolTurn turn = turn_tool(surfaces, spheres, layer, hand.attitude, state, way);
+  const TurnedTool held(spheres, hand.attitude, state.attitude);
 
   // from free space it comes as far as the tip went; on a surface it is not led farther than a hand goes
   const double to_tip_mm = (tip - state.position).norm() + kSlack_mm;
   const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kMostWay_mm);
-  NearSurfaces near(surfaces, spheres, state.punctured, state.position, most_mm + kMostPush_mm);
-  Walk(surfaces, near, std::min(most_mm, near.reach_mm()), tip, state, options, way).go(result);
-  // lost by a turn of the tool, found again where the tip is free
-  if (result.wedged && state.contacts == 0 && is_free(surfaces, spheres, state.punctured, tip))
+  const bool in_walls = !Walk(surfaces, held.spheres(), layer, most_mm, tip, state, options, way).go(result);
+  // one that lies in walls, or was left behind where no wall showed the way, is found again where the hand is
+  // free
+  const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kLost_mm;
+  const bool lost =
+      state.contacts == 0 && (in_walls || far) && is_free(surfaces, spheres, layer, state.punctured, {}, tip);
+  state.lost_s = lost ? state.lost_s + options.dt_s : 0;
+  if (lost && (in_walls || state.lost_s > kLost_s)) {
     state.position = tip;
-  pull(surfaces, spheres, tip, options, state, result);
+    state.attitude = hand.attitude;
+  }
+  result.lagging = result.lagging || turn.lagging;
+  result.wedged = result.wedged || turn.blocked;
   return result;
 }
 
-ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, ProxyState& state, const ProxyOptions& options) {
-  return advance_proxy(surfaces, spheres, tip, state, options, nullptr);
-}
-
-void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                std::span<const SurfaceBefore> before, ProxyState& state) {
-  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && (before.empty() || before.size() == surfaces.size()));
-  const ProxyState old = state;
+// after a change of the surfaces, as keep_proxy says
+void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                std::span<const SurfaceBefore> before, ProxyLayer& state) {
+  const ProxyLayer old = state;
   SurfaceSet same, punctured;
   for (std::size_t s = 0; s < before.size(); ++s) {
     same[s] = before[s].same;
-    punctured[s] = before[s].index >= 0 && old.punctured[static_cast<std::size_t>(before[s].index)];
+    punctured[s] = before[s].index >= 0 && old.punctured[static_cast<std::size_t>(before[s].index)] &&
+                   surfaces[s].surface != nullptr && surfaces[s].layer == layer;
   }
-  if (!old.coupled || !is_free(surfaces, spheres, same | punctured, old.position)) {
+  if (!old.coupled || !is_free(surfaces, spheres, layer, punctured, same, old.position)) {
     state = {};
     state.position = old.position;
     return;
@@ -541,20 +697,96 @@ void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
   state.sticking = old.sticking && state.contacts > 0;
 }
 
-bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                         const Point<Patient>& tip, ProxyState& state) {
+// a layer's proxy for a tip that is inside
+bool give_birth(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                const ToolPose& hand, ProxyLayer& state) {
   // a surface is looked for as far as the fields know of one; from there, others may be nearer
   constexpr double kFar_mm = 1000;
-  constexpr int kMostSteps = 64, kMostLooks = 4;
-  Point<Patient> born = tip;
-  for (int look = 0; look < kMostLooks && !is_free(surfaces, spheres, {}, born); ++look) {
-    NearSurfaces near(surfaces, spheres, {}, born, kFar_mm);
+  constexpr int kMostSteps = 64, kMostGatherings = 4;
+  Point<Patient> born = hand.tip;
+  for (int look = 0; look < kMostGatherings && !is_free(surfaces, spheres, layer, {}, {}, born); ++look) {
+    NearSurfaces near(surfaces, spheres, layer, {}, born, kFar_mm);
     if (!leave_surfaces(near, kMostSteps, kFar_mm, born)) return false;
   }
-  if (!is_free(surfaces, spheres, {}, born)) return false;
+  if (!is_free(surfaces, spheres, layer, {}, {}, born)) return false;
   state = {};
   state.coupled = true;
   state.position = born;
+  state.attitude = hand.attitude;
+  return true;
+}
+
+}  // namespace
+
+TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+                       const Eigen::Quaterniond& to)
+    : count_(spheres.size()) {
+  PALPATE_CHECK(count_ <= kMostToolSpheres);
+  std::copy(spheres.begin(), spheres.end(), spheres_.begin());
+  if (from.coeffs() == to.coeffs()) return;
+  const Eigen::Matrix3d turn = (to * from.conjugate()).toRotationMatrix();
+  for (std::size_t k = 0; k < count_; ++k) {
+    spheres_[k].offset_mm = Vector<Patient>(turn * spheres[k].offset_mm.eigen());
+    spheres_[k].along_mm = Vector<Patient>(turn * spheres[k].along_mm.eigen());
+  }
+}
+
+ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                          const ToolPose& hand, ProxyState& state, const ProxyOptions& options,
+                          ProxyWay* way) {
+  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
+  ProxyResult result;
+  Springs springs(surfaces, hand.tip, options);
+  for (int n = 0; n < layers_of(surfaces); ++n) {
+    ProxyLayer& layer = state.layer(n);
+    const ProxyResult walked = walk(surfaces, spheres, n, hand, layer, options, n == 0 ? way : nullptr);
+    result.wedged = result.wedged || walked.wedged;
+    result.lagging = result.lagging || walked.lagging;
+    if (!state.coupled) {
+      // nobody knows how the tip got in
+      state.within = {};
+      return result;
+    }
+    const TurnedTool held(spheres, hand.attitude, layer.attitude);
+    const ProxyForce force = springs.add(layer, held.spheres(), !walked.lagging && !walked.wedged);
+    if (n == 0) result.outermost = force;
+    result.force_N += force.force_N;
+    result.torque_Nmm += force.torque_Nmm;
+    result.stiffness_N_per_mm += force.stiffness_N_per_mm;
+    result.stored_mJ += force.stored_mJ;
+  }
+  result.normal = springs.normal();
+  result.friction = springs.friction();
+  springs.way_in().tell(result);
+  for (std::size_t n = 0; n < springs.given().count(); ++n) {
+    const int structure = springs.given().structure(n);
+    if (!(springs.given().force_N(n) > surfaces[static_cast<std::size_t>(structure)].puncture_N)) continue;
+    open(surfaces, structure, state);
+    result.ruptured = true;
+  }
+  return result;
+}
+
+ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                          const ToolPose& hand, ProxyState& state, const ProxyOptions& options) {
+  return advance_proxy(surfaces, spheres, hand, state, options, nullptr);
+}
+
+void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state) {
+  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && (before.empty() || before.size() == surfaces.size()));
+  for (int n = 0; n < kMostLayers; ++n) {
+    ProxyLayer& layer = state.layer(n);
+    keep_layer(surfaces, TurnedTool(spheres, hand.attitude, layer.attitude).spheres(), n, before, layer);
+  }
+}
+
+bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                         const ToolPose& hand, ProxyState& state) {
+  ProxyState born;
+  for (int n = 0; n < layers_of(surfaces); ++n)
+    if (!give_birth(surfaces, spheres, n, hand, born.layer(n)) && n == 0) return false;
+  state = born;
   return true;
 }
 

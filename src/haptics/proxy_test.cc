@@ -2,15 +2,19 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
+#include "base/test_seed.h"
+#include "haptics/capsule_row.h"
 #include "haptics/proxy_test_surfaces.h"
 
 namespace palpate {
 namespace {
 
 using testing::cube_grid;
+using testing::Distance;
 using testing::felt_surface;
 using testing::ProxyRun;
 using testing::random_direction;
@@ -267,6 +271,330 @@ TEST(Proxy, ALayerThatWasGoneThroughDoesNotCloseRoundTheProxy) {
   }
 }
 
+// labels by place, as voxels
+Volume<LabelId> labelled(const GridGeometry& grid,
+                         const std::function<LabelId(const Eigen::Vector3d&)>& label_at) {
+  Volume<LabelId> labels(grid);
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i)
+        labels.at(i, j, k) = label_at((grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen());
+  return labels;
+}
+
+TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
+  const GridGeometry grid = cube_grid(9, {0.36, 0.36, 0.7});
+  ProxyRun run;
+  run.surfaces.resize(2);
+  run.surfaces[0].stiffness_N_per_mm = 1;
+  run.surfaces[0].static_friction = run.surfaces[0].dynamic_friction = 0.2;
+  run.surfaces[1].stiffness_N_per_mm = 0.4;
+  run.surfaces[1].static_friction = run.surfaces[1].dynamic_friction = 0.1;
+  run.surfaces.push_back(felt_surface(grid, floor_mm));
+  run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
+  run.surfaces[2].owners = std::make_shared<const Owners>(
+      labelled(grid,
+               [](const Eigen::Vector3d& p) {
+                 return static_cast<LabelId>(p.z() >= 0 ? 0 : p.x() < 0 ? 1 : 2);
+               }),
+      std::vector<std::int16_t>{-1, 0, 1});
+  for (const double radius_mm : {0.0, 1.5}) {
+    run.spheres = {{{}, radius_mm}};
+    run.state = {};
+    run.at({-5, 0, 5});
+    run.lead({-5, 0, 5}, {-5, 0, radius_mm - 1}, 0.05);
+    run.lead({-5, 0, radius_mm - 1}, {-4.5, 0, radius_mm - 1}, 0.01);
+    EXPECT_NEAR(run.result.force_N.z(), 1, 0.01);
+    EXPECT_NEAR(-run.result.force_N.x(), 0.2, 0.005);
+    ASSERT_EQ(run.result.felt_parts, 1);
+    EXPECT_EQ(run.result.felt[0].structure, 0);
+    constexpr double kStep = 0.01;
+    double before_N = run.result.force_N.norm();
+    for (double x = -4.5; x <= 4.5; x += kStep) {
+      const ProxyResult& result = run.at({x, 0, radius_mm - 1});
+      EXPECT_LT(std::abs(result.force_N.norm() - before_N), kStep * 0.6 * 1.2 / Owners::kReach_mm + 1e-3)
+          << x;
+      double all = 0, all_mm = 0;
+      for (int n = 0; n < result.felt_parts; ++n) {
+        all += result.felt[static_cast<std::size_t>(n)].share;
+        all_mm += result.felt[static_cast<std::size_t>(n)].depth_mm;
+      }
+      EXPECT_NEAR(all, 1, kLeastShare) << x;
+      EXPECT_NEAR(all_mm, (run.state.position - Point<Patient>(x, 0, radius_mm - 1)).norm(), 0.02) << x;
+      EXPECT_GT(result.felt_parts, 0) << x;
+      before_N = result.force_N.norm();
+    }
+    EXPECT_NEAR(run.result.force_N.z(), 0.4, 0.004);
+    ASSERT_EQ(run.result.felt_parts, 1);
+    EXPECT_EQ(run.result.felt[0].structure, 1);
+    EXPECT_NEAR(-run.result.force_N.x(), 0.04, 0.002);
+    EXPECT_LT(run.deepest_mm, kMostDip_mm);
+  }
+}
+
+TEST(Proxy, WhatIsGoneThroughOpensTheOuterSurfaceAndWhatLiesBeneathHolds) {
+  // skin 2 mm thick on bone, and bone that comes to the outside at x > 2
+  const GridGeometry grid = cube_grid(9, {0.5, 0.5, 0.5});
+  const auto bone_mm = [](const Eigen::Vector3d& p) {
+    return std::min(p.z() + 2, std::max(p.z(), 2 - p.x()));
+  };
+  const auto skin_mm = [](const Eigen::Vector3d& p) { return std::max(std::abs(p.z() + 1) - 1, p.x() - 2); };
+  ProxyRun run;
+  run.surfaces = {felt_surface(grid, skin_mm), felt_surface(grid, bone_mm), felt_surface(grid, floor_mm)};
+  run.surfaces[0].puncture_N = 1;
+  run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
+  run.surfaces[2].opened_by = {0};
+  run.surfaces[2].owners = std::make_shared<const Owners>(
+      labelled(grid,
+               [&](const Eigen::Vector3d& p) {
+                 return static_cast<LabelId>(bone_mm(p) < 0 ? 2 : skin_mm(p) < 0 ? 1 : 0);
+               }),
+      std::vector<std::int16_t>{-1, 0, 1});
+  run.at({-3, 0, 5});
+  run.lead({-3, 0, 5}, {-3, 0, -0.9}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet());
+  EXPECT_NEAR(run.state.position.z(), 0, 0.02);
+  run.lead({-3, 0, -0.9}, {-3, 0, -2.5}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet(0b101)) << "the skin, and with it the outer surface";
+  EXPECT_NEAR(run.state.position.z(), -2, 0.02) << "held by the bone";
+  run.lead({-3, 0, -2.5}, {-3, 0, -1}, 0.05);
+  run.lead({-3, 0, -1}, {3, 0, -1}, 0.05);
+  EXPECT_NEAR(run.state.position.x(), 2, 0.02) << "held by the bone beside it";
+  run.lead({3, 0, -1}, {-3, 0, -1}, 0.05);
+  run.lead({-3, 0, -1}, {-3, 0, 3}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet()) << "closed behind it";
+  EXPECT_EQ(run.result.force_N, Vector<Patient>());
+  // where the bone comes to the outside no force goes through
+  run.lead({-3, 0, 3}, {6, 0, 3}, 0.05);
+  run.lead({6, 0, 3}, {6, 0, -4}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet());
+  EXPECT_NEAR(run.state.position.z(), 0, 0.02);
+}
+
+// Fat on bone, or what else is soft on what is hard: the outer surface is z = 0.
+ProxyRun layered(double soft_N_per_mm, double hard_N_per_mm, const Distance& hard_mm) {
+  const GridGeometry grid = cube_grid(20, {0.5, 0.5, 0.5});
+  ProxyRun run;
+  run.surfaces = {felt_surface(grid, floor_mm), felt_surface(grid, hard_mm)};
+  run.surfaces[0].stiffness_N_per_mm = run.surfaces[0].to_N_per_mm = soft_N_per_mm;
+  run.surfaces[1].stiffness_N_per_mm = hard_N_per_mm;
+  run.surfaces[1].from_N_per_mm = soft_N_per_mm;
+  run.surfaces[1].layer = 1;
+  return run;
+}
+
+TEST(ProxyLayers, GiveTheStiffnessSummedUpAlongTheWayIn) {
+  struct Case {
+    double soft_N_per_mm, hard_N_per_mm, thick_mm;
+  };
+  // fat, meniscus and cartilage on bone
+  for (const Case& c : {Case{0.036, 1.5, 10}, Case{0.25, 1.5, 4}, Case{0.9, 1.5, 2}})
+    for (const double radius_mm : {0.0, 1.5}) {
+      ProxyRun run = layered(c.soft_N_per_mm, c.hard_N_per_mm,
+                             [&](const Eigen::Vector3d& p) { return p.z() + c.thick_mm; });
+      run.spheres = {{{}, radius_mm}};
+      run.at({0, 0, 5});
+      for (double depth_mm = -2; depth_mm < c.thick_mm + 5; depth_mm += 0.05) {
+        const ProxyResult& result = run.at({0.1, 0.2, radius_mm - depth_mm});
+        const double in_hard_mm = std::max(0.0, depth_mm - c.thick_mm);
+        const double expected_N =
+            c.soft_N_per_mm * std::max(0.0, depth_mm) + (c.hard_N_per_mm - c.soft_N_per_mm) * in_hard_mm;
+        ASSERT_NEAR(result.force_N.z(), expected_N, 1e-3 + 1e-3 * expected_N) << depth_mm;
+        ASSERT_NEAR(result.stiffness_N_per_mm,
+                    in_hard_mm > 0.01 ? c.hard_N_per_mm
+                    : depth_mm > 0.01 ? c.soft_N_per_mm
+                                      : 0,
+                    depth_mm > -0.01 && depth_mm < 0.01 ? 2 : 1e-9)
+            << depth_mm;
+      }
+      EXPECT_LT(run.deepest_mm, kMostDip_mm);
+      run.lead({0.1, 0.2, radius_mm - c.thick_mm - 5}, {0.1, 0.2, radius_mm + 1}, 0.05);
+      EXPECT_EQ(run.result.force_N, Vector<Patient>());
+    }
+}
+
+TEST(ProxyLayers, TellHowMuchOfTheWayLiesInEachAndWhatItGives) {
+  ProxyRun run = layered(0.036, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 10; });
+  run.at({0, 0, 5});
+  EXPECT_EQ(run.result.felt_parts, 0);
+  run.lead({0, 0, 5}, {0.1, 0.2, -4}, 0.05);
+  ASSERT_EQ(run.result.felt_parts, 1);
+  EXPECT_EQ(run.result.felt[0].structure, 0);
+  EXPECT_NEAR(run.result.felt[0].depth_mm, 4, 0.02);
+  EXPECT_NEAR(run.result.felt[0].share, 1, 1e-12);
+  run.lead({0.1, 0.2, -4}, {0.1, 0.2, -15}, 0.05);
+  ASSERT_EQ(run.result.felt_parts, 2);
+  // 10 mm of fat, 5 mm of bone: 0.36 and 7.5 N
+  EXPECT_EQ(run.result.felt[0].structure, 0);
+  EXPECT_NEAR(run.result.felt[0].depth_mm, 10, 0.02);
+  EXPECT_NEAR(run.result.felt[0].share, 0.36 / 7.86, 1e-3);
+  EXPECT_EQ(run.result.felt[1].structure, 1);
+  EXPECT_NEAR(run.result.felt[1].depth_mm, 5, 0.02);
+  EXPECT_NEAR(run.result.felt[1].share, 7.5 / 7.86, 1e-3);
+}
+
+TEST(ProxyLayers, OnASlopeUnderFatTheForceIsTheGradientOfWhatIsStored) {
+  const double tilt = 0.5235987755982988;  // 30 degrees
+  const auto slope_mm = [&](const Eigen::Vector3d& p) {
+    return std::cos(tilt) * (p.z() + 6) - std::sin(tilt) * p.x();
+  };
+  ProxyRun run = layered(0.1, 1.5, slope_mm);
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> aside(-3, 3), deep(1, 9);
+  const auto settled = [&](const Point<Patient>& tip) {
+    run.state = {};
+    run.at({tip.x(), tip.y(), 3});
+    run.lead({tip.x(), tip.y(), 3}, tip, 0.05);
+    return run.result;
+  };
+  int hard = 0;
+  for (int n = 0; n < 40; ++n) {
+    const Point<Patient> tip(aside(random), aside(random), -deep(random));
+    const ProxyResult there = settled(tip);
+    hard += there.stiffness_N_per_mm > 1;
+    constexpr double kApart = 0.02;
+    for (int a = 0; a < 3; ++a) {
+      Eigen::Vector3d way = Eigen::Vector3d::Zero();
+      way[a] = kApart;
+      const double more = settled(tip + Vector<Patient>(way)).stored_mJ;
+      const double less = settled(tip - Vector<Patient>(way)).stored_mJ;
+      EXPECT_NEAR(there.force_N[a], (less - more) / (2 * kApart), 0.01 + 0.02 * there.force_N.norm()) << n;
+    }
+  }
+  EXPECT_GT(hard, 5);
+
+  // round and round in contact: nothing is given out
+  run.state = {};
+  run.at({0, 0, 3});
+  run.lead({0, 0, 3}, {2, 0, -6}, 0.05);
+  double worst_mJ = 0;
+  for (int round = 0; round < 5; ++round) {
+    double work_mJ = 0;
+    Point<Patient> before(2, 0, -6);
+    for (int n = 1; n <= 400; ++n) {
+      const double angle = n * 0.015707963267948967;
+      const Point<Patient> tip(2 * std::cos(angle), 2 * std::sin(angle), -6 - 1.5 * std::sin(2 * angle));
+      const Vector<Patient> before_N = run.result.force_N;
+      run.at(tip);
+      work_mJ += 0.5 * (before_N + run.result.force_N).dot(tip - before);
+      before = tip;
+    }
+    worst_mJ = std::max(worst_mJ, std::abs(work_mJ));
+  }
+  EXPECT_LT(worst_mJ, 0.01);
+}
+
+TEST(ProxyLayers, AreHeldToTheDevicesStiffnessTogether) {
+  ProxyRun run = layered(0.5, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 2; });
+  const ProxyOptions options{true, 1.0};
+  const std::array<ToolSphere, 1> point{};
+  for (const double z : {5.0, -1.0, -2.0, -3.0}) {
+    ProxyState state;
+    advance_proxy(run.surfaces, point, Point<Patient>(0, 0, 5), state, options);
+    ProxyResult result;
+    for (int n = 0; n < 20; ++n)
+      result = advance_proxy(run.surfaces, point, Point<Patient>(0, 0, z), state, options);
+    EXPECT_NEAR(result.force_N.z(), 0.5 * std::max(0.0, -z) + 0.5 * std::max(0.0, -z - 2), 1e-3) << z;
+  }
+}
+
+TEST(ProxyLayers, FeelStiffnessesOfNowWhereTheyWereMadeForOthers) {
+  ProxyRun run = layered(0.5, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 2; });
+  const auto pressed_N = [&](double z) {
+    run.state = {};
+    run.at({0, 0, 5});
+    run.lead({0, 0, 5}, {0, 0, z}, 0.05);
+    return run.result.force_N.z();
+  };
+  // what is outside gives all of its own
+  run.surfaces[0].stiffness_N_per_mm = 0.8;
+  EXPECT_NEAR(pressed_N(-1), 0.8, 1e-3);
+  run.surfaces[0].stiffness_N_per_mm = 0.2;
+  EXPECT_NEAR(pressed_N(-1), 0.2, 1e-3);
+  // and what is within all of its own beyond that
+  run.surfaces[1].stiffness_N_per_mm = 2;
+  EXPECT_NEAR(pressed_N(-3), 0.2 * 3 + 1.5 * 1, 2e-3);
+  run.surfaces[1].stiffness_N_per_mm = 0.3;
+  EXPECT_NEAR(pressed_N(-3), 0.2 * 3, 2e-3) << "softer than what it was made for is no layer";
+}
+
+TEST(ProxyLayers, WhatIsGoneThroughOpensAllOfThem) {
+  // skin of 2 mm, K 0.3, on fat, K 0.05, on bone, 6 mm deep: skin and bone are layers of their own
+  const GridGeometry grid = cube_grid(12, {0.5, 0.5, 0.5});
+  const auto skin_mm = [](const Eigen::Vector3d& p) { return std::abs(p.z() + 1) - 1; };
+  const auto inner_mm = [](const Eigen::Vector3d& p) { return p.z() + 2; };
+  const auto bone_mm = [](const Eigen::Vector3d& p) { return p.z() + 6; };
+  const auto labels = [&](bool with_skin) {
+    return std::make_shared<const Owners>(
+        labelled(grid,
+                 [&](const Eigen::Vector3d& p) {
+                   const double z = p.z();
+                   return static_cast<LabelId>(z < -6 ? 3 : z < -2 ? 2 : z < 0 && with_skin ? 1 : 0);
+                 }),
+        std::vector<std::int16_t>{-1, 0, 1, 2});
+  };
+  ProxyRun run;
+  run.surfaces.resize(3);
+  run.surfaces[0] = felt_surface(grid, skin_mm);  // layer 1, skin's own
+  run.surfaces[0].stiffness_N_per_mm = 0.3;
+  run.surfaces[0].from_N_per_mm = 0.05;
+  run.surfaces[0].to_N_per_mm = 0.3;
+  run.surfaces[0].layer = 1;
+  run.surfaces[0].puncture_N = 0.4;
+  run.surfaces[1].stiffness_N_per_mm = 0.05;  // fat
+  run.surfaces[2] = felt_surface(grid, bone_mm);
+  run.surfaces[2].stiffness_N_per_mm = 1.5;
+  run.surfaces[2].from_N_per_mm = 0.05;
+  run.surfaces[2].layer = 1;
+  const auto in_first_layer = [&](FeltSurface felt) {
+    felt.to_N_per_mm = 0.05;
+    felt.static_friction = felt.dynamic_friction = 0;
+    return felt;
+  };
+  FeltSurface common = in_first_layer(felt_surface(grid, floor_mm));
+  common.owners = labels(true);
+  common.opened_by = {0};
+  run.surfaces.push_back(common);
+  FeltSurface skin = in_first_layer(run.surfaces[0]);
+  skin.from_N_per_mm = 0;
+  skin.layer = 0;
+  skin.structure = 0;
+  skin.beneath = 3;
+  run.surfaces.push_back(skin);
+  FeltSurface rest = in_first_layer(felt_surface(grid, inner_mm));
+  rest.owners = labels(false);
+  rest.beneath = 3;
+  run.surfaces.push_back(rest);
+
+  run.at({0, 0, 5});
+  run.lead({0, 0, 5}, {0, 0, -1}, 0.02);
+  EXPECT_NEAR(run.result.force_N.z(), 0.3, 0.01) << "skin gives all of its own";
+  run.lead({0, 0, -1}, {0, 0, -1.5}, 0.02);
+  EXPECT_TRUE(run.state.punctured.any());
+  run.lead({0, 0, -1.5}, {0, 0, -4}, 0.02);
+  EXPECT_NEAR(run.result.force_N.z(), 0.05 * 2, 0.01) << "fat, from where it begins";
+  run.lead({0, 0, -4}, {0, 0, -6.4}, 0.02);
+  EXPECT_NEAR(run.result.force_N.z(), 0.05 * 4.4 + 1.45 * 0.4, 0.02) << "and bone";
+  run.lead({0, 0, -6.4}, {0, 0, 4}, 0.02);
+  EXPECT_EQ(run.result.force_N, Vector<Patient>());
+  for (int n = 0; n < 2; ++n) EXPECT_EQ(run.state.layer(n).punctured, SurfaceSet()) << n;
+  run.lead({0, 0, 4}, {0, 0, -1}, 0.02);
+  EXPECT_NEAR(run.result.force_N.z(), 0.3, 0.01) << "closed again";
+}
+
+TEST(ProxyLayers, ATipThatBeganInsideMeetsNoneOfThem) {
+  ProxyRun run = layered(0.1, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 4; });
+  run.at({0, 0, -2});
+  EXPECT_FALSE(run.state.coupled);
+  run.lead({0, 0, -2}, {0, 0, -6}, 0.05);
+  EXPECT_EQ(run.result.force_N, Vector<Patient>());
+  run.lead({0, 0, -6}, {0, 0, 2}, 0.05);
+  run.lead({0, 0, 2}, {0, 0, -6}, 0.05);
+  EXPECT_NEAR(run.result.force_N.z(), 0.1 * 6 + 1.4 * 2, 0.01);
+}
+
 // how evenly the force changes while the tip slides slowly, deep below a surface
 void expect_even(ProxyRun& run, const std::function<Point<Patient>(double)>& tip_at, double step) {
   run.at(tip_at(0));
@@ -446,12 +774,12 @@ TEST(Proxy, IsBornAtTheNearestPlaceOutsideWhenAsked) {
   run.surfaces = {
       felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.norm() - 8; })};
   run.spheres = {{{}, 1}};
-  ASSERT_TRUE(give_birth_to_proxy(run.surfaces, run.spheres, {5, 0, 0}, run.state));
+  ASSERT_TRUE(give_birth_to_proxy(run.surfaces, run.spheres, Point<Patient>(5, 0, 0), run.state));
   EXPECT_NEAR(run.state.position.x(), 9, 0.03);
   run.at({5, 0, 0});
   EXPECT_NEAR(run.result.force_N.x(), 4, 0.1);
   // too deep for the field to know a direction
-  EXPECT_FALSE(give_birth_to_proxy(run.surfaces, run.spheres, {0.3, 0, 0}, run.state));
+  EXPECT_FALSE(give_birth_to_proxy(run.surfaces, run.spheres, Point<Patient>(0.3, 0, 0), run.state));
 }
 
 TEST(Proxy, GoesThroughAtThePunctureForceAndClosesWhenTheToolHasLeft) {
@@ -489,6 +817,54 @@ TEST(Proxy, TwoSpheresOnAPlaneShareTheForceAndATiltedToolTurns) {
   EXPECT_EQ(run.state.contacts, 1);
   EXPECT_NEAR(run.state.position.z(), 0.8, 5e-3);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -3 * run.result.force_N.z(), 1e-3) << "r x F";
+}
+
+TEST(Proxy, ACapsuleThatLiesOnAPlaneLeansOnItsMiddleAndATiltedOneOnItsEnd) {
+  ProxyRun run = on_floor();
+  run.spheres = {{Vector<Patient>(-2, 0, 0), 1, Vector<Patient>(6, 0, 0)}};
+  run.at({0, 0, 3});
+  run.lead({0, 0, 3}, {0, 0, -1}, 0.05);
+  EXPECT_NEAR(run.result.force_N.z(), 4, 1e-3) << "one spring, however long it is";
+  EXPECT_NEAR(run.state.position.z(), 1, 1e-3);
+  ASSERT_EQ(run.state.contacts, 1);
+  EXPECT_NEAR(run.state.contact[0].part, 0.5, 0.02);
+  EXPECT_NEAR(run.result.torque_Nmm.y(), -1 * run.result.force_N.z(), 0.4) << "r x F of its middle";
+
+  // with its far end down
+  const Eigen::Quaterniond tilted(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()));
+  for (int n = 0; n < 60; ++n) run.at({0, 0, -1}, tilted);
+  const double low_mm = 4 * std::sin(0.3);
+  EXPECT_NEAR(run.state.position.z(), 1 + low_mm, 1e-3);
+  EXPECT_NEAR(run.result.force_N.z(), 2 * (2 + low_mm), 2e-3);
+  EXPECT_EQ(run.state.contact[0].part, 1);
+  EXPECT_NEAR(run.result.torque_Nmm.y(), -4 * std::cos(0.3) * run.result.force_N.z(), 1e-2);
+  EXPECT_LT(run.deepest_mm, kMostDip_mm);
+}
+
+// between two balls of one surface, one beside each of its ends: either alone would let it slide off
+TEST(Proxy, ACapsuleAcrossTwoBallsLiesBetweenThem) {
+  const auto balls = [](const Eigen::Vector3d& p) {
+    return std::min((p - Eigen::Vector3d(-4, -1, 0)).norm(), (p - Eigen::Vector3d(4, 1, 0)).norm()) - 2;
+  };
+  ProxyRun run;
+  run.surfaces = {felt_surface(cube_grid(12, {0.4, 0.4, 0.4}), balls, 4)};
+  run.surfaces[0].stiffness_N_per_mm = 2;
+  run.spheres = {{Vector<Patient>(-7, 0, 0), 1, Vector<Patient>(14, 0, 0)}};
+  run.at({0, 0.3, 6});
+  run.lead({0, 0.3, 6}, {0, 0, -1}, 0.02);
+  EXPECT_LT(run.deepest_mm, kMostDip_mm + kRowDip_mm);
+  // its axis is 3 mm from both centres
+  const double up_mm = std::sqrt(9.0 - 1.0);
+  EXPECT_NEAR(run.state.position.y(), 0, 0.03);
+  EXPECT_NEAR(run.state.position.z(), up_mm, 0.03);
+  EXPECT_NEAR(run.result.force_N.z(), 2 * (up_mm + 1), 0.05);
+  EXPECT_NEAR(run.result.force_N.y(), 0, 0.05);
+  ASSERT_EQ(run.state.contacts, 2);
+  std::array<double, 2> parts{run.state.contact[0].part, run.state.contact[1].part};
+  std::sort(parts.begin(), parts.end());
+  EXPECT_NEAR(parts[0], 3.0 / 14, 0.02);
+  EXPECT_NEAR(parts[1], 11.0 / 14, 0.02);
+  EXPECT_NEAR(run.result.torque_Nmm.y(), 0, 0.05 * 4 * run.result.force_N.z()) << "half of it on either side";
 }
 
 TEST(Proxy, StiffnessIsThatOfWhatIsTouchedByItsPull) {

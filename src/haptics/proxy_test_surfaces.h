@@ -75,19 +75,26 @@ inline FeltSurface felt_surface(const GridGeometry& grid, const Distance& distan
   return felt;
 }
 
-/// A tip led about, with what a proxy makes of it.
+/// A tool led about, with what a proxy makes of it.
 struct ProxyRun {
   std::vector<FeltSurface> surfaces;
-  std::vector<ToolSphere> spheres{ToolSphere{}};
+  std::vector<ToolSphere> spheres{ToolSphere{}};  ///< of the tool as it is not turned
   ProxyState state;
   ProxyResult result;
   double deepest_mm = 0;  ///< at any place of any way, every hundredth of a millimetre; positive: below
 
-  const ProxyResult& at(const Point<Patient>& tip) {
+  const ProxyResult& at(const Point<Patient>& tip,
+                        const Eigen::Quaterniond& attitude = Eigen::Quaterniond::Identity()) {
+    const ToolPose hand(tip, attitude);
     ProxyWay way;
-    result = advance_proxy(surfaces, spheres, tip, state, {}, &way);
-    for (std::size_t n = 1; n < way.count; ++n) look_along(way.corner[n - 1], way.corner[n]);
-    if (state.coupled && !result.wedged) look_along(state.position, state.position);
+    const ProxyState before = state;
+    result = advance_proxy(surfaces, turned(hand.attitude).spheres(), hand, state, {}, &way);
+    if (before.coupled && way.count > 0)
+      look_along({before.position, before.attitude}, {way.corner[0], way.attitude[0]});
+    for (std::size_t n = 1; n < way.count; ++n)
+      look_along({way.corner[n - 1], way.attitude[n - 1]}, {way.corner[n], way.attitude[n]});
+    if (state.coupled && !result.wedged)
+      look_along({state.position, state.attitude}, {state.position, state.attitude});
     return result;
   }
 
@@ -97,17 +104,40 @@ struct ProxyRun {
     for (int n = 1; n <= steps; ++n) at(from + (to - from) * (static_cast<double>(n) / steps));
   }
 
+  /// Turned to an attitude.
+  TurnedTool turned(const Eigen::Quaterniond& attitude) const {
+    return {spheres, Eigen::Quaterniond::Identity(), attitude};
+  }
+
  private:
-  void look_along(const Point<Patient>& a, const Point<Patient>& b) {
-    constexpr double kEvery_mm = 0.01;
-    const int pieces = static_cast<int>((b - a).norm() / kEvery_mm) + 1;
+  void look_along(const ToolPose& a, const ToolPose& b) {
+    constexpr double kEvery_mm = 0.01, kAlong_mm = 0.1;
+    double farthest_mm = 0;
+    for (const ToolSphere& sphere : spheres)
+      farthest_mm =
+          std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.along_mm).norm()});
+    const double way_mm = (b.tip - a.tip).norm() + farthest_mm * a.attitude.angularDistance(b.attitude);
+    const int pieces = static_cast<int>(way_mm / kEvery_mm) + 1;
     for (int n = 0; n <= pieces; ++n) {
-      const Point<Patient> p = a + (b - a) * (static_cast<double>(n) / pieces);
+      const double part = static_cast<double>(n) / pieces;
+      const Point<Patient> p = a.tip + (b.tip - a.tip) * part;
+      const bool turns = a.attitude.coeffs() != b.attitude.coeffs();
+      const TurnedTool tool = turned(turns ? a.attitude.slerp(part, b.attitude) : a.attitude);
       for (std::size_t s = 0; s < surfaces.size(); ++s) {
-        if (state.punctured[s]) continue;
-        for (const ToolSphere& sphere : spheres)
-          deepest_mm =
-              std::max(deepest_mm, sphere.radius_mm - surfaces[s].surface->distance_mm(p + sphere.offset_mm));
+        // the way is the outermost proxy's
+        if (surfaces[s].surface == nullptr || surfaces[s].layer > 0) continue;
+        const int outer = surfaces[s].beneath;
+        const bool covered = outer >= 0 && !state.punctured[static_cast<std::size_t>(outer)];
+        if (state.punctured[s] || covered) continue;
+        for (const ToolSphere& sphere : tool.spheres()) {
+          // of a capsule the outline, not the row of spheres
+          const int places = static_cast<int>(sphere.along_mm.norm() / kAlong_mm) + 1;
+          for (int place = 0; place <= (sphere.along_mm == Vector<Patient>() ? 0 : places); ++place) {
+            const Point<Patient> centre =
+                p + sphere.offset_mm + sphere.along_mm * (static_cast<double>(place) / places);
+            deepest_mm = std::max(deepest_mm, sphere.radius_mm - surfaces[s].surface->distance_mm(centre));
+          }
+        }
       }
     }
   }

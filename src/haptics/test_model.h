@@ -132,4 +132,34 @@ inline Model with_exact_surfaces(Model model, double cartilage_mm = 0) {
   return model;
 }
 
+/// The same as one body: an outer surface of both, on which the bone comes to the outside where x > 0, so
+/// that its seam is where a tip comes often, and the bone a layer deeper.
+inline Model as_one_body(Model model, double cartilage_mm) {
+  model = with_exact_surfaces(std::move(model), cartilage_mm);
+  Volume<LabelId> seen = *model.labels;
+  const auto X_PatientVoxel = seen.geometry().X_PatientVoxel();
+  const auto& dims = seen.geometry().dims;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j)
+      for (int i = 0; i < dims[0]; ++i) {
+        LabelId& label = seen.at(i, j, k);
+        if (label == kCartilage && (X_PatientVoxel * Point<Voxel>(i, j, k)).x() > 0) label = kBone;
+      }
+  std::vector<std::int16_t> structure_of_label(
+      *std::max_element(seen.voxels().begin(), seen.voxels().end()) + 1u, -1);
+  structure_of_label[kBone] = 0;
+  structure_of_label[kCartilage] = 1;
+  const SignedField field = sampled_distance(
+      seen.geometry(), [&](const Eigen::Vector3d& p) { return p.norm() - kBoneRadius_mm - cartilage_mm; }, 4);
+  FeltSurface outer;
+  outer.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
+  outer.owners = std::make_shared<const Owners>(seen, structure_of_label);
+  outer.to_N_per_mm = model.surfaces[1].stiffness_N_per_mm;
+  model.surfaces[0].from_N_per_mm = outer.to_N_per_mm;
+  model.surfaces[0].layer = 1;
+  model.surfaces[1].surface = nullptr;
+  model.surfaces.push_back(outer);
+  return model;
+}
+
 }  // namespace palpate::testing

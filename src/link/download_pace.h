@@ -13,7 +13,7 @@ namespace palpate::link {
 class DownloadPace {
  public:
   using Clock = std::chrono::steady_clock;
-  static constexpr double kEachSecond_bytes = 32e6;
+  static constexpr double kEachSecond_bytes = 8e6;
   /// Parts, in a hurry and not.
   static constexpr std::size_t kLargePart_bytes = 64 << 10, kSmallPart_bytes = 16 << 10;
 

@@ -167,9 +167,12 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
   };
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
   if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
-  const auto* pointer = std::get_if<PointerRequest>(&request.what);
-  const auto granted =
-      pointer ? grant_pointer(viewer, *pointer) : grant_rearm(viewer, std::get<RearmRequest>(request.what));
+  const auto granted = [&]() -> Result<void> {
+    if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
+      return grant_pointer(viewer, *pointer);
+    if (const auto* play = std::get_if<PlayRequest>(&request.what)) return host_.play(*play);
+    return grant_rearm(viewer, std::get<RearmRequest>(request.what));
+  }();
   return granted ? Result<Grant>(Grant::kDone) : granted.error();
 }
 
@@ -199,12 +202,12 @@ void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
 }
 
 std::string Hub::state_for(const Viewer& viewer) const {
-  return state_json(state_, welcomed_, pointer_ == &viewer);
+  return state_json(state_, welcomed_, pointer_ == &viewer, viewer.identity().number);
 }
 
 void Hub::look_at_state() {
   state_ = host_.state();
-  std::string text = state_json(state_, welcomed_, false);
+  std::string text = state_json(state_, welcomed_, false, 0);
   if (text == last_state_) return;
   last_state_ = std::move(text);
   for (const auto& viewer : viewers_) viewer->show_state();

@@ -69,6 +69,12 @@ void write_device(Writer& out, const DeviceTick& device, double stiffness_N_per_
   out.whole(device.label);
   out.whole(std::uint16_t{0});
   out.whole(std::uint32_t{0});
+  for (std::size_t n = 0; n < device.felt_label.size(); ++n) {
+    out.whole(device.felt_label[n]);
+    out.whole(std::uint16_t{0});
+    out.real32(device.felt_depth_mm[n]);
+    out.real32(device.felt_share[n]);
+  }
 }
 
 }  // namespace

@@ -39,6 +39,11 @@ TickRecord full_tick(int devices) {
     device.flags = 0x80000001u + static_cast<std::uint32_t>(d);
     device.buttons = 0x11223344;
     device.label = static_cast<std::uint16_t>(0xfe00 + d);
+    for (std::size_t n = 0; n < device.felt_label.size(); ++n) {
+      device.felt_label[n] = static_cast<std::uint16_t>(100 * (d + 1) + static_cast<int>(n));
+      device.felt_depth_mm[n] = base + 30 + static_cast<double>(n);
+      device.felt_share[n] = base + 40 + static_cast<double>(n);
+    }
   }
   return tick;
 }
@@ -50,10 +55,10 @@ TEST(PoseMessage, HeadStandsWhereTheDocumentSays) {
   PoseMessage pose(full_tick(1), {0.5, 0, 0, 0}, kHealth, 0x1122334455667788);
   pose.set_sequence(0xa1a2a3a4a5a6a7a8);
   const std::string_view bytes = pose.bytes();
-  ASSERT_EQ(bytes.size(), 96u + 104u);
+  ASSERT_EQ(bytes.size(), 96u + 176u);
   EXPECT_EQ(bytes.substr(0, 4), "PLPT");
-  EXPECT_EQ(number_at<std::uint16_t>(bytes, 4), 1);
-  EXPECT_EQ(number_at<std::uint16_t>(bytes, 6), 200);
+  EXPECT_EQ(number_at<std::uint16_t>(bytes, 4), 2);
+  EXPECT_EQ(number_at<std::uint16_t>(bytes, 6), 272);
   EXPECT_EQ(number_at<std::uint64_t>(bytes, 8), 0xa1a2a3a4a5a6a7a8);
   EXPECT_EQ(number_at<std::uint64_t>(bytes, 16), 0x0102030405060708u);
   EXPECT_EQ(number_at<double>(bytes, 24), 12.5);
@@ -78,7 +83,7 @@ TEST(PoseMessage, HeadStandsWhereTheDocumentSays) {
 TEST(PoseMessage, NumbersAreLittleEndian) {
   PoseMessage pose(full_tick(1), {}, kHealth, 0);
   pose.set_sequence(0x0102030405060708);
-  EXPECT_EQ(pose.bytes().substr(4, 2), std::string_view("\x01\x00", 2));
+  EXPECT_EQ(pose.bytes().substr(4, 2), std::string_view("\x02\x00", 2));
   EXPECT_EQ(pose.bytes().substr(8, 8), "\x08\x07\x06\x05\x04\x03\x02\x01");
 }
 
@@ -86,11 +91,11 @@ TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
   for (int devices = 1; devices <= kMaxDevices; ++devices) {
     const PoseMessage pose(full_tick(devices), {0.1, 0.2, 0.3, 0.4}, kHealth, 0);
     const std::string_view bytes = pose.bytes();
-    ASSERT_EQ(bytes.size(), 96u + 104u * devices);
+    ASSERT_EQ(bytes.size(), 96u + 176u * devices);
     EXPECT_EQ(number_at<std::uint16_t>(bytes, 6), bytes.size());
     EXPECT_EQ(number_at<std::uint8_t>(bytes, 46), devices);
     for (int d = 0; d < devices; ++d) {
-      const std::size_t at = 96 + 104 * static_cast<std::size_t>(d);
+      const std::size_t at = 96 + 176 * static_cast<std::size_t>(d);
       const float base = 1000.0f * static_cast<float>(d + 1);
       // tip, proxy, normal, orientation, force, force before, limit, heat, depth: floats without a gap
       for (int i = 0; i < 20; ++i)
@@ -102,6 +107,13 @@ TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
       EXPECT_EQ(number_at<std::uint16_t>(bytes, at + 96), 0xfe00 + d);
       EXPECT_EQ(number_at<std::uint16_t>(bytes, at + 98), 0);
       EXPECT_EQ(number_at<std::uint32_t>(bytes, at + 100), 0u);
+      for (std::size_t n = 0; n < 6; ++n) {
+        const std::size_t there = at + 104 + 12 * n;
+        EXPECT_EQ(number_at<std::uint16_t>(bytes, there), 100 * (d + 1) + static_cast<int>(n));
+        EXPECT_EQ(number_at<std::uint16_t>(bytes, there + 2), 0);
+        EXPECT_EQ(number_at<float>(bytes, there + 4), base + 30 + static_cast<float>(n));
+        EXPECT_EQ(number_at<float>(bytes, there + 8), base + 40 + static_cast<float>(n));
+      }
     }
   }
 }

@@ -151,6 +151,19 @@ PointerRequest read_pointer(Fields& fields) {
   return request;
 }
 
+PlayRequest read_play(Fields& fields) {
+  PlayRequest request;
+  request.at_s = fields.number("at_s");
+  request.playing = fields.flag("playing");
+  request.speed = fields.number("speed");
+  const bool any = request.at_s || request.playing || request.speed;
+  const double speed = std::abs(request.speed.value_or(1));
+  if (!(speed >= kPlayingSpeeds[0] && speed <= kPlayingSpeeds[1])) fields.refuse("speed", "is out of range");
+  fields.end();
+  if (!any) fields.refuse("", "nothing is asked for");
+  return request;
+}
+
 std::optional<ViewerMessage> read_hello(Fields& fields) {
   Hello hello;
   fields.want("protocol");
@@ -190,6 +203,8 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     request.what = read_tissue(fields);
   } else if (*type == "pointer") {
     request.what = read_pointer(fields);
+  } else if (*type == "play") {
+    request.what = read_play(fields);
   } else if (*type == "rearm") {
     fields.want("stop");
     RearmRequest rearm;

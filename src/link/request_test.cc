@@ -32,12 +32,12 @@ std::string refused_at(std::string_view text) {
 }
 
 TEST(Request, EveryMessageOfTheDocument) {
-  const auto hello = parsed<Hello>(R"({"type": "hello", "protocol": 1, "token": "abc", "poses_hz": 120})");
+  const auto hello = parsed<Hello>(R"({"type": "hello", "protocol": 2, "token": "abc", "poses_hz": 120})");
   ASSERT_TRUE(hello);
-  EXPECT_EQ(hello->protocol, 1);
+  EXPECT_EQ(hello->protocol, 2);
   EXPECT_EQ(hello->token, "abc");
   EXPECT_EQ(hello->poses_hz, 120);
-  EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 1})")->poses_hz, 60);
+  EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 2})")->poses_hz, 60);
 
   const auto set = parsed<SettingsRequest>(
       R"({"type": "set", "id": 1, "method": "trilinear", "friction": false, "viscosity": true, "passivity": true,
@@ -64,6 +64,12 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_TRUE(parsed<StopRequest>(R"({"type": "stop", "id": 3})"));
   EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7})")->stop, 7u);
   EXPECT_TRUE(parsed<PointerRequest>(R"({"type": "pointer", "id": 5, "take": true})")->take);
+  const auto play =
+      parsed<PlayRequest>(R"({"type": "play", "id": 6, "at_s": 12.5, "playing": true, "speed": -2})");
+  ASSERT_TRUE(play);
+  EXPECT_EQ(play->at_s, 12.5);
+  EXPECT_EQ(play->playing, true);
+  EXPECT_EQ(play->speed, -2);
   EXPECT_EQ(parsed<TipMessage>(R"({"type": "tip", "patient_mm": [1, -2.5, 3e1]})")->tip_patient_mm,
             (std::array<double, 3>{1, -2.5, 30}));
   EXPECT_EQ(parsed<Request>(R"({"type": "rearm", "id": 9007199254740991, "stop": 4294967295})")->id,
@@ -84,6 +90,11 @@ TEST(Request, WrongValuesAreRefusedByTheirKey) {
   EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"tissue":-1,"stiffness_N_per_mm":1})"), "tissue");
   EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"tissue":99999999999,"stiffness_N_per_mm":1})"), "tissue");
   EXPECT_EQ(refused_at(R"({"type":"tissue","id":1,"tissue":1})"), "");
+  EXPECT_EQ(refused_at(R"({"type":"play","id":1,"speed":0})"), "speed");
+  EXPECT_EQ(refused_at(R"({"type":"play","id":1,"speed":33})"), "speed");
+  EXPECT_EQ(refused_at(R"({"type":"play","id":1,"speed":-0.001})"), "speed");
+  EXPECT_EQ(refused_at(R"({"type":"play","id":1,"at_s":"now"})"), "at_s");
+  EXPECT_EQ(refused_at(R"({"type":"play","id":1})"), "");
   EXPECT_EQ(refused_at(R"({"type":"pointer","id":1})"), "take");
   EXPECT_EQ(refused_at(R"({"type":"pointer","id":1,"take":"yes"})"), "take");
   EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":1,"more":1})"), "");
@@ -161,11 +172,11 @@ TEST(Request, WhatIsNoMessage) {
            R"({"type":"tip","patient_mm":"1 2 3"})",
            R"({"type":"tip","patient_mm":[1,2,3],"id":1})",
            R"({"type":"hello"})",
-           R"({"type":"hello","protocol":1,"poses_hz":0})",
-           R"({"type":"hello","protocol":1,"poses_hz":121})",
+           R"({"type":"hello","protocol":2,"poses_hz":0})",
+           R"({"type":"hello","protocol":2,"poses_hz":121})",
            R"({"type":"hello","protocol":"1"})",
-           R"({"type":"hello","protocol":1,"token":1})",
-           R"({"type":"hello","protocol":1,"admin":true})",
+           R"({"type":"hello","protocol":2,"token":1})",
+           R"({"type":"hello","protocol":2,"admin":true})",
        })
     EXPECT_FALSE(parse_viewer_message(text)) << text;
   EXPECT_FALSE(parse_viewer_message(std::string_view("{\"type\":\"rearm\",\"id\":1}\0", 24)));

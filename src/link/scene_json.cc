@@ -52,6 +52,19 @@ Json volume_json(const ViewedScene& scene, const VolumeFacts& facts) {
   return json;
 }
 
+// as the viewer that reads it sees it
+const char* who_stopped(const ViewedState& state, std::uint32_t reader) {
+  switch (state.stopped_by) {
+    case StoppedBy::kSession:
+      return "palpate";
+    case StoppedBy::kKey:
+      return "key";
+    case StoppedBy::kViewer:
+      return state.stopped_by_viewer == reader ? "you" : "viewer";
+  }
+  return "palpate";
+}
+
 Json tissue_state_json(const ViewedTissueState& tissue) {
   return {{"stiffness_N_per_mm", tissue.stiffness_N_per_mm},
           {"static_friction", tissue.static_friction},
@@ -84,8 +97,43 @@ Json structures_json(const ViewedScene& scene) {
   return structures;
 }
 
+Json capsules_json(const ViewedScene& scene) {
+  Json capsules = Json::array();
+  for (const ViewedScene::Capsule& capsule : scene.tool_capsules)
+    capsules.push_back(
+        {{"from_mm", capsule.from_mm}, {"to_mm", capsule.to_mm}, {"radius_mm", capsule.radius_mm}});
+  return capsules;
+}
+
 Json error_json(const Error& error) {
   return {{"what", shown(error.what)}, {"where", shown(error.where)}, {"how", printable(error.remedy)}};
+}
+
+Json recording_json(const ViewedRecording& recording) {
+  Json contacts = Json::array(), events = Json::array();
+  for (const ViewedRecording::Contact& contact : recording.contacts)
+    contacts.push_back({contact.begin_s, contact.end_s, contact.label, contact.most_N});
+  for (const ViewedRecording::Event& event : recording.events)
+    events.push_back({{"time_s", event.time_s},
+                      {"kind", event.kind},
+                      {"changed", event.changed},
+                      {"tissue", event.tissue < 0 ? Json() : Json(event.tissue)},
+                      {"by", event.by},
+                      {"viewer", event.viewer == 0 ? Json() : Json(event.viewer)}});
+  return {{"ticks", recording.ticks},
+          {"begin_s", recording.begin_s},
+          {"end_s", recording.end_s},
+          {"contacts", contacts},
+          {"contacts_left_out", recording.contacts_left_out},
+          {"events", events},
+          {"events_left_out", recording.events_left_out},
+          {"force_N", recording.force_N}};
+}
+
+Json playback_json(const ViewedState::Playback& playback) {
+  return {{"playing", playback.playing},
+          {"speed", playback.speed},
+          {"failed", playback.failure ? error_json(*playback.failure) : Json()}};
 }
 
 }  // namespace
@@ -116,7 +164,8 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["tissues"] = tissues_json(scene, state);
   json["tool"] = {{"name", shown(scene.tool_name)},
                   {"radius_mm", scene.tool_radius_mm},
-                  {"points_mm", scene.tool_points_mm}};
+                  {"points_mm", scene.tool_points_mm},
+                  {"capsules", capsules_json(scene)}};
   json["methods"] = scene.methods;
   json["device"] = {{"name", shown(scene.device_name)},
                     {"simulated", scene.simulated},
@@ -130,10 +179,11 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
                     {"stiffness_N_per_mm", scene.stiffness_N_per_mm},
                     {"friction", scene.friction}};
   json["rate_hz"] = scene.rate_hz;
+  json["recording"] = scene.recording ? recording_json(*scene.recording) : Json();
   return text_of(json);
 }
 
-std::string state_json(const ViewedState& state, int viewers, bool pointer) {
+std::string state_json(const ViewedState& state, int viewers, bool pointer, std::uint32_t reader) {
   Json json;
   json["type"] = "state";
   json["method"] = state.method;
@@ -145,6 +195,7 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer) {
   json["paused"] = state.paused;
   json["emergency_stop"] = state.stop.has_value();
   json["stop"] = state.stop ? Json(*state.stop) : Json();
+  json["stopped_by"] = state.stop ? Json(who_stopped(state, reader)) : Json();
   json["max_force_N"] = state.max_force_N;
   json["rotation_wxyz"] = state.rotation_wxyz;
   json["model_version"] = state.model_version;
@@ -152,6 +203,7 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer) {
   for (const ViewedTissueState& tissue : state.tissues) json["tissues"].push_back(tissue_state_json(tissue));
   json["armed"] = state.armed;
   json["recording"] = state.recording;
+  json["playback"] = state.playback ? playback_json(*state.playback) : Json();
   json["viewers"] = viewers;
   json["pointer"] = pointer;
   return text_of(json);

@@ -29,7 +29,8 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
                        Role role);
 
 /// @param pointer  whether the viewer that gets it moves the tip
-std::string state_json(const ViewedState& state, int viewers, bool pointer);
+/// @param reader  the number of the viewer that gets it
+std::string state_json(const ViewedState& state, int viewers, bool pointer, std::uint32_t reader);
 
 std::string welcome_json(Role role);
 std::string done_json(std::int64_t id);

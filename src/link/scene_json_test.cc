@@ -16,7 +16,7 @@ TEST(SceneJson, HasTheDocumentsKeys) {
   FakeHost host;
   const VolumeFacts facts{"0f3a000000000001", 2, -5, {-7, 8}, false};
   const Json json = Json::parse(scene_json(host.scene(), host.state(), facts, Role::kControl));
-  EXPECT_EQ(json["protocol"], 1);
+  EXPECT_EQ(json["protocol"], 2);
   EXPECT_TRUE(json["palpate"].is_string());
   EXPECT_EQ(json["role"], "control");
   EXPECT_EQ(json["side"], "left");
@@ -37,12 +37,15 @@ TEST(SceneJson, HasTheDocumentsKeys) {
      "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001, "rests_on": []},
     {"name": "skin", "felt": false, "colour": [1, 2, 3], "opacity": 0.25, "stiffness_N_per_mm": 0.3,
      "static_friction": 0.0, "dynamic_friction": 0.0, "viscosity_N_s_per_mm": 0.0, "rests_on": [0]}])"));
-  EXPECT_EQ(json["tool"], Json::parse(R"({"name": "point", "radius_mm": 0.0, "points_mm": [[0, 0, 0]]})"));
+  EXPECT_EQ(json["tool"], Json::parse(R"({"name": "point", "radius_mm": 0.0, "points_mm": [[0, 0, 0]],
+                                          "capsules": [{"from_mm": [0, 0, 0], "to_mm": [0, 0, 40],
+                                                        "radius_mm": 1.5}]})"));
   EXPECT_EQ(json["methods"], Json::parse(R"(["proxy", "trilinear"])"));
   EXPECT_EQ(json["device"]["input"], "script");
   EXPECT_EQ(json["limits"]["max_force_N"], 1.4);
   EXPECT_EQ(json["rate_hz"], 1000);
-  EXPECT_EQ(json.size(), 15u);
+  EXPECT_EQ(json.size(), 16u);
+  EXPECT_TRUE(json["recording"].is_null());
 }
 
 TEST(SceneJson, WhatIsNotKnownIsNull) {
@@ -61,23 +64,54 @@ TEST(SceneJson, NamesThatAreNoUtf8DoNotHarm) {
   EXPECT_EQ(json["structures"][0]["name"], "f\\xff\"</script>\\u000a");
 }
 
+TEST(SceneJson, TellsOfARecordingThatIsLookedAt) {
+  FakeHost host;
+  host.edit_scene().recording = ViewedRecording{
+      300,   0.5,
+      0.799, {{0.6, 0.7, 1, 1.25}},
+      2,     {{0.55, "settings", {"method"}, -1, "viewer", 3}, {0.6, "model", {}, 1, "key", 0}},
+      0,     {0, 1.25}};
+  const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, Role::kView));
+  EXPECT_EQ(json["recording"], Json::parse(R"({
+    "ticks": 300, "begin_s": 0.5, "end_s": 0.799, "contacts": [[0.6, 0.7, 1, 1.25]], "contacts_left_out": 2,
+    "events": [{"time_s": 0.55, "kind": "settings", "changed": ["method"], "tissue": null, "by": "viewer", "viewer": 3},
+               {"time_s": 0.6, "kind": "model", "changed": [], "tissue": 1, "by": "key", "viewer": null}],
+    "events_left_out": 0, "force_N": [0.0, 1.25]})"));
+  ViewedState state = host.state();
+  state.playback = {true, -2, Error{ErrorKind::kBadInput, "has changed", "run.h5", "open it again"}};
+  EXPECT_EQ(Json::parse(state_json(state, 1, false, 1))["playback"],
+            Json::parse(R"({"playing": true, "speed": -2.0,
+                            "failed": {"what": "has changed", "where": "run.h5", "how": "open it again"}})"));
+}
+
 TEST(SceneJson, StateAndAnswers) {
   FakeHost host;
-  EXPECT_EQ(Json::parse(state_json(host.state(), 2, true)), Json::parse(R"({
+  EXPECT_EQ(Json::parse(state_json(host.state(), 2, true, 1)), Json::parse(R"({
     "type": "state", "method": "proxy", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false,
-    "emergency_stop": false, "stop": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1,
+    "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1,
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
-    "armed": false, "recording": false, "viewers": 2, "pointer": true})"));
+    "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true})"));
   ViewedState state = host.state();
   state.method_awaited = "trilinear";
   state.method_failure = Error{ErrorKind::kUnavailable, "no memory", "b-spline", "choose another"};
-  const Json json = Json::parse(state_json(state, 2, true));
+  const Json json = Json::parse(state_json(state, 2, true, 1));
   EXPECT_EQ(json["method_awaited"], "trilinear");
   EXPECT_EQ(json["method_failed"],
             Json::parse(R"({"what": "no memory", "where": "b-spline", "how": "choose another"})"));
+  // who stopped, as the one that reads it sees it; of a stop that does not hold nothing
+  state.stopped_by = StoppedBy::kViewer;
+  state.stopped_by_viewer = 3;
+  EXPECT_TRUE(Json::parse(state_json(state, 2, true, 3))["stopped_by"].is_null());
+  state.stop = 7;
+  EXPECT_EQ(Json::parse(state_json(state, 2, true, 3))["stopped_by"], "you");
+  EXPECT_EQ(Json::parse(state_json(state, 2, true, 1))["stopped_by"], "viewer");
+  state.stopped_by = StoppedBy::kKey;
+  EXPECT_EQ(Json::parse(state_json(state, 2, true, 3))["stopped_by"], "key");
+  state.stopped_by = StoppedBy::kSession;
+  EXPECT_EQ(Json::parse(state_json(state, 2, true, 3))["stopped_by"], "palpate");
   EXPECT_EQ(Json::parse(welcome_json(Role::kView)),
-            Json::parse(R"({"type": "welcome", "role": "view", "protocol": 1})"));
+            Json::parse(R"({"type": "welcome", "role": "view", "protocol": 2})"));
   EXPECT_EQ(Json::parse(done_json(7)), Json::parse(R"({"type": "done", "id": 7})"));
   EXPECT_EQ(
       Json::parse(refused_json(8, {ErrorKind::kUsage, "is too much", "max_force_N", "ask for less"})),

@@ -185,11 +185,11 @@ std::string Site::head_of(const HttpAnswer& answer, const HttpRequest& request, 
   std::string head = "HTTP/1.1 " + std::to_string(answer.status) + " ";
   head += reason_of(answer.status);
   head += "\r\n" + answer.fields;
-  head += field("Content-Security-Policy",
-                "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
-                "connect-src 'self'" +
-                    socket +
-                    "; worker-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+  head +=
+      field("Content-Security-Policy",
+            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+            "connect-src 'self'" +
+                socket + "; worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
   head += field("X-Content-Type-Options", "nosniff");
   head += field("Referrer-Policy", "no-referrer");
   head += field("Cross-Origin-Resource-Policy", "same-origin");

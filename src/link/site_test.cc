@@ -184,6 +184,8 @@ TEST_F(SiteTest, EveryAnswerIsGuarded) {
     EXPECT_TRUE(head.starts_with("HTTP/1.1 " + std::to_string(answer.status) + " "));
     EXPECT_NE(head.find("\r\nContent-Security-Policy: default-src 'none'; script-src 'self'; "),
               std::string::npos);
+    // the page's worker is a file of ours, and nothing else may be one
+    EXPECT_NE(head.find("; worker-src 'self'; "), std::string::npos);
     EXPECT_NE(head.find("frame-ancestors 'none'\r\n"), std::string::npos);
     EXPECT_NE(head.find("\r\nX-Content-Type-Options: nosniff\r\n"), std::string::npos);
     EXPECT_NE(head.find("\r\nReferrer-Policy: no-referrer\r\n"), std::string::npos);

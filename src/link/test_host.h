@@ -37,6 +37,7 @@ class FakeHost : public ViewerHost {
     scene_.tissues = {{"bone", true, {240, 220, 190}, 1, {}}, {"skin", false, {1, 2, 3}, 0.25, {0}}};
     scene_.tool_name = "point";
     scene_.tool_points_mm = {{0, 0, 0}};
+    scene_.tool_capsules = {{{0, 0, 0}, {0, 0, 40}, 1.5}};
     scene_.methods = {"proxy", "trilinear"};
     scene_.device_name = "simulated";
     state_.method = "proxy";
@@ -97,6 +98,8 @@ class FakeHost : public ViewerHost {
     const std::lock_guard lock(mutex_);
     asked_by_ = by;
     state_.stop = ++stops_;
+    state_.stopped_by = StoppedBy::kViewer;
+    state_.stopped_by_viewer = by.number;
   }
   Result<void> rearm(const RearmRequest& request) override {
     const std::lock_guard lock(mutex_);
@@ -117,6 +120,19 @@ class FakeHost : public ViewerHost {
     tip_ = tip_patient_mm;
   }
 
+  Result<void> play(const PlayRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (!state_.playback) return Error{ErrorKind::kUsage, "a session runs", "", ""};
+    if (request.at_s) played_at_s_ = *request.at_s;
+    if (request.playing) state_.playback->playing = *request.playing;
+    if (request.speed) state_.playback->speed = *request.speed;
+    return {};
+  }
+
+  double played_at_s() const {
+    const std::lock_guard lock(mutex_);
+    return played_at_s_;
+  }
   std::array<double, 3> tip() const {
     const std::lock_guard lock(mutex_);
     return tip_;
@@ -159,6 +175,7 @@ class FakeHost : public ViewerHost {
   mutable std::mutex mutex_;
   ViewedState state_;
   std::array<double, 3> tip_{};
+  double played_at_s_ = 0;
   ViewerIdentity asked_by_;
   std::uint32_t stops_ = 0;
   bool asks_ = false;

@@ -50,7 +50,7 @@ TEST(Viewer, WelcomeStateAndPoses) {
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Accept"), "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Protocol"), "palpate.v1");
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Extensions"), "");
-  EXPECT_EQ(viewer.greet(), Json::parse(R"({"type": "welcome", "role": "control", "protocol": 1})"));
+  EXPECT_EQ(viewer.greet(), Json::parse(R"({"type": "welcome", "role": "control", "protocol": 2})"));
   const Json state = viewer.text();
   EXPECT_EQ(state["type"], "state");
   EXPECT_EQ(state["viewers"], 1);
@@ -61,7 +61,7 @@ TEST(Viewer, WelcomeStateAndPoses) {
   std::string pose = viewer.pose();
   for (std::uint64_t sequence = number_at<std::uint64_t>(pose, 8), n = 1; n < 10; ++n) {
     pose = viewer.pose();
-    ASSERT_EQ(pose.size(), 200u);
+    ASSERT_EQ(pose.size(), 272u);
     EXPECT_EQ(pose.substr(0, 4), "PLPT");
     EXPECT_GT(number_at<std::uint64_t>(pose, 8), sequence);
     sequence = number_at<std::uint64_t>(pose, 8);
@@ -148,6 +148,7 @@ TEST(Viewer, RequestsAreGrantedAndRefused) {
   Json stopped = other.text("state");
   while (!stopped.is_null() && stopped["stop"].is_null()) stopped = other.text("state");
   EXPECT_EQ(stopped["emergency_stop"], true);
+  EXPECT_EQ(stopped["stopped_by"], "viewer") << "another one than this";
   viewer.send({{"type", "stop"}, {"id", 5}});
   EXPECT_EQ(viewer.text("done")["id"], 5);
   other.send({{"type", "rearm"}, {"id", 4}, {"stop", stopped["stop"]}});
@@ -213,7 +214,7 @@ TEST(Viewer, NoTokenNoView) {
     EXPECT_EQ(viewer.close_code(), 0);
   }
   TestViewer viewer(port);
-  viewer.send({{"type", "hello"}, {"protocol", 1}, {"token", "wrong-token-0123456789"}});
+  viewer.send({{"type", "hello"}, {"protocol", 2}, {"token", "wrong-token-0123456789"}});
   EXPECT_EQ(viewer.close_code(), 4401);
   const std::string log = guarded.test.log.text();
   EXPECT_NE(log.find("127.0.0.1: a wrong token or none"), std::string::npos);
@@ -268,6 +269,30 @@ TEST(Viewer, WhoeverMovesTheTipGetsItsForceBack) {
   rearm(first, 5);
   EXPECT_EQ(first.text("done")["id"], 5);
   EXPECT_FALSE(test.host.state().stop);
+}
+
+TEST(Viewer, WhoHasControlPlaysARecording) {
+  GuardedServer guarded;
+  TestServer& test = guarded.test;
+  TestViewer control(test.port()), view(test.port());
+  control.greet({{"token", kControlToken}});
+  view.greet({{"token", kViewToken}});
+  control.send({{"type", "play"}, {"id", 1}, {"playing", true}});
+  EXPECT_EQ(control.text("refused")["id"], 1) << "a session runs";
+  test.host.change([](ViewedState& state) { state.playback.emplace(); });
+  control.send({{"type", "play"}, {"id", 2}, {"at_s", 12.25}, {"playing", true}, {"speed", -4}});
+  EXPECT_EQ(control.text("done")["id"], 2);
+  EXPECT_EQ(test.host.played_at_s(), 12.25);
+  EXPECT_EQ(test.host.state().playback->speed, -4);
+  // both are told
+  for (TestViewer* viewer : {&control, &view})
+    while (true)
+      if (const auto state = viewer->text("state");
+          !state["playback"].is_null() && state["playback"]["playing"] == true)
+        break;
+  view.send({{"type", "play"}, {"id", 3}, {"playing", false}});
+  EXPECT_EQ(view.text("refused")["where"], "role");
+  EXPECT_TRUE(test.host.state().playback->playing);
 }
 
 TEST(Viewer, OneAtATimeMovesTheTip) {
@@ -411,7 +436,7 @@ TEST(Viewer, AtMostSixtyFour) {
   EXPECT_EQ(crowd.comes(Crowd::kControl), "sent away");
   EXPECT_EQ(crowd.comes(Crowd::kView), "sent away");
   TestViewer late(crowd.test->port());
-  late.send({{"type", "hello"}, {"protocol", 1}, {"token", Crowd::kControl}});
+  late.send({{"type", "hello"}, {"protocol", 2}, {"token", Crowd::kControl}});
   EXPECT_EQ(late.close_code(), 1013);
   // the page is still served, and one that goes makes room
   EXPECT_EQ(request(crowd.test->port(), "GET", "/").status, 200);

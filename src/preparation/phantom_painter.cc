@@ -192,6 +192,14 @@ GridGeometry PhantomField::grid(const Eigen::Vector3d& spacing_mm) const {
   return grid;
 }
 
+std::vector<Segment> segments_of(const PhantomPlan& plan) {
+  std::vector<Segment> segments;
+  for (const PhantomPart& part : plan.parts)
+    if (part.label != 0) segments.push_back({part.label, part.name, part.colour, 0, part.label});
+  std::ranges::sort(segments, {}, &Segment::id);
+  return segments;
+}
+
 Result<Phantom> paint_phantom(const PhantomPlan& plan, const PhantomSettings& settings,
                               const Progress& progress) try {
   const GridGeometry grid = plan.field.grid(settings.spacing_mm);
@@ -218,10 +226,7 @@ Result<Phantom> paint_phantom(const PhantomPlan& plan, const PhantomSettings& se
   Phantom phantom;
   phantom.labels.layers.push_back(std::move(labels));
   phantom.scan = std::move(scan);
-  for (const PhantomPart& part : plan.parts)
-    if (part.label != 0)
-      phantom.labels.segments.push_back({part.label, part.name, part.colour, 0, part.label});
-  std::ranges::sort(phantom.labels.segments, {}, &Segment::id);
+  phantom.labels.segments = segments_of(plan);
   return phantom;
 } catch (const std::bad_alloc&) {
   return Error{ErrorKind::kBadInput, "not enough memory for a phantom of this voxel size", "",

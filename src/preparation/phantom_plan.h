@@ -66,6 +66,8 @@ PhantomPlan plan_of(const ShellParameters& shell);
 PhantomPlan plan_of(const SkullParameters& skull);
 PhantomPlan plan_of(const GlandParameters& gland);
 
+/// The segments of a plan's labels, ascending.
+std::vector<Segment> segments_of(const PhantomPlan& plan);
 /// Voxels of a plan: parts painted one over the other, then the faults of a segmentation and the scan's
 /// noise. Errors: kInterrupted.
 Result<Phantom> paint_phantom(const PhantomPlan& plan, const PhantomSettings& settings,

@@ -122,6 +122,12 @@ Result<Phantom> make_phantom(const PhantomParameters& parameters, const Progress
   return paint_phantom(plan, settings_of(parameters), progress);
 }
 
+Result<PhantomWithoutVoxels> phantom_without_voxels(const PhantomParameters& parameters) {
+  if (const auto checked = check_phantom(parameters); !checked) return checked.error();
+  const PhantomPlan plan = std::visit([](const auto& p) { return plan_of(p); }, parameters);
+  return PhantomWithoutVoxels{plan.field.grid(settings_of(parameters).spacing_mm), segments_of(plan)};
+}
+
 Result<Phantom> make_knee_phantom(double voxel_mm, std::uint64_t scan_seed, const Progress& progress) {
   KneeParameters knee;
   knee.settings.spacing_mm.setConstant(voxel_mm);

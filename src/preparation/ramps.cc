@@ -7,6 +7,7 @@
 
 #include "preparation/ramps_depth.h"
 #include "preparation/surface_components.h"
+#include "preparation/touching.h"
 
 namespace palpate {
 
@@ -17,6 +18,7 @@ using internal::DepthOptions;
 using internal::Index3;
 using internal::ProgressSpan;
 using internal::Span3;
+using internal::Touching;
 
 /// Half thickness beyond which nothing changes any more.
 constexpr double kThick_mm = 7;
@@ -75,49 +77,6 @@ std::vector<int> index_by_label(const std::vector<RampStructure>& structures) {
   std::vector<int> index(65536, -1);
   for (std::size_t s = 0; s < structures.size(); ++s) index[structures[s].label] = static_cast<int>(s);
   return index;
-}
-
-/// Which structures have voxels that share a face.
-class Touching {
- public:
-  explicit Touching(std::size_t structures) : count_(structures), pairs_(structures * structures, 0) {}
-  void add(int a, int b) {
-    if (a >= 0 && b >= 0) pairs_[static_cast<std::size_t>(a) * count_ + static_cast<std::size_t>(b)] = 1;
-  }
-  void add(const Touching& other) {
-    for (std::size_t n = 0; n < pairs_.size(); ++n) pairs_[n] |= other.pairs_[n];
-  }
-  bool operator()(std::size_t a, std::size_t b) const {
-    return pairs_[a * count_ + b] != 0 || pairs_[b * count_ + a] != 0;
-  }
-
- private:
-  std::size_t count_;
-  std::vector<char> pairs_;
-};
-
-Result<Touching> find_touching(const Volume<LabelId>& labels, const std::vector<int>& index,
-                               std::size_t structures, int threads, const Progress& progress,
-                               const ProgressSpan& stage) {
-  const GridGeometry& grid = labels.geometry();
-  const int workers = worker_count(threads, grid.dims[2]);
-  std::vector<Touching> found(static_cast<std::size_t>(workers), Touching(structures));
-  const auto done = internal::for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
-    Touching& mine = found[static_cast<std::size_t>(worker)];
-    const auto compare = [&](const LabelId* a, const LabelId* b, int length) {
-      for (int i = 0; i < length; ++i)
-        if (a[i] != b[i]) mine.add(index[a[i]], index[b[i]]);
-    };
-    for (int j = 0; j < grid.dims[1]; ++j) {
-      const LabelId* row = labels.voxels().data() + grid.offset(0, j, k);
-      compare(row, row + 1, grid.dims[0] - 1);
-      if (j + 1 < grid.dims[1]) compare(row, labels.voxels().data() + grid.offset(0, j + 1, k), grid.dims[0]);
-      if (k + 1 < grid.dims[2]) compare(row, labels.voxels().data() + grid.offset(0, j, k + 1), grid.dims[0]);
-    }
-  });
-  if (!done) return done.error();
-  for (std::size_t w = 1; w < found.size(); ++w) found[0].add(found[w]);
-  return found[0];
 }
 
 /// The chains of structures resting on each other, walked from every one upwards; each adds to the field what
@@ -297,8 +256,8 @@ Result<Ramps> prepare(const Volume<LabelId>& labels, const std::vector<RampStruc
 
   const ProgressSpan work{"preparing ramps"};
   const std::vector<int> index = index_by_label(structures);
-  const auto touching =
-      find_touching(labels, index, structures.size(), options.threads, progress, work.part(0, 0.05));
+  const auto touching = internal::find_touching(labels, index, structures.size(), internal::Common::kFace,
+                                                options.threads, progress, work.part(0, 0.05));
   if (!touching) return touching.error();
   const std::vector<Span3> spans = internal::label_spans(labels);
   ChainWalk walk(labels, structures, spans, *touching, options, progress, ramps);

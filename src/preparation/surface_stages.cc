@@ -19,47 +19,7 @@ GridGeometry part_of(const GridGeometry& grid, const VoxelBox& box) {
   return part;
 }
 
-/// Steps of every step-th voxel of a source in a box of that coarser grid; `outside` beyond the source.
-Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const Span3& span,
-                           std::int16_t outside) {
-  Block<std::int16_t> block(span, outside);
-  // the part of a box of fine voxels that stands in the coarser grid
-  const auto coarse = [&](const Span3& fine) {
-    Span3 s;
-    for (int a = 0; a < 3; ++a) {
-      s.low[a] = (fine.low[a] + step[a] - 1) / step[a];
-      s.high[a] = (fine.high[a] + step[a] - 1) / step[a];
-    }
-    return s.clipped(span);
-  };
-  const auto copy = [&](const Span3& fine, const auto& row_of) {
-    const Span3 part = coarse(fine);
-    for_each_row(part, [&](int j, int k) {
-      const std::int16_t* from = row_of(j * step[1], k * step[2]);
-      std::int16_t* to = block.row(j, k) + (part.low[0] - span.low[0]);
-      const auto count = static_cast<std::size_t>(part.size(0));
-      if (step[0] == 1) {
-        std::copy_n(from + part.low[0], count, to);
-      } else {
-        take_every(from + std::ptrdiff_t{part.low[0]} * step[0], static_cast<std::size_t>(step[0]), count,
-                   to);
-      }
-    });
-  };
-  copy(source.grid, [&](int j, int k) { return source.origin + j * source.row + k * source.slice; });
-  if (source.over != nullptr) {
-    const auto& [box, values] = *source.over;
-    // named, since clang 14 captures no structured bindings by reference
-    copy(to_span(box), [&box = box, &values = values](int j, int k) {
-      return values.data() +
-             (std::ptrdiff_t{k - box.first[2]} * box.size[1] + (j - box.first[1])) * box.size[0] -
-             box.first[0];
-    });
-  }
-  return block;
-}
-
-/// The same in mm, at most `limit_mm` either way, which is also what stands outside.
+/// gather() in mm, at most `limit_mm` either way, which is also what stands outside.
 Block<float> gather_mm(const StepsSource& source, const Index3& step, const Span3& span, double limit_mm) {
   const Block<std::int16_t> steps = gather(source, step, span, to_steps(limit_mm));
   Block<float> mm(span);
@@ -99,11 +59,68 @@ Block<std::uint8_t> mask_of(const Volume<LabelId>& labels, LabelId label,
   return mask;
 }
 
+/// Steps to the nearest triangle, with the sign of a field, where that is wanted.
+void put_signed_distance(const NetTriangles& net, const Block<std::int16_t>& sign, double reach_mm,
+                         const Block<std::uint8_t>& wanted, Block<std::int16_t>& steps) {
+  Block<float> mm(sign.span(), 0);
+  net.distance(static_cast<float>(reach_mm), wanted, mm);
+  Block<std::int16_t> found(sign.span());
+  mm_to_steps(mm.values().data(), mm.values().size(), found.values().data());
+  for_each_row(steps.span(), [&](int j, int k) {
+    const std::uint8_t* is_wanted = wanted.row(j, k) + (steps.span().low[0] - wanted.span().low[0]);
+    for (int x = 0; x < steps.span().size(0); ++x) {
+      if (is_wanted[x] == 0) continue;
+      // no voxel on the surface itself: the sign is the label
+      const int size = std::max<int>(1, found.row(j, k)[x]);
+      steps.row(j, k)[x] = static_cast<std::int16_t>(sign.row(j, k)[x] < 0 ? -size : size);
+    }
+  });
+}
+
 constexpr Index3 kEvery{1, 1, 1};
 // of bounding a voxel's slope, measured as a part of filtering one
 constexpr double kSlopeCost = 0.15;
 
 }  // namespace
+
+Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const Span3& span,
+                           std::int16_t outside) {
+  Block<std::int16_t> block(span, outside);
+  // the part of a box of fine voxels that stands in the coarser grid
+  const auto coarse = [&](const Span3& fine) {
+    Span3 s;
+    for (int a = 0; a < 3; ++a) {
+      s.low[a] = (fine.low[a] + step[a] - 1) / step[a];
+      s.high[a] = (fine.high[a] + step[a] - 1) / step[a];
+    }
+    return s.clipped(span);
+  };
+  const auto copy = [&](const Span3& fine, const auto& row_of) {
+    const Span3 part = coarse(fine);
+    for_each_row(part, [&](int j, int k) {
+      const std::int16_t* from = row_of(j * step[1], k * step[2]);
+      std::int16_t* to = block.row(j, k) + (part.low[0] - span.low[0]);
+      const auto count = static_cast<std::size_t>(part.size(0));
+      if (step[0] == 1) {
+        std::copy_n(from + part.low[0], count, to);
+      } else {
+        take_every(from + std::ptrdiff_t{part.low[0]} * step[0], static_cast<std::size_t>(step[0]), count,
+                   to);
+      }
+    });
+  };
+  copy(source.grid, [&](int j, int k) { return source.origin + j * source.row + k * source.slice; });
+  if (source.over != nullptr) {
+    const auto& [box, values] = *source.over;
+    // named, since clang 14 captures no structured bindings by reference
+    copy(to_span(box), [&box = box, &values = values](int j, int k) {
+      return values.data() +
+             (std::ptrdiff_t{k - box.first[2]} * box.size[1] + (j - box.first[1])) * box.size[0] -
+             box.first[0];
+    });
+  }
+  return block;
+}
 
 StepsSource StepsSource::of(const Volume<std::int16_t>& volume) {
   const GridGeometry& grid = volume.geometry();
@@ -227,7 +244,7 @@ SurfaceStage SurfaceStages::distance(const Volume<LabelId>& labels, LabelId labe
           }};
 }
 
-SurfaceStage SurfaceStages::position(const StepsSource& distance, const Target<std::int16_t>& out) const {
+SurfaceStage SurfaceStages::crossings(const StepsSource& distance, const Target<std::int16_t>& out) const {
   return {out.span, [distance, out, this](const Span3& slab) {
             Block<std::int16_t> steps(slab);
             plan.position_filter.apply(
@@ -236,10 +253,47 @@ SurfaceStage SurfaceStages::position(const StepsSource& distance, const Target<s
           }};
 }
 
-SurfaceStage SurfaceStages::broad(const StepsSource& distance, const Target<std::int16_t>& out) const {
-  return {out.span, [distance, out, this](const Span3& slab) {
+SurfaceStage SurfaceStages::position(const NetTriangles& net, const StepsSource& distance,
+                                     const Target<std::int16_t>& out) const {
+  return {out.span, [&net, distance, out, this](const Span3& slab) {
             Block<std::int16_t> steps(slab);
-            plan.broad_filter.apply(gather_mm(distance, plan.normal.step,
+            put_signed_distance(net, gather(distance, kEvery, slab, 1), plan.reach_mm, {slab, 1}, steps);
+            put(steps, out);
+          }};
+}
+
+SurfaceStage SurfaceStages::stale(const Block<std::uint8_t>& corners, const StepsSource& was,
+                                  const Target<std::uint8_t>& out) const {
+  return {out.span, [&corners, was, out, this](const Span3& slab) {
+            // a cell's nearest place to a voxel is one of its corners
+            Block<float> apart_mm(slab, 0);
+            distance_to_class(corners, 1, plan.fine.spacing_mm, plan.reach_mm, apart_mm);
+            const Block<std::int16_t> before = gather(was, kEvery, slab, 0);
+            Block<std::uint8_t> stale(slab);
+            const auto reach = static_cast<float>(plan.reach_mm), step = static_cast<float>(kSurfaceStep_mm);
+            for (std::size_t n = 0; n < stale.values().size(); ++n) {
+              const float apart = apart_mm.values()[n];
+              const auto nearest = static_cast<float>(std::abs(before.values()[n]) + 1) * step;
+              stale.values()[n] = apart < reach && nearest >= apart ? 1 : 0;
+            }
+            put(stale, out);
+          }};
+}
+
+SurfaceStage SurfaceStages::position_again(const NetTriangles& net, const StepsSource& distance,
+                                           const StepsSource& was, const Block<std::uint8_t>& stale,
+                                           const Target<std::int16_t>& out) const {
+  return {out.span, [&net, distance, was, &stale, out, this](const Span3& slab) {
+            Block<std::int16_t> steps = gather(was, kEvery, slab, 0);
+            put_signed_distance(net, gather(distance, kEvery, slab, 1), plan.reach_mm, stale, steps);
+            put(steps, out);
+          }};
+}
+
+SurfaceStage SurfaceStages::broad(const StepsSource& position, const Target<std::int16_t>& out) const {
+  return {out.span, [position, out, this](const Span3& slab) {
+            Block<std::int16_t> steps(slab);
+            plan.broad_filter.apply(gather_mm(position, plan.normal.step,
                                               slab.grown(plan.broad_filter.reach()), plan.broad_reach_mm),
                                     steps);
             put(steps, out);

@@ -7,6 +7,7 @@
 
 #include "preparation/gaussian_slices.h"
 #include "preparation/surface_components.h"
+#include "preparation/surface_net_distance.h"
 #include "preparation/surface_normal.h"
 #include "preparation/surface_position.h"
 
@@ -32,6 +33,17 @@ struct StepsSource {
     return s;
   }
 };
+
+/// Steps of every step-th voxel of a source in a box of that coarser grid; `outside` beyond the source.
+Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const Span3& span,
+                           std::int16_t outside);
+
+/// The cells between the voxels of a box.
+inline Span3 cells_of(const Span3& voxels) {
+  Span3 cells = voxels;
+  for (int a = 0; a < 3; ++a) cells.high[a] = std::max(cells.low[a], cells.high[a] - 1);
+  return cells;
+}
 
 /// Where results are written: part of a grid, i fastest.
 template <class T>
@@ -72,8 +84,18 @@ struct SurfaceStages {
 
   SurfaceStage distance(const Volume<LabelId>& labels, LabelId label, const std::vector<LabelRun>& without,
                         const Target<std::int16_t>& out) const;
-  SurfaceStage position(const StepsSource& distance, const Target<std::int16_t>& out) const;
-  SurfaceStage broad(const StepsSource& distance, const Target<std::int16_t>& out) const;
+  /// The distance filtered, which is 0 where the net's nodes begin.
+  SurfaceStage crossings(const StepsSource& distance, const Target<std::int16_t>& out) const;
+  /// The distance to the net, with the sign of `distance`.
+  SurfaceStage position(const NetTriangles& net, const StepsSource& distance,
+                        const Target<std::int16_t>& out) const;
+  /// 1 where a position that `was` may be another when the net differs in cells whose corners are 1.
+  SurfaceStage stale(const Block<std::uint8_t>& corners, const StepsSource& was,
+                     const Target<std::uint8_t>& out) const;
+  /// The distance to the net where that is stale, elsewhere as it `was`.
+  SurfaceStage position_again(const NetTriangles& net, const StepsSource& distance, const StepsSource& was,
+                              const Block<std::uint8_t>& stale, const Target<std::int16_t>& out) const;
+  SurfaceStage broad(const StepsSource& position, const Target<std::int16_t>& out) const;
   SurfaceStage normal(const StepsSource& broad, const StepsSource& position,
                       const Target<std::int16_t>& out) const;
   SurfaceStage slopes(const StepsSource& position, const Target<float>& out) const;

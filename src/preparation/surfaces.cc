@@ -4,8 +4,11 @@
 #include <cmath>
 #include <cstring>
 #include <initializer_list>
+#include <memory>
 #include <sstream>
 
+#include "preparation/surface_net.h"
+#include "preparation/surface_net_distance.h"
 #include "preparation/surface_slopes.h"
 #include "preparation/surface_stages.h"
 
@@ -118,7 +121,7 @@ Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& w
   SurfaceWorkings& w = prepared.workings;
   w.distance = Volume<std::int16_t>(plan.fine);
   w.broad = Volume<std::int16_t>(plan.normal.geometry);
-  Volume<std::int16_t> position(plan.fine), normal(plan.normal.geometry);
+  Volume<std::int16_t> position(plan.fine);
   const Span3 stretches = internal::stretches(plan.fine);
   w.slopes.resize(stretches.count());
 
@@ -126,17 +129,31 @@ Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& w
     return stages.run({&stage, 1}, kSlabSlices, progress, span.part(from, to));
   };
   auto done =
-      run(stages.distance(labels, prepared.label, without, {w.distance.voxels().data(), fine}), 0, 0.4);
+      run(stages.distance(labels, prepared.label, without, {w.distance.voxels().data(), fine}), 0, 0.1);
   if (!done) return done;
-  const auto distance = StepsSource::of(w.distance);
-  done = run(stages.position(distance, {position.voxels().data(), fine}), 0.4, 0.8);
+  const auto distance = StepsSource::of(w.distance), source = StepsSource::of(position);
+
+  // from what filters make of the labels, which is not kept, to the net
+  done = run(stages.crossings(distance, {position.voxels().data(), fine}), 0.1, 0.2);
   if (!done) return done;
-  done = run(stages.broad(distance, {w.broad.voxels().data(), coarse}), 0.8, 0.9);
+  auto net = std::make_shared<internal::SurfaceNet>(
+      internal::make_net([&](int j, int k) { return source.origin + j * source.row + k * source.slice; },
+                         internal::cells_of(fine), plan.fine.spacing_mm));
+  done = internal::relax_net(*net, plan.threads, progress, span.part(0.2, 0.7));
   if (!done) return done;
-  const auto source = StepsSource::of(position);
-  done = run(stages.normal(StepsSource::of(w.broad), source, {normal.voxels().data(), coarse}), 0.9, 0.95);
+  w.net = net;
+  {
+    const internal::NetTriangles triangles(*net, net->cells);
+    done = run(stages.position(triangles, distance, {position.voxels().data(), fine}), 0.7, 0.9);
+    if (!done) return done;
+  }
+
+  Volume<std::int16_t> normal(plan.normal.geometry);
+  done = run(stages.broad(source, {w.broad.voxels().data(), coarse}), 0.9, 0.94);
   if (!done) return done;
-  done = run(stages.slopes(source, {w.slopes.data(), stretches}), 0.95, 1);
+  done = run(stages.normal(StepsSource::of(w.broad), source, {normal.voxels().data(), coarse}), 0.94, 0.98);
+  if (!done) return done;
+  done = run(stages.slopes(source, {w.slopes.data(), stretches}), 0.98, 1);
   if (!done) return done;
 
   prepared.surface = Surface(to_field(position, plan.reach_mm), to_field(normal, plan.broad_reach_mm),
@@ -170,32 +187,18 @@ Result<PreparedSurface> prepare(const Volume<LabelId>& labels, LabelId label, co
   return prepared;
 }
 
-/// Whether what changed leaves a structure's box of voxels as it was: nothing is outside, and every side of
-/// it that the change touches still has a voxel.
-bool same_extent(const Volume<LabelId>& labels, LabelId label, const Span3& extent, const Span3& changed) {
-  const auto any = [&](const Span3& part) {
-    bool found = false;
-    internal::for_each_row(part, [&](int j, int k) {
-      const LabelId* row = labels.voxels().data() + labels.geometry().offset(0, j, k);
-      found = found || std::find(row + part.low[0], row + part.high[0], label) != row + part.high[0];
-    });
-    return found;
-  };
-  for (int a = 0; a < 3; ++a) {
-    for (const bool low : {true, false}) {
-      Span3 side = extent, beyond = changed;
-      if (low) {
-        side.high[a] = side.low[a] + 1;
-        beyond.high[a] = std::max(beyond.low[a], std::min(beyond.high[a], extent.low[a]));
-      } else {
-        side.low[a] = side.high[a] - 1;
-        beyond.low[a] = std::min(beyond.high[a], std::max(beyond.low[a], extent.high[a]));
-      }
-      if (!beyond.empty() && any(beyond)) return false;
-      if (!changed.clipped(side).empty() && !any(side)) return false;
+/// Whether all of a structure's voxels in a box of what changed are where its surface has room for them.
+bool has_room(const Volume<LabelId>& labels, LabelId label, const Span3& extent, const Span3& changed) {
+  bool room = true;
+  internal::for_each_row(changed, [&](int j, int k) {
+    const LabelId* row = labels.voxels().data() + labels.geometry().offset(0, j, k);
+    const bool beside = j < extent.low[1] || j >= extent.high[1] || k < extent.low[2] || k >= extent.high[2];
+    for (int i = changed.low[0]; i < changed.high[0]; ++i) {
+      const bool beyond = beside || i < extent.low[0] || i >= extent.high[0];
+      room = room && !(beyond && row[i] == label);
     }
-  }
-  return true;
+  });
+  return room;
 }
 
 /// The box of voxels whose class changed, in the structure's grid, and by how many voxels it grew.
@@ -260,6 +263,94 @@ Span3 differences(const PatchOf<std::int16_t>& patch, const StepsSource& old) {
   return found;
 }
 
+/// The net of the classes there are now, of cells.
+internal::SurfaceNet carved(const internal::SurfaceNet& once, const StepsSource& distance,
+                            const Span3& cells) {
+  Span3 voxels = cells;
+  for (int& high : voxels.high) ++high;
+  internal::Block<std::int16_t> sides = internal::gather(distance, {1, 1, 1}, voxels, 1);
+  for (std::int16_t& side : sides.values()) side = side < 0 ? std::int16_t{-1} : std::int16_t{1};
+  internal::SurfaceNet net = internal::make_net([&](int j, int k) { return sides.row(j, k); }, cells,
+                                                once.spacing_mm.cast<double>());
+  internal::carve_net(once, net);
+  return net;
+}
+
+/// Where a carving reaches, in the structure's grid.
+class Carving {
+ public:
+  /// @param changed  the box of voxels whose class changed
+  Carving(const SurfacePlan& plan, const internal::SurfaceNet& once, const Span3& changed)
+      : plan_(plan), once_(once), fine_(whole(plan.fine)) {
+    // a node of a cell at the change, those that it draws along, and the triangles at them
+    moved = grown(changed, internal::kCarvingRounds + 2);
+    near = moved.grown(plan.window).clipped(fine_);
+  }
+
+  /// 1 at the corners of all cells in which there is a triangle that one net has and the other not.
+  internal::Block<std::uint8_t> corners(const StepsSource& before, const StepsSource& now) const {
+    const Span3 cells = internal::cells_of(grown(moved, internal::kCarvingRounds + 2));
+    const internal::SurfaceNet was = carved(once_, before, cells), is = carved(once_, now, cells);
+    internal::Block<std::uint8_t> at(near.grown(plan_.window), 0);
+    internal::Block<std::uint8_t> has_node(cells, 0);
+    for (const internal::SurfaceNet* net : {&was, &is}) {
+      internal::for_each_row(cells, [&](int j, int k) {
+        const std::size_t r = net->row(j, k);
+        for (std::uint32_t n = net->row_begin[r]; n < net->row_begin[r + 1]; ++n)
+          has_node.row(j, k)[net->column[n] - cells.low[0]] = 1;
+      });
+    }
+    internal::for_each_difference(was, is, internal::cells_of(moved), [&](const internal::Index3& cell) {
+      // its triangles go to nodes of cells beside it
+      const Span3 beside =
+          Span3{cell, {cell[0] + 1, cell[1] + 1, cell[2] + 1}}.grown({1, 1, 1}).clipped(cells);
+      internal::for_each_row(beside, [&](int j, int k) {
+        for (int i = beside.low[0]; i < beside.high[0]; ++i) {
+          if (has_node.row(j, k)[i - cells.low[0]] == 0) continue;
+          std::uint8_t* first = at.row(j, k) + (i - at.span().low[0]);
+          const std::ptrdiff_t row = at.span().size(0), slice = row * at.span().size(1);
+          for (const std::ptrdiff_t to : {std::ptrdiff_t{0}, row, slice, row + slice})
+            first[to] = first[to + 1] = 1;
+        }
+      });
+    });
+    return at;
+  }
+
+  /// The triangles that may be nearest to a voxel of a box.
+  internal::NetTriangles triangles(const StepsSource& now, const Span3& voxels) const {
+    const Span3 around = grown(voxels.grown(plan_.window), 2);
+    const Span3 cells = internal::cells_of(grown(around, internal::kCarvingRounds + 2));
+    return {carved(once_, now, cells), internal::cells_of(around)};
+  }
+
+  Span3 moved;  ///< in which all triangles lie that may differ
+  Span3 near;   ///< the voxels that they may be nearest to
+
+ private:
+  Span3 grown(const Span3& span, int by) const { return span.grown({by, by, by}).clipped(fine_); }
+
+  const SurfacePlan& plan_;
+  const internal::SurfaceNet& once_;
+  Span3 fine_;
+};
+
+/// The box of what is not 0.
+Span3 box_of(const internal::Block<std::uint8_t>& marks) {
+  Span3 box;
+  const Span3& span = marks.span();
+  internal::for_each_row(span, [&](int j, int k) {
+    const std::uint8_t* row = marks.row(j, k);
+    const std::uint8_t* end = row + span.size(0);
+    const auto first = static_cast<int>(std::find_if(row, end, [](auto m) { return m != 0; }) - row);
+    if (first == span.size(0)) return;
+    int last = span.size(0) - 1;
+    while (row[last] == 0) --last;
+    box = hull(box, {{span.low[0] + first, j, k}, {span.low[0] + last + 1, j + 1, k + 1}});
+  });
+  return box;
+}
+
 template <class T>
 internal::Target<T> start(PatchOf<T>& patch, const Span3& span) {
   patch.box = to_box(span);
@@ -308,8 +399,11 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& la
   SurfacePatch patch;
   if (old.options.drop_below_mm3 > 0) return patch;
   const Span3 known = to_span(dirty).clipped(whole(labels.geometry()));
-  if (!same_extent(labels, old.label, to_span(old.workings.extent), known)) return patch;
+  if (!has_room(labels, old.label, to_span(old.workings.extent), known)) return patch;
   const Span3 changed = find_changes(old, labels, known.clipped(to_span(old.box)), patch.voxels_more);
+  if (old.volume_mm3 + static_cast<double>(patch.voxels_more) * labels.geometry().voxel_volume_mm3() <
+      0.5 * labels.geometry().voxel_volume_mm3())
+    return patch;
   patch.local = true;
   patch.steepest = old.surface.steepest();
   if (changed.empty()) return patch;
@@ -321,22 +415,31 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& la
     patch.local = patch.local && stages.run(together, 0, {}, {"preparing surfaces"}).ok();
   };
   const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
+  const auto old_position = StepsSource::of(old.surface.position().padded());
   const auto distance = StepsSource::of(old.workings.distance).with(patch.distance);
-  const auto position = StepsSource::of(old.surface.position().padded()).with(patch.position);
+  const auto position = old_position.with(patch.position);
   const auto broad = StepsSource::of(old.workings.broad).with(patch.broad);
 
   const Span3 distance_part = changed.grown(plan.window).clipped(fine);
   run({stages.distance(labels, old.label, {}, start(patch.distance, distance_part))});
-  const Span3 moved = differences(patch.distance, StepsSource::of(old.workings.distance));
-  const Span3 position_part = moved.grown(plan.position_filter.reach()).clipped(fine);
-  const Span3 broad_part = plan.normal.inside(changed.grown(plan.broad_window).clipped(moved))
+  // of the voxels near what moved those whose nearest triangle may be another now
+  const Carving carving(plan, *old.workings.net, changed);
+  const internal::Block<std::uint8_t> corners =
+      carving.corners(StepsSource::of(old.workings.distance), distance);
+  internal::Block<std::uint8_t> stale(carving.near);
+  run({stages.stale(corners, old_position, {stale.values().data(), stale.span()})});
+  const Span3 position_part = box_of(stale);
+  const internal::NetTriangles triangles = carving.triangles(distance, position_part);
+  run({stages.position_again(triangles, distance, old_position, stale,
+                             start(patch.position, position_part))});
+  const Span3 moved = differences(patch.position, old_position);
+  const Span3 broad_part = plan.normal.inside(carving.moved.grown(plan.broad_window).clipped(moved))
                                .grown(plan.broad_filter.reach())
                                .clipped(coarse);
-  run({stages.position(distance, start(patch.position, position_part)),
-       stages.broad(distance, start(patch.broad, broad_part))});
+  run({stages.broad(position, start(patch.broad, broad_part))});
   const Span3 normal_part =
-      hull(broad_part, plan.normal.inside(position_part)).grown(plan.normal_filter.reach()).clipped(coarse);
-  const Span3 slopes_part = internal::stretches_at(plan.fine, position_part);
+      hull(broad_part, plan.normal.inside(moved)).grown(plan.normal_filter.reach()).clipped(coarse);
+  const Span3 slopes_part = internal::stretches_at(plan.fine, moved);
   run({stages.normal(broad, position, start(patch.normal, normal_part)),
        stages.slopes(position, start(patch.slopes, slopes_part))});
 

@@ -145,6 +145,14 @@ constexpr std::array kDeviceColumns{
            "depth of the tip below the surface of the touched structure, negative in front of it, NaN when "
            "no surface is within reach, 0 where nothing is felt"},
     Column{"label", kU16, 1, PALPATE_DEVICE(label), "1", "-", "label of the touched structure, 0 none"},
+    Column{"felt_label", kU16, kMostTold, PALPATE_DEVICE(felt_label), "1", "-",
+           "labels of the structures that the force comes from, outermost first, 0 no more", nullptr,
+           kWithinFormat},
+    Column{"felt_depth_mm", kF64, kMostTold, PALPATE_DEVICE(felt_depth_mm), "mm", "-",
+           "how much of the tip's way in lies within each of these, NaN: deeper than is measured", nullptr,
+           kWithinFormat},
+    Column{"felt_share", kF64, kMostTold, PALPATE_DEVICE(felt_share), "1", "-",
+           "share of the force that each of these gives, 0 to 1", nullptr, kWithinFormat},
     Column{"flags", kU32, 1, PALPATE_DEVICE(flags), "bits", "-",
            "what was met, and why the output was changed", flag_bits},
 };

@@ -430,11 +430,12 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
 }
 
 // what is told before the ticks, from the few columns that it takes
-void look_ahead(const std::vector<StoredColumn>& columns, std::uint64_t rows, bool versions,
+void look_ahead(const std::vector<StoredColumn>& columns, const RowRange& rows, bool versions,
                 RecordingHead& head, EventQueue& events) {
   TicksSeen seen;
-  for (std::uint64_t first = 0; first < rows; first += kBlockRows) {
-    const std::uint64_t count = std::min(kBlockRows, rows - first);
+  const std::uint64_t end = rows.first + rows.count;
+  for (std::uint64_t first = rows.first; first < end; first += kBlockRows) {
+    const std::uint64_t count = std::min(kBlockRows, end - first);
     const auto tick = read_column<std::uint64_t>(columns, "tick", first, count);
     const auto time_s = read_column<double>(columns, "time_s", first, count);
     const auto method = read_column<std::uint8_t>(columns, "method", first, count);
@@ -447,11 +448,12 @@ void look_ahead(const std::vector<StoredColumn>& columns, std::uint64_t rows, bo
   seen.tell(head);
 }
 
-bool send_parts(const std::vector<StoredColumn>& columns, std::uint64_t rows, EventQueue& events,
+bool send_parts(const std::vector<StoredColumn>& columns, const RowRange& rows, EventQueue& events,
                 ByteTarget& target) {
   std::vector<std::byte> buffer;
-  for (std::uint64_t first = 0; first < rows; first += kBlockRows) {
-    const std::uint64_t count = std::min(kBlockRows, rows - first);
+  const std::uint64_t end = rows.first + rows.count;
+  for (std::uint64_t first = rows.first; first < end; first += kBlockRows) {
+    const std::uint64_t count = std::min(kBlockRows, end - first);
     const std::uint64_t last_tick = read_column<std::uint64_t>(columns, "tick", first + count - 1, 1).front();
     auto of_these = events.take(last_tick);
     for (; of_these.size() == kBlockRows; of_these = events.take(last_tick))
@@ -478,7 +480,7 @@ Handle open_file(const std::filesystem::path& file) {
 
 }  // namespace
 
-bool send_recording(const std::filesystem::path& file, ByteTarget& target) {
+bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::optional<RowRange> range) {
   bool head_sent = false;
   try {
     const Handle opened = open_file(file);
@@ -498,11 +500,18 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target) {
     for (int d = 0; d < head.header.devices; ++d)
       open_columns(opened.get(), major, "device" + std::to_string(d), device_columns(), unpacking, columns);
     const std::uint64_t rows = common_rows(columns, complete);
-    EventQueue events = open_events(opened.get(), major, unpacking, complete);
-    look_ahead(columns, rows, major < kFormatMajor, head, events);
+    if (range) {
+      range->first = std::min(range->first, rows);
+      range->count = std::min(range->count, rows - range->first);
+      head.summary.reset();
+    }
+    const RowRange wanted = range.value_or(RowRange{0, rows});
+    EventQueue events = range ? EventQueue(std::vector<RecordingEvent>())
+                              : open_events(opened.get(), major, unpacking, complete);
+    look_ahead(columns, wanted, !range && major < kFormatMajor, head, events);
 
     head_sent = true;
-    return send_head(target, head) && send_parts(columns, rows, events, target);
+    return send_head(target, head) && send_parts(columns, wanted, events, target);
   } catch (const Refusal& refusal) {
     return !head_sent && send_refusal(target, {ErrorKind::kBadInput, refusal.what, "", refusal.remedy});
   }

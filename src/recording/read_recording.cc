@@ -29,7 +29,9 @@ std::optional<Error> not_hdf5(const InputFile& opened, const std::filesystem::pa
 }
 
 // @param progress  stays where it is as long as the process lives
-Result<std::unique_ptr<reader::ReaderProcess>> start_reader(const InputFile& file, const Progress& progress) {
+Result<std::unique_ptr<reader::ReaderProcess>> start_reader(const InputFile& file,
+                                                            std::optional<RowRange> range,
+                                                            const Progress& progress) {
   const int descriptor = file.descriptor();
   reader::ReaderProcess::Job job;
   job.files = {&descriptor, 1};
@@ -38,7 +40,7 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(const InputFile& fil
   const auto name = file.name_for_libraries();
   const Hdf5Section section;
   return reader::ReaderProcess::start(
-      job, [&](reader::ParentEnd& parent) { return send_recording(name, parent); }, progress);
+      job, [&](reader::ParentEnd& parent) { return send_recording(name, parent, range); }, progress);
 }
 
 using TakeHead = std::function<Result<bool>(const RecordingHead&)>;
@@ -50,13 +52,15 @@ Error about(const std::filesystem::path& file, Error error) {
   return error;
 }
 
+/// @param range  as for send_recording
 /// @param take_head  says whether the parts are wanted too
-Result<void> read_isolated(const std::filesystem::path& file, const TakeHead& take_head,
-                           const TakePart& take_part, const Progress& progress) try {
+Result<void> read_isolated(const std::filesystem::path& file, std::optional<RowRange> range,
+                           const TakeHead& take_head, const TakePart& take_part,
+                           const Progress& progress) try {
   const auto opened = InputFile::open(file);
   if (!opened) return opened.error();
   if (auto error = not_hdf5(*opened, file)) return *error;
-  const auto process = start_reader(*opened, progress);
+  const auto process = start_reader(*opened, range, progress);
   if (!process) return about(file, process.error());
   ByteSource& source = **process;
   auto received = receive_head(source);
@@ -90,6 +94,11 @@ bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
          a.devices == b.devices && a.script_text == b.script_text;
 }
 
+Error replaced(const std::filesystem::path& file) {
+  return {ErrorKind::kBadInput, "another recording has taken its place while it was read", file.string(),
+          "try again when nothing writes to it"};
+}
+
 }  // namespace
 }  // namespace internal
 
@@ -103,7 +112,7 @@ Result<RecordingSource> RecordingSource::open(const std::filesystem::path& file,
   constexpr int kMostLooks = 20;
   for (int look = 1;; ++look) {
     const auto before = internal::last_change(file);
-    const auto read = internal::read_isolated(file, take_head, {}, progress);
+    const auto read = internal::read_isolated(file, std::nullopt, take_head, {}, progress);
     if (read) return RecordingSource(file, std::move(head));
     const bool was_written = internal::last_change(file) != before;
     if (read.error().kind != ErrorKind::kBadInput || !was_written || look == kMostLooks) return read.error();
@@ -134,10 +143,9 @@ Result<void> RecordingSource::read(const std::function<Result<void>(const Record
   if (memory_ == nullptr) {
     const auto take_head = [&](const RecordingHead& now) -> Result<bool> {
       if (internal::same_run(now.header, head_.header) && now.ticks >= head_.ticks) return true;
-      return Error{ErrorKind::kBadInput, "another recording has taken its place while it was read",
-                   file_.string(), "try again when nothing writes to it"};
+      return internal::replaced(file_);
     };
-    return internal::read_isolated(file_, take_head, take_known, progress);
+    return internal::read_isolated(file_, std::nullopt, take_head, take_known, progress);
   }
 
   std::span<const TickRecord> ticks(memory_->ticks);
@@ -151,6 +159,29 @@ Result<void> RecordingSource::read(const std::function<Result<void>(const Record
     events = events.subspan(told);
   }
   return {};
+}
+
+Result<std::vector<TickRecord>> RecordingSource::read_at(std::uint64_t first, std::uint64_t count,
+                                                         const Progress& progress) const {
+  first = std::min(first, head_.ticks);
+  count = std::min(count, head_.ticks - first);
+  if (memory_ != nullptr) {
+    const auto begin = memory_->ticks.begin() + static_cast<std::ptrdiff_t>(first);
+    return std::vector(begin, begin + static_cast<std::ptrdiff_t>(count));
+  }
+  const auto take_head = [&](const RecordingHead& now) -> Result<bool> {
+    if (internal::same_run(now.header, head_.header) && now.ticks == count) return true;
+    return internal::replaced(file_);
+  };
+  std::vector<TickRecord> ticks;
+  const auto take_part = [&](const RecordingPart& part) -> Result<void> {
+    ticks.insert(ticks.end(), part.ticks.begin(), part.ticks.end());
+    return {};
+  };
+  const internal::RowRange range{first, count};
+  if (auto read = internal::read_isolated(file_, range, take_head, take_part, progress); !read)
+    return read.error();
+  return ticks;
 }
 
 Result<Recording> read_recording(const std::filesystem::path& file, const Progress& progress) {
@@ -169,7 +200,8 @@ Result<Recording> read_recording(const std::filesystem::path& file, const Progre
     recording.events.insert(recording.events.end(), part.events.begin(), part.events.end());
     return {};
   };
-  if (auto read = internal::read_isolated(file, take_head, take_part, progress); !read) return read.error();
+  if (auto read = internal::read_isolated(file, std::nullopt, take_head, take_part, progress); !read)
+    return read.error();
   return recording;
 }
 

@@ -64,6 +64,9 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.field) != bits(b.field)) return "field";
   if (bits(a.depth_mm) != bits(b.depth_mm)) return "depth_mm";
   if (a.label != b.label) return "label";
+  if (a.felt_label != b.felt_label) return "felt_label";
+  if (!same(a.felt_depth_mm, b.felt_depth_mm)) return "felt_depth_mm";
+  if (!same(a.felt_share, b.felt_share)) return "felt_share";
   if (a.flags != b.flags) return "flags";
   return "";
 }
@@ -133,6 +136,9 @@ DeviceTick random_device(RandomBits& random) {
   device.field = random.number();
   device.depth_mm = random.number();
   device.label = static_cast<std::uint16_t>(random.word());
+  for (std::uint16_t& label : device.felt_label) label = static_cast<std::uint16_t>(random.word());
+  random.fill(device.felt_depth_mm);
+  random.fill(device.felt_share);
   device.flags = static_cast<std::uint32_t>(random.word());
   return device;
 }

@@ -80,6 +80,15 @@ std::string fact(const std::string& label, const std::string& value) {
   return "<div><dt>" + label + "</dt><dd>" + value + "</dd></div>";
 }
 
+/// "fat 10.0 mm, 5 %; bone 5.0 mm, 95 %", escaped.
+std::string felt_text(const Run& run, const DeviceTick& device) {
+  std::string text;
+  for (std::size_t n = 0; n < device.felt_label.size() && device.felt_label[n] != 0; ++n)
+    text += (n == 0 ? "" : "; ") + escape(run.name(device.felt_label[n])) + " " +
+            depth_text(device.felt_depth_mm[n]) + ", " + number(100 * device.felt_share[n], 0) + " %";
+  return text;
+}
+
 std::string facts(const Run& run, const ShownContact& shown) {
   const Contact& contact = shown.contact;
   const DeviceTick& peak = shown.at_peak();
@@ -88,6 +97,7 @@ std::string facts(const Run& run, const ShownContact& shown) {
       fact("Largest force", number(contact.peak_force_N, 2) + " N at " + number(contact.peak_s, 2) + " s");
   html += fact("Depth there",
                is_deeper_than_measured(peak, run.model) ? "deeper than measured" : depth_text(peak.depth_mm));
+  if (peak.felt_label[0] != 0) html += fact("What it came from", felt_text(run, peak));
   const auto& touched = contact.first_touch_mm;
   html += fact("First touched at",
                number(touched[0], 1) + ", " + number(touched[1], 1) + ", " + number(touched[2], 1) + " mm");

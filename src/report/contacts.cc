@@ -115,6 +115,25 @@ std::vector<StructureFigures> StructureMeter::finish(const std::vector<Contact>&
   return std::move(figures_);
 }
 
+void BeneathMeter::see(const TimedTick& now) {
+  for (int d = 0; d < devices_; ++d) {
+    const DeviceTick& device = now.tick.device[d];
+    if (!touches(device)) continue;
+    for (std::size_t n = 0; n < device.felt_label.size(); ++n) {
+      const LabelId label = device.felt_label[n];
+      // a damaged file may hold anything
+      const double given_N = device.felt_share[n] * force_N(device);
+      if (label == 0 || label == device.label || !std::isfinite(given_N)) continue;
+      const auto [found, added] = place_.emplace(label, figures_.size());
+      if (added) figures_.push_back({.label = label});
+      BeneathFigures& figures = figures_[found->second];
+      figures.time_s += now.end_s - now.begin_s;
+      figures.peak_force_N = std::max(figures.peak_force_N, given_N);
+      figures.max_depth_mm = std::fmax(figures.max_depth_mm, device.felt_depth_mm[n]);
+    }
+  }
+}
+
 std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
                                    const std::vector<StructureFigures>& structures, std::size_t most) {
   // the longest of each structure

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "palpate/haptics.h"
@@ -88,6 +89,28 @@ class StructureMeter {
   int devices_;
   const Model& model_;
   std::vector<StructureFigures> figures_;  // sums instead of means
+  std::map<LabelId, std::size_t> place_;
+};
+
+/// What gave part of the force while something around it was touched, over the whole run.
+struct BeneathFigures {
+  LabelId label = 0;
+  double time_s = 0;
+  double peak_force_N = 0;  ///< the largest that it gave: its share of the force sent
+  double max_depth_mm = 0;  ///< the most of the tip's way in that lay within it
+};
+
+/// The figures of each structure that was felt through others.
+class BeneathMeter {
+ public:
+  explicit BeneathMeter(int devices) : devices_(devices) {}
+  void see(const TimedTick& now);
+  /// After the last tick, in the order in which structures were first felt so.
+  std::vector<BeneathFigures> finish() { return std::move(figures_); }
+
+ private:
+  int devices_;
+  std::vector<BeneathFigures> figures_;
   std::map<LabelId, std::size_t> place_;
 };
 

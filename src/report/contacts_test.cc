@@ -128,6 +128,32 @@ TEST(Contacts, LabelWithoutContactDoesNotCount) {
   EXPECT_TRUE(summarise_structures(run.recording, Model{}, {}).empty());
 }
 
+TEST(Contacts, WhatIsFeltBeneathWhatIsTouchedIsCountedByItself) {
+  Script run;
+  run.ticks(100, 5, 2);
+  run.ticks(50, 6, 2);
+  for (std::size_t n = 0; n < run.recording.ticks.size(); ++n) {
+    DeviceTick& device = run.recording.ticks[n].device[0];
+    device.felt_label = {5, 6};
+    device.felt_depth_mm = {1, 0.01 * static_cast<double>(n)};
+    device.felt_share = {0.25, 0.75};
+  }
+  // a damaged file
+  run.recording.ticks[10].device[0].felt_share[1] = kNotKnown;
+  run.recording.ticks[11].device[0].felt_depth_mm[1] = kNotKnown;
+  BeneathMeter meter(1);
+  see_all(run.recording, [&](const TimedTick& now) { meter.see(now); });
+  const std::vector<BeneathFigures> figures = meter.finish();
+  ASSERT_EQ(figures.size(), 2u);
+  EXPECT_EQ(figures[0].label, 6);
+  EXPECT_NEAR(figures[0].time_s, 0.099, 1e-9);
+  EXPECT_NEAR(figures[0].peak_force_N, 1.5, 1e-12);
+  EXPECT_NEAR(figures[0].max_depth_mm, 0.99, 1e-12);
+  EXPECT_EQ(figures[1].label, 5);
+  EXPECT_NEAR(figures[1].time_s, 0.050, 1e-9);
+  EXPECT_NEAR(figures[1].peak_force_N, 0.5, 1e-12);
+}
+
 TEST(Contacts, PeakIsTheFirstTickWithTheLargestForce) {
   Script run;
   run.ticks(60, 5, 1);

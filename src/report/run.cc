@@ -56,6 +56,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
   const RecordingHead& head = recording.head();
   ContactFinder contacts(run.devices);
   StructureMeter structures(run.devices, run.model);
+  BeneathMeter beneath(run.devices);
   SummaryMeter summary;
   Decimator plots(static_cast<std::size_t>(head.ticks),
                   kQuantities * static_cast<std::size_t>(run.devices) + run.real_clock(), kMostPoints);
@@ -69,6 +70,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
     run.duration_s = now.end_s - begin_s;
     contacts.see(now);
     structures.see(now);
+    beneath.see(now);
     summary.see(now.tick);
     for (TickCount* count : {&run.interventions, &run.invalid, &run.other}) count->see(now.tick, run.devices);
     run.forces.see(now.tick, run.devices);
@@ -81,6 +83,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
   if (!read) return read;
   run.contacts = contacts.finish();
   run.structures = structures.finish(run.contacts);
+  run.beneath = beneath.finish();
   run.summary = summary.finish(head);
   run.plots = plots.finish();
   return {};

@@ -42,11 +42,12 @@ struct Run {
   double duration_s = 0;
   std::vector<Contact> contacts;
   std::vector<StructureFigures> structures;
-  std::vector<ShownContact> shown;                 ///< one contact a structure, with sections
-  RecordingSummary summary;                        ///< counted from the ticks when the run was cut short
-  TickCount interventions{kInterventionFlags, 0};  ///< of the safety stage
+  std::vector<BeneathFigures> beneath;
+  std::vector<ShownContact> shown;                   ///< one contact a structure, with sections
+  RecordingSummary summary;                          ///< counted from the ticks when the run was cut short
+  TickCount interventions{intervention_flags(), 0};  ///< of the safety stage
   TickCount invalid{kFlagNotFinite | kFlagRotationIgnored, 0};
-  TickCount other{kInterventionFlags & ~(kFlagClamped | kFlagNotFinite | kFlagRotationIgnored), 0};
+  TickCount other{intervention_flags() & ~(kFlagClamped | kFlagNotFinite | kFlagRotationIgnored), 0};
   ForceExtremes forces;
   SpreadMeter lateness, compute;
   RateOfTicks rate;
@@ -60,6 +61,11 @@ struct Run {
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
   bool real_clock() const { return recording.header.clock == "real"; }
+  /// A viewer's pointer was the device: it says nothing while nobody presses it.
+  bool by_pointer() const { return recording.header.device == "pointer"; }
+  std::uint32_t intervention_flags() const {
+    return by_pointer() ? kInterventionFlags & ~std::uint32_t{kFlagStale} : kInterventionFlags;
+  }
   /// The name in the recording, else in the model, else "label 12".
   std::string name(LabelId label) const;
   /// The colour in the model, which the sections show, else in the recording.

@@ -12,6 +12,8 @@ enum class Shown {
   kAlways,
   kOnRealClock,  ///< and wherever it is not zero
   kWhenMet,
+  kOfHand,     ///< as kOnRealClock, of a device that a hand holds
+  kOfPointer,  ///< always, of a viewer's pointer
 };
 
 struct Row {
@@ -32,7 +34,7 @@ constexpr std::array kInterventions{
         "The motors had grown warm; the limit came down towards the force that they bear for ever."},
     Row{"Slewed", &RecordingSummary::slewed, Shown::kWhenMet,
         "The force would have changed by more than the device may change it in one tick; it took longer."},
-    Row{"Stale", &RecordingSummary::stale, Shown::kOnRealClock,
+    Row{"Stale", &RecordingSummary::stale, Shown::kOfHand,
         "The device's position was more than 5 ms old; the force decayed, and was off when it was 10 ms "
         "old."},
     Row{"Jumped", &RecordingSummary::jumped, Shown::kWhenMet,
@@ -52,6 +54,8 @@ constexpr std::array kOthers{
         "face where the scan is cut off; farther out there is nothing to feel."},
     Row{"Paused", &RecordingSummary::paused, Shown::kAlways,
         "The session was paused; the force faded out and stayed off."},
+    Row{"Pointer at rest", &RecordingSummary::stale, Shown::kOfPointer,
+        "Nobody pressed the viewer's pointer, or it was lost; the force faded out and stayed off."},
     Row{"Clutched", &RecordingSummary::clutched, Shown::kWhenMet,
         "The clutch was held, so that the hand could move on without the tip; the force faded out and stayed "
         "off."},
@@ -82,7 +86,10 @@ constexpr std::array kOthers{
 
 std::string row_html(const Run& run, const Row& row) {
   const std::uint64_t count = run.summary.*row.count;
-  const bool expected = row.shown == Shown::kAlways || (row.shown == Shown::kOnRealClock && run.real_clock());
+  if (row.shown == (run.by_pointer() ? Shown::kOfHand : Shown::kOfPointer)) return "";
+  const bool live = row.shown == Shown::kOnRealClock || row.shown == Shown::kOfHand;
+  const bool expected =
+      row.shown == Shown::kAlways || row.shown == Shown::kOfPointer || (live && run.real_clock());
   if (count == 0 && !expected) return "";
   const double ticks = static_cast<double>(run.recording.ticks);
   const double percent = ticks > 0 ? 100 * static_cast<double>(count) / ticks : 0;

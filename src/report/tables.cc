@@ -19,6 +19,24 @@ std::string depth_cell(const StructureFigures& figure) {
                                               : depth + note("and deeper than measured"));
 }
 
+/// What was felt through something else; empty where there is none.
+std::string beneath_table(const Run& run) {
+  if (run.beneath.empty()) return "";
+  std::string html =
+      "<h3>Felt beneath and beside what was touched</h3>\n<div class=\"scroll\"><table><thead><tr><th "
+      "scope=\"col\">Structure</th><th scope=\"col\">Time <span class=\"unit\">s</span></th><th "
+      "scope=\"col\">Largest force that it gave <span class=\"unit\">N</span></th><th scope=\"col\">Most "
+      "of the way in it <span class=\"unit\">mm</span></th></tr></thead><tbody>\n";
+  for (const BeneathFigures& figure : run.beneath)
+    html += "<tr><th scope=\"row\">" + swatch(run.colour(figure.label)) + escape(run.name(figure.label)) +
+            "</th>" + cell(number(figure.time_s, 2)) + cell(number(figure.peak_force_N, 2)) +
+            cell(number(figure.max_depth_mm, 2)) + "</tr>\n";
+  return html +
+         "</tbody></table></div>\n<p class=\"hint\">The force is the stiffness summed up along the tip's way "
+         "in: here stands what gave part of it while something else was touched: what lies beneath, and at a "
+         "seam its neighbour.</p>";
+}
+
 }  // namespace
 
 std::string structure_table_html(const Run& run) {
@@ -52,7 +70,7 @@ std::string structure_table_html(const Run& run) {
     html += " A negative depth lies in front of the segmented surface, in its smoothed rim.";
   if (run.deeper_than_measured())
     html += " Deeper than measured: inside the structure, and no surface of it was within reach.";
-  return html + "</p></section>\n";
+  return html + "</p>\n" + beneath_table(run) + "</section>\n";
 }
 
 std::string provenance_html(const Run& run) {
@@ -81,6 +99,9 @@ std::string provenance_html(const Run& run) {
             : "<p class=\"hint\">The hash of the run is the one that stands in the recording; <code>palpate "
               "replay</code> computes the run anew and verifies it.</p>\n";
   }
+  html +=
+      "<p class=\"hint\"><code>palpate replay RECORDING --view</code> shows it in a browser, at any "
+      "place and speed.</p>\n";
   if (!header.script_text.empty()) {
     html +=
         "<details><summary>Script as run</summary><pre>" + escape(header.script_text) + "</pre></details>\n";

@@ -304,8 +304,8 @@ const SceneKeys& scene_key_tables() {
                  "stiffer walls."}}},
       .tool =
           {"[tool]",
-           "A rigid set of spheres that touch; the first one's usual place is the origin, the tip. The proxy "
-           "feels them whole, the other methods feel their centres.",
+           "A rigid set of spheres, and of capsules (below), that touch; the first one's usual place is the "
+           "origin, the tip. The proxy feels them whole, the other methods feel the spheres' centres.",
            {{.name = "name", .type = kText, .default_text = "\"point\"", .meaning = "Shown in the report."},
             {.name = "points",
              .type = kPoints,
@@ -320,7 +320,31 @@ const SceneKeys& scene_key_tables() {
              .unit = "mm",
              .min = 0,
              .max = 3,
-             .meaning = "Of the sphere at every point; felt by the proxy."}}},
+             .meaning = "Of the sphere at every point; felt by the proxy."},
+            {.name = "capsule",
+             .type = kTables,
+             .meaning = "What is long: a shaft, a hook. With the points at most 4.",
+             .under = "tool."}}},
+      .capsule = {"[[tool.capsule]]",
+                  "A cylinder with round ends, fixed to the tool; the proxy alone feels it.",
+                  {{.name = "from",
+                    .type = kPoint,
+                    .unit = "mm",
+                    .min = -300,
+                    .max = 300,
+                    .meaning = "One end of its axis, in the tip's frame. Has to be there."},
+                   {.name = "to",
+                    .type = kPoint,
+                    .unit = "mm",
+                    .min = -300,
+                    .max = 300,
+                    .meaning = "The other end, at least 0.1 mm away. Has to be there."},
+                   {.name = "radius",
+                    .type = kNumber,
+                    .unit = "mm",
+                    .min = 0,
+                    .max = 10,
+                    .meaning = "Without it: the tool's `radius`."}}},
       .workspace =
           {"[workspace]",
            "How the device's reach lies in the patient. What a hand feels of a tissue is `scale` · "
@@ -619,7 +643,8 @@ std::string remedy_text(const KeySpec& key) {
     text += std::string(type_text(key.type)) + (range.empty() ? "" : ", " + range);
   }
   if (key.type == KeyType::kTable) text = "write [" + std::string(key.name) + "] on a line of its own";
-  if (key.type == KeyType::kTables) text = "write [[" + std::string(key.name) + "]] on a line of its own";
+  if (key.type == KeyType::kTables)
+    text = "write [[" + std::string(key.under) + std::string(key.name) + "]] on a line of its own";
   return key.default_text.empty() ? text : text + "; default " + std::string(key.default_text);
 }
 
@@ -658,8 +683,8 @@ std::string did_you_mean(std::string_view text, const std::vector<std::string_vi
 std::string scene_keys() {
   const SceneKeys& keys = scene_key_tables();
   std::string text = table_markdown(keys.top);
-  for (const TableSpec* table :
-       {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.tool, &keys.workspace, &keys.limits})
+  for (const TableSpec* table : {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.tool,
+                                 &keys.capsule, &keys.workspace, &keys.limits})
     text += concat({"\n", table_markdown(*table)});
   return text;
 }

@@ -36,6 +36,7 @@ struct KeySpec {
   double min = 0, max = 0;             ///< of numbers; both 0: no range
   std::vector<std::string_view> choices = {};
   std::string_view meaning = {};
+  std::string_view under = {};  ///< of a table in a table: what goes before its name in a heading, "tool."
 
   bool has_range() const { return min != 0 || max != 0; }
 };
@@ -49,7 +50,7 @@ struct TableSpec {
 };
 
 struct SceneKeys {
-  TableSpec top, data, tissue, preparation, force, tool, workspace, limits;
+  TableSpec top, data, tissue, preparation, force, tool, capsule, workspace, limits;
 };
 const SceneKeys& scene_key_tables();
 

@@ -131,17 +131,37 @@ void read_force(const TableReader& reader, ForceSettings& force) {
       reader.number("coupling_damping").value_or(force.settings.coupling_damping_N_s_per_mm);
 }
 
+void read_capsule(const TomlTable& table, Tool& tool, Problems& problems) {
+  const TableReader reader(&table, scene_key_tables().capsule, problems);
+  const auto from = reader.point("from"), to = reader.point("to");
+  for (const char* end : {"from", "to"})
+    if (!reader.has(end))
+      problems.add_missing(reader.line(), std::string("a capsule without `") + end + "`",
+                           std::string("add: ") + end + " = [x, y, z], in millimetres from the tip");
+  if (!from || !to) return;
+  constexpr double kLeastLength_mm = 0.1;
+  if ((*to - *from).norm() < kLeastLength_mm) {
+    problems.add(reader.line("to"), "a capsule whose ends are less than 0.1 mm apart",
+                 "move one end, or write a point");
+    return;
+  }
+  tool.capsules.push_back({*from, *to, reader.number("radius").value_or(tool.radius_mm)});
+}
+
 void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
   tool.name = reader.text("name").value_or(tool.name);
   tool.radius_mm = reader.number("radius").value_or(tool.radius_mm);
-  const auto points = reader.points("points");
-  if (!points) return;
-  if (points->empty() || points->size() > kMaxToolPoints) {
-    problems.add(reader.line("points"), "points has " + std::to_string(points->size()) + " points",
-                 "a tool has 1 to " + std::to_string(kMaxToolPoints) + " points");
+  tool.points_mm = reader.points("points").value_or(tool.points_mm);
+  if (tool.points_mm.empty() || tool.points_mm.size() > kMaxToolParts) {
+    problems.add(reader.line("points"), "points has " + std::to_string(tool.points_mm.size()) + " points",
+                 "a tool has 1 to " + std::to_string(kMaxToolParts) + " points");
     return;
   }
-  tool.points_mm = *points;
+  for (const TomlTable* table : reader.tables("capsule")) read_capsule(*table, tool, problems);
+  if (const std::size_t parts = tool.points_mm.size() + tool.capsules.size(); parts > kMaxToolParts)
+    problems.add(
+        reader.line("capsule"), "the tool has " + std::to_string(parts) + " points and capsules",
+        "together they may be " + std::to_string(kMaxToolParts) + "; without `points` the tip is one point");
 }
 
 void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {

@@ -189,6 +189,21 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_FALSE(scene->max_force_N.has_value());
 }
 
+TEST(ParseScene, AToolHasCapsules) {
+  const auto scene = parse_scene(
+      "[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nradius = 0.5\n"
+      "[[tool.capsule]]\nfrom = [0, 0, 0]\nto = [0, 0, 120.5]\nradius = 2\n"
+      "[[tool.capsule]]\nfrom = [0, 0, 0]\nto = [3, 0, 0]\n",
+      "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_EQ(scene->tool.points_mm.size(), 1u) << "the tip";
+  ASSERT_EQ(scene->tool.capsules.size(), 2u);
+  EXPECT_EQ(scene->tool.capsules[0].to_mm, Eigen::Vector3d(0, 0, 120.5));
+  EXPECT_EQ(scene->tool.capsules[0].radius_mm, 2);
+  EXPECT_EQ(scene->tool.capsules[1].to_mm, Eigen::Vector3d(3, 0, 0));
+  EXPECT_EQ(scene->tool.capsules[1].radius_mm, 0.5) << "the tool's";
+}
+
 TEST(ParseScene, WorkspaceTakesItsWholeRange) {
   for (const auto& [number, button] : {std::pair{"0.05", "0"}, {"20", "31"}}) {
     const auto scene =
@@ -246,6 +261,17 @@ INSTANTIATE_TEST_SUITE_P(
                  "did you mean scan?"},
         BadScene{TISSUE "[limits]\nmax_forse = 3\n", 5, "unknown key", "did you mean max_force?"},
         BadScene{TISSUE "[tool]\npoint = [[0,0,0]]\n", 5, "unknown key", "did you mean points?"},
+        BadScene{TISSUE "[[tool.capsule]]\nform = [0,0,0]\nto = [0,0,1]\n", 5,
+                 "unknown key \"form\" in [[tool.capsule]]", "did you mean from?"},
+        BadScene{TISSUE "[[tool.capsule]]\nfrom = [0,0,0]\n", 4, "a capsule without `to`",
+                 "add: to = [x, y, z]"},
+        BadScene{TISSUE "[[tool.capsule]]\nfrom = [0,0,0]\nto = [0,0,0.05]\n", 6,
+                 "ends are less than 0.1 mm apart", "move one end"},
+        BadScene{TISSUE "[[tool.capsule]]\nfrom = [0,0,0]\nto = [0,0,301]\n", 6, "outside -300 ... 300", ""},
+        BadScene{TISSUE "[tool]\ncapsule = 3\n", 5, "capsule is a whole number", "write [[tool.capsule]]"},
+        BadScene{TISSUE "[tool]\npoints = [[0,0,0],[1,0,0],[2,0,0]]\ncapsule = [{from=[0,0,0],to=[1,0,0]},"
+                        "{from=[0,0,0],to=[0,1,0]}]\n",
+                 6, "the tool has 5 points and capsules", "together they may be 4"},
         BadScene{TISSUE "[workspace]\nforce_gian = 2\n", 5, "unknown key \"force_gian\" in [workspace]",
                  "did you mean force_gain?"},
         BadScene{TISSUE "[workpace]\nscale = 2\n", 4, "unknown key \"workpace\"", "did you mean workspace?"},

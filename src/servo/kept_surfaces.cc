@@ -9,6 +9,16 @@ std::size_t count_of(const Model& model) {
   return std::min(model.surfaces.size(), kMostSurfaces);
 }
 
+// of an outer surface, which belongs to several, 0
+LabelId label_of(const Model& model, std::size_t surface) {
+  return surface < model.label_of_surface.size() ? model.label_of_surface[surface] : LabelId{0};
+}
+
+// of one that is not met by itself 0
+std::uint64_t content_of(const FeltSurface& felt) {
+  return felt.surface != nullptr ? felt.surface->content_hash() : 0;
+}
+
 // the place that fits, the one where it stood before all others; the number of places where there is none
 template <class Fits>
 std::size_t place_where(std::size_t places, std::size_t stood, const Fits& fits) {
@@ -25,11 +35,14 @@ std::span<const SurfaceBefore> find_before(const Model& model, const SessionStat
   const auto places = static_cast<std::size_t>(remembered.count);
   const std::size_t count = count_of(model);
   for (std::size_t s = 0; s < count; ++s) {
-    const LabelId label = model.label_of_surface[s];
-    const std::uint64_t content = model.surfaces[s].surface->content_hash();
-    const auto is_structure = [&](std::size_t place) { return remembered.label[place] == label; };
+    const LabelId label = label_of(model, s);
+    const std::uint64_t content = content_of(model.surfaces[s]);
+    // an outer surface with another shape is a new one: what it holds together may have changed
+    const auto is_structure = [&](std::size_t place) {
+      return label != 0 && remembered.label[place] == label;
+    };
     const auto is_same = [&](std::size_t place) {
-      return is_structure(place) && remembered.content[place] == content;
+      return remembered.label[place] == label && remembered.content[place] == content;
     };
     std::size_t place = place_where(places, s, is_same);
     const bool same = place < places;
@@ -42,8 +55,8 @@ std::span<const SurfaceBefore> find_before(const Model& model, const SessionStat
 void remember_surfaces(const Model& model, SessionState::Surfaces& remembered) {
   const std::size_t count = count_of(model);
   for (std::size_t s = 0; s < count; ++s) {
-    remembered.label[s] = model.label_of_surface[s];
-    remembered.content[s] = model.surfaces[s].surface->content_hash();
+    remembered.label[s] = label_of(model, s);
+    remembered.content[s] = content_of(model.surfaces[s]);
   }
   remembered.count = static_cast<int>(count);
   remembered.version = model.version;

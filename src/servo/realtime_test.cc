@@ -109,8 +109,26 @@ int pthread_rwlock_wrlock(pthread_rwlock_t* lock) noexcept {
 namespace palpate {
 namespace {
 
+// the ball among so many small ones, and a tool of four spheres that reaches far
+Model crowded_model() {
+  constexpr std::size_t kStructures = 250;
+  Model model = testing::as_one_body(testing::with_every_method(testing::ball_model({1, 1, 1}, 1.0, 3)), 3);
+  for (std::size_t n = 0; model.surfaces.size() < kStructures; ++n) {
+    const double turn = 0.7 * static_cast<double>(n), up_mm = 0.2 * static_cast<double>(n) - 25;
+    const Eigen::Vector3d centre(30 * std::cos(turn), 30 * std::sin(turn), up_mm);
+    GridGeometry grid = testing::cube_grid(5, {1, 1, 1});
+    grid.origin += Vector<Patient>(centre);
+    model.surfaces.push_back(testing::felt_surface(
+        grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
+    model.label_of_surface.push_back(testing::kBone);
+  }
+  model.tool.points_mm = {{0, 0, 0}, {5, 0, 0}};
+  model.tool.capsules = {{{0, 5, 0}, {0, 5, 20}, 1}, {{0, 0, 0}, {0, 0, 40}, 0.5}};
+  return model;
+}
+
 // two devices led in and out of contact, deep inside, outside, through poses and rotations that are no
-// numbers, clamped and paused, by every force method
+// numbers, clamped and paused, turned slowly and faster than a tick follows, by every force method
 class Exercise {
  public:
   void run(int ticks) {
@@ -118,6 +136,8 @@ class Exercise {
       const double r = 15 + 20 * std::sin(0.003 * n);
       devices_[0].tip = Point<World>(r * std::cos(0.01 * n), r * std::sin(0.01 * n), 0);
       devices_[1].tip = Point<World>(0, n % 50 == 0 ? std::nan("") : 16.0, 0.001 * n);
+      const double turn = n % 2000 < 1000 ? 0.005 * n : 0.3 * n;
+      devices_[0].R_WorldTool = Eigen::AngleAxisd(turn, Eigen::Vector3d(0.6, 0, 0.8));
       if (n % 100 == 0)
         parameters_.rotation_target = Eigen::Quaterniond(std::cos(1e-4 * n), 0, std::sin(1e-4 * n), 0);
       if (n % 700 == 0) parameters_.rotation_target = Eigen::Quaterniond(0, 1e200, 0, 0);
@@ -130,8 +150,7 @@ class Exercise {
   }
 
  private:
-  Model model_ =
-      testing::with_exact_surfaces(testing::with_every_method(testing::ball_model({1, 1, 1}, 1.0, 3)), 3);
+  const Model model_ = crowded_model();
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;

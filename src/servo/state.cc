@@ -14,23 +14,28 @@ void hash_wrench(std::uint64_t& hash, const Wrench& wrench) {
   hash_double(hash, wrench.gripper_N);
 }
 
-void hash_proxy(std::uint64_t& hash, const ProxyState& proxy) {
+void hash_layer(std::uint64_t& hash, const ProxyLayer& proxy) {
   hash_word(hash,
             static_cast<std::uint64_t>(proxy.coupled) << 1 | static_cast<std::uint64_t>(proxy.sticking));
   for (int axis = 0; axis < 3; ++axis) {
     hash_double(hash, proxy.position[axis]);
     hash_double(hash, proxy.last_way[axis]);
   }
+  hash_quaternion(hash, proxy.attitude);
   constexpr std::size_t kWord = 64;
   constexpr SurfaceSet low(~std::uint64_t{0});
   for (std::size_t bit = 0; bit < kMostSurfaces; bit += kWord)
     hash_word(hash, (proxy.punctured >> bit & low).to_ullong());
+  hash_double(hash, proxy.part);
+  hash_double(hash, proxy.lost_s);
   hash_word(hash, static_cast<std::uint64_t>(proxy.contacts));
   for (int n = 0; n < proxy.contacts; ++n) {
     const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
     hash_word(hash,
               static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.sphere));
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, contact.normal[axis]);
+    // of spheres it is 0, and the hash that of recordings before there were capsules
+    if (contact.part != 0) hash_double(hash, contact.part);
     hash_double(hash, contact.pull_mm);
   }
 }
@@ -53,7 +58,7 @@ std::uint64_t SessionState::hash(int devices) const {
       hash_double(hash, hands[d].previous_tip[axis]);
     }
     hands[d].velocity.hash_into(hash);
-    hash_proxy(hash, hands[d].proxy);
+    for (int n = 0; n < kMostLayers; ++n) hash_layer(hash, hands[d].proxy.layer(n));
     hash_word(hash, hands[d].proxy_version);
     hash_word(hash, hands[d].held_directly);
     const CouplingState& coupling = hands[d].coupling;

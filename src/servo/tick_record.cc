@@ -67,6 +67,11 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
   if (tool.strongest.is_touch()) {
     out.flags |= kFlagContact;
     out.label = tool.strongest.site.label;
+    for (std::size_t n = 0; n < tool.felt.size(); ++n) {
+      out.felt_label[n] = tool.felt[n].label;
+      out.felt_depth_mm[n] = tool.felt[n].depth_mm;
+      out.felt_share[n] = tool.felt[n].share;
+    }
   }
   out.flags |= sent.flags;
   out.force_N = plain(sent.wrench.force_N);

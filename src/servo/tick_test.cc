@@ -479,6 +479,24 @@ TEST(Tick, TheProxyTellsTheStructureByTheLabelsWhereItLeans) {
   EXPECT_NEAR(loop.wrench.force_N.x(), 1 * 0.75, 0.05) << "cartilage's own stiffness";
 }
 
+TEST(Tick, TellsWhatTheForceComesFrom) {
+  ProxyLoop loop(3);
+  const DeviceTick& device = loop.record.device[0];
+  loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm + 4, 0, 0}, 100);
+  EXPECT_EQ(device.felt_label[0], 0) << "nothing is touched";
+  loop.lead({kBoneRadius_mm + 4, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
+  EXPECT_EQ(device.felt_label[0], kCartilage);
+  EXPECT_NEAR(device.felt_depth_mm[0], 1, 0.02);
+  EXPECT_NEAR(device.felt_share[0], 1, 1e-12);
+  EXPECT_EQ(device.felt_label[1], 0);
+  // by a direct method what is touched gives all
+  loop.parameters.method = ForceMethod::kTrilinear;
+  loop.at({kBoneRadius_mm + 2, 0, 0});
+  EXPECT_EQ(device.felt_label[0], device.label);
+  EXPECT_EQ(device.felt_depth_mm[0], device.depth_mm);
+  EXPECT_EQ(device.felt_share[0], 1);
+}
+
 TEST(Tick, TheProxyWaitsForATipThatBeginsInsideOrComesOutOfAPause) {
   ProxyLoop loop;
   loop.at({kBoneRadius_mm - 1, 0, 0});
@@ -1062,6 +1080,7 @@ TEST(Tick, InsideAPuncturedStructureItsViscosityIsFelt) {
   const double drag_N = loop.model.tissues[0].viscosity_N_s_per_mm * way_mm / (40 * kMillisecond_s);
   EXPECT_NEAR(loop.wrench.force_N.x(), drag_N, 0.1 * drag_N);
   EXPECT_EQ(loop.record.device[0].label, kBone);
+  EXPECT_EQ(loop.record.device[0].felt_label[0], kBone);
 }
 
 TEST(Tick, AStiffnessBelowNothingIsNone) {

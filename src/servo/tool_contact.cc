@@ -76,35 +76,30 @@ ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
 LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at) {
   const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
-  return model.is_felt(label) ? label : model.label_of_surface[static_cast<std::size_t>(contact.surface)];
+  if (model.is_felt(label)) return label;
+  const auto surface = static_cast<std::size_t>(contact.surface);
+  const Owners* owners = model.surfaces[surface].owners.get();
+  return model
+      .label_of_surface[owners == nullptr ? surface : static_cast<std::size_t>(owners->at(at).largest())];
 }
 
-// The normal of all that the proxy leans on together. Where it rests on an edge, or where the position bends
-// more than its smoother normals say, the walls' own are not all that hold it: then it is the direction next
-// to theirs from which the force is no farther than friction lets it be.
-Vector<Patient> normal_of(const Model& model, const ProxyState& proxy, std::span<const ProxyContact> contacts,
-                          bool friction, const Vector<Patient>& force_N) {
-  Vector<Patient> pull_mm;
-  double all_mm = 0, coefficient = 0;
-  for (const ProxyContact& contact : contacts) {
-    const FeltSurface& felt = model.surfaces[static_cast<std::size_t>(contact.surface)];
-    pull_mm += contact.normal * contact.pull_mm;
-    all_mm += contact.pull_mm;
-    if (friction)
-      coefficient += contact.pull_mm * (proxy.sticking ? felt.static_friction : felt.dynamic_friction);
-  }
-  const Vector<Patient> walls = pull_mm.normalized(), along = force_N.normalized();
-  if (!(all_mm > 0) || along == Vector<Patient>()) return walls;
+// The normal of all that the proxies lean on together. Where one rests on an edge, or where the position
+// bends more than its smoother normals say, the walls' own are not all that hold it: then it is the direction
+// next to theirs from which the force is no farther than friction lets it be.
+Vector<Patient> normal_of(const ProxyResult& result) {
+  const Vector<Patient>& walls = result.normal;
+  const Vector<Patient> along = result.force_N.normalized();
+  if (along == Vector<Patient>()) return walls;
   const double ahead = walls.dot(along);
   const Vector<Patient> aside = walls - along * ahead;
-  const double off = aside.norm(), most = coefficient / all_mm;
-  if (off <= most * ahead || off == 0) return walls;
-  return (along + aside * (most / off)).normalized();
+  const double off = aside.norm();
+  if (off <= result.friction * ahead || off == 0) return walls;
+  return (along + aside * (result.friction / off)).normalized();
 }
 
 // what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
 PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span<const ToolSphere> spheres,
-                          const Point<Patient>& tip, bool friction, const Vector<Patient>& spring_N,
+                          const Point<Patient>& tip, const ProxyResult& result,
                           const Vector<Patient>& force_N) {
   PointContact contact;
   contact.proxy = proxy.coupled ? proxy.position : tip;
@@ -114,22 +109,42 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, std::span
                                      [](const auto& a, const auto& b) { return a.pull_mm < b.pull_mm; });
   if (most == contacts.end()) return contact;
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(most->sphere)];
-  contact.sample.gradient = -normal_of(model, proxy, contacts, friction, spring_N);
-  contact.site = site_of(
-      model, label_under(model, *most, proxy.position + sphere.offset_mm - most->normal * sphere.radius_mm),
-      (proxy.position - tip).norm());
+  contact.sample.gradient = -normal_of(result);
+  contact.site = site_of(model,
+                         label_under(model, *most,
+                                     proxy.position + sphere.offset_mm + sphere.along_mm * most->part -
+                                         most->normal * sphere.radius_mm),
+                         (proxy.position - tip).norm());
   return contact;
+}
+
+FeltStructure all_of_it(const PointContact& contact) {
+  return {contact.site.label, contact.site.depth_mm, 1};
+}
+
+std::array<FeltStructure, kMostTold> felt_by_proxy(const Model& model, const ProxyResult& result,
+                                                   const PointContact& strongest) {
+  static_assert(kMostTold == kMostFeltParts);
+  std::array<FeltStructure, kMostTold> felt;
+  for (int n = 0; n < result.felt_parts; ++n) {
+    const FeltPart& part = result.felt[static_cast<std::size_t>(n)];
+    felt[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
+                                         part.depth_mm, part.share};
+  }
+  // within what was gone through nothing but viscosity is felt
+  if (result.felt_parts == 0) felt[0] = all_of_it(strongest);
+  return felt;
 }
 
 // Between tip and proxy: the spring's force over that with the stiffness of what is touched. The stiffness
 // that is felt follows it slowly, so that the seam of two structures is no step; contact begins with it. The
 // damper's velocity is a mean over a window of time that free space is part of, so that it comes in with the
 // spring; it takes off what the spring gives and no more.
-double coupled(const ProxyResult& result, const Vector<Patient>& pull_mm, double damping_N_s_per_mm,
+double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double damping_N_s_per_mm,
                double dt_s, CouplingState& state) {
   if (damping_N_s_per_mm > 0) state.pull_velocity.push(pull_mm - state.pull_mm, dt_s);
   state.pull_mm = pull_mm;
-  const double stiffness = result.stiffness_N_per_mm, length_mm = pull_mm.norm();
+  const double stiffness = spring.stiffness_N_per_mm, length_mm = pull_mm.norm();
   if (!(stiffness > 0) || !(length_mm > 0)) {
     state.stiffness_N_per_mm = 0;
     return 1;
@@ -175,6 +190,7 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
       tool.strongest = contact;
     first = false;
   }
+  tool.felt[0] = all_of_it(tool.strongest);
   return tool;
 }
 
@@ -190,31 +206,44 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
   std::size_t count = 0;
   for (const Eigen::Vector3d& offset_mm : model.tool.points_mm)
     tool_spheres[count++] = {X_PatientWorld * Vector<World>(turn * offset_mm), model.tool.radius_mm};
+  for (const ToolCapsule& capsule : model.tool.capsules)
+    tool_spheres[count++] = {X_PatientWorld * Vector<World>(turn * capsule.from_mm), capsule.radius_mm,
+                             X_PatientWorld * Vector<World>(turn * (capsule.to_mm - capsule.from_mm))};
   const std::span<const ToolSphere> spheres{tool_spheres.data(), count};
+  const ToolPose hand(tip, Eigen::Quaterniond(Eigen::Matrix3d(X_PatientWorld.linear() * turn)));
 
-  if (change.surfaces) keep_proxy(model.surfaces, spheres, change.before, proxy);
-  if (change.method && !proxy.coupled) give_birth_to_proxy(model.surfaces, spheres, tip, proxy);
-  const ProxyResult result = advance_proxy(model.surfaces, spheres, tip, proxy,
-                                           {parameters.friction, most_stiffness_N_per_mm(gains)});
-  const Vector<Patient> pull_mm = proxy.coupled ? proxy.position - tip : Vector<Patient>();
+  if (change.surfaces) keep_proxy(model.surfaces, spheres, hand, change.before, proxy);
+  if (change.method && !proxy.coupled) give_birth_to_proxy(model.surfaces, spheres, hand, proxy);
+  const ProxyResult result = advance_proxy(model.surfaces, spheres, hand, proxy,
+                                           {parameters.friction, most_stiffness_N_per_mm(gains), dt_s});
+  // as the proxy holds it
+  const TurnedTool held(spheres, hand.attitude, proxy.attitude);
+  const Vector<Patient> pull_mm = proxy.coupled ? (proxy.position - tip) * proxy.part : Vector<Patient>();
   const double most_N_s_per_mm = most_damping_N_s_per_mm(gains);
   const double damping_N_s_per_mm =
       std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
-  const double part = coupled(result, pull_mm, damping_N_s_per_mm, dt_s, coupling);
+  // the layers within are met as they are: what is felt of them comes in with the depth
+  const ProxyForce& outermost = result.outermost;
+  const double less = 1 - coupled(outermost, pull_mm, damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;
   tool.strongest =
-      strongest_of(model, proxy, spheres, tip, parameters.friction, result.force_N, result.force_N * part);
+      strongest_of(model, proxy, held.spheres(), tip, result, result.force_N - outermost.force_N * less);
   ContactSite& site = tool.strongest.site;
   if (site.tissue < 0 && proxy.punctured.any()) site = site_of(model, label_at(model, tip), kInside_mm);
   if (parameters.viscosity && site.tissue >= 0)
     tool.strongest.force_N +=
         viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], velocity_mm_s,
                       site.depth_mm / kInside_mm, most_N_s_per_mm - damping_N_s_per_mm);
+  tool.felt = felt_by_proxy(model, result, tool.strongest);
   tool.asked.force_N = X_WorldPatient * tool.strongest.force_N * gains.force_gain;
-  tool.asked.torque_Nmm = X_WorldPatient * result.torque_Nmm * (part * gains.force_gain / gains.scale);
+  tool.asked.torque_Nmm =
+      X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) * (gains.force_gain / gains.scale);
   tool.stored_mJ =
-      0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm() * gains.force_gain / gains.scale;
-  tool.stiffness_N_per_mm = coupling.stiffness_N_per_mm * gains.force_gain * gains.scale;
+      (0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm() + result.stored_mJ - outermost.stored_mJ) *
+      (gains.force_gain / gains.scale);
+  tool.stiffness_N_per_mm =
+      (coupling.stiffness_N_per_mm + result.stiffness_N_per_mm - outermost.stiffness_N_per_mm) *
+      (gains.force_gain * gains.scale);
   if (!proxy.coupled) tool.flags |= kFlagInside;
   if (result.wedged) tool.flags |= kFlagWedged;
   if (result.ruptured) tool.flags |= kFlagRuptured;

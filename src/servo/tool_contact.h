@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <limits>
 
 #include "palpate/servo.h"
@@ -17,11 +18,20 @@ struct PointContact {
   bool is_touch() const;
 };
 
+/// A structure along the tip's way in.
+struct FeltStructure {
+  LabelId label = 0;
+  double depth_mm = 0;  ///< of the way that lies within it; NaN: deeper than is measured
+  double share = 0;     ///< of the force, 0 ... 1
+};
+
 /// What all points of the tool ask for together, multiplied by the device's gains, and the contact that asks
 /// for most.
 struct ToolContact {
   Wrench asked;
   PointContact strongest;
+  /// Outermost first; those after the last have label 0.
+  std::array<FeltStructure, kMostTold> felt;
   /// Energy at the device that the contact can hold as a spring does; infinite: not known.
   double stored_mJ = std::numeric_limits<double>::infinity();
   double stiffness_N_per_mm = 0;  ///< of it, at the device, where it is stiffest

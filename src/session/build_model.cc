@@ -7,6 +7,7 @@
 #include "palpate/ramps.h"
 #include "palpate/reading.h"
 #include "palpate/session.h"
+#include "session/kept_preparation.h"
 #include "session/ramp_structures.h"
 
 namespace palpate {
@@ -20,8 +21,13 @@ constexpr double kThresholdRamp_mm = 5;
 
 // scan and labels on one grid, the finer of the two; what moves is said
 struct CommonGrid {
-  std::optional<LabelMap> labels;
-  std::optional<Volume<float>> scan;
+  const LabelMap* labels() const { return moved_labels ? &*moved_labels : given_labels; }
+  const Volume<float>* scan() const { return moved_scan ? &*moved_scan : given_scan; }
+
+  const LabelMap* given_labels;
+  const Volume<float>* given_scan;
+  std::optional<LabelMap> moved_labels = {};
+  std::optional<Volume<float>> moved_scan = {};
 };
 
 bool reaches_beyond(const GridGeometry& inner, const GridGeometry& outer) {
@@ -36,18 +42,14 @@ bool reaches_beyond(const GridGeometry& inner, const GridGeometry& outer) {
   return false;
 }
 
-Result<CommonGrid> onto_one_grid(const LabelMap* labels, const Volume<float>* scan, const Warn& warn) {
-  CommonGrid common;
-  const bool same = labels && scan && labels->geometry().same_grid(scan->geometry());
-  if (!labels || !scan || same) {
-    if (labels) common.labels = *labels;
-    if (scan) common.scan = *scan;
-    return common;
-  }
+Result<CommonGrid> onto_one_grid(const LabelMap* labels, const Volume<float>* scan, const Progress& progress,
+                                 const Warn& warn) {
+  CommonGrid common{labels, scan};
+  if (!labels || !scan || labels->geometry().same_grid(scan->geometry())) return common;
   if (&field_grid(&labels->geometry(), &scan->geometry()) == &labels->geometry()) {
     // what the scan does not reach counts as its darkest value: 0 HU would be tissue
     const float darkest = *std::min_element(scan->voxels().begin(), scan->voxels().end());
-    auto moved = resample_linear(*scan, labels->geometry(), darkest);
+    auto moved = kept_resampled(*scan, labels->geometry(), darkest, progress);
     if (!moved) return moved.error();
     if (warn) {
       warn(
@@ -56,11 +58,10 @@ Result<CommonGrid> onto_one_grid(const LabelMap* labels, const Volume<float>* sc
       if (reaches_beyond(labels->geometry(), scan->geometry()))
         warn("the label map reaches beyond the scan; there the scan counts as its darkest value");
     }
-    common.labels = *labels;
-    common.scan = std::move(*moved);
+    common.moved_scan = std::move(*moved);
     return common;
   }
-  auto moved = resample_nearest(*labels, scan->geometry());
+  auto moved = kept_resampled(*labels, scan->geometry(), progress);
   if (!moved) return moved.error();
   if (warn) {
     warn(
@@ -69,8 +70,7 @@ Result<CommonGrid> onto_one_grid(const LabelMap* labels, const Volume<float>* sc
     if (reaches_beyond(labels->geometry(), scan->geometry()))
       warn("part of the label map lies outside the scan and is not felt");
   }
-  common.labels = std::move(*moved);
-  common.scan = *scan;
+  common.moved_labels = std::move(*moved);
   return common;
 }
 
@@ -122,6 +122,13 @@ std::uint64_t content_hash(const Model& model) {
   for (const Eigen::Vector3d& point : model.tool.points_mm)
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
   hash_double(hash, model.tool.radius_mm);
+  for (const ToolCapsule& capsule : model.tool.capsules) {
+    for (int axis = 0; axis < 3; ++axis) {
+      hash_double(hash, capsule.from_mm[axis]);
+      hash_double(hash, capsule.to_mm[axis]);
+    }
+    hash_double(hash, capsule.radius_mm);
+  }
   for (const double value :
        {model.sigma_mm, model.ramp_width_mm, model.reach_mm, model.scene_max_force_N,
         model.method_settings.sphere_sigma_voxels, model.method_settings.coupling_damping_N_s_per_mm})
@@ -196,8 +203,8 @@ Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& p
     if (!smoothed) return smoothed.error();
     return std::make_shared<const Field>(*smoothed);
   };
-  return preparation.storage == FieldStorage::k8Bit ? keep(gaussian_smooth(weights, options, progress))
-                                                    : keep(gaussian_smooth_16(weights, options, progress));
+  return preparation.storage == FieldStorage::k8Bit ? keep(kept_smooth(weights, options, progress))
+                                                    : keep(kept_smooth_16(weights, options, progress));
 }
 
 // what is so thin that not even the limit's force can be given, the least first
@@ -240,9 +247,9 @@ Result<std::shared_ptr<const Field>> ramp_field(const PreparationSettings& prepa
     model.ramp_width_mm = *width_mm;
     return empty_field(preparation, labels.geometry());
   }
-  auto ramps = prepare_ramps(
-      labels, structures, {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = *width_mm},
-      progress);
+  auto ramps =
+      kept_ramps(labels, structures,
+                 {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = *width_mm}, progress);
   if (!ramps) return ramps.error();
   model.ramp_width_mm = *width_mm;
   warn_of_thin(model, *ramps, warn);
@@ -263,7 +270,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   if (labels && scan) finer = &field_grid(&labels->geometry(), &scan->geometry());
   if (auto allowed = allow_memory(finer->voxel_count() * kBytesPerVoxel + kBesides, scene.source); !allowed)
     return allowed.error();
-  auto common = onto_one_grid(labels, scan, warn);
+  auto common = onto_one_grid(labels, scan, progress, warn);
   if (!common) {
     Error error = common.error();
     if (error.where.empty()) error.where = scene.source;
@@ -284,12 +291,13 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   const double stiffest = greatest > 0 ? greatest : 1;
 
   // labels: each takes its tissue's weight
-  const GridGeometry grid = common->labels ? common->labels->geometry() : common->scan->geometry();
+  const GridGeometry grid = common->labels() ? common->labels()->geometry() : common->scan()->geometry();
+  const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   std::vector<std::uint8_t> weight_of_label(65536, 0);
   Volume<std::uint8_t> weights;
   Volume<LabelId> flat;
-  if (common->labels) {
-    auto ids = resolve_labels(scene, *common->labels);
+  if (const LabelMap* map = common->labels()) {
+    auto ids = resolve_labels(scene, *map);
     if (!ids) return ids.error();
     for (std::size_t t = 0; t < ids->size(); ++t)
       for (const LabelId id : (*ids)[t]) {
@@ -298,11 +306,12 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
         if (model->tissues[t].felt) weight_of_label[id] = weight;
       }
     progress.report("weighing labels", 0);
-    weights = weigh_labels(*common->labels, weight_of_label);
-    flat = flatten_by_weight(*common->labels, weight_of_label);
-    model->segments = common->labels->segments;
+    // ramps read labels alone
+    if (!ramps) weights = weigh_labels(*map, weight_of_label);
+    flat = flatten_by_weight(*map, weight_of_label);
+    model->segments = map->segments;
   } else {
-    weights = Volume<std::uint8_t>(grid);
+    if (!ramps) weights = Volume<std::uint8_t>(grid);
     flat = Volume<LabelId>(grid);
   }
 
@@ -311,7 +320,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
     const TissueSettings& settings = scene.tissues[t];
     if (!settings.threshold) continue;
-    if (!common->scan)
+    if (!common->scan())
       return Error{ErrorKind::kBadInput,
                    "tissue '" + settings.name + "' has a threshold but the scene has no scan",
                    scene.source + ":" + std::to_string(settings.line), "name the scan under [data]"};
@@ -322,11 +331,12 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
     set_label(*model, id, static_cast<int>(t), weight);
     if (felt) weight_of_label[id] = weight;
     model->segments.push_back({id, settings.name, settings.colour.value_or(Rgb{230, 210, 180}), 0, id});
-    const Volume<std::uint8_t> ramp = ramp_scan(*common->scan, low, high, weight / 255.0);
+    Volume<std::uint8_t> ramp;
+    if (!ramps) ramp = ramp_scan(*common->scan(), low, high, weight / 255.0);
     bool reached = false;
     for (std::size_t v = 0; v < flat.voxels().size(); ++v) {
-      if (felt) weights.voxels()[v] = std::max(weights.voxels()[v], ramp.voxels()[v]);
-      if (!(common->scan->voxels()[v] >= 0.5 * (low + high))) continue;
+      if (felt && !ramps) weights.voxels()[v] = std::max(weights.voxels()[v], ramp.voxels()[v]);
+      if (!(common->scan()->voxels()[v] >= 0.5 * (low + high))) continue;
       reached = true;
       LabelId& current = flat.voxels()[v];
       if (current == 0 || weight_of_label[id] > weight_of_label[current]) current = id;
@@ -343,7 +353,6 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
     if (tissue >= 0 && scene.tissues[tissue].colour) segment.colour = *scene.tissues[tissue].colour;
   }
 
-  const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   auto field = ramps ? ramp_field(scene.preparation, flat, progress, warn, *model)
                      : smoothed_field(scene.preparation, weights, progress);
   if (!field) {
@@ -360,7 +369,10 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
                     (ramps ? kDeepestRamp_mm : 4 * model->sigma_mm + (by_threshold ? kThresholdRamp_mm : 0));
 
   model->labels = std::make_shared<const Volume<LabelId>>(std::move(flat));
-  if (common->scan) model->scan = std::make_shared<const Volume<float>>(std::move(*common->scan));
+  if (common->moved_scan)
+    model->scan = std::make_shared<const Volume<float>>(*std::move(common->moved_scan));
+  else if (common->scan())
+    model->scan = std::make_shared<const Volume<float>>(*common->scan());
   model->X_WorldPatient = supine_from_feet(grid);
   model->oriented = oriented;
   const Side anatomy = oriented ? side_from_anatomy(*model) : Side::kUnknown;

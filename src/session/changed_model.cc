@@ -36,7 +36,7 @@ void give(const ModelChange& change, Tissue& tissue) {
 }
 
 void give_to_surfaces(int index, const Tissue& tissue, Model& model) {
-  for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
+  for (std::size_t s = 0; s < model.label_of_surface.size(); ++s) {
     if (model.tissue_of_label[model.label_of_surface[s]] != index) continue;
     FeltSurface& surface = model.surfaces[s];
     surface.stiffness_N_per_mm = tissue.stiffness_N_per_mm;

@@ -66,8 +66,14 @@ double most_beyond_mm(const Recording& recording, const Model& model, double for
     };
     if (d.label != 0)
       most = std::max(most, d.depth_mm - explained_mm(model.tissue_of(d.label)->stiffness_N_per_mm));
-    for (const FeltSurface& s : model.surfaces)
-      most = std::max(most, -s.surface->distance_mm(tip) - explained_mm(s.stiffness_N_per_mm));
+    for (const FeltSurface& s : model.surfaces) {
+      if (s.surface == nullptr) continue;
+      // an outer surface gives what the structure gives that is touched
+      const double stiffness = s.owners != nullptr && d.label != 0
+                                   ? model.tissue_of(d.label)->stiffness_N_per_mm
+                                   : s.stiffness_N_per_mm;
+      most = std::max(most, -s.surface->distance_mm(tip) - explained_mm(stiffness));
+    }
   }
   return most;
 }

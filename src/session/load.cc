@@ -4,6 +4,7 @@
 #include "palpate/phantoms.h"
 #include "palpate/session.h"
 #include "palpate/volume_io.h"
+#include "session/kept_preparation.h"
 #include "session/proposed_scene.h"
 
 namespace palpate {
@@ -40,13 +41,13 @@ Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (labels_file) {
-    auto read = read_labels(*labels_file, names_file, progress, warn);
+    auto read = read_labels(*labels_file, names_file, progress, warn, Doubtful::kRefused, Unpacked::kKept);
     if (!read) return read.error();
     labels = std::move(*read);
   }
   if (progress.stopped()) return Progress::interrupted();
   if (scan_file) {
-    auto read = read_scan(*scan_file, progress, warn);
+    auto read = read_scan(*scan_file, progress, warn, Unpacked::kKept);
     if (!read) return read.error();
     scan = std::move(*read);
     if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
@@ -72,7 +73,7 @@ Result<LoadedScene> load_phantom(const std::string& what, const Progress& progre
   auto scene = scene_of_phantom(name, *parameters);
   if (!scene) return scene.error();
   prepare_by(preparation, scene->preparation);
-  const auto phantom = make_phantom(*parameters, progress);
+  const auto phantom = kept_phantom(*parameters, progress);
   if (!phantom) return phantom.error();
   auto model = build_model(*scene, &phantom->labels, &phantom->scan, progress, warn);
   if (!model) return model.error();
@@ -95,7 +96,7 @@ Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& p
 // a scan or a label map by itself, with the scene that is proposed for it
 Result<LoadedScene> load_volume(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
                                 std::optional<PreparationMethod> preparation) {
-  auto volume = read_volume(file, {}, progress, warn);
+  auto volume = read_volume(file, {}, progress, warn, Unpacked::kKept);
   if (!volume) return volume.error();
   auto proposed = propose_scene(file, *volume);
   if (!proposed) return proposed.error();

@@ -6,6 +6,7 @@
 #include "palpate/session.h"
 #include "session/changed_model.h"
 #include "session/plain_vectors.h"
+#include "session/recorded_model.h"
 
 namespace palpate {
 namespace {
@@ -210,15 +211,19 @@ void Replayer::run_again(const TickRecord& recorded) {
 
 }  // namespace
 
+Result<void> check_recorded_model(const RecordingHeader& recording, const Model& model) {
+  if (recording.model_hash == model.content_hash) return {};
+  return Error{
+      ErrorKind::kBadInput, "the recording was made with another scene or other volumes", "",
+      "name the scene file or data set that it was made with; a changed scene is another model, and so "
+      "may be the same scene to another version: this one was recorded by palpate " +
+          recording.palpate_version + ", commit " + recording.commit};
+}
+
 Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<const Model> prepared,
                             const Progress& progress) {
   const RecordingHead& head = recording.head();
-  if (head.header.model_hash != prepared->content_hash)
-    return Error{
-        ErrorKind::kBadInput, "the recording was made with another scene or other volumes", "",
-        "name the scene file or data set that it was made with; a changed scene is another model, and so "
-        "may be the same scene to another version: this one was recorded by palpate " +
-            head.header.palpate_version + ", commit " + head.header.commit};
+  if (auto same = check_recorded_model(head.header, *prepared); !same) return same.error();
 
   const auto methods = methods_of(head);
   if (!methods) return methods.error();

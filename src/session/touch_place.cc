@@ -120,8 +120,11 @@ std::string cover_of(const Model& model, LabelId structure) {
 
 double tool_reach_mm(const Tool& tool) {
   double reach_mm = 0;
-  for (const Eigen::Vector3d& offset_mm : tool.points_mm) reach_mm = std::max(reach_mm, offset_mm.norm());
-  return reach_mm + tool.radius_mm;
+  for (const Eigen::Vector3d& offset_mm : tool.points_mm)
+    reach_mm = std::max(reach_mm, offset_mm.norm() + tool.radius_mm);
+  for (const ToolCapsule& capsule : tool.capsules)
+    reach_mm = std::max(reach_mm, std::max(capsule.from_mm.norm(), capsule.to_mm.norm()) + capsule.radius_mm);
+  return reach_mm;
 }
 
 TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, LabelId structure,

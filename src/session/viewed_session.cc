@@ -10,10 +10,9 @@
 #include <numbers>
 #include <system_error>
 
-#include "base/hash.h"
-#include "palpate/rendering.h"
 #include "session/plain_vectors.h"
 #include "session/told_loop.h"
+#include "session/viewed_scene.h"
 
 namespace palpate {
 namespace {
@@ -23,43 +22,6 @@ constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
 constexpr int kLowestPriority = 19;
 // from the volume's centre
 constexpr double kFarthestTip_mm = 2000;
-// no unit of a scan but the Hounsfield has values as low: air is -1000
-constexpr float kOnlyHounsfield = -500;
-
-// what the scene says, else what the values do
-Modality modality_of(Modality said, const Volume<float>* scan) {
-  if (said != Modality::kUnknown || !scan) return said;
-  const auto& voxels = scan->voxels();
-  const bool air = std::any_of(voxels.begin(), voxels.end(), [](float v) { return v <= kOnlyHounsfield; });
-  return air ? Modality::kCt : Modality::kUnknown;
-}
-
-template <class T>
-void hash_volume(const Volume<T>* volume, std::uint64_t& hash) {
-  if (!volume) return;
-  const GridGeometry& grid = volume->geometry();
-  for (const int dim : grid.dims) hash_word(hash, static_cast<std::uint64_t>(dim));
-  hash_bytes(hash, volume->voxels().data(), volume->voxels().size() * sizeof(T));
-}
-
-std::array<std::array<double, 4>, 4> rows_of(const Transform<World, Patient>& X) {
-  std::array<std::array<double, 4>, 4> rows{};
-  for (std::size_t r = 0; r < 3; ++r) {
-    for (std::size_t c = 0; c < 3; ++c) rows[r][c] = X.linear()(static_cast<int>(r), static_cast<int>(c));
-    rows[r][3] = X.translation()[static_cast<int>(r)];
-  }
-  rows[3][3] = 1;
-  return rows;
-}
-
-// the tissue's own, or that of its first structure
-Rgb colour_of(const Model& model, std::size_t tissue) {
-  for (const Segment& segment : model.segments)
-    if (segment.id < model.tissue_of_label.size() &&
-        model.tissue_of_label[segment.id] == static_cast<int>(tissue))
-      return segment.colour;
-  return model.tissues[tissue].colour;
-}
 
 Error bad(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kBadInput, std::move(what), std::move(where), std::move(remedy)};
@@ -81,6 +43,21 @@ std::string number_text(double value) {
   char text[40];
   std::snprintf(text, sizeof text, "%.4g", value);
   return text;
+}
+
+StoppedBy stopped_by(Asker asker) {
+  switch (asker) {
+    case Asker::kSession:
+    case Asker::kScript:
+      return StoppedBy::kSession;
+    case Asker::kKey:
+      return StoppedBy::kKey;
+    case Asker::kControlViewer:
+    case Asker::kLookingViewer:
+    case Asker::kAgreedViewer:
+      return StoppedBy::kViewer;
+  }
+  return StoppedBy::kSession;
 }
 
 // in a request's words
@@ -202,34 +179,7 @@ const ViewedScene& ViewedSession::scene() const {
 
 ViewedScene ViewedSession::make_scene() const {
   const Model& model = *parts_.model;
-  ViewedScene scene;
-  scene.side = name_of(model.side, kSides);
-  scene.oriented = model.oriented;
-  scene.modality = name_of(modality_of(parts_.modality, model.scan.get()), kModalities);
-  std::uint64_t hash = kHashSeed;
-  hash_volume(model.labels.get(), hash);
-  hash_volume(model.scan.get(), hash);
-  scene.content_hash = hash_finish(hash);
-  scene.scan = model.scan;
-  scene.labels = model.labels;
-  if (model.scan) scene.window = scan_window(*model.scan);
-  scene.world_from_patient = rows_of(model.X_WorldPatient);
-
-  // names and colours
-  for (const Segment& segment : model.segments) {
-    const bool known = segment.id < model.tissue_of_label.size();
-    scene.structures.push_back({segment.id, model.name_of(segment.id), segment.colour,
-                                known ? model.tissue_of_label[segment.id] : -1});
-  }
-  for (std::size_t t = 0; t < model.tissues.size(); ++t) {
-    const Tissue& tissue = model.tissues[t];
-    scene.tissues.push_back({tissue.name, tissue.felt, colour_of(model, t), tissue.opacity, tissue.rests_on});
-  }
-  scene.tool_name = model.tool.name;
-  scene.tool_radius_mm = model.tool.radius_mm;
-  for (const Eigen::Vector3d& point : model.tool.points_mm)
-    scene.tool_points_mm.push_back({point.x(), point.y(), point.z()});
-
+  ViewedScene scene = viewed_scene(model, parts_.modality);
   // what can be chosen, and how far
   for (const ForceMethodInfo& info : kForceMethods)
     if (model.has(info.method)) scene.methods.emplace_back(info.name);
@@ -265,10 +215,10 @@ double ViewedSession::felt_stiffness_N_per_mm(const DeviceTick& device, ForceMet
   const Model &felt = *model_.felt, &made = *model_.made;
   const Tissue* tissue = felt.tissue_of(device.label);
   if (device.label == 0 || !tissue) return 0;
+  if (method == ForceMethod::kProxy && felt.has(method))
+    return felt_by_proxy_N_per_mm(tissue->stiffness_N_per_mm, device);
   const double factor = device.scale * device.force_gain;
   const double most = device.most_stiffness_N_per_mm;
-  if (method == ForceMethod::kProxy && felt.has(method))
-    return std::min(factor * tissue->stiffness_N_per_mm, most);
   // the fields know the stiffness that they were made for
   const double stiffest = felt.greatest_stiffness_N_per_mm();
   const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
@@ -314,7 +264,12 @@ ViewedState ViewedSession::state() const {
   state.viscosity = now.viscosity;
   state.passivity = now.passivity;
   state.paused = now.paused;
-  state.stop = stop_that_holds();
+  {
+    const std::lock_guard lock(stop_mutex_);
+    state.stop = stop_that_holds();
+    state.stopped_by = stopped_by(stopped_by_.asker);
+    state.stopped_by_viewer = stopped_by_.viewer;
+  }
   state.max_force_N = now.max_force_N;
   const Eigen::Quaterniond& q = now.rotation_target;
   state.rotation_wxyz = {q.w(), q.x(), q.y(), q.z()};
@@ -324,9 +279,7 @@ ViewedState ViewedSession::state() const {
   if (awaited_) state.method_awaited = name_of(*awaited_);
   state.method_failure = method_failure_;
   state.model_version = model_.felt->version;
-  for (const Tissue& tissue : model_.felt->tissues)
-    state.tissues.push_back({tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction_coefficient,
-                             tissue.viscosity_N_s_per_mm});
+  state.tissues = viewed_tissues(*model_.felt);
   return state;
 }
 
@@ -498,8 +451,8 @@ void ViewedSession::stop_here() {
 
 void ViewedSession::stop(AskedBy by) {
   const std::lock_guard lock(stop_mutex_);
-  if (ServoLoop* loop = loop_.load()) return stop_told(*loop, told_, by);
   stopped_by_ = by;
+  if (ServoLoop* loop = loop_.load()) return stop_told(*loop, told_, by);
   stopped_early_.store(true);
 }
 
@@ -701,6 +654,11 @@ void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
   // World's origin is the volume's centre; no number fails this, either
   if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
   parts_.pointer->move(WorkspaceMapping(parts_.devices.front(), parts_.workspace).to_device(tip));
+}
+
+Result<void> ViewedSession::play(const PlayRequest& /*request*/) {
+  return refused("a session runs: there is no recording to be looked at", "",
+                 "palpate replay RECORDING --view shows one");
 }
 
 }  // namespace palpate

@@ -76,6 +76,7 @@ class ViewedSession final : public ViewerHost {
   Result<void> rearm(const RearmRequest& request) override;
   Result<void> take_pointer(bool take, const ViewerIdentity& by) override;
   void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
+  Result<void> play(const PlayRequest& request) override;
 
   // ---- keys, at the device itself
   void stop_here();
@@ -133,7 +134,7 @@ class ViewedSession final : public ViewerHost {
   EventLog told_;
   std::atomic<ServoLoop*> loop_{nullptr};
   const ExploreWatch* watch_ = nullptr;  // set before loop_
-  std::mutex stop_mutex_;                // of what is stopped before there is a loop
+  mutable std::mutex stop_mutex_;        // of who stops, and of what is stopped before there is a loop
   AskedBy stopped_by_;                   // of the mutex above
   std::atomic<bool> stopped_early_{false}, pointer_taken_{false};
   Consent consent_;

@@ -753,6 +753,9 @@ TEST_F(Viewed, AStopOnlyStopsWhoeverAsksForItAndHoweverOften) {
     viewed_->emergency_stop({4, true});
     const std::uint32_t last = stopped();
     EXPECT_EQ(last, 4u);
+    // whose the stop that holds is
+    EXPECT_EQ(viewed_->state().stopped_by, StoppedBy::kViewer);
+    EXPECT_EQ(viewed_->state().stopped_by_viewer, 4u);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     EXPECT_TRUE(latest().switches & kSwitchEmergencyStop);
     // a rearm that was sent before the last stop was seen
@@ -771,6 +774,7 @@ TEST_F(Viewed, OnlyAFreeHandGetsItsForceBack) {
   ASSERT_TRUE(soon([&] { return sent_N(latest()) > 0.3; }));
   viewed_->stop_here();
   const std::uint32_t stop = stopped();
+  EXPECT_EQ(viewed_->state().stopped_by, StoppedBy::kKey);
   EXPECT_EQ(sent_N(latest()), 0);
   for (const auto& refused : {viewed_->rearm_here(stop), viewed_->rearm({stop, {4, true}})}) {
     EXPECT_THAT(error_in(refused).what, HasSubstr("touches something"));

@@ -13,6 +13,7 @@
 #include "palpate/surfaces.h"
 #include "verification/accuracy_random.h"
 #include "verification/stability_buzz.h"
+#include "verification/stability_turning.h"
 
 namespace palpate {
 namespace {
@@ -384,6 +385,9 @@ Result<std::vector<Figure>> contact_figures(const Progress& progress, const Cont
   const auto pop_through = pop_through_figures(effort, progress);
   if (!pop_through) return pop_through;
   figures->insert(figures->end(), pop_through->begin(), pop_through->end());
+  const auto turning = turning_figures(effort.levers, progress);
+  if (!turning) return turning;
+  figures->insert(figures->end(), turning->begin(), turning->end());
   return figures;
 }
 

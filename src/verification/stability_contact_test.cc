@@ -7,18 +7,23 @@
 namespace palpate {
 namespace {
 
-constexpr ContactEffort kLittle{2, 1, 0.5, 70, 1.2};
+constexpr ContactEffort kLittle{2, 1, 0.5, 70, 1.2, 20};
 
 TEST(StabilityContact, KeepsItsLimits) {
   SCOPED_TRACE("seed " + std::to_string(kContactSeed));
   const auto figures = contact_figures({}, kLittle);
   ASSERT_TRUE(figures.ok());
-  int worst = 0, farthest = 0, loose = 0, deepest = 0, missed = 0;
+  int worst = 0, farthest = 0, loose = 0, deepest = 0, missed = 0, turning = 0;
   for (const Figure& figure : *figures) {
     SCOPED_TRACE(figure.name);
     worst += figure.name.ends_with("/worst") && figure.unit == "percent" && figure.limit == 2;
     farthest += figure.name.ends_with("/farthest") && figure.unit == "um" && figure.limit == 1;
     loose += figure.name.ends_with("/loose") && figure.unit == "ticks" && figure.limit == 0;
+    if (figure.name.starts_with("stability/turning/")) {
+      ++turning;
+      EXPECT_TRUE(figure.ok()) << figure.value << " " << figure.unit;
+      continue;
+    }
     deepest += figure.name.ends_with("/deepest") && figure.unit == "mm" && figure.limit == 0.05;
     const bool is_missed = figure.name.ends_with("/missed");
     missed += is_missed && figure.unit == "percent" && figure.limit == 10;
@@ -31,7 +36,8 @@ TEST(StabilityContact, KeepsItsLimits) {
   EXPECT_EQ(loose, 2);
   EXPECT_GT(deepest, 3) << "cartilages, menisci and the patella";
   EXPECT_EQ(missed, deepest);
-  EXPECT_EQ(figures->size(), static_cast<std::size_t>(worst + farthest + loose + deepest + missed));
+  EXPECT_EQ(turning, 4) << "deepest, of shafts too, through, not felt";
+  EXPECT_EQ(figures->size(), static_cast<std::size_t>(worst + farthest + loose + deepest + missed + turning));
 }
 
 TEST(StabilityContact, Repeats) {

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "verification/accuracy.h"
+#include "verification/label_contact.h"
 #include "verification/latency.h"
 #include "verification/machine.h"
 #include "verification/stability.h"
@@ -28,7 +29,13 @@ Result<SuiteReport> stability(const SuiteOptions&, const Progress& progress, con
   return run_stability(progress);
 }
 
+Result<SuiteReport> contact(const SuiteOptions&, const Progress& progress, const Warn&) {
+  return run_label_contact(progress);
+}
+
 constexpr Suite kSuites[] = {
+    {"contact", "what the default method feels of label maps: terraces, seams, layers, thin sheets", false,
+     contact},
     {"accuracy", "direction, magnitude and choppiness of every method against known surfaces", false,
      accuracy},
     {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", true, run_latency},

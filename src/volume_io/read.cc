@@ -7,6 +7,7 @@
 
 #include "palpate/reading.h"
 #include "volume_io/formats.h"
+#include "volume_io/kept_voxels.h"
 #include "volume_io/label_names.h"
 #include "volume_io/looks_like.h"
 #include "volume_io/segment_fields.h"
@@ -119,6 +120,16 @@ class LabelSink {
     return {};
   }
 
+  /// All voxels at once, where they were kept.
+  bool find(const KeptVoxels& kept) {
+    auto layers = kept.find_labels(layers_.size());
+    if (layers.empty()) return false;
+    layers_ = std::move(layers);
+    for (std::size_t layer = 0; layer < layers_.size(); ++layer) see(layers_[layer], present_[layer]);
+    return true;
+  }
+  /// After the last voxel.
+  void keep(const KeptVoxels& kept) const { kept.keep_labels(layers_); }
   /// After the last voxel.
   std::vector<Volume<LabelId>> take_layers() {
     std::vector<Volume<LabelId>> layers;
@@ -136,6 +147,15 @@ class LabelSink {
       const std::uint64_t here =
           file_.layers_first ? (values + layers - 1) / layers : values - std::min(values, before);
       grow_to(layers_[layer], std::min(here, voxels));
+    }
+  }
+  // most voxels are as the one before
+  static void see(const std::vector<LabelId>& voxels, std::vector<char>& present) {
+    LabelId last = 0;
+    for (const LabelId label : voxels) {
+      if (label == last) continue;
+      present[label] = 1;
+      last = label;
     }
   }
   template <class T>
@@ -213,14 +233,16 @@ Result<std::vector<NamedLabel>> find_names(const VolumeFile& file, const std::fi
   return std::vector<NamedLabel>();
 }
 
-Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& path, const Warn& warn) {
-  const VolumeFile& file = reader.file();
-  if (file.header.layers > 1)
-    return bad_input(path.string(), "holds several values for each voxel, a scan has one",
-                     "if it is a segmentation give it as the labels");
-  if (auto plausible = check_plausible(file, sizeof(float)); !plausible) return plausible.error();
+// the values of a scan, none of which is not a number
+struct ScanValues {
+  std::vector<float> voxels;
+  std::uint64_t replaced = 0;
+};
 
-  std::vector<float> voxels = unfilled<float>(file.header.geometry);
+Result<ScanValues> unpack_scan(VolumeReader& reader, const std::filesystem::path& path) {
+  const VolumeFile& file = reader.file();
+  ScanValues values{unfilled<float>(file.header.geometry)};
+  std::vector<float>& voxels = values.voxels;
   const VoxelSource& source = file.voxels;
   const bool scaled = is_scaled(source);
   const auto read = reader.stream([&](std::uint64_t first, std::span<const std::byte> bytes) {
@@ -235,18 +257,39 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
     return Result<void>();
   });
   if (!read) return read.error();
-
   std::size_t replaced = 0;
   if (!replace_non_finite(voxels, replaced)) return bad_input(path.string(), "holds not a single number");
-  if (replaced > 0 && warn)
-    warn(path.string() + ": " + std::to_string(replaced) +
+  values.replaced = replaced;
+  return values;
+}
+
+Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& path, const Progress& progress,
+                           const Warn& warn, Unpacked unpacked) {
+  const VolumeFile& file = reader.file();
+  if (file.header.layers > 1)
+    return bad_input(path.string(), "holds several values for each voxel, a scan has one",
+                     "if it is a segmentation give it as the labels");
+  if (auto plausible = check_plausible(file, sizeof(float)); !plausible) return plausible.error();
+
+  const KeptVoxels kept(reader, "scan", unpacked);
+  ScanValues values;
+  if (kept.find_scan(values.voxels, values.replaced)) {
+    progress.report("taking what was read before", 0);
+  } else {
+    auto fresh = unpack_scan(reader, path);
+    if (!fresh) return fresh.error();
+    values = *std::move(fresh);
+    kept.keep_scan(values.voxels, values.replaced);
+  }
+  if (values.replaced > 0 && warn)
+    warn(path.string() + ": " + std::to_string(values.replaced) +
          " voxels are not numbers (NaN or infinite); they are taken as the lowest value of the scan");
-  return ScanFile{file.header, Volume<float>(file.header.geometry, std::move(voxels))};
+  return ScanFile{file.header, Volume<float>(file.header.geometry, std::move(values.voxels))};
 }
 
 Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path& path,
-                              const std::optional<std::filesystem::path>& names, const Warn& warn,
-                              Doubtful doubtful) {
+                              const std::optional<std::filesystem::path>& names, const Progress& progress,
+                              const Warn& warn, Doubtful doubtful, Unpacked unpacked) {
   const VolumeFile& file = reader.file();
   const auto table = find_names(file, path, names, warn);
   if (!table) return table.error();
@@ -255,11 +298,17 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     return plausible.error();
 
   LabelSink sink(file);
-  const auto read = reader.stream([&](std::uint64_t first, std::span<const std::byte> bytes) {
-    return with_type(file.voxels.component,
-                     [&](auto type) { return sink.take<decltype(type)>(first, bytes); });
-  });
-  if (!read) return read.error();
+  const KeptVoxels kept(reader, "labels", unpacked);
+  if (sink.find(kept)) {
+    progress.report("taking what was read before", 0);
+  } else {
+    const auto read = reader.stream([&](std::uint64_t first, std::span<const std::byte> bytes) {
+      return with_type(file.voxels.component,
+                       [&](auto type) { return sink.take<decltype(type)>(first, bytes); });
+    });
+    if (!read) return read.error();
+    sink.keep(kept);
+  }
 
   auto segments = find_segments(file, sink);
   if (!segments) return segments.error();
@@ -290,19 +339,20 @@ Result<VolumeHeader> read_header(const std::filesystem::path& file) try {
 
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names,
-                                                      const Progress& progress, const Warn& warn) try {
+                                                      const Progress& progress, const Warn& warn,
+                                                      Unpacked unpacked) try {
   using Volumes = std::variant<ScanFile, LabelFile>;
   auto reader = VolumeReader::open(file, progress);
   if (!reader) return reader.error();
   const auto labels = [&]() -> Result<Volumes> {
-    auto read = take_labels(*reader, file, names, warn, Doubtful::kRefused);
+    auto read = take_labels(*reader, file, names, progress, warn, Doubtful::kRefused, unpacked);
     if (!read) return read.error();
     return Volumes(*std::move(read));
   };
   const VolumeHeader& header = reader->file().header;
   if (header.has_segments || header.layers > 1 || header.meaning == ValueMeaning::kLabels) return labels();
   {
-    auto scan = take_scan(*reader, file, warn);
+    auto scan = take_scan(*reader, file, progress, warn, unpacked);
     if (!scan) return scan.error();
     const bool are_labels = names ? could_be_labels(scan->scan.voxels(), false) : looks_like_labels(*scan);
     if (!are_labels) return Volumes(*std::move(scan));
@@ -313,21 +363,21 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
   return out_of_memory(file);
 }
 
-Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress,
-                           const Warn& warn) try {
+Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
+                           Unpacked unpacked) try {
   auto reader = VolumeReader::open(file, progress);
   if (!reader) return reader.error();
-  return take_scan(*reader, file, warn);
+  return take_scan(*reader, file, progress, warn, unpacked);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }
 
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
-                              const Warn& warn, Doubtful doubtful) try {
+                              const Warn& warn, Doubtful doubtful, Unpacked unpacked) try {
   auto reader = VolumeReader::open(file, progress);
   if (!reader) return reader.error();
-  return take_labels(*reader, file, names, warn, doubtful);
+  return take_labels(*reader, file, names, progress, warn, doubtful, unpacked);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }

@@ -1,5 +1,6 @@
 #include "volume_io/volume_reader.h"
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <stdexcept>
@@ -127,6 +128,12 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     reader.files_.push_back(*std::move(other_opened));
     others.add(std::move(wanted), *other);
   }
+}
+
+const InputFile& VolumeReader::voxel_file() const {
+  const auto named = std::find(names_.begin(), names_.end(), volume_.voxels.file);
+  PALPATE_CHECK(named != names_.end());
+  return files_[static_cast<std::size_t>(named - names_.begin())];
 }
 
 Result<void> VolumeReader::stream(const TakeVoxels& take) {

@@ -40,6 +40,8 @@ class VolumeReader {
   static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress);
 
   const VolumeFile& file() const { return volume_; }
+  /// The file that the voxels stand in, as it was opened.
+  const InputFile& voxel_file() const;
   /// Streams every voxel, as often as it is called; after an error never again.
   /// Errors: data that end early or are damaged, surplus data, interrupted, and those of `take`.
   Result<void> stream(const TakeVoxels& take);

@@ -8,9 +8,13 @@ import socket
 import subprocess
 import tempfile
 import time
+import urllib.error
 import urllib.request
 
+# nothing is taken from the user's cache, or left in it
+os.environ["PALPATE_CACHE"] = ""
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # WebDriver's name for an element's id
+SCRIPT_SECONDS = 300
 ARGUMENTS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--force-device-scale-factor=1",
@@ -40,7 +44,9 @@ class Browser:
         try:
             self._wait_for_driver()
             options = {"args": ARGUMENTS + [f"--user-data-dir={self.profile}"]}
-            capabilities = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}
+            # on a slow machine that works on something else, a script may take long
+            capabilities = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"},
+                            "timeouts": {"script": 1000 * SCRIPT_SECONDS}}
             answer = self._request("POST", "/session", {"capabilities": {"alwaysMatch": capabilities}})
             self.session = "/session/" + answer["sessionId"]
         except BaseException:
@@ -65,8 +71,11 @@ class Browser:
                                          headers={"Content-Type": "application/json"})
         # never through a proxy
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-        with opener.open(request, timeout=60) as answer:
-            return json.load(answer)["value"]
+        try:
+            with opener.open(request, timeout=SCRIPT_SECONDS + 60) as answer:
+                return json.load(answer)["value"]
+        except urllib.error.HTTPError as error:
+            raise RuntimeError(f"{path}: {error.read().decode(errors='replace')[:1000]}") from error
 
     def _wait_for_driver(self):
         deadline = time.monotonic() + 120

@@ -7,6 +7,7 @@ Exit code 77 (a skip) where there is no browser, except in CI, where that is a f
 """
 
 import base64
+import csv
 import json
 import math
 import os
@@ -31,9 +32,10 @@ SIZE = (1024, 640)  # a small one: the pictures are computed by the processor
 LOADED = "window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh"
 # of the pixel under the tip: how many structures are looked for, and at how many places; all of it is 8 structures
 STRUCTURES, POSITIONS = int(os.environ.get("PALPATE_TEST_STRUCTURES", "3")), 3
-BLENDING = 1 << 15  # of a pose's flags
+AXE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "web", "node_modules", "axe-core", "axe.min.js")
+BLENDING, INSIDE = 1 << 15, 1 << 17  # of a pose's flags
 
-command = None  # of the server: (port, input, token file) -> arguments
+command = None  # of the server: (port, input, token file, ...) -> arguments
 
 
 def test_seed():
@@ -51,12 +53,24 @@ def palpate_command(program):
     return arguments
 
 
+def simulated(folder):
+    """A recording of some seconds, made by the palpate that is tested, with an edit in it."""
+    program = command(0, "pointer", None)[0]
+    script, recording = os.path.join(folder, "script.toml"), os.path.join(folder, "run.h5")
+    with open(script, "w", encoding="utf-8") as out:
+        out.write("\n".join(f'[[step]]\napproach = "{name}"\n[[step]]\npress = 0.8\n[[step]]\nhold = 3.0\n[[step]]\nleave = true'
+                            for name in ("patella", "tibia")))
+    subprocess.run([program, "-q", "simulate", "knee-phantom:spacing=1.2", "-s", script, "-o", recording], check=True,
+                   stdout=subprocess.DEVNULL)
+    return program, recording
+
+
 def mock_command(node, mock, page):
     with open(os.path.join(page, "index.html"), encoding="utf-8"):
         pass  # says so when it is not there
     folder = tempfile.TemporaryDirectory(prefix="palpate-page-")
     os.mkdir(os.path.join(folder.name, "assets"))
-    for name in ("index.html", "viewer.js", "viewer.css", "icon.svg"):
+    for name in ("index.html", "viewer.js", "viewer_worker.js", "viewer.css", "icon.svg"):
         place = folder.name if name == "index.html" else os.path.join(folder.name, "assets")
         os.symlink(os.path.join(os.path.abspath(page), name), os.path.join(place, name))
     unittest.addModuleCleanup(folder.cleanup)
@@ -70,14 +84,14 @@ def mock_command(node, mock, page):
 class Server:
     """A context manager; `restart` on the same port."""
 
-    def __init__(self, source, tokens=None):
-        self.port, self.source, self.tokens = browser.free_port(), source, tokens
+    def __init__(self, source, tokens=None, extra=()):
+        self.port, self.source, self.tokens, self.extra = browser.free_port(), source, tokens, list(extra)
         self.url = f"http://127.0.0.1:{self.port}/"
         self.log = tempfile.TemporaryFile()
 
     def __enter__(self):
         self.log.seek(0)
-        self.process = subprocess.Popen(command(self.port, self.source, self.tokens), stdin=subprocess.DEVNULL,
+        self.process = subprocess.Popen(self.command(), stdin=subprocess.DEVNULL,
                                         stdout=self.log, stderr=self.log)
         deadline = time.monotonic() + 120
         while True:
@@ -90,6 +104,9 @@ class Server:
                 self.log.seek(0)
                 raise RuntimeError("the server does not answer: " + self.log.read().decode())
             time.sleep(0.1)
+
+    def command(self):
+        return command(self.port, self.source, self.tokens) + self.extra
 
     def __exit__(self, *_):
         if self.process.poll() is None:
@@ -136,7 +153,10 @@ class Viewer(unittest.TestCase):
         cls.page = browser.Browser().__enter__()
         cls.addClassCleanup(cls.page.__exit__)
 
-    def open_page(self, wait=LOADED):
+    def open_page(self, wait=LOADED, keeps=False):
+        """@param keeps  what the browser has kept of the page until now"""
+        if not keeps:
+            self.page.run("try { localStorage.clear(); } catch { /* no page is open yet */ }")
         self.page.dark(True)
         self.page.resize(*SIZE)
         self.page.log()
@@ -274,6 +294,333 @@ class WithPointer(Viewer):
         label = next(s["label"] for s in self.scene["structures"] if s["name"] == "fibula")
         self.assert_overlap(seen, self.projected(self.labels == label, size, mm), 0.85)  # a slim one: more border
 
+    PICTURE = (200, 200, 0.8)  # pixels across and down, mm a pixel
+
+    def volume_pixels(self):
+        """Array [row, column, rgb] of the volume as it is now."""
+        width, height, mm = self.PICTURE
+        data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[1], arguments[2])", width, height, mm))
+        return numpy.frombuffer(data, numpy.uint8).reshape(height, width, 4)[:, :, :3].astype(int)
+
+    def section_pixels(self):
+        return numpy.array(self.page.run(
+            """const out = [];
+               palpateViewer.draw();
+               const { width, height } = document.querySelector("#picture-oblique canvas");
+               for (let y = 0.1; y < 1; y += 0.08) for (let x = 0.3; x < 0.7; x += 0.03) out.push(palpateViewer.colourAt("oblique", x * width, y * height));
+               return out;"""))
+
+    def seen_as(self, pixels, colour):
+        """Where a picture has a colour, in whatever light."""
+        unit = numpy.array(colour) / numpy.linalg.norm(colour)
+        size = numpy.linalg.norm(pixels, axis=2)
+        return (size > 60) & (pixels @ unit > 0.98 * size)
+
+    def look(self, structure, opacity=None, colour=None, toggle=False):
+        """As a person sets how a structure looks, in the list."""
+        name = structure["name"].replace("_", " ")
+        self.page.run(
+            """const [name, opacity, colour, toggle] = arguments;
+               const set = (kind, value) => {
+                 const input = document.querySelector(`[aria-label="${kind} of ${name}"]`);
+                 input.value = value;
+                 input.dispatchEvent(new Event("input", { bubbles: true }));
+               };
+               if (opacity !== null) set("Opacity", opacity);
+               if (colour !== null) set("Colour", colour);
+               if (toggle) document.querySelector(`[aria-label="Show ${name}"]`).click();""", name, opacity, colour, toggle)
+
+    def test_a_look_is_looked_up_and_no_voxel_is_made_anew(self):
+        self.page.click("[data-look=anterior]")
+        femur = next(s for s in self.scene["structures"] if s["name"] == "femur")
+        before = self.volume_pixels()
+        self.assertTrue(self.page.run("return palpateViewer.isDrawnInWorker"))
+        made = self.page.run("return palpateViewer.volumeWork.texels")
+        self.assertGreater(made, 1e5)
+        self.look(femur, colour="#00ff00")
+        green = self.volume_pixels()
+        changed = abs(green - before).max(2) > 40
+        self.assertGreater(changed.sum(), 500)
+        self.assertGreater(self.seen_as(green, (0, 255, 0))[changed].mean(), 0.9)
+        # through half of it what lies behind is seen, or the ground
+        self.look(femur, opacity=0.5)
+        thin = self.volume_pixels()
+        whole = self.seen_as(green, (0, 255, 0))
+        self.assertGreater((abs(thin - green).max(2)[whole] > 10).mean(), 0.7)
+        self.assertGreater(thin[whole][:, 1].mean(), 60, "and it is still there")
+        self.look(femur, toggle=True)
+        hidden = self.volume_pixels()
+        self.assertLess(self.seen_as(hidden, (0, 255, 0)).sum(), 0.01 * whole.sum())
+        self.assertEqual(self.page.run("return palpateViewer.volumeWork.texels"), made)
+        opacity = self.scene["tissues"][femur["tissue"]]["opacity"]
+        self.look(femur, opacity=opacity, colour="#%02x%02x%02x" % tuple(femur["colour"]), toggle=True)
+        self.assertEqual(abs(self.volume_pixels() - before).max(), 0)
+
+    def coverage(self, mask):
+        """How much of each voxel's neighbourhood is in a mask, [1 2 1] / 4 each way, with a border of nothing."""
+        share = mask.astype(float)
+        for axis in range(3):
+            padded = numpy.pad(share, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
+            part = lambda begin: numpy.take(padded, range(begin, begin + share.shape[axis]), axis)  # noqa: E731
+            share = (part(0) + 2 * part(1) + part(2)) / 4
+        return numpy.pad(share, 1)
+
+    def first_met(self, shares, eye, rays, nearest):
+        """
+        Of rays from one place or each from its own: how much of the first surface each label has, all 0 where there is none. A picture's
+        surface is where 0.45 is covered.
+        shares: of each label, by `coverage`; linear between the middles of voxels
+        """
+        voxel_from_patient = numpy.linalg.inv(self.patient_from_voxel)
+        step = 0.15 * numpy.linalg.norm(self.patient_from_voxel[:3, :3], axis=0).min()
+        covered = sum(shares.values())
+        eye = numpy.broadcast_to(eye, rays.shape)
+        met = numpy.zeros((len(rays), len(shares)))
+        alive = numpy.arange(len(rays))
+        for way in numpy.arange(nearest, numpy.linalg.norm(self.patient_from_voxel[:3, :3] @ self.labels.shape), step):
+            at = (eye[alive] + way * rays[alive]) @ voxel_from_patient[:3, :3].T + voxel_from_patient[:3, 3] + 1
+            inside = ((at >= 0) & (at < numpy.array(covered.shape) - 1)).all(1)
+            low = numpy.floor(numpy.where(inside[:, None], at, 0)).astype(int)
+            within = at - low
+
+            def linear(field, which):
+                return sum(numpy.prod(numpy.where(corner, within[which], 1 - within[which]), 1) * field[tuple((low[which] + corner).T)]
+                           for corner in map(numpy.array, numpy.ndindex(2, 2, 2)))
+
+            hit = inside & (linear(covered, slice(None)) >= 0.45)
+            if hit.any():
+                met[alive[hit]] = numpy.transpose([linear(field, hit) for field in shares.values()])
+            alive = alive[~hit]
+        return met
+
+    def tell_structures_apart(self):
+        """Gives them colours that are told apart in whatever light. @returns which pixels have the colours of what rays have met, as it is mixed"""
+        structures = self.scene["structures"]
+        palette = []
+        for n, structure in enumerate(structures):
+            hue = 6 * n / len(structures)
+            palette.append(numpy.clip([abs(hue - 3) - 1, 2 - abs(hue - 2), 2 - abs(hue - 4)], 0, 1))
+            self.look(structure, opacity=1, colour="#%02x%02x%02x" % tuple((255 * palette[-1]).astype(int)))
+
+        def agree(pixels, met):
+            expected = met @ numpy.array(palette)
+            is_ground = abs(pixels - (9, 12, 14)).max(1) < 4
+            along = (pixels * expected).sum(1) / (numpy.linalg.norm(pixels, axis=1) * numpy.linalg.norm(expected, axis=1) + 1e-9)
+            # 14 degrees, of 90 between two colours
+            return numpy.where(met.sum(1) == 0, is_ground, ~is_ground & (along > 0.97)).mean()
+        return agree
+
+    def lead_to_the_open_middle(self):
+        """The tip, to the place nearest to the volume's middle that has room around it."""
+        clear = self.labels == 0
+        for axis, by in ((axis, by) for axis in range(3) for by in (-6, -3, 3, 6)):
+            clear &= numpy.roll(self.labels == 0, by, axis)
+        points = self.points_of(clear)
+        middle = points[numpy.linalg.norm(points - points.mean(0), axis=1).argsort()[0]]
+        self.take_hand()
+        self.lead([middle.tolist()])
+        return middle
+
+    def test_the_scope_sees_what_an_independent_ray_meets(self):
+        structures = self.scene["structures"]
+        agree = self.tell_structures_apart()
+        free = self.points_of(self.labels == 0)
+        shares = {s["label"]: self.coverage(self.labels == s["label"]) for s in structures}
+        solid = self.points_of(self.labels > 0)
+        generator = random.Random(test_seed())
+        size, tangent = 72, math.tan(math.radians(40))
+        at = (numpy.arange(size) + 0.5) * 2 / size - 1
+        x, y = (part.ravel() for part in numpy.meshgrid(at, at))
+        disc = numpy.hypot(x, y) < 0.97
+        agreed = []
+        while len(agreed) < 5:
+            # in the open, near to something, and towards it
+            eye = free[generator.randrange(len(free))]
+            towards = solid[generator.randrange(len(solid))] - eye
+            away = numpy.sqrt(((solid - eye) ** 2).sum(1).min())
+            if not 2 < away < 15:
+                continue
+            forward = towards / numpy.linalg.norm(towards)
+            right = numpy.cross(forward, (0.3, 0.2, 1))
+            right /= numpy.linalg.norm(right)
+            up = numpy.cross(right, forward)
+            frame = {"eye": eye.tolist(), "forward": forward.tolist(), "right": right.tolist(), "up": up.tolist()}
+            data = base64.b64decode(self.page.run("return palpateViewer.scopePicture(arguments[0], arguments[1])", frame, size))
+            pixels = numpy.frombuffer(data, numpy.uint8).reshape(-1, 4)[:, :3].astype(float)
+            rays = forward + numpy.outer(x * tangent, right) - numpy.outer(y * tangent, up)
+            rays /= numpy.linalg.norm(rays, axis=1)[:, None]
+            met = self.first_met(shares, eye, rays[disc], 0.5)
+            agreed.append(agree(pixels[disc], met))
+            self.assertGreater(len(set(zip(met.any(1), met.argmax(1)))), 1, "more than one thing is seen")
+            # outside of the round field there is nothing
+            self.assertEqual(abs(pixels[numpy.hypot(x, y) > 1.03] - (9, 12, 14)).max(), 0)
+        print("  of the pixels agree " + ", ".join(f"{share:.4f}" for share in agreed), flush=True)
+        self.assertGreaterEqual(min(agreed), 0.95)
+
+    def test_what_is_cut_away_at_the_tip_shows_what_lies_behind(self):
+        agree = self.tell_structures_apart()
+        shares = {s["label"]: self.coverage(self.labels == s["label"]) for s in self.scene["structures"]}
+        tip = self.lead_to_the_open_middle()
+        size = 48
+        at = numpy.arange(size) + 0.5 - size / 2
+        x, y = (part.ravel() for part in numpy.meshgrid(at, at))
+        choose = ("for (const [id, value] of Object.entries(arguments[0])) { const one = document.getElementById(id); one.type === 'checkbox' ? one.checked = value : one.value = value;"
+                  "one.dispatchEvent(new Event('change')); } palpateViewer.draw();")
+        mm = numpy.linalg.norm(numpy.subtract(*self.page.run("return [0, 1].map((x) => palpateViewer.volumeRay(x, 0).from)")))
+        seen = {}
+        for cutting, is_perspective in (("none", False), ("plane", False), ("hole", False), ("hole", True), ("none", True)):
+            self.page.run(choose, {"cutting": cutting, "perspective": is_perspective})
+            rays = self.page.run("return arguments[0].map((x, n) => palpateViewer.volumeRay(x, arguments[1][n]))", x.tolist(), y.tolist())
+            begin, into = (numpy.array([ray[part] for ray in rays]) for part in ("from", "into"))
+            data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[0], arguments[1])", size, mm))
+            pixels = numpy.frombuffer(data, numpy.uint8).reshape(-1, 4)[:, :3].astype(float)
+            towards = (tip - begin[0]) / numpy.linalg.norm(tip - begin[0]) if is_perspective else into[0]
+            # of places on each ray, from before the volume to behind the tip, the last that is taken away
+            ways = (tip - begin[0]) @ towards + numpy.arange(-150, 30, 0.2)
+            off = begin[:, None] + ways[:, None] * into[:, None] - tip
+            height = -off @ towards
+            aside = numpy.linalg.norm(off + height[..., None] * towards, axis=2)
+            gone = (height > 0) & {"none": aside < 0, "plane": aside >= 0, "hole": aside < 8 + 0.4 * height}[cutting]
+            start = numpy.where(gone.any(1), ways[gone.shape[1] - 1 - gone[:, ::-1].argmax(1)], ways[0])
+            seen[cutting, is_perspective] = pixels
+            share = agree(pixels, self.first_met(shares, begin + start[:, None] * into, into, 0))
+            print(f"  {cutting}{', perspective' if is_perspective else ''}: {share:.4f} of the pixels agree", flush=True)
+            self.assertGreaterEqual(share, 0.95)
+        # each of them shows something else; what is near the middle is hardly moved by perspective
+        for a, b, least in ((("none", False), ("plane", False), 0.02), (("none", False), ("hole", False), 0.02),
+                            (("none", True), ("hole", True), 0.02), (("none", False), ("none", True), 0.003)):
+            self.assertGreater((abs(seen[a] - seen[b]).max(1) > 30).mean(), least, (a, b))
+
+    def test_the_scope_stands_at_the_tip_and_is_moved_by_keys(self):
+        stack = "document.querySelector('#picture-scope .stack')"
+        key = stack + ".dispatchEvent(new KeyboardEvent('keydown', { key: arguments[0], bubbles: true })); palpateViewer.draw(); return palpateViewer.scopeFrame"
+        degrees = lambda a, b: math.degrees(math.acos(min(1, numpy.dot(a, b))))  # noqa: E731
+        self.lead_to_the_open_middle()
+        self.page.click("[data-layout=inside]")
+        self.page.wait("document.querySelector('#picture-scope canvas').width > 50")
+        back = "const back = document.querySelector('#picture-scope select'); back.value = arguments[0]; back.dispatchEvent(new Event('change'));"
+        at = self.page.run("return [palpateViewer.scopeFrame, palpateViewer.pose.devices[0]]")
+        self.assertAlmostEqual(numpy.linalg.norm(numpy.subtract(at[0]["eye"], at[1]["tip"])), 8, 3)
+        self.page.run(back, "0")
+        at = self.page.run("return [palpateViewer.scopeFrame, palpateViewer.pose.devices[0]]")
+        self.assertLess(numpy.linalg.norm(numpy.subtract(at[0]["eye"], at[1]["tip"])), 1e-3)
+        # the tool's shaft goes up from the tip: away from it, and 30 degrees beside
+        shaft = numpy.array(self.scene["world_from_patient"])[:3, :3].T @ rotation_matrix(at[1]["orientation"])[:, 2]
+        self.assertAlmostEqual(degrees(at[0]["forward"], -shaft), 30, 2)
+        turned = self.page.run(key, ".")
+        self.assertAlmostEqual(degrees(turned["forward"], -shaft), 30, 2)
+        self.assertGreater(degrees(turned["forward"], at[0]["forward"]), 5)
+        self.page.run(key, ",")
+        for angle in (70, 0):
+            self.page.run("const optics = document.querySelectorAll('#picture-scope select')[1]; optics.value = arguments[0];"
+                          "optics.dispatchEvent(new Event('change'))", str(angle))
+            straight = self.page.run("return palpateViewer.scopeFrame")
+            self.assertAlmostEqual(degrees(straight["forward"], -shaft), angle, 2)
+        # behind the tip the camera is on the shaft
+        self.page.run(back, "15")
+        behind = self.page.run("return palpateViewer.scopeFrame")
+        self.assertLess(numpy.linalg.norm(numpy.subtract(behind["eye"], straight["eye"]) - 15 * shaft), 1e-3)
+        self.assertEqual(behind["forward"], straight["forward"])
+        self.page.run(back, "0")
+        # ahead by a millimetre, and to the right
+        ahead = self.page.run(key, "+")
+        self.assertLess(numpy.linalg.norm(numpy.subtract(ahead["eye"], straight["eye"]) - straight["forward"]), 1e-6)
+        aside = self.page.run(key, "ArrowRight")
+        self.assertAlmostEqual(degrees(aside["forward"], straight["forward"]), 5, 4)
+        self.assertGreater(numpy.dot(aside["forward"], straight["right"]), 0)
+        self.assertEqual(self.page.run(key, "Home"), straight)
+        # within a solid it says so in words
+        place = next(n for n, s in enumerate(self.scene["structures"]) if s["name"] == "lateral_meniscus")
+        lo = numpy.round(numpy.linalg.inv(self.patient_from_voxel) @ [*straight["eye"], 1])[:3].astype(int) - 4
+        size = numpy.minimum(9, self.labels.shape - lo) + numpy.minimum(lo, 0)
+        lo = numpy.maximum(lo, 0)
+        words = "palpateViewer.scopeWords"
+        self.page.wait(f"(palpateViewer.draw(), {words} !== '' && !{words}.includes('inside'))")
+        self.page.run("return palpateViewer.fillBox(arguments[0], arguments[1], arguments[2])", lo.tolist(), size.tolist(), place)
+        self.page.wait(f"(palpateViewer.draw(), {words} === 'inside lateral meniscus: nothing to see')")
+        self.page.run("return palpateViewer.fillBox(arguments[0], arguments[1], -1)", lo.tolist(), size.tolist())
+        self.page.wait(f"(palpateViewer.draw(), !{words}.includes('inside'))")
+
+    def test_where_a_worker_cannot_draw_the_page_does(self):
+        self.page.click("[data-look=anterior]")
+        in_worker = self.volume_pixels()
+        fake = self.page.developer_tools("Page.addScriptToEvaluateOnNewDocument", source="""
+            window.Worker = class {
+              set onmessage(listener) { setTimeout(() => listener({ data: { type: "unable", why: "no WebGL 2" } })); }
+              postMessage() {}
+              terminate() {}
+            };""")
+        try:
+            self.open_page()
+        finally:
+            self.page.developer_tools("Page.removeScriptToEvaluateOnNewDocument", identifier=fake["identifier"])
+        self.page.run("palpateViewer.draw()")
+        self.page.click("[data-look=anterior]")
+        self.assertEqual(abs(self.volume_pixels() - in_worker).max(), 0)
+        self.assertFalse(self.page.run("return palpateViewer.isDrawnInWorker"))
+
+    def test_a_box_of_voxels_changes_where_it_is_and_nowhere_else(self):
+        width, height, mm = self.PICTURE
+        self.page.click("[data-look=anterior]")
+        dims = self.scene["volume"]["dims"]
+        others = self.volume_pixels()
+        made = self.page.run("return palpateViewer.volumeWork.texels")
+        # in front of everything, to the patient's right of the middle: on picture left
+        lo, size = [round(0.12 * dims[0]), 2, round(0.72 * dims[2])], [14, 5, 11]
+        place = next(n for n, s in enumerate(self.scene["structures"]) if s["name"] == "lateral_meniscus")
+        self.look(self.scene["structures"][place], colour="#ff00ff")
+        self.page.run("return palpateViewer.fillBox(arguments[0], arguments[1], arguments[2])", lo, size, place)
+        box = numpy.zeros(dims, bool)
+        box[lo[0]:lo[0] + size[0], lo[1]:lo[1] + size[1], lo[2]:lo[2] + size[2]] = True
+        with_box = self.volume_pixels()
+        # no structure is in front of it, so that the whole of it is seen
+        self.page.run("palpateViewer.draw()")
+        self.projected(self.labels > 0, (height, width), mm)
+        expected = self.projected(box, (height, width), mm, (1, 0, 0, 1e-12))
+        seen = self.seen_as(with_box, (255, 0, 255)) & ~self.seen_as(others, (255, 0, 255))
+        # the structure itself has that colour, too
+        near = expected | self.projected(self.labels == self.scene["structures"][place]["label"], (height, width), mm, (1, 0, 0, 1e-12))
+        for shift, axis in ((1, 0), (-1, 0), (1, 1), (-1, 1)) * 2:
+            near |= numpy.roll(near, shift, axis)
+        self.assertGreater((seen & expected).sum(), 0.8 * expected.sum())
+        self.assertLess((seen & ~near).sum(), 3)
+        some = self.page.run("return palpateViewer.volumeWork.texels") - made
+        self.assertGreater(some, 0)
+        self.assertLess(some, 0.02 * numpy.prod(dims))
+        # gone again, everything is as it was
+        self.page.run("return palpateViewer.fillBox(arguments[0], arguments[1], -1)", lo, size)
+        self.look(self.scene["structures"][place], colour="#%02x%02x%02x" % tuple(self.scene["structures"][place]["colour"]))
+        self.assertEqual(abs(self.volume_pixels() - others).max(), 0)
+
+    def test_lost_graphics_are_told_of_and_come_back(self):
+        note = "document.getElementById('graphics')"
+        self.resting_plane()
+        section = self.section_pixels()
+        self.assertGreater(section.max(), 100)
+        volume = self.volume_pixels()
+        self.page.run("palpateViewer.loseGraphics('sections', false); palpateViewer.loseGraphics('volume', false)")
+        self.page.wait(f"!{note}.hidden && {note}.textContent.includes('the sections and the volume cannot be drawn')")
+        self.assertIn("by themselves", self.page.run(f"return {note}.textContent"))
+        self.assertIn("emergency stop", self.page.run(f"return {note}.textContent"))
+        # no old picture stands where the tip moves on
+        self.assertLess(self.section_pixels().max(), 20)
+        self.page.wait(f"{note}.textContent.includes('Reload this page')")
+        # the sections come first, whatever came back first
+        self.page.run("palpateViewer.loseGraphics('volume', true)")
+        time.sleep(0.3)
+        self.assertIn("the sections and the volume", self.page.run(f"return {note}.textContent"))
+        self.page.run("palpateViewer.loseGraphics('sections', true)")
+        self.page.wait(f"{note}.hidden")
+        self.assertEqual(abs(self.section_pixels() - section).max(), 0)
+        self.assertEqual(abs(self.volume_pixels() - volume).max(), 0)
+        # and one alone
+        self.page.run("palpateViewer.loseGraphics('volume', false)")
+        self.page.wait(f"!{note}.hidden && {note}.textContent.includes('the volume cannot be drawn')")
+        self.assertEqual(abs(self.section_pixels() - section).max(), 0)
+        self.page.run("palpateViewer.loseGraphics('volume', true)")
+        self.page.wait(f"{note}.hidden")
+        self.assertEqual(abs(self.volume_pixels() - volume).max(), 0)
+
     def approaches(self, label, count, generator):
         """Places where a straight way through free space ends `depth` inside a structure: [(start, end)], patient, mm."""
         voxel = numpy.linalg.norm(self.patient_from_voxel[:3, 0])
@@ -282,6 +629,7 @@ class WithPointer(Viewer):
         order = list(range(len(candidates)))
         generator.shuffle(order)
         directions = [(dx, dy, dz) for dx in (-1, 0, 1) for dy in (-1, 0, 1) for dz in (-1, 0, 1) if (dx, dy, dz) != (0, 0, 0)]
+        sides = numpy.vstack([numpy.eye(3, dtype=int), -numpy.eye(3, dtype=int)])
         found = []
         for index in order:
             generator.shuffle(directions)
@@ -291,9 +639,11 @@ class WithPointer(Viewer):
                 if (way < 1).any() or (way >= numpy.array(self.labels.shape) - 1).any():
                     continue
                 passed = self.labels[tuple(way.T)]
-                # inside to its own surface, and beside where the tip ends
-                beside = [self.labels[tuple(end + side)] for side in numpy.vstack([numpy.eye(3, dtype=int), -numpy.eye(3, dtype=int)])]
-                if (passed[:deep] == label).all() and (passed[deep:] == 0).all() and all(b == label for b in beside):
+                # inside to its own surface, and beside where the tip ends; in front of it room, as between two structures that touch
+                # a slit of voxels that share edges alone is closed
+                beside = [self.labels[tuple(end + side)] for side in sides]
+                room = all(numpy.isin(self.labels[tuple((way[deep:] + side).T)], (0, label)).all() for side in sides)
+                if (passed[:deep] == label).all() and (passed[deep:] == 0).all() and all(b == label for b in beside) and room:
                     place = lambda v: (self.patient_from_voxel[:3, :3] @ v + self.patient_from_voxel[:3, 3]).tolist()  # noqa: E731
                     found.append((place(way[-1]), place(end)))
                     break
@@ -315,7 +665,7 @@ class WithPointer(Viewer):
               socket.send(JSON.stringify({ type: "tip", patient_mm: way[i].map((x, c) => x + (at - i) * (next[c] - x)) }));
             }, 16);
             socket.onopen = () => {
-              socket.send(JSON.stringify({ type: "hello", protocol: 1, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
               socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
             };
             socket.onmessage = ({ data }) => {
@@ -392,6 +742,45 @@ class WithPointer(Viewer):
         self.press_on(felt["label"], start, end)
         return felt
 
+    def test_what_is_shown_is_what_is_felt(self):
+        felt = self.touch_something()
+        name = felt["name"].replace("_", " ")
+        self.page.pointer({"type": "pointerMove", "x": 500, "y": 3})
+        shown = """palpateViewer.draw();
+            const words = (id) => document.getElementById(id).textContent;
+            return { touched: words("touched"), footer: words("structure"), stiffness: words("stiffness"), why: words("why"),
+                     rows: [...document.querySelectorAll("#felt tr")].filter((row) => !row.hidden).length,
+                     marked: document.querySelectorAll(".structure.touched").length, force: Math.hypot(...palpateViewer.pose.devices[0].force) };"""
+
+        def assert_felt():
+            self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0")
+            now = self.page.run(shown)
+            self.assertEqual([now["touched"], now["footer"], now["marked"]], [name, name, 1], now)
+            self.assertGreater(now["rows"], 0, now)
+            self.assertNotEqual(now["stiffness"], "–")
+            self.assertRegex(now["why"], r" deep at | of .*: | along the surface", now)
+
+        def assert_not_felt(words):
+            self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) === 0")
+            now = self.page.run(shown)
+            self.assertEqual([now["touched"], now["footer"], now["rows"], now["marked"], now["stiffness"], now["why"]], [words, words, 0, 0, "–", ""], now)
+
+        assert_felt()
+        self.page.click("#pause")
+        self.page.wait("palpateViewer.state.paused")
+        assert_not_felt(f"{name}, not felt")
+        # the pause has let go of the surface: the tip is inside, without force, and not free
+        self.page.click("#pause")
+        self.page.wait("!palpateViewer.state.paused && (palpateViewer.pose.devices[0].flags & %d) !== 0" % INSIDE)
+        assert_not_felt(f"{name}, not felt")
+        self.choose_method("trilinear")
+        assert_felt()
+        # nobody holds it any more
+        self.page.run("window.hand.letGo()")
+        self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
+        assert_not_felt(f"{name}, not felt")
+        self.choose_method("proxy")
+
     def test_slider_changes_the_stiffness_that_the_loop_reports(self):
         felt = self.touch_something()
         slider = f"input[data-tissue='{felt['tissue']}']"
@@ -439,6 +828,7 @@ class WithPointer(Viewer):
         self.assertTrue(self.page.run("return palpateViewer.state.emergency_stop"))
         # the other has the hand, and is refused by name of another stop, and as long as it touches something
         self.page.wait("document.getElementById('flags').textContent.includes('whoever moves the tip rearms')")
+        self.assertIn("stopped by this page", self.page.run("return document.getElementById('flags').textContent"))
         self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
         for answer, stop, words in ((2, "%d" % first, "another stop"), (3, "palpateViewer.state.stop", "touches something")):
             self.page.run("window.hand.ask({ type: 'rearm', id: %d, stop: %s })" % (answer, stop))
@@ -448,7 +838,12 @@ class WithPointer(Viewer):
             self.assertIn(words, told["what"])
         # this page takes the hand again, from where it is free
         self.lead([free])
+        self.page.run("window.hand.ask({ type: 'stop', id: 4 })")
+        self.page.wait("document.getElementById('flags').textContent.includes('stopped by another viewer')")
         self.page.run("window.hand.letGo()")
+        self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
+        # a pointer that nobody presses is no trouble
+        self.assertNotIn("no pose", self.page.run("palpateViewer.draw(); return document.getElementById('flags').textContent"))
         self.page.wait("!document.querySelector('[data-tool=touch]').disabled")
         time.sleep(0.3)
         self.page.click("[data-tool=touch]")
@@ -600,6 +995,1008 @@ class WithHand(Viewer):
         self.page.wait("palpateViewer.link === 'connected' && palpateViewer.age_ms < 250")
 
 
+class WithTrouble(Viewer):
+    """The mock, that does not answer as it should: what does not heal by itself is told, and tried again when somebody says so."""
+
+    def setUp(self):
+        self.server = Server("script").__enter__()
+        self.addCleanup(self.server.__exit__)
+        self.addCleanup(self.page.post, "/url", {"url": "about:blank"})
+        super().setUp()
+        self.expected = ("ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE", "WebSocket connection to", "status of 4")
+
+    @classmethod
+    def setUpClass(cls):
+        cls.open_browser()
+
+    def restart(self, *extra):
+        self.server.process.kill()
+        self.server.process.wait()
+        self.server.extra = list(extra)
+        self.server.__enter__()
+
+    def assert_told_and_left_alone(self, *words):
+        self.page.wait("palpateViewer.link === 'ended' && !document.getElementById('mend').hidden")
+        told = self.page.run("return document.getElementById('cover').textContent")
+        for word in words:
+            self.assertIn(word, told)
+        # longer than it ever waits between two attempts
+        self.page.run("window.attempts = 0; const Socket = WebSocket, get = fetch;"
+                      "window.WebSocket = class extends Socket { constructor(...all) { super(...all); window.attempts++; } };"
+                      "window.fetch = (...all) => { window.attempts++; return get(...all); };")
+        time.sleep(7)
+        self.assertEqual(self.page.run("return window.attempts"), 0)
+
+    def assert_mended(self):
+        self.restart()
+        self.page.click("#again")
+        self.page.wait(LOADED + " && palpateViewer.link === 'connected' && document.getElementById('cover').hidden")
+
+    def test_another_version_of_the_protocol(self):
+        self.restart("--protocol", "3")
+        self.assert_told_and_left_alone("version 3", "version 2", "palpate 0.0.0-mock", "Reload the page")
+        self.page.click("#again")  # in vain
+        self.page.wait("!document.getElementById('mend').hidden")
+        self.assert_mended()
+
+    def test_a_refusal_that_lasts(self):
+        self.restart("--refuse", "421")
+        self.assert_told_and_left_alone("421", "--host-name")
+        self.assert_mended()
+
+    def test_graphics_memory_that_holds_not_even_a_quarter(self):
+        name = self.page.developer_tools("Page.addScriptToEvaluateOnNewDocument", source="""
+            const get = fetch;
+            window.fetched = [];
+            window.fetch = (...all) => { window.fetched.push(all[0]); return get(...all); };
+            const honest = WebGL2RenderingContext.prototype.getError;
+            WebGL2RenderingContext.prototype.getError = function () { return window.isEnough ? honest.call(this) : this.OUT_OF_MEMORY; };""")
+        self.open_page(wait="document.getElementById('mend')?.hidden === false")
+        self.page.developer_tools("Page.removeScriptToEvaluateOnNewDocument", **name)
+        self.assertIn("memory", self.page.run("return document.getElementById('cover').textContent"))
+        time.sleep(7)
+        scans = [path.split("?")[-1] for path in self.page.run("return window.fetched") if "/scan/" in path]
+        self.assertEqual([scans[0][:5], *scans[1:]], ["/api/", "shrink=2", "shrink=4"])
+        self.page.run("window.isEnough = true")
+        self.page.click("#again")
+        self.page.wait(LOADED)
+
+
+class WithLoading(Viewer):
+    """The mock, that keeps its volumes until they are released."""
+
+    def setUp(self):
+        self.server = Server("pointer", extra=["--hold", "yes"]).__enter__()
+        self.addCleanup(self.server.__exit__)
+        self.addCleanup(self.page.post, "/url", {"url": "about:blank"})
+
+    @classmethod
+    def setUpClass(cls):
+        cls.open_browser()
+
+    def test_a_stop_waits_for_no_volume(self):
+        self.open_page("window.palpateViewer?.link === 'connected' && palpateViewer.state !== null && palpateViewer.pose !== null")
+        bar = self.page.run("const { hidden, value } = document.getElementById('cover-share'); return [hidden, value]")
+        self.assertEqual(bar, [False, 0])
+        # the button is there beside the cover, and works
+        left, top, width, height = self.box("#stop")
+        self.assertEqual(self.page.run("return document.elementFromPoint(...arguments).id", left + width / 2, top + height / 2), "stop")
+        self.page.click("#stop")
+        self.page.wait("palpateViewer.state.stop === 1")
+        self.page.press(" ")
+        self.page.wait("palpateViewer.state.stop === 2 && palpateViewer.state.stopped_by === 'you'")
+        self.assertEqual(self.page.run("return [palpateViewer.isLoaded, document.getElementById('cover').hidden]"), [False, False])
+        # nobody has the hand while there is nothing to see
+        self.assertFalse(self.page.run("return palpateViewer.state.pointer"))
+        self.server.get("mock/release")
+        self.page.wait(LOADED + " && document.getElementById('cover').hidden && palpateViewer.state.pointer")
+
+
+class WithRamp(Viewer):
+    """The mock's scan of 16 bits without a sign, on a grid whose axes are swapped, mirrored and tilted, with 116 structures; the tip moves all the time."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("script", extra=["--scan", "ramp", "--more", "108"]).__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.scene = cls.server.scene()
+        cls.labels, cls.patient_from_voxel = cls.server.labels(cls.scene)
+        volume = cls.scene["volume"]
+        cls.scan = numpy.frombuffer(cls.server.get("api/volume/scan/" + volume["hash"]), "<i2").reshape(volume["dims"][::-1]) \
+            .transpose(2, 1, 0) * volume["scan"]["scale"] + volume["scan"]["offset"]
+        cls.names = {s["label"]: s["name"].replace("_", " ") for s in cls.scene["structures"]}
+        cls.open_browser()
+        # one page for all of them
+        cls.open_page(cls)
+
+    def setUp(self):
+        # as the page begins: what a test scrolled away from would leave another with a plane beside the scan
+        self.page.run("""for (const stack of document.querySelectorAll(".stack")) stack.dispatchEvent(new KeyboardEvent("keydown", { key: "Home" }));
+            const along = document.querySelector("#picture-oblique select");
+            along.value = "tool";
+            along.dispatchEvent(new Event("change"));""")
+        self.follow(True)
+        self.page.click("[data-tool=window]")
+        self.let_it_glide()
+
+    def let_it_glide(self):
+        """The section's plane comes to where the tool wants it."""
+        self.page.wait("""(() => {
+            const before = palpateViewer.plane("oblique").normal;
+            for (let n = 0; n < 80; n++) palpateViewer.draw();
+            return palpateViewer.isFresh && palpateViewer.plane("oblique").normal.every((x, i) => Math.abs(x - before[i]) < 1e-9);
+          })()""")
+
+    def show_all_planes(self):
+        # a picture that was hidden has no size until the page has measured it
+        self.page.click("[data-layout=five]")
+        self.page.wait("document.querySelector('#picture-axial canvas').width > 50 && document.querySelector('#picture-axial').offsetParent !== null")
+        self.page.run("palpateViewer.draw()")
+
+    def follow(self, wanted):
+        if (self.page.run("return document.getElementById('follow').getAttribute('aria-pressed')") == "true") != wanted:
+            self.page.click("#follow")
+            self.page.wait("document.getElementById('follow').getAttribute('aria-pressed') === '%s'" % str(wanted).lower())
+
+    def voxel_of(self, p):
+        return (numpy.linalg.inv(self.patient_from_voxel) @ [*p, 1])[:3]
+
+    def test_the_readout_is_of_the_plane_that_is_drawn(self):
+        left, top, width, height = self.box("#picture-oblique .stack")
+        x, y = round(left + 0.47 * width), round(top + 0.53 * height)
+        self.page.pointer({"type": "pointerMove", "x": x - 3, "y": y}, {"type": "pointerMove", "x": x, "y": y})
+        # a tilted plane: along the force
+        for tissue in range(len(self.scene["tissues"])):
+            self.slide(f"input[data-tissue='{tissue}']", 0.7)
+        self.page.run("const along = document.querySelector('#picture-oblique select'); along.value = 'force'; along.dispatchEvent(new Event('change'))")
+        self.page.wait("(palpateViewer.draw(), palpateViewer.plane('oblique').normal.every((x) => Math.abs(x) < 0.98))")
+        # the mouse rests from here on; poses come, the plane glides after the tip, or is led by the wheel and the keys
+        shown = self.page.run("""return (async (x, y) => {
+            const surface = document.querySelector("#picture-oblique .stack");
+            const words = (id) => document.getElementById(id).textContent;
+            const shown = [];
+            for (let n = 0; n < 200; n++) {
+              const way = n % 40 < 20 ? 1 : -1;
+              if (n % 4 === 1) surface.dispatchEvent(new WheelEvent("wheel", { deltaY: 120 * way, cancelable: true }));
+              if (n % 4 === 2) surface.dispatchEvent(new KeyboardEvent("keydown", { key: way > 0 ? "PageDown" : "ArrowUp" }));
+              if (n % 4 === 3) document.getElementById("follow").click();
+              palpateViewer.draw();
+              shown.push({ p: palpateViewer.patientAt("oblique", x + 0.5, y + 0.5), position: words("position"),
+                           value: words("value"), structure: words("structure") });
+              if (n % 4 === 0) await new Promise((later) => setTimeout(later, 30));
+            }
+            return shown;
+          })(...arguments);""", math.floor(x - left), math.floor(y - top))
+        planes = {tuple(numpy.round(one["p"], 2)) for one in shown}
+        self.assertGreater(len(planes), 100, "the plane hardly moved")
+        wrong = []
+        for one in shown:
+            voxel = numpy.floor(self.voxel_of(one["p"]) + 0.5).astype(int)
+            inside = (voxel >= 0).all() and (voxel < self.labels.shape).all()
+            position = "LPS " + "  ".join(f"{x:+.1f}".replace("-", "−") for x in one["p"]) + " mm"
+            expected = (f"value {self.scan[tuple(voxel)]:.0f}" if inside else "", self.names.get(self.labels[tuple(voxel)], "") if inside else "")
+            # a figure that ends in 5 may be rounded either way
+            off = max(abs(float(a.replace("−", "-")) - b) for a, b in zip(one["position"].split()[1:4], one["p"])) if one["position"].startswith("LPS") else 99
+            if (one["value"], one["structure"]) != expected or off > 0.0501:
+                wrong.append((one, position, expected))
+        self.assertEqual(len(wrong), 0, f"{len(wrong)} of {len(shown)}, such as {wrong[:2]}")
+
+    def test_a_tools_shaft_is_drawn_where_it_is(self):
+        # all at once: the tip moves on
+        drawn = self.page.run("""
+            const worldFromPatient = arguments[0];
+            palpateViewer.draw();
+            const { devices: [device], rotation } = palpateViewer.pose, { normal } = palpateViewer.plane("oblique");
+            const [w, x, y, z] = device.orientation;
+            const world = [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)];
+            const axis = [0, 1, 2].map((c) => world.reduce((sum, v, r) => sum + v * worldFromPatient[r][c], 0));
+            // across it in the picture, whose plane holds it
+            const crossed = [0, 1, 2].map((i) => axis[(i + 1) % 3] * normal[(i + 2) % 3] - axis[(i + 2) % 3] * normal[(i + 1) % 3]);
+            const held = device.flags & 1 << 4 && !(device.flags & 1 << 17) ? device.proxy : device.tip;
+            const place = (along, aside) => held.map((v, i) => v + along * axis[i] + aside * crossed[i] / Math.hypot(...crossed));
+            const places = [[8, -3], [20, -3], [32, -3], [8, 3], [20, 3], [32, 3], [30, -7], [30, 7]].map(([along, aside]) => place(along, aside));
+            const drawn = palpateViewer.drawnOver("oblique", places);
+            return { rotation, outline: drawn.slice(0, 6), beside: drawn.slice(6) };
+            """, self.scene["world_from_patient"])
+        self.assertEqual(drawn["rotation"], [1, 0, 0, 0])
+        self.assertGreater(min(drawn["outline"]), 60, drawn)
+        self.assertEqual(drawn["beside"], [0, 0])
+
+    def test_structures_are_found_and_seen_alone(self):
+        names = [s["name"].replace("_", " ") for s in self.scene["structures"]]
+        listed = "return [...document.querySelectorAll('.structure')].filter((line) => line.offsetParent).map((line) => line.querySelector('.name').textContent);"
+        shown = "return [...document.querySelectorAll('.structure')].filter((line) => line.querySelector('.eye').textContent === 'Shown').map((line) => line.querySelector('.name').textContent);"
+        press = "[...document.querySelectorAll('.structure .name')].find((name) => name.textContent === arguments[0]).click();"
+
+        def find(words):
+            self.page.run("const field = document.getElementById('find'); field.value = arguments[0]; field.dispatchEvent(new Event('input'));", words)
+            return self.page.run(listed)
+
+        self.assertEqual(sorted(find("menis LAT")), ["lateral meniscus"])
+        self.assertEqual(find("no such thing"), [])
+        self.assertFalse(self.page.run("return document.getElementById('none-found').hidden"))
+        self.assertEqual(sorted(find("")), sorted(names))
+        # alone, then another one alone, and back to what was shown at first
+        self.page.run("document.querySelectorAll('.structure .eye')[0].click()")
+        before = self.page.run(shown)
+        self.assertEqual(len(before), len(names) - 1)
+        self.page.run(press, "fibula")
+        self.assertEqual(self.page.run(shown), ["fibula"])
+        self.page.run(press, "patella")
+        self.assertEqual(self.page.run(shown), ["patella"])
+        self.page.run(press, "patella")
+        self.assertEqual(self.page.run(shown), before)
+        self.page.click("#hide-all")
+        self.assertEqual(self.page.run(shown), [])
+        self.page.click("#show-all")
+        self.assertEqual(sorted(self.page.run(shown)), sorted(names))
+
+    def test_groups_fold_and_switch_as_one_and_keys_go_through_the_list(self):
+        looks = "return [...document.querySelectorAll('.structure')].map((line) => [line.querySelector('.name').textContent, line.querySelector('.eye').textContent === 'Shown' ? Number(line.querySelector('input[type=range]').value) : 0])"
+        of = {s["name"].replace("_", " "): self.scene["tissues"][s["tissue"]]["name"] for s in self.scene["structures"]}
+        group = "[...document.querySelectorAll('.tissue')].find((one) => one.querySelector('.title').textContent === arguments[0])"
+        self.assertEqual(len(of), 116)
+        as_it_came = self.page.run(looks)
+        # the eye of a group, which is partly shown in between
+        self.page.run(f"{group}.querySelector('.head .eye').click()", "bone")
+        self.assertEqual({name for name, opacity in self.page.run(looks) if opacity == 0}, {name for name in of if of[name] == "bone"})
+        self.page.run("document.querySelector('.structure .eye').click()")
+        self.assertEqual(self.page.run(f"const eye = {group}.querySelector('.head .eye'); return [eye.getAttribute('aria-pressed'), eye.textContent]", "bone"), ["mixed", "Partly"])
+        self.page.run(f"{group}.querySelector('.head .eye').click()", "bone")
+        self.assertEqual(self.page.run(looks), as_it_came)
+        # presets, each a step that is undone
+        choose = "const looks = document.getElementById('looks'); looks.value = arguments[0]; looks.dispatchEvent(new Event('change', { bubbles: true }))"
+        for name, opacity_of in (("bone", lambda tissue: tissue == "bone"), ("translucent", lambda tissue: 1 if tissue == "bone" else 0.3), ("solid", lambda _: 1)):
+            self.page.run(choose, name)
+            self.assertEqual({(n, o) for n, o in self.page.run(looks)}, {(n, opacity_of(of[n])) for n in of}, name)
+        self.page.click("#undo")
+        self.page.click("#undo")
+        self.assertEqual({n for n, o in self.page.run(looks) if o == 0}, {n for n in of if of[n] != "bone"})
+        # kept, for this scene
+        self.open_page(keeps=True)
+        self.assertEqual({n for n, o in self.page.run(looks) if o == 0}, {n for n in of if of[n] != "bone"})
+        self.page.run(choose, "scene")
+        self.assertEqual(self.page.run(looks), as_it_came)
+        # folded, and found nevertheless
+        self.page.run(f"{group}.querySelector('.fold').click()", "bone")
+        listed = "return [...document.querySelectorAll('.structure')].filter((line) => line.offsetParent).map((line) => line.querySelector('.name').textContent)"
+        self.assertEqual(set(self.page.run(listed)), {n for n in of if of[n] != "bone"})
+        find = "const field = document.getElementById('find'); field.value = arguments[0]; field.dispatchEvent(new Event('input'))"
+        self.page.run(find, "femur")
+        self.assertEqual(self.page.run(listed), ["femur"])
+        self.page.run(find, "")
+        self.page.run(f"{group}.querySelector('.fold').click()", "bone")
+        # the list is one stop of the tab key, and the arrow keys go from line to line
+        order = self.page.run(listed)
+        self.page.run("document.querySelector('.structure .eye').focus()")
+        for key, place in (("\ue015", 1), ("\ue010", 115), ("\ue013", 114), ("\ue00e", 104), ("\ue011", 0)):
+            self.page.press(key)
+            self.assertEqual(self.page.run("return document.activeElement.closest('.structure').querySelector('.name').textContent"), order[place])
+        self.assertEqual(self.page.run("return document.activeElement.className"), "eye")
+        self.assertEqual(self.page.run("return document.querySelectorAll('.structure :is(button, input):not([tabindex=\"-1\"])').length"), 4)
+
+    def test_a_bookmark_brings_back_what_was_seen_and_the_page_is_as_it_was_left(self):
+        rotation = "palpateViewer.pose.rotation"
+        self.addCleanup(lambda: (self.page.run("document.getElementById('unturn').click()"), self.page.wait(rotation + "[0] > 0.9999999")))
+        self.addCleanup(self.page.click, "[data-layout=two]")
+        preset = "const preset = document.getElementById('preset'); preset.value = arguments[0]; preset.dispatchEvent(new Event('change', { bubbles: true }))"
+        self.addCleanup(self.page.run, preset, "percentiles")
+        key = "document.querySelector(`#picture-${arguments[0]} .stack`).dispatchEvent(new KeyboardEvent('keydown', { key: arguments[1], altKey: arguments[2] ?? false }))"
+        seen = """palpateViewer.draw();
+            const points = [[0, 0, 0], [10, -7, 21], [-31, 4, 12]];
+            return [...points.flatMap((p) => palpateViewer.project(p)), ...["oblique", "axial"].flatMap((kind) => points.flatMap((p) => Object.values(palpateViewer.pixelOf(kind, p)))),
+              Number(document.getElementById("width").value), ...palpateViewer.pose.rotation];"""
+        layout = "return document.querySelector('[data-layout][aria-checked=true]').dataset.layout"
+        self.show_all_planes()
+        self.page.run(key, "volume", "ArrowRight", True)
+        self.page.wait(rotation + "[0] < 0.9999 && Math.abs(%s[2] - palpateViewer.state.rotation_wxyz[2]) < 1e-6" % rotation)
+        self.follow(False)
+        self.page.run("const n = document.querySelector('#picture-axial .slices input[type=number]'); n.value = 17; n.dispatchEvent(new Event('change'))")
+        self.page.run(key, "oblique", "+")
+        self.page.click("[data-look=left]")
+        self.page.run(preset, "all")
+        self.let_it_glide()
+        self.page.run("document.getElementById('bookmark-form').closest('details').open = true; document.getElementById('bookmark-name').value = 'notch'; document.querySelector('#bookmark-form button').click()")
+        self.assertEqual(self.page.run("return document.activeElement.textContent"), "notch")
+        was = self.page.run(seen)
+        recall = "document.querySelector('#bookmarks .figure').click()"
+
+        def assert_seen_again():
+            self.page.run(recall)
+            self.page.wait("Math.abs(%s[2] - %.9g) < 1e-6" % (rotation, was[-2]))
+            self.assertEqual(self.page.run(layout), "five")
+            for before, now in zip(was, self.page.run(seen)):
+                self.assertLess(abs(before - now), 0.02 + 1e-5 * abs(before), (was, now))
+
+        self.page.click("[data-layout=two]")
+        self.page.run(key, "oblique", "Home")
+        self.page.run("document.getElementById('unturn').click()")
+        self.page.wait(rotation + "[0] > 0.9999999")
+        self.follow(True)
+        self.page.click("[data-look=superior]")
+        self.page.run(preset, "percentiles")
+        self.assertGreater(numpy.abs(numpy.subtract(was, self.page.run(seen))).max(), 50)
+        assert_seen_again()
+        # another page of the same scene has it too, and opens as this one was left
+        self.page.wait("Number(document.getElementById('width').value) > 60000")
+        self.open_page(keeps=True)
+        self.assertEqual(self.page.run(layout), "five")
+        self.assertTrue(self.page.run("return document.getElementById('bookmark-form').closest('details').open"))
+        self.page.wait("Number(document.getElementById('width').value) > 60000")
+        assert_seen_again()
+        self.page.run("document.querySelector('#bookmarks button:last-child').click()")
+        self.assertEqual(self.page.run("return document.querySelectorAll('#bookmarks li').length"), 0)
+
+    def barriers(self):
+        """What axe finds, of WCAG 2.2 A and AA and of its best practice."""
+        if not self.page.run("return window.axe !== undefined"):
+            with open(AXE, encoding="utf-8") as source:
+                self.page.run(source.read())
+        return self.run_async("""axe.run(document, { resultTypes: ["violations"],
+                runOnly: { type: "tag", values: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"] } })
+            .then(({ violations }) => done(violations.flatMap(({ id, nodes }) => nodes.map(({ html, failureSummary }) => [id, html, failureSummary]))))""")
+
+    def test_nothing_stands_in_anybodys_way(self):
+        self.addCleanup(self.page.resize, *SIZE)
+        self.addCleanup(self.page.dark, True)
+        self.page.run("document.querySelectorAll('details').forEach((card) => (card.open = true))")
+        label = "palpateViewer.pose.devices[0].label"
+        for is_dark in (True, False):
+            self.page.dark(is_dark)
+            with self.subTest(dark=is_dark):
+                self.page.wait(f"{label} === 0")
+                self.assertEqual(self.barriers(), [])
+                self.page.wait(f"{label} > 0")
+                self.assertEqual(self.barriers(), [])
+                self.page.press(" ")
+                self.page.wait("document.getElementById('stop').classList.contains('stopped')")
+                self.page.run("document.getElementById('help').click()")
+                self.assertEqual(self.barriers(), [])
+                self.page.run("document.getElementById('help-close').click()")
+                self.page.resize(390, 844)
+                self.page.wait("innerWidth <= 390")
+                self.assertEqual(self.barriers(), [])
+                self.page.resize(*SIZE)
+                self.page.run("window.rearming = setInterval(() => document.getElementById('rearm').click(), 50)")
+                self.page.wait("!palpateViewer.state.emergency_stop")
+                self.page.run("clearInterval(window.rearming)")
+
+    def test_what_is_spoken_comes_once_a_second_at_most_and_all_controls_are_reached_by_keys(self):
+        # whatever a reader of the screen would speak by itself
+        spoken = self.page.run("""return (async () => {
+            const live = [...document.querySelectorAll("output, [role=status], [role=alert], [role=log], [aria-live]")].filter((one) => one.ariaLive !== "off");
+            const spoken = live.map(() => []);
+            live.forEach((one, n) => new MutationObserver(() => one.textContent && spoken[n].push([performance.now(), one.textContent]))
+              .observe(one, { childList: true, characterData: true, subtree: true }));
+            for (let n = 0; n < 40; n++) {
+              document.getElementById("pause").click();
+              await new Promise((later) => setTimeout(later, 100));
+              palpateViewer.draw();
+            }
+            await new Promise((later) => setTimeout(later, 1500));
+            return spoken.map((times, n) => [live[n].id, times]);
+          })()""")
+        for name, times in spoken:
+            self.assertTrue(all(b[0] - a[0] > 990 for a, b in zip(times, times[1:])), (name, times))
+        said = dict(spoken)["spoken"]
+        self.assertGreater(len(said), 1, spoken)
+        self.assertTrue(any("paused" in text for _, text in said), said)
+        self.page.run("if (palpateViewer.state.paused) document.getElementById('pause').click()")
+        # in the order in which they stand: nothing is left out, nothing comes first, and the list of structures is one line
+        self.page.run("document.querySelectorAll('details').forEach((card) => (card.open = true))")
+        wrong = self.page.run("""return [...document.querySelectorAll("button, input, select, summary, .stack")]
+            .filter((one) => one.offsetParent && (one.tabIndex !== 0) !== (one.closest(".structure") !== null && one.closest(".structure") !== document.querySelector(".structure")))
+            .map((one) => one.outerHTML)""")
+        self.assertEqual(wrong, [])
+        seen = set()
+        self.page.run("document.getElementById('help').focus()")
+        for _ in range(120):
+            self.page.press("\ue004")
+            name, shown = self.page.run("""const one = document.activeElement, style = getComputedStyle(one);
+                return [one.id || one.className || one.outerHTML, one === document.body || (style.outlineStyle !== "none" && parseFloat(style.outlineWidth) >= 2)]""")
+            self.assertTrue(shown, name)
+            seen.add(name)
+            if name == "convention":
+                break
+        self.assertLessEqual({"language", "stop", "undo" if self.page.run("return !document.getElementById('undo').disabled") else "clear", "record", "stack", "find", "limit", "slab", "convention"}, seen)
+
+    def test_every_screen_holds_the_stop_and_no_control_lies_on_another(self):
+        self.addCleanup(self.page.resize, 1440, 900)
+        self.addCleanup(self.speak, "en")
+        for language, width, height in [(language, *size) for language in ("de", "en") for size in ((390, 844), (768, 1024), (1024, 768), (1920, 1080))]:
+            with self.subTest(language=language, width=width):
+                self.speak(language)
+                self.page.resize(width, height)
+                self.page.wait(f"innerWidth <= {width}")
+                self.page.run("palpateViewer.draw()")
+                self.assertLessEqual(self.page.run("return document.documentElement.scrollWidth"), width)
+                left, top, wide, high = self.box("#stop")
+                self.assertTrue(0 <= left and left + wide <= width and 0 <= top and top + high <= height / 3, self.box("#stop"))
+                self.assertEqual(self.page.run("return document.elementFromPoint(...arguments).id", left + wide / 2, top + high / 2), "stop")
+                boxes = self.page.run("""return [...document.querySelectorAll(".notice, .bar > *, .bar .badge, .tools button, .picture header > *, .slices > *, .readout > *")]
+                    .filter((one) => one.offsetParent && one.offsetWidth > 0 && !one.matches(".facts, .spacer"))
+                    .map((one) => { const r = one.getBoundingClientRect(); return [one.id || one.textContent, r.left, r.top, r.right, r.bottom]; });""")
+                over = [(a[0], b[0]) for n, a in enumerate(boxes) for b in boxes[n + 1:]
+                        if min(a[3], b[3]) - max(a[1], b[1]) > 1 and min(a[4], b[4]) - max(a[2], b[2]) > 1]
+                self.assertEqual(over, [])
+                self.assertEqual([one for one in boxes if one[1] < -1 or one[3] > width + 1], [])
+
+    def speak(self, language):
+        self.page.run("const choice = document.getElementById('language'); choice.value = arguments[0]; choice.dispatchEvent(new Event('change')); palpateViewer.draw()", language)
+
+    def test_german_is_the_whole_pages_and_is_kept(self):
+        self.addCleanup(self.speak, "en")
+        said = """return [...document.querySelectorAll("body :not(#cover-text)")].flatMap((one) => [one.title, one.ariaLabel ?? "", one.placeholder ?? "",
+            ...[...one.childNodes].filter((node) => node.nodeType === Node.TEXT_NODE).map((node) => node.data.trim())]).filter((text) => /[A-Za-z]{3}/.test(text));"""
+        self.assertEqual(self.page.run("return document.documentElement.lang"), "en")
+        english = self.page.run(said)
+        self.speak("de")
+        german = self.page.run(said)
+        self.assertEqual(self.page.run("return document.documentElement.lang"), "de")
+        self.assertIn("Nur für Forschung und Lehre — nicht für den klinischen Einsatz", german)
+        # names are the same, of what the scene has and of planes
+        names = {"palpate", "Esc", "Maximum (MIP)", "English", "Deutsch", "Pause", "Axial", "Sagittal", "axial", "sagittal", "LPS (DICOM)", "RAS (Slicer)"}
+        names |= {s["name"].replace("_", " ") for s in self.scene["structures"] + self.scene["tissues"]} | set(self.scene["methods"])
+        same = {text for text in set(english) & set(german) - names if not text.startswith(("palpate ", "p50 ", "LPS "))}
+        self.assertEqual(same, set())
+        self.assertGreater(len(german), 120)
+        # over the pictures, too, and after the page was opened anew
+        self.open_page(keeps=True)
+        self.assertEqual(self.page.run("return document.documentElement.lang"), "de")
+        self.assertEqual(self.page.run("return document.getElementById('stop').textContent"), "Not-Halt")
+        self.page.run("palpateViewer.draw()")
+        self.assertIn("Spitze", self.page.run("return document.getElementById('position').textContent"))
+
+    def test_help_leaves_the_stop_in_reach(self):
+        key = "document.body.dispatchEvent(new KeyboardEvent('keydown', { key: arguments[0], bubbles: true }));"
+        hidden = "return document.getElementById('help-box').hidden"
+        self.assertTrue(self.page.run(hidden))
+        self.page.run(key, "?")
+        self.assertFalse(self.page.run(hidden))
+        left, top, width, height = self.box("#stop")
+        self.assertEqual(self.page.run("return document.elementFromPoint(...arguments).id", left + width / 2, top + height / 2), "stop")
+        box = self.box("#help-box")
+        self.assertGreaterEqual(box[1], top + height)
+        self.page.run(key, "Escape")
+        self.assertTrue(self.page.run(hidden))
+        self.page.click("#help")
+        self.assertFalse(self.page.run(hidden))
+        # letters that are no shortcuts
+        tool = "return document.querySelector('[data-tool][aria-checked=true]').dataset.tool"
+        self.page.run(key, "r")
+        self.assertEqual(self.page.run(tool), "ruler")
+        self.page.click("#letters")
+        self.page.run(key, "a")
+        self.assertEqual(self.page.run(tool), "ruler")
+        self.page.click("#letters")
+        self.page.run(key, "a")
+        self.assertEqual(self.page.run(tool), "angle")
+        self.page.click("#help-close")
+        self.assertTrue(self.page.run(hidden))
+
+    def test_small_forces_have_three_digits_and_no_figure_moves_another(self):
+        # as soft as the sliders go: 0.01 N/mm
+        for tissue in range(len(self.scene["tissues"])):
+            self.slide(f"input[data-tissue='{tissue}']", 0)
+        self.page.wait("palpateViewer.state.tissues.every((tissue) => tissue.stiffness_N_per_mm === 0.01)")
+        self.page.wait("palpateViewer.pose.devices[0].stiffness === Math.fround(0.01)")
+        shown = self.page.run("""return (async () => {
+            const shown = [];
+            const words = (id) => document.getElementById(id).textContent;
+            for (let n = 0; shown.length < 10 && n < 600; n++) {
+              await new Promise((later) => setTimeout(later, 40));
+              palpateViewer.draw();
+              const force = Math.hypot(...palpateViewer.pose.devices[0].force);
+              if (force > 0) shown.push([force, words("force"), document.querySelector(".force .unit").textContent, words("depth"), palpateViewer.pose.devices[0].depth]);
+            }
+            return shown;
+          })()""")
+        self.assertEqual(len(shown), 10)
+        for force, text, unit, depth_text, depth in shown:
+            self.assertLessEqual(abs(float(text) * {"N": 1, "mN": 1e-3}[unit] / force - 1), 0.006, (force, text, unit))
+            number, unit = depth_text.split()
+            self.assertLessEqual(abs(float(number) * {"mm": 1, "µm": 1e-3}[unit] / depth - 1), 0.006, (depth, depth_text))
+        places = self.page.run("""
+            const all = [...document.querySelectorAll(".force *, .touch dt, .touch dd")];
+            const force = document.getElementById("force"), depth = document.getElementById("depth");
+            return [["0.00", "0.00 mm"], ["0.0123", "−0.0123 mm"], ["9.99", "123 mm"]].map(([first, second]) => {
+              force.textContent = first;
+              depth.textContent = second;
+              return all.map((one) => { const { left, top, right } = one.getBoundingClientRect(); return [left, top, right]; });
+            });""")
+        self.assertEqual(places[0], places[1])
+        self.assertEqual(places[0], places[2])
+
+    def test_greys_are_those_of_the_values_beside_an_outlier(self):
+        self.slide("#fill", 0)
+        self.page.run("document.getElementById('outlines').click()")
+        # a plane through much of the scan
+        for _ in range(50):
+            self.follow(True)
+            self.page.wait("Math.abs(palpateViewer.pose.devices[0].tip[0]) < 20")
+            self.follow(False)
+            if abs(self.page.run("palpateViewer.draw(); return palpateViewer.plane('oblique').centre[0]")) < 20:
+                break
+        # every pixel of a grid over the picture: where it is, and its grey
+        width, height = self.page.run("const c = document.querySelector("
+                                      "'#picture-oblique canvas'); return [c.width, c.height]")
+        shown = self.page.run("""
+            const shown = [];
+            const [width, height] = arguments;
+            palpateViewer.draw();
+            for (let y = Math.floor(0.1 * height); y < 0.9 * height; y += 37) {
+              for (let x = 2; x < width - 2; x++) shown.push([...palpateViewer.patientAt("oblique", x + 0.5, y + 0.5), ...palpateViewer.colourAt("oblique", x, y)]);
+            }
+            return shown;""", width, height)
+        low, high = 1000, 1255
+        greys, wanted, worst = set(), set(), 0
+        for x, y, z, red, green, blue in shown:
+            voxel = self.voxel_of((x, y, z))
+            base = numpy.floor(voxel).astype(int)
+            if (base < 0).any() or (base + 1 >= self.scan.shape).any():
+                continue
+            value = 0
+            for corner in numpy.ndindex(2, 2, 2):
+                weight = numpy.prod(numpy.where(corner, voxel - base, 1 - (voxel - base)))
+                value += weight * self.scan[tuple(base + corner)]
+            expected = 255 * min(1, max(0, (value - low) / (high - low)))
+            self.assertTrue(red == green == blue, (red, green, blue))
+            worst = max(worst, abs(red - expected))
+            greys.add(red)
+            wanted.add(round(expected))
+        print(f"  {len(greys)} greys of {len(wanted)}, at most {worst:.2f} of 255 off", flush=True)
+        self.assertLessEqual(worst, 1)
+        self.assertGreater(len(wanted), 100)
+        self.assertGreaterEqual(len(greys), len(wanted) - 2)
+
+
+    def test_a_slice_is_chosen_by_its_number_and_by_keys(self):
+        self.addCleanup(self.page.click, "[data-layout=two]")
+        self.show_all_planes()
+        # once the page has drawn a slice it is the one that is shown
+        choose = """const number = document.querySelector("#picture-axial .slices input[type=number]");
+            number.value = arguments[0];
+            number.dispatchEvent(new Event("change"));
+            palpateViewer.draw();
+            return [palpateViewer.plane("axial"), palpateViewer.plane("coronal"), Number(number.value)];"""
+        press = """const slider = document.querySelector("#picture-axial .slices input[type=range]");
+            slider.dispatchEvent(new KeyboardEvent("keydown", { key: arguments[0], cancelable: true, bubbles: true }));
+            palpateViewer.draw();
+            return [palpateViewer.plane("axial"), palpateViewer.plane("coronal"), Number(slider.value)];"""
+        step = numpy.linalg.norm(self.patient_from_voxel[:3, 0])
+        corners = [(self.patient_from_voxel @ [*numpy.multiply(corner, numpy.subtract(self.labels.shape, 1)), 1])[2] for corner in numpy.ndindex(2, 2, 2)]
+        count = round((max(corners) - min(corners)) / step) + 1
+        self.assertEqual(self.page.run("return document.querySelector('#picture-axial .slices span').textContent"), f"/ {count}")
+        others = []
+        for script, asked, slice_ in ((choose, 20, 20), (choose, 26, 26), (press, "ArrowDown", 27), (press, "PageUp", 17), (press, "End", count), (press, "ArrowDown", count), (choose, -3, 1)):
+            axial, coronal, shown = self.page.run(script, asked)
+            self.assertEqual(shown, slice_)
+            self.assertAlmostEqual(axial["centre"][2], min(corners) + (slice_ - 1) * step, 6)
+            others.append(coronal["centre"][1])
+        # it rests there, where the tip moves on, and the other planes rest too
+        self.assertEqual(len(set(others)), 1)
+        self.assertEqual(self.page.run("return document.getElementById('follow').getAttribute('aria-pressed')"), "false")
+        # the middle of the slider is the middle slice
+        left, top, width, height = self.box("#picture-axial .track")
+        self.page.pointer({"type": "pointerMove", "x": round(left + width / 2), "y": round(top + 4)}, {"type": "pointerDown", "button": 0},
+                          {"type": "pointerMove", "x": round(left + width / 2), "y": round(top + height / 2), "duration": 100}, {"type": "pointerUp", "button": 0})
+        self.assertLessEqual(abs(self.page.run("palpateViewer.draw(); return Number(document.querySelector('#picture-axial .slices input').value)") - (count + 1) / 2), 0.01 * count + 1)
+
+    def linear(self, voxels):
+        """The scan between voxels, and whether it has a value there."""
+        last = numpy.array(self.scan.shape) - 1
+        within = numpy.clip(voxels, 0, last)
+        low = numpy.minimum(within.astype(int), last - 1)
+        share = within - low
+        value = sum(numpy.prod(numpy.where(corner, share, 1 - share), axis=-1) * self.scan[tuple(numpy.moveaxis(low + corner, -1, 0))] for corner in numpy.ndindex(2, 2, 2))
+        return value, ((voxels >= -0.5) & (voxels <= last + 0.5)).all(-1)
+
+    def test_a_slab_is_its_mean_its_largest_or_its_least_value(self):
+        reset = "for (const [id, value, type] of [['slab', 'none', 'change'], ['fill', 0.45, 'input']]) { const one = document.getElementById(id); one.value = value; one.dispatchEvent(new Event(type)); }"
+        self.addCleanup(self.page.click, "[data-layout=two]")
+        self.addCleanup(self.page.run, reset + "document.getElementById('outlines').click()")
+        self.show_all_planes()
+        self.page.run("document.getElementById('outlines').click()")
+        self.slide("#fill", 0)
+        self.slide("#slab-mm", 14)
+        self.follow(False)
+        self.page.run("const n = document.querySelector('#picture-axial .slices input[type=number]'); n.value = 20; n.dispatchEvent(new Event('change'))")
+        low, high, mm = 1000, 1255, 14
+        samples = 2 * math.ceil(mm / numpy.linalg.norm(self.patient_from_voxel[:3, 0])) + 1
+        seen = {}
+        for kind, of in (("mean", numpy.ma.mean), ("maximum", numpy.ma.max), ("minimum", numpy.ma.min)):
+            shown = numpy.array(self.page.run("""
+                const slab = document.getElementById("slab");
+                slab.value = arguments[0];
+                slab.dispatchEvent(new Event("change"));
+                palpateViewer.draw();
+                const { width, height } = document.querySelector("#picture-axial canvas");
+                const shown = [];
+                for (let y = 9; y < height; y += 11) for (let x = 3; x < width; x += 4) shown.push([...palpateViewer.patientAt("axial", x + 0.5, y + 0.5), ...palpateViewer.colourAt("axial", x, y)]);
+                return shown;""", kind))
+            patient = shown[:, None, :3] + numpy.outer(numpy.linspace(-mm / 2, mm / 2, samples), [0, 0, 1])
+            inverse = numpy.linalg.inv(self.patient_from_voxel)
+            value, inside = self.linear(patient @ inverse[:3, :3].T + inverse[:3, 3])
+            expected = 255 * numpy.clip((of(numpy.ma.array(value, mask=~inside), axis=1) - low) / (high - low), 0, 1)
+            # at the very border a rounding decides what is in
+            clear = (self.linear(patient @ inverse[:3, :3].T + inverse[:3, 3] + 1e-3)[1] == inside).all(1) & (self.linear(patient @ inverse[:3, :3].T + inverse[:3, 3] - 1e-3)[1] == inside).all(1)
+            chosen = clear & inside.any(1)
+            off = abs(shown[chosen, 3] - expected[chosen]).max()
+            print(f"  {kind}: {chosen.sum()} pixels, at most {off:.2f} of 255 off", flush=True)
+            self.assertGreater(chosen.sum(), 200)
+            self.assertLessEqual(off, 1)
+            seen[kind] = shown[chosen, 3].mean()
+        self.assertGreater(seen["maximum"], seen["mean"] + 3)
+        self.assertLess(seen["minimum"], seen["mean"] - 3)
+
+    def test_what_was_done_is_undone_and_a_pause_and_a_stop_are_not(self):
+        undo = "document.body.dispatchEvent(new KeyboardEvent('keydown', { key: arguments[0] ? 'Z' : 'z', ctrlKey: true, shiftKey: arguments[0], bubbles: true, cancelable: true }))"
+        stiffness = "palpateViewer.state.tissues[0].stiffness_N_per_mm"
+        before = self.page.run("return " + stiffness)
+        self.page.run("document.getElementById('find').dispatchEvent(new Event('change', { bubbles: true }))")
+        for place in (0.5, 0.6):
+            self.slide("input[data-tissue='0']", place)
+            self.page.wait(f"Math.abs({stiffness} / (0.01 * 1000 ** {place}) - 1) < 0.01")
+        # a look, and a pause, which is nothing that is undone
+        eye = "document.querySelectorAll('.structure .eye')[0]"
+        self.page.run(eye + ".click()")
+        self.assertEqual(self.page.run(f"return {eye}.textContent"), "Hidden")
+        self.page.click("#pause")
+        self.page.wait("palpateViewer.state.paused")
+        self.addCleanup(self.page.run, "if (palpateViewer.state.paused) document.getElementById('pause').click()")
+        self.page.press(" ")
+        self.page.wait("palpateViewer.state.emergency_stop")
+        self.page.run(undo, False)
+        self.assertEqual(self.page.run(f"return {eye}.textContent"), "Shown")
+        self.page.run(undo, False)
+        self.page.wait(f"Math.abs({stiffness} / {before} - 1) < 1e-4")
+        self.page.run(undo, True)
+        self.page.wait(f"Math.abs({stiffness} / (0.01 * 1000 ** 0.6) - 1) < 0.01")
+        self.page.click("#undo")
+        self.page.wait(f"Math.abs({stiffness} / {before} - 1) < 1e-4")
+        self.assertTrue(self.page.run("return palpateViewer.state.paused && palpateViewer.state.emergency_stop"))
+        self.page.click("#pause")
+        self.page.wait("!palpateViewer.state.paused && !document.getElementById('rearm').disabled")
+        self.page.click("#rearm")
+        self.page.wait("!palpateViewer.state.emergency_stop")
+
+    def test_measures_are_listed_named_found_and_written_as_a_table(self):
+        self.follow(False)
+        self.page.click("[data-tool=ruler]")
+        self.addCleanup(self.page.click, "#clear")
+        self.drag("#picture-oblique .stack", 60, 10, begin=(0.4, 0.5))
+        self.drag("#picture-oblique .stack", 20, 50, begin=(0.5, 0.6))
+        self.page.wait("palpateViewer.measures.length === 2")
+        names = "return [...document.querySelectorAll('#measures input')].map((name) => name.value)"
+        self.assertEqual([name.split()[0] for name in self.page.run(names)], ["Ruler", "Ruler"])
+        points = self.page.run("return palpateViewer.measures")
+        lengths = [float(text.split()[0]) for text in self.page.run("return [...document.querySelectorAll('#measures .figure')].map((one) => one.textContent)")]
+        for (a, b), length in zip(points, lengths):
+            self.assertLess(abs(numpy.linalg.norm(numpy.subtract(b, a)) / length - 1), 0.006)
+        self.page.run("const name = document.querySelectorAll('#measures input')[1]; name.value = 'notch, deep'; name.dispatchEvent(new Event('change'))")
+        # a field that is done with does not keep the space bar from being the emergency stop
+        self.page.run("document.querySelectorAll('#measures input')[1].focus()")
+        self.page.press("\ue007")
+        self.assertEqual(self.page.run("return [document.activeElement.className, document.activeElement.title]"), ["figure", "Go to notch, deep"])
+        # led to where it is, from another slice
+        self.page.run("document.querySelector('#picture-oblique .stack').dispatchEvent(new KeyboardEvent('keydown', { key: 'PageDown' })); palpateViewer.draw()")
+        self.assertGreater(self.page.run("return palpateViewer.pixelOf('oblique', arguments[0]).off_mm", points[1][0]), 5)
+        self.page.run("document.querySelectorAll('#measures .figure')[1].click(); palpateViewer.draw()")
+        for point in points[1]:
+            self.assertLess(self.page.run("return palpateViewer.pixelOf('oblique', arguments[0]).off_mm", point), 1e-3)
+        with tempfile.TemporaryDirectory(prefix="palpate-download-") as folder:
+            self.page.developer_tools("Browser.setDownloadBehavior", behavior="allow", downloadPath=folder)
+            self.page.click("#measures-csv")
+            deadline = time.monotonic() + 60
+            while not [name for name in os.listdir(folder) if name.endswith(".csv")]:
+                self.assertLess(time.monotonic(), deadline)
+                time.sleep(0.1)
+            with open(os.path.join(folder, os.listdir(folder)[0]), encoding="utf-8", newline="") as file:
+                rows = list(csv.DictReader(file))
+        self.assertEqual([rows[1][key] for key in ("name", "kind", "plane", "angle_deg")], ["notch, deep", "ruler", "oblique", ""])
+        for n, row in enumerate(rows):
+            for p, point in enumerate(points[n]):
+                self.assertLess(numpy.linalg.norm(numpy.subtract([float(row[f"{axis}{p + 1}_lps_mm"]) for axis in "xyz"], point)), 1e-3)
+        self.page.run("document.querySelector('#measures button:last-child').click()")
+        self.assertEqual(self.page.run(names), ["notch, deep"])
+        self.page.click("#undo")
+        self.assertEqual(len(self.page.run(names)), 2)
+
+    def test_a_measure_stays_where_it_was_made(self):
+        self.page.click("[data-tool=ruler]")
+        left, top, width, height = self.box("#picture-oblique .stack")
+        begin, end = ((round(left + part * width), round(top + 0.55 * height)) for part in (0.4, 0.6))
+        tip = "palpateViewer.pose.devices[0].tip"
+        moved = "(window.before ??= %s, Math.abs(%s.reduce((sum, x, c) => sum + (x - window.before[c]) * palpateViewer.plane('oblique').normal[c], 0)) > 4)" % (tip, tip)
+        at = "palpateViewer.draw(); return [palpateViewer.patientAt('oblique', ...arguments), palpateViewer.plane('oblique')]"
+        click = lambda x, y: self.page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0}, {"type": "pointerUp", "button": 0})  # noqa: E731
+        click(*begin)
+        first, plane = self.page.run(at, begin[0] - left, begin[1] - top)
+        self.page.wait(moved)
+        click(*end)
+        self.page.wait("palpateViewer.measures.length === 1")
+        points = self.page.run("return palpateViewer.measures[0]")
+        # both on the plane of the first click, and as far apart as was seen
+        across = numpy.subtract(points[1], points[0])
+        mm_per_pixel = numpy.linalg.norm(numpy.subtract(*self.page.run("return [0, 1].map((x) => palpateViewer.patientAt('oblique', x, 0))")))
+        self.assertLess(abs(numpy.dot(across, plane["normal"])), 1e-6)
+        self.assertAlmostEqual(numpy.linalg.norm(across), (end[0] - begin[0]) * mm_per_pixel, 6)
+        self.assertLess(numpy.linalg.norm(numpy.subtract(points[0], first)), 1e-6)
+        # then the plane follows again, and the measure stays
+        self.page.run("delete window.before")
+        self.page.wait(moved)
+        self.page.run("palpateViewer.draw()")
+        self.assertEqual(self.page.run("return palpateViewer.measures[0]"), points)
+        # as strong as it was made on planes that contain it, faint beside, not at all far from it
+        self.follow(False)
+        strength = """palpateViewer.draw();
+            const canvas = document.querySelectorAll("#picture-oblique canvas")[1];
+            const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
+            copy.drawImage(canvas, 0, 0);
+            const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
+            let most = 0;
+            for (let i = 0; i < data.length; i += 4) if ([142, 226, 138].every((x, c) => Math.abs(x - data[i + c]) < 16)) most = Math.max(most, data[i + 3]);
+            return [palpateViewer.pixelOf("oblique", arguments[0]).off_mm, most];"""
+        step = "document.querySelector('#picture-oblique .stack').dispatchEvent(new WheelEvent('wheel', { deltaY: arguments[0], cancelable: true }))"
+        off, _ = self.page.run(strength, points[0])
+        self.page.run(step, 120)
+        way = 120 if self.page.run(strength, points[0])[0] < off else -120
+        seen = {}
+        for _ in range(60):
+            off, seen_strength = self.page.run(strength, points[0])
+            seen[round(off, 2)] = seen_strength
+            if min(seen) < 1.16 and off > 14:
+                break
+            self.page.run(step, way)
+        print("  by distance: " + ", ".join(f"{off}: {most}" for off, most in sorted(seen.items())), flush=True)
+        for off, most in seen.items():
+            if off < 1.1:
+                self.assertGreater(most, 240, seen)
+            elif 1.3 < off < 11.9:
+                self.assertTrue(0 < most < 240, seen)
+            elif off > 12.1:
+                self.assertEqual(most, 0, seen)
+        self.assertTrue(min(seen) < 1.16 and max(seen) > 13, seen)
+        self.page.click("#clear")
+
+
+class WithFinger(Viewer):
+    """The mock's pointer, which fingers press on."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("pointer").__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.open_browser()
+
+    def touch(self, kind, *points):
+        self.page.developer_tools("Input.dispatchTouchEvent", type="touch" + kind, touchPoints=[{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(points)])
+
+    def tip(self):
+        # of a pose that came after what was done before
+        self.page.run("window.sequence = palpateViewer.pose.sequence")
+        self.page.wait("palpateViewer.pose.sequence > window.sequence + 15")
+        return self.page.run("return palpateViewer.pose.devices[0].tip")
+
+    def test_two_fingers_zoom_and_one_moves_the_tip(self):
+        self.page.wait("palpateViewer.state.pointer")
+        before = self.tip()
+        scale = "const at = (x) => palpateViewer.patientAt('oblique', x, 0); return Math.hypot(...at(1).map((x, c) => x - at(0)[c]))"
+        centre = "palpateViewer.draw(); const c = document.querySelector('#picture-oblique canvas'); return palpateViewer.patientAt('oblique', c.width / 2, c.height / 2)"
+        for name in ("oblique", "volume"):
+            left, top, width, height = self.box(f"#picture-{name} .stack")
+            x, y = round(left + 0.3 * width), round(top + 0.3 * height)
+            mm, middle = self.page.run(scale), self.page.run(centre)
+            self.touch("Start", (x, y), (x + 40, y))
+            for apart in range(45, 145, 10):
+                self.touch("Move", (x, y), (x + apart, y))
+            if name == "oblique":
+                self.page.run("palpateViewer.draw()")
+                self.assertLess(self.page.run(scale), 0.5 * mm)
+                # one finger rests: the middle has gone by half of the other's way, and no farther after a tip that is out of the picture now
+                self.assertLess(numpy.linalg.norm(numpy.subtract(self.page.run(centre), middle)), 52 * mm)
+            self.assertEqual(self.tip(), before)
+            self.touch("Move", (x, y + 60), (x + 140, y))
+            self.touch("End")
+            self.assertEqual(self.tip(), before)
+        # one finger moves it, and no plane below itself
+        self.page.run("document.querySelector('#picture-oblique .stack').dispatchEvent(new KeyboardEvent('keydown', { key: 'Home' }));"
+                      "document.querySelector('#picture-oblique .stack').dispatchEvent(new WheelEvent('wheel', { deltaY: 120, cancelable: true }));"
+                      "palpateViewer.draw()")
+        left, top, width, height = self.box("#picture-oblique .stack")
+        x, y = round(left + 0.03 * width), round(top + 0.6 * height)
+        plane = self.page.run("palpateViewer.draw(); return palpateViewer.plane('oblique')")
+        wanted = self.page.run("return palpateViewer.patientAt('oblique', arguments[0], arguments[1])", x - left, y - top)
+        self.touch("Start", (x, y))
+        self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.01" % json.dumps(wanted))
+        held = self.page.run("palpateViewer.draw(); return palpateViewer.plane('oblique')")
+        self.assertLess(numpy.linalg.norm(numpy.subtract(held["centre"], plane["centre"])), 1e-3)
+        # a second one ends the hold, whatever it does then
+        self.touch("Start", (x, y), (x + 60, y))
+        for way in range(10):
+            self.touch("Move", (x, y), (x + 60 + 10 * way, y + 10 * way))
+        self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
+        self.touch("End")
+        self.assertLess(numpy.linalg.norm(numpy.subtract(self.tip(), wanted)), 0.01)
+        self.assertIn("hold the button", self.page.run("return document.getElementById('flags').textContent"))
+
+    def test_a_second_finger_on_the_slider_leads_the_tip_deeper(self):
+        self.page.wait("palpateViewer.state.pointer")
+        left, top, width, height = self.box("#picture-oblique .stack")
+        hold = (round(left + 0.3 * width), round(top + 0.6 * height))
+        left, top, width, height = self.box("#picture-oblique .track")
+        slide = lambda part: (round(left + width / 2), round(top + part * height))  # noqa: E731
+        self.touch("Start", hold)
+        self.page.wait("(palpateViewer.pose.devices[0].flags & 512) === 0")
+        before, normal = self.tip(), self.page.run("palpateViewer.draw(); return palpateViewer.plane('oblique').normal")
+        at = self.page.run("const s = document.querySelector('#picture-oblique .slices input'); return (s.value - 1) / (s.max - 1)")
+        self.touch("Start", hold, slide(at))
+        for part in (0.05, 0.1, 0.15):
+            self.touch("Move", hold, slide(at + part))
+        self.page.wait("palpateViewer.pose.devices[0].tip.reduce((sum, x, i) => sum + (x - %s[i]) * %s[i], 0) > 10" % (json.dumps(before), json.dumps(normal)))
+        self.touch("End")
+        way = numpy.subtract(self.tip(), before)
+        # straight through the picture, and no plane was taken away from the tip
+        self.assertLess(numpy.linalg.norm(way - numpy.dot(way, normal) * numpy.array(normal)), 0.05)
+        self.assertEqual(self.page.run("return document.getElementById('follow').getAttribute('aria-pressed')"), "true")
+        # without a hold the same finger goes through the slices
+        self.touch("Start", slide(0.5))
+        self.touch("Move", slide(0.2))
+        self.touch("End")
+        self.assertEqual(self.page.run("palpateViewer.draw(); return document.getElementById('follow').getAttribute('aria-pressed')"), "false")
+        self.assertLess(self.page.run("const s = document.querySelector('#picture-oblique .slices input'); return (s.value - 1) / (s.max - 1)"), 0.25)
+
+    def test_a_key_moves_the_tip_by_what_is_seen(self):
+        self.page.wait("palpateViewer.state.pointer")
+        key = "document.querySelector('#picture-oblique .stack').dispatchEvent(new KeyboardEvent(arguments[0], { key: arguments[1], bubbles: true }))"
+        for _ in range(3):
+            pixel = self.page.run("palpateViewer.draw(); const at = (x) => palpateViewer.patientAt('oblique', x, 0); return Math.hypot(...at(1).map((x, c) => x - at(0)[c]))")
+            before = self.tip()
+            self.page.run(key, "keydown", "ArrowRight")
+            self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) > 1e-6" % json.dumps(before))
+            after = self.tip()
+            self.page.run(key, "keyup", "ArrowRight")
+            self.assertAlmostEqual(numpy.linalg.norm(numpy.subtract(after, before)), 2 * pixel, 4)
+            self.page.run("for (let n = 0; n < 6; n++) document.querySelector('#picture-oblique .stack').dispatchEvent(new KeyboardEvent('keydown', { key: '+' }))")
+
+
+    def voxels(self):
+        scene = self.server.scene()
+        labels, patient_from_voxel = self.server.labels(scene)
+        to_voxel = numpy.linalg.inv(patient_from_voxel)
+
+        def label_at(points):
+            voxel = numpy.round(points @ to_voxel[:3, :3].T + to_voxel[:3, 3]).astype(int)
+            inside = ((voxel >= 0) & (voxel < labels.shape)).all(1)
+            return numpy.where(inside, labels[tuple(numpy.where(inside[:, None], voxel, 0).T)], 0)
+        return scene, label_at
+
+    def ray_at(self, x, y):
+        """Of a pixel of the volume's picture: where its line begins, far in front of all, and where it goes."""
+        return [numpy.array(part) for part in self.page.run(
+            "const { from, into } = palpateViewer.volumeRay(arguments[0], arguments[1]); return [from.map((v, i) => v - 300 * into[i]), into]", x, y)]
+
+    def test_the_tool_is_dashed_where_something_is_in_front_of_it(self):
+        _, label_at = self.voxels()
+        self.page.wait("palpateViewer.state.pointer")
+        # another viewer leads the tip, which is where it is asked for at once
+        self.page.click("[data-tool=window]")
+        self.page.wait("!palpateViewer.state.pointer")
+        self.page.run("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
+            socket.onopen = () => {
+              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
+            };
+            window.lead = (p) => socket.send(JSON.stringify({ type: "tip", patient_mm: p }));
+            socket.onmessage = ({ data }) => typeof data === "string" && JSON.parse(data).type === "done" && (window.isTaken = true);""")
+        self.page.wait("window.isTaken")
+        generator = random.Random(test_seed())
+        hit = {True: 0, False: 0}
+        for is_perspective in (False, True):
+            # from somewhere where every one of them is in the picture
+            self.page.run("palpateViewer.lookFrom(arguments[0], arguments[1], arguments[2])", 60, 25, is_perspective)
+            self.page.run("palpateViewer.draw()")
+            self.page.wait("palpateViewer.isVolumeSharp")
+            before = dict(hit)
+            while min(hit[key] - before[key] for key in hit) < 13:
+                p = numpy.array([generator.uniform(-45, 45), generator.uniform(-45, 45), generator.uniform(-40, 50)])
+                around = p + numpy.argwhere(numpy.ones((9, 9, 9))) - 4
+                if label_at(around).any():
+                    continue
+                start, into = self.ray_at(*self.page.run("return palpateViewer.project(arguments[0])", p.tolist()))
+                far = numpy.linalg.norm(p - start)
+                # by its own way to the viewer and those 3 mm beside it: where they differ, it is at an edge
+                aside = numpy.linalg.svd(into[None])[2][1:]
+                ways = start + numpy.arange(far - 250, far - 4, 0.3)[:, None] * into
+                hidden = [label_at(ways + 3 * (a * aside[0] + b * aside[1])).any() for a in (-1, 0, 1) for b in (-1, 0, 1)]
+                if min(hidden) != max(hidden) or hit[hidden[0]] - before[hidden[0]] >= 13:
+                    continue
+                self.page.run("window.lead(arguments[0])", p.tolist())
+                self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.01" % json.dumps(p.tolist()))
+                drawn = self.page.run("palpateViewer.draw(); return palpateViewer.drawnAround(5)")
+                # the ring's gaps show the darker one beneath it, which is half clear
+                self.assertEqual(min(drawn) < 200, hidden[0], (p, drawn))
+                hit[hidden[0]] += 1
+        print(f"  {hit[True]} behind something, {hit[False]} in front", flush=True)
+
+    def test_a_press_touches_the_first_surface_under_it(self):
+        scene, label_at = self.voxels()
+        self.page.wait("palpateViewer.state.pointer")
+        generator = random.Random(test_seed())
+        left, top, width, height = self.box("#picture-volume .stack")
+        felt = {s["label"] for s in scene["structures"] if scene["tissues"][s["tissue"]]["felt"]}
+        self.assertEqual(len(felt), len(scene["structures"]))
+        self.page.click("#follow")
+        self.page.wait("document.getElementById('follow').getAttribute('aria-pressed') === 'false'")
+        met = set()
+        pressed = 0
+        while pressed < 8:
+            is_perspective = pressed % 2 == 1
+            self.page.run("palpateViewer.lookFrom(arguments[0], arguments[1], arguments[2]); palpateViewer.draw()", 80 * pressed, 20, is_perspective)
+            x, y = round(left + generator.uniform(0.3, 0.7) * width), round(top + generator.uniform(0.2, 0.8) * height)
+            start, into = self.ray_at(x - left - width / 2, y - top - height / 2)
+            ways = start + numpy.arange(0, 1600, 0.05)[:, None] * into
+            labels = label_at(ways)
+            first = int(numpy.argmax(labels > 0))
+            # not beside something, or through its edge
+            if labels[first] == 0 or len(set(labels[first:first + 20])) > 1:
+                continue
+            self.page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0})
+            there = ways[first] + 0.5 * into
+            self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.1" % json.dumps(there.tolist()))
+            touched = self.page.run("return palpateViewer.pose.devices[0].label")
+            self.assertEqual(touched, labels[first])
+            # and the planes go there
+            self.page.wait("(palpateViewer.draw(), palpateViewer.pixelOf('oblique', %s).off_mm < 0.1)" % json.dumps(there.tolist()))
+            self.page.pointer({"type": "pointerUp", "button": 0})
+            met.add(labels[first])
+            pressed += 1
+        self.assertGreater(len(met), 2)
+
+
+class WithSphere(Viewer):
+    """One of 20 mm, of voxels of 0.5 mm: the mock's alone."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("pointer", extra=["--scan", "sphere"]).__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.open_browser()
+
+    def test_a_sphere_is_shaded_as_one(self):
+        size, mm, radius = 110, 0.2, 10
+        at = (numpy.arange(size) + 0.5 - size / 2) * mm
+        # the picture's middle is the volume's, and the sphere's is a little beside it
+        x, y = numpy.meshgrid(at - 0.1, at + 0.15)
+        aside = numpy.hypot(x, y)
+        disc = aside < 0.985 * radius
+        facing = numpy.sqrt(1 - numpy.minimum(1, aside / radius) ** 2)
+        surface = 0.28 + 0.68 * facing + 0.08 * facing ** 20
+        off = {}
+        for opacity in (1, 0.6, 0.3):
+            self.page.run("""const set = (kind, value) => {
+                  const input = document.querySelector(`[aria-label="${kind} of femur"]`);
+                  input.value = value;
+                  input.dispatchEvent(new Event("input", { bubbles: true }));
+                };
+                set("Colour", "#ffffff");
+                set("Opacity", arguments[0]);""", opacity)
+            data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[0], arguments[1])", size, mm))
+            seen = numpy.frombuffer(data, numpy.uint8).reshape(size, size, 4)[:, :, 1] / 255
+            # in through a surface, a faint haze, out through one, and the ground behind
+            dense = numpy.ones_like(surface) if opacity == 1 else 1 - (1 - 0.6 * opacity) ** (1 / numpy.maximum(facing, 0.3))
+            haze = 1 - numpy.exp(-0.006 * opacity * 2 * radius * facing)
+            behind = haze * 0.8 + (1 - haze) * (dense * surface + (1 - dense) * 12 / 255)
+            error = (seen - (dense * surface + (1 - dense) * behind))[disc]
+            off[opacity] = (numpy.sqrt((error ** 2).mean()), abs(error).max())
+            light = seen[disc].mean() / (opacity * surface + (1 - opacity) * 12 / 255)[disc].mean()
+            print(f"  opacity {opacity}: {100 * off[opacity][0]:.2f} % off in the mean square, {100 * off[opacity][1]:.2f} % at most; {100 * light:.0f} % of the light", flush=True)
+            self.assertGreaterEqual(light, 0.7)
+        self.assertLess(off[1][0], 0.02)
+        self.assertLess(off[1][1], 0.09)
+        self.assertLess(max(off[0.6][0], off[0.3][0]), 0.03)
+
+
 class WithDevice(Viewer):
     """A physical device, of which somebody agrees to everything after a while: the mock's alone, for palpate drives none yet."""
 
@@ -636,9 +2033,148 @@ class WithDevice(Viewer):
         self.page.wait("palpateViewer.state.armed")
         self.page.press(" ")
         self.page.wait("palpateViewer.state.emergency_stop && !palpateViewer.state.armed")
-        self.page.wait("document.getElementById('flags').textContent.includes('armed again where palpate runs')")
+        self.page.wait("document.getElementById('flags').textContent.includes('stopped by this page · armed again where palpate runs')")
         self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
         self.assertEqual(self.text("stop"), "Stopped")
+
+
+class WithManyVoxels(Viewer):
+    """As many as a knee has that was scanned: the mock's alone, which says when a stop came."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("script", extra=["--repeat", "2"]).__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.open_browser()
+
+    def stops(self, count):
+        """ms from each press of the space bar until its stop is where the loop would be."""
+        already = len(json.loads(self.server.get("mock/stops")))
+        self.page.run("window.pressed = []")
+        for n in range(count):
+            self.page.press(" ")
+            # at another moment of what goes on each time
+            time.sleep(0.2 + 0.09 * (n % 5))
+        deadline = time.monotonic() + 120
+        while True:
+            came = json.loads(self.server.get("mock/stops"))[already:]
+            if len(came) >= count:
+                break
+            self.assertLess(time.monotonic(), deadline, f"{len(came)} of {count} stops")
+            time.sleep(0.2)
+        return sorted(b - a for a, b in zip(self.page.run("return window.pressed"), came))
+
+    def test_a_stop_waits_for_no_picture(self):
+        self.page.wait("palpateViewer.volumeWork.pictures > 0", 60)
+        self.page.run("""window.long = [];
+            addEventListener("keydown", (event) => event.key === " " && window.pressed.push(performance.timeOrigin + event.timeStamp), { capture: true });
+            new PerformanceObserver((list) => window.long.push(...list.getEntries().map((entry) => entry.duration))).observe({ type: "longtask" });
+            const stack = document.querySelector("#picture-volume .stack"), lines = document.querySelectorAll(".structure");
+            let n = 0;
+            window.keepBusy = () => {
+              setInterval(() => stack.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" })), 40);
+              setInterval(() => {
+                const [colour, opacity] = lines[n++ % lines.length].querySelectorAll("input");
+                colour.value = n % 2 ? "#3060c0" : "#c06030";
+                opacity.value = n % 3 ? 1 : 0.5;
+                for (const input of [colour, opacity]) input.dispatchEvent(new Event("input", { bubbles: true }));
+                lines[n % lines.length].querySelector(".eye").click();
+              }, 350);
+            };""")
+        idle = self.stops(9)
+        before = self.page.run("window.long.length = 0; window.since = performance.now(); window.keepBusy(); return palpateViewer.volumeWork")
+        busy = self.stops(17)
+        after, long, elapsed = self.page.run("return [palpateViewer.volumeWork, window.long, performance.now() - window.since]")
+        print(f"  idle {idle[4]:.1f} ms, busy {busy[8]:.1f} ms, a quarter above {busy[12]:.1f}, at most {busy[-1]:.0f}; {len(long)} tasks above 50 ms, the longest {max(long, default=0):.0f}", flush=True)
+        # what went on: looks were changed, pictures drawn, and no voxel touched
+        self.assertGreater(after["looks"], before["looks"] + 5)
+        self.assertGreater(after["pictures"], before["pictures"] + 2)
+        self.assertEqual(after["texels"], before["texels"])
+        # a quarter took hundreds of times as long while the voxels were coloured on the page's own thread
+        self.assertLess(busy[12], 30 * idle[4] + 30)
+        # nor is the page's own thread held for long, but by a busy machine now and then
+        self.assertLess(sum(task for task in long if task > 250), 0.3 * elapsed)
+
+
+class WithRecording(Viewer):
+    """A recording that is looked at: palpate replay --view."""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="palpate-recording-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.program, cls.recording = simulated(folder.name)
+        cls.server = Server("recording")
+        cls.server.command = lambda: [cls.program, "replay", cls.recording, "--view", "--port", str(cls.server.port)]
+        cls.server.__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.scene = cls.server.scene()
+        cls.open_browser()
+        import h5py
+        with h5py.File(cls.recording) as run:
+            cls.time_s = run["ticks/time_s"][:]
+            cls.tip_mm = run["device0/tip_patient_mm"][:]
+            cls.force_N = run["device0/force_N"][:]
+            cls.label = run["device0/label"][:]
+
+    def go(self, at_s):
+        self.page.run("const place = document.getElementById('place'); place.value = arguments[0];"
+                      "place.dispatchEvent(new Event('input', { bubbles: true }))", at_s)
+
+    def test_every_place_shows_the_tick_of_the_recording(self):
+        self.assertEqual(self.page.run("return document.getElementById('playback').hidden"), False)
+        for row in (0, 4095, 4096, len(self.time_s) - 1, 1234, len(self.time_s) // 2):
+            # in the middle of the tick, for a slider rounds
+            self.go(self.time_s[row] + 0.0005)
+            self.page.wait(f"palpateViewer.pose.tick === {row}")
+            pose = self.page.run("return palpateViewer.pose")
+            self.assertLess(abs(pose["time"] - self.time_s[row]), 1e-9)
+            device = pose["devices"][0]
+            for shown, recorded in ((device["tip"], self.tip_mm[row]), (device["force"], self.force_N[row])):
+                self.assertTrue((numpy.float32(recorded) == numpy.array(shown, numpy.float32)).all(), (row, shown, recorded))
+            self.assertEqual(device["label"], self.label[row])
+            self.page.run("palpateViewer.draw()")
+            self.assertIn(f"tick {row}", self.page.run("return document.getElementById('play-time').textContent"))
+
+    def test_it_plays_steps_and_rests_at_a_stop(self):
+        self.go(self.time_s[2000] + 0.0005)
+        self.page.wait("palpateViewer.pose.tick === 2000")
+        self.page.click("#tick-on")
+        self.page.wait("palpateViewer.pose.tick === 2001")
+        for tick in (2000, 1999):
+            self.page.click("#tick-back")
+            self.page.wait(f"palpateViewer.pose.tick === {tick}")
+        # backwards, to a stop
+        self.page.run("const speed = document.getElementById('play-speed'); speed.value = '-0.25'; speed.dispatchEvent(new Event('change'))")
+        self.page.wait("palpateViewer.state.playback.speed === -0.25")
+        self.page.click("#play")
+        self.page.wait("palpateViewer.state.playback.playing && palpateViewer.pose.tick < 1980")
+        self.page.press(" ")
+        self.page.wait("!palpateViewer.state.playback.playing")
+        self.assertEqual(self.page.run("return [palpateViewer.state.stop, palpateViewer.state.emergency_stop]"), [None, False])
+        # what was felt cannot be changed
+        disabled = self.page.run("return ['method', 'limit', 'pause', 'rearm'].map((id) => document.getElementById(id).disabled)")
+        self.assertEqual(disabled, [True] * 4)
+
+    def test_its_contacts_are_places_to_go_to(self):
+        contacts = self.scene["recording"]["contacts"]
+        names = {s["label"]: s["name"] for s in self.scene["structures"]}
+        self.assertEqual([names[label] for _, _, label, _ in contacts][:2], ["patella", "tibia"])
+        listed = self.page.run("return [...document.getElementById('marks').options].map((one) => one.textContent)")
+        self.assertEqual(len(listed), 1 + len(contacts) + len(self.scene["recording"]["events"]))
+        for begin_s, end_s, label, most_N in contacts[:2]:
+            rows = (self.time_s >= begin_s) & (self.time_s < end_s)
+            self.assertAlmostEqual(numpy.linalg.norm(self.force_N[rows], axis=1).max(), most_N, 9)
+            self.page.run("const marks = document.getElementById('marks'); marks.value = arguments[0]; marks.dispatchEvent(new Event('change'))", str(begin_s))
+            self.page.wait(f"palpateViewer.pose.devices[0].label === {label}")
+        # the line has the structure's colour where it was touched
+        colour = self.page.run("""palpateViewer.draw();
+            const line = document.getElementById("line");
+            const { begin_s, end_s } = palpateViewer.scene.recording;
+            const x = Math.floor(((arguments[0] - begin_s) / (end_s - begin_s)) * line.width);
+            return [...line.getContext("2d").getImageData(x, line.height - 3, 1, 1).data.slice(0, 3)];""", sum(contacts[0][:2]) / 2)
+        wanted = next(s["colour"] for s in self.scene["structures"] if s["label"] == contacts[0][2])
+        self.assertTrue(all(abs(a - b) <= 2 for a, b in zip(colour, wanted)), (colour, wanted))
 
 
 class WithTokens(Viewer):
@@ -726,7 +2262,7 @@ def decode_png(data):
 if __name__ == "__main__":
     if len(sys.argv) >= 3 and sys.argv[1] == "palpate":
         command = palpate_command(sys.argv[2])
-        del sys.argv[1:3], WithDevice
+        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithSphere, WithManyVoxels
     elif len(sys.argv) >= 5 and sys.argv[1] == "mock":
         command = mock_command(*sys.argv[2:5])
         del sys.argv[1:5]

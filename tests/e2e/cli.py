@@ -20,6 +20,17 @@ KNEE_MM = "2.0" if SANITIZED else "1.5"
 # a script for where the whole palpation is no matter either
 TOUCH = '[[step]]\napproach = "femur"\nspeed = 200.0\n[[step]]\npress = 0.8\n'
 
+# nothing is taken from the user's cache, or left in it
+os.environ["PALPATE_CACHE"] = ""
+_kept = []
+
+
+def keep_what_is_prepared():
+    """From here on one run of this script takes what another one has prepared, as a user's runs do."""
+    _kept.append(tempfile.TemporaryDirectory(prefix="palpate-e2e-cache-"))
+    os.environ["PALPATE_CACHE"] = _kept[-1].name
+
+
 OK, BAD_INPUT, USAGE, LIMIT, OUTPUT, UNAVAILABLE, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 
 

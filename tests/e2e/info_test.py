@@ -45,6 +45,20 @@ class Info(cli.PalpateTest):
         tibia = next(row for row in text.splitlines() if " tibia " in row)
         self.assertIn("22", tibia.split())
 
+    def test_a_sheet_that_holds_together_by_edges_is_told_of(self):
+        # a wall one voxel thick across the volume, that goes on beside itself half way
+        edge = 12
+        voxels = bytes(i == (5 if j < 6 else 6) for _ in range(edge) for j in range(edge) for i in range(edge))
+        head = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: {edge} {edge} {edge}\nencoding: raw\n\n"
+        path = self.folder / "wall.nrrd"
+        path.write_bytes(head.encode() + voxels)
+        leaky = self.info(path, "--labels")["leaky"]
+        self.assertEqual([(leak["id"], leak["places"]) for leak in leaky], [(1, edge - 5)])
+        self.assertIn("leaky: ", self.succeed("info", "--labels", path).stdout)
+        prepared = self.succeed("prepare", path, "-o", self.folder / "field.nrrd")
+        self.assertIn("leaky: ", prepared.stderr)
+        self.assertEqual(self.info(cli.need("knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd"))["leaky"], [])
+
     def test_every_file_is_right_or_one_clear_error(self):
         root = cli.need("edge").parent
         files = sorted(p for p in root.rglob("*") if p.is_file() and p.name.endswith(ENDINGS))

@@ -20,12 +20,9 @@ class KneeAtlas(cli.PalpateTest):
             self.assertGreaterEqual(held[structure][0], 0.5, f"{structure}: {held}")
         largest, limit = map(float, re.search(r"largest force ([\d.]+) N of ([\d.]+) N", done.stdout).groups())
         self.assertLessEqual(largest, limit)
-        hashes = {cli.run_hash(done.stdout)}
-        for _ in range(2):
-            again = self.succeed("replay", recording)
-            self.assertIn("identical", again.stdout)
-            hashes.add(cli.run_hash(again.stdout))
-        self.assertEqual(len(hashes), 1)
+        again = self.succeed("replay", recording)
+        self.assertIn("identical", again.stdout)
+        self.assertEqual(cli.run_hash(again.stdout), cli.run_hash(done.stdout))
 
         report = self.folder / "atlas.html"
         self.succeed("report", recording, "-o", report)
@@ -37,4 +34,5 @@ class KneeAtlas(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.keep_what_is_prepared()
     cli.main()

@@ -76,6 +76,8 @@ class Privacy(cli.PalpateTest):
         home.mkdir()
         environment = dict(os.environ, HOME=str(home), XDG_DATA_HOME=str(home / "data"),
                            XDG_CACHE_HOME=str(home / "cache"), TMPDIR=str(home))
+        # what is prepared is kept there
+        del environment["PALPATE_CACHE"]
         # the scene file lies beside the data and names it: it is the user's, not an output that travels
         self.succeed("scene", "new", scan, labels, "-o", scene, env=environment)
         scene.write_text(scene.read_text().replace("felt = false", "felt = true"))
@@ -93,6 +95,7 @@ class Privacy(cli.PalpateTest):
 
         outputs = [p for folder in (out, home) for p in folder.rglob("*") if p.is_file()]
         self.assertGreaterEqual(len(outputs), 5)
+        self.assertTrue(any(path.suffix == ".kept" for path in outputs))
         for path in outputs:
             self.assertNotIn(CANARY, path.name)
             for content in everything_in(path):

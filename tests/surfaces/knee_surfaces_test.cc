@@ -18,6 +18,13 @@ namespace {
 using test::in_ci;
 using test::shared_file;
 
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+// preparing takes most of the time, and cartilages meet no other code
+constexpr bool kMenisciAlone = true;
+#else
+constexpr bool kMenisciAlone = false;
+#endif
+
 /// Components of what a predicate holds for, over 26 neighbours.
 template <class Inside>
 int count_components(const GridGeometry& grid, const Inside& inside) {
@@ -111,10 +118,10 @@ void expect_thin_tissue_survives(const std::string& name) {
   const Volume<LabelId>& labels = read->labels.layers.front();
   std::vector<LabelId> thin;
   for (const Segment& s : read->labels.segments) {
-    if (s.name.find("cartilage") != std::string::npos || s.name.find("meniscus") != std::string::npos)
-      thin.push_back(s.value);
+    const auto named = [&](const char* part) { return s.name.find(part) != std::string::npos; };
+    if (named("meniscus") || (!kMenisciAlone && named("cartilage"))) thin.push_back(s.value);
   }
-  ASSERT_EQ(thin.size(), 6u);
+  ASSERT_EQ(thin.size(), kMenisciAlone ? 2u : 6u);
   const auto prepared = prepare_surfaces(labels, thin, {});
   ASSERT_TRUE(prepared.ok());
   for (const PreparedSurface& s : *prepared) {

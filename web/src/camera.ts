@@ -1,5 +1,5 @@
-// A parallel view of the World, in which the object is turned as it is felt. Parallel, so that lengths can be compared
-// and left is left everywhere in the picture.
+// A view of the World, in which the object is turned as it is felt. Parallel, so that lengths can be compared and left is left
+// everywhere in the picture; in perspective on demand.
 
 import {
   add, apply, conjugate, cross, dot, invert, multiply, normalize, reject, rotate, scale, sub, turn,
@@ -17,11 +17,15 @@ const PRESETS: Record<Preset, { right: Vec3; up: Vec3 }> = {
   inferior: { right: [1, 0, 0], up: [0, -1, 0] },
 };
 
+/** The viewer's eye in a perspective view, from the focus, in pixels of the screen there: as a screen is looked at that fills 35 degrees. */
+const EYE_PIXELS = 1100;
+
 export class Camera {
   right: Vec3 = [1, 0, 0]; // World, unit
   up: Vec3 = [0, 0, 1]; // World, unit
   focus: Vec3 = [0, 0, 0]; // World, in the middle of the picture
-  mmPerPixel = 0.5;
+  mmPerPixel = 0.5; // at the focus
+  isPerspective = false;
   private worldFromPatient: Affine = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
   private patientFromWorld = this.worldFromPatient;
   private felt: Quaternion = [1, 0, 0, 0];
@@ -54,15 +58,33 @@ export class Camera {
     return cross(this.right, this.up);
   }
 
+  /** From the focus, mm; the picture at the focus is as large as without perspective. */
+  get distance(): number {
+    return EYE_PIXELS * this.mmPerPixel;
+  }
+  /** How much smaller a point is seen than at the focus. */
+  shrinkOf(p: Vec3): number {
+    if (!this.isPerspective) return 1;
+    // what is beside the eye or behind it is seen nowhere, but far outside
+    return Math.max(this.distance - dot(sub(this.toWorld(p), this.focus), this.backward()), 1e-3 * this.distance) / this.distance;
+  }
   /** In pixels from the middle, y downwards. */
   project(p: Vec3): [number, number] {
     const d = sub(this.toWorld(p), this.focus);
-    return [dot(d, this.right) / this.mmPerPixel, -dot(d, this.up) / this.mmPerPixel];
+    const mm = this.mmPerPixel * this.shrinkOf(p);
+    return [dot(d, this.right) / mm, -dot(d, this.up) / mm];
+  }
+  /** What is seen at a pixel: a line in the patient, its direction away from the viewer, unit. */
+  ray(x: number, y: number): { from: Vec3; into: Vec3 } {
+    const { focus, right, up, backward, eye } = this.inPatient();
+    const on = add(focus, add(scale(right, x * this.mmPerPixel), scale(up, -y * this.mmPerPixel)));
+    return eye ? { from: eye, into: normalize(sub(on, eye)) } : { from: on, into: scale(backward, -1) };
   }
   /** The patient's point at a pixel, as deep in the picture as `depthOf` is. */
   unproject(x: number, y: number, depthOf: Vec3): Vec3 {
     const depth = dot(sub(this.toWorld(depthOf), this.focus), this.backward());
-    const across = add(scale(this.right, x * this.mmPerPixel), scale(this.up, -y * this.mmPerPixel));
+    const mm = this.mmPerPixel * this.shrinkOf(depthOf);
+    const across = add(scale(this.right, x * mm), scale(this.up, -y * mm));
     return this.toPatient(add(add(this.focus, across), scale(this.backward(), depth)));
   }
 
@@ -92,13 +114,18 @@ export class Camera {
     return multiply(about(this.up, dx * perPixel), about(this.right, dy * perPixel));
   }
 
-  /** What vtk.js wants: everything in the patient's frame. */
-  inPatient(): { position: Vec3; focus: Vec3; up: Vec3 } {
-    const distance = 1000; // mm; any that is in front of everything
+  /** As it stands over the patient. */
+  inPatient(): { focus: Vec3; right: Vec3; up: Vec3; backward: Vec3; eye: Vec3 | null } {
     return {
-      position: this.toPatient(add(this.focus, scale(this.backward(), distance))),
       focus: this.toPatient(this.focus),
+      eye: this.isPerspective ? this.toPatient(add(this.focus, scale(this.backward(), this.distance))) : null,
+      right: this.directionToPatient(this.right),
       up: this.directionToPatient(this.up),
+      backward: this.directionToPatient(this.backward()),
     };
+  }
+  /** As it is now, whatever becomes of this one. */
+  copy(): Camera {
+    return Object.assign(new Camera(), this);
   }
 }

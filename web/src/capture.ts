@@ -2,9 +2,9 @@
 
 import { FONT } from "./overlay.js";
 import type { Picture } from "./picture.js";
-import { NOTICE, SIDE_TEXT } from "./scene.js";
 import type { Session } from "./session.js";
 import type { Pose } from "./wire.js";
+import { words } from "./words.js";
 
 const FRAMES_A_SECOND = 30;
 const HEAD_PX = 30;
@@ -59,9 +59,9 @@ export class Capture {
     c.textBaseline = "middle";
     c.font = `600 ${13 * ratio}px ${FONT}`;
     c.textAlign = "center";
-    c.fillText(NOTICE, w / 2, (HEAD_PX / 2) * ratio);
+    c.fillText(words.notice, w / 2, (HEAD_PX / 2) * ratio);
     c.textAlign = "right";
-    c.fillText(scene ? SIDE_TEXT[scene.side] : "", w - 12 * ratio, (HEAD_PX / 2) * ratio);
+    c.fillText(scene ? words.side[scene.side] : "", w - 12 * ratio, (HEAD_PX / 2) * ratio);
     c.textAlign = "left";
     const time = this.session.pose ? `${this.session.pose.time.toFixed(2)} s` : "";
     c.fillText(`palpate ${scene?.palpate ?? ""}   ${time}`, 12 * ratio, (HEAD_PX / 2) * ratio);
@@ -70,7 +70,7 @@ export class Capture {
   async screenshot(): Promise<Blob> {
     const canvas = document.createElement("canvas");
     this.compose(canvas);
-    return new Promise((done, failed) => canvas.toBlob((blob) => (blob ? done(blob) : failed(new Error("no picture"))), "image/png"));
+    return new Promise((done, failed) => canvas.toBlob((blob) => (blob ? done(blob) : failed(new Error(words.noPicture))), "image/png"));
   }
 
   get isRecording(): boolean {
@@ -83,14 +83,14 @@ export class Capture {
   /** @throws Error where the browser cannot record */
   start(): void {
     const type = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"].find((t) => window.MediaRecorder?.isTypeSupported(t));
-    if (!type) throw new Error("This browser cannot record video.");
+    if (!type) throw new Error(words.noVideo);
     this.canvas = document.createElement("canvas");
     this.compose(this.canvas);
     const recorder = new MediaRecorder(this.canvas.captureStream(FRAMES_A_SECOND), { mimeType: type, videoBitsPerSecond: 8e6 });
     const parts: Blob[] = [];
     const stem = fileStem();
     const scene = this.session.scene!;
-    this.poses = [JSON.stringify({ notice: NOTICE, side: scene.side, frame: "patient (LPS), mm; forces in World, N", palpate: scene.palpate })];
+    this.poses = [JSON.stringify({ notice: words.notice, side: scene.side, frame: "patient (LPS), mm; forces in World, N", palpate: scene.palpate })];
     recorder.ondataavailable = (event) => parts.push(event.data);
     recorder.onstop = () => {
       download(new Blob(parts, { type: "video/webm" }), `${stem}.webm`);
@@ -107,7 +107,8 @@ export class Capture {
   }
   addPose(pose: Pose): void {
     if (!this.recorder) return;
-    const devices = pose.devices.map((d) => ({ tip: d.tip, proxy: d.proxy, force: d.force, label: d.label, depth: Number.isFinite(d.depth) ? d.depth : null, flags: d.flags }));
+    const devices = pose.devices.map((d) => ({ tip: d.tip, proxy: d.proxy, force: d.force, label: d.label, depth: Number.isFinite(d.depth) ? d.depth : null, flags: d.flags,
+      felt: d.felt.map(({ label, depth, share }) => ({ label, depth: Number.isFinite(depth) ? depth : null, share })) }));
     this.poses.push(JSON.stringify({ sequence: pose.sequence, tick: pose.tick, time: pose.time, rotation: pose.rotation, devices }));
   }
   /** After every picture of the page. */

@@ -1,18 +1,24 @@
 // The WebSocket: it comes back by itself, keeps the latest pose, and knows how old that is.
 
-import { decodePose, PROTOCOL, type Pose } from "./wire.js";
 import type { State } from "./scene.js";
+import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
+import { words } from "./words.js";
 
-export type Link = "connecting" | "connected" | "lost" | "refused";
+/** "ended": it is not tried, or not again, before open() is called. */
+export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
 export interface Refusal { what: string; where?: string; how?: string }
-export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer"; [value: string]: unknown }
+export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play"; [value: string]: unknown }
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
+/** palpate's close codes, docs/viewer-protocol.md. */
+const TOKEN_REFUSED = 4401, OTHER_PROTOCOL = 4406;
 /** Data older than this is grey. */
 export const STALE_MS = 250;
 /** A connection that says nothing for this long is given up: its other end may be gone without a word. */
 const SILENT_MS = 6000;
+/** A stop that could not be sent is sent late where that is at most so late: whoever pressed it has not gone on to something else. */
+const STOP_KEPT_MS = 5000;
 
 export interface Listener {
   onLink(link: Link): void;
@@ -21,12 +27,16 @@ export interface Listener {
   /** A token is needed, or the one that was shown is wrong. */
   onToken(): void;
   onProblem(text: string): void;
+  /** The other end speaks another version of the protocol. */
+  onOtherProtocol(): void;
+  /** It could not be connected, more than once. */
+  onUnanswered(): void;
   /** Somebody at the device is asked whether a request may be; its answer comes when they have said so. */
   onAsked(): void;
 }
 
 export class Connection {
-  link: Link = "connecting";
+  link: Link = "ended";
   role: "view" | "control" = "view";
   pose: Pose | null = null;
   /** performance.now() when the latest pose came */
@@ -35,9 +45,11 @@ export class Connection {
   roundTrip_ms = NaN; // of the latest request
   private socket: WebSocket | null = null;
   private retry_ms = FIRST_RETRY_MS;
+  private unanswered = 0; // attempts since the last welcome
   private timer = 0;
   private nextId = 1;
   private heard_ms = 0;
+  private unsentStop_ms = -Infinity; // when it was asked for
   private readonly waiting = new Map<number, { sent_ms: number; done(refusal: Refusal | null): void }>();
 
   constructor(private readonly listener: Listener, private token: string | null) {}
@@ -49,6 +61,7 @@ export class Connection {
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     this.heard_ms = performance.now();
+    if (this.link !== "connecting") this.setLink("connecting");
     socket.onopen = () => {
       const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60 };
       socket.send(JSON.stringify(this.token ? { ...hello, token: this.token } : hello));
@@ -69,10 +82,14 @@ export class Connection {
     return this.link === "connected" && this.age_ms() <= STALE_MS;
   }
 
-  /** Resolves to null when it was done. */
+  /** Resolves to null when it was done. A stop is kept for a connection that comes soon. */
   ask(request: Request): Promise<Refusal | null> {
     return new Promise((done) => {
-      if (this.link !== "connected") return done({ what: "Not connected.", how: "Wait for the connection." });
+      if (this.link !== "connected") {
+        if (request.type !== "stop") return done({ what: words.notConnected, how: words.waitForIt });
+        this.unsentStop_ms = performance.now();
+        return done({ what: words.stopIsKept, how: words.stopThere });
+      }
       const id = this.nextId++;
       this.waiting.set(id, { sent_ms: performance.now(), done });
       this.socket!.send(JSON.stringify({ ...request, id }));
@@ -86,6 +103,24 @@ export class Connection {
   /** To be called now and then. */
   watch(): void {
     if (this.link === "connected" && performance.now() - this.heard_ms > SILENT_MS) this.socket?.close();
+  }
+
+  /** Gives up, until open() is called. */
+  end(): void {
+    clearTimeout(this.timer);
+    const socket = this.socket;
+    this.socket = null;
+    socket?.close();
+    this.forgetWaiting();
+    this.setLink("ended");
+  }
+  private otherProtocol(): void {
+    this.end();
+    this.listener.onOtherProtocol();
+  }
+  private forgetWaiting(): void {
+    for (const { done } of this.waiting.values()) done({ what: words.lostBeforeAnswer });
+    this.waiting.clear();
   }
 
   private setLink(link: Link): void {
@@ -102,8 +137,11 @@ export class Connection {
         if (this.pose && pose.sequence > this.pose.sequence + 1) this.missed += pose.sequence - this.pose.sequence - 1;
         this.pose = pose;
         this.poseAt_ms = this.heard_ms;
+        // only now: a server whose poses cannot be read is not asked for more of them four times a second
+        this.retry_ms = FIRST_RETRY_MS;
         this.listener.onPose(pose);
       } catch (error) {
+        if (error instanceof WireVersion) return this.otherProtocol();
         this.listener.onProblem((error as Error).message);
         socket.close();
       }
@@ -113,9 +151,11 @@ export class Connection {
     switch (message.type) {
       case "welcome":
         this.role = message.role;
-        this.retry_ms = FIRST_RETRY_MS;
+        this.unanswered = 0;
         this.pose = null;
         this.setLink("connected");
+        if (performance.now() - this.unsentStop_ms <= STOP_KEPT_MS) void this.ask({ type: "stop" });
+        this.unsentStop_ms = -Infinity;
         break;
       case "state":
         this.listener.onState(message as State);
@@ -138,18 +178,17 @@ export class Connection {
   private closed(socket: WebSocket, code: number): void {
     if (socket !== this.socket) return;
     this.socket = null;
-    for (const { done } of this.waiting.values()) done({ what: "The connection was lost before the answer came." });
-    this.waiting.clear();
-    if (code === 4401) {
+    this.forgetWaiting();
+    if (code === OTHER_PROTOCOL) return this.otherProtocol();
+    if (code === TOKEN_REFUSED) {
       this.setLink("refused");
       this.listener.onToken();
       return;
     }
     this.setLink("lost");
-    this.timer = window.setTimeout(() => {
-      this.setLink("connecting");
-      this.open();
-    }, this.retry_ms * (0.8 + 0.4 * Math.random()));
+    this.timer = window.setTimeout(() => this.open(), this.retry_ms * (0.8 + 0.4 * Math.random()));
     this.retry_ms = Math.min(2 * this.retry_ms, LONGEST_RETRY_MS);
+    this.unanswered += 1;
+    if (this.unanswered > 1) this.listener.onUnanswered();
   }
 }

@@ -1,59 +1,65 @@
 // Everything beside the pictures: tools, settings of the loop, display, figures, plots.
 
+import { announce } from "./announce.js";
 import type { Connection } from "./connection.js";
-import { byId, press, toast, write } from "./dom.js";
+import { byId, element, press, toast, write } from "./dom.js";
+import { decimalsFor, limitText, measured, quantity, stepsText, valueText } from "./figures.js";
 import { angleOf_deg, length, positionText } from "./geometry.js";
-import { touchedText } from "./overlay.js";
+import type { History } from "./history.js";
+import { keep, recall } from "./kept.js";
+import { onLanguage } from "./language.js";
 import { Plot } from "./plots.js";
 import { refusalText, type Requests } from "./requests.js";
-import { CT_PRESETS, SIDE_TEXT, type Scene, type State } from "./scene.js";
-import { readable, type Session, type Tool } from "./session.js";
+import { CT_PRESETS, type Scene, type State } from "./scene.js";
+import { readable, PAGE_KEY, type KeptPage, type Layout, type Session, type Slab, type Tool, type Window } from "./session.js";
 import { StructuresPanel } from "./structures_panel.js";
 import { nextTheme } from "./theme.js";
-import { Flag, type Pose } from "./wire.js";
+import { whyText } from "./why.js";
+import { type DevicePose, type Felt, Flag, type Pose } from "./wire.js";
+import { says, words, type Words } from "./words.js";
 
 export interface Actions {
-  layout(name: string): void;
+  layout(name: Layout): void;
   screenshot(): void;
   record(): void;
-  clearMeasures(): void;
+  togglePlaying(): void;
 }
 
-/** What a flag of the tick means for the hand. */
-const FLAG_TEXTS: [number, string][] = [
-  [Flag.emergencyStop, "emergency stop"], [Flag.paused, "paused"], [Flag.stale, "no pose from the hand"],
-  [Flag.deviceFault, "device fault"], [Flag.halted, "halted"], [Flag.jump, "jump"], [Flag.notFinite, "not finite"],
-  [Flag.clamped, "at the limit"], [Flag.thermal, "motor warm"], [Flag.clutched, "clutched"], [Flag.wedged, "wedged"],
-  [Flag.ruptured, "through the surface"], [Flag.inside, "inside since contact began"], [Flag.passivity, "damped"],
-  [Flag.turnHeld, "turn held"],
-  [Flag.ramp, "fading"],
+/** Of a tick, in the order in which they are told. */
+const FLAGS: (keyof Words["flags"])[] = [
+  "emergencyStop", "paused", "stale", "deviceFault", "halted", "jump", "notFinite", "clamped", "thermal", "clutched", "wedged", "ruptured", "inside",
+  "passivity", "turnHeld", "ramp",
 ];
-const MOVER = { script: "simulated hand", pointer: "moved by a viewer's pointer", device: "in a hand" } as const;
-const AUTO = "Percentiles of this scan";
+type Preset = keyof Words["presets"];
+const LETTERS_KEY = "palpate.letters";
 
 export class Controls {
   readonly structures: StructuresPanel;
   private readonly force = new Plot(byId("plot-force"), ["--limit", "--force"], 10, 0.5);
   private readonly late = new Plot(byId("plot-late"), ["--lateness", "--accent"], 60, 10);
   private readonly rate = new Plot(byId("plot-rate"), ["--speed"], 60, 100);
+  private told = { link: "", happening: "" };
+  private window: Window | null = null; // that was shown last
   private wasPointer: boolean | null = null;
   private methodFailure: string | null = null; // that was told last
   private slow_s = -Infinity; // when the slow plots got their last sample
 
   constructor(private readonly session: Session, private readonly connection: Connection,
-              private readonly requests: Requests, private readonly actions: Actions) {
-    this.structures = new StructuresPanel(session, requests);
+              private readonly requests: Requests, private readonly history: History, private readonly actions: Actions) {
+    this.structures = new StructuresPanel(session, requests, history);
     requests.onRefused = () => session.state && this.showState(session.state);
     this.listen();
+    this.tellGestures();
     this.setTool("window");
   }
 
   private get isAllowed(): boolean {
-    return this.connection.link === "connected" && this.connection.role === "control";
+    return this.connection.link === "connected" && this.connection.role === "control" && !this.session.scene?.recording;
   }
 
   private listen(): void {
-    const { session, requests, actions } = this;
+    const { session, requests, history, actions } = this;
+    onLanguage(() => this.speak());
     byId("theme").addEventListener("click", nextTheme);
     byId("stop").addEventListener("click", () => this.stop());
     byId("rearm").addEventListener("click", () => {
@@ -61,12 +67,20 @@ export class Controls {
     });
     byId("pause").addEventListener("click", () => this.togglePause());
     byId("follow").addEventListener("click", () => this.toggleFollow());
-    byId("clear").addEventListener("click", actions.clearMeasures);
+    byId("undo").addEventListener("click", () => void history.undo());
+    byId("redo").addEventListener("click", () => void history.redo());
+    history.onChange = () => {
+      byId<HTMLButtonElement>("undo").disabled = !history.canUndo;
+      byId<HTMLButtonElement>("redo").disabled = !history.canRedo;
+    };
+    history.onChange();
+    // a slider was let go: what it does next is another step
+    document.addEventListener("change", () => (history.gesture += 1));
     byId("shot").addEventListener("click", actions.screenshot);
     byId("record").addEventListener("click", actions.record);
     byId("unturn").addEventListener("click", () => void requests.once({ type: "set", rotation_wxyz: [1, 0, 0, 0] }));
     for (const button of document.querySelectorAll<HTMLElement>("[data-tool]")) button.addEventListener("click", () => this.chooseTool(button.dataset.tool as Tool));
-    for (const button of document.querySelectorAll<HTMLElement>("[data-layout]")) button.addEventListener("click", () => actions.layout(button.dataset.layout!));
+    for (const button of document.querySelectorAll<HTMLElement>("[data-layout]")) button.addEventListener("click", () => actions.layout(button.dataset.layout as Layout));
 
     byId<HTMLSelectElement>("method").addEventListener("change", (event) =>
       void requests.once({ type: "set", method: (event.target as HTMLSelectElement).value }));
@@ -76,12 +90,20 @@ export class Controls {
     }
     const limit = byId<HTMLInputElement>("limit");
     limit.addEventListener("input", () => {
-      write(byId("limit-value"), `${Number(limit.value).toFixed(2)} N`);
+      write(byId("limit-value"), quantity(Number(limit.value), "N"));
       void requests.latest("limit", { type: "set", max_force_N: Number(limit.value) });
     });
 
+    // which cards of the panel are open
+    const { cards = {} } = recall<KeptPage>(PAGE_KEY);
+    for (const card of document.querySelectorAll<HTMLDetailsElement>("details.card")) {
+      const name = card.querySelector("summary")!.dataset.words!;
+      card.open = cards[name] ?? card.open;
+      card.addEventListener("toggle", () => keep<KeptPage>(PAGE_KEY, { cards: { ...recall<KeptPage>(PAGE_KEY).cards, [name]: card.open } }));
+    }
+
     // display
-    byId<HTMLSelectElement>("preset").addEventListener("change", (event) => this.usePreset((event.target as HTMLSelectElement).value));
+    byId<HTMLSelectElement>("preset").addEventListener("change", (event) => this.usePreset((event.target as HTMLSelectElement).value as Preset));
     for (const name of ["level", "width"] as const) {
       byId<HTMLInputElement>(name).addEventListener("change", (event) => {
         const value = Number((event.target as HTMLInputElement).value);
@@ -94,25 +116,35 @@ export class Controls {
       session.touch();
     });
     slider("fill", (value) => (session.fill = value));
-    slider("scan-in-volume", (value) => {
-      session.scanInVolume = value;
-      session.fieldVersion += 1;
-    });
+    slider("scan-in-volume", (value) => (session.scanInVolume = value));
     byId<HTMLInputElement>("outlines").addEventListener("change", (event) => {
       session.outlines = (event.target as HTMLInputElement).checked;
       session.touch();
     });
+    const slab = () => {
+      session.slab = { kind: byId<HTMLSelectElement>("slab").value as Slab["kind"], mm: Number(byId<HTMLInputElement>("slab-mm").value) };
+      session.touch();
+    };
+    byId("slab").addEventListener("change", slab);
+    byId("slab-mm").addEventListener("input", slab);
     byId<HTMLSelectElement>("convention").addEventListener("change", (event) => {
       session.convention = (event.target as HTMLSelectElement).value as "LPS" | "RAS";
       session.touch();
     });
+    byId("reload").addEventListener("click", () => location.reload());
+    byId("help").addEventListener("click", () => this.help(byId("help-box").hidden));
+    // whoever dictates or rests a hand on the keys may want none; the emergency stop stays one
+    const letters = byId<HTMLInputElement>("letters");
+    letters.checked = localStorage.getItem(LETTERS_KEY) !== "off";
+    letters.addEventListener("change", () => localStorage.setItem(LETTERS_KEY, letters.checked ? "on" : "off"));
+    byId("help-close").addEventListener("click", () => this.help(false));
     window.addEventListener("keydown", (event) => this.key(event), { capture: true });
   }
 
   /** The space bar stops wherever the focus is, a text field excepted; so switches and buttons are worked with Enter. */
   private key(event: KeyboardEvent): void {
     const target = event.target as HTMLElement;
-    const writes = target.matches("input[type=password], input[type=number], input[type=text]");
+    const writes = target.matches("input[type=password], input[type=number], input[type=text], input[type=search]");
     if (event.key === " " && !writes) {
       event.preventDefault();
       event.stopPropagation();
@@ -120,13 +152,32 @@ export class Controls {
       return;
     }
     if (event.key === "Enter" && target.matches("input[type=checkbox]")) target.click();
+    if (event.key === "Escape") this.help(false);
+    const isUndo = (event.ctrlKey || event.metaKey) && !event.altKey && event.key.toLowerCase() === "z";
+    if (isUndo && !writes) {
+      event.preventDefault();
+      void (event.shiftKey ? this.history.redo() : this.history.undo());
+      return;
+    }
     if (writes || target.matches("select") || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const keys: Record<string, () => void> = {
       w: () => this.chooseTool("window"), v: () => this.chooseTool("pan"), r: () => this.chooseTool("ruler"), a: () => this.chooseTool("angle"), t: () => this.chooseTool("touch"),
       "1": () => this.actions.layout("two"), "2": () => this.actions.layout("five"), "3": () => this.actions.layout("volume"), "4": () => this.actions.layout("section"),
+      "5": () => this.actions.layout("inside"), "6": () => this.actions.layout("scope"),
+      "?": () => this.help(byId("help-box").hidden),
       f: () => this.toggleFollow(), s: this.actions.screenshot, o: this.actions.record, d: nextTheme, p: () => this.togglePause(),
     };
-    keys[event.key.toLowerCase()]?.();
+    if (byId<HTMLInputElement>("letters").checked) keys[event.key.toLowerCase()]?.();
+  }
+
+  /** No dialog that takes the page: the emergency stop stays in reach of the mouse, too. */
+  private help(isShown: boolean): void {
+    const box = byId("help-box");
+    if (box.hidden !== isShown) return;
+    box.hidden = !isShown;
+    byId("help").setAttribute("aria-expanded", String(isShown));
+    if (isShown) box.focus();
+    else if (box.contains(document.activeElement) || document.activeElement === document.body) byId("help").focus();
   }
 
   /** Whoever has the hand; a physical device is armed where it is. */
@@ -137,23 +188,36 @@ export class Controls {
   /** What is to be done about a stop, the tip being where it is. */
   private rearmHint(touches: boolean): string {
     const { scene, state } = this.session;
-    if (scene?.device.simulated === false) return "armed again where palpate runs: r, with the tip free";
-    if (scene?.device.input === "pointer" && !state?.pointer) return "whoever moves the tip rearms";
-    if (touches && scene?.device.input === "script") return "the hand leaves what it touches, then Rearm";
-    if (touches) return "lead the tip to where it is free, then Rearm";
-    return "Rearm brings the force back";
+    if (scene?.device.simulated === false) return words.rearmThere;
+    if (scene?.device.input === "pointer" && !state?.pointer) return words.rearmOther;
+    if (touches && scene?.device.input === "script") return words.rearmWhenFree;
+    if (touches) return words.rearmAfterWay;
+    return words.rearmNow;
+  }
+  /** What keeps the force from the hand or changes it, who stopped it, and what is to be done. */
+  private happening(device: DevicePose): string[] {
+    const { scene, state } = this.session;
+    // a pointer that nobody presses is at rest: nothing has come between the hand and its force
+    const isResting = scene?.device.input === "pointer" && (device.flags & Flag.stale) !== 0;
+    const flags = FLAGS.filter((name) => device.flags & Flag[name] && !(isResting && (name === "stale" || name === "ramp")));
+    const told = flags.map((name) => (name === "emergencyStop" && state?.stopped_by ? words.stoppedBy[state.stopped_by] : words.flags[name]));
+    if (state?.stop != null) return [...told, this.rearmHint((device.flags & (Flag.contact | Flag.inside)) !== 0)];
+    if (isResting) told.push(state?.pointer ? words.holdToTouch : words.nobodyHolds);
+    return told;
   }
   /** Never anything else: it can be pressed again and again. */
   private stop(): void {
     void this.requests.once({ type: "stop" });
   }
   private togglePause(): void {
-    if (this.session.state && this.isAllowed) void this.requests.once({ type: "set", paused: !this.session.state.paused });
+    if (this.session.scene?.recording) this.actions.togglePlaying();
+    else if (this.session.state && this.isAllowed) void this.requests.once({ type: "set", paused: !this.session.state.paused });
   }
   private toggleFollow(): void {
     const { session } = this;
     session.follow = !session.follow;
     session.cross = session.follow ? null : session.pose?.devices[0]?.tip ?? null;
+    session.obliqueNormal = null;
     session.touch();
   }
 
@@ -170,29 +234,47 @@ export class Controls {
     this.session.touch();
   }
 
-  private usePreset(name: string): void {
+  private usePreset(name: Preset): void {
     const { session } = this;
     const scan = session.scene?.volume.scan;
-    const preset = CT_PRESETS[name];
-    if (preset) session.window = { ...preset };
-    else if (name === AUTO && scan) session.window = { level: (scan.window[0] + scan.window[1]) / 2, width: scan.window[1] - scan.window[0] };
-    else if (name === "All values" && scan) session.window = { level: (scan.range[0] + scan.range[1]) / 2, width: scan.range[1] - scan.range[0] };
-    if (session.scanInVolume > 0) session.fieldVersion += 1;
+    const between = ([low, high]: [number, number]) => ({ level: (low + high) / 2, width: high - low });
+    if (name !== "percentiles" && name !== "all") session.window = { ...CT_PRESETS[name] };
+    else if (scan) session.window = between(name === "all" ? scan.range : scan.window);
     session.touch();
   }
 
+  /** In another language, what is not written all the time. */
+  private speak(): void {
+    const { scene, state } = this.session;
+    if (scene) this.nameScene(scene);
+    this.structures.offerPresets();
+    if (state) this.showState(state);
+    this.tellGestures();
+    this.session.touch();
+  }
+  private tellGestures(): void {
+    byId("gestures").replaceChildren(...words.gestures.map(([how, what]) =>
+      element("tr", {}, element("th", { scope: "row" }, ...withKeys(how)), element("td", {}, ...withKeys(what)))));
+  }
+  private nameScene(scene: Scene): void {
+    document.title = words.title(words.sideInTitle[scene.side]);
+    write(byId("side"), words.side[scene.side]);
+    write(byId("modality"), words.modality[scene.modality] + (scene.oriented ? "" : ` · ${words.orientationUnknown}`));
+    write(byId("device"), `${scene.device.name} · ${words.mover[scene.device.input]} · ${words.toolNamed(scene.tool.name)}`);
+    write(byId("scan-steps"), scene.volume.scan ? stepsText(scene.volume.scan.scale) : "");
+    const presets: Preset[] = ["percentiles", "all", ...(scene.modality === "ct" ? (Object.keys(CT_PRESETS) as Preset[]) : [])];
+    offer("preset", presets, words.presets);
+    offer("slab", ["none", "mean", "maximum", "minimum"], words.slabs);
+  }
+
   showScene(scene: Scene): void {
-    write(byId("side"), SIDE_TEXT[scene.side]);
+    this.nameScene(scene);
     byId("side").classList.toggle("warn", scene.side === "unknown");
-    write(byId("modality"), { ct: "CT", mr: "MR", unknown: "Modality unknown" }[scene.modality] + (scene.oriented ? "" : " · orientation unknown"));
-    write(byId("device"), `${scene.device.name} · ${MOVER[scene.device.input]} · ${scene.tool.name} tool`);
     write(byId("version"), `palpate ${scene.palpate}`);
     byId<HTMLSelectElement>("method").replaceChildren(...scene.methods.map((name) => new Option(readable(name), name)));
     const limit = byId<HTMLInputElement>("limit");
     limit.min = String(scene.limits.least_max_force_N);
     limit.max = String(scene.limits.most_max_force_N);
-    const presets = [AUTO, "All values", ...(scene.modality === "ct" ? Object.keys(CT_PRESETS) : [])];
-    byId<HTMLSelectElement>("preset").replaceChildren(...presets.map((name) => new Option(name, name)));
     const touch = document.querySelector<HTMLElement>("[data-tool=touch]")!;
     touch.hidden = scene.device.input !== "pointer";
     this.structures.build(scene);
@@ -212,13 +294,14 @@ export class Controls {
     const limit = byId<HTMLInputElement>("limit");
     if (!limit.matches(":active")) {
       limit.value = String(state.max_force_N);
-      write(byId("limit-value"), `${state.max_force_N.toFixed(2)} N`);
+      write(byId("limit-value"), quantity(state.max_force_N, "N"));
     }
     press(byId("pause"), state.paused);
-    write(byId("pause"), state.paused ? "Go on" : "Pause");
+    says(byId("pause"), { text: state.paused ? "goOn" : "pause" });
     byId("stop").classList.toggle("stopped", state.emergency_stop);
-    write(byId("stop"), state.emergency_stop ? "Stopped" : "Emergency stop");
-    write(byId("viewers"), `${state.viewers} ${state.viewers === 1 ? "viewer" : "viewers"}${state.recording ? " · session recorded" : ""}${state.armed ? " · device armed" : ""}`);
+    says(byId("stop"), { text: state.emergency_stop ? "stopped" : "stop" });
+    write(byId("viewers"), [state.viewers === 1 ? words.viewer : words.viewers(String(state.viewers)),
+      ...(state.recording ? [words.sessionRecorded] : []), ...(state.armed ? [words.deviceArmed] : [])].join(" · "));
     this.structures.show(state, this.isAllowed);
     this.allow();
   }
@@ -239,72 +322,120 @@ export class Controls {
     }
   }
 
+  /** Each structure along the tip's way in, outermost first: how much of the way, which share of the force. */
+  private drawFelt(felt: Felt[]): void {
+    const rows = byId<HTMLTableElement>("felt").tBodies[0]!;
+    while (rows.rows.length < felt.length) rows.append(element("tr", {}, element("th", { scope: "row" }), element("td"), element("td")));
+    for (const [n, row] of [...rows.rows].entries()) {
+      const part = felt[n];
+      row.hidden = part === undefined;
+      if (part === undefined) continue;
+      const [name, depth, share] = row.cells;
+      write(name!, readable(this.session.structureName(part.label) ?? words.unnamed(String(part.label))));
+      write(depth!, Number.isFinite(part.depth) ? quantity(part.depth, "mm") : words.deep);
+      write(share!, `${Math.round(100 * part.share)} %`);
+    }
+  }
+
+  /** What changed of the connection and of what keeps the force from the hand; what changes all the time is not spoken. */
+  private tell(happening: string): void {
+    const { connection, session } = this;
+    const told = { link: words.link[connection.link] + (connection.link === "connected" && !session.isFresh ? ` · ${words.oldPoses}` : ""), happening };
+    for (const part of ["link", "happening"] as const) if (told[part] !== this.told[part]) announce(told[part]);
+    this.told = told;
+  }
+
   /** Figures; ten times a second. */
   draw(): void {
     const { session, connection } = this;
     const { pose } = session;
     document.body.classList.toggle("stale", !session.isFresh);
-    const age = session.age_ms >= 1e6 ? "" : session.age_ms > 250 ? ` · data ${(session.age_ms / 1000).toFixed(1)} s old` : ` · ${Math.round(session.age_ms)} ms`;
-    const trip = Number.isFinite(connection.roundTrip_ms) ? ` · answer ${connection.roundTrip_ms.toFixed(0)} ms` : "";
-    const role = connection.role === "view" ? " · view only" : "";
-    write(byId("link-text"), { connecting: "Connecting", connected: "Connected", lost: "Connection lost", refused: "Token needed" }[connection.link] +
+    const age = session.age_ms >= 1e6 ? "" : session.age_ms > 250 ? ` · ${words.dataAge(`${(session.age_ms / 1000).toFixed(1)} s`)}` : ` · ${Math.round(session.age_ms)} ms`;
+    const trip = Number.isFinite(connection.roundTrip_ms) ? ` · ${words.answerTook(`${connection.roundTrip_ms.toFixed(0)} ms`)}` : "";
+    const role = connection.role === "view" ? ` · ${words.viewOnly}` : "";
+    write(byId("link-text"), words.link[connection.link] +
       (connection.link === "connected" ? role + age + trip : pose ? age : ""));
     byId("link").dataset.link = connection.link === "connected" && !session.isFresh ? "stale" : connection.link;
 
     if (pose) {
       const device = pose.devices[0]!;
+      const contact = session.contactOf(device);
       const force_N = length(device.force);
-      write(byId("force"), force_N.toFixed(2));
-      write(byId("force-limit"), `of ${device.forceLimit.toFixed(2)} N`);
+      const [force, unit] = measured(force_N, "N");
+      write(byId("force"), force);
+      write(byId("force-unit"), unit);
+      write(byId("force-limit"), limitText(device.forceLimit, session.state?.max_force_N ?? device.forceLimit));
       byId<HTMLMeterElement>("force-meter").value = Math.min(1, force_N / Math.max(device.forceLimit, 1e-6));
-      write(byId("touched"), touchedText(session, device));
-      write(byId("stiffness"), device.stiffness > 0 ? `${Number(device.stiffness.toPrecision(3))} N/mm` : "–");
-      write(byId("depth"), Number.isFinite(device.depth) ? `${device.depth.toFixed(2).replace("-", "−")} mm` : "–");
-      write(byId("speed"), `${device.speed.toFixed(0)} mm/s`);
+      write(byId("touched"), contact.words);
+      write(byId("stiffness"), contact.label > 0 && device.stiffness > 0 ? quantity(device.stiffness, "N/mm") : "–");
+      write(byId("depth"), Number.isFinite(device.depth) ? quantity(device.depth, "mm") : "–");
+      write(byId("speed"), quantity(device.speed, "mm/s"));
+      this.drawFelt(contact.label > 0 ? device.felt : []);
       write(byId("heat"), Number.isFinite(device.heat) ? `${Math.round(100 * device.heat)} %` : "–");
-      const isResting = session.scene?.device.input === "pointer" && device.flags & Flag.stale;
-      write(byId("flags"), isResting && !pose.devices.some((d) => d.flags & Flag.emergencyStop) ? "Hold the button in a picture to touch"
-        : [...FLAG_TEXTS.filter(([flag]) => device.flags & flag).map(([, words]) => words),
-           ...(session.state?.stop != null ? [this.rearmHint((device.flags & (Flag.contact | Flag.inside)) !== 0)] : [])].join(" · "));
-      this.structures.touched(device.label);
+      write(byId("why"), contact.label > 0 ? whyText(device, session.toPatient(pose, device.force)) : "");
+      const happening = this.happening(device).join(" · ");
+      write(byId("flags"), happening);
+      this.tell(happening);
+      this.structures.touched(contact.label);
       const angle = angleOf_deg(pose.rotation);
-      write(byId("turned"), angle > 0.05 ? `turned by ${angle.toFixed(0)}°` : "not turned");
-      write(byId("loop"), `${pose.rate.toFixed(0)} Hz · late ${pose.lateness.p50.toFixed(0)}/${pose.lateness.p99.toFixed(0)} µs · skip ${pose.skipped} drop ${pose.dropped}`);
-      write(byId("plot-force-value"), `${force_N.toFixed(2)} / ${device.forceLimit.toFixed(2)}`);
-      write(byId("plot-late-value"), `p50 ${pose.lateness.p50.toFixed(0)}, p99 ${pose.lateness.p99.toFixed(0)}`);
+      write(byId("turned"), angle > 0.05 ? words.turnedBy(`${angle.toFixed(0)}°`) : words.notTurned);
+      write(byId("loop"), words.loop(pose.rate.toFixed(0), pose.lateness.p50.toFixed(0), pose.lateness.p99.toFixed(0), String(pose.skipped), String(pose.dropped)));
+      write(byId("plot-force-value"), words.figureOf(quantity(force_N, "N"), quantity(device.forceLimit, "N")));
+      write(byId("plot-late-value"), words.lateness(pose.lateness.p50.toFixed(0), pose.lateness.p99.toFixed(0)));
       write(byId("plot-rate-value"), pose.rate.toFixed(0));
     }
     this.force.draw();
     this.late.draw();
     this.rate.draw();
     this.showDisplay();
-    this.showReadout();
     press(byId("follow"), session.follow);
   }
 
   private showDisplay(): void {
     const { session } = this;
+    if (session.window !== this.window) {
+      if (this.window !== null) session.keepWindow();
+      this.window = session.window;
+    }
     for (const name of ["level", "width"] as const) {
       const input = byId<HTMLInputElement>(name);
-      if (document.activeElement !== input) input.value = String(Number(session.window[name].toPrecision(4)));
+      if (document.activeElement !== input) input.value = String(Number(session.window[name].toPrecision(5)));
     }
     byId<HTMLInputElement>("fill").value = String(session.fill);
     write(byId("fill-value"), `${Math.round(100 * session.fill)} %`);
+    byId<HTMLSelectElement>("slab").value = session.slab.kind;
+    byId<HTMLInputElement>("slab-mm").value = String(session.slab.mm);
+    byId<HTMLInputElement>("slab-mm").disabled = session.slab.kind === "none";
+    write(byId("slab-mm-value"), quantity(session.slab.mm, "mm"));
     write(byId("scan-in-volume-value"), `${Math.round(100 * session.scanInVolume)} %`);
   }
 
-  /** Of what is under the mouse, or of the tip. */
-  private showReadout(): void {
+  /** Of what is under the mouse, or of the tip: to be called for every picture, since the planes move under a mouse that does not. */
+  showReadout(): void {
     const { session } = this;
-    const p = session.pointed ?? session.pose?.devices[0]?.tip;
+    const pointed = session.pointed?.() ?? null;
+    const p = pointed ?? session.pose?.devices[0]?.tip;
     if (!p || !session.volumes || !session.scene) return;
-    write(byId("position"), `${session.pointed ? "" : "tip  "}${positionText(p, session.convention)}`);
+    write(byId("position"), `${pointed ? "" : `${words.atTip}  `}${positionText(p, session.convention, decimalsFor(session.volumes.voxelSize / session.volumes.shrink))}`);
     const value = session.volumes.valueAt(p);
-    const unit = session.scene.modality === "ct" ? " HU" : "";
-    write(byId("value"), value === null ? "" : `${session.scene.modality === "ct" ? "" : "value "}${value.toFixed(0).replace("-", "−")}${unit}`);
+    const { scan } = session.scene.volume;
+    const figure = value === null || !scan ? null : valueText(value, scan.scale);
+    write(byId("value"), figure === null ? "" : session.scene.modality === "ct" ? `${figure} HU` : words.value(figure));
     const place = session.volumes.structureAt(p);
-    write(byId("structure"), place === null ? "" : readable(session.scene.structures[place]!.name));
+    const device = session.pose?.devices[0];
+    if (!pointed && device) write(byId("structure"), session.contactOf(device).words);
+    else write(byId("structure"), place === null ? "" : readable(session.scene.structures[place]!.name));
   }
 }
 
 export const complain = (error: unknown): void => toast((error as Error).message);
+
+/** Text whose keys stand between backticks. */
+const withKeys = (text: string): (Node | string)[] => text.split("`").map((part, n) => (n % 2 === 1 ? element("kbd", {}, part) : part));
+
+/** The same choice in other words, or other choices. */
+function offer<Name extends string>(id: string, names: Name[], said: Record<Name, string>): void {
+  const select = byId<HTMLSelectElement>(id);
+  const chosen = select.value;
+  select.replaceChildren(...names.map((name) => new Option(said[name], name, false, name === chosen)));
+}

@@ -1,5 +1,7 @@
 // The few words of DOM that the page's parts share.
 
+import { announce } from "./announce.js";
+
 export const byId = <T extends HTMLElement = HTMLElement>(id: string): T => document.getElementById(id) as T;
 
 export function element<K extends keyof HTMLElementTagNameMap>(tag: K, properties: Partial<HTMLElementTagNameMap[K]> = {},
@@ -22,6 +24,7 @@ export function press(button: HTMLElement, isPressed: boolean): void {
 let hiding = 0;
 /** A line at the bottom of the page, for some seconds. */
 export function toast(text: string): void {
+  announce(text);
   const box = byId("toast");
   box.textContent = text;
   box.hidden = false;

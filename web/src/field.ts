@@ -1,23 +1,23 @@
-// The colours that the volume view shows: one RGBA voxel grid of structures and, faintly, the scan around them. Alpha
-// is a structure's coverage, smoothed over a voxel each way, so that its surface is round and can be shaded.
+// What the volume view casts its rays through: a grid of texels, each with the two structures that have most of it, and how much. How a
+// structure looks is not in it, so that another colour costs nothing here. The shares are smoothed over a texel each way, so that a
+// surface, which lies where coverage is one half, is round and can be shaded. A texel is a voxel, or a block of `factor`^3.
 
-import { column, compose, length, normalize, dot, cross, type Affine, type Vec3 } from "./geometry.js";
-import { shrunkGrid, type Rgb, type Volumes } from "./scene.js";
+import type { Vec3 } from "./geometry.js";
 
-export interface Look { colour: Rgb; opacity: number; visible: boolean }
+/** Side of the blocks of texels of which is known what is in them, so that rays pass what is empty at once. */
+export const BLOCK = 8;
+/** A texel: two places in the list of structures + 1, then their shares, 255 being all of it. */
+export const TEXEL_BYTES = 4;
 
-export interface ColourField {
-  dims: Vec3;
-  origin: Vec3; // patient, of the first voxel's centre
-  spacing: Vec3;
-  direction: [Vec3, Vec3, Vec3]; // unit, of i, j and k; right-handed
-  rgba: Uint8Array;
+/** A box of voxels: what some texels are made of. */
+export interface Piece {
+  lo: Vec3; // of the texels
+  size: Vec3;
+  from: Vec3; // of the voxels
+  span: Vec3;
+  structure: Uint8Array; // of the voxels, i fastest: 0, or the place in the list of structures + 1
+  scan: Int16Array | null;
 }
-
-/** What alpha an opacity is stored as: what is solid has its surface where coverage is one half, what is not is a haze. */
-export const alphaOf = (opacity: number): number => (opacity <= 0 ? 0 : Math.round(255 * (0.3 + 0.7 * opacity ** 3)));
-/** Alpha of the scan around the structures at full strength: below what any structure has on its surface. */
-const MOST_SCAN_ALPHA = 36;
 
 /** By how much to coarsen so that there are at most `mostTexels`. */
 export function coarsening(dims: Vec3, mostTexels: number): number {
@@ -26,110 +26,272 @@ export function coarsening(dims: Vec3, mostTexels: number): number {
   return factor;
 }
 
-/** [1 2 1] / 4 along one axis, in place. */
-function smooth(values: Uint16Array, dims: Vec3, axis: 0 | 1 | 2, channels: number): void {
-  const stride = channels * [1, dims[0], dims[0] * dims[1]][axis]!;
-  const count = dims[axis];
-  const voxels = dims[0] * dims[1] * dims[2];
-  const inner = [1, dims[0], dims[0] * dims[1]][axis]!;
-  for (let start = 0; start < voxels; start += inner * count) {
-    for (let lane = 0; lane < inner; lane++) {
-      for (let c = 0; c < channels; c++) {
-        let at = (start + lane) * channels + c;
-        let before = values[at]!;
-        for (let n = 0; n < count; n++, at += stride) {
-          const here = values[at]!;
-          const after = n + 1 < count ? values[at + stride]! : here;
-          values[at] = (before + 2 * here + after + 2) >> 2;
+/** The texels that hold any of a box of voxels, and those beside them, which smoothing reaches. */
+export function texelsOf(lo: Vec3, size: Vec3, voxels: Vec3, factor: number): { lo: Vec3; size: Vec3 } {
+  const dims = voxels.map((n) => Math.ceil(n / factor));
+  const first = lo.map((n) => Math.max(0, Math.floor(n / factor) - 1)) as Vec3;
+  const end = lo.map((n, axis) => Math.min(dims[axis]!, Math.floor((n + size[axis]! - 1) / factor) + 2));
+  return { lo: first, size: end.map((n, axis) => n - first[axis]!) as Vec3 };
+}
+
+/** Copies what texels are made of out of the whole volume. */
+export function pieceOf(volume: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null }, factor: number, lo: Vec3, size: Vec3): Piece {
+  const from = lo.map((n) => Math.max(0, (n - 1) * factor)) as Vec3;
+  const span = lo.map((n, axis) => Math.min(volume.dims[axis]!, (n + size[axis]! + 1) * factor) - from[axis]!) as Vec3;
+  const copy = <T extends Uint8Array | Int16Array>(all: T, out: T): T => {
+    for (let k = 0, n = 0; k < span[2]; k++) {
+      for (let j = 0; j < span[1]; j++, n += span[0]) {
+        const at = from[0] + volume.dims[0] * (from[1] + j + volume.dims[1] * (from[2] + k));
+        out.set(all.subarray(at, at + span[0]) as T, n);
+      }
+    }
+    return out;
+  };
+  const voxels = span[0] * span[1] * span[2];
+  return {
+    lo, size, from, span,
+    structure: copy(volume.structure, new Uint8Array(voxels)),
+    scan: volume.scan && copy(volume.scan, new Int16Array(voxels)),
+  };
+}
+
+/** Of texels that no one structure fills: the sums of their neighbourhood. */
+class Shares {
+  private readonly sums = new Float64Array(256);
+  private readonly met: number[] = [];
+
+  add(structure: number, weight: number): void {
+    if (this.sums[structure] === 0) this.met.push(structure);
+    this.sums[structure]! += weight;
+  }
+  /** Writes the two largest besides nothing's; they share what further ones have, so that no surface has a dent where three meet. */
+  write(texels: Uint8Array, at: number): void {
+    let first = 0, second = 0, covered = 0, all = 0;
+    for (const structure of this.met) {
+      const sum = this.sums[structure]!;
+      all += sum;
+      if (structure === 0) continue;
+      covered += sum;
+      if (first === 0 || sum > this.sums[first]!) {
+        second = first;
+        first = structure;
+      } else if (second === 0 || sum > this.sums[second]!) second = structure;
+    }
+    const two = (first > 0 ? this.sums[first]! : 0) + (second > 0 ? this.sums[second]! : 0);
+    const total = Math.round((255 * covered) / all);
+    const own = two > 0 ? Math.round((total * this.sums[first]!) / two) : 0;
+    texels[at] = first;
+    texels[at + 1] = second;
+    texels[at + 2] = own;
+    texels[at + 3] = total - own;
+    for (const structure of this.met) this.sums[structure] = 0;
+    this.met.length = 0;
+  }
+}
+
+export class Field {
+  readonly dims: Vec3; // texels
+  /** With a border of one empty texel all around, which no ray has to be kept away from. */
+  readonly bordered: Vec3;
+  readonly texels: Uint8Array;
+  /** Of the scan, a mean over each texel; without a border. */
+  readonly haze: Int16Array | null;
+  readonly blocks: Vec3;
+  private readonly present: Uint32Array; // a bit for each structure that is in a block, 8 words a block
+  private readonly shares = new Shares();
+
+  constructor(readonly voxels: Vec3, readonly factor: number, hasScan: boolean) {
+    this.dims = voxels.map((n) => Math.ceil(n / factor)) as Vec3;
+    this.bordered = this.dims.map((n) => n + 2) as Vec3;
+    this.texels = new Uint8Array(this.bordered[0] * this.bordered[1] * this.bordered[2] * TEXEL_BYTES);
+    this.haze = hasScan ? new Int16Array(this.dims[0] * this.dims[1] * this.dims[2]) : null;
+    this.blocks = this.dims.map((n) => Math.ceil(n / BLOCK)) as Vec3;
+    this.present = new Uint32Array(this.blocks[0] * this.blocks[1] * this.blocks[2] * 8);
+  }
+
+  /** Where a texel's bytes begin. */
+  at(x: number, y: number, z: number): number {
+    return TEXEL_BYTES * (x + 1 + this.bordered[0] * (y + 1 + this.bordered[1] * (z + 1)));
+  }
+
+  put(piece: Piece): void {
+    this.smooth(piece);
+    if (piece.scan) this.mean(piece, piece.scan);
+    this.lookInto(piece.lo, piece.size);
+  }
+
+  /** Calls `visit` with the place in the piece of each of a texel's voxels. @returns how many there are */
+  private eachVoxel(piece: Piece, x: number, y: number, z: number, visit: (at: number) => void): number {
+    const { factor, voxels } = this;
+    const { from, span } = piece;
+    const [i0, j0, k0] = [x * factor, y * factor, z * factor];
+    const i1 = Math.min(voxels[0], i0 + factor), j1 = Math.min(voxels[1], j0 + factor), k1 = Math.min(voxels[2], k0 + factor);
+    for (let k = k0; k < k1; k++) {
+      for (let j = j0; j < j1; j++) {
+        const row = span[0] * (j - from[1] + span[1] * (k - from[2])) - from[0];
+        for (let i = i0; i < i1; i++) visit(row + i);
+      }
+    }
+    return (i1 - i0) * (j1 - j0) * (k1 - k0);
+  }
+
+  /** For a box of texels and those beside it: the structure that fills each, or -1 where there are several. */
+  private fillings(piece: Piece): { low: Vec3; count: Vec3; filling: Int16Array } {
+    const low = piece.lo.map((n) => Math.max(0, n - 1)) as Vec3;
+    const count = piece.lo.map((n, axis) => Math.min(this.dims[axis]!, n + piece.size[axis]! + 1) - low[axis]!) as Vec3;
+    const filling = new Int16Array(count[0] * count[1] * count[2]);
+    // where a texel is a voxel, the piece's voxels are these texels
+    if (this.factor === 1) filling.set(piece.structure);
+    else {
+      for (let z = 0, n = 0; z < count[2]; z++) {
+        for (let y = 0; y < count[1]; y++) {
+          for (let x = 0; x < count[0]; x++, n++) {
+            let only = -2;
+            this.eachVoxel(piece, low[0] + x, low[1] + y, low[2] + z, (at) => {
+              const here = piece.structure[at]!;
+              only = only === -2 || only === here ? here : -1;
+            });
+            filling[n] = only;
+          }
+        }
+      }
+    }
+    return { low, count, filling };
+  }
+
+  /** [1 2 1] / 4 along each axis; at the volume's border its outermost texel goes on. */
+  private smooth(piece: Piece): void {
+    const { lo, size } = piece;
+    const { low, count, filling } = this.fillings(piece);
+    const rows = new Int32Array(9);
+    const beside = (n: number, axis: number) => Math.min(count[axis]! - 1, Math.max(0, n));
+    for (let z = 0; z < size[2]; z++) {
+      for (let y = 0; y < size[1]; y++) {
+        for (let r = 0; r < 9; r++) {
+          const [yy, zz] = [beside(lo[1] - low[1] + y + (r % 3) - 1, 1), beside(lo[2] - low[2] + z + Math.floor(r / 3) - 1, 2)];
+          rows[r] = count[0] * (yy + count[1] * zz);
+        }
+        // the structure that fills all nine texels at a place of the rows, or -1
+        const across = (x: number): number => {
+          const here = filling[rows[0]! + x]!;
+          for (let r = 1; r < 9; r++) if (filling[rows[r]! + x] !== here) return -1;
+          return here;
+        };
+        let out = this.at(lo[0], lo[1] + y, lo[2] + z);
+        const first = lo[0] - low[0];
+        let before = across(beside(first - 1, 0));
+        let here = across(first);
+        for (let x = first; x < first + size[0]; x++, out += TEXEL_BYTES) {
+          const after = across(beside(x + 1, 0));
+          if (here >= 0 && before === here && after === here) {
+            this.texels[out] = here;
+            this.texels[out + 1] = 0;
+            this.texels[out + 2] = here > 0 ? 255 : 0;
+            this.texels[out + 3] = 0;
+          } else {
+            this.gather(piece, low, count, filling, rows, x, out);
+          }
           before = here;
+          here = after;
         }
       }
     }
   }
-}
 
-/**
- * @param looks  of the structures in their order
- * @param scanStrength  0 ... 1
- * @param window  stored values of the scan
- */
-export function colourField(volumes: Volumes, looks: Look[], scanStrength: number, window: [number, number],
-                            mostTexels: number): ColourField {
-  const factor = coarsening(volumes.dims, mostTexels);
-  const dims = volumes.dims.map((n) => Math.ceil(n / factor)) as Vec3;
-  const [nx, ny, nz] = volumes.dims;
+  /** One texel from its 27 neighbours. */
+  private gather(piece: Piece, low: Vec3, count: Vec3, filling: Int16Array, rows: Int32Array, x: number, out: number): void {
+    for (let r = 0; r < 9; r++) {
+      const weight = (r % 3 === 1 ? 2 : 1) * (Math.floor(r / 3) === 1 ? 2 : 1);
+      for (let d = -1; d <= 1; d++) {
+        const place = Math.min(count[0] - 1, Math.max(0, x + d));
+        const n = rows[r]! + place;
+        const share = d === 0 ? 2 * weight : weight;
+        if (filling[n]! >= 0) this.shares.add(filling[n]!, share);
+        else {
+          const row = Math.floor(n / count[0]);
+          const [tx, ty, tz] = [low[0] + place, low[1] + (row % count[1]), low[2] + Math.floor(row / count[1])];
+          const voxels = this.eachVoxel(piece, tx, ty, tz, () => {});
+          this.eachVoxel(piece, tx, ty, tz, (at) => this.shares.add(piece.structure[at]!, share / voxels));
+        }
+      }
+    }
+    this.shares.write(this.texels, out);
+  }
 
-  // a mirrored grid is stored the other way round along i: what draws it wants right-handed axes
-  const grid: Affine = factor > 1 ? shrunkGrid(volumes.patientFromVoxel, factor) : volumes.patientFromVoxel;
-  const axes = [0, 1, 2].map((c) => column(grid, c));
-  const mirrored = dot(cross(axes[0]!, axes[1]!), axes[2]!) < 0;
-  const from = mirrored ? compose(grid, [[-1, 0, 0, dims[0] - 1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) : grid;
+  private mean(piece: Piece, scan: Int16Array): void {
+    const { lo, size } = piece;
+    for (let z = lo[2]; z < lo[2] + size[2]; z++) {
+      for (let y = lo[1]; y < lo[1] + size[1]; y++) {
+        let out = lo[0] + this.dims[0] * (y + this.dims[1] * z);
+        for (let x = lo[0]; x < lo[0] + size[0]; x++, out++) {
+          let sum = 0;
+          const voxels = this.eachVoxel(piece, x, y, z, (at) => (sum += scan[at]!));
+          this.haze![out] = Math.round(sum / voxels);
+        }
+      }
+    }
+  }
 
-  // colours times alpha, so that smoothing does not mix in the colour of nothing
-  const shares = new Float32Array(256 * 4);
-  looks.forEach((look, place) => {
-    const alpha = look.visible ? alphaOf(look.opacity) : 0;
-    look.colour.forEach((value, c) => (shares[(place + 1) * 4 + c] = (value * alpha) / 255));
-    shares[(place + 1) * 4 + 3] = alpha;
-  });
-  const scan = scanStrength > 0 ? volumes.scan : null;
-  const grey = (value: number) => Math.min(1, Math.max(0, (value - window[0]) / Math.max(window[1] - window[0], 1e-6)));
-  const sums = new Uint16Array(dims[0] * dims[1] * dims[2] * 4);
-  let out = 0;
-  for (let k = 0; k < dims[2]; k++) {
-    for (let j = 0; j < dims[1]; j++) {
-      for (let x = 0; x < dims[0]; x++, out += 4) {
-        const i = mirrored ? dims[0] - 1 - x : x;
-        let r = 0, g = 0, b = 0, a = 0, count = 0;
-        for (let kk = k * factor; kk < Math.min(nz, (k + 1) * factor); kk++) {
-          for (let jj = j * factor; jj < Math.min(ny, (j + 1) * factor); jj++) {
-            for (let ii = i * factor; ii < Math.min(nx, (i + 1) * factor); ii++) {
-              const index = ii + nx * (jj + ny * kk);
-              const at = volumes.structure[index]! * 4;
-              count += 1;
-              if (shares[at + 3]! > 0) {
-                r += shares[at]!;
-                g += shares[at + 1]!;
-                b += shares[at + 2]!;
-                a += shares[at + 3]!;
-              } else if (scan) {
-                const value = grey(scan[index]!);
-                const alpha = value * scanStrength * MOST_SCAN_ALPHA;
-                r += value * alpha;
-                g += value * alpha;
-                b += value * alpha;
-                a += alpha;
+  /** Which structures are in the blocks of some texels. */
+  private lookInto(lo: Vec3, size: Vec3): void {
+    const { blocks, dims, texels, present } = this;
+    const [first, last] = [lo.map((n) => n >> 3), lo.map((n, axis) => (n + size[axis]! - 1) >> 3)];
+    for (let bz = first[2]!; bz <= last[2]!; bz++) {
+      for (let by = first[1]!; by <= last[1]!; by++) {
+        for (let bx = first[0]!; bx <= last[0]!; bx++) {
+          const bits = present.subarray(8 * (bx + blocks[0] * (by + blocks[1] * bz))).subarray(0, 8);
+          bits.fill(0);
+          for (let z = bz * BLOCK; z < Math.min(dims[2], (bz + 1) * BLOCK); z++) {
+            for (let y = by * BLOCK; y < Math.min(dims[1], (by + 1) * BLOCK); y++) {
+              let at = this.at(bx * BLOCK, y, z);
+              for (let x = bx * BLOCK; x < Math.min(dims[0], (bx + 1) * BLOCK); x++, at += TEXEL_BYTES) {
+                bits[texels[at]! >> 5]! |= 1 << (texels[at]! & 31);
+                bits[texels[at + 1]! >> 5]! |= 1 << (texels[at + 1]! & 31);
               }
             }
           }
         }
-        if (a > 0) {
-          const weight = 64 / count;
-          sums[out] = r * weight;
-          sums[out + 1] = g * weight;
-          sums[out + 2] = b * weight;
-          sums[out + 3] = a * weight;
-        }
       }
     }
   }
-  for (const axis of [0, 1, 2] as const) smooth(sums, dims, axis, 4);
 
-  const rgba = new Uint8Array(sums.length);
-  for (let at = 0; at < sums.length; at += 4) {
-    const alpha = sums[at + 3]!;
-    if (alpha === 0) continue;
-    rgba[at] = (255 * sums[at]!) / alpha;
-    rgba[at + 1] = (255 * sums[at + 1]!) / alpha;
-    rgba[at + 2] = (255 * sums[at + 2]!) / alpha;
-    rgba[at + 3] = alpha >> 6;
+  /**
+   * For each block how many blocks from here, itself included, are empty whichever way one goes: 0 where something is.
+   * @param shown  whether what is at each place of the list + 1 is to be seen
+   */
+  leaps(shown: ArrayLike<unknown>): Uint8Array {
+    const mask = new Uint32Array(8);
+    for (let place = 1; place < 256; place++) if (shown[place]) mask[place >> 5]! |= 1 << (place & 31);
+    const [nx, ny, nz] = this.blocks;
+    const leaps = new Uint8Array(nx * ny * nz);
+    for (let n = 0; n < leaps.length; n++) {
+      let any = 0;
+      for (let w = 0; w < 8; w++) any |= this.present[8 * n + w]! & mask[w]!;
+      leaps[n] = any !== 0 ? 0 : 255;
+    }
+    // the distance to what is not empty, by a pass each way over neighbours that were passed before
+    const pass = (step: 1 | -1) => {
+      const order = (n: number, count: number) => (step > 0 ? n : count - 1 - n);
+      for (let c = 0; c < nz; c++) {
+        for (let b = 0; b < ny; b++) {
+          for (let a = 0; a < nx; a++) {
+            const [x, y, z] = [order(a, nx), order(b, ny), order(c, nz)];
+            const n = x + nx * (y + ny * z);
+            let least = leaps[n]!;
+            if (least === 0) continue;
+            for (let q = 0; q < 13; q++) {
+              const [dx, dy, dz] = [(q % 3) - 1, (Math.floor(q / 3) % 3) - 1, Math.floor(q / 9) - 1];
+              const [xx, yy, zz] = [x + step * dx, y + step * dy, z + step * dz];
+              if (xx < 0 || yy < 0 || zz < 0 || xx >= nx || yy >= ny || zz >= nz) continue;
+              least = Math.min(least, leaps[xx + nx * (yy + ny * zz)]! + 1);
+            }
+            leaps[n] = least;
+          }
+        }
+      }
+    };
+    pass(1);
+    pass(-1);
+    return leaps;
   }
-  const columns = [0, 1, 2].map((c) => column(from, c));
-  return {
-    dims,
-    origin: column(from, 3),
-    spacing: columns.map(length) as Vec3,
-    direction: columns.map(normalize) as [Vec3, Vec3, Vec3],
-    rgba,
-  };
 }

@@ -19,6 +19,11 @@ export const length = (a: Vec3): number => Math.hypot(a[0], a[1], a[2]);
 export const normalize = (a: Vec3): Vec3 => scale(a, 1 / (length(a) || 1));
 /** The part of `a` that is orthogonal to the unit vector `n`. */
 export const reject = (a: Vec3, n: Vec3): Vec3 => sub(a, scale(n, dot(a, n)));
+/** Two unit vectors at right angles to a unit vector and to each other. */
+export function besides(n: Vec3): [Vec3, Vec3] {
+  const first = normalize(reject(Math.abs(n[0]) < 0.8 ? [1, 0, 0] : [0, 1, 0], n));
+  return [first, cross(n, first)];
+}
 
 export const apply = (m: Affine, p: Vec3): Vec3 =>
   [0, 1, 2].map((r) => m[r]![0]! * p[0] + m[r]![1]! * p[1] + m[r]![2]! * p[2] + m[r]![3]!) as Vec3;
@@ -161,10 +166,10 @@ export function niceLength(most_mm: number): number {
 }
 
 /** A position for people. */
-export function positionText(p: Vec3, convention: "LPS" | "RAS"): string {
+export function positionText(p: Vec3, convention: "LPS" | "RAS", decimals: number): string {
   const named = convention === "LPS" ? p : [-p[0], -p[1], p[2]];
   // a plus sign where there is no minus, so that the columns stand still
-  const texts = named.map((x) => (x < 0 ? "−" : "+") + Math.abs(x).toFixed(1));
+  const texts = named.map((x) => (x < 0 ? "−" : "+") + Math.abs(x).toFixed(decimals));
   return `${convention} ${texts.join("  ")} mm`;
 }
 

@@ -1,48 +1,72 @@
 import "./theme.css";
+import { Bookmarks } from "./bookmarks.js";
 import { Capture, download, fileStem } from "./capture.js";
 import { Connection, type Link } from "./connection.js";
 import { complain, Controls } from "./controls.js";
 import { byId, element, press, toast, write } from "./dom.js";
+import { History } from "./history.js";
 import type { Measure } from "./measure.js";
+import { Measures } from "./measures_panel.js";
 import type { Picture } from "./picture.js";
 import { PointerDevice } from "./pointer.js";
 import { Requests } from "./requests.js";
 import { fetchScene, fetchVolumes, NeedsToken, shrinkFor, type Scene, type State } from "./scene.js";
 import { SectionView, type Along, type PlaneKind } from "./section_view.js";
-import { Session } from "./session.js";
+import { ScopeView } from "./scope_view.js";
+import { LAYOUTS, PAGE_KEY, Session, type KeptPage, type Layout } from "./session.js";
 import { Slicer } from "./slicer.js";
+import { keep, recall } from "./kept.js";
+import { applyLanguage } from "./language.js";
 import { applyTheme } from "./theme.js";
+import { Timeline } from "./timeline.js";
 import { openToTests } from "./test_hook.js";
+import { Gone, isMemoryShort, Lasting, versionTrouble } from "./trouble.js";
+import { addVolumeControls } from "./volume_controls.js";
 import { VolumeView } from "./volume_view.js";
 import { VolumeRenderer } from "./volume_renderer.js";
 import type { Preset } from "./camera.js";
-import type { Anatomical } from "./geometry.js";
-import type { Pose } from "./wire.js";
+import { add, angleOf_deg, conjugate, multiply, scale, type Anatomical, type Quaternion, type Vec3 } from "./geometry.js";
+import { PROTOCOL, type Pose } from "./wire.js";
+import { says, words, type Message } from "./words.js";
 
 const TOKEN_KEY = "palpate.token";
 /** What is not drawn by the graphics card is drawn less often, so that the page stays awake. */
 const SOFTWARE_FRAME_MS = 66;
+const SHARED = 3; // times as long as the last frame took
+/** Graphics that the browser has not given back by then will hardly come. */
+const HOPELESS_MS = 5000;
 const FIGURES_MS = 100;
+/** An object that stands so is not turned. */
+const LEAST_TURN_DEG = 0.05;
 
 class Page {
   readonly session = new Session();
   readonly connection: Connection;
-  readonly measures: Measure[] = [];
+  readonly history = new History();
+  readonly measures = new Measures(this.session, this.history, (measure) => this.goTo(measure));
   readonly sections: SectionView[];
   readonly volume: VolumeView;
+  readonly scope: ScopeView;
   readonly capture: Capture;
   readonly controls: Controls;
   readonly pointer: PointerDevice;
   readonly requests: Requests;
-  private readonly slicer = new Slicer();
-  private readonly renderer = new VolumeRenderer();
+  readonly timeline: Timeline;
+  readonly slicer = new Slicer();
+  readonly renderer = new VolumeRenderer();
   private token = sessionStorage.getItem(TOKEN_KEY);
   private drawnVersion = -1;
   private lookVersion = -1;
   private drawn_ms = -Infinity;
   private figures_ms = -Infinity;
-  private loading = false;
+  private loading: Promise<void> | null = null;
+  private isOutdated = false; // a server answered while the page was loading: it may be another one
   private askedForHand = false; // on this connection
+  private readonly bookmarks: Bookmarks;
+  private layoutName: Layout = "two";
+  private readonly graphics: Record<"sections" | "volume", "fine" | "lost" | "restorable"> = { sections: "fine", volume: "fine" };
+  private isMending = false;
+  private hopeless = 0; // timer
 
   constructor() {
     this.connection = new Connection({
@@ -51,84 +75,180 @@ class Page {
       onPose: (pose) => this.onPose(pose),
       onToken: () => this.askForToken(),
       onProblem: toast,
-      onAsked: () => toast("Asked at the device: it happens when somebody there agrees, within 20 s."),
+      onOtherProtocol: () => void this.whyEnded(versionTrouble(PROTOCOL, null)),
+      onUnanswered: () => void this.whyEnded(null),
+      onAsked: () => toast(words.askedAtDevice),
     }, this.token);
     const { session } = this;
-    this.requests = new Requests(this.connection, () => session.state?.armed === true);
+    this.requests = new Requests(this.connection, () => session.state?.armed === true, () => session.state, this.history);
     this.pointer = new PointerDevice(session, this.connection);
-    this.volume = new VolumeView(session, this.renderer, this.pointer, (rotation) =>
+    this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.pointer, (rotation) =>
       void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }));
+    this.scope = new ScopeView(session, this.renderer, this.slicer.isSoftware);
     this.sections = (["oblique", "axial", "sagittal", "coronal"] as PlaneKind[]).map(
       (kind) => new SectionView(kind, session, this.slicer, this.measures, this.pointer));
-    const pictures: Picture[] = [this.volume.picture, ...this.sections.map((section) => section.picture)];
+    const pictures: Picture[] = [this.volume.picture, this.scope.picture, ...this.sections.map((section) => section.picture)];
     byId("pictures").append(...pictures.map((picture) => picture.element));
     this.capture = new Capture(session, pictures, byId("pictures"));
-    this.controls = new Controls(session, this.connection, this.requests, {
+    this.controls = new Controls(session, this.connection, this.requests, this.history, {
       layout: (name) => this.layout(name),
       screenshot: () => void this.capture.screenshot().then((blob) => download(blob, `${fileStem()}.png`)).catch(complain),
       record: () => this.record(),
-      clearMeasures: () => {
-        this.measures.length = 0;
-        session.touch();
-      },
+      togglePlaying: () => this.timeline.toggle(),
     });
-    this.addHeads();
-    this.layout("two");
+    this.timeline = new Timeline(session, this.connection, this.requests);
+    const orient = this.addHeads();
+    const { layout } = recall<KeptPage>(PAGE_KEY);
+    this.layout(layout && LAYOUTS.includes(layout) ? layout : "two");
+    this.bookmarks = new Bookmarks({
+      session, volume: this.volume, sections: this.sections, orient, layout: () => this.layoutName, choose: (name) => this.layout(name),
+      turn: (rotation) => this.turn(rotation),
+    });
+    for (const [which, its] of [["sections", this.slicer], ["volume", this.renderer]] as const) {
+      its.onLost = () => this.graphicsLost(which);
+      its.onRestorable = () => {
+        this.graphics[which] = "restorable";
+        void this.mend();
+      };
+    }
   }
 
-  /** Loads what is shown, then connects; on later connections looks whether it is still the same. */
+  private graphicsLost(which: "sections" | "volume"): void {
+    this.graphics[which] = "lost";
+    if (which === "volume") for (const view of [this.volume, this.scope]) view.lost();
+    // every section is drawn anew, empty
+    this.session.touchLooks();
+    this.tellOfGraphics(false);
+    clearTimeout(this.hopeless);
+    this.hopeless = window.setTimeout(() => this.tellOfGraphics(true), HOPELESS_MS);
+  }
+  /** What came back is filled again: the sections first, for they say where the tip is. */
+  private async mend(): Promise<void> {
+    if (this.isMending) return;
+    this.isMending = true;
+    const { graphics } = this;
+    for (;;) {
+      if (graphics.sections === "restorable") {
+        await this.slicer.restore(this.session.volumes);
+        if (graphics.sections === "restorable") graphics.sections = "fine";
+        this.session.touchLooks();
+      } else if (graphics.sections === "fine" && graphics.volume === "restorable") {
+        await this.renderer.restore();
+        if (graphics.volume === "restorable") graphics.volume = "fine";
+      } else break;
+    }
+    this.isMending = false;
+    if (graphics.sections === "fine" && graphics.volume === "fine") clearTimeout(this.hopeless);
+    this.tellOfGraphics(false);
+  }
+  private tellOfGraphics(isHopeless: boolean): void {
+    const isLost = (which: "sections" | "volume") => this.graphics[which] !== "fine";
+    const what = isLost("sections") ? (isLost("volume") ? words.lostBoth : words.lostSections) : isLost("volume") ? words.lostVolume : null;
+    write(byId("graphics"), what === null ? "" : `${what} ${isHopeless ? words.mendLost : words.lostHeals} ${words.lostHarmless}`);
+    byId("graphics").hidden = what === null;
+  }
+
+  /** Other structures in a box of voxels, i fastest: places in the scene's list + 1. */
+  async updateBox(lo: Vec3, size: Vec3, structure: Uint8Array): Promise<void> {
+    this.session.volumes!.write(lo, size, structure);
+    await Promise.all([this.slicer.update(lo, size), this.renderer.update(lo, size)]);
+    this.session.touchLooks();
+  }
+
+  /** Connects as soon as it is known whom to, and loads what is shown meanwhile: a stop waits for no volume. */
   async start(): Promise<void> {
-    await this.load();
-    this.connection.open();
     requestAnimationFrame((now) => this.frame(now));
     window.setInterval(() => this.connection.watch(), 1000);
+    await this.load();
   }
 
-  private async load(): Promise<void> {
-    this.loading = true;
-    try {
-      for (let tried = 0; ; tried++) {
-        try {
-          const scene = await fetchScene(this.token);
-          if (scene.volume.hash !== this.session.volumes?.hash) await this.loadVolumes(scene);
-          else this.session.setScene(scene, this.session.volumes);
-          this.controls.showScene(scene);
-          if (this.session.state) this.controls.showState(this.session.state);
-          break;
-        } catch (error) {
-          if (error instanceof NeedsToken) await this.tokenFromUser(this.token !== null);
-          else {
-            write(byId("cover-text"), `${(error as Error).message}. Trying again …`);
-            await new Promise((later) => setTimeout(later, Math.min(500 * 2 ** tried, 5000)));
-          }
+  /** On later connections: looks whether what is shown is still the same. @param trouble  that has come up, to be told first */
+  private load(trouble: Lasting | null = null): Promise<void> {
+    return (this.loading ??= this.loadAll(trouble).finally(() => (this.loading = null)));
+  }
+  private async loadAll(trouble: Lasting | null): Promise<void> {
+    if (trouble) await this.tell(trouble);
+    let gone = ""; // what was asked for in vain
+    for (let tried = 0; ; tried++) {
+      try {
+        this.isOutdated = false;
+        const scene = await fetchScene(this.token);
+        if (this.connection.link === "ended" || this.connection.link === "refused") this.connection.open();
+        if (scene.volume.hash !== this.session.volumes?.hash) await this.loadVolumes(scene);
+        else this.session.setScene(scene, this.session.volumes);
+        if (this.isOutdated) continue;
+        this.controls.showScene(scene);
+        this.timeline.show(scene.recording);
+        if (this.session.state) this.onState(this.session.state);
+        break;
+      } catch (error) {
+        if (error instanceof NeedsToken) await this.tokenFromUser(this.token !== null);
+        else if (error instanceof Lasting) await this.tell(error);
+        else if (error instanceof Gone && gone === error.message) await this.tell(new Lasting(words.lacksItsVolume(gone), words.startAgain));
+        else {
+          if (error instanceof Gone) gone = error.message;
+          write(byId("cover-text"), words.failedAgain((error as Error).message));
+          await new Promise((later) => setTimeout(later, Math.min(500 * 2 ** tried, 5000)));
         }
       }
-      byId("cover").hidden = true;
-    } finally {
-      this.loading = false;
     }
+    byId("cover").hidden = true;
   }
 
   private async loadVolumes(scene: Scene): Promise<void> {
     byId("cover").hidden = false;
-    write(byId("cover-text"), "Loading the volume …");
+    write(byId("cover-text"), words.loading);
+    this.loaded(0);
     const memory = (navigator as { deviceMemory?: number }).deviceMemory ?? 8;
     let shrink = shrinkFor(scene.volume.dims, { mostSide: this.slicer.mostSide, mostTexels: memory <= 2 ? 8e6 : memory <= 4 ? 32e6 : 256e6 });
     for (;;) {
-      const volumes = await fetchVolumes(scene, shrink, this.token);
       try {
-        this.slicer.load(volumes);
+        const volumes = await fetchVolumes(scene, shrink, this.token, (share) => this.loaded(share));
+        await this.slicer.load(volumes);
         this.session.setScene(scene, volumes);
         break;
       } catch (error) {
-        if (shrink === 4) throw error;
+        if (!isMemoryShort(error) || this.slicer.isLost) throw error;
+        if (shrink === 4) throw new Lasting(words.noMemory, words.mendMemory);
         shrink = shrink === 1 ? 2 : 4;
       }
     }
-    if (shrink > 1) toast(`This device's memory is short: the volume is shown at 1/${shrink} of its resolution.`);
+    if (shrink > 1) toast(words.shrunk(`1/${shrink}`));
     this.volume.sceneChanged();
     for (const section of this.sections) section.reset();
-    document.title = `palpate · ${scene.side === "unknown" ? "side unknown" : scene.side}`;
+    // of another patient
+    this.measures.forget();
+    this.history.clear();
+    this.bookmarks.load();
+  }
+
+  private loaded(share: number): void {
+    const bar = byId<HTMLProgressElement>("cover-share");
+    bar.value = share;
+    bar.hidden = share >= 1;
+  }
+
+  /** Says what is wrong and how it is mended; resolves when somebody wants it to be tried again. */
+  private tell(trouble: Lasting): Promise<void> {
+    byId("cover").hidden = false;
+    byId("cover-share").hidden = true;
+    write(byId("cover-text"), `${trouble.message} ${trouble.how}`);
+    byId("mend").hidden = false;
+    return new Promise((again) => {
+      byId("again").onclick = () => {
+        byId("mend").hidden = true;
+        write(byId("cover-text"), words.again);
+        again();
+      };
+    });
+  }
+  /** Of a connection that fails: the scene says whether that will last, and why. @param known  what is known of it already */
+  private async whyEnded(known: Lasting | null): Promise<void> {
+    await this.loading;
+    const trouble = await fetchScene(this.token).then(() => known, (error) => (error instanceof Lasting ? error : known));
+    if (!trouble || this.loading || this.connection.link === "connected") return;
+    this.connection.end();
+    await this.load(trouble);
   }
 
   private tokenFromUser(wasWrong: boolean): Promise<void> {
@@ -149,22 +269,26 @@ class Page {
     });
   }
   private async askForToken(): Promise<void> {
-    if (!this.loading) await this.load();
-    this.connection.open();
+    // what is being loaded may have asked before the token was another one
+    await this.loading;
+    await this.load();
   }
 
   private onLink(link: Link): void {
     this.askedForHand = false;
-    if (link === "connected" && !this.loading) {
+    if (link === "connected") {
       // another server may stand behind the same address
+      this.isOutdated = true;
       void this.load();
     }
     this.controls.allow();
+    this.timeline.allow();
     this.session.touch();
   }
   private onState(state: State): void {
     this.session.state = state;
     this.controls.showState(state);
+    this.timeline.showState(state);
     // without a word where another viewer has it: then the tool says so when it is chosen
     if (!this.askedForHand && this.session.tool === "touch") {
       this.askedForHand = true;
@@ -175,6 +299,7 @@ class Page {
   private onPose(pose: Pose): void {
     this.session.setPose(pose);
     this.controls.addPose(pose);
+    this.timeline.addPose(pose);
     this.capture.addPose(pose);
   }
 
@@ -188,23 +313,43 @@ class Page {
     press(byId("record"), this.capture.isRecording);
   }
 
-  private layout(name: string): void {
+  private layout(name: Layout): void {
+    this.layoutName = name;
+    keep<KeptPage>(PAGE_KEY, { layout: name });
     byId("pictures").className = `pictures layout-${name}`;
     for (const button of document.querySelectorAll<HTMLElement>("[data-layout]")) button.setAttribute("aria-checked", String(button.dataset.layout === name));
     this.session.touch();
   }
 
-  /** The small controls in the pictures' heads. */
-  private addHeads(): void {
-    const presets: [Preset, string][] = [["anterior", "A"], ["posterior", "P"], ["left", "L"], ["right", "R"], ["superior", "S"], ["inferior", "I"]];
-    const group = element("div", { className: "group small", role: "group", ariaLabel: "Look from" });
-    for (const [preset, letter] of presets) {
-      const button = element("button", { type: "button", textContent: letter, title: `Look from ${preset}`, ariaLabel: `Look from ${preset}` });
+  /** Asks for how the object is to stand, as a turn by hand does. */
+  private turn(rotation: Quaternion): void {
+    const now = this.session.pose?.rotation;
+    const isOther = now && angleOf_deg(multiply(rotation, conjugate(now))) > LEAST_TURN_DEG;
+    if (isOther && this.connection.role === "control") void this.requests.once({ type: "set", rotation_wxyz: rotation });
+  }
+
+  /** The planes rest where a measure was made. */
+  private goTo(measure: Measure): void {
+    const { session } = this;
+    session.follow = false;
+    session.cross = scale(measure.points.reduce(add), 1 / measure.points.length);
+    session.obliqueNormal = measure.plane === "oblique" ? measure.normal : session.obliqueNormal;
+    for (const section of this.sections) section.offset_mm = 0;
+    session.touch();
+  }
+
+  /** The small controls in the pictures' heads. @returns how the section's are set */
+  private addHeads(): (along: Along, like: Anatomical) => void {
+    const presets: [Preset, string, Message][] = [["anterior", "A", "lookFromAnterior"], ["posterior", "P", "lookFromPosterior"], ["left", "L", "lookFromLeft"],
+      ["right", "R", "lookFromRight"], ["superior", "S", "lookFromSuperior"], ["inferior", "I", "lookFromInferior"]];
+    const group = says(element("div", { className: "group small", role: "group" }), { label: "lookFrom" });
+    for (const [preset, letter, message] of presets) {
+      const button = says(element("button", { type: "button", textContent: letter }), { title: message, label: message });
       button.dataset.look = preset;
       button.addEventListener("click", () => this.volume.look(preset));
       group.append(button);
     }
-    const turn = element("button", { type: "button", className: "small", textContent: "Turn object", title: "Drag: turn the object that is felt (or drag with Alt)" });
+    const turn = says(element("button", { type: "button", className: "small" }), { text: "turn", title: "turnTitle" });
     press(turn, false);
     turn.id = "turn";
     turn.addEventListener("click", () => {
@@ -212,19 +357,36 @@ class Page {
       press(turn, this.volume.turnsObject);
     });
     this.volume.picture.head.append(group, turn);
+    addVolumeControls(this.volume, this.session, this.sections);
 
     const section = this.sections[0]!;
-    const choose = (label: string, options: [string, string][], set: (value: string) => void) => {
-      const select = element("select", { className: "small", ariaLabel: label, title: label }, ...options.map(([value, words]) => new Option(words, value)));
+    const choose = (label: Message, options: [string, Message][], set: (value: string) => void) => {
+      const select = says(element("select", { className: "small" }, ...options.map(([value, message]) => says(new Option("", value), { text: message }))), { label, title: label });
       select.addEventListener("change", () => {
         set(select.value);
+        this.session.obliqueNormal = null;
         this.session.touch();
       });
       return select;
     };
-    section.picture.head.append(
-      choose("What the section contains besides the tip", [["tool", "along the tool"], ["force", "along the force"], ["fixed", "fixed"]], (value) => (section.along = value as Along)),
-      choose("What the section is close to", [["sagittal", "sagittal"], ["coronal", "coronal"], ["axial", "axial"]], (value) => (section.like = value as Anatomical)));
+    const along = choose("sectionAlong", [["tool", "alongTool"], ["force", "alongForce"], ["fixed", "fixed"]], (value) => (section.along = value as Along));
+    const like = choose("sectionLike", [["sagittal", "likeSagittal"], ["coronal", "likeCoronal"], ["axial", "likeAxial"]], (value) => (section.like = value as Anatomical));
+    section.picture.head.append(along, like);
+    return (...wanted) => {
+      [section.along, section.like] = [along.value, like.value] = wanted;
+    };
+  }
+
+  /** The planes, and what the readout says of them. */
+  drawSections(): void {
+    const { session } = this;
+    if (this.lookVersion !== session.lookVersion && session.volumes) {
+      this.lookVersion = session.lookVersion;
+      this.slicer.setColours(session.palette());
+    }
+    for (const section of this.sections) section.draw();
+    this.slicer.mark();
+    this.controls.showReadout();
   }
 
   private frame(now: number): void {
@@ -234,28 +396,33 @@ class Page {
     session.isFresh = connection.isFresh();
     session.age_ms = connection.age_ms();
     if (wasFresh !== session.isFresh || !session.isFresh) session.touch();
-    if (this.renderer.isSoftware && now - this.drawn_ms < SOFTWARE_FRAME_MS) return;
-    this.drawn_ms = now;
-    if (this.lookVersion !== session.lookVersion && session.volumes) {
-      this.lookVersion = session.lookVersion;
-      this.slicer.setColours(session.palette());
+    if (this.slicer.isSoftware) {
+      // one that takes long leaves the volume's picture, which is drawn beside it, its share
+      const isDone = this.slicer.isDone;
+      const least = this.renderer.isDrawing ? Math.max(SOFTWARE_FRAME_MS, SHARED * this.slicer.took_ms) : SOFTWARE_FRAME_MS;
+      if (!isDone || now - this.drawn_ms < least) return;
+      this.drawn_ms = now;
     }
     // the volume's sharp picture comes after a while without any change
     this.volume.draw(now);
-    if (this.drawnVersion !== session.version) {
+    this.scope.draw(now);
+    if (this.drawnVersion !== session.version && session.volumes) {
       this.drawnVersion = session.version;
-      for (const section of this.sections) section.draw();
+      this.drawSections();
     }
     this.capture.drawn();
     if (now - this.figures_ms > FIGURES_MS) {
       this.figures_ms = now;
       this.controls.draw();
-      write(byId("record"), this.capture.isRecording ? `Stop ${this.capture.seconds().toFixed(0)} s` : "Record");
+      this.timeline.draw();
+      write(byId("record"), this.capture.isRecording ? words.recording(`${this.capture.seconds().toFixed(0)} s`) : words.record);
     }
   }
 }
 
 applyTheme();
+applyLanguage();
+write(byId("cover-text"), words.loading);
 try {
   const page = new Page();
   openToTests(page);

@@ -1,26 +1,53 @@
 // Ruler and angle: points of the patient, so that a measure stays where it was made when the picture moves.
 
+import { quantity } from "./figures.js";
 import { angleAt_deg, length, sub, type Vec3 } from "./geometry.js";
 import { text, type Frame } from "./overlay.js";
+import type { PlaneKind } from "./section_view.js";
+import { words } from "./words.js";
 
-export interface Measure { kind: "ruler" | "angle"; points: Vec3[] }
-
-export const isWhole = (measure: Measure): boolean => measure.points.length === (measure.kind === "ruler" ? 2 : 3);
-
-/** An angle's corner is its second point. */
-export function measureText({ kind, points }: Measure): string {
-  if (kind === "ruler") return points.length < 2 ? "" : `${length(sub(points[1]!, points[0]!)).toFixed(1)} mm`;
-  return points.length < 3 ? "" : `${angleAt_deg(points[1]!, points[0]!, points[2]!).toFixed(1)}°`;
+export interface Measure {
+  kind: "ruler" | "angle";
+  points: Vec3[];
+  name: string;
+  plane: PlaneKind; // in whose picture it was made
+  normal: Vec3;
+  slice: number; // of that plane
 }
 
-/** @param farness_mm  from the picture's plane: a measure of another slice is faint */
-export function drawMeasure(frame: Frame, measure: Measure, pixel: (p: Vec3) => [number, number], farness_mm: (p: Vec3) => number): void {
+export const isWhole = (measure: Pick<Measure, "kind" | "points">): boolean => measure.points.length === (measure.kind === "ruler" ? 2 : 3);
+
+/** An angle's corner is its second point. */
+export function measureText({ kind, points }: Pick<Measure, "kind" | "points">): string {
+  if (kind === "ruler") return points.length < 2 ? "" : quantity(length(sub(points[1]!, points[0]!)), "mm");
+  const [a, corner, b] = points;
+  // no angle yet where an arm has no length
+  if (!a || !corner || !b || length(sub(a, corner)) === 0 || length(sub(b, corner)) === 0) return "";
+  return `${angleAt_deg(corner, a, b).toFixed(1)}°`;
+}
+
+/** A measure farther from the picture's plane is not drawn. */
+const FARTHEST_MM = 12;
+
+/**
+ * How a measure is drawn in a picture whose plane is so far from it: null, not at all.
+ * @param within_mm  so near, the plane contains it
+ */
+export function shownAt(far_mm: number, within_mm: number): { strength: number; off: string } | null {
+  if (far_mm <= within_mm) return { strength: 1, off: "" };
+  if (far_mm > FARTHEST_MM) return null;
+  return { strength: 0.45 - (0.3 * far_mm) / FARTHEST_MM, off: ` · ${words.offThisPlane(quantity(far_mm, "mm"))}` };
+}
+
+/** @param farness_mm  of a point from the picture's plane */
+export function drawMeasure(frame: Frame, measure: Pick<Measure, "kind" | "points">, within_mm: number, pixel: (p: Vec3) => [number, number], farness_mm: (p: Vec3) => number): void {
   const { context, ratio } = frame;
-  const far = Math.max(...measure.points.map(farness_mm));
-  if (far > 12) return;
+  const shown = shownAt(Math.max(...measure.points.map(farness_mm)), within_mm);
+  if (!shown) return;
   const at = measure.points.map(pixel);
   context.save();
-  context.globalAlpha = far > 1.5 ? 0.35 : 1;
+  context.globalAlpha = shown.strength;
+  context.setLineDash(shown.off ? [4 * ratio, 4 * ratio] : []);
   for (const [thick, colour] of [[3.5, "rgba(6, 9, 11, 0.8)"], [1.4, "#8ee28a"]] as const) {
     context.lineWidth = thick * ratio;
     context.strokeStyle = colour;
@@ -33,8 +60,20 @@ export function drawMeasure(frame: Frame, measure: Measure, pixel: (p: Vec3) => 
       context.stroke();
     }
   }
-  const words = measureText(measure);
+  const figure = measureText(measure);
   const [x, y] = measure.kind === "angle" ? at[1]! : at.at(-1)!;
-  if (words) text(frame, words, x + 8 * ratio, y - 8 * ratio, 12, "#8ee28a", "left", "bottom");
+  if (figure) text(frame, figure + shown.off, x + 8 * ratio, y - 8 * ratio, 12, "#8ee28a", "left", "bottom");
   context.restore();
+}
+
+/** RFC 4180; points in the patient's LPS, mm, so many as an angle has. */
+export function measuresTable(measures: readonly Measure[]): string {
+  const quoted = (name: string) => `"${name.replaceAll('"', '""')}"`;
+  const axes = [1, 2, 3].flatMap((n) => ["x", "y", "z"].map((axis) => `${axis}${n}_lps_mm`));
+  const rows = measures.map(({ kind, points, name, plane, slice }) => {
+    const [a, b, c] = points as [Vec3, Vec3, Vec3?];
+    const figures = c ? ["", angleAt_deg(b, a, c).toFixed(2)] : [length(sub(b, a)).toFixed(3), ""];
+    return [quoted(name), kind, plane, slice, ...figures, ...[a, b, c].flatMap((p) => (p ?? ["", "", ""]).map((x) => (x === "" ? "" : Number(x).toFixed(3))))];
+  });
+  return [["name", "kind", "plane", "slice", "length_mm", "angle_deg", ...axes], ...rows].map((row) => `${row.join(",")}\r\n`).join("");
 }

@@ -1,20 +1,24 @@
 // What is drawn over pictures: letters, scale, side, the tool and its force. All sizes are in pixels of the screen;
 // `ratio` is the number of canvas pixels in one.
 
-import { add, length, niceLength, scale, type Letters, type Vec3 } from "./geometry.js";
-import { readable, type Session } from "./session.js";
-import { SIDE_TEXT, type Scene } from "./scene.js";
-import { Flag, type DevicePose } from "./wire.js";
+import { quantity } from "./figures.js";
+import { add, length, niceLength, rotate, scale, type Letters, type Vec3 } from "./geometry.js";
+import type { Session } from "./session.js";
+import type { Scene } from "./scene.js";
+import type { DevicePose } from "./wire.js";
+import { words } from "./words.js";
 
 export const FONT = 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", "Liberation Sans", Arial, sans-serif';
 const TOOL = "#4fd8ee";
 const FORCE = "#ffd34d";
 const GREY = "#a4adb3";
+/** A smaller one is dust of the arithmetic: its direction would jump about. */
+const LEAST_FORCE_N = 1e-5;
 
 export interface Frame { context: CanvasRenderingContext2D; width: number; height: number; ratio: number }
 
 /** Text that stays legible over anything. */
-export function text(frame: Frame, words: string, x: number, y: number, size: number, colour: string,
+export function text(frame: Frame, said: string, x: number, y: number, size: number, colour: string,
                      align: CanvasTextAlign = "left", baseline: CanvasTextBaseline = "alphabetic", weight = 600): void {
   const { context, ratio } = frame;
   context.font = `${weight} ${size * ratio}px ${FONT}`;
@@ -23,18 +27,21 @@ export function text(frame: Frame, words: string, x: number, y: number, size: nu
   context.lineJoin = "round";
   context.lineWidth = 3 * ratio;
   context.strokeStyle = "rgba(6, 9, 11, 0.85)";
-  context.strokeText(words, x, y);
+  context.strokeText(said, x, y);
   context.fillStyle = colour;
-  context.fillText(words, x, y);
+  context.fillText(said, x, y);
 }
 
-/** @param hasControls  in the picture's head, which reach the middle of a narrow one */
-export function drawLetters(frame: Frame, letters: Letters, oriented: boolean, hasControls: boolean): void {
+/**
+ * @param hasControls  in the picture's head, which reach the middle of a narrow one
+ * @param slider  pixels of one at the right edge
+ */
+export function drawLetters(frame: Frame, letters: Letters, oriented: boolean, hasControls: boolean, slider = 0): void {
   const { width, height, ratio } = frame;
   const shown = oriented ? letters : { left: "?", right: "?", top: "?", bottom: "?" };
   const colour = oriented ? "#eef3f5" : "#f5c277";
   text(frame, shown.left, 9 * ratio, height / 2, 15, colour, "left", "middle");
-  text(frame, shown.right, width - 9 * ratio, height / 2, 15, colour, "right", "middle");
+  text(frame, shown.right, width - (9 + slider) * ratio, height / 2, 15, colour, "right", "middle");
   text(frame, shown.top, width / 2, (hasControls && width < 640 * ratio ? 36 : 8) * ratio, 15, colour, "center", "top");
   text(frame, shown.bottom, width / 2, height - 8 * ratio, 15, colour, "center", "bottom");
 }
@@ -43,8 +50,8 @@ export function drawLetters(frame: Frame, letters: Letters, oriented: boolean, h
 export function drawSide(frame: Frame, scene: Scene): void {
   const { width, height, ratio } = frame;
   const colour = scene.side === "unknown" ? "#f5c277" : "#eef3f5";
-  const words = scene.side === "unknown" ? "SIDE UNKNOWN" : `Side: ${SIDE_TEXT[scene.side]}`;
-  text(frame, words, width - 10 * ratio, height - 10 * ratio, 12, colour, "right", "bottom");
+  const side = words.side[scene.side];
+  text(frame, scene.side === "unknown" ? side : words.sideInPicture(side), width - 10 * ratio, height - 10 * ratio, 12, colour, "right", "bottom");
 }
 
 /** Lower left. */
@@ -69,12 +76,14 @@ export function drawScale(frame: Frame, mmPerPixel: number): void {
 export interface Projection {
   pixel(p: Vec3): [number, number]; // of the canvas
   direction(v: Vec3): [number, number]; // of a unit vector of the patient, at most 1 long, y down
-  pixelsPerMm: number;
+  pixelsPerMm(p: Vec3): number;
   /** 0 ... 1: how clearly to draw what is at `p` */
   clearness(p: Vec3): number;
+  /** Draws a long part of the tool, where that is more than its outline on a plane. */
+  capsule?(from: Vec3, to: Vec3, radius_mm: number, colour: string): void;
 }
 
-function line(frame: Frame, from: [number, number], to: [number, number], thick: number, colour: string, dash: number[] = []): void {
+export function line(frame: Frame, from: [number, number], to: [number, number], thick: number, colour: string, dash: number[] = []): void {
   const { context, ratio } = frame;
   context.setLineDash(dash.map((d) => d * ratio));
   context.lineWidth = thick * ratio;
@@ -86,7 +95,7 @@ function line(frame: Frame, from: [number, number], to: [number, number], thick:
   context.setLineDash([]);
 }
 
-function ring(frame: Frame, at: [number, number], radius: number, thick: number, colour: string, dash: number[] = []): void {
+export function ring(frame: Frame, at: [number, number], radius: number, thick: number, colour: string, dash: number[] = []): void {
   const { context, ratio } = frame;
   context.setLineDash(dash.map((d) => d * ratio));
   context.lineWidth = thick * ratio;
@@ -108,13 +117,26 @@ export function drawTrail(frame: Frame, session: Session, projection: Projection
   }
 }
 
+/** The outline of what is round at both ends: of all places that are so near to a line. */
+function stadium(frame: Frame, a: [number, number], b: [number, number], radius: number, thick: number, stroke: string): void {
+  const { context, ratio } = frame;
+  const towards = Math.atan2(b[1] - a[1], b[0] - a[0]);
+  context.beginPath();
+  context.arc(...a, radius, towards + Math.PI / 2, towards - Math.PI / 2);
+  context.arc(...b, radius, towards - Math.PI / 2, towards + Math.PI / 2);
+  context.closePath();
+  context.lineWidth = thick * ratio;
+  context.strokeStyle = stroke;
+  context.stroke();
+}
+
 /** The tool where the surface holds it, the hand's own tip beyond, the line between them and the force. */
 export function drawTool(frame: Frame, session: Session, device: DevicePose, projection: Projection): void {
   const { context, ratio } = frame;
   const pose = session.pose!;
   const shown = session.toolAt(device);
   const [tool, hand] = [projection.pixel(shown), projection.pixel(device.tip)];
-  const radius = Math.max(5 * ratio, (session.scene?.tool.radius_mm ?? 0) * projection.pixelsPerMm);
+  const radius = Math.max(5 * ratio, (session.scene?.tool.radius_mm ?? 0) * projection.pixelsPerMm(shown));
   const colour = session.isFresh ? TOOL : GREY;
   context.save();
   context.globalAlpha = 0.35 + 0.65 * projection.clearness(shown);
@@ -126,12 +148,23 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     ring(frame, hand, 3.5 * ratio, 3, "rgba(6, 9, 11, 0.6)");
     ring(frame, hand, 3.5 * ratio, 1.3, "rgba(238, 243, 245, 0.75)");
   }
+  for (const { from_mm, to_mm, radius_mm } of session.scene?.tool.capsules ?? []) {
+    const place = (end: Vec3) => add(shown, session.toPatient(pose, rotate(device.orientation, end)));
+    if (projection.capsule) {
+      projection.capsule(place(from_mm), place(to_mm), radius_mm, colour);
+      continue;
+    }
+    const at = (end: Vec3) => projection.pixel(place(end));
+    const wide = Math.max(1.5 * ratio, radius_mm * projection.pixelsPerMm(shown));
+    stadium(frame, at(from_mm), at(to_mm), wide, 3, "rgba(6, 9, 11, 0.6)");
+    stadium(frame, at(from_mm), at(to_mm), wide, 1.3, colour);
+  }
   ring(frame, tool, radius, 4.5, "rgba(6, 9, 11, 0.75)");
   ring(frame, tool, radius, 2, colour, projection.clearness(shown) < 0.5 ? [4, 3] : []);
 
   // the force on the hand
   const force_N = length(device.force);
-  if (force_N > 0.01) {
+  if (force_N > LEAST_FORCE_N) {
     const unit = session.toPatient(pose, scale(device.force, 1 / force_N));
     const share = Math.min(1, force_N / Math.max(device.forceLimit, 0.1));
     const [dx, dy] = projection.direction(unit);
@@ -167,7 +200,7 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     const isLong = shownLength > 5 * ratio;
     const [wx, wy] = isLong ? [tip[0] + dx * 26 * ratio, tip[1] + dy * 14 * ratio] : [tool[0] + radius + 28 * ratio, tool[1]];
     const within = (at: number, most: number, margin: number) => Math.min(most - margin * ratio, Math.max(margin * ratio, at));
-    text(frame, `${force_N.toFixed(2)} N`, within(wx, frame.width, 26), within(wy, frame.height, 12), 12, arrow, "center", "middle");
+    text(frame, quantity(force_N, "N"), within(wx, frame.width, 26), within(wy, frame.height, 12), 12, arrow, "center", "middle");
   }
   context.restore();
 }
@@ -182,7 +215,7 @@ export function drawForceBar(frame: Frame, session: Session, device: DevicePose)
   context.fillRect(x - 2 * ratio, y - 2 * ratio, long + 4 * ratio, thick + 4 * ratio);
   context.fillStyle = !session.isFresh ? GREY : share > 0.95 ? "#ff6b5e" : share > 0.7 ? "#ffa94d" : FORCE;
   context.fillRect(x, y, long * share, thick);
-  text(frame, `${length(device.force).toFixed(2)} of ${device.forceLimit.toFixed(2)} N`, width - 12 * ratio, y + thick + 5 * ratio, 11, "#eef3f5", "right", "top");
+  text(frame, words.figureOf(quantity(length(device.force), "N"), quantity(device.forceLimit, "N")), width - 12 * ratio, y + thick + 5 * ratio, 11, "#eef3f5", "right", "top");
 }
 
 export function drawCross(frame: Frame, at: [number, number]): void {
@@ -200,7 +233,7 @@ export function drawAge(frame: Frame, session: Session): void {
   if (session.isFresh || !session.pose) return;
   const { width, height, ratio } = frame;
   const age = session.age_ms >= 10000 ? `${Math.round(session.age_ms / 1000)} s` : `${(session.age_ms / 1000).toFixed(1)} s`;
-  text(frame, `Data ${age} old`, width / 2, height / 2 - 26 * ratio, 15, "#f5c277", "center", "middle");
+  text(frame, words.oldData(age), width / 2, height / 2 - 26 * ratio, 15, "#f5c277", "center", "middle");
 }
 
 /** A cube with the patient's directions on its faces, lower right above the side mark. */
@@ -240,8 +273,4 @@ export function drawCube(frame: Frame, directionOf: (v: Vec3) => Vec3): void {
 }
 
 /** What the tool touches, beside it. */
-export function touchedText(session: Session, device: DevicePose): string {
-  const name = device.label > 0 ? session.structureName(device.label) : null;
-  if (name) return readable(name);
-  return device.flags & Flag.outside ? "outside the volume" : "free";
-}
+export const touchedText = (session: Session, device: DevicePose): string => session.contactOf(device).words;

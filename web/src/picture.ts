@@ -1,6 +1,10 @@
 // A picture on the page: what is drawn of the volume below, what is drawn over it above, in two canvases of one size.
 
 import type { Frame } from "./overlay.js";
+import { says } from "./words.js";
+
+/** Its id, by which its name and what is done in it stand in the words. */
+export type PictureId = "volume" | "oblique" | "axial" | "sagittal" | "coronal" | "scope";
 
 export class Picture {
   readonly element: HTMLElement;
@@ -9,20 +13,18 @@ export class Picture {
   readonly head: HTMLElement;
   private wanted = { width: 0, height: 0, ratio: 1 };
 
-  constructor(id: string, title: string, about: string) {
+  constructor(id: PictureId) {
     this.element = document.createElement("section");
     this.element.className = `picture picture-${id}`;
     this.element.id = `picture-${id}`;
-    this.element.setAttribute("aria-label", title);
+    says(this.element, { label: id });
     this.head = document.createElement("header");
-    const name = document.createElement("h2");
-    name.textContent = title;
-    this.head.append(name);
+    this.head.append(says(document.createElement("h2"), { text: id }));
     const stack = document.createElement("div");
     stack.className = "stack";
     stack.tabIndex = 0;
     stack.setAttribute("role", "application");
-    stack.setAttribute("aria-label", `${title}. ${about}`);
+    says(stack, { label: `${id}About` });
     const canvases = [0, 1].map(() => document.createElement("canvas"));
     stack.append(...canvases);
     this.element.append(stack, this.head);
@@ -56,8 +58,8 @@ export class Picture {
   frame(): Frame {
     return { context: this.over, width: this.base.canvas.width, height: this.base.canvas.height, ratio: this.wanted.ratio };
   }
-  /** Canvas pixels of an event. */
-  at(event: MouseEvent): [number, number] {
+  /** Canvas pixels of where an event is. */
+  at(event: { clientX: number; clientY: number }): [number, number] {
     const box = this.surface.getBoundingClientRect();
     return [(event.clientX - box.left) * this.wanted.ratio, (event.clientY - box.top) * this.wanted.ratio];
   }

@@ -3,45 +3,84 @@
 
 import type { Connection, Refusal, Request } from "./connection.js";
 import { toast } from "./dom.js";
+import type { History } from "./history.js";
+import type { State } from "./scene.js";
+import { words } from "./words.js";
 
 const AT_REST_MS = 500;
+/** What can be undone. A pause is none of it, and a turn of the object is turned back by itself. */
+const SETTINGS = ["method", "friction", "viscosity", "passivity", "max_force_N"] as const;
+
+type Values = Record<string, unknown>;
+/** Of a request for settings: what holds of each; null of a request that is for anything else. */
+function holding(request: Request, state: State): Values | null {
+  const { type, tissue, ...asked } = request as Request & { tissue?: number };
+  const of: Values | undefined = type === "tissue" ? { ...state.tissues[tissue!] } : { ...state, method: state.method_awaited ?? state.method };
+  const names = Object.keys(asked);
+  if (names.length === 0 || (type !== "tissue" && (type !== "set" || !names.every((name) => (SETTINGS as readonly string[]).includes(name))))) return null;
+  return Object.fromEntries(names.map((name) => [name, of[name]]));
+}
+/** A number comes back as the loop rounds it. */
+const isSame = (a: unknown, b: unknown): boolean =>
+  typeof a === "number" && typeof b === "number" ? Math.abs(a - b) <= 1e-5 * Math.max(Math.abs(a), Math.abs(b)) : a === b;
+const areSame = (a: Values, b: Values): boolean => Object.keys(a).every((name) => isSame(a[name], b[name]));
 
 export class Requests {
   private readonly resting = new Map<string, number>();
   private readonly busy = new Set<string>();
-  private readonly next = new Map<string, Request>();
+  private readonly next = new Map<string, [Request, number]>();
   /** Called after every refusal: what is shown goes back to what holds. */
   onRefused: () => void = () => {};
 
   /** @param isAsked  whether somebody is asked before anything changes */
-  constructor(private readonly connection: Connection, private readonly isAsked: () => boolean) {}
+  constructor(private readonly connection: Connection, private readonly isAsked: () => boolean,
+              private readonly state: () => State | null, private readonly history: History) {}
 
-  /** @param key  requests of one key replace each other */
-  async latest(key: string, request: Request): Promise<void> {
+  /** @param key  requests of one key replace each other; those of one gesture are undone together */
+  async latest(key: string, request: Request, gesture = this.history.gesture): Promise<void> {
     clearTimeout(this.resting.get(key));
     if (this.isAsked()) {
-      this.resting.set(key, window.setTimeout(() => void this.once(request), AT_REST_MS));
+      this.resting.set(key, window.setTimeout(() => void this.once(request, gesture), AT_REST_MS));
       return;
     }
     if (this.busy.has(key)) {
-      this.next.set(key, request);
+      this.next.set(key, [request, gesture]);
       return;
     }
     this.busy.add(key);
-    await this.once(request);
+    await this.once(request, gesture);
     this.busy.delete(key);
     const waiting = this.next.get(key);
     this.next.delete(key);
-    if (waiting) await this.latest(key, waiting);
+    if (waiting) await this.latest(key, ...waiting);
   }
 
-  async once(request: Request): Promise<boolean> {
+  async once(request: Request, gesture = ++this.history.gesture): Promise<boolean> {
+    const state = this.state();
+    const before = state && holding(request, state);
+    const isGranted = await this.ask(request);
+    if (isGranted && before && !areSame(before, request)) {
+      const { type, tissue } = request;
+      const key = JSON.stringify([type, tissue, Object.keys(before)]);
+      this.history.note(key, { before: { ...request, ...before }, after: request, go: (from, to) => this.replace(from, to) }, gesture);
+    }
+    return isGranted;
+  }
+
+  private async ask(request: Request): Promise<boolean> {
     const refusal = await this.connection.ask(request);
     if (refusal) {
       toast(refusalText(refusal));
       this.onRefused();
     }
     return refusal === null;
+  }
+  /** Asks for it as for any setting, where what was set from here still holds. */
+  private async replace(held: Request, wanted: Request): Promise<boolean> {
+    const state = this.state();
+    if (state && areSame(holding(held, state)!, held)) return this.ask(wanted);
+    toast(words.changedSince);
+    return false;
   }
 }
 

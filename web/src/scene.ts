@@ -1,7 +1,11 @@
 // What /api/scene and the state messages say, and the volumes that belong to them.
 
 import type { Refusal } from "./connection.js";
+import { troubleOf, versionTrouble } from "./trouble.js";
+import { PROTOCOL } from "./wire.js";
 import { apply, compose, invert, type Affine, type Quaternion, type Vec3 } from "./geometry.js";
+import { inPieces, PIECE_VOXELS } from "./pieces.js";
+import { words, type Words } from "./words.js";
 
 export type Rgb = [number, number, number];
 export interface Structure { label: number; name: string; colour: Rgb; tissue: number }
@@ -16,6 +20,8 @@ export interface Tissue {
   viscosity_N_s_per_mm: number;
   rests_on: number[];
 }
+/** A long part of the tool: from one end of its axis to the other, in the tool's own frame. */
+export interface Capsule { from_mm: Vec3; to_mm: Vec3; radius_mm: number }
 export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "dynamic_friction" | "viscosity_N_s_per_mm">;
 
 export interface Scene {
@@ -35,12 +41,12 @@ export interface Scene {
   world_from_patient: Affine;
   structures: Structure[];
   tissues: Tissue[];
-  tool: { name: string; radius_mm: number; points_mm: Vec3[] };
+  tool: { name: string; radius_mm: number; points_mm: Vec3[]; capsules: Capsule[] };
   methods: string[];
   device: {
     name: string;
     simulated: boolean;
-    input: "script" | "pointer" | "device";
+    input: "script" | "pointer" | "device" | "recording";
     peak_force_N: number | null;
     continuous_force_N: number | null;
     most_stiffness_N_per_mm: number | null;
@@ -53,6 +59,27 @@ export interface Scene {
     friction: [number, number];
   };
   rate_hz: number;
+  recording: Recording | null; // that is looked at, where no session runs
+}
+
+export interface RecordedEvent {
+  time_s: number;
+  kind: "stop" | "rearm" | "settings" | "model";
+  changed: string[];
+  tissue: number | null;
+  by: string;
+  viewer: number | null;
+}
+/** What a time line shows; times are the recording's own. */
+export interface Recording {
+  ticks: number;
+  begin_s: number;
+  end_s: number;
+  contacts: [begin_s: number, end_s: number, label: number, most_N: number][];
+  contacts_left_out: number;
+  events: RecordedEvent[];
+  events_left_out: number;
+  force_N: number[]; // greatest in each of equally many ticks
 }
 
 export interface State {
@@ -65,12 +92,14 @@ export interface State {
   paused: boolean;
   emergency_stop: boolean;
   stop: number | null; // which stop holds; a rearm names it
+  stopped_by: "you" | "viewer" | "key" | "palpate" | null; // who asked for it
   max_force_N: number;
   rotation_wxyz: Quaternion;
   model_version: number;
   tissues: TissueState[];
   armed: boolean;
   recording: boolean;
+  playback: { playing: boolean; speed: number; failed: Refusal | null } | null; // of a recording that is looked at
   viewers: number;
   pointer: boolean;
 }
@@ -80,16 +109,18 @@ export const METHODS = ["trilinear", "b-spline", "gaussian-sphere", "smooth-sphe
 
 export class NeedsToken extends Error {}
 
-/** @throws NeedsToken for 401; Error with what the server said otherwise */
+/** @throws NeedsToken for 401; Lasting for what trying again does not mend; another Error for what may be over later */
 async function get(path: string, token: string | null): Promise<Response> {
   const response = await fetch(path, token ? { headers: { Authorization: `Bearer ${token}` } } : {});
   if (response.status === 401) throw new NeedsToken();
-  if (!response.ok) throw new Error(`${path} answered ${response.status}`);
+  if (!response.ok) throw troubleOf(path, response.status);
   return response;
 }
 
 export async function fetchScene(token: string | null): Promise<Scene> {
-  return (await (await get("/api/scene", token)).json()) as Scene;
+  const scene = (await (await get("/api/scene", token)).json()) as Scene;
+  if (scene.protocol !== PROTOCOL) throw versionTrouble(PROTOCOL, { version: scene.protocol, palpate: scene.palpate });
+  return scene;
 }
 
 export interface Memory { mostTexels: number; mostSide: number }
@@ -138,6 +169,15 @@ export class Volumes {
     this.voxelSize = Math.min(...edges);
   }
 
+  /** Writes places of the list of structures + 1 into a box, i fastest. */
+  write(lo: Vec3, size: Vec3, bytes: Uint8Array): void {
+    for (let k = 0, n = 0; k < size[2]; k++) {
+      for (let j = 0; j < size[1]; j++, n += size[0]) {
+        this.structure.set(bytes.subarray(n, n + size[0]), lo[0] + this.dims[0] * (lo[1] + j + this.dims[1] * (lo[2] + k)));
+      }
+    }
+  }
+
   /** Of the nearest voxel, or null outside. */
   private indexAt(p: Vec3): number | null {
     const v = apply(this.voxelFromPatient, p).map(Math.round) as Vec3;
@@ -160,41 +200,55 @@ export class Volumes {
 /** Structures beyond these are not told apart in pictures. */
 export const MOST_STRUCTURES = 255;
 
-export async function fetchVolumes(scene: Scene, shrink: 1 | 2 | 4, token: string | null): Promise<Volumes> {
+/** An answer's bytes, of which there are to be `size`. @param onMore  told of each piece that came */
+async function bytesOf(response: Response, what: "scan" | "labels", size: number, onMore: (bytes: number) => void): Promise<ArrayBuffer> {
+  const bytes = new Uint8Array(size);
+  let had = 0;
+  const reader = response.body!.getReader();
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) break;
+    if (had + value.length <= size) bytes.set(value, had);
+    had += value.length;
+    onMore(value.length);
+  }
+  if (had !== size) throw new Error(words.cameWith(what, String(had)));
+  return bytes.buffer;
+}
+
+/** @param onShare  told how much of it has come, 0 to 1 */
+export async function fetchVolumes(scene: Scene, shrink: 1 | 2 | 4, token: string | null, onShare: (share: number) => void): Promise<Volumes> {
   const { hash, scan, labels, dims: whole, patient_from_voxel } = scene.volume;
   const dims = whole.map((n) => Math.ceil(n / shrink)) as Vec3;
   const voxels = dims[0] * dims[1] * dims[2];
+  const labelSize = labels.type === "uint8" ? 1 : 2;
+  const all = voxels * (labelSize + (scan ? 2 : 0));
+  let come = 0;
   const fetchBytes = async (kind: "scan" | "labels", bytesPerVoxel: number) => {
     const query = shrink > 1 ? `?shrink=${shrink}` : "";
-    const bytes = await (await get(`/api/volume/${kind}/${hash}${query}`, token)).arrayBuffer();
-    if (bytes.byteLength !== voxels * bytesPerVoxel) throw new Error(`the ${kind} came with ${bytes.byteLength} bytes`);
-    return bytes;
+    return bytesOf(await get(`/api/volume/${kind}/${hash}${query}`, token), kind, voxels * bytesPerVoxel, (bytes) => onShare((come += bytes) / all));
   };
-  const [scanBytes, labelBytes] = await Promise.all([
-    scan ? fetchBytes("scan", 2) : null,
-    fetchBytes("labels", labels.type === "uint8" ? 1 : 2),
-  ]);
+  const [scanBytes, labelBytes] = await Promise.all([scan ? fetchBytes("scan", 2) : null, fetchBytes("labels", labelSize)]);
 
   // labels to places in the list of structures, which fit a byte
   const places = new Uint8Array(65536);
   scene.structures.slice(0, MOST_STRUCTURES).forEach((structure, place) => (places[structure.label] = place + 1));
   const raw = labels.type === "uint8" ? new Uint8Array(labelBytes) : new Uint16Array(labelBytes);
   const structure = new Uint8Array(voxels);
-  for (let i = 0; i < voxels; i++) structure[i] = places[raw[i]!]!;
+  await inPieces(voxels, PIECE_VOXELS, (from, to) => {
+    for (let i = from; i < to; i++) structure[i] = places[raw[i]!]!;
+  });
 
   return new Volumes(hash, shrink, dims, shrink > 1 ? shrunkGrid(patient_from_voxel, shrink) : patient_from_voxel,
     scanBytes && new Int16Array(scanBytes), structure, scan?.scale ?? 1, scan?.offset ?? 0);
 }
 
-export const SIDE_TEXT = { left: "LEFT", right: "RIGHT", both: "BOTH SIDES", unknown: "SIDE UNKNOWN" } as const;
-export const NOTICE = "Research and education — not for clinical use";
-
-/** Windows of Hounsfield units by their clinical names, as level and width. */
-export const CT_PRESETS: Record<string, { level: number; width: number }> = {
-  "Soft tissue": { level: 40, width: 400 },
-  Bone: { level: 500, width: 2000 },
-  Lung: { level: -600, width: 1500 },
-  Brain: { level: 40, width: 80 },
-  Abdomen: { level: 60, width: 350 },
-  Angio: { level: 300, width: 600 },
-};
+/** Windows of Hounsfield units by what they are for, as level and width. */
+export const CT_PRESETS = {
+  softTissue: { level: 40, width: 400 },
+  bone: { level: 500, width: 2000 },
+  lung: { level: -600, width: 1500 },
+  brain: { level: 40, width: 80 },
+  abdomen: { level: 60, width: 350 },
+  angio: { level: 300, width: 600 },
+} satisfies Partial<Record<keyof Words["presets"], { level: number; width: number }>>;

@@ -4,7 +4,9 @@ import {
   add, anatomicalPlane, dot, hang, length, normalOf, normalContaining, normalize, orientationLetters, rotate, scale, spread,
   sub, type Anatomical, type Hanging, type Plane, type Vec3,
 } from "./geometry.js";
+import { quantity } from "./figures.js";
 import { drawMeasure, isWhole, type Measure } from "./measure.js";
+import type { Measures } from "./measures_panel.js";
 import {
   drawAge, drawCross, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText,
   type Projection,
@@ -12,15 +14,18 @@ import {
 import { Picture } from "./picture.js";
 import type { PointerDevice } from "./pointer.js";
 import type { Session } from "./session.js";
+import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
 import type { Slicer } from "./slicer.js";
+import { words } from "./words.js";
 
 export type PlaneKind = "oblique" | Anatomical;
 /** What the oblique plane contains besides the tip. */
 export type Along = "tool" | "force" | "fixed";
-const TITLES: Record<PlaneKind, string> = { oblique: "Section", axial: "Axial", sagittal: "Sagittal", coronal: "Coronal" };
-const ABOUT = "Arrow keys: slice, or the tip while touching; plus and minus: zoom; Home: as at the beginning.";
-/** A key moves the tip by so much. */
-const KEY_STEP_MM = 0.5;
+export const ALONG: Along[] = ["tool", "force", "fixed"];
+/** At a picture's right edge. */
+const SLIDER_PIXELS = 26;
+/** A key moves the tip by so many pixels of the screen. */
+const KEY_STEP_PIXELS = 2;
 const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
 const SMOOTHING = 0.2; // of the way to where the plane ought to stand, a picture
 /** Of a drag with the window tool: the window's width is doubled by so many pixels. */
@@ -34,31 +39,49 @@ export class SectionView {
   offset_mm = 0; // along the normal, from where it follows
   mmPerPixel = 0.25; // of the screen
   pan: [number, number] = [0, 0]; // mm in the picture
-  private normal: Vec3 = [1, 0, 0];
+  normal: Vec3 = [1, 0, 0]; // of the plane, to one of its sides
   private hanging: Hanging | undefined;
   private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
   private byKeys = false;
   private held: Vec3 | null = null; // the point of the plane while the pointer moves the tip
+  private mouse: { clientX: number; clientY: number } | null = null; // where it is over this picture
   private drawn = "";
   private size = 0; // of the picture's shorter side
   private readonly pointers = new Map<number, [number, number]>();
-  private measure: Measure | null = null; // being made
+  private readonly chooser = new SliceChooser((slice) => this.goTo(slice));
+  private measure: Pick<Measure, "kind" | "points"> | null = null; // being made
+  private restsAt: Vec3 | null = null; // where the plane stays meanwhile, less its offset
 
   constructor(readonly kind: PlaneKind, private readonly session: Session, private readonly slicer: Slicer,
-              private readonly measures: Measure[], private readonly pointer: PointerDevice) {
-    this.picture = new Picture(kind, TITLES[kind], ABOUT);
+              private readonly measures: Measures, private readonly pointer: PointerDevice) {
+    this.picture = new Picture(kind);
+    this.picture.element.append(this.chooser.element);
     this.listen();
   }
 
   reset(): void {
     const volumes = this.session.volumes;
     const { clientWidth, clientHeight } = this.picture.surface;
-    if (volumes && clientWidth > 0) this.mmPerPixel = (0.68 * volumes.size) / Math.min(clientWidth, clientHeight);
+    if (volumes && clientWidth > 0) {
+      // of the size that it has now, whatever it was drawn at last
+      this.size = Math.min(clientWidth, clientHeight);
+      this.mmPerPixel = (0.68 * volumes.size) / this.size;
+    }
     this.pan = [0, 0];
     this.offset_mm = 0;
     this.session.touch();
   }
 
+  /** So much is seen across the picture's shorter side; 0 before it was shown. */
+  get across_mm(): number {
+    return this.mmPerPixel * this.size;
+  }
+  set across_mm(mm: number) {
+    const { clientWidth, clientHeight } = this.picture.surface;
+    // a picture that is hidden has the size that it had
+    this.size = Math.min(clientWidth, clientHeight) || this.size;
+    if (this.size > 0) this.mmPerPixel = mm / this.size;
+  }
   /** As much is seen in a picture of another size. */
   private keepShown(): void {
     const { clientWidth, clientHeight } = this.picture.surface;
@@ -68,17 +91,22 @@ export class SectionView {
     this.size = size;
   }
 
+  /** A point of the plane as it is to be now. */
+  private through(): Vec3 {
+    return this.held ?? add(this.restsAt ?? this.session.anchor(), scale(this.normal, this.offset_mm));
+  }
   /** Where the plane stands now: of the patient, in the middle of the picture. */
   private place(): Plane {
     const { session, kind } = this;
-    const through = add(this.held ?? session.anchor(), scale(this.normal, this.held ? 0 : this.offset_mm));
+    const through = this.through();
     if (kind !== "oblique") {
       this.normal = NORMALS[kind];
       return this.centred(anatomicalPlane(kind, through));
     }
     const pose = session.pose;
     const device = pose?.devices[0];
-    if (pose && device && !this.held && session.isFresh) {
+    if (session.obliqueNormal && !session.follow) this.normal = session.obliqueNormal;
+    else if (pose && device && !this.held && !this.restsAt && session.isFresh) {
       const wanted = NORMALS[this.like];
       const fallback = NORMALS[this.like === "sagittal" ? "coronal" : "sagittal"];
       let normal: Vec3 | null = null;
@@ -107,6 +135,12 @@ export class SectionView {
     const mm = this.mmPerPixel / ratio;
     return add(this.plane.centre, add(scale(this.plane.right, (x - width / 2) * mm), scale(this.plane.down, (y - height / 2) * mm)));
   }
+  /** What is under the mouse: the middle of the pixel, for that is what the picture shows there. */
+  private readonly pointed = (): Vec3 | null => {
+    if (!this.mouse || !this.picture.isShown) return null;
+    const [x, y] = this.picture.at(this.mouse);
+    return this.patientAt([Math.floor(x) + 0.5, Math.floor(y) + 0.5]);
+  };
   pixelOf(p: Vec3): [number, number] {
     const { width, height, ratio } = this.picture.frame();
     const d = sub(p, this.plane.centre);
@@ -125,16 +159,17 @@ export class SectionView {
     const resized = picture.fit();
     if (!picture.isShown || !session.volumes || !session.scene) return;
     if (resized) this.keepShown();
+    if (this.measure && this.measure.kind !== session.tool) this.dropMeasure();
     this.plane = this.place();
     this.keepInView();
     const frame = picture.frame();
     const mm = this.mmPerPixel / frame.ratio;
 
     // the volume, when the picture of it is another one
-    const key = JSON.stringify([this.plane, mm, session.window, session.fill, session.outlines, session.lookVersion,
+    const key = JSON.stringify([this.plane, mm, session.window, session.fill, session.outlines, session.slab, session.lookVersion,
       frame.width, frame.height, session.volumes.hash]);
     if (key !== this.drawn) {
-      this.slicer.draw(picture.base, this.plane, mm, { window: session.storedWindow(), fill: session.fill, outlines: session.outlines });
+      this.slicer.draw(picture.base, this.plane, mm, { window: session.storedWindow(), fill: session.fill, outlines: session.outlines, slab: session.slab });
       this.drawn = key;
     }
 
@@ -142,32 +177,64 @@ export class SectionView {
     const projection: Projection = {
       pixel: (p) => this.pixelOf(p),
       direction: (v) => [dot(v, this.plane.right), dot(v, this.plane.down)],
-      pixelsPerMm: 1 / mm,
+      pixelsPerMm: () => 1 / mm,
       clearness: (p) => Math.max(0.15, 1 - this.farness_mm(p) / 12),
     };
     if (session.cross && !session.follow) drawCross(frame, this.pixelOf(session.cross));
     const device = session.pose?.devices[0];
+    let top = 40;
+    const say = (said: string, colour: string) => {
+      text(frame, said, 12 * frame.ratio, top * frame.ratio, 12, colour, "left", "top");
+      top += 18;
+    };
     if (device) {
       drawTrail(frame, session, projection);
       drawTool(frame, session, device, projection);
       if (this.kind === "oblique") {
-        text(frame, touchedText(session, device), 12 * frame.ratio, 40 * frame.ratio, 12, session.isFresh ? "#eef3f5" : "#a4adb3", "left", "top");
+        say(touchedText(session, device), session.isFresh ? "#eef3f5" : "#a4adb3");
         if (session.scene.device.input === "pointer") drawForceBar(frame, session, device);
       }
     }
-    for (const measure of [...this.measures, ...(this.measure ? [this.measure] : [])]) {
-      drawMeasure(frame, measure, (p) => this.pixelOf(p), (p) => this.farness_mm(p));
+    for (const measure of [...this.measures.all, ...(this.measure ? [this.measure] : [])]) {
+      drawMeasure(frame, measure, 0.5 * session.volumes.voxelSize, (p) => this.pixelOf(p), (p) => this.farness_mm(p));
     }
-    drawLetters(frame, orientationLetters(this.plane.right, this.plane.down), session.scene.oriented, this.kind === "oblique");
+    const { kind, mm: thick_mm } = session.slab;
+    if (kind !== "none") say(words.overSlab[kind](quantity(thick_mm, "mm")), "#eef3f5");
+    if (this.restsAt) say(words.restsMeanwhile, "#8ee28a");
+    drawLetters(frame, orientationLetters(this.plane.right, this.plane.down), session.scene.oriented, this.kind === "oblique", SLIDER_PIXELS);
     drawScale(frame, mm);
     drawSide(frame, session.scene);
     drawAge(frame, session);
+    const normal = normalOf(this.plane);
+    const slices = slicesAlong(session.volumes, normal);
+    this.chooser.show(sliceAt(slices, dot(this.plane.centre, normal)), slices.count);
+  }
+
+  /** A slice of its own: the planes rest there, or the tip that the pointer holds goes to it. */
+  private goTo(slice: number): void {
+    const { session } = this;
+    if (!session.volumes) return;
+    const normal = normalOf(this.plane);
+    const { first_mm, step_mm } = slicesAlong(session.volumes, normal);
+    // from where the plane is to be now: it may have been drawn before the tip came there
+    const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
+    if (this.held) {
+      this.held = add(this.held, by);
+      this.pointer.move(this.held);
+    } else if (this.restsAt) {
+      this.restsAt = add(this.restsAt, by);
+    } else {
+      session.cross = add(session.anchor(), by);
+      session.follow = false;
+    }
+    session.touch();
   }
 
   /** A tip that leaves the picture takes the picture with it. */
   private keepInView(): void {
     const tip = this.session.pose?.devices[0]?.tip;
-    if (!tip || !this.session.follow || this.session.holding) return;
+    // never under a finger or a measure
+    if (!tip || !this.session.follow || this.session.holding || this.pointers.size > 0 || this.restsAt) return;
     const { width, height, ratio } = this.picture.frame();
     const [x, y] = this.pixelOf(tip);
     const over = (at: number, most: number) => (at < 0.08 * most ? at - 0.08 * most : at > 0.92 * most ? at - 0.92 * most : 0);
@@ -177,9 +244,11 @@ export class SectionView {
     this.plane = this.centred(this.plane);
   }
 
-  /** Moves the plane along its normal by so many voxels, or the tip while the pointer holds it. */
-  step(voxels: number): void {
-    const by = scale(normalOf(this.plane), voxels * (this.session.volumes?.voxelSize ?? 1));
+  /** Moves the plane along its normal by so many slices, or the tip while the pointer holds it. */
+  step(count: number): void {
+    if (!this.session.volumes) return;
+    const normal = normalOf(this.plane);
+    const by = scale(normal, count * slicesAlong(this.session.volumes, normal).step_mm);
     if (this.held) {
       this.held = add(this.held, by);
       this.pointer.move(this.held);
@@ -202,40 +271,38 @@ export class SectionView {
       surface.setPointerCapture(event.pointerId);
       surface.focus({ preventScroll: true });
       this.pointers.set(event.pointerId, picture.at(event));
-      if (this.pointers.size > 1 || event.button !== 0) return;
+      if (this.pointers.size > 1) return this.letGo();
+      if (event.button !== 0) return;
       if (session.tool === "touch" && this.pointer.isTaken) {
-        const p = this.patientAt(picture.at(event));
-        this.held = p;
-        this.pointer.hold(p);
+        this.holdAt(this.patientAt(picture.at(event)));
+        this.pointer.hold(this.held!, event.pointerType === "touch");
       } else if (session.tool === "ruler" || session.tool === "angle") {
         this.addMeasurePoint(this.patientAt(picture.at(event)));
       }
     });
     surface.addEventListener("pointermove", (event) => {
       const at = picture.at(event);
-      session.pointed = this.patientAt(at);
+      this.mouse = { clientX: event.clientX, clientY: event.clientY };
+      session.pointed = this.pointed;
       if (event.shiftKey && this.pointers.size === 0) {
         session.follow = false;
-        session.cross = session.pointed;
+        session.cross = this.patientAt(at);
       }
       const before = this.pointers.get(event.pointerId);
       if (before) this.drag(event, before, at);
-      else if (this.measure) this.measure.points[this.measure.points.length - 1] = session.pointed;
+      else if (this.measure) this.measure.points[this.measure.points.length - 1] = this.patientAt(at);
       session.touch();
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
-      if (this.held) {
-        this.held = null;
-        this.pointer.release();
-      }
+      this.letGo();
       const ruler = this.measure;
       if (ruler && event.type === "pointerup" && ruler.kind === "ruler" && length(sub(ruler.points[1]!, ruler.points[0]!)) > 4 * this.mmPerPixel) this.finishMeasure();
     };
     surface.addEventListener("pointerup", up);
     surface.addEventListener("pointercancel", up);
     surface.addEventListener("pointerleave", () => {
-      session.pointed = null;
+      this.mouse = null;
       session.touch();
     });
     surface.addEventListener("dblclick", () => session.tool === "window" && this.reset());
@@ -256,14 +323,21 @@ export class SectionView {
       event.preventDefault();
       action();
     });
-    const letGo = () => {
-      if (!this.byKeys) return;
-      this.byKeys = false;
-      this.held = null;
-      this.pointer.release();
-    };
-    surface.addEventListener("keyup", letGo);
-    surface.addEventListener("blur", letGo);
+    const keyUp = () => this.byKeys && this.letGo();
+    surface.addEventListener("keyup", keyUp);
+    surface.addEventListener("blur", keyUp);
+  }
+
+  private holdAt(p: Vec3): void {
+    // what follows the tip goes through it from here on, so that nothing jumps when it is let go
+    if (this.session.follow) this.offset_mm = 0;
+    this.held = p;
+  }
+  private letGo(): void {
+    if (!this.held) return;
+    this.held = null;
+    this.byKeys = false;
+    this.pointer.release();
   }
 
   /** While the pointer is the device, the arrow keys are one too; a key that is held holds the tip. */
@@ -276,10 +350,10 @@ export class SectionView {
     const way = ways[key];
     const tip = this.pointer.position ?? this.session.pose?.devices[0]?.tip;
     if (!way || !tip || this.session.tool !== "touch" || !this.pointer.isTaken || this.pointers.size > 0) return false;
-    const to = add(this.held ?? tip, scale(way, KEY_STEP_MM));
-    if (!this.byKeys) this.pointer.hold(to);
+    const to = add(this.held ?? tip, scale(way, KEY_STEP_PIXELS * this.mmPerPixel));
+    if (!this.byKeys) this.pointer.hold(to, false);
     this.byKeys = true;
-    this.held = to;
+    this.holdAt(to);
     this.pointer.move(to);
     return true;
   }
@@ -301,7 +375,7 @@ export class SectionView {
       this.pan = [this.pan[0] - dx * this.mmPerPixel, this.pan[1] - dy * this.mmPerPixel];
     } else if (session.tool === "window") {
       const width = session.window.width;
-      session.window = { level: session.window.level - (dy * width) / WINDOW_PIXELS, width: Math.max(1e-3, width * Math.exp(dx / WINDOW_PIXELS)) };
+      session.window = { level: session.window.level - (dy * width) / WINDOW_PIXELS, width: Math.max(session.leastWindow, width * Math.exp(dx / WINDOW_PIXELS)) };
     } else if (this.measure) {
       this.measure.points[this.measure.points.length - 1] = this.patientAt(at);
     }
@@ -309,17 +383,26 @@ export class SectionView {
   }
 
   private addMeasurePoint(p: Vec3): void {
-    if (this.measure && isWhole(this.measure)) return this.finishMeasure();
-    if (this.measure) this.measure.points.push(p);
-    else this.measure = { kind: this.session.tool as "ruler" | "angle", points: [p, p] };
+    if (!this.measure) {
+      // the plane rests: else its points would lie on several, and the length be none that was seen
+      this.restsAt = sub(this.plane.centre, scale(this.normal, this.offset_mm));
+      this.measure = { kind: this.session.tool as "ruler" | "angle", points: [p, p] };
+      return;
+    }
+    // a finger comes from nowhere
+    this.measure.points[this.measure.points.length - 1] = p;
+    if (isWhole(this.measure)) this.finishMeasure();
+    else this.measure.points.push(p);
   }
   private finishMeasure(): void {
-    this.measures.push(this.measure!);
-    this.measure = null;
-    this.session.touch();
+    const normal = normalOf(this.plane);
+    const { points } = this.measure!;
+    this.measures.add({ ...this.measure!, plane: this.kind, normal, slice: sliceAt(slicesAlong(this.session.volumes!, normal), dot(points[0]!, normal)) });
+    this.dropMeasure();
   }
   private dropMeasure(): void {
     this.measure = null;
+    this.restsAt = null;
     this.session.touch();
   }
 }

@@ -1,15 +1,37 @@
 // What the page shows and how: the one place where the parts of the page meet.
 
-import { rotate, conjugate, turn, invert, type Affine, type Vec3 } from "./geometry.js";
-import type { Look } from "./field.js";
-import type { Scene, State, Volumes } from "./scene.js";
+import { rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "./geometry.js";
+import type { Bookmark } from "./bookmarks.js";
+import { keep, recall, recallScene } from "./kept.js";
+import { looksOf, restored, type KeptLooks } from "./looks.js";
+import type { Rgb, Scene, State, Volumes } from "./scene.js";
 import type { DevicePose, Pose } from "./wire.js";
 import { Flag } from "./wire.js";
+import { words } from "./words.js";
 
 export type Tool = "window" | "pan" | "ruler" | "angle" | "touch";
+export interface Look { colour: Rgb; opacity: number; visible: boolean }
+/** Of a section: what is shown of all that lies so near to its plane. */
+export interface Slab { kind: "none" | "mean" | "maximum" | "minimum"; mm: number }
 export interface Window { level: number; width: number } // of the scan's values
 
+/** What this browser keeps of a scene. */
+export interface KeptScene { looks: KeptLooks; bookmarks: Bookmark[] }
+export type Layout = "two" | "five" | "volume" | "section" | "inside" | "scope";
+export const LAYOUTS: Layout[] = ["two", "five", "volume", "section", "inside", "scope"];
+/** And of the page, whatever it shows: the window of each modality, in parts of the scan's own but for CT, whose values are the same in every scan. */
+export interface KeptPage { layout: Layout; cards: Record<string, boolean>; windows: Partial<Record<Scene["modality"], Window>> }
+export const PAGE_KEY = "palpate.page";
+
 const TRAIL_S = 2;
+/** While one of these holds, the force is withheld or fades to nothing. */
+const WITHHELD = Flag.emergencyStop | Flag.paused | Flag.stale | Flag.deviceFault | Flag.halted | Flag.clutched;
+
+/** What the tip is at, and whether that is felt: what every part of the page says of it comes from here. */
+export interface Contact {
+  label: number; // of what is felt; 0: nothing is
+  words: string;
+}
 
 export class Session {
   scene: Scene | null = null;
@@ -23,17 +45,18 @@ export class Session {
   window: Window = { level: 0, width: 1 };
   fill = 0.45;
   outlines = true;
+  slab: Slab = { kind: "none", mm: 10 };
   scanInVolume = 0;
   tool: Tool = "window";
   convention: "LPS" | "RAS" = "LPS";
   follow = true; // the planes go through the tip
   cross: Vec3 | null = null; // where they go through otherwise
-  pointed: Vec3 | null = null; // the point under the mouse
+  obliqueNormal: Vec3 | null = null; // that the oblique one was called back with, while they rest
+  pointed: (() => Vec3 | null) | null = null; // the point under the mouse, of the plane that is drawn when it is asked
   holding = false; // this page moves the tip just now
   trail: { p: Vec3; time: number }[] = [];
 
-  fieldVersion = 0; // another one: the volume's colours are to be made anew
-  lookVersion = 0; // another one: the sections' colours are
+  lookVersion = 0; // another one: structures look otherwise
   version = 0; // another one: something on the page has changed
 
   private patientFromWorld: Affine = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
@@ -43,7 +66,6 @@ export class Session {
   }
   touchLooks(): void {
     this.lookVersion += 1;
-    this.fieldVersion += 1;
     this.touch();
   }
 
@@ -53,13 +75,9 @@ export class Session {
     this.volumes = volumes;
     this.patientFromWorld = invert(scene.world_from_patient);
     if (isNew || this.looks.length !== scene.structures.length) {
-      this.looks = scene.structures.map((structure) => ({
-        colour: structure.colour,
-        opacity: scene.tissues[structure.tissue]?.opacity ?? 1,
-        visible: true,
-      }));
+      this.looks = restored(scene, looksOf(scene), recallScene<KeptScene>(scene.volume.hash).looks ?? {});
       const [low, high] = scene.volume.scan?.window ?? [0, 1];
-      this.window = { level: (low + high) / 2, width: Math.max(high - low, 1e-3) };
+      this.window = this.keptWindow() ?? { level: (low + high) / 2, width: Math.max(high - low, this.leastWindow) };
       this.cross = null;
       this.follow = true;
     }
@@ -90,18 +108,48 @@ export class Session {
     if (this.follow && tip) return tip;
     return this.cross ?? tip ?? this.volumes?.centre ?? [0, 0, 0];
   }
+  /** The least width of a window: a thousandth of a step of the scan's values, which may be far smaller than 1. */
+  get leastWindow(): number {
+    return (this.scene?.volume.scan?.scale ?? 1) / 1000;
+  }
+  /** Where a window that is kept begins for this scan, and how wide one is. */
+  private windowUnit(): [number, number] {
+    const [low, high] = this.scene?.volume.scan?.window ?? [0, 1];
+    return this.scene?.modality === "ct" ? [0, 1] : [low, Math.max(high - low, this.leastWindow)];
+  }
+  private keptWindow(): Window | null {
+    const kept = recall<KeptPage>(PAGE_KEY).windows?.[this.scene!.modality];
+    const [begin, unit] = this.windowUnit();
+    return kept && Number.isFinite(kept.level) && kept.width > 0 ? { level: begin + unit * kept.level, width: Math.max(unit * kept.width, this.leastWindow) } : null;
+  }
+  keepWindow(): void {
+    if (!this.scene) return;
+    const [begin, unit] = this.windowUnit();
+    const { level, width } = this.window;
+    keep<KeptPage>(PAGE_KEY, { windows: { ...recall<KeptPage>(PAGE_KEY).windows, [this.scene.modality]: { level: (level - begin) / unit, width: width / unit } } });
+  }
   /** In stored values of the scan. */
   storedWindow(): [number, number] {
     const scan = this.scene?.volume.scan;
     const low = this.window.level - this.window.width / 2;
     return scan ? [(low - scan.offset) / scan.scale, (low + this.window.width - scan.offset) / scan.scale] : [0, 1];
   }
-  /** 256 colours for the slicer. */
-  palette(): Uint8Array {
+  /** 256 colours: 0 nothing, then the structures in their order; alpha: opacity. */
+  palette(): Uint8Array<ArrayBuffer> {
     const rgba = new Uint8Array(1024);
     this.looks.slice(0, 255).forEach((look, place) =>
       rgba.set([...look.colour, look.visible ? Math.round(255 * look.opacity) : 0], (place + 1) * 4));
     return rgba;
+  }
+  contactOf(device: DevicePose): Contact {
+    const touches = device.label > 0;
+    const isFelt = touches && !(device.flags & WITHHELD && length(device.force) === 0);
+    // a tip that is in something since before it could be held at its surface feels nothing, and is not free either
+    const place = this.volumes?.structureAt(device.tip) ?? null;
+    const around = place === null ? null : this.scene!.structures[place]!.name;
+    const name = touches ? this.structureName(device.label) ?? words.unnamed(String(device.label)) : around;
+    if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
+    return isFelt ? { label: device.label, words: readable(name) } : { label: 0, words: words.notFelt(readable(name)) };
   }
   structureName(label: number): string | null {
     return this.scene?.structures.find((structure) => structure.label === label)?.name ?? null;

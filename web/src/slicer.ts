@@ -1,25 +1,31 @@
 // Draws planes of scan and structures: linear scan, nearest structure, in one pass of a WebGL2 shader. The 3-D textures
 // are uploaded once and shared by every plane on the page.
 
-import { add, apply, scale, turn, type Plane, type Vec3 } from "./geometry.js";
+import { add, apply, normalOf, scale, turn, type Plane, type Vec3 } from "./geometry.js";
+import { inPieces, slicesOfPiece } from "./pieces.js";
 import type { Volumes } from "./scene.js";
+import type { Slab } from "./session.js";
+import { usedProgram } from "./shader_program.js";
+import { NoMemory } from "./trouble.js";
+import { words } from "./words.js";
 
-const VERTEX = `#version 300 es
-void main() {
-  vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
-  gl_Position = vec4(corner, 0.0, 1.0);
-}`;
-
-const FRAGMENT = `#version 300 es
+/** @param isSlab  a loop costs, also where it goes round once: a plane alone has a program without */
+const fragment = (isSlab: boolean): string => `#version 300 es
+#define SLAB ${Number(isSlab)}
 precision highp float;
-precision highp sampler3D;
+precision highp isampler3D;
 precision highp usampler3D;
-uniform sampler3D scan;
+uniform isampler3D scan;       // as it is stored, in whole numbers: only those keep 16 bits, and they are not interpolated by themselves
 uniform usampler3D structures;
 uniform sampler2D colours;     // of structures; alpha: opacity
 uniform vec3 origin;           // voxel of the pixel's corner (0, 0) on top left
 uniform vec3 acrossStep;       // voxels a pixel
 uniform vec3 downStep;
+#if SLAB
+uniform int samples;           // of the scan, through the slab: an odd number
+uniform vec3 throughStep;      // voxels from one to the next
+uniform int kind;              // what is shown of them: 0 the mean, 1 the largest, 2 the least
+#endif
 uniform vec3 dims;
 uniform float height;
 uniform vec2 window;           // least and largest value
@@ -34,15 +40,49 @@ uint structureAt(vec3 voxel) {
   return texelFetch(structures, nearest, 0).r;
 }
 
+// linear between the eight voxels around
+float scanAt(vec3 voxel) {
+  vec3 last = dims - 1.0;
+  vec3 within = clamp(voxel, vec3(0.0), last);
+  ivec3 low = ivec3(within);
+  ivec3 high = min(low + 1, ivec3(last));
+  vec3 share = within - vec3(low);
+  vec4 lows = vec4(texelFetch(scan, low, 0).r, texelFetch(scan, ivec3(low.x, high.y, low.z), 0).r,
+                   texelFetch(scan, ivec3(low.xy, high.z), 0).r, texelFetch(scan, ivec3(low.x, high.yz), 0).r);
+  vec4 highs = vec4(texelFetch(scan, ivec3(high.x, low.yz), 0).r, texelFetch(scan, ivec3(high.xy, low.z), 0).r,
+                    texelFetch(scan, ivec3(high.x, low.y, high.z), 0).r, texelFetch(scan, high, 0).r);
+  vec4 along = mix(lows, highs, share.x);
+  vec2 across = mix(along.xz, along.yw, share.y);
+  return mix(across.x, across.y, share.z);
+}
+
+bool isInside(vec3 voxel) {
+  return all(greaterThanEqual(voxel, vec3(-0.5))) && all(lessThanEqual(voxel, dims - 0.5));
+}
+
 void main() {
   vec3 voxel = origin + gl_FragCoord.x * acrossStep + (height - gl_FragCoord.y) * downStep;
-  vec3 coordinate = (voxel + 0.5) / dims;
-  bool inside = all(greaterThanEqual(coordinate, vec3(0.0))) && all(lessThanEqual(coordinate, vec3(1.0)));
   vec3 shown = vec3(0.035, 0.045, 0.055);
-  if (inside && hasScan) {
-    float value = texture(scan, coordinate).r;
-    shown = vec3(clamp((value - window.x) / max(window.y - window.x, 1e-6), 0.0, 1.0));
-  } else if (inside) {
+  bool isShown = isInside(voxel);
+  if (hasScan) {
+#if SLAB
+    // of what lies in the volume
+    float value = 0.0;
+    float count = 0.0;
+    for (int n = 0; n < samples; n++) {
+      vec3 at = voxel + float(n - samples / 2) * throughStep;
+      if (!isInside(at)) continue;
+      float here = scanAt(at);
+      value = kind == 0 || count == 0.0 ? value + here : kind == 1 ? max(value, here) : min(value, here);
+      count += 1.0;
+    }
+    if (kind == 0) value /= max(count, 1.0);
+    isShown = count > 0.0;
+#else
+    float value = isShown ? scanAt(voxel) : 0.0;
+#endif
+    if (isShown) shown = vec3(clamp((value - window.x) / max(window.y - window.x, 1e-6), 0.0, 1.0));
+  } else if (isShown) {
     shown = vec3(0.08, 0.09, 0.1);
   }
   uint here = structureAt(voxel);
@@ -62,109 +102,189 @@ export interface SliceStyle {
   window: [number, number]; // stored values
   fill: number;
   outlines: boolean;
+  slab: Slab;
 }
-
-/** 16-bit floats hold whole numbers exactly up to 2048, and to 11 bits beyond: enough for 256 greys. */
-function halfFloats(): Uint16Array {
-  const table = new Uint16Array(65536);
-  for (let bits = 0; bits < 65536; bits++) {
-    const value = bits < 32768 ? bits : bits - 65536;
-    const size = Math.abs(value);
-    if (size === 0) continue;
-    let exponent = Math.floor(Math.log2(size));
-    let mantissa = Math.round((size / 2 ** exponent - 1) * 1024);
-    if (mantissa === 1024) {
-      mantissa = 0;
-      exponent += 1;
-    }
-    table[bits] = (value < 0 ? 0x8000 : 0) | ((exponent + 15) << 10) | mantissa;
-  }
-  return table;
-}
+const KINDS: Slab["kind"][] = ["mean", "maximum", "minimum"];
 
 export class Slicer {
   readonly canvas = document.createElement("canvas");
   readonly mostSide: number; // of a 3-D texture
+  /** The graphics are computed by the processor: pictures take a hundred times as long. */
+  readonly isSoftware: boolean;
+  onLost: () => void = () => {};
+  /** The graphics can be had again: `restore` brings everything back. */
+  onRestorable: () => void = () => {};
   private readonly gl: WebGL2RenderingContext;
-  private readonly program: WebGLProgram;
+  private program: WebGLProgram | null = null; // in use
+  private readonly programs = new Map<boolean, WebGLProgram>(); // by whether they draw a slab
   private readonly textures: WebGLTexture[] = [];
-  private volumes: Volumes | null = null;
+  private volumes: Volumes | null = null; // that is shown
+  private drawing: WebGLSync | null = null;
+  private marked_ms = 0;
+  took_ms = 0; // what was drawn last
+  private readonly extension: WEBGL_lose_context | null;
 
   /** @throws Error where the browser has no WebGL2 */
   constructor() {
     const gl = this.canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
-    if (!gl) throw new Error("This browser has no WebGL 2. It is needed to show the scan.");
+    if (!gl) throw new Error(words.noWebGl);
     this.gl = gl;
     this.mostSide = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
-    this.program = gl.createProgram()!;
-    for (const [type, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]] as const) {
-      const shader = gl.createShader(type)!;
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader) ?? "shader");
-      gl.attachShader(this.program, shader);
-    }
-    gl.linkProgram(this.program);
-    gl.useProgram(this.program);
+    const info = gl.getExtension("WEBGL_debug_renderer_info");
+    this.isSoftware = /swiftshader|llvmpipe|software/i.test(String(info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : ""));
+    this.extension = gl.getExtension("WEBGL_lose_context");
+    this.canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault(); // asks for it back
+      this.onLost();
+    });
+    this.canvas.addEventListener("webglcontextrestored", () => this.onRestorable());
+    this.setUp();
+  }
+
+  get isLost(): boolean {
+    return this.gl.isContextLost();
+  }
+
+  private setUp(): void {
+    const gl = this.gl;
+    this.programs.clear();
+    this.use(false);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.disable(gl.DITHER);
+  }
+  private use(isSlab: boolean): void {
+    const gl = this.gl;
+    const known = this.programs.get(isSlab);
+    this.program = known ?? usedProgram(gl, fragment(isSlab));
+    if (known) return gl.useProgram(known);
+    this.programs.set(isSlab, this.program);
     ["scan", "structures", "colours"].forEach((name, unit) => gl.uniform1i(this.at(name), unit));
   }
 
   private at(name: string): WebGLUniformLocation | null {
-    return this.gl.getUniformLocation(this.program, name);
+    return this.gl.getUniformLocation(this.program!, name);
   }
 
-  load(volumes: Volumes): void {
+  /** Until it is there nothing is drawn. @throws Error where the graphics memory does not hold it */
+  async load(volumes: Volumes): Promise<void> {
     const gl = this.gl;
     this.textures.splice(0).forEach((texture) => gl.deleteTexture(texture));
-    this.volumes = volumes;
+    this.volumes = null;
     const [w, h, d] = volumes.dims;
-    const create = (unit: number, target: GLenum, filter: GLenum) => {
+    const create = (unit: number, target: GLenum) => {
       const texture = gl.createTexture()!;
       this.textures.push(texture);
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(target, texture);
-      gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, filter);
-      gl.texParameteri(target, gl.TEXTURE_MAG_FILTER, filter);
+      gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+      gl.texParameteri(target, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
       for (const wrap of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) gl.texParameteri(target, wrap, gl.CLAMP_TO_EDGE);
     };
-    create(0, gl.TEXTURE_3D, gl.LINEAR);
-    if (volumes.scan) {
-      const table = halfFloats();
-      const halves = new Uint16Array(volumes.scan.length);
-      for (let i = 0; i < halves.length; i++) halves[i] = table[volumes.scan[i]! & 0xffff]!;
-      gl.texImage3D(gl.TEXTURE_3D, 0, gl.R16F, w, h, d, 0, gl.RED, gl.HALF_FLOAT, halves);
-    } else {
-      gl.texImage3D(gl.TEXTURE_3D, 0, gl.R8, 1, 1, 1, 0, gl.RED, gl.UNSIGNED_BYTE, new Uint8Array(1));
+    create(0, gl.TEXTURE_3D);
+    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.R16I, ...(volumes.scan ? [w, h, d] as const : [1, 1, 1] as const));
+    create(1, gl.TEXTURE_3D);
+    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.R8UI, w, h, d);
+    create(2, gl.TEXTURE_2D);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 256, 1);
+    this.expectMemory();
+    await inPieces(d, slicesOfPiece(volumes.dims), (from, to) => {
+      if (volumes.scan) {
+        gl.activeTexture(gl.TEXTURE0);
+        gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, from, w, h, to - from, gl.RED_INTEGER, gl.SHORT, volumes.scan.subarray(w * h * from, w * h * to));
+      }
+      this.upload(volumes, [0, 0, from], [w, h, to - from]);
+    });
+    this.expectMemory();
+    this.volumes = volumes;
+  }
+
+  private expectMemory(): void {
+    if (this.gl.getError() !== this.gl.NO_ERROR) throw new NoMemory(words.noGraphicsMemory);
+  }
+
+  private upload(volumes: Volumes, lo: Vec3, size: Vec3): void {
+    const gl = this.gl;
+    const [w, h] = volumes.dims;
+    gl.activeTexture(gl.TEXTURE1);
+    gl.pixelStorei(gl.UNPACK_ROW_LENGTH, w);
+    gl.pixelStorei(gl.UNPACK_IMAGE_HEIGHT, h);
+    gl.pixelStorei(gl.UNPACK_SKIP_PIXELS, lo[0]);
+    gl.pixelStorei(gl.UNPACK_SKIP_ROWS, lo[1]);
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, ...lo, ...size, gl.RED_INTEGER, gl.UNSIGNED_BYTE, volumes.structure.subarray(w * h * lo[2]));
+    for (const name of [gl.UNPACK_ROW_LENGTH, gl.UNPACK_IMAGE_HEIGHT, gl.UNPACK_SKIP_PIXELS, gl.UNPACK_SKIP_ROWS]) gl.pixelStorei(name, 0);
+  }
+
+  /** After a box of the voxels has changed. */
+  async update(lo: Vec3, size: Vec3): Promise<void> {
+    const volumes = this.volumes;
+    if (volumes) {
+      await inPieces(size[2], slicesOfPiece([size[0], size[1], 1]), (from, to) =>
+        this.upload(volumes, [lo[0], lo[1], lo[2] + from], [size[0], size[1], to - from]));
     }
-    create(1, gl.TEXTURE_3D, gl.NEAREST);
-    gl.texImage3D(gl.TEXTURE_3D, 0, gl.R8UI, w, h, d, 0, gl.RED_INTEGER, gl.UNSIGNED_BYTE, volumes.structure);
-    create(2, gl.TEXTURE_2D, gl.NEAREST);
-    if (gl.getError() !== gl.NO_ERROR) throw new Error("The graphics memory does not hold the volume.");
-    gl.uniform3f(this.at("dims"), w, h, d);
-    gl.uniform1i(this.at("hasScan"), volumes.scan ? 1 : 0);
+  }
+
+  /** Everything anew, after the context was lost; colours are to be set again. */
+  async restore(volumes: Volumes | null): Promise<void> {
+    this.textures.length = 0;
+    // what was waited for was the lost context's
+    this.drawing = null;
+    this.setUp();
+    // lost once more: it will be told of
+    if (volumes) await this.load(volumes).catch(() => {});
+  }
+
+  /** After a frame's last plane: `isDone` when all of it is drawn. */
+  mark(): void {
+    if (this.isLost) return;
+    this.drawing = this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.gl.flush();
+    this.marked_ms = performance.now();
+  }
+  /** Whether the graphics have drawn what was asked of them: more would only stand in their way. */
+  get isDone(): boolean {
+    const gl = this.gl;
+    if (this.drawing && !gl.isContextLost() && gl.getSyncParameter(this.drawing, gl.SYNC_STATUS) !== gl.SIGNALED) return false;
+    if (this.drawing) this.took_ms = performance.now() - this.marked_ms;
+    gl.deleteSync(this.drawing);
+    this.drawing = null;
+    return true;
+  }
+
+  /** As a browser takes the graphics and gives them back: for tests. */
+  lose(restores: boolean): void {
+    if (restores) this.extension?.restoreContext();
+    else this.extension?.loseContext();
   }
 
   /** @param rgba  256 colours: 0 nothing, then the structures in their order */
   setColours(rgba: Uint8Array): void {
     const gl = this.gl;
     gl.activeTexture(gl.TEXTURE2);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, rgba);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, rgba);
   }
 
   /** Draws into `context`, which is width x height pixels. */
   draw(context: CanvasRenderingContext2D, plane: Plane, mmPerPixel: number, style: SliceStyle): void {
     const { width, height } = context.canvas;
-    if (!this.volumes || width === 0 || height === 0) return;
+    if (width === 0 || height === 0) return;
     const gl = this.gl;
+    if (!this.volumes || gl.isContextLost()) {
+      // what was drawn there stands for another place
+      context.fillStyle = "#090c0e";
+      context.fillRect(0, 0, width, height);
+      return;
+    }
     if (this.canvas.width < width || this.canvas.height < height) {
       this.canvas.width = Math.max(this.canvas.width, width);
       this.canvas.height = Math.max(this.canvas.height, height);
     }
     const m = this.volumes.voxelFromPatient;
     const corner: Vec3 = add(plane.centre, add(scale(plane.right, (-width / 2) * mmPerPixel), scale(plane.down, (-height / 2) * mmPerPixel)));
+    const { kind, mm } = style.slab;
+    this.use(kind !== "none");
     gl.viewport(0, 0, width, height);
+    gl.uniform3fv(this.at("dims"), this.volumes.dims);
+    gl.uniform1i(this.at("hasScan"), this.volumes.scan ? 1 : 0);
     gl.uniform3fv(this.at("origin"), apply(m, corner));
     gl.uniform3fv(this.at("acrossStep"), turn(m, scale(plane.right, mmPerPixel)));
     gl.uniform3fv(this.at("downStep"), turn(m, scale(plane.down, mmPerPixel)));
@@ -172,6 +292,13 @@ export class Slicer {
     gl.uniform2fv(this.at("window"), style.window);
     gl.uniform1f(this.at("fill"), style.fill);
     gl.uniform1i(this.at("outlines"), style.outlines ? 1 : 0);
+    if (kind !== "none") {
+      // two of a voxel, so that none of its extremes is missed by more than a quarter of it
+      const samples = 2 * Math.ceil(mm / this.volumes.voxelSize) + 1;
+      gl.uniform1i(this.at("samples"), samples);
+      gl.uniform3fv(this.at("throughStep"), turn(m, scale(normalOf(plane), mm / (samples - 1))));
+      gl.uniform1i(this.at("kind"), KINDS.indexOf(kind));
+    }
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     context.drawImage(this.canvas, 0, this.canvas.height - height, width, height, 0, 0, width, height);
   }

@@ -3,12 +3,13 @@
 
 import { dot, normalOf, type Vec3 } from "./geometry.js";
 import type { Page } from "./main.js";
+import type { ScopeFrame } from "./scope.js";
 
 export function openToTests(page: Page): void {
   const { session, connection, sections, volume } = page;
   const section = (kind: string) => sections.find((one) => one.kind === kind)!;
   const hook = {
-    /** "connecting", "connected", "lost" or "refused" */
+    /** "connecting", "connected", "lost", "refused" or "ended" */
     get link() { return connection.link; },
     get role() { return connection.role; },
     get age_ms() { return connection.age_ms(); },
@@ -23,10 +24,20 @@ export function openToTests(page: Page): void {
       return place === null ? null : session.scene!.structures[place];
     },
     structureAt: (p: Vec3) => session.volumes?.structureAt(p) ?? null,
-    /** Draws the pictures now, whatever the frame rate. */
+    /** Since the page opened: texels of the volume that were made, how often looks were sent, pictures of the volume. */
+    get volumeWork() { return page.renderer.work; },
+    get isDrawnInWorker() { return page.renderer.isInWorker; },
+    /** As a browser takes the graphics of the "sections" or the "volume", or gives them back. */
+    loseGraphics: (which: string, restores: boolean) => (which === "volume" ? page.renderer : page.slicer).lose(restores),
+    /** Fills a box of voxels with the structure at a place of the list, 0 the first; -1 empties it. */
+    fillBox: (lo: Vec3, size: Vec3, place: number) => page.updateBox(lo, size, new Uint8Array(size.reduce((a, b) => a * b)).fill(place + 1)),
+    /** Draws the pictures and the figures now, whatever the frame rate. */
     draw() {
-      for (const one of sections) one.draw();
+      page.drawSections();
       volume.draw(performance.now());
+      page.scope.draw(performance.now());
+      page.controls.draw();
+      page.timeline.draw();
     },
     /** [x, y] of a patient's point in a section's picture, in pixels of its canvas, and how far off its plane it is */
     pixelOf(kind: string, p: Vec3) {
@@ -42,8 +53,52 @@ export function openToTests(page: Page): void {
     colourAt(kind: string, x: number, y: number) {
       return [...section(kind).picture.base.getImageData(Math.floor(x), Math.floor(y), 1, 1).data.slice(0, 3)];
     },
+    /** Of patient's points: the greatest alpha of what is drawn over a section within two pixels of each. */
+    drawnOver(kind: string, points: Vec3[]) {
+      const { context, width, height } = section(kind).picture.frame();
+      const { data } = context.getImageData(0, 0, width, height);
+      return points.map((p) => {
+        const [x, y] = section(kind).pixelOf(p).map(Math.floor) as [number, number];
+        const near = [-2, -1, 0, 1, 2];
+        return Math.max(...near.flatMap((dx) => near.map((dy) => data[4 * (x + dx + width * (y + dy)) + 3] ?? 0)));
+      });
+    },
+    /** Points of the rulers and angles that are made, in the patient. */
+    get measures() { return page.measures.all.map(({ points }) => points); },
+    /** Where the scope stands: of the patient. */
+    get scopeFrame() { return page.scope.frame(); },
+    get scopeWords() { return page.scope.told; },
+    /** What is seen by a scope that stands so: RGBA of a square, row by row, in base64. */
+    async scopePicture(frame: ScopeFrame, size: number) {
+      return btoa(Array.from(await page.scope.pixels(frame, size), (byte) => String.fromCharCode(byte)).join(""));
+    },
+    /** Alpha of what is drawn over the volume, all around the tool at so many pixels from its middle. */
+    drawnAround(radius: number) {
+      const { context, width, height } = volume.picture.frame();
+      const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true })!;
+      copy.drawImage(context.canvas, 0, 0);
+      const { data } = copy.getImageData(0, 0, width, height);
+      const [x, y] = volume.pixelOf(session.toolAt(session.pose!.devices[0]!));
+      const angles = Array.from({ length: 48 }, (_, n) => (n * Math.PI) / 24);
+      return angles.map((angle) => data[4 * (Math.floor(x + radius * Math.cos(angle)) + width * Math.floor(y + radius * Math.sin(angle))) + 3] ?? 0);
+    },
+    /** Turns the volume's camera from anterior by so many pixels of a drag, which then is where it is for a while. */
+    lookFrom(dx: number, dy: number, isPerspective: boolean) {
+      volume.reset();
+      volume.camera.orbit(dx, dy);
+      volume.camera.isPerspective = isPerspective;
+      session.touch();
+    },
+    /** The picture of the volume that is seen is as sharp as it gets. */
+    get isVolumeSharp() { return volume.isSharp; },
+    /** What is seen at a pixel of the screen, from the volume's middle: a line in the patient. */
+    volumeRay: (x: number, y: number) => volume.camera.ray(x, y),
     /** Of the volume view: where a patient's point is, in pixels of the screen from its middle, y down. */
     project: (p: Vec3) => volume.camera.project(p),
+    /** RGBA of the volume, row by row, in base64. */
+    async volumePicture(width: number, height: number, mmPerPixel: number) {
+      return btoa(Array.from(await volume.pixels(width, height, mmPerPixel), (byte) => String.fromCharCode(byte)).join(""));
+    },
     silhouette: (width: number, height: number, mmPerPixel: number) => volume.silhouette(width, height, mmPerPixel),
     /** The picture that "Screenshot" writes, as a data URL. */
     async screenshot() {

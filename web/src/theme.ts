@@ -1,7 +1,11 @@
 // Light, dark, or as the system is; kept in this browser.
 
+import { byId } from "./dom.js";
+import { says } from "./words.js";
+
 type Theme = "system" | "light" | "dark";
 const ORDER: Theme[] = ["system", "light", "dark"];
+const MESSAGES = { system: "themeSystem", light: "themeLight", dark: "themeDark" } as const;
 const KEY = "palpate.theme";
 const systemIsDark = matchMedia("(prefers-color-scheme: dark)");
 
@@ -12,7 +16,7 @@ function chosen(): Theme {
 export function applyTheme(): void {
   const theme = chosen();
   document.documentElement.dataset.theme = theme === "system" ? (systemIsDark.matches ? "dark" : "light") : theme;
-  document.getElementById("theme")!.textContent = `Theme: ${theme}`;
+  says(byId("theme"), { text: MESSAGES[theme] });
 }
 export function nextTheme(): void {
   localStorage.setItem(KEY, ORDER[(ORDER.indexOf(chosen()) + 1) % ORDER.length]!);

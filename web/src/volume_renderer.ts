@@ -1,111 +1,195 @@
-// vtk.js draws the colour field by ray casting, off screen: the picture is copied from here. vtk.js wants an interactor
-// even where nobody interacts with it: its volume mapper asks it whether something is being animated.
+// The page's side of the volume's pictures: a worker draws them (volume_service.ts), or the page itself where the worker cannot.
 
-import "@kitware/vtk.js/Rendering/OpenGL/Profiles/Volume";
-import vtkColorTransferFunction from "@kitware/vtk.js/Rendering/Core/ColorTransferFunction";
-import vtkDataArray from "@kitware/vtk.js/Common/Core/DataArray";
-import vtkImageData from "@kitware/vtk.js/Common/DataModel/ImageData";
-import vtkOpenGLRenderWindow from "@kitware/vtk.js/Rendering/OpenGL/RenderWindow";
-import vtkPiecewiseFunction from "@kitware/vtk.js/Common/DataModel/PiecewiseFunction";
-import vtkRenderer from "@kitware/vtk.js/Rendering/Core/Renderer";
-import vtkRenderWindow from "@kitware/vtk.js/Rendering/Core/RenderWindow";
-import vtkRenderWindowInteractor from "@kitware/vtk.js/Rendering/Core/RenderWindowInteractor";
-import vtkVolume from "@kitware/vtk.js/Rendering/Core/Volume";
-import vtkVolumeMapper from "@kitware/vtk.js/Rendering/Core/VolumeMapper";
-import type { Camera } from "./camera.js";
-import type { ColourField } from "./field.js";
+import { coarsening, pieceOf, texelsOf } from "./field.js";
+import { invert, type Vec3 } from "./geometry.js";
+import { breathe, slicesOfPiece } from "./pieces.js";
+import { shrunkGrid, type Volumes } from "./scene.js";
+import type { Session } from "./session.js";
+import { Found, type View } from "./volume_caster.js";
+import { serve, type Answered, type Asked, type Port, type Work } from "./volume_service.js";
 
-/** Behind everything, 0 ... 1. */
-export const BACKGROUND: [number, number, number] = [9 / 255, 12 / 255, 14 / 255];
+export interface Drawn { bitmap: ImageBitmap; found: Found; cost_ms: number }
 
 export class VolumeRenderer {
-  readonly canvas: HTMLCanvasElement;
-  /** The graphics are computed by the processor: pictures take a hundred times as long. */
-  readonly isSoftware: boolean;
-  private readonly view = vtkOpenGLRenderWindow.newInstance();
-  private readonly window = vtkRenderWindow.newInstance();
-  private readonly renderer = vtkRenderer.newInstance({ background: BACKGROUND });
-  private readonly mapper = vtkVolumeMapper.newInstance();
-  private readonly volume = vtkVolume.newInstance();
-  private image: ReturnType<typeof vtkImageData.newInstance> | null = null;
-  private readonly gl: WebGL2RenderingContext;
-  private readonly pixel = new Uint8Array(4);
-  private size = "";
+  work: Work = { texels: 0, looks: 0, pictures: 0 };
+  onLost: () => void = () => {};
+  /** The graphics can be had again: `restore` brings everything back. */
+  onRestorable: () => void = () => {};
+  isInWorker = true;
+  isLoaded = false; // there is something to draw
+  version = ""; // another one: the volume or how it looks is another one
+  moved_ms = -Infinity; // when a picture was last asked for that shows something else than the one before
+  private port: Port;
+  private nextId = 1;
+  private readonly drawings = new Map<number, { view: View; done: (drawn: Drawn | null) => void }>();
+  private readonly answers: Record<"ready" | "begun" | "put" | "restored", ((answer: Answered) => void)[]> = { ready: [], begun: [], put: [], restored: [] };
+  private readonly ready: Promise<Answered>;
+  private volumes: Volumes | null = null;
+  private loading: Promise<unknown> = Promise.resolve();
+  private edits = 0; // of the voxels
+  private lookVersion = -1; // that is known where it is drawn
+  private haze = "";
+  private factor = 1;
+  private loads = 0;
 
   constructor() {
-    this.window.addRenderer(this.renderer);
-    this.window.addView(this.view);
-    this.view.setSize(64, 64);
-    const interactor = vtkRenderWindowInteractor.newInstance();
-    interactor.setView(this.view);
-    interactor.initialize();
-    this.canvas = this.view.getCanvas() as HTMLCanvasElement;
-    this.gl = this.canvas.getContext("webgl2") as WebGL2RenderingContext;
-    const info = this.gl.getExtension("WEBGL_debug_renderer_info");
-    const name = String(info ? this.gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "");
-    this.isSoftware = /swiftshader|llvmpipe|software/i.test(name);
-
-    this.mapper.setAutoAdjustSampleDistances(false);
-    this.mapper.setMaximumSamplesPerRay(4000);
-    this.volume.setMapper(this.mapper);
-    const property = this.volume.getProperty();
-    property.setIndependentComponents(false);
-    property.setInterpolationTypeToLinear();
-    const grey = vtkColorTransferFunction.newInstance();
-    grey.addRGBPoint(0, 0, 0, 0);
-    grey.addRGBPoint(255, 1, 1, 1);
-    property.setRGBTransferFunction(0, grey);
-    // alpha to opacity a millimetre: the scan's haze below 36, a surface where a structure covers half a voxel
-    const opacity = vtkPiecewiseFunction.newInstance();
-    for (const [alpha, value] of [[0, 0], [3, 0], [36, 0.03], [100, 0.04], [114, 0.2], [128, 0.7], [150, 0.95], [255, 1]]) {
-      opacity.addPoint(alpha!, value!);
-    }
-    property.setScalarOpacity(0, opacity);
-    property.setScalarOpacityUnitDistance(0, 1);
-    property.setAmbient(0.28);
-    property.setDiffuse(0.68);
-    property.setSpecular(0.08);
-    property.setSpecularPower(20);
-    property.setShade(true);
+    const worker = new Worker(new URL("./volume_worker.ts", import.meta.url), { type: "module" });
+    this.port = worker;
+    this.ready = this.answer("ready");
+    worker.onmessage = (event) => this.hear(event.data as Answered);
+    // one that cannot even be loaded
+    worker.onerror = () => this.drawHere();
+    void this.ready.then(() => (worker.onerror = null));
   }
 
-  load(field: ColourField): void {
-    const isFirst = this.image === null;
-    const image = vtkImageData.newInstance();
-    image.setDimensions(field.dims);
-    image.setOrigin(field.origin);
-    image.setSpacing(field.spacing);
-    image.setDirection(...(field.direction.flat() as [number, number, number, number, number, number, number, number, number]));
-    image.getPointData().setScalars(vtkDataArray.newInstance({ numberOfComponents: 4, values: field.rgba }));
-    this.mapper.setInputData(image);
-    this.mapper.setSampleDistance(Math.min(...field.spacing) * (this.isSoftware ? 1 : 0.6));
-    this.image = image;
-    if (isFirst) this.renderer.addVolume(this.volume);
+  /** On the page itself. */
+  private drawHere(): void {
+    if (!this.isInWorker) return;
+    this.isInWorker = false;
+    (this.port as Worker).terminate();
+    const { port1, port2 } = new MessageChannel();
+    this.port = port1;
+    port1.onmessage = (event) => this.hear(event.data as Answered);
+    serve(port2, document.createElement("canvas"));
   }
 
-  /**
-   * @param reduction  of the picture's sides
-   * @returns how long it took, ms
-   */
-  render(camera: Camera, width: number, height: number, reduction: number): number {
-    const before = performance.now();
-    const w = Math.max(16, Math.round(width / reduction));
-    const h = Math.max(16, Math.round(height / reduction));
-    if (this.size !== `${w}x${h}`) {
-      this.size = `${w}x${h}`;
-      this.view.setSize(w, h);
+  private answer(type: keyof typeof this.answers): Promise<Answered> {
+    return new Promise((done) => this.answers[type].push(done));
+  }
+  private say(message: Asked, transfer: Transferable[] = []): void {
+    void this.ready.then(() => this.port.postMessage(message, transfer));
+  }
+  private hear(message: Answered): void {
+    switch (message.type) {
+      case "unable":
+        this.drawHere();
+        break;
+      case "picture": {
+        const { view, done } = this.drawings.get(message.id)!;
+        const { drawn, cost_ms } = message;
+        this.drawings.delete(message.id);
+        this.work = message.work;
+        done(drawn && { bitmap: drawn.bitmap, found: new Found(drawn.bytes, view, drawn.least_mm, drawn.extent_mm), cost_ms });
+        break;
+      }
+      case "lost":
+        this.isLoaded = false;
+        this.onLost();
+        break;
+      case "restorable":
+        this.onRestorable();
+        break;
+      default:
+        this.answers[message.type].shift()?.(message);
     }
-    const eye = this.renderer.getActiveCamera();
-    const { position, focus, up } = camera.inPatient();
-    eye.setParallelProjection(true);
-    eye.setPosition(...position);
-    eye.setFocalPoint(...focus);
-    eye.setViewUp(up);
-    eye.setParallelScale((camera.mmPerPixel * height) / 2);
-    this.renderer.resetCameraClippingRange();
-    this.window.render();
-    // reading a pixel waits for the picture
-    this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, this.pixel);
-    return performance.now() - before;
+  }
+
+  get isDrawing(): boolean {
+    return this.drawings.size > 0;
+  }
+
+  /** Brings a volume to where it is drawn, in pieces. */
+  load(volumes: Volumes, mostTexels: number): void {
+    this.isLoaded = false;
+    this.loading = this.bring(volumes, mostTexels).then((isWanted) => {
+      this.isLoaded ||= isWanted;
+      this.edits += 1;
+    });
+  }
+  /** Until what was loaded last is there. */
+  get loaded(): Promise<unknown> {
+    return this.loading;
+  }
+  /** @returns whether it is still the one that is wanted */
+  private async bring(volumes: Volumes, mostTexels: number): Promise<boolean> {
+    const load = ++this.loads;
+    this.volumes = volumes;
+    for (this.factor = coarsening(volumes.dims, mostTexels); ; this.factor *= 2) {
+      const grid = this.factor > 1 ? shrunkGrid(volumes.patientFromVoxel, this.factor) : volumes.patientFromVoxel;
+      this.say({ type: "begin", voxels: volumes.dims, factor: this.factor, hasScan: volumes.scan !== null, texelFromPatient: invert(grid) });
+      const begun = await this.answer("begun");
+      if (load !== this.loads) return false;
+      if (begun.type === "begun" && begun.fits) break;
+    }
+    await this.put([0, 0, 0], volumes.dims.map((n) => Math.ceil(n / this.factor)) as Vec3, load);
+    return load === this.loads;
+  }
+
+  /** Some texels anew, from the voxels as they are now. */
+  private async put(lo: Vec3, size: Vec3, load: number): Promise<void> {
+    const { factor } = this;
+    const slices = slicesOfPiece([size[0] * factor, size[1] * factor, 1]);
+    const step = Math.max(1, Math.floor(slices / factor));
+    for (let z = lo[2]; z < lo[2] + size[2]; z += step) {
+      if (load !== this.loads) return;
+      const piece = pieceOf(this.volumes!, factor, [lo[0], lo[1], z], [size[0], size[1], Math.min(step, lo[2] + size[2] - z)]);
+      this.say({ type: "put", piece }, [piece.structure.buffer, ...(piece.scan ? [piece.scan.buffer] : [])]);
+      await this.answer("put");
+      await breathe();
+    }
+  }
+
+  /** After a box of the voxels has changed. */
+  async update(lo: Vec3, size: Vec3): Promise<void> {
+    await this.loading;
+    const texels = texelsOf(lo, size, this.volumes!.dims, this.factor);
+    await this.put(texels.lo, texels.size, this.loads);
+    this.edits += 1;
+  }
+
+  /** How things look on the page, where it is not known yet. */
+  follow(session: Session): void {
+    if (this.lookVersion !== session.lookVersion) {
+      this.lookVersion = session.lookVersion;
+      this.setLooks(session.palette());
+    }
+    const haze = session.scanInVolume > 0 ? JSON.stringify([session.storedWindow(), session.scanInVolume]) : "";
+    if (haze !== this.haze) {
+      this.haze = haze;
+      this.setHaze(session.storedWindow(), session.scanInVolume);
+    }
+    this.version = `${this.lookVersion} ${haze} ${this.edits}`;
+  }
+
+  /** @param rgba  256 colours: 0 nothing, then the structures in their order; alpha: opacity */
+  private setLooks(rgba: Uint8Array<ArrayBuffer>): void {
+    this.say({ type: "looks", rgba });
+  }
+  /** The scan around the structures. @param window  stored values; @param strength  0 ... 1 */
+  private setHaze(window: [number, number], strength: number): void {
+    this.say({ type: "haze", window, strength });
+  }
+
+  /** @param givesWay  to the next one that is asked for; then, and where the graphics are lost, there is no picture */
+  draw(view: View, givesWay: boolean): Promise<Drawn | null> {
+    const id = this.nextId++;
+    return new Promise((done) => {
+      this.drawings.set(id, { view, done });
+      this.say({ type: "draw", id, view, givesWay });
+    });
+  }
+
+  /** A picture's pixels: RGBA, row by row from the top. */
+  async pixels(view: View): Promise<Uint8ClampedArray> {
+    const drawn = await this.draw(view, false);
+    if (!drawn) throw new Error("The graphics were lost.");
+    const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true })!;
+    [copy.canvas.width, copy.canvas.height] = [view.width, view.height];
+    copy.drawImage(drawn.bitmap, 0, 0);
+    drawn.bitmap.close();
+    return copy.getImageData(0, 0, view.width, view.height).data;
+  }
+
+  async restore(): Promise<void> {
+    await this.loading;
+    this.say({ type: "restore" });
+    await this.answer("restored");
+    this.isLoaded = true;
+    this.edits += 1;
+  }
+
+  /** As a browser takes the graphics and gives them back: for tests. */
+  lose(restores: boolean): void {
+    this.say({ type: "lose", restores });
   }
 }

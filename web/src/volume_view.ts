@@ -1,38 +1,37 @@
 // The volume in three dimensions, turned as the object is felt, with the tool over it. The volume is drawn anew only when it
-// looks otherwise; the tool, its trail and its force are drawn over it for every pose.
+// looks otherwise, beside the page (volume_renderer.ts); the tool, its trail and its force are drawn over it for every pose.
 
 import { Camera, type Preset } from "./camera.js";
-import { add, dot, orientationLetters, scale, multiply, normalizeQuaternion, spread, type Quaternion, type Vec3 } from "./geometry.js";
-import { colourField } from "./field.js";
+import { add, dot, length, orientationLetters, scale, sub, multiply, normalizeQuaternion, spread, type Plane, type Quaternion, type Vec3 } from "./geometry.js";
+import { boxSection, drawHeight, drawPlane, drawShaft, type InVolume } from "./in_volume.js";
+import { LivePicture } from "./live_picture.js";
 import { drawAge, drawCube, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText, type Projection } from "./overlay.js";
 import { Picture } from "./picture.js";
 import type { PointerDevice } from "./pointer.js";
 import type { Session } from "./session.js";
+import { firstFelt, Ground, wayTo } from "./touch.js";
+import { BACKGROUND, viewOf, type Cut } from "./volume_caster.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
-import { BACKGROUND } from "./volume_renderer.js";
+import { Flag, type DevicePose } from "./wire.js";
 
-const ABOUT = "Arrow keys: look from elsewhere; with Alt: turn the object; plus and minus: zoom; Home: from anterior.";
 /** A rotation is asked for so often, and the loop interpolates between. */
 const ROTATION_INTERVAL_MS = 100;
-/** A picture that took longer is drawn coarser while something moves. */
-const SLOW_MS = 40;
-const STILL_AFTER_MS = 250;
-/** Colours are made anew when a slider has rested for so long: it takes a moment for millions of voxels. */
-const SETTLED_MS = 150;
-const COARSEST = 4;
+/** A surface that is farther below the tool is not looked for. */
+const MOST_HEIGHT_MM = 20;
+/** What is taken away in front of the tip: all before a plane through it, or a hole that widens towards the viewer. */
+export type Cutting = "none" | "plane" | "hole";
+const HOLE_RADIUS_MM = 8;
+const HOLE_WIDENING = 0.4;
 
 export class VolumeView {
-  readonly picture = new Picture("volume", "Volume", ABOUT);
+  readonly picture = new Picture("volume");
   readonly camera = new Camera();
   turnsObject = false; // dragging turns the object, not the camera
-  private fieldVersion = -1;
-  private wantedVersion = -1;
-  private wantedSince_ms = 0;
-  private key = "";
-  private moved_ms = 0;
-  private reduction = 1;
-  private sharp = false;
-  private cost_ms = 0; // of a picture at full size
+  cutting: Cutting = "none";
+  /** Planes whose outline is drawn in the volume. */
+  planes: () => { plane: Plane; colour: string }[] = () => [];
+  private readonly live: LivePicture<Camera>;
+  private ground: Ground | null = null;
   private size = 0; // of the picture's shorter side
   private rotation: Quaternion | null = null; // that is asked for
   private rotationSent: Quaternion | null = null;
@@ -40,23 +39,28 @@ export class VolumeView {
   private held: Vec3 | null = null;
   private readonly pointers = new Map<number, [number, number]>();
 
-  constructor(private readonly session: Session, private readonly renderer: VolumeRenderer,
+  constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, private readonly isSoftware: boolean,
               private readonly pointer: PointerDevice, private readonly turnTo: (rotation: Quaternion) => void) {
+    this.live = new LivePicture(this.picture, renderer, isSoftware, false, () => this.drawOver());
     this.listen();
     window.setInterval(() => this.sendRotation(), ROTATION_INTERVAL_MS);
-    if (renderer.isSoftware) this.reduction = 2;
   }
 
-  /** Of the volume's texture: it takes 4 bytes a texel. */
+  /** Of the volume's texture: it takes 6 bytes a texel. */
   get mostTexels(): number {
     const memory = (navigator as { deviceMemory?: number }).deviceMemory ?? 8;
-    return this.renderer.isSoftware ? 1.2e6 : memory <= 2 ? 2e6 : memory <= 4 ? 4e6 : 9e6;
+    return this.isSoftware ? 1.2e6 : memory <= 2 ? 2e6 : memory <= 4 ? 4e6 : 9e6;
   }
 
   sceneChanged(): void {
     this.camera.place(this.session.scene!.world_from_patient);
     this.isOpen = false;
+    this.ground = new Ground(this.session.volumes!, MOST_HEIGHT_MM);
+    this.renderer.load(this.session.volumes!, this.mostTexels);
     this.reset();
+  }
+  lost(): void {
+    this.live.lost();
   }
   reset(): void {
     const { volumes, pose } = this.session;
@@ -68,6 +72,16 @@ export class VolumeView {
     this.camera.look("anterior");
     this.session.touch();
   }
+  /** So much is seen across the picture's shorter side; 0 before it was shown. */
+  get across_mm(): number {
+    return this.camera.mmPerPixel * this.size;
+  }
+  set across_mm(mm: number) {
+    const { clientWidth, clientHeight } = this.picture.surface;
+    // a picture that is hidden has the size that it had
+    this.size = Math.min(clientWidth, clientHeight) || this.size;
+    if (this.size > 0 && mm > 0) this.camera.mmPerPixel = mm / this.size;
+  }
   look(preset: Preset): void {
     this.camera.look(preset);
     this.session.touch();
@@ -78,6 +92,7 @@ export class VolumeView {
     const resized = picture.fit();
     if (!picture.isShown || !session.volumes || !session.scene) return;
     if (resized) {
+      this.live.show();
       // as much is seen in a picture of another size
       const size = Math.min(picture.surface.clientWidth, picture.surface.clientHeight);
       if (this.size === 0) this.reset();
@@ -92,45 +107,43 @@ export class VolumeView {
     }
     const frame = picture.frame();
 
-    if (this.wantedVersion !== session.fieldVersion) {
-      this.wantedVersion = session.fieldVersion;
-      this.wantedSince_ms = now;
-    }
-    if (this.fieldVersion < 0 || now - this.wantedSince_ms > SETTLED_MS) this.loadField();
-    const key = JSON.stringify([camera.inPatient(), camera.mmPerPixel, frame.width, frame.height]);
-    if (key !== this.key) {
-      this.key = key;
-      this.moved_ms = now;
-      this.render(Math.max(1, this.cost_ms > SLOW_MS ? Math.min(COARSEST, Math.sqrt(this.cost_ms / SLOW_MS)) : 1) * this.reduction);
-    } else if (!this.sharp && now - this.moved_ms > STILL_AFTER_MS && this.pointers.size === 0) {
-      this.render(1);
-    }
+    this.renderer.follow(session);
+    const cut = this.cut();
+    const key = JSON.stringify([camera.inPatient(), camera.mmPerPixel, frame.width, frame.height, this.renderer.version, cut]);
+    this.live.update(now, key, this.pointers.size > 0, () => ({
+      camera: camera.copy(),
+      view: (reduction) => viewOf(camera, frame.width / frame.ratio, frame.height / frame.ratio, reduction, cut),
+    }));
     this.drawOver();
   }
 
-  private loadField(): void {
-    const { session } = this;
-    if (this.fieldVersion === session.fieldVersion) return;
-    this.fieldVersion = session.fieldVersion;
-    this.renderer.load(colourField(session.volumes!, session.looks, session.scanInVolume, session.storedWindow(), this.mostTexels));
-    this.key = "";
+  /** What is taken away for the tool to be seen, where it is now. */
+  private cut(): Cut | null {
+    const { session, cutting } = this;
+    const device = session.pose?.devices[0];
+    if (!device || cutting === "none") return null;
+    const at = session.toolAt(device);
+    if (cutting === "plane") return { at, radius_mm: 0, widening: Infinity, kept: 0 };
+    return { at, radius_mm: HOLE_RADIUS_MM, widening: HOLE_WIDENING, kept: session.scene!.structures.findIndex(({ label }) => label === device.label) + 1 };
+  }
+  private isTakenAway(p: Vec3): boolean {
+    const cut = this.cut();
+    if (!cut) return false;
+    const { eye, backward } = this.camera.inPatient();
+    const towards = eye ? scale(sub(eye, cut.at), 1 / length(sub(eye, cut.at))) : backward;
+    const from = sub(p, cut.at);
+    const height = dot(from, towards);
+    return height > 0 && length(sub(from, scale(towards, height))) < cut.radius_mm + cut.widening * height && this.session.volumes!.structureAt(p) !== cut.kept - 1;
   }
 
-  /** Draws the volume; so coarse that it costs little while something moves. */
-  private render(reduction: number): void {
-    const { base } = this.picture;
-    const { width, height, ratio } = this.picture.frame();
-    const least = this.renderer.isSoftware ? Math.max(ratio, 1.5) : 1;
-    const total = Math.max(reduction, least);
-    this.cost_ms = this.renderer.render(this.camera, width / ratio, height / ratio, total / ratio) * total * total;
-    base.imageSmoothingQuality = "high";
-    base.drawImage(this.renderer.canvas, 0, 0, width, height);
-    this.sharp = total === least;
+  /** Where the camera stood for the picture that is seen. */
+  private get shown(): Camera {
+    return this.live.seen?.camera ?? this.camera;
   }
-
-  private projection(): Projection {
+  private projection(): Projection & InVolume {
     const { width, height, ratio } = this.picture.frame();
-    const camera = this.camera;
+    const camera = this.shown;
+    const pixelsPerMm = (p: Vec3) => ratio / camera.mmPerPixel / camera.shrinkOf(p);
     return {
       pixel: (p) => {
         const [x, y] = camera.project(p);
@@ -140,21 +153,41 @@ export class VolumeView {
         const world = camera.directionToWorld(v);
         return [dot(world, camera.right), -dot(world, camera.up)];
       },
-      pixelsPerMm: ratio / camera.mmPerPixel,
+      pixelsPerMm,
       clearness: () => 1,
+      hides: (p, slack_mm) => this.live.seen?.found.hides(p, slack_mm) === true,
     };
   }
+  get isSharp(): boolean {
+    return this.live.isSharp;
+  }
+  /** Where in the picture that is seen a point is drawn, in pixels of its canvas. */
+  pixelOf(p: Vec3): [number, number] {
+    return this.projection().pixel(p);
+  }
+  /** The tool lies at surfaces, and those of the picture are smooth. */
+  private get slack_mm(): number {
+    return this.session.scene!.tool.radius_mm + 1.5 * this.session.volumes!.voxelSize;
+  }
+  private readonly isFelt = (p: Vec3): boolean => {
+    const { scene, volumes } = this.session;
+    const place = volumes!.structureAt(p);
+    return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.felt === true;
+  };
 
-  /** Whether something that is drawn solid lies between a point and the viewer. */
-  private isHidden(p: Vec3): boolean {
-    const { volumes, looks } = this.session;
-    const towards = this.camera.directionToPatient(this.camera.backward());
-    const step = volumes!.voxelSize * 1.5;
-    for (let way = 2.5; way < volumes!.size; way += step) {
-      const place = volumes!.structureAt(add(p, scale(towards, way)));
-      if (place !== null && looks[place]!.visible && looks[place]!.opacity > 0.5) return true;
-    }
-    return false;
+  /** The tool at its depth: what lies behind something solid is dashed; where it touches nothing, how high above what it is. */
+  private drawToolIn(projection: Projection & InVolume, device: DevicePose): void {
+    const { session } = this;
+    const frame = this.picture.frame();
+    const tool = session.toolAt(device);
+    const { radius_mm } = session.scene!.tool;
+    const ground = device.flags & (Flag.contact | Flag.inside) ? null : this.ground!.below(tool, this.isFelt);
+    if (ground && ground.height_mm > radius_mm) drawHeight(frame, projection, tool, ground, radius_mm);
+    drawTool(frame, session, device, {
+      ...projection,
+      clearness: () => (projection.hides(tool, this.slack_mm) ? 0.45 : 1),
+      capsule: (from, to, wide_mm, colour) => drawShaft(frame, projection, from, to, wide_mm, colour, 1.5 * session.volumes!.voxelSize),
+    });
   }
 
   private drawOver(): void {
@@ -164,13 +197,13 @@ export class VolumeView {
     frame.context.clearRect(0, 0, frame.width, frame.height);
     const device = session.pose?.devices[0];
     if (device) {
-      const hidden = this.isHidden(session.toolAt(device));
+      for (const { plane, colour } of this.planes()) drawPlane(frame, projection, boxSection(plane, session.volumes!), colour);
       drawTrail(frame, session, projection);
-      drawTool(frame, session, device, { ...projection, clearness: () => (hidden ? 0.45 : 1) });
+      this.drawToolIn(projection, device);
       text(frame, touchedText(session, device), 12 * frame.ratio, 40 * frame.ratio, 12, session.isFresh ? "#eef3f5" : "#a4adb3", "left", "top");
       if (session.scene!.device.input === "pointer") drawForceBar(frame, session, device);
     }
-    const camera = this.camera;
+    const camera = this.shown;
     const right = camera.directionToPatient(camera.right);
     const down = scale(camera.directionToPatient(camera.up), -1);
     drawLetters(frame, orientationLetters(right, down), session.scene!.oriented, true);
@@ -180,27 +213,26 @@ export class VolumeView {
         return [dot(world, camera.right), dot(world, camera.up), dot(world, camera.backward())];
       });
     }
-    drawScale(frame, camera.mmPerPixel / frame.ratio);
+    // in perspective no length holds all over the picture
+    if (!camera.isPerspective) drawScale(frame, camera.mmPerPixel / frame.ratio);
     drawSide(frame, session.scene!);
     drawAge(frame, session);
   }
 
-  /** 1 where the volume is seen, 0 where the ground is; at full size, drawn for this. */
-  silhouette(width: number, height: number, mmPerPixel: number): { width: number; height: number; seen: number[] } {
-    this.loadField();
-    const kept = this.camera.mmPerPixel;
-    this.camera.mmPerPixel = mmPerPixel;
-    this.renderer.render(this.camera, width, height, 1);
-    this.camera.mmPerPixel = kept;
-    const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true })!;
-    copy.canvas.width = width;
-    copy.canvas.height = height;
-    copy.drawImage(this.renderer.canvas, 0, 0);
-    const { data } = copy.getImageData(0, 0, width, height);
+  /** What is seen of the volume, drawn for this at full size: RGBA, row by row from the top. */
+  async pixels(width: number, height: number, mmPerPixel: number): Promise<Uint8ClampedArray> {
+    await this.renderer.loaded;
+    this.renderer.follow(this.session);
+    const camera = this.camera.copy();
+    camera.mmPerPixel = mmPerPixel;
+    return this.renderer.pixels(viewOf(camera, width, height, 1, this.cut()));
+  }
+  /** 1 where the volume is seen, 0 where the ground is. */
+  async silhouette(width: number, height: number, mmPerPixel: number): Promise<{ width: number; height: number; seen: number[] }> {
+    const data = await this.pixels(width, height, mmPerPixel);
     const ground = BACKGROUND.map((x) => Math.round(255 * x));
     const seen = Array.from({ length: width * height }, (_, i) =>
       [0, 1, 2].some((c) => Math.abs(data[4 * i + c]! - ground[c]!) > 28) ? 1 : 0);
-    this.key = "";
     return { width, height, seen };
   }
 
@@ -220,6 +252,26 @@ export class VolumeView {
     return this.camera.unproject((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio, depthOf);
   }
 
+  /** A press leads the tip to the first surface under it that is felt, as far as it is not taken away; where there is none, as deep as it is. */
+  private holdUnder(at: [number, number], tip: Vec3, isFinger: boolean): void {
+    const { session } = this;
+    const volumes = session.volumes!;
+    const { width, height, ratio } = this.picture.frame();
+    const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
+    const surface = firstFelt(volumes, (p) => this.isFelt(p) && !this.isTakenAway(p), from, into, this.camera.isPerspective ? 0 : -Infinity);
+    const way = surface ? wayTo(this.isFelt, tip, surface, into, volumes.voxelSize / 2) : [this.patientAt(at, tip)];
+    this.held = way.at(-1)!;
+    // the planes go where it touches
+    session.follow = true;
+    session.cross = null;
+    this.pointer.hold(this.held, isFinger, way.slice(0, -1));
+  }
+  private letGo(): void {
+    if (!this.held) return;
+    this.held = null;
+    this.pointer.release();
+  }
+
   private listen(): void {
     const { session, picture } = this;
     const surface = picture.surface;
@@ -230,9 +282,8 @@ export class VolumeView {
       this.pointers.set(event.pointerId, picture.at(event));
       const tip = session.pose?.devices[0]?.tip;
       if (session.tool === "touch" && this.pointer.isTaken && event.button === 0 && !this.turnsObject && tip && this.pointers.size === 1) {
-        this.held = this.patientAt(picture.at(event), tip);
-        this.pointer.hold(this.held);
-      }
+        this.holdUnder(picture.at(event), tip, event.pointerType === "touch");
+      } else if (this.pointers.size > 1) this.letGo();
     });
     surface.addEventListener("pointermove", (event) => {
       const at = picture.at(event);
@@ -256,10 +307,7 @@ export class VolumeView {
     });
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
-      if (this.held) {
-        this.held = null;
-        this.pointer.release();
-      }
+      this.letGo();
       // what was asked for last still goes out with the next beat
       if (this.rotation === this.rotationSent) this.rotation = null;
       session.touch();
@@ -269,8 +317,8 @@ export class VolumeView {
     surface.addEventListener("wheel", (event) => {
       event.preventDefault();
       if (this.held) {
-        const into = this.camera.directionToPatient(this.camera.backward());
-        this.held = add(this.held, scale(into, -Math.sign(event.deltaY) * session.volumes!.voxelSize));
+        const backward = this.camera.directionToPatient(this.camera.backward());
+        this.held = add(this.held, scale(backward, -Math.sign(event.deltaY) * session.volumes!.voxelSize));
         this.pointer.move(this.held);
       } else this.camera.zoom(Math.exp(-event.deltaY / 500));
       session.touch();

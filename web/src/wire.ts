@@ -1,11 +1,13 @@
 // The binary pose of docs/viewer-protocol.md, decoded. Positions and lengths in mm, forces in N.
 
 import type { Quaternion, Vec3 } from "./geometry.js";
+import { words } from "./words.js";
 
-export const PROTOCOL = 1;
+export const PROTOCOL = 2;
 const HEAD_BYTES = 96;
-const DEVICE_BYTES = 104;
+const DEVICE_BYTES = 176;
 const MOST_DEVICES = 4;
+const MOST_FELT = 6;
 
 /** palpate::TickFlag, those that the page shows. */
 export const Flag = {
@@ -32,6 +34,13 @@ export const Flag = {
 /** palpate::TickSwitch */
 export const Switch = { friction: 1, viscosity: 2, paused: 4, emergencyStop: 8, passivity: 16 } as const;
 
+/** A structure along the tip's way in. */
+export interface Felt {
+  label: number;
+  depth: number; // of the way that lies within it; not a number: deeper than is measured
+  share: number; // of the force, 0 ... 1
+}
+
 export interface DevicePose {
   tip: Vec3; // patient
   proxy: Vec3; // patient; the tip by a direct method
@@ -47,6 +56,7 @@ export interface DevicePose {
   flags: number;
   buttons: number;
   label: number; // 0: nothing touched
+  felt: Felt[]; // what the force comes from, outermost first
 }
 
 export interface Pose {
@@ -68,18 +78,20 @@ export interface Pose {
 }
 
 export class WireError extends Error {}
+/** A pose of another version of the protocol. */
+export class WireVersion extends WireError {}
 
 /** @throws WireError for anything that is not a whole pose of this version */
 export function decodePose(message: ArrayBuffer): Pose {
   const view = new DataView(message);
-  if (message.byteLength < HEAD_BYTES) throw new WireError(`a pose of ${message.byteLength} bytes`);
-  if (view.getUint32(0, true) !== 0x54504c50) throw new WireError("no pose: it does not begin with PLPT");
+  if (message.byteLength < HEAD_BYTES) throw new WireError(words.shortPose(String(message.byteLength)));
+  if (view.getUint32(0, true) !== 0x54504c50) throw new WireError(words.noPose);
   const version = view.getUint16(4, true);
-  if (version !== PROTOCOL) throw new WireError(`a pose of protocol ${version}; this page speaks ${PROTOCOL}`);
+  if (version !== PROTOCOL) throw new WireVersion(words.someOtherVersion(String(PROTOCOL)));
   const count = view.getUint8(46);
   const bytes = HEAD_BYTES + count * DEVICE_BYTES;
   if (count < 1 || count > MOST_DEVICES || view.getUint16(6, true) !== bytes || message.byteLength !== bytes) {
-    throw new WireError(`a pose of ${message.byteLength} bytes for ${count} devices`);
+    throw new WireError(words.poseOfDevices(String(message.byteLength), String(count)));
   }
   const f32 = (at: number) => view.getFloat32(at, true);
   const u32 = (at: number) => view.getUint32(at, true);
@@ -106,6 +118,9 @@ export function decodePose(message: ArrayBuffer): Pose {
       flags: u32(at + 88),
       buttons: u32(at + 92),
       label: view.getUint16(at + 96, true),
+      felt: Array.from({ length: MOST_FELT }, (_, n) => at + 104 + 12 * n)
+        .map((there) => ({ label: view.getUint16(there, true), depth: f32(there + 4), share: f32(there + 8) }))
+        .filter(({ label }) => label !== 0),
     });
   }
   return {

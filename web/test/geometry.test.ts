@@ -107,8 +107,8 @@ test("the section contains what it follows and is as near as can be to what is w
 });
 
 test("positions name their convention, and R and A turn round", () => {
-  assert.equal(positionText([1.25, -2, 3], "LPS"), "LPS +1.3  −2.0  +3.0 mm");
-  assert.equal(positionText([1.25, -2, 3], "RAS"), "RAS −1.3  +2.0  +3.0 mm");
+  assert.equal(positionText([1.25, -2, 3], "LPS", 1), "LPS +1.3  −2.0  +3.0 mm");
+  assert.equal(positionText([1.25, -2, 3], "RAS", 1), "RAS −1.3  +2.0  +3.0 mm");
 });
 
 test("scale bars are 1, 2 or 5 times a power of ten", () => {

@@ -2,6 +2,14 @@
 // docs/viewer-protocol.md. For work on the page and for its tests where there is no palpate.
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
+//                                    [--scan knee|ramp|sphere] [--protocol 2] [--refuse STATUS] [--repeat 1] [--hold no]
+//
+// --protocol is another version of what is spoken, --refuse the answer to all of /api/ and /ws.
+// "ramp" is a scan of 16 bits without a sign, most of whose values lie in 1/256 of them, on a grid whose axes are swapped, mirrored and tilted.
+// "sphere" is one of 20 mm, of voxels of 0.5 mm.
+// --more 108 adds so many structures to the list, which have no voxel.
+// --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
+// when each stop came, in ms since 1970. --hold yes: volumes come when somebody has asked for /mock/release.
 
 import { createHash } from "node:crypto";
 import { readFileSync } from "node:fs";
@@ -10,8 +18,9 @@ import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname };
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "2", refuse: "", repeat: "1", more: "0", hold: "no" };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
+const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
   ? readFileSync(options["token-file"], "utf8").split("\n").filter(Boolean).map((line) => line.split(" ").reverse()) : []);
 const roleOf = (token) => (tokens.size === 0 ? "control" : tokens.get(token) ?? null);
@@ -34,8 +43,18 @@ const structures = [
   { label: 7, name: "medial_meniscus", colour: [198, 92, 132], tissue: 2, shape: ring([-17, 2, -3.5], 12, 3.2) },
   { label: 8, name: "tibial_cartilage", colour: [120, 200, 150], tissue: 1, shape: ellipsoid([0, 2, -15], [33, 22, 12.4]) },
 ];
-const dims = [100, 100, 120];
-const X_PatientVoxel = [[1.1, 0, 0, -54], [0, 1.1, 0, -54], [0, 0, 1.1, -65], [0, 0, 0, 1]];
+const more = Array.from({ length: Number(options.more) }, (_, n) => ({ label: structures.length + n + 1, name: `structure_${n + 1}`, colour: [n, 128, 255 - n], tissue: n % 3 }));
+const isRamp = options.scan === "ramp";
+const isSphere = options.scan === "sphere";
+const dims = isRamp ? [60, 48, 44] : isSphere ? [52, 53, 54] : [100, 100, 120];
+const spacing = isRamp ? 2.3 : isSphere ? 0.5 : 1.1;
+if (isSphere) structures.forEach((structure, n) => (structure.shape = n === 0 ? ellipsoid([0.1, -0.05, 0.15], [10, 10, 10]) : () => 1));
+// unit, of i, j and k: a rotation by 12 degrees of the swapped and mirrored axes
+const [cos, sin] = [Math.cos(0.21), Math.sin(0.21)];
+const axes = isRamp ? [[0, sin, cos], [-1, 0, 0], [0, cos, -sin]] : [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const place = (v) => [0, 1, 2].map((r) => v.reduce((sum, n, c) => sum + axes[c][r] * spacing * n, 0));
+const origin = isRamp || isSphere ? place(dims.map((n) => (1 - n) / 2)) : [-54, -54, -65];
+const X_PatientVoxel = [...[0, 1, 2].map((r) => [...axes.map((axis) => axis[r] * spacing), origin[r]]), [0, 0, 0, 1]];
 const labels = new Uint8Array(dims[0] * dims[1] * dims[2]);
 const scan = new Int16Array(labels.length);
 let seed = 20;
@@ -43,19 +62,40 @@ const random = () => (seed = (seed * 1103515245 + 12345) & 0x7fffffff) / 0x7ffff
 for (let k = 0, n = 0; k < dims[2]; k++) {
   for (let j = 0; j < dims[1]; j++) {
     for (let i = 0; i < dims[0]; i++, n++) {
-      const p = [1.1 * i - 54, 1.1 * j - 54, 1.1 * k - 65];
+      const p = place([i, j, k]).map((x, axis) => x + origin[axis]);
       const inside = structures.find((structure) => structure.shape(p) < 0);
       labels[n] = inside?.label ?? 0;
       const skin = Math.hypot(p[0] / 52, (p[1] - 2) / 50);
       const value = inside ? [600, 500, 110][inside.tissue] : skin < 0.82 ? 330 : skin < 1 ? 720 : 12;
-      scan[n] = value + 40 * (random() - 0.5);
+      scan[n] = isRamp ? Math.round(1000 + (255 * i) / (dims[0] - 1)) - 32768 : value + 40 * (random() - 0.5);
     }
   }
 }
-const hash = createHash("sha256").update(labels).update(scan).digest("hex").slice(0, 16);
+if (isRamp) {
+  scan[0] = -32768;
+  scan[scan.length - 1] = 32767;
+}
+const hash = createHash("sha256").update(labels).update(scan).update(options.repeat).digest("hex").slice(0, 16);
+
+// what is served: the knee, or each of its voxels several times each way
+const repeat = Number(options.repeat);
+const servedDims = dims.map((n) => n * repeat);
+const X_PatientServed = X_PatientVoxel.map((row, r) => (r === 3 ? row : row.map((x, c) => (c === r ? x / repeat : c === 3 ? x - (row[r] / 2) * (1 - 1 / repeat) : x))));
+function repeated(voxels) {
+  if (repeat === 1) return voxels;
+  const out = new voxels.constructor(voxels.length * repeat ** 3);
+  const [nx, ny, nz] = servedDims;
+  for (let k = 0, n = 0; k < nz; k++) for (let j = 0; j < ny; j++) {
+    const row = dims[0] * (Math.floor(j / repeat) + dims[1] * Math.floor(k / repeat));
+    for (let i = 0; i < nx; i++, n++) out[n] = voxels[row + Math.floor(i / repeat)];
+  }
+  return out;
+}
+const served = { scan: repeated(scan), labels: repeated(labels) };
 
 const means = (voxels, shrink, kind) => {
   if (shrink === 1) return voxels;
+  const dims = servedDims;
   const [nx, ny, nz] = dims.map((n) => Math.ceil(n / shrink));
   const out = new voxels.constructor(nx * ny * nz);
   for (let k = 0, n = 0; k < nz; k++) for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++, n++) {
@@ -81,32 +121,35 @@ const tissues = [
   { name: "meniscus", felt: true, colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
 ];
 const scene = (role) => ({
-  protocol: 1, palpate: "0.0.0-mock", role, side: "left", oriented: true, modality: "mr",
-  volume: { hash, dims, patient_from_voxel: X_PatientVoxel, scan: { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] }, labels: { type: "uint8" } },
+  protocol, palpate: "0.0.0-mock", role, side: "left", oriented: true, modality: "mr",
+  volume: { hash, dims: servedDims, patient_from_voxel: X_PatientServed, scan: isRamp ? { scale: 1, offset: 32768, window: [1000, 1255], range: [0, 65535] } : { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] }, labels: { type: "uint8" } },
   // supine, seen from the feet: right is the patient's left, forward superior, up anterior
   world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
-  structures: structures.map(({ shape, ...seen }) => seen),
+  structures: [...structures.map(({ shape, ...seen }) => seen), ...more],
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
-  tool: { name: "point", radius_mm: 1, points_mm: [[0, 0, 0]] },
+  tool: { name: "point", radius_mm: 1, points_mm: [[0, 0, 0]], capsules: isRamp ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3 }] : [] },
   methods: ["proxy", "trilinear"],
   device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
             peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
   limits: { max_force_N: 1.4, least_max_force_N: 0.1, most_max_force_N: 1.4, stiffness_N_per_mm: [0.001, 10], friction: [0, 2] },
   rate_hz: 1000,
+  recording: null,
 });
 const state = {
   method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, emergency_stop: false, stop: null, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
-    ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false,
+    ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
 };
 
 // HTTP
 const types = { ".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml" };
+let release = () => {};
+const released = options.hold === "yes" ? new Promise((done) => (release = done)) : Promise.resolve();
 const server = createServer((request, response) => {
   const { pathname, searchParams } = new URL(request.url, "http://localhost");
   const answer = (status, headers, body) => {
     response.writeHead(status, {
-      "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; media-src blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+      "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
       "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cross-Origin-Resource-Policy": "same-origin", ...headers });
     response.end(request.method === "HEAD" ? undefined : body);
   };
@@ -118,15 +161,21 @@ const server = createServer((request, response) => {
       return answer(404, {}, "");
     }
   }
+  if (pathname === "/mock/stops") return answer(200, { "Content-Type": "application/json", "Cache-Control": "no-store" }, JSON.stringify(stopsAt_ms));
+  if (pathname === "/mock/release") {
+    release();
+    return answer(200, {}, "");
+  }
   const role = roleOf((request.headers.authorization ?? "").replace(/^Bearer /, ""));
+  if (options.refuse) return answer(Number(options.refuse), {}, "");
   if (!role) return answer(401, {}, "");
   if (pathname === "/api/scene") return answer(200, { "Content-Type": "application/json", "Cache-Control": "no-store" }, JSON.stringify(scene(role)));
   const kind = { [`/api/volume/scan/${hash}`]: "scan", [`/api/volume/labels/${hash}`]: "labels" }[pathname];
   if (!kind) return answer(404, {}, "");
-  const voxels = means(kind === "scan" ? scan : labels, Number(searchParams.get("shrink") ?? 1), kind);
+  const voxels = means(served[kind], Number(searchParams.get("shrink") ?? 1), kind);
   const bytes = Buffer.from(voxels.buffer);
   const headers = { "Content-Type": "application/octet-stream", "Cache-Control": "private, max-age=31536000, immutable" };
-  return kind === "labels" ? answer(200, { ...headers, "Content-Encoding": "gzip" }, gzipSync(bytes)) : answer(200, headers, bytes);
+  return void released.then(() => (kind === "labels" ? answer(200, { ...headers, "Content-Encoding": "gzip" }, gzipSync(bytes)) : answer(200, headers, bytes)));
 });
 
 // the tip: a hand that goes from structure to structure, or the pointer
@@ -134,6 +183,8 @@ const places = [[2, -40, 20], [17, -24, 4], [-17, -22, 2], [30, 8, -8], [-30, 6,
 let tip = [0, -52, 20];
 let before = tip;
 let stops = 0;
+let stopper = null; // the viewer that asked for the latest of them
+const stopsAt_ms = [];
 let pointer = null; // the viewer that moves the tip
 let asked_ms = -1e9;
 let felt = [1, 0, 0, 0];
@@ -142,7 +193,7 @@ let sequence = 0;
 const begun = performance.now();
 const sub = (a, b) => a.map((x, i) => x - b[i]);
 const labelAt = (p) => {
-  const v = p.map((x, i) => Math.round((x - X_PatientVoxel[i][3]) / 1.1));
+  const v = axes.map((axis) => Math.round(axis.reduce((sum, x, r) => sum + x * (p[r] - origin[r]), 0) / spacing));
   return v.every((x, i) => x >= 0 && x < dims[i]) ? labels[v[0] + dims[0] * (v[1] + dims[1] * v[2])] : 0;
 };
 /** The way out that is the shortest of many directions. */
@@ -192,9 +243,9 @@ function pose() {
   const speed = Math.hypot(...sub(tip, before)) * 60;
   before = tip;
 
-  const bytes = Buffer.alloc(96 + 104);
+  const bytes = Buffer.alloc(96 + 176);
   bytes.write("PLPT", 0);
-  bytes.writeUInt16LE(1, 4);
+  bytes.writeUInt16LE(protocol, 4);
   bytes.writeUInt16LE(bytes.length, 6);
   bytes.writeBigUInt64LE(BigInt(++sequence), 8);
   bytes.writeBigUInt64LE(BigInt(tick), 16);
@@ -210,14 +261,18 @@ function pose() {
   floats(96, [...tip, ...(out?.q ?? tip), ...(out?.u ?? [0, 0, 0]), 1, 0, 0, 0, ...turned, asked, limit, 0.09, out ? out.way : NaN, speed, off ? 0 : stiffness]);
   bytes.writeUInt32LE((asked > limit ? 1 : 0) | (state.paused ? 8 : 0) | (label ? 16 : 0) | (stale ? 512 : 0) | (state.emergency_stop ? 8192 : 0), 96 + 88);
   bytes.writeUInt16LE(label, 96 + 96);
+  if (label) {
+    bytes.writeUInt16LE(label, 96 + 104);
+    floats(96 + 108, [out ? out.way : NaN, 1]);
+  }
   return bytes;
 }
 
 // WebSocket
-const sockets = new WebSocketServer({ server, path: "/ws", perMessageDeflate: false, maxPayload: 4096, handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false) });
+const sockets = new WebSocketServer({ server, path: options.refuse ? "/none" : "/ws", perMessageDeflate: false, maxPayload: 4096, handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false) });
 const viewers = new Map();
 const tellState = () => {
-  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, viewers: viewers.size, pointer: pointer === socket }));
+  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer", viewers: viewers.size, pointer: pointer === socket }));
 };
 function refusal(message, viewer) {
   if (message.type === "stop") return null;
@@ -236,13 +291,16 @@ function refusal(message, viewer) {
 }
 sockets.on("connection", (socket) => {
   socket.on("message", (data) => {
+    const came_ms = performance.timeOrigin + performance.now();
     const message = JSON.parse(data);
     const viewer = viewers.get(socket);
+    if (viewer && message.type === "stop") stopsAt_ms.push(came_ms);
     if (message.type === "hello") {
+      if (message.protocol !== protocol) return socket.close(4406);
       const role = roleOf(message.token ?? "");
       if (!role) return socket.close(4401);
       viewers.set(socket, { role });
-      socket.send(JSON.stringify({ type: "welcome", role, protocol: 1 }));
+      socket.send(JSON.stringify({ type: "welcome", role, protocol }));
       return tellState();
     }
     if (!viewer) return socket.close(1003);
@@ -265,7 +323,10 @@ sockets.on("connection", (socket) => {
     return grant(socket, type, id, values);
   });
   const grant = (socket, type, id, values) => {
-    if (type === "stop") Object.assign(state, { emergency_stop: true, stop: ++stops, armed: false });
+    if (type === "stop") {
+      stopper = socket;
+      Object.assign(state, { emergency_stop: true, stop: ++stops, armed: false });
+    }
     if (type === "rearm") Object.assign(state, { emergency_stop: false, stop: null });
     if (type === "pointer") pointer = values.take ? socket : null;
     if (type === "set") Object.assign(state, values);

@@ -1,13 +1,16 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Camera } from "../src/camera.js";
-import { alphaOf, coarsening, colourField } from "../src/field.js";
-import { aboutAxis, apply, dot, cross, sub, type Affine, type Vec3 } from "../src/geometry.js";
+import { BLOCK, coarsening, Field, pieceOf, texelsOf } from "../src/field.js";
+import { aboutAxis, apply, dot, sub, type Affine, type Vec3 } from "../src/geometry.js";
+import { halfFloats } from "../src/half_floats.js";
 import { shrinkFor, shrunkGrid, Volumes } from "../src/scene.js";
 import { fromSlider, toSlider } from "../src/structures_panel.js";
+import { viewOf } from "../src/volume_caster.js";
 
 const grid: Affine = [[0.5, 0, 0, -10], [0, 0.5, 0, -20], [0, 0, 2, 5], [0, 0, 0, 1]];
 const mirrored: Affine = [[-0.5, 0, 0, -10], [0, 0.5, 0, -20], [0, 0, 2, 5], [0, 0, 0, 1]];
+const worldFromPatient: Affine = [[1, 0, 0, 4], [0, 0, 1, 5], [0, -1, 0, 6], [0, 0, 0, 1]];
 const near = (a: readonly number[], b: readonly number[]) => a.forEach((x, i) => assert.ok(Math.abs(x - b[i]!) < 1e-9, `${a} is not ${b}`));
 
 test("a shrunk voxel lies in the middle of those that it is the mean of", () => {
@@ -47,34 +50,141 @@ test("values and structures are read at positions of the patient", () => {
   }
 });
 
-test("the colour field shows a structure's colour where it is, mirrored grids too", () => {
-  const looks = [{ colour: [1, 2, 3] as Vec3, opacity: 1, visible: true }, { colour: [200, 100, 50] as Vec3, opacity: 1, visible: true }];
-  for (const m of [grid, mirrored]) {
-    const volumes = cube(m);
-    const field = colourField(volumes, looks, 0, [0, 1], 1e6);
-    assert.ok(dot(cross(field.direction[0], field.direction[1]), field.direction[2]) > 0.99, "right-handed");
-    const at = (p: Vec3) => {
-      const v = [0, 1, 2].map((axis) => Math.round(dot(sub(p, field.origin), field.direction[axis]!) / field.spacing[axis]!));
-      return [...field.rgba.slice(4 * (v[0]! + 12 * (v[1]! + 12 * v[2]!))).slice(0, 4)];
-    };
-    const inside = at(apply(m, [4, 5, 5]));
-    [200, 100, 50, 255].forEach((x, c) => assert.ok(Math.abs(inside[c]! - x) <= 2, `${inside}`));
-    assert.deepEqual(at(apply(m, [8, 5, 5])), [0, 0, 0, 0]);
-    // the surface, where coverage is one half, is between the voxels on both sides of it
-    assert.ok(at(apply(m, [5, 5, 5]))[3]! > 128 && at(apply(m, [6, 5, 5]))[3]! < 128);
-    // its colour is not mixed with that of nothing
-    assert.ok(Math.abs(at(apply(m, [6, 5, 5]))[0]! - 200) <= 3);
+/** A field of a whole volume, made in pieces of some slices. */
+function fieldOf(volumes: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null }, factor: number, slices = 5): Field {
+  const field = new Field(volumes.dims, factor, volumes.scan !== null);
+  for (let z = 0; z < field.dims[2]; z += slices) {
+    field.put(pieceOf(volumes, factor, [0, 0, z], [field.dims[0], field.dims[1], Math.min(slices, field.dims[2] - z)]));
+  }
+  return field;
+}
+/** As slow as it gets: every voxel's share in every texel of a grid. */
+function sharesBySums(dims: Vec3, structure: Uint8Array, factor: number, place: Vec3): Map<number, number> {
+  const count = dims.map((n) => Math.ceil(n / factor));
+  const shares = new Map<number, number>();
+  for (let n = 0; n < 27; n++) {
+    const step = [n % 3, Math.floor(n / 3) % 3, Math.floor(n / 9)].map((x) => x - 1);
+    const weight = step.reduce((product, x) => product * (x === 0 ? 0.5 : 0.25), 1);
+    const texel = place.map((x, axis) => Math.min(count[axis]! - 1, Math.max(0, x + step[axis]!)));
+    const inside: number[] = [];
+    for (let c = 0; c < factor ** 3; c++) {
+      const v = [c % factor, Math.floor(c / factor) % factor, Math.floor(c / factor / factor)].map((x, axis) => texel[axis]! * factor + x);
+      if (v.every((x, axis) => x < dims[axis]!)) inside.push(structure[v[0]! + dims[0] * (v[1]! + dims[1] * v[2]!)]!);
+    }
+    for (const one of inside) shares.set(one, (shares.get(one) ?? 0) + weight / inside.length);
+  }
+  return shares;
+}
+function randomVolume(dims: Vec3, structures: number): { dims: Vec3; structure: Uint8Array; scan: Int16Array } {
+  let seed = 7;
+  const random = () => (seed = (Math.imul(seed, 1103515245) + 12345) & 0x7fffffff) / 0x80000000;
+  const voxels = dims[0] * dims[1] * dims[2];
+  const structure = new Uint8Array(voxels);
+  // boxes, so that there are both borders and what is filled
+  for (let n = 0; n < 14; n++) {
+    const lo = dims.map((d) => Math.floor(random() * d)), hi = dims.map((d) => Math.floor(random() * d));
+    for (let at = 0; at < voxels; at++) {
+      const v = [at % dims[0], Math.floor(at / dims[0]) % dims[1], Math.floor(at / dims[0] / dims[1])];
+      if (v.every((x, axis) => x >= Math.min(lo[axis]!, hi[axis]!) && x <= Math.max(lo[axis]!, hi[axis]!))) structure[at] = n % (structures + 1);
+    }
+  }
+  return { dims, structure, scan: Int16Array.from({ length: voxels }, () => Math.floor(2000 * random() - 1000)) };
+}
+
+test("a texel has what a sum over its neighbourhood says, in pieces too", () => {
+  const volume = randomVolume([13, 11, 9], 3);
+  for (const factor of [1, 2, 3]) {
+    const field = fieldOf(volume, factor, 2);
+    for (let z = 0; z < field.dims[2]; z++) for (let y = 0; y < field.dims[1]; y++) for (let x = 0; x < field.dims[0]; x++) {
+      const [first, second, own, other] = field.texels.subarray(field.at(x, y, z), field.at(x, y, z) + 4);
+      const shares = sharesBySums(volume.dims, volume.structure, factor, [x, y, z]);
+      const covered = 1 - (shares.get(0) ?? 0);
+      assert.ok(Math.abs((own! + other!) / 255 - covered) < 0.0021, `coverage at ${[x, y, z]} of factor ${factor}`);
+      const most = [...shares].filter(([structure]) => structure > 0).sort((a, b) => b[1] - a[1]);
+      if (most.length === 1) assert.deepEqual([first, own! > 0 || covered < 0.002], [most[0]![0], true]);
+      // of two that are there, each has its own share; of more, the largest two have all
+      if (most.length === 2) {
+        for (const [structure, share] of most) {
+          const stored = (structure === first ? own! : 0) + (structure === second ? other! : 0);
+          assert.ok(Math.abs(stored / 255 - share) < 0.005, `${structure} at ${[x, y, z]} of factor ${factor}`);
+        }
+      }
+    }
+    // and the border around is empty
+    assert.ok(field.texels.subarray(0, 4 * field.bordered[0] * field.bordered[1]).every((byte) => byte === 0));
   }
 });
 
-test("a hidden structure is nowhere in the colour field", () => {
-  const look = { colour: [200, 100, 50] as Vec3, opacity: 1, visible: false };
-  assert.ok(colourField(cube(grid), [look, look], 0, [0, 1], 1e6).rgba.every((x) => x === 0));
-  assert.equal(alphaOf(0), 0);
-  assert.equal(alphaOf(1), 255);
+test("a box that changed is made anew, and nothing else", () => {
+  for (const factor of [1, 2, 3]) {
+    const volume = randomVolume([17, 14, 11], 3);
+    const field = fieldOf(volume, factor);
+    const [lo, size]: [Vec3, Vec3] = [[5, 3, 4], [4, 5, 3]];
+    for (let k = 0; k < size[2]; k++) for (let j = 0; j < size[1]; j++) for (let i = 0; i < size[0]; i++) {
+      volume.structure[lo[0] + i + volume.dims[0] * (lo[1] + j + volume.dims[1] * (lo[2] + k))] = 9;
+    }
+    const box = texelsOf(lo, size, volume.dims, factor);
+    field.put(pieceOf(volume, factor, box.lo, box.size));
+    assert.deepEqual(field.texels, fieldOf(volume, factor).texels);
+    const shown = new Array(256).fill(true);
+    assert.deepEqual(field.leaps(shown), fieldOf(volume, factor).leaps(shown));
+  }
 });
 
-const worldFromPatient: Affine = [[1, 0, 0, 4], [0, 0, 1, 5], [0, -1, 0, 6], [0, 0, 0, 1]];
+test("a ray's leap ends before the next block that holds anything that is shown", () => {
+  const dims: Vec3 = [80, 50, 40];
+  const structure = new Uint8Array(80 * 50 * 40);
+  structure[3 + 80 * (3 + 50 * 3)] = 1;
+  structure[70 + 80 * (44 + 50 * 30)] = 2;
+  const field = fieldOf({ dims, structure, scan: null }, 1, 16);
+  for (const shown of [[0, 1, 1], [0, 0, 1], [0, 0, 0]]) {
+    const leaps = field.leaps(shown);
+    const full = [[3, 3, 3, 1], [70, 44, 30, 2]].filter(([, , , place]) => shown[place!]).map((p) => p.slice(0, 3).map((x) => Math.floor(x / BLOCK)));
+    leaps.forEach((leap, n) => {
+      const block = [n % field.blocks[0], Math.floor(n / field.blocks[0]) % field.blocks[1], Math.floor(n / field.blocks[0] / field.blocks[1])];
+      const expected = Math.min(255, ...full.map((other) => Math.max(...other.map((x, axis) => Math.abs(x - block[axis]!)))));
+      assert.equal(leap, expected, `block ${block}`);
+    });
+  }
+});
+
+test("the scan around structures is the mean over a texel", () => {
+  const volume = randomVolume([7, 5, 4], 1);
+  const field = fieldOf(volume, 3, 1);
+  let sum = 0;
+  for (let k = 3; k < 4; k++) for (let j = 3; j < 5; j++) for (let i = 0; i < 3; i++) sum += volume.scan[i + 7 * (j + 5 * k)]!;
+  assert.equal(field.haze![0 + 3 * (1 + 2 * 1)], Math.round(sum / 6));
+  assert.deepEqual(fieldOf(volume, 1).haze, volume.scan);
+});
+
+test("half floats are the values to eleven bits", () => {
+  const values = Int16Array.from([0, 1, -1, 2047, -2048, 2049, 32767, -32768, 12345, -1024]);
+  const back = [...halfFloats(values)].map((bits) => {
+    const [exponent, mantissa] = [(bits >> 10) & 31, bits & 1023];
+    return bits === 0 ? 0 : (bits & 0x8000 ? -1 : 1) * 2 ** (exponent - 15) * (1 + mantissa / 1024);
+  });
+  values.forEach((value, n) => assert.ok(Math.abs(back[n]! - value) <= Math.abs(value) / 2048, `${value} became ${back[n]}`));
+});
+
+test("what is written into a volume is read there, and a picture of it has all its rays through it", () => {
+  for (const m of [grid, mirrored]) {
+    const volumes = cube(m);
+    volumes.write([7, 8, 9], [2, 1, 2], new Uint8Array([1, 2, 2, 1]));
+    assert.equal(volumes.structureAt(apply(m, [7, 8, 9])), 0);
+    assert.equal(volumes.structureAt(apply(m, [8, 8, 9])), 1);
+    assert.equal(volumes.structureAt(apply(m, [8, 8, 10])), 0);
+    const camera = new Camera();
+    camera.place(worldFromPatient);
+    camera.orbit(30, 50);
+    camera.focus = camera.toWorld(volumes.centre);
+    const view = viewOf(camera, 200, 100, 2);
+    assert.deepEqual([view.width, view.height], [100, 50]);
+    const middle = [0, 1, 2].map((i) => view.corner[i]! + 50 * view.across[i]! + 25 * view.down[i]!) as Vec3;
+    near(middle, volumes.centre);
+    assert.ok(Math.abs(Math.hypot(...view.across) - 2 * camera.mmPerPixel) < 1e-9);
+    near(camera.project([0, 1, 2].map((i) => middle[i]! + 10 * view.across[i]! + 4 * view.down[i]! + 30 * view.into[i]!) as Vec3), [20, 8]);
+  }
+});
 
 test("seen from anterior, the patient's left is on picture right and the head on top", () => {
   const camera = new Camera();

@@ -1,0 +1,25 @@
+#include "leaky.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace palpate::app {
+
+std::string leaky_text(std::vector<Leaks> leaks, const std::function<std::string(LabelId)>& name_of) {
+  constexpr std::size_t kNamed = 12;
+  std::stable_sort(leaks.begin(), leaks.end(),
+                   [](const Leaks& a, const Leaks& b) { return a.joints > b.joints; });
+  std::string text =
+      "leaky: a point tool may slip through where voxels hold together by edges or corners alone, with the "
+      "number of such places: ";
+  for (std::size_t n = 0; n < std::min(leaks.size(), kNamed); ++n) {
+    char place[80];
+    std::snprintf(place, sizeof place, " (one at %.1f, %.1f, %.1f mm)", leaks[n].place.x(),
+                  leaks[n].place.y(), leaks[n].place.z());
+    text += (n == 0 ? "" : ", ") + name_of(leaks[n].label) + " " + std::to_string(leaks[n].joints) + place;
+  }
+  if (leaks.size() > kNamed) text += " and " + std::to_string(leaks.size() - kNamed) + " more";
+  return text;
+}
+
+}  // namespace palpate::app

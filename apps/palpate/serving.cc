@@ -1,0 +1,64 @@
+#include "serving.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <utility>
+
+namespace palpate::app {
+
+void add_serving_options(CLI::App& verb, ServingOptions& options) {
+  verb.add_option("--port", options.port,
+                  "Port of the viewer's page, 0 for any that is free; default: " +
+                      std::to_string(kViewerPort) + " or the next free one")
+      ->check(whole_between(0, 65535));
+  verb.add_option(
+      "--listen", options.viewers.address,
+      "Address of this machine on which the page is served, in numbers; other than a loopback one it "
+      "wants --token-file; default: 127.0.0.1");
+  verb.add_option("--token-file", options.viewers.token_file,
+                  "Who may look on and who may change something: lines \"control TOKEN\" and \"view TOKEN\"");
+  verb.add_option("--tls-cert", options.viewers.tls_certificate,
+                  "Certificate for https (PEM), with --tls-key");
+  verb.add_option("--tls-key", options.viewers.tls_key, "Its key (PEM)");
+  verb.add_option("--host-name", options.viewers.host_names,
+                  "A further name by which the page is asked for; may be repeated");
+}
+
+void FaultLines::put(const std::string& line) {
+  const std::lock_guard lock(mutex_);
+  if (lines_.size() < kMost) lines_.push_back(line);
+}
+
+void FaultLines::show_next(Console& console) {
+  pollfd terminal{STDERR_FILENO, POLLOUT, 0};
+  if (::poll(&terminal, 1, 0) != 1) return;
+  std::string line;
+  {
+    const std::lock_guard lock(mutex_);
+    if (lines_.empty()) return;
+    line = std::move(lines_.front());
+    lines_.pop_front();
+  }
+  console.note(line);
+}
+
+Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptions& options, Console& console,
+                                            FaultLines& faults) {
+  constexpr int kTries = 20;
+  ViewerServerOptions settings = options.viewers;
+  settings.port = options.port.value_or(kViewerPort);
+  settings.log = [&faults](const std::string& fault) { faults.put(fault); };
+  auto server = ViewerServer::start(host, settings);
+  if (options.port) return server;
+  for (int tries = 1; tries < kTries && !server && server.error().kind == ErrorKind::kUnavailable; ++tries) {
+    ++settings.port;
+    auto next = ViewerServer::start(host, settings);
+    if (next) console.note("port " + std::to_string(kViewerPort) + " is taken");
+    // of an address that cannot be had the first error tells
+    if (next) return next;
+  }
+  return server;
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,45 @@
+#include <sys/resource.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <utility>
+
+#include "palpate/cache.h"
+#include "palpate/session.h"
+
+/// One start, for bench/start.py: what the command line names, until it is ready for the proxy, with the
+/// cache of the environment. Prints the model's hash, that of its surfaces, and the most memory in MiB.
+int main(int argc, char** argv) {
+  using namespace palpate;
+  if (argc != 2) {
+    std::fprintf(stderr, "start_bench: name a data set, a scene file or a volume\n");
+    return 2;
+  }
+  auto cache = cache_settings_of_environment();
+  if (!cache) {
+    std::fprintf(stderr, "start_bench: error: %s\n", cache.error().message().c_str());
+    return 2;
+  }
+  cache->warn = [](const std::string& text) {
+    std::fprintf(stderr, "start_bench: warning: %s\n", text.c_str());
+  };
+  set_cache(*std::move(cache));
+  const auto loaded = load_scene_or_data_set(argv[1]);
+  const ForceMethod method = ForceMethod::kProxy;
+  const auto ready = loaded ? ready_for(loaded->model, {&method, 1}) : loaded.error();
+  if (!ready) {
+    std::fprintf(stderr, "start_bench: error: %s\n", ready.error().message().c_str());
+    return 1;
+  }
+  std::uint64_t surfaces = 0;
+  for (const FeltSurface& felt : (*ready)->surfaces)
+    if (felt.surface) surfaces = surfaces * 31 + felt.surface->content_hash();
+  rusage used{};
+  getrusage(RUSAGE_SELF, &used);
+  std::printf("%016llx %016llx %ld\n", static_cast<unsigned long long>((*ready)->content_hash),
+              static_cast<unsigned long long>(surfaces), used.ru_maxrss >> 10);
+  // as a session does not end here
+  std::fflush(stdout);
+  std::_Exit(0);
+}

@@ -1,0 +1,118 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+/// What the cache keeps of a result: plain numbers as they stand in memory, and many values as runs of equal
+/// ones, which volumes have: background, and what is beyond a surface's reach.
+///
+///   values:  u32 2n + 1, one value      n equal values           as many of these as it takes
+///            u32 2n,     n values       n that differ
+namespace palpate::cache {
+
+class FieldWriter {
+ public:
+  template <class Plain>
+  requires std::is_arithmetic_v<Plain>
+  void put(const Plain& value) { put_bytes(&value, sizeof value); }
+
+  template <class Plain>
+  requires std::is_arithmetic_v<Plain>
+  void put_values(std::span<const Plain> values) {
+    // a shorter run costs more than it saves
+    constexpr std::size_t kLeastRun = 4 + 16 / sizeof(Plain), kMost = 0x7fffffff;
+    std::size_t first = 0;  // of those that differ and are not yet put
+    for (std::size_t at = 0; at < values.size();) {
+      const std::size_t end = std::min(values.size(), at + kMost);
+      std::size_t after = at + 1;
+      while (after < end && same(values[after], values[at])) ++after;
+      if (after - at >= kLeastRun) {
+        put_different(values.subspan(first, at - first));
+        put(static_cast<std::uint32_t>(2 * (after - at) + 1));
+        put(values[at]);
+        first = after;
+      } else if (after - first >= kMost) {
+        put_different(values.subspan(first, at - first));
+        first = at;
+      }
+      at = after;
+    }
+    put_different(values.subspan(first));
+  }
+
+  const std::vector<std::byte>& bytes() const { return bytes_; }
+
+ private:
+  // by their bits: 0 and -0 differ, and NaN is itself
+  template <class Plain>
+  static bool same(const Plain& a, const Plain& b) {
+    return std::memcmp(&a, &b, sizeof a) == 0;
+  }
+  template <class Plain>
+  void put_different(std::span<const Plain> values) {
+    if (values.empty()) return;
+    put(static_cast<std::uint32_t>(2 * values.size()));
+    put_bytes(values.data(), values.size_bytes());
+  }
+  void put_bytes(const void* data, std::size_t size) {
+    const auto* first = static_cast<const std::byte*>(data);
+    bytes_.insert(bytes_.end(), first, first + size);
+  }
+
+  std::vector<std::byte> bytes_;
+};
+
+/// Believes nothing of the bytes: after the first that cannot be, ok() is false and values stay as they are.
+class FieldReader {
+ public:
+  explicit FieldReader(std::span<const std::byte> bytes) : rest_(bytes) {}
+
+  bool ok() const { return ok_; }
+  /// Whether all was as it should be and nothing is left.
+  bool finished() const { return ok_ && rest_.empty(); }
+
+  template <class Plain>
+  requires std::is_arithmetic_v<Plain>
+  void get(Plain& value) { get_bytes(&value, sizeof value); }
+
+  /// Exactly as many values as there is room for.
+  template <class Plain>
+  requires std::is_arithmetic_v<Plain>
+  void get_values(std::span<Plain> values) {
+    while (ok_ && !values.empty()) {
+      std::uint32_t token = 0;
+      get(token);
+      const std::size_t count = token / 2;
+      ok_ = ok_ && count > 0 && count <= values.size();
+      if (!ok_) return;
+      const auto part = values.first(count);
+      if (token % 2 == 0) {
+        get_bytes(part.data(), part.size_bytes());
+      } else {
+        Plain value{};
+        get(value);
+        std::fill(part.begin(), part.end(), value);
+      }
+      values = values.subspan(count);
+    }
+  }
+
+ private:
+  void get_bytes(void* into, std::size_t size) {
+    ok_ = ok_ && size <= rest_.size();
+    if (!ok_) return;
+    std::memcpy(into, rest_.data(), size);
+    rest_ = rest_.subspan(size);
+  }
+
+  std::span<const std::byte> rest_;
+  bool ok_ = true;
+};
+
+}  // namespace palpate::cache

@@ -1,0 +1,301 @@
+#include "cache/kept.h"
+
+#include <fcntl.h>
+#include <pwd.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+#include <new>
+#include <utility>
+
+#include "base/file.h"
+#include "base/hash.h"
+#include "palpate/cache.h"
+#include "palpate/reading.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kEnding = ".kept";
+// how the temporaries of PendingFile begin
+constexpr const char* kTemporary = ".palpate-";
+constexpr auto kAbandonedAfter = std::chrono::hours(1);
+
+struct Cache {
+  CacheSettings settings;
+  // entries are kept by several threads
+  std::mutex mutex;
+  bool warned = false;
+};
+
+Cache& the_cache() {
+  static Cache cache;
+  return cache;
+}
+
+std::optional<std::string> environment_text(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? std::nullopt : std::optional<std::string>(value);
+}
+
+fs::path cache_home() {
+  const fs::path xdg = environment_text("XDG_CACHE_HOME").value_or("");
+  // the XDG specification ignores relative ones
+  if (xdg.is_absolute()) return xdg;
+  fs::path home = environment_text("HOME").value_or("");
+  if (home.empty())
+    if (const passwd* user = ::getpwuid(::getuid()); user != nullptr && user->pw_dir != nullptr)
+      home = user->pw_dir;
+  return home.is_absolute() ? home / ".cache" : fs::path();
+}
+
+struct KeptFile {
+  fs::path file;
+  std::uint64_t bytes;
+  fs::file_time_type used;
+};
+
+// the entries, those used longest ago first; sweeps away what killed processes left behind
+std::vector<KeptFile> kept_files(const fs::path& folder) {
+  std::vector<KeptFile> files;
+  std::vector<fs::path> abandoned;
+  std::error_code failed;
+  fs::directory_iterator entry(folder, failed);
+  for (; !failed && entry != fs::directory_iterator(); entry.increment(failed)) {
+    std::error_code gone;
+    const auto used = fs::last_write_time(entry->path(), gone);
+    if (gone) continue;
+    if (entry->path().extension() == kEnding && !entry->path().filename().string().starts_with(kTemporary)) {
+      const auto bytes = fs::file_size(entry->path(), gone);
+      if (!gone) files.push_back({entry->path(), bytes, used});
+    } else if (entry->path().filename().string().starts_with(kTemporary) &&
+               used + kAbandonedAfter < fs::file_time_type::clock::now()) {
+      abandoned.push_back(entry->path());
+    }
+  }
+  std::error_code ignored;
+  for (const fs::path& file : abandoned) fs::remove(file, ignored);
+  std::sort(files.begin(), files.end(), [](const KeptFile& a, const KeptFile& b) { return a.used < b.used; });
+  return files;
+}
+
+std::uint64_t bytes_of_files(const std::vector<KeptFile>& files) {
+  std::uint64_t bytes = 0;
+  for (const KeptFile& file : files) bytes += file.bytes;
+  return bytes;
+}
+
+// what it may take: the user's limit, and a part of what the disk would have free without it
+std::uint64_t most_bytes_of(const CacheSettings& settings, std::uint64_t taken) {
+  struct statvfs disk {};
+  if (::statvfs(settings.folder.c_str(), &disk) != 0) return settings.most_bytes;
+  const double free = static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
+  const double part = kCachePartOfDisk * (free + static_cast<double>(taken));
+  return part < static_cast<double>(settings.most_bytes) ? static_cast<std::uint64_t>(part)
+                                                         : settings.most_bytes;
+}
+
+void warn_once(const std::string& why) {
+  Cache& cache = the_cache();
+  if (std::exchange(cache.warned, true) || !cache.settings.warn) return;
+  cache.settings.warn("what is prepared is not kept for the next start, " + cache.settings.folder.string() +
+                      " " + why + " (--no-cache does without it, PALPATE_CACHE names another folder)");
+}
+
+bool is_ours_alone_to_write(const struct stat& status) {
+  return status.st_uid == ::geteuid() && (status.st_mode & (S_IWGRP | S_IWOTH)) == 0;
+}
+
+// Whether the folder is there, or could be made, and is nobody else's to write to.
+bool folder_is_ours(const fs::path& folder) {
+  std::error_code ignored;
+  fs::create_directories(folder.parent_path(), ignored);
+  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
+    warn_once(std::string("cannot be made: ") + std::strerror(errno));
+    return false;
+  }
+  struct stat status {};
+  if (::stat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
+    warn_once("is no folder");
+    return false;
+  }
+  if (!is_ours_alone_to_write(status)) {
+    warn_once("belongs to somebody else, or others may write to it");
+    return false;
+  }
+  return true;
+}
+
+struct EntryHead {
+  char magic[8] = {'p', 'a', 'l', 'p', 'k', 'e', 'p', 't'};
+  std::uint32_t format = 1;
+  std::uint32_t nothing = 0;
+  cache::Digest key{};
+  std::uint64_t size = 0, checksum = 0;
+};
+static_assert(sizeof(EntryHead) == 64);
+
+EntryHead head_of(const cache::Digest& key, std::span<const std::byte> payload) {
+  EntryHead head;
+  head.key = key;
+  head.size = payload.size();
+  std::uint64_t hash = kHashSeed;
+  hash_bytes(hash, key.data(), key.size());
+  // nothing has no address
+  if (!payload.empty()) hash_bytes(hash, payload.data(), payload.size());
+  head.checksum = hash_finish(hash);
+  return head;
+}
+
+bool write_all(int descriptor, std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t wrote = ::write(descriptor, bytes.data(), bytes.size());
+    if (wrote < 0 && errno == EINTR) continue;
+    if (wrote <= 0) return false;
+    bytes = bytes.subspan(static_cast<std::size_t>(wrote));
+  }
+  return true;
+}
+
+// 0, or the errno of what failed
+int write_entry(const fs::path& file, const EntryHead& head, std::span<const std::byte> payload) {
+  const int descriptor = ::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC);
+  if (descriptor < 0) return errno;
+  const bool written = ::fchmod(descriptor, 0600) == 0 &&
+                       write_all(descriptor, std::as_bytes(std::span(&head, 1))) &&
+                       write_all(descriptor, payload);
+  const int failure = written ? 0 : errno;
+  ::close(descriptor);
+  return failure;
+}
+
+}  // namespace
+
+Result<CacheSettings> cache_settings_of_environment() {
+  CacheSettings settings;
+  const auto named = environment_text("PALPATE_CACHE");
+  std::error_code failed;
+  if (named && !named->empty()) settings.folder = fs::absolute(*named, failed);
+  if (!named)
+    if (const fs::path home = cache_home(); !home.empty()) settings.folder = home / "palpate";
+  if (const auto limit = environment_text("PALPATE_CACHE_LIMIT"); limit && !limit->empty()) {
+    settings.most_bytes = memory_bytes(*limit);
+    if (settings.most_bytes == 0)
+      return Error{ErrorKind::kUsage, "'" + *limit + "' is no amount of memory", "PALPATE_CACHE_LIMIT",
+                   "give one such as 800M or 8G, or leave it unset"};
+  }
+  return settings;
+}
+
+void set_cache(CacheSettings settings) {
+  Cache& cache = the_cache();
+  cache.settings = std::move(settings);
+  cache.warned = false;
+}
+
+const CacheSettings& cache_settings() {
+  return the_cache().settings;
+}
+
+CacheContents cache_contents() {
+  CacheContents contents;
+  if (!cache::is_kept()) return contents;
+  const auto files = kept_files(cache_settings().folder);
+  contents.entries = files.size();
+  contents.bytes = bytes_of_files(files);
+  contents.most_bytes = most_bytes_of(cache_settings(), contents.bytes);
+  return contents;
+}
+
+Result<CacheContents> empty_cache() {
+  const CacheContents contents = cache_contents();
+  if (!cache::is_kept()) return contents;
+  for (const KeptFile& kept : kept_files(cache_settings().folder)) {
+    std::error_code failed;
+    fs::remove(kept.file, failed);
+    if (failed)
+      return Error{ErrorKind::kOutput, "cannot be removed: " + failed.message(), kept.file.string(),
+                   "check the folder's permissions"};
+  }
+  return contents;
+}
+
+namespace cache {
+
+bool is_kept() {
+  return !cache_settings().folder.empty();
+}
+
+std::string name_of_entry(const Digest& key) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string name;
+  for (const std::byte byte : key) {
+    name += kDigits[std::to_integer<unsigned>(byte) >> 4];
+    name += kDigits[std::to_integer<unsigned>(byte) & 15];
+  }
+  return name + kEnding;
+}
+
+std::optional<std::vector<std::byte>> find(const Digest& key) try {
+  if (!is_kept()) return std::nullopt;
+  auto file = InputFile::open(cache_settings().folder / name_of_entry(key));
+  if (!file || file->size() < sizeof(EntryHead)) return std::nullopt;
+  // what somebody else wrote is his idea of a patient
+  struct stat status {};
+  if (::fstat(file->descriptor(), &status) != 0 || !is_ours_alone_to_write(status)) return std::nullopt;
+  EntryHead head;
+  const auto head_bytes = file->read(std::as_writable_bytes(std::span(&head, 1)));
+  if (!head_bytes || head.size != file->size() - sizeof head) return std::nullopt;
+  std::vector<std::byte> payload(static_cast<std::size_t>(head.size));
+  const auto got = file->read(payload);
+  if (!got || *got != payload.size()) return std::nullopt;
+  const EntryHead whole = head_of(key, payload);
+  if (std::memcmp(&head, &whole, sizeof head) != 0) return std::nullopt;
+  // used now
+  ::futimens(file->descriptor(), nullptr);
+  return payload;
+} catch (const std::bad_alloc&) {
+  return std::nullopt;
+}
+
+void keep(const Digest& key, std::span<const std::byte> payload) {
+  if (!is_kept()) return;
+  const std::lock_guard guard(the_cache().mutex);
+  const CacheSettings& settings = cache_settings();
+  if (!folder_is_ours(settings.folder)) return;
+
+  // room for it
+  const auto files = kept_files(settings.folder);
+  std::uint64_t taken = bytes_of_files(files);
+  const std::uint64_t most = most_bytes_of(settings, taken), wanted = sizeof(EntryHead) + payload.size();
+  if (wanted > most) return;
+  for (const KeptFile& kept : files) {
+    if (taken + wanted <= most) break;
+    std::error_code ignored;
+    fs::remove(kept.file, ignored);
+    taken -= kept.bytes;
+  }
+
+  // another process may be writing the same
+  auto pending = PendingFile::create(settings.folder / name_of_entry(key));
+  if (!pending) {
+    if (::access(settings.folder.c_str(), W_OK) != 0) warn_once("takes no files");
+    return;
+  }
+  const int failure = write_entry(pending->path(), head_of(key, payload), payload);
+  if (failure != 0) return warn_once(std::string("takes nothing: ") + std::strerror(failure));
+  // what a power cut leaves of it does not have its checksum
+  if (!pending->commit(Flush::kNot)) warn_once("takes nothing");
+}
+
+}  // namespace cache
+}  // namespace palpate

@@ -1,0 +1,94 @@
+#include "haptics/capsule_row.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "haptics/proxy_test_surfaces.h"
+
+/// A capsule as a row of spheres: as good as the capsule, and found without looking at every one.
+namespace palpate {
+namespace {
+
+using testing::cube_grid;
+using testing::felt_surface;
+using testing::random_direction;
+
+constexpr unsigned kRowSeed = 83;
+
+TEST(CapsuleRow, ItsOutlineIsTheCapsulesButForALittle) {
+  EXPECT_EQ(row_steps({{}, 1}), 0);
+  for (const double radius_mm : {0.3, 0.5, 1.0, 1.5, 3.0, 10.0})
+    for (const double length_mm : {0.1, 1.0, 7.3, 60.0, 600.0}) {
+      const int steps = row_steps({{}, radius_mm, {0, 0, length_mm}});
+      ASSERT_GE(steps, 1);
+      const double half_mm = 0.5 * length_mm / steps;
+      EXPECT_LE(radius_mm - std::sqrt(radius_mm * radius_mm - half_mm * half_mm), kRowDip_mm);
+    }
+  // thin ones
+  for (const double radius_mm : {0.0, 0.1}) EXPECT_EQ(row_steps({{}, radius_mm, {10, 0, 0}}), 67);
+}
+
+// a ball, and a plate that the row may lie along, on voxels askew
+std::vector<FeltSurface> ball_and_plate(std::mt19937& random) {
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(1, random_direction(random).eigen()).toRotationMatrix();
+  return {felt_surface(
+              cube_grid(14, {0.5, 0.5, 0.9}, turn), [](const Eigen::Vector3d& p) { return p.norm() - 6; }, 4),
+          felt_surface(
+              cube_grid(14, {0.5, 0.5, 0.9}, turn), [](const Eigen::Vector3d& p) { return p.z(); }, 4)};
+}
+
+TEST(CapsuleRow, TheNearestIsThatOfAllItsSpheres) {
+  SCOPED_TRACE("seed " + std::to_string(kRowSeed));
+  std::mt19937 random(kRowSeed);
+  std::uniform_real_distribution<double> unit(0, 1), about(-4, 4);
+  const auto surfaces = ball_and_plate(random);
+  int looks = 0, all = 0, bounds = 0;
+  // within the voxels, beyond which a plate falls to the value outside
+  for (int n = 0; n < 20'000; ++n) {
+    const Surface& surface = *surfaces[static_cast<std::size_t>(n % 2)].surface;
+    const double x = about(random), y = about(random), z = about(random);
+    const Point<Patient> centre(x, y, z);
+    // every tenth lies along the plate
+    Vector<Patient> along_mm = random_direction(random) * (0.1 + 7 * unit(random));
+    if (n % 20 == 1) along_mm = {along_mm.x(), along_mm.y(), 0};
+    const int steps = row_steps({{}, 2 * unit(random), along_mm});
+    const double enough_mm = n % 3 == 0 ? std::numeric_limits<double>::infinity() : 3 * unit(random);
+    const int begin = static_cast<int>(unit(random) * steps);
+
+    double least_mm = std::numeric_limits<double>::infinity();
+    const auto at_step = [&](int step) {
+      return surface.distance_mm(centre + along_mm * (static_cast<double>(step) / steps));
+    };
+    for (int step = 0; step <= steps; ++step) least_mm = std::min(least_mm, at_step(step));
+    const NearestInRow nearest = nearest_in_row(surface, centre, along_mm, steps, begin, enough_mm, looks);
+    all += steps + 1;
+    if (nearest.distance_mm <= enough_mm) {
+      ASSERT_EQ(nearest.distance_mm, least_mm);
+      ASSERT_EQ(at_step(nearest.step), least_mm);
+    } else {
+      ASSERT_GT(least_mm, enough_mm);
+      ASSERT_LE(nearest.distance_mm, least_mm + 1e-12);
+      ++bounds;
+    }
+  }
+  EXPECT_GT(bounds, 1000);
+  EXPECT_LT(looks, all * 3 / 4) << "of short rows near the surface";
+}
+
+TEST(CapsuleRow, TheMiddleOfWhatTouchesIsThatOfTheLyingPart) {
+  std::mt19937 random(kRowSeed);
+  int looks = 0;
+  const auto surfaces = ball_and_plate(random);
+  // lies on the plate with all of it, or with none but its end
+  const Point<Patient> on_plate(-5, 1, 1);
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {10, 0, 0}, 40, 3, 0.02, looks), 0.5, 0.02);
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {8, 0, 6}, 40, 0, 0.02, looks), 0, 1e-9);
+  // on the ball where it is nearest, a third along
+  EXPECT_NEAR(middle_of_touching(*surfaces[0].surface, {-3, 0, 7}, {9, 0, 0}, 30, 10, 0.02, looks), 1.0 / 3,
+              0.03);
+}
+
+}  // namespace
+}  // namespace palpate

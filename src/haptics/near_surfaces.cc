@@ -1,0 +1,186 @@
+#include "haptics/near_surfaces.h"
+
+#include <algorithm>
+
+namespace palpate {
+
+namespace {
+
+// the centres of a shape's spheres, as a box of the patient
+struct AxisBox {
+  Eigen::Array3d low, high;
+
+  AxisBox(const Point<Patient>& at, const ToolSphere& shape) {
+    const Eigen::Array3d begin = (at + shape.offset_mm).eigen().array();
+    const Eigen::Array3d end = begin + shape.along_mm.eigen().array();
+    low = begin.min(end);
+    high = begin.max(end);
+  }
+};
+
+// whether a surface's bounds say that no sphere of a shape comes within so many mm
+bool is_known_beyond(const Surface& surface, const ToolSphere& shape, const Point<Patient>& at,
+                     double within_mm) {
+  if (shape.along_mm == Vector<Patient>()) return surface.is_beyond(at + shape.offset_mm, within_mm);
+  const AxisBox box(at, shape);
+  return surface.is_beyond(box.low, box.high, within_mm);
+}
+
+}  // namespace
+
+void NearSurfaces::gather(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                          int layer, const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
+  count_ = 0;
+  left_out_mm_ = std::numeric_limits<double>::infinity();
+  AxisBox tool(at, spheres[0]);
+  double widest_mm = 0;
+  for (const ToolSphere& sphere : spheres) {
+    const AxisBox box(at, sphere);
+    tool.low = tool.low.min(box.low);
+    tool.high = tool.high.max(box.high);
+    widest_mm = std::max(widest_mm, sphere.radius_mm);
+  }
+  for (std::size_t s = 0; s < surfaces.size(); ++s) {
+    if (!is_there(surfaces, layer, punctured, s)) continue;
+    const Surface& surface = *surfaces[s].surface;
+    // what the way does not come to, and most are that, costs a look at its box
+    const bool known_free = surface.outside_mm() > widest_mm + kSkin_mm;
+    if (known_free && surface.is_beyond(tool.low, tool.high, reach_mm)) continue;
+    for (std::size_t k = 0; k < spheres.size(); ++k) {
+      const ToolSphere& sphere = spheres[k];
+      if (known_free && is_known_beyond(surface, sphere, at, reach_mm)) continue;
+      const Near near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
+      const double far_mm = reach_mm * surface.steepest();
+      if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) > far_mm + sphere.radius_mm) continue;
+      const Known known = look(near, at, far_mm, near.steps / 2);
+      if (known.clearance_mm <= far_mm) insert(near, known.clearance_mm / surface.steepest(), known);
+    }
+  }
+  reach_mm_ = std::max(0.0, std::min(reach_mm, left_out_mm_));
+}
+
+bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+             const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at) {
+  int looks = 0;
+  for (std::size_t s = 0; s < surfaces.size(); ++s) {
+    if (but[s] || !is_there(surfaces, layer, punctured, s)) continue;
+    const Surface& surface = *surfaces[s].surface;
+    for (std::size_t k = 0; k < spheres.size(); ++k) {
+      const ToolSphere& sphere = spheres[k];
+      const Near near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
+      const double least_mm = sphere.radius_mm - kOutside_mm;
+      if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= least_mm) continue;
+      if (near.clearance(at, -kOutside_mm, near.steps / 2, looks).mm < -kOutside_mm) return false;
+    }
+  }
+  return true;
+}
+
+double NearSurfaces::steepest() const {
+  double steepest = 1;
+  for (std::size_t n = 0; n < count_; ++n) steepest = std::max(steepest, near_[n].surface->steepest());
+  return steepest;
+}
+
+NearSurfaces::Known NearSurfaces::look(const Near& near, const Point<Patient>& proxy, double enough_mm,
+                                       int begin) {
+  const Near::Clearance clearance = near.clearance(proxy, enough_mm, begin, looks_);
+  return {proxy + near.shape.offset_mm, clearance.mm,
+          near.steps == 0 ? std::numeric_limits<double>::infinity() : enough_mm, clearance.step};
+}
+
+double NearSurfaces::clearance(std::size_t n, const Point<Patient>& proxy, double enough_mm) {
+  Known& known = known_[n];
+  const Near& near = near_[n];
+  const Point<Patient> centre = proxy + near.shape.offset_mm;
+  const double moved_mm = (centre - known.centre).norm();
+  const double at_least_mm = known.clearance_mm - moved_mm * near.surface->steepest();
+  if (moved_mm == 0 && known.clearance_mm <= known.enough_mm) return known.clearance_mm;
+  if (at_least_mm > enough_mm) return at_least_mm;
+  known = look(near, proxy, enough_mm, known.step);
+  return known.clearance_mm;
+}
+
+double NearSurfaces::middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step) {
+  const Near& near = near_[n];
+  if (near.steps == 0) return 0;
+  return palpate::middle_of_touching(*near.surface, proxy + near.shape.offset_mm, near.shape.along_mm,
+                                     near.steps, step, kBeside_mm, looks_);
+}
+
+void NearSurfaces::turn(std::span<const ToolSphere> spheres) {
+  for (std::size_t n = 0; n < count_; ++n) {
+    const ToolSphere& turned = spheres[static_cast<std::size_t>(near_[n].sphere)];
+    if (near_[n].steps > 0) {
+      // besides what its first sphere moves, its last one does this
+      known_[n].clearance_mm -=
+          (turned.along_mm - near_[n].shape.along_mm).norm() * near_[n].surface->steepest();
+      known_[n].enough_mm = -std::numeric_limits<double>::infinity();
+    }
+    near_[n].shape = turned;
+  }
+}
+
+// in order of clearance, so that the nearest ones are kept
+void NearSurfaces::insert(const Near& near, double clearance_mm, const Known& known) {
+  if (count_ == kMostNear)
+    left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_.back()));
+  std::size_t place = count_;
+  while (place > 0 && clearances_mm_[place - 1] > clearance_mm) --place;
+  if (place == kMostNear) return;
+  count_ = std::min(count_ + 1, kMostNear);
+  for (std::size_t n = count_ - 1; n > place; --n) {
+    near_[n] = near_[n - 1];
+    known_[n] = known_[n - 1];
+    clearances_mm_[n] = clearances_mm_[n - 1];
+  }
+  near_[place] = near;
+  known_[place] = known;
+  clearances_mm_[place] = clearance_mm;
+}
+
+bool Walls::add(const Near& near, int step, const Point<Patient>& at, double clearance_mm) {
+  const Vector<Patient> normal = near.surface->outward(at + near.offset_mm(step));
+  if (normal == Vector<Patient>()) return false;
+  const HalfSpace wall{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
+  const std::size_t place = full() ? place_of_weaker(wall) : count_++;
+  if (place == kMostHalfSpaces) return false;
+  half_spaces_[place] = wall;
+  near_[place] = &near;
+  step_[place] = step;
+  return true;
+}
+
+// one that does the same work and leaves more room, or none
+std::size_t Walls::place_of_weaker(const HalfSpace& wall) const {
+  std::size_t n = 0;
+  while (n < kMostHalfSpaces &&
+         !(half_spaces_[n].normal.dot(wall.normal) > kParallel && half_spaces_[n].offset < wall.offset))
+    ++n;
+  return n;
+}
+
+bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Patient>& proxy) {
+  Walls walls;
+  Point<Patient> outside = proxy;
+  for (int n = 0; n <= most_steps; ++n) {
+    walls.clear();
+    double deepest_mm = 0;
+    for (std::size_t i = 0; i < near.count(); ++i) {
+      const double clearance_mm = near.clearance(i, outside, 0);
+      deepest_mm = std::min(deepest_mm, clearance_mm);
+      if (clearance_mm < 0) walls.add(near[i], near.step(i), outside, clearance_mm);
+    }
+    if (deepest_mm > -kOutside_mm) {
+      proxy = outside;
+      return true;
+    }
+    const auto nearest = closest_point(outside, walls.half_spaces());
+    if (!nearest) return false;
+    const Vector<Patient> way = nearest->point - outside;
+    outside += way * std::min(1.0, step_mm / way.norm());
+  }
+  return false;
+}
+
+}  // namespace palpate

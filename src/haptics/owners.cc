@@ -1,0 +1,150 @@
+#include "palpate/owners.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+constexpr std::int16_t kNobody = -1, kSeveral = -2;
+
+std::int16_t joined(std::int16_t a, std::int16_t b) {
+  if (a == kNobody || a == b) return b;
+  return b == kNobody ? a : kSeveral;
+}
+
+// calls body(i, j, k, structure) for every voxel that has a face outside of all structures
+template <class Body>
+void for_each_outer_voxel(const Volume<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label,
+                          const Body& body) {
+  const GridGeometry& grid = labels.geometry();
+  const auto [width, height, depth] = grid.dims;
+  const std::size_t row = static_cast<std::size_t>(width), slice = row * static_cast<std::size_t>(height);
+  const LabelId* const all = labels.voxels().data();
+  for (int k = 0; k < depth; ++k)
+    for (int j = 0; j < height; ++j) {
+      const LabelId* const at = all + grid.offset(0, j, k);
+      const auto is_out = [&](LabelId label) { return structure_of_label[label] == kNobody; };
+      for (int i = 0; i < width; ++i) {
+        const LabelId* const voxel = at + i;
+        if (is_out(*voxel)) continue;
+        const bool outer = i == 0 || i + 1 == width || j == 0 || j + 1 == height || k == 0 ||
+                           k + 1 == depth || is_out(*(voxel - 1)) || is_out(*(voxel + 1)) ||
+                           is_out(*(voxel - row)) || is_out(*(voxel + row)) || is_out(*(voxel - slice)) ||
+                           is_out(*(voxel + slice));
+        if (outer) body(i, j, k, structure_of_label[*voxel]);
+      }
+    }
+}
+
+}  // namespace
+
+Owners::Owners(const Volume<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label)
+    : spacing_mm_(labels.geometry().spacing_mm),
+      reach_mm_(std::max(kReach_mm, 1.5 * spacing_mm_.maxCoeff())),
+      X_VoxelPatient_(labels.geometry().X_PatientVoxel().inverse()),
+      dims_(labels.geometry().dims) {
+  std::size_t count = 1;
+  for (std::size_t a = 0; a < 3; ++a) {
+    block_[a] = static_cast<int>(std::ceil(reach_mm_ / spacing_mm_[static_cast<int>(a)])) + 1;
+    blocks_[a] = (dims_[a] + block_[a] - 1) / block_[a];
+    count *= static_cast<std::size_t>(blocks_[a]);
+  }
+
+  // counted first, then each to its block
+  first_in_block_.assign(count + 1, 0);
+  for_each_outer_voxel(labels, structure_of_label, [&](int i, int j, int k, std::int16_t /*structure*/) {
+    ++first_in_block_[block_of(i, j, k) + 1];
+  });
+  for (std::size_t b = 0; b < count; ++b) first_in_block_[b + 1] += first_in_block_[b];
+  voxels_.resize(first_in_block_.back());
+  only_.assign(count, kNobody);
+  std::vector<std::uint32_t> next = first_in_block_;
+  for_each_outer_voxel(labels, structure_of_label, [&](int i, int j, int k, std::int16_t structure) {
+    const std::size_t block = block_of(i, j, k);
+    voxels_[next[block]++] = {{i, j, k}, structure};
+    only_[block] = joined(only_[block], structure);
+    any_ = structure;
+  });
+  PALPATE_CHECK(any_ >= 0);
+  join_blocks();
+}
+
+std::size_t Owners::block_of(int i, int j, int k) const {
+  return (static_cast<std::size_t>(k / block_[2]) * static_cast<std::size_t>(blocks_[1]) +
+          static_cast<std::size_t>(j / block_[1])) *
+             static_cast<std::size_t>(blocks_[0]) +
+         static_cast<std::size_t>(i / block_[0]);
+}
+
+// each block's structures with those of its neighbours
+void Owners::join_blocks() {
+  std::size_t stride = 1;
+  for (const int length : blocks_) {
+    const std::vector<std::int16_t> own = only_;
+    for (std::size_t b = 0; b < own.size(); ++b) {
+      const auto place = static_cast<int>(b / stride % static_cast<std::size_t>(length));
+      if (place > 0) only_[b] = joined(only_[b], own[b - stride]);
+      if (place + 1 < length) only_[b] = joined(only_[b], own[b + stride]);
+    }
+    stride *= static_cast<std::size_t>(length);
+  }
+}
+
+OwnerShares Owners::at(const Point<Patient>& x) const {
+  const Point<Voxel> p = X_VoxelPatient_ * x;
+  std::array<int, 3> nearest{}, low{}, high{};
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double at = p[static_cast<int>(a)], voxels = reach_mm_ / spacing_mm_[static_cast<int>(a)];
+    // not finite, or out of everything's reach
+    if (!(at + voxels >= 0 && at - voxels <= dims_[a] - 1)) return OwnerShares(any_);
+    nearest[a] = std::clamp(static_cast<int>(std::lround(at)), 0, dims_[a] - 1);
+    low[a] = std::max(0, static_cast<int>(std::ceil(at - voxels))) / block_[a];
+    high[a] = std::min(dims_[a] - 1, static_cast<int>(std::floor(at + voxels))) / block_[a];
+  }
+  const std::int16_t seen = only_[block_of(nearest[0], nearest[1], nearest[2])];
+  if (seen != kSeveral) return OwnerShares(seen == kNobody ? any_ : seen);
+
+  OwnerShares shares;
+  const double reach_squared = reach_mm_ * reach_mm_;
+  // where the structure that was met last stands: neighbours mostly have the same owner
+  std::size_t last = 0;
+  const auto add = [&](const OuterVoxel& voxel) {
+    double squared = 0;
+    for (int a = 0; a < 3; ++a) {
+      const double way_mm = (voxel.index[static_cast<std::size_t>(a)] - p[a]) * spacing_mm_[a];
+      squared += way_mm * way_mm;
+    }
+    if (squared >= reach_squared) return;
+    if (last >= shares.count_ || shares.share_[last].structure != voxel.structure) {
+      last = 0;
+      while (last < shares.count_ && shares.share_[last].structure != voxel.structure) ++last;
+      // no tissue has more beside one another
+      if (last == OwnerShares::kMost) return;
+      if (last == shares.count_) shares.share_[shares.count_++] = {voxel.structure, 0};
+    }
+    const double left = 1 - squared / reach_squared;
+    shares.share_[last].part += left * left;
+  };
+  for (int c = low[2]; c <= high[2]; ++c)
+    for (int b = low[1]; b <= high[1]; ++b) {
+      // blocks of a row follow one another
+      const std::size_t row =
+          (static_cast<std::size_t>(c) * static_cast<std::size_t>(blocks_[1]) + static_cast<std::size_t>(b)) *
+          static_cast<std::size_t>(blocks_[0]);
+      const std::uint32_t end = first_in_block_[row + static_cast<std::size_t>(high[0]) + 1];
+      for (std::uint32_t n = first_in_block_[row + static_cast<std::size_t>(low[0])]; n < end; ++n)
+        add(voxels_[n]);
+    }
+  double all = 0;
+  for (std::size_t n = 0; n < shares.count_; ++n) all += shares.share_[n].part;
+  if (!(all > 0)) return OwnerShares(any_);
+  for (std::size_t n = 0; n < shares.count_; ++n) shares.share_[n].part /= all;
+  std::sort(shares.share_.begin(), shares.share_.begin() + static_cast<std::ptrdiff_t>(shares.count_),
+            [](const OwnerShare& a, const OwnerShare& b) {
+              return a.part > b.part || (a.part == b.part && a.structure < b.structure);
+            });
+  return shares;
+}
+
+}  // namespace palpate

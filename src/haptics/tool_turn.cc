@@ -1,0 +1,158 @@
+#include "haptics/tool_turn.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "haptics/near_surfaces.h"
+
+/// The spheres of a tool that turns by an angle a about an axis through the tip go on arcs of a * r, where r
+/// is how far their centre lies from the axis. A step goes as far as every clearance allows, and a little
+/// farther:
+///
+///     a = min (clearance + kArc_mm) / (L r)        over pairs of a sphere and a surface as steep as L
+///
+/// so that a sphere which touches goes on, and its step may end below by kArc_mm. From there all is put back
+/// outside together, by a push p of the whole tool. The way of a sphere in such a step, turn and push at
+/// once, is at most a r + p, and both of its ends lie outside. A surface as steep as L is then at most
+///
+///     (L (a r + p) - clearance) / 2
+///
+/// above a sphere in between: a step is taken where that is at most kStride_mm / 2, which is below
+/// kMostDip_mm, and tried again with half of the angle where it is not.
+namespace palpate {
+namespace {
+
+// the push of a wall that is met at a right angle is as long as the arc
+constexpr double kArc_mm = 0.45 * kStride_mm;
+constexpr int kMostTurnSteps = 48, kMostTurnHalvings = 4;
+// Surfaces are gathered for so long an arc of the sphere that goes farthest, with room for being pushed, and
+// then anew: of a longer one too many would be near.
+constexpr double kLeg_mm = 2, kRoom = 2.2;
+constexpr int kMostLegs = 8;
+
+class Turn {
+ public:
+  Turn(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+       const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyWay* way)
+      : surfaces_(surfaces),
+        spheres_(spheres),
+        layer_(layer),
+        attitude_(attitude),
+        state_(state),
+        way_(way) {}
+
+  ToolTurn go() {
+    note();
+    for (int leg = 0; leg < kMostLegs && left_steps_ > 0; ++leg)
+      if (!go_leg()) return result_;
+    result_.lagging = true;
+    return result_;
+  }
+
+ private:
+  // false where the turn ends with it
+  bool go_leg() {
+    const Eigen::Quaterniond begun = state_.attitude;
+    const Eigen::AngleAxisd rest(attitude_ * begun.conjugate());
+    const TurnedTool tool(spheres_, attitude_, begun);
+    farthest_mm_ = 0;
+    for (std::size_t k = 0; k < tool.spheres().size(); ++k) {
+      // no place of a capsule's axis goes farther than one of its ends
+      const ToolSphere& sphere = tool.spheres()[k];
+      radius_mm_[k] = std::max(rest.axis().cross(sphere.offset_mm.eigen()).norm(),
+                               rest.axis().cross((sphere.offset_mm + sphere.along_mm).eigen()).norm());
+      farthest_mm_ = std::max(farthest_mm_, radius_mm_[k]);
+    }
+    const double whole_mm = rest.angle() * farthest_mm_;
+    if (whole_mm <= kOutside_mm) return arrive();
+
+    const double leg_rad = whole_mm > kLeg_mm ? kLeg_mm / farthest_mm_ : rest.angle();
+    NearSurfaces near(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
+                      kRoom * leg_rad * farthest_mm_ + kStride_mm);
+    // a step's push is at most a stride: it comes on top
+    room_mm_ = near.reach_mm() - kStride_mm;
+    double done_rad = 0;
+    while (left_steps_ > 0 && done_rad < leg_rad && room_mm_ > kOutside_mm) {
+      --left_steps_;
+      const double step_rad = step(near, rest, begun, done_rad, leg_rad - done_rad);
+      if (!(step_rad > 0)) {
+        result_.blocked = true;
+        return false;
+      }
+      done_rad += step_rad;
+    }
+    if (done_rad >= rest.angle()) return arrive();
+    result_.lagging = done_rad == 0;
+    return !result_.lagging;
+  }
+
+  // with the attitude as it was given, to the last bit
+  bool arrive() {
+    state_.attitude = attitude_;
+    return false;
+  }
+
+  // one step of at most so much; the angle that was taken, 0 where there is none
+  double step(NearSurfaces& near, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun,
+              double done_rad, double most_rad) {
+    double angle_rad = std::min(most_rad, room_mm_ / farthest_mm_);
+    for (std::size_t n = 0; n < near.count(); ++n) {
+      const double slope = near[n].surface->steepest() * radius_mm_[static_cast<std::size_t>(near[n].sphere)];
+      clearance_mm_[n] =
+          std::max(0.0, near.clearance(n, state_.position, std::max(kSkin_mm, slope * angle_rad)));
+      if (slope * angle_rad > clearance_mm_[n] + kArc_mm) angle_rad = (clearance_mm_[n] + kArc_mm) / slope;
+    }
+    const double stride_mm = kStride_mm / near.steepest();
+    for (int tries = 0; tries <= kMostTurnHalvings; ++tries, angle_rad *= 0.5) {
+      const Eigen::Quaterniond turned =
+          (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
+      near.turn(TurnedTool(spheres_, attitude_, turned).spheres());
+      Point<Patient> there = state_.position;
+      if (!leave_surfaces(near, kMostCorrections, stride_mm, there)) continue;
+      const double push_mm = (there - state_.position).norm();
+      if (!is_safe(near, angle_rad, push_mm)) continue;
+      room_mm_ -= angle_rad * farthest_mm_ + push_mm;
+      state_.position = there;
+      state_.attitude = turned;
+      note();
+      return angle_rad;
+    }
+    return 0;
+  }
+
+  // whether no sphere lies too deep between the ends of a step
+  bool is_safe(const NearSurfaces& near, double angle_rad, double push_mm) const {
+    for (std::size_t n = 0; n < near.count(); ++n) {
+      const double way_mm = angle_rad * radius_mm_[static_cast<std::size_t>(near[n].sphere)] + push_mm;
+      if (near[n].surface->steepest() * way_mm > clearance_mm_[n] + kStride_mm) return false;
+    }
+    return true;
+  }
+
+  void note() {
+    if (way_ != nullptr) way_->add(state_.position, state_.attitude);
+  }
+
+  std::span<const FeltSurface> surfaces_;
+  std::span<const ToolSphere> spheres_;
+  const int layer_;
+  const Eigen::Quaterniond attitude_;
+  ProxyLayer& state_;
+  ProxyWay* way_;
+  ToolTurn result_;
+  std::array<double, kMostToolSpheres> radius_mm_{};  // of the spheres' arcs
+  double farthest_mm_ = 0;                            // the greatest of them
+  double room_mm_ = 0;                                // that the gathered surfaces allow any sphere
+  std::array<double, kMostNear> clearance_mm_{};
+  int left_steps_ = kMostTurnSteps;
+};
+
+}  // namespace
+
+ToolTurn turn_tool(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                   const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyWay* way) {
+  if (state.attitude.coeffs() == attitude.coeffs()) return {};
+  return Turn(surfaces, spheres, layer, attitude, state, way).go();
+}
+
+}  // namespace palpate

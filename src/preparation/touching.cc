@@ -1,0 +1,51 @@
+#include "preparation/touching.h"
+
+#include <algorithm>
+#include <array>
+
+namespace palpate::internal {
+
+Result<Touching> find_touching(const Volume<LabelId>& labels, const std::vector<int>& index,
+                               std::size_t structures, Common common, int threads, const Progress& progress,
+                               const ProgressSpan& stage) {
+  const GridGeometry& grid = labels.geometry();
+  const int workers = worker_count(threads, grid.dims[2]);
+  std::vector<Touching> found(static_cast<std::size_t>(workers), Touching(structures));
+  const int width = grid.dims[0];
+  // every second of a voxel's neighbours: the others have it as theirs
+  struct Neighbour {
+    int i, j, k;
+  };
+  constexpr std::array<Neighbour, 13> kNeighbours{{{1, 0, 0},
+                                                   {0, 1, 0},
+                                                   {0, 0, 1},
+                                                   {1, 1, 0},
+                                                   {-1, 1, 0},
+                                                   {1, 0, 1},
+                                                   {-1, 0, 1},
+                                                   {0, 1, 1},
+                                                   {0, -1, 1},
+                                                   {1, 1, 1},
+                                                   {-1, 1, 1},
+                                                   {1, -1, 1},
+                                                   {-1, -1, 1}}};
+  const std::size_t neighbours = common == Common::kFace ? 3 : kNeighbours.size();
+  const auto done = for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
+    Touching& mine = found[static_cast<std::size_t>(worker)];
+    for (int j = 0; j < grid.dims[1]; ++j) {
+      for (std::size_t n = 0; n < neighbours; ++n) {
+        const Neighbour& to = kNeighbours[n];
+        if (j + to.j < 0 || j + to.j >= grid.dims[1] || k + to.k >= grid.dims[2]) continue;
+        const LabelId* a = labels.voxels().data() + grid.offset(0, j, k);
+        const LabelId* b = labels.voxels().data() + grid.offset(0, j + to.j, k + to.k);
+        for (int i = std::max(0, -to.i); i < std::min(width, width - to.i); ++i)
+          if (a[i] != b[i + to.i]) mine.add(index[a[i]], index[b[i + to.i]]);
+      }
+    }
+  });
+  if (!done) return done.error();
+  for (std::size_t w = 1; w < found.size(); ++w) found[0].add(found[w]);
+  return found[0];
+}
+
+}  // namespace palpate::internal

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "cache/digest.h"
+#include "palpate/phantoms.h"
+#include "palpate/preparation.h"
+#include "palpate/ramps.h"
+#include "palpate/surfaces.h"
+
+/// What takes seconds to prepare, taken from the cache where it was prepared before (docs/cache.md). Each is
+/// the function of palpate/preparation.h, ramps.h, surfaces.h, phantoms.h or volume.h with the same
+/// parameters, bit for bit, and has its errors. Results are found by everything that the function reads,
+/// names never: it reads none.
+namespace palpate {
+
+/// Raised by whoever changes what any of these functions gives for the same parameters: what was prepared
+/// before is then no longer found. A test says when it was forgotten (KeptPreparation.GoldenHash).
+inline constexpr std::uint32_t kPreparationVersion = 1;
+
+/// By which kept results of labels are found: of their voxels and grid. Nothing where nothing is kept.
+std::optional<cache::Digest> labels_digest(const Volume<LabelId>& labels);
+
+Result<Ramps> kept_ramps(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures,
+                         const RampOptions& options, const Progress& progress);
+
+Result<Volume<std::uint8_t>> kept_smooth(const Volume<std::uint8_t>& weights, const GaussianOptions& options,
+                                         const Progress& progress);
+Result<Volume<std::uint16_t>> kept_smooth_16(const Volume<std::uint8_t>& weights,
+                                             const GaussianOptions& options, const Progress& progress);
+
+/// @param of_labels  labels_digest(labels)
+Result<std::vector<std::pair<LabelId, LabelId>>> kept_touching_pairs(
+    const Volume<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
+    const std::vector<LabelId>& structures, const Progress& progress);
+
+/// The surfaces of prepare_outer_surfaces, in the order of the groups.
+/// @param of_labels  labels_digest(labels)
+Result<std::vector<std::shared_ptr<const Surface>>> kept_outer_surfaces(
+    const Volume<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
+    const std::vector<std::vector<LabelId>>& groups, const SurfaceOptions& options, const Progress& progress);
+
+/// resample_linear and resample_nearest.
+Result<Volume<float>> kept_resampled(const Volume<float>& scan, const GridGeometry& grid, float outside,
+                                     const Progress& progress);
+Result<LabelMap> kept_resampled(const LabelMap& labels, const GridGeometry& grid, const Progress& progress);
+
+Result<Phantom> kept_phantom(const PhantomParameters& parameters, const Progress& progress);
+
+}  // namespace palpate

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "palpate/recording.h"
+#include "palpate/viewer_server.h"
+
+namespace palpate {
+
+/// What a time line shows of a recording, gathered as its ticks go by: memory for it does not depend on how
+/// many there are.
+class RecordingLine {
+ public:
+  /// Shorter breaks of a contact are none to the eye.
+  static constexpr double kBreak_s = 0.05;
+  static constexpr std::size_t kMostContacts = 2000, kMostEvents = 2000, kForces = 1000;
+
+  /// @param head  of the recording whose ticks follow
+  explicit RecordingLine(const RecordingHead& head);
+  void see(const RecordingPart& part);
+  /// After the last part.
+  ViewedRecording take();
+
+ private:
+  void see(const TickRecord& tick);
+  void see(const RecordingEvent& event);
+  void drop_short_contacts();
+
+  const double rate_hz_;
+  ViewedRecording line_;
+  std::uint64_t seen_ = 0;
+  std::vector<std::pair<std::uint64_t, ViewedRecording::Event>>
+      events_;             // with the tick in which they took hold
+  std::size_t timed_ = 0;  // of them have their time
+};
+
+}  // namespace palpate

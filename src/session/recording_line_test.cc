@@ -1,0 +1,106 @@
+#include "session/recording_line.h"
+
+#include <gtest/gtest.h>
+
+#include "palpate/device.h"
+
+namespace palpate {
+namespace {
+
+// 1 kHz, of these labels one after the other, pressed with as many newtons
+ViewedRecording line_of(const std::vector<LabelId>& labels, const std::vector<RecordingEvent>& events = {}) {
+  RecordingHead head;
+  head.header.rate_hz = 1000;
+  head.ticks = labels.size();
+  std::vector<TickRecord> ticks(labels.size());
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    ticks[i].tick = i;
+    ticks[i].time_s = 0.001 * static_cast<double>(i);
+    ticks[i].device[0].label = labels[i];
+    ticks[i].device[0].force_N = {0, 0, static_cast<double>(labels[i])};
+  }
+  RecordingLine line(head);
+  line.see({ticks, events});
+  return line.take();
+}
+
+RecordingEvent event(RecordingEvent::Kind kind, std::uint64_t tick, AskedBy by = {}) {
+  RecordingEvent event;
+  event.kind = kind;
+  event.tick = tick;
+  event.by = by;
+  return event;
+}
+
+TEST(RecordingLine, HasTheContactsAndTheirGreatestForces) {
+  // touched for 100 ms, a break that is none, another structure, a break that is one
+  std::vector<LabelId> labels(100, 1);
+  labels.insert(labels.end(), 40, 0);
+  labels.insert(labels.end(), 60, 1);
+  labels.insert(labels.end(), 50, 2);
+  labels.insert(labels.end(), 100, 0);
+  labels.insert(labels.end(), 10, 2);
+  const ViewedRecording line = line_of(labels);
+  ASSERT_EQ(line.contacts.size(), 3u);
+  EXPECT_NEAR(line.contacts[0].begin_s, 0, 1e-12);
+  EXPECT_NEAR(line.contacts[0].end_s, 0.2, 1e-12);
+  EXPECT_EQ(line.contacts[1].label, 2);
+  EXPECT_EQ(line.contacts[1].most_N, 2);
+  EXPECT_NEAR(line.contacts[2].begin_s, 0.35, 1e-12);
+  EXPECT_NEAR(line.end_s, 0.359, 1e-12);
+  ASSERT_EQ(line.force_N.size(), labels.size());
+  EXPECT_EQ(line.force_N[180], 1);
+  EXPECT_EQ(line.force_N[355], 2);
+}
+
+TEST(RecordingLine, KeepsTheLongestOfTooManyContacts) {
+  // 1 to 7 ticks each, far apart
+  std::vector<LabelId> labels;
+  std::size_t all = 0;
+  for (; all < 9000; ++all) {
+    labels.insert(labels.end(), 1 + all % 7, static_cast<LabelId>(1 + all % 3));
+    labels.insert(labels.end(), 60, 0);
+  }
+  const ViewedRecording line = line_of(labels);
+  EXPECT_EQ(line.contacts.size(), RecordingLine::kMostContacts);
+  EXPECT_EQ(line.contacts.size() + line.contacts_left_out, all);
+  // 1286 of seven, then of six
+  for (const auto& contact : line.contacts) EXPECT_GT(contact.end_s - contact.begin_s, 0.0055);
+  EXPECT_TRUE(std::ranges::is_sorted(line.contacts, {}, &ViewedRecording::Contact::begin_s));
+  EXPECT_EQ(line.force_N.size(), RecordingLine::kForces);
+}
+
+TEST(RecordingLine, HasWhatTheRunWasTold) {
+  RecordingEvent settings = event(RecordingEvent::Kind::kSettings, 2, {Asker::kControlViewer, 3});
+  settings.changed = kSettingMethod | kSettingMaxForce;
+  RecordingEvent model = event(RecordingEvent::Kind::kModel, 4, {Asker::kScript, 0});
+  model.change.tissue = 1;
+  const auto stop = event(RecordingEvent::Kind::kStop, 5, {Asker::kKey, 0});
+  const ViewedRecording line =
+      line_of(std::vector<LabelId>(8, 0), {settings, model, stop, event(RecordingEvent::Kind::kRearm, 9)});
+  ASSERT_EQ(line.events.size(), 3u);
+  EXPECT_EQ(line.events[0].kind, "settings");
+  EXPECT_EQ(line.events[0].changed, (std::vector<std::string>{"method", "max_force_N"}));
+  EXPECT_EQ(line.events[0].by, "viewer");
+  EXPECT_EQ(line.events[0].viewer, 3u);
+  EXPECT_EQ(line.events[1].kind, "model");
+  EXPECT_EQ(line.events[1].tissue, 1);
+  EXPECT_EQ(line.events[1].by, "script");
+  EXPECT_EQ(line.events[2].kind, "stop");
+  EXPECT_NEAR(line.events[2].time_s, 0.005, 1e-12);
+  EXPECT_EQ(line.events_left_out, 1u);
+}
+
+TEST(RecordingLine, HasRoomForStopsBesideAllTheRest) {
+  std::vector<RecordingEvent> events;
+  for (std::size_t i = 0; i < 3 * RecordingLine::kMostEvents; ++i)
+    events.push_back(event(RecordingEvent::Kind::kSettings, 1));
+  events.push_back(event(RecordingEvent::Kind::kStop, 2));
+  const ViewedRecording line = line_of(std::vector<LabelId>(4, 0), events);
+  EXPECT_EQ(line.events.size(), RecordingLine::kMostEvents + 1);
+  EXPECT_EQ(line.events.back().kind, "stop");
+  EXPECT_EQ(line.events_left_out, 2 * RecordingLine::kMostEvents);
+}
+
+}  // namespace
+}  // namespace palpate

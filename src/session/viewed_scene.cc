@@ -1,0 +1,98 @@
+#include "session/viewed_scene.h"
+
+#include <algorithm>
+
+#include "base/hash.h"
+#include "palpate/rendering.h"
+
+namespace palpate {
+namespace {
+
+// no unit of a scan but the Hounsfield has values as low: air is -1000
+constexpr float kOnlyHounsfield = -500;
+
+// what the scene says, else what the values do
+Modality modality_of(Modality said, const Volume<float>* scan) {
+  if (said != Modality::kUnknown || !scan) return said;
+  const auto& voxels = scan->voxels();
+  const bool air = std::any_of(voxels.begin(), voxels.end(), [](float v) { return v <= kOnlyHounsfield; });
+  return air ? Modality::kCt : Modality::kUnknown;
+}
+
+template <class T>
+void hash_volume(const Volume<T>* volume, std::uint64_t& hash) {
+  if (!volume) return;
+  const GridGeometry& grid = volume->geometry();
+  for (const int dim : grid.dims) hash_word(hash, static_cast<std::uint64_t>(dim));
+  hash_bytes(hash, volume->voxels().data(), volume->voxels().size() * sizeof(T));
+}
+
+std::array<std::array<double, 4>, 4> rows_of(const Transform<World, Patient>& X) {
+  std::array<std::array<double, 4>, 4> rows{};
+  for (std::size_t r = 0; r < 3; ++r) {
+    for (std::size_t c = 0; c < 3; ++c) rows[r][c] = X.linear()(static_cast<int>(r), static_cast<int>(c));
+    rows[r][3] = X.translation()[static_cast<int>(r)];
+  }
+  rows[3][3] = 1;
+  return rows;
+}
+
+// the tissue's own, or that of its first structure
+Rgb colour_of(const Model& model, std::size_t tissue) {
+  for (const Segment& segment : model.segments)
+    if (segment.id < model.tissue_of_label.size() &&
+        model.tissue_of_label[segment.id] == static_cast<int>(tissue))
+      return segment.colour;
+  return model.tissues[tissue].colour;
+}
+
+}  // namespace
+
+ViewedScene viewed_scene(const Model& model, Modality said) {
+  ViewedScene scene;
+  scene.side = name_of(model.side, kSides);
+  scene.oriented = model.oriented;
+  scene.modality = name_of(modality_of(said, model.scan.get()), kModalities);
+  std::uint64_t hash = kHashSeed;
+  hash_volume(model.labels.get(), hash);
+  hash_volume(model.scan.get(), hash);
+  scene.content_hash = hash_finish(hash);
+  scene.scan = model.scan;
+  scene.labels = model.labels;
+  if (model.scan) scene.window = scan_window(*model.scan);
+  scene.world_from_patient = rows_of(model.X_WorldPatient);
+
+  // names and colours
+  for (const Segment& segment : model.segments) {
+    const bool known = segment.id < model.tissue_of_label.size();
+    scene.structures.push_back({segment.id, model.name_of(segment.id), segment.colour,
+                                known ? model.tissue_of_label[segment.id] : -1});
+  }
+  for (std::size_t t = 0; t < model.tissues.size(); ++t) {
+    const Tissue& tissue = model.tissues[t];
+    scene.tissues.push_back({tissue.name, tissue.felt, colour_of(model, t), tissue.opacity, tissue.rests_on});
+  }
+  scene.tool_name = model.tool.name;
+  scene.tool_radius_mm = model.tool.radius_mm;
+  for (const Eigen::Vector3d& point : model.tool.points_mm)
+    scene.tool_points_mm.push_back({point.x(), point.y(), point.z()});
+  for (const ToolCapsule& capsule : model.tool.capsules)
+    scene.tool_capsules.push_back({{capsule.from_mm.x(), capsule.from_mm.y(), capsule.from_mm.z()},
+                                   {capsule.to_mm.x(), capsule.to_mm.y(), capsule.to_mm.z()},
+                                   capsule.radius_mm});
+  return scene;
+}
+
+std::vector<ViewedTissueState> viewed_tissues(const Model& model) {
+  std::vector<ViewedTissueState> tissues;
+  for (const Tissue& tissue : model.tissues)
+    tissues.push_back({tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction_coefficient,
+                       tissue.viscosity_N_s_per_mm});
+  return tissues;
+}
+
+double felt_by_proxy_N_per_mm(double stiffness_N_per_mm, const DeviceTick& tick) {
+  return std::min(tick.scale * tick.force_gain * stiffness_N_per_mm, tick.most_stiffness_N_per_mm);
+}
+
+}  // namespace palpate

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "palpate/haptics.h"
+#include "palpate/scene.h"
+#include "palpate/viewer_server.h"
+
+namespace palpate {
+
+/// What a viewer shows of a model: volumes, structures, tissues, tool. What holds of a device and of what may
+/// be changed is left as it is by default.
+/// @param said  as the scene says it; unknown: what the scan's values tell
+ViewedScene viewed_scene(const Model& model, Modality said);
+
+/// The tissues as a model has them.
+std::vector<ViewedTissueState> viewed_tissues(const Model& model);
+
+/// What is felt of a tissue by the proxy, N/mm at the device.
+/// @param tick  whose device's scale, gain and most stiffness count
+double felt_by_proxy_N_per_mm(double stiffness_N_per_mm, const DeviceTick& tick);
+
+}  // namespace palpate

@@ -1,0 +1,487 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "base/test_chart.h"
+#include "base/test_files.h"
+#include "palpate/phantoms.h"
+#include "palpate/proxy.h"
+#include "palpate/scene.h"
+#include "palpate/session.h"
+#include "palpate/volume_io.h"
+
+/// Presses, slides and withdrawals where labels meet: on the flat top of two labels, and at random places of
+/// whole knees, half of them at seams. PALPATE_TEST_PRESSES says how many on each knee.
+namespace palpate {
+namespace {
+
+using test::in_ci;
+using test::shared_file;
+
+constexpr unsigned kSeamSeed = 15;
+constexpr double kPress_N = 1, kSlideMost_N = 3;
+constexpr double kStep_mm = 0.02;  // 20 mm/s at 1 kHz
+constexpr double kFar_mm = 12, kDeepest_mm = 6, kSlide_mm = 5, kWithdrawn_mm = 6, kOutside_mm = 0.05;
+constexpr double kFelt_mm = 0.5, kFelt_N = 0.01;
+constexpr double kJump_N = 0.02, kInward_N = 0.02, kFree_N = 0.001;
+
+int seam_presses() {
+  const char* asked = std::getenv("PALPATE_TEST_PRESSES");
+  return asked != nullptr ? std::atoi(asked) : 400;
+}
+
+/// A label map with what is felt of it, without friction.
+struct Body {
+  std::shared_ptr<const Model> model;
+  std::vector<FeltSurface> surfaces;
+
+  bool is_felt(LabelId label) const { return model->is_felt(label); }
+  /// Those of a layer that a tool meets that has gone through nothing.
+  bool is_met(const FeltSurface& felt, int layer = 0) const {
+    return felt.surface != nullptr && felt.beneath < 0 && felt.layer == layer;
+  }
+  double clearance_mm(const Point<Patient>& at, double radius_mm, int layer = 0) const {
+    double least = std::numeric_limits<double>::infinity();
+    for (const FeltSurface& felt : surfaces)
+      if (is_met(felt, layer)) least = std::min(least, felt.surface->distance_mm(at) - radius_mm);
+    return least;
+  }
+  Vector<Patient> outward(const Point<Patient>& at) const {
+    const FeltSurface* nearest = nullptr;
+    for (const FeltSurface& felt : surfaces)
+      if (is_met(felt) &&
+          (nearest == nullptr || felt.surface->distance_mm(at) < nearest->surface->distance_mm(at)))
+        nearest = &felt;
+    return nearest->surface->outward(at);
+  }
+};
+
+Model model_of(const LabelMap& map,
+               const std::function<std::optional<double>(const Segment&)>& stiffness_of) {
+  Model model;
+  model.labels = std::make_shared<const Volume<LabelId>>(map.flattened());
+  const auto& voxels = model.labels->voxels();
+  model.tissue_of_label.resize(*std::max_element(voxels.begin(), voxels.end()) + std::size_t{1}, -1);
+  for (const Segment& segment : map.segments) {
+    const std::optional<double> stiffness = stiffness_of(segment);
+    if (!stiffness || segment.id >= model.tissue_of_label.size()) continue;
+    model.tissue_of_label[segment.id] = static_cast<std::int16_t>(model.tissues.size());
+    Tissue tissue;
+    tissue.name = segment.name;
+    tissue.stiffness_N_per_mm = *stiffness;
+    tissue.friction_coefficient = tissue.static_friction = 0;
+    model.tissues.push_back(tissue);
+  }
+  return model;
+}
+
+// what a scene proposes to feel, by the names of the structures
+std::optional<double> as_proposed(const Segment& segment) {
+  const TissuePreset* preset = match_preset(segment.name);
+  if (preset == nullptr || !preset->values.felt) return {};
+  return preset->values.stiffness_N_per_mm;
+}
+
+Body one_body(const Model& model) {
+  const std::array methods{ForceMethod::kProxy};
+  const auto ready = ready_for(std::make_shared<const Model>(model), methods);
+  EXPECT_TRUE(ready.ok());
+  return {*ready, (*ready)->surfaces};
+}
+
+// the same with a closed surface for each label, as it was before there were outer ones
+Body apart(const Model& model) {
+  Body body{std::make_shared<const Model>(model), {}};
+  for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label) {
+    Model alone = model;
+    for (Tissue& tissue : alone.tissues) tissue.felt = false;
+    const int tissue = model.tissue_of_label[label];
+    if (tissue < 0) continue;
+    alone.tissues[static_cast<std::size_t>(tissue)].felt = true;
+    const Body one = one_body(alone);
+    body.surfaces.insert(body.surfaces.end(), one.surfaces.begin(), one.surfaces.end());
+  }
+  return body;
+}
+
+/// More than half a voxel inside what is felt: a point so deep in felt voxels, a sphere over a felt centre by
+/// more than half the widest spacing.
+class HalfAVoxel {
+ public:
+  explicit HalfAVoxel(const Body& body)
+      : body_(body),
+        labels_(*body.model->labels),
+        X_VoxelPatient_(labels_.geometry().X_PatientVoxel().inverse()) {}
+
+  bool inside(const Point<Patient>& proxy, double radius_mm) const {
+    const Point<Voxel> p = X_VoxelPatient_ * proxy;
+    const Eigen::Vector3d& spacing_mm = labels_.geometry().spacing_mm;
+    const double over_mm = radius_mm - 0.5 * spacing_mm.maxCoeff();
+    // a point: whether everything within a voxel of it is felt
+    const bool point = radius_mm == 0;
+    if (!point && over_mm <= 0) return false;
+    const Eigen::Vector3d reach =
+        point ? Eigen::Vector3d::Ones() : Eigen::Vector3d(over_mm * spacing_mm.cwiseInverse());
+    for (int k = static_cast<int>(std::ceil(p.z() - reach.z())); k <= p.z() + reach.z(); ++k)
+      for (int j = static_cast<int>(std::ceil(p.y() - reach.y())); j <= p.y() + reach.y(); ++j)
+        for (int i = static_cast<int>(std::ceil(p.x() - reach.x())); i <= p.x() + reach.x(); ++i) {
+          const bool felt = body_.is_felt(labels_.at_or(i, j, k, 0));
+          if (point && !felt) return false;
+          const Eigen::Vector3d way_mm = (Eigen::Vector3d(i, j, k) - p.eigen()).cwiseProduct(spacing_mm);
+          if (!point && felt && way_mm.norm() < over_mm) return true;
+        }
+    return point;
+  }
+
+ private:
+  const Body& body_;
+  const Volume<LabelId>& labels_;
+  Transform<Voxel, Patient> X_VoxelPatient_;
+};
+
+struct Figures {
+  int presses = 0, withdrawals = 0, unfelt = 0, inside = 0, jumped = 0, pulled_inward = 0, trapped = 0,
+      left_out = 0;
+  double largest_jump_N = 0, most_inward_N = 0;
+};
+
+/// A hand that presses a sphere on a body, slides, and goes back the way that it came.
+class SeamPress {
+ public:
+  SeamPress(const Body& body, const HalfAVoxel& half, double radius_mm, Figures& figures)
+      : body_(body), half_(half), tool_{{}, radius_mm}, figures_(figures) {}
+
+  void go(const Point<Patient>& target, const Vector<Patient>& outward, double aside) {
+    const auto start = free_place(target, outward);
+    if (!start) {
+      ++figures_.left_out;
+      return;
+    }
+    ++figures_.presses;
+    tip_ = *start;
+    advance();
+    const auto lead = [&](const Vector<Patient>& step) {
+      tip_ += step;
+      advance();
+    };
+    while (force_N() < kPress_N && (tip_ - *start).norm() < kFar_mm + kDeepest_mm) lead(outward * -kStep_mm);
+    const Eigen::Vector3d across = outward.eigen().unitOrthogonal();
+    const Vector<Patient> along(Eigen::AngleAxisd(aside, outward.eigen()) * across);
+    for (double slid_mm = 0; slid_mm < kSlide_mm && force_N() < kSlideMost_N; slid_mm += kStep_mm)
+      lead(along * kStep_mm);
+    // a way that comes out of the body on another side is no press that can be taken back
+    if (!came_out_) withdraw();
+    figures_.unfelt += unfelt_;
+    figures_.inside += inside_;
+    figures_.jumped += jumped_;
+  }
+
+ private:
+  // the way that it is pushed, until it has been free for long; what lies above it, or hard in the soft that
+  // it is drawn through, may stop it
+  void withdraw() {
+    const Vector<Patient> out = result_.force_N.normalized();
+    outward_ = out;
+    withdrawing_ = true;
+    double free_mm = 0;
+    std::array<bool, kMostLayers> left{};
+    for (double way_mm = 0; way_mm < kFar_mm + kDeepest_mm && free_mm < kWithdrawn_mm; way_mm += kStep_mm) {
+      const bool was_free = free_mm > 0;
+      tip_ += out * kStep_mm;
+      const bool free = body_.clearance_mm(tip_, tool_.radius_mm) > kOutside_mm;
+      if (was_free && !free) return;
+      for (int layer = 1; layer < kMostLayers; ++layer) {
+        bool& out_of_it = left[static_cast<std::size_t>(layer)];
+        const double clearance_mm = body_.clearance_mm(tip_, tool_.radius_mm, layer);
+        if (out_of_it && clearance_mm < -kOutside_mm) return;
+        out_of_it = out_of_it || clearance_mm > kOutside_mm;
+      }
+      if (free) free_mm += kStep_mm;
+      withdrawn_ = free;
+      advance();
+    }
+    if (free_mm < kWithdrawn_mm) return;
+    ++figures_.withdrawals;
+    figures_.trapped += force_N() > kFree_N;
+    figures_.pulled_inward += most_inward_N_ > kInward_N;
+    figures_.most_inward_N = std::max(figures_.most_inward_N, most_inward_N_);
+  }
+
+  double force_N() const { return result_.force_N.norm(); }
+
+  // straight before the target, with room for the tool all the way out of everything's reach
+  std::optional<Point<Patient>> free_place(const Point<Patient>& target,
+                                           const Vector<Patient>& outward) const {
+    std::optional<Point<Patient>> first;
+    for (double way_mm = 0; way_mm <= kFar_mm; way_mm += 0.1) {
+      const Point<Patient> at = target + outward * way_mm;
+      const bool free = body_.clearance_mm(at, tool_.radius_mm) > 0.2;
+      if (free && !first) first = at;
+      if (!free) first.reset();
+    }
+    return first;
+  }
+
+  void advance() {
+    const Vector<Patient> before_N = result_.force_N;
+    const double before_K = result_.stiffness_N_per_mm;
+    result_ = advance_proxy(body_.surfaces, {&tool_, 1}, tip_, state_);
+    const double explained_N = std::max(before_K, result_.stiffness_N_per_mm) * kStep_mm;
+    const double jump_N = (result_.force_N - before_N).norm() - explained_N;
+    figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
+    jumped_ = jumped_ || jump_N > kJump_N;
+    inside_ = inside_ || half_.inside(state_.position, tool_.radius_mm);
+    unfelt_ = unfelt_ || (force_N() < kFelt_N && body_.clearance_mm(tip_, tool_.radius_mm) < -kFelt_mm);
+    for (int layer = 0; layer < kMostLayers && !withdrawing_; ++layer)
+      came_out_ = came_out_ || (state_.layer(layer).contacts > 0 &&
+                                body_.clearance_mm(tip_, tool_.radius_mm, layer) > kOutside_mm);
+    if (withdrawn_) most_inward_N_ = std::max(most_inward_N_, -result_.force_N.dot(outward_));
+  }
+
+  const Body& body_;
+  const HalfAVoxel& half_;
+  ToolSphere tool_;
+  Figures& figures_;
+  ProxyState state_;
+  ProxyResult result_;
+  Point<Patient> tip_;
+  Vector<Patient> outward_;
+  bool withdrawing_ = false, came_out_ = false, withdrawn_ = false, inside_ = false, unfelt_ = false,
+       jumped_ = false;
+  double most_inward_N_ = 0;
+};
+
+/// Felt voxels with a free one beside a face: all of them, and those with another felt label around.
+struct Surfaces {
+  std::vector<std::array<int, 3>> all, seams;
+};
+
+Surfaces exposed_voxels(const Body& body) {
+  Surfaces found;
+  const Volume<LabelId>& labels = *body.model->labels;
+  const auto& dims = labels.geometry().dims;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j)
+      for (int i = 0; i < dims[0]; ++i) {
+        const LabelId own = labels.at(i, j, k);
+        if (!body.is_felt(own)) continue;
+        bool exposed = false, seam = false;
+        for (int n = 0; n < 27; ++n) {
+          const int di = n % 3 - 1, dj = n / 3 % 3 - 1, dk = n / 9 - 1;
+          const LabelId other = labels.at_or(i + di, j + dj, k + dk, 0);
+          const bool felt = body.is_felt(other);
+          exposed = exposed || (!felt && std::abs(di) + std::abs(dj) + std::abs(dk) == 1);
+          seam = seam || (felt && other != own);
+        }
+        if (exposed) found.all.push_back({i, j, k});
+        if (exposed && seam) found.seams.push_back({i, j, k});
+      }
+  return found;
+}
+
+Figures press_all_over(const Body& body, int presses, double radius_mm) {
+  std::mt19937 random(kSeamSeed);
+  Figures figures;
+  const HalfAVoxel half(body);
+  const Surfaces voxels = exposed_voxels(body);
+  const auto X_PatientVoxel = body.model->labels->geometry().X_PatientVoxel();
+  std::uniform_real_distribution<double> turn(0, 6.283185307179586);
+  for (int n = 0; n < presses; ++n) {
+    const auto& among = n % 2 == 0 && !voxels.seams.empty() ? voxels.seams : voxels.all;
+    const auto& voxel = among[std::uniform_int_distribution<std::size_t>(0, among.size() - 1)(random)];
+    const Point<Patient> target = X_PatientVoxel * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
+    SeamPress(body, half, radius_mm, figures).go(target, body.outward(target), turn(random));
+  }
+  return figures;
+}
+
+void print(const char* what, double radius_mm, const Figures& f) {
+  std::printf(
+      "%-13s tool %.1f mm: %5d presses, %3d inside, %3d not felt, %4d with a jump (largest %6.3f N); %5d "
+      "withdrawn, %2d "
+      "pulled "
+      "inward (at most %.3f N), %2d trapped\n",
+      what, radius_mm, f.presses, f.inside, f.unfelt, f.jumped, f.largest_jump_N, f.withdrawals,
+      f.pulled_inward, f.most_inward_N, f.trapped);
+  std::fflush(stdout);
+}
+
+// @param least_N_per_mm  softer structures are not felt
+void expect_one_body(const char* what, const LabelMap& labels, double least_N_per_mm) {
+  SCOPED_TRACE("seed " + std::to_string(kSeamSeed));
+  const Model model = model_of(labels, [&](const Segment& segment) {
+    const auto stiffness = as_proposed(segment);
+    return stiffness && *stiffness >= least_N_per_mm ? stiffness : std::nullopt;
+  });
+  const Body body = one_body(model);
+  for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
+    const Figures figures = press_all_over(body, seam_presses() / 4, radius_mm);
+    print(what, radius_mm, figures);
+    EXPECT_GT(figures.withdrawals, figures.presses / 4);
+    EXPECT_EQ(figures.inside, 0);
+    EXPECT_EQ(figures.pulled_inward, 0);
+    EXPECT_EQ(figures.trapped, 0);
+  }
+  if (std::getenv("PALPATE_TEST_APART") != nullptr) {
+    const Body before = apart(model);
+    for (const double radius_mm : {0.0, 0.5, 1.5, 3.0})
+      print("labels apart", radius_mm, press_all_over(before, seam_presses() / 4, radius_mm));
+  }
+}
+
+/// A block with a flat top, halved by a plane across it that is turned from the grid.
+LabelMap flat_top(const Eigen::Vector3d& spacing_mm, double turned_degrees) {
+  GridGeometry grid;
+  constexpr double kWide_mm = 26, kHigh_mm = 12;
+  for (int a = 0; a < 3; ++a)
+    grid.dims[static_cast<std::size_t>(a)] =
+        static_cast<int>((a < 2 ? kWide_mm : 1.6 * kHigh_mm) / spacing_mm[a]);
+  grid.spacing_mm = spacing_mm;
+  LabelMap map;
+  map.layers.emplace_back(grid);
+  const double turned = turned_degrees * 0.017453292519943295;
+  for (int k = 0; k < grid.dims[2] && (k + 0.5) * spacing_mm.z() < kHigh_mm; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const double x = i * spacing_mm.x() - 0.5 * kWide_mm, y = j * spacing_mm.y() - 0.5 * kWide_mm;
+        map.layers[0].at(i, j, k) = x * std::cos(turned) + y * std::sin(turned) < 0 ? 1 : 2;
+      }
+  map.segments = {{1, "one", {}, 0, 1}, {2, "other", {}, 0, 2}};
+  return map;
+}
+
+struct Crossing {
+  double dip_mm = 0, drag_N = 0, jump_N = 0;
+  // straight across: the place beside the seam, mm, and the force, N
+  std::vector<std::array<double, 2>> up_N, aside_N;
+};
+
+// 1 mm deep across the seam and along it, 1 N/mm
+Crossing cross(const Body& body, double radius_mm) {
+  const GridGeometry& grid = body.model->labels->geometry();
+  const Point<Patient> middle =
+      grid.X_PatientVoxel() * Point<Voxel>(0.5 * grid.dims[0], 0.5 * grid.dims[1], 0);
+  const double from_mm = 4;
+  double top_mm = 0;
+  for (double z = 0; z < 24; z += 0.01)
+    if (body.clearance_mm(Point<Patient>(middle.x() - from_mm, middle.y(), z), 0) < 0) top_mm = z;
+  const ToolSphere tool{{}, radius_mm};
+  Crossing found;
+  double lowest_mm = std::numeric_limits<double>::infinity(), highest_mm = -lowest_mm;
+  for (const double heading : {0.0, 0.7, 1.4}) {
+    const Eigen::Vector3d along(std::cos(heading), std::sin(heading), 0);
+    ProxyState state;
+    ProxyResult before;
+    for (double way_mm = -from_mm - 3; way_mm < from_mm; way_mm += kStep_mm) {
+      // it comes down in front of the seam
+      const double deep_mm = std::min(1.0, way_mm + from_mm + 2);
+      const Point<Patient> tip(middle.x() + along.x() * way_mm, middle.y() + along.y() * way_mm,
+                               top_mm + radius_mm - deep_mm);
+      const ProxyResult result = advance_proxy(body.surfaces, {&tool, 1}, tip, state);
+      if (way_mm > -from_mm) {
+        lowest_mm = std::min(lowest_mm, state.position.z());
+        highest_mm = std::max(highest_mm, state.position.z());
+        found.drag_N = std::max(found.drag_N, std::hypot(result.force_N.x(), result.force_N.y()));
+        found.jump_N = std::max(found.jump_N, (result.force_N - before.force_N).norm() - kStep_mm);
+        if (heading == 0) {
+          found.up_N.push_back({way_mm, result.force_N.z()});
+          found.aside_N.push_back({way_mm, std::hypot(result.force_N.x(), result.force_N.y())});
+        }
+      }
+      before = result;
+    }
+  }
+  found.dip_mm = highest_mm - lowest_mm;
+  return found;
+}
+
+// the force of a point that is led across a seam, and what drags it aside
+void draw(const Crossing& before, const Crossing& after, const std::filesystem::path& folder) {
+  const auto chart = [&](const char* title, const char* up, const auto& was, const auto& is,
+                         const char* file) {
+    test::Chart picture(title, "mm from the seam", up, -4, 4, 4);
+    for (const double mm : {-4, -2, 0, 2, 4}) picture.tick_across(mm);
+    for (const double N : {0, 1, 2, 3, 4}) picture.tick_up(N);
+    picture.line("before", "labels apart", was);
+    picture.line("after", "one body", is);
+    picture.write(folder / file);
+  };
+  const char* press =
+      "N upward on a point 1 mm below the flat top of two labels, 1 N/mm; voxels of 0.28 \u00d7 0.28 \u00d7 "
+      "1.0 mm";
+  const char* drag = "N aside on the same point, without friction";
+  chart("Force across a seam", press, before.up_N, after.up_N, "seam-force.svg");
+  chart("Drag at a seam", drag, before.aside_N, after.aside_N, "seam-drag.svg");
+}
+
+// With PALPATE_DRAW_SEAMS=FOLDER two pictures there: docs/images has them.
+TEST(Seams, OfAFlatTopAreNotFelt) {
+  const char* folder = std::getenv("PALPATE_DRAW_SEAMS");
+  for (const Eigen::Vector3d& spacing_mm :
+       {Eigen::Vector3d(0.36, 0.36, 0.7), Eigen::Vector3d(0.625, 0.625, 0.9),
+        Eigen::Vector3d(0.28, 0.28, 1)}) {
+    for (const double turned : {0.0, 25.0, 60.0}) {
+      const Model model = model_of(flat_top(spacing_mm, turned), [](const Segment&) { return 1.0; });
+      const Body body = one_body(model), before = apart(model);
+      for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
+        const Crossing one = cross(body, radius_mm), two = cross(before, radius_mm);
+        if (folder != nullptr && radius_mm == 0 && turned == 0) draw(two, one, folder);
+        std::printf(
+            "%.2f mm, %2.0f degrees, tool %.1f mm: dip %.3f mm, drag %.3f N, jump %.3f N; labels apart %.3f, "
+            "%.3f, %.3f\n",
+            spacing_mm.x(), turned, radius_mm, one.dip_mm, one.drag_N, one.jump_N, two.dip_mm, two.drag_N,
+            two.jump_N);
+        EXPECT_LT(one.drag_N, 0.05);
+        EXPECT_LT(one.jump_N, kJump_N);
+        // what one label's top bends towards the block's edges, too
+        EXPECT_LT(one.dip_mm, 0.1);
+        // what is measured is there to be found
+        if (radius_mm == 0) {
+          EXPECT_GT(two.dip_mm, 0.3);
+          EXPECT_GT(two.drag_N, 0.5);
+        }
+      }
+    }
+  }
+}
+
+void expect_one_body_in(const char* what, const std::string& name, double least_N_per_mm) {
+  const auto file = shared_file(name);
+  if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
+  if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
+  const auto read = read_labels(*file);
+  ASSERT_TRUE(read.ok());
+  expect_one_body(what, read->labels, least_N_per_mm);
+}
+
+// all of its 48 structures where many presses are asked for: preparing them takes longer than pressing them
+TEST(Seams, TheHandSegmentedKneeIsOneBody) {
+  const bool whole = seam_presses() >= 1000;
+  expect_one_body_in("knee_spl", "knee_spl/seg.nrrd", whole ? 0 : 0.2);
+}
+
+TEST(Seams, TheObliqueKneeIsOneBody) {
+  expect_one_body_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
+}
+
+TEST(Seams, ThePhantomsKneeIsOneBody) {
+  const auto parameters = parse_phantom("knee-phantom:spacing=0.8");
+  ASSERT_TRUE(parameters.ok());
+  const auto phantom = make_phantom(*parameters);
+  ASSERT_TRUE(phantom.ok());
+  expect_one_body("knee-phantom", phantom->labels, 0);
+}
+
+}  // namespace
+}  // namespace palpate

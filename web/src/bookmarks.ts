@@ -1,0 +1,120 @@
+// Bookmarks of what is seen: the camera, the planes, which pictures, the window, and how the object stands. Kept per scene.
+
+import { byId, element } from "./dom.js";
+import { ANATOMICAL, type Anatomical, type Quaternion, type Vec3 } from "./geometry.js";
+import { keepScene, recallScene } from "./kept.js";
+import { ALONG, type Along, type PlaneKind, type SectionView } from "./section_view.js";
+import { LAYOUTS, type Layout, type KeptScene, type Session, type Window } from "./session.js";
+import type { VolumeView } from "./volume_view.js";
+import { says, words } from "./words.js";
+
+interface SectionSeen { kind: PlaneKind; across_mm: number; pan: [number, number]; offset_mm: number }
+export interface Seen {
+  layout: Layout;
+  window: Window;
+  camera: { right: Vec3; up: Vec3; focus: Vec3; across_mm: number };
+  cross: Vec3 | null; // null: the planes follow the tip
+  normal: Vec3; // of the oblique plane
+  along: Along;
+  like: Anatomical;
+  sections: SectionSeen[];
+  rotation: Quaternion | null; // of the object
+}
+export interface Bookmark { name: string; seen: Seen }
+
+const areNumbers = (x: unknown, count: number): boolean => Array.isArray(x) && x.length === count && x.every(Number.isFinite);
+/** Whether what was kept can be shown: a browser may hold anything. */
+export function isBookmark(x: unknown): x is Bookmark {
+  const { name, seen } = (x ?? {}) as Partial<Bookmark>;
+  const { window, camera, sections } = seen ?? ({} as Partial<Seen>);
+  return typeof name === "string" && typeof seen === "object" && Number.isFinite(window?.level) && window!.width > 0 && camera !== undefined &&
+    [camera.right, camera.up, camera.focus, seen.normal].every((v) => areNumbers(v, 3)) && camera.across_mm >= 0 && (seen.cross === null || areNumbers(seen.cross, 3)) &&
+    (seen.rotation === null || areNumbers(seen.rotation, 4)) && LAYOUTS.includes(seen.layout!) && ALONG.includes(seen.along!) && ANATOMICAL.includes(seen.like!) && Array.isArray(sections) &&
+    sections.every((one) => one.across_mm > 0 && areNumbers(one.pan, 2) && Number.isFinite(one.offset_mm));
+}
+
+export interface Shows {
+  session: Session;
+  volume: VolumeView;
+  sections: SectionView[];
+  layout(): Layout;
+  choose(layout: Layout): void;
+  /** What the oblique plane contains and is close to. */
+  orient(along: Along, like: Anatomical): void;
+  /** Asks for how the object is to stand, where this page may. */
+  turn(rotation: Quaternion): void;
+}
+
+export class Bookmarks {
+  private list: Bookmark[] = [];
+
+  constructor(private readonly page: Shows) {
+    const form = byId<HTMLFormElement>("bookmark-form");
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      const name = byId<HTMLInputElement>("bookmark-name");
+      this.set([...this.list, { name: name.value.trim() || words.bookmarkNumber(String(this.list.length + 1)), seen: this.seen() }]);
+      name.value = "";
+      // out of the text, where the space bar is a space
+      byId("bookmarks").querySelector<HTMLElement>("li:last-child .figure")?.focus();
+    });
+    this.show();
+  }
+
+  /** Of another scene. */
+  load(): void {
+    const kept: unknown = recallScene<KeptScene>(this.page.session.scene!.volume.hash).bookmarks;
+    this.list = Array.isArray(kept) ? kept.filter(isBookmark) : [];
+    this.show();
+  }
+  private set(list: Bookmark[]): void {
+    const { scene } = this.page.session;
+    if (!scene) return;
+    this.list = list;
+    keepScene<KeptScene>(scene.volume.hash, { bookmarks: list });
+    this.show();
+  }
+  private show(): void {
+    byId("bookmarks").replaceChildren(...this.list.map((bookmark, place) => {
+      const go = says(element("button", { type: "button", className: "figure", textContent: bookmark.name }), { title: "showBookmark" }, bookmark.name);
+      go.addEventListener("click", () => this.recall(bookmark.seen));
+      const remove = says(element("button", { type: "button", textContent: "×" }), { label: "deleteNamed", title: "deleteNamed" }, bookmark.name);
+      remove.addEventListener("click", () => {
+        this.set(this.list.filter((_, other) => other !== place));
+        // the focus stays in the list
+        (byId("bookmarks").querySelectorAll<HTMLElement>("button:last-child")[Math.min(place, this.list.length - 1)] ?? byId("bookmark-name")).focus();
+      });
+      return element("li", {}, go, remove);
+    }));
+  }
+
+  private seen(): Seen {
+    const { session, volume, sections, layout } = this.page;
+    const { right, up, focus } = volume.camera;
+    const oblique = sections[0]!;
+    return {
+      layout: layout(), window: session.window, camera: { right, up, focus, across_mm: volume.across_mm }, cross: session.follow ? null : session.anchor(),
+      normal: oblique.normal, along: oblique.along, like: oblique.like,
+      // one that was never shown has no size
+      sections: sections.filter(({ across_mm }) => across_mm > 0).map(({ kind, across_mm, pan, offset_mm }) => ({ kind, across_mm, pan, offset_mm })), rotation: session.pose?.rotation ?? null,
+    };
+  }
+  private recall(seen: Seen): void {
+    const { session, volume, sections, choose, orient, turn } = this.page;
+    choose(seen.layout);
+    session.window = seen.window;
+    session.follow = seen.cross === null;
+    session.cross = seen.cross;
+    session.obliqueNormal = seen.cross && seen.normal;
+    for (const section of sections) {
+      const own = seen.sections.find(({ kind }) => kind === section.kind);
+      if (own) Object.assign(section, { across_mm: own.across_mm, pan: own.pan, offset_mm: own.offset_mm });
+    }
+    orient(seen.along, seen.like);
+    const { right, up, focus, across_mm } = seen.camera;
+    Object.assign(volume.camera, { right, up, focus });
+    volume.across_mm = across_mm;
+    if (seen.rotation) turn(seen.rotation);
+    session.touch();
+  }
+}

@@ -1,0 +1,29 @@
+// English or German: as the browser is, or as was chosen here; kept in this browser.
+
+import { hush } from "./announce.js";
+import { byId } from "./dom.js";
+import { LANGUAGES, speak, type Language } from "./words.js";
+
+const KEY = "palpate.language";
+const isKnown = (name: string | null): name is Language => name !== null && Object.hasOwn(LANGUAGES, name);
+
+/** The first of the browser's languages that the page speaks. */
+export const preferred = (languages: readonly string[]): Language =>
+  languages.map((tag) => tag.toLowerCase().split("-")[0]!).find(isKnown) ?? "en";
+
+const listeners: (() => void)[] = [];
+/** What is not written by a message's name is to be written anew. */
+export const onLanguage = (listener: () => void): void => void listeners.push(listener);
+
+export function applyLanguage(): void {
+  const choice = byId<HTMLSelectElement>("language");
+  const kept = localStorage.getItem(KEY);
+  choice.value = isKnown(kept) ? kept : preferred(navigator.languages);
+  speak(choice.value as Language);
+  choice.addEventListener("change", () => {
+    localStorage.setItem(KEY, choice.value);
+    speak(choice.value as Language);
+    hush();
+    for (const listener of listeners) listener();
+  });
+}

@@ -1,0 +1,50 @@
+// An arthroscope: where it looks from the tool's tip, or from where it was moved to.
+
+import { aboutAxis, add, cross, multiply, normalize, reject, rotate, scale, type Quaternion, type Vec3 } from "./geometry.js";
+
+/** Of the patient: unit vectors at right angles. */
+export interface ScopeFrame { eye: Vec3; forward: Vec3; right: Vec3; up: Vec3 }
+/** Between the shaft and the middle of the picture, degrees: those that arthroscopes are made with. */
+export const OPTICS_DEG = [0, 30, 70] as const;
+/** From the middle of the picture to its border, degrees. */
+export const HALF_FIELD_DEG = 40;
+/** From the tip back along the shaft, mm. A scope whose camera lies at what the tool touches sees nothing but that. */
+export const BACK_MM = [0, 4, 8, 15] as const;
+
+export class Scope {
+  optics_deg: number = 30;
+  back_mm: number = 8;
+  /** How far the optics are turned about the shaft, by the light post; 0: they lean to the picture's top. */
+  post_deg = 0;
+  private free: ScopeFrame | null = null; // where it was moved to
+
+  get isFree(): boolean {
+    return this.free !== null;
+  }
+  toTip(): void {
+    this.free = null;
+  }
+
+  /** @param axes  of the tool, in the patient: the shaft goes from the tip along the third */
+  frame(tip: Vec3, axes: [Vec3, Vec3, Vec3]): ScopeFrame {
+    if (this.free) return this.free;
+    const [right, up, shaft] = axes;
+    const forward = scale(shaft, -1);
+    const post = (this.post_deg * Math.PI) / 180;
+    const side = add(scale(up, Math.cos(post)), scale(right, Math.sin(post)));
+    // the camera's head stays as it is held: only the optics lean
+    const lean = aboutAxis(cross(forward, side), (this.optics_deg * Math.PI) / 180);
+    return { eye: add(tip, scale(shaft, this.back_mm)), forward: rotate(lean, forward), right: rotate(lean, right), up: rotate(lean, up) };
+  }
+
+  turnPost(by_deg: number): void {
+    this.post_deg = (((this.post_deg + by_deg) % 360) + 360) % 360;
+  }
+  /** Away from the tip, from how it stands there: it looks to the right and up by so much, and goes ahead. */
+  move(from: ScopeFrame, right_rad: number, up_rad: number, ahead_mm: number): void {
+    const turn: Quaternion = multiply(aboutAxis(from.up, -right_rad), aboutAxis(from.right, up_rad));
+    const forward = normalize(rotate(turn, from.forward));
+    const right = normalize(reject(rotate(turn, from.right), forward));
+    this.free = { eye: add(from.eye, scale(forward, ahead_mm)), forward, right, up: cross(right, forward) };
+  }
+}

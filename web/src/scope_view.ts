@@ -1,0 +1,240 @@
+// The volume from within: what a scope sees whose camera is at the tool's tip, or was moved from there by keys, mouse or fingers.
+
+import { element } from "./dom.js";
+import { quantity } from "./figures.js";
+import { add, dot, orientationLetters, rotate, scale, spread, sub, type Vec3 } from "./geometry.js";
+import { LivePicture } from "./live_picture.js";
+import { drawAge, drawLetters, drawSide, drawTool, text, touchedText } from "./overlay.js";
+import { Picture } from "./picture.js";
+import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, type ScopeFrame } from "./scope.js";
+import { readable, type Session } from "./session.js";
+import type { View } from "./volume_caster.js";
+import type { VolumeRenderer } from "./volume_renderer.js";
+import { says, words } from "./words.js";
+
+/** So near the scope sees nothing: it may lie at what it touches. */
+const NEAREST_MM = 0.5;
+/** Its light is half as bright so far off: what is dark is far. */
+const REACH_MM = 40;
+const TANGENT = Math.tan((HALF_FIELD_DEG * Math.PI) / 180);
+const KEY_TURN_RAD = (5 * Math.PI) / 180;
+const KEY_POST_DEG = 15;
+const KEY_STEP_MM = 1;
+const DRAG_RAD_PER_PIXEL = 0.004;
+const WHEEL_MM = 0.02; // for a unit of its way
+const PINCH_MM = 30; // for fingers that come apart to e times as far
+
+/** The picture's pixels and directions, of so many pixels across. */
+export function scopeView({ eye, forward, right, up }: ScopeFrame, size: number): View {
+  const corner = add(add(eye, forward), add(scale(right, -TANGENT), scale(up, TANGENT)));
+  const step = (2 * TANGENT) / size;
+  return {
+    width: size, height: size, corner, across: scale(right, step), down: scale(up, -step), into: forward,
+    eye: { at: eye, nearest_mm: NEAREST_MM, reach_mm: REACH_MM, isRound: true }, cut: null, isFine: true,
+  };
+}
+
+export class ScopeView {
+  readonly picture = new Picture("scope");
+  readonly scope = new Scope();
+  told = ""; // that stands in the picture
+  private readonly live: LivePicture<ScopeFrame>;
+  private readonly pointers = new Map<number, [number, number]>();
+  private readonly toTip = says(element("button", { type: "button", className: "small" }), { text: "toTheTip", title: "atTipTitle" });
+
+  constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, isSoftware: boolean) {
+    this.live = new LivePicture(this.picture, renderer, isSoftware, true, () => this.drawOver());
+    const optics = says(element("select", { className: "small" }, ...OPTICS_DEG.map((angle) => new Option(`${angle}°`, String(angle)))), { label: "optics", title: "optics" });
+    optics.value = String(this.scope.optics_deg);
+    optics.addEventListener("change", () => {
+      this.scope.optics_deg = Number(optics.value);
+      session.touch();
+    });
+    const back = says(element("select", { className: "small" }, ...BACK_MM.map((mm) => new Option(`${mm} mm`, String(mm)))), { label: "scopeBack", title: "scopeBack" });
+    back.value = String(this.scope.back_mm);
+    back.addEventListener("change", () => {
+      this.scope.back_mm = Number(back.value);
+      session.touch();
+    });
+    const turns = ([["↺", -KEY_POST_DEG, ","], ["↻", KEY_POST_DEG, "."]] as const).map(([sign, by, key]) => {
+      const button = says(element("button", { type: "button", className: "small", textContent: sign }), { label: "turnOptics", title: "turnOptics" }, key);
+      button.addEventListener("click", () => this.act(() => this.scope.turnPost(by)));
+      return button;
+    });
+    this.toTip.addEventListener("click", () => this.act(() => this.scope.toTip()));
+    this.picture.head.append(back, optics, ...turns, this.toTip);
+    this.listen();
+  }
+
+  private act(change: () => void): void {
+    change();
+    this.session.touch();
+  }
+  lost(): void {
+    this.live.lost();
+  }
+
+  /** Where it looks from now; null as long as nobody knows where the tool is. */
+  frame(): ScopeFrame | null {
+    const { pose } = this.session;
+    const device = pose?.devices[0];
+    if (!device) return null;
+    const axes = ([[1, 0, 0], [0, 1, 0], [0, 0, 1]] as Vec3[]).map((axis) => this.session.toPatient(pose, rotate(device.orientation, axis)));
+    return this.scope.frame(this.session.toolAt(device), axes as [Vec3, Vec3, Vec3]);
+  }
+
+  draw(now: number): void {
+    const { session, picture } = this;
+    const resized = picture.fit();
+    const frame = this.frame();
+    if (!picture.isShown || !session.volumes || !session.scene || !frame) return;
+    if (resized) this.live.show();
+    this.toTip.disabled = !this.scope.isFree;
+    const { width, height, ratio } = picture.frame();
+    const size = Math.min(width, height);
+    this.renderer.follow(session);
+    this.live.update(now, JSON.stringify([frame, size, this.renderer.version]), this.pointers.size > 0, () => ({
+      camera: frame,
+      view: (reduction) => scopeView(frame, Math.max(16, Math.round(size / ratio / reduction))),
+    }));
+    this.drawOver();
+  }
+
+  /** Of what the scope is in the middle of, the name. */
+  private get around(): string | null {
+    const found = this.live.seen?.found;
+    if (!found) return null;
+    const steps = Array.from({ length: 9 }, (_, n) => (n + 0.5) / 9);
+    const all = steps.flatMap((y) => steps.map((x) => [x, y] as const)).filter(([x, y]) => Math.hypot(x - 0.5, y - 0.5) < 0.48);
+    const inside = all.map(([x, y]) => found.at(x, y)).filter((met) => met !== null && met.way_mm < NEAREST_MM + 0.05);
+    if (inside.length < all.length / 2) return null;
+    return readable(this.session.scene!.structures[inside[inside.length >> 1]!.place]!.name);
+  }
+
+  /** Where it stands, and what is in the middle of its picture. */
+  private where(): string {
+    const { scope } = this;
+    const ahead = this.live.seen!.found.at(0.5, 0.5);
+    const stands = scope.isFree ? words.movedFromTip
+      : [scope.back_mm > 0 ? words.behindTip(`${scope.back_mm} mm`) : words.atTheTip, `${scope.optics_deg}°`,
+        ...(scope.optics_deg > 0 ? [words.post(`${scope.post_deg}°`)] : [])].join(", ");
+    return ahead ? `${stands} · ${words.ahead(quantity(ahead.way_mm, "mm"), readable(this.session.scene!.structures[ahead.place]!.name))}` : stands;
+  }
+
+  private drawOver(): void {
+    const { session, scope } = this;
+    const frame = this.picture.frame();
+    const { context, width, height, ratio } = frame;
+    const seen = this.live.seen;
+    context.clearRect(0, 0, width, height);
+    if (!seen || !session.scene) return;
+    const { eye, forward, right, up } = seen.camera;
+    const [x, y, radius] = [width / 2, height / 2, Math.min(width, height) / 2];
+    const around = this.around;
+    const device = session.pose?.devices[0];
+
+    context.save();
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    if (around) {
+      context.fillStyle = "#14191d";
+      context.fill();
+    }
+    context.clip();
+    if (device && (scope.isFree || scope.back_mm > 0)) {
+      const depth = (p: Vec3) => Math.max(dot(sub(p, eye), forward), 0.01);
+      const pixelsPerMm = (p: Vec3) => radius / TANGENT / depth(p);
+      const tool = session.toolAt(device);
+      if (dot(sub(tool, eye), forward) > NEAREST_MM) {
+        drawTool(frame, session, device, {
+          pixel: (p) => [x + dot(sub(p, eye), right) * pixelsPerMm(p), y - dot(sub(p, eye), up) * pixelsPerMm(p)],
+          direction: (v) => [dot(v, right), -dot(v, up)],
+          pixelsPerMm,
+          clearness: (p) => (seen.found.hides(p, session.scene!.tool.radius_mm + 1.5 * session.volumes!.voxelSize) ? 0.45 : 1),
+        });
+      }
+    }
+    context.restore();
+
+    // the round field's border, with a mark where the optics lean to
+    context.beginPath();
+    context.arc(x, y, radius - ratio, 0, 2 * Math.PI);
+    context.lineWidth = 2 * ratio;
+    context.strokeStyle = "#3a4750";
+    context.stroke();
+    if (!scope.isFree && scope.optics_deg > 0) {
+      const post = (scope.post_deg * Math.PI) / 180;
+      const at = (way: number, aside: number): [number, number] =>
+        [x + way * Math.sin(post) + aside * Math.cos(post), y - way * Math.cos(post) + aside * Math.sin(post)];
+      context.beginPath();
+      context.moveTo(...at(radius - 14 * ratio, 0));
+      context.lineTo(...at(radius, -7 * ratio));
+      context.lineTo(...at(radius, 7 * ratio));
+      context.closePath();
+      context.fillStyle = "#eef3f5";
+      context.fill();
+    }
+
+    this.told = around ? words.insideOf(around) : this.where();
+    if (around) text(frame, this.told, x, y, 14, "#f5c277", "center", "middle");
+    else text(frame, this.told, 12 * ratio, 58 * ratio, 12, "#eef3f5", "left", "top");
+    if (device) text(frame, touchedText(session, device), 12 * ratio, 40 * ratio, 12, session.isFresh ? "#eef3f5" : "#a4adb3", "left", "top");
+    drawLetters(frame, orientationLetters(right, scale(up, -1)), session.scene.oriented, true);
+    drawSide(frame, session.scene);
+    drawAge(frame, session);
+  }
+
+  private move(right_rad: number, up_rad: number, ahead_mm: number): void {
+    const from = this.frame();
+    if (from) this.act(() => this.scope.move(from, right_rad, up_rad, ahead_mm));
+  }
+
+  private listen(): void {
+    const { picture } = this;
+    const surface = picture.surface;
+    surface.addEventListener("contextmenu", (event) => event.preventDefault());
+    surface.addEventListener("pointerdown", (event) => {
+      surface.setPointerCapture(event.pointerId);
+      surface.focus({ preventScroll: true });
+      this.pointers.set(event.pointerId, picture.at(event));
+    });
+    surface.addEventListener("pointermove", (event) => {
+      const before = this.pointers.get(event.pointerId);
+      if (!before) return;
+      const at = picture.at(event);
+      const { ratio } = picture.frame();
+      if (this.pointers.size === 2) {
+        const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
+        this.move(0, 0, PINCH_MM * Math.log(spread(other, before, at)));
+      } else if (this.pointers.size === 1) this.move((-(at[0] - before[0]) / ratio) * DRAG_RAD_PER_PIXEL, ((at[1] - before[1]) / ratio) * DRAG_RAD_PER_PIXEL, 0);
+      this.pointers.set(event.pointerId, at);
+    });
+    const up = (event: PointerEvent) => this.act(() => this.pointers.delete(event.pointerId));
+    surface.addEventListener("pointerup", up);
+    surface.addEventListener("pointercancel", up);
+    surface.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.move(0, 0, -event.deltaY * WHEEL_MM);
+    }, { passive: false });
+    surface.addEventListener("keydown", (event) => {
+      const keys: Record<string, () => void> = {
+        ArrowLeft: () => this.move(-KEY_TURN_RAD, 0, 0), ArrowRight: () => this.move(KEY_TURN_RAD, 0, 0),
+        ArrowUp: () => this.move(0, KEY_TURN_RAD, 0), ArrowDown: () => this.move(0, -KEY_TURN_RAD, 0),
+        "+": () => this.move(0, 0, KEY_STEP_MM), "=": () => this.move(0, 0, KEY_STEP_MM), "-": () => this.move(0, 0, -KEY_STEP_MM),
+        ",": () => this.act(() => this.scope.turnPost(-KEY_POST_DEG)), ".": () => this.act(() => this.scope.turnPost(KEY_POST_DEG)),
+        Home: () => this.act(() => this.scope.toTip()),
+      };
+      const action = keys[event.key];
+      if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      action();
+    });
+  }
+
+  /** What is seen by a scope that stands so, drawn for this: RGBA, row by row from the top. */
+  async pixels(frame: ScopeFrame, size: number): Promise<Uint8ClampedArray> {
+    await this.renderer.loaded;
+    this.renderer.follow(this.session);
+    return this.renderer.pixels(scopeView(frame, size));
+  }
+}

@@ -1,0 +1,165 @@
+// A recording's time line: how far it is, what was touched when, how strongly, what the run was told. It asks the server, which plays for all
+// its viewers.
+
+import type { Connection } from "./connection.js";
+import { byId, element, press, toast, write } from "./dom.js";
+import { quantity } from "./figures.js";
+import { onLanguage } from "./language.js";
+import { refusalText, type Requests } from "./requests.js";
+import type { RecordedEvent, Recording, State } from "./scene.js";
+import { readable, type Session } from "./session.js";
+import { words } from "./words.js";
+import type { Pose } from "./wire.js";
+
+const SPEEDS = [-4, -1, -0.25, 0.1, 0.25, 0.5, 1, 2, 4, 8, 16];
+/** Seconds with a tenth of a millisecond: the fastest loop's ticks are told apart. */
+const time = (s: number): string => `${s.toFixed(4).replace(/(\.\d\d)0+$/, "$1")} s`;
+
+export class Timeline {
+  private readonly place = byId<HTMLInputElement>("place");
+  private readonly canvas = byId<HTMLCanvasElement>("line");
+  private readonly marks = byId<HTMLSelectElement>("marks");
+  private readonly speed = byId<HTMLSelectElement>("play-speed");
+  private recording: Recording | null = null;
+  private failure: string | null = null; // that was told last
+  private drawn = ""; // what the picture was made of
+  private lastTick = -1;
+
+  constructor(private readonly session: Session, private readonly connection: Connection, private readonly requests: Requests) {
+    this.speed.append(...SPEEDS.map((speed) => new Option(`${speed} ×`.replace("-", "−"), String(speed))));
+    byId("play").addEventListener("click", () => this.toggle());
+    byId("tick-back").addEventListener("click", () => this.step(-1));
+    byId("tick-on").addEventListener("click", () => this.step(1));
+    this.speed.addEventListener("change", () => this.ask({ speed: Number(this.speed.value) }));
+    this.place.addEventListener("input", () => this.go(Number(this.place.value)));
+    this.marks.addEventListener("change", () => {
+      if (this.marks.value !== "") this.go(Number(this.marks.value));
+      this.marks.value = "";
+    });
+    this.canvas.addEventListener("pointerdown", (event) => this.goToPointer(event));
+    this.canvas.addEventListener("pointermove", (event) => event.buttons === 1 && this.goToPointer(event));
+    onLanguage(() => this.listMarks());
+  }
+
+  get isShown(): boolean {
+    return this.recording !== null;
+  }
+
+  show(recording: Recording | null): void {
+    this.recording = recording;
+    byId("playback").hidden = recording === null;
+    document.body.classList.toggle("shows-recording", recording !== null);
+    if (!recording) return;
+    this.place.min = String(recording.begin_s);
+    this.place.max = String(recording.end_s);
+    this.drawn = "";
+    this.listMarks();
+  }
+
+  showState({ playback }: State): void {
+    if (!playback) return;
+    press(byId("play"), playback.playing);
+    if (this.speed.selectedOptions[0]?.value !== String(playback.speed)) {
+      // another viewer's
+      if (!SPEEDS.includes(playback.speed)) this.speed.append(new Option(`${playback.speed} ×`.replace("-", "−"), String(playback.speed)));
+      this.speed.value = String(playback.speed);
+    }
+    const failure = playback.failed && refusalText(playback.failed);
+    if (failure && failure !== this.failure) toast(failure);
+    this.failure = failure;
+    this.allow();
+  }
+  allow(): void {
+    const isAllowed = this.connection.link === "connected" && this.connection.role === "control";
+    for (const id of ["play", "tick-back", "tick-on", "play-speed", "place", "marks"]) byId<HTMLInputElement>(id).disabled = !isAllowed;
+  }
+
+  toggle(): void {
+    this.ask({ playing: this.session.state?.playback?.playing !== true });
+  }
+
+  private ask(asked: { at_s?: number; playing?: boolean; speed?: number }): void {
+    void this.requests.latest(`play ${Object.keys(asked).join()}`, { type: "play", ...asked });
+  }
+  private go(at_s: number): void {
+    this.ask({ at_s });
+  }
+  /** A tick on or back: it rests there. */
+  private step(ticks: number): void {
+    const { pose, scene } = this.session;
+    if (!pose || !scene) return;
+    // into the middle of that tick, for a clock does not run evenly
+    this.ask({ at_s: pose.time + (ticks > 0 ? 1.5 : -0.5) / scene.rate_hz, playing: false });
+  }
+  private goToPointer(event: PointerEvent): void {
+    if (this.place.disabled || !this.recording) return;
+    const { left, width } = this.canvas.getBoundingClientRect();
+    const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
+    this.go(this.recording.begin_s + share * (this.recording.end_s - this.recording.begin_s));
+  }
+
+  /** What a list of places says of an event. */
+  private eventText({ kind, changed, tissue, by, viewer }: RecordedEvent): string {
+    const names = words.recorded as Record<string, string>;
+    const what = kind === "settings" ? changed.map((key) => names[key] ?? key).join(", ") || names.nothing!
+      : kind === "model" ? (tissue === null ? names.fields! : readable(this.session.scene?.tissues[tissue]?.name ?? String(tissue)))
+        : names[kind]!;
+    return `${what} · ${viewer === null ? names[by]! : words.viewerNumber(String(viewer))}`;
+  }
+  private listMarks(): void {
+    const { recording } = this;
+    if (!recording) return;
+    const contacts = recording.contacts.map(([begin_s, , label, most_N]) =>
+      ({ at_s: begin_s, text: `${readable(this.session.structureName(label) ?? words.unnamed(String(label)))} · ${quantity(most_N, "N")}` }));
+    const events = recording.events.map((event) => ({ at_s: event.time_s, text: this.eventText(event) }));
+    const listed = [...contacts, ...events].sort((a, b) => a.at_s - b.at_s);
+    const left = recording.contacts_left_out + recording.events_left_out;
+    this.marks.replaceChildren(new Option(left > 0 ? words.goToOfMore(String(left)) : words.goTo, ""),
+      ...listed.map(({ at_s, text }) => element("option", { value: String(at_s), textContent: `${time(at_s)}: ${text}` })));
+  }
+
+  addPose(pose: Pose): void {
+    if (!this.recording || pose.tick === this.lastTick) return;
+    this.lastTick = pose.tick;
+    if (!this.place.matches(":active")) this.place.value = String(pose.time);
+    write(byId("play-time"), `${time(pose.time)} / ${time(this.recording.end_s)} · ${words.tick(String(pose.tick))}`);
+  }
+
+  /** The line's picture: forces, what was touched in its colour, what was told; where it stands. */
+  draw(): void {
+    const { recording, session, canvas } = this;
+    if (!recording || !session.pose) return;
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const width = Math.round(canvas.clientWidth * ratio);
+    const height = Math.round(canvas.clientHeight * ratio);
+    const now = [width, height, session.pose.tick, session.lookVersion, getComputedStyle(canvas).color].join();
+    if (width === 0 || now === this.drawn) return;
+    this.drawn = now;
+    canvas.width = width;
+    canvas.height = height;
+    const context = canvas.getContext("2d")!;
+    const style = getComputedStyle(canvas);
+    const span = Math.max(recording.end_s - recording.begin_s, 1e-9);
+    const x = (s: number) => ((s - recording.begin_s) / span) * width;
+    const colours = new Map(session.scene!.structures.map(({ label }, n) => [label, `rgb(${session.looks[n]!.colour.join()})`]));
+
+    const top = Math.max(...recording.force_N, 1e-6);
+    const part = height * 0.62;
+    context.fillStyle = style.getPropertyValue("--force");
+    recording.force_N.forEach((force, n) => {
+      const bar = (force / top) * part;
+      context.fillRect((n / recording.force_N.length) * width, part - bar, Math.max(1, width / recording.force_N.length), bar);
+    });
+    for (const [begin_s, end_s, label] of recording.contacts) {
+      context.fillStyle = colours.get(label) ?? style.color;
+      context.fillRect(x(begin_s), part + ratio, Math.max(ratio, x(end_s) - x(begin_s)), height - part - ratio);
+    }
+    for (const { time_s, kind } of recording.events) {
+      context.fillStyle = kind === "stop" ? style.getPropertyValue("--notice") : style.color;
+      context.fillRect(x(time_s), 0, ratio, kind === "stop" ? height : height / 4);
+    }
+    context.fillStyle = style.color;
+    context.fillRect(x(session.pose.time) - ratio, 0, 2 * ratio, height);
+  }
+}
+

@@ -1,0 +1,118 @@
+// How a press in a picture that has depth finds what is felt there, and how the tip gets to it.
+
+import { add, apply, besides, column, dot, length, scale, sub, turn, type Vec3 } from "./geometry.js";
+import type { Volumes } from "./scene.js";
+
+/** Whether what is at a place pushes back. */
+export type IsFelt = (p: Vec3) => boolean;
+
+/** The tip comes from so far outside of a surface, and then goes so far in, so that it is felt. */
+const OUTSIDE_MM = 3;
+const DEEP_MM = 0.5;
+/** So deep the tip may be in something as it leaves. */
+const LEAVES_MM = 5;
+/** Towards the viewer, until the way across is free; where something is above the tip, it first goes aside. */
+const LIFTS_MM = [0, 3, 6, 12, 25, 50, 100, 200];
+const ASIDE_MM = [0, 6, 12, 25, 50];
+const SIDES = 8;
+
+/** The part of a line that may be within a volume: from, to, in mm along it; where it is not, to < from. */
+function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
+  const [at, by] = [apply(volumes.voxelFromPatient, from), turn(volumes.voxelFromPatient, into)];
+  let [begin, end] = [-Infinity, Infinity];
+  for (const axis of [0, 1, 2]) {
+    const ends = [-0.5, volumes.dims[axis]! - 0.5].map((side) => (side - at[axis]!) / (by[axis]! || 1e-12));
+    begin = Math.max(begin, Math.min(...ends));
+    end = Math.min(end, Math.max(...ends));
+  }
+  return [begin, end];
+}
+
+/** The first surface along a line of what is felt. @param least_mm  nothing is looked for before */
+export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Vec3, least_mm = -Infinity): Vec3 | null {
+  const [begin, end] = within(volumes, from, into);
+  const step = volumes.voxelSize / 3;
+  const at = (way: number) => add(from, scale(into, way));
+  for (let way = Math.max(begin, least_mm); way < end; way += step) {
+    if (!isFelt(at(way))) continue;
+    let [outside, inside] = [way - step, way];
+    for (let n = 0; n < 6; n++) {
+      const middle = (outside + inside) / 2;
+      if (isFelt(at(middle))) inside = middle;
+      else outside = middle;
+    }
+    return at(inside);
+  }
+  return null;
+}
+
+/** The tip's way to a surface under a press: over these places, and to the last of them, where it is felt. */
+export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
+  const [outside, inside] = [sub(surface, scale(into, OUTSIDE_MM)), add(surface, scale(into, DEEP_MM))];
+  // @param leaves_mm  so far it may still be in what it begins in
+  const isFree = (a: Vec3, b: Vec3, leaves_mm = 0) => {
+    const far = length(sub(b, a));
+    let hasLeft = false;
+    for (let way = 0; way < far; way += step_mm) {
+      const felt = isFelt(add(a, scale(sub(b, a), way / far)));
+      hasLeft ||= !felt;
+      if (felt && (hasLeft || way > leaves_mm)) return false;
+    }
+    return true;
+  };
+  if (isFree(tip, outside, LEAVES_MM)) return [outside, inside];
+  // a hand that goes through what it feels would leave its tool behind on the other side
+  const [first, second] = besides(into);
+  const least = Math.min(dot(tip, into), dot(outside, into));
+  const lifted = (p: Vec3, lift: number) => sub(p, scale(into, dot(p, into) - least + lift));
+  for (const aside of ASIDE_MM) {
+    for (let side = 0; side < (aside > 0 ? SIDES : 1); side++) {
+      const angle = (2 * Math.PI * side) / SIDES;
+      const beside = add(tip, add(scale(first, aside * Math.cos(angle)), scale(second, aside * Math.sin(angle))));
+      if (!isFree(tip, beside, LEAVES_MM)) continue;
+      for (const lift of LIFTS_MM) {
+        const [a, b] = [lifted(beside, lift), lifted(outside, lift)];
+        if (isFree(beside, a, aside > 0 ? 0 : LEAVES_MM) && isFree(a, b) && isFree(b, outside)) return [beside, a, b, outside, inside];
+      }
+    }
+  }
+  const far = LIFTS_MM.at(-1)!;
+  return [lifted(tip, far), lifted(outside, far), outside, inside];
+}
+
+/** What is felt nearest to a place: how high above it that is. */
+export class Ground {
+  private readonly steps: { way: Vec3; far_mm: number }[] = []; // the nearest first
+  private readonly stride: number; // voxels between them
+
+  constructor(private readonly volumes: Volumes, most_mm: number, mostSteps = 40000) {
+    const edges = [0, 1, 2].map((axis) => column(volumes.patientFromVoxel, axis));
+    const lengths = edges.map(length);
+    const all = lengths.reduce((product, edge) => (product * 2 * most_mm) / edge, 1);
+    const stride = (this.stride = Math.max(1, Math.ceil(Math.cbrt(all / mostSteps))));
+    const [ni, nj, nk] = lengths.map((edge) => Math.floor(most_mm / edge / stride)) as Vec3;
+    for (let k = -nk; k <= nk; k++) for (let j = -nj; j <= nj; j++) for (let i = -ni; i <= ni; i++) {
+      const way = [0, 1, 2].map((c) => stride * (i * edges[0]![c]! + j * edges[1]![c]! + k * edges[2]![c]!)) as Vec3;
+      if (length(way) <= most_mm) this.steps.push({ way, far_mm: length(way) });
+    }
+    this.steps.sort((a, b) => a.far_mm - b.far_mm);
+  }
+
+  below(p: Vec3, isFelt: IsFelt): { foot: Vec3; height_mm: number } | null {
+    const { volumes } = this;
+    // from the middle of the voxel on, so that every step meets the middle of one
+    const middle = apply(volumes.patientFromVoxel, apply(volumes.voxelFromPatient, p).map(Math.round) as Vec3);
+    const met = this.steps.find(({ way }) => isFelt(add(middle, way)));
+    if (!met) return null;
+    // the nearest of the voxels that were left out around it
+    let towards = sub(add(middle, met.way), p);
+    const size = 2 * this.stride - 1;
+    for (let n = 0; n < size ** 3; n++) {
+      const by = [n % size, Math.floor(n / size) % size, Math.floor(n / size ** 2)].map((x) => x - this.stride + 1) as Vec3;
+      const other = sub(add(add(middle, met.way), turn(volumes.patientFromVoxel, by)), p);
+      if (length(other) < length(towards) && isFelt(add(p, other))) towards = other;
+    }
+    const height_mm = length(towards) - volumes.voxelSize / 2;
+    return height_mm > 0 ? { foot: add(p, scale(towards, height_mm / length(towards))), height_mm } : null;
+  }
+}

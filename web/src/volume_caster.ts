@@ -1,0 +1,596 @@
+// Draws the volume: a ray for each pixel through the field (field.ts), by a shader of our own. Of each texel the shader looks up how its
+// structures look, so that a colour, an opacity or what is hidden is a matter of 256 entries.
+
+import type { Camera } from "./camera.js";
+import { BLOCK, type Field } from "./field.js";
+import { apply, dot, invert, length, scale, sub, turn, type Affine, type Vec3 } from "./geometry.js";
+import { halfFloats } from "./half_floats.js";
+import { inPieces, slicesOfPiece } from "./pieces.js";
+import { usedProgram } from "./shader_program.js";
+
+/** Behind everything, 0 ... 1. */
+export const BACKGROUND: Vec3 = [9 / 255, 12 / 255, 14 / 255];
+
+/** Rays from one place instead of side by side. */
+export interface Eye {
+  at: Vec3; // patient
+  nearest_mm: number; // what is nearer is not seen
+  reach_mm: number; // of the light at the eye: so far off it is half as bright; Infinity: bright everywhere
+  isRound: boolean; // the picture is a disc
+}
+/** What is taken away in front of a place, so that it is seen: a disc there, wider towards the viewer. */
+export interface Cut {
+  at: Vec3; // patient
+  radius_mm: number; // of the disc
+  widening: number; // mm of radius for a mm towards the viewer; Infinity: all that is in front of a plane
+  kept: number; // a structure that stays: its place in the list + 1, or 0
+}
+/** What is seen: rays through the pixels of a picture. */
+export interface View {
+  width: number;
+  height: number;
+  corner: Vec3; // patient, of the upper left pixel's upper left corner; without an eye at any depth
+  across: Vec3; // a pixel to the right
+  down: Vec3; // a pixel down
+  into: Vec3; // away from the viewer, unit; with an eye, in the picture's middle
+  eye: Eye | null;
+  cut: Cut | null;
+  isFine: boolean; // surfaces are as smooth as they get
+}
+
+/** Of what a camera sees in a picture of so many pixels of the screen, drawn with `reduction` fewer. */
+export function viewOf(camera: Camera, width: number, height: number, reduction: number, cut: Cut | null = null): View {
+  const w = Math.max(16, Math.round(width / reduction));
+  const h = Math.max(16, Math.round(height / reduction));
+  const mm = camera.mmPerPixel;
+  const { focus, right, up, backward, eye } = camera.inPatient();
+  const corner = [0, 1, 2].map((i) => focus[i]! - (right[i]! * width * mm) / 2 + (up[i]! * height * mm) / 2) as Vec3;
+  return {
+    width: w, height: h, corner, across: scale(right, (width * mm) / w), down: scale(up, (-height * mm) / h), into: scale(backward, -1),
+    eye: eye && { at: eye, nearest_mm: 0, reach_mm: Infinity, isRound: false }, cut, isFine: true,
+  };
+}
+
+/** Of a picture: how far along each pixel's ray the first solid surface is, and of which structure. */
+export class Found {
+  /** @param bytes  of each pixel, row by row from the bottom: how far, of 65535, in two bytes; a structure's place + 1 */
+  constructor(private readonly bytes: Uint8Array, private readonly view: View, private readonly least_mm: number, private readonly extent_mm: number) {}
+
+  /** Where in the picture a point of the patient is, 0 ... 1, and how far along its ray; null behind the eye. */
+  place(p: Vec3): { x: number; y: number; way_mm: number } | null {
+    const { corner, across, down, into, eye, width, height } = this.view;
+    const from = sub(p, eye ? eye.at : corner);
+    const depth = dot(from, into);
+    if (eye && depth <= 0) return null;
+    // on the plane of the picture's corner, seen from it
+    const onPlane = eye ? sub(scale(from, dot(sub(corner, eye.at), into) / depth), sub(corner, eye.at)) : from;
+    return { x: dot(onPlane, across) / dot(across, across) / width, y: dot(onPlane, down) / dot(down, down) / height, way_mm: eye ? length(from) : depth };
+  }
+  /** @returns null where the ray meets nothing solid, or is in no picture */
+  at(x: number, y: number): { way_mm: number; place: number } | null {
+    const { width, height } = this.view;
+    const [column, row] = [Math.floor(x * width), Math.floor(y * height)];
+    if (column < 0 || row < 0 || column >= width || row >= height) return null;
+    const n = 4 * (column + width * (height - 1 - row));
+    const place = this.bytes[n + 2]!;
+    return place === 0 ? null : { way_mm: this.least_mm + (this.extent_mm * (256 * this.bytes[n]! + this.bytes[n + 1]!)) / 65535, place: place - 1 };
+  }
+  /** Whether something solid lies more than `slack_mm` nearer to the viewer than a point. */
+  hides(p: Vec3, slack_mm: number): boolean {
+    const there = this.place(p);
+    const met = there && this.at(there.x, there.y);
+    return met !== null && met.way_mm < there!.way_mm - slack_mm;
+  }
+}
+
+// Graphics that the processor computes go through both sides of every `if`, but leave a loop that nobody is in. So what costs much stands
+// in loops that are seldom gone round, from the outside in: surfaces, samples near a surface, steps to where one may be. And they compile
+// every call as a copy, for seconds where there are many: so the neighbours that a value is made of are gone through by loops, too.
+// SCAN: the scan is seen around the structures. THIN: some structures are seen through. EYE: rays from one place. FINE: surfaces are smooth, for half as much time again. CUT: something is taken
+// away in front of a place.
+const FRAGMENT = `precision highp float;
+precision highp int;
+precision highp sampler3D;
+precision highp usampler3D;
+uniform usampler3D field;    // two structures and their shares, with a border of one empty texel
+uniform usampler3D leaps;    // of each block: so many blocks from here are empty
+uniform sampler3D haze;      // the scan
+uniform sampler2D looks;     // of 256 structures colour and opacity; 0 is nothing; below them, how they look where something is taken away
+uniform mat3 patient;        // turns a gradient by texels into one by mm
+uniform vec3 corner;         // everything in texels; with an eye these three from the eye and in mm
+uniform vec3 across;
+uniform vec3 down;
+#if EYE
+uniform vec3 eye;
+uniform float nearest_mm;
+uniform float light;         // 1 / mm^2: how fast it fades
+uniform float disc;          // square of the picture's radius, pixels
+vec3 into, inward;
+float pace;
+#else
+uniform vec3 into;           // for a mm
+uniform vec3 inward;         // patient, unit
+uniform float pace;          // from sample to sample, mm
+#endif
+#if CUT
+uniform vec4 apex;           // the place: pixel, how far in, mm a pixel; with an eye its direction, how far off
+uniform vec2 cone;           // radius there, mm; mm towards the viewer for a mm aside
+#endif
+uniform vec3 dims;
+uniform float height;
+uniform vec2 range;          // of what is found: least, mm; 1 / extent
+uniform vec3 window;         // of the scan: least value, 1 / width, strength
+uniform vec3 ground;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out vec4 found;
+
+// where coverage is one half, less a little for sheets of one texel, which never have more
+const float SURFACE = 0.45;
+const float FAINT = 0.02;
+const vec2 SOLID = vec2(1.0, 0.0);
+
+#if CUT
+int row = 0;                 // of looks
+#else
+const int row = 0;
+#endif
+
+vec4 lookOf(uint structure) {
+  return texelFetch(looks, ivec2(int(structure), row), 0);
+}
+
+// what is solid, and what one sees through
+vec2 kinds(float opacity) {
+#if THIN
+  return vec2(opacity == 1.0, opacity > 0.0 && opacity < 1.0);
+#else
+  return vec2(opacity, 0.0);
+#endif
+}
+
+vec2 coverageOf(uvec4 texel) {
+  return (float(texel.b) * kinds(lookOf(texel.r).a) + float(texel.a) * kinds(lookOf(texel.g).a)) / 255.0;
+}
+
+vec2 coverage(vec3 at) {
+  vec3 low = floor(at);
+  vec3 w = at - low;
+  ivec3 first = ivec3(low) + 1;
+  vec2 sum = vec2(0.0);
+  for (int c = 0; c < 8; c++) {
+    ivec3 o = ivec3(c & 1, (c >> 1) & 1, c >> 2);
+    vec3 f = mix(1.0 - w, w, vec3(o));
+    sum += f.x * f.y * f.z * coverageOf(texelFetch(field, first + o, 0));
+  }
+  return sum;
+}
+
+// the mixture of what is of one kind there: colour and opacity
+vec4 paint(vec3 at, vec2 kind) {
+  vec3 low = floor(at);
+  vec3 w = at - low;
+  ivec3 first = ivec3(low) + 1;
+  vec4 sum = vec4(0.0);
+  float weight = 1e-6;
+  for (int c = 0; c < 8; c++) {
+    ivec3 o = ivec3(c & 1, (c >> 1) & 1, c >> 2);
+    vec3 f = mix(1.0 - w, w, vec3(o));
+    uvec4 texel = texelFetch(field, first + o, 0);
+    vec4 a = lookOf(texel.r), b = lookOf(texel.g);
+    vec2 share = f.x * f.y * f.z * vec2(float(texel.b) * dot(kind, kinds(a.a)), float(texel.a) * dot(kind, kinds(b.a)));
+    sum += share.x * a + share.y * b;
+    weight += share.x + share.y;
+  }
+  return sum / weight;
+}
+
+// where on the way between two samples one kind's surface is
+float surface(vec3 origin, float outside, float inside, float before, float after, vec2 kind) {
+  float t = inside;
+  for (int n = 0; n < 2; n++) {
+    t = mix(outside, inside, clamp((SURFACE - before) / (after - before), 0.05, 0.95));
+    float there = dot(kind, coverage(origin + t * into));
+    bool isAfter = (there >= SURFACE) == (after >= SURFACE);
+    inside = isAfter ? t : inside;
+    after = isAfter ? there : after;
+    outside = isAfter ? outside : t;
+    before = isAfter ? before : there;
+  }
+  return t;
+}
+
+// a surface in the viewer's own light. @returns its colour; alpha: how squarely it is looked at
+vec4 lit(vec3 at, vec2 kind, vec3 base) {
+  vec3 gradient = vec3(0.0);
+  // so far around that the steps of voxels are smoothed out, and no farther than that a sheet of one texel has a side
+#if FINE
+  const int places = 14;
+  const float reach = 2.0;
+#else
+  const int places = 6;
+  const float reach = 1.0;
+#endif
+  for (int c = 0; c < places; c++) {
+    vec3 side = vec3(c >> 1 == 0, c >> 1 == 1, c >> 1 == 2) * (c % 2 == 0 ? 1.0 : -1.0);
+    vec3 corner = vec3(ivec3(c - 6, (c - 6) >> 1, (c - 6) >> 2) & 1) * 2.0 - 1.0;
+    vec3 to = c < 6 ? reach * side : 1.5 * corner;
+    gradient += (c < 6 ? side : 0.5 * corner) * dot(kind, coverage(at + to));
+  }
+  vec3 normal = patient * gradient;
+  float size = length(normal);
+  float facing = size > 0.0 ? abs(dot(normal, inward)) / size : 1.0;
+  return vec4(base * (0.28 + 0.68 * facing) + 0.08 * pow(facing, 20.0), facing);
+}
+
+// the structure that has most of what is solid there
+float solidAt(vec3 at) {
+  uvec4 texel = texelFetch(field, clamp(ivec3(floor(at + 0.5)), ivec3(0), ivec3(dims) - 1) + 1, 0);
+  float first = kinds(lookOf(texel.r).a).x * float(texel.b), second = kinds(lookOf(texel.g).a).x * float(texel.a);
+  return float(second > first ? texel.g : texel.r) / 255.0;
+}
+
+void main() {
+  vec2 pixel = vec2(gl_FragCoord.x, height - gl_FragCoord.y);
+  vec3 origin = corner + pixel.x * across + pixel.y * down;
+#if EYE
+  inward = normalize(origin);
+  into = inward * patient;
+  pace = 0.8 / max(abs(into.x), max(abs(into.y), abs(into.z)));
+  origin = eye;
+#endif
+  vec3 going = mix(into, vec3(1e-9), lessThan(abs(into), vec3(1e-9)));
+  vec3 a = (vec3(-1.0) - origin) / going, b = (dims - origin) / going;
+  vec3 near = min(a, b), far = max(a, b);
+  float t = max(near.x, max(near.y, near.z));
+  float end = min(far.x, min(far.y, far.z));
+#if EYE
+  vec2 fromMiddle = pixel - 0.5 * vec2(height);
+  t = max(t, nearest_mm);
+  end = disc > 0.0 && dot(fromMiddle, fromMiddle) > disc ? t : end;
+#endif
+#if CUT
+#if EYE
+  float cosine = dot(inward, apex.xyz), sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+  float cut = min(apex.w / max(cosine, 0.01), (apex.w + cone.x * cone.y) / max(sine * cone.y + cosine, 0.01));
+#else
+  float cut = apex.z - cone.y * max(0.0, apex.w * length(pixel - apex.xy) - cone.x);
+#endif
+#endif
+  vec3 shown = vec3(0.0);
+  float clear = 1.0;                  // how much of what lies behind is seen
+  float passed = t < end ? 0.0 : 1.0; // the ray meets nothing more
+  vec2 before = vec2(0.0), now = vec2(0.0);
+  float last = t;
+  float met = -1.0;                   // where the solid surface is: from where range begins, mm
+
+  for (int layer = 0; layer < 64 && passed == 0.0; layer++) {
+    // to the next surface
+    bool isSurface = false;
+    while (!isSurface && t < end && clear > 0.02) {
+      // to the next place that is near to one
+      bool isNear = false;
+      vec3 at = vec3(0.0);
+      uvec4 texel = uvec4(0u);
+      before = now;
+      while (!isNear && t < end) {
+        at = origin + t * into;
+#if CUT
+        row = t < cut ? 1 : 0;
+        last = t < cut ? last : max(last, cut);
+#endif
+        ivec3 nearest = clamp(ivec3(floor(at + 0.5)), ivec3(0), ivec3(dims) - 1);
+        ivec3 block = nearest / ${BLOCK};
+        float leap = float(texelFetch(leaps, block, 0).r);
+        texel = texelFetch(field, nearest + 1, 0);
+        // smoothed over a texel each way, nothing has a surface nearest to a texel that has none of it
+        vec2 rough = coverageOf(texel);
+        isNear = rough.x + rough.y > FAINT;
+        float step = pace;
+        // to the end of the cube of blocks that are empty
+        vec3 least = (vec3(block) - (leap - 1.0)) * ${BLOCK}.0 - 0.5, most = (vec3(block) + leap) * ${BLOCK}.0 - 0.5;
+        vec3 leaves = (mix(least, most, greaterThan(going, vec3(0.0))) - at) / going;
+        if (leap > 0.0) step = max(min(leaves.x, min(leaves.y, leaves.z)) + 0.01 * pace, pace);
+#if CUT
+        step = t < cut ? min(step, cut - t + 0.01 * pace) : step;
+#endif
+#if SCAN
+        step = min(step, 2.0 * pace);
+        float value = clamp((texture(haze, (at + 0.5) / dims).r - window.x) * window.y, 0.0, 1.0);
+        float dense = 0.03 * clamp((36.0 * value * window.z - 3.0) / 33.0, 0.0, 1.0) * (1.0 - clamp(2.0 * (rough.x + rough.y), 0.0, 1.0));
+        dense = min(dense * step, 1.0);
+        shown += clear * dense * 0.8 * value;
+        clear *= 1.0 - dense;
+#endif
+        before = isNear ? before : vec2(0.0);
+        last = isNear ? last : t;
+        t = isNear ? t : t + step;
+      }
+      // nothing between a place that is near to none and this one
+      now = isNear ? coverage(at) : vec2(0.0);
+      isSurface = now.x >= SURFACE;
+#if THIN
+      isSurface = isSurface || (before.y < SURFACE && now.y >= SURFACE) || (before.y >= SURFACE && now.x + now.y < SURFACE);
+      // what one sees through is not clear, either
+      vec4 within = (float(texel.b) * kinds(lookOf(texel.r).a).y * lookOf(texel.r) + float(texel.a) * kinds(lookOf(texel.g).a).y * lookOf(texel.g)) / 255.0;
+      float dense = min(0.006 * within.a * pace, 1.0);
+      shown += clear * dense * 0.8 * within.rgb;
+      clear *= 1.0 - dense;
+#endif
+      last = isSurface ? last : t;
+      t = isSurface ? t : t + pace;
+    }
+
+    // a solid one ends the ray; what one sees through is denser where it is looked at from the side
+    vec2 kind = now.x >= SURFACE ? SOLID : 1.0 - SOLID;
+    float way = surface(origin, last, t, dot(kind, before), dot(kind, now), kind);
+    vec3 hit = origin + way * into;
+    vec4 base = paint(hit, kind);
+    vec4 shade = lit(hit, kind, base.rgb);
+    float dense = kind.x > 0.5 ? 1.0 : 1.0 - pow(1.0 - 0.6 * base.a, 1.0 / max(shade.a, 0.3));
+    dense = isSurface ? dense : 0.0;
+#if EYE
+    shade.rgb /= 1.0 + light * way * way;
+#endif
+    met = isSurface && kind.x > 0.5 ? way - range.x : met;
+    shown += clear * dense * shade.rgb;
+    clear *= 1.0 - dense;
+    passed = isSurface && clear > 0.02 ? 0.0 : 1.0;
+    last = t;
+    t += pace;
+  }
+  colour = vec4(shown + clear * ground, 1.0);
+#if CUT
+  row = met + range.x < cut ? 1 : 0;
+#endif
+  float steps = floor(65535.0 * clamp(met * range.y, 0.0, 1.0) + 0.5);
+  found = vec4(floor(steps / 256.0) / 255.0, mod(steps, 256.0) / 255.0, met < 0.0 ? 0.0 : solidAt(origin + (met + range.x) * into), 1.0);
+}`;
+
+export class Caster {
+  private readonly gl: WebGL2RenderingContext;
+  private readonly programs = new Map<string, WebGLProgram>();
+  private program: WebGLProgram | null = null;
+  private field: Field | null = null;
+  private texelFromPatient: Affine = [];
+  private looks = new Uint8Array(1024);
+  private leapsStand = false; // for these looks and this field
+  private window: Vec3 = [0, 1, 0];
+  private target: WebGLFramebuffer | null = null; // a picture and, beside it, what was found
+  private readonly attached: WebGLRenderbuffer[] = [];
+  private size = [0, 0]; // of them
+  private range: [number, number] = [0, 1]; // of what is found: least and extent, mm
+  private readonly pixel = new Uint8Array(4);
+
+  /** @throws Error where there is no WebGL2 */
+  constructor(readonly canvas: OffscreenCanvas | HTMLCanvasElement) {
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias: false }) as WebGL2RenderingContext | null;
+    if (!gl) throw new Error("no WebGL 2");
+    this.gl = gl;
+    this.setUp();
+  }
+
+  get isLost(): boolean {
+    return this.gl.isContextLost();
+  }
+
+  /** All that the context holds besides the field; anew after it was lost. */
+  setUp(): void {
+    const gl = this.gl;
+    this.programs.clear();
+    gl.disable(gl.DITHER);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 256, 2);
+    this.setLooks(this.looks);
+    this.target = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
+    this.attached.length = 0;
+    for (const at of [gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]) {
+      const buffer = gl.createRenderbuffer()!;
+      gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, at, gl.RENDERBUFFER, buffer);
+      this.attached.push(buffer);
+    }
+    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
+    this.size = [0, 0];
+    this.use({});
+  }
+
+  /** The shader for what is to be seen, made when it is wanted first. @throws Error where the browser does not take it */
+  private use(what: { scan?: boolean; thin?: boolean; eye?: boolean; cut?: boolean; fine?: boolean }): void {
+    const gl = this.gl;
+    const define = (name: string, isSo = false) => `#define ${name} ${isSo ? 1 : 0}\n`;
+    const head = "#version 300 es\n" + define("SCAN", what.scan) + define("THIN", what.thin) + define("EYE", what.eye) + define("CUT", what.cut) + define("FINE", what.fine);
+    const made = this.programs.get(head);
+    if (made) {
+      this.program = made;
+      return gl.useProgram(made);
+    }
+    this.program = usedProgram(gl, head + FRAGMENT);
+    ["field", "leaps", "haze", "looks"].forEach((name, unit) => gl.uniform1i(this.at(name), unit));
+    gl.uniform3fv(this.at("ground"), BACKGROUND);
+    this.programs.set(head, this.program);
+  }
+
+  private at(name: string): WebGLUniformLocation | null {
+    return this.gl.getUniformLocation(this.program!, name);
+  }
+
+  private texture(unit: number, format: GLenum, size: Vec3, filter: GLenum): void {
+    const gl = this.gl;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.deleteTexture(gl.getParameter(gl.TEXTURE_BINDING_3D) as WebGLTexture | null);
+    gl.bindTexture(gl.TEXTURE_3D, gl.createTexture());
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_3D, name, filter);
+    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) gl.texParameteri(gl.TEXTURE_3D, name, gl.CLAMP_TO_EDGE);
+    gl.texStorage3D(gl.TEXTURE_3D, 1, format, ...size);
+  }
+
+  /** Makes room for a field; what is in it comes with `upload`. @returns whether there is memory for it */
+  begin(field: Field, texelFromPatient: Affine): boolean {
+    const gl = this.gl;
+    this.field = field;
+    this.texelFromPatient = texelFromPatient;
+    while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
+    this.texture(0, gl.RGBA8UI, field.bordered, gl.NEAREST);
+    this.texture(1, gl.R8UI, field.blocks, gl.NEAREST);
+    this.texture(2, gl.R16F, field.haze ? field.dims : [1, 1, 1], gl.LINEAR);
+    this.leapsStand = false;
+    return gl.getError() === gl.NO_ERROR;
+  }
+
+  /** Brings a box of the field's texels to the graphics card. */
+  upload(lo: Vec3, size: Vec3): void {
+    const gl = this.gl;
+    const field = this.field!;
+    const box = (unit: number, stride: Vec3, border: number) => {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.pixelStorei(gl.UNPACK_ROW_LENGTH, stride[0]);
+      gl.pixelStorei(gl.UNPACK_IMAGE_HEIGHT, stride[1]);
+      gl.pixelStorei(gl.UNPACK_SKIP_PIXELS, lo[0] + border);
+      gl.pixelStorei(gl.UNPACK_SKIP_ROWS, lo[1] + border);
+    };
+    // from the first slice on: the rest of the memory is not looked at
+    box(0, field.bordered, 1);
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, lo[0] + 1, lo[1] + 1, lo[2] + 1, ...size, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE,
+      field.texels.subarray(4 * field.bordered[0] * field.bordered[1] * (lo[2] + 1)));
+    if (field.haze) {
+      const slice = field.dims[0] * field.dims[1];
+      box(2, field.dims, 0);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, ...lo, ...size, gl.RED, gl.HALF_FLOAT, halfFloats(field.haze.subarray(slice * lo[2], slice * (lo[2] + size[2]))));
+    }
+    for (const name of [gl.UNPACK_ROW_LENGTH, gl.UNPACK_IMAGE_HEIGHT, gl.UNPACK_SKIP_PIXELS, gl.UNPACK_SKIP_ROWS]) gl.pixelStorei(name, 0);
+    this.leapsStand = false;
+  }
+
+  /** Everything anew, after the context was lost. */
+  async restore(): Promise<void> {
+    const field = this.field;
+    this.setUp();
+    if (!field) return;
+    this.begin(field, this.texelFromPatient);
+    await inPieces(field.dims[2], slicesOfPiece(field.dims), (from, to) => this.upload([0, 0, from], [field.dims[0], field.dims[1], to - from]));
+  }
+
+  /** @param looks  256 times red, green, blue, opacity: nothing, then the structures in their order */
+  setLooks(looks: Uint8Array<ArrayBuffer>): void {
+    const gl = this.gl;
+    const sameShown = looks.every((value, n) => n % 4 !== 3 || value > 0 === this.looks[n]! > 0);
+    this.looks = looks;
+    this.leapsStand &&= sameShown;
+    gl.activeTexture(gl.TEXTURE3);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
+  }
+
+  /** @param window  of the scan's stored values; @param strength  0 ... 1 */
+  setHaze(window: [number, number], strength: number): void {
+    this.window = [window[0], 1 / Math.max(window[1] - window[0], 1e-6), strength];
+  }
+
+  /** Makes ready what `band` draws. */
+  aim(view: View): void {
+    const gl = this.gl;
+    const field = this.field!;
+    const { eye, cut } = view;
+    if (this.size[0] !== view.width || this.size[1] !== view.height) {
+      this.size = [view.width, view.height];
+      [this.canvas.width, this.canvas.height] = [view.width, view.height];
+      for (const buffer of this.attached) {
+        gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+        gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, view.width, view.height);
+      }
+    }
+    gl.viewport(0, 0, view.width, view.height);
+    if (!this.leapsStand) {
+      gl.activeTexture(gl.TEXTURE1);
+      const shown = Array.from({ length: 256 }, (_, place) => this.looks[4 * place + 3]! > 0);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, ...field.blocks, gl.RED_INTEGER, gl.UNSIGNED_BYTE, field.leaps(shown));
+      this.leapsStand = true;
+    }
+    const scan = field.haze !== null && this.window[2] > 0;
+    const thin = this.looks.some((value, n) => n % 4 === 3 && value > 0 && value < 255);
+    this.use({ scan, thin, eye: eye !== null, cut: cut !== null, fine: view.isFine });
+    const m = this.texelFromPatient;
+    const into = turn(m, view.into);
+    gl.uniform3fv(this.at("dims"), field.dims);
+    if (eye) {
+      gl.uniform3fv(this.at("corner"), sub(view.corner, eye.at));
+      gl.uniform3fv(this.at("across"), view.across);
+      gl.uniform3fv(this.at("down"), view.down);
+      gl.uniform3fv(this.at("eye"), apply(m, eye.at));
+      gl.uniform1f(this.at("nearest_mm"), eye.nearest_mm);
+      gl.uniform1f(this.at("light"), 1 / eye.reach_mm ** 2);
+      gl.uniform1f(this.at("disc"), eye.isRound ? (view.height / 2) ** 2 : 0);
+    } else {
+      gl.uniform3fv(this.at("corner"), apply(m, view.corner));
+      gl.uniform3fv(this.at("across"), turn(m, view.across));
+      gl.uniform3fv(this.at("down"), turn(m, view.down));
+      gl.uniform3fv(this.at("into"), into);
+      gl.uniform3fv(this.at("inward"), view.into);
+      // so that no sample leaves out a texel, whichever way the ray goes
+      gl.uniform1f(this.at("pace"), 0.8 / Math.max(...into.map(Math.abs)));
+    }
+    // the transpose of texelFromPatient, column by column
+    gl.uniformMatrix3fv(this.at("patient"), false, [0, 1, 2].flatMap((r) => [0, 1, 2].map((c) => m[r]![c]!)));
+    if (cut) this.takeAway(view, cut);
+    this.range = this.waysThrough(view);
+    gl.uniform2f(this.at("range"), this.range[0], 1 / this.range[1]);
+    gl.uniform1f(this.at("height"), view.height);
+    gl.uniform3fv(this.at("window"), this.window);
+  }
+  private takeAway({ corner, across, down, into, eye }: View, cut: Cut): void {
+    const gl = this.gl;
+    const from = sub(cut.at, eye ? eye.at : corner);
+    const far = length(from);
+    if (eye) gl.uniform4f(this.at("apex"), from[0] / far, from[1] / far, from[2] / far, far);
+    else gl.uniform4f(this.at("apex"), dot(from, across) / dot(across, across), dot(from, down) / dot(down, down), dot(from, into), length(across));
+    gl.uniform2f(this.at("cone"), cut.radius_mm, 1 / cut.widening);
+    const looks = new Uint8Array(1024);
+    looks.set(this.looks.subarray(4 * cut.kept, 4 * cut.kept + 4), 4 * cut.kept);
+    gl.activeTexture(gl.TEXTURE3);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 1, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
+  }
+  /** How far along their rays the volume's near and far ends are: the least and the extent. */
+  private waysThrough({ corner, into, eye }: View): [number, number] {
+    const patientFromTexel = invert(this.texelFromPatient);
+    const ways = Array.from({ length: 8 }, (_, n) => {
+      const end = apply(patientFromTexel, this.field!.dims.map((size, axis) => ((n >> axis) & 1 ? size : -1)) as Vec3);
+      return eye ? length(sub(end, eye.at)) : dot(sub(end, corner), into);
+    });
+    const least = eye ? 0 : Math.min(...ways);
+    return [least, Math.max(...ways) - least];
+  }
+
+  /** Draws some rows of the picture, from the top, and waits until they are there. @returns how long the graphics worked on it, ms */
+  band(view: View, from: number, to: number): number {
+    const gl = this.gl;
+    this.wait();
+    const before = performance.now();
+    gl.scissor(0, view.height - to, view.width, to - from);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    this.wait();
+    return performance.now() - before;
+  }
+  /** The picture, when all its bands are drawn, stands on the canvas. @returns the bytes of `Found`, and their least way and extent */
+  finish(view: View): { bytes: Uint8Array<ArrayBuffer>; least_mm: number; extent_mm: number } {
+    const gl = this.gl;
+    const { width, height } = view;
+    const bytes = new Uint8Array(4 * width * height);
+    gl.readBuffer(gl.COLOR_ATTACHMENT1);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    gl.readBuffer(gl.COLOR_ATTACHMENT0);
+    gl.scissor(0, 0, width, height);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.target);
+    return { bytes, least_mm: this.range[0], extent_mm: this.range[1] };
+  }
+  /** Until the graphics have done all that was asked of them, by the page's other pictures, too: reading a pixel does. */
+  private wait(): void {
+    const gl = this.gl;
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, this.pixel);
+  }
+}

@@ -1,0 +1,143 @@
+// The volume's pictures on request: the same in a worker, where no picture holds the page, and on the page itself where a worker has no
+// WebGL 2. A picture is drawn in bands that take a moment each, so that neither the page's other pictures, which the same graphics card
+// draws, nor a newer request waits for a whole one.
+
+import { Field, type Piece } from "./field.js";
+import type { Affine, Vec3 } from "./geometry.js";
+import { breathe } from "./pieces.js";
+import { Caster, type View } from "./volume_caster.js";
+
+export type Asked =
+  | { type: "begin"; voxels: Vec3; factor: number; hasScan: boolean; texelFromPatient: Affine }
+  | { type: "put"; piece: Piece }
+  | { type: "looks"; rgba: Uint8Array<ArrayBuffer> }
+  | { type: "haze"; window: [number, number]; strength: number }
+  | { type: "draw"; id: number; view: View; givesWay: boolean } // to a newer one
+  | { type: "restore" }
+  | { type: "lose"; restores: boolean };
+
+/** What the service has done since the beginning, for tests. */
+export interface Work { texels: number; looks: number; pictures: number }
+
+export type Answered =
+  | { type: "ready" }
+  | { type: "unable"; why: string }
+  | { type: "begun"; fits: boolean }
+  | { type: "put" }
+  | { type: "picture"; id: number; drawn: { bitmap: ImageBitmap; bytes: Uint8Array; least_mm: number; extent_mm: number } | null; cost_ms: number; work: Work } // null: it gave way
+  | { type: "lost" }
+  | { type: "restorable" }
+  | { type: "restored" };
+
+export interface Port {
+  postMessage(message: unknown, transfer: Transferable[]): void;
+  onmessage: ((event: MessageEvent) => void) | null;
+}
+
+/** A band takes about so long: others wait for the graphics no longer. */
+const BAND_MS = 30;
+const LEAST_ROWS = 4;
+const FIRST_PIXEL_MS = 1e-3;
+
+class Service {
+  private readonly queue: Extract<Asked, { type: "draw" }>[] = [];
+  private field: Field | null = null;
+  private isDrawing = false;
+  private pixel_ms = FIRST_PIXEL_MS; // as the latest bands took
+  private readonly work: Work = { texels: 0, looks: 0, pictures: 0 };
+  private readonly extension: WEBGL_lose_context | null;
+
+  constructor(private readonly port: Port, private readonly caster: Caster) {
+    const { canvas } = caster;
+    this.extension = (canvas.getContext("webgl2") as WebGL2RenderingContext).getExtension("WEBGL_lose_context");
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault(); // asks for it back
+      this.say({ type: "lost" });
+    });
+    canvas.addEventListener("webglcontextrestored", () => this.say({ type: "restorable" }));
+    port.onmessage = (event) => this.hear(event.data as Asked);
+    this.say({ type: "ready" });
+  }
+
+  private say(message: Answered, transfer: Transferable[] = []): void {
+    this.port.postMessage(message, transfer);
+  }
+
+  private hear(asked: Asked): void {
+    const { caster } = this;
+    switch (asked.type) {
+      case "begin":
+        this.field = new Field(asked.voxels, asked.factor, asked.hasScan);
+        this.say({ type: "begun", fits: caster.begin(this.field, asked.texelFromPatient) });
+        break;
+      case "put":
+        this.field!.put(asked.piece);
+        caster.upload(asked.piece.lo, asked.piece.size);
+        this.work.texels += asked.piece.size.reduce((a, b) => a * b);
+        this.say({ type: "put" });
+        break;
+      case "looks":
+        caster.setLooks(asked.rgba);
+        this.work.looks += 1;
+        break;
+      case "haze":
+        caster.setHaze(asked.window, asked.strength);
+        break;
+      case "draw":
+        this.queue.push(asked);
+        void this.draw();
+        break;
+      case "restore":
+        void caster.restore().then(() => this.say({ type: "restored" }));
+        break;
+      case "lose":
+        if (asked.restores) this.extension?.restoreContext();
+        else this.extension?.loseContext();
+        break;
+    }
+  }
+
+  private async draw(): Promise<void> {
+    if (this.isDrawing) return;
+    this.isDrawing = true;
+    for (let asked = this.queue.shift(); asked; asked = this.queue.shift()) await this.picture(asked);
+    this.isDrawing = false;
+  }
+
+  private async picture({ id, view, givesWay }: Extract<Asked, { type: "draw" }>): Promise<void> {
+    const { caster } = this;
+    const isVoid = () => caster.isLost || !this.field || (givesWay && this.queue.length > 0);
+    let cost_ms = 0;
+    let from = 0;
+    while (from < view.height && !isVoid()) {
+      if (from === 0) caster.aim(view);
+      const rows = Math.max(LEAST_ROWS, Math.floor(BAND_MS / (this.pixel_ms * view.width)));
+      const to = Math.min(view.height, from + rows);
+      const took_ms = caster.band(view, from, to);
+      this.pixel_ms = 0.5 * (this.pixel_ms + took_ms / ((to - from) * view.width));
+      cost_ms += took_ms;
+      from = to;
+      if (from < view.height) await breathe();
+    }
+    const isWhole = from >= view.height && !caster.isLost;
+    const found = isWhole ? caster.finish(view) : null;
+    const drawn = found && { bitmap: await pictureOf(caster.canvas), ...found };
+    if (drawn) this.work.pictures += 1;
+    this.say({ type: "picture", id, drawn, cost_ms, work: { ...this.work } }, drawn ? [drawn.bitmap, drawn.bytes.buffer] : []);
+  }
+}
+
+const pictureOf = async (canvas: OffscreenCanvas | HTMLCanvasElement): Promise<ImageBitmap> =>
+  "transferToImageBitmap" in canvas ? canvas.transferToImageBitmap() : createImageBitmap(canvas);
+
+/** Answers at a port, with what a canvas draws. */
+export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement): void {
+  let caster: Caster;
+  try {
+    caster = new Caster(canvas);
+  } catch (error) {
+    port.postMessage({ type: "unable", why: (error as Error).message } satisfies Answered, []);
+    return;
+  }
+  new Service(port, caster);
+}

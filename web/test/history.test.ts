@@ -1,0 +1,101 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import type { Connection, Refusal, Request } from "../src/connection.js";
+import { History } from "../src/history.js";
+import { measuresTable, type Measure } from "../src/measure.js";
+import { Requests } from "../src/requests.js";
+import type { State } from "../src/scene.js";
+
+/** A loop that grants what `refuses` does not name. */
+function loop() {
+  const told: string[] = [];
+  Object.assign(globalThis, { document: { getElementById: () => ({ set textContent(text: string) { told.push(text); } }) }, window: globalThis });
+  const state = { method: "proxy", method_awaited: null, friction: true, paused: false, max_force_N: 1.4, tissues: [{ stiffness_N_per_mm: 1 }, { stiffness_N_per_mm: 2 }] } as unknown as State;
+  const asked: Request[] = [];
+  const made = { state, asked, told, refuses: "", history: new History() };
+  const connection = { ask: (request: Request): Promise<Refusal | null> => {
+    asked.push(request);
+    const { type, tissue, ...values } = request;
+    if (made.refuses && Object.keys(values).includes(made.refuses)) return Promise.resolve({ what: "no" });
+    if (type === "tissue") Object.assign(state.tissues[tissue as number]!, values);
+    if (type === "set") Object.assign(state, values);
+    return Promise.resolve(null);
+  } } as unknown as Connection;
+  return Object.assign(made, { requests: new Requests(connection, () => false, () => state, made.history) });
+}
+
+test("a slider's movement is one step, and what it was is asked for again", async () => {
+  const { requests, history, state, asked } = loop();
+  for (const value of [1.5, 1.6, 1.7]) await requests.latest("stiffness 0", { type: "tissue", tissue: 0, stiffness_N_per_mm: value });
+  await requests.once({ type: "set", friction: false });
+  assert.equal(asked.length, 4);
+  await history.undo();
+  assert.equal(state.friction, true);
+  await history.undo();
+  assert.deepEqual(asked.at(-1), { type: "tissue", tissue: 0, stiffness_N_per_mm: 1 });
+  assert.equal(history.canUndo, false);
+  await history.redo();
+  assert.equal(state.tissues[0]!.stiffness_N_per_mm, 1.7);
+  await history.redo();
+  assert.equal(state.friction, false);
+  assert.equal(history.canRedo, false);
+  // something new leaves nothing to be done again
+  await history.undo();
+  await requests.once({ type: "set", max_force_N: 1 });
+  assert.equal(history.canRedo, false);
+});
+
+test("movements of one slider, one after another, are steps of their own", async () => {
+  const { requests, history, state } = loop();
+  await requests.latest("limit", { type: "set", max_force_N: 1.2 });
+  history.gesture += 1;
+  await requests.latest("limit", { type: "set", max_force_N: 1 });
+  await history.undo();
+  assert.equal(state.max_force_N, 1.2);
+});
+
+test("a stop, a pause, a rearm and a turn are no steps", async () => {
+  const { requests, history } = loop();
+  for (const request of [{ type: "stop" }, { type: "rearm", stop: 1 }, { type: "set", paused: true }, { type: "set", rotation_wxyz: [1, 0, 0, 0] },
+    { type: "set", friction: false, paused: false }, { type: "pointer", take: true }] as Request[]) await requests.once(request);
+  assert.equal(history.canUndo, false);
+});
+
+test("what is refused is told and stays to be undone; what somebody else has changed since is left", async () => {
+  const made = loop();
+  const { requests, history, state, told } = made;
+  made.refuses = "max_force_N";
+  await requests.once({ type: "set", max_force_N: 1 });
+  assert.equal(history.canUndo, false);
+  made.refuses = "";
+  await requests.once({ type: "set", max_force_N: 1 });
+  made.refuses = "max_force_N";
+  told.length = 0;
+  await history.undo();
+  assert.deepEqual(told, ["No."]);
+  assert.equal(state.max_force_N, 1);
+  assert.equal(history.canUndo, true);
+  assert.equal(history.canRedo, false);
+  made.refuses = "";
+  state.max_force_N = 0.7;
+  await history.undo();
+  assert.equal(state.max_force_N, 0.7);
+  assert.match(told.at(-1)!, /somebody else/);
+  state.max_force_N = 1;
+  await history.undo();
+  assert.equal(state.max_force_N, 1.4);
+});
+
+test("the table of measures has points in LPS and names as they were written", () => {
+  const made = { plane: "axial", slice: 12, normal: [0, 0, 1] } as Pick<Measure, "plane" | "slice" | "normal">;
+  const table = measuresTable([
+    { ...made, kind: "ruler", name: "neck, \"left\"", points: [[1, 2, 3], [1, 5, 7]] },
+    { ...made, kind: "angle", name: "tilt", points: [[1, 0, 0], [0, 0, 0], [0, 2, 0]] },
+  ]);
+  assert.deepEqual(table.split("\r\n"), [
+    "name,kind,plane,slice,length_mm,angle_deg,x1_lps_mm,y1_lps_mm,z1_lps_mm,x2_lps_mm,y2_lps_mm,z2_lps_mm,x3_lps_mm,y3_lps_mm,z3_lps_mm",
+    "\"neck, \"\"left\"\"\",ruler,axial,12,5.000,,1.000,2.000,3.000,1.000,5.000,7.000,,,",
+    "\"tilt\",angle,axial,12,,90.00,1.000,0.000,0.000,0.000,0.000,0.000,0.000,2.000,0.000",
+    "",
+  ]);
+});

@@ -1,0 +1,63 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { PointerDevice } from "../src/pointer.js";
+import { shownAt } from "../src/measure.js";
+
+type Device = ConstructorParameters<typeof PointerDevice>;
+
+/** A pointer whose clock is the test's: `at(ms)` goes there by steps of 8 ms, as its timer does. */
+function pointer() {
+  let now = 0, beat: (() => void) | null = null;
+  const sent: number[][] = [];
+  performance.now = () => now;
+  Object.assign(globalThis, { window: { setInterval: (f: () => void) => { beat = f; return 1; } } });
+  const session = { pose: { devices: [{ tip: [0, 0, 0] }] }, state: { pointer: true }, holding: false, touch() {} };
+  const device = new PointerDevice(session as unknown as Device[0], { moveTip: (p: number[]) => sent.push(p) } as unknown as Device[1]);
+  const at = (ms: number) => {
+    while (now < ms) {
+      now += 8;
+      if (session.holding) beat!();
+    }
+  };
+  return { device, session, sent, at };
+}
+
+test("a finger moves nothing before a second one could have come", () => {
+  const { device, sent, at } = pointer();
+  device.hold([40, 0, 0], true);
+  at(140);
+  device.release();
+  at(1000);
+  assert.deepEqual(sent, []);
+  device.hold([40, 0, 0], true);
+  at(1400);
+  assert.ok(sent.length > 0 && sent[0]![0]! < 5, "it goes there no faster than a hand");
+  assert.deepEqual(sent.at(-1), [40, 0, 0]);
+});
+
+test("a mouse moves the tip at once", () => {
+  const { device, sent, at } = pointer();
+  device.hold([1, 0, 0], false);
+  at(48);
+  assert.deepEqual(sent.at(-1), [1, 0, 0]);
+});
+
+test("what presses in two pictures moves nothing any more", () => {
+  const { device, session, sent, at } = pointer();
+  device.hold([1, 0, 0], false);
+  at(48);
+  device.hold([90, 0, 0], false);
+  const before = sent.length;
+  device.move([50, 0, 0]);
+  at(500);
+  assert.equal(session.holding, false);
+  assert.equal(sent.length, before);
+});
+
+test("a measure is strong on planes that contain it, faint with its distance beside, and gone far off", () => {
+  assert.deepEqual(shownAt(0.2, 0.25), { strength: 1, off: "" });
+  const [near, far] = [shownAt(1.2, 0.25)!, shownAt(11, 0.25)!];
+  assert.ok(near.strength < 0.5 && far.strength < near.strength && far.strength > 0.1);
+  assert.equal(near.off, " · 1.20 mm off this plane");
+  assert.equal(shownAt(12.5, 0.25), null);
+});

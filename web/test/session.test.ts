@@ -1,0 +1,32 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import type { Vec3 } from "../src/geometry.js";
+import { Volumes, type Scene } from "../src/scene.js";
+import { Session } from "../src/session.js";
+import { Flag, type DevicePose } from "../src/wire.js";
+
+/** One structure, "femoral_cartilage" with label 7, in voxels 2 to 4 of a row. */
+function session(): Session {
+  const made = new Session();
+  const voxels = new Uint8Array([0, 0, 1, 1, 1, 0]);
+  made.volumes = new Volumes("h", 1, [6, 1, 1], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], null, voxels, 1, 0);
+  made.scene = { structures: [{ label: 7, name: "femoral_cartilage", colour: [0, 0, 0], tissue: 0 }] } as unknown as Scene;
+  return made;
+}
+const device = (x: number, label: number, flags: number, force: Vec3): DevicePose => ({ tip: [x, 0, 0], label, flags, force } as DevicePose);
+
+test("what is touched is felt as long as there is a force, or nothing withholds it", () => {
+  const contact = (x: number, label: number, flags: number, force: Vec3 = [0, 0, 0]) => session().contactOf(device(x, label, flags, force));
+  const felt = { label: 7, words: "femoral cartilage" };
+  const notFelt = { label: 0, words: "femoral cartilage, not felt" };
+  assert.deepEqual(contact(3, 7, Flag.contact, [0, 0, 0.4]), felt);
+  assert.deepEqual(contact(3, 7, Flag.contact), felt, "touched by less than can be sent");
+  for (const withheld of [Flag.emergencyStop, Flag.paused, Flag.stale, Flag.deviceFault, Flag.halted, Flag.clutched]) {
+    assert.deepEqual(contact(3, 7, Flag.contact | withheld, [0, 0, 0.1]), felt, "while it fades");
+    assert.deepEqual(contact(3, 7, Flag.contact | withheld), notFelt);
+  }
+  assert.deepEqual(contact(3, 0, Flag.inside), notFelt, "from the beginning");
+  assert.deepEqual(contact(0, 0, 0), { label: 0, words: "free" });
+  assert.deepEqual(contact(0, 0, Flag.stale), { label: 0, words: "free" });
+  assert.deepEqual(contact(-9, 0, Flag.outside), { label: 0, words: "outside the volume" });
+});

@@ -1,0 +1,37 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { Flag, type DevicePose } from "../src/wire.js";
+import { whyText } from "../src/why.js";
+
+/** Half a millimetre deep in a wall of 2 N/mm that faces up. */
+const pressed = (other: Partial<DevicePose> = {}): DevicePose => ({
+  tip: [0, 0, -0.5], proxy: [0, 0, 0], normal: [0, 0, 1], orientation: [1, 0, 0, 0], force: [0, 0, 1], askedForce: 1, forceLimit: 3,
+  heat: 0, depth: 0.5, speed: 0, stiffness: 2, flags: Flag.contact, buttons: 0, label: 1,
+  felt: [{ label: 1, depth: 0.5, share: 1 }], ...other,
+});
+
+test("the spring says why, and in free space nothing does", () => {
+  assert.equal(whyText(pressed(), [0, 0, 1]), "0.500 mm deep at 2.00 N/mm");
+  assert.equal(whyText(pressed({ flags: 0, askedForce: 0 }), [0, 0, 0]), "");
+});
+
+test("of several layers the list says what each gives", () => {
+  const felt = [{ label: 1, depth: 10, share: 0.05 }, { label: 2, depth: 5, share: 0.95 }];
+  assert.equal(whyText(pressed({ felt }), [0, 0, 1]), "");
+});
+
+test("what pulls along the surface is told where it is felt", () => {
+  assert.equal(whyText(pressed({ askedForce: Math.hypot(1, 0.2) }), [0.2, 0, 1]), "0.500 mm deep at 2.00 N/mm · 0.200 N along the surface");
+  assert.equal(whyText(pressed(), [0.03, 0, 1]), "0.500 mm deep at 2.00 N/mm");
+});
+
+test("what the hand does not get is told with the reason, of several the one that bounds most", () => {
+  const less = (flags: number) => whyText(pressed({ askedForce: 4, depth: 2, flags: Flag.contact | flags }), [0, 0, 3]);
+  assert.equal(less(Flag.clamped), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: the limit");
+  assert.equal(less(Flag.clamped | Flag.thermal), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: the motor is warm");
+  assert.equal(less(Flag.ramp), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: it fades in");
+  assert.equal(less(Flag.passivity), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: damped against swinging");
+  assert.equal(less(0), "2.00 mm deep at 2.00 N/mm · 3.00 N of 4.00 N: the output changes no faster");
+  // a hundredth is rounding
+  assert.equal(whyText(pressed({ askedForce: 1.01 }), [0, 0, 1]), "0.500 mm deep at 2.00 N/mm");
+});
