@@ -1,6 +1,8 @@
 #include "preparation/surface_net_tiles.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <utility>
 
 // Compiled once per target by foreach_target.h, see gaussian_rows.cc.
@@ -45,7 +47,6 @@ HWY_INLINE Many apart_squared(const Place& from, Many up, Many along, Many acros
 
 std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm, const NearPartRows& out) {
   const Tag d;
-  const hn::Rebind<std::int32_t, Tag> d32;
   const std::size_t lanes = hn::Lanes(d);
   const Place centre = all_at(ball.centre);
 
@@ -69,17 +70,19 @@ std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm,
       hn::Add(hn::Min(hn::Add(to_one, radius), hn::Set(d, reach_mm)), hn::Add(radius, hn::Set(d, 1e-3f)));
   const auto limit = hn::Mul(most, most);
 
+  static_assert(kTileVoxels <= 8, "a byte holds the bits of a vector");
   std::size_t kept = 0;
   for (std::size_t n = 0; n < in.count; n += lanes) {
     const auto there = hn::FirstN(d, in.count - n);
     const auto near = hn::And(there, hn::Le(hn::LoadU(d, in.number[8] + n), limit));
-    if (hn::AllFalse(d, near)) continue;
-    // whole vectors, for which there is room: some machines take long over a part of one
-    for (int m = 0; m < 9; ++m)
-      hn::StoreU(hn::Compress(hn::LoadU(d, in.number[m] + n), near), d, out.number[m] + kept);
-    const auto parts = hn::LoadU(d32, in.part + n);
-    hn::StoreU(hn::Compress(parts, hn::RebindMask(d32, near)), d32, out.part + kept);
-    kept += hn::CountTrue(d, near);
+    // one by one: Highway's Compress of 8 floats has g++ copy a table of 2 kB to the stack at every call
+    std::array<std::uint8_t, 8> bits{};
+    hn::StoreMaskBits(d, near, bits.data());
+    for (unsigned left = bits[0]; left != 0; left &= left - 1) {
+      const std::size_t from = n + static_cast<unsigned>(std::countr_zero(left));
+      for (int m = 0; m < 9; ++m) out.number[m][kept] = in.number[m][from];
+      out.part[kept++] = in.part[from];
+    }
   }
   return kept;
 }
