@@ -111,35 +111,50 @@ struct ProxyRun {
 
  private:
   void look_along(const ToolPose& a, const ToolPose& b) {
-    constexpr double kEvery_mm = 0.01, kAlong_mm = 0.1;
+    constexpr double kEvery_mm = 0.01;
     double farthest_mm = 0;
     for (const ToolSphere& sphere : spheres)
       farthest_mm =
           std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.along_mm).norm()});
     const double way_mm = (b.tip - a.tip).norm() + farthest_mm * a.attitude.angularDistance(b.attitude);
     const int pieces = static_cast<int>(way_mm / kEvery_mm) + 1;
-    for (int n = 0; n <= pieces; ++n) {
+    for (int n = 0; n <= pieces;) {
       const double part = static_cast<double>(n) / pieces;
       const Point<Patient> p = a.tip + (b.tip - a.tip) * part;
       const bool turns = a.attitude.coeffs() != b.attitude.coeffs();
       const TurnedTool tool = turned(turns ? a.attitude.slerp(part, b.attitude) : a.attitude);
+      // how far all of it may go and be no deeper than it was
+      double free_mm = 1e3;
       for (std::size_t s = 0; s < surfaces.size(); ++s) {
         // the way is the outermost proxy's
         if (surfaces[s].surface == nullptr || surfaces[s].layer > 0) continue;
         const int outer = surfaces[s].beneath;
         const bool covered = outer >= 0 && !state.punctured[static_cast<std::size_t>(outer)];
         if (state.punctured[s] || covered) continue;
-        for (const ToolSphere& sphere : tool.spheres()) {
-          // of a capsule the outline, not the row of spheres
-          const int places = static_cast<int>(sphere.along_mm.norm() / kAlong_mm) + 1;
-          for (int place = 0; place <= (sphere.along_mm == Vector<Patient>() ? 0 : places); ++place) {
-            const Point<Patient> centre =
-                p + sphere.offset_mm + sphere.along_mm * (static_cast<double>(place) / places);
-            deepest_mm = std::max(deepest_mm, sphere.radius_mm - surfaces[s].surface->distance_mm(centre));
-          }
-        }
+        for (const ToolSphere& sphere : tool.spheres())
+          free_mm = std::min(free_mm, look_along_row(*surfaces[s].surface, p, sphere));
       }
+      n += std::max(1, static_cast<int>(free_mm / kEvery_mm));
     }
+  }
+
+  /// Of a capsule the outline, not the row of spheres: every tenth of a millimetre where it may be deeper
+  /// than anything was. @returns how far it may go before it is, mm
+  double look_along_row(const Surface& surface, const Point<Patient>& tip, const ToolSphere& sphere) {
+    constexpr double kAlong_mm = 0.1;
+    const double length_mm = sphere.along_mm.norm();
+    const int places = length_mm > 0 ? static_cast<int>(length_mm / kAlong_mm) + 1 : 0;
+    double free_mm = 1e3;
+    for (int place = 0; place <= places;) {
+      const double part = places > 0 ? static_cast<double>(place) / places : 0;
+      const double outside_mm =
+          surface.distance_mm(tip + sphere.offset_mm + sphere.along_mm * part) - sphere.radius_mm;
+      deepest_mm = std::max(deepest_mm, -outside_mm);
+      const double its_mm = (outside_mm + deepest_mm) / (1.001 * surface.steepest());
+      free_mm = std::min(free_mm, its_mm);
+      place += std::max(1, static_cast<int>(its_mm / kAlong_mm));
+    }
+    return free_mm;
   }
 };
 
