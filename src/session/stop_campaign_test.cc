@@ -32,7 +32,7 @@ class NoDriver final : public DeviceDriver {
   Result<void> open(bool) override { return {}; }
   void run(ServoFunction&, ServoClock&) noexcept override {}
   void halt() noexcept override {}
-  void resume() noexcept override {}
+  void resume(std::uint64_t /*newest*/) noexcept override {}
 
  private:
   DeviceInfo info_;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <spawn.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -17,6 +18,7 @@
 #include <cstdio>
 #include <deque>
 #include <filesystem>
+#include <optional>
 #include <random>
 #include <sstream>
 #include <thread>
@@ -88,14 +90,15 @@ class Pressing {
               records.c_str(), kill_frozen ? "1" : "0", recording.c_str(), nullptr);
       ::_exit(127);
     }
-    for (const int file : {halt[0], halt[1], orders[0], said[1]}) ::close(file);
+    halts_ = halt[0];
+    for (const int file : {halt[1], orders[0], said[1]}) ::close(file);
   }
   ~Pressing() {
     for (const pid_t process : {session_, device_process_}) {
       ::kill(process, SIGKILL);
       ::waitpid(process, nullptr, 0);
     }
-    for (const int file : {orders_, said_, record_, record_in_, memory_file_})
+    for (const int file : {orders_, said_, record_, record_in_, memory_file_, halts_})
       if (file >= 0) ::close(file);
     ::munmap(device_, sizeof *device_);
   }
@@ -147,11 +150,30 @@ class Pressing {
       if (!line.empty()) lines.push_back(line);
     return lines;
   }
+  /// Waits until so many halts lie in the halt file, unread; false: they never do.
+  bool unread_halts(int count) const {
+    int bytes = 0;
+    for (int n = 0; n < 10'000 && bytes != 8 * count; ++n) {
+      std::this_thread::sleep_for(1ms);
+      PALPATE_CHECK(::ioctl(halts_, FIONREAD, &bytes) == 0);
+    }
+    return bytes == 8 * count;
+  }
+  /// Nothing more goes into the halt file until the device has read it. What lies there halts nothing.
+  void fill_halt_file() const {
+    const int file = ::open(("/proc/self/fd/" + std::to_string(halts_)).c_str(), O_WRONLY | O_NONBLOCK);
+    constexpr std::uint64_t kNone = 0;
+    while (::write(file, &kNone, sizeof kNone) == sizeof kNone) {
+    }
+    PALPATE_CHECK(file >= 0 && errno == EAGAIN);
+    ::close(file);
+  }
   pid_t session() const { return session_; }
+  pid_t device_process() const { return device_process_; }
   const TestDeviceMemory& device() const { return *device_; }
 
  private:
-  int memory_file_ = -1, orders_ = -1, said_ = -1, record_ = -1;
+  int memory_file_ = -1, orders_ = -1, said_ = -1, record_ = -1, halts_ = -1;
   mutable int record_in_ = -1;  // until record() waits for the end of all who could write
   TestDeviceMemory* device_ = nullptr;
   pid_t device_process_ = -1, session_ = -1;
@@ -385,6 +407,45 @@ TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
   const auto record = session.record();
   ASSERT_GE(record.size(), after_ms.size());
   for (const std::string& line : record) EXPECT_NE(line.find("\"stall\""), std::string::npos) << line;
+}
+
+// Two standstills, of which the device hears late and of both at once: the end of the first ends not the
+// second.
+TEST(Supervisor, AStarvedDeviceObeysTheNewestHalt) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  ::kill(session.device_process(), SIGSTOP);
+  for (const int halts : {1, 2}) {
+    session.signal(SIGSTOP);
+    ASSERT_TRUE(session.unread_halts(halts));
+    if (halts == 2) break;
+    session.signal(SIGCONT);
+    // back in full: the loop has let go of it
+    session.order('g');
+    ASSERT_TRUE(session.presses());
+  }
+  const std::int64_t then_ns = monotonic_ns();
+  ::kill(session.device_process(), SIGCONT);
+  EXPECT_NE(session.rest_after(then_ns), 0) << "the device pushes through a halt";
+  session.signal(SIGCONT);
+  EXPECT_TRUE(session.acts_again());
+  session.order('q');
+}
+
+TEST(Supervisor, ADeviceWhoseHaltFileWasFullHearsOfTheHalt) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  ::kill(session.device_process(), SIGSTOP);
+  session.fill_halt_file();
+  session.signal(SIGSTOP);
+  // more than the supervisor needs to notice
+  std::this_thread::sleep_for(50ms);
+  const std::int64_t then_ns = monotonic_ns();
+  ::kill(session.device_process(), SIGCONT);
+  EXPECT_NE(session.rest_after(then_ns), 0) << "the device pushes through a halt";
+  session.signal(SIGCONT);
+  EXPECT_TRUE(session.acts_again());
+  session.order('q');
 }
 
 TEST(Supervisor, AServoThreadThatHangsGetsZero) {
@@ -675,6 +736,105 @@ TEST(Supervisor, AProgramThatIsNoneIsAnError) {
     ASSERT_FALSE(supervisor.ok()) << program;
     EXPECT_EQ(supervisor.error().kind, ErrorKind::kUnavailable);
     EXPECT_NE(supervisor.error().message().find(program), std::string::npos) << supervisor.error().message();
+  }
+}
+
+/// A device that acts, and what it is told.
+class ToldDevice {
+ public:
+  ToldDevice() {
+    PALPATE_CHECK(::pipe2(halt_, O_CLOEXEC | O_NONBLOCK) == 0);
+    memory_->force_N = 1;
+    device_.emplace([this] {
+      ::close(halt_[1]);
+      testing::be_test_device(*memory_, halt_[0]);
+    });
+    driver_.emplace(*memory_, halt_[1], Point<Device>(0, 0, 0));
+  }
+  ~ToldDevice() {
+    device_.reset();
+    for (const int file : halt_) ::close(file);
+  }
+  ToldDevice(const ToldDevice&) = delete;
+  ToldDevice& operator=(const ToldDevice&) = delete;
+
+  void halt(std::uint64_t number) const {
+    PALPATE_CHECK(::write(halt_[1], &number, sizeof number) == sizeof number);
+  }
+  void write_byte() const { PALPATE_CHECK(::write(halt_[1], "x", 1) == 1); }
+  const TestDeviceMemory& memory() const { return *memory_; }
+  testing::TestDeviceDriver& driver() { return *driver_; }
+  testing::Child& process() { return *device_; }
+  /// It does so, and goes on with it; false: never.
+  bool comes_to(bool act) const {
+    int lasts = 0;
+    for (int n = 0; n < 5'000 && lasts < 20; ++n) {
+      std::this_thread::sleep_for(1ms);
+      lasts = (memory_->acting_N > 0) == act ? lasts + 1 : 0;
+    }
+    return lasts == 20;
+  }
+
+ private:
+  int halt_[2];
+  const testing::Shared<TestDeviceMemory> memory_;
+  std::optional<testing::Child> device_;
+  std::optional<testing::TestDeviceDriver> driver_;
+};
+
+TEST(TestDevice, StarvedThroughAResumeItObeysTheNewerHalt) {
+  ToldDevice device;
+  ASSERT_TRUE(device.comes_to(true));
+  device.process().stop();
+  device.halt(1);
+  device.driver().resume(1);
+  device.halt(2);
+  device.process().go_on();
+  EXPECT_TRUE(device.comes_to(false)) << "it pushes through a halt";
+  // which an end of the first that is told again ends as little
+  device.driver().resume(1);
+  EXPECT_TRUE(device.comes_to(false));
+  device.driver().resume(2);
+  EXPECT_TRUE(device.comes_to(true));
+}
+
+TEST(TestDevice, HearsOfAnEndBeforeItsHaltAndGoesOn) {
+  ToldDevice device;
+  ASSERT_TRUE(device.comes_to(true));
+  device.driver().resume(1);
+  device.halt(1);
+  EXPECT_TRUE(device.comes_to(true));
+  device.halt(2);
+  EXPECT_TRUE(device.comes_to(false));
+}
+
+TEST(TestDevice, ReadsAllHaltsBeforeItActs) {
+  ToldDevice device;
+  ASSERT_TRUE(device.comes_to(true));
+  device.process().stop();
+  const std::uint32_t changes = device.memory().change_count;
+  constexpr std::uint64_t kMany = 500;
+  for (std::uint64_t halt = 1; halt <= kMany; ++halt) device.halt(halt);
+  device.driver().resume(kMany - 1);
+  device.process().go_on();
+  EXPECT_TRUE(device.comes_to(false));
+  EXPECT_EQ(device.memory().change_count, changes + 1) << "it has pushed in between";
+  device.driver().resume(kMany);
+  EXPECT_TRUE(device.comes_to(true));
+}
+
+// By whoever is left, or by who does not know how a halt is told.
+TEST(TestDevice, NothingEndsAHaltForGood) {
+  for (const bool number : {true, false}) {
+    ToldDevice device;
+    ASSERT_TRUE(device.comes_to(true));
+    if (number)
+      device.halt(Heartbeat::kHaltForGood);
+    else
+      device.write_byte();
+    EXPECT_TRUE(device.comes_to(false));
+    device.driver().resume(Heartbeat::kHaltForGood - 1);
+    EXPECT_TRUE(device.comes_to(false));
   }
 }
 
