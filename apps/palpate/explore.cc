@@ -174,8 +174,8 @@ std::string cure_of(const ExploreStatus& status) {
 }
 
 // What is usual, the structure in what is left, and on the right what is not usual, the most serious first.
-// Where all of it does not fit, times give way, then what is less serious: whoever is stopped must read how to
-// go on.
+// Where all of it does not fit, times give way, then what is less serious: whoever is stopped must read how
+// to go on.
 std::string live_line(const ExploreStatus& status, std::size_t columns) {
   constexpr std::size_t kMostColumns = 99, kLeastForStructure = 8;
   columns = std::min(columns, kMostColumns);
