@@ -315,12 +315,13 @@ void expect_reopens(const std::filesystem::path& recording, std::uint64_t flushe
   const auto source = RecordingSource::open(recording);
   ASSERT_TRUE(source.ok()) << source.error().message();
   EXPECT_EQ(source->head().summary.has_value(), whole);
-  std::uint64_t ticks = 0;
+  std::uint64_t ticks = 0, out_of_place = 0;
   const auto read = source->read([&](const RecordingPart& part) -> Result<void> {
-    for (const TickRecord& tick : part.ticks) EXPECT_EQ(tick.tick, ticks++);
+    for (const TickRecord& tick : part.ticks) out_of_place += tick.tick != ticks++;
     return {};
   });
   EXPECT_TRUE(read.ok()) << read.error().message();
+  EXPECT_EQ(out_of_place, 0u);
   EXPECT_EQ(ticks, source->head().ticks);
   EXPECT_GE(ticks, flushed);
 }
@@ -384,29 +385,53 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
 }
 
 TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
-  const Pressing session;
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  const test::TemporaryFolder folder;
+  const auto recording = folder / "run.h5";
+  const Pressing session(true, false, recording);
   ASSERT_TRUE(session.presses());
-  std::vector<double> after_ms;
+  std::vector<std::int64_t> stopped_ns, rested_ns;
+  std::vector<double> bare_ms;
   for (int n = 0; n < 2 * trials(); ++n) {
+    std::this_thread::sleep_for(some_time(random));
     BareThreads bare(kSupervisorPriority);
     const std::int64_t then_ns = monotonic_ns();
     session.signal(SIGSTOP);
     const std::int64_t rest_ns = session.rest_after(then_ns);
     ASSERT_NE(rest_ns, 0) << "the device still pushes";
-    after_ms.push_back(ms_from(then_ns, rest_ns));
+    stopped_ns.push_back(then_ns);
+    rested_ns.push_back(rest_ns);
+    bare_ms.push_back(bare.latest_ms());
     EXPECT_EQ(session.device().acting_N, 0);
     session.signal(SIGCONT);
     EXPECT_TRUE(session.acts_again());
     // back in full, and not at once
     session.order('g');
     ASSERT_TRUE(session.presses());
-    std::printf("stopped: zero after %.2f ms, a bare thread late by %.2f\n", after_ms.back(),
-                bare.latest_ms());
   }
   session.order('q');
   const auto record = session.record();
-  ASSERT_GE(record.size(), after_ms.size());
   for (const std::string& line : record) EXPECT_NE(line.find("\"stall\""), std::string::npos) << line;
+  EXPECT_GT(ticks_in(recording), 0u);
+
+  // a stop is the process's own thread to begin, until when the others tick on
+  std::vector<double> since_tick_ms, beyond_ms;
+  std::size_t late = 0;
+  for (std::size_t n = 0; n < bare_ms.size(); ++n) {
+    const auto stall = std::ranges::find_if(
+        record, [&](const std::string& line) { return number_in(line, "seen_ns") > stopped_ns[n]; });
+    ASSERT_NE(stall, record.end());
+    since_tick_ms.push_back(ms_from(number_in(*stall, "last_beat_ns"), rested_ns[n]));
+    beyond_ms.push_back(since_tick_ms.back() - bare_ms[n]);
+    late += since_tick_ms.back() > kPromise_ms + 2 * (bare_ms[n] + 1);
+  }
+  // as after a death
+  EXPECT_LE(late, 1 + bare_ms.size() / 4);
+  print("stopped: zero after the last tick", since_tick_ms);
+  print("bare threads of the supervisor's priority late by", bare_ms);
+  print("zero after the last tick, less that", beyond_ms);
 }
 
 // Two standstills, of which the device hears late and of both at once: the end of the first ends not the
@@ -632,6 +657,33 @@ TEST(Supervisor, SaysThatItHasDiedAndWatchesAgain) {
   const auto again = (*supervisor)->watch_again();
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_TRUE((*supervisor)->watching());
+}
+
+// One may die between counting a halt and telling of it.
+TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
+  int halt[2];
+  ASSERT_EQ(::pipe2(halt, O_CLOEXEC), 0);
+  auto supervisor =
+      Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {halt[1]}});
+  ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
+  const auto told = [&] {
+    std::uint64_t number = 0;
+    EXPECT_EQ(::read(halt[0], &number, sizeof number), static_cast<ssize_t>(sizeof number));
+    return number;
+  };
+  (*supervisor)->heartbeat().halts = 7;
+  EXPECT_EQ(told(), 7u);
+  ::kill(supervisor_of(::getpid()), SIGKILL);
+  for (int n = 0; n < 10'000 && (*supervisor)->watching(); ++n) std::this_thread::sleep_for(1ms);
+  const auto again = (*supervisor)->watch_again();
+  ASSERT_TRUE(again.ok()) << again.error().message();
+  EXPECT_EQ(told(), 7u);
+  // and of one that has ended no more
+  (*supervisor)->heartbeat().halts_that_ended = 7;
+  (*supervisor)->heartbeat().beat_ns = monotonic_ns() - 2 * kSupervisedStall_ns;
+  EXPECT_EQ(told(), 8u);
+  supervisor->reset();
+  for (const int file : halt) ::close(file);
 }
 
 TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
