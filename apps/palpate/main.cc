@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -266,6 +267,16 @@ int main(int argc, char** argv) {
     return palpate::app::after_flushing(palpate::app::run(argc, argv));
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "palpate: error: out of memory\n  try a smaller volume or larger voxels\n");
+  } catch (const std::system_error& error) {
+    // what is thrown where a thread is to begin
+    if (error.code() != std::errc::resource_unavailable_try_again) {
+      std::fprintf(stderr, "palpate: bug: %s\n", error.what());
+      return palpate::app::kExitBadInput;
+    }
+    std::fprintf(stderr,
+                 "palpate: error: no thread is to be had\n"
+                 "  close other programs, or raise the limit of processes (ulimit -u)\n");
+    return palpate::app::kExitUnavailable;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "palpate: bug: %s\n", error.what());
   }

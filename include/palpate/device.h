@@ -138,11 +138,16 @@ class DeviceDriver {
   /// From now on the devices get zeros, whatever update() answers. Any thread, at any time, also while the
   /// servo thread hangs: the watchdog calls it.
   virtual void halt() noexcept = 0;
-  /// Ends halt(), and what came by halt_file().
-  virtual void resume() noexcept = 0;
-  /// For devices that another process holds: a file that, written to by any process, has the same effect
-  /// there as halt(), also when this process is gone. Open from construction to destruction. -1: the devices
-  /// live in this process.
+  /// Ends halt(), and of the halts that came by halt_file() those up to this number: a newer one stays, also
+  /// where the device hears of it first.
+  /// @param newest  number of the newest halt that ends (Heartbeat::halts); 0: none
+  virtual void resume(std::uint64_t newest) noexcept = 0;
+  /// For devices that another process holds: a pipe that, written to by any process, has the same effect
+  /// there as halt(), also when this process is gone. What is written is the halt's number, eight bytes as
+  /// this machine stores them; Heartbeat::kHaltForGood, and the end of all who could write, is for good.
+  /// The device reads all that lies there before it acts on a command, and gives no force while the
+  /// largest number that it has read is above every one that resume() has ended. Open from construction to
+  /// destruction. -1: the devices live in this process.
   virtual int halt_file() const noexcept { return -1; }
 };
 

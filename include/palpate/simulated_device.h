@@ -98,7 +98,7 @@ class SimulatedDriver final : public DeviceDriver {
   Result<void> open(bool may_move) override;
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override { halted_.store(true); }
-  void resume() noexcept override { halted_.store(false); }
+  void resume(std::uint64_t /*newest*/) noexcept override { halted_.store(false); }
 
   /// The plant, for tests and figures. Only while run() does not run: anything else is a bug.
   const SimulatedDevice& device() const;

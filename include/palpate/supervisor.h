@@ -14,7 +14,7 @@
 ///    session's process                          supervisor                     device's process
 ///      servo thread ── heartbeat, shared ──────► looks each millisecond
 ///      watchdog     ◄── how often it halted ───   │
-///      its end      ── pidfd ──────────────────►  └─ a byte on its halt file ──► no force
+///      its end      ── pidfd ──────────────────►  └─ number on its halt file ──► no force
 ///
 /// A device whose library lives in the session's process is not reached from here: when that process is gone
 /// its handle is closed, and what happens then is the maker's own watchdog's (docs/devices.md, driver by
@@ -24,7 +24,7 @@ namespace palpate {
 struct SupervisorSettings {
   /// Program and arguments that call supervise() with what is appended to them.
   std::vector<std::string> command;
-  /// Written to when the devices shall give no force (DeviceDriver::halt_file()); at most 8.
+  /// Get the halt's number when the devices shall give no force (DeviceDriver::halt_file()); at most 8.
   std::vector<int> halt_files;
   /// A device lives in this process: where neither a tick nor the watchdog has been seen for half a second,
   /// the process is killed.
@@ -45,7 +45,7 @@ struct SupervisorEvent {
   Kind kind = Kind::kStall;
   std::int64_t last_beat_ns = 0;  ///< end of the last tick, CLOCK_MONOTONIC
   std::int64_t seen_ns = 0;       ///< when it was noticed
-  std::int64_t halted_ns = 0;     ///< when every halt file had its byte
+  std::int64_t halted_ns = 0;     ///< when every halt file that had room had it
 };
 
 /// With a look each millisecond a device hears of it within 10 ms of the last tick.

@@ -173,7 +173,7 @@ TEST_P(EveryDriver, HaltGivesZerosUntilResume) {
   const std::int64_t halted_ns = monotonic_ns();
   EXPECT_TRUE(rests_at(servo, Rig::kIntended_mm)) << servo.tip_x_mm();
   const std::int64_t resumed_ns = monotonic_ns();
-  rig.driver->resume();
+  rig.driver->resume(0);
   EXPECT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm))) << servo.tip_x_mm();
   running.stop();
 
@@ -214,7 +214,7 @@ TEST_P(EveryDriver, MayBeHaltedBeforeItRuns) {
   Running running(*rig.driver);
   EXPECT_TRUE(pass_updates(running.servo(), 50));
   EXPECT_NEAR(running.servo().tip_x_mm(), Rig::kIntended_mm, 1e-9) << "no force has ever acted";
-  rig.driver->resume();
+  rig.driver->resume(0);
   EXPECT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
 }
 

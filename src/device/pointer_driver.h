@@ -43,7 +43,7 @@ class PointerDriver final : public DeviceDriver {
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   // there is nothing to halt
   void halt() noexcept override {}
-  void resume() noexcept override {}
+  void resume(std::uint64_t /*newest*/) noexcept override {}
 
   /// How long a pose holds without another word.
   static constexpr double kHeld_s = 0.1;

@@ -120,7 +120,7 @@ void CallbackDriver::halt() noexcept {
   vendor_.enable_force(false);
 }
 
-void CallbackDriver::resume() noexcept {
+void CallbackDriver::resume(std::uint64_t /*newest*/) noexcept {
   halted_ = false;
   vendor_.enable_force(true);
 }

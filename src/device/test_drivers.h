@@ -111,7 +111,7 @@ class CallbackDriver final : public DeviceDriver {
   Result<void> open(bool may_move) override { return require_consent(info_, may_move); }
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;
-  void resume() noexcept override;
+  void resume(std::uint64_t newest) noexcept override;
 
  private:
   FakeVendor& vendor_;
@@ -163,7 +163,7 @@ class ExchangeDriver final : public DeviceDriver {
   Result<void> open(bool may_move) override { return require_consent(info_, may_move); }
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override { halted_ = true; }
-  void resume() noexcept override { halted_ = false; }
+  void resume(std::uint64_t /*newest*/) noexcept override { halted_ = false; }
 
   /// How long a reply is awaited before the servo is told the old state, which ages.
   static constexpr int kTimeout_ms = 2;

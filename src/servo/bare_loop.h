@@ -1,9 +1,10 @@
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 
 #include "base/latency_histogram.h"
+#include "palpate/progress.h"
+#include "palpate/result.h"
 #include "servo/realtime.h"
 
 namespace palpate {
@@ -16,10 +17,11 @@ struct BareLoop {
 };
 
 /// What the machine itself can do, for comparison: the servo's Pacer in a thread of its own, and nothing else
-/// in the loop. Returns after `seconds` or when `stop` becomes true.
+/// in the loop. Returns after `seconds`. Errors: kInterrupted; kUnavailable when there is no thread to be
+/// had.
 /// @param lateness  gets, for every tick, the time right after wait() less the time it was scheduled for;
 ///                  may be read meanwhile
-BareLoop run_bare_loop(double rate_hz, double seconds, double spin_s, const RealtimeRequest& request,
-                       const std::atomic<bool>& stop, LatencyHistogram& lateness);
+Result<BareLoop> run_bare_loop(double rate_hz, double seconds, double spin_s, const RealtimeRequest& request,
+                               LatencyHistogram& lateness, const Progress& progress = {});
 
 }  // namespace palpate

@@ -2,23 +2,26 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <thread>
+
+#include "base/test_processors.h"
 
 namespace palpate {
 namespace {
 
 TEST(BareLoop, MeasuresEveryTickOfItsTime) {
-  const std::atomic<bool> stop = false;
   LatencyHistogram lateness;
-  const BareLoop loop = run_bare_loop(2000, 0.2, 50e-6, {.lock_memory = false}, stop, lateness);
+  const auto loop = run_bare_loop(2000, 0.2, 50e-6, {.lock_memory = false}, lateness);
+  ASSERT_TRUE(loop.ok()) << loop.error().message();
   // more only where the last points were skipped
-  EXPECT_GE(loop.ticks + loop.skipped, 400u);
-  EXPECT_LE(loop.ticks, 400u);
-  EXPECT_GT(loop.ticks, 0u);
-  EXPECT_EQ(lateness.summary().n, loop.ticks);
+  EXPECT_GE(loop->ticks + loop->skipped, 400u);
+  EXPECT_LE(loop->ticks, 400u);
+  EXPECT_GT(loop->ticks, 0u);
+  EXPECT_EQ(lateness.summary().n, loop->ticks);
   EXPECT_GT(lateness.summary().max_us, 0);
-  EXPECT_FALSE(loop.grant.scheduler.empty());
-  EXPECT_FALSE(loop.grant.memory_locked);
+  EXPECT_FALSE(loop->grant.scheduler.empty());
+  EXPECT_FALSE(loop->grant.memory_locked);
 }
 
 TEST(BareLoop, StopsWhenAsked) {
@@ -28,10 +31,22 @@ TEST(BareLoop, StopsWhenAsked) {
     while (lateness.summary().n < 3) std::this_thread::yield();
     stop = true;
   });
-  const BareLoop loop = run_bare_loop(1000, 3600, 0, {.fifo = false, .lock_memory = false}, stop, lateness);
+  const auto loop =
+      run_bare_loop(1000, 3600, 0, {.fifo = false, .lock_memory = false}, lateness, Progress({}, &stop));
   stopper.join();
-  EXPECT_GE(loop.ticks, 3u);
-  EXPECT_LT(loop.ticks, 3'600'000u);
+  ASSERT_FALSE(loop.ok());
+  EXPECT_EQ(loop.error().kind, ErrorKind::kInterrupted);
+  EXPECT_GE(lateness.summary().n, 3u);
+  EXPECT_LT(lateness.summary().n, 3'600'000u);
+}
+
+TEST(BareLoop, WhereNoThreadIsToBeHadItSaysSo) {
+  const test::NoThreads none;
+  LatencyHistogram lateness;
+  const auto loop = run_bare_loop(1000, 0.1, 0, {.fifo = false, .lock_memory = false}, lateness);
+  ASSERT_FALSE(loop.ok());
+  EXPECT_EQ(loop.error().kind, ErrorKind::kUnavailable);
+  EXPECT_NE(loop.error().what.find("no thread"), std::string::npos) << loop.error().message();
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <functional>
 #include <thread>
 
+#include "base/test_processors.h"
 #include "haptics/test_model.h"
 #include "palpate/simulated_device.h"
 
@@ -45,7 +46,7 @@ class TestDriver : public DeviceDriver {
   Result<void> open(bool may_move) override { return require_consent(info, may_move); }
   void run(ServoFunction& servo, ServoClock& clock) noexcept override { body_(*this, servo, clock); }
   void halt() noexcept override { halted_ns = monotonic_ns(); }
-  void resume() noexcept override { resumed_ns = monotonic_ns(); }
+  void resume(std::uint64_t /*newest*/) noexcept override { resumed_ns = monotonic_ns(); }
 
   // one tick with the tip there
   DeviceCommand tick_at(ServoFunction& servo, const Point<Device>& tip) {
@@ -597,6 +598,15 @@ TEST(Loop, RefusesWhatCannotRun) {
   resting.driver.info.moves_by_itself = true;
   EXPECT_NE(refused({}).find("move"), std::string::npos);
   EXPECT_NE(started(resting.driver, {.may_move = true}), nullptr);
+}
+
+TEST(Loop, WhereNoThreadIsToBeHadItSaysSo) {
+  Resting resting;
+  const test::NoThreads none;
+  const auto loop = ServoLoop::start(ball(), resting.driver, {}, {WorkspaceSettings{}}, {.realtime = false});
+  ASSERT_FALSE(loop.ok());
+  EXPECT_EQ(loop.error().kind, ErrorKind::kUnavailable);
+  EXPECT_NE(loop.error().what.find("no thread"), std::string::npos) << loop.error().message();
 }
 
 }  // namespace

@@ -38,7 +38,9 @@ std::string Watchdog::begin(bool realtime, int servo_cpu) {
 void Watchdog::end() {
   end_.store(true);
   if (thread_.joinable()) thread_.join();
-  if (halted_.exchange(false)) driver_.resume();
+  // a supervisor's halt is the next loop's to end
+  if (halted_.exchange(false))
+    driver_.resume(heartbeat_ != nullptr ? heartbeat_->halts_that_ended.load() : 0);
 }
 
 void Watchdog::guard() {
@@ -53,7 +55,7 @@ void Watchdog::look(std::int64_t now_ns) {
   const std::uint64_t beats = beats_.load(std::memory_order_relaxed);
   const bool stalled = !standing_down_.load() && beat_ns != kResting && now_ns - beat_ns > kStall_ns;
   // read before the devices are let go: a halt that comes later is not ended with it
-  const std::uint32_t halts = heartbeat_ != nullptr ? heartbeat_->halts.load() : 0;
+  const std::uint64_t halts = heartbeat_ != nullptr ? heartbeat_->halts.load() : 0;
   const bool halted_outside = heartbeat_ != nullptr && halts != heartbeat_->halts_that_ended.load();
   if (heartbeat_ != nullptr) heartbeat_->looked_ns.store(now_ns);
   if (!halted_ && (stalled || halted_outside)) {
@@ -62,7 +64,7 @@ void Watchdog::look(std::int64_t now_ns) {
     stalls_.fetch_add(1);
     beats_when_halted_ = beats;
   } else if (halted_ && !stalled && beats >= beats_when_halted_ + kTicksToTrust) {
-    driver_.resume();
+    driver_.resume(halts);
     if (heartbeat_ != nullptr) heartbeat_->halts_that_ended.store(halts);
     halted_.store(false, std::memory_order_release);
   }

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "base/test_folder.h"
+#include "base/test_processors.h"
 #include "base/test_seed.h"
 #include "session/test_session.h"
 
@@ -203,6 +204,15 @@ TEST(Playback, SaysWhatItCannotShow) {
   empty.ticks.clear();
   empty.events.clear();
   EXPECT_NE(refused(empty).find("no ticks"), std::string::npos);
+}
+
+TEST(Playback, WhereNoThreadIsToBeHadItSaysSo) {
+  const Recording recording = counted_recording();
+  const test::NoThreads none;
+  const auto opened = open_playback(recording, loaded_ball().model, Modality::kUnknown);
+  ASSERT_FALSE(opened.ok());
+  EXPECT_EQ(opened.error().kind, ErrorKind::kUnavailable);
+  EXPECT_NE(opened.error().what.find("no thread"), std::string::npos) << opened.error().message();
 }
 
 TEST(Playback, TellsWhereItCannotGoOn) {

@@ -32,7 +32,7 @@ class NoDriver final : public DeviceDriver {
   Result<void> open(bool) override { return {}; }
   void run(ServoFunction&, ServoClock&) noexcept override {}
   void halt() noexcept override {}
-  void resume() noexcept override {}
+  void resume(std::uint64_t /*newest*/) noexcept override {}
 
  private:
   DeviceInfo info_;
@@ -252,7 +252,7 @@ void CampaignSession::replay_it() {
 TEST(StopCampaign, AStopNeverRaisesForceAndTheNextTickSendsNone) {
   // PALPATE_TEST_STOPS=10000 is the whole campaign
   const char* wanted = std::getenv("PALPATE_TEST_STOPS");
-  const int sequences = wanted != nullptr ? std::atoi(wanted) : 500;
+  const int sequences = wanted != nullptr ? std::atoi(wanted) : 1000;
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937_64 random(seed);

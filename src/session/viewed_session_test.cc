@@ -68,7 +68,7 @@ class HeldDriver final : public DeviceDriver {
     }
   }
   void halt() noexcept override {}
-  void resume() noexcept override {}
+  void resume(std::uint64_t /*newest*/) noexcept override {}
 
  private:
   DeviceInfo info_;

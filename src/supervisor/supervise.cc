@@ -155,8 +155,9 @@ class Supervision {
     const std::int64_t now_ns = monotonic_ns();
     if (block_.ended.load(std::memory_order_acquire)) return false;
     if (gone) {
-      const std::int64_t halted_ns = halt();
-      note(SupervisorEvent::Kind::kDeath, now_ns, halted_ns);
+      // where a halt file is full, its end tells of it: nobody is left who could write
+      tell(Heartbeat::kHaltForGood);
+      note(SupervisorEvent::Kind::kDeath, now_ns, monotonic_ns());
       return false;
     }
     if (halt_files_ > 0) watch_beats(now_ns);
@@ -165,13 +166,12 @@ class Supervision {
   }
 
  private:
-  std::int64_t halt() const {
-    // one that is full has heard it already
+  // where it is not told yet
+  void tell(std::uint64_t halt) {
     for (int n = 0; n < halt_files_; ++n) {
-      const std::uint64_t one = 1;
-      [[maybe_unused]] const ssize_t written = ::write(kFirstHaltFile + n, &one, sizeof one);
+      std::uint64_t& told = told_[static_cast<std::size_t>(n)];
+      if (told != halt && ::write(kFirstHaltFile + n, &halt, sizeof halt) == sizeof halt) told = halt;
     }
-    return monotonic_ns();
   }
 
   void note(SupervisorEvent::Kind kind, std::int64_t seen_ns, std::int64_t halted_ns) {
@@ -182,12 +182,15 @@ class Supervision {
     Heartbeat& heartbeat = block_.heartbeat;
     const std::int64_t beat_ns = heartbeat.beat_ns.load(std::memory_order_acquire);
     const bool stalled = beat_ns != Heartbeat::kResting && now_ns - beat_ns > kSupervisedStall_ns;
-    const bool halted = heartbeat.halts.load() != heartbeat.halts_that_ended.load();
+    const std::uint64_t halts = heartbeat.halts.load();
+    const bool halted = halts != heartbeat.halts_that_ended.load();
+    // again where a file was full, or another supervisor died before it told
+    if (halted) tell(halts);
     if (!stalled || halted) return;
-    // counted when it is done: the loop may end a halt that it has seen, and a byte must not come after that
-    const std::int64_t halted_ns = halt();
-    heartbeat.halts.fetch_add(1);
-    note(SupervisorEvent::Kind::kStall, now_ns, halted_ns);
+    // counted first: of a halt that a device has heard of the loop knows, and can end it
+    heartbeat.halts.store(halts + 1);
+    tell(halts + 1);
+    note(SupervisorEvent::Kind::kStall, now_ns, monotonic_ns());
   }
 
   void watch_for_standstill(std::int64_t now_ns) {
@@ -206,6 +209,7 @@ class Supervision {
   SharedBlock& block_;
   const int halt_files_;
   const bool kill_frozen_;
+  std::array<std::uint64_t, kMostHaltFiles> told_{};  // the last halt that each file has heard of
   std::int64_t last_look_ns_ = 0, last_seen_ns_ = 0, still_ns_ = 0;
 };
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <spawn.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -17,6 +18,7 @@
 #include <cstdio>
 #include <deque>
 #include <filesystem>
+#include <optional>
 #include <random>
 #include <sstream>
 #include <thread>
@@ -88,14 +90,15 @@ class Pressing {
               records.c_str(), kill_frozen ? "1" : "0", recording.c_str(), nullptr);
       ::_exit(127);
     }
-    for (const int file : {halt[0], halt[1], orders[0], said[1]}) ::close(file);
+    halts_ = halt[0];
+    for (const int file : {halt[1], orders[0], said[1]}) ::close(file);
   }
   ~Pressing() {
     for (const pid_t process : {session_, device_process_}) {
       ::kill(process, SIGKILL);
       ::waitpid(process, nullptr, 0);
     }
-    for (const int file : {orders_, said_, record_, record_in_, memory_file_})
+    for (const int file : {orders_, said_, record_, record_in_, memory_file_, halts_})
       if (file >= 0) ::close(file);
     ::munmap(device_, sizeof *device_);
   }
@@ -147,11 +150,30 @@ class Pressing {
       if (!line.empty()) lines.push_back(line);
     return lines;
   }
+  /// Waits until so many halts lie in the halt file, unread; false: they never do.
+  bool unread_halts(int count) const {
+    int bytes = 0;
+    for (int n = 0; n < 10'000 && bytes != 8 * count; ++n) {
+      std::this_thread::sleep_for(1ms);
+      PALPATE_CHECK(::ioctl(halts_, FIONREAD, &bytes) == 0);
+    }
+    return bytes == 8 * count;
+  }
+  /// Nothing more goes into the halt file until the device has read it. What lies there halts nothing.
+  void fill_halt_file() const {
+    const int file = ::open(("/proc/self/fd/" + std::to_string(halts_)).c_str(), O_WRONLY | O_NONBLOCK);
+    constexpr std::uint64_t kNone = 0;
+    while (::write(file, &kNone, sizeof kNone) == sizeof kNone) {
+    }
+    PALPATE_CHECK(file >= 0 && errno == EAGAIN);
+    ::close(file);
+  }
   pid_t session() const { return session_; }
+  pid_t device_process() const { return device_process_; }
   const TestDeviceMemory& device() const { return *device_; }
 
  private:
-  int memory_file_ = -1, orders_ = -1, said_ = -1, record_ = -1;
+  int memory_file_ = -1, orders_ = -1, said_ = -1, record_ = -1, halts_ = -1;
   mutable int record_in_ = -1;  // until record() waits for the end of all who could write
   TestDeviceMemory* device_ = nullptr;
   pid_t device_process_ = -1, session_ = -1;
@@ -293,12 +315,13 @@ void expect_reopens(const std::filesystem::path& recording, std::uint64_t flushe
   const auto source = RecordingSource::open(recording);
   ASSERT_TRUE(source.ok()) << source.error().message();
   EXPECT_EQ(source->head().summary.has_value(), whole);
-  std::uint64_t ticks = 0;
+  std::uint64_t ticks = 0, out_of_place = 0;
   const auto read = source->read([&](const RecordingPart& part) -> Result<void> {
-    for (const TickRecord& tick : part.ticks) EXPECT_EQ(tick.tick, ticks++);
+    for (const TickRecord& tick : part.ticks) out_of_place += tick.tick != ticks++;
     return {};
   });
   EXPECT_TRUE(read.ok()) << read.error().message();
+  EXPECT_EQ(out_of_place, 0u);
   EXPECT_EQ(ticks, source->head().ticks);
   EXPECT_GE(ticks, flushed);
 }
@@ -362,29 +385,92 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
 }
 
 TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
-  const Pressing session;
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  const test::TemporaryFolder folder;
+  const auto recording = folder / "run.h5";
+  const Pressing session(true, false, recording);
   ASSERT_TRUE(session.presses());
-  std::vector<double> after_ms;
+  std::vector<std::int64_t> stopped_ns, rested_ns;
+  std::vector<double> bare_ms;
   for (int n = 0; n < 2 * trials(); ++n) {
+    std::this_thread::sleep_for(some_time(random));
     BareThreads bare(kSupervisorPriority);
     const std::int64_t then_ns = monotonic_ns();
     session.signal(SIGSTOP);
     const std::int64_t rest_ns = session.rest_after(then_ns);
     ASSERT_NE(rest_ns, 0) << "the device still pushes";
-    after_ms.push_back(ms_from(then_ns, rest_ns));
+    stopped_ns.push_back(then_ns);
+    rested_ns.push_back(rest_ns);
+    bare_ms.push_back(bare.latest_ms());
     EXPECT_EQ(session.device().acting_N, 0);
     session.signal(SIGCONT);
     EXPECT_TRUE(session.acts_again());
     // back in full, and not at once
     session.order('g');
     ASSERT_TRUE(session.presses());
-    std::printf("stopped: zero after %.2f ms, a bare thread late by %.2f\n", after_ms.back(),
-                bare.latest_ms());
   }
   session.order('q');
   const auto record = session.record();
-  ASSERT_GE(record.size(), after_ms.size());
   for (const std::string& line : record) EXPECT_NE(line.find("\"stall\""), std::string::npos) << line;
+  EXPECT_GT(ticks_in(recording), 0u);
+
+  // a stop is the process's own thread to begin, until when the others tick on
+  std::vector<double> since_tick_ms, beyond_ms;
+  std::size_t late = 0;
+  for (std::size_t n = 0; n < bare_ms.size(); ++n) {
+    const auto stall = std::ranges::find_if(
+        record, [&](const std::string& line) { return number_in(line, "seen_ns") > stopped_ns[n]; });
+    ASSERT_NE(stall, record.end());
+    since_tick_ms.push_back(ms_from(number_in(*stall, "last_beat_ns"), rested_ns[n]));
+    beyond_ms.push_back(since_tick_ms.back() - bare_ms[n]);
+    late += since_tick_ms.back() > kPromise_ms + 2 * (bare_ms[n] + 1);
+  }
+  // as after a death
+  EXPECT_LE(late, 1 + bare_ms.size() / 4);
+  print("stopped: zero after the last tick", since_tick_ms);
+  print("bare threads of the supervisor's priority late by", bare_ms);
+  print("zero after the last tick, less that", beyond_ms);
+}
+
+// Two standstills, of which the device hears late and of both at once: the end of the first ends not the
+// second.
+TEST(Supervisor, AStarvedDeviceObeysTheNewestHalt) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  ::kill(session.device_process(), SIGSTOP);
+  for (const int halts : {1, 2}) {
+    session.signal(SIGSTOP);
+    ASSERT_TRUE(session.unread_halts(halts));
+    if (halts == 2) break;
+    session.signal(SIGCONT);
+    // back in full: the loop has let go of it
+    session.order('g');
+    ASSERT_TRUE(session.presses());
+  }
+  const std::int64_t then_ns = monotonic_ns();
+  ::kill(session.device_process(), SIGCONT);
+  EXPECT_NE(session.rest_after(then_ns), 0) << "the device pushes through a halt";
+  session.signal(SIGCONT);
+  EXPECT_TRUE(session.acts_again());
+  session.order('q');
+}
+
+TEST(Supervisor, ADeviceWhoseHaltFileWasFullHearsOfTheHalt) {
+  const Pressing session;
+  ASSERT_TRUE(session.presses());
+  ::kill(session.device_process(), SIGSTOP);
+  session.fill_halt_file();
+  session.signal(SIGSTOP);
+  // more than the supervisor needs to notice
+  std::this_thread::sleep_for(50ms);
+  const std::int64_t then_ns = monotonic_ns();
+  ::kill(session.device_process(), SIGCONT);
+  EXPECT_NE(session.rest_after(then_ns), 0) << "the device pushes through a halt";
+  session.signal(SIGCONT);
+  EXPECT_TRUE(session.acts_again());
+  session.order('q');
 }
 
 TEST(Supervisor, AServoThreadThatHangsGetsZero) {
@@ -573,6 +659,33 @@ TEST(Supervisor, SaysThatItHasDiedAndWatchesAgain) {
   EXPECT_TRUE((*supervisor)->watching());
 }
 
+// One may die between counting a halt and telling of it.
+TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
+  int halt[2];
+  ASSERT_EQ(::pipe2(halt, O_CLOEXEC), 0);
+  auto supervisor =
+      Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {halt[1]}});
+  ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
+  const auto told = [&] {
+    std::uint64_t number = 0;
+    EXPECT_EQ(::read(halt[0], &number, sizeof number), static_cast<ssize_t>(sizeof number));
+    return number;
+  };
+  (*supervisor)->heartbeat().halts = 7;
+  EXPECT_EQ(told(), 7u);
+  ::kill(supervisor_of(::getpid()), SIGKILL);
+  for (int n = 0; n < 10'000 && (*supervisor)->watching(); ++n) std::this_thread::sleep_for(1ms);
+  const auto again = (*supervisor)->watch_again();
+  ASSERT_TRUE(again.ok()) << again.error().message();
+  EXPECT_EQ(told(), 7u);
+  // and of one that has ended no more
+  (*supervisor)->heartbeat().halts_that_ended = 7;
+  (*supervisor)->heartbeat().beat_ns = monotonic_ns() - 2 * kSupervisedStall_ns;
+  EXPECT_EQ(told(), 8u);
+  supervisor->reset();
+  for (const int file : halt) ::close(file);
+}
+
 TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
   const auto supervisor = Supervisor::start(
       {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .realtime = false});
@@ -675,6 +788,105 @@ TEST(Supervisor, AProgramThatIsNoneIsAnError) {
     ASSERT_FALSE(supervisor.ok()) << program;
     EXPECT_EQ(supervisor.error().kind, ErrorKind::kUnavailable);
     EXPECT_NE(supervisor.error().message().find(program), std::string::npos) << supervisor.error().message();
+  }
+}
+
+/// A device that acts, and what it is told.
+class ToldDevice {
+ public:
+  ToldDevice() {
+    PALPATE_CHECK(::pipe2(halt_, O_CLOEXEC | O_NONBLOCK) == 0);
+    memory_->force_N = 1;
+    device_.emplace([this] {
+      ::close(halt_[1]);
+      testing::be_test_device(*memory_, halt_[0]);
+    });
+    driver_.emplace(*memory_, halt_[1], Point<Device>(0, 0, 0));
+  }
+  ~ToldDevice() {
+    device_.reset();
+    for (const int file : halt_) ::close(file);
+  }
+  ToldDevice(const ToldDevice&) = delete;
+  ToldDevice& operator=(const ToldDevice&) = delete;
+
+  void halt(std::uint64_t number) const {
+    PALPATE_CHECK(::write(halt_[1], &number, sizeof number) == sizeof number);
+  }
+  void write_byte() const { PALPATE_CHECK(::write(halt_[1], "x", 1) == 1); }
+  const TestDeviceMemory& memory() const { return *memory_; }
+  testing::TestDeviceDriver& driver() { return *driver_; }
+  testing::Child& process() { return *device_; }
+  /// It does so, and goes on with it; false: never.
+  bool comes_to(bool act) const {
+    int lasts = 0;
+    for (int n = 0; n < 5'000 && lasts < 20; ++n) {
+      std::this_thread::sleep_for(1ms);
+      lasts = (memory_->acting_N > 0) == act ? lasts + 1 : 0;
+    }
+    return lasts == 20;
+  }
+
+ private:
+  int halt_[2];
+  const testing::Shared<TestDeviceMemory> memory_;
+  std::optional<testing::Child> device_;
+  std::optional<testing::TestDeviceDriver> driver_;
+};
+
+TEST(TestDevice, StarvedThroughAResumeItObeysTheNewerHalt) {
+  ToldDevice device;
+  ASSERT_TRUE(device.comes_to(true));
+  device.process().stop();
+  device.halt(1);
+  device.driver().resume(1);
+  device.halt(2);
+  device.process().go_on();
+  EXPECT_TRUE(device.comes_to(false)) << "it pushes through a halt";
+  // which an end of the first that is told again ends as little
+  device.driver().resume(1);
+  EXPECT_TRUE(device.comes_to(false));
+  device.driver().resume(2);
+  EXPECT_TRUE(device.comes_to(true));
+}
+
+TEST(TestDevice, HearsOfAnEndBeforeItsHaltAndGoesOn) {
+  ToldDevice device;
+  ASSERT_TRUE(device.comes_to(true));
+  device.driver().resume(1);
+  device.halt(1);
+  EXPECT_TRUE(device.comes_to(true));
+  device.halt(2);
+  EXPECT_TRUE(device.comes_to(false));
+}
+
+TEST(TestDevice, ReadsAllHaltsBeforeItActs) {
+  ToldDevice device;
+  ASSERT_TRUE(device.comes_to(true));
+  device.process().stop();
+  const std::uint32_t changes = device.memory().change_count;
+  constexpr std::uint64_t kMany = 500;
+  for (std::uint64_t halt = 1; halt <= kMany; ++halt) device.halt(halt);
+  device.driver().resume(kMany - 1);
+  device.process().go_on();
+  EXPECT_TRUE(device.comes_to(false));
+  EXPECT_EQ(device.memory().change_count, changes + 1) << "it has pushed in between";
+  device.driver().resume(kMany);
+  EXPECT_TRUE(device.comes_to(true));
+}
+
+// By whoever is left, or by who does not know how a halt is told.
+TEST(TestDevice, NothingEndsAHaltForGood) {
+  for (const bool number : {true, false}) {
+    ToldDevice device;
+    ASSERT_TRUE(device.comes_to(true));
+    if (number)
+      device.halt(Heartbeat::kHaltForGood);
+    else
+      device.write_byte();
+    EXPECT_TRUE(device.comes_to(false));
+    device.driver().resume(Heartbeat::kHaltForGood - 1);
+    EXPECT_TRUE(device.comes_to(false));
   }
 }
 

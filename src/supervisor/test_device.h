@@ -6,6 +6,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -13,6 +14,7 @@
 
 #include "base/clock.h"
 #include "palpate/device.h"
+#include "palpate/heartbeat.h"
 #include "servo/realtime.h"
 
 /// A device that another process holds, for tests: what stands behind a driver's port when the process with
@@ -30,7 +32,7 @@ struct TestDeviceMemory {
   std::atomic<double> force_N{0};
   std::atomic<std::uint64_t> commands{0};
   std::atomic<bool> halted{false};
-  std::atomic<std::uint32_t> resumes{0};
+  std::atomic<std::uint64_t> halts_that_ended{0};
   // ---- by the device: every change of what acts from something to nothing and back
   struct Change {
     std::atomic<std::int64_t> at_ns{0};
@@ -82,9 +84,9 @@ class TestDeviceDriver final : public DeviceDriver {
     if (throws_in_halt) throw_for_a_test();
     memory_.halted = true;
   }
-  void resume() noexcept override {
+  void resume(std::uint64_t newest) noexcept override {
+    memory_.halts_that_ended = newest;
     memory_.halted = false;
-    memory_.resumes.fetch_add(1);
   }
   int halt_file() const noexcept override { return halt_file_; }
 
@@ -115,6 +117,31 @@ class TestDeviceDriver final : public DeviceDriver {
   std::atomic<pthread_t> ticking_{};
 };
 
+/// What a device makes of its halt file. It does not matter whether it hears of a halt or of an end first.
+class HaltFile {
+ public:
+  explicit HaltFile(int file) : file_{file, POLLIN, 0} {}
+
+  /// Takes all that lies there; where there is nothing, waits so long for something.
+  void read(timespec wait) {
+    // an end that has hung up is readable for ever: who asks again waits for nothing, and lets nobody run
+    while (::ppoll(&file_, newest_ == Heartbeat::kHaltForGood ? 0 : 1, &wait, nullptr) > 0) {
+      std::array<std::uint64_t, 64> halts{};
+      const ssize_t got = ::read(file_.fd, halts.data(), sizeof halts);
+      // nobody is left who could write, or who writes is no supervisor
+      const bool whole = got > 0 && static_cast<std::size_t>(got) % sizeof halts[0] == 0;
+      newest_ = whole ? std::max(newest_, std::ranges::max(halts)) : Heartbeat::kHaltForGood;
+      wait = {};
+    }
+  }
+  /// @param ended  of halts, the newest that has ended
+  bool halts(std::uint64_t ended) const { return newest_ > ended; }
+
+ private:
+  pollfd file_;
+  std::uint64_t newest_ = 0;
+};
+
 /// The device's whole life, four times a millisecond, until it is killed.
 /// @param halted  the other end of the driver's halt file
 [[noreturn]] inline void be_test_device(TestDeviceMemory& memory, int halted) {
@@ -125,23 +152,12 @@ class TestDeviceDriver final : public DeviceDriver {
                              .cpu = -1,
                              .leave_above = 0,
                              .name = "test-device"});
-  bool halted_outside = false, alone = false, acted = false;
-  std::uint32_t resumes = 0;
+  HaltFile file(halted);
+  bool acted = false;
   for (;;) {
-    // a resume that is seen here has its bytes before it in the pipe
-    const std::uint32_t now_resumed = memory.resumes.load();
-    pollfd file{halted, POLLIN, 0};
-    constexpr timespec kPeriod{0, 250'000};
-    // an end that has hung up is readable for ever: who asks again waits for nothing, and lets nobody run
-    if (::ppoll(&file, alone ? 0 : 1, &kPeriod, nullptr) > 0) {
-      std::array<char, 64> bytes{};
-      // nobody is left who could write
-      if (::read(halted, bytes.data(), bytes.size()) <= 0) alone = true;
-      halted_outside = true;
-    }
-    if (now_resumed != resumes) halted_outside = alone;
-    resumes = now_resumed;
-    const double acting_N = halted_outside || memory.halted ? 0.0 : memory.force_N.load();
+    file.read({0, 250'000});
+    const bool halts = memory.halted || file.halts(memory.halts_that_ended);
+    const double acting_N = halts ? 0.0 : memory.force_N.load();
     memory.acting_N = acting_N;
     const bool acts = acting_N > 0;
     if (acts == acted) continue;

@@ -48,7 +48,7 @@ class PathDriver final : public DeviceDriver {
   std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
   Result<void> open(bool /*may_move*/) override { return {}; }
   void halt() noexcept override {}
-  void resume() noexcept override {}
+  void resume(std::uint64_t /*newest*/) noexcept override {}
 
   void run(ServoFunction& servo, ServoClock& clock) noexcept override {
     while (ring_.load() == nullptr && clock.wait()) update(servo, 0);

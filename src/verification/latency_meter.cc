@@ -2,7 +2,6 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <future>
 #include <thread>
 
 #include "base/clock.h"
@@ -178,18 +177,13 @@ Result<void> Meter::bare_block(double seconds, const Progress& progress) {
   RealtimeRequest request;
   request.fifo = request.lock_memory = settings_.realtime;
   request.cpu = settings_.cpu;
-  std::atomic<bool> stop{false};
   bare_block_.clear();
-  auto running = std::async(std::launch::async, [&] {
-    return run_bare_loop(settings_.rate_hz, seconds, settings_.spin_s, request, stop, bare_block_);
-  });
-  while (running.wait_for(kMeterPoll) != std::future_status::ready)
-    if (progress.stopped()) stop = true;
-  const BareLoop bare = running.get();
-  if (progress.stopped()) return Progress::interrupted();
+  const auto bare =
+      run_bare_loop(settings_.rate_hz, seconds, settings_.spin_s, request, bare_block_, progress);
+  if (!bare) return bare.error();
   bare_lateness_.merge(bare_block_);
-  sums_.bare_ticks += bare.ticks;
-  sums_.bare_skipped += bare.skipped;
+  sums_.bare_ticks += bare->ticks;
+  sums_.bare_skipped += bare->skipped;
   pair_blocks();
   return {};
 }

@@ -74,6 +74,24 @@ class Failures(cli.PalpateTest):
                 self.assertIn("interrupted", said)
             os.close(reader)
 
+    def test_signals_end_a_recording_that_is_shown(self):
+        for number in (signal.SIGTERM, signal.SIGINT):
+            with subprocess.Popen([cli.PALPATE, "replay", self.recording, self.scene, "--view", "--port", "0"], stdin=subprocess.DEVNULL,
+                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as shown:
+                told = ""
+                while "Ctrl-C ends it" not in told:
+                    line = shown.stderr.readline()
+                    self.assertTrue(line, told)
+                    told += line
+                shown.send_signal(number)
+                _, rest = shown.communicate(timeout=120)
+                self.assertEqual(shown.returncode, cli.OK, told + rest)
+
+    def test_where_no_thread_is_to_be_had_it_says_so(self):
+        # each would need more stack than there is memory
+        self.fail_clearly(cli.UNAVAILABLE, "data", "keys", says="no thread is to be had",
+                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, (1 << 46, 1 << 46)))
+
     def writing_verbs(self, output):
         """Every verb that writes, writing to `output`."""
         return {

@@ -49,6 +49,7 @@ class NotAFileTest(KneeTest):
                 ["hold", pipes["toml"], "--at", "0,0,0"],
                 ["prepare", pipes["nrrd"], "-o", out.with_suffix(".nrrd")],
                 ["replay", pipes["h5"]],
+                ["replay", pipes["h5"], "--view"],
                 ["report", pipes["h5"]],
         ]:
             with self.subTest(arguments=arguments):
@@ -64,20 +65,27 @@ class BombTest(KneeTest):
     def setUpClass(cls):
         super().setUpClass()
         cls.new_scene(cls.scan, cls.labels)
+        cls.refused = []
+
+    @classmethod
+    def tearDownClass(cls):
+        if cls.refused:
+            (slow_s, slow), (large_mib, large) = max((s, what) for s, _, what in cls.refused), max((mib, what) for _, mib, what in cls.refused)
+            print(f"{len(cls.refused)} refusals of {len({what.split()[1] for _, _, what in cls.refused})} bombs, "
+                  f"{slow_s:.1f} s of processor time at most ({slow}), {large_mib:.0f} MiB at most ({large})", flush=True)
+        super().tearDownClass()
 
     def bombs(self, kind, *more):
         done = subprocess.run([sys.executable, bombs.__file__, kind, self.folder, *more], stdout=subprocess.PIPE, check=True)
         return {name: pathlib.Path(file) for name, file in json.loads(done.stdout).items()}
 
     def refuse(self, *arguments):
-        """One clear error, within the memory that any file may take. Returns (s, MiB)."""
+        """One clear error, within the memory that any file may take. The processor time that it took is printed in the end."""
         with open(self.folder / "stdout", "w+") as out, open(self.folder / "stderr", "w+") as err:
-            begun = time.monotonic()
             process = subprocess.Popen([cli.PALPATE, *map(str, arguments), "--memory", "1G"], stdout=out, stderr=err,
                                        stdin=subprocess.DEVNULL)
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
-            took_s = time.monotonic() - begun
             err.seek(0)
             text = err.read()
         self.assertEqual(process.returncode, BAD_INPUT, text)
@@ -86,10 +94,12 @@ class BombTest(KneeTest):
         most_mib = used.ru_maxrss / 1024
         if not SANITIZED:
             self.assertLess(most_mib, self.MOST_MIB, text)
+        # its readers included
+        took_s = used.ru_utime + used.ru_stime
+        what = f"{arguments[0]} {pathlib.Path(arguments[-1]).name}"
+        self.refused.append((took_s, most_mib, what))
         if os.environ.get("PALPATE_TEST_SAY"):
-            print(f"{took_s:6.1f} s {most_mib:7.0f} MiB  {arguments[0]} {pathlib.Path(arguments[-1]).name}: "
-                  f"{text.splitlines()[0][-110:]}")
-        return took_s, most_mib
+            print(f"{took_s:6.1f} s {most_mib:7.0f} MiB  {what}: {text.splitlines()[0][-110:]}")
 
     def test_volumes(self):
         for name, file in self.bombs("volumes").items():
