@@ -191,6 +191,14 @@ class Viewer(unittest.TestCase):
                           {"type": "pointerMove", "x": x + dx, "y": y + dy, "duration": 300},
                           {"type": "pointerUp", "button": button})
 
+    PICTURE = (200, 200, 0.8)  # pixels across and down, mm a pixel
+
+    def volume_pixels(self):
+        """Array [row, column, rgb] of the volume as it is now."""
+        width, height, mm = self.PICTURE
+        data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[1], arguments[2])", width, height, mm))
+        return numpy.frombuffer(data, numpy.uint8).reshape(height, width, 4)[:, :, :3].astype(int)
+
 
 class WithPointer(Viewer):
     """The object stands still, and the tip is where the test leads it."""
@@ -293,14 +301,6 @@ class WithPointer(Viewer):
         self.assertGreater(numpy.argwhere(seen)[:, 1].mean() * mm, size[1] / 2 * mm + 10)
         label = next(s["label"] for s in self.scene["structures"] if s["name"] == "fibula")
         self.assert_overlap(seen, self.projected(self.labels == label, size, mm), 0.85)  # a slim one: more border
-
-    PICTURE = (200, 200, 0.8)  # pixels across and down, mm a pixel
-
-    def volume_pixels(self):
-        """Array [row, column, rgb] of the volume as it is now."""
-        width, height, mm = self.PICTURE
-        data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[1], arguments[2])", width, height, mm))
-        return numpy.frombuffer(data, numpy.uint8).reshape(height, width, 4)[:, :, :3].astype(int)
 
     def section_pixels(self):
         return numpy.array(self.page.run(
@@ -1008,6 +1008,9 @@ class WithTrouble(Viewer):
     @classmethod
     def setUpClass(cls):
         cls.open_browser()
+        cls.page.developer_tools("Page.addScriptToEvaluateOnNewDocument", source="""
+            window.workers = [];
+            window.Worker = class extends Worker { constructor(...all) { super(...all); window.workers.push(this); } };""")
 
     def restart(self, *extra):
         self.server.process.kill()
@@ -1060,6 +1063,26 @@ class WithTrouble(Viewer):
         self.page.run("window.isEnough = true")
         self.page.click("#again")
         self.page.wait(LOADED)
+
+    def test_what_draws_the_volume_is_replaced_once(self):
+        self.expected += ("Cannot read properties of null",)
+        note = "document.getElementById('graphics')"
+        before = self.volume_pixels()
+        self.page.run(f"window.told = []; new MutationObserver(() => window.told.push({note}.textContent)).observe({note}, {{ childList: true, subtree: true, characterData: true }})")
+        # it throws something where nobody waits for it
+        self.page.run("window.workers[0].postMessage({ type: 'draw', id: 0, view: null, givesWay: false })")
+        self.page.wait(f"window.told.length > 0 && {note}.hidden")
+        told = self.page.run("return window.told[0]")
+        for words in ("the volume cannot be drawn", "started anew", "emergency stop"):
+            self.assertIn(words, told)
+        self.assertEqual(abs(self.volume_pixels() - before).max(), 0)
+        self.assertEqual(self.page.run("return [window.workers.length, palpateViewer.isDrawnInWorker]"), [2, True])
+        # and the one in its place ends without a word
+        self.page.run("window.workers[1].terminate()")
+        self.page.wait(f"!{note}.hidden && {note}.textContent.includes('reload this page')")
+        self.assertEqual(self.page.run("return window.workers.length"), 2)
+        self.page.press(" ")
+        self.page.wait("palpateViewer.state.emergency_stop")
 
 
 class WithLoading(Viewer):

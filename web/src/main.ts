@@ -65,6 +65,7 @@ class Page {
   private readonly bookmarks: Bookmarks;
   private layoutName: Layout = "two";
   private readonly graphics: Record<"sections" | "volume", "fine" | "lost" | "restorable"> = { sections: "fine", volume: "fine" };
+  private failed: "no" | "once" | "again" = "no"; // what draws the volume beside the page
   private isMending = false;
   private hopeless = 0; // timer
 
@@ -111,8 +112,17 @@ class Page {
         void this.mend();
       };
     }
+    this.renderer.onFailed = (isReplaced) => this.workerFailed(isReplaced);
   }
 
+  private workerFailed(isReplaced: boolean): void {
+    this.failed = isReplaced ? "once" : "again";
+    this.graphics.volume = isReplaced ? "restorable" : "lost";
+    for (const view of [this.volume, this.scope]) view.lost();
+    this.session.touch();
+    this.tellOfGraphics(false);
+    void this.mend();
+  }
   private graphicsLost(which: "sections" | "volume"): void {
     this.graphics[which] = "lost";
     if (which === "volume") for (const view of [this.volume, this.scope]) view.lost();
@@ -133,8 +143,10 @@ class Page {
         if (graphics.sections === "restorable") graphics.sections = "fine";
         this.session.touchLooks();
       } else if (graphics.sections === "fine" && graphics.volume === "restorable") {
-        await this.renderer.restore();
-        if (graphics.volume === "restorable") graphics.volume = "fine";
+        if ((await this.renderer.restore()) && graphics.volume === "restorable") {
+          graphics.volume = "fine";
+          if (this.failed === "once") this.failed = "no";
+        }
       } else break;
     }
     this.isMending = false;
@@ -142,10 +154,12 @@ class Page {
     this.tellOfGraphics(false);
   }
   private tellOfGraphics(isHopeless: boolean): void {
-    const isLost = (which: "sections" | "volume") => this.graphics[which] !== "fine";
-    const what = isLost("sections") ? (isLost("volume") ? words.lostBoth : words.lostSections) : isLost("volume") ? words.lostVolume : null;
-    write(byId("graphics"), what === null ? "" : `${what} ${isHopeless ? words.mendLost : words.lostHeals} ${words.lostHarmless}`);
-    byId("graphics").hidden = what === null;
+    const isTaken = { sections: this.graphics.sections !== "fine", volume: this.graphics.volume !== "fine" && this.failed === "no" };
+    const taken = isTaken.sections ? (isTaken.volume ? words.lostBoth : words.lostSections) : isTaken.volume ? words.lostVolume : null;
+    const all = [...(taken === null ? [] : [taken, isHopeless ? words.mendLost : words.lostHeals]),
+      ...(this.failed === "no" ? [] : [words.failedVolume, this.failed === "once" ? words.failedHeals : words.mendFailed])];
+    write(byId("graphics"), all.length === 0 ? "" : [...all, words.lostHarmless].join(" "));
+    byId("graphics").hidden = all.length === 0;
   }
 
   /** Other structures in a box of voxels, i fastest: places in the scene's list + 1. */

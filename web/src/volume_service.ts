@@ -20,7 +20,7 @@ export type Asked =
 export interface Work { texels: number; looks: number; pictures: number }
 
 export type Answered =
-  | { type: "ready" }
+  | { type: "ready"; held: string } // a lock that is let go when nobody answers any more; or ""
   | { type: "unable"; why: string }
   | { type: "begun"; fits: boolean }
   | { type: "put" }
@@ -47,7 +47,7 @@ class Service {
   private readonly work: Work = { texels: 0, looks: 0, pictures: 0 };
   private readonly extension: WEBGL_lose_context | null;
 
-  constructor(private readonly port: Port, private readonly caster: Caster) {
+  constructor(private readonly port: Port, private readonly caster: Caster, held: string) {
     const { canvas } = caster;
     this.extension = (canvas.getContext("webgl2") as WebGL2RenderingContext).getExtension("WEBGL_lose_context");
     canvas.addEventListener("webglcontextlost", (event) => {
@@ -56,7 +56,7 @@ class Service {
     });
     canvas.addEventListener("webglcontextrestored", () => this.say({ type: "restorable" }));
     port.onmessage = (event) => this.hear(event.data as Asked);
-    this.say({ type: "ready" });
+    this.say({ type: "ready", held });
   }
 
   private say(message: Answered, transfer: Transferable[] = []): void {
@@ -130,8 +130,8 @@ class Service {
 const pictureOf = async (canvas: OffscreenCanvas | HTMLCanvasElement): Promise<ImageBitmap> =>
   "transferToImageBitmap" in canvas ? canvas.transferToImageBitmap() : createImageBitmap(canvas);
 
-/** Answers at a port, with what a canvas draws. */
-export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement): void {
+/** Answers at a port, with what a canvas draws. @param held  a lock that shows that it still does, or "" */
+export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, held = ""): void {
   let caster: Caster;
   try {
     caster = new Caster(canvas);
@@ -139,5 +139,5 @@ export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement): 
     port.postMessage({ type: "unable", why: (error as Error).message } satisfies Answered, []);
     return;
   }
-  new Service(port, caster);
+  new Service(port, caster, held);
 }

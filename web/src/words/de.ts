@@ -282,6 +282,9 @@ export const de: Words = {
   lostBoth: "Der Browser hat die Grafik entzogen: Die Schnitte und das Volumen können nicht gezeichnet werden.",
   mendLost: "Laden Sie diese Seite neu; wo das nicht hilft, starten Sie den Browser neu.",
   lostHeals: "Sie kommen von selbst wieder, wenn er die Grafik zurückgibt.",
+  failedVolume: "Was das Volumen zeichnet, ist ausgefallen: Das Volumen kann nicht gezeichnet werden.",
+  failedHeals: "Es wird neu gestartet.",
+  mendFailed: "Ein Neustart hat nicht geholfen: Laden Sie diese Seite neu; wo das nicht hilft, starten Sie den Browser neu.",
   lostHarmless: "Kraft und Not-Halt sind, wie sie waren.",
 
   // the token

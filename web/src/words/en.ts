@@ -282,6 +282,9 @@ export const en = {
   lostBoth: "The browser has taken away the graphics: the sections and the volume cannot be drawn.",
   mendLost: "Reload this page; where that does not help, restart the browser.",
   lostHeals: "They come back by themselves when it gives the graphics back.",
+  failedVolume: "What draws the volume has stopped: the volume cannot be drawn.",
+  failedHeals: "It is started anew.",
+  mendFailed: "It was started anew in vain: reload this page; where that does not help, restart the browser.",
   lostHarmless: "The force and the emergency stop are as they were.",
 
   // the token
