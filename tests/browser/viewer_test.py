@@ -541,6 +541,53 @@ class WithPointer(Viewer):
         self.page.run("return palpateViewer.fillBox(arguments[0], arguments[1], -1)", lo.tolist(), size.tolist())
         self.page.wait(f"(palpateViewer.draw(), !{words}.includes('inside'))")
 
+    def test_the_scope_stands_off_what_the_shaft_goes_through(self):
+        agree = self.tell_structures_apart()
+        shares = {s["label"]: self.coverage(self.labels == s["label"]) for s in self.scene["structures"]}
+        shaft = numpy.array(self.scene["world_from_patient"])[:3, :3].T @ [0, 0, 1]
+        voxel_from_patient = numpy.linalg.inv(self.patient_from_voxel)
+
+        def label_at(p):
+            voxel = numpy.round((voxel_from_patient @ [*p, 1])[:3]).astype(int)
+            return self.labels[tuple(voxel)] if (voxel >= 0).all() and (voxel < self.labels.shape).all() else 0
+        places = []
+        for name, count in (("patella", 2), ("femur", 1), ("tibia", 1)):
+            label = next(s["label"] for s in self.scene["structures"] if s["name"] == name)
+            ways = self.approaches(label, 40, random.Random(test_seed()))
+            through = [way for way in ways if all(label_at(way[1] + off * shaft) for off in (5.5, 7, 8, 9, 10.5))]
+            self.assertGreater(len(through), 0, name)
+            places += [(label, *way) for way in through[:count]]
+        self.take_hand()
+        self.page.click("[data-layout=inside]")
+        self.page.wait("document.querySelector('#picture-scope canvas').width > 50")
+        size, tangent = 48, math.tan(math.radians(40))
+        at = (numpy.arange(size) + 0.5) * 2 / size - 1
+        x, y = (part.ravel() for part in numpy.meshgrid(at, at))
+        disc = numpy.hypot(x, y) < 0.97
+        words = "palpateViewer.scopeWords"
+        agreed = []
+        for label, start, end in places:
+            self.press_on(label, start, end)
+            frame, device = self.page.run("return [palpateViewer.scopeFrame, palpateViewer.pose.devices[0]]")
+            off = numpy.subtract(frame["eye"], device["proxy"])
+            self.assertTrue(0 < numpy.linalg.norm(off) < 8.001, frame)
+            self.assertGreater(numpy.dot(off, device["normal"]), 0.999 * numpy.linalg.norm(off))
+            self.assertEqual(label_at(frame["eye"]), 0)
+            forward, right, up = (numpy.array(frame[axis]) for axis in ("forward", "right", "up"))
+            data = base64.b64decode(self.page.run("return palpateViewer.scopePicture(arguments[0], arguments[1])", frame, size))
+            pixels = numpy.frombuffer(data, numpy.uint8).reshape(-1, 4)[:, :3].astype(float)
+            rays = forward + numpy.outer(x * tangent, right) - numpy.outer(y * tangent, up)
+            rays /= numpy.linalg.norm(rays, axis=1)[:, None]
+            agreed.append(agree(pixels[disc], self.first_met(shares, frame["eye"], rays[disc], 0.5)))
+            self.page.wait(f"(palpateViewer.draw(), {words}.includes('off what is touched'))")
+        print("  of the pixels agree " + ", ".join(f"{share:.4f}" for share in agreed), flush=True)
+        self.assertGreaterEqual(min(agreed), 0.95)
+        # where there is nothing but something solid as far as it may stand off, it says so
+        lo = numpy.maximum(0, numpy.round((voxel_from_patient @ [*frame["eye"], 1])[:3]).astype(int) - 20)
+        size = numpy.minimum(41, self.labels.shape - lo)
+        self.page.run("return palpateViewer.fillBox(arguments[0], arguments[1], 0)", lo.tolist(), size.tolist())
+        self.page.wait(f"(palpateViewer.draw(), {words}.includes('nothing to see'))")
+
     def test_where_a_worker_cannot_draw_the_page_does(self):
         self.page.click("[data-look=anterior]")
         in_worker = self.volume_pixels()

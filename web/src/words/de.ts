@@ -329,6 +329,7 @@ export const de: Words = {
   movedFromTip: "von der Spitze fortbewegt",
   scopeBack: "Wie weit hinter der Spitze die Kamera steht",
   atTheTip: "an der Spitze",
+  offTouched: (way: string) => `${way} vor dem Berührten`,
   behindTip: (way: string) => `${way} hinter der Spitze`,
   post: (turn: string) => `Blickrichtung ${turn}`,
   ahead: (way: string, structure: string) => `${way} voraus: ${structure}`,

@@ -329,6 +329,7 @@ export const en = {
   movedFromTip: "moved from the tip",
   scopeBack: "How far behind the tip the camera stands",
   atTheTip: "at the tip",
+  offTouched: (way: string) => `${way} off what is touched`,
   behindTip: (way: string) => `${way} behind the tip`,
   post: (turn: string) => `post ${turn}`,
   ahead: (way: string, structure: string) => `${way} ahead: ${structure}`,
