@@ -2066,6 +2066,106 @@ class WithSphere(Viewer):
         self.assertLess(off[1][1], 0.09)
         self.assertLess(max(off[0.6][0], off[0.3][0]), 0.03)
 
+    def test_tissue_that_yields_is_seen_where_it_went(self):
+        scene = self.server.scene()
+        labels, patient_from_voxel = self.server.labels(scene)
+        volume = scene["volume"]
+        scan = numpy.frombuffer(self.server.get("api/volume/scan/" + volume["hash"]), "<i2").reshape(volume["dims"][::-1]).transpose(2, 1, 0)
+        voxel_from_patient = numpy.linalg.inv(patient_from_voxel)
+        # nodes of a grid of its own that stands askew and holds the whole volume
+        dims, spacing = numpy.array((11, 10, 12)), 5.5
+        turned = rotation_matrix(numpy.array((0.9, 0.3, -0.2, 0.25)) / numpy.linalg.norm((0.9, 0.3, -0.2, 0.25)))
+        node_from_patient = numpy.eye(4)
+        node_from_patient[:3, :3] = turned.T / spacing
+        node_from_patient[:3, 3] = (dims - 1) / 2
+        nodes = (numpy.argwhere(numpy.ones(dims)) - (dims - 1) / 2) * spacing @ turned.T
+
+        def at_nodes(field, points):
+            """The displacement between nodes, linear."""
+            node = points @ node_from_patient[:3, :3].T + node_from_patient[:3, 3]
+            low = numpy.clip(numpy.floor(node).astype(int), 0, dims - 2)
+            share = node - low
+            return sum(numpy.prod(numpy.where(corner, share, 1 - share), 1)[:, None] * field.reshape(*dims, 3)[tuple((low + corner).T)]
+                       for corner in map(numpy.array, numpy.ndindex(2, 2, 2)))
+
+        def displace(field):
+            """Two boxes of nodes after each other."""
+            self.page.run("palpateViewer.displace(arguments[0])", {"dims": dims.tolist(), "nodeFromPatient": node_from_patient.tolist()})
+            for begin, end in ((0, 5), (5, dims[2])):
+                box = field.reshape(*dims, 3)[:, :, begin:end].transpose(2, 1, 0, 3)
+                self.page.run("return palpateViewer.displaceBox(...arguments)", [0, 0, begin], [int(dims[0]), int(dims[1]), int(end - begin)], box.ravel().tolist())
+
+        def voxelise(moved):
+            self.page.run("palpateViewer.displace(null)")
+            self.page.run("return palpateViewer.writeBox(...arguments)", [0, 0, 0], list(labels.shape), moved.transpose(2, 1, 0).ravel().astype(int).tolist())
+
+        def seen():
+            """The volume from outside and from within, and a grid of the section's pixels."""
+            pixels = lambda data, size: numpy.frombuffer(base64.b64decode(data), numpy.uint8).reshape(size, size, 4)[:, :, :3].astype(int)  # noqa: E731
+            outside = pixels(self.page.run("return palpateViewer.volumePicture(140, 140, 0.2)"), 140)
+            frame = {"eye": [1, -2, 12.5], "forward": [0, 0, -1], "right": [1, 0, 0], "up": [0, 1, 0]}
+            within = pixels(self.page.run("return palpateViewer.scopePicture(arguments[0], 80)", frame), 80)
+            grid = numpy.array(self.page.run("""palpateViewer.draw();
+                const { width, height } = document.querySelector("#picture-oblique canvas");
+                const out = [];
+                for (let y = 2; y < height; y += 7) for (let x = 2; x < width; x += 7) out.push([...palpateViewer.patientAt("oblique", x + 0.5, y + 0.5), ...palpateViewer.colourAt("oblique", x, y)]);
+                return out;"""))
+            return outside, within, grid
+
+        def label_at(points):
+            voxel = numpy.floor(points @ voxel_from_patient[:3, :3].T + voxel_from_patient[:3, 3] + 0.5).astype(int)
+            inside = ((voxel >= 0) & (voxel < labels.shape)).all(1)
+            return numpy.where(inside, labels[tuple(numpy.where(inside[:, None], voxel, 0).T)], -1)
+
+        is_sphere = lambda grid: abs(grid[:, 3:] - scene["structures"][0]["colour"]).max(1) <= 3  # noqa: E731
+        same = lambda a, b: (abs(a - b).max(-1) <= 2).mean()  # noqa: E731
+        self.page.run("""const set = (id, value, kind) => { const one = document.querySelector(id); one.value = value; one.dispatchEvent(new Event(kind, { bubbles: true })); };
+            set("#fill", 1, "input");
+            document.getElementById("outlines").click();
+            document.getElementById("follow").click();""")
+        at_rest = seen()
+        centres = numpy.argwhere(numpy.ones(labels.shape)) @ patient_from_voxel[:3, :3].T + patient_from_voxel[:3, 3]
+        # by whole voxels: the same pixels as of the sphere that is voxelised there
+        moved = numpy.roll(labels, (3, -2, 1), (0, 1, 2))
+        field = numpy.broadcast_to(-0.5 * numpy.array((3, -2, 1)), (len(nodes), 3))
+        displace(field)
+        now = seen()
+        grid = now[2]
+        inverse = grid[:, :3] + at_nodes(field, grid[:, :3])
+        voxel = inverse @ voxel_from_patient[:3, :3].T + voxel_from_patient[:3, 3]
+        low = numpy.clip(numpy.floor(voxel).astype(int), 0, numpy.array(scan.shape) - 2)
+        share = numpy.clip(voxel - low, 0, 1)
+        value = sum(numpy.prod(numpy.where(corner, share, 1 - share), 1) * scan[tuple((low + corner).T)] for corner in map(numpy.array, numpy.ndindex(2, 2, 2)))
+        least, most = volume["scan"]["window"]
+        greys = label_at(inverse) == 0
+        self.assertGreater(greys.sum(), 200)
+        off = abs(grid[greys, 3] - 255 * numpy.clip((value[greys] - least) / (most - least), 0, 1))
+        self.assertGreater((off <= 1.5).mean(), 0.99)
+        voxelise(moved)
+        voxelised = seen()
+        share = [same(now[0], voxelised[0]), same(now[1], voxelised[1]), (is_sphere(now[2]) == is_sphere(voxelised[2])).mean()]
+        # bent, so that what comes out is no sphere
+        field = 2.2 * numpy.sin(nodes[:, [1, 2, 0]] / 6) + (0.4, -0.3, 0.2)
+        bent = label_at(centres + at_nodes(field, centres)).clip(0).reshape(labels.shape)
+        voxelise(labels)
+        displace(field)
+        now = seen()
+        is_there = label_at(now[2][:, :3] + at_nodes(field, now[2][:, :3])) == 1
+        share.append((is_sphere(now[2]) == is_there).mean())
+        voxelise(bent)
+        voxelised = seen()
+        is_ground = lambda pixels: abs(pixels - (9, 12, 14)).max(-1) < 4  # noqa: E731
+        share += [(is_ground(a) == is_ground(b)).mean() for a, b in zip(now[:2], voxelised[:2])]
+        share.append((is_sphere(now[2]) == is_sphere(voxelised[2])).mean())
+        print("  of the pixels are as of what is voxelised there " + ", ".join(f"{one:.4f}" for one in share), flush=True)
+        self.assertGreaterEqual(min(share), 0.99)
+        for a, b in zip(now, at_rest):
+            self.assertGreater((abs(a - b).max(-1) > 20).mean(), 0.02, "it has moved")
+        # and as it was at first
+        voxelise(labels)
+        for a, b in zip(seen(), at_rest):
+            self.assertEqual(abs(a - b).max(), 0)
+
 
 class WithDevice(Viewer):
     """A physical device, of which somebody agrees to everything after a while: the mock's alone, for palpate drives none yet."""

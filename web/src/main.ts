@@ -3,6 +3,7 @@ import { Bookmarks } from "./bookmarks.js";
 import { Capture, download, fileStem } from "./capture.js";
 import { Connection, type Link } from "./connection.js";
 import { complain, Controls } from "./controls.js";
+import { Displacement, type Nodes } from "./displacement.js";
 import { byId, element, press, toast, write } from "./dom.js";
 import { History } from "./history.js";
 import type { Measure } from "./measure.js";
@@ -66,6 +67,7 @@ class Page {
   private layoutName: Layout = "two";
   private readonly graphics: Record<"sections" | "volume", "fine" | "lost" | "restorable"> = { sections: "fine", volume: "fine" };
   private failed: "no" | "once" | "again" = "no"; // what draws the volume beside the page
+  private displacement: Displacement | null = null;
   private isMending = false;
   private hopeless = 0; // timer
 
@@ -169,6 +171,20 @@ class Page {
     this.session.touchLooks();
   }
 
+  /** Tissue yields as nodes say, of which none is displaced yet; null: it does not. It is seen so; what is felt and read out are the voxels as they are. */
+  displace(nodes: Nodes | null): void {
+    this.displacement = nodes && new Displacement(nodes);
+    for (const its of [this.slicer, this.renderer]) its.displace(this.displacement);
+    this.session.touchLooks();
+  }
+  /** @param mm  of a box of nodes, three components each, i fastest: how far from there what is seen there is looked up, patient */
+  async updateDisplacement(lo: Vec3, size: Vec3, mm: ArrayLike<number>): Promise<void> {
+    this.displacement!.write(lo, size, mm);
+    this.slicer.updateDisplacement(lo, size);
+    await this.renderer.updateDisplacement(lo, size);
+    this.session.touchLooks();
+  }
+
   /** Connects as soon as it is known whom to, and loads what is shown meanwhile: a stop waits for no volume. */
   async start(): Promise<void> {
     requestAnimationFrame((now) => this.frame(now));
@@ -231,6 +247,7 @@ class Page {
     this.volume.sceneChanged();
     for (const section of this.sections) section.reset();
     // of another patient
+    this.displace(null);
     this.measures.forget();
     this.history.clear();
     this.bookmarks.load();

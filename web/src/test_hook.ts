@@ -1,6 +1,7 @@
 // window.palpateViewer: what tests read of the page. It changes nothing but what is drawn for a test, and no part of the
 // page uses it.
 
+import type { Nodes } from "./displacement.js";
 import { dot, normalOf, type Vec3 } from "./geometry.js";
 import type { Page } from "./main.js";
 import type { ScopeFrame } from "./scope.js";
@@ -31,6 +32,11 @@ export function openToTests(page: Page): void {
     loseGraphics: (which: string, restores: boolean) => (which === "volume" ? page.renderer : page.slicer).lose(restores),
     /** Fills a box of voxels with the structure at a place of the list, 0 the first; -1 empties it. */
     fillBox: (lo: Vec3, size: Vec3, place: number) => page.updateBox(lo, size, new Uint8Array(size.reduce((a, b) => a * b)).fill(place + 1)),
+    /** Sets voxels of a box, i fastest: places in the list + 1, 0 is nothing. */
+    writeBox: (lo: Vec3, size: Vec3, structure: number[]) => page.updateBox(lo, size, Uint8Array.from(structure)),
+    /** Tissue yields as nodes of a grid say, or no more. */
+    displace: (nodes: Nodes | null) => page.displace(nodes),
+    displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => page.updateDisplacement(lo, size, mm),
     /** Draws the pictures and the figures now, whatever the frame rate. */
     draw() {
       page.drawSections();

@@ -1,5 +1,6 @@
 // The page's side of the volume's pictures: a worker draws them (volume_service.ts), or the page itself where the worker cannot.
 
+import type { Displacement } from "./displacement.js";
 import { coarsening, pieceOf, texelsOf } from "./field.js";
 import { invert, type Vec3 } from "./geometry.js";
 import { breathe, slicesOfPiece } from "./pieces.js";
@@ -35,6 +36,7 @@ export class VolumeRenderer {
   private mostTexels = 0;
   private loads = 0;
   private failures = 0; // of workers that had begun
+  private displacement: Displacement | null = null;
   private isEmpty = false; // where it is drawn nothing is known of the volume any more
 
   constructor() {
@@ -173,6 +175,20 @@ export class VolumeRenderer {
     this.edits += 1;
   }
 
+  /** Tissue yields by this, or no more. */
+  displace(displacement: Displacement | null): void {
+    this.displacement = displacement;
+    this.say({ type: "displace", nodes: displacement && displacement.nodes });
+    this.edits += 1;
+  }
+  /** After a box of its nodes has changed. */
+  async updateDisplacement(lo: Vec3, size: Vec3): Promise<void> {
+    if (!this.displacement || this.isDead) return;
+    this.say({ type: "putDisplacement", lo, size, mm: this.displacement.box(lo, size) });
+    await this.answer("put");
+    this.edits += 1;
+  }
+
   /** How things look on the page, where it is not known yet. */
   follow(session: Session): void {
     if (this.lookVersion !== session.lookVersion) {
@@ -229,6 +245,8 @@ export class VolumeRenderer {
     } else if (this.volumes) {
       this.load(this.volumes, this.mostTexels);
       await this.loading;
+      this.displace(this.displacement);
+      if (this.displacement) await this.updateDisplacement([0, 0, 0], this.displacement.nodes.dims);
     }
     return failures === this.failures;
   }

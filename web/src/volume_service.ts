@@ -2,6 +2,7 @@
 // WebGL 2. A picture is drawn in bands that take a moment each, so that neither the page's other pictures, which the same graphics card
 // draws, nor a newer request waits for a whole one.
 
+import type { Nodes } from "./displacement.js";
 import { Field, type Piece } from "./field.js";
 import type { Affine, Vec3 } from "./geometry.js";
 import { breathe } from "./pieces.js";
@@ -10,6 +11,8 @@ import { Caster, type View } from "./volume_caster.js";
 export type Asked =
   | { type: "begin"; voxels: Vec3; factor: number; hasScan: boolean; texelFromPatient: Affine }
   | { type: "put"; piece: Piece }
+  | { type: "displace"; nodes: Nodes | null }
+  | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
   | { type: "looks"; rgba: Uint8Array<ArrayBuffer> }
   | { type: "haze"; window: [number, number]; strength: number }
   | { type: "draw"; id: number; view: View; givesWay: boolean } // to a newer one
@@ -74,6 +77,13 @@ class Service {
         this.field!.put(asked.piece);
         caster.upload(asked.piece.lo, asked.piece.size);
         this.work.texels += asked.piece.size.reduce((a, b) => a * b);
+        this.say({ type: "put" });
+        break;
+      case "displace":
+        caster.displace(asked.nodes);
+        break;
+      case "putDisplacement":
+        caster.putDisplacement(asked.lo, asked.size, asked.mm);
         this.say({ type: "put" });
         break;
       case "looks":
