@@ -1042,6 +1042,42 @@ class WithHand(Viewer):
         self.page.wait("palpateViewer.link === 'connected' && palpateViewer.age_ms < 250")
 
 
+# Put into a page before its own script: a clock of the page's that `advance` puts forward by so many ms, with all that was to happen until then.
+CLOCK = """{
+  const own = { now: performance.now.bind(performance), date: Date.now, setTimeout, clearTimeout, setInterval, clearInterval, frame: requestAnimationFrame };
+  const timers = new Map();
+  let ahead = 0;
+  const now = () => own.now() + ahead;
+  const add = (real, ends, call, ms = 0, ...all) => {
+    const timer = { due: now() + ms, run: () => { ends ? timers.delete(id) : (timer.due += Math.max(ms, 1)); call(...all); } };
+    const id = real.call(window, timer.run, ms);
+    timers.set(id, Object.assign(timer, { ends, id }));
+    return id;
+  };
+  performance.now = now;
+  Date.now = () => own.date() + ahead;
+  window.setTimeout = (...all) => add(own.setTimeout, true, ...all);
+  window.setInterval = (...all) => add(own.setInterval, false, ...all);
+  window.clearTimeout = window.clearInterval = (id) => {
+    timers.delete(id);
+    own.clearTimeout.call(window, id);
+  };
+  window.requestAnimationFrame = (call) => own.frame.call(window, (at) => call(at + ahead));
+  window.advance = async (ms) => {
+    for (const end = now() + ms; ;) {
+      const next = [...timers.values()].sort((a, b) => a.due - b.due)[0];
+      const to = Math.min(next?.due ?? Infinity, end);
+      ahead += Math.max(0, to - now());
+      if (to === end) return;
+      if (next.ends) own.clearTimeout.call(window, next.id);
+      next.run();
+      // what waits for it goes on
+      await new Promise((later) => own.setTimeout.call(window, later));
+    }
+  };
+}"""
+
+
 class WithTrouble(Viewer):
     """The mock, that does not answer as it should: what does not heal by itself is told, and tried again when somebody says so."""
 
@@ -1057,7 +1093,7 @@ class WithTrouble(Viewer):
         cls.open_browser()
         cls.page.developer_tools("Page.addScriptToEvaluateOnNewDocument", source="""
             window.workers = [];
-            window.Worker = class extends Worker { constructor(...all) { super(...all); window.workers.push(this); } };""")
+            window.Worker = class extends Worker { constructor(...all) { super(...all); window.workers.push(this); } };""" + CLOCK)
 
     def restart(self, *extra):
         self.server.process.kill()
@@ -1070,12 +1106,15 @@ class WithTrouble(Viewer):
         told = self.page.run("return document.getElementById('cover').textContent")
         for word in words:
             self.assertIn(word, told)
-        # longer than it ever waits between two attempts
-        self.page.run("window.attempts = 0; const Socket = WebSocket, get = fetch;"
-                      "window.WebSocket = class extends Socket { constructor(...all) { super(...all); window.attempts++; } };"
-                      "window.fetch = (...all) => { window.attempts++; return get(...all); };")
-        time.sleep(7)
-        self.assertEqual(self.page.run("return window.attempts"), 0)
+        self.assertEqual(self.attempts(), 0)
+
+    def attempts(self):
+        """How often the page looks for its server in a minute of its own clock: longer than it ever waits between two attempts."""
+        return self.page.run("""window.attempts = 0;
+            const Socket = WebSocket, get = fetch;
+            window.WebSocket = class extends Socket { constructor(...all) { super(...all); window.attempts++; } };
+            window.fetch = (...all) => { window.attempts++; return get(...all); };
+            return window.advance(60000).then(() => window.attempts)""")
 
     def assert_mended(self):
         self.restart()
@@ -1090,6 +1129,11 @@ class WithTrouble(Viewer):
         self.assert_mended()
 
     def test_a_refusal_that_lasts(self):
+        # a server that is gone is looked for again and again
+        self.server.process.kill()
+        self.server.process.wait()
+        self.page.wait("palpateViewer.link === 'lost'")
+        self.assertGreater(self.attempts(), 0)
         self.restart("--refuse", "421")
         self.assert_told_and_left_alone("421", "--host-name")
         self.assert_mended()
@@ -1104,7 +1148,7 @@ class WithTrouble(Viewer):
         self.open_page(wait="document.getElementById('mend')?.hidden === false")
         self.page.developer_tools("Page.removeScriptToEvaluateOnNewDocument", **name)
         self.assertIn("memory", self.page.run("return document.getElementById('cover').textContent"))
-        time.sleep(7)
+        self.page.run("return window.advance(60000)")
         scans = [path.split("?")[-1] for path in self.page.run("return window.fetched") if "/scan/" in path]
         self.assertEqual([scans[0][:5], *scans[1:]], ["/api/", "shrink=2", "shrink=4"])
         self.page.run("window.isEnough = true")
@@ -1729,6 +1773,45 @@ class WithRamp(Viewer):
         self.page.wait("!palpateViewer.state.paused && !document.getElementById('rearm').disabled")
         self.page.click("#rearm")
         self.page.wait("!palpateViewer.state.emergency_stop")
+
+    def test_turns_views_and_bookmarks_are_undone(self):
+        stack = "#picture-volume .stack"
+        key = f"document.querySelector('{stack}').dispatchEvent(new KeyboardEvent('keydown', {{ key: arguments[0], altKey: arguments[1] ?? false }}))"
+        seen = "palpateViewer.draw(); return [[0, 0, 0], [20, 5, -11]].flatMap((p) => palpateViewer.project(p))"
+        turned = "palpateViewer.state.rotation_wxyz"
+        self.assertEqual(self.page.run("return " + turned), [1, 0, 0, 0])
+        self.addCleanup(lambda: (self.page.run("document.getElementById('unturn').click()"), self.page.wait("palpateViewer.pose.rotation[0] > 0.9999999")))
+        views = [self.page.run(seen)]
+
+        def step(do):
+            do()
+            views.append(self.page.run(seen))
+            self.assertGreater(numpy.abs(numpy.subtract(views[-1], views[-2])).max(), 1)
+        # a preset, a drag, a run of the wheel and a key: a step each
+        step(lambda: self.page.click("[data-look=left]"))
+        step(lambda: self.drag(stack, 50, 20))
+        step(lambda: self.page.run(f"for (let n = 0; n < 3; n++) document.querySelector('{stack}').dispatchEvent(new WheelEvent('wheel', {{ deltaY: 90, cancelable: true }}))"))
+        step(lambda: self.page.run(key, "ArrowRight"))
+        for view in views[-2::-1]:
+            self.page.click("#undo")
+            self.assertLess(numpy.abs(numpy.subtract(self.page.run(seen), view)).max(), 1e-3)
+        self.page.click("#redo")
+        self.assertLess(numpy.abs(numpy.subtract(self.page.run(seen), views[1])).max(), 1e-3)
+        # a turn is asked for again
+        self.page.run(key, "ArrowRight", True)
+        self.page.wait(turned + "[0] < 0.9999")
+        self.page.wait("palpateViewer.state.rotation_wxyz[2] !== 0 && !document.getElementById('undo').disabled")
+        self.page.click("#undo")
+        self.page.wait(turned + "[0] > 0.9999999")
+        # a bookmark that was made, and one that was deleted
+        names = "return [...document.querySelectorAll('#bookmarks .figure')].map((one) => one.textContent)"
+        before = self.page.run(names)
+        self.page.run("document.getElementById('bookmark-form').closest('details').open = true; document.getElementById('bookmark-name').value = 'notch'; document.querySelector('#bookmark-form button').click()")
+        self.assertEqual(self.page.run(names), [*before, "notch"])
+        self.page.run("document.querySelector('#bookmarks li:last-child button:last-child').click()")
+        for wanted in ([*before, "notch"], before):
+            self.page.click("#undo")
+            self.assertEqual(self.page.run(names), wanted)
 
     def test_measures_are_listed_named_found_and_written_as_a_table(self):
         self.follow(False)

@@ -85,8 +85,8 @@ class Page {
     const { session } = this;
     this.requests = new Requests(this.connection, () => session.state?.armed === true, () => session.state, this.history);
     this.pointer = new PointerDevice(session, this.connection);
-    this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.pointer, (rotation) =>
-      void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }));
+    this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.pointer, this.history, (rotation, gesture) =>
+      void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }, gesture));
     this.scope = new ScopeView(session, this.renderer, this.slicer.isSoftware);
     this.sections = (["oblique", "axial", "sagittal", "coronal"] as PlaneKind[]).map(
       (kind) => new SectionView(kind, session, this.slicer, this.measures, this.pointer));
@@ -104,7 +104,7 @@ class Page {
     const { layout } = recall<KeptPage>(PAGE_KEY);
     this.layout(layout && LAYOUTS.includes(layout) ? layout : "two");
     this.bookmarks = new Bookmarks({
-      session, volume: this.volume, sections: this.sections, orient, layout: () => this.layoutName, choose: (name) => this.layout(name),
+      session, history: this.history, volume: this.volume, sections: this.sections, orient, layout: () => this.layoutName, choose: (name) => this.layout(name),
       turn: (rotation) => this.turn(rotation),
     });
     for (const [which, its] of [["sections", this.slicer], ["volume", this.renderer]] as const) {
