@@ -2107,6 +2107,158 @@ class WithFinger(Viewer):
         self.assertGreater(len(met), 2)
 
 
+class WithShaft(Viewer):
+    """The mock's pointer with a shaft of 40 mm: what is drawn over the volume, pixel by pixel."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("pointer", extra=["--shaft", "yes"]).__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        scene = cls.server.scene()
+        cls.labels, cls.patient_from_voxel = cls.server.labels(scene)
+        cls.axis = numpy.array(scene["world_from_patient"])[2, :3]
+        cls.radius = scene["tool"]["capsules"][0]["radius_mm"]
+        cls.spacing = numpy.linalg.norm(cls.patient_from_voxel[:3, 0])
+        cls.open_browser()
+
+    def label_at(self, points):
+        inverse = numpy.linalg.inv(self.patient_from_voxel)
+        voxel = numpy.floor(points @ inverse[:3, :3].T + inverse[:3, 3] + 0.5).astype(int)
+        inside = ((voxel >= 0) & (voxel < self.labels.shape)).all(-1)
+        return numpy.where(inside, self.labels[tuple(numpy.moveaxis(numpy.where(inside[..., None], voxel, 0), -1, 0))], 0)
+
+    def occluded(self, points, slack):
+        """Whether something lies in front of points by more than `slack` mm: True, False, or None at an edge, where it differs 2 mm beside or 1.5 mm before and behind."""
+        into = points - self.eye if self.is_perspective else numpy.broadcast_to(self.into, points.shape)
+        into = into / numpy.linalg.norm(into, axis=1)[:, None]
+        aside = numpy.cross(into, (0.3, 0.5, 0.8))
+        aside /= numpy.linalg.norm(aside, axis=1)[:, None]
+        ups = numpy.cross(into, aside)
+        found = []
+        for a, b in ((0, 0), (2, 0), (-2, 0), (0, 2), (0, -2)):
+            places = points + a * aside + b * ups
+            solid = self.label_at(places[:, None] - numpy.arange(0.2, 130, 0.4)[:, None] * into[:, None]) > 0
+            found += [(solid & (numpy.arange(0.2, 130, 0.4) > slack + more)).any(1) for more in (-1.5, 0, 1.5)]
+        found = numpy.array(found)
+        return [None if found[:, n].min() != found[:, n].max() else bool(found[0, n]) for n in range(len(points))]
+
+    def drawn(self, *ways):
+        """Of points on each way: where they are in the picture of the volume, and RGBA of what is drawn over it there; the greatest alpha beside it."""
+        at = numpy.array(self.page.run("return palpateViewer.pixelsOverVolume(arguments[0])", [q.tolist() for way in ways for q in way]))
+        x, y = numpy.clip(numpy.floor(at).astype(int), -1, self.size).T + 3
+        own = self.over[y, x].astype(int)
+        beside = numpy.max([self.over[y + dy, x + dx, 3] for dx in (-1, 0, 1) for dy in (-1, 0, 1)], 0)
+        ends = numpy.cumsum([len(way) for way in ways])[:-1]
+        return zip(*(numpy.split(one, ends) for one in (at, own, beside)))
+
+    def runs(self, points, at, whole_mm, slack):
+        """Which of the points on a line are seen, and which hidden: without those that are within a piece (6 pixels of it, or an eightieth) of another state."""
+        states = self.occluded(points, slack)
+        step_mm = numpy.linalg.norm(points[1] - points[0])
+        step_pixels = numpy.linalg.norm(at[-1] - at[0]) / (len(at) - 1)
+        piece_mm = whole_mm / min(80, max(1, math.ceil(whole_mm / step_mm * step_pixels / 6)))
+        near = math.ceil(piece_mm / step_mm) + 1
+        is_all = lambda n, state: all(one is state for one in states[max(0, n - near):n + near + 1])  # noqa: E731
+        return [numpy.array([is_all(n, state) for n in range(len(points))]) for state in (False, True)]
+
+    def judge_shaft(self, p):
+        into = self.into if not self.is_perspective else (p - self.eye) / numpy.linalg.norm(p - self.eye)
+        side = numpy.cross(self.axis, into)
+        axis = p + numpy.arange(8, 34, 0.25)[:, None] * self.axis
+        side = self.radius * side / numpy.linalg.norm(side)
+        (at, own, _), *sides = self.drawn(axis, axis + side, axis - side)
+        is_filled = (own[:, 3] > 130) & (abs(own[:, :3] - (120, 142, 155)).max(1) < 60)
+        seen, hidden = self.runs(axis, at, 40, 1.5 * self.spacing + self.radius)
+        for which, is_right in ((seen, [is_filled] + [beside > 200 for _, _, beside in sides]), (hidden, [~is_filled] + [beside < 175 for _, _, beside in sides])):
+            if which.sum() >= 6:
+                # something else may lie over a part of it, or a plane's outline along a side that is hidden: both go along the volume's box
+                shares = [one[which].mean() for one in is_right]
+                yield which is hidden, shares[0] >= 0.85 and (max if which is hidden else min)(shares[1:]) >= 0.65, shares
+        # dashed: drawn and left out by turns
+        if hidden.sum() >= 40:
+            shares = [((beside[hidden] > 60).mean(), (line[hidden, 3] < 30).mean()) for _, line, beside in sides]
+            yield True, all(drawn > 0.3 and left_out > 0.1 for drawn, left_out in shares), shares
+
+    def judge_plane(self, _):
+        plane = self.plane
+        centre, normal = numpy.array(plane["centre"]), numpy.array(plane["normal"])
+        # the polygon in which it meets the volume's box
+        dims = numpy.array(self.labels.shape)
+        met = []
+        for axis in range(3):
+            for a, b in numpy.ndindex(2, 2):
+                ends = numpy.zeros((2, 3))
+                ends[:, (axis + 1) % 3], ends[:, (axis + 2) % 3] = a, b
+                ends[1, axis] = 1
+                ends = (ends * dims - 0.5) @ self.patient_from_voxel[:3, :3].T + self.patient_from_voxel[:3, 3]
+                far = (ends - centre) @ normal
+                if (far[0] < 0) != (far[1] < 0):
+                    met.append(ends[0] + (ends[1] - ends[0]) * far[0] / (far[0] - far[1]))
+        met = numpy.array(met)
+        about = met - met.mean(0)
+        met = met[numpy.arctan2(about @ plane["down"], about @ plane["right"]).argsort()]
+        edges = [(a, b) for a, b in zip(met, numpy.roll(met, -1, 0)) if numpy.linalg.norm(b - a) >= 10]
+        ways = [a + numpy.linspace(0.02, 0.98, 80)[:, None] * (b - a) for a, b in edges]
+        for (a, b), points, (at, _, beside) in zip(edges, ways, self.drawn(*ways)):
+            inside = (at > 40).all(1) & (at < numpy.array(self.size) - 40).all(1)
+            for which, is_hidden in zip(self.runs(points, at, numpy.linalg.norm(b - a), 1), (False, True)):
+                which &= inside
+                if which.sum() < 6:
+                    continue
+                shares = [(beside[which] < 150).mean(), (beside[which] > 40).mean()] if is_hidden else [(beside[which] > 180).mean(), 1]
+                yield is_hidden, shares[0] >= 0.65 and shares[1] > 0.3, shares
+
+    def test_what_is_drawn_in_the_volume_is_hidden_where_something_is_in_front_of_it(self):
+        self.page.wait("palpateViewer.state.pointer")
+        # another viewer leads the tip, which is where it is asked for at once
+        self.page.click("[data-tool=window]")
+        self.page.wait("!palpateViewer.state.pointer")
+        self.page.run("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
+            socket.onopen = () => {
+              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
+            };
+            window.lead = (p) => socket.send(JSON.stringify({ type: "tip", patient_mm: p }));
+            socket.onmessage = ({ data }) => typeof data === "string" && JSON.parse(data).type === "done" && (window.isTaken = true);
+            const planes = document.getElementById("planes-in-volume");
+            planes.checked = true;
+            planes.dispatchEvent(new Event("change"));""")
+        self.page.wait("window.isTaken")
+        self.size = self.page.run("const { width, height } = document.querySelector('#picture-volume canvas'); return [width, height]")
+        generator = random.Random(test_seed())
+        judges = {"shaft": self.judge_shaft, "plane": self.judge_plane}
+        places, states, wrong = {kind: 0 for kind in judges}, {kind: [0, 0] for kind in judges}, []
+        for is_perspective in (False, True):
+            self.is_perspective = is_perspective
+            self.page.run("palpateViewer.lookFrom(110, 30, arguments[0]); palpateViewer.draw()", is_perspective)
+            # the plane glides to where the tool wants it, and stays
+            self.page.run("for (let n = 0; n < 60; n++) palpateViewer.draw()")
+            self.page.wait("palpateViewer.isVolumeSharp")
+            ray = self.page.run("return palpateViewer.volumeRay(0, 0)")
+            self.eye, self.into = numpy.array(ray["from"]), numpy.array(ray["into"])
+            while places["shaft"] < (50 if is_perspective else 25):
+                p = numpy.zeros(3)
+                while self.label_at(p + 4 * (numpy.argwhere(numpy.ones((3, 3, 3))) - 1)).any():
+                    p = numpy.array([generator.uniform(-40, 40), generator.uniform(-35, 45), generator.uniform(-35, 45)])
+                self.page.run("window.lead(arguments[0])", p.tolist())
+                self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.01" % json.dumps(p.tolist()))
+                answer, self.plane = self.page.run("palpateViewer.draw(); return [palpateViewer.drawnOverVolume(), palpateViewer.plane('oblique')]")
+                over = numpy.frombuffer(base64.b64decode(answer["rgba"]), numpy.uint8).reshape(answer["height"], answer["width"], 4)
+                self.over = numpy.pad(over, ((3, 3), (3, 3), (0, 0)))
+                for kind, judge in judges.items():
+                    judged = list(judge(p))
+                    places[kind] += len(judged) > 0
+                    for is_hidden, is_right, shares in judged:
+                        states[kind][is_hidden] += 1
+                        if not is_right:
+                            wrong.append((kind, is_perspective, is_hidden, p.round(1).tolist(), shares))
+        print("  " + ", ".join(f"{kind}: {places[kind]} places, {states[kind][0]} parts seen, {states[kind][1]} hidden" for kind in judges), flush=True)
+        self.assertEqual(wrong, [])
+        self.assertGreaterEqual(places["plane"], 50)
+        for kind in judges:
+            self.assertGreater(min(states[kind]), 8, kind)
+
+
 class WithSphere(Viewer):
     """One of 20 mm, of voxels of 0.5 mm: the mock's alone."""
 
@@ -2515,7 +2667,7 @@ def decode_png(data):
 if __name__ == "__main__":
     if len(sys.argv) >= 3 and sys.argv[1] == "palpate":
         command = palpate_command(sys.argv[2])
-        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithSphere, WithManyVoxels
+        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithShaft, WithSphere, WithManyVoxels
     elif len(sys.argv) >= 5 and sys.argv[1] == "mock":
         command = mock_command(*sys.argv[2:5])
         del sys.argv[1:5]

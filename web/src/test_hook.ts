@@ -88,6 +88,17 @@ export function openToTests(page: Page): void {
       const angles = Array.from({ length: 48 }, (_, n) => (n * Math.PI) / 24);
       return angles.map((angle) => data[4 * (Math.floor(x + radius * Math.cos(angle)) + width * Math.floor(y + radius * Math.sin(angle))) + 3] ?? 0);
     },
+    /** RGBA of all that is drawn over the volume, row by row in base64. */
+    drawnOverVolume() {
+      const { context, width, height } = volume.picture.frame();
+      const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true })!;
+      copy.drawImage(context.canvas, 0, 0);
+      const { data } = copy.getImageData(0, 0, width, height);
+      const rows = Array.from({ length: height }, (_, y) => String.fromCharCode(...data.subarray(4 * width * y, 4 * width * (y + 1))));
+      return { width, height, rgba: btoa(rows.join("")) };
+    },
+    /** Where in that points of the patient are. */
+    pixelsOverVolume: (points: Vec3[]) => points.map((p) => volume.pixelOf(p)),
     /** Turns the volume's camera from anterior by so many pixels of a drag, which then is where it is for a while. */
     lookFrom(dx: number, dy: number, isPerspective: boolean) {
       volume.reset();
