@@ -191,6 +191,14 @@ class Viewer(unittest.TestCase):
                           {"type": "pointerMove", "x": x + dx, "y": y + dy, "duration": 300},
                           {"type": "pointerUp", "button": button})
 
+    PICTURE = (200, 200, 0.8)  # pixels across and down, mm a pixel
+
+    def volume_pixels(self):
+        """Array [row, column, rgb] of the volume as it is now."""
+        width, height, mm = self.PICTURE
+        data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[1], arguments[2])", width, height, mm))
+        return numpy.frombuffer(data, numpy.uint8).reshape(height, width, 4)[:, :, :3].astype(int)
+
 
 class WithPointer(Viewer):
     """The object stands still, and the tip is where the test leads it."""
@@ -293,14 +301,6 @@ class WithPointer(Viewer):
         self.assertGreater(numpy.argwhere(seen)[:, 1].mean() * mm, size[1] / 2 * mm + 10)
         label = next(s["label"] for s in self.scene["structures"] if s["name"] == "fibula")
         self.assert_overlap(seen, self.projected(self.labels == label, size, mm), 0.85)  # a slim one: more border
-
-    PICTURE = (200, 200, 0.8)  # pixels across and down, mm a pixel
-
-    def volume_pixels(self):
-        """Array [row, column, rgb] of the volume as it is now."""
-        width, height, mm = self.PICTURE
-        data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[1], arguments[2])", width, height, mm))
-        return numpy.frombuffer(data, numpy.uint8).reshape(height, width, 4)[:, :, :3].astype(int)
 
     def section_pixels(self):
         return numpy.array(self.page.run(
@@ -540,6 +540,53 @@ class WithPointer(Viewer):
         self.page.wait(f"(palpateViewer.draw(), {words} === 'inside lateral meniscus: nothing to see')")
         self.page.run("return palpateViewer.fillBox(arguments[0], arguments[1], -1)", lo.tolist(), size.tolist())
         self.page.wait(f"(palpateViewer.draw(), !{words}.includes('inside'))")
+
+    def test_the_scope_stands_off_what_the_shaft_goes_through(self):
+        agree = self.tell_structures_apart()
+        shares = {s["label"]: self.coverage(self.labels == s["label"]) for s in self.scene["structures"]}
+        shaft = numpy.array(self.scene["world_from_patient"])[:3, :3].T @ [0, 0, 1]
+        voxel_from_patient = numpy.linalg.inv(self.patient_from_voxel)
+
+        def label_at(p):
+            voxel = numpy.round((voxel_from_patient @ [*p, 1])[:3]).astype(int)
+            return self.labels[tuple(voxel)] if (voxel >= 0).all() and (voxel < self.labels.shape).all() else 0
+        places = []
+        for name, count in (("patella", 2), ("femur", 1), ("tibia", 1)):
+            label = next(s["label"] for s in self.scene["structures"] if s["name"] == name)
+            ways = self.approaches(label, 40, random.Random(test_seed()))
+            through = [way for way in ways if all(label_at(way[1] + off * shaft) for off in (5.5, 7, 8, 9, 10.5))]
+            self.assertGreater(len(through), 0, name)
+            places += [(label, *way) for way in through[:count]]
+        self.take_hand()
+        self.page.click("[data-layout=inside]")
+        self.page.wait("document.querySelector('#picture-scope canvas').width > 50")
+        size, tangent = 48, math.tan(math.radians(40))
+        at = (numpy.arange(size) + 0.5) * 2 / size - 1
+        x, y = (part.ravel() for part in numpy.meshgrid(at, at))
+        disc = numpy.hypot(x, y) < 0.97
+        words = "palpateViewer.scopeWords"
+        agreed = []
+        for label, start, end in places:
+            self.press_on(label, start, end)
+            frame, device = self.page.run("return [palpateViewer.scopeFrame, palpateViewer.pose.devices[0]]")
+            off = numpy.subtract(frame["eye"], device["proxy"])
+            self.assertTrue(0 < numpy.linalg.norm(off) < 8.001, frame)
+            self.assertGreater(numpy.dot(off, device["normal"]), 0.999 * numpy.linalg.norm(off))
+            self.assertEqual(label_at(frame["eye"]), 0)
+            forward, right, up = (numpy.array(frame[axis]) for axis in ("forward", "right", "up"))
+            data = base64.b64decode(self.page.run("return palpateViewer.scopePicture(arguments[0], arguments[1])", frame, size))
+            pixels = numpy.frombuffer(data, numpy.uint8).reshape(-1, 4)[:, :3].astype(float)
+            rays = forward + numpy.outer(x * tangent, right) - numpy.outer(y * tangent, up)
+            rays /= numpy.linalg.norm(rays, axis=1)[:, None]
+            agreed.append(agree(pixels[disc], self.first_met(shares, frame["eye"], rays[disc], 0.5)))
+            self.page.wait(f"(palpateViewer.draw(), {words}.includes('off what is touched'))")
+        print("  of the pixels agree " + ", ".join(f"{share:.4f}" for share in agreed), flush=True)
+        self.assertGreaterEqual(min(agreed), 0.95)
+        # where there is nothing but something solid as far as it may stand off, it says so
+        lo = numpy.maximum(0, numpy.round((voxel_from_patient @ [*frame["eye"], 1])[:3]).astype(int) - 20)
+        size = numpy.minimum(41, self.labels.shape - lo)
+        self.page.run("return palpateViewer.fillBox(arguments[0], arguments[1], 0)", lo.tolist(), size.tolist())
+        self.page.wait(f"(palpateViewer.draw(), {words}.includes('nothing to see'))")
 
     def test_where_a_worker_cannot_draw_the_page_does(self):
         self.page.click("[data-look=anterior]")
@@ -995,6 +1042,42 @@ class WithHand(Viewer):
         self.page.wait("palpateViewer.link === 'connected' && palpateViewer.age_ms < 250")
 
 
+# Put into a page before its own script: a clock of the page's that `advance` puts forward by so many ms, with all that was to happen until then.
+CLOCK = """{
+  const own = { now: performance.now.bind(performance), date: Date.now, setTimeout, clearTimeout, setInterval, clearInterval, frame: requestAnimationFrame };
+  const timers = new Map();
+  let ahead = 0;
+  const now = () => own.now() + ahead;
+  const add = (real, ends, call, ms = 0, ...all) => {
+    const timer = { due: now() + ms, run: () => { ends ? timers.delete(id) : (timer.due += Math.max(ms, 1)); call(...all); } };
+    const id = real.call(window, timer.run, ms);
+    timers.set(id, Object.assign(timer, { ends, id }));
+    return id;
+  };
+  performance.now = now;
+  Date.now = () => own.date() + ahead;
+  window.setTimeout = (...all) => add(own.setTimeout, true, ...all);
+  window.setInterval = (...all) => add(own.setInterval, false, ...all);
+  window.clearTimeout = window.clearInterval = (id) => {
+    timers.delete(id);
+    own.clearTimeout.call(window, id);
+  };
+  window.requestAnimationFrame = (call) => own.frame.call(window, (at) => call(at + ahead));
+  window.advance = async (ms) => {
+    for (const end = now() + ms; ;) {
+      const next = [...timers.values()].sort((a, b) => a.due - b.due)[0];
+      const to = Math.min(next?.due ?? Infinity, end);
+      ahead += Math.max(0, to - now());
+      if (to === end) return;
+      if (next.ends) own.clearTimeout.call(window, next.id);
+      next.run();
+      // what waits for it goes on
+      await new Promise((later) => own.setTimeout.call(window, later));
+    }
+  };
+}"""
+
+
 class WithTrouble(Viewer):
     """The mock, that does not answer as it should: what does not heal by itself is told, and tried again when somebody says so."""
 
@@ -1008,6 +1091,9 @@ class WithTrouble(Viewer):
     @classmethod
     def setUpClass(cls):
         cls.open_browser()
+        cls.page.developer_tools("Page.addScriptToEvaluateOnNewDocument", source="""
+            window.workers = [];
+            window.Worker = class extends Worker { constructor(...all) { super(...all); window.workers.push(this); } };""" + CLOCK)
 
     def restart(self, *extra):
         self.server.process.kill()
@@ -1020,12 +1106,15 @@ class WithTrouble(Viewer):
         told = self.page.run("return document.getElementById('cover').textContent")
         for word in words:
             self.assertIn(word, told)
-        # longer than it ever waits between two attempts
-        self.page.run("window.attempts = 0; const Socket = WebSocket, get = fetch;"
-                      "window.WebSocket = class extends Socket { constructor(...all) { super(...all); window.attempts++; } };"
-                      "window.fetch = (...all) => { window.attempts++; return get(...all); };")
-        time.sleep(7)
-        self.assertEqual(self.page.run("return window.attempts"), 0)
+        self.assertEqual(self.attempts(), 0)
+
+    def attempts(self):
+        """How often the page looks for its server in a minute of its own clock: longer than it ever waits between two attempts."""
+        return self.page.run("""window.attempts = 0;
+            const Socket = WebSocket, get = fetch;
+            window.WebSocket = class extends Socket { constructor(...all) { super(...all); window.attempts++; } };
+            window.fetch = (...all) => { window.attempts++; return get(...all); };
+            return window.advance(60000).then(() => window.attempts)""")
 
     def assert_mended(self):
         self.restart()
@@ -1040,6 +1129,11 @@ class WithTrouble(Viewer):
         self.assert_mended()
 
     def test_a_refusal_that_lasts(self):
+        # a server that is gone is looked for again and again
+        self.server.process.kill()
+        self.server.process.wait()
+        self.page.wait("palpateViewer.link === 'lost'")
+        self.assertGreater(self.attempts(), 0)
         self.restart("--refuse", "421")
         self.assert_told_and_left_alone("421", "--host-name")
         self.assert_mended()
@@ -1054,12 +1148,32 @@ class WithTrouble(Viewer):
         self.open_page(wait="document.getElementById('mend')?.hidden === false")
         self.page.developer_tools("Page.removeScriptToEvaluateOnNewDocument", **name)
         self.assertIn("memory", self.page.run("return document.getElementById('cover').textContent"))
-        time.sleep(7)
+        self.page.run("return window.advance(60000)")
         scans = [path.split("?")[-1] for path in self.page.run("return window.fetched") if "/scan/" in path]
         self.assertEqual([scans[0][:5], *scans[1:]], ["/api/", "shrink=2", "shrink=4"])
         self.page.run("window.isEnough = true")
         self.page.click("#again")
         self.page.wait(LOADED)
+
+    def test_what_draws_the_volume_is_replaced_once(self):
+        self.expected += ("Cannot read properties of null",)
+        note = "document.getElementById('graphics')"
+        before = self.volume_pixels()
+        self.page.run(f"window.told = []; new MutationObserver(() => window.told.push({note}.textContent)).observe({note}, {{ childList: true, subtree: true, characterData: true }})")
+        # it throws something where nobody waits for it
+        self.page.run("window.workers[0].postMessage({ type: 'draw', id: 0, view: null, givesWay: false })")
+        self.page.wait(f"window.told.length > 0 && {note}.hidden")
+        told = self.page.run("return window.told[0]")
+        for words in ("the volume cannot be drawn", "started anew", "emergency stop"):
+            self.assertIn(words, told)
+        self.assertEqual(abs(self.volume_pixels() - before).max(), 0)
+        self.assertEqual(self.page.run("return [window.workers.length, palpateViewer.isDrawnInWorker]"), [2, True])
+        # and the one in its place ends without a word
+        self.page.run("window.workers[1].terminate()")
+        self.page.wait(f"!{note}.hidden && {note}.textContent.includes('reload this page')")
+        self.assertEqual(self.page.run("return window.workers.length"), 2)
+        self.page.press(" ")
+        self.page.wait("palpateViewer.state.emergency_stop")
 
 
 class WithLoading(Viewer):
@@ -1660,6 +1774,45 @@ class WithRamp(Viewer):
         self.page.click("#rearm")
         self.page.wait("!palpateViewer.state.emergency_stop")
 
+    def test_turns_views_and_bookmarks_are_undone(self):
+        stack = "#picture-volume .stack"
+        key = f"document.querySelector('{stack}').dispatchEvent(new KeyboardEvent('keydown', {{ key: arguments[0], altKey: arguments[1] ?? false }}))"
+        seen = "palpateViewer.draw(); return [[0, 0, 0], [20, 5, -11]].flatMap((p) => palpateViewer.project(p))"
+        turned = "palpateViewer.state.rotation_wxyz"
+        self.assertEqual(self.page.run("return " + turned), [1, 0, 0, 0])
+        self.addCleanup(lambda: (self.page.run("document.getElementById('unturn').click()"), self.page.wait("palpateViewer.pose.rotation[0] > 0.9999999")))
+        views = [self.page.run(seen)]
+
+        def step(do):
+            do()
+            views.append(self.page.run(seen))
+            self.assertGreater(numpy.abs(numpy.subtract(views[-1], views[-2])).max(), 1)
+        # a preset, a drag, a run of the wheel and a key: a step each
+        step(lambda: self.page.click("[data-look=left]"))
+        step(lambda: self.drag(stack, 50, 20))
+        step(lambda: self.page.run(f"for (let n = 0; n < 3; n++) document.querySelector('{stack}').dispatchEvent(new WheelEvent('wheel', {{ deltaY: 90, cancelable: true }}))"))
+        step(lambda: self.page.run(key, "ArrowRight"))
+        for view in views[-2::-1]:
+            self.page.click("#undo")
+            self.assertLess(numpy.abs(numpy.subtract(self.page.run(seen), view)).max(), 1e-3)
+        self.page.click("#redo")
+        self.assertLess(numpy.abs(numpy.subtract(self.page.run(seen), views[1])).max(), 1e-3)
+        # a turn is asked for again
+        self.page.run(key, "ArrowRight", True)
+        self.page.wait(turned + "[0] < 0.9999")
+        self.page.wait("palpateViewer.state.rotation_wxyz[2] !== 0 && !document.getElementById('undo').disabled")
+        self.page.click("#undo")
+        self.page.wait(turned + "[0] > 0.9999999")
+        # a bookmark that was made, and one that was deleted
+        names = "return [...document.querySelectorAll('#bookmarks .figure')].map((one) => one.textContent)"
+        before = self.page.run(names)
+        self.page.run("document.getElementById('bookmark-form').closest('details').open = true; document.getElementById('bookmark-name').value = 'notch'; document.querySelector('#bookmark-form button').click()")
+        self.assertEqual(self.page.run(names), [*before, "notch"])
+        self.page.run("document.querySelector('#bookmarks li:last-child button:last-child').click()")
+        for wanted in ([*before, "notch"], before):
+            self.page.click("#undo")
+            self.assertEqual(self.page.run(names), wanted)
+
     def test_measures_are_listed_named_found_and_written_as_a_table(self):
         self.follow(False)
         self.page.click("[data-tool=ruler]")
@@ -1954,6 +2107,158 @@ class WithFinger(Viewer):
         self.assertGreater(len(met), 2)
 
 
+class WithShaft(Viewer):
+    """The mock's pointer with a shaft of 40 mm: what is drawn over the volume, pixel by pixel."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("pointer", extra=["--shaft", "yes"]).__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        scene = cls.server.scene()
+        cls.labels, cls.patient_from_voxel = cls.server.labels(scene)
+        cls.axis = numpy.array(scene["world_from_patient"])[2, :3]
+        cls.radius = scene["tool"]["capsules"][0]["radius_mm"]
+        cls.spacing = numpy.linalg.norm(cls.patient_from_voxel[:3, 0])
+        cls.open_browser()
+
+    def label_at(self, points):
+        inverse = numpy.linalg.inv(self.patient_from_voxel)
+        voxel = numpy.floor(points @ inverse[:3, :3].T + inverse[:3, 3] + 0.5).astype(int)
+        inside = ((voxel >= 0) & (voxel < self.labels.shape)).all(-1)
+        return numpy.where(inside, self.labels[tuple(numpy.moveaxis(numpy.where(inside[..., None], voxel, 0), -1, 0))], 0)
+
+    def occluded(self, points, slack):
+        """Whether something lies in front of points by more than `slack` mm: True, False, or None at an edge, where it differs 2 mm beside or 1.5 mm before and behind."""
+        into = points - self.eye if self.is_perspective else numpy.broadcast_to(self.into, points.shape)
+        into = into / numpy.linalg.norm(into, axis=1)[:, None]
+        aside = numpy.cross(into, (0.3, 0.5, 0.8))
+        aside /= numpy.linalg.norm(aside, axis=1)[:, None]
+        ups = numpy.cross(into, aside)
+        found = []
+        for a, b in ((0, 0), (2, 0), (-2, 0), (0, 2), (0, -2)):
+            places = points + a * aside + b * ups
+            solid = self.label_at(places[:, None] - numpy.arange(0.2, 130, 0.4)[:, None] * into[:, None]) > 0
+            found += [(solid & (numpy.arange(0.2, 130, 0.4) > slack + more)).any(1) for more in (-1.5, 0, 1.5)]
+        found = numpy.array(found)
+        return [None if found[:, n].min() != found[:, n].max() else bool(found[0, n]) for n in range(len(points))]
+
+    def drawn(self, *ways):
+        """Of points on each way: where they are in the picture of the volume, and RGBA of what is drawn over it there; the greatest alpha beside it."""
+        at = numpy.array(self.page.run("return palpateViewer.pixelsOverVolume(arguments[0])", [q.tolist() for way in ways for q in way]))
+        x, y = numpy.clip(numpy.floor(at).astype(int), -1, self.size).T + 3
+        own = self.over[y, x].astype(int)
+        beside = numpy.max([self.over[y + dy, x + dx, 3] for dx in (-1, 0, 1) for dy in (-1, 0, 1)], 0)
+        ends = numpy.cumsum([len(way) for way in ways])[:-1]
+        return zip(*(numpy.split(one, ends) for one in (at, own, beside)))
+
+    def runs(self, points, at, whole_mm, slack):
+        """Which of the points on a line are seen, and which hidden: without those that are within a piece (6 pixels of it, or an eightieth) of another state."""
+        states = self.occluded(points, slack)
+        step_mm = numpy.linalg.norm(points[1] - points[0])
+        step_pixels = numpy.linalg.norm(at[-1] - at[0]) / (len(at) - 1)
+        piece_mm = whole_mm / min(80, max(1, math.ceil(whole_mm / step_mm * step_pixels / 6)))
+        near = math.ceil(piece_mm / step_mm) + 1
+        is_all = lambda n, state: all(one is state for one in states[max(0, n - near):n + near + 1])  # noqa: E731
+        return [numpy.array([is_all(n, state) for n in range(len(points))]) for state in (False, True)]
+
+    def judge_shaft(self, p):
+        into = self.into if not self.is_perspective else (p - self.eye) / numpy.linalg.norm(p - self.eye)
+        side = numpy.cross(self.axis, into)
+        axis = p + numpy.arange(8, 34, 0.25)[:, None] * self.axis
+        side = self.radius * side / numpy.linalg.norm(side)
+        (at, own, _), *sides = self.drawn(axis, axis + side, axis - side)
+        is_filled = (own[:, 3] > 130) & (abs(own[:, :3] - (120, 142, 155)).max(1) < 60)
+        seen, hidden = self.runs(axis, at, 40, 1.5 * self.spacing + self.radius)
+        for which, is_right in ((seen, [is_filled] + [beside > 200 for _, _, beside in sides]), (hidden, [~is_filled] + [beside < 175 for _, _, beside in sides])):
+            if which.sum() >= 6:
+                # something else may lie over a part of it, or a plane's outline along a side that is hidden: both go along the volume's box
+                shares = [one[which].mean() for one in is_right]
+                yield which is hidden, shares[0] >= 0.85 and (max if which is hidden else min)(shares[1:]) >= 0.65, shares
+        # dashed: drawn and left out by turns
+        if hidden.sum() >= 40:
+            shares = [((beside[hidden] > 60).mean(), (line[hidden, 3] < 30).mean()) for _, line, beside in sides]
+            yield True, all(drawn > 0.3 and left_out > 0.1 for drawn, left_out in shares), shares
+
+    def judge_plane(self, _):
+        plane = self.plane
+        centre, normal = numpy.array(plane["centre"]), numpy.array(plane["normal"])
+        # the polygon in which it meets the volume's box
+        dims = numpy.array(self.labels.shape)
+        met = []
+        for axis in range(3):
+            for a, b in numpy.ndindex(2, 2):
+                ends = numpy.zeros((2, 3))
+                ends[:, (axis + 1) % 3], ends[:, (axis + 2) % 3] = a, b
+                ends[1, axis] = 1
+                ends = (ends * dims - 0.5) @ self.patient_from_voxel[:3, :3].T + self.patient_from_voxel[:3, 3]
+                far = (ends - centre) @ normal
+                if (far[0] < 0) != (far[1] < 0):
+                    met.append(ends[0] + (ends[1] - ends[0]) * far[0] / (far[0] - far[1]))
+        met = numpy.array(met)
+        about = met - met.mean(0)
+        met = met[numpy.arctan2(about @ plane["down"], about @ plane["right"]).argsort()]
+        edges = [(a, b) for a, b in zip(met, numpy.roll(met, -1, 0)) if numpy.linalg.norm(b - a) >= 10]
+        ways = [a + numpy.linspace(0.02, 0.98, 80)[:, None] * (b - a) for a, b in edges]
+        for (a, b), points, (at, _, beside) in zip(edges, ways, self.drawn(*ways)):
+            inside = (at > 40).all(1) & (at < numpy.array(self.size) - 40).all(1)
+            for which, is_hidden in zip(self.runs(points, at, numpy.linalg.norm(b - a), 1), (False, True)):
+                which &= inside
+                if which.sum() < 6:
+                    continue
+                shares = [(beside[which] < 150).mean(), (beside[which] > 40).mean()] if is_hidden else [(beside[which] > 180).mean(), 1]
+                yield is_hidden, shares[0] >= 0.65 and shares[1] > 0.3, shares
+
+    def test_what_is_drawn_in_the_volume_is_hidden_where_something_is_in_front_of_it(self):
+        self.page.wait("palpateViewer.state.pointer")
+        # another viewer leads the tip, which is where it is asked for at once
+        self.page.click("[data-tool=window]")
+        self.page.wait("!palpateViewer.state.pointer")
+        self.page.run("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
+            socket.onopen = () => {
+              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
+            };
+            window.lead = (p) => socket.send(JSON.stringify({ type: "tip", patient_mm: p }));
+            socket.onmessage = ({ data }) => typeof data === "string" && JSON.parse(data).type === "done" && (window.isTaken = true);
+            const planes = document.getElementById("planes-in-volume");
+            planes.checked = true;
+            planes.dispatchEvent(new Event("change"));""")
+        self.page.wait("window.isTaken")
+        self.size = self.page.run("const { width, height } = document.querySelector('#picture-volume canvas'); return [width, height]")
+        generator = random.Random(test_seed())
+        judges = {"shaft": self.judge_shaft, "plane": self.judge_plane}
+        places, states, wrong = {kind: 0 for kind in judges}, {kind: [0, 0] for kind in judges}, []
+        for is_perspective in (False, True):
+            self.is_perspective = is_perspective
+            self.page.run("palpateViewer.lookFrom(110, 30, arguments[0]); palpateViewer.draw()", is_perspective)
+            # the plane glides to where the tool wants it, and stays
+            self.page.run("for (let n = 0; n < 60; n++) palpateViewer.draw()")
+            self.page.wait("palpateViewer.isVolumeSharp")
+            ray = self.page.run("return palpateViewer.volumeRay(0, 0)")
+            self.eye, self.into = numpy.array(ray["from"]), numpy.array(ray["into"])
+            while places["shaft"] < (50 if is_perspective else 25):
+                p = numpy.zeros(3)
+                while self.label_at(p + 4 * (numpy.argwhere(numpy.ones((3, 3, 3))) - 1)).any():
+                    p = numpy.array([generator.uniform(-40, 40), generator.uniform(-35, 45), generator.uniform(-35, 45)])
+                self.page.run("window.lead(arguments[0])", p.tolist())
+                self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.01" % json.dumps(p.tolist()))
+                answer, self.plane = self.page.run("palpateViewer.draw(); return [palpateViewer.drawnOverVolume(), palpateViewer.plane('oblique')]")
+                over = numpy.frombuffer(base64.b64decode(answer["rgba"]), numpy.uint8).reshape(answer["height"], answer["width"], 4)
+                self.over = numpy.pad(over, ((3, 3), (3, 3), (0, 0)))
+                for kind, judge in judges.items():
+                    judged = list(judge(p))
+                    places[kind] += len(judged) > 0
+                    for is_hidden, is_right, shares in judged:
+                        states[kind][is_hidden] += 1
+                        if not is_right:
+                            wrong.append((kind, is_perspective, is_hidden, p.round(1).tolist(), shares))
+        print("  " + ", ".join(f"{kind}: {places[kind]} places, {states[kind][0]} parts seen, {states[kind][1]} hidden" for kind in judges), flush=True)
+        self.assertEqual(wrong, [])
+        self.assertGreaterEqual(places["plane"], 50)
+        for kind in judges:
+            self.assertGreater(min(states[kind]), 8, kind)
+
+
 class WithSphere(Viewer):
     """One of 20 mm, of voxels of 0.5 mm: the mock's alone."""
 
@@ -1995,6 +2300,106 @@ class WithSphere(Viewer):
         self.assertLess(off[1][0], 0.02)
         self.assertLess(off[1][1], 0.09)
         self.assertLess(max(off[0.6][0], off[0.3][0]), 0.03)
+
+    def test_tissue_that_yields_is_seen_where_it_went(self):
+        scene = self.server.scene()
+        labels, patient_from_voxel = self.server.labels(scene)
+        volume = scene["volume"]
+        scan = numpy.frombuffer(self.server.get("api/volume/scan/" + volume["hash"]), "<i2").reshape(volume["dims"][::-1]).transpose(2, 1, 0)
+        voxel_from_patient = numpy.linalg.inv(patient_from_voxel)
+        # nodes of a grid of its own that stands askew and holds the whole volume
+        dims, spacing = numpy.array((11, 10, 12)), 5.5
+        turned = rotation_matrix(numpy.array((0.9, 0.3, -0.2, 0.25)) / numpy.linalg.norm((0.9, 0.3, -0.2, 0.25)))
+        node_from_patient = numpy.eye(4)
+        node_from_patient[:3, :3] = turned.T / spacing
+        node_from_patient[:3, 3] = (dims - 1) / 2
+        nodes = (numpy.argwhere(numpy.ones(dims)) - (dims - 1) / 2) * spacing @ turned.T
+
+        def at_nodes(field, points):
+            """The displacement between nodes, linear."""
+            node = points @ node_from_patient[:3, :3].T + node_from_patient[:3, 3]
+            low = numpy.clip(numpy.floor(node).astype(int), 0, dims - 2)
+            share = node - low
+            return sum(numpy.prod(numpy.where(corner, share, 1 - share), 1)[:, None] * field.reshape(*dims, 3)[tuple((low + corner).T)]
+                       for corner in map(numpy.array, numpy.ndindex(2, 2, 2)))
+
+        def displace(field):
+            """Two boxes of nodes after each other."""
+            self.page.run("palpateViewer.displace(arguments[0])", {"dims": dims.tolist(), "nodeFromPatient": node_from_patient.tolist()})
+            for begin, end in ((0, 5), (5, dims[2])):
+                box = field.reshape(*dims, 3)[:, :, begin:end].transpose(2, 1, 0, 3)
+                self.page.run("return palpateViewer.displaceBox(...arguments)", [0, 0, begin], [int(dims[0]), int(dims[1]), int(end - begin)], box.ravel().tolist())
+
+        def voxelise(moved):
+            self.page.run("palpateViewer.displace(null)")
+            self.page.run("return palpateViewer.writeBox(...arguments)", [0, 0, 0], list(labels.shape), moved.transpose(2, 1, 0).ravel().astype(int).tolist())
+
+        def seen():
+            """The volume from outside and from within, and a grid of the section's pixels."""
+            pixels = lambda data, size: numpy.frombuffer(base64.b64decode(data), numpy.uint8).reshape(size, size, 4)[:, :, :3].astype(int)  # noqa: E731
+            outside = pixels(self.page.run("return palpateViewer.volumePicture(140, 140, 0.2)"), 140)
+            frame = {"eye": [1, -2, 12.5], "forward": [0, 0, -1], "right": [1, 0, 0], "up": [0, 1, 0]}
+            within = pixels(self.page.run("return palpateViewer.scopePicture(arguments[0], 80)", frame), 80)
+            grid = numpy.array(self.page.run("""palpateViewer.draw();
+                const { width, height } = document.querySelector("#picture-oblique canvas");
+                const out = [];
+                for (let y = 2; y < height; y += 7) for (let x = 2; x < width; x += 7) out.push([...palpateViewer.patientAt("oblique", x + 0.5, y + 0.5), ...palpateViewer.colourAt("oblique", x, y)]);
+                return out;"""))
+            return outside, within, grid
+
+        def label_at(points):
+            voxel = numpy.floor(points @ voxel_from_patient[:3, :3].T + voxel_from_patient[:3, 3] + 0.5).astype(int)
+            inside = ((voxel >= 0) & (voxel < labels.shape)).all(1)
+            return numpy.where(inside, labels[tuple(numpy.where(inside[:, None], voxel, 0).T)], -1)
+
+        is_sphere = lambda grid: abs(grid[:, 3:] - scene["structures"][0]["colour"]).max(1) <= 3  # noqa: E731
+        same = lambda a, b: (abs(a - b).max(-1) <= 2).mean()  # noqa: E731
+        self.page.run("""const set = (id, value, kind) => { const one = document.querySelector(id); one.value = value; one.dispatchEvent(new Event(kind, { bubbles: true })); };
+            set("#fill", 1, "input");
+            document.getElementById("outlines").click();
+            document.getElementById("follow").click();""")
+        at_rest = seen()
+        centres = numpy.argwhere(numpy.ones(labels.shape)) @ patient_from_voxel[:3, :3].T + patient_from_voxel[:3, 3]
+        # by whole voxels: the same pixels as of the sphere that is voxelised there
+        moved = numpy.roll(labels, (3, -2, 1), (0, 1, 2))
+        field = numpy.broadcast_to(-0.5 * numpy.array((3, -2, 1)), (len(nodes), 3))
+        displace(field)
+        now = seen()
+        grid = now[2]
+        inverse = grid[:, :3] + at_nodes(field, grid[:, :3])
+        voxel = inverse @ voxel_from_patient[:3, :3].T + voxel_from_patient[:3, 3]
+        low = numpy.clip(numpy.floor(voxel).astype(int), 0, numpy.array(scan.shape) - 2)
+        share = numpy.clip(voxel - low, 0, 1)
+        value = sum(numpy.prod(numpy.where(corner, share, 1 - share), 1) * scan[tuple((low + corner).T)] for corner in map(numpy.array, numpy.ndindex(2, 2, 2)))
+        least, most = volume["scan"]["window"]
+        greys = label_at(inverse) == 0
+        self.assertGreater(greys.sum(), 200)
+        off = abs(grid[greys, 3] - 255 * numpy.clip((value[greys] - least) / (most - least), 0, 1))
+        self.assertGreater((off <= 1.5).mean(), 0.99)
+        voxelise(moved)
+        voxelised = seen()
+        share = [same(now[0], voxelised[0]), same(now[1], voxelised[1]), (is_sphere(now[2]) == is_sphere(voxelised[2])).mean()]
+        # bent, so that what comes out is no sphere
+        field = 2.2 * numpy.sin(nodes[:, [1, 2, 0]] / 6) + (0.4, -0.3, 0.2)
+        bent = label_at(centres + at_nodes(field, centres)).clip(0).reshape(labels.shape)
+        voxelise(labels)
+        displace(field)
+        now = seen()
+        is_there = label_at(now[2][:, :3] + at_nodes(field, now[2][:, :3])) == 1
+        share.append((is_sphere(now[2]) == is_there).mean())
+        voxelise(bent)
+        voxelised = seen()
+        is_ground = lambda pixels: abs(pixels - (9, 12, 14)).max(-1) < 4  # noqa: E731
+        share += [(is_ground(a) == is_ground(b)).mean() for a, b in zip(now[:2], voxelised[:2])]
+        share.append((is_sphere(now[2]) == is_sphere(voxelised[2])).mean())
+        print("  of the pixels are as of what is voxelised there " + ", ".join(f"{one:.4f}" for one in share), flush=True)
+        self.assertGreaterEqual(min(share), 0.99)
+        for a, b in zip(now, at_rest):
+            self.assertGreater((abs(a - b).max(-1) > 20).mean(), 0.02, "it has moved")
+        # and as it was at first
+        voxelise(labels)
+        for a, b in zip(seen(), at_rest):
+            self.assertEqual(abs(a - b).max(), 0)
 
 
 class WithDevice(Viewer):
@@ -2262,7 +2667,7 @@ def decode_png(data):
 if __name__ == "__main__":
     if len(sys.argv) >= 3 and sys.argv[1] == "palpate":
         command = palpate_command(sys.argv[2])
-        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithSphere, WithManyVoxels
+        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithShaft, WithSphere, WithManyVoxels
     elif len(sys.argv) >= 5 and sys.argv[1] == "mock":
         command = mock_command(*sys.argv[2:5])
         del sys.argv[1:5]

@@ -1,6 +1,7 @@
 // Bookmarks of what is seen: the camera, the planes, which pictures, the window, and how the object stands. Kept per scene.
 
 import { byId, element } from "./dom.js";
+import type { History } from "./history.js";
 import { ANATOMICAL, type Anatomical, type Quaternion, type Vec3 } from "./geometry.js";
 import { keepScene, recallScene } from "./kept.js";
 import { ALONG, type Along, type PlaneKind, type SectionView } from "./section_view.js";
@@ -35,6 +36,7 @@ export function isBookmark(x: unknown): x is Bookmark {
 
 export interface Shows {
   session: Session;
+  history: History;
   volume: VolumeView;
   sections: SectionView[];
   layout(): Layout;
@@ -53,7 +55,7 @@ export class Bookmarks {
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       const name = byId<HTMLInputElement>("bookmark-name");
-      this.set([...this.list, { name: name.value.trim() || words.bookmarkNumber(String(this.list.length + 1)), seen: this.seen() }]);
+      this.change([...this.list, { name: name.value.trim() || words.bookmarkNumber(String(this.list.length + 1)), seen: this.seen() }]);
       name.value = "";
       // out of the text, where the space bar is a space
       byId("bookmarks").querySelector<HTMLElement>("li:last-child .figure")?.focus();
@@ -67,12 +69,20 @@ export class Bookmarks {
     this.list = Array.isArray(kept) ? kept.filter(isBookmark) : [];
     this.show();
   }
-  private set(list: Bookmark[]): void {
+  private change(list: Bookmark[]): void {
+    const { history, session } = this.page;
+    if (!session.scene) return;
+    history.gesture += 1;
+    history.note("bookmarks", { before: this.list, after: list, go: (_, to) => this.set(to) });
+    this.set(list);
+  }
+  private set(list: Bookmark[]): boolean {
     const { scene } = this.page.session;
-    if (!scene) return;
+    if (!scene) return false;
     this.list = list;
     keepScene<KeptScene>(scene.volume.hash, { bookmarks: list });
     this.show();
+    return true;
   }
   private show(): void {
     byId("bookmarks").replaceChildren(...this.list.map((bookmark, place) => {
@@ -80,7 +90,7 @@ export class Bookmarks {
       go.addEventListener("click", () => this.recall(bookmark.seen));
       const remove = says(element("button", { type: "button", textContent: "×" }), { label: "deleteNamed", title: "deleteNamed" }, bookmark.name);
       remove.addEventListener("click", () => {
-        this.set(this.list.filter((_, other) => other !== place));
+        this.change(this.list.filter((_, other) => other !== place));
         // the focus stays in the list
         (byId("bookmarks").querySelectorAll<HTMLElement>("button:last-child")[Math.min(place, this.list.length - 1)] ?? byId("bookmark-name")).focus();
       });
@@ -112,8 +122,10 @@ export class Bookmarks {
     }
     orient(seen.along, seen.like);
     const { right, up, focus, across_mm } = seen.camera;
-    Object.assign(volume.camera, { right, up, focus });
-    volume.across_mm = across_mm;
+    volume.moveCamera(() => {
+      Object.assign(volume.camera, { right, up, focus });
+      volume.across_mm = across_mm;
+    });
     if (seen.rotation) turn(seen.rotation);
     session.touch();
   }

@@ -1,4 +1,4 @@
-// What was done here, to be undone and done again: settings of the loop, looks, measures. A stop, a pause and a rearm are never among it.
+// What was done here, to be undone and done again: settings of the loop, turns, looks, views, measures, bookmarks. A stop, a pause and a rearm are never among it.
 
 /** From one state of something to another. */
 export interface Step<State> {

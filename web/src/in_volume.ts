@@ -50,6 +50,8 @@ export function drawShaft(frame: Frame, seen: InVolume, from: Vec3, to: Vec3, ra
     };
     const [left, right] = [1, -1].map((sign) => [side(a, run.from, sign), side(b, run.to, sign)] as const) as [readonly [[number, number], [number, number]], readonly [[number, number], [number, number]]];
     context.save();
+    // whatever is in front of the tip
+    context.globalAlpha = run.isHidden ? 0.6 : 1;
     if (!run.isHidden) {
       context.beginPath();
       context.moveTo(...left[0]);
@@ -59,7 +61,7 @@ export function drawShaft(frame: Frame, seen: InVolume, from: Vec3, to: Vec3, ra
       context.closePath();
       context.fillStyle = "rgba(120, 142, 155, 0.6)";
       context.fill();
-    } else context.globalAlpha *= 0.6;
+    }
     for (const [begin, end] of [left, right]) {
       if (!run.isHidden) line(frame, begin, end, 3, "rgba(6, 9, 11, 0.6)");
       line(frame, begin, end, 1.3, colour, run.isHidden ? [3, 4] : []);

@@ -3,6 +3,7 @@ import { Bookmarks } from "./bookmarks.js";
 import { Capture, download, fileStem } from "./capture.js";
 import { Connection, type Link } from "./connection.js";
 import { complain, Controls } from "./controls.js";
+import { Displacement, type Nodes } from "./displacement.js";
 import { byId, element, press, toast, write } from "./dom.js";
 import { History } from "./history.js";
 import type { Measure } from "./measure.js";
@@ -65,6 +66,8 @@ class Page {
   private readonly bookmarks: Bookmarks;
   private layoutName: Layout = "two";
   private readonly graphics: Record<"sections" | "volume", "fine" | "lost" | "restorable"> = { sections: "fine", volume: "fine" };
+  private failed: "no" | "once" | "again" = "no"; // what draws the volume beside the page
+  private displacement: Displacement | null = null;
   private isMending = false;
   private hopeless = 0; // timer
 
@@ -82,8 +85,8 @@ class Page {
     const { session } = this;
     this.requests = new Requests(this.connection, () => session.state?.armed === true, () => session.state, this.history);
     this.pointer = new PointerDevice(session, this.connection);
-    this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.pointer, (rotation) =>
-      void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }));
+    this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.pointer, this.history, (rotation, gesture) =>
+      void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }, gesture));
     this.scope = new ScopeView(session, this.renderer, this.slicer.isSoftware);
     this.sections = (["oblique", "axial", "sagittal", "coronal"] as PlaneKind[]).map(
       (kind) => new SectionView(kind, session, this.slicer, this.measures, this.pointer));
@@ -101,7 +104,7 @@ class Page {
     const { layout } = recall<KeptPage>(PAGE_KEY);
     this.layout(layout && LAYOUTS.includes(layout) ? layout : "two");
     this.bookmarks = new Bookmarks({
-      session, volume: this.volume, sections: this.sections, orient, layout: () => this.layoutName, choose: (name) => this.layout(name),
+      session, history: this.history, volume: this.volume, sections: this.sections, orient, layout: () => this.layoutName, choose: (name) => this.layout(name),
       turn: (rotation) => this.turn(rotation),
     });
     for (const [which, its] of [["sections", this.slicer], ["volume", this.renderer]] as const) {
@@ -111,8 +114,17 @@ class Page {
         void this.mend();
       };
     }
+    this.renderer.onFailed = (isReplaced) => this.workerFailed(isReplaced);
   }
 
+  private workerFailed(isReplaced: boolean): void {
+    this.failed = isReplaced ? "once" : "again";
+    this.graphics.volume = isReplaced ? "restorable" : "lost";
+    for (const view of [this.volume, this.scope]) view.lost();
+    this.session.touch();
+    this.tellOfGraphics(false);
+    void this.mend();
+  }
   private graphicsLost(which: "sections" | "volume"): void {
     this.graphics[which] = "lost";
     if (which === "volume") for (const view of [this.volume, this.scope]) view.lost();
@@ -133,8 +145,10 @@ class Page {
         if (graphics.sections === "restorable") graphics.sections = "fine";
         this.session.touchLooks();
       } else if (graphics.sections === "fine" && graphics.volume === "restorable") {
-        await this.renderer.restore();
-        if (graphics.volume === "restorable") graphics.volume = "fine";
+        if ((await this.renderer.restore()) && graphics.volume === "restorable") {
+          graphics.volume = "fine";
+          if (this.failed === "once") this.failed = "no";
+        }
       } else break;
     }
     this.isMending = false;
@@ -142,16 +156,32 @@ class Page {
     this.tellOfGraphics(false);
   }
   private tellOfGraphics(isHopeless: boolean): void {
-    const isLost = (which: "sections" | "volume") => this.graphics[which] !== "fine";
-    const what = isLost("sections") ? (isLost("volume") ? words.lostBoth : words.lostSections) : isLost("volume") ? words.lostVolume : null;
-    write(byId("graphics"), what === null ? "" : `${what} ${isHopeless ? words.mendLost : words.lostHeals} ${words.lostHarmless}`);
-    byId("graphics").hidden = what === null;
+    const isTaken = { sections: this.graphics.sections !== "fine", volume: this.graphics.volume !== "fine" && this.failed === "no" };
+    const taken = isTaken.sections ? (isTaken.volume ? words.lostBoth : words.lostSections) : isTaken.volume ? words.lostVolume : null;
+    const all = [...(taken === null ? [] : [taken, isHopeless ? words.mendLost : words.lostHeals]),
+      ...(this.failed === "no" ? [] : [words.failedVolume, this.failed === "once" ? words.failedHeals : words.mendFailed])];
+    write(byId("graphics"), all.length === 0 ? "" : [...all, words.lostHarmless].join(" "));
+    byId("graphics").hidden = all.length === 0;
   }
 
   /** Other structures in a box of voxels, i fastest: places in the scene's list + 1. */
   async updateBox(lo: Vec3, size: Vec3, structure: Uint8Array): Promise<void> {
     this.session.volumes!.write(lo, size, structure);
     await Promise.all([this.slicer.update(lo, size), this.renderer.update(lo, size)]);
+    this.session.touchLooks();
+  }
+
+  /** Tissue yields as nodes say, of which none is displaced yet; null: it does not. It is seen so; what is felt and read out are the voxels as they are. */
+  displace(nodes: Nodes | null): void {
+    this.displacement = nodes && new Displacement(nodes);
+    for (const its of [this.slicer, this.renderer]) its.displace(this.displacement);
+    this.session.touchLooks();
+  }
+  /** @param mm  of a box of nodes, three components each, i fastest: how far from there what is seen there is looked up, patient */
+  async updateDisplacement(lo: Vec3, size: Vec3, mm: ArrayLike<number>): Promise<void> {
+    this.displacement!.write(lo, size, mm);
+    this.slicer.updateDisplacement(lo, size);
+    await this.renderer.updateDisplacement(lo, size);
     this.session.touchLooks();
   }
 
@@ -217,6 +247,7 @@ class Page {
     this.volume.sceneChanged();
     for (const section of this.sections) section.reset();
     // of another patient
+    this.displace(null);
     this.measures.forget();
     this.history.clear();
     this.bookmarks.load();

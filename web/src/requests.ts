@@ -3,13 +3,14 @@
 
 import type { Connection, Refusal, Request } from "./connection.js";
 import { toast } from "./dom.js";
+import { angleOf_deg, conjugate, multiply, normalizeQuaternion, type Quaternion } from "./geometry.js";
 import type { History } from "./history.js";
 import type { State } from "./scene.js";
 import { words } from "./words.js";
 
 const AT_REST_MS = 500;
-/** What can be undone. A pause is none of it, and a turn of the object is turned back by itself. */
-const SETTINGS = ["method", "friction", "viscosity", "passivity", "max_force_N"] as const;
+/** What can be undone. A pause is none of it. */
+const SETTINGS = ["method", "friction", "viscosity", "passivity", "max_force_N", "rotation_wxyz"] as const;
 
 type Values = Record<string, unknown>;
 /** Of a request for settings: what holds of each; null of a request that is for anything else. */
@@ -20,9 +21,12 @@ function holding(request: Request, state: State): Values | null {
   if (names.length === 0 || (type !== "tissue" && (type !== "set" || !names.every((name) => (SETTINGS as readonly string[]).includes(name))))) return null;
   return Object.fromEntries(names.map((name) => [name, of[name]]));
 }
-/** A number comes back as the loop rounds it. */
-const isSame = (a: unknown, b: unknown): boolean =>
-  typeof a === "number" && typeof b === "number" ? Math.abs(a - b) <= 1e-5 * Math.max(Math.abs(a), Math.abs(b)) : a === b;
+const SAME_TURN_DEG = 0.01;
+/** A number comes back as the loop rounds it, and a turn with either sign. */
+const isSame = (a: unknown, b: unknown): boolean => {
+  if (Array.isArray(a) && Array.isArray(b)) return angleOf_deg(multiply(normalizeQuaternion(a as Quaternion), conjugate(normalizeQuaternion(b as Quaternion)))) < SAME_TURN_DEG;
+  return typeof a === "number" && typeof b === "number" ? Math.abs(a - b) <= 1e-5 * Math.max(Math.abs(a), Math.abs(b)) : a === b;
+};
 const areSame = (a: Values, b: Values): boolean => Object.keys(a).every((name) => isSame(a[name], b[name]));
 
 export class Requests {

@@ -11,6 +11,22 @@ export const HALF_FIELD_DEG = 40;
 /** From the tip back along the shaft, mm. A scope whose camera lies at what the tool touches sees nothing but that. */
 export const BACK_MM = [0, 4, 8, 15] as const;
 
+/**
+ * How far from what is touched a camera is out of the solid, with room around it or in the middle of a gap.
+ * @param isClosed  whether it sees nothing so far off, mm
+ * @returns at most `most_mm`; null where it is nowhere out so near
+ */
+export function standOff(isClosed: (off_mm: number) => boolean, most_mm: number, room_mm: number, step_mm: number): number | null {
+  let begin = 0;
+  while (isClosed(begin)) {
+    begin += step_mm;
+    if (begin > most_mm) return null;
+  }
+  let end = begin;
+  while (end < begin + 2 * room_mm && !isClosed(end + step_mm)) end += step_mm;
+  return Math.min(most_mm, begin + room_mm, (begin + end) / 2);
+}
+
 export class Scope {
   optics_deg: number = 30;
   back_mm: number = 8;

@@ -2,14 +2,15 @@
 
 import { element } from "./dom.js";
 import { quantity } from "./figures.js";
-import { add, dot, orientationLetters, rotate, scale, spread, sub, type Vec3 } from "./geometry.js";
+import { add, dot, length, normalize, orientationLetters, rotate, scale, spread, sub, type Vec3 } from "./geometry.js";
 import { LivePicture } from "./live_picture.js";
 import { drawAge, drawLetters, drawSide, drawTool, text, touchedText } from "./overlay.js";
 import { Picture } from "./picture.js";
-import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, type ScopeFrame } from "./scope.js";
+import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, standOff, type ScopeFrame } from "./scope.js";
 import { readable, type Session } from "./session.js";
 import type { View } from "./volume_caster.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
+import type { DevicePose, Pose } from "./wire.js";
 import { says, words } from "./words.js";
 
 /** So near the scope sees nothing: it may lie at what it touches. */
@@ -23,6 +24,11 @@ const KEY_STEP_MM = 1;
 const DRAG_RAD_PER_PIXEL = 0.004;
 const WHEEL_MM = 0.02; // for a unit of its way
 const PINCH_MM = 30; // for fingers that come apart to e times as far
+/** Of a place these directions are looked in for whether something is in front of the eye. */
+const AROUND: Vec3[] = Array.from({ length: 27 }, (_, n) => [(n % 3) - 1, (Math.floor(n / 3) % 3) - 1, Math.floor(n / 9) - 1] as Vec3).filter((v) => length(v) > 0).map(normalize);
+
+/** Where it stands: on the shaft, or so far off what is touched. */
+interface Stand extends ScopeFrame { off_mm: number | null }
 
 /** The picture's pixels and directions, of so many pixels across. */
 export function scopeView({ eye, forward, right, up }: ScopeFrame, size: number): View {
@@ -38,7 +44,7 @@ export class ScopeView {
   readonly picture = new Picture("scope");
   readonly scope = new Scope();
   told = ""; // that stands in the picture
-  private readonly live: LivePicture<ScopeFrame>;
+  private readonly live: LivePicture<Stand>;
   private readonly pointers = new Map<number, [number, number]>();
   private readonly toTip = says(element("button", { type: "button", className: "small" }), { text: "toTheTip", title: "atTipTitle" });
 
@@ -75,12 +81,34 @@ export class ScopeView {
   }
 
   /** Where it looks from now; null as long as nobody knows where the tool is. */
-  frame(): ScopeFrame | null {
+  frame(): Stand | null {
     const { pose } = this.session;
     const device = pose?.devices[0];
     if (!device) return null;
     const axes = ([[1, 0, 0], [0, 1, 0], [0, 0, 1]] as Vec3[]).map((axis) => this.session.toPatient(pose, rotate(device.orientation, axis)));
-    return this.scope.frame(this.session.toolAt(device), axes as [Vec3, Vec3, Vec3]);
+    const onShaft = this.scope.frame(this.session.toolAt(device), axes as [Vec3, Vec3, Vec3]);
+    return { ...onShaft, ...this.standOff(pose, device, onShaft.eye) };
+  }
+  /** Where the shaft goes through something solid a camera on it sees nothing. Then it stands off what is touched, as far as it takes. */
+  private standOff(pose: Pose, device: DevicePose, onShaft: Vec3): { eye: Vec3; off_mm: number | null } {
+    const { session, scope } = this;
+    const stays = { eye: onShaft, off_mm: null };
+    if (scope.isFree || !session.volumes || !this.isClosed(onShaft)) return stays;
+    const away = normalize(length(device.normal) > 0 ? device.normal : session.toPatient(pose, device.force));
+    const tool = session.toolAt(device);
+    const { voxelSize } = session.volumes;
+    const at = (off_mm: number) => add(tool, scale(away, off_mm));
+    const off_mm = length(away) > 0 ? standOff((off) => this.isClosed(at(off)), scope.back_mm, NEAREST_MM + voxelSize, voxelSize / 8) : null;
+    return off_mm === null ? stays : { eye: at(off_mm), off_mm };
+  }
+  /** Whether an eye there is in something solid, or has it before most of it. */
+  private isClosed(eye: Vec3): boolean {
+    const { volumes, looks } = this.session;
+    const isSolid = (p: Vec3) => {
+      const place = volumes!.structureAt(p);
+      return place !== null && looks[place]!.visible && looks[place]!.opacity === 1;
+    };
+    return isSolid(eye) || 2 * AROUND.filter((way) => isSolid(add(eye, scale(way, NEAREST_MM)))).length > AROUND.length;
   }
 
   draw(now: number): void {
@@ -114,9 +142,10 @@ export class ScopeView {
   /** Where it stands, and what is in the middle of its picture. */
   private where(): string {
     const { scope } = this;
-    const ahead = this.live.seen!.found.at(0.5, 0.5);
+    const { found, camera } = this.live.seen!;
+    const ahead = found.at(0.5, 0.5);
     const stands = scope.isFree ? words.movedFromTip
-      : [scope.back_mm > 0 ? words.behindTip(`${scope.back_mm} mm`) : words.atTheTip, `${scope.optics_deg}°`,
+      : [camera.off_mm !== null ? words.offTouched(quantity(camera.off_mm, "mm")) : scope.back_mm > 0 ? words.behindTip(`${scope.back_mm} mm`) : words.atTheTip, `${scope.optics_deg}°`,
         ...(scope.optics_deg > 0 ? [words.post(`${scope.post_deg}°`)] : [])].join(", ");
     return ahead ? `${stands} · ${words.ahead(quantity(ahead.way_mm, "mm"), readable(this.session.scene!.structures[ahead.place]!.name))}` : stands;
   }

@@ -1,6 +1,7 @@
 // Draws planes of scan and structures: linear scan, nearest structure, in one pass of a WebGL2 shader. The 3-D textures
 // are uploaded once and shared by every plane on the page.
 
+import { Displacement, DisplacementTexture, MOVED } from "./displacement.js";
 import { add, apply, normalOf, scale, turn, type Plane, type Vec3 } from "./geometry.js";
 import { inPieces, slicesOfPiece } from "./pieces.js";
 import type { Volumes } from "./scene.js";
@@ -9,9 +10,10 @@ import { usedProgram } from "./shader_program.js";
 import { NoMemory } from "./trouble.js";
 import { words } from "./words.js";
 
-/** @param isSlab  a loop costs, also where it goes round once: a plane alone has a program without */
-const fragment = (isSlab: boolean): string => `#version 300 es
+/** @param isSlab  a loop costs, also where it goes round once: a plane alone has a program without; @param isDisplaced  so does tissue that yields */
+const fragment = (isSlab: boolean, isDisplaced: boolean): string => `#version 300 es
 #define SLAB ${Number(isSlab)}
+#define DISPLACED ${Number(isDisplaced)}
 precision highp float;
 precision highp isampler3D;
 precision highp usampler3D;
@@ -33,9 +35,10 @@ uniform bool hasScan;
 uniform float fill;            // 0 ... 1
 uniform bool outlines;
 out vec4 colour;
+${MOVED}
 
 uint structureAt(vec3 voxel) {
-  ivec3 nearest = ivec3(floor(voxel + 0.5));
+  ivec3 nearest = ivec3(floor(moved(voxel) + 0.5));
   if (any(lessThan(nearest, ivec3(0))) || any(greaterThanEqual(nearest, ivec3(dims)))) return 0u;
   return texelFetch(structures, nearest, 0).r;
 }
@@ -63,14 +66,15 @@ bool isInside(vec3 voxel) {
 void main() {
   vec3 voxel = origin + gl_FragCoord.x * acrossStep + (height - gl_FragCoord.y) * downStep;
   vec3 shown = vec3(0.035, 0.045, 0.055);
-  bool isShown = isInside(voxel);
+  vec3 place = moved(voxel);
+  bool isShown = isInside(place);
   if (hasScan) {
 #if SLAB
     // of what lies in the volume
     float value = 0.0;
     float count = 0.0;
     for (int n = 0; n < samples; n++) {
-      vec3 at = voxel + float(n - samples / 2) * throughStep;
+      vec3 at = moved(voxel + float(n - samples / 2) * throughStep);
       if (!isInside(at)) continue;
       float here = scanAt(at);
       value = kind == 0 || count == 0.0 ? value + here : kind == 1 ? max(value, here) : min(value, here);
@@ -79,7 +83,7 @@ void main() {
     if (kind == 0) value /= max(count, 1.0);
     isShown = count > 0.0;
 #else
-    float value = isShown ? scanAt(voxel) : 0.0;
+    float value = isShown ? scanAt(place) : 0.0;
 #endif
     if (isShown) shown = vec3(clamp((value - window.x) / max(window.y - window.x, 1e-6), 0.0, 1.0));
   } else if (isShown) {
@@ -116,7 +120,8 @@ export class Slicer {
   onRestorable: () => void = () => {};
   private readonly gl: WebGL2RenderingContext;
   private program: WebGLProgram | null = null; // in use
-  private readonly programs = new Map<boolean, WebGLProgram>(); // by whether they draw a slab
+  private readonly programs = new Map<string, WebGLProgram>(); // by their source
+  private displacement: DisplacementTexture | null = null;
   private readonly textures: WebGLTexture[] = [];
   private volumes: Volumes | null = null; // that is shown
   private drawing: WebGLSync | null = null;
@@ -149,15 +154,17 @@ export class Slicer {
     const gl = this.gl;
     this.programs.clear();
     this.use(false);
+    this.displacement?.setUp();
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.disable(gl.DITHER);
   }
   private use(isSlab: boolean): void {
     const gl = this.gl;
-    const known = this.programs.get(isSlab);
-    this.program = known ?? usedProgram(gl, fragment(isSlab));
+    const source = fragment(isSlab, this.displacement !== null);
+    const known = this.programs.get(source);
+    this.program = known ?? usedProgram(gl, source);
     if (known) return gl.useProgram(known);
-    this.programs.set(isSlab, this.program);
+    this.programs.set(source, this.program);
     ["scan", "structures", "colours"].forEach((name, unit) => gl.uniform1i(this.at(name), unit));
   }
 
@@ -223,6 +230,16 @@ export class Slicer {
     }
   }
 
+  /** Tissue yields by this, or no more. */
+  displace(displacement: Displacement | null): void {
+    this.displacement?.delete();
+    this.displacement = displacement && new DisplacementTexture(this.gl, 3, displacement);
+  }
+  /** After a box of its nodes has changed. */
+  updateDisplacement(lo: Vec3, size: Vec3): void {
+    this.displacement?.upload(lo, size);
+  }
+
   /** Everything anew, after the context was lost; colours are to be set again. */
   async restore(volumes: Volumes | null): Promise<void> {
     this.textures.length = 0;
@@ -282,6 +299,7 @@ export class Slicer {
     const corner: Vec3 = add(plane.centre, add(scale(plane.right, (-width / 2) * mmPerPixel), scale(plane.down, (-height / 2) * mmPerPixel)));
     const { kind, mm } = style.slab;
     this.use(kind !== "none");
+    this.displacement?.aim(this.program!, m);
     gl.viewport(0, 0, width, height);
     gl.uniform3fv(this.at("dims"), this.volumes.dims);
     gl.uniform1i(this.at("hasScan"), this.volumes.scan ? 1 : 0);

@@ -1,6 +1,7 @@
 // window.palpateViewer: what tests read of the page. It changes nothing but what is drawn for a test, and no part of the
 // page uses it.
 
+import type { Nodes } from "./displacement.js";
 import { dot, normalOf, type Vec3 } from "./geometry.js";
 import type { Page } from "./main.js";
 import type { ScopeFrame } from "./scope.js";
@@ -31,6 +32,11 @@ export function openToTests(page: Page): void {
     loseGraphics: (which: string, restores: boolean) => (which === "volume" ? page.renderer : page.slicer).lose(restores),
     /** Fills a box of voxels with the structure at a place of the list, 0 the first; -1 empties it. */
     fillBox: (lo: Vec3, size: Vec3, place: number) => page.updateBox(lo, size, new Uint8Array(size.reduce((a, b) => a * b)).fill(place + 1)),
+    /** Sets voxels of a box, i fastest: places in the list + 1, 0 is nothing. */
+    writeBox: (lo: Vec3, size: Vec3, structure: number[]) => page.updateBox(lo, size, Uint8Array.from(structure)),
+    /** Tissue yields as nodes of a grid say, or no more. */
+    displace: (nodes: Nodes | null) => page.displace(nodes),
+    displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => page.updateDisplacement(lo, size, mm),
     /** Draws the pictures and the figures now, whatever the frame rate. */
     draw() {
       page.drawSections();
@@ -82,6 +88,17 @@ export function openToTests(page: Page): void {
       const angles = Array.from({ length: 48 }, (_, n) => (n * Math.PI) / 24);
       return angles.map((angle) => data[4 * (Math.floor(x + radius * Math.cos(angle)) + width * Math.floor(y + radius * Math.sin(angle))) + 3] ?? 0);
     },
+    /** RGBA of all that is drawn over the volume, row by row in base64. */
+    drawnOverVolume() {
+      const { context, width, height } = volume.picture.frame();
+      const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true })!;
+      copy.drawImage(context.canvas, 0, 0);
+      const { data } = copy.getImageData(0, 0, width, height);
+      const rows = Array.from({ length: height }, (_, y) => String.fromCharCode(...data.subarray(4 * width * y, 4 * width * (y + 1))));
+      return { width, height, rgba: btoa(rows.join("")) };
+    },
+    /** Where in that points of the patient are. */
+    pixelsOverVolume: (points: Vec3[]) => points.map((p) => volume.pixelOf(p)),
     /** Turns the volume's camera from anterior by so many pixels of a drag, which then is where it is for a while. */
     lookFrom(dx: number, dy: number, isPerspective: boolean) {
       volume.reset();

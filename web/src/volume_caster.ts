@@ -2,6 +2,7 @@
 // structures look, so that a colour, an opacity or what is hidden is a matter of 256 entries.
 
 import type { Camera } from "./camera.js";
+import { Displacement, DisplacementTexture, MOVED, reachOf, type Nodes } from "./displacement.js";
 import { BLOCK, type Field } from "./field.js";
 import { apply, dot, invert, length, scale, sub, turn, type Affine, type Vec3 } from "./geometry.js";
 import { halfFloats } from "./half_floats.js";
@@ -87,7 +88,7 @@ export class Found {
 // in loops that are seldom gone round, from the outside in: surfaces, samples near a surface, steps to where one may be. And they compile
 // every call as a copy, for seconds where there are many: so the neighbours that a value is made of are gone through by loops, too.
 // SCAN: the scan is seen around the structures. THIN: some structures are seen through. EYE: rays from one place. FINE: surfaces are smooth, for half as much time again. CUT: something is taken
-// away in front of a place.
+// away in front of a place. DISPLACED: tissue has yielded.
 const FRAGMENT = `precision highp float;
 precision highp int;
 precision highp sampler3D;
@@ -121,8 +122,12 @@ uniform float height;
 uniform vec2 range;          // of what is found: least, mm; 1 / extent
 uniform vec3 window;         // of the scan: least value, 1 / width, strength
 uniform vec3 ground;
+#if DISPLACED
+uniform vec3 reach;          // no displacement goes farther
+#endif
 layout(location = 0) out vec4 colour;
 layout(location = 1) out vec4 found;
+${MOVED}
 
 // where coverage is one half, less a little for sheets of one texel, which never have more
 const float SURFACE = 0.45;
@@ -134,6 +139,15 @@ int row = 0;                 // of looks
 #else
 const int row = 0;
 #endif
+
+// where what is seen at a place is looked up: not beyond the border, in which there is nothing
+vec3 lookedUp(vec3 at) {
+#if DISPLACED
+  return clamp(moved(at), vec3(-1.0), dims - 0.001);
+#else
+  return at;
+#endif
+}
 
 vec4 lookOf(uint structure) {
   return texelFetch(looks, ivec2(int(structure), row), 0);
@@ -152,7 +166,8 @@ vec2 coverageOf(uvec4 texel) {
   return (float(texel.b) * kinds(lookOf(texel.r).a) + float(texel.a) * kinds(lookOf(texel.g).a)) / 255.0;
 }
 
-vec2 coverage(vec3 at) {
+vec2 coverage(vec3 place) {
+  vec3 at = lookedUp(place);
   vec3 low = floor(at);
   vec3 w = at - low;
   ivec3 first = ivec3(low) + 1;
@@ -166,7 +181,8 @@ vec2 coverage(vec3 at) {
 }
 
 // the mixture of what is of one kind there: colour and opacity
-vec4 paint(vec3 at, vec2 kind) {
+vec4 paint(vec3 place, vec2 kind) {
+  vec3 at = lookedUp(place);
   vec3 low = floor(at);
   vec3 w = at - low;
   ivec3 first = ivec3(low) + 1;
@@ -224,7 +240,7 @@ vec4 lit(vec3 at, vec2 kind, vec3 base) {
 
 // the structure that has most of what is solid there
 float solidAt(vec3 at) {
-  uvec4 texel = texelFetch(field, clamp(ivec3(floor(at + 0.5)), ivec3(0), ivec3(dims) - 1) + 1, 0);
+  uvec4 texel = texelFetch(field, clamp(ivec3(floor(lookedUp(at) + 0.5)), ivec3(0), ivec3(dims) - 1) + 1, 0);
   float first = kinds(lookOf(texel.r).a).x * float(texel.b), second = kinds(lookOf(texel.g).a).x * float(texel.a);
   return float(second > first ? texel.g : texel.r) / 255.0;
 }
@@ -281,13 +297,22 @@ void main() {
         ivec3 nearest = clamp(ivec3(floor(at + 0.5)), ivec3(0), ivec3(dims) - 1);
         ivec3 block = nearest / ${BLOCK};
         float leap = float(texelFetch(leaps, block, 0).r);
+#if DISPLACED
+        texel = texelFetch(field, ivec3(floor(lookedUp(at) + 0.5)) + 1, 0);
+#else
         texel = texelFetch(field, nearest + 1, 0);
+#endif
         // smoothed over a texel each way, nothing has a surface nearest to a texel that has none of it
         vec2 rough = coverageOf(texel);
         isNear = rough.x + rough.y > FAINT;
         float step = pace;
         // to the end of the cube of blocks that are empty
         vec3 least = (vec3(block) - (leap - 1.0)) * ${BLOCK}.0 - 0.5, most = (vec3(block) + leap) * ${BLOCK}.0 - 0.5;
+#if DISPLACED
+        // so far from what is not empty that none of it is brought here
+        least += reach;
+        most -= reach;
+#endif
         vec3 leaves = (mix(least, most, greaterThan(going, vec3(0.0))) - at) / going;
         if (leap > 0.0) step = max(min(leaves.x, min(leaves.y, leaves.z)) + 0.01 * pace, pace);
 #if CUT
@@ -295,7 +320,7 @@ void main() {
 #endif
 #if SCAN
         step = min(step, 2.0 * pace);
-        float value = clamp((texture(haze, (at + 0.5) / dims).r - window.x) * window.y, 0.0, 1.0);
+        float value = clamp((texture(haze, (lookedUp(at) + 0.5) / dims).r - window.x) * window.y, 0.0, 1.0);
         float dense = 0.03 * clamp((36.0 * value * window.z - 3.0) / 33.0, 0.0, 1.0) * (1.0 - clamp(2.0 * (rough.x + rough.y), 0.0, 1.0));
         dense = min(dense * step, 1.0);
         shown += clear * dense * 0.8 * value;
@@ -360,6 +385,7 @@ export class Caster {
   private size = [0, 0]; // of them
   private range: [number, number] = [0, 1]; // of what is found: least and extent, mm
   private readonly pixel = new Uint8Array(4);
+  private displacement: DisplacementTexture | null = null;
 
   /** @throws Error where there is no WebGL2 */
   constructor(readonly canvas: OffscreenCanvas | HTMLCanvasElement) {
@@ -396,14 +422,16 @@ export class Caster {
     }
     gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
     this.size = [0, 0];
+    this.displacement?.setUp();
     this.use({});
   }
 
   /** The shader for what is to be seen, made when it is wanted first. @throws Error where the browser does not take it */
-  private use(what: { scan?: boolean; thin?: boolean; eye?: boolean; cut?: boolean; fine?: boolean }): void {
+  private use(what: { scan?: boolean; thin?: boolean; eye?: boolean; cut?: boolean; fine?: boolean; displaced?: boolean }): void {
     const gl = this.gl;
     const define = (name: string, isSo = false) => `#define ${name} ${isSo ? 1 : 0}\n`;
-    const head = "#version 300 es\n" + define("SCAN", what.scan) + define("THIN", what.thin) + define("EYE", what.eye) + define("CUT", what.cut) + define("FINE", what.fine);
+    const head = "#version 300 es\n" + define("SCAN", what.scan) + define("THIN", what.thin) + define("EYE", what.eye) + define("CUT", what.cut) + define("FINE", what.fine) +
+      define("DISPLACED", what.displaced);
     const made = this.programs.get(head);
     if (made) {
       this.program = made;
@@ -485,6 +513,17 @@ export class Caster {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
   }
 
+  /** Tissue yields as nodes say, of which none is displaced yet; null: it does not. */
+  displace(nodes: Nodes | null): void {
+    this.displacement?.delete();
+    this.displacement = nodes && new DisplacementTexture(this.gl, 4, new Displacement(nodes));
+  }
+  /** @param mm  of a box of nodes: how far from each what is seen there is looked up */
+  putDisplacement(lo: Vec3, size: Vec3, mm: ArrayLike<number>): void {
+    this.displacement?.displacement.write(lo, size, mm);
+    this.displacement?.upload(lo, size);
+  }
+
   /** @param window  of the scan's stored values; @param strength  0 ... 1 */
   setHaze(window: [number, number], strength: number): void {
     this.window = [window[0], 1 / Math.max(window[1] - window[0], 1e-6), strength];
@@ -512,8 +551,12 @@ export class Caster {
     }
     const scan = field.haze !== null && this.window[2] > 0;
     const thin = this.looks.some((value, n) => n % 4 === 3 && value > 0 && value < 255);
-    this.use({ scan, thin, eye: eye !== null, cut: cut !== null, fine: view.isFine });
+    this.use({ scan, thin, eye: eye !== null, cut: cut !== null, fine: view.isFine, displaced: this.displacement !== null });
     const m = this.texelFromPatient;
+    if (this.displacement) {
+      this.displacement.aim(this.program!, m);
+      gl.uniform3fv(this.at("reach"), reachOf(this.displacement.displacement.most_mm, m));
+    }
     const into = turn(m, view.into);
     gl.uniform3fv(this.at("dims"), field.dims);
     if (eye) {

@@ -1,5 +1,6 @@
 // The page's side of the volume's pictures: a worker draws them (volume_service.ts), or the page itself where the worker cannot.
 
+import type { Displacement } from "./displacement.js";
 import { coarsening, pieceOf, texelsOf } from "./field.js";
 import { invert, type Vec3 } from "./geometry.js";
 import { breathe, slicesOfPiece } from "./pieces.js";
@@ -15,31 +16,67 @@ export class VolumeRenderer {
   onLost: () => void = () => {};
   /** The graphics can be had again: `restore` brings everything back. */
   onRestorable: () => void = () => {};
+  /** The worker has thrown something or was ended. @param isReplaced  by another one, which `restore` fills; it is once */
+  onFailed: (isReplaced: boolean) => void = () => {};
   isInWorker = true;
   isLoaded = false; // there is something to draw
   version = ""; // another one: the volume or how it looks is another one
   moved_ms = -Infinity; // when a picture was last asked for that shows something else than the one before
-  private port: Port;
+  private port!: Port;
   private nextId = 1;
   private readonly drawings = new Map<number, { view: View; done: (drawn: Drawn | null) => void }>();
   private readonly answers: Record<"ready" | "begun" | "put" | "restored", ((answer: Answered) => void)[]> = { ready: [], begun: [], put: [], restored: [] };
-  private readonly ready: Promise<Answered>;
+  private ready!: Promise<Answered>;
   private volumes: Volumes | null = null;
   private loading: Promise<unknown> = Promise.resolve();
   private edits = 0; // of the voxels
   private lookVersion = -1; // that is known where it is drawn
   private haze = "";
   private factor = 1;
+  private mostTexels = 0;
   private loads = 0;
+  private failures = 0; // of workers that had begun
+  private displacement: Displacement | null = null;
+  private isEmpty = false; // where it is drawn nothing is known of the volume any more
 
   constructor() {
+    this.start();
+  }
+
+  private start(): void {
     const worker = new Worker(new URL("./volume_worker.ts", import.meta.url), { type: "module" });
     this.port = worker;
     this.ready = this.answer("ready");
     worker.onmessage = (event) => this.hear(event.data as Answered);
     // one that cannot even be loaded
     worker.onerror = () => this.drawHere();
-    void this.ready.then(() => (worker.onerror = null));
+    void this.ready.then((ready) => {
+      if (this.port !== worker) return;
+      worker.onerror = () => this.failed(worker);
+      // one that is ended says nothing, but lets go of what it holds
+      if (ready.type === "ready" && ready.held) void navigator.locks.request(ready.held, () => this.failed(worker));
+    });
+  }
+
+  /** It draws no more. Another one takes its place once; on the page, where it might fail the same way, a failure would reach the emergency stop. */
+  private failed(worker: Worker): void {
+    if (this.port !== worker || this.isDead) return;
+    worker.terminate();
+    this.failures += 1;
+    this.isLoaded = false;
+    this.isEmpty = true;
+    [this.lookVersion, this.haze] = [-1, ""];
+    if (!this.isDead) this.start();
+    // nobody waits for what does not come
+    this.loads += 1;
+    const { drawings, answers } = this;
+    for (const { done } of drawings.values()) done(null);
+    drawings.clear();
+    for (const type of ["begun", "put", "restored"] as const) for (const done of answers[type].splice(0)) done({ type: "put" });
+    this.onFailed(!this.isDead);
+  }
+  private get isDead(): boolean {
+    return this.failures > 1;
   }
 
   /** On the page itself. */
@@ -103,7 +140,8 @@ export class VolumeRenderer {
   /** @returns whether it is still the one that is wanted */
   private async bring(volumes: Volumes, mostTexels: number): Promise<boolean> {
     const load = ++this.loads;
-    this.volumes = volumes;
+    [this.volumes, this.mostTexels, this.isEmpty] = [volumes, mostTexels, false];
+    if (this.isDead) return false;
     for (this.factor = coarsening(volumes.dims, mostTexels); ; this.factor *= 2) {
       const grid = this.factor > 1 ? shrunkGrid(volumes.patientFromVoxel, this.factor) : volumes.patientFromVoxel;
       this.say({ type: "begin", voxels: volumes.dims, factor: this.factor, hasScan: volumes.scan !== null, texelFromPatient: invert(grid) });
@@ -121,7 +159,7 @@ export class VolumeRenderer {
     const slices = slicesOfPiece([size[0] * factor, size[1] * factor, 1]);
     const step = Math.max(1, Math.floor(slices / factor));
     for (let z = lo[2]; z < lo[2] + size[2]; z += step) {
-      if (load !== this.loads) return;
+      if (load !== this.loads || this.isDead) return;
       const piece = pieceOf(this.volumes!, factor, [lo[0], lo[1], z], [size[0], size[1], Math.min(step, lo[2] + size[2] - z)]);
       this.say({ type: "put", piece }, [piece.structure.buffer, ...(piece.scan ? [piece.scan.buffer] : [])]);
       await this.answer("put");
@@ -134,6 +172,20 @@ export class VolumeRenderer {
     await this.loading;
     const texels = texelsOf(lo, size, this.volumes!.dims, this.factor);
     await this.put(texels.lo, texels.size, this.loads);
+    this.edits += 1;
+  }
+
+  /** Tissue yields by this, or no more. */
+  displace(displacement: Displacement | null): void {
+    this.displacement = displacement;
+    this.say({ type: "displace", nodes: displacement && displacement.nodes });
+    this.edits += 1;
+  }
+  /** After a box of its nodes has changed. */
+  async updateDisplacement(lo: Vec3, size: Vec3): Promise<void> {
+    if (!this.displacement || this.isDead) return;
+    this.say({ type: "putDisplacement", lo, size, mm: this.displacement.box(lo, size) });
+    await this.answer("put");
     this.edits += 1;
   }
 
@@ -163,6 +215,7 @@ export class VolumeRenderer {
   /** @param givesWay  to the next one that is asked for; then, and where the graphics are lost, there is no picture */
   draw(view: View, givesWay: boolean): Promise<Drawn | null> {
     const id = this.nextId++;
+    if (this.isDead) return Promise.resolve(null);
     return new Promise((done) => {
       this.drawings.set(id, { view, done });
       this.say({ type: "draw", id, view, givesWay });
@@ -180,12 +233,22 @@ export class VolumeRenderer {
     return copy.getImageData(0, 0, view.width, view.height).data;
   }
 
-  async restore(): Promise<void> {
+  /** @returns whether what was lost is there again, and not lost once more meanwhile */
+  async restore(): Promise<boolean> {
     await this.loading;
-    this.say({ type: "restore" });
-    await this.answer("restored");
-    this.isLoaded = true;
-    this.edits += 1;
+    const { failures } = this;
+    if (!this.isEmpty) {
+      this.say({ type: "restore" });
+      await this.answer("restored");
+      this.isLoaded = failures === this.failures;
+      this.edits += 1;
+    } else if (this.volumes) {
+      this.load(this.volumes, this.mostTexels);
+      await this.loading;
+      this.displace(this.displacement);
+      if (this.displacement) await this.updateDisplacement([0, 0, 0], this.displacement.nodes.dims);
+    }
+    return failures === this.failures;
   }
 
   /** As a browser takes the graphics and gives them back: for tests. */

@@ -2,6 +2,7 @@
 // WebGL 2. A picture is drawn in bands that take a moment each, so that neither the page's other pictures, which the same graphics card
 // draws, nor a newer request waits for a whole one.
 
+import type { Nodes } from "./displacement.js";
 import { Field, type Piece } from "./field.js";
 import type { Affine, Vec3 } from "./geometry.js";
 import { breathe } from "./pieces.js";
@@ -10,6 +11,8 @@ import { Caster, type View } from "./volume_caster.js";
 export type Asked =
   | { type: "begin"; voxels: Vec3; factor: number; hasScan: boolean; texelFromPatient: Affine }
   | { type: "put"; piece: Piece }
+  | { type: "displace"; nodes: Nodes | null }
+  | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
   | { type: "looks"; rgba: Uint8Array<ArrayBuffer> }
   | { type: "haze"; window: [number, number]; strength: number }
   | { type: "draw"; id: number; view: View; givesWay: boolean } // to a newer one
@@ -20,7 +23,7 @@ export type Asked =
 export interface Work { texels: number; looks: number; pictures: number }
 
 export type Answered =
-  | { type: "ready" }
+  | { type: "ready"; held: string } // a lock that is let go when nobody answers any more; or ""
   | { type: "unable"; why: string }
   | { type: "begun"; fits: boolean }
   | { type: "put" }
@@ -47,7 +50,7 @@ class Service {
   private readonly work: Work = { texels: 0, looks: 0, pictures: 0 };
   private readonly extension: WEBGL_lose_context | null;
 
-  constructor(private readonly port: Port, private readonly caster: Caster) {
+  constructor(private readonly port: Port, private readonly caster: Caster, held: string) {
     const { canvas } = caster;
     this.extension = (canvas.getContext("webgl2") as WebGL2RenderingContext).getExtension("WEBGL_lose_context");
     canvas.addEventListener("webglcontextlost", (event) => {
@@ -56,7 +59,7 @@ class Service {
     });
     canvas.addEventListener("webglcontextrestored", () => this.say({ type: "restorable" }));
     port.onmessage = (event) => this.hear(event.data as Asked);
-    this.say({ type: "ready" });
+    this.say({ type: "ready", held });
   }
 
   private say(message: Answered, transfer: Transferable[] = []): void {
@@ -74,6 +77,13 @@ class Service {
         this.field!.put(asked.piece);
         caster.upload(asked.piece.lo, asked.piece.size);
         this.work.texels += asked.piece.size.reduce((a, b) => a * b);
+        this.say({ type: "put" });
+        break;
+      case "displace":
+        caster.displace(asked.nodes);
+        break;
+      case "putDisplacement":
+        caster.putDisplacement(asked.lo, asked.size, asked.mm);
         this.say({ type: "put" });
         break;
       case "looks":
@@ -130,8 +140,8 @@ class Service {
 const pictureOf = async (canvas: OffscreenCanvas | HTMLCanvasElement): Promise<ImageBitmap> =>
   "transferToImageBitmap" in canvas ? canvas.transferToImageBitmap() : createImageBitmap(canvas);
 
-/** Answers at a port, with what a canvas draws. */
-export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement): void {
+/** Answers at a port, with what a canvas draws. @param held  a lock that shows that it still does, or "" */
+export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, held = ""): void {
   let caster: Caster;
   try {
     caster = new Caster(canvas);
@@ -139,5 +149,5 @@ export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement): 
     port.postMessage({ type: "unable", why: (error as Error).message } satisfies Answered, []);
     return;
   }
-  new Service(port, caster);
+  new Service(port, caster, held);
 }

@@ -2,6 +2,7 @@
 // looks otherwise, beside the page (volume_renderer.ts); the tool, its trail and its force are drawn over it for every pose.
 
 import { Camera, type Preset } from "./camera.js";
+import type { History } from "./history.js";
 import { add, dot, length, orientationLetters, scale, sub, multiply, normalizeQuaternion, spread, type Plane, type Quaternion, type Vec3 } from "./geometry.js";
 import { boxSection, drawHeight, drawPlane, drawShaft, type InVolume } from "./in_volume.js";
 import { LivePicture } from "./live_picture.js";
@@ -23,6 +24,9 @@ export type Cutting = "none" | "plane" | "hole";
 const HOLE_RADIUS_MM = 8;
 const HOLE_WIDENING = 0.4;
 
+/** How the camera stands: of World, mm; so much is seen across the picture's shorter side. */
+interface Stand { right: Vec3; up: Vec3; focus: Vec3; across_mm: number }
+
 export class VolumeView {
   readonly picture = new Picture("volume");
   readonly camera = new Camera();
@@ -35,12 +39,13 @@ export class VolumeView {
   private size = 0; // of the picture's shorter side
   private rotation: Quaternion | null = null; // that is asked for
   private rotationSent: Quaternion | null = null;
+  private gesture = 0; // that turns the object or moves the camera
   private isOpen = false; // the camera has been put before the object as it stands
   private held: Vec3 | null = null;
   private readonly pointers = new Map<number, [number, number]>();
 
   constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, private readonly isSoftware: boolean,
-              private readonly pointer: PointerDevice, private readonly turnTo: (rotation: Quaternion) => void) {
+              private readonly pointer: PointerDevice, private readonly history: History, private readonly turnTo: (rotation: Quaternion, gesture: number) => void) {
     this.live = new LivePicture(this.picture, renderer, isSoftware, false, () => this.drawOver());
     this.listen();
     window.setInterval(() => this.sendRotation(), ROTATION_INTERVAL_MS);
@@ -83,8 +88,26 @@ export class VolumeView {
     if (this.size > 0 && mm > 0) this.camera.mmPerPixel = mm / this.size;
   }
   look(preset: Preset): void {
-    this.camera.look(preset);
+    this.moveCamera(() => this.camera.look(preset));
+  }
+
+  private get stand(): Stand {
+    const { camera: { right, up, focus }, across_mm } = this;
+    return { right, up, focus, across_mm };
+  }
+  /** Moves the camera as somebody wants it, which can be undone. @param gesture  what is done by one thing in one gesture is one step */
+  moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
+    const before = this.stand;
+    move();
+    const after = this.stand;
+    if (JSON.stringify(before) !== JSON.stringify(after)) this.history.note(by, { before, after, go: (_, to) => this.standAt(to) }, gesture);
     this.session.touch();
+  }
+  private standAt({ right, up, focus, across_mm }: Stand): boolean {
+    Object.assign(this.camera, { right, up, focus });
+    this.across_mm = across_mm;
+    this.session.touch();
+    return true;
   }
 
   draw(now: number): void {
@@ -243,7 +266,7 @@ export class VolumeView {
   private sendRotation(): void {
     if (!this.rotation || this.rotation === this.rotationSent) return;
     this.rotationSent = this.rotation;
-    this.turnTo(this.rotation);
+    this.turnTo(this.rotation, this.gesture);
     // what is turned next begins where the object stands then
     if (this.pointers.size === 0) this.rotation = null;
   }
@@ -280,6 +303,7 @@ export class VolumeView {
       surface.setPointerCapture(event.pointerId);
       surface.focus({ preventScroll: true });
       this.pointers.set(event.pointerId, picture.at(event));
+      if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
       const tip = session.pose?.devices[0]?.tip;
       if (session.tool === "touch" && this.pointer.isTaken && event.button === 0 && !this.turnsObject && tip && this.pointers.size === 1) {
         this.holdUnder(picture.at(event), tip, event.pointerType === "touch");
@@ -293,15 +317,17 @@ export class VolumeView {
       const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
       if (this.pointers.size === 2) {
         const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
-        this.camera.zoom(spread(other, before, at));
-        this.camera.pan(dx / 2, dy / 2);
+        this.moveCamera(() => {
+          this.camera.zoom(spread(other, before, at));
+          this.camera.pan(dx / 2, dy / 2);
+        }, this.gesture);
       } else if (this.held) {
         this.held = this.patientAt(at, this.held);
         this.pointer.move(this.held);
-      } else if (event.buttons & 2) this.camera.zoom(Math.exp(-dy / 150));
-      else if (event.buttons & 4 || session.tool === "pan" || event.shiftKey) this.camera.pan(dx, dy);
+      } else if (event.buttons & 2) this.moveCamera(() => this.camera.zoom(Math.exp(-dy / 150)), this.gesture);
+      else if (event.buttons & 4 || session.tool === "pan" || event.shiftKey) this.moveCamera(() => this.camera.pan(dx, dy), this.gesture);
       else if (this.turnsObject || event.altKey) this.turnObject(dx, dy);
-      else this.camera.orbit(dx, dy);
+      else this.moveCamera(() => this.camera.orbit(dx, dy), this.gesture);
       this.pointers.set(event.pointerId, at);
       session.touch();
     });
@@ -320,18 +346,22 @@ export class VolumeView {
         const backward = this.camera.directionToPatient(this.camera.backward());
         this.held = add(this.held, scale(backward, -Math.sign(event.deltaY) * session.volumes!.voxelSize));
         this.pointer.move(this.held);
-      } else this.camera.zoom(Math.exp(-event.deltaY / 500));
-      session.touch();
+        session.touch();
+        // a run of the wheel is one step
+      } else this.moveCamera(() => this.camera.zoom(Math.exp(-event.deltaY / 500)), this.history.gesture, "wheel");
     }, { passive: false });
     surface.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey) return;
       const by: Record<string, [number, number]> = { ArrowLeft: [-12, 0], ArrowRight: [12, 0], ArrowUp: [0, -12], ArrowDown: [0, 12] };
       const way = by[event.key];
+      // a key that is held down is one step
+      if (!event.repeat) this.gesture = ++this.history.gesture;
+      const move = (change: () => void) => this.moveCamera(change, this.gesture);
       if (way && (event.altKey || this.turnsObject)) this.turnObject(...way);
-      else if (way) this.camera.orbit(...way);
-      else if (event.key === "+" || event.key === "=") this.camera.zoom(1.2);
-      else if (event.key === "-") this.camera.zoom(1 / 1.2);
-      else if (event.key === "Home") this.reset();
+      else if (way) move(() => this.camera.orbit(...way));
+      else if (event.key === "+" || event.key === "=") move(() => this.camera.zoom(1.2));
+      else if (event.key === "-") move(() => this.camera.zoom(1 / 1.2));
+      else if (event.key === "Home") move(() => this.reset());
       else return;
       event.preventDefault();
       session.touch();

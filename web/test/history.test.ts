@@ -54,9 +54,29 @@ test("movements of one slider, one after another, are steps of their own", async
   assert.equal(state.max_force_N, 1.2);
 });
 
-test("a stop, a pause, a rearm and a turn are no steps", async () => {
+test("a turn is asked for again, and one drag is one of them", async () => {
+  const { requests, history, state, asked } = loop();
+  state.rotation_wxyz = [1, 0, 0, 0];
+  const turned = (angle: number): [number, number, number, number] => [Math.cos(angle), 0, Math.sin(angle), 0];
+  for (const angle of [0.1, 0.2, 0.3]) await requests.latest("rotation", { type: "set", rotation_wxyz: turned(angle) }, 7);
+  await requests.latest("rotation", { type: "set", rotation_wxyz: turned(0.4) }, 8);
+  // as the loop tells it: rounded, with either sign
+  state.rotation_wxyz = turned(0.4).map((x) => -Math.fround(x)) as typeof state.rotation_wxyz;
+  await history.undo();
+  assert.deepEqual(state.rotation_wxyz, turned(0.3));
+  await history.undo();
+  assert.deepEqual(asked.at(-1), { type: "set", rotation_wxyz: [1, 0, 0, 0] });
+  assert.equal(history.canUndo, false);
+  await history.redo();
+  // by somebody else
+  state.rotation_wxyz = turned(0.31);
+  await history.undo();
+  assert.deepEqual(state.rotation_wxyz, turned(0.31));
+});
+
+test("a stop, a pause and a rearm are no steps", async () => {
   const { requests, history } = loop();
-  for (const request of [{ type: "stop" }, { type: "rearm", stop: 1 }, { type: "set", paused: true }, { type: "set", rotation_wxyz: [1, 0, 0, 0] },
+  for (const request of [{ type: "stop" }, { type: "rearm", stop: 1 }, { type: "set", paused: true },
     { type: "set", friction: false, paused: false }, { type: "pointer", take: true }] as Request[]) await requests.once(request);
   assert.equal(history.canUndo, false);
 });

@@ -4,7 +4,7 @@ import { Camera } from "../src/camera.js";
 import { add, anatomicalPlane, apply, cross, dot, length, scale, sub, type Affine, type Vec3 } from "../src/geometry.js";
 import { boxSection, runs } from "../src/in_volume.js";
 import { Volumes } from "../src/scene.js";
-import { OPTICS_DEG, Scope } from "../src/scope.js";
+import { OPTICS_DEG, Scope, standOff } from "../src/scope.js";
 import { firstFelt, Ground, wayTo } from "../src/touch.js";
 import { Found, viewOf } from "../src/volume_caster.js";
 
@@ -48,6 +48,14 @@ test("a scope that is moved leaves the tip, and stays where it is until it goes 
   assert.equal(scope.isFree, true);
   scope.toTip();
   near(scope.frame([50, 50, 50], axes).eye, [50, 50, 50]);
+});
+
+test("a scope stands off no farther than it must, in the middle of a gap, and nowhere else than it may", () => {
+  const between = (from: number, to: number, most = 8) => standOff((off) => off < from || off > to, most, 1.5, 0.05);
+  near([between(0, 100)!, between(2, 100)!, between(7.5, 100)!], [1.5, 3.5, 8], 0.06);
+  near([between(2, 3)!], [2.5], 0.06);
+  assert.equal(between(9, 100), null);
+  assert.equal(between(1, 100, 0), null);
 });
 
 test("in perspective, what is nearer is larger, and pixels lead back to where they came from", () => {

@@ -3,10 +3,12 @@
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 //                                    [--scan knee|ramp|sphere] [--protocol 2] [--refuse STATUS] [--repeat 1] [--hold no]
+//                                    [--shaft no]
 //
 // --protocol is another version of what is spoken, --refuse the answer to all of /api/ and /ws.
 // "ramp" is a scan of 16 bits without a sign, most of whose values lie in 1/256 of them, on a grid whose axes are swapped, mirrored and tilted.
 // "sphere" is one of 20 mm, of voxels of 0.5 mm.
+// --shaft yes gives the tool one of 40 mm, as it has with the ramp.
 // --more 108 adds so many structures to the list, which have no voxel.
 // --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
 // when each stop came, in ms since 1970. --hold yes: volumes come when somebody has asked for /mock/release.
@@ -18,7 +20,7 @@ import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "2", refuse: "", repeat: "1", more: "0", hold: "no" };
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "2", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no" };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
@@ -127,7 +129,7 @@ const scene = (role) => ({
   world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
   structures: [...structures.map(({ shape, ...seen }) => seen), ...more],
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
-  tool: { name: "point", radius_mm: 1, points_mm: [[0, 0, 0]], capsules: isRamp ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3 }] : [] },
+  tool: { name: "point", radius_mm: 1, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3 }] : [] },
   methods: ["proxy", "trilinear"],
   device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
             peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
