@@ -1971,16 +1971,20 @@ class WithFinger(Viewer):
         self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
         self.touch("End")
         self.assertLess(numpy.linalg.norm(numpy.subtract(self.tip(), wanted)), 0.01)
-        self.assertIn("hold the button", self.page.run("return document.getElementById('flags').textContent"))
+        self.page.wait("(palpateViewer.draw(), document.getElementById('flags').textContent.includes('hold the button'))")
 
     def test_a_second_finger_on_the_slider_leads_the_tip_deeper(self):
         self.page.wait("palpateViewer.state.pointer")
         left, top, width, height = self.box("#picture-oblique .stack")
         hold = (round(left + 0.3 * width), round(top + 0.6 * height))
+        held = self.page.run("palpateViewer.draw(); return palpateViewer.patientAt('oblique', arguments[0], arguments[1])",
+                             hold[0] - left, hold[1] - top)
         left, top, width, height = self.box("#picture-oblique .track")
         slide = lambda part: (round(left + width / 2), round(top + part * height))  # noqa: E731
         self.touch("Start", hold)
         self.page.wait("(palpateViewer.pose.devices[0].flags & 512) === 0")
+        # the hold is heard before the tip has come there
+        self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.01" % json.dumps(held))
         before, normal = self.tip(), self.page.run("palpateViewer.draw(); return palpateViewer.plane('oblique').normal")
         at = self.page.run("const s = document.querySelector('#picture-oblique .slices input'); return (s.value - 1) / (s.max - 1)")
         self.touch("Start", hold, slide(at))
