@@ -446,6 +446,16 @@ TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
   print("zero after the last tick, less that", beyond_ms);
 }
 
+// of a session that is stopped, and so is its device
+void expect_halted_when_it_hears(const Pressing& session) {
+  const std::int64_t then_ns = monotonic_ns();
+  ::kill(session.device_process(), SIGCONT);
+  EXPECT_NE(session.rest_after(then_ns), 0) << "the device pushes through a halt";
+  session.signal(SIGCONT);
+  EXPECT_TRUE(session.acts_again());
+  session.order('q');
+}
+
 // Two standstills, of which the device hears late and of both at once: the end of the first ends not the
 // second.
 TEST(Supervisor, AStarvedDeviceObeysTheNewestHalt) {
@@ -460,12 +470,7 @@ TEST(Supervisor, AStarvedDeviceObeysTheNewestHalt) {
     session.order('g');
     ASSERT_TRUE(session.presses());
   }
-  const std::int64_t then_ns = monotonic_ns();
-  ::kill(session.device_process(), SIGCONT);
-  EXPECT_NE(session.rest_after(then_ns), 0) << "the device pushes through a halt";
-  session.signal(SIGCONT);
-  EXPECT_TRUE(session.acts_again());
-  session.order('q');
+  expect_halted_when_it_hears(session);
 }
 
 TEST(Supervisor, ADeviceWhoseHaltFileWasFullHearsOfTheHalt) {
@@ -476,12 +481,7 @@ TEST(Supervisor, ADeviceWhoseHaltFileWasFullHearsOfTheHalt) {
   session.signal(SIGSTOP);
   // more than the supervisor needs to notice
   std::this_thread::sleep_for(50ms);
-  const std::int64_t then_ns = monotonic_ns();
-  ::kill(session.device_process(), SIGCONT);
-  EXPECT_NE(session.rest_after(then_ns), 0) << "the device pushes through a halt";
-  session.signal(SIGCONT);
-  EXPECT_TRUE(session.acts_again());
-  session.order('q');
+  expect_halted_when_it_hears(session);
 }
 
 TEST(Supervisor, AServoThreadThatHangsGetsZero) {

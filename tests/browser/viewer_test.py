@@ -199,6 +199,20 @@ class Viewer(unittest.TestCase):
         data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[1], arguments[2])", width, height, mm))
         return numpy.frombuffer(data, numpy.uint8).reshape(height, width, 4)[:, :, :3].astype(int)
 
+    def let_another_viewer_lead(self):
+        """From here on `lead(place)` in the page has the tip where it is asked for at once."""
+        self.page.wait("palpateViewer.state.pointer")
+        self.page.click("[data-tool=window]")
+        self.page.wait("!palpateViewer.state.pointer")
+        self.page.run("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
+            socket.onopen = () => {
+              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
+            };
+            window.lead = (p) => socket.send(JSON.stringify({ type: "tip", patient_mm: p }));
+            socket.onmessage = ({ data }) => typeof data === "string" && JSON.parse(data).type === "done" && (window.isTaken = true);""")
+        self.page.wait("window.isTaken")
+
 
 class WithPointer(Viewer):
     """The object stands still, and the tip is where the test leads it."""
@@ -2035,18 +2049,7 @@ class WithFinger(Viewer):
 
     def test_the_tool_is_dashed_where_something_is_in_front_of_it(self):
         _, label_at = self.voxels()
-        self.page.wait("palpateViewer.state.pointer")
-        # another viewer leads the tip, which is where it is asked for at once
-        self.page.click("[data-tool=window]")
-        self.page.wait("!palpateViewer.state.pointer")
-        self.page.run("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
-            socket.onopen = () => {
-              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
-              socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
-            };
-            window.lead = (p) => socket.send(JSON.stringify({ type: "tip", patient_mm: p }));
-            socket.onmessage = ({ data }) => typeof data === "string" && JSON.parse(data).type === "done" && (window.isTaken = true);""")
-        self.page.wait("window.isTaken")
+        self.let_another_viewer_lead()
         generator = random.Random(test_seed())
         hit = {True: 0, False: 0}
         for is_perspective in (False, True):
@@ -2213,21 +2216,10 @@ class WithShaft(Viewer):
                 yield is_hidden, shares[0] >= 0.65 and shares[1] > 0.3, shares
 
     def test_what_is_drawn_in_the_volume_is_hidden_where_something_is_in_front_of_it(self):
-        self.page.wait("palpateViewer.state.pointer")
-        # another viewer leads the tip, which is where it is asked for at once
-        self.page.click("[data-tool=window]")
-        self.page.wait("!palpateViewer.state.pointer")
-        self.page.run("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
-            socket.onopen = () => {
-              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
-              socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
-            };
-            window.lead = (p) => socket.send(JSON.stringify({ type: "tip", patient_mm: p }));
-            socket.onmessage = ({ data }) => typeof data === "string" && JSON.parse(data).type === "done" && (window.isTaken = true);
-            const planes = document.getElementById("planes-in-volume");
+        self.let_another_viewer_lead()
+        self.page.run("""const planes = document.getElementById("planes-in-volume");
             planes.checked = true;
             planes.dispatchEvent(new Event("change"));""")
-        self.page.wait("window.isTaken")
         self.size = self.page.run("const { width, height } = document.querySelector('#picture-volume canvas'); return [width, height]")
         generator = random.Random(test_seed())
         judges = {"shaft": self.judge_shaft, "plane": self.judge_plane}
