@@ -12,6 +12,9 @@
 /// The device port: states in, wrenches out.
 namespace palpate {
 
+/// What time it is, ns, never set back. Called by the servo thread, where it waits for nothing.
+using TimeSource = std::int64_t (*)() noexcept;
+
 /// Reasons why a device gets no force, besides what its pose says. Bits.
 enum DeviceStatus : std::uint32_t {
   kDeviceFault = 1u << 0,     ///< its own doing: brake, dead man's switch, over-temperature, lost connection

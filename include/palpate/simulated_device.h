@@ -86,11 +86,12 @@ class SimulatedDevice {
 class SimulatedDriver final : public DeviceDriver {
  public:
   /// @param device  as it stands: reset() it to where the hand shall begin
-  explicit SimulatedDriver(const SimulatedDevice& device);
+  /// @param now  the clock by which it moves and stamps its samples; none: CLOCK_MONOTONIC
+  explicit SimulatedDriver(const SimulatedDevice& device, TimeSource now = nullptr);
   ~SimulatedDriver() override;
 
   /// The hand moves evenly from where it wants to be now to `target`, gets there at `at_ns` of
-  /// CLOCK_MONOTONIC, and rests. A time that has passed: at once. The latest one holds. Any one thread; never
+  /// its clock, and rests. A time that has passed: at once. The latest one holds. Any one thread; never
   /// waits.
   void intend(const Point<Device>& target, std::int64_t at_ns) noexcept;
 
@@ -114,6 +115,7 @@ class SimulatedDriver final : public DeviceDriver {
   };
   void lead_hand(std::int64_t now_ns);
 
+  const TimeSource now_;
   SimulatedDevice device_;
   DeviceInfo info_;
   std::unique_ptr<Mailbox<Intention>> intentions_;

@@ -84,7 +84,7 @@ class Running {
 
 // whether it comes true while anybody would wait for it
 bool soon(const std::function<bool()>& condition) {
-  const std::int64_t until_ns = monotonic_ns() + 20'000'000'000;
+  const std::int64_t until_ns = monotonic_ns() + 300'000'000'000;
   while (!condition()) {
     if (monotonic_ns() > until_ns) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

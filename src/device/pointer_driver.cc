@@ -15,8 +15,12 @@ constexpr std::int64_t kLeastInterval_ns = 4'000'000, kMostInterval_ns = 40'000'
 
 }  // namespace
 
-PointerDriver::PointerDriver(const Point<Device>& tip)
-    : info_(info()), messages_(std::make_unique<Mailbox<Message>>()), from_(tip), to_(tip) {}
+PointerDriver::PointerDriver(const Point<Device>& tip, TimeSource now)
+    : now_(now ? now : monotonic_ns),
+      info_(info()),
+      messages_(std::make_unique<Mailbox<Message>>()),
+      from_(tip),
+      to_(tip) {}
 
 PointerDriver::~PointerDriver() = default;
 
@@ -30,7 +34,7 @@ DeviceInfo PointerDriver::info() {
 
 void PointerDriver::move(const Point<Device>& tip) noexcept {
   PALPATE_CHECK(tip.all_finite());
-  messages_->post({tip, monotonic_ns(), true});
+  messages_->post({tip, now_(), true});
 }
 
 void PointerDriver::release() noexcept {
@@ -67,7 +71,7 @@ void PointerDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   std::array<DeviceSample, 1> samples;
   std::array<DeviceCommand, 1> commands{};
   while (clock.wait()) {
-    const std::int64_t now_ns = monotonic_ns();
+    const std::int64_t now_ns = now_();
     take_message(now_ns);
     samples[0].tip = tip_at(now_ns);
     samples[0].taken_ns = last_.held ? std::min(now_ns, last_.at_ns + kHeld_ns) : 0;

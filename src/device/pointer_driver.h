@@ -26,7 +26,8 @@ class Mailbox;
 class PointerDriver final : public DeviceDriver {
  public:
   /// @param tip  where it rests, held by nobody, until it is moved
-  explicit PointerDriver(const Point<Device>& tip);
+  /// @param now  the clock of its ways and samples, which move() asks too; none: CLOCK_MONOTONIC
+  explicit PointerDriver(const Point<Device>& tip, TimeSource now = nullptr);
   ~PointerDriver() override;
 
   /// The pointer is there as of now; one that is no number is a bug. Never waits. Any thread, one at a time,
@@ -59,6 +60,7 @@ class PointerDriver final : public DeviceDriver {
   void take_message(std::int64_t now_ns);
   Point<Device> tip_at(std::int64_t now_ns) const;
 
+  const TimeSource now_;
   DeviceInfo info_;
   std::unique_ptr<Mailbox<Message>> messages_;
   // the servo thread's: the way of the tip, from where and when to where and when

@@ -7,8 +7,9 @@
 
 namespace palpate {
 
-SimulatedDriver::SimulatedDriver(const SimulatedDevice& device)
-    : device_(device),
+SimulatedDriver::SimulatedDriver(const SimulatedDevice& device, TimeSource now)
+    : now_(now ? now : monotonic_ns),
+      device_(device),
       info_(device.info()),
       intentions_(std::make_unique<Mailbox<Intention>>()),
       from_(device.intention()),
@@ -46,10 +47,10 @@ void SimulatedDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   running_ = true;
   std::array<DeviceSample, 1> samples;
   std::array<DeviceCommand, 1> commands{};
-  last_ns_ = monotonic_ns();
+  last_ns_ = now_();
   while (clock.wait()) {
     // the plant catches up with the clock under the last command
-    const std::int64_t now_ns = monotonic_ns();
+    const std::int64_t now_ns = now_();
     lead_hand(now_ns);
     const double passed_s = std::min(static_cast<double>(now_ns - last_ns_) * 1e-9, kMostAdvance_s);
     if (passed_s > 0) device_.advance(halted_ ? DeviceCommand{} : commands[0], passed_s);

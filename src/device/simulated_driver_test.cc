@@ -6,11 +6,14 @@
 #include <limits>
 #include <thread>
 
-#include "base/clock.h"
+#include "device/test_drivers.h"
 #include "palpate/simulated_device.h"
 
 namespace palpate {
 namespace {
+
+using testing::virtual_ns;
+using testing::virtual_time;
 
 // so stiff that the tip is where the hand wants it
 const PlantDevice kFrictionless{"ideal", 0.05, 0, 0, 0, 1e9, 1e9};
@@ -34,14 +37,14 @@ class Servo final : public ServoFunction {
   std::vector<DeviceSample> samples_;
 };
 
-// a number of ticks about a millisecond apart, with stalls between where they are asked for
+// a number of ticks a millisecond apart, with stalls between where they are asked for
 class Ticks final : public ServoClock {
  public:
   explicit Ticks(int count, int stall_at = -1, std::int64_t stall_ns = 0)
       : left_(count), stall_at_(stall_at), stall_ns_(stall_ns) {}
   bool wait() noexcept override {
     if (stopped()) return false;
-    std::this_thread::sleep_for(std::chrono::nanoseconds(left_ == stall_at_ ? stall_ns_ : kMillisecond_ns));
+    virtual_ns += left_ == stall_at_ ? stall_ns_ : kMillisecond_ns;
     --left_;
     return true;
   }
@@ -59,10 +62,10 @@ class Until final : public ServoClock {
   explicit Until(std::int64_t end_ns) : end_ns_(end_ns) {}
   void set_end(std::int64_t end_ns) { end_ns_ = end_ns; }
   bool wait() noexcept override {
-    std::this_thread::sleep_for(std::chrono::microseconds(500));
+    virtual_ns += kMillisecond_ns / 2;
     return !stopped();
   }
-  bool stopped() const noexcept override { return monotonic_ns() > end_ns_; }
+  bool stopped() const noexcept override { return virtual_ns > end_ns_; }
 
  private:
   std::int64_t end_ns_;
@@ -75,9 +78,9 @@ SimulatedDevice device_at(const PlantHand& hand, const Point<Device>& tip) {
 }
 
 TEST(SimulatedDriver, LeadsTheHandEvenlyAndRestsThere) {
-  SimulatedDriver driver(device_at(kIron, Point<Device>(1, 2, 3)));
+  SimulatedDriver driver(device_at(kIron, Point<Device>(1, 2, 3)), virtual_time);
   const Point<Device> target(11, -8, 8);
-  const std::int64_t begin_ns = monotonic_ns(), at_ns = begin_ns + 80 * kMillisecond_ns;
+  const std::int64_t begin_ns = virtual_ns, at_ns = begin_ns + 80 * kMillisecond_ns;
   driver.intend(target, at_ns);
   Servo servo([](const DeviceSample&) { return DeviceCommand{}; });
   Until clock(at_ns + 20 * kMillisecond_ns);
@@ -99,8 +102,8 @@ TEST(SimulatedDriver, LeadsTheHandEvenlyAndRestsThere) {
 
 TEST(SimulatedDriver, ANewIntentionBeginsWhereTheHandIs) {
   // turned round half-way: never further than the half, and no jump
-  SimulatedDriver driver(device_at(kIron, Point<Device>()));
-  driver.intend(Point<Device>(20, 0, 0), monotonic_ns() + 120 * kMillisecond_ns);
+  SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
+  driver.intend(Point<Device>(20, 0, 0), virtual_ns + 120 * kMillisecond_ns);
   double turned_at_mm = -1;
   Until clock(std::numeric_limits<std::int64_t>::max());
   Servo servo([&](const DeviceSample& sample) {
@@ -126,7 +129,7 @@ TEST(SimulatedDriver, ANewIntentionBeginsWhereTheHandIs) {
 }
 
 TEST(SimulatedDriver, APastIntentionIsForNow) {
-  SimulatedDriver driver(device_at(kIron, Point<Device>()));
+  SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
   driver.intend(Point<Device>(0, 0, 2), 0);
   Servo servo([](const DeviceSample&) { return DeviceCommand{}; });
   Ticks clock(20);
@@ -137,7 +140,7 @@ TEST(SimulatedDriver, APastIntentionIsForNow) {
 TEST(SimulatedDriver, ThePlantGoesOnByTheRealTime) {
   // a free mass under a steady force: its speed tells the time that has passed for it. 130 ms of stall
   // count as 100
-  SimulatedDriver driver(device_at(kNone, Point<Device>()));
+  SimulatedDriver driver(device_at(kNone, Point<Device>()), virtual_time);
   Servo servo([](const DeviceSample&) { return DeviceCommand{Vector<Device>(0, 0.02, 0), {}}; });
   Ticks clock(30, 10, 130 * kMillisecond_ns);
   driver.run(servo, clock);
@@ -156,7 +159,7 @@ TEST(SimulatedDriver, ThePlantGoesOnByTheRealTime) {
 
 TEST(SimulatedDriver, NoCommandOutlivesItsRun) {
   // a free mass that was pushed keeps its speed, bit for bit, when it is run again without a force
-  SimulatedDriver driver(device_at(kNone, Point<Device>()));
+  SimulatedDriver driver(device_at(kNone, Point<Device>()), virtual_time);
   Servo pushes([](const DeviceSample&) { return DeviceCommand{Vector<Device>(0.3, -0.2, 0.1), {}}; });
   Ticks first(20), second(20);
   driver.run(pushes, first);
@@ -168,18 +171,24 @@ TEST(SimulatedDriver, NoCommandOutlivesItsRun) {
 }
 
 TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
-  SimulatedDriver driver(device_at(kIron, Point<Device>()));
+  SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
+  std::atomic<int> said{0};
   std::atomic<bool> ended{false};
   std::thread hand([&] {
-    for (int n = 0; !ended; ++n) {
+    for (; !ended; ++said) {
       // the coordinates belong together: a torn one would leave the diagonal
-      const double x = 5 * std::sin(0.01 * n);
-      driver.intend(Point<Device>(x, x, x), monotonic_ns() + kMillisecond_ns);
+      const double x = 5 * std::sin(0.01 * said);
+      driver.intend(Point<Device>(x, x, x), virtual_ns + kMillisecond_ns);
       std::this_thread::yield();
     }
   });
-  Servo servo([](const DeviceSample&) { return DeviceCommand{}; });
-  Ticks clock(100);
+  // until both have had their turns, several hundred times
+  int ticks = 0;
+  Servo servo([&](const DeviceSample&) {
+    for (++ticks; said < ticks;) std::this_thread::yield();
+    return DeviceCommand{};
+  });
+  Ticks clock(500);
   driver.run(servo, clock);
   ended = true;
   hand.join();
@@ -191,7 +200,7 @@ TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
 }
 
 TEST(SimulatedDriver, ThePlantIsOutOfReachWhileItRuns) {
-  SimulatedDriver driver(device_at(kIron, Point<Device>()));
+  SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
   Servo servo([&](const DeviceSample&) {
     (void)driver.true_tip();
     return DeviceCommand{};

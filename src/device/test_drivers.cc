@@ -4,6 +4,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 
@@ -37,7 +38,10 @@ RealTimePlant::RealTimePlant(const SimulatedDevice& device) : device_(device), l
 
 DeviceSample RealTimePlant::advance(const DeviceCommand& acting) {
   const std::int64_t now_ns = monotonic_ns();
-  if (now_ns > last_ns_) device_.advance(acting, static_cast<double>(now_ns - last_ns_) * 1e-9);
+  // a plant that computed its way through a long stall would come ever later
+  const double passed_s =
+      std::min(static_cast<double>(now_ns - last_ns_) * 1e-9, SimulatedDriver::kMostAdvance_s);
+  if (passed_s > 0) device_.advance(acting, passed_s);
   last_ns_ = now_ns;
   DeviceSample sample = device_.read();
   sample.taken_ns = now_ns;

@@ -14,6 +14,12 @@
 /// clock, so that the samples tell what a force does.
 namespace palpate::testing {
 
+/// A clock that a test's servo turns on, whatever the machine has to do; it has run for an hour.
+inline std::atomic<std::int64_t> virtual_ns{3'600'000'000'000};
+inline std::int64_t virtual_time() noexcept {
+  return virtual_ns;
+}
+
 /// The servo's clock in a test: even ticks until it is stopped.
 class TestClock final : public ServoClock {
  public:

@@ -24,8 +24,7 @@ namespace palpate {
 /// that have none. Members are grouped by who writes them.
 class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
  public:
-  /// What time it is, ns: the monotonic clock, or a test's.
-  using TimeSource = std::int64_t (*)() noexcept;
+  /// @param now  the monotonic clock, or a test's
   Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Parameters& parameters,
        const std::vector<WorkspaceSettings>& workspaces, const LoopSettings& settings,
        TimeSource now = monotonic_ns);

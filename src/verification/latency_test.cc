@@ -80,7 +80,9 @@ TEST(PaceMeter, CountsEveryTickOfItsBlocksInContact) {
   EXPECT_GT(figures.ticks, 0u);
   EXPECT_GE(static_cast<double>(figures.ticks + figures.skipped + figures.dropped),
             2 * kSeconds * 1000 * 0.8);
-  EXPECT_EQ(figures.bare_ticks + figures.bare_skipped, 400u) << "skipped points of the last block apart";
+  // as of BareLoop: more only where a block's last points were skipped
+  EXPECT_GE(figures.bare_ticks + figures.bare_skipped, 400u);
+  EXPECT_LE(figures.bare_ticks, 400u);
   EXPECT_EQ(figures.dropped, 0u);
   EXPECT_GT(figures.in_contact, 0.9) << "the hand strokes";
   EXPECT_GT(figures.compute.p50_us, 0);
