@@ -15,6 +15,11 @@ add_compile_options(-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-con
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # GCC 12 warns of impossible overlaps in std::string concatenation (GCC bug 105651)
   add_compile_options(-Wno-restrict)
+  # What refers to a temporary that is gone, as an `auto` of an Eigen expression may, the optimiser sees, and
+  # sanitized builds do not look for (below). tests/checks/check_dangling.py shows that it does.
+  if(PROJECT_IS_TOP_LEVEL AND NOT PALPATE_SANITIZE)
+    add_compile_options("$<$<CONFIG:Release>:-Werror=dangling-pointer;-Werror=uninitialized;-Werror=maybe-uninitialized>")
+  endif()
 endif()
 
 # What an attacker who found a fault in a parser would need is taken away: SECURITY.md, and
@@ -44,10 +49,11 @@ if(PALPATE_SANITIZE)
   # Two widths of vectors and none at all show what a sanitizer can see; the release build has every target of
   # Highway's, and its tests compare them all.
   add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3|HWY_AVX3_DL)")
-  # What is read or written beyond an object, or by a pointer that wrapped around, AddressSanitizer sees; not a
-  # wrapped pointer that nobody follows. These two checks took g++ a seventh of its time. The fuzzers, by clang,
-  # keep them for the parsers, where offsets come from outside.
+  # What g++'s checks cost beside what they alone would find (docs/development.md has the figures). AddressSanitizer
+  # sees what is read or written beyond an object, through a null pointer or by a pointer that wrapped around; release
+  # builds refuse a pointer to a temporary that is gone (above). The fuzzers, by clang, keep all of these for the
+  # parsers, where bytes and offsets come from outside.
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND PALPATE_SANITIZE MATCHES "address" AND PALPATE_SANITIZE MATCHES "undefined")
-    add_compile_options(-fno-sanitize=object-size,pointer-overflow)
+    add_compile_options(-fno-sanitize=object-size,pointer-overflow,null,alignment -fno-sanitize-address-use-after-scope)
   endif()
 endif()

@@ -78,7 +78,7 @@ class Browser:
             raise RuntimeError(f"{path}: {error.read().decode(errors='replace')[:1000]}") from error
 
     def _wait_for_driver(self):
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 300
         while True:
             try:
                 if self._request("GET", "/status")["ready"]:
@@ -99,7 +99,7 @@ class Browser:
         """Runs the body of a JavaScript function in the page; returns what it returns."""
         return self.post("/execute/sync", {"script": script, "args": list(arguments)})
 
-    def wait(self, script, seconds=120):
+    def wait(self, script, seconds=300):
         """Until the expression is true."""
         deadline = time.monotonic() + seconds
         while not self.run("return " + script):

@@ -96,15 +96,15 @@ class Session:
 
     def end(self):
         """(exit code, stdout, all of stderr), with the supervisor gone."""
-        out, rest = self.process.communicate(timeout=120)
+        out, rest = self.process.communicate(timeout=300)
         self.wait_until(lambda: not self.supervisor.exists(), "its supervisor is gone")
         return self.process.returncode, out, self.told + rest
 
     @staticmethod
     def wait_until(done, what):
-        until = time.monotonic() + 120
+        until = time.monotonic() + 300
         while not done():
-            assert time.monotonic() < until, f"two minutes until {what}"
+            assert time.monotonic() < until, f"five minutes until {what}"
             time.sleep(0.002)
 
     def close(self):
@@ -246,7 +246,7 @@ class Deaths(cli.PalpateTest):
             session.wait_until(lambda: session.recording.stat().st_size > size, "it records more")
             session.process.terminate()
             # its figures could not be printed
-            self.assertEqual(session.process.wait(timeout=120), cli.OUTPUT)
+            self.assertEqual(session.process.wait(timeout=300), cli.OUTPUT)
             session.wait_until(lambda: not session.supervisor.exists(), "its supervisor is gone")
             self.assertEqual(session.events(), [])
             self.assert_replays(session.recording, whole=True)

@@ -69,7 +69,7 @@ class Failures(cli.PalpateTest):
                     self.assertIsNone(waiting.poll())
                     time.sleep(0.01)
                 waiting.send_signal(number)
-                _, said = waiting.communicate(timeout=120)
+                _, said = waiting.communicate(timeout=300)
                 self.assertEqual(waiting.returncode, cli.INTERRUPTED)
                 self.assertIn("interrupted", said)
             os.close(reader)
@@ -84,7 +84,7 @@ class Failures(cli.PalpateTest):
                     self.assertTrue(line, told)
                     told += line
                 shown.send_signal(number)
-                _, rest = shown.communicate(timeout=120)
+                _, rest = shown.communicate(timeout=300)
                 self.assertEqual(shown.returncode, cli.OK, told + rest)
 
     def test_where_no_thread_is_to_be_had_it_says_so(self):
