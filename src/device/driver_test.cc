@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "base/clock.h"
+#include "base/test_wait.h"
 #include "device/test_drivers.h"
 
 /// The contract of the device port, held by one driver of each kind.
@@ -16,6 +17,7 @@ using testing::Delivery;
 using testing::ExchangeDriver;
 using testing::FakePeer;
 using testing::FakeVendor;
+using testing::soon;
 using testing::TestClock;
 
 // a hand and device that come to rest within 20 ms: critically damped, 316 rad/s
@@ -81,16 +83,6 @@ class Running {
   Wall servo_;
   std::thread thread_;
 };
-
-// whether it comes true while anybody would wait for it
-bool soon(const std::function<bool()>& condition) {
-  const std::int64_t until_ns = monotonic_ns() + 300'000'000'000;
-  while (!condition()) {
-    if (monotonic_ns() > until_ns) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return true;
-}
 
 // the next `count` updates are done
 bool pass_updates(const Wall& servo, int count) {

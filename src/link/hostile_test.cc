@@ -18,7 +18,6 @@
 namespace palpate::link {
 namespace {
 
-using palpate::testing::comes_true;
 using palpate::testing::Json;
 using palpate::testing::kBinary;
 using palpate::testing::kPing;
@@ -27,6 +26,7 @@ using palpate::testing::masked_frame;
 using palpate::testing::number_at;
 using palpate::testing::read_answer;
 using palpate::testing::request;
+using palpate::testing::soon;
 using palpate::testing::TestServer;
 using palpate::testing::TestSocket;
 using palpate::testing::TestViewer;
@@ -176,7 +176,7 @@ TEST_F(HostileTest, GuessesOfTokens) {
   EXPECT_EQ(guarded.log.text().find(kCanary), std::string::npos);
   // who is in stays in, and whoever waits a moment gets in
   EXPECT_FALSE(inside.pose().empty());
-  EXPECT_TRUE(comes_true([&] {
+  EXPECT_TRUE(soon([&] {
     return request(guarded.port(), "GET", "/api/scene", "Authorization: Bearer a-token-of-our-own-71\r\n")
                .status == 200;
   }));
@@ -324,7 +324,7 @@ TEST_F(HostileTest, AStopStops) {
     TestViewer viewer(test.port());
     viewer.greet();
     viewer.socket().send(bytes);
-    EXPECT_TRUE(comes_true([&] { return test.host.state().stop.has_value(); })) << bytes;
+    EXPECT_TRUE(soon([&] { return test.host.state().stop.has_value(); })) << bytes;
     test.host.change([](ViewedState& state) { state.stop.reset(); });
   }
   // what came of one before the connection was lost
@@ -333,7 +333,7 @@ TEST_F(HostileTest, AStopStops) {
   lost.greet();
   lost.socket().send(whole.substr(0, whole.size() - 100));
   lost.socket().end_sending();
-  EXPECT_TRUE(comes_true([&] { return test.host.state().stop.has_value(); }));
+  EXPECT_TRUE(soon([&] { return test.host.state().stop.has_value(); }));
   test.host.change([](ViewedState& state) { state.stop.reset(); });
   // of somebody who has shown no token, and of one who says something else
   TestViewer unknown(test.port());
@@ -369,7 +369,7 @@ TEST_F(HostileTest, DownloadsThatNobodyReads) {
   EXPECT_EQ(request(large.port(), "GET", "/").status, 200);
   EXPECT_TRUE(sockets.front()->closes()) << "the first gives way";
   // the bystander reads on: that takes as long as a viewer has that takes nothing
-  EXPECT_TRUE(comes_true([&] {
+  EXPECT_TRUE(soon([&] {
     keep_up();
     return large.log.text().find("takes its answer too slowly") != std::string::npos;
   }));
@@ -391,7 +391,7 @@ TEST_F(HostileTest, AnyBytes) {
       viewer.socket().send(bytes);
     }
   }
-  EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 1; }));
+  EXPECT_TRUE(soon([&] { return test.server->viewers() == 1; }));
 }
 
 TEST_F(HostileTest, GoneInTheMiddle) {
@@ -402,7 +402,7 @@ TEST_F(HostileTest, GoneInTheMiddle) {
     viewer.send({{"type", "hello"}, {"protocol", 2}});
     viewer.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
   }
-  EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 1 && !test.host.pointer_taken; }));
+  EXPECT_TRUE(soon([&] { return test.server->viewers() == 1 && !test.host.pointer_taken; }));
 }
 
 }  // namespace

@@ -15,12 +15,12 @@ namespace {
 
 using palpate::test::TemporaryFolder;
 using palpate::test::write_text;
-using palpate::testing::comes_true;
 using palpate::testing::FakeHost;
 using palpate::testing::Json;
 using palpate::testing::number_at;
 using palpate::testing::read_answer;
 using palpate::testing::request;
+using palpate::testing::soon;
 using palpate::testing::TestServer;
 using palpate::testing::TestSocket;
 using palpate::testing::TestViewer;
@@ -198,7 +198,7 @@ TEST(ViewerServer, EndsWithViewersOfEveryKindConnected) {
   half.send("GET / HT");
   wants.send("GET /api/volume/labels/0f3a000000000001 HTTP/1.1\r\nAccept-Encoding: gzip\r\nHost: " +
              test.host_name() + "\r\n\r\n");
-  ASSERT_TRUE(comes_true([&] { return test.server->viewers() == 2; }));
+  ASSERT_TRUE(soon([&] { return test.server->viewers() == 2; }));
   test.server.reset();
   EXPECT_EQ(greeted.close_code(), 1001);
   EXPECT_EQ(silent.close_code(), 1001);

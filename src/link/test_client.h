@@ -17,6 +17,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/test_wait.h"
 #include "palpate/check.h"
 
 /// A viewer that is written from the RFCs alone and shares no code with the server, so that it can also say
@@ -28,7 +29,7 @@ using Json = nlohmann::json;
 /// A connection whose every wait ends.
 class TestSocket {
  public:
-  static constexpr int kPatience_ms = 20000;
+  static constexpr int kPatience_ms = static_cast<int>(std::chrono::milliseconds(kTestPatience).count());
 
   explicit TestSocket(int port, bool tls = false, int receive_buffer_bytes = 0) {
     handle_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -257,16 +258,6 @@ T number_at(std::string_view bytes, std::size_t offset) {
   PALPATE_CHECK(offset + sizeof value <= bytes.size());
   std::memcpy(&value, bytes.data() + offset, sizeof value);
   return value;
-}
-
-/// Whether a condition comes true before patience ends.
-template <class Condition>
-bool comes_true(Condition&& condition) {
-  for (int n = 0; n < TestSocket::kPatience_ms; ++n) {
-    if (condition()) return true;
-    ::usleep(1000);
-  }
-  return false;
 }
 
 }  // namespace palpate::testing

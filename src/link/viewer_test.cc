@@ -18,12 +18,12 @@ namespace {
 
 using palpate::test::TemporaryFolder;
 using palpate::test::write_text;
-using palpate::testing::comes_true;
 using palpate::testing::Json;
 using palpate::testing::kPing;
 using palpate::testing::masked_frame;
 using palpate::testing::number_at;
 using palpate::testing::request;
+using palpate::testing::soon;
 using palpate::testing::TestFrame;
 using palpate::testing::TestServer;
 using palpate::testing::TestSocket;
@@ -108,9 +108,9 @@ TEST(Viewer, NobodyWatchesNothingIsTaken) {
     viewer.greet();
     viewer.pose();
   }
-  ASSERT_TRUE(comes_true([&] { return test.server->viewers() == 0; }));
+  ASSERT_TRUE(soon([&] { return test.server->viewers() == 0; }));
   int before = -1;
-  EXPECT_TRUE(comes_true([&] {
+  EXPECT_TRUE(soon([&] {
     const int now = test.host.snapshots;
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     return std::exchange(before, now) == now;
@@ -238,7 +238,7 @@ TEST(Viewer, WhatWaitsForConsentIsAnsweredLater) {
   EXPECT_TRUE(test.host.state().stop);
   // the one that goes waits for nothing
   other.socket().end_sending();
-  EXPECT_TRUE(comes_true([&] { return test.host.asked() == 1; }));
+  EXPECT_TRUE(soon([&] { return test.host.asked() == 1; }));
   test.host.answer({});
   EXPECT_EQ(one.text("done")["id"], 7);
   one.send({{"type", "set"}, {"id", 10}, {"paused", true}});
@@ -313,10 +313,10 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   EXPECT_EQ(second.text("refused")["id"], 3);
   second.send({{"type", "tip"}, {"patient_mm", {70, 80, 90}}});
   first.send({{"type", "tip"}, {"patient_mm", {1, 2, 3}}});
-  EXPECT_TRUE(comes_true([&] { return test.host.tip() == std::array<double, 3>{1, 2, 3}; }));
+  EXPECT_TRUE(soon([&] { return test.host.tip() == std::array<double, 3>{1, 2, 3}; }));
   // the one that goes lets go
   first.socket().end_sending();
-  EXPECT_TRUE(comes_true([&] { return !test.host.pointer_taken; }));
+  EXPECT_TRUE(soon([&] { return !test.host.pointer_taken; }));
   EXPECT_EQ(test.host.asked_by().number, 1u) << "by him, whom nobody asks any more";
   second.send({{"type", "pointer"}, {"id", 5}, {"take", true}});
   EXPECT_EQ(second.text("done")["id"], 5);
@@ -383,8 +383,8 @@ TEST(Viewer, OneThatTakesNothingIsClosed) {
   TestServer test;
   TestViewer stuck(test.port(), "", false, 4096);
   stuck.greet({{"poses_hz", 120}});
-  ASSERT_TRUE(comes_true([&] { return test.server->viewers() == 1; }));
-  EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 0; }));
+  ASSERT_TRUE(soon([&] { return test.server->viewers() == 1; }));
+  EXPECT_TRUE(soon([&] { return test.server->viewers() == 0; }));
   EXPECT_NE(test.log.text().find("takes nothing"), std::string::npos);
 }
 
@@ -400,11 +400,11 @@ TEST(Viewer, OneThatTakesNoAnswersStillStops) {
   };
   for (int n = 0; n < 600; ++n) ASSERT_TRUE(ask({{"type", "set"}, {"id", n}, {"max_force_N", 0.001 * n}}));
   ASSERT_TRUE(ask({{"type", "stop"}, {"id", 600}}));
-  EXPECT_TRUE(comes_true([&] { return test.host.state().stop.has_value(); }));
+  EXPECT_TRUE(soon([&] { return test.host.state().stop.has_value(); }));
   EXPECT_LT(test.host.state().max_force_N, 0.599) << "what cannot be answered is not done";
   EXPECT_NE(test.log.text().find("takes no answers"), std::string::npos);
   EXPECT_EQ(test.log.text().find("too many messages"), std::string::npos);
-  EXPECT_TRUE(comes_true([&] { return test.server->viewers() == 0; }));
+  EXPECT_TRUE(soon([&] { return test.server->viewers() == 0; }));
 }
 
 /// Viewers by the token that they show.
@@ -441,7 +441,7 @@ TEST(Viewer, AtMostSixtyFour) {
   // the page is still served, and one that goes makes room
   EXPECT_EQ(request(crowd.test->port(), "GET", "/").status, 200);
   crowd.inside.pop_back();
-  EXPECT_TRUE(comes_true([&] { return crowd.comes(Crowd::kControl) == "welcome"; }));
+  EXPECT_TRUE(soon([&] { return crowd.comes(Crowd::kControl) == "welcome"; }));
 }
 
 TEST(Viewer, WhoLooksOnKeepsNobodyWithControlOut) {
@@ -454,7 +454,7 @@ TEST(Viewer, WhoLooksOnKeepsNobodyWithControlOut) {
   for (const std::size_t gone : {59, 60, 61}) EXPECT_EQ(crowd.inside[gone]->close_code(), 1013) << gone;
   for (const std::size_t stays : {0, 1, 58, 62, 66})
     EXPECT_FALSE(crowd.inside[stays]->pose().empty()) << stays;
-  EXPECT_TRUE(comes_true([&] { return crowd.test->server->viewers() == 64; }));
+  EXPECT_TRUE(soon([&] { return crowd.test->server->viewers() == 64; }));
   EXPECT_EQ(crowd.comes(Crowd::kView), "sent away");
 }
 

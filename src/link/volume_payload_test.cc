@@ -229,7 +229,7 @@ TEST(PayloadStore, MakesEachOnceAndElsewhere) {
   store.want({true, 1, false}, take);
   store.want({true, 1, true}, take);
   store.want({false, 1, false}, take);
-  ASSERT_TRUE(palpate::testing::comes_true([&] {
+  ASSERT_TRUE(palpate::testing::soon([&] {
     const std::lock_guard lock(mutex);
     return got.size() == 4;
   }));

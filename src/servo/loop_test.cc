@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "base/test_processors.h"
+#include "base/test_wait.h"
 #include "haptics/test_model.h"
 #include "palpate/simulated_device.h"
 
@@ -89,8 +90,7 @@ bool undisturbed(const TickRecord& before, const TickRecord& record) {
 }
 
 void wait_until(const std::function<bool()>& done) {
-  for (int n = 0; n < 20000 && !done(); ++n) std::this_thread::sleep_for(1ms);
-  EXPECT_TRUE(done());
+  EXPECT_TRUE(testing::soon(done));
 }
 
 TEST(Loop, TicksOnItsClockAndCountsThem) {

@@ -16,6 +16,7 @@
 #include "base/mailbox.h"
 #include "base/spsc_ring.h"
 #include "base/test_files.h"
+#include "base/test_wait.h"
 #include "palpate/explore.h"
 #include "servo/tool_contact.h"
 #include "session/test_session.h"
@@ -24,19 +25,10 @@ namespace palpate {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::soon;
 
 constexpr double kCartilage_mm = 3;
 constexpr int kViewedBone = 0, kViewedCartilage = 1;
-
-// whether it comes true while anybody would wait for it
-bool soon(const std::function<bool()>& condition) {
-  const std::int64_t until_ns = monotonic_ns() + 20'000'000'000;
-  while (!condition()) {
-    if (monotonic_ns() > until_ns) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return true;
-}
 
 double sent_N(const TickRecord& tick) {
   const auto& f = tick.device[0].force_N;
