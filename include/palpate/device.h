@@ -12,7 +12,7 @@
 /// The device port: states in, wrenches out.
 namespace palpate {
 
-/// What time it is, ns, never set back. Called by the servo thread, where it waits for nothing.
+/// What time it is, ns, never set back. Called by any thread, the servo's too, where it waits for nothing.
 using TimeSource = std::int64_t (*)() noexcept;
 
 /// Reasons why a device gets no force, besides what its pose says. Bits.

@@ -45,6 +45,9 @@ struct FeltSurface {
   /// above the lower bound.
   double from_N_per_mm = 0, to_N_per_mm = std::numeric_limits<double>::infinity();
 };
+/// Whose a place on a surface is: of a common surface the shares of its structures there.
+/// @param index  of the surface
+OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at);
 inline constexpr std::size_t kMostSurfaces = 256;
 using SurfaceSet = std::bitset<kMostSurfaces>;
 

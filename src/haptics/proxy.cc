@@ -53,13 +53,6 @@ bool has_capsules(std::span<const ToolSphere> spheres) {
                      [](const ToolSphere& sphere) { return sphere.along_mm != Vector<Patient>(); });
 }
 
-// to whom a place on a surface belongs
-OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at) {
-  const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
-  return felt.owners != nullptr ? felt.owners->at(at)
-                                : OwnerShares(felt.structure < 0 ? index : felt.structure);
-}
-
 // what a surface gives of a structure's stiffness: its layer's part, at most so much of all
 double part_of_stiffness(const FeltSurface& surface, const FeltSurface& structure, double most_N_per_mm) {
   const double own = std::min(structure.stiffness_N_per_mm, most_N_per_mm);
@@ -717,6 +710,12 @@ bool give_birth(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
 }
 
 }  // namespace
+
+OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at) {
+  const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
+  return felt.owners != nullptr ? felt.owners->at(at)
+                                : OwnerShares(felt.structure < 0 ? index : felt.structure);
+}
 
 TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
                        const Eigen::Quaterniond& to)

@@ -120,7 +120,7 @@ Model crowded_model() {
     grid.origin += Vector<Patient>(centre);
     model.surfaces.push_back(testing::felt_surface(
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
-    model.label_of_surface.push_back(testing::kBone);
+    model.surfaces.back().structure = 0;
   }
   model.tool.points_mm = {{0, 0, 0}, {5, 0, 0}};
   model.tool.capsules = {{{0, 5, 0}, {0, 5, 20}, 1}, {{0, 0, 0}, {0, 0, 40}, 0.5}};

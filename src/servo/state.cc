@@ -34,7 +34,7 @@ void hash_layer(std::uint64_t& hash, const ProxyLayer& proxy) {
     hash_word(hash,
               static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.sphere));
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, contact.normal[axis]);
-    // of spheres it is 0, and the hash that of recordings before there were capsules
+    // of a sphere it is 0, and left out
     if (contact.part != 0) hash_double(hash, contact.part);
     hash_double(hash, contact.pull_mm);
   }

@@ -479,6 +479,21 @@ TEST(Tick, TheProxyTellsTheStructureByTheLabelsWhereItLeans) {
   EXPECT_NEAR(loop.wrench.force_N.x(), 1 * 0.75, 0.05) << "cartilage's own stiffness";
 }
 
+TEST(Tick, TheProxyTellsTheStructureOfASurfaceThatIsNotAtItsPlace) {
+  // As of bone that borders a skin which can be gone through: its surface in the outer layer comes after
+  // those of the structures. Where it was smoothed no felt voxel may lie under it.
+  ProxyLoop loop;
+  FeltSurface outer = loop.model.surfaces[0];
+  outer.structure = 0;
+  loop.model.surfaces[0].surface = nullptr;
+  loop.model.surfaces.push_back(outer);
+  loop.model.labels = std::make_shared<const Volume<LabelId>>(loop.model.labels->geometry());
+  ASSERT_EQ(loop.model.label_of_surface.size(), 1u);
+  loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm - 0.5, 0, 0}, 100);
+  EXPECT_GT(loop.wrench.force_N.x(), 0.3);
+  EXPECT_EQ(loop.record.device[0].label, kBone);
+}
+
 TEST(Tick, TellsWhatTheForceComesFrom) {
   ProxyLoop loop(3);
   const DeviceTick& device = loop.record.device[0];

@@ -77,10 +77,8 @@ LabelId label_under(const Model& model, const ProxyContact& contact, const Point
   const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
   if (model.is_felt(label)) return label;
-  const auto surface = static_cast<std::size_t>(contact.surface);
-  const Owners* owners = model.surfaces[surface].owners.get();
-  return model
-      .label_of_surface[owners == nullptr ? surface : static_cast<std::size_t>(owners->at(at).largest())];
+  const int structure = owners_at(model.surfaces, contact.surface, at).largest();
+  return model.label_of_surface[static_cast<std::size_t>(structure)];
 }
 
 // The normal of all that the proxies lean on together. Where one rests on an edge, or where the position

@@ -32,7 +32,8 @@ class Watchdog {
     standing_down_.store(true);
     if (heartbeat_ != nullptr) heartbeat_->beat_ns.store(Heartbeat::kResting);
   }
-  /// After the servo thread has ended. A driver that is halted is let go, for the next loop.
+  /// After the servo thread has ended. A driver that this one has halted is let go, for the next loop; a
+  /// supervisor's halt stays.
   void end();
 
   // ---- the servo thread

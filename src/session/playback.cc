@@ -112,6 +112,12 @@ class Blocks {
     const std::lock_guard lock(mutex_);
     return failure_;
   }
+  /// What could not be read is read anew: a busy machine has no process for a reader now and then.
+  void try_again() {
+    const std::lock_guard lock(mutex_);
+    failure_.reset();
+    wanted_changed_.notify_all();
+  }
 
  private:
   struct Kept {
@@ -240,6 +246,7 @@ class Playback final : public ViewerHost {
   Result<void> play(const PlayRequest& request) override {
     const std::lock_guard lock(mutex_);
     place_.follow(request);
+    blocks_.try_again();
     return {};
   }
   void emergency_stop(const ViewerIdentity& /*by*/) override {

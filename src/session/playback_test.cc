@@ -226,6 +226,12 @@ TEST(Playback, TellsWhereItCannotGoOn) {
                    [&](const TickRecord&) { return playback->state().playback->failure.has_value(); });
   ASSERT_TRUE(playback->state().playback->failure);
   EXPECT_NE(playback->state().playback->failure->what.find("has changed"), std::string::npos);
+  // and reads it anew for whoever asks again
+  for (std::size_t i = 8192; i < kTicks; ++i) recording.ticks[i].time_s -= 1;
+  ASSERT_TRUE(playback->play(at(9.5)));
+  const TickRecord there = shown_when(*playback, [](const TickRecord& tick) { return tick.time_s > 9; });
+  EXPECT_NEAR(there.time_s, 9.5, 0.01);
+  EXPECT_FALSE(playback->state().playback->failure);
 }
 
 }  // namespace

@@ -267,6 +267,9 @@ int supervise(const std::vector<std::string>& arguments) {
   Supervision supervision(*block, halt_files, kill_frozen != 0);
   while (supervision.look()) {
   }
+  // a device that could not be told hears of it now, and not when a slow disk has taken the log
+  if (!block->ended.load())
+    for (int n = 0; n < halt_files; ++n) ::close(kFirstHaltFile + n);
   if (const int failure = record != 0 ? writer.end() : 0; failure != 0)
     std::fprintf(stderr, "palpate: warning: the supervisor's log of process %d lacks events: %s\n", session,
                  std::strerror(failure));

@@ -1772,6 +1772,10 @@ class WithRamp(Viewer):
         self.page.click("#pause")
         self.page.wait("palpateViewer.state.paused")
         self.addCleanup(self.page.run, "if (palpateViewer.state.paused) document.getElementById('pause').click()")
+        # from a number, too, which has no spaces
+        self.assertTrue(self.page.run("""const number = [...document.querySelectorAll("input[type=number]")].find((one) => one.checkVisibility());
+            number.focus();
+            return document.activeElement === number;"""))
         self.page.press(" ")
         self.page.wait("palpateViewer.state.emergency_stop")
         self.page.run(undo, False)
@@ -2603,6 +2607,10 @@ class WithTokens(Viewer):
         self.page.click("#token-form button")
 
     def test_token_opens_the_page_and_is_in_no_address(self):
+        # nothing else would ask for it
+        for _ in range(2):
+            self.page.press("\ue00c")  # Escape
+            self.page.wait("document.querySelector('#token-dialog').open")
         self.show("wrong-token-wrong-token")
         self.page.wait("document.querySelector('#token-dialog').open && !document.getElementById('token-problem').hidden")
         self.show(self.CONTROL)

@@ -13,10 +13,12 @@ const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
 /** palpate's close codes, docs/viewer-protocol.md. */
 const TOKEN_REFUSED = 4401, OTHER_PROTOCOL = 4406;
+/** As a browser closes what ended without a word. */
+const GONE = 1006;
 /** Data older than this is grey. */
 export const STALE_MS = 250;
-/** A connection that says nothing for this long is given up: its other end may be gone without a word. */
-const SILENT_MS = 6000;
+/** A connection that says nothing for this long is given up: its other end may be gone without a word. So is one that does not come about. */
+const SILENT_MS = 6000, CONNECTING_MS = 20_000;
 /** A stop that could not be sent is sent late where that is at most so late: whoever pressed it has not gone on to something else. */
 const STOP_KEPT_MS = 5000;
 
@@ -41,7 +43,6 @@ export class Connection {
   pose: Pose | null = null;
   /** performance.now() when the latest pose came */
   poseAt_ms = -Infinity;
-  missed = 0; // poses that came to others and not here
   roundTrip_ms = NaN; // of the latest request
   private socket: WebSocket | null = null;
   private retry_ms = FIRST_RETRY_MS;
@@ -49,8 +50,8 @@ export class Connection {
   private timer = 0;
   private nextId = 1;
   private heard_ms = 0;
-  private unsentStop_ms = -Infinity; // when it was asked for
-  private readonly waiting = new Map<number, { sent_ms: number; done(refusal: Refusal | null): void }>();
+  private unsentStop_ms = -Infinity; // when it was asked for, by whatever nobody has answered
+  private readonly waiting = new Map<number, { type: Request["type"]; sent_ms: number; done(refusal: Refusal | null): void }>();
 
   constructor(private readonly listener: Listener, private token: string | null) {}
 
@@ -82,16 +83,16 @@ export class Connection {
     return this.link === "connected" && this.age_ms() <= STALE_MS;
   }
 
-  /** Resolves to null when it was done. A stop is kept for a connection that comes soon. */
+  /** Resolves to null when it was done. A stop is kept for a connection that comes soon, also one whose answer does not come. */
   ask(request: Request): Promise<Refusal | null> {
     return new Promise((done) => {
-      if (this.link !== "connected") {
+      // one that is being closed takes everything and sends nothing
+      if (this.link !== "connected" || this.socket!.readyState > WebSocket.OPEN) {
         if (request.type !== "stop") return done({ what: words.notConnected, how: words.waitForIt });
-        this.unsentStop_ms = performance.now();
-        return done({ what: words.stopIsKept, how: words.stopThere });
+        return done(this.keepStop(performance.now()));
       }
       const id = this.nextId++;
-      this.waiting.set(id, { sent_ms: performance.now(), done });
+      this.waiting.set(id, { type: request.type, sent_ms: performance.now(), done });
       this.socket!.send(JSON.stringify({ ...request, id }));
     });
   }
@@ -100,9 +101,19 @@ export class Connection {
     if (this.link === "connected") this.socket!.send(JSON.stringify({ type: "tip", patient_mm }));
   }
 
+  private keepStop(asked_ms: number): Refusal {
+    this.unsentStop_ms = Math.max(this.unsentStop_ms, asked_ms);
+    return { what: words.stopIsKept, how: words.stopThere };
+  }
+
   /** To be called now and then. */
   watch(): void {
-    if (this.link === "connected" && performance.now() - this.heard_ms > SILENT_MS) this.socket?.close();
+    const { socket } = this;
+    const most_ms = this.link === "connected" ? SILENT_MS : this.link === "connecting" ? CONNECTING_MS : Infinity;
+    if (!socket || performance.now() - this.heard_ms <= most_ms) return;
+    socket.close();
+    // that the other end is gone the browser tells only when it has waited for its goodbye
+    this.closed(socket, GONE);
   }
 
   /** Gives up, until open() is called. */
@@ -119,7 +130,7 @@ export class Connection {
     this.listener.onOtherProtocol();
   }
   private forgetWaiting(): void {
-    for (const { done } of this.waiting.values()) done({ what: words.lostBeforeAnswer });
+    for (const { type, sent_ms, done } of this.waiting.values()) done(type === "stop" ? this.keepStop(sent_ms) : { what: words.lostBeforeAnswer });
     this.waiting.clear();
   }
 
@@ -134,7 +145,6 @@ export class Connection {
     if (typeof data !== "string") {
       try {
         const pose = decodePose(data);
-        if (this.pose && pose.sequence > this.pose.sequence + 1) this.missed += pose.sequence - this.pose.sequence - 1;
         this.pose = pose;
         this.poseAt_ms = this.heard_ms;
         // only now: a server whose poses cannot be read is not asked for more of them four times a second

@@ -141,11 +141,12 @@ export class Controls {
     window.addEventListener("keydown", (event) => this.key(event), { capture: true });
   }
 
-  /** The space bar stops wherever the focus is, a text field excepted; so switches and buttons are worked with Enter. */
+  /** The space bar stops wherever the focus is, a text field excepted; so switches and buttons are worked with Enter. A number has no spaces. */
   private key(event: KeyboardEvent): void {
     const target = event.target as HTMLElement;
-    const writes = target.matches("input[type=password], input[type=number], input[type=text], input[type=search]");
-    if (event.key === " " && !writes) {
+    const hasSpaces = target.matches("input[type=password], input[type=text], input[type=search]");
+    const writes = hasSpaces || target.matches("input[type=number]");
+    if ((event.key === " " || event.code === "Space") && !hasSpaces) {
       event.preventDefault();
       event.stopPropagation();
       if (!event.repeat) this.stop();
@@ -309,7 +310,6 @@ export class Controls {
   allow(): void {
     for (const id of ["method", "friction", "viscosity", "passivity", "limit", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
     byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
-    byId<HTMLButtonElement>("stop").disabled = this.connection.link !== "connected";
   }
 
   addPose(pose: Pose): void {
@@ -394,7 +394,7 @@ export class Controls {
   private showDisplay(): void {
     const { session } = this;
     if (session.window !== this.window) {
-      if (this.window !== null) session.keepWindow();
+      if (this.window !== null && session.window !== session.givenWindow) session.keepWindow();
       this.window = session.window;
     }
     for (const name of ["level", "width"] as const) {

@@ -11,7 +11,7 @@ import { Measures } from "./measures_panel.js";
 import type { Picture } from "./picture.js";
 import { PointerDevice } from "./pointer.js";
 import { Requests } from "./requests.js";
-import { fetchScene, fetchVolumes, NeedsToken, shrinkFor, type Scene, type State } from "./scene.js";
+import { fetchScene, fetchVolumes, NeedsToken, showsTheSame, shrinkFor, type Scene, type State } from "./scene.js";
 import { SectionView, type Along, type PlaneKind } from "./section_view.js";
 import { ScopeView } from "./scope_view.js";
 import { LAYOUTS, PAGE_KEY, Session, type KeptPage, type Layout } from "./session.js";
@@ -70,6 +70,8 @@ class Page {
   private displacement: Displacement | null = null;
   private isMending = false;
   private hopeless = 0; // timer
+  private isHopeless = false; // it has run out
+  private isAskingWhy = false;
 
   constructor() {
     this.connection = new Connection({
@@ -122,7 +124,7 @@ class Page {
     this.graphics.volume = isReplaced ? "restorable" : "lost";
     for (const view of [this.volume, this.scope]) view.lost();
     this.session.touch();
-    this.tellOfGraphics(false);
+    this.tellOfGraphics();
     void this.mend();
   }
   private graphicsLost(which: "sections" | "volume"): void {
@@ -130,9 +132,13 @@ class Page {
     if (which === "volume") for (const view of [this.volume, this.scope]) view.lost();
     // every section is drawn anew, empty
     this.session.touchLooks();
-    this.tellOfGraphics(false);
     clearTimeout(this.hopeless);
-    this.hopeless = window.setTimeout(() => this.tellOfGraphics(true), HOPELESS_MS);
+    this.isHopeless = false;
+    this.tellOfGraphics();
+    this.hopeless = window.setTimeout(() => {
+      this.isHopeless = true;
+      this.tellOfGraphics();
+    }, HOPELESS_MS);
   }
   /** What came back is filled again: the sections first, for they say where the tip is. */
   private async mend(): Promise<void> {
@@ -152,13 +158,16 @@ class Page {
       } else break;
     }
     this.isMending = false;
-    if (graphics.sections === "fine" && graphics.volume === "fine") clearTimeout(this.hopeless);
-    this.tellOfGraphics(false);
+    if (graphics.sections === "fine" && graphics.volume === "fine") {
+      clearTimeout(this.hopeless);
+      this.isHopeless = false;
+    }
+    this.tellOfGraphics();
   }
-  private tellOfGraphics(isHopeless: boolean): void {
+  private tellOfGraphics(): void {
     const isTaken = { sections: this.graphics.sections !== "fine", volume: this.graphics.volume !== "fine" && this.failed === "no" };
     const taken = isTaken.sections ? (isTaken.volume ? words.lostBoth : words.lostSections) : isTaken.volume ? words.lostVolume : null;
-    const all = [...(taken === null ? [] : [taken, isHopeless ? words.mendLost : words.lostHeals]),
+    const all = [...(taken === null ? [] : [taken, this.isHopeless ? words.mendLost : words.lostHeals]),
       ...(this.failed === "no" ? [] : [words.failedVolume, this.failed === "once" ? words.failedHeals : words.mendFailed])];
     write(byId("graphics"), all.length === 0 ? "" : [...all, words.lostHarmless].join(" "));
     byId("graphics").hidden = all.length === 0;
@@ -204,8 +213,8 @@ class Page {
         this.isOutdated = false;
         const scene = await fetchScene(this.token);
         if (this.connection.link === "ended" || this.connection.link === "refused") this.connection.open();
-        if (scene.volume.hash !== this.session.volumes?.hash) await this.loadVolumes(scene);
-        else this.session.setScene(scene, this.session.volumes);
+        if (this.session.volumes && showsTheSame(scene, this.session.scene)) this.session.setScene(scene, this.session.volumes);
+        else await this.loadVolumes(scene);
         if (this.isOutdated) continue;
         this.controls.showScene(scene);
         this.timeline.show(scene.recording);
@@ -275,7 +284,11 @@ class Page {
   }
   /** Of a connection that fails: the scene says whether that will last, and why. @param known  what is known of it already */
   private async whyEnded(known: Lasting | null): Promise<void> {
+    // each attempt asks, also while something is being loaded for long
+    if (this.isAskingWhy && !known) return;
+    this.isAskingWhy = true;
     await this.loading;
+    this.isAskingWhy = false;
     const trouble = await fetchScene(this.token).then(() => known, (error) => (error instanceof Lasting ? error : known));
     if (!trouble || this.loading || this.connection.link === "connected") return;
     this.connection.end();
@@ -290,7 +303,13 @@ class Page {
     input.value = "";
     if (!dialog.open) dialog.showModal();
     return new Promise((done) => {
+      let isGiven = false;
+      // Escape closes it, and nothing else asks for a token
+      dialog.onclose = () => {
+        if (!isGiven && !dialog.open) dialog.showModal();
+      };
       byId<HTMLFormElement>("token-form").onsubmit = () => {
+        isGiven = true;
         this.token = input.value.trim();
         sessionStorage.setItem(TOKEN_KEY, this.token);
         this.connection.setToken(this.token);

@@ -62,6 +62,15 @@ export interface Scene {
   recording: Recording | null; // that is looked at, where no session runs
 }
 
+/**
+ * Whether two scenes are the same voxels at the same places, with the same structures in the same order: what was loaded and chosen for one
+ * holds for the other. The hash is of the voxels' values alone.
+ */
+export function showsTheSame(a: Scene, b: Scene | null): boolean {
+  const shown = ({ volume, world_from_patient, structures }: Scene) => JSON.stringify([volume, world_from_patient, structures.map(({ label }) => label)]);
+  return b !== null && shown(a) === shown(b);
+}
+
 export interface RecordedEvent {
   time_s: number;
   kind: "stop" | "rearm" | "settings" | "model";
@@ -104,8 +113,6 @@ export interface State {
   pointer: boolean;
 }
 
-/** palpate::ForceMethod, in the order of the numbers in poses. */
-export const METHODS = ["trilinear", "b-spline", "gaussian-sphere", "smooth-sphere", "stored-normals", "proxy"];
 
 export class NeedsToken extends Error {}
 

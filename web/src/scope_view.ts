@@ -114,8 +114,8 @@ export class ScopeView {
   draw(now: number): void {
     const { session, picture } = this;
     const resized = picture.fit();
-    const frame = this.frame();
-    if (!picture.isShown || !session.volumes || !session.scene || !frame) return;
+    const frame = picture.isShown && session.volumes && session.scene ? this.frame() : null;
+    if (!frame) return;
     if (resized) this.live.show();
     this.toTip.disabled = !this.scope.isFree;
     const { width, height, ratio } = picture.frame();

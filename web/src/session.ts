@@ -4,7 +4,7 @@ import { rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from 
 import type { Bookmark } from "./bookmarks.js";
 import { keep, recall, recallScene } from "./kept.js";
 import { looksOf, restored, type KeptLooks } from "./looks.js";
-import type { Rgb, Scene, State, Volumes } from "./scene.js";
+import { showsTheSame, type Rgb, type Scene, type State, type Volumes } from "./scene.js";
 import type { DevicePose, Pose } from "./wire.js";
 import { Flag } from "./wire.js";
 import { words } from "./words.js";
@@ -43,6 +43,7 @@ export class Session {
 
   looks: Look[] = []; // of the structures in their order
   window: Window = { level: 0, width: 1 };
+  givenWindow: Window | null = null; // with the scene: nobody has chosen it
   fill = 0.45;
   outlines = true;
   slab: Slab = { kind: "none", mm: 10 };
@@ -70,14 +71,14 @@ export class Session {
   }
 
   setScene(scene: Scene, volumes: Volumes): void {
-    const isNew = this.scene?.volume.hash !== scene.volume.hash;
+    const isNew = !showsTheSame(scene, this.scene);
     this.scene = scene;
     this.volumes = volumes;
     this.patientFromWorld = invert(scene.world_from_patient);
     if (isNew || this.looks.length !== scene.structures.length) {
       this.looks = restored(scene, looksOf(scene), recallScene<KeptScene>(scene.volume.hash).looks ?? {});
       const [low, high] = scene.volume.scan?.window ?? [0, 1];
-      this.window = this.keptWindow() ?? { level: (low + high) / 2, width: Math.max(high - low, this.leastWindow) };
+      this.window = this.givenWindow = this.keptWindow() ?? { level: (low + high) / 2, width: Math.max(high - low, this.leastWindow) };
       this.cross = null;
       this.follow = true;
     }
@@ -88,6 +89,8 @@ export class Session {
   setPose(pose: Pose): void {
     this.pose = pose;
     const shown = this.toolAt(pose.devices[0]!);
+    // a recording that rests says the same again and again
+    if (this.trail.at(-1)?.time === pose.time) this.trail.pop();
     this.trail.push({ p: shown, time: pose.time });
     while (this.trail.length > 0 && this.trail[0]!.time < pose.time - TRAIL_S) this.trail.shift();
     if (this.trail.length > 1 && this.trail.at(-2)!.time > pose.time) this.trail = [];

@@ -41,10 +41,6 @@ export class Timeline {
     onLanguage(() => this.listMarks());
   }
 
-  get isShown(): boolean {
-    return this.recording !== null;
-  }
-
   show(recording: Recording | null): void {
     this.recording = recording;
     byId("playback").hidden = recording === null;

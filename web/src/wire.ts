@@ -31,9 +31,6 @@ export const Flag = {
   turnHeld: 1 << 21,
 } as const;
 
-/** palpate::TickSwitch */
-export const Switch = { friction: 1, viscosity: 2, paused: 4, emergencyStop: 8, passivity: 16 } as const;
-
 /** A structure along the tip's way in. */
 export interface Felt {
   label: number;

@@ -5,15 +5,22 @@ import { Gone, isMemoryShort, Lasting, NoMemory, troubleOf } from "../src/troubl
 
 /** A connection whose sockets and timers are the test's. */
 function connection() {
-  const sockets: { onclose(event: { code: number }): void; onmessage(event: { data: unknown }): void }[] = [];
+  const sockets: { readyState: number; onclose(event: { code: number }): void; onmessage(event: { data: unknown }): void }[] = [];
   const timers: { f(): void; ms: number }[] = [];
-  const sent: { type: string }[] = [];
+  const sent: { type: string; id?: number }[] = [];
+  const isAnswered = { goodbye: true };
   class Socket {
     onclose = (_: { code: number }) => {};
+    static OPEN = 1;
     onmessage = (_: { data: unknown }) => {};
+    readyState = 1;
     constructor() { sockets.push(this); }
-    close() { this.onclose({ code: 1005 }); }
-    send(text: string) { sent.push(JSON.parse(text)); }
+    // a goodbye that nobody answers comes to no end
+    close() {
+      this.readyState = 2;
+      if (isAnswered.goodbye) this.onclose({ code: 1005 });
+    }
+    send(text: string) { if (this.readyState === 1) sent.push(JSON.parse(text)); }
   }
   Object.assign(globalThis, {
     WebSocket: Socket, location: { protocol: "http:", host: "h" },
@@ -26,7 +33,7 @@ function connection() {
     onOtherProtocol: () => void told.otherProtocol++, onUnanswered: () => void told.unanswered++,
   }, null);
   made.open();
-  return { made, sockets, timers, sent, links, told };
+  return { made, sockets, timers, sent, links, told, isAnswered };
 }
 const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 2 }) };
 function pose(version: number): { data: ArrayBuffer } {
@@ -69,6 +76,63 @@ test("a stop without a connection is sent to the next one, if that comes soon", 
   assert.deepEqual(stops(100, "set"), []);
   const refusal = await connection().made.ask({ type: "stop" });
   assert.match(refusal!.what, /within 5 s/);
+});
+
+test("a stop that nobody answered is sent to the next connection, if that comes soon", async (t) => {
+  let now = 1000;
+  t.mock.method(performance, "now", () => now);
+  for (const [pressedAfter_ms, comesAgain] of [[2000, false], [4500, true]] as const) {
+    const { made, sockets, timers, sent, isAnswered } = connection();
+    sockets[0]!.onmessage(WELCOME);
+    // the other end is gone without a word
+    isAnswered.goodbye = false;
+    now += pressedAfter_ms;
+    const answer = made.ask({ type: "stop" });
+    now += 6100 - pressedAfter_ms;
+    made.watch();
+    assert.match((await answer)!.what, /within 5 s/);
+    assert.equal(made.link, "lost", "before the goodbye has come to an end");
+    now += 1000;
+    timers.at(-1)!.f();
+    sockets[1]!.onmessage(WELCOME);
+    assert.deepEqual(sent.map(({ type }) => type), comesAgain ? ["stop", "stop"] : ["stop"]);
+  }
+});
+
+test("a stop on a connection that is being closed is kept", async (t) => {
+  let now = 1000;
+  t.mock.method(performance, "now", () => now);
+  const { made, sockets, sent } = connection();
+  sockets[0]!.onmessage(WELCOME);
+  sockets[0]!.readyState = 2;
+  assert.match((await made.ask({ type: "stop" }))!.what, /within 5 s/);
+  assert.ok((await made.ask({ type: "set" })) !== null);
+  assert.equal(sent.length, 0);
+  sockets[0]!.onclose({ code: 1006 });
+  now += 300;
+  made.open();
+  sockets[1]!.onmessage(WELCOME);
+  assert.deepEqual(sent.map(({ type }) => type), ["stop"]);
+  // and it is told of nothing that was answered
+  sockets[1]!.onmessage({ data: JSON.stringify({ type: "done", id: sent[0]!.id }) });
+  sockets[1]!.onclose({ code: 1006 });
+  made.open();
+  sockets[2]!.onmessage(WELCOME);
+  assert.equal(sent.length, 1);
+});
+
+test("a connection that does not come about is given up", (t) => {
+  let now = 1000;
+  t.mock.method(performance, "now", () => now);
+  const { made, timers, isAnswered } = connection();
+  isAnswered.goodbye = false;
+  now += 19_000;
+  made.watch();
+  assert.equal(timers.length, 0);
+  now += 1100;
+  made.watch();
+  assert.equal(made.link, "lost");
+  assert.equal(timers.length, 1);
 });
 
 test("another version of the protocol is not tried again by itself", () => {

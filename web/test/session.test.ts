@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import type { Vec3 } from "../src/geometry.js";
-import { Volumes, type Scene } from "../src/scene.js";
+import { showsTheSame, Volumes, type Scene } from "../src/scene.js";
 import { Session } from "../src/session.js";
-import { Flag, type DevicePose } from "../src/wire.js";
+import { Flag, type DevicePose, type Pose } from "../src/wire.js";
 
 /** One structure, "femoral_cartilage" with label 7, in voxels 2 to 4 of a row. */
 function session(): Session {
@@ -29,4 +29,21 @@ test("what is touched is felt as long as there is a force, or nothing withholds 
   assert.deepEqual(contact(0, 0, 0), { label: 0, words: "free" });
   assert.deepEqual(contact(0, 0, Flag.stale), { label: 0, words: "free" });
   assert.deepEqual(contact(-9, 0, Flag.outside), { label: 0, words: "outside the volume" });
+});
+
+test("a recording that rests leaves no trail", () => {
+  const made = session();
+  const at = (time: number) => made.setPose({ time, devices: [device(3, 0, 0, [0, 0, 0])] } as unknown as Pose);
+  for (let n = 0; n < 1000; n++) at(1.5);
+  assert.equal(made.trail.length, 1);
+  at(1.6);
+  assert.equal(made.trail.length, 2);
+});
+
+test("the same voxels elsewhere, or under other structures, are another scene", () => {
+  const scene = (affine: number, ...labels: number[]) =>
+    ({ volume: { hash: "h", patient_from_voxel: [affine] }, world_from_patient: [1], structures: labels.map((label) => ({ label, name: "n" })) } as unknown as Scene);
+  assert.ok(showsTheSame(scene(1, 7, 8), scene(1, 7, 8)));
+  assert.ok(!showsTheSame(scene(1, 7, 8), null));
+  for (const other of [scene(2, 7, 8), scene(1, 8, 7), scene(1, 7)]) assert.ok(!showsTheSame(other, scene(1, 7, 8)));
 });

@@ -52,7 +52,7 @@ test("the page's text comes from the words", () => {
 
 /** What a name says, which is the same in every language; of a file's format; of a mistake in the page, that nobody is to read. */
 const SAME = ["palpate", "patient (LPS), mm; forces in World, N", "a matrix that cannot be inverted", "no WebGL 2", "The graphics were lost."];
-const KEYS = ["Enter", "Escape", "Home"];
+const KEYS = ["Space", "Enter", "Escape", "Home"];
 /** Which argument of a call is written on the page. */
 const CALLS: Record<string, number> = { write: 1, text: 1, toast: 0, fillText: 0, Error: 0, Lasting: 0, Gone: 0, NoMemory: 0, WireError: 0, Option: 0 };
 const WRITTEN = ["textContent", "innerText", "title", "ariaLabel", "placeholder"];
