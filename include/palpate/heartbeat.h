@@ -10,8 +10,8 @@ namespace palpate {
 /// share, so that neither waits for the other. All times are CLOCK_MONOTONIC, which the processes of one
 /// machine have in common.
 ///
-/// Halts are numbered from 1. Whoever ends one says its number, and a device obeys the newest: an end that it
-/// hears of late ends no halt that came meanwhile.
+/// Halts have numbers that only grow, from one supervisor of a device to the next, too. Whoever ends one says
+/// its number, and a device obeys the newest: an end that it hears of late ends no halt that came meanwhile.
 struct Heartbeat {
   static constexpr std::int64_t kResting = 0;
   /// The number of a halt that nothing ends, for who will not be there to end it.
@@ -20,10 +20,10 @@ struct Heartbeat {
   // ---- written by the process with the loop
   std::atomic<std::int64_t> beat_ns{kResting};     ///< end of the last tick; kResting: no tick is due
   std::atomic<std::int64_t> looked_ns{kResting};   ///< when the loop's own watchdog looked last
-  std::atomic<std::uint64_t> halts_that_ended{0};  ///< number of the newest halt that the loop has ended
+  std::atomic<std::uint64_t> halts_that_ended{0};  ///< number of the newest halt that has ended
 
   // ---- written by the supervisor
-  std::atomic<std::uint64_t> halts{0};  ///< number of the newest halt; 0: there was none
+  std::atomic<std::uint64_t> halts{0};  ///< number of the newest halt, that which has ended last where none lasts
 };
 
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);

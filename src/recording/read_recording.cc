@@ -94,6 +94,18 @@ bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
          a.devices == b.devices && a.script_text == b.script_text;
 }
 
+/// A reader that is slow beside the writer may meet an index in the middle of a change: it looks again.
+/// @param look  reads all that it needs, anew each time
+Result<void> read_beside_writer(const std::filesystem::path& file, const std::function<Result<void>()>& look) {
+  constexpr int kMostLooks = 20;
+  for (int looks = 1;; ++looks) {
+    const auto before = last_change(file);
+    auto read = look();
+    const bool was_written = last_change(file) != before;
+    if (read || read.error().kind != ErrorKind::kBadInput || !was_written || looks == kMostLooks) return read;
+  }
+}
+
 Error replaced(const std::filesystem::path& file) {
   return {ErrorKind::kBadInput, "another recording has taken its place while it was read", file.string(),
           "try again when nothing writes to it"};
@@ -108,15 +120,10 @@ Result<RecordingSource> RecordingSource::open(const std::filesystem::path& file,
     head = read;
     return false;
   };
-  // a reader that is slow beside the writer may meet an index in the middle of a change: it looks again
-  constexpr int kMostLooks = 20;
-  for (int look = 1;; ++look) {
-    const auto before = internal::last_change(file);
-    const auto read = internal::read_isolated(file, std::nullopt, take_head, {}, progress);
-    if (read) return RecordingSource(file, std::move(head));
-    const bool was_written = internal::last_change(file) != before;
-    if (read.error().kind != ErrorKind::kBadInput || !was_written || look == kMostLooks) return read.error();
-  }
+  const auto read = internal::read_beside_writer(
+      file, [&] { return internal::read_isolated(file, std::nullopt, take_head, {}, progress); });
+  if (!read) return read.error();
+  return RecordingSource(file, std::move(head));
 }
 
 RecordingSource::RecordingSource(const Recording& recording) : memory_(&recording) {
@@ -178,9 +185,11 @@ Result<std::vector<TickRecord>> RecordingSource::read_at(std::uint64_t first, st
     ticks.insert(ticks.end(), part.ticks.begin(), part.ticks.end());
     return {};
   };
-  const internal::RowRange range{first, count};
-  if (auto read = internal::read_isolated(file_, range, take_head, take_part, progress); !read)
-    return read.error();
+  const auto read = internal::read_beside_writer(file_, [&] {
+    ticks.clear();
+    return internal::read_isolated(file_, internal::RowRange{first, count}, take_head, take_part, progress);
+  });
+  if (!read) return read.error();
   return ticks;
 }
 

@@ -510,6 +510,32 @@ TEST(Recording, CanBeReadWhileItIsWritten) {
   }
 }
 
+TEST(Recording, PartsOfItAreReadWhileItIsWritten) {
+  const test::TemporaryFolder folder;
+  const auto ticks = test::example_ticks(20'000, 1, 1000);
+  auto writer = RecordingWriter::create(folder / "run.h5", test::example_header(1, 1000));
+  ASSERT_TRUE(writer);
+  ASSERT_TRUE((*writer)->append(std::span(ticks).first(2000)));
+  const auto source = RecordingSource::open(folder / "run.h5");
+  ASSERT_TRUE(source) << source.error().message();
+  const auto known = source->head().ticks;
+  ASSERT_GE(known, 1000u);
+  std::atomic<bool> stop = false;
+  std::thread recorder([&] {
+    for (std::size_t i = 2000; i < ticks.size() && !stop; i += 100)
+      EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 100)));
+  });
+  for (std::uint64_t first = 0; first + 100 <= known; first += 250) {
+    const auto read = source->read_at(first, 100);
+    EXPECT_TRUE(read) << read.error().message();
+    if (read)
+      expect_same(*read, {ticks.begin() + static_cast<std::ptrdiff_t>(first),
+                          ticks.begin() + static_cast<std::ptrdiff_t>(first + 100)});
+  }
+  stop = true;
+  recorder.join();
+}
+
 TEST(Recording, IsFlushedAfterASecondOnASlowClock) {
   // a real clock that reaches 300 of its nominal 1000 ticks a second
   const test::TemporaryFolder folder;

@@ -1,31 +1,22 @@
 #include "palpate/playback.h"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
-#include <cmath>
-#include <condition_variable>
-#include <list>
 #include <mutex>
 #include <system_error>
-#include <thread>
 #include <utility>
 
 #include "palpate/force_method.h"
 #include "palpate/haptics.h"
 #include "session/recorded_model.h"
 #include "session/recording_line.h"
+#include "session/tick_blocks.h"
 #include "session/viewed_scene.h"
 
 namespace palpate {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using Block = std::vector<TickRecord>;
-
-/// Ticks that are read at once, and how many such blocks are kept: some 40 MB.
-constexpr std::uint64_t kBlockTicks = 4096;
-constexpr std::size_t kMostBlocks = 4;
 
 Error is_a_recording() {
   return {ErrorKind::kUsage, "this is a recording: what was felt cannot be changed", "",
@@ -51,6 +42,8 @@ class Place {
     return playing_;
   }
   double speed() const { return speed_; }
+  /// Where it began to play, or stands.
+  double from_s() const { return from_s_; }
 
   void follow(const PlayRequest& request) {
     double at_s = std::clamp(request.at_s.value_or(now_s()), begin_s_, end_s_);
@@ -75,130 +68,21 @@ class Place {
   bool playing_ = false;
 };
 
-/// The ticks around a place, read by a thread of its own.
-class Blocks {
- public:
-  Blocks(RecordingSource source, std::vector<double> begins_s)
-      : source_(std::move(source)), begins_s_(std::move(begins_s)), reader_([this] { read(); }) {}
-  ~Blocks() {
-    ending_ = true;
-    {
-      const std::lock_guard lock(mutex_);
-      wanted_changed_.notify_all();
-    }
-    reader_.join();
-  }
-  Blocks(const Blocks&) = delete;
-  Blocks& operator=(const Blocks&) = delete;
-
-  /// The last tick that is not after `at_s`, where it has been read; else it will be.
-  /// @param way  where the next block is that will be wanted: 1 or -1, or 0 where it rests
-  std::optional<TickRecord> tick_at(double at_s, int way) {
-    const auto after = std::ranges::upper_bound(begins_s_, at_s);
-    const std::size_t block =
-        after == begins_s_.begin() ? 0 : static_cast<std::size_t>(after - begins_s_.begin()) - 1;
-    const std::lock_guard lock(mutex_);
-    if (block != wanted_ || way != way_) {
-      wanted_ = block;
-      way_ = way;
-      wanted_changed_.notify_all();
-    }
-    const Block* ticks = find(block);
-    if (ticks == nullptr) return std::nullopt;
-    const auto next = std::ranges::upper_bound(*ticks, at_s, {}, &TickRecord::time_s);
-    return *(next == ticks->begin() ? next : next - 1);
-  }
-  std::optional<Error> failure() const {
-    const std::lock_guard lock(mutex_);
-    return failure_;
-  }
-  /// What could not be read is read anew: a busy machine has no process for a reader now and then.
-  void try_again() {
-    const std::lock_guard lock(mutex_);
-    failure_.reset();
-    wanted_changed_.notify_all();
-  }
-
- private:
-  struct Kept {
-    std::size_t number;
-    Block ticks;
-  };
-
-  // what was wanted last stands first
-  const Block* find(std::size_t block) {
-    const auto found = std::ranges::find(kept_, block, &Kept::number);
-    if (found == kept_.end()) return nullptr;
-    kept_.splice(kept_.begin(), kept_, found);
-    return &kept_.front().ticks;
-  }
-  bool is_kept(std::size_t block) const {
-    return std::ranges::find(kept_, block, &Kept::number) != kept_.end();
-  }
-  // with the mutex
-  std::optional<std::size_t> missing() const {
-    if (failure_) return std::nullopt;
-    if (!is_kept(wanted_)) return wanted_;
-    if (way_ > 0 && wanted_ + 1 < begins_s_.size() && !is_kept(wanted_ + 1)) return wanted_ + 1;
-    if (way_ < 0 && wanted_ > 0 && !is_kept(wanted_ - 1)) return wanted_ - 1;
-    return std::nullopt;
-  }
-
-  void read() {
-    const Progress progress({}, &ending_);
-    std::unique_lock lock(mutex_);
-    while (!ending_) {
-      const auto block = missing();
-      if (!block) {
-        wanted_changed_.wait(lock);
-        continue;
-      }
-      lock.unlock();
-      auto ticks = read_block(*block, progress);
-      lock.lock();
-      if (!ticks) {
-        failure_ = ticks.error();
-        continue;
-      }
-      kept_.push_front({*block, *std::move(ticks)});
-      if (kept_.size() > kMostBlocks) kept_.pop_back();
-    }
-  }
-  Result<Block> read_block(std::size_t block, const Progress& progress) const {
-    auto ticks = source_.read_at(block * kBlockTicks, kBlockTicks, progress);
-    if (!ticks) return ticks.error();
-    // times are looked for in it
-    if (ticks->empty() || !std::ranges::is_sorted(*ticks, {}, &TickRecord::time_s) ||
-        ticks->front().time_s != begins_s_[block])
-      return Error{ErrorKind::kBadInput, "the recording has changed while it was looked at", "",
-                   "open it again when nothing writes to it"};
-    return ticks;
-  }
-
-  const RecordingSource source_;
-  const std::vector<double> begins_s_;  // time of each block's first tick
-
-  mutable std::mutex mutex_;  // of what follows
-  std::condition_variable wanted_changed_;
-  std::list<Kept> kept_;
-  std::size_t wanted_ = 0;
-  int way_ = 0;
-  std::optional<Error> failure_;
-
-  std::atomic<bool> ending_{false};
-  std::thread reader_;
-};
-
 class Playback final : public ViewerHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
-           std::vector<double> begins_s, std::vector<ModelChange> changes)
+           const TickRecord& first, std::vector<double> begins_s, std::vector<ModelChange> changes)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
         changes_(std::move(changes)),
         place_(scene_.recording->begin_s, scene_.recording->end_s),
-        blocks_(std::move(recording), std::move(begins_s)) {}
+        shown_(first),
+        blocks_(
+            [source = std::move(recording)](std::size_t block, const Progress& progress) {
+              return source.read_at(block * TickBlocks::kTicks, TickBlocks::kTicks, progress);
+            },
+            std::move(begins_s)) {}
 
   const ViewedScene& scene() const override { return scene_; }
 
@@ -206,7 +90,7 @@ class Playback final : public ViewerHost {
     const std::lock_guard lock(mutex_);
     const double at_s = place_.now_s();
     const int way = !place_.playing() ? 0 : place_.speed() > 0 ? 1 : -1;
-    if (auto tick = blocks_.tick_at(at_s, way)) shown_ = *tick;
+    if (auto tick = blocks_.tick_at(at_s, way, place_.from_s())) shown_ = *tick;
     stiffness_N_per_mm = {};
     // what the other methods make of it depends on the stiffest of all tissues
     if (shown_.method != static_cast<std::uint8_t>(ForceMethod::kProxy)) return shown_;
@@ -283,7 +167,7 @@ class Playback final : public ViewerHost {
   mutable std::mutex mutex_;  // of what follows
   mutable Place place_;
   mutable TickRecord shown_;
-  mutable Blocks blocks_;
+  mutable TickBlocks blocks_;
 };
 
 }  // namespace
@@ -301,6 +185,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                  "palpate replay without --view compares its ticks"};
 
   RecordingLine line(head);
+  TickRecord first;
   std::vector<double> begins_s;
   std::vector<ModelChange> changes;
   std::uint64_t row = 0;
@@ -311,8 +196,10 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
         line.see(part);
         for (const RecordingEvent& event : part.events)
           if (event.kind == RecordingEvent::Kind::kModel) changes.push_back(event.change);
-        for (const TickRecord& tick : part.ticks)
-          if (row++ % kBlockTicks == 0) begins_s.push_back(tick.time_s);
+        for (const TickRecord& tick : part.ticks) {
+          if (row == 0) first = tick;
+          if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
+        }
         return {};
       },
       progress);
@@ -327,8 +214,9 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   for (const RecordingHead::FeltMethod& felt : head.methods)
     if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
   try {
-    return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
-        std::move(recording), std::move(model), std::move(scene), std::move(begins_s), std::move(changes)));
+    return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(std::move(recording), std::move(model),
+                                                                  std::move(scene), first, std::move(begins_s),
+                                                                  std::move(changes)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
                  "end other programs"};

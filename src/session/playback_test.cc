@@ -2,13 +2,13 @@
 
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <random>
 #include <thread>
 
 #include "base/test_folder.h"
 #include "base/test_processors.h"
 #include "base/test_seed.h"
+#include "base/test_wait.h"
 #include "session/test_session.h"
 
 namespace palpate {
@@ -55,11 +55,10 @@ TickRecord shown_when(const ViewerHost& playback, const std::function<bool(const
                       std::array<double, kMaxDevices>* stiffness = nullptr) {
   std::array<double, kMaxDevices> N_per_mm{};
   TickRecord tick;
-  for (int tries = 0; tries < 12'000; ++tries) {
+  testing::soon([&] {
     tick = playback.snapshot(stiffness ? *stiffness : N_per_mm);
-    if (is_there(tick)) break;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
+    return is_there(tick);
+  });
   return tick;
 }
 

@@ -98,7 +98,7 @@ class SurfacesNeeded {
       for (const Part& part : parts)
         surfaces_[static_cast<std::size_t>(part.surface)].surface = known.at(part.structures);
     }
-    add_owners(labels);
+    if (!add_owners(labels, progress)) return Progress::interrupted();
     return surfaces_;
   }
 
@@ -166,13 +166,14 @@ class SurfacesNeeded {
   }
 
   // each looks at the whole volume
-  void add_owners(const Volume<LabelId>& labels) {
+  bool add_owners(const Volume<LabelId>& labels, const Progress& progress) {
     std::vector<const Part*> shared;
     for (const auto& [together, parts] : parts_)
       for (const Part& part : parts)
         if (part.structures.size() > 1) shared.push_back(&part);
     const auto count = static_cast<int>(shared.size());
-    for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
+    return for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
+      if (progress.stopped()) return false;
       const Part& part = *shared[static_cast<std::size_t>(index)];
       surfaces_[static_cast<std::size_t>(part.surface)].owners = owners_of(part.structures, labels);
       return true;

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "base/child_process.h"
+#include "base/clock.h"
 #include "palpate/check.h"
 #include "supervisor/shared_block.h"
 
@@ -162,7 +163,11 @@ Result<std::unique_ptr<Supervisor>> Supervisor::start(const SupervisorSettings& 
   void* room = ::mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE,
                       file.number(), 0);
   if (room == MAP_FAILED) return refused("memory to share");
-  auto supervisor = std::make_unique<SupervisorProcess>(*new (room) SharedBlock, std::move(file), settings);
+  auto* block = new (room) SharedBlock;
+  // a device that has heard of an earlier supervisor's halts obeys none whose number is not above theirs, and
+  // there are fewer of them than nanoseconds
+  block->heartbeat.halts = block->heartbeat.halts_that_ended = static_cast<std::uint64_t>(monotonic_ns());
+  auto supervisor = std::make_unique<SupervisorProcess>(*block, std::move(file), settings);
   if (auto begun = supervisor->begin(); !begun) return begun.error();
   return std::unique_ptr<Supervisor>(std::move(supervisor));
 }

@@ -28,6 +28,7 @@
 #include "base/test_folder.h"
 #include "base/test_limits.h"
 #include "base/test_seed.h"
+#include "base/test_wait.h"
 #include "palpate/recording.h"
 #include "servo/realtime.h"
 #include "supervisor/test_device.h"
@@ -115,18 +116,16 @@ class Pressing {
 
   /// Since when the device is at rest after `then_ns`, which may be since before; 0: it acts for ten seconds.
   std::int64_t rest_after(std::int64_t then_ns) const {
-    for (int n = 0; n < 10'000; ++n) {
-      // the end of a pause is no rest: it has to last
-      if (const std::int64_t since_ns = device_->at_rest_since();
-          since_ns != 0 && monotonic_ns() > std::max(since_ns, then_ns) + 20'000'000)
-        return since_ns;
-      std::this_thread::sleep_for(1ms);
-    }
-    return 0;
+    std::int64_t since_ns = 0;
+    // the end of a pause is no rest: it has to last
+    const bool rests = testing::soon([&] {
+      since_ns = device_->at_rest_since();
+      return since_ns != 0 && monotonic_ns() > std::max(since_ns, then_ns) + 20'000'000;
+    });
+    return rests ? since_ns : 0;
   }
   bool acts_again() const {
-    for (int n = 0; n < 20'000 && !(device_->acting_N > 0); ++n) std::this_thread::sleep_for(1ms);
-    return device_->acting_N > 0;
+    return testing::soon([&] { return device_->acting_N > 0; });
   }
 
   /// Its record takes nothing until record() is asked for.
@@ -555,9 +554,7 @@ TEST(Supervisor, AFullDiskAndClosedStreamsLeaveTheForceAsItIs) {
       ASSERT_EQ(session.presses(), order == 'f');
       if (order == 'f') std::this_thread::sleep_for(some_time(random) / 10);
       EXPECT_GT(session.device().acting_N, 0);
-      for (int tries = 0; tries < 10'000 && session.device().commands == commands; ++tries)
-        std::this_thread::sleep_for(1ms);
-      EXPECT_GT(session.device().commands, commands);
+      EXPECT_TRUE(testing::soon([&] { return session.device().commands > commands; }));
 
       const std::int64_t then_ns = monotonic_ns();
       session.signal(SIGKILL);
@@ -663,8 +660,7 @@ TEST(Supervisor, SaysThatItHasDiedAndWatchesAgain) {
   EXPECT_TRUE((*supervisor)->watching());
   EXPECT_FALSE((*supervisor)->scheduler().empty());
   ::kill(supervisor_of(::getpid()), SIGKILL);
-  for (int n = 0; n < 10'000 && (*supervisor)->watching(); ++n) std::this_thread::sleep_for(1ms);
-  EXPECT_FALSE((*supervisor)->watching());
+  EXPECT_TRUE(testing::soon([&] { return !(*supervisor)->watching(); }));
   const auto again = (*supervisor)->watch_again();
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_TRUE((*supervisor)->watching());
@@ -685,7 +681,7 @@ TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
   (*supervisor)->heartbeat().halts = 7;
   EXPECT_EQ(told(), 7u);
   ::kill(supervisor_of(::getpid()), SIGKILL);
-  for (int n = 0; n < 10'000 && (*supervisor)->watching(); ++n) std::this_thread::sleep_for(1ms);
+  ASSERT_TRUE(testing::soon([&] { return !(*supervisor)->watching(); }));
   const auto again = (*supervisor)->watch_again();
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_EQ(told(), 7u);
@@ -695,6 +691,20 @@ TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
   EXPECT_EQ(told(), 8u);
   supervisor->reset();
   for (const int file : halt) ::close(file);
+}
+
+// A device that outlives sessions has heard of their supervisors' halts.
+TEST(Supervisor, TheNextSessionsNumbersAreAboveTheLastOnes) {
+  std::uint64_t last = 0;
+  for (int session = 0; session < 3; ++session) {
+    const auto supervisor =
+        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
+    ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
+    Heartbeat& heartbeat = (*supervisor)->heartbeat();
+    EXPECT_GT(heartbeat.halts, last);
+    EXPECT_EQ(heartbeat.halts_that_ended, heartbeat.halts) << "none lasts";
+    last = heartbeat.halts + 1000;
+  }
 }
 
 TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
@@ -831,11 +841,10 @@ class ToldDevice {
   /// It does so, and goes on with it; false: never.
   bool comes_to(bool act) const {
     int lasts = 0;
-    for (int n = 0; n < 5'000 && lasts < 20; ++n) {
-      std::this_thread::sleep_for(1ms);
+    return testing::soon([&] {
       lasts = (memory_->acting_N > 0) == act ? lasts + 1 : 0;
-    }
-    return lasts == 20;
+      return lasts == 20;
+    });
   }
 
  private:
@@ -858,6 +867,9 @@ TEST(TestDevice, StarvedThroughAResumeItObeysTheNewerHalt) {
   device.driver().resume(1);
   EXPECT_TRUE(device.comes_to(false));
   device.driver().resume(2);
+  EXPECT_TRUE(device.comes_to(true));
+  // nor is an end undone by an older one that is told late
+  device.driver().resume(1);
   EXPECT_TRUE(device.comes_to(true));
 }
 
@@ -912,11 +924,9 @@ TEST(TestDevice, WaitsWhenItIsAlone) {
     ::close(halt[1]);
     testing::be_test_device(*memory, halt[0]);
   });
-  for (int n = 0; n < 10'000 && memory->acting_N == 0; ++n) std::this_thread::sleep_for(1ms);
-  ASSERT_GT(memory->acting_N, 0);
+  ASSERT_TRUE(testing::soon([&] { return memory->acting_N > 0; }));
   for (const int file : halt) ::close(file);
-  for (int n = 0; n < 10'000 && memory->at_rest_since() == 0; ++n) std::this_thread::sleep_for(1ms);
-  ASSERT_NE(memory->at_rest_since(), 0);
+  ASSERT_TRUE(testing::soon([&] { return memory->at_rest_since() != 0; }));
   clockid_t clock{};
   ASSERT_EQ(::clock_getcpuclockid(device.id(), &clock), 0);
   const auto used_ns = [&] {

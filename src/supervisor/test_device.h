@@ -85,7 +85,7 @@ class TestDeviceDriver final : public DeviceDriver {
     memory_.halted = true;
   }
   void resume(std::uint64_t newest) noexcept override {
-    memory_.halts_that_ended = newest;
+    memory_.halts_that_ended = std::max(memory_.halts_that_ended.load(), newest);
     memory_.halted = false;
   }
   int halt_file() const noexcept override { return halt_file_; }

@@ -1,20 +1,24 @@
-"""palpate explore dies, or is to die, at random moments: of every signal, with its disk full or its streams closed, stopped
-for a while. Each time its supervisor's log says what happened, its recording replays as far as it goes, and nothing of it
+"""palpate explore dies, or is to die, at random moments: of every signal, of an exception in each of its threads, with its
+disk full or its streams closed, stopped for a while. Each time its supervisor's log says what happened, its recording replays as far as it goes, and nothing of it
 stays behind. A trial of some causes in every run, PALPATE_TEST_DEATHS=all takes all causes 20 times."""
 
 import contextlib
+import http.client
 import json
 import os
 import pathlib
 import random
+import re
 import resource
 import select
 import signal
+import struct
 import subprocess
 import tempfile
 import threading
 import time
 import unittest
+import urllib.request
 
 import cli
 import explore_test
@@ -71,16 +75,13 @@ class BareThread(threading.Thread):
 class Session:
     """palpate explore that palpates for ever, records and is watched."""
 
-    def __init__(self, recording, log, arguments):
+    def __init__(self, recording, log, arguments, **environment):
         self.recording, self.log = recording, log
         self.process = subprocess.Popen(
             [cli.PALPATE, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            preexec_fn=self.as_a_user_would)
+            preexec_fn=self.as_a_user_would, env=os.environ | environment)
         self.told = ""
-        while "supervisor: " not in self.told:
-            line = self.process.stderr.readline()
-            assert line, f"ended before it ran: {self.told}"
-            self.told += line
+        self.read_until("supervisor: ")
         children = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
         self.supervisor = pathlib.Path(f"/proc/{children[0]}")
 
@@ -90,6 +91,13 @@ class Session:
         # a test that runs in the background ignores some
         for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
             signal.signal(number, signal.SIG_DFL)
+
+    def read_until(self, words):
+        """What it says on stderr from the start to that line."""
+        while words not in self.told:
+            line = self.process.stderr.readline()
+            assert line, f"ended without '{words}': {self.told}"
+            self.told += line
 
     def events(self):
         return [json.loads(line) for line in self.log.read_text().splitlines()]
@@ -131,14 +139,15 @@ class Deaths(cli.PalpateTest):
     def tearDownClass(cls):
         cls._made.cleanup()
 
-    def explore(self, recording, log):
+    def explore(self, recording, log, *viewers):
         log.unlink(missing_ok=True)
-        return ["explore", self.scene, "--script", self.script, "--repeat", "--no-viewer", "-o", recording, "--supervisor-log", log]
+        return ["explore", self.scene, "--script", self.script, "--repeat", *(viewers or ("--no-viewer",)), "-o", recording,
+                "--supervisor-log", log]
 
-    def begin(self):
+    def begin(self, *viewers, **environment):
         """A session, at a random moment of it."""
         recording, log = self.folder / "run.h5", self.folder / "supervisor.log"
-        session = Session(recording, log, self.explore(recording, log))
+        session = Session(recording, log, self.explore(recording, log, *viewers), **environment)
         self.addCleanup(session.close)
         time.sleep(self.random.uniform(0, 2))
         return session
@@ -258,10 +267,7 @@ class Deaths(cli.PalpateTest):
             size = session.recording.stat().st_size
             most = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
             resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (size, most))
-            while "the session goes on" not in session.told:
-                line = session.process.stderr.readline()
-                self.assertTrue(line, session.told)
-                session.told += line
+            session.read_until("the session goes on")
             # goes on, and ends or dies as any other does
             if n % 2 == 0:
                 session.process.terminate()
@@ -274,6 +280,67 @@ class Deaths(cli.PalpateTest):
                 self.assertEqual((code, [event["kind"] for event in session.events()]), (-signal.SIGKILL, ["death"]))
                 self.assert_nothing_left(claims=2)
             self.assert_replays(session.recording, whole=False)
+
+    def begin_watched(self):
+        """(a session that serves a page, the file that chooses who throws, [(name, number)] of its threads)"""
+        chosen = pathlib.Path(self._made.name) / "chosen"
+        self.choose(chosen, 0)
+        session = self.begin("--port", "0", LD_PRELOAD=os.environ["THROWING_THREADS"], THROWING_THREAD=str(chosen))
+        session.read_until("open http")
+        tasks = sorted(pathlib.Path(f"/proc/{session.process.pid}/task").iterdir(), key=lambda task: int(task.name))
+        # the second waits for a signal, and for nothing else
+        return session, chosen, [((task / "comm").read_text().strip(), int(task.name)) for task in tasks if task != tasks[1]]
+
+    @staticmethod
+    def choose(chosen, thread):
+        # in place, for others have it mapped
+        file = os.open(chosen, os.O_RDWR | os.O_CREAT, 0o600)
+        os.pwrite(file, struct.pack("i", thread), 0)
+        os.close(file)
+
+    def ask_page(self, session, path):
+        address = re.search(r"open (http://[^/]+)/", session.told)[1]
+        with urllib.request.urlopen(address + path, timeout=300) as answer:
+            return json.loads(answer.read()) if path == "/api/scene" else len(answer.read())
+
+    # of the viewers' one alone a session does not die: what a connection makes of it is no reason to let go of a hand
+    def test_an_exception_in_any_thread(self):
+        session, _, threads = self.begin_watched()
+        session.process.terminate()
+        session.end()
+        self.assertEqual([name for name, _ in threads].count("palpate"), 4, threads)
+        self.assertLessEqual({"palpate-guard", "palpate-servo", "viewers", "viewer-volumes"}, {name for name, _ in threads})
+        seen_ms = []
+        for place in trials(list(range(len(threads))), 2):
+            session, chosen, threads_now = self.begin_watched()
+            name, number = threads_now[place]
+            with self.subTest(name, place=place):
+                self.assertEqual(name, threads[place][0])
+                volume = self.ask_page(session, "/api/scene")["volume"]
+                size = session.recording.stat().st_size
+                then_ns = time.monotonic_ns()
+                self.choose(chosen, number)
+                if name == "viewers":
+                    session.read_until("a fault in the server")
+                    self.choose(chosen, 0)
+                    self.assertEqual(self.ask_page(session, "/api/scene")["volume"], volume)
+                    session.wait_until(lambda: session.recording.stat().st_size > size, "it records more")
+                    session.process.terminate()
+                elif name == "viewer-volumes":
+                    # nobody answers
+                    with contextlib.suppress(OSError, http.client.HTTPException):
+                        self.ask_page(session, f"/api/volume/labels/{volume['hash']}")
+                code, _, told = session.end()
+                dies = name != "viewers"
+                self.assertEqual(code, -signal.SIGABRT if dies else cli.OK, told)
+                self.assertEqual("thrown for a test" in told, dies, told)
+                self.assertEqual([event["kind"] for event in session.events()], ["death"] * dies)
+                if dies:
+                    seen_ms.append((session.events()[0]["halted_ns"] - then_ns) / 1e6)
+                self.assert_replays(session.recording, whole=not dies)
+                self.assert_nothing_left(claims=2 * dies)
+        if seen_ms:
+            self.print_figures("seen after the exception was due", seen_ms)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,115 @@
+#include "session/tick_blocks.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "palpate/check.h"
+
+namespace palpate {
+
+TickBlocks::TickBlocks(Read read, std::vector<double> begins_s)
+    : read_block_(std::move(read)), begins_s_(std::move(begins_s)) {
+  PALPATE_CHECK(!begins_s_.empty());
+  reader_ = std::thread([this] { this->read(); });
+}
+
+TickBlocks::~TickBlocks() {
+  ending_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    wanted_changed_.notify_all();
+  }
+  reader_.join();
+}
+
+std::optional<TickRecord> TickBlocks::tick_at(double at_s, int way, double from_s) {
+  const std::size_t block = block_at(at_s);
+  const std::lock_guard lock(mutex_);
+  if (block != wanted_ || way != way_) {
+    wanted_ = block;
+    way_ = way;
+    wanted_changed_.notify_all();
+  }
+  const Block* ticks = find(block);
+  if (ticks == nullptr) return nearest_played(block, way, block_at(from_s));
+  const auto next = std::ranges::upper_bound(*ticks, at_s, {}, &TickRecord::time_s);
+  return *(next == ticks->begin() ? next : next - 1);
+}
+
+std::optional<Error> TickBlocks::failure() const {
+  const std::lock_guard lock(mutex_);
+  return failure_;
+}
+
+void TickBlocks::try_again() {
+  const std::lock_guard lock(mutex_);
+  failure_.reset();
+  wanted_changed_.notify_all();
+}
+
+std::size_t TickBlocks::block_at(double at_s) const {
+  const auto after = std::ranges::upper_bound(begins_s_, at_s);
+  return after == begins_s_.begin() ? 0 : static_cast<std::size_t>(after - begins_s_.begin()) - 1;
+}
+
+const TickBlocks::Block* TickBlocks::find(std::size_t block) {
+  const auto found = std::ranges::find(kept_, block, &Kept::number);
+  if (found == kept_.end()) return nullptr;
+  kept_.splice(kept_.begin(), kept_, found);
+  return &kept_.front().ticks;
+}
+
+bool TickBlocks::is_kept(std::size_t block) const {
+  return std::ranges::find(kept_, block, &Kept::number) != kept_.end();
+}
+
+std::optional<TickRecord> TickBlocks::nearest_played(std::size_t block, int way, std::size_t from) const {
+  const Kept* nearest = nullptr;
+  for (const Kept& kept : kept_) {
+    const bool played = way > 0   ? kept.number >= from && kept.number < block
+                        : way < 0 ? kept.number <= from && kept.number > block
+                                  : false;
+    if (played && (nearest == nullptr || (kept.number > nearest->number) == (way > 0))) nearest = &kept;
+  }
+  if (nearest == nullptr) return std::nullopt;
+  return way > 0 ? nearest->ticks.back() : nearest->ticks.front();
+}
+
+// with the mutex
+std::optional<std::size_t> TickBlocks::missing() const {
+  if (failure_) return std::nullopt;
+  if (!is_kept(wanted_)) return wanted_;
+  if (way_ > 0 && wanted_ + 1 < begins_s_.size() && !is_kept(wanted_ + 1)) return wanted_ + 1;
+  if (way_ < 0 && wanted_ > 0 && !is_kept(wanted_ - 1)) return wanted_ - 1;
+  return std::nullopt;
+}
+
+void TickBlocks::read() {
+  const Progress progress({}, &ending_);
+  std::unique_lock lock(mutex_);
+  while (!ending_) {
+    const auto block = missing();
+    if (!block) {
+      wanted_changed_.wait(lock);
+      continue;
+    }
+    lock.unlock();
+    auto ticks = read_block_(*block, progress);
+    lock.lock();
+    if (!ticks) {
+      failure_ = ticks.error();
+      continue;
+    }
+    // times are looked for in it
+    if (ticks->empty() || !std::ranges::is_sorted(*ticks, {}, &TickRecord::time_s) ||
+        ticks->front().time_s != begins_s_[*block]) {
+      failure_ = Error{ErrorKind::kBadInput, "the recording has changed while it was looked at", "",
+                       "open it again when nothing writes to it"};
+      continue;
+    }
+    kept_.push_front({*block, *std::move(ticks)});
+    if (kept_.size() > kMostKept) kept_.pop_back();
+  }
+}
+
+}  // namespace palpate

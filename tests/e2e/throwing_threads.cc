@@ -1,0 +1,80 @@
+// Loaded before palpate, it lets a thread that the test has chosen throw an exception that nobody expects: as a thread asks
+// the system for something, or is answered, it looks whether it is the one. THROWING_THREAD names a file that holds the
+// thread's number, four bytes; 0: none.
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <pthread.h>
+#include <sys/epoll.h>
+#include <sys/mman.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <stdexcept>
+
+namespace {
+
+const std::atomic<pid_t>* chosen() {
+  static const auto* const number = []() -> const std::atomic<pid_t>* {
+    const char* const name = std::getenv("THROWING_THREAD");
+    const int file = name != nullptr ? ::open(name, O_RDONLY | O_CLOEXEC) : -1;
+    if (file < 0) return nullptr;
+    void* const room = ::mmap(nullptr, sizeof(std::atomic<pid_t>), PROT_READ, MAP_SHARED, file, 0);
+    ::close(file);
+    return room == MAP_FAILED ? nullptr : static_cast<const std::atomic<pid_t>*>(room);
+  }();
+  return number;
+}
+// before another of the process's threads can be the first
+[[maybe_unused]] const auto* const kChosen = chosen();
+
+void look() {
+  const auto* const number = chosen();
+  if (number != nullptr && *number != 0 && *number == ::gettid())
+    throw std::runtime_error("thrown for a test");
+}
+
+template <class Function>
+Function* real(const char* name) {
+  return reinterpret_cast<Function*>(::dlsym(RTLD_NEXT, name));
+}
+
+template <class Function, class... Arguments>
+auto looked_at(Function* function, Arguments... arguments) {
+  look();
+  const auto result = function(arguments...);
+  look();
+  return result;
+}
+
+}  // namespace
+
+// what threads wait by; noexcept in none of them
+#define PALPATE_LOOKS_AT(name, parameters, arguments)         \
+  extern "C" int name parameters {                            \
+    static auto* const function = real<int parameters>(#name); \
+    return looked_at arguments;                               \
+  }
+PALPATE_LOOKS_AT(nanosleep, (const timespec* asked, timespec* left), (function, asked, left))
+PALPATE_LOOKS_AT(clock_nanosleep, (clockid_t clock, int flags, const timespec* asked, timespec* left),
+                 (function, clock, flags, asked, left))
+PALPATE_LOOKS_AT(poll, (pollfd * files, nfds_t count, int timeout_ms), (function, files, count, timeout_ms))
+PALPATE_LOOKS_AT(ppoll, (pollfd * files, nfds_t count, const timespec* timeout, const sigset_t* mask),
+                 (function, files, count, timeout, mask))
+PALPATE_LOOKS_AT(pthread_cond_wait, (pthread_cond_t * condition, pthread_mutex_t* mutex), (function, condition, mutex))
+PALPATE_LOOKS_AT(pthread_cond_timedwait,
+                 (pthread_cond_t * condition, pthread_mutex_t* mutex, const timespec* until),
+                 (function, condition, mutex, until))
+PALPATE_LOOKS_AT(pthread_cond_clockwait,
+                 (pthread_cond_t * condition, pthread_mutex_t* mutex, clockid_t clock, const timespec* until),
+                 (function, condition, mutex, clock, until))
+#undef PALPATE_LOOKS_AT
+
+// not as it returns: what it tells is told once
+extern "C" int epoll_wait(int file, epoll_event* events, int most, int timeout_ms) {
+  static auto* const function = real<int(int, epoll_event*, int, int)>("epoll_wait");
+  look();
+  return function(file, events, most, timeout_ms);
+}
