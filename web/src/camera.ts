@@ -34,11 +34,9 @@ export class Camera {
     this.worldFromPatient = worldFromPatient;
     this.patientFromWorld = invert(worldFromPatient);
   }
-  /** @returns whether the object stands otherwise than before */
-  setRotation(felt: Quaternion): boolean {
-    const same = felt.every((x, i) => Math.abs(x - this.felt[i]!) < 1e-6);
-    if (!same) this.felt = felt;
-    return !same;
+  /** How the object stands; what a float leaves of the same rotation moves no picture. */
+  setRotation(felt: Quaternion): void {
+    if (felt.some((x, i) => Math.abs(x - this.felt[i]!) >= 1e-6)) this.felt = felt;
   }
 
   toWorld(p: Vec3): Vec3 {

@@ -2,6 +2,7 @@
 
 import { FONT } from "./overlay.js";
 import type { Picture } from "./picture.js";
+import { pixelRatio } from "./screen.js";
 import type { Session } from "./session.js";
 import type { Pose } from "./wire.js";
 import { words } from "./words.js";
@@ -24,16 +25,16 @@ export function fileStem(): string {
 }
 
 export class Capture {
-  private recorder: MediaRecorder | null = null;
-  private canvas: HTMLCanvasElement | null = null;
-  private poses: string[] = [];
-  private begun_ms = 0;
+  /** What is being recorded. */
+  private recording: { recorder: MediaRecorder; canvas: HTMLCanvasElement; poses: string[]; begun_ms: number } | null = null;
 
-  constructor(private readonly session: Session, private readonly pictures: Picture[], private readonly area: HTMLElement) {}
+  /** @param onFailed  a recording has ended by itself; what there is of it is kept */
+  constructor(private readonly session: Session, private readonly pictures: Picture[], private readonly area: HTMLElement,
+              private readonly onFailed: (error: Error) => void) {}
 
   /** Every picture that is shown, where it is on the page, below a line that says what it may be used for. */
   compose(canvas: HTMLCanvasElement): void {
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const ratio = pixelRatio();
     const box = this.area.getBoundingClientRect();
     // an even size, which video encoders want
     const [w, h] = [box.width * ratio, (box.height + HEAD_PX) * ratio].map((n) => 2 * Math.round(n / 2)) as [number, number];
@@ -74,45 +75,48 @@ export class Capture {
   }
 
   get isRecording(): boolean {
-    return this.recorder !== null;
+    return this.recording !== null;
   }
   seconds(): number {
-    return this.recorder ? (performance.now() - this.begun_ms) / 1000 : 0;
+    return this.recording ? (performance.now() - this.recording.begun_ms) / 1000 : 0;
   }
 
   /** @throws Error where the browser cannot record */
   start(): void {
     const type = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"].find((t) => window.MediaRecorder?.isTypeSupported(t));
     if (!type) throw new Error(words.noVideo);
-    this.canvas = document.createElement("canvas");
-    this.compose(this.canvas);
-    const recorder = new MediaRecorder(this.canvas.captureStream(FRAMES_A_SECOND), { mimeType: type, videoBitsPerSecond: 8e6 });
+    const canvas = document.createElement("canvas");
+    this.compose(canvas);
+    const recorder = new MediaRecorder(canvas.captureStream(FRAMES_A_SECOND), { mimeType: type, videoBitsPerSecond: 8e6 });
     const parts: Blob[] = [];
     const stem = fileStem();
     const scene = this.session.scene!;
-    this.poses = [JSON.stringify({ notice: words.notice, side: scene.side, frame: "patient (LPS), mm; forces in World, N", palpate: scene.palpate })];
+    const poses = [JSON.stringify({ notice: words.notice, side: scene.side, frame: "patient (LPS), mm; forces in World, N", palpate: scene.palpate })];
     recorder.ondataavailable = (event) => parts.push(event.data);
     recorder.onstop = () => {
       download(new Blob(parts, { type: "video/webm" }), `${stem}.webm`);
-      download(new Blob([this.poses.join("\n") + "\n"], { type: "application/jsonl" }), `${stem}.poses.jsonl`);
+      download(new Blob([poses.join("\n") + "\n"], { type: "application/jsonl" }), `${stem}.poses.jsonl`);
+    };
+    const recording = (this.recording = { recorder, canvas, poses, begun_ms: performance.now() });
+    // the browser ends it then, and hands over what it has
+    recorder.onerror = () => {
+      if (this.recording === recording) this.recording = null;
+      this.onFailed(new Error(words.videoEnded));
     };
     recorder.start(1000);
-    this.recorder = recorder;
-    this.begun_ms = performance.now();
   }
   stop(): void {
-    this.recorder?.stop();
-    this.recorder = null;
-    this.canvas = null;
+    this.recording?.recorder.stop();
+    this.recording = null;
   }
   addPose(pose: Pose): void {
-    if (!this.recorder) return;
+    if (!this.recording) return;
     const devices = pose.devices.map((d) => ({ tip: d.tip, proxy: d.proxy, force: d.force, label: d.label, depth: Number.isFinite(d.depth) ? d.depth : null, flags: d.flags,
       felt: d.felt.map(({ label, depth, share }) => ({ label, depth: Number.isFinite(depth) ? depth : null, share })) }));
-    this.poses.push(JSON.stringify({ sequence: pose.sequence, tick: pose.tick, time: pose.time, rotation: pose.rotation, devices }));
+    this.recording.poses.push(JSON.stringify({ sequence: pose.sequence, tick: pose.tick, time: pose.time, rotation: pose.rotation, devices }));
   }
   /** After every picture of the page. */
   drawn(): void {
-    if (this.canvas) this.compose(this.canvas);
+    if (this.recording) this.compose(this.recording.canvas);
   }
 }

@@ -1,5 +1,5 @@
 // Figures for people: three significant digits, in a unit in which they are read easily. A figure that changes all the time
-// stands in a column of its own width (class "live"), so that its length moves nothing else.
+// stands in a column of its own width, so that its length moves nothing else.
 
 import { words } from "./words.js";
 

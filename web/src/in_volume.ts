@@ -50,7 +50,7 @@ export function drawShaft(frame: Frame, seen: InVolume, from: Vec3, to: Vec3, ra
     };
     const [left, right] = [1, -1].map((sign) => [side(a, run.from, sign), side(b, run.to, sign)] as const) as [readonly [[number, number], [number, number]], readonly [[number, number], [number, number]]];
     context.save();
-    // whatever is in front of the tip
+    // seen through what is in front of it
     context.globalAlpha = run.isHidden ? 0.6 : 1;
     if (!run.isHidden) {
       context.beginPath();

@@ -44,7 +44,6 @@ export class LivePicture<Camera> {
       renderer.moved_ms = now;
       this.isWanted = true;
       this.sharp = false;
-      // a sharp one would stand in the way of whatever else moves
     } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isHeld) this.isWanted = this.sharp = true;
     if (this.isWanted && renderer.isLoaded && (this.asked === "" || (this.asked === "sharp" && !this.sharp))) {
       this.isWanted = false;

@@ -27,13 +27,15 @@ import { VolumeView } from "./volume_view.js";
 import { VolumeRenderer } from "./volume_renderer.js";
 import type { Preset } from "./camera.js";
 import { add, angleOf_deg, conjugate, multiply, scale, type Anatomical, type Quaternion, type Vec3 } from "./geometry.js";
+import { memory_GB } from "./screen.js";
 import { PROTOCOL, type Pose } from "./wire.js";
 import { says, words, type Message } from "./words.js";
 
 const TOKEN_KEY = "palpate.token";
 /** What is not drawn by the graphics card is drawn less often, so that the page stays awake. */
 const SOFTWARE_FRAME_MS = 66;
-const SHARED = 3; // times as long as the last frame took
+/** Beside a picture of the volume, sections are drawn in a third of the time: as many times their own pass from one to the next. */
+const SECTIONS_REST = 3;
 /** Graphics that the browser has not given back by then will hardly come. */
 const HOPELESS_MS = 5000;
 const FIGURES_MS = 100;
@@ -94,7 +96,10 @@ class Page {
       (kind) => new SectionView(kind, session, this.slicer, this.measures, this.pointer));
     const pictures: Picture[] = [this.volume.picture, this.scope.picture, ...this.sections.map((section) => section.picture)];
     byId("pictures").append(...pictures.map((picture) => picture.element));
-    this.capture = new Capture(session, pictures, byId("pictures"));
+    this.capture = new Capture(session, pictures, byId("pictures"), (error) => {
+      complain(error);
+      press(byId("record"), false);
+    });
     this.controls = new Controls(session, this.connection, this.requests, this.history, {
       layout: (name) => this.layout(name),
       screenshot: () => void this.capture.screenshot().then((blob) => download(blob, `${fileStem()}.png`)).catch(complain),
@@ -145,6 +150,20 @@ class Page {
     if (this.isMending) return;
     this.isMending = true;
     const { graphics } = this;
+    try {
+      await this.mendAll();
+    } catch (error) {
+      complain(error);
+    }
+    this.isMending = false;
+    if (graphics.sections === "fine" && graphics.volume === "fine") {
+      clearTimeout(this.hopeless);
+      this.isHopeless = false;
+    }
+    this.tellOfGraphics();
+  }
+  private async mendAll(): Promise<void> {
+    const { graphics } = this;
     for (;;) {
       if (graphics.sections === "restorable") {
         await this.slicer.restore(this.session.volumes);
@@ -155,14 +174,8 @@ class Page {
           graphics.volume = "fine";
           if (this.failed === "once") this.failed = "no";
         }
-      } else break;
+      } else return;
     }
-    this.isMending = false;
-    if (graphics.sections === "fine" && graphics.volume === "fine") {
-      clearTimeout(this.hopeless);
-      this.isHopeless = false;
-    }
-    this.tellOfGraphics();
   }
   private tellOfGraphics(): void {
     const isTaken = { sections: this.graphics.sections !== "fine", volume: this.graphics.volume !== "fine" && this.failed === "no" };
@@ -238,7 +251,7 @@ class Page {
     byId("cover").hidden = false;
     write(byId("cover-text"), words.loading);
     this.loaded(0);
-    const memory = (navigator as { deviceMemory?: number }).deviceMemory ?? 8;
+    const memory = memory_GB();
     let shrink = shrinkFor(scene.volume.dims, { mostSide: this.slicer.mostSide, mostTexels: memory <= 2 ? 8e6 : memory <= 4 ? 32e6 : 256e6 });
     for (;;) {
       try {
@@ -449,7 +462,7 @@ class Page {
     if (this.slicer.isSoftware) {
       // one that takes long leaves the volume's picture, which is drawn beside it, its share
       const isDone = this.slicer.isDone;
-      const least = this.renderer.isDrawing ? Math.max(SOFTWARE_FRAME_MS, SHARED * this.slicer.took_ms) : SOFTWARE_FRAME_MS;
+      const least = this.renderer.isDrawing ? Math.max(SOFTWARE_FRAME_MS, SECTIONS_REST * this.slicer.took_ms) : SOFTWARE_FRAME_MS;
       if (!isDone || now - this.drawn_ms < least) return;
       this.drawn_ms = now;
     }

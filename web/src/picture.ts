@@ -1,6 +1,7 @@
 // A picture on the page: what is drawn of the volume below, what is drawn over it above, in two canvases of one size.
 
 import type { Frame } from "./overlay.js";
+import { pixelRatio } from "./screen.js";
 import { says } from "./words.js";
 
 /** Its id, by which its name and what is done in it stand in the words. */
@@ -37,7 +38,7 @@ export class Picture {
     return this.element.firstElementChild as HTMLElement;
   }
   private measure(): void {
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const ratio = pixelRatio();
     const { clientWidth, clientHeight } = this.surface;
     this.wanted = { width: Math.round(clientWidth * ratio), height: Math.round(clientHeight * ratio), ratio };
   }

@@ -1,5 +1,7 @@
 // Small plots over time: a ring of samples, drawn on a canvas in the colours of the theme.
 
+import { pixelRatio } from "./screen.js";
+
 export interface Curve { colour: string; samples: number[] }
 
 export class Plot {
@@ -32,7 +34,7 @@ export class Plot {
   }
 
   draw(): void {
-    const ratio = Math.min(devicePixelRatio || 1, 2);
+    const ratio = pixelRatio();
     const [w, h] = [Math.round(this.canvas.clientWidth * ratio), Math.round(this.canvas.clientHeight * ratio)];
     if (w === 0 || h === 0) return;
     if (this.canvas.width !== w || this.canvas.height !== h) Object.assign(this.canvas, { width: w, height: h });

@@ -246,8 +246,12 @@ export class Slicer {
     // what was waited for was the lost context's
     this.drawing = null;
     this.setUp();
-    // lost once more: it will be told of
-    if (volumes) await this.load(volumes).catch(() => {});
+    try {
+      if (volumes) await this.load(volumes);
+    } catch (error) {
+      // lost once more: it will be told of
+      if (!this.isLost) throw error;
+    }
   }
 
   /** After a frame's last plane: `isDone` when all of it is drawn. */

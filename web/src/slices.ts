@@ -37,7 +37,7 @@ export class SliceChooser {
   private shown = { slice: 0, count: 0 };
 
   constructor(private readonly choose: (slice: number) => void) {
-    // the pointer is the track's, so that a slider that another finger leaves alone is no slider less
+    // the track listens, and not the slider, which by itself follows the first finger alone
     const track = element("div", { className: "track" }, this.slider);
     const at = (event: PointerEvent) => {
       const { top, height } = track.getBoundingClientRect();

@@ -7,6 +7,7 @@ import { quantity } from "./figures.js";
 import { onLanguage } from "./language.js";
 import { refusalText, type Requests } from "./requests.js";
 import type { RecordedEvent, Recording, State } from "./scene.js";
+import { pixelRatio } from "./screen.js";
 import { readable, type Session } from "./session.js";
 import { words } from "./words.js";
 import type { Pose } from "./wire.js";
@@ -125,7 +126,7 @@ export class Timeline {
   draw(): void {
     const { recording, session, canvas } = this;
     if (!recording || !session.pose) return;
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const ratio = pixelRatio();
     const width = Math.round(canvas.clientWidth * ratio);
     const height = Math.round(canvas.clientHeight * ratio);
     const now = [width, height, session.pose.tick, session.lookVersion, getComputedStyle(canvas).color].join();

@@ -61,7 +61,7 @@ export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step
     return true;
   };
   if (isFree(tip, outside, LEAVES_MM)) return [outside, inside];
-  // a hand that goes through what it feels would leave its tool behind on the other side
+  // never to the other side of what is felt: the tool would stay on this one
   const [first, second] = besides(into);
   const least = Math.min(dot(tip, into), dot(outside, into));
   const lifted = (p: Vec3, lift: number) => sub(p, scale(into, dot(p, into) - least + lift));

@@ -9,6 +9,7 @@ import { LivePicture } from "./live_picture.js";
 import { drawAge, drawCube, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText, type Projection } from "./overlay.js";
 import { Picture } from "./picture.js";
 import type { PointerDevice } from "./pointer.js";
+import { memory_GB } from "./screen.js";
 import type { Session } from "./session.js";
 import { firstFelt, Ground, wayTo } from "./touch.js";
 import { BACKGROUND, viewOf, type Cut } from "./volume_caster.js";
@@ -53,7 +54,7 @@ export class VolumeView {
 
   /** Of the volume's texture: it takes 6 bytes a texel. */
   get mostTexels(): number {
-    const memory = (navigator as { deviceMemory?: number }).deviceMemory ?? 8;
+    const memory = memory_GB();
     return this.isSoftware ? 1.2e6 : memory <= 2 ? 2e6 : memory <= 4 ? 4e6 : 9e6;
   }
 

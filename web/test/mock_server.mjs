@@ -194,10 +194,14 @@ let tick = 0;
 let sequence = 0;
 const begun = performance.now();
 const sub = (a, b) => a.map((x, i) => x - b[i]);
-const labelAt = (p) => {
-  const v = axes.map((axis) => Math.round(axis.reduce((sum, x, r) => sum + x * (p[r] - origin[r]), 0) / spacing));
-  return v.every((x, i) => x >= 0 && x < dims[i]) ? labels[v[0] + dims[0] * (v[1] + dims[1] * v[2])] : 0;
+// asked for a hundred thousand times a second: without an array
+const labelOf = (x, y, z) => {
+  const [a, b, c] = [x - origin[0], y - origin[1], z - origin[2]];
+  const along = (axis) => Math.round((axis[0] * a + axis[1] * b + axis[2] * c) / spacing);
+  const [i, j, k] = [along(axes[0]), along(axes[1]), along(axes[2])];
+  return i >= 0 && i < dims[0] && j >= 0 && j < dims[1] && k >= 0 && k < dims[2] ? labels[i + dims[0] * (j + dims[1] * k)] : 0;
 };
+const labelAt = (p) => labelOf(p[0], p[1], p[2]);
 /** The way out that is the shortest of many directions. */
 function surface(p) {
   let best = null;
@@ -205,9 +209,8 @@ function surface(p) {
     const z = 1 - (2 * i + 1) / 120;
     const u = [Math.sqrt(1 - z * z) * Math.cos(2.4 * i), Math.sqrt(1 - z * z) * Math.sin(2.4 * i), z];
     for (let way = 0; way < (best?.way ?? 40); way += 0.2) {
-      const q = p.map((x, c) => x + u[c] * way);
-      if (labelAt(q) === 0) {
-        best = { way, q, u };
+      if (labelOf(p[0] + u[0] * way, p[1] + u[1] * way, p[2] + u[2] * way) === 0) {
+        best = { way, q: p.map((x, c) => x + u[c] * way), u };
         break;
       }
     }

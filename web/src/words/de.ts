@@ -79,6 +79,7 @@ export const de: Words = {
   recording: (time) => `Beenden ${time}`,
   noVideo: "Dieser Browser kann kein Video aufzeichnen.",
   noPicture: "Der Browser hat kein Bild geliefert.",
+  videoEnded: "Der Browser hat das Video beendet; was davon da ist, ist gespeichert.",
 
   volume: "Volumen",
   volumeAbout: "Volumen. Pfeiltasten: Blickrichtung; mit Alt: das Objekt drehen; Plus und Minus: Zoom; Pos1: von vorn.",

@@ -78,6 +78,7 @@ export const en = {
   recording: (time: string) => `Stop ${time}`,
   noVideo: "This browser cannot record video.",
   noPicture: "The browser made no picture.",
+  videoEnded: "The browser has ended the video; what there is of it is saved.",
 
   volume: "Volume",
   volumeAbout: "Volume. Arrow keys: look from elsewhere; with Alt: turn the object; plus and minus: zoom; Home: from anterior.",
