@@ -96,7 +96,8 @@ bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
 
 /// A reader that is slow beside the writer may meet an index in the middle of a change: it looks again.
 /// @param look  reads all that it needs, anew each time
-Result<void> read_beside_writer(const std::filesystem::path& file, const std::function<Result<void>()>& look) {
+Result<void> read_beside_writer(const std::filesystem::path& file,
+                                const std::function<Result<void>()>& look) {
   constexpr int kMostLooks = 20;
   for (int looks = 1;; ++looks) {
     const auto before = last_change(file);

@@ -153,7 +153,9 @@ TEST(Loop, ForceFadesOutBeforeItStops) {
   EXPECT_EQ(resting.forces_N.back(), 0);
   // no step larger than the ramp or, after a late tick, the slew allows
   std::vector<TickRecord> records(resting.forces_N.size());
-  ASSERT_EQ(loop->ring().pop(records), records.size());
+  records.resize(loop->ring().pop(records));
+  // a thread that waits long for its turn stops a loop whose ring is full
+  ASSERT_EQ(records.size() + loop->health().dropped, resting.forces_N.size());
   for (std::size_t n = 1; n < records.size(); ++n) {
     if (!undisturbed(records[n - 1], records[n])) continue;
     const double fade = records[n].dt_s / 0.1 * full_N * 1.01;
@@ -293,8 +295,11 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
   // taken as they come: on a busy machine more ticks pass than the ring holds
   std::vector<TickRecord> records, taken(4096);
   const auto take_records = [&] {
-    while (const std::size_t count = loop->ring().pop(taken))
+    // until it was empty once: a thread that is slower than the loop would never see it empty for good
+    for (std::size_t count = taken.size(); count == taken.size();) {
+      count = loop->ring().pop(taken);
       records.insert(records.end(), taken.begin(), taken.begin() + static_cast<std::ptrdiff_t>(count));
+    }
   };
   wait_until([&] {
     take_records();
@@ -313,14 +318,17 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
   loop->stop();
 
   take_records();
-  ASSERT_EQ(records.size(), forces_N.size());
+  // a thread that waits long for its turn finds the ring full, and some lost
+  ASSERT_EQ(records.size() + loop->health().dropped, forces_N.size());
   std::uint32_t version = 1;
   for (std::size_t n = 1; n < records.size(); ++n) {
     ASSERT_GE(records[n].model_version, version) << "versions only go forward";
     version = records[n].model_version;
-    if (!undisturbed(records[n - 1], records[n])) continue;
+    const std::uint64_t tick = records[n].tick;
+    ASSERT_LT(tick, forces_N.size());
+    if (records[n - 1].tick + 1 != tick || !undisturbed(records[n - 1], records[n])) continue;
     // a step of what is asked, some 3.2 N, over the blend, 1.5 times as steep at its beginning, or the ramps
-    ASSERT_LE(std::abs(forces_N[n] - forces_N[n - 1]), 50 * records[n].dt_s) << n;
+    ASSERT_LE(std::abs(forces_N[tick] - forces_N[tick - 1]), 50 * records[n].dt_s) << tick;
   }
   EXPECT_EQ(version, 20u);
 }

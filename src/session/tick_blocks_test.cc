@@ -40,6 +40,10 @@ class TickBlocksReadSlowly : public ::testing::Test {
     const auto tick = blocks_.tick_at(at_s, way, from_s);
     return tick ? std::optional(tick->tick) : std::nullopt;
   }
+  // the block that waits to be read
+  bool comes_to_read(std::size_t block) {
+    return testing::soon([&] { return reading_ == block; });
+  }
   void read_one() {
     const int before = read_;
     told_.release();
@@ -49,10 +53,12 @@ class TickBlocksReadSlowly : public ::testing::Test {
  private:
   std::atomic<bool> ended_{false};
   std::atomic<int> read_{0};
+  std::atomic<std::size_t> reading_{kBlocks};
   std::counting_semaphore<> told_{0};
 
  protected:
   TickBlocks blocks_{[this](std::size_t block, const Progress&) -> Result<TickBlocks::Block> {
+                       reading_ = block;
                        told_.acquire();
                        if (ended_) return Progress::interrupted();
                        ++read_;
@@ -63,13 +69,16 @@ class TickBlocksReadSlowly : public ::testing::Test {
 
 TEST_F(TickBlocksReadSlowly, WhatPlaysFasterThanItIsReadShowsHowFarItIs) {
   EXPECT_EQ(shown_at(0.6, 1, 0.6), std::nullopt);
+  ASSERT_TRUE(comes_to_read(0));
   EXPECT_EQ(shown_at(3.2, 1, 0.6), std::nullopt);
   read_one();
   ASSERT_TRUE(testing::soon([&] { return shown_at(3.2, 1, 0.6) == 1; })) << "of the block that it began in";
-  // the reader is at block 3, which has been passed when it comes
+  // the next has been passed when it comes
+  ASSERT_TRUE(comes_to_read(3));
   EXPECT_EQ(shown_at(7.9, 1, 0.6), 1);
   read_one();
   ASSERT_TRUE(testing::soon([&] { return shown_at(7.9, 1, 0.6) == 7; }));
+  ASSERT_TRUE(comes_to_read(7));
   read_one();
   ASSERT_TRUE(testing::soon([&] { return shown_at(7.9, 1, 0.6) == 15; })) << "the tick itself";
 

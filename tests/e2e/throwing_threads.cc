@@ -1,6 +1,6 @@
-// Loaded before palpate, it lets a thread that the test has chosen throw an exception that nobody expects: as a thread asks
-// the system for something, or is answered, it looks whether it is the one. THROWING_THREAD names a file that holds the
-// thread's number, four bytes; 0: none.
+// Loaded before palpate, it lets a thread that the test has chosen throw an exception that nobody expects: as
+// a thread asks the system for something, or is answered, it looks whether it is the one. THROWING_THREAD
+// names a file that holds the thread's number, four bytes; 0: none.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -52,10 +52,10 @@ auto looked_at(Function* function, Arguments... arguments) {
 }  // namespace
 
 // what threads wait by; noexcept in none of them
-#define PALPATE_LOOKS_AT(name, parameters, arguments)         \
-  extern "C" int name parameters {                            \
+#define PALPATE_LOOKS_AT(name, parameters, arguments)          \
+  extern "C" int name parameters {                             \
     static auto* const function = real<int parameters>(#name); \
-    return looked_at arguments;                               \
+    return looked_at arguments;                                \
   }
 PALPATE_LOOKS_AT(nanosleep, (const timespec* asked, timespec* left), (function, asked, left))
 PALPATE_LOOKS_AT(clock_nanosleep, (clockid_t clock, int flags, const timespec* asked, timespec* left),
@@ -63,7 +63,8 @@ PALPATE_LOOKS_AT(clock_nanosleep, (clockid_t clock, int flags, const timespec* a
 PALPATE_LOOKS_AT(poll, (pollfd * files, nfds_t count, int timeout_ms), (function, files, count, timeout_ms))
 PALPATE_LOOKS_AT(ppoll, (pollfd * files, nfds_t count, const timespec* timeout, const sigset_t* mask),
                  (function, files, count, timeout, mask))
-PALPATE_LOOKS_AT(pthread_cond_wait, (pthread_cond_t * condition, pthread_mutex_t* mutex), (function, condition, mutex))
+PALPATE_LOOKS_AT(pthread_cond_wait, (pthread_cond_t * condition, pthread_mutex_t* mutex),
+                 (function, condition, mutex))
 PALPATE_LOOKS_AT(pthread_cond_timedwait,
                  (pthread_cond_t * condition, pthread_mutex_t* mutex, const timespec* until),
                  (function, condition, mutex, until))

@@ -222,7 +222,7 @@ function hand(time) {
   const share = Math.min(1, (time % 2) / 0.8);
   const ease = share * share * (3 - 2 * share);
   const from = places[(i + places.length - 1) % places.length];
-  return from.map((x, c) => x + (places[i][c] - x) * ease + (share === 1 ? 0.4 * Math.sin(7 * time + c) : 0));
+  return from.map((x, c) => x + (places[i][c] - x) * ease);
 }
 function pose() {
   const time = (performance.now() - begun) / 1000;
