@@ -23,8 +23,8 @@ struct Heartbeat {
   std::atomic<std::uint64_t> halts_that_ended{0};  ///< number of the newest halt that has ended
 
   // ---- written by the supervisor
-  std::atomic<std::uint64_t> halts{
-      0};  ///< number of the newest halt, that which has ended last where none lasts
+  /// Number of the newest halt, which lasts until halts_that_ended has the same.
+  std::atomic<std::uint64_t> halts{0};
 };
 
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);

@@ -57,8 +57,8 @@ struct ViewedRecording {
     std::uint32_t viewer = 0;  ///< its number, where a viewer asked
   };
   std::vector<Event> events;
-  std::uint64_t events_left_out =
-      0;                        ///< where there are too many to be shown, and those that no tick heard of
+  /// Of events: where there are too many to be shown, and those that no tick heard of.
+  std::uint64_t events_left_out = 0;
   std::vector<double> force_N;  ///< greatest force in each of equally many ticks, first device
 };
 

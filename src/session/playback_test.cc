@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <random>
-#include <thread>
 
 #include "base/test_folder.h"
 #include "base/test_processors.h"
