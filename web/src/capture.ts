@@ -97,13 +97,14 @@ export class Capture {
       download(new Blob(parts, { type: "video/webm" }), `${stem}.webm`);
       download(new Blob([poses.join("\n") + "\n"], { type: "application/jsonl" }), `${stem}.poses.jsonl`);
     };
-    const recording = (this.recording = { recorder, canvas, poses, begun_ms: performance.now() });
+    const recording = { recorder, canvas, poses, begun_ms: performance.now() };
     // the browser ends it then, and hands over what it has
     recorder.onerror = () => {
       if (this.recording === recording) this.recording = null;
       this.onFailed(new Error(words.videoEnded));
     };
     recorder.start(1000);
+    this.recording = recording;
   }
   stop(): void {
     this.recording?.recorder.stop();
