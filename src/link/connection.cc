@@ -180,7 +180,7 @@ void Connection::send_volume(HttpAnswer answer, bool keep_alive) {
 // one part after the other, each when it is its turn among those of all downloads
 void Connection::send_part(bool keep_alive) {
   if (volume_left_.empty()) return sent(keep_alive);
-  const auto turn = hub_.downloads().next(volume_left_.size(), Clock::now());
+  const auto turn = hub_.next_part(volume_left_.size());
   const auto send = [this, part = volume_left_.substr(0, turn.bytes), keep_alive] {
     volume_left_.remove_prefix(part.size());
     write(std::array{net::buffer(part)}, [this, keep_alive] { send_part(keep_alive); });

@@ -40,6 +40,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   About about() const { return about_; }
   /// When it last got on.
   Clock::time_point since() const { return since_; }
+  /// Whether a volume is on its way.
+  bool is_loading() const { return !volume_left_.empty(); }
 
  private:
   using Parser = beast::http::request_parser<beast::http::empty_body>;

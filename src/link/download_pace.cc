@@ -12,11 +12,16 @@ DownloadPace::Clock::duration DownloadPace::time_of(std::size_t bytes) {
       std::chrono::duration<double>(static_cast<double>(bytes) / kEachSecond_bytes));
 }
 
-DownloadPace::Turn DownloadPace::next(std::size_t left_bytes, Clock::time_point now) {
+DownloadPace::Turn DownloadPace::next(std::size_t left_bytes, bool alone, Clock::time_point now) {
   paid_until_ = std::max(paid_until_, now - at_once_);
   const std::size_t large = std::min(left_bytes, kLargePart_bytes);
   if (paid_until_ + time_of(large) <= now) {
     paid_until_ += time_of(large);
+    return {large, now};
+  }
+  // so fast leaves nothing saved up, and no debt to whoever comes next
+  if (alone) {
+    paid_until_ = now;
     return {large, now};
   }
   const std::size_t small = std::min(left_bytes, kSmallPart_bytes);

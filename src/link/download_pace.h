@@ -6,10 +6,10 @@
 namespace palpate::link {
 
 /// How fast volumes go out, all downloads of a server together. What is sent costs the servo time that no
-/// priority gives back: the kernel handles packets where it happens to be, before any thread. So only what
-/// one viewer loads goes as fast as it can; what is more goes in small parts, at a rate that leaves the servo
-/// its time, and each download gets its turn. What was not used comes back at that rate. All times are the
-/// caller's.
+/// priority gives back: the kernel handles packets where it happens to be, before any thread. So where there
+/// are several viewers only as much as one of them loads goes as fast as it can; what is more goes in small
+/// parts, at a rate that leaves the servo its time, and each download gets its turn. What was not used comes
+/// back at that rate. One viewer alone never waits. All times are the caller's.
 class DownloadPace {
  public:
   using Clock = std::chrono::steady_clock;
@@ -26,7 +26,8 @@ class DownloadPace {
   };
   /// The next part of a download, which has sent the one before.
   /// @param left_bytes  of it, at least one
-  Turn next(std::size_t left_bytes, Clock::time_point now);
+  /// @param alone       whether no more is loaded than what one viewer loads
+  Turn next(std::size_t left_bytes, bool alone, Clock::time_point now);
 
  private:
   static Clock::duration time_of(std::size_t bytes);

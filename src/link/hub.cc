@@ -75,6 +75,16 @@ void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
   if (ended_ && viewers_.empty()) context_.stop();
 }
 
+bool Hub::one_loads_alone() const {
+  return welcomed_ <= 1 &&
+         std::count_if(connections_.begin(), connections_.end(),
+                       [](const auto& connection) { return connection->is_loading(); }) <= kDownloadsOfOne;
+}
+
+DownloadPace::Turn Hub::next_part(std::size_t left_bytes) {
+  return downloads_.next(left_bytes, one_loads_alone(), Clock::now());
+}
+
 void Hub::make_room_for_connection() {
   if (connections_.empty() || connections_.size() + viewers_.size() < kMostConnections) return;
   const auto place = [](const auto& connection) {

@@ -35,6 +35,8 @@ class Hub {
   static constexpr std::size_t kKeptForControl = 2;
   /// WebSockets that have yet to say hello: who they are is not known before.
   static constexpr std::size_t kMostSilent = 16;
+  /// A viewer loads scan and labels at once.
+  static constexpr std::ptrdiff_t kDownloadsOfOne = 2;
 
   /// @param host, site, volumes  outlive the hub
   Hub(boost::asio::io_context& context, ViewerHost& host, Site& site, PayloadStore& volumes,
@@ -65,7 +67,8 @@ class Hub {
 
   Site& site() { return site_; }
   FaultLog& log() { return log_; }
-  DownloadPace& downloads() { return downloads_; }
+  /// The next part of a connection's download, which has sent the one before.
+  DownloadPace::Turn next_part(std::size_t left_bytes);
   /// Hands over the bytes on the server's thread.
   void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
 
@@ -81,6 +84,7 @@ class Hub {
   std::string state_for(const Viewer& viewer) const;
 
  private:
+  bool one_loads_alone() const;
   Result<Grant> grant(Viewer& viewer, const Request& request);
   Result<void> grant_rearm(Viewer& viewer, RearmRequest request);
   void answer_late();
