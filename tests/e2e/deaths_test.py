@@ -301,6 +301,32 @@ class Deaths(cli.PalpateTest):
         # the second waits for a signal, and for nothing else
         return session, chosen, threads[:1] + threads[2:]
 
+    def want_fields(self, session):
+        """The thread that makes them."""
+        def threads():
+            return {int(task.name) for task in pathlib.Path(f"/proc/{session.process.pid}/task").iterdir()}
+
+        before = threads()
+        # those there are no longer suit
+        viewer = self.viewer(session)
+        answer = viewer.ask(type="tissue", tissue=0, stiffness_N_per_mm=1.1)
+        self.assertEqual(answer["type"], "done", answer)
+        self.assertEqual(viewer.ask(type="set", method="b-spline")["type"], "done")
+        session.wait_until(lambda: threads() - before, "somebody makes them")
+        # what it begins comes after it, and goes again
+        return min(threads() - before)
+
+    def viewer(self, session):
+        viewer = explore_test.Viewer(self.address(session))
+        self.addCleanup(viewer.close)
+        return viewer
+
+    def feel_b_spline(self, session):
+        viewer = self.viewer(session)
+        self.assertEqual(viewer.ask(type="set", method="b-spline")["type"], "done")
+        while viewer.state.get("method") != "b-spline":
+            viewer.next()
+
     @staticmethod
     def choose(chosen, thread):
         # in place, for others have it mapped
@@ -308,17 +334,21 @@ class Deaths(cli.PalpateTest):
         os.pwrite(file, struct.pack("i", thread), 0)
         os.close(file)
 
+    @staticmethod
+    def address(session):
+        return re.search(r"open (http://[^/]+/)", session.told)[1]
+
     def ask_page(self, session, path):
-        address = re.search(r"open (http://[^/]+)/", session.told)[1]
-        with urllib.request.urlopen(address + path, timeout=300) as answer:
+        with urllib.request.urlopen(self.address(session) + path.lstrip("/"), timeout=300) as answer:
             return json.loads(answer.read()) if path == "/api/scene" else len(answer.read())
 
-    # of the viewers' one alone a session does not die: what a connection makes of it is no reason to let go of a hand
+    # of the viewers' one and of that which makes fields a session does not die: neither is a reason to let go of a hand
     def test_an_exception_in_any_thread(self):
         seen_ms = []
-        for place in trials(list(range(len(self.THREADS) - 1)), 2):
+        maker = len(self.THREADS) - 1  # of fields: it begins when the first are wanted
+        for place in trials(list(range(maker + 1)), 2):
             session, chosen, threads = self.begin_watched()
-            name, number = threads[place]
+            name, number = threads[place] if place < maker else ("fields", self.want_fields(session))
             with self.subTest(name, place=place):
                 volume = self.ask_page(session, "/api/scene")["volume"]
                 size = session.recording.stat().st_size
@@ -330,12 +360,19 @@ class Deaths(cli.PalpateTest):
                     self.assertEqual(self.ask_page(session, "/api/scene")["volume"], volume)
                     session.wait_until(lambda: session.recording.stat().st_size > size, "it records more")
                     session.process.terminate()
+                elif name == "fields":
+                    # it gives up what it was about, and is there for what is asked next
+                    time.sleep(self.random.uniform(0, 0.2))
+                    self.choose(chosen, 0)
+                    self.feel_b_spline(session)
+                    session.wait_until(lambda: session.recording.stat().st_size > size, "it records more")
+                    session.process.terminate()
                 elif name == "viewer-volumes":
                     # nobody answers
                     with contextlib.suppress(OSError, http.client.HTTPException):
                         self.ask_page(session, f"/api/volume/labels/{volume['hash']}")
                 code, _, told = session.end()
-                dies = name != "viewers"
+                dies = name not in ("viewers", "fields")
                 self.assertEqual(code, -signal.SIGABRT if dies else cli.OK, told)
                 self.assertEqual("thrown for a test" in told, dies, told)
                 self.assertEqual([event["kind"] for event in session.events()], ["death"] * dies)
