@@ -60,6 +60,8 @@ class Page {
   private token = sessionStorage.getItem(TOKEN_KEY);
   private drawnVersion = -1;
   private lookVersion = -1;
+  /** Where no graphics card draws. */
+  leastFrame_ms = SOFTWARE_FRAME_MS;
   private drawn_ms = -Infinity;
   private figures_ms = -Infinity;
   private loading: Promise<void> | null = null;
@@ -462,7 +464,7 @@ class Page {
     if (this.slicer.isSoftware) {
       // one that takes long leaves the volume's picture, which is drawn beside it, its share
       const isDone = this.slicer.isDone;
-      const least = this.renderer.isDrawing ? Math.max(SOFTWARE_FRAME_MS, SECTIONS_REST * this.slicer.took_ms) : SOFTWARE_FRAME_MS;
+      const least = this.renderer.isDrawing ? Math.max(this.leastFrame_ms, SECTIONS_REST * this.slicer.took_ms) : this.leastFrame_ms;
       if (!isDone || now - this.drawn_ms < least) return;
       this.drawn_ms = now;
     }
