@@ -394,6 +394,10 @@ class WithPointer(Viewer):
         voxel_from_patient = numpy.linalg.inv(self.patient_from_voxel)
         step = 0.15 * numpy.linalg.norm(self.patient_from_voxel[:3, :3], axis=0).min()
         covered = sum(shares.values())
+        # of the eight voxels that a place lies between: few places need to be looked at closely
+        largest = covered
+        for axis in range(3):
+            largest = numpy.maximum(largest, numpy.roll(largest, -1, axis))
         eye = numpy.broadcast_to(eye, rays.shape)
         met = numpy.zeros((len(rays), len(shares)))
         alive = numpy.arange(len(rays))
@@ -407,7 +411,8 @@ class WithPointer(Viewer):
                 return sum(numpy.prod(numpy.where(corner, within[which], 1 - within[which]), 1) * field[tuple((low[which] + corner).T)]
                            for corner in map(numpy.array, numpy.ndindex(2, 2, 2)))
 
-            hit = inside & (linear(covered, slice(None)) >= 0.45)
+            hit = inside & (largest[tuple(low.T)] >= 0.45)
+            hit[hit] = linear(covered, hit) >= 0.45
             if hit.any():
                 met[alive[hit]] = numpy.transpose([linear(field, hit) for field in shares.values()])
             alive = alive[~hit]

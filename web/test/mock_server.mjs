@@ -28,11 +28,12 @@ const tokens = new Map(options["token-file"]
 const roleOf = (token) => (tokens.size === 0 ? "control" : tokens.get(token) ?? null);
 
 // a knee of simple shapes, mm about the joint; what comes first wins
-const ellipsoid = (c, r) => (p) => Math.hypot(...p.map((x, i) => (x - c[i]) / r[i])) - 1;
+const length = (x, y, z) => Math.sqrt(x * x + y * y + z * z);
+const ellipsoid = (c, r) => (p) => length((p[0] - c[0]) / r[0], (p[1] - c[1]) / r[1], (p[2] - c[2]) / r[2]) - 1;
 const cylinder = (c, r, from, to) => (p) =>
-  Math.max(Math.hypot(p[0] - c[0], p[1] - c[1]) / r - 1, (from - p[2]) / r, (p[2] - to) / r);
-const any = (...shapes) => (p) => Math.min(...shapes.map((shape) => shape(p)));
-const ring = (c, r, thick) => (p) => Math.hypot(Math.hypot(p[0] - c[0], p[1] - c[1]) - r, p[2] - c[2]) / thick - 1;
+  Math.max(length(p[0] - c[0], p[1] - c[1], 0) / r - 1, (from - p[2]) / r, (p[2] - to) / r);
+const any = (...shapes) => (p) => shapes.reduce((least, shape) => Math.min(least, shape(p)), Infinity);
+const ring = (c, r, thick) => (p) => length(length(p[0] - c[0], p[1] - c[1], 0) - r, p[2] - c[2], 0) / thick - 1;
 const femur = any(ellipsoid([17, 4, 16], [16, 22, 16]), ellipsoid([-17, 4, 16], [16, 22, 16]), cylinder([0, 0, 0], 14, 18, 70));
 const tibia = any(ellipsoid([0, 2, -16], [32, 21, 11]), cylinder([0, 0, 0], 13, -70, -16));
 const structures = [
@@ -54,7 +55,7 @@ if (isSphere) structures.forEach((structure, n) => (structure.shape = n === 0 ? 
 // unit, of i, j and k: a rotation by 12 degrees of the swapped and mirrored axes
 const [cos, sin] = [Math.cos(0.21), Math.sin(0.21)];
 const axes = isRamp ? [[0, sin, cos], [-1, 0, 0], [0, cos, -sin]] : [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-const place = (v) => [0, 1, 2].map((r) => v.reduce((sum, n, c) => sum + axes[c][r] * spacing * n, 0));
+const place = ([i, j, k]) => [0, 1, 2].map((r) => spacing * (axes[0][r] * i + axes[1][r] * j + axes[2][r] * k));
 const origin = isRamp || isSphere ? place(dims.map((n) => (1 - n) / 2)) : [-54, -54, -65];
 const X_PatientVoxel = [...[0, 1, 2].map((r) => [...axes.map((axis) => axis[r] * spacing), origin[r]]), [0, 0, 0, 1]];
 const labels = new Uint8Array(dims[0] * dims[1] * dims[2]);
@@ -67,7 +68,7 @@ for (let k = 0, n = 0; k < dims[2]; k++) {
       const p = place([i, j, k]).map((x, axis) => x + origin[axis]);
       const inside = structures.find((structure) => structure.shape(p) < 0);
       labels[n] = inside?.label ?? 0;
-      const skin = Math.hypot(p[0] / 52, (p[1] - 2) / 50);
+      const skin = length(p[0] / 52, (p[1] - 2) / 50, 0);
       const value = inside ? [600, 500, 110][inside.tissue] : skin < 0.82 ? 330 : skin < 1 ? 720 : 12;
       scan[n] = isRamp ? Math.round(1000 + (255 * i) / (dims[0] - 1)) - 32768 : value + 40 * (random() - 0.5);
     }
