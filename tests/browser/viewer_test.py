@@ -30,7 +30,7 @@ import browser  # noqa: E402
 browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-gpu-compositing"]
 WAITS_FOR_PICTURES = "GL Driver Message (OpenGL, Performance"
-# from one picture to the next: most of what is drawn nobody looks at
+# from one picture to the next, where tests look at few of them
 LEAST_FRAME_MS = 250
 SIZE = (1024, 640)  # a small one: the pictures are computed by the processor
 LOADED = "window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh"
@@ -151,6 +151,7 @@ class Viewer(unittest.TestCase):
 
     server = None
     expected = ()  # parts of messages that a test brings about
+    draws_seldom = True  # not where it matters what goes on while it draws
 
     @classmethod
     def open_browser(cls):
@@ -167,7 +168,8 @@ class Viewer(unittest.TestCase):
         self.page.post("/url", {"url": self.server.url})
         if wait:
             self.page.wait(wait)
-            self.page.run(f"palpateViewer.leastFrame_ms = {LEAST_FRAME_MS}")
+            if self.draws_seldom:
+                self.page.run(f"palpateViewer.leastFrame_ms = {LEAST_FRAME_MS}")
 
     def setUp(self):
         self.expected = ()
@@ -1025,6 +1027,8 @@ class WithPointer(Viewer):
 class WithHand(Viewer):
     """The simulated hand moves."""
 
+    draws_seldom = False
+
     def setUp(self):
         self.server = Server("script").__enter__()
         self.addCleanup(self.server.__exit__)
@@ -1105,6 +1109,8 @@ CLOCK = """{
 
 class WithTrouble(Viewer):
     """The mock, that does not answer as it should: what does not heal by itself is told, and tried again when somebody says so."""
+
+    draws_seldom = False
 
     def setUp(self):
         self.server = Server("script").__enter__()
@@ -1203,6 +1209,8 @@ class WithTrouble(Viewer):
 
 class WithLoading(Viewer):
     """The mock, that keeps its volumes until they are released."""
+
+    draws_seldom = False
 
     def setUp(self):
         self.server = Server("pointer", extra=["--hold", "yes"]).__enter__()
@@ -2416,6 +2424,8 @@ class WithSphere(Viewer):
 class WithDevice(Viewer):
     """A physical device, of which somebody agrees to everything after a while: the mock's alone, for palpate drives none yet."""
 
+    draws_seldom = False
+
     def setUp(self):
         self.server = Server("device").__enter__()
         self.addCleanup(self.server.__exit__)
@@ -2456,6 +2466,8 @@ class WithDevice(Viewer):
 
 class WithManyVoxels(Viewer):
     """As many as a knee has that was scanned: the mock's alone, which says when a stop came."""
+
+    draws_seldom = False
 
     @classmethod
     def setUpClass(cls):
@@ -2594,6 +2606,8 @@ class WithRecording(Viewer):
 
 
 class WithTokens(Viewer):
+    draws_seldom = False
+
     CONTROL, VIEW = "control-token-0123456789", "view-token-01234567890"
 
     @classmethod
