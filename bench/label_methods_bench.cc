@@ -187,10 +187,10 @@ struct Prepared {
 
 std::vector<Memory> memory_of_all(const Prepared& prepared) {
   const SplineField spline{Field(prepared.ramp_16)};
-  const auto& coefficients = *std::get_if<PaddedVolume<std::int16_t>>(&spline.coefficients());
+  const auto& coefficients = *std::get_if<Bricks<std::int16_t>>(&spline.coefficients());
   std::vector<Memory> all = {memory_of("trilinear, uint8", 1, prepared.ramp_8),
                              memory_of("trilinear, uint16", 2, prepared.ramp_16),
-                             memory_of("B-spline, int16", spline.bytes_per_voxel(), coefficients.unpadded()),
+                             memory_of("B-spline, int16", spline.bytes_per_voxel(), coefficients.dense()),
                              memory_of("Gaussian and smooth sphere, labels (shared)", 2, *prepared.labels),
                              memory_of("Gaussian and smooth sphere, mask", 1, prepared.bones)};
   for (const auto& [encoding, name] : kEncodings) {

@@ -110,16 +110,11 @@ struct Weights {
 /// What a spline's kernel reads and what its sums become.
 struct SplineCell {
   SplineCell(const SplineField& field, const Point<Patient>& point)
-      : SplineCell(std::get_if<PaddedVolume<std::int16_t>>(&field.coefficients())->view(),
+      : SplineCell(std::get_if<Bricks<std::int16_t>>(&field.coefficients())->view(),
                    Cell((field.X_VoxelPatient() * point).eigen())) {}
-  SplineCell(const VoxelView<std::int16_t>& c, const Cell& cell)
-      : row(c.row),
-        slice(c.slice),
-        first(c.origin + (cell.i - 1) + (cell.j - 1) * row + (cell.k - 1) * slice),
-        i(cell.u),
-        j(cell.v),
-        k(cell.w) {}
-  std::ptrdiff_t row, slice;
+  SplineCell(const BrickView<std::int16_t>& c, const Cell& cell)
+      : first(c.cell(cell.i, cell.j, cell.k) - (1 + row + slice)), i(cell.u), j(cell.v), k(cell.w) {}
+  static constexpr std::ptrdiff_t row = BrickLayout::kRow, slice = BrickLayout::kSlice;
   const std::int16_t* first;
   Weights i, j, k;
 };

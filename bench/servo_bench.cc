@@ -105,12 +105,12 @@ class Lines {
 
 // the voxels that a sample reads in the volume: rows j and k from the cell, voxels from i on
 template <class T>
-void add_rows(const PaddedVolume<T>& volume, const Point<Voxel>& x, int before, int after, Lines& lines) {
+void add_rows(const Bricks<T>& volume, const Point<Voxel>& x, int before, int after, Lines& lines) {
   const auto [i, j, k] = std::array{static_cast<int>(std::floor(x.x())), static_cast<int>(std::floor(x.y())),
                                     static_cast<int>(std::floor(x.z()))};
   for (int dk = -before; dk <= after; ++dk)
     for (int dj = -before; dj <= after; ++dj)
-      lines.add(&volume.at(i - before, j + dj, k + dk),
+      lines.add(volume.view().cell(i, j, k) - before + dj * BrickLayout::kRow + dk * BrickLayout::kSlice,
                 sizeof(T) * static_cast<std::size_t>(1 + before + after));
 }
 
@@ -152,7 +152,7 @@ Footprint footprint_of(const Model& model, const PalpationPath& path) {
                         sizeof(LabelId));
           }
         },
-        model.field->padded());
+        model.field->bricks());
     if ((n + 1) % kWindow_ticks != 0) continue;
     field_lines += field.take();
     label_lines += label.take();
@@ -169,7 +169,9 @@ nlohmann::json describe(const std::vector<Knee>& knees, const PalpationPath& pat
   for (const Knee& knee : knees) {
     const Model& model = knee.model();
     const double voxels = static_cast<double>(model.labels->voxels().size());
-    const double field_MB = 1e-6 * voxels * model.field->bytes_per_voxel();
+    const double field_MB =
+        1e-6 * std::visit([](const auto& bricks) { return static_cast<double>(bricks.bytes()); },
+                          model.field->bricks());
     const double label_MB = 1e-6 * voxels * sizeof(LabelId);
     const Footprint footprint = footprint_of(model, path);
     std::printf("%-52s %9.0f %9.0f %8.2f %12.0f %12.0f\n", knee.title.c_str(), field_MB, label_MB,

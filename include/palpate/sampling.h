@@ -5,7 +5,7 @@
 #include <span>
 #include <variant>
 
-#include "palpate/padded_volume.h"
+#include "palpate/bricks.h"
 #include "palpate/volume.h"
 
 /// Values and gradients of a prepared field at any point.
@@ -61,18 +61,16 @@ class Field {
   const Transform<Voxel, Patient>& X_VoxelPatient() const { return map_.X_VoxelPatient; }
   /// Maps a gradient per voxel to a gradient per mm in the patient frame (inverse transpose).
   const Eigen::Matrix3d& gradient_map() const { return map_.gradient_map; }
-  /// A copy of the voxels, without the border that queries read.
+  /// A copy of the voxels.
   std::variant<Volume<std::uint8_t>, Volume<std::uint16_t>> storage() const;
   /// A copy of the voxels as values, 0 ... 1.
   Volume<float> values() const;
 
-  const std::variant<PaddedVolume<std::uint8_t>, PaddedVolume<std::uint16_t>>& padded() const {
-    return voxels_;
-  }
+  const std::variant<Bricks<std::uint8_t>, Bricks<std::uint16_t>>& bricks() const { return voxels_; }
   const internal::SamplingMap& map() const { return map_; }
 
  private:
-  std::variant<PaddedVolume<std::uint8_t>, PaddedVolume<std::uint16_t>> voxels_;
+  std::variant<Bricks<std::uint8_t>, Bricks<std::uint16_t>> voxels_;
   internal::SamplingMap map_;
 };
 
@@ -89,6 +87,9 @@ class SignedField {
  public:
   SignedField() = default;
   SignedField(const Volume<std::int16_t>& volume, const SignedSteps& steps);
+  /// The same but for a box of its voxels, which must lie in the grid; what is stored, in steps. Everything
+  /// else is shared with this one.
+  SignedField with(const PatchOf<std::int16_t>& patch) const;
 
   const GridGeometry& geometry() const { return voxels_.geometry(); }
   const SignedSteps& steps() const { return steps_; }
@@ -98,12 +99,12 @@ class SignedField {
   /// A copy of the voxels as values.
   Volume<float> values() const;
 
-  const PaddedVolume<std::int16_t>& padded() const { return voxels_; }
+  const Bricks<std::int16_t>& bricks() const { return voxels_; }
   const internal::SamplingMap& map() const { return map_; }
 
  private:
   SignedSteps steps_;
-  PaddedVolume<std::int16_t> voxels_;
+  Bricks<std::int16_t> voxels_;
   internal::SamplingMap map_;
 };
 
@@ -144,14 +145,12 @@ class SplineField {
   double outside() const { return map_.outside; }
   const Transform<Voxel, Patient>& X_VoxelPatient() const { return map_.X_VoxelPatient; }
 
-  const std::variant<PaddedVolume<std::int16_t>, PaddedVolume<float>>& coefficients() const {
-    return coefficients_;
-  }
+  const std::variant<Bricks<std::int16_t>, Bricks<float>>& coefficients() const { return coefficients_; }
   const internal::SamplingMap& map() const { return map_; }
 
  private:
   double scale_ = 1;
-  std::variant<PaddedVolume<std::int16_t>, PaddedVolume<float>> coefficients_;
+  std::variant<Bricks<std::int16_t>, Bricks<float>> coefficients_;
   internal::SamplingMap map_;
 };
 

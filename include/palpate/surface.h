@@ -25,8 +25,12 @@ class Surface {
   /// 1
   ///                   counts as 1, an exact distance's
   Surface(SignedField position, SignedField normal, double steepest);
+  /// The same but for a box of each field (SignedField::with); shares the rest with this one. Where the
+  /// position changes for what is outside, is_beyond() may go on being false.
+  Surface with(const PatchOf<std::int16_t>& position, const PatchOf<std::int16_t>& normal,
+               double steepest) const;
 
-  /// mm, positive outside. Of a place that is none (NaN): as outside the volume.
+  /// mm, positive outside. Where x is NaN: as outside the volume.
   double distance_mm(const Point<Patient>& x) const { return sample_value(position_, x); }
   /// Unit vector, or zero where both fields are flat: beyond their reach, or on a medial plane.
   Vector<Patient> outward(const Point<Patient>& x) const {
@@ -58,13 +62,20 @@ class Surface {
   std::uint64_t content_hash() const { return content_hash_; }
 
  private:
+  // voxels of the position, first to last; empty where one is after the other
+  struct Voxels {
+    std::array<int, 3> first, last;
+  };
+  void reach_around(const Voxels& different);
+  void find_least(std::size_t brick);
+  void hash_content();
+
   // of all places where the position is not as outside, in the patient; looked at by every tick
   Eigen::Array3d low_ = Eigen::Array3d::Zero(), high_ = Eigen::Array3d::Zero();
   double steepest_ = 1, outside_mm_ = 0;
   SignedField position_, normal_;
-  // the position's least step in every block of cells, i fastest
-  std::vector<std::int16_t> least_ = std::vector<std::int16_t>(1);
-  std::array<int, 3> blocks_{1, 1, 1};
+  // the position's least step in every block of cells: the eight of a brick after each other, i fastest
+  std::vector<std::int16_t> least_ = std::vector<std::int16_t>(8);
   std::uint64_t content_hash_ = 0;
 };
 

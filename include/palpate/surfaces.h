@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "palpate/bricks.h"
 #include "palpate/progress.h"
 #include "palpate/surface.h"
 #include "palpate/volume.h"
@@ -41,12 +42,6 @@ struct SurfaceOptions {
   int threads = 0;  ///< 0: as many as the machine has; results do not depend on it
 };
 
-/// A box of voxels: first ... first + size - 1 along i, j, k.
-struct VoxelBox {
-  std::array<int, 3> first{0, 0, 0}, size{0, 0, 0};
-  bool operator==(const VoxelBox&) const = default;
-};
-
 /// A component of a structure that is so small that it is probably a slip of the pen.
 struct StrayComponent {
   std::size_t voxels = 0;
@@ -59,8 +54,8 @@ struct StrayComponent {
 /// What preparing a part of a structure again needs besides its fields. In steps of kSurfaceStep_mm.
 struct SurfaceWorkings {
   VoxelBox extent;                ///< the structure's own voxels when it was made, in the label volume
-  Volume<std::int16_t> distance;  ///< to the nearest voxel centre of the other class, negative inside
-  Volume<std::int16_t> broad;     ///< the broadly smoothed distance, on the normal's grid
+  Bricks<std::int16_t> distance;  ///< to the nearest voxel centre of the other class, negative inside
+  Bricks<std::int16_t> broad;     ///< the broadly smoothed distance, on the normal's grid
   /// Squares of the position's greatest slope in every stretch of 32 cells along i; i fastest.
   std::vector<float> slopes;
   /// The surface as it was made once, which later versions share.
@@ -131,13 +126,6 @@ Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Volume<LabelId
                                                             const SurfaceOptions& options,
                                                             const Progress& progress = {});
 
-/// New values in a box of a grid, i fastest.
-template <class T>
-struct PatchOf {
-  VoxelBox box;
-  std::vector<T> values;
-};
-
 /// What changes of a surface, to be written over the old values. Steps of kSurfaceStep_mm.
 struct SurfacePatch {
   /// False: a patch does not do. The structure grew beyond what it was, is gone, or small components are
@@ -157,10 +145,9 @@ struct SurfacePatch {
 /// however the labels came to be what they are.
 SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& labels, const VoxelBox& dirty);
 
-/// A surface after its labels changed inside `dirty` and nowhere else: the patch, and a copy of the rest.
-/// Components and strays are not looked for again. Where a patch does not do, the whole surface is made anew,
-/// as prepare_surfaces makes it.
-/// Errors: those of prepare_surfaces.
+/// A surface after its labels changed inside `dirty` and nowhere else: the patch, and the rest shared with
+/// the old one. Components and strays are not looked for again. Where a patch does not do, the whole surface
+/// is made anew, as prepare_surfaces makes it. Errors: those of prepare_surfaces.
 Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Volume<LabelId>& labels,
                                               const VoxelBox& dirty);
 

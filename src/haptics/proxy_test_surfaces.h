@@ -49,7 +49,7 @@ inline SignedField sampled_distance(const GridGeometry& grid, const Distance& di
 inline double steepest_of(const SignedField& field) {
   const auto& dims = field.geometry().dims;
   const Eigen::Vector3d& h = field.geometry().spacing_mm;
-  const auto value = [&](int i, int j, int k) { return field.steps().scale * field.padded().at(i, j, k); };
+  const auto value = [&](int i, int j, int k) { return field.steps().scale * field.bricks().at(i, j, k); };
   // in a cell, a partial derivative is between those along its four edges
   double steepest = 1;
   for (int k = 0; k + 1 < dims[2]; ++k)

@@ -65,7 +65,7 @@ Surface smoothed(const Volume<LabelId>& labels) {
 /// The distance of the labels as it is before anything is smoothed.
 Surface unsmoothed(const Volume<LabelId>& labels) {
   const PreparedSurface s = prepare_with(labels, 0);
-  const SignedField distance(s.workings.distance, s.surface.position().steps());
+  const SignedField distance(s.workings.distance.dense(), s.surface.position().steps());
   return {distance, distance, 3};
 }
 
@@ -129,7 +129,7 @@ TEST(SurfaceRepair, MovesTheSurfaceByLessThanHalfAVoxel) {
     auto labels = ball.labels;
     for (auto& v : labels.voxels()) v = random() % 50 == 0 ? (v == 0 ? test::kTissue : LabelId{0}) : v;
     const PreparedSurface s = prepare_with(labels, sigma_mm);
-    const Volume<std::int16_t> position = s.surface.position().padded().unpadded();
+    const Volume<std::int16_t> position = s.surface.position().bricks().dense();
     const GridGeometry& grid = position.geometry();
     double most = 0;
     for (int k = 0; k + 1 < grid.dims[2]; ++k) {

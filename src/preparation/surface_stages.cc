@@ -98,38 +98,37 @@ Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const 
   const auto copy = [&](const Span3& fine, const auto& row_of) {
     const Span3 part = coarse(fine);
     for_each_row(part, [&](int j, int k) {
-      const std::int16_t* from = row_of(j * step[1], k * step[2]);
+      const std::int16_t* from =
+          row_of(part.low[0] * step[0], j * step[1], k * step[2], (part.size(0) - 1) * step[0] + 1);
       std::int16_t* to = block.row(j, k) + (part.low[0] - span.low[0]);
       const auto count = static_cast<std::size_t>(part.size(0));
       if (step[0] == 1) {
-        std::copy_n(from + part.low[0], count, to);
+        std::copy_n(from, count, to);
       } else {
-        take_every(from + std::ptrdiff_t{part.low[0]} * step[0], static_cast<std::size_t>(step[0]), count,
-                   to);
+        take_every(from, static_cast<std::size_t>(step[0]), count, to);
       }
     });
   };
-  copy(source.grid, [&](int j, int k) { return source.origin + j * source.row + k * source.slice; });
+  if (source.bricks != nullptr) {
+    std::vector<std::int16_t> row(static_cast<std::size_t>(source.bricks->geometry().dims[0]));
+    copy(whole(source.bricks->geometry()), [&](int i, int j, int k, int count) {
+      source.bricks->copy_row(i, j, k, count, row.data());
+      return row.data();
+    });
+  } else {
+    copy(whole(source.volume->geometry()),
+         [&](int i, int j, int k, int) { return &source.volume->at(i, j, k); });
+  }
   if (source.over != nullptr) {
     const auto& [box, values] = *source.over;
     // named, since clang 14 captures no structured bindings by reference
-    copy(to_span(box), [&box = box, &values = values](int j, int k) {
+    copy(to_span(box), [&box = box, &values = values](int i, int j, int k, int) {
       return values.data() +
-             (std::ptrdiff_t{k - box.first[2]} * box.size[1] + (j - box.first[1])) * box.size[0] -
-             box.first[0];
+             (std::ptrdiff_t{k - box.first[2]} * box.size[1] + (j - box.first[1])) * box.size[0] +
+             (i - box.first[0]);
     });
   }
   return block;
-}
-
-StepsSource StepsSource::of(const Volume<std::int16_t>& volume) {
-  const GridGeometry& grid = volume.geometry();
-  return {volume.voxels().data(), grid.dims[0], std::ptrdiff_t{grid.dims[0]} * grid.dims[1], whole(grid)};
-}
-
-StepsSource StepsSource::of(const PaddedVolume<std::int16_t>& volume) {
-  const VoxelView<std::int16_t> view = volume.view();
-  return {view.origin, view.row, view.slice, whole(volume.geometry())};
 }
 
 SurfacePlan::SurfacePlan(const GridGeometry& labels, const VoxelBox& structure_box,

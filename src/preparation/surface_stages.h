@@ -20,13 +20,12 @@ inline std::int16_t to_steps(double mm) {
 
 /// Where steps are read: a whole grid's, and over them those of a part that was made anew.
 struct StepsSource {
-  const std::int16_t* origin;  ///< of voxel (0, 0, 0)
-  std::ptrdiff_t row, slice;
-  Span3 grid;
+  const Volume<std::int16_t>* volume = nullptr;  ///< these or those
+  const Bricks<std::int16_t>* bricks = nullptr;
   const PatchOf<std::int16_t>* over = nullptr;
 
-  static StepsSource of(const Volume<std::int16_t>& volume);
-  static StepsSource of(const PaddedVolume<std::int16_t>& volume);
+  static StepsSource of(const Volume<std::int16_t>& volume) { return {.volume = &volume}; }
+  static StepsSource of(const Bricks<std::int16_t>& bricks) { return {.bricks = &bricks}; }
   StepsSource with(const PatchOf<std::int16_t>& patch) const {
     StepsSource s = *this;
     s.over = &patch;

@@ -112,6 +112,10 @@ SignedField to_field(const Volume<std::int16_t>& steps, double outside_mm) {
   return {steps, {.scale = kSurfaceStep_mm, .offset = 0, .outside = internal::to_steps(outside_mm)}};
 }
 
+Bricks<std::int16_t> in_bricks(const Volume<std::int16_t>& steps, double outside_mm) {
+  return {steps, internal::to_steps(outside_mm)};
+}
+
 /// All stages over a structure's whole box.
 Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& without,
                    const Progress& progress, const ProgressSpan& span, PreparedSurface& prepared) {
@@ -119,39 +123,40 @@ Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& w
   const SurfaceStages stages{plan};
   const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
   SurfaceWorkings& w = prepared.workings;
-  w.distance = Volume<std::int16_t>(plan.fine);
-  w.broad = Volume<std::int16_t>(plan.normal.geometry);
-  Volume<std::int16_t> position(plan.fine);
+  Volume<std::int16_t> distance(plan.fine), position(plan.fine);
   const Span3 stretches = internal::stretches(plan.fine);
   w.slopes.resize(stretches.count());
 
   const auto run = [&](const SurfaceStage& stage, double from, double to) {
     return stages.run({&stage, 1}, kSlabSlices, progress, span.part(from, to));
   };
-  auto done =
-      run(stages.distance(labels, prepared.label, without, {w.distance.voxels().data(), fine}), 0, 0.1);
+  auto done = run(stages.distance(labels, prepared.label, without, {distance.voxels().data(), fine}), 0, 0.1);
   if (!done) return done;
-  const auto distance = StepsSource::of(w.distance), source = StepsSource::of(position);
+  const auto source = StepsSource::of(position);
 
   // from what filters make of the labels, which is not kept, to the net
-  done = run(stages.crossings(distance, {position.voxels().data(), fine}), 0.1, 0.2);
+  done = run(stages.crossings(StepsSource::of(distance), {position.voxels().data(), fine}), 0.1, 0.2);
   if (!done) return done;
-  auto net = std::make_shared<internal::SurfaceNet>(
-      internal::make_net([&](int j, int k) { return source.origin + j * source.row + k * source.slice; },
-                         internal::cells_of(fine), plan.fine.spacing_mm));
+  auto net = std::make_shared<internal::SurfaceNet>(internal::make_net(
+      [&](int j, int k) { return &position.at(0, j, k); }, internal::cells_of(fine), plan.fine.spacing_mm));
   done = internal::relax_net(*net, plan.threads, progress, span.part(0.2, 0.7));
   if (!done) return done;
   w.net = net;
   {
     const internal::NetTriangles triangles(*net, net->cells);
-    done = run(stages.position(triangles, distance, {position.voxels().data(), fine}), 0.7, 0.9);
+    done = run(stages.position(triangles, StepsSource::of(distance), {position.voxels().data(), fine}), 0.7,
+               0.9);
     if (!done) return done;
   }
 
-  Volume<std::int16_t> normal(plan.normal.geometry);
-  done = run(stages.broad(source, {w.broad.voxels().data(), coarse}), 0.9, 0.94);
+  w.distance = in_bricks(distance, plan.reach_mm);
+  distance = {};
+
+  Volume<std::int16_t> broad(plan.normal.geometry), normal(plan.normal.geometry);
+  done = run(stages.broad(source, {broad.voxels().data(), coarse}), 0.9, 0.94);
   if (!done) return done;
-  done = run(stages.normal(StepsSource::of(w.broad), source, {normal.voxels().data(), coarse}), 0.94, 0.98);
+  w.broad = in_bricks(broad, plan.broad_reach_mm);
+  done = run(stages.normal(StepsSource::of(broad), source, {normal.voxels().data(), coarse}), 0.94, 0.98);
   if (!done) return done;
   done = run(stages.slopes(source, {w.slopes.data(), stretches}), 0.98, 1);
   if (!done) return done;
@@ -206,12 +211,14 @@ Span3 find_changes(const PreparedSurface& old, const Volume<LabelId>& labels, co
                    long& more) {
   Span3 changed;
   more = 0;
+  std::vector<std::int16_t> was(static_cast<std::size_t>(dirty.size(0)));
   internal::for_each_row(dirty, [&](int j, int k) {
     const LabelId* now = labels.voxels().data() + labels.geometry().offset(0, j, k);
     const int v = j - old.box.first[1], w = k - old.box.first[2];
-    const std::int16_t* was =
-        old.workings.distance.voxels().data() + old.workings.distance.geometry().offset(0, v, w);
-    const auto differs = [&](int i) { return (now[i] == old.label) != (was[i - old.box.first[0]] < 0); };
+    old.workings.distance.copy_row(dirty.low[0] - old.box.first[0], v, w, dirty.size(0), was.data());
+    const auto differs = [&](int i) {
+      return (now[i] == old.label) != (was[static_cast<std::size_t>(i - dirty.low[0])] < 0);
+    };
     // most rows are as they were
     int found = 0;
     for (int i = dirty.low[0]; i < dirty.high[0]; ++i) found += differs(i);
@@ -245,17 +252,18 @@ Span3 hull(const Span3& a, const Span3& b) {
 }
 
 /// The box in which a patch differs from what was there.
-Span3 differences(const PatchOf<std::int16_t>& patch, const StepsSource& old) {
+Span3 differences(const PatchOf<std::int16_t>& patch, const Bricks<std::int16_t>& old) {
   Span3 found;
   const std::int16_t* now = patch.values.data();
   const Span3 span = to_span(patch.box);
   const int length = span.size(0);
+  std::vector<std::int16_t> before(static_cast<std::size_t>(length));
   internal::for_each_row(span, [&](int j, int k) {
-    const std::int16_t* before = old.origin + j * old.row + k * old.slice + span.low[0];
-    if (std::memcmp(now, before, static_cast<std::size_t>(length) * sizeof *now) != 0) {
-      const auto first = static_cast<int>(std::mismatch(now, now + length, before).first - now);
+    old.copy_row(span.low[0], j, k, length, before.data());
+    if (std::memcmp(now, before.data(), before.size() * sizeof *now) != 0) {
+      const auto first = static_cast<int>(std::mismatch(now, now + length, before.begin()).first - now);
       int last = length - 1;
-      while (now[last] == before[last]) --last;
+      while (now[last] == before[static_cast<std::size_t>(last)]) --last;
       found = hull(found, {{span.low[0] + first, j, k}, {span.low[0] + last + 1, j + 1, k + 1}});
     }
     now += length;
@@ -415,7 +423,8 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& la
     patch.local = patch.local && stages.run(together, 0, {}, {"preparing surfaces"}).ok();
   };
   const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
-  const auto old_position = StepsSource::of(old.surface.position().padded());
+  const Bricks<std::int16_t>& was = old.surface.position().bricks();
+  const auto old_position = StepsSource::of(was);
   const auto distance = StepsSource::of(old.workings.distance).with(patch.distance);
   const auto position = old_position.with(patch.position);
   const auto broad = StepsSource::of(old.workings.broad).with(patch.broad);
@@ -432,7 +441,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& la
   const internal::NetTriangles triangles = carving.triangles(distance, position_part);
   run({stages.position_again(triangles, distance, old_position, stale,
                              start(patch.position, position_part))});
-  const Span3 moved = differences(patch.position, old_position);
+  const Span3 moved = differences(patch.position, was);
   const Span3 broad_part = plan.normal.inside(carving.moved.grown(plan.broad_window).clipped(moved))
                                .grown(plan.broad_filter.reach())
                                .clipped(coarse);
@@ -466,16 +475,11 @@ Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const 
                       .strays = old.strays,
                       .box = old.box,
                       .workings = old.workings};
-  Volume<std::int16_t> position = old.surface.position().padded().unpadded();
-  Volume<std::int16_t> normal = old.surface.normal().padded().unpadded();
-  const auto& fine = position.geometry();
-  write(patch.distance, fine.dims, now.workings.distance.voxels());
-  write(patch.position, fine.dims, position.voxels());
-  write(patch.broad, normal.geometry().dims, now.workings.broad.voxels());
-  write(patch.normal, normal.geometry().dims, normal.voxels());
+  const GridGeometry& fine = old.surface.position().geometry();
+  now.workings.distance = old.workings.distance.with(patch.distance);
+  now.workings.broad = old.workings.broad.with(patch.broad);
   write(patch.slopes, internal::stretches(fine).high, now.workings.slopes);
-  now.surface = Surface(to_field(position, old.surface.position().outside()),
-                        to_field(normal, old.surface.normal().outside()), patch.steepest);
+  now.surface = old.surface.with(patch.position, patch.normal, patch.steepest);
   // from the count, as the full rebuild has it
   const double voxel_mm3 = fine.voxel_volume_mm3();
   now.volume_mm3 =

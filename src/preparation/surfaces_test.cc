@@ -84,7 +84,7 @@ TEST(Surfaces, NormalsOfBallsPointOutward) {
 /// Every voxel stays on its side, which makes the components those of the mask (26 neighbours) and leaves no
 /// labelled centre outside.
 void expect_sides_kept(const PreparedSurface& s, const Volume<LabelId>& labels) {
-  const Volume<std::int16_t> position = s.surface.position().padded().unpadded();
+  const Volume<std::int16_t> position = s.surface.position().bricks().dense();
   const GridGeometry& grid = position.geometry();
   std::size_t wrong = 0;
   for (int k = 0; k < grid.dims[2]; ++k) {
@@ -144,7 +144,7 @@ TEST(Surfaces, StayAtTheirReachFarAwayAndHaveNoStepThere) {
   for (const double reach : {2.0, 4.0}) {
     const test::RandomBall ball(3, kClinicalSpacings[1], random);
     const PreparedSurface s = prepared_surfaces(ball.labels, {.reach_mm = reach});
-    const Volume<std::int16_t> position = s.surface.position().padded().unpadded();
+    const Volume<std::int16_t> position = s.surface.position().bricks().dense();
     const auto limit = static_cast<std::int16_t>(reach / kSurfaceStep_mm);
     const GridGeometry& grid = position.geometry();
     for (int k = 0; k < grid.dims[2]; ++k) {
@@ -186,18 +186,40 @@ TEST(Surfaces, AreNeverSteeperThanTheySay) {
 
 // ---- the same bits
 
+/// What is known of a place without looking: at random places around a surface.
+void expect_bounds_hold(const Surface& s) {
+  const auto seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const GridGeometry& grid = s.position().geometry();
+  const auto X = grid.X_PatientVoxel();
+  std::array<std::uniform_real_distribution<double>, 3> along;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    along[axis] = std::uniform_real_distribution<double>(-6, grid.dims[axis] + 5);
+  int beyond = 0, less = 0;
+  for (int n = 0; n < 2000; ++n) {
+    const Point<Patient> p = X * Point<Voxel>(along[0](random), along[1](random), along[2](random));
+    less += s.at_least_mm(p) > s.distance_mm(p);
+    if (s.is_beyond(p, 0)) beyond += std::abs(s.distance_mm(p) - s.outside_mm()) > 1e-9;
+  }
+  EXPECT_EQ(less, 0);
+  EXPECT_EQ(beyond, 0);
+}
+
 void expect_same(const PreparedSurface& a, const PreparedSurface& b) {
   EXPECT_EQ(a.box, b.box);
   EXPECT_EQ(a.workings.extent, b.workings.extent);
-  EXPECT_TRUE(a.workings.distance.voxels() == b.workings.distance.voxels());
-  EXPECT_TRUE(a.surface.position().padded().unpadded().voxels() ==
-              b.surface.position().padded().unpadded().voxels());
-  EXPECT_TRUE(a.workings.broad.voxels() == b.workings.broad.voxels());
-  EXPECT_TRUE(a.surface.normal().padded().unpadded().voxels() ==
-              b.surface.normal().padded().unpadded().voxels());
+  EXPECT_TRUE(a.workings.distance.dense().voxels() == b.workings.distance.dense().voxels());
+  EXPECT_TRUE(a.surface.position().bricks().dense().voxels() ==
+              b.surface.position().bricks().dense().voxels());
+  EXPECT_TRUE(a.workings.broad.dense().voxels() == b.workings.broad.dense().voxels());
+  EXPECT_TRUE(a.surface.normal().bricks().dense().voxels() == b.surface.normal().bricks().dense().voxels());
   EXPECT_TRUE(a.workings.slopes == b.workings.slopes);
   EXPECT_EQ(a.surface.steepest(), b.surface.steepest());
   EXPECT_EQ(a.volume_mm3, b.volume_mm3);
+  EXPECT_EQ(a.surface.content_hash(), b.surface.content_hash());
+  expect_bounds_hold(a.surface);
+  expect_bounds_hold(b.surface);
 }
 
 /// A lump with a thin sheet, a hole and crumbs.

@@ -94,13 +94,13 @@ HWY_INLINE void add_up(const Quad& a, const Quad& b, double& sum_a, double& sum_
 #endif
 
 template <class T>
-HWY_INLINE void sample_one(const VoxelView<T>& voxels, const SamplingMap& map, const double* point,
+HWY_INLINE void sample_one(const BrickView<T>& voxels, const SamplingMap& map, const double* point,
                            double* sample) {
   const Quad x = to_voxels(map, point);
   if (!between(load_four(map.low), x, load_four(map.high))) return write_outside(map, sample);
   const Cell c = cell_of(x);
-  const std::ptrdiff_t row = voxels.row, slice = voxels.slice;
-  const T* const first = voxels.origin + (c.i - 1) + c.j * row + c.k * slice;
+  constexpr std::ptrdiff_t row = BrickLayout::kRow, slice = BrickLayout::kSlice;
+  const T* const first = voxels.cell(c.i, c.j, c.k) - 1;
   const auto r = [&](int dj, int dk) HWY_ATTR { return load_row(first + dj * row + dk * slice); };
 
   // the bilinear weights along j and k
@@ -129,15 +129,15 @@ HWY_INLINE void sample_one(const VoxelView<T>& voxels, const SamplingMap& map, c
   write_sample(map, value, gi, gj, gk, sample);
 }
 
-void central_differences_u8(const VoxelView<std::uint8_t>& voxels, const SamplingMap& map,
+void central_differences_u8(const BrickView<std::uint8_t>& voxels, const SamplingMap& map,
                             const double* point, double* sample) {
   sample_one(voxels, map, point, sample);
 }
-void central_differences_u16(const VoxelView<std::uint16_t>& voxels, const SamplingMap& map,
+void central_differences_u16(const BrickView<std::uint16_t>& voxels, const SamplingMap& map,
                              const double* point, double* sample) {
   sample_one(voxels, map, point, sample);
 }
-void central_differences_i16(const VoxelView<std::int16_t>& voxels, const SamplingMap& map,
+void central_differences_i16(const BrickView<std::int16_t>& voxels, const SamplingMap& map,
                              const double* point, double* sample) {
   sample_one(voxels, map, point, sample);
 }
@@ -159,10 +159,10 @@ HWY_EXPORT(central_differences_i16);
 FieldSample sample_central_differences(const Field& field, const Point<Patient>& x) {
   FieldSample sample;
   const double* const point = x.eigen().data();
-  if (const auto* bytes = std::get_if<PaddedVolume<std::uint8_t>>(&field.padded())) {
+  if (const auto* bytes = std::get_if<Bricks<std::uint8_t>>(&field.bricks())) {
     HWY_DYNAMIC_DISPATCH(internal::central_differences_u8)(bytes->view(), field.map(), point, &sample.value);
   } else {
-    const auto& words = *std::get_if<PaddedVolume<std::uint16_t>>(&field.padded());
+    const auto& words = *std::get_if<Bricks<std::uint16_t>>(&field.bricks());
     HWY_DYNAMIC_DISPATCH(internal::central_differences_u16)(words.view(), field.map(), point, &sample.value);
   }
   return sample;
@@ -171,7 +171,7 @@ FieldSample sample_central_differences(const Field& field, const Point<Patient>&
 FieldSample sample_central_differences(const SignedField& field, const Point<Patient>& x) {
   FieldSample sample;
   HWY_DYNAMIC_DISPATCH(internal::central_differences_i16)
-  (field.padded().view(), field.map(), x.eigen().data(), &sample.value);
+  (field.bricks().view(), field.map(), x.eigen().data(), &sample.value);
   return sample;
 }
 

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <limits>
 
 #include "palpate/sampling.h"
 #include "sampling/point_group.h"
@@ -37,7 +36,7 @@ HWY_INLINE hn::Vec<DD> clamped(hn::Vec<DD> x, double low, double high) {
 }
 
 template <class T>
-HWY_INLINE void find_cells(const VoxelView<T>& voxels, const SamplingMap& map, const double* points,
+HWY_INLINE void find_cells(const BrickView<T>& voxels, const SamplingMap& map, const double* points,
                            PointGroup& group) {
   const auto& c = map.voxel_columns;
   const auto to_axis = [&](int axis, hn::Vec<DD> x, hn::Vec<DD> y, hn::Vec<DD> z) HWY_ATTR {
@@ -48,6 +47,7 @@ HWY_INLINE void find_cells(const VoxelView<T>& voxels, const SamplingMap& map, c
   };
   const hn::Rebind<float, DD> d_float;
   const hn::Rebind<std::int32_t, DD> d_int;
+  std::int32_t brick[kPointsInGroup], place[kPointsInGroup];
   for (std::size_t n = 0; n < kPointsInGroup; n += hn::Lanes(DD())) {
     hn::Vec<DD> x, y, z;
     hn::LoadInterleaved3(DD(), points + 3 * n, x, y, z);
@@ -57,43 +57,42 @@ HWY_INLINE void find_cells(const VoxelView<T>& voxels, const SamplingMap& map, c
     hn::StoreU(hn::DemoteTo(d_float, hn::Sub(j, fj)), d_float, group.v + n);
     hn::StoreU(hn::DemoteTo(d_float, hn::Sub(k, fk)), d_float, group.w + n);
 
-    // whole numbers below 2^31, exact in double
-    const auto offset = hn::Add(hn::Sub(fi, hn::Set(DD(), 1)),
-                                hn::Add(hn::Mul(fj, hn::Set(DD(), static_cast<double>(voxels.row))),
-                                        hn::Mul(fk, hn::Set(DD(), static_cast<double>(voxels.slice)))));
-    const auto in_bytes = hn::Mul(offset, hn::Set(DD(), sizeof(T)));
-    hn::StoreU(hn::DemoteTo(d_int, in_bytes), d_int, group.byte_offset + n);
+    // BrickView::cell
+    using L = BrickLayout;
+    const auto from_border = [&](auto f) HWY_ATTR {
+      return hn::Add(hn::DemoteTo(d_int, f), hn::Set(d_int, L::kBorder));
+    };
+    const auto a = from_border(fi), b = from_border(fj), e = from_border(fk);
+    const auto at = [&](auto along_i, auto along_j, auto along_k, auto row, auto slice) HWY_ATTR {
+      return hn::Add(along_i, hn::Add(hn::Mul(along_j, hn::Set(d_int, static_cast<std::int32_t>(row))),
+                                      hn::Mul(along_k, hn::Set(d_int, static_cast<std::int32_t>(slice)))));
+    };
+    const auto in_table = [](auto from) HWY_ATTR { return hn::ShiftRight<hwy::CeilLog2(L::kCells)>(from); };
+    const auto in_brick = [&](auto from) HWY_ATTR { return hn::And(from, hn::Set(d_int, L::kCells - 1)); };
+    hn::StoreU(at(in_table(a), in_table(b), in_table(e), voxels.row, voxels.slice), d_int, brick + n);
+    hn::StoreU(at(in_brick(a), in_brick(b), in_brick(e), L::kRow, L::kSlice), d_int, place + n);
   }
+  constexpr std::ptrdiff_t kFirst = BrickLayout::kBefore * (1 + BrickLayout::kRow + BrickLayout::kSlice) - 1;
+  for (std::size_t n = 0; n < kPointsInGroup; ++n)
+    group.cell[n] = voxels.table[brick[n]] + (kFirst + place[n]);
 }
 
 // ---- the voxels -------------------------------------------------------------------------------------
 
-/// Offsets of the cells of as many points as there are lanes.
-struct Offsets {
-  HWY_INLINE explicit Offsets(const std::int32_t* bytes) : in_memory(bytes), lanes(hn::Load(DI(), bytes)) {}
-  const std::int32_t* in_memory;
-  VI lanes;
-};
-
-/// The 32 bits at each lane's offset from `base`, aligned or not, loaded one by one: faster than the gather
-/// instruction of AVX2 and AVX-512.
-HWY_INLINE VI load_each(const void* base, const Offsets& offsets) {
+/// The 32 bits that stand so many voxels beyond each lane's cell, aligned or not, loaded one by one: faster
+/// than the gather instruction of AVX2 and AVX-512, which here would need addresses of 64 bits.
+template <class T>
+HWY_INLINE VI load_each(const void* const* cells, std::ptrdiff_t beyond) {
 #if HWY_TARGET == HWY_SCALAR
-  return hn::GatherOffset(DI(), static_cast<const std::int32_t*>(base), offsets.lanes);
+  std::int32_t word;
+  hwy::CopyBytes<sizeof word>(static_cast<const T*>(cells[0]) + beyond, &word);
+  return hn::Set(DI(), word);
 #else
-  const auto* const bytes = static_cast<const std::uint8_t*>(base);
   const hn::FixedTag<std::uint8_t, 4> four_bytes;
   return joined<static_cast<int>(hn::MaxLanes(DI()))>([&](int n) HWY_ATTR {
-    return hn::BitCast(hn::FixedTag<std::int32_t, 1>(), hn::LoadU(four_bytes, bytes + offsets.in_memory[n]));
+    const auto* const bytes = reinterpret_cast<const std::uint8_t*>(static_cast<const T*>(cells[n]) + beyond);
+    return hn::BitCast(hn::FixedTag<std::int32_t, 1>(), hn::LoadU(four_bytes, bytes));
   });
-#endif
-}
-/// The same, by the gather instruction where that makes the whole faster: beside single loads, on AVX-512.
-HWY_INLINE VI gather(const void* base, const Offsets& offsets) {
-#if HWY_TARGET <= HWY_AVX3
-  return hn::GatherOffset(DI(), static_cast<const std::int32_t*>(base), offsets.lanes);
-#else
-  return load_each(base, offsets);
 #endif
 }
 
@@ -116,25 +115,27 @@ HWY_INLINE VF voxel_in(VI word, int from_bit) {
   }
 }
 
-HWY_INLINE Two load_two(const std::uint8_t* p, const Offsets& offsets) {
-  const VI word = gather(p, offsets);
-  return {voxel_in<8, false>(word, 8), voxel_in<8, false>(word, 16)};
-}
-HWY_INLINE Four load_four_voxels(const std::uint8_t* p, const Offsets& offsets) {
-  const VI word = load_each(p, offsets);
-  return {voxel_in<8, false>(word, 0), voxel_in<8, false>(word, 8), voxel_in<8, false>(word, 16),
-          voxel_in<8, false>(word, 24)};
+template <class T>
+HWY_INLINE Two load_two(const void* const* cells, std::ptrdiff_t beyond) {
+  if constexpr (sizeof(T) == 1) {
+    const VI word = load_each<T>(cells, beyond);
+    return {voxel_in<8, false>(word, 8), voxel_in<8, false>(word, 16)};
+  } else {
+    const VI word = load_each<T>(cells, beyond + 1);
+    return {voxel_in<16, T(-1) < 0>(word, 0), voxel_in<16, T(-1) < 0>(word, 16)};
+  }
 }
 template <class T>
-HWY_INLINE Two load_two(const T* p, const Offsets& offsets) {
-  const VI word = gather(p + 1, offsets);
-  return {voxel_in<16, T(-1) < 0>(word, 0), voxel_in<16, T(-1) < 0>(word, 16)};
-}
-template <class T>
-HWY_INLINE Four load_four_voxels(const T* p, const Offsets& offsets) {
-  const VI first = load_each(p, offsets), second = load_each(p + 2, offsets);
-  return {voxel_in<16, T(-1) < 0>(first, 0), voxel_in<16, T(-1) < 0>(first, 16),
-          voxel_in<16, T(-1) < 0>(second, 0), voxel_in<16, T(-1) < 0>(second, 16)};
+HWY_INLINE Four load_four_voxels(const void* const* cells, std::ptrdiff_t beyond) {
+  const VI first = load_each<T>(cells, beyond);
+  if constexpr (sizeof(T) == 1) {
+    return {voxel_in<8, false>(first, 0), voxel_in<8, false>(first, 8), voxel_in<8, false>(first, 16),
+            voxel_in<8, false>(first, 24)};
+  } else {
+    const VI second = load_each<T>(cells, beyond + 2);
+    return {voxel_in<16, T(-1) < 0>(first, 0), voxel_in<16, T(-1) < 0>(first, 16),
+            voxel_in<16, T(-1) < 0>(second, 0), voxel_in<16, T(-1) < 0>(second, 16)};
+  }
 }
 
 HWY_INLINE VF lerp(VF a, VF b, VF t) {
@@ -150,17 +151,18 @@ HWY_INLINE Interpolated along_i(const Four& row, VF u) {
 }
 
 template <class T>
-HWY_INLINE void sample_lanes(const VoxelView<T>& voxels, PointGroup& group, std::size_t n) {
-  const Offsets offsets(group.byte_offset + n);
+HWY_INLINE void sample_lanes(PointGroup& group, std::size_t n) {
+  // of this group's own, so that no store can change them
+  const void* cells[hn::MaxLanes(DF())];
+  std::copy_n(group.cell + n, hn::MaxLanes(DF()), cells);
   const VF u = hn::Load(DF(), group.u + n), v = hn::Load(DF(), group.v + n), w = hn::Load(DF(), group.w + n);
-  const auto row = [&](int dj, int dk)
-                       HWY_ATTR { return voxels.origin + dj * voxels.row + dk * voxels.slice; };
+  const auto row = [](int dj, int dk) { return dj * BrickLayout::kRow + dk * BrickLayout::kSlice; };
   const auto outer = [&](int dj, int dk) HWY_ATTR {
-    const Two two = load_two(row(dj, dk), offsets);
+    const Two two = load_two<T>(cells, row(dj, dk));
     return lerp(two.b, two.e, u);
   };
   const auto inner = [&](int dj, int dk)
-                         HWY_ATTR { return along_i(load_four_voxels(row(dj, dk), offsets), u); };
+                         HWY_ATTR { return along_i(load_four_voxels<T>(cells, row(dj, dk)), u); };
 
   // the bilinear weights along j and k
   const VF one = hn::Set(DF(), 1);
@@ -202,25 +204,25 @@ HWY_INLINE void write_samples(const SamplingMap& map, const PointGroup& group, d
 
 /// Whole groups of kPointsInGroup points.
 template <class T>
-HWY_INLINE void sample_groups(const VoxelView<T>& voxels, const SamplingMap& map, const double* points,
+HWY_INLINE void sample_groups(const BrickView<T>& voxels, const SamplingMap& map, const double* points,
                               std::size_t groups, double* samples) {
   PointGroup group;
   for (; groups > 0; --groups, points += 3 * kPointsInGroup, samples += 4 * kPointsInGroup) {
     find_cells(voxels, map, points, group);
-    for (std::size_t n = 0; n < kPointsInGroup; n += hn::Lanes(DF())) sample_lanes(voxels, group, n);
+    for (std::size_t n = 0; n < kPointsInGroup; n += hn::Lanes(DF())) sample_lanes<T>(group, n);
     write_samples(map, group, samples);
   }
 }
 
-void sample_groups_u8(const VoxelView<std::uint8_t>& voxels, const SamplingMap& map, const double* points,
+void sample_groups_u8(const BrickView<std::uint8_t>& voxels, const SamplingMap& map, const double* points,
                       std::size_t groups, double* samples) {
   sample_groups(voxels, map, points, groups, samples);
 }
-void sample_groups_u16(const VoxelView<std::uint16_t>& voxels, const SamplingMap& map, const double* points,
+void sample_groups_u16(const BrickView<std::uint16_t>& voxels, const SamplingMap& map, const double* points,
                        std::size_t groups, double* samples) {
   sample_groups(voxels, map, points, groups, samples);
 }
-void sample_groups_i16(const VoxelView<std::int16_t>& voxels, const SamplingMap& map, const double* points,
+void sample_groups_i16(const BrickView<std::int16_t>& voxels, const SamplingMap& map, const double* points,
                        std::size_t groups, double* samples) {
   sample_groups(voxels, map, points, groups, samples);
 }
@@ -239,34 +241,24 @@ HWY_EXPORT(sample_groups_u8);
 HWY_EXPORT(sample_groups_u16);
 HWY_EXPORT(sample_groups_i16);
 
-void sample_groups(const VoxelView<std::uint8_t>& voxels, const SamplingMap& map, const double* points,
+void sample_groups(const BrickView<std::uint8_t>& voxels, const SamplingMap& map, const double* points,
                    std::size_t groups, double* samples) {
   HWY_DYNAMIC_DISPATCH(sample_groups_u8)(voxels, map, points, groups, samples);
 }
-void sample_groups(const VoxelView<std::uint16_t>& voxels, const SamplingMap& map, const double* points,
+void sample_groups(const BrickView<std::uint16_t>& voxels, const SamplingMap& map, const double* points,
                    std::size_t groups, double* samples) {
   HWY_DYNAMIC_DISPATCH(sample_groups_u16)(voxels, map, points, groups, samples);
 }
-void sample_groups(const VoxelView<std::int16_t>& voxels, const SamplingMap& map, const double* points,
+void sample_groups(const BrickView<std::int16_t>& voxels, const SamplingMap& map, const double* points,
                    std::size_t groups, double* samples) {
   HWY_DYNAMIC_DISPATCH(sample_groups_i16)(voxels, map, points, groups, samples);
 }
 
-/// Offsets of voxels in bytes are counted in 32 bits.
-template <class T>
-bool fits_gathers(const PaddedVolume<T>& voxels) {
-  return voxels.stored_voxels() * sizeof(T) <= std::numeric_limits<std::int32_t>::max();
-}
-
 template <class T, class AnyField>
-void sample_all(const PaddedVolume<T>& voxels, const AnyField& field, std::span<const Point<Patient>> points,
+void sample_all(const Bricks<T>& voxels, const AnyField& field, std::span<const Point<Patient>> points,
                 std::span<FieldSample> samples) {
   PALPATE_CHECK(points.size() == samples.size());
   if (points.empty()) return;
-  if (!fits_gathers(voxels)) {
-    for (std::size_t n = 0; n < points.size(); ++n) samples[n] = sample_central_differences(field, points[n]);
-    return;
-  }
   const std::size_t groups = points.size() / kPointsInGroup, done = groups * kPointsInGroup,
                     rest = points.size() - done;
   sample_groups(voxels.view(), field.map(), points.front().eigen().data(), groups, &samples.front().value);
@@ -289,12 +281,12 @@ void sample_all(const PaddedVolume<T>& voxels, const AnyField& field, std::span<
 void sample_central_differences(const Field& field, std::span<const Point<Patient>> points,
                                 std::span<FieldSample> samples) {
   std::visit([&](const auto& voxels) { internal::sample_all(voxels, field, points, samples); },
-             field.padded());
+             field.bricks());
 }
 
 void sample_central_differences(const SignedField& field, std::span<const Point<Patient>> points,
                                 std::span<FieldSample> samples) {
-  internal::sample_all(field.padded(), field, points, samples);
+  internal::sample_all(field.bricks(), field, points, samples);
 }
 
 }  // namespace palpate

@@ -78,6 +78,20 @@ TYPED_TEST(CentralDifferences, EqualTheOracleOnEveryFaceEdgeAndCorner) {
   for (const auto& p : test::border_points(volume.geometry())) expect_oracle<TypeParam>(field, oracle, p);
 }
 
+TYPED_TEST(CentralDifferences, EqualTheOracleWhereBricksMeet) {
+  std::mt19937 random(test::kSeed);
+  const GridGeometry grid = make_grid({31, 31, 31}, 3);
+  const auto volume = test::random_volume<TypeParam>(grid, random);
+  const auto field = Stored<TypeParam>::field(volume);
+  const test::SevenTrilinear oracle(values_of(volume));
+  // bricks begin at cells 12 and 28
+  const std::array at{11.0, 11.5, 12.0, 12.5, 13.0, 27.0, 27.5, 28.0, 28.5, 29.0};
+  for (const double i : at)
+    for (const double j : at)
+      for (const double k : at)
+        expect_oracle<TypeParam>(field, oracle, grid.X_PatientVoxel() * Point<Voxel>(i, j, k));
+}
+
 TYPED_TEST(CentralDifferences, AreHalfTheDifferenceOfNeighboursAtVoxelCentres) {
   std::mt19937 random(3);
   const auto volume = test::random_volume<TypeParam>(make_grid({6, 6, 6}, 0), random);

@@ -39,8 +39,8 @@ internal::SamplingMap ramp_map(const GridGeometry& grid) {
 }
 
 template <class T>
-Volume<float> to_values(const PaddedVolume<T>& voxels, const internal::SamplingMap& map) {
-  const Volume<T> stored = voxels.unpadded();
+Volume<float> to_values(const Bricks<T>& voxels, const internal::SamplingMap& map) {
+  const Volume<T> stored = voxels.dense();
   Volume<float> values(voxels.geometry());
   const double scale = map.sample_columns[3][0], offset = map.sample_columns[4][0];
   std::transform(stored.voxels().begin(), stored.voxels().end(), values.voxels().begin(),
@@ -51,10 +51,10 @@ Volume<float> to_values(const PaddedVolume<T>& voxels, const internal::SamplingM
 }  // namespace
 
 Field::Field(const Volume<std::uint8_t>& volume)
-    : voxels_(PaddedVolume<std::uint8_t>(volume, 0)), map_(ramp_map<std::uint8_t>(volume.geometry())) {}
+    : voxels_(Bricks<std::uint8_t>(volume, 0)), map_(ramp_map<std::uint8_t>(volume.geometry())) {}
 
 Field::Field(const Volume<std::uint16_t>& volume)
-    : voxels_(PaddedVolume<std::uint16_t>(volume, 0)), map_(ramp_map<std::uint16_t>(volume.geometry())) {}
+    : voxels_(Bricks<std::uint16_t>(volume, 0)), map_(ramp_map<std::uint16_t>(volume.geometry())) {}
 
 const GridGeometry& Field::geometry() const {
   return std::visit([](const auto& voxels) -> const GridGeometry& { return voxels.geometry(); }, voxels_);
@@ -63,7 +63,7 @@ const GridGeometry& Field::geometry() const {
 std::variant<Volume<std::uint8_t>, Volume<std::uint16_t>> Field::storage() const {
   return std::visit(
       [](const auto& voxels) -> std::variant<Volume<std::uint8_t>, Volume<std::uint16_t>> {
-        return voxels.unpadded();
+        return voxels.dense();
       },
       voxels_);
 }
@@ -77,6 +77,12 @@ SignedField::SignedField(const Volume<std::int16_t>& volume, const SignedSteps& 
       voxels_(volume, steps.outside),
       map_(volume.geometry(), steps.scale, steps.offset, steps.offset + steps.scale * steps.outside, kReach,
            kHalf) {}
+
+SignedField SignedField::with(const PatchOf<std::int16_t>& patch) const {
+  SignedField changed = *this;
+  changed.voxels_ = voxels_.with(patch);
+  return changed;
+}
 
 Volume<float> SignedField::values() const {
   return to_values(voxels_, map_);

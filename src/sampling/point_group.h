@@ -10,7 +10,7 @@ inline constexpr std::size_t kPointsInGroup = 32;
 
 /// A group of points between the steps of central_differences_batch.cc.
 struct alignas(64) PointGroup {
-  std::int32_t byte_offset[kPointsInGroup];  ///< of the voxel before the cell, from the first voxel
+  const void* cell[kPointsInGroup];                               ///< the voxel before the cell along i
   float u[kPointsInGroup], v[kPointsInGroup], w[kPointsInGroup];  ///< place in the cell
   float value[kPointsInGroup], gi[kPointsInGroup], gj[kPointsInGroup], gk[kPointsInGroup];
 };

@@ -133,9 +133,9 @@ void expect_all_targets_right_on_a_spline(SplineStorage storage) {
   std::uniform_real_distribution<float> value(-1, 1);
   for (float& v : values.voxels()) v = value(random);
   const SplineField field(values, {.storage = storage, .outside = 0.5});
-  const auto& c = std::get<PaddedVolume<T>>(field.coefficients());
+  const auto& c = std::get<Bricks<T>>(field.coefficients());
   expect_all_targets_right(
-      kGrid, {.oracle = test::SumOf64(test::values_of(c.unpadded(), field.scale(), 0, 0), field.outside()),
+      kGrid, {.oracle = test::SumOf64(test::values_of(c.dense(), field.scale(), 0, 0), field.outside()),
               .one = [&](const Point<Patient>& p) { return sample_spline(field, p); },
               .many = [&](auto points, auto samples) { sample_spline(field, points, samples); },
               .range = 2,

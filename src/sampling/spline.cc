@@ -43,13 +43,13 @@ HWY_INLINE Float4 slopes(float t) {
 }
 
 template <class T>
-HWY_INLINE void spline_at(const VoxelView<T>& coefficients, const SamplingMap& map, const double* point,
+HWY_INLINE void spline_at(const BrickView<T>& coefficients, const SamplingMap& map, const double* point,
                           double* sample) {
   const Quad x = to_voxels(map, point);
   if (!between(load_four(map.low), x, load_four(map.high))) return write_outside(map, sample);
   const Cell c = cell_of(x);
-  const std::ptrdiff_t row = coefficients.row, slice = coefficients.slice;
-  const T* const first = coefficients.origin + (c.i - 1) + (c.j - 1) * row + (c.k - 1) * slice;
+  constexpr std::ptrdiff_t row = BrickLayout::kRow, slice = BrickLayout::kSlice;
+  const T* const first = coefficients.cell(c.i, c.j, c.k) - (1 + row + slice);
 
   const auto u = static_cast<float>(c.u), v = static_cast<float>(c.v), w = static_cast<float>(c.w);
   const Float4 sums =
@@ -58,11 +58,11 @@ HWY_INLINE void spline_at(const VoxelView<T>& coefficients, const SamplingMap& m
   write_sample(map, lane_of<0>(sums), lane_of<1>(sums), lane_of<2>(sums), lane_of<3>(sums), sample);
 }
 
-void spline_i16(const VoxelView<std::int16_t>& coefficients, const SamplingMap& map, const double* points,
+void spline_i16(const BrickView<std::int16_t>& coefficients, const SamplingMap& map, const double* points,
                 std::size_t count, double* samples) {
   for (; count > 0; --count, points += 3, samples += 4) spline_at(coefficients, map, points, samples);
 }
-void spline_float(const VoxelView<float>& coefficients, const SamplingMap& map, const double* points,
+void spline_float(const BrickView<float>& coefficients, const SamplingMap& map, const double* points,
                   std::size_t count, double* samples) {
   for (; count > 0; --count, points += 3, samples += 4) spline_at(coefficients, map, points, samples);
 }
@@ -88,10 +88,10 @@ void sample_spline(const SplineField& field, std::span<const Point<Patient>> poi
   if (points.empty()) return;
   const double* const first = points.front().eigen().data();
   double* const out = &samples.front().value;
-  if (const auto* steps = std::get_if<PaddedVolume<std::int16_t>>(&field.coefficients())) {
+  if (const auto* steps = std::get_if<Bricks<std::int16_t>>(&field.coefficients())) {
     HWY_DYNAMIC_DISPATCH(internal::spline_i16)(steps->view(), field.map(), first, points.size(), out);
   } else {
-    const auto& floats = *std::get_if<PaddedVolume<float>>(&field.coefficients());
+    const auto& floats = *std::get_if<Bricks<float>>(&field.coefficients());
     HWY_DYNAMIC_DISPATCH(internal::spline_float)(floats.view(), field.map(), first, points.size(), out);
   }
 }

@@ -12,30 +12,39 @@ namespace {
 // beyond one voxel outside, the spline's value is the one outside
 constexpr double kSplineReach = 1;
 
-/// Fills what queries near the border read: the coefficients are odd about one voxel beyond the grid. The
-/// border of a PaddedVolume is shared by two rows, and two voxels of it are each one's.
+constexpr int kMargin = 2;
+
+/// With what queries near the border read: the coefficients are odd about one voxel beyond the grid.
 template <class T>
-void continue_oddly(PaddedVolume<T>& c) {
-  const auto& dims = c.geometry().dims;
-  const auto negative = [](T x) { return static_cast<T>(-x); };
-  for (int k = 0; k < dims[2]; ++k) {
-    for (int j = 0; j < dims[1]; ++j) {
-      c.at(-2, j, k) = negative(c.at(0, j, k));
-      c.at(dims[0] + 1, j, k) = negative(c.at(dims[0] - 1, j, k));
+Bricks<T> continued_oddly(const Volume<T>& coefficients) {
+  GridGeometry wide = coefficients.geometry();
+  for (int& n : wide.dims) n += 2 * kMargin;
+  Volume<T> c(wide);
+  // along one axis: the voxel that stands n beyond the grid's first, and its sign; 0 one voxel beyond the
+  // grid
+  struct Twin {
+    int at, sign;
+  };
+  const auto twin = [](int n, int count) {
+    if (count == 0 || n == -1 || n == count) return Twin{0, 0};
+    if (n < 0) return Twin{-2 - n, -1};
+    return n < count ? Twin{n, 1} : Twin{2 * count - n, -1};
+  };
+  const auto& dims = coefficients.geometry().dims;
+  for (int k = -kMargin; k < dims[2] + kMargin; ++k) {
+    const Twin of_k = twin(k, dims[2]);
+    for (int j = -kMargin; j < dims[1] + kMargin; ++j) {
+      const Twin of_j = twin(j, dims[1]);
+      for (int i = -kMargin; i < dims[0] + kMargin; ++i) {
+        const Twin of_i = twin(i, dims[0]);
+        const int sign = of_i.sign * of_j.sign * of_k.sign;
+        if (sign == 0) continue;
+        const T value = coefficients.at(of_i.at, of_j.at, of_k.at);
+        c.at(i + kMargin, j + kMargin, k + kMargin) = sign > 0 ? value : static_cast<T>(-value);
+      }
     }
   }
-  for (int k = 0; k < dims[2]; ++k) {
-    for (int i = -2; i <= dims[0] + 1; ++i) {
-      c.at(i, -2, k) = negative(c.at(i, 0, k));
-      c.at(i, dims[1] + 1, k) = negative(c.at(i, dims[1] - 1, k));
-    }
-  }
-  for (int j = -2; j <= dims[1] + 1; ++j) {
-    for (int i = -2; i <= dims[0] + 1; ++i) {
-      c.at(i, j, -2) = negative(c.at(i, j, 0));
-      c.at(i, j, dims[2] + 1) = negative(c.at(i, j, dims[2] - 1));
-    }
-  }
+  return {coefficients.geometry(), c, kMargin, T{0}};
 }
 
 Volume<std::int16_t> in_steps(const Volume<float>& coefficients, double scale) {
@@ -43,13 +52,6 @@ Volume<std::int16_t> in_steps(const Volume<float>& coefficients, double scale) {
   std::transform(coefficients.voxels().begin(), coefficients.voxels().end(), steps.voxels().begin(),
                  [=](float c) { return static_cast<std::int16_t>(std::lround(c / scale)); });
   return steps;
-}
-
-template <class T>
-PaddedVolume<T> padded(const Volume<T>& coefficients) {
-  PaddedVolume<T> result(coefficients, 0);
-  continue_oddly(result);
-  return result;
 }
 
 SplineOptions with_outside(SplineOptions options, double outside) {
@@ -71,10 +73,10 @@ SplineField::SplineField(const Volume<float>& values, const SplineOptions& optio
 
   // the spline overshoots its voxels, so the step follows from the coefficients themselves
   if (options.storage == SplineStorage::kFloat) {
-    coefficients_ = padded(coefficients);
+    coefficients_ = continued_oddly(coefficients);
   } else {
     if (largest > 0) scale_ = static_cast<double>(largest) / std::numeric_limits<std::int16_t>::max();
-    coefficients_ = padded(in_steps(coefficients, scale_));
+    coefficients_ = continued_oddly(in_steps(coefficients, scale_));
   }
   map_ = internal::SamplingMap(values.geometry(), scale_, options.outside, options.outside, kSplineReach, 1);
 }

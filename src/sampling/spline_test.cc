@@ -21,7 +21,7 @@ Volume<float> random_values(const GridGeometry& grid, std::mt19937& random) {
 test::SumOf64 oracle_of(const SplineField& field) {
   return std::visit(
       [&](const auto& c) {
-        return test::SumOf64(test::values_of(c.unpadded(), field.scale(), 0, 0), field.outside());
+        return test::SumOf64(test::values_of(c.dense(), field.scale(), 0, 0), field.outside());
       },
       field.coefficients());
 }

@@ -1,5 +1,7 @@
 #include "palpate/surface.h"
 
+#include <limits>
+
 #include "base/hash.h"
 
 namespace palpate {
@@ -18,82 +20,42 @@ void hash_field(std::uint64_t& hash, const SignedField& field) {
   hash_double(hash, steps.scale);
   hash_double(hash, steps.offset);
   hash_word(hash, static_cast<std::uint16_t>(steps.outside));
-  const auto length = static_cast<std::size_t>(grid.dims[0]) * sizeof(std::int16_t);
-  if (length == 0) return;
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j) hash_bytes(hash, &field.padded().at(0, j, k), length);
+  hash_word(hash, field.bricks().content_hash());
 }
 
-// Of the voxels that hold something else than what is outside, with the cells that they reach into; indices.
-// Empty (low above high) where there are none.
-struct Extent {
-  std::array<double, 3> low, high;
-};
+using Brick = BrickLayout;
 
-Extent extent_of(const SignedField& field) {
-  const std::array<int, 3>& dims = field.geometry().dims;
-  const std::int16_t outside = field.steps().outside;
-  std::array<int, 3> first = dims, last{-1, -1, -1};
-  for (int k = 0; k < dims[2]; ++k) {
-    for (int j = 0; j < dims[1]; ++j) {
-      const std::int16_t* row = &field.padded().at(0, j, k);
-      int different = 0;
-      for (int i = 0; i < dims[0]; ++i) different |= row[i] ^ outside;
-      if (different == 0) continue;
-      int begin = 0, end = dims[0] - 1;
-      while (row[begin] == outside) ++begin;
-      while (row[end] == outside) --end;
-      const std::array<int, 3> low{begin, j, k}, high{end, j, k};
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        first[axis] = std::min(first[axis], low[axis]);
-        last[axis] = std::max(last[axis], high[axis]);
-      }
-    }
-  }
-  Extent extent;
+// Blocks of kBlock cells along each axis, eight to a brick. They begin kBorder cells before the grid; the
+// first that can be asked for reaches out of it.
+constexpr int kBlock = Brick::kCells / 2;
+
+/// Widens first and last by the voxels of the grid that a brick holds and that are not as outside.
+void find_different(const Bricks<std::int16_t>& bricks, std::size_t number, const std::array<int, 3>& brick,
+                    std::array<int, 3>& first, std::array<int, 3>& last) {
+  const std::int16_t outside = bricks.outside();
+  const std::int16_t* const voxels = bricks.brick(number);
+  if (bricks.is_uniform(number) && voxels[0] == outside) return;
+  // those that no other brick answers for
+  std::array<int, 3> low, count;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    extent.low[axis] = first[axis] - 1;
-    extent.high[axis] = last[axis] + 1;
+    low[axis] = brick[axis] * Brick::kCells - Brick::kBorder;
+    count[axis] = std::min(Brick::kCells, bricks.geometry().dims[axis] - low[axis]);
   }
-  return extent;
-}
-
-// Blocks of kBlock cells along each axis. Cell c lies between voxels c and c + 1, from -1, which reaches out
-// of the grid, to the last voxel: along an axis of n voxels there are n + 1.
-constexpr int kBlock = 8;
-
-int blocks_along(int voxels) {
-  return (voxels + kBlock) / kBlock;
-}
-
-// the least of the voxels that its cells read, and of what is outside
-std::vector<std::int16_t> least_of_blocks(const SignedField& field, const std::array<int, 3>& blocks) {
-  const std::array<int, 3>& dims = field.geometry().dims;
-  std::vector<std::int16_t> least(static_cast<std::size_t>(blocks[0]) * static_cast<std::size_t>(blocks[1]) *
-                                      static_cast<std::size_t>(blocks[2]),
-                                  field.steps().outside);
-  std::vector<std::int16_t> row_least(static_cast<std::size_t>(blocks[0]));
-  for (int k = 0; k < dims[2]; ++k) {
-    for (int j = 0; j < dims[1]; ++j) {
-      const std::int16_t* row = &field.padded().at(0, j, k);
-      for (int b = 0; b < blocks[0]; ++b) {
-        const int begin = std::max(0, b * kBlock - 1), end = std::min(dims[0], (b + 1) * kBlock);
-        std::int16_t lowest = field.steps().outside;
-        for (int i = begin; i < end; ++i) lowest = std::min(lowest, row[i]);
-        row_least[static_cast<std::size_t>(b)] = lowest;
-      }
-      // a voxel is read by the cell before it, too
-      for (int above = k / kBlock; above <= (k + 1) / kBlock; ++above) {
-        for (int beside = j / kBlock; beside <= (j + 1) / kBlock; ++beside) {
-          std::int16_t* into = &least[(static_cast<std::size_t>(above) * static_cast<std::size_t>(blocks[1]) +
-                                       static_cast<std::size_t>(beside)) *
-                                      static_cast<std::size_t>(blocks[0])];
-          for (std::size_t b = 0; b < row_least.size(); ++b) into[b] = std::min(into[b], row_least[b]);
+  const auto begin = [&](std::size_t axis) { return std::max(0, -low[axis]); };
+  for (int k = begin(2); k < count[2]; ++k) {
+    for (int j = begin(1); j < count[1]; ++j) {
+      const std::int16_t* const row =
+          voxels + Brick::kBefore + (Brick::kBefore + j) * Brick::kRow + (Brick::kBefore + k) * Brick::kSlice;
+      for (int i = begin(0); i < count[0]; ++i) {
+        if (row[i] == outside) continue;
+        const std::array<int, 3> voxel{low[0] + i, low[1] + j, low[2] + k};
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          first[axis] = std::min(first[axis], voxel[axis]);
+          last[axis] = std::max(last[axis], voxel[axis]);
         }
       }
     }
   }
-  return least;
 }
 
 }  // namespace
@@ -103,23 +65,88 @@ Surface::Surface(SignedField position, SignedField normal, double steepest)
       outside_mm_(position.outside()),
       position_(std::move(position)),
       normal_(std::move(normal)) {
-  // the corners of the extent, a little farther out for rounding
+  const Bricks<std::int16_t>& bricks = position_.bricks();
+  const std::array<int, 3>& counts = bricks.counts();
+  least_.resize(8 * static_cast<std::size_t>(counts[0]) * static_cast<std::size_t>(counts[1]) *
+                static_cast<std::size_t>(counts[2]));
+  Voxels different{position_.geometry().dims, {-1, -1, -1}};
+  std::size_t brick = 0;
+  for (int c = 0; c < counts[2]; ++c) {
+    for (int b = 0; b < counts[1]; ++b) {
+      for (int a = 0; a < counts[0]; ++a, ++brick) {
+        find_least(brick);
+        find_different(bricks, brick, {a, b, c}, different.first, different.last);
+      }
+    }
+  }
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  low_.setConstant(kFar);
+  high_.setConstant(-kFar);
+  reach_around(different);
+  hash_content();
+}
+
+Surface Surface::with(const PatchOf<std::int16_t>& position, const PatchOf<std::int16_t>& normal,
+                      double steepest) const {
+  Surface now = *this;
+  now.steepest_ = std::max(1.0, steepest);
+  now.position_ = position_.with(position);
+  now.normal_ = normal_.with(normal);
+  const Bricks<std::int16_t>& before = position_.bricks();
+  const Bricks<std::int16_t>& after = now.position_.bricks();
+  for (std::size_t brick = 0; brick < least_.size() / 8; ++brick)
+    if (after.brick(brick) != before.brick(brick)) now.find_least(brick);
+  if (!position.values.empty()) {
+    Voxels changed;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      changed.first[axis] = position.box.first[axis];
+      changed.last[axis] = changed.first[axis] + position.box.size[axis] - 1;
+    }
+    now.reach_around(changed);
+  }
+  now.hash_content();
+  return now;
+}
+
+/// Widens the box of what differs from outside by voxels, with the cells that they reach into.
+void Surface::reach_around(const Voxels& different) {
+  // a little farther out for rounding
   constexpr double kRounding_mm = 1e-6;
-  const Extent extent = extent_of(position_);
   const auto X_PatientVoxel = position_.geometry().X_PatientVoxel();
   for (unsigned corner = 0; corner < 8; ++corner) {
-    const auto end = [&](unsigned axis) {
-      return (corner >> axis & 1) != 0 ? extent.high[axis] : extent.low[axis];
+    const auto end = [&](unsigned axis) -> double {
+      return (corner >> axis & 1) != 0 ? different.last[axis] + 1 : different.first[axis] - 1;
     };
     const Eigen::Array3d at = (X_PatientVoxel * Point<Voxel>(end(0), end(1), end(2))).eigen().array();
-    if (corner == 0) low_ = high_ = at;
     low_ = low_.min(at - kRounding_mm);
     high_ = high_.max(at + kRounding_mm);
   }
+}
 
-  for (std::size_t axis = 0; axis < 3; ++axis) blocks_[axis] = blocks_along(position_.geometry().dims[axis]);
-  least_ = least_of_blocks(position_, blocks_);
+void Surface::find_least(std::size_t brick) {
+  const Bricks<std::int16_t>& bricks = position_.bricks();
+  const std::int16_t outside = position_.steps().outside;
+  std::int16_t* const least = &least_[8 * brick];
+  const std::int16_t* const voxels = bricks.brick(brick);
+  if (bricks.is_uniform(brick)) {
+    std::fill_n(least, 8, std::min(outside, voxels[0]));
+    return;
+  }
+  for (int block = 0; block < 8; ++block) {
+    std::int16_t lowest = outside;
+    // the cells of a block read its voxels and those behind them
+    const std::int16_t* const first = voxels + (Brick::kBefore + (block & 1) * kBlock) +
+                                      (Brick::kBefore + (block >> 1 & 1) * kBlock) * Brick::kRow +
+                                      (Brick::kBefore + (block >> 2) * kBlock) * Brick::kSlice;
+    for (int k = 0; k <= kBlock; ++k)
+      for (int j = 0; j <= kBlock; ++j)
+        for (int i = 0; i <= kBlock; ++i)
+          lowest = std::min(lowest, first[i + j * Brick::kRow + k * Brick::kSlice]);
+    least[block] = lowest;
+  }
+}
 
+void Surface::hash_content() {
   std::uint64_t hash = kHashSeed;
   hash_field(hash, position_);
   hash_field(hash, normal_);
@@ -130,18 +157,23 @@ Surface::Surface(SignedField position, SignedField normal, double steepest)
 double Surface::at_least_mm(const Point<Patient>& x) const {
   const Point<Voxel> p = position_.X_VoxelPatient() * x;
   const std::array<int, 3>& dims = position_.geometry().dims;
-  std::array<std::size_t, 3> block;
+  std::array<std::size_t, 3> place;
   for (int axis = 0; axis < 3; ++axis) {
     const auto a = static_cast<std::size_t>(axis);
     if (!(p[axis] >= -1 && p[axis] < dims[a])) return outside_mm_;
-    block[a] = static_cast<std::size_t>(static_cast<int>(p[axis] + 1) / kBlock);
+    place[a] = static_cast<std::size_t>(p[axis] + Brick::kBorder);
   }
-  const std::size_t place =
-      (block[2] * static_cast<std::size_t>(blocks_[1]) + block[1]) * static_cast<std::size_t>(blocks_[0]) +
-      block[0];
+  const std::array<int, 3>& counts = position_.bricks().counts();
+  constexpr std::size_t kCells = Brick::kCells;
+  const auto brick = [&](std::size_t axis) { return place[axis] / kCells; };
+  const auto half = [&](std::size_t axis) { return place[axis] % kCells / kBlock; };
+  const std::size_t block =
+      8 * ((brick(2) * static_cast<std::size_t>(counts[1]) + brick(1)) * static_cast<std::size_t>(counts[0]) +
+           brick(0)) +
+      4 * half(2) + 2 * half(1) + half(0);
   // interpolation rounds
   constexpr double kRounding_mm = 1e-9;
-  return position_.steps().offset + position_.steps().scale * least_[place] - kRounding_mm;
+  return position_.steps().offset + position_.steps().scale * least_[block] - kRounding_mm;
 }
 
 }  // namespace palpate

@@ -23,13 +23,13 @@ double lerp(double a, double b, double t) {
 }
 
 template <class T>
-double sample(const PaddedVolume<T>& voxels, const internal::SamplingMap& map, const Point<Patient>& p) {
+double sample(const Bricks<T>& voxels, const internal::SamplingMap& map, const Point<Patient>& p) {
   const Eigen::Vector3d x = (map.X_VoxelPatient * p).eigen();
   if (!within_reach(x, voxels.geometry().dims)) return map.outside;
   const int i = floor_to_int(x[0]), j = floor_to_int(x[1]), k = floor_to_int(x[2]);
   const double u = x[0] - i, v = x[1] - j, w = x[2] - k;
-  const auto [origin, row, slice] = voxels.view();
-  const T* cell = origin + i + j * row + k * slice;
+  constexpr std::ptrdiff_t row = BrickLayout::kRow, slice = BrickLayout::kSlice;
+  const T* const cell = voxels.view().cell(i, j, k);
   const auto along_i = [&](std::ptrdiff_t at) { return lerp(cell[at], cell[at + 1], u); };
   const double below = lerp(along_i(0), along_i(row), v);
   const double above = lerp(along_i(slice), along_i(slice + row), v);
@@ -39,11 +39,11 @@ double sample(const PaddedVolume<T>& voxels, const internal::SamplingMap& map, c
 }  // namespace
 
 double sample_value(const Field& field, const Point<Patient>& x) {
-  return std::visit([&](const auto& voxels) { return sample(voxels, field.map(), x); }, field.padded());
+  return std::visit([&](const auto& voxels) { return sample(voxels, field.map(), x); }, field.bricks());
 }
 
 double sample_value(const SignedField& field, const Point<Patient>& x) {
-  return sample(field.padded(), field.map(), x);
+  return sample(field.bricks(), field.map(), x);
 }
 
 }  // namespace palpate

@@ -189,7 +189,7 @@ void put_field(const SignedField& field, FieldWriter& out) {
   out.put(field.steps().scale);
   out.put(field.steps().offset);
   out.put(field.steps().outside);
-  put_voxels(field.padded().unpadded(), out);
+  put_voxels(field.bricks().dense(), out);
 }
 
 std::optional<SignedField> get_field(FieldReader& in) {

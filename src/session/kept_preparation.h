@@ -19,7 +19,7 @@ namespace palpate {
 
 /// Raised by whoever changes what any of these functions gives for the same parameters: what was prepared
 /// before is then no longer found. A test says when it was forgotten (KeptPreparation.GoldenHash).
-inline constexpr std::uint32_t kPreparationVersion = 1;
+inline constexpr std::uint32_t kPreparationVersion = 2;
 
 /// By which kept results of labels are found: of their voxels and grid. Nothing where nothing is kept.
 std::optional<cache::Digest> labels_digest(const Volume<LabelId>& labels);

@@ -12,7 +12,7 @@ constexpr double kFlat_per_mm = 1e-6;
 
 // of the eight voxels around a place that is given in voxels; 0 outside
 template <class T>
-double value_at(const PaddedVolume<T>& voxels, const Eigen::Vector3d& place) {
+double value_at(const Bricks<T>& voxels, const Eigen::Vector3d& place) {
   std::array<int, 3> first{};
   std::array<double, 3> part{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -31,7 +31,7 @@ double value_at(const PaddedVolume<T>& voxels, const Eigen::Vector3d& place) {
 }
 
 template <class T>
-Vector<Patient> force_at(const Field& field, const PaddedVolume<T>& voxels, double full_force_N,
+Vector<Patient> force_at(const Field& field, const Bricks<T>& voxels, double full_force_N,
                          const Point<Patient>& tip) {
   const Eigen::Vector3d place = (field.X_VoxelPatient() * tip).eigen();
   Eigen::Vector3d slope;
@@ -49,7 +49,7 @@ Vector<Patient> force_at(const Field& field, const PaddedVolume<T>& voxels, doub
 
 Vector<Patient> bare_force_N(const Field& field, double full_force_N, const Point<Patient>& tip) {
   return std::visit([&](const auto& voxels) { return force_at(field, voxels, full_force_N, tip); },
-                    field.padded());
+                    field.bricks());
 }
 
 }  // namespace palpate

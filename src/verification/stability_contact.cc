@@ -231,7 +231,7 @@ Result<std::vector<Figure>> drift_figures(const ContactEffort& effort, const Pro
 class DistanceOracle {
  public:
   explicit DistanceOracle(const SignedField& field)
-      : voxels_(field.padded().unpadded()),
+      : voxels_(field.bricks().dense()),
         steps_(field.steps()),
         X_VoxelPatient_(field.geometry().X_PatientVoxel().inverse()) {}
 

@@ -63,7 +63,7 @@ int presses_a_turn() {
 class Oracle {
  public:
   explicit Oracle(const SignedField& field)
-      : voxels_(field.padded().unpadded()),
+      : voxels_(field.bricks().dense()),
         steps_(field.steps()),
         X_VoxelPatient_(field.geometry().X_PatientVoxel().inverse()) {}
 

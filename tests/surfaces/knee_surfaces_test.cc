@@ -86,7 +86,7 @@ Kept count_kept(const PreparedSurface& s, const Volume<LabelId>& labels) {
 
 /// Angles between the normal and the position's gradient, where the surface crosses the grid, in degrees.
 std::vector<double> angles_on_surface(const Surface& surface) {
-  const Volume<std::int16_t> position = surface.position().padded().unpadded();
+  const Volume<std::int16_t> position = surface.position().bricks().dense();
   const GridGeometry& grid = position.geometry();
   std::vector<double> angles;
   for (int k = 1; k + 1 < grid.dims[2]; ++k) {
@@ -130,7 +130,7 @@ void expect_thin_tissue_survives(const std::string& name) {
     const Kept kept = count_kept(s, labels);
     EXPECT_LE(static_cast<double>(kept.outside), 0.05 * static_cast<double>(kept.voxels));
     EXPECT_LE(kept.deepest, 1);
-    const Volume<std::int16_t> position = s.surface.position().padded().unpadded();
+    const Volume<std::int16_t> position = s.surface.position().bricks().dense();
     const int components =
         count_components(position.geometry(), [&](int i, int j, int k) { return position.at(i, j, k) <= 0; });
     const int labelled = count_components(labels.geometry(),

@@ -1,0 +1,195 @@
+#include "palpate/bricks.h"
+
+#include <algorithm>
+#include <cstring>
+#include <unordered_set>
+
+#include "base/hash.h"
+
+namespace palpate {
+
+namespace {
+
+using L = BrickLayout;
+
+std::uint64_t hash_at(std::uint64_t hash, std::size_t number) {
+  hash_word(hash, number);
+  return hash_finish(hash);
+}
+
+/// First voxel that a brick stores, along an axis.
+int first_stored(int brick) {
+  return brick * L::kCells - L::kBorder - L::kBefore;
+}
+
+/// Part of a row, or of any other axis: low ... high - 1.
+struct Stretch {
+  int low, high;
+  int size() const { return std::max(0, high - low); }
+};
+
+Stretch common(const Stretch& a, const Stretch& b) {
+  return {std::max(a.low, b.low), std::min(a.high, b.high)};
+}
+
+/// Where a brick stores voxels that another grid of voxels has, too; in voxels.
+std::array<Stretch, 3> stored_of(const std::array<int, 3>& brick, const std::array<int, 3>& low,
+                                 const std::array<int, 3>& high) {
+  std::array<Stretch, 3> part;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const int first = first_stored(brick[axis]);
+    part[axis] = common({first, first + L::kVoxels}, {low[axis], high[axis]});
+  }
+  return part;
+}
+
+/// Copies what a brick stores of a box of voxels into it.
+/// @param from  the box's voxels, i fastest; low is its first voxel
+template <class T>
+void put_into(const std::array<int, 3>& brick, const std::array<int, 3>& low, const std::array<int, 3>& high,
+              const T* from, T* stored) {
+  const auto [is, js, ks] = stored_of(brick, low, high);
+  if (is.size() == 0) return;
+  const std::ptrdiff_t row = high[0] - low[0], slice = row * (high[1] - low[1]);
+  for (int k = ks.low; k < ks.high; ++k) {
+    for (int j = js.low; j < js.high; ++j) {
+      const T* source = from + (is.low - low[0]) + (j - low[1]) * row + (k - low[2]) * slice;
+      T* to = stored + (is.low - first_stored(brick[0])) + (j - first_stored(brick[1])) * L::kRow +
+              (k - first_stored(brick[2])) * L::kSlice;
+      std::copy_n(source, is.size(), to);
+    }
+  }
+}
+
+/// The bricks that store voxels of a stretch.
+Stretch bricks_at(const Stretch& voxels, int count) {
+  const int first = voxels.low + L::kBorder - L::kAfter - L::kCells + 1;
+  const int last = voxels.high - 1 + L::kBorder + L::kBefore;
+  return {std::max(0, (first + L::kCells - 1) / L::kCells), std::min(count, last / L::kCells + 1)};
+}
+
+}  // namespace
+
+template <class T>
+typename Bricks<T>::Shared Bricks<T>::keep(const Brick& brick) {
+  const std::size_t bytes = sizeof brick.voxels;
+  const auto* const raw = reinterpret_cast<const unsigned char*>(brick.voxels.data());
+  const bool uniform = std::memcmp(raw, raw + sizeof(T), bytes - sizeof(T)) == 0;
+  if (uniform) {
+    for (const Shared& one : uniform_)
+      if (std::memcmp(one->voxels.data(), raw, sizeof(T)) == 0) return one;
+  }
+  auto kept = std::make_shared<Brick>(brick);
+  kept->uniform = uniform;
+  kept->hash = kHashSeed;
+  hash_bytes(kept->hash, raw, bytes);
+  if (uniform) uniform_.push_back(kept);
+  return kept;
+}
+
+template <class T>
+Bricks<T>::Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin, T outside)
+    : geometry_(grid), outside_(outside) {
+  std::size_t bricks = 1;
+  std::array<int, 3> low, high;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    PALPATE_CHECK(voxels.geometry().dims[axis] == grid.dims[axis] + 2 * margin && margin <= kBorder);
+    counts_[axis] = (grid.dims[axis] + 2 * kBorder - 1) / kCells + 1;
+    bricks *= static_cast<std::size_t>(counts_[axis]);
+    low[axis] = -margin;
+    high[axis] = grid.dims[axis] + margin;
+  }
+  table_.resize(bricks);
+  std::vector<Page> pages((bricks + kPage - 1) / kPage);
+  const auto brick = std::make_unique<Brick>();
+  std::size_t number = 0;
+  for (int c = 0; c < counts_[2]; ++c) {
+    for (int b = 0; b < counts_[1]; ++b) {
+      for (int a = 0; a < counts_[0]; ++a, ++number) {
+        brick->voxels.fill(outside);
+        put_into({a, b, c}, low, high, voxels.voxels().data(), brick->voxels.data());
+        Shared& kept = pages[number / kPage][number % kPage];
+        kept = keep(*brick);
+        table_[number] = kept->voxels.data();
+        hash_ += hash_at(kept->hash, number);
+      }
+    }
+  }
+  pages_.reserve(pages.size());
+  for (Page& page : pages) pages_.push_back(std::make_shared<const Page>(std::move(page)));
+}
+
+template <class T>
+Bricks<T> Bricks<T>::with(const PatchOf<T>& patch) const {
+  PALPATE_CHECK(patch.values.size() == patch.box.voxel_count());
+  Bricks now = *this;
+  if (patch.values.empty()) return now;
+  const std::array<int, 3>& low = patch.box.first;
+  std::array<int, 3> high;
+  std::array<Stretch, 3> at;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    high[axis] = low[axis] + patch.box.size[axis];
+    PALPATE_CHECK(low[axis] >= 0 && high[axis] <= geometry_.dims[axis]);
+    at[axis] = bricks_at({low[axis], high[axis]}, counts_[axis]);
+  }
+  const auto brick = std::make_unique<Brick>();
+  // pages of this version alone, by their number
+  std::vector<std::shared_ptr<Page>> own(pages_.size());
+  for (int c = at[2].low; c < at[2].high; ++c) {
+    for (int b = at[1].low; b < at[1].high; ++b) {
+      for (int a = at[0].low; a < at[0].high; ++a) {
+        const auto number = static_cast<std::size_t>(a) +
+                            static_cast<std::size_t>(counts_[0]) *
+                                (static_cast<std::size_t>(b) +
+                                 static_cast<std::size_t>(counts_[1]) * static_cast<std::size_t>(c));
+        const Brick& was = *held(number);
+        brick->voxels = was.voxels;
+        put_into({a, b, c}, low, high, patch.values.data(), brick->voxels.data());
+        if (std::memcmp(brick->voxels.data(), was.voxels.data(), sizeof was.voxels) == 0) continue;
+        std::shared_ptr<Page>& page = own[number / kPage];
+        if (page == nullptr) page = std::make_shared<Page>(*pages_[number / kPage]);
+        Shared& kept = (*page)[number % kPage];
+        kept = now.keep(*brick);
+        now.table_[number] = kept->voxels.data();
+        now.hash_ += hash_at(kept->hash, number) - hash_at(was.hash, number);
+      }
+    }
+  }
+  for (std::size_t n = 0; n < own.size(); ++n)
+    if (own[n] != nullptr) now.pages_[n] = std::move(own[n]);
+  return now;
+}
+
+template <class T>
+void Bricks<T>::copy_row(int i, int j, int k, int count, T* to) const {
+  while (count > 0) {
+    const int here = std::min(count, kCells - (i + kBorder) % kCells);
+    std::copy_n(view().cell(i, j, k), here, to);
+    i += here;
+    to += here;
+    count -= here;
+  }
+}
+
+template <class T>
+Volume<T> Bricks<T>::dense() const {
+  Volume<T> volume(geometry_);
+  if (volume.empty()) return volume;
+  for (int k = 0; k < geometry_.dims[2]; ++k)
+    for (int j = 0; j < geometry_.dims[1]; ++j) copy_row(0, j, k, geometry_.dims[0], &volume.at(0, j, k));
+  return volume;
+}
+
+template <class T>
+std::size_t Bricks<T>::bytes() const {
+  std::unordered_set<const T*> distinct(table_.begin(), table_.end());
+  for (const Shared& one : uniform_) distinct.insert(one->voxels.data());
+  return distinct.size() * sizeof(Brick) + table_.size() * sizeof table_[0] + pages_.size() * sizeof(Page);
+}
+
+template class Bricks<std::uint8_t>;
+template class Bricks<std::uint16_t>;
+template class Bricks<std::int16_t>;
+template class Bricks<float>;
+
+}  // namespace palpate
