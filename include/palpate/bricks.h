@@ -68,9 +68,9 @@ struct BrickView {
 
 /// Voxels on a grid, in bricks that versions share. Never edited: `with` makes a version that differs in a
 /// box and holds every other brick together with the one it was made from. A brick all of whose voxels are
-/// equal is held once, however often it occurs, so that memory follows what differs and not the grid; any
-/// other costs 1.67 times its voxels, for what it holds of its neighbours. Reading allocates, locks and
-/// throws nothing. The last version that holds a brick frees it, on the thread that drops the version.
+/// equal is held once, however often it occurs, and so is any that occurs again in the volume that bricks are
+/// made of; each costs 1.67 times its voxels, for what it holds of its neighbours. Reading allocates, locks
+/// and throws nothing. The last version that holds a brick frees it, on the thread that drops the version.
 ///
 /// For T of std::uint8_t, std::uint16_t, std::int16_t and float.
 template <class T>

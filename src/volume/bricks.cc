@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <unordered_map>
 #include <unordered_set>
 
 #include "base/hash.h"
@@ -102,6 +103,8 @@ Bricks<T>::Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin,
   table_.resize(bricks);
   std::vector<Page> pages((bricks + kPage - 1) / kPage);
   const auto brick = std::make_unique<Brick>();
+  // what is thinner than a brick, a slice or a rod, is made of equal ones
+  std::unordered_map<std::uint64_t, Shared> made;
   std::size_t number = 0;
   for (int c = 0; c < counts_[2]; ++c) {
     for (int b = 0; b < counts_[1]; ++b) {
@@ -110,6 +113,8 @@ Bricks<T>::Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin,
         put_into({a, b, c}, low, high, voxels.voxels().data(), brick->voxels.data());
         Shared& kept = pages[number / kPage][number % kPage];
         kept = keep(*brick);
+        const auto [first, is_new] = made.try_emplace(kept->hash, kept);
+        if (!is_new && first->second->voxels == kept->voxels) kept = first->second;
         table_[number] = kept->voxels.data();
         hash_ += hash_at(kept->hash, number);
       }

@@ -177,6 +177,16 @@ TEST(Bricks, WhatIsOneValueIsHeldOnce) {
   }
 }
 
+TEST(Bricks, WhatIsThinnerThanABrickTakesLittleToo) {
+  for (const auto& dims : {std::array{1000, 1000, 1}, std::array{1'000'000, 1, 1}}) {
+    const GridGeometry thin = grid(dims, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
+    const Volume<std::int16_t> volume(thin, 5);
+    const Bricks<std::int16_t> bricks(volume, 9);
+    EXPECT_LT(bricks.bytes(), 2 * volume.voxels().size() * sizeof(std::int16_t));
+    EXPECT_TRUE(bricks.dense().voxels() == volume.voxels());
+  }
+}
+
 // a burr's life: small changes at random places, older versions dropped
 TEST(Bricks, TenThousandVersionsTakeWhatTheLastDoes) {
   std::mt19937 random(5);
