@@ -45,7 +45,7 @@ class LevelledSphere {
 };
 
 /// One method with what it reads, prepared for one volume. Immutable, so that threads may share it. A query
-/// allocates, locks and throws nothing; a point that is no place (NaN, infinite) is free space.
+/// allocates, locks and throws nothing; a point with a coordinate that is NaN or infinite is free space.
 class ForceField {
  public:
   using Source = std::variant<std::shared_ptr<const Field>, SplineField, LevelledSphere<GaussianSphere>,

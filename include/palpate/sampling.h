@@ -19,7 +19,7 @@
 /// | SplineField | int16, float       | any, its own `outside`           | cubic B-spline            |
 ///
 /// A query never fails: outside the volume every field has a value of its own, which it reaches within
-/// one voxel, and a point that is no place (NaN, infinite) is outside. Nothing is allocated.
+/// one voxel, and a point with a coordinate that is NaN or infinite is outside. Nothing is allocated.
 ///
 /// A query for one point gives the same bits on every SIMD target and in every build: multiplications
 /// and additions stand in one order and are never fused. Queries for many points do too, in float, and

@@ -18,7 +18,7 @@
 /// that is its definition, and a vector form that gives the same for one point or many. The vector form's
 /// results are the same bit for bit on every SIMD target and build type, and for one point or many; it
 /// allocates nothing, locks nothing and throws nothing, as a tick demands. The literal form is no part of a
-/// tick. What lies outside the volume is free space: value 0. So is what is no place at all (NaN).
+/// tick. What lies outside the volume is free space: value 0. So is a point with a coordinate that is NaN.
 namespace palpate {
 
 /// A run of consecutive labels, both ends included.

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-// shorter ways are none
+// a shorter way counts as standing still
 constexpr double kStill_mm = 2e-5;
 constexpr int kMostStrides = 48, kMostTries = 4, kMostHalvings = 8;
 // no stride begins after so many looks at surfaces beyond the first gathering's, which are what strides of

@@ -69,7 +69,7 @@ TEST(Proxy, FollowsAHandAtOnceInFreeSpace) {
     const double x = aside(random), y = aside(random), z = above(random);
     tip = {x, y, z};
     run.at(tip);
-    // ways of less are none
+    // a way of less counts as standing still
     EXPECT_LT((run.state.position - tip).norm(), 2e-5);
     EXPECT_FALSE(run.result.lagging);
   }

@@ -27,7 +27,7 @@ class Tokens {
                              const std::function<void(const std::string&)>& warn);
 
   bool empty() const { return tokens_.empty(); }
-  /// Nothing for a token that is none of these.
+  /// Nothing for an unknown token.
   std::optional<Role> role_of(std::string_view token) const;
 
  private:

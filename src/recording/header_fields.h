@@ -59,7 +59,7 @@ void visit_header(Header& header, Visit&& visit) {
 
 /// A row of format 3's /summary/model_changes: version, tissue, and its values in the order of the struct.
 using ChangeRow = std::array<double, 6>;
-/// Nothing for a row whose numbers are none that a version or a tissue can have.
+/// Nothing where a number of the row is out of range for a version or a tissue.
 inline std::optional<ModelChange> change_of(const ChangeRow& row) {
   const auto whole = [](double value) {
     return value >= 0 && value <= 4294967295.0 && value == std::floor(value);

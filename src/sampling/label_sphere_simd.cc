@@ -14,7 +14,8 @@
 //
 // The slopes sum to 0 and the weights to a known total, but not to the last bit, and deep inside the tissue a
 // gradient of rounding errors would still have a direction. Where the box lies wholly inside the volume and
-// the voxel nearest to x is a member, the sums are therefore taken over the voxels that are none ("flipped").
+// the voxel nearest to x is a member, the sums are therefore taken over the voxels that are not members
+// ("flipped").
 //
 // Compiled once per target by foreach_target.h; only what is marked HWY_INLINE and the four functions at the
 // end live in the target's namespace, and nothing of the standard library is called there.
@@ -180,7 +181,7 @@ HWY_INLINE BoxPart part_inside(const LabelGrid<T>& grid, const AxisWeights (&axe
 template <int kCount, class T, class Kernel>
 HWY_INLINE void sample_one(const LabelGrid<T>& grid, const Kernel& kernel, const SpherePoint& point,
                            double* sample) {
-  // too far away to see a voxel, or no place at all
+  // too far away to see a voxel, or not a number
   store_four(internal::HWY_NAMESPACE::all_four(0), sample);
   for (int a = 0; a < 3; ++a) {
     const double far = reach(kernel, a);

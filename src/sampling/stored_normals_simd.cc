@@ -78,7 +78,7 @@ HWY_INLINE float sum_of_eight(const float* p) {
 
 template <NormalEncoding kEncoding>
 HWY_INLINE void sample_one(const StoredGrid& grid, const StoredPoint& point, double* sample) {
-  // more than a voxel outside, or no place at all
+  // more than a voxel outside, or not a number
   store_four(rows::all_four(0), sample);
   for (int a = 0; a < 3; ++a) {
     if (!(point.x[a] > -1 && point.x[a] < grid.dims[a])) return;

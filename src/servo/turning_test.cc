@@ -175,7 +175,7 @@ TEST(Turning, WhereNoForceIsSentTheObjectTurnsInItsTime) {
     EXPECT_EQ(wall.record.device[0].turned_mJ, 0);
     EXPECT_EQ(wall.record.device[0].flags & kFlagTurnHeld, 0u);
   }
-  // and a pose that is none holds nothing up
+  // and a pose that is not finite does not stop the turning
   TurningWall wall;
   wall.at(TurningWall::tip_at(5));
   wall.turn_to(0.3);

@@ -28,7 +28,7 @@ void put_grid(const GridGeometry& grid, auto& out) {
   }
 }
 
-// A grid that is none, or that memory does not allow, is nothing of ours.
+// Nothing where the numbers make no grid, or one too large for the memory: this file is not ours.
 std::optional<GridGeometry> get_grid(FieldReader& in, std::size_t bytes_per_voxel) {
   GridGeometry grid;
   for (int& dim : grid.dims) in.get(dim);

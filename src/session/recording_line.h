@@ -13,7 +13,7 @@ namespace palpate {
 /// many there are.
 class RecordingLine {
  public:
-  /// Shorter breaks of a contact are none to the eye.
+  /// A shorter break does not end a contact: nobody would see it.
   static constexpr double kBreak_s = 0.05;
   static constexpr std::size_t kMostContacts = 2000, kMostEvents = 2000, kForces = 1000;
 

@@ -33,7 +33,7 @@ RecordingEvent event(RecordingEvent::Kind kind, std::uint64_t tick, AskedBy by =
 }
 
 TEST(RecordingLine, HasTheContactsAndTheirGreatestForces) {
-  // touched for 100 ms, a break that is none, another structure, a break that is one
+  // touched for 100 ms, a break too short to count, another structure, a break that counts
   std::vector<LabelId> labels(100, 1);
   labels.insert(labels.end(), 40, 0);
   labels.insert(labels.end(), 60, 1);

@@ -159,7 +159,7 @@ void add_terminology(const Json& codes, Names& names) {
   });
 }
 
-// {"1": "femur"} or {"femur": 1}; nnU-Net's regions of several labels are none
+// {"1": "femur"} or {"femur": 1}; nnU-Net's regions of several labels are left out
 void add_pairs(const Json& object, Names& names) {
   if (!object.is_object()) return;
   for (const auto& [key, value] : object.items()) {
