@@ -80,9 +80,8 @@ class Bricks : public BrickLayout {
   Bricks() : Bricks(Volume<T>(GridGeometry{}), T{}) {}
   /// The voxels of a volume, `outside` around it.
   Bricks(const Volume<T>& volume, T outside) : Bricks(volume.geometry(), volume, 0, outside) {}
-  /// @param voxels  of the grid and of `margin` voxels (at most kBorder) around it on every side; of their
-  /// own
-  ///                geometry only the number counts
+  /// @param voxels  of the grid with `margin` more on every side; only their number counts
+  /// @param margin  at most kBorder
   Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin, T outside);
 
   /// The same but for a box, which must lie in the grid. Costs what the box's bricks do, and 8 bytes and a
@@ -108,7 +107,7 @@ class Bricks : public BrickLayout {
   const T* brick(std::size_t number) const { return table_[number]; }
   bool is_uniform(std::size_t number) const { return held(number)->uniform; }
 
-  /// Equal for equal voxels, however they came to be; `outside` and the grid do not count.
+  /// The same for equal voxels on as many along each axis with the same `outside`, however they came to be.
   std::uint64_t content_hash() const { return hash_; }
   /// What this version would take if it stood alone.
   std::size_t bytes() const;

@@ -21,12 +21,13 @@ double value_at(const Bricks<T>& voxels, const Eigen::Vector3d& place) {
     first[axis] = static_cast<int>(std::floor(at));
     part[axis] = at - first[axis];
   }
+  const T* const cell = voxels.view().cell(first[0], first[1], first[2]);
   double value = 0;
   for (int k = 0; k < 2; ++k)
     for (int j = 0; j < 2; ++j)
       for (int i = 0; i < 2; ++i)
         value += (i ? part[0] : 1 - part[0]) * (j ? part[1] : 1 - part[1]) * (k ? part[2] : 1 - part[2]) *
-                 voxels.at(first[0] + i, first[1] + j, first[2] + k);
+                 cell[i + j * BrickLayout::kRow + k * BrickLayout::kSlice];
   return value / std::numeric_limits<T>::max();
 }
 
