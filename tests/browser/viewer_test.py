@@ -445,7 +445,7 @@ class WithPointer(Viewer):
         points = self.points_of(clear)
         middle = points[numpy.linalg.norm(points - points.mean(0), axis=1).argsort()[0]]
         self.take_hand()
-        self.lead([middle.tolist()])
+        self.come_to(middle.tolist())
         return middle
 
     def test_the_scope_sees_what_an_independent_ray_meets(self):
@@ -765,11 +765,15 @@ class WithPointer(Viewer):
         time.sleep(0.2)
         self.page.wait("(palpateViewer.pose.devices[0].flags & %d) === 0" % BLENDING)
 
-    def press_on(self, label, start, end):
-        """Comes to a place in free space without minding what is on the way, and presses from there."""
+    def come_to(self, place):
+        """Comes to a place in free space without minding what is on the way."""
         self.choose_method("trilinear")  # which holds no proxy back behind what lies between
-        self.lead([start])
+        self.lead([place])
         self.choose_method("proxy")
+
+    def press_on(self, label, start, end):
+        """Presses from a place in free space towards another."""
+        self.come_to(start)
         self.lead([start, end])
         self.page.wait(f"palpateViewer.pose.devices[0].label === {label}")
 
