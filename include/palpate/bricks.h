@@ -83,6 +83,8 @@ class Bricks : public BrickLayout {
   /// @param voxels  of the grid with `margin` more on every side; only their number counts
   /// @param margin  at most kBorder
   Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin, T outside);
+  /// One value everywhere, outside the grid too.
+  Bricks(const GridGeometry& grid, T value);
 
   /// The same but for a box, which must lie in the grid. Costs what the box's bricks do, and 8 bytes and a
   /// little for each brick of the grid.
@@ -126,6 +128,8 @@ class Bricks : public BrickLayout {
   const Shared& held(std::size_t number) const { return (*pages_[number / kPage])[number % kPage]; }
   /// A brick, or the one that is there already for its value where it holds but one.
   Shared keep(const Brick& brick);
+  // sets the counts; how many bricks that is
+  std::size_t count_bricks();
 
   GridGeometry geometry_;
   T outside_;

@@ -89,17 +89,38 @@ typename Bricks<T>::Shared Bricks<T>::keep(const Brick& brick) {
 }
 
 template <class T>
+std::size_t Bricks<T>::count_bricks() {
+  std::size_t bricks = 1;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    counts_[axis] = (geometry_.dims[axis] + 2 * kBorder - 1) / kCells + 1;
+    bricks *= static_cast<std::size_t>(counts_[axis]);
+  }
+  return bricks;
+}
+
+template <class T>
+Bricks<T>::Bricks(const GridGeometry& grid, T value) : geometry_(grid), outside_(value) {
+  const std::size_t bricks = count_bricks();
+  const auto brick = std::make_unique<Brick>();
+  brick->voxels.fill(value);
+  const Shared one = keep(*brick);
+  table_.assign(bricks, one->voxels.data());
+  Page page;
+  page.fill(one);
+  pages_.assign((bricks + kPage - 1) / kPage, std::make_shared<const Page>(std::move(page)));
+  for (std::size_t number = 0; number < bricks; ++number) hash_ += hash_at(one->hash, number);
+}
+
+template <class T>
 Bricks<T>::Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin, T outside)
     : geometry_(grid), outside_(outside) {
-  std::size_t bricks = 1;
   std::array<int, 3> low, high;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     PALPATE_CHECK(voxels.geometry().dims[axis] == grid.dims[axis] + 2 * margin && margin <= kBorder);
-    counts_[axis] = (grid.dims[axis] + 2 * kBorder - 1) / kCells + 1;
-    bricks *= static_cast<std::size_t>(counts_[axis]);
     low[axis] = -margin;
     high[axis] = grid.dims[axis] + margin;
   }
+  const std::size_t bricks = count_bricks();
   table_.resize(bricks);
   std::vector<Page> pages((bricks + kPage - 1) / kPage);
   const auto brick = std::make_unique<Brick>();

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "palpate/bricks.h"
+#include "palpate/surface.h"
+
+/// Tissue that is taken away by a tool. A surface is carved as it was prepared and never smoothed anew: what
+/// a ball swept is subtracted from it, and distances around follow.
+namespace palpate {
+
+/// What a ball takes with it on a straight way.
+struct Sweep {
+  Point<Patient> from, to;
+  double radius_mm = 0;  ///< above 0
+};
+
+/// A surface with all that was ever taken from it. A version is a value: with() makes the next one, which
+/// shares everything that did not change; undoing is going back to one that was kept.
+///
+/// With S the signed distance as prepared and C the depth within the union of all sweeps (for one sweep: its
+/// radius less the distance to its axis; for many the greatest), at every voxel of the position's grid:
+///
+///     inside and beside the surface   max(S, C)
+///     free, and free when prepared    S, and by how much the nearest material is farther away now
+///     free, and cut                   the distance to what is left
+///
+/// Every voxel follows from S and C near it alone, so that it is the same bit for bit however many versions
+/// led to it and in whatever order. The cells through which the surface passes hold max(S, C) at all corners:
+/// it lies where the sweeps end, to what trilinear interpolation keeps, and is not rounded.
+///
+/// The distance to what is left: the least, over voxels y in the cells through which the surface passes and
+/// a little deeper, of the way to y and y's own distance, which is negative inside. Exact where one of them
+/// lies on the line through the nearest place. (Additively weighted distance transform; the distances make it
+/// finer than a voxel.) Before an edge that two sweeps leave it is a little short, so that no slope is much
+/// steeper than a distance's.
+///
+/// The normal is the prepared one where nothing is taken away, and the new position's where something is.
+class CarvedSurface {
+ public:
+  /// @param made  as prepared; its grid's axes perpendicular
+  explicit CarvedSurface(std::shared_ptr<const Surface> made);
+
+  /// After more sweeps. The work goes with the box around all of them.
+  CarvedSurface with(std::span<const Sweep> sweeps) const;
+
+  /// As it is now. The very surface that was prepared while nothing is taken from it.
+  const std::shared_ptr<const Surface>& surface() const { return now_; }
+  /// As it was prepared.
+  const std::shared_ptr<const Surface>& made() const { return made_; }
+
+ private:
+  std::shared_ptr<const Surface> made_, now_;
+  Bricks<std::int16_t> cut_;  ///< C, in steps of the position
+  /// Of every brick of the position that is not the prepared one: its greatest slope. 0: it is that.
+  std::vector<double> steepest_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,465 @@
+#include "palpate/carving.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "palpate/check.h"
+
+namespace palpate {
+namespace {
+
+using Steps = std::int16_t;
+using Index = Eigen::Array3i;
+
+/// Voxels of a grid.
+class Box {
+ public:
+  Box(const Index& low, const Index& high) : low_(low), size_((high - low).max(0)) {}
+
+  const Index& low() const { return low_; }
+  Index high() const { return low_ + size_; }
+  const Index& size() const { return size_; }
+  bool empty() const { return (size_ == 0).any(); }
+  std::size_t count() const { return empty() ? 0 : static_cast<std::size_t>(size_.cast<long>().prod()); }
+  Box grown(const Index& by) const { return {low_ - by, high() + by}; }
+  Box clipped(const Box& to) const { return {low_.max(to.low_), high().min(to.high())}; }
+  std::size_t offset(int i, int j, int k) const {
+    return (static_cast<std::size_t>(k - low_[2]) * static_cast<std::size_t>(size_[1]) +
+            static_cast<std::size_t>(j - low_[1])) *
+               static_cast<std::size_t>(size_[0]) +
+           static_cast<std::size_t>(i - low_[0]);
+  }
+  VoxelBox voxels() const { return {{low_[0], low_[1], low_[2]}, {size_[0], size_[1], size_[2]}}; }
+
+ private:
+  Index low_, size_;
+};
+
+Box whole(const GridGeometry& grid) {
+  return {Index::Zero(), Index(grid.dims[0], grid.dims[1], grid.dims[2])};
+}
+
+std::vector<Steps> read(const Bricks<Steps>& bricks, const Box& box) {
+  std::vector<Steps> values(box.count());
+  if (box.empty()) return values;
+  for (int k = box.low()[2]; k < box.high()[2]; ++k)
+    for (int j = box.low()[1]; j < box.high()[1]; ++j)
+      bricks.copy_row(box.low()[0], j, k, box.size()[0], &values[box.offset(box.low()[0], j, k)]);
+  return values;
+}
+
+// voxels within so many mm of a sweep's axis
+Box around(const Sweep& sweep, double within_mm, const GridGeometry& grid,
+           const Transform<Voxel, Patient>& X_VoxelPatient) {
+  const Eigen::Array3d a = (X_VoxelPatient * sweep.from).eigen().array();
+  const Eigen::Array3d b = (X_VoxelPatient * sweep.to).eigen().array();
+  const Eigen::Array3d reach = within_mm / grid.spacing_mm.array();
+  // a path from far outside is as good as one from just outside
+  const Eigen::Array3d most = Eigen::Array3d(grid.dims[0], grid.dims[1], grid.dims[2]) + 1;
+  const Eigen::Array3d low = (a.min(b) - reach).floor().max(-1).min(most);
+  const Eigen::Array3d high = (a.max(b) + reach).ceil().max(-1).min(most) + 1;
+  return {low.cast<int>(), high.cast<int>()};
+}
+
+double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x) {
+  const Vector<Patient> way = sweep.to - sweep.from, from = x - sweep.from;
+  const double square = way.squared_norm();
+  const double part = square > 0 ? std::clamp(from.dot(way) / square, 0.0, 1.0) : 0.0;
+  return (from - way * part).norm();
+}
+
+/// Voxels near a surface, with their distances to it, which are negative inside.
+class Nearby {
+  // The same bits however wide the vectors are: roots and sums are rounded exactly. An expression of Eigen's.
+  auto ways_mm(const Eigen::Array3f& at_mm) const {
+    return ((voxels_.col(0) - at_mm[0]).square() + (voxels_.col(1) - at_mm[1]).square() +
+            (voxels_.col(2) - at_mm[2]).square())
+               .sqrt() +
+           voxels_.col(3);
+  }
+
+ public:
+  /// Of those that were added: the least of the way to each and its distance.
+  float distance_mm(const Eigen::Array3f& at_mm) const {
+    return size() == 0 ? std::numeric_limits<float>::infinity() : ways_mm(at_mm).minCoeff();
+  }
+  /// Those that can have the least at any place within `radius_mm` of one, if that is below `most_mm` there.
+  Nearby near(const Eigen::Array3f& at_mm, float radius_mm, float most_mm) const {
+    Nearby nearest;
+    if (size() == 0) return nearest;
+    const Eigen::ArrayXf ways = ways_mm(at_mm);
+    // a little more for rounding
+    const float most = std::min(most_mm + radius_mm, ways.minCoeff() + 2 * radius_mm) + 1e-3f;
+    const Eigen::Index count = (ways <= most).count();
+    nearest.voxels_.resize(count, 4);
+    for (Eigen::Index n = 0, to = 0; to < count; ++n)
+      if (ways[n] <= most) nearest.voxels_.row(to++) = voxels_.row(n);
+    return nearest;
+  }
+  Eigen::Index size() const { return voxels_.rows(); }
+
+  /// Room for so many, to be set one by one.
+  explicit Nearby(std::size_t count = 0) : voxels_(static_cast<Eigen::Index>(count), 4) {}
+  /// @param at_mm  from the grid's first voxel, along its axes
+  void set(std::size_t n, const Eigen::Array3f& at_mm, float distance_mm) {
+    voxels_.row(static_cast<Eigen::Index>(n)) << at_mm[0], at_mm[1], at_mm[2], distance_mm;
+  }
+
+ private:
+  Eigen::Array<float, Eigen::Dynamic, 4> voxels_;  // place and distance
+};
+
+template <class F>
+void for_voxels(const Box& box, const F& run_at) {
+  F run = run_at;
+  for (int k = box.low()[2]; k < box.high()[2]; ++k)
+    for (int j = box.low()[1]; j < box.high()[1]; ++j)
+      for (int i = box.low()[0]; i < box.high()[0]; ++i) run(i, j, k);
+}
+
+/// What a surface's position becomes in a box of its grid.
+class Carved {
+ public:
+  /// @param now  what earlier sweeps have made of the position
+  /// @param cut  their depth
+  Carved(const SignedField& made, const Bricks<Steps>& now, const Bricks<Steps>& cut,
+         std::span<const Sweep> sweeps)
+      : grid_(made.geometry()),
+        X_PatientVoxel_(grid_.X_PatientVoxel()),
+        step_mm_(made.steps().scale),
+        far_(made.steps().outside),
+        // of two neighbours on both sides of a surface one is in it
+        band_mm_(grid_.spacing_mm.norm()),
+        changing_(reached(made, sweeps)),
+        read_(changing_.grown(voxels_in(reach_mm() + band_mm_)).clipped(whole(grid_))) {
+    if (changing_.empty()) return;
+    made_ = read(made.bricks(), read_);
+    cut_ = read(cut, read_);
+    before_ = united();
+    for (const Sweep& sweep : sweeps) take(sweep, made.X_VoxelPatient());
+    is_ = united();
+    beside_ = beside(is_, [](Steps value) { return value < 0; });
+    position_ = read(now, changing_);
+  }
+
+  bool empty() const { return changing_.empty(); }
+
+  PatchOf<Steps> cut() const {
+    PatchOf<Steps> patch{changing_.voxels(), {}};
+    patch.values.reserve(changing_.count());
+    for_voxels(changing_, [&](int i, int j, int k) { patch.values.push_back(cut_[read_.offset(i, j, k)]); });
+    return patch;
+  }
+
+  /// Of all voxels that may be others now.
+  PatchOf<Steps> position() {
+    for_voxels(changing_, [&](int i, int j, int k) {
+      const std::size_t n = read_.offset(i, j, k);
+      if (beside_[n] != 0) position_[changing_.offset(i, j, k)] = is_[n];
+    });
+    const std::vector<char> beside_made = beside(made_, [](Steps value) { return value < 0; });
+    const Surroundings all{nearby(made_, beside_made), nearby(is_, beside_), gone()};
+    // first what is near to large blocks, then to smaller ones within
+    for_blocks(changing_, 16, [&](const Box& large) {
+      const std::optional<Surroundings> around_large = surroundings(all, large);
+      if (!around_large) return;
+      for_blocks(large, 4, [&](const Box& small) {
+        const std::optional<Surroundings> around_small = surroundings(*around_large, small);
+        if (around_small) fill(small, *around_small);
+      });
+    });
+    return {changing_.voxels(), std::move(position_)};
+  }
+
+ private:
+  double reach_mm() const { return far_ * step_mm_; }
+  Index voxels_in(double mm) const { return (mm / grid_.spacing_mm.array()).ceil().cast<int>() + 1; }
+
+  // voxels that the sweeps can change: as far from what they take as a distance reaches
+  Box reached(const SignedField& made, std::span<const Sweep> sweeps) const {
+    Index low = Index::Constant(std::numeric_limits<int>::max()), high = -low;
+    for (const Sweep& sweep : sweeps) {
+      const double within_mm = sweep.radius_mm + reach_mm() + band_mm_;
+      const Box box = around(sweep, within_mm, grid_, made.X_VoxelPatient());
+      low = low.min(box.low());
+      high = high.max(box.high());
+    }
+    if ((low > high).any()) return {Index::Zero(), Index::Zero()};
+    return Box(low, high).grown(Index::Constant(1)).clipped(whole(grid_));
+  }
+
+  std::vector<Steps> united() const {
+    std::vector<Steps> values(made_.size());
+    std::transform(made_.begin(), made_.end(), cut_.begin(), values.begin(),
+                   [](Steps made, Steps cut) { return std::max(made, cut); });
+    return values;
+  }
+
+  void take(const Sweep& sweep, const Transform<Voxel, Patient>& X_VoxelPatient) {
+    const Box box = around(sweep, sweep.radius_mm + reach_mm(), grid_, X_VoxelPatient).clipped(read_);
+    const double reach = far_;
+    for (int k = box.low()[2]; k < box.high()[2]; ++k) {
+      for (int j = box.low()[1]; j < box.high()[1]; ++j) {
+        Steps* const row = &cut_[read_.offset(box.low()[0], j, k)];
+        for (int i = box.low()[0]; i < box.high()[0]; ++i) {
+          const Point<Patient> at = X_PatientVoxel_ * Point<Voxel>(i, j, k);
+          const double steps = (sweep.radius_mm - distance_to_axis_mm(sweep, at)) / step_mm_;
+          Steps& depth = row[i - box.low()[0]];
+          depth = std::max(depth, static_cast<Steps>(std::lround(std::clamp(steps, -reach, reach))));
+        }
+      }
+    }
+  }
+
+  // whether something is so of a voxel or one of its 26 neighbours
+  template <class F>
+  std::vector<char> beside(const std::vector<Steps>& values, const F& is_so) const {
+    std::vector<char> beside(values.size());
+    std::transform(values.begin(), values.end(), beside.begin(), is_so);
+    std::ptrdiff_t stride = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::vector<char> was = beside;
+      for_voxels(read_, [&, n = std::size_t{0}](int i, int j, int k) mutable {
+        const int at = axis == 0 ? i : axis == 1 ? j : k;
+        const char* const here = &was[n];
+        if (at > read_.low()[axis] && here[-stride] != 0) beside[n] = 1;
+        if (at + 1 < read_.high()[axis] && here[stride] != 0) beside[n] = 1;
+        ++n;
+      });
+      stride *= read_.size()[axis];
+    }
+    return beside;
+  }
+
+  // those of some voxels that are near the surface
+  Nearby nearby(const std::vector<Steps>& values, const std::vector<char>& of) const {
+    const double deepest = -std::min(band_mm_, reach_mm()) / step_mm_;
+    const auto counts = [&](std::size_t n) { return of[n] != 0 && values[n] >= deepest; };
+    std::size_t count = 0;
+    for (std::size_t n = 0; n < values.size(); ++n) count += counts(n) ? 1 : 0;
+    Nearby nearby(count);
+    for_voxels(read_, [&, n = std::size_t{0}, to = std::size_t{0}](int i, int j, int k) mutable {
+      if (counts(n)) nearby.set(to++, place_mm(i, j, k), static_cast<float>(values[n] * step_mm_));
+      ++n;
+    });
+    return nearby;
+  }
+  // what has changed since the last version, with what was beside that
+  Nearby gone() const {
+    std::vector<Steps> more(is_.size());
+    std::transform(is_.begin(), is_.end(), before_.begin(), more.begin(),
+                   [](Steps is, Steps was) { return static_cast<Steps>(is != was); });
+    return nearby(before_, beside(more, [](Steps changed) { return changed != 0; }));
+  }
+
+  Eigen::Array3f place_mm(int i, int j, int k) const {
+    return (Eigen::Array3d(i, j, k) * grid_.spacing_mm.array()).cast<float>();
+  }
+
+  /// What the voxels of a block follow from: of the surface as it was prepared, as it is, and what is gone of
+  /// it since the last version.
+  struct Surroundings {
+    Nearby made, is, gone;
+  };
+  // nothing where no distance in the block can be another than before
+  std::optional<Surroundings> surroundings(const Surroundings& all, const Box& block) const {
+    int greatest = -1;
+    bool was_inside = false;
+    for_voxels(block, [&](int i, int j, int k) {
+      if (beside_[read_.offset(i, j, k)] != 0) return;
+      const Steps value = position_[changing_.offset(i, j, k)];
+      was_inside = was_inside || value < 0;
+      if (value < far_) greatest = std::max<int>(greatest, value);
+    });
+    if (greatest < 0 && !was_inside) return std::nullopt;
+    const Eigen::Array3d low = block.low().cast<double>() * grid_.spacing_mm.array();
+    const Eigen::Array3d high = (block.high() - 1).cast<double>() * grid_.spacing_mm.array();
+    const Eigen::Array3f middle = (0.5 * (low + high)).cast<float>();
+    const auto radius = static_cast<float>(0.5 * (high - low).matrix().norm());
+    // what is gone was the nearest only where it was no farther than the distance, which by what is found
+    // from voxels is a cell longer at most
+    const auto least = static_cast<float>(greatest * step_mm_ + grid_.spacing_mm.norm());
+    Nearby gone = all.gone.near(middle, radius, least);
+    if (gone.size() == 0 && !was_inside) return std::nullopt;
+    const auto reach = static_cast<float>(reach_mm());
+    return Surroundings{all.made.near(middle, radius, reach), all.is.near(middle, radius, reach),
+                        std::move(gone)};
+  }
+
+  void fill(const Box& block, const Surroundings& around) {
+    for_voxels(block, [&](int i, int j, int k) {
+      const std::size_t n = read_.offset(i, j, k);
+      if (beside_[n] != 0) return;
+      Steps& value = position_[changing_.offset(i, j, k)];
+      if (value >= far_) return;
+      const Eigen::Array3f at = place_mm(i, j, k);
+      int steps = in_steps(around.is.distance_mm(at));
+      if (made_[n] >= 0 && steps > made_[n])
+        steps = made_[n] + std::max(0, steps - in_steps(around.made.distance_mm(at)));
+      value = static_cast<Steps>(std::clamp<int>(steps, is_[n], far_));
+    });
+  }
+  int in_steps(float mm) const {
+    return static_cast<int>(std::lround(std::min(static_cast<double>(mm), reach_mm()) / step_mm_));
+  }
+
+  template <class F>
+  static void for_blocks(const Box& box, int size, const F& run) {
+    for (int k = box.low()[2]; k < box.high()[2]; k += size)
+      for (int j = box.low()[1]; j < box.high()[1]; j += size)
+        for (int i = box.low()[0]; i < box.high()[0]; i += size) {
+          const Index low(i, j, k);
+          run(Box(low, (low + size).min(box.high())));
+        }
+  }
+  GridGeometry grid_;
+  Transform<Patient, Voxel> X_PatientVoxel_;
+  double step_mm_;
+  Steps far_;
+  double band_mm_;
+  Box changing_, read_;
+  // in the box that is read: as prepared, the sweeps' depth, and the two united, before and now
+  std::vector<Steps> made_, cut_, before_, is_;
+  std::vector<char> beside_;     // what is inside now or has a neighbour that is
+  std::vector<Steps> position_;  // in the box that changes
+};
+
+// The greatest slope in a brick's cells, per mm. Its square is convex along every axis, each derivative being
+// linear in the other two coordinates, so that it is greatest in a corner.
+double steepest_of(const Bricks<Steps>& bricks, std::size_t number, double step_mm) {
+  using Layout = BrickLayout;
+  if (bricks.is_uniform(number)) return 0;
+  const Steps* const voxels = bricks.brick(number) + Layout::kBefore * (1 + Layout::kRow + Layout::kSlice);
+  constexpr std::array<std::ptrdiff_t, 3> kStride{1, Layout::kRow, Layout::kSlice};
+  const Eigen::Array3f per_step = (step_mm / bricks.geometry().spacing_mm.array()).cast<float>();
+  float steepest = 0;
+  // squares of the derivatives along an axis, on the four edges of a cell
+  std::array<std::array<float, 4>, 3> square;
+  for (int k = 0; k < Layout::kCells; ++k) {
+    for (int j = 0; j < Layout::kCells; ++j) {
+      for (int i = 0; i < Layout::kCells; ++i) {
+        const Steps* const cell = voxels + i + j * Layout::kRow + k * Layout::kSlice;
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const std::ptrdiff_t b = kStride[(axis + 1) % 3], c = kStride[(axis + 2) % 3];
+          const std::array<std::ptrdiff_t, 4> edges{0, b, c, b + c};
+          for (std::size_t edge = 0; edge < 4; ++edge) {
+            const Steps* const end = cell + edges[edge];
+            const float slope =
+                static_cast<float>(end[kStride[axis]] - end[0]) * per_step[static_cast<int>(axis)];
+            square[axis][edge] = slope * slope;
+          }
+        }
+        for (std::size_t x = 0; x < 2; ++x)
+          for (std::size_t y = 0; y < 2; ++y)
+            for (std::size_t z = 0; z < 2; ++z)
+              steepest =
+                  std::max(steepest, square[0][y + 2 * z] + square[1][z + 2 * x] + square[2][x + 2 * y]);
+      }
+    }
+  }
+  // a little more for rounding
+  return std::sqrt(static_cast<double>(steepest)) * (1 + 1e-6);
+}
+
+// the smallest box of what a patch changes
+PatchOf<Steps> cropped(const PatchOf<Steps>& patch, const Bricks<Steps>& before) {
+  const Box box(Index(patch.box.first[0], patch.box.first[1], patch.box.first[2]),
+                Index(patch.box.first[0], patch.box.first[1], patch.box.first[2]) +
+                    Index(patch.box.size[0], patch.box.size[1], patch.box.size[2]));
+  const std::vector<Steps> were = read(before, box);
+  Index low = box.high(), high = box.low();
+  for (int k = box.low()[2]; k < box.high()[2]; ++k)
+    for (int j = box.low()[1]; j < box.high()[1]; ++j)
+      for (int i = box.low()[0]; i < box.high()[0]; ++i)
+        if (const std::size_t n = box.offset(i, j, k); patch.values[n] != were[n]) {
+          low = low.min(Index(i, j, k));
+          high = high.max(Index(i, j, k) + 1);
+        }
+  const Box changed(low, high);
+  PatchOf<Steps> crop{changed.voxels(), {}};
+  crop.values.reserve(changed.count());
+  for (int k = changed.low()[2]; k < changed.high()[2]; ++k)
+    for (int j = changed.low()[1]; j < changed.high()[1]; ++j)
+      for (int i = changed.low()[0]; i < changed.high()[0]; ++i)
+        crop.values.push_back(patch.values[box.offset(i, j, k)]);
+  return crop;
+}
+
+// Where a position moved by this much, the normal is all its own: the prepared one is of what is gone.
+constexpr double kMoved_mm = 0.25;
+
+/// The normal where a box of the position has changed.
+PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const VoxelBox& changed) {
+  const SignedField& normal = made.normal();
+  const auto X_PatientVoxel = position.geometry().X_PatientVoxel();
+  Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  for (unsigned corner = 0; corner < 8; ++corner) {
+    std::array<double, 3> at;
+    for (unsigned axis = 0; axis < 3; ++axis)
+      at[axis] =
+          (corner >> axis & 1) != 0 ? changed.first[axis] + changed.size[axis] : changed.first[axis] - 1;
+    const Eigen::Array3d voxel =
+        (normal.X_VoxelPatient() * (X_PatientVoxel * Point<Voxel>(at[0], at[1], at[2]))).eigen().array();
+    low = low.min(voxel);
+    high = high.max(voxel);
+  }
+  const Box box = Box(low.floor().cast<int>(), high.ceil().cast<int>() + 1).clipped(whole(normal.geometry()));
+  const std::vector<Steps> prepared = read(normal.bricks(), box);
+  const auto X_PatientNormal = normal.geometry().X_PatientVoxel();
+  PatchOf<Steps> patch{box.voxels(), {}};
+  patch.values.reserve(box.count());
+  std::size_t n = 0;
+  for (int k = box.low()[2]; k < box.high()[2]; ++k) {
+    for (int j = box.low()[1]; j < box.high()[1]; ++j) {
+      for (int i = box.low()[0]; i < box.high()[0]; ++i, ++n) {
+        const Point<Patient> at = X_PatientNormal * Point<Voxel>(i, j, k);
+        const double now = sample_value(position, at), moved = now - sample_value(made.position(), at);
+        const double part = std::min(1.0, std::abs(moved) / kMoved_mm);
+        const double was = normal.steps().offset + normal.steps().scale * prepared[n];
+        const double steps = (was + part * (now - was) - normal.steps().offset) / normal.steps().scale;
+        patch.values.push_back(
+            part == 0 ? prepared[n] : static_cast<Steps>(std::lround(std::clamp(steps, -32767.0, 32767.0))));
+      }
+    }
+  }
+  return patch;
+}
+
+}  // namespace
+
+CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made)
+    : made_(std::move(made)),
+      now_(made_),
+      cut_(made_->position().geometry(), static_cast<Steps>(-made_->position().steps().outside)) {
+  PALPATE_CHECK(made_->position().steps().offset == 0);
+  const std::array<int, 3>& bricks = cut_.counts();
+  steepest_.resize(static_cast<std::size_t>(bricks[0]) * static_cast<std::size_t>(bricks[1]) *
+                   static_cast<std::size_t>(bricks[2]));
+}
+
+CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
+  CarvedSurface next = *this;
+  const SignedField& position = now_->position();
+  Carved carved(made_->position(), position.bricks(), cut_, sweeps);
+  if (carved.empty()) return next;
+  next.cut_ = cut_.with(cropped(carved.cut(), cut_));
+  const PatchOf<Steps> patch = cropped(carved.position(), position.bricks());
+  if (patch.values.empty()) return next;
+
+  const SignedField moved = position.with(patch);
+  double steepest = made_->steepest();
+  const Bricks<Steps>&was = position.bricks(), &is = moved.bricks();
+  for (std::size_t brick = 0; brick < steepest_.size(); ++brick) {
+    if (is.brick(brick) != was.brick(brick))
+      next.steepest_[brick] = steepest_of(is, brick, moved.steps().scale);
+    steepest = std::max(steepest, next.steepest_[brick]);
+  }
+  next.now_ =
+      std::make_shared<const Surface>(now_->with(patch, normal_of(*made_, moved, patch.box), steepest));
+  return next;
+}
+
+}  // namespace palpate

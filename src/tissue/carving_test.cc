@@ -1,0 +1,334 @@
+#include "palpate/carving.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <iostream>
+#include <numbers>
+#include <random>
+
+#include "base/test_seed.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kStep_mm = 1.0 / 2048, kReach_mm = 4;
+
+GridGeometry grid_of(double half_mm, const Eigen::Vector3d& spacing_mm,
+                     const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
+  GridGeometry grid;
+  for (int axis = 0; axis < 3; ++axis)
+    grid.dims[static_cast<std::size_t>(axis)] =
+        2 * static_cast<int>(std::ceil(half_mm / spacing_mm[axis])) + 1;
+  grid.spacing_mm = spacing_mm;
+  grid.direction = direction;
+  const Eigen::Vector3d half(grid.dims[0] / 2, grid.dims[1] / 2, grid.dims[2] / 2);
+  grid.origin = Point<Patient>(-(direction * half.cwiseProduct(spacing_mm)));
+  return grid;
+}
+Eigen::Matrix3d turned(double radians) {
+  return Eigen::AngleAxisd(radians, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+}
+
+using Distance = std::function<double(const Eigen::Vector3d&)>;
+
+SignedField sampled(const GridGeometry& grid, const Distance& distance_mm) {
+  Volume<std::int16_t> volume(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const double d = distance_mm((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen());
+        volume.at(i, j, k) =
+            static_cast<std::int16_t>(std::lround(std::clamp(d, -kReach_mm, kReach_mm) / kStep_mm));
+      }
+  return {volume, {kStep_mm, 0, static_cast<std::int16_t>(kReach_mm / kStep_mm)}};
+}
+
+// the normal on voxels of its own, as preparation makes it
+std::shared_ptr<const Surface> surface_of(double half_mm, const Eigen::Vector3d& spacing_mm,
+                                          const Distance& distance_mm,
+                                          const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
+  const Eigen::Vector3d wide = spacing_mm.cwiseMax(0.6);
+  return std::make_shared<const Surface>(sampled(grid_of(half_mm, spacing_mm, direction), distance_mm),
+                                         sampled(grid_of(half_mm, wide, direction), distance_mm), 1.05);
+}
+double ball(const Eigen::Vector3d& p) {
+  return p.norm() - 7;
+}
+// between two heights, with sides far from the middle: a grid holds all of it
+Distance slab(double low_mm, double high_mm, double half_mm) {
+  const Eigen::Vector3d middle(0, 0, 0.5 * (low_mm + high_mm)),
+      half(half_mm, half_mm, 0.5 * (high_mm - low_mm));
+  return [=](const Eigen::Vector3d& p) {
+    const Eigen::Vector3d off = (p - middle).cwiseAbs() - half;
+    return off.cwiseMax(0).norm() + std::min(0.0, off.maxCoeff());
+  };
+}
+
+std::vector<Sweep> random_sweeps(std::mt19937& random, int count) {
+  std::uniform_real_distribution<double> place(-8, 8), step(-2, 2), radius(0.4, 2.5);
+  std::vector<Sweep> sweeps;
+  for (int n = 0; n < count; ++n) {
+    Sweep sweep;
+    sweep.from = Point<Patient>(place(random), place(random), place(random));
+    // some stand still
+    sweep.to = sweep.from;
+    if (n % 3 != 0) sweep.to += Vector<Patient>(step(random), step(random), step(random));
+    sweep.radius_mm = radius(random);
+    sweeps.push_back(sweep);
+  }
+  return sweeps;
+}
+
+// as CarvedSurface's docstring says it, one voxel after the other
+class CarvingOracle {
+ public:
+  CarvingOracle(const SignedField& made, std::span<const Sweep> sweeps)
+      : made_(made), grid_(made.geometry()) {
+    const auto X_PatientVoxel = grid_.X_PatientVoxel();
+    for (int k = 0; k < grid_.dims[2]; ++k)
+      for (int j = 0; j < grid_.dims[1]; ++j)
+        for (int i = 0; i < grid_.dims[0]; ++i) {
+          const Eigen::Vector3d at = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
+          double depth_mm = -kReach_mm;
+          for (const Sweep& sweep : sweeps) {
+            const Eigen::Vector3d way = sweep.to.eigen() - sweep.from.eigen(), from = at - sweep.from.eigen();
+            const double part =
+                way.norm() > 0 ? std::clamp(from.dot(way) / way.squaredNorm(), 0.0, 1.0) : 0.0;
+            depth_mm = std::max(depth_mm, sweep.radius_mm - (from - part * way).norm());
+          }
+          const int was = made.bricks().at(i, j, k);
+          was_.push_back(was);
+          is_.push_back(
+              std::max<int>(was, static_cast<int>(std::lround(std::min(depth_mm, kReach_mm) / kStep_mm))));
+        }
+    near_made_ = near(was_);
+    near_ = near(is_);
+  }
+
+  int at(int i, int j, int k) const {
+    const std::size_t n = grid_.offset(i, j, k);
+    if (is_beside(is_, i, j, k)) return is_[n];
+    int steps = away(near_, i, j, k);
+    if (was_[n] >= 0) steps = was_[n] + std::max(0, steps - away(near_made_, i, j, k));
+    return std::clamp(steps, is_[n], static_cast<int>(kReach_mm / kStep_mm));
+  }
+
+ private:
+  // whether a corner of the cells around is inside
+  bool is_beside(const std::vector<int>& values, int i, int j, int k) const {
+    for (int c = std::max(0, k - 1); c <= std::min(k + 1, grid_.dims[2] - 1); ++c)
+      for (int b = std::max(0, j - 1); b <= std::min(j + 1, grid_.dims[1] - 1); ++b)
+        for (int a = std::max(0, i - 1); a <= std::min(i + 1, grid_.dims[0] - 1); ++a)
+          if (values[grid_.offset(a, b, c)] < 0) return true;
+    return false;
+  }
+  struct Near {
+    int i, j, k;
+    double distance_mm;
+  };
+  // the voxels that distances are told from
+  std::vector<Near> near(const std::vector<int>& values) const {
+    std::vector<Near> near;
+    for (int k = 0; k < grid_.dims[2]; ++k)
+      for (int j = 0; j < grid_.dims[1]; ++j)
+        for (int i = 0; i < grid_.dims[0]; ++i) {
+          const double distance_mm = values[grid_.offset(i, j, k)] * kStep_mm;
+          if (distance_mm >= -grid_.spacing_mm.norm() && is_beside(values, i, j, k))
+            near.push_back({i, j, k, distance_mm});
+        }
+    return near;
+  }
+  int away(const std::vector<Near>& near, int i, int j, int k) const {
+    double least_mm = kReach_mm;
+    for (const Near& one : near) {
+      const Eigen::Vector3d way =
+          Eigen::Vector3d(one.i - i, one.j - j, one.k - k).cwiseProduct(grid_.spacing_mm);
+      least_mm = std::min(least_mm, way.norm() + one.distance_mm);
+    }
+    return static_cast<int>(std::lround(least_mm / kStep_mm));
+  }
+
+  const SignedField& made_;
+  const GridGeometry& grid_;
+  std::vector<int> was_, is_;
+  std::vector<Near> near_made_, near_;
+};
+
+TEST(Carving, EveryVoxelIsAsItIsSaid) {
+  std::mt19937 random(test::test_seed());
+  RecordProperty("seed", static_cast<int>(test::test_seed()));
+  for (const auto& [spacing_mm, turn] :
+       {std::pair(Eigen::Vector3d(0.9, 0.7, 1.1), 0.4), std::pair(Eigen::Vector3d(0.8, 0.8, 1.6), 0.0)}) {
+    const auto made = surface_of(10, spacing_mm, ball, turned(turn));
+    const std::vector<Sweep> sweeps = random_sweeps(random, 6);
+    const CarvedSurface carved = CarvedSurface(made).with(sweeps);
+    const CarvingOracle oracle(made->position(), sweeps);
+    const Bricks<std::int16_t>& voxels = carved.surface()->position().bricks();
+    const GridGeometry& grid = voxels.geometry();
+    int different = 0, moved = 0;
+    for (int k = 0; k < grid.dims[2]; ++k)
+      for (int j = 0; j < grid.dims[1]; ++j)
+        for (int i = 0; i < grid.dims[0]; ++i) {
+          const int expected = oracle.at(i, j, k), is = voxels.at(i, j, k);
+          // the oracle reckons in double, and a step is rounded
+          EXPECT_LE(std::abs(is - expected), 1) << i << ' ' << j << ' ' << k;
+          if (is != expected) ++different;
+          if (is != made->position().bricks().at(i, j, k)) ++moved;
+        }
+    EXPECT_GT(moved, 500);
+    EXPECT_LT(different, moved / 50);
+  }
+}
+
+TEST(Carving, WhateverLedToItIsTheSame) {
+  std::mt19937 random(test::test_seed());
+  std::cout << "seed " << test::test_seed() << '\n';
+  const auto made = surface_of(10, {0.5, 0.6, 0.8}, ball, turned(0.3));
+  for (int round = 0; round < 5; ++round) {
+    std::vector<Sweep> sweeps = random_sweeps(random, 12);
+    const CarvedSurface once = CarvedSurface(made).with(sweeps);
+    std::shuffle(sweeps.begin(), sweeps.end(), random);
+    CarvedSurface steps(made);
+    for (std::size_t n = 0; n < sweeps.size();) {
+      const std::size_t count = std::min<std::size_t>(1 + random() % 3, sweeps.size() - n);
+      steps = steps.with(std::span(sweeps).subspan(n, count));
+      n += count;
+    }
+    EXPECT_EQ(steps.surface()->content_hash(), once.surface()->content_hash());
+    EXPECT_EQ(steps.surface()->steepest(), once.surface()->steepest());
+    EXPECT_NE(once.surface()->content_hash(), made->content_hash());
+  }
+}
+
+TEST(Carving, WhereNothingIsTakenNothingChanges) {
+  const auto made = surface_of(10, {0.5, 0.5, 0.5}, ball);
+  const CarvedSurface whole(made);
+  EXPECT_EQ(whole.with({}).surface(), made);
+  const double far = 1e6;
+  const std::vector<Sweep> beside{{Point<Patient>(0, 0, 9.5), Point<Patient>(2, 0, 9.5), 1},
+                                  {Point<Patient>(far, 0, 0), Point<Patient>(far, 1, 0), 2}};
+  const CarvedSurface touched = whole.with(beside);
+  EXPECT_EQ(touched.surface()->content_hash(), made->content_hash());
+
+  // beyond the reach of a cut, the same bricks
+  const std::vector<Sweep> cut{{Point<Patient>(6, 0, 0), Point<Patient>(6, 1, 0), 1}};
+  const CarvedSurface carved = whole.with(cut);
+  EXPECT_NE(carved.surface()->content_hash(), made->content_hash());
+  std::mt19937 random(test::test_seed());
+  std::uniform_real_distribution<double> place(-9, 9);
+  int looked = 0;
+  for (int n = 0; n < 20000; ++n) {
+    const Point<Patient> p(place(random), place(random), place(random));
+    const Vector<Patient> from = p - Point<Patient>(6, 0.5, 0);
+    if (from.norm() < 1.5 + kReach_mm + 2) continue;
+    ++looked;
+    EXPECT_EQ(carved.surface()->distance_mm(p), made->distance_mm(p));
+    EXPECT_EQ(carved.surface()->outward(p), made->outward(p));
+  }
+  EXPECT_GT(looked, 5000);
+}
+
+TEST(Carving, AVersionThatWasKeptIsUndo) {
+  const CarvedSurface whole(surface_of(10, {0.5, 0.5, 0.5}, ball));
+  const std::vector<Sweep> first{{Point<Patient>(6, 0, 0), Point<Patient>(6, 2, 0), 1}};
+  const std::vector<Sweep> second{{Point<Patient>(0, 6, 0), Point<Patient>(0, 6, 2), 1.5}};
+  const CarvedSurface one = whole.with(first);
+  const std::uint64_t hash = one.surface()->content_hash();
+  const CarvedSurface two = one.with(second);
+  EXPECT_NE(two.surface()->content_hash(), hash);
+  EXPECT_EQ(one.surface()->content_hash(), hash);
+  EXPECT_EQ(one.with(second).surface()->content_hash(), two.surface()->content_hash());
+}
+
+struct Case {
+  Eigen::Vector3d spacing_mm;
+  double turn;
+};
+const Case kCases[] = {
+    {{0.3, 0.3, 0.3}, 0}, {{0.6, 0.6, 0.6}, 0}, {{0.6, 0.6, 0.6}, 0.5}, {{0.36, 0.36, 0.7}, 0.8}};
+
+TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
+  // passes side by side, as a hand mills a bed: the ball's centre is free at the height of the passes
+  const double radius_mm = 2, apart_mm = 0.4;
+  for (const auto& [spacing_mm, turn] : kCases) {
+    const auto made = surface_of(18, spacing_mm, slab(-5, 0, 9), turned(turn));
+    std::vector<Sweep> sweeps;
+    for (double y = -5; y <= 5; y += apart_mm)
+      sweeps.push_back({Point<Patient>(-5, y, 1), Point<Patient>(5, y, 1), radius_mm});
+    const CarvedSurface carved = CarvedSurface(made).with(sweeps);
+    const Surface& bed = *carved.surface();
+    const double cusp_mm = apart_mm * apart_mm / (8 * radius_mm), voxel_mm = spacing_mm.maxCoeff();
+    std::mt19937 random(test::test_seed());
+    std::uniform_real_distribution<double> across(-3, 3), height(-1, 2.5);
+    double most_mm = 0, most_degrees = 0;
+    for (int n = 0; n < 3000; ++n) {
+      const Point<Patient> p(across(random), across(random), height(random));
+      most_mm = std::max(most_mm, std::abs(bed.distance_mm(p) - (p.z() + 1)));
+      if (p.z() < 0) continue;
+      most_degrees =
+          std::max(most_degrees, std::acos(std::min(1.0, bed.outward(p).z())) * 180 / std::numbers::pi);
+    }
+    EXPECT_LT(most_mm, cusp_mm + 0.12 * voxel_mm) << spacing_mm.transpose() << ", turned by " << turn;
+    EXPECT_LT(most_degrees, 6) << spacing_mm.transpose() << ", turned by " << turn;
+    std::cout << "  bed at " << spacing_mm.transpose() << " mm, turned by " << turn << ": distance within "
+              << most_mm << " mm, normal within " << most_degrees << " degrees, slope " << bed.steepest()
+              << '\n';
+  }
+}
+
+TEST(Carving, ACavityHasItsWallsAndTheirNormals) {
+  const double radius_mm = 2.5;
+  for (const auto& [spacing_mm, turn] : kCases) {
+    // through a plate, whose middle has no direction of its own
+    const auto made = surface_of(18, spacing_mm, slab(-2, 2, 9), turned(turn));
+    const std::vector<Sweep> sweep{{Point<Patient>(0.2, 0.1, 6), Point<Patient>(0.2, 0.1, -6), radius_mm}};
+    const CarvedSurface carved = CarvedSurface(made).with(sweep);
+    const Surface& hole = *carved.surface();
+    std::mt19937 random(test::test_seed());
+    std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi), height(-1, 1), from(0.5, 2.5);
+    double most_mm = 0, all_degrees = 0, most_degrees = 0;
+    int count = 0;
+    for (int n = 0; n < 3000; ++n) {
+      const double a = angle(random), r = from(random);
+      const Vector<Patient> out(std::cos(a), std::sin(a), 0);
+      const Point<Patient> p = Point<Patient>(0.2, 0.1, height(random)) + out * r;
+      most_mm = std::max(most_mm, std::abs(hole.distance_mm(p) - (radius_mm - r)));
+      const double degrees =
+          std::acos(std::clamp(hole.outward(p).dot(out * -1.0), -1.0, 1.0)) * 180 / std::numbers::pi;
+      if (r < 1.5) continue;
+      all_degrees += degrees;
+      most_degrees = std::max(most_degrees, degrees);
+      ++count;
+    }
+    std::cout << "  hole at " << spacing_mm.transpose() << " mm, turned by " << turn << ": distance within "
+              << most_mm << " mm, normal " << all_degrees / count << " degrees, most " << most_degrees
+              << '\n';
+    EXPECT_LT(most_mm, 0.25 * spacing_mm.maxCoeff());
+    EXPECT_LT(all_degrees / count, 3);
+    EXPECT_LT(most_degrees, 12);
+  }
+}
+
+TEST(Carving, NoSlopeIsSteeperThanItIsSaid) {
+  std::mt19937 random(test::test_seed());
+  const auto made = surface_of(10, {0.5, 0.6, 0.8}, ball, turned(0.3));
+  const CarvedSurface carved = CarvedSurface(made).with(random_sweeps(random, 12));
+  const Surface& surface = *carved.surface();
+  // where three sweeps meet in a point, each axis may climb by itself
+  EXPECT_LT(surface.steepest(), 2.2);
+  std::uniform_real_distribution<double> place(-9, 9);
+  for (int n = 0; n < 20000; ++n) {
+    const Point<Patient> p(place(random), place(random), place(random));
+    const Vector<Patient> step(1e-4 * place(random), 1e-4 * place(random), 1e-4 * place(random));
+    EXPECT_LE(std::abs(surface.distance_mm(p + step) - surface.distance_mm(p)),
+              surface.steepest() * step.norm() + 1e-12);
+    EXPECT_LE(surface.at_least_mm(p), surface.distance_mm(p) + 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace palpate
