@@ -19,6 +19,7 @@ constexpr const char* kVerifyExamples =
     "  palpate verify latency                           the servo's timing, about a minute\n"
     "  palpate verify latency --rate 4000 --spin 80     one rate, waiting awake before every tick\n"
     "  palpate verify stability                         how stiff before the hand swings, and buzz\n"
+    "  palpate verify removal                           what a burr takes out of bone\n"
     "\n"
     "Exit code 3 when a figure is beyond its limit. See docs/verify.md.";
 

@@ -17,6 +17,8 @@ struct Sweep {
   Point<Patient> from, to;
   double radius_mm = 0;  ///< above 0
 };
+/// mm, at least 0.
+double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x);
 
 /// A surface with all that was ever taken from it. A version is a value: with() makes the next one, which
 /// shares everything that did not change; undoing is going back to one that was kept.

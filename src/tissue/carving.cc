@@ -64,13 +64,6 @@ Box around(const Sweep& sweep, double within_mm, const GridGeometry& grid,
   return {low.cast<int>(), high.cast<int>()};
 }
 
-double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x) {
-  const Vector<Patient> way = sweep.to - sweep.from, from = x - sweep.from;
-  const double square = way.squared_norm();
-  const double part = square > 0 ? std::clamp(from.dot(way) / square, 0.0, 1.0) : 0.0;
-  return (from - way * part).norm();
-}
-
 /// Voxels near a surface, with their distances to it, which are negative inside.
 class Nearby {
   // The same bits however wide the vectors are: roots and sums are rounded exactly. An expression of Eigen's.
@@ -429,6 +422,13 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
 }
 
 }  // namespace
+
+double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x) {
+  const Vector<Patient> way = sweep.to - sweep.from, from = x - sweep.from;
+  const double square = way.squared_norm();
+  const double part = square > 0 ? std::clamp(from.dot(way) / square, 0.0, 1.0) : 0.0;
+  return (from - way * part).norm();
+}
 
 CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made)
     : made_(std::move(made)),

@@ -4,70 +4,23 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <iostream>
 #include <numbers>
 #include <random>
 
 #include "base/test_seed.h"
+#include "tissue/test_surfaces.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kStep_mm = 1.0 / 2048, kReach_mm = 4;
+using testing::kStep_mm;
+using testing::slab;
+constexpr double kReach_mm = testing::kCarvedReach_mm;
 
-GridGeometry grid_of(double half_mm, const Eigen::Vector3d& spacing_mm,
-                     const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
-  GridGeometry grid;
-  for (int axis = 0; axis < 3; ++axis)
-    grid.dims[static_cast<std::size_t>(axis)] =
-        2 * static_cast<int>(std::ceil(half_mm / spacing_mm[axis])) + 1;
-  grid.spacing_mm = spacing_mm;
-  grid.direction = direction;
-  const Eigen::Vector3d half(grid.dims[0] / 2, grid.dims[1] / 2, grid.dims[2] / 2);
-  grid.origin = Point<Patient>(-(direction * half.cwiseProduct(spacing_mm)));
-  return grid;
-}
-Eigen::Matrix3d turned(double radians) {
-  return Eigen::AngleAxisd(radians, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
-}
-
-using Distance = std::function<double(const Eigen::Vector3d&)>;
-
-SignedField sampled(const GridGeometry& grid, const Distance& distance_mm) {
-  Volume<std::int16_t> volume(grid);
-  const auto X_PatientVoxel = grid.X_PatientVoxel();
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i) {
-        const double d = distance_mm((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen());
-        volume.at(i, j, k) =
-            static_cast<std::int16_t>(std::lround(std::clamp(d, -kReach_mm, kReach_mm) / kStep_mm));
-      }
-  return {volume, {kStep_mm, 0, static_cast<std::int16_t>(kReach_mm / kStep_mm)}};
-}
-
-// the normal on voxels of its own, as preparation makes it
-std::shared_ptr<const Surface> surface_of(double half_mm, const Eigen::Vector3d& spacing_mm,
-                                          const Distance& distance_mm,
-                                          const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
-  const Eigen::Vector3d wide = spacing_mm.cwiseMax(0.6);
-  return std::make_shared<const Surface>(sampled(grid_of(half_mm, spacing_mm, direction), distance_mm),
-                                         sampled(grid_of(half_mm, wide, direction), distance_mm), 1.05);
-}
 double ball(const Eigen::Vector3d& p) {
   return p.norm() - 7;
 }
-// between two heights, with sides far from the middle: a grid holds all of it
-Distance slab(double low_mm, double high_mm, double half_mm) {
-  const Eigen::Vector3d middle(0, 0, 0.5 * (low_mm + high_mm)),
-      half(half_mm, half_mm, 0.5 * (high_mm - low_mm));
-  return [=](const Eigen::Vector3d& p) {
-    const Eigen::Vector3d off = (p - middle).cwiseAbs() - half;
-    return off.cwiseMax(0).norm() + std::min(0.0, off.maxCoeff());
-  };
-}
-
 std::vector<Sweep> random_sweeps(std::mt19937& random, int count) {
   std::uniform_real_distribution<double> place(-8, 8), step(-2, 2), radius(0.4, 2.5);
   std::vector<Sweep> sweeps;
@@ -163,7 +116,7 @@ TEST(Carving, EveryVoxelIsAsItIsSaid) {
   RecordProperty("seed", static_cast<int>(test::test_seed()));
   for (const auto& [spacing_mm, turn] :
        {std::pair(Eigen::Vector3d(0.9, 0.7, 1.1), 0.4), std::pair(Eigen::Vector3d(0.8, 0.8, 1.6), 0.0)}) {
-    const auto made = surface_of(10, spacing_mm, ball, turned(turn));
+    const auto made = testing::surface_to_carve(10, spacing_mm, ball, testing::turned_by(turn));
     const std::vector<Sweep> sweeps = random_sweeps(random, 6);
     const CarvedSurface carved = CarvedSurface(made).with(sweeps);
     const CarvingOracle oracle(made->position(), sweeps);
@@ -187,7 +140,7 @@ TEST(Carving, EveryVoxelIsAsItIsSaid) {
 TEST(Carving, WhateverLedToItIsTheSame) {
   std::mt19937 random(test::test_seed());
   std::cout << "seed " << test::test_seed() << '\n';
-  const auto made = surface_of(10, {0.5, 0.6, 0.8}, ball, turned(0.3));
+  const auto made = testing::surface_to_carve(10, {0.5, 0.6, 0.8}, ball, testing::turned_by(0.3));
   for (int round = 0; round < 5; ++round) {
     std::vector<Sweep> sweeps = random_sweeps(random, 12);
     const CarvedSurface once = CarvedSurface(made).with(sweeps);
@@ -205,7 +158,7 @@ TEST(Carving, WhateverLedToItIsTheSame) {
 }
 
 TEST(Carving, WhereNothingIsTakenNothingChanges) {
-  const auto made = surface_of(10, {0.5, 0.5, 0.5}, ball);
+  const auto made = testing::surface_to_carve(10, {0.5, 0.5, 0.5}, ball);
   const CarvedSurface whole(made);
   EXPECT_EQ(whole.with({}).surface(), made);
   const double far = 1e6;
@@ -233,7 +186,7 @@ TEST(Carving, WhereNothingIsTakenNothingChanges) {
 }
 
 TEST(Carving, AVersionThatWasKeptIsUndo) {
-  const CarvedSurface whole(surface_of(10, {0.5, 0.5, 0.5}, ball));
+  const CarvedSurface whole(testing::surface_to_carve(10, {0.5, 0.5, 0.5}, ball));
   const std::vector<Sweep> first{{Point<Patient>(6, 0, 0), Point<Patient>(6, 2, 0), 1}};
   const std::vector<Sweep> second{{Point<Patient>(0, 6, 0), Point<Patient>(0, 6, 2), 1.5}};
   const CarvedSurface one = whole.with(first);
@@ -255,7 +208,7 @@ TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
   // passes side by side, as a hand mills a bed: the ball's centre is free at the height of the passes
   const double radius_mm = 2, apart_mm = 0.4;
   for (const auto& [spacing_mm, turn] : kCases) {
-    const auto made = surface_of(18, spacing_mm, slab(-5, 0, 9), turned(turn));
+    const auto made = testing::surface_to_carve(18, spacing_mm, slab(-5, 0, 9), testing::turned_by(turn));
     std::vector<Sweep> sweeps;
     for (double y = -5; y <= 5; y += apart_mm)
       sweeps.push_back({Point<Patient>(-5, y, 1), Point<Patient>(5, y, 1), radius_mm});
@@ -284,7 +237,7 @@ TEST(Carving, ACavityHasItsWallsAndTheirNormals) {
   const double radius_mm = 2.5;
   for (const auto& [spacing_mm, turn] : kCases) {
     // through a plate, whose middle has no direction of its own
-    const auto made = surface_of(18, spacing_mm, slab(-2, 2, 9), turned(turn));
+    const auto made = testing::surface_to_carve(18, spacing_mm, slab(-2, 2, 9), testing::turned_by(turn));
     const std::vector<Sweep> sweep{{Point<Patient>(0.2, 0.1, 6), Point<Patient>(0.2, 0.1, -6), radius_mm}};
     const CarvedSurface carved = CarvedSurface(made).with(sweep);
     const Surface& hole = *carved.surface();
@@ -315,7 +268,7 @@ TEST(Carving, ACavityHasItsWallsAndTheirNormals) {
 
 TEST(Carving, NoSlopeIsSteeperThanItIsSaid) {
   std::mt19937 random(test::test_seed());
-  const auto made = surface_of(10, {0.5, 0.6, 0.8}, ball, turned(0.3));
+  const auto made = testing::surface_to_carve(10, {0.5, 0.6, 0.8}, ball, testing::turned_by(0.3));
   const CarvedSurface carved = CarvedSurface(made).with(random_sweeps(random, 12));
   const Surface& surface = *carved.surface();
   // where three sweeps meet in a point, each axis may climb by itself

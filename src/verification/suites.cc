@@ -4,6 +4,7 @@
 #include "verification/label_contact.h"
 #include "verification/latency.h"
 #include "verification/machine.h"
+#include "verification/removal.h"
 #include "verification/stability.h"
 
 namespace palpate {
@@ -33,6 +34,10 @@ Result<SuiteReport> contact(const SuiteOptions&, const Progress& progress, const
   return run_label_contact(progress);
 }
 
+Result<SuiteReport> removal(const SuiteOptions&, const Progress& progress, const Warn&) {
+  return run_removal(progress);
+}
+
 constexpr Suite kSuites[] = {
     {"contact", "what the default method feels of label maps: terraces, seams, layers, thin sheets", false,
      contact},
@@ -41,6 +46,8 @@ constexpr Suite kSuites[] = {
     {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", true, run_latency},
     {"stability", "what simulated hands and devices hold: stiffness, buzz, energy, friction, drift", false,
      stability},
+    {"removal", "what a burr takes out of bone: volume, work and steps at any rate and on any grid", false,
+     removal},
 };
 
 const Suite* find_suite(const std::string& name) {

@@ -1,0 +1,262 @@
+#include "palpate/removal.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "palpate/check.h"
+
+namespace palpate {
+namespace {
+
+// It looks for material so far before its surface. Half of that deep, an edge begins to count, so that beside
+// a pocket, where its surface comes out of the material, little counts that it does not touch.
+constexpr double kAhead_mm = 0.1;
+// Directions ahead, spread evenly over the disc that the burr is from ahead.
+constexpr int kDirections = 64;
+// It sinks in by no more in a tick, and while the surfaces are not made by no more than a part of its radius.
+constexpr double kMostFeed_mm = 0.1, kMostInsetPart = 0.5;
+// Ways that bend by less, and are no longer, are one sweep.
+constexpr double kStraight_mm = 0.002, kLongest_mm = 0.25;
+// Less of a way is none.
+constexpr double kStill_mm = 1e-6;
+
+/// The material right before a burr, as seen along a way.
+struct Front {
+  double area_mm2 = 0;
+  double edge_mm_per_s = 0;      // mean over it
+  double energy_mJ_per_mm3 = 0;  // mean over it
+};
+
+class Ahead {
+ public:
+  Ahead(std::span<const FeltSurface> surfaces, std::span<const double> energy, const Burr& burr,
+        const ProxyLayer& layer, int number, const BurrState& state)
+      : surfaces_(surfaces), energy_(energy), burr_(burr), at_(layer.position), state_(state) {
+    const double near_mm = burr.radius_mm + kAhead_mm;
+    for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
+      const FeltSurface& felt = surfaces[s];
+      const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
+      if (felt.layer != number || felt.surface == nullptr || layer.punctured[s] || covered) continue;
+      if (felt.surface->is_beyond(at_, near_mm) && felt.surface->outside_mm() > 0) continue;
+      if (felt.surface->at_least_mm(at_) > near_mm) continue;
+      near_[count_++] = static_cast<int>(s);
+    }
+  }
+
+  /// @param way  unit
+  Front along(const Vector<Patient>& way) const {
+    Front front;
+    if (count_ == 0) return front;
+    const Vector<Patient> side = perpendicular(way), up = way.cross(side);
+    const double share_mm2 = std::numbers::pi * burr_.radius_mm * burr_.radius_mm / kDirections;
+    double speed = 0, energy = 0;
+    for (int n = 0; n < kDirections; ++n) {
+      // Vogel's spiral: so many places, evenly over a disc
+      const double r = std::sqrt((n + 0.5) / kDirections), turn = n * kGoldenAngle;
+      const Vector<Patient> direction =
+          way * std::sqrt(1 - r * r) + side * (r * std::cos(turn)) + up * (r * std::sin(turn));
+      const Material material = before(direction);
+      if (!(material.part > 0)) continue;
+      const double area_mm2 = share_mm2 * material.part;
+      front.area_mm2 += area_mm2;
+      speed += area_mm2 * burr_.axis.cross(direction).norm();
+      energy += area_mm2 * material.energy;
+    }
+    if (!(front.area_mm2 > 0)) return {};
+    const double turns_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
+    front.edge_mm_per_s = turns_mm_per_s * speed / front.area_mm2;
+    front.energy_mJ_per_mm3 = energy / front.area_mm2;
+    return front;
+  }
+
+ private:
+  struct Material {
+    double part = 0;    // 0 ... 1, of an edge in that direction
+    double energy = 0;  // mJ/mm3
+  };
+  Material before(const Vector<Patient>& direction) const {
+    const Point<Patient> place = at_ + direction * (burr_.radius_mm + kAhead_mm);
+    double least_mm = std::numeric_limits<double>::infinity();
+    int surface = -1;
+    for (std::size_t n = 0; n < count_; ++n) {
+      const double distance_mm = surfaces_[static_cast<std::size_t>(near_[n])].surface->distance_mm(place);
+      if (distance_mm < least_mm) {
+        least_mm = distance_mm;
+        surface = near_[n];
+      }
+    }
+    if (!(least_mm < 0)) return {};
+    for (const Sweep& sweep : state_.pending())
+      least_mm = std::max(least_mm, sweep.radius_mm - distance_to_axis_mm(sweep, place));
+    if (!(least_mm < 0)) return {};
+    Material material{std::clamp(-2 * least_mm / kAhead_mm - 1, 0.0, 1.0), 0};
+    for (const OwnerShare& share : owners_at(surfaces_, surface, place).all())
+      material.energy += share.part * energy_[static_cast<std::size_t>(share.structure)];
+    return material;
+  }
+  static Vector<Patient> perpendicular(const Vector<Patient>& to) {
+    const Eigen::Vector3d away = to.eigen().cwiseAbs();
+    int least = 0;
+    away.minCoeff(&least);
+    return to.cross(Vector<Patient>(Eigen::Vector3d::Unit(least))).normalized();
+  }
+
+  static constexpr double kGoldenAngle = 2 * std::numbers::pi * (2 - std::numbers::phi);
+  std::span<const FeltSurface> surfaces_;
+  std::span<const double> energy_;
+  const Burr& burr_;
+  const Point<Patient> at_;
+  const BurrState& state_;
+  std::array<int, 8> near_{};
+  std::size_t count_ = 0;
+};
+
+// adds a way to what was swept; false where there is no room
+bool sweep(const Point<Patient>& from, const Point<Patient>& to, double radius_mm, BurrState& state) {
+  if (state.sweeps > 0 && !state.closed) {
+    Sweep& last = state.sweep[static_cast<std::size_t>(state.sweeps - 1)];
+    const Sweep longer{last.from, to, radius_mm};
+    if ((from - last.to).norm() <= kStraight_mm && (to - last.from).norm() <= kLongest_mm &&
+        distance_to_axis_mm(longer, last.to) <= kStraight_mm) {
+      last = longer;
+      return true;
+    }
+  }
+  if (state.sweeps == static_cast<int>(state.sweep.size())) return false;
+  state.sweep[static_cast<std::size_t>(state.sweeps++)] = {from, to, radius_mm};
+  state.closed = false;
+  return true;
+}
+
+// how far a burr of its whole radius lies in what its proxies lean on
+double sunk_mm(std::span<const FeltSurface> surfaces, double radius_mm, const ProxyState& proxy) {
+  double sunk = 0;
+  for (std::size_t s = 0; s < surfaces.size(); ++s) {
+    const FeltSurface& felt = surfaces[s];
+    const ProxyLayer& layer = proxy.layer(felt.layer);
+    const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
+    if (felt.surface == nullptr || !layer.coupled || layer.punctured[s] || covered) continue;
+    if (felt.surface->at_least_mm(layer.position) >= radius_mm) continue;
+    sunk = std::max(sunk, radius_mm - felt.surface->distance_mm(layer.position));
+  }
+  return sunk;
+}
+
+/// What a burr takes that sinks in by so much: its front grows as it does, as in a plane.
+class Sinking {
+ public:
+  Sinking(double front_mm2, double radius_mm)
+      : front_mm2_(front_mm2), grows_mm_(std::numbers::pi * radius_mm) {}
+
+  double volume_mm3(double feed_mm) const { return (front_mm2_ + grows_mm_ * feed_mm) * feed_mm; }
+  double feed_mm(double volume_mm3) const {
+    const double root = std::sqrt(front_mm2_ * front_mm2_ + 4 * grows_mm_ * volume_mm3);
+    return 2 * volume_mm3 / (front_mm2_ + root);
+  }
+
+ private:
+  double front_mm2_, grows_mm_;
+};
+
+int innermost_touched(const ProxyState& proxy) {
+  for (int n = kMostLayers - 1; n >= 0; --n)
+    if (proxy.layer(n).coupled && proxy.layer(n).contacts > 0) return n;
+  return -1;
+}
+
+}  // namespace
+
+ProxyResult advance_burr(std::span<const FeltSurface> surfaces, std::span<const double> energy_mJ_per_mm3,
+                         const Burr& burr, const ToolPose& hand, ProxyState& proxy, BurrState& state,
+                         const ProxyOptions& options) {
+  PALPATE_CHECK(energy_mJ_per_mm3.size() == surfaces.size());
+  // how far the burr may sink in by what the motor works in this tick, as far as is known before it
+  const bool cuts = burr.revolutions_per_s > 0 && !state.full;
+  const bool in_material = cuts && state.front_mm2 > 0 && std::isfinite(state.energy_mJ_per_mm3);
+  const Sinking sinking(state.front_mm2, burr.radius_mm);
+  const double mJ_per_N = in_material ? burr.grip * state.edge_mm_per_s * options.dt_s : 0;
+  const double pressed_N = state.pressed_N, energy = state.energy_mJ_per_mm3;
+  state.inset_mm = state.sunk_mm;
+  if (in_material) {
+    const double feed_mm = sinking.feed_mm((state.spare_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
+    state.inset_mm = std::min(state.sunk_mm + std::min(feed_mm, kMostFeed_mm),
+                              std::max(state.sunk_mm, kMostInsetPart * burr.radius_mm));
+  }
+
+  const int was_in = state.layer;
+  const Point<Patient> before = proxy.layer(std::max(was_in, 0)).position;
+  const ToolSphere ball{Vector<Patient>(), burr.radius_mm - state.inset_mm};
+  ProxyResult result = advance_proxy(surfaces, {&ball, 1}, hand, proxy, options);
+  state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, burr.radius_mm, proxy));
+  // where it has sunk in it is in material, pressed or not
+  const int touched = innermost_touched(proxy);
+  if (touched >= 0 || !(state.sunk_mm > 0)) state.layer = touched;
+  const int is_in = state.layer;
+
+  state.pressed_N = result.force_N.norm();
+  state.front_mm2 = 0;
+  if (is_in < 0 || !cuts) {
+    state.spare_mJ = 0;
+    return result;
+  }
+  // a proxy does not follow every thousandth of a millimetre: work that is not used yet is kept, but for what
+  // would carry it farther in one tick than it may go
+  if (in_material) {
+    const double work_mJ = mJ_per_N * 0.5 * (pressed_N + state.pressed_N);
+    const double spare_mJ = std::min(state.spare_mJ + work_mJ, energy * sinking.volume_mm3(kMostFeed_mm));
+    state.work_mJ += std::max(0.0, spare_mJ - state.spare_mJ);
+    state.spare_mJ = std::max(state.spare_mJ, spare_mJ);
+  }
+  ProxyLayer& layer = proxy.layer(is_in);
+  const Vector<Patient> moved = layer.position - before;
+  const double way_mm = moved.norm();
+  if (was_in == is_in && way_mm > kStill_mm) {
+    const Front swept = Ahead(surfaces, energy_mJ_per_mm3, burr, layer, is_in, state).along(moved / way_mm);
+    const double cost_mJ = swept.area_mm2 * way_mm * swept.energy_mJ_per_mm3;
+    if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
+      // through material it comes no farther than the motor has worked for, and than can be remembered
+      double part = std::min(1.0, state.spare_mJ / cost_mJ);
+      const Point<Patient> to = before + moved * part;
+      state.full = part > 0 && !sweep(before, to, burr.radius_mm, state);
+      if (state.full) part = 0;
+      const Vector<Patient> back = moved * (part - 1);
+      layer.position += back;
+      result.force_N += back * result.stiffness_N_per_mm;
+      state.taken_mm3 += swept.area_mm2 * way_mm * part;
+      state.spare_mJ -= cost_mJ * part;
+    }
+  }
+  state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, burr.radius_mm, proxy));
+
+  const Ahead ahead(surfaces, energy_mJ_per_mm3, burr, layer, is_in, state);
+  const Vector<Patient> push = result.force_N * -1.0;
+  if (!(push.norm() > 0)) return result;
+  const Front front = ahead.along(push.normalized());
+  state.front_mm2 = front.area_mm2;
+  state.edge_mm_per_s = front.edge_mm_per_s;
+  state.energy_mJ_per_mm3 = front.energy_mJ_per_mm3;
+  return result;
+}
+
+void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::uint64_t carved,
+                 const ProxyState& proxy, BurrState& state) {
+  const auto gone = static_cast<int>(
+      std::min<std::uint64_t>(carved > state.first ? carved - state.first : 0, state.sweeps));
+  std::move(state.sweep.begin() + gone, state.sweep.begin() + state.sweeps, state.sweep.begin());
+  state.first += static_cast<std::uint64_t>(gone);
+  state.sweeps -= gone;
+  if (gone > 0) state.full = false;
+  // a surface is read from between its voxels: it may be a little nearer than it was cut
+  constexpr double kRounding_mm = 1e-4;
+  const double sunk = sunk_mm(surfaces, burr.radius_mm, proxy);
+  state.sunk_mm = state.inset_mm = sunk > 0 ? sunk + kRounding_mm : 0;
+}
+
+std::uint64_t close_sweeps(BurrState& state) {
+  state.closed = true;
+  return state.first + static_cast<std::uint64_t>(state.sweeps);
+}
+
+}  // namespace palpate

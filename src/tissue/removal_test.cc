@@ -1,0 +1,147 @@
+#include "palpate/removal.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "tissue/test_surfaces.h"
+
+namespace palpate {
+namespace {
+
+/// A burr of 4 mm above a block of bone, led by a hand that no force moves.
+class LedBurr {
+ public:
+  explicit LedBurr(double revolutions_per_s = 1000)
+      : carved_(testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), testing::slab(-10, 0, 8))) {
+    burr_.radius_mm = 2;
+    burr_.revolutions_per_s = revolutions_per_s;
+    burr_.axis = Vector<Patient>(1, 0, 0);
+    felt_[0].surface = carved_.surface();
+    felt_[0].stiffness_N_per_mm = 2;
+    options_.friction = false;
+  }
+
+  /// From the last tip, evenly.
+  ProxyResult lead_to(const Point<Patient>& to, int ticks) {
+    const Vector<Patient> step = (to - tip_) / ticks;
+    ProxyResult felt;
+    for (int n = 0; n < ticks; ++n) {
+      tip_ += step;
+      felt = advance_burr(felt_, energy_, burr_, ToolPose(tip_), proxy_, state_, options_);
+      if (state_.taken_mm3 > 0) {
+        EXPECT_LE(state_.taken_mm3 * energy_[0], state_.work_mJ + 1e-9);
+      }
+    }
+    return felt;
+  }
+  void carve() {
+    const std::uint64_t count = close_sweeps(state_);
+    carved_ = carved_.with(state_.pending());
+    felt_[0].surface = carved_.surface();
+    settle_burr(felt_, burr_, count, proxy_, state_);
+    const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - state_.inset_mm};
+    const SurfaceBefore before{0, false};
+    keep_proxy(felt_, {&ball, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+  }
+
+  CarvedSurface carved_;
+  std::vector<FeltSurface> felt_{1};
+  std::vector<double> energy_{100};
+  Burr burr_;
+  BurrState state_;
+  ProxyState proxy_;
+  ProxyOptions options_;
+  Point<Patient> tip_{0, 0, 3};
+};
+
+TEST(Removal, AMotorThatIsOffLeavesABall) {
+  LedBurr off(0);
+  ProxyState ball;
+  const ToolSphere sphere{Vector<Patient>(), 2};
+  off.lead_to(Point<Patient>(0, 0, 2.5), 1);
+  (void)advance_proxy(off.felt_, {&sphere, 1}, ToolPose(off.tip_), ball, off.options_);
+  for (int n = 1; n <= 200; ++n) {
+    const Point<Patient> tip(0.02 * n, 0.01 * n, 2.5 - 0.01 * n);
+    const ProxyResult is = off.lead_to(tip, 1);
+    const ProxyResult expected =
+        advance_proxy(off.felt_, {&sphere, 1}, ToolPose(off.tip_), ball, off.options_);
+    ASSERT_EQ(is.force_N, expected.force_N);
+    ASSERT_EQ(off.proxy_.position, ball.position);
+  }
+  EXPECT_GT(ball.contacts, 0);
+  EXPECT_EQ(off.state_.taken_mm3, 0);
+  EXPECT_TRUE(off.state_.pending().empty());
+}
+
+TEST(Removal, WhatCannotBeCutIsNot) {
+  LedBurr burr;
+  burr.energy_[0] = std::numeric_limits<double>::infinity();
+  burr.lead_to(Point<Patient>(0, 0, 1), 50);
+  EXPECT_EQ(burr.state_.taken_mm3, 0);
+  EXPECT_TRUE(burr.state_.pending().empty());
+  EXPECT_NEAR(burr.proxy_.position.z(), 2, 0.06);
+}
+
+TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
+  LedBurr burr, ball(0);
+  burr.lead_to(Point<Patient>(0, 0, 1.5), 50);
+  ball.lead_to(Point<Patient>(0, 0, 1.5), 50);
+  EXPECT_NEAR(ball.lead_to(ball.tip_, 1).force_N.z(), 1, 0.05);
+  double last_N = burr.lead_to(burr.tip_, 1).force_N.z();
+  double last_mm = burr.proxy_.position.z();
+  for (int n = 0; n < 20; ++n) {
+    const double force_N = burr.lead_to(burr.tip_, 1).force_N.z();
+    EXPECT_LT(force_N, last_N);
+    // the spring's force at where the proxy is now
+    EXPECT_NEAR(last_N - force_N, 2 * (last_mm - burr.proxy_.position.z()), 1e-6);
+    last_N = force_N;
+    last_mm = burr.proxy_.position.z();
+  }
+  EXPECT_GT(burr.state_.taken_mm3, 0.1);
+}
+
+TEST(Removal, WhatIsNotCarvedYetIsBounded) {
+  // surfaces that are never made anew, of what is soft enough for a long way, on a spiral
+  LedBurr burr;
+  burr.energy_[0] = 5;
+  burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
+  for (int n = 0; n < 400; ++n)
+    burr.lead_to(Point<Patient>(0.01 * n * std::sin(0.1 * n), 0.01 * n * std::cos(0.1 * n), 1 - 0.02 * n), 5);
+  EXPECT_TRUE(burr.state_.full);
+  EXPECT_LE(burr.state_.pending().size(), burr.state_.sweep.size());
+  EXPECT_LE(burr.state_.inset_mm, 1 + 1e-9);
+  const double taken_mm3 = burr.state_.taken_mm3;
+  burr.lead_to(Point<Patient>(0, 0, -8), 100);
+  EXPECT_EQ(burr.state_.taken_mm3, taken_mm3) << "no more than is remembered";
+  burr.carve();
+  EXPECT_FALSE(burr.state_.full);
+  EXPECT_TRUE(burr.proxy_.coupled);
+  burr.lead_to(Point<Patient>(0, 0, -9), 100);
+  EXPECT_GT(burr.state_.taken_mm3, taken_mm3);
+}
+
+TEST(Removal, SweepsThatCameMeanwhileStay) {
+  LedBurr burr;
+  burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
+  const std::uint64_t count = close_sweeps(burr.state_);
+  ASSERT_GT(count, 0u);
+  const Sweep last = burr.state_.pending().back();
+  burr.lead_to(Point<Patient>(1, 0, 1.3), 100);
+  EXPECT_GT(close_sweeps(burr.state_), count) << "what is being carved grows no more";
+  EXPECT_EQ(burr.state_.pending()[static_cast<std::size_t>(count) - 1].to, last.to);
+  const Sweep next = burr.state_.pending()[static_cast<std::size_t>(count)];
+  const std::uint64_t all = close_sweeps(burr.state_);
+  settle_burr(burr.felt_, burr.burr_, count, burr.proxy_, burr.state_);
+  EXPECT_EQ(burr.state_.first, count);
+  EXPECT_EQ(burr.state_.pending().front().from, next.from);
+  EXPECT_EQ(close_sweeps(burr.state_), all);
+  // told again, nothing is lost
+  settle_burr(burr.felt_, burr.burr_, count, burr.proxy_, burr.state_);
+  EXPECT_EQ(close_sweeps(burr.state_), all);
+}
+
+}  // namespace
+}  // namespace palpate

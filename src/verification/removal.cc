@@ -1,0 +1,244 @@
+#include "verification/removal.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "palpate/removal.h"
+#include "palpate/surfaces.h"
+#include "verification/accuracy_random.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::uint64_t kRemovalSeed = 21;
+// of a block below z = 0: even numbers of voxels, where these are not turned
+constexpr double kHalfBlock_mm = 10.2, kDepth_mm = 8.4;
+constexpr double kBurrRadius_mm = 2, kBurrTurns_per_s = 1000, kBoneEnergy_mJ_per_mm3 = 100;
+constexpr double kBoneStiffness_N_per_mm = 2;
+constexpr double kCarvedEvery_s = 0.02;
+constexpr double kTickRates_Hz[] = {500, 1000, 2000, 4000, 10000};
+constexpr int kPlaces = 100'000;
+
+struct BlockGrid {
+  double voxel_mm, turned_rad;
+};
+constexpr BlockGrid kBlockGrids[] = {{0.6, 0}, {0.6, 0.5}, {0.3, 0}, {0.3, 0.5}};
+
+/// A block of labels on a grid that stands at an angle to it.
+Result<std::shared_ptr<const Surface>> bone_block(const BlockGrid& on, const Progress& progress) {
+  const Eigen::Matrix3d direction =
+      Eigen::AngleAxisd(on.turned_rad, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  // a corner of it, from its middle, and a millimetre
+  const double half_mm = std::hypot(kHalfBlock_mm, kHalfBlock_mm, 0.5 * kDepth_mm) + 1;
+  const int half = static_cast<int>(half_mm / on.voxel_mm);
+  GridGeometry grid;
+  grid.dims = {2 * half, 2 * half, 2 * half};
+  grid.spacing_mm = Eigen::Vector3d::Constant(on.voxel_mm);
+  grid.direction = direction;
+  // the block has the middle between eight voxels
+  const Eigen::Vector3d first = Eigen::Vector3d::Constant((0.5 - half) * on.voxel_mm);
+  grid.origin = Point<Patient>(Eigen::Vector3d(direction * first) + Eigen::Vector3d(0, 0, -0.5 * kDepth_mm));
+  Volume<LabelId> labels(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const Point<Patient> p = X_PatientVoxel * Point<Voxel>(i, j, k);
+        if (std::abs(p.x()) < kHalfBlock_mm && std::abs(p.y()) < kHalfBlock_mm && p.z() < 0 &&
+            p.z() > -kDepth_mm)
+          labels.at(i, j, k) = 1;
+      }
+  auto prepared = prepare_surfaces(labels, {1}, {}, progress);
+  if (!prepared) return prepared.error();
+  return std::make_shared<const Surface>(std::move(prepared->front().surface));
+}
+
+/// What a hand does with a burr.
+struct BurrStroke {
+  double along_mm_s = 0;  ///< it is led so fast along x, whatever holds it; 0: it drills
+  double turns_per_s = kBurrTurns_per_s;
+  double energy_mJ_per_mm3 = kBoneEnergy_mJ_per_mm3;
+  double rate_hz = 1000;
+};
+
+struct Taken {
+  double reckoned_mm3 = 0, work_mJ = 0;  ///< by the law
+  double swept_mm3 = 0;                  ///< of the material, by all sweeps together
+  double edit_N = 0, tick_N = 0;         ///< greatest change of force at a new version, in other ticks
+  bool held = true;                      ///< the proxy was never let go
+};
+
+/// A hand of 100 g with 10 N s/m that presses with 2 N and leans on nothing else.
+class BurrHand {
+ public:
+  BurrHand(std::shared_ptr<const Surface> block, const BurrStroke& stroke)
+      : stroke_(stroke), carved_(std::move(block)), energy_(stroke.energy_mJ_per_mm3) {
+    options_.dt_s = 1 / stroke.rate_hz;
+    options_.friction = false;
+    felt_.surface = carved_.surface();
+    felt_.stiffness_N_per_mm = kBoneStiffness_N_per_mm;
+    burr_.radius_mm = kBurrRadius_mm;
+    burr_.revolutions_per_s = stroke.turns_per_s;
+    burr_.axis = Vector<Patient>(1, 0, 0);
+    tip_ = Point<Patient>(stroke.along_mm_s > 0 ? -5 : 0, 0, kBurrRadius_mm + 0.5);
+  }
+
+  Taken go() {
+    constexpr double kLeans_s = 0.2, kCuts_s = 0.6, kLean_N = 0.5, kPress_N = 2;
+    run(kLeans_s, kLean_N, 0);
+    run(kCuts_s, kPress_N, stroke_.along_mm_s);
+    const std::span<const Sweep> pending = burr_state_.pending();
+    sweeps_.insert(sweeps_.end(), pending.begin(), pending.end());
+    taken_.reckoned_mm3 = burr_state_.taken_mm3;
+    taken_.work_mJ = burr_state_.work_mJ;
+    taken_.swept_mm3 = swept_mm3();
+    return taken_;
+  }
+
+ private:
+  void run(double seconds, double press_N, double along_mm_s) {
+    const long ticks = std::lround(seconds * stroke_.rate_hz);
+    const long every = std::lround(kCarvedEvery_s * stroke_.rate_hz);
+    for (long n = 0; n < ticks; ++n) {
+      const bool edited = n % every == 0 && carve();
+      const ProxyResult felt =
+          advance_burr({&felt_, 1}, {&energy_, 1}, burr_, ToolPose(tip_), proxy_, burr_state_, options_);
+      double& change_N = edited ? taken_.edit_N : taken_.tick_N;
+      change_N = std::max(change_N, (felt.force_N - last_N_).norm());
+      last_N_ = felt.force_N;
+      // implicit in the damping; a newton is 1000 kg mm / s2
+      constexpr double kMass_kg = 0.1, kDamping_N_s_per_mm = 0.01;
+      const double per_kg = 1000 * options_.dt_s / kMass_kg;
+      const Vector<Patient> all_N = felt.force_N + Vector<Patient>(0, 0, -press_N);
+      velocity_ = (velocity_ + all_N * per_kg) / (1 + per_kg * kDamping_N_s_per_mm);
+      if (along_mm_s > 0) velocity_ = Vector<Patient>(along_mm_s, velocity_.y(), velocity_.z());
+      tip_ += velocity_ * options_.dt_s;
+    }
+  }
+
+  // the next version of the surface, as a thread of its own would make it; false where there is nothing new
+  bool carve() {
+    const std::uint64_t count = close_sweeps(burr_state_);
+    const std::span<const Sweep> pending = burr_state_.pending();
+    if (pending.empty()) return false;
+    sweeps_.insert(sweeps_.end(), pending.begin(), pending.end());
+    carved_ = carved_.with(pending);
+    felt_.surface = carved_.surface();
+    settle_burr({&felt_, 1}, burr_, count, proxy_, burr_state_);
+    const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - burr_state_.inset_mm};
+    const SurfaceBefore before{0, false};
+    keep_proxy({&felt_, 1}, {&ball, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+    taken_.held = taken_.held && proxy_.coupled;
+    return true;
+  }
+
+  double swept_mm3() const {
+    AccuracyRandom random(kRemovalSeed);
+    int taken = 0;
+    for (int n = 0; n < kPlaces; ++n) {
+      // of where it can have been, its felt surface included, which a sharp edge of labels moves
+      const double x = random.between(-8, 8), y = random.between(-3, 3), z = random.between(-8, 1);
+      const Point<Patient> place(x, y, z);
+      if (carved_.made()->distance_mm(place) >= 0) continue;
+      taken += std::any_of(sweeps_.begin(), sweeps_.end(), [&](const Sweep& sweep) {
+        return distance_to_axis_mm(sweep, place) < sweep.radius_mm;
+      });
+    }
+    return 16.0 * 6 * 9 * taken / kPlaces;
+  }
+
+  const BurrStroke stroke_;
+  CarvedSurface carved_;
+  FeltSurface felt_;
+  double energy_;
+  Burr burr_;
+  BurrState burr_state_;
+  ProxyState proxy_;
+  ProxyOptions options_;
+  Point<Patient> tip_;
+  Vector<Patient> velocity_, last_N_;
+  std::vector<Sweep> sweeps_;
+  Taken taken_;
+};
+
+/// Greatest difference of some values, of their mean.
+class Spread {
+ public:
+  void add(double value) {
+    least_ = std::min(least_, value);
+    most_ = std::max(most_, value);
+    sum_ += value;
+    ++count_;
+  }
+  double percent() const { return 100 * (most_ - least_) * count_ / sum_; }
+  std::uint64_t count() const { return static_cast<std::uint64_t>(count_); }
+
+ private:
+  double least_ = std::numeric_limits<double>::infinity(), most_ = 0, sum_ = 0;
+  int count_ = 0;
+};
+
+}  // namespace
+
+Result<std::vector<Figure>> removal_figures(const Progress& progress) {
+  std::vector<std::shared_ptr<const Surface>> blocks;
+  for (const BlockGrid& grid : kBlockGrids) {
+    auto block = bone_block(grid, progress);
+    if (!block) return block.error();
+    blocks.push_back(*std::move(block));
+  }
+
+  std::vector<Figure> figures;
+  double beyond_N = 0, off_percent = 0, beyond_work_percent = 0;
+  std::uint64_t strokes = 0, let_go = 0;
+  const auto take = [&](std::size_t block, const BurrStroke& stroke) {
+    const Taken taken = BurrHand(blocks[block], stroke).go();
+    ++strokes;
+    let_go += taken.held ? 0 : 1;
+    beyond_N = std::max(beyond_N, taken.edit_N - taken.tick_N);
+    off_percent = std::max(off_percent, 100 * std::abs(taken.reckoned_mm3 / taken.swept_mm3 - 1));
+    const double used_mJ = taken.reckoned_mm3 * stroke.energy_mJ_per_mm3;
+    beyond_work_percent = std::max(beyond_work_percent, 100 * (used_mJ / taken.work_mJ - 1));
+    return taken.swept_mm3;
+  };
+  for (const auto& [name, along_mm_s] : {std::pair("drilling", 0.0), std::pair("milling", 12.0)}) {
+    Spread rates, grids;
+    for (const double rate_hz : kTickRates_Hz) {
+      if (progress.stopped()) return Progress::interrupted();
+      rates.add(take(0, {.along_mm_s = along_mm_s, .rate_hz = rate_hz}));
+    }
+    for (std::size_t block = 0; block < blocks.size(); ++block) {
+      if (progress.stopped()) return Progress::interrupted();
+      grids.add(take(block, {.along_mm_s = along_mm_s}));
+    }
+    const std::string of = std::string("removal/") + name;
+    figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 4});
+    figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 5});
+  }
+  figures.push_back({"removal/volume/beside-its-sweeps", off_percent, "percent", strokes, 3});
+  figures.push_back({"removal/energy/beyond-work", beyond_work_percent, "percent", strokes, 0.01});
+  figures.push_back({"removal/new-version/step-beyond-ticks", std::max(0.0, beyond_N), "N", strokes, 0.01});
+  figures.push_back({"removal/new-version/let-go", static_cast<double>(let_go), "strokes", strokes, 0});
+
+  const double still_mm3 = BurrHand(blocks[0], {.turns_per_s = 0}).go().swept_mm3;
+  const double hard_mm3 =
+      BurrHand(blocks[0], {.energy_mJ_per_mm3 = std::numeric_limits<double>::infinity()}).go().swept_mm3;
+  figures.push_back({"removal/nothing/motor-off", still_mm3, "mm3", 1, 0});
+  figures.push_back({"removal/nothing/cannot-be-cut", hard_mm3, "mm3", 1, 0});
+  return figures;
+}
+
+Result<SuiteReport> run_removal(const Progress& progress) {
+  auto figures = removal_figures(progress);
+  if (!figures) return figures.error();
+  SuiteReport report;
+  report.figures = *std::move(figures);
+  report.notes = {{"burr", "a ball of 4 mm at 60 000 revolutions a minute, on bone of 100 mJ/mm3 and 2 N/mm"},
+                  {"hand", "100 g with 10 N s/m that presses with 2 N for 0.6 s, milling at 12 mm/s"},
+                  {"surfaces", "from labels as a scene is prepared, carved every 20 ms"},
+                  {"rates", "500 Hz to 10 kHz; grids of 0.3 and 0.6 mm, along the block and turned"}};
+  return report;
+}
+
+}  // namespace palpate
