@@ -25,13 +25,13 @@ struct Options {
 // ---- the work ---------------------------------------------------------------------------------------------
 
 /// Labels 1 and 2.
-std::shared_ptr<const Volume<LabelId>> labelled(const Volume<std::uint8_t>& bones) {
+Volume<LabelId> labelled(const Volume<std::uint8_t>& bones) {
   const GridGeometry& grid = bones.geometry();
-  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  Volume<LabelId> labels(grid);
   for (int k = 0; k < grid.dims[2]; ++k) {
     for (int j = 0; j < grid.dims[1]; ++j) {
       const LabelId bone = j < grid.dims[1] / 2 ? 1 : 2;
-      for (int i = 0; i < grid.dims[0]; ++i) labels->at(i, j, k) = bones.at(i, j, k) > 0 ? bone : 0;
+      for (int i = 0; i < grid.dims[0]; ++i) labels.at(i, j, k) = bones.at(i, j, k) > 0 ? bone : 0;
     }
   }
   return labels;
@@ -120,7 +120,7 @@ Row time_method(std::string name, int bytes_per_voxel, const Method& the_method,
   return row;
 }
 
-std::vector<Row> time_spheres(const std::shared_ptr<const Volume<LabelId>>& labels, const Options& options,
+std::vector<Row> time_spheres(const std::shared_ptr<const Bricks<LabelId>>& labels, const Options& options,
                               const Points& path, const Points& random) {
   std::vector<Row> rows;
   const LabelSet bones{1, 2}, apart{1, 2, 7};
@@ -180,7 +180,7 @@ struct Prepared {
         ramp_8(gaussian_smooth(bones, {.sigma_mm = options.sigma_mm}).value()),
         ramp_16(gaussian_smooth_16(bones, {.sigma_mm = options.sigma_mm}).value()) {}
   Volume<std::uint8_t> bones;
-  std::shared_ptr<const Volume<LabelId>> labels;
+  Volume<LabelId> labels;
   Volume<std::uint8_t> ramp_8;
   Volume<std::uint16_t> ramp_16;
 };
@@ -191,7 +191,7 @@ std::vector<Memory> memory_of_all(const Prepared& prepared) {
   std::vector<Memory> all = {memory_of("trilinear, uint8", 1, prepared.ramp_8),
                              memory_of("trilinear, uint16", 2, prepared.ramp_16),
                              memory_of("B-spline, int16", spline.bytes_per_voxel(), coefficients.dense()),
-                             memory_of("Gaussian and smooth sphere, labels (shared)", 2, *prepared.labels),
+                             memory_of("Gaussian and smooth sphere, labels (shared)", 2, prepared.labels),
                              memory_of("Gaussian and smooth sphere, mask", 1, prepared.bones)};
   for (const auto& [encoding, name] : kEncodings) {
     const auto normals = StoredNormals::from_ramp(prepared.ramp_16, encoding);
@@ -258,7 +258,7 @@ int run(const Options& options) {
   const Points path = std::make_shared<const std::vector<Point<Patient>>>(probe_path(options.points));
   const Points random = std::make_shared<const std::vector<Point<Patient>>>(random_points(options.points, 0));
 
-  auto rows = time_spheres(prepared.labels, options, path, random);
+  auto rows = time_spheres(label_bricks(prepared.labels), options, path, random);
   for (const auto& [encoding, name] : kEncodings) {
     const auto normals = StoredNormals::from_ramp(prepared.ramp_16, encoding);
     rows.push_back(time_method(std::string("stored normals, ") + name, normals.bytes_per_voxel(), normals,

@@ -49,8 +49,8 @@ Result<Model> large_model(const Options& options, std::string& what) {
   if (!map) return map.error();
   Model model;
   model.segments = map->segments;
-  model.labels = std::make_shared<const Volume<LabelId>>(std::move(map->layers.front()));
-  model.scan = generated_scan(*model.labels);
+  model.labels = label_bricks(map->layers.front());
+  model.scan = generated_scan(map->layers.front());
   return model;
 }
 
@@ -126,7 +126,8 @@ class Vtk {
     make_image(labels, VTK_UNSIGNED_SHORT);
     auto* values = static_cast<short*>(scan->GetScalarPointer());
     for (const float value : model.scan->voxels()) *values++ = static_cast<short>(value);
-    std::copy(model.labels->voxels().begin(), model.labels->voxels().end(),
+    const Volume<LabelId> plain = model.labels->dense();
+    std::copy(plain.voxels().begin(), plain.voxels().end(),
               static_cast<unsigned short*>(labels->GetScalarPointer()));
     set_up(scan_, scan, -1);
     scan_->SetInterpolationModeToLinear();

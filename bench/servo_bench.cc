@@ -117,7 +117,7 @@ void add_rows(const Bricks<T>& volume, const Point<Voxel>& x, int before, int af
 /// Of trilinear interpolation with central differences, and of the way from the tip to the surface, which
 /// every method looks along for structure and depth.
 Footprint footprint_of(const Model& model, const PalpationPath& path) {
-  const Volume<LabelId>& labels = *model.labels;
+  const Bricks<LabelId>& labels = *model.labels;
   const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
   Lines field, label;
   double steps = 0, deep = 0, field_lines = 0, label_lines = 0;
@@ -147,8 +147,8 @@ Footprint footprint_of(const Model& model, const PalpationPath& path) {
             if (!inside) continue;
             way == 0 ? add_rows(volume, x, 1, 2, field) : add_rows(volume, x, 0, 1, field);
             if (known)
-              label.add(&labels.at(static_cast<int>(x.x() + 0.5), static_cast<int>(x.y() + 0.5),
-                                   static_cast<int>(x.z() + 0.5)),
+              label.add(labels.view().cell(static_cast<int>(x.x() + 0.5), static_cast<int>(x.y() + 0.5),
+                                           static_cast<int>(x.z() + 0.5)),
                         sizeof(LabelId));
           }
         },
@@ -168,11 +168,11 @@ nlohmann::json describe(const std::vector<Knee>& knees, const PalpationPath& pat
               "label lines");
   for (const Knee& knee : knees) {
     const Model& model = knee.model();
-    const double voxels = static_cast<double>(model.labels->voxels().size());
+    const double voxels = static_cast<double>(model.labels->geometry().voxel_count());
     const double field_MB =
         1e-6 * std::visit([](const auto& bricks) { return static_cast<double>(bricks.bytes()); },
                           model.field->bricks());
-    const double label_MB = 1e-6 * voxels * sizeof(LabelId);
+    const double label_MB = 1e-6 * static_cast<double>(model.labels->bytes());
     const Footprint footprint = footprint_of(model, path);
     std::printf("%-52s %9.0f %9.0f %8.2f %12.0f %12.0f\n", knee.title.c_str(), field_MB, label_MB,
                 footprint.steps, footprint.field_lines, footprint.label_lines);

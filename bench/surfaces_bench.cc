@@ -60,9 +60,8 @@ std::vector<Segment> choose(const LabelMap& labels) {
   return chosen;
 }
 
-// removes a ball of tissue within a box around a random voxel of the structure's rim
-VoxelBox dig(const PreparedSurface& surface, std::mt19937& random, Volume<LabelId>& labels,
-             std::vector<LabelId*>& dug) {
+// a box around a random voxel of the structure's rim, as it is with a ball of tissue removed
+PatchOf<LabelId> dig(const PreparedSurface& surface, std::mt19937& random, const Bricks<LabelId>& labels) {
   const GridGeometry& grid = labels.geometry();
   const auto& box = surface.workings.extent;
   for (;;) {
@@ -70,23 +69,25 @@ VoxelBox dig(const PreparedSurface& surface, std::mt19937& random, Volume<LabelI
     for (int a = 0; a < 3; ++a) {
       at[a] = std::uniform_int_distribution<int>(box.first[a], box.first[a] + box.size[a] - 1)(random);
     }
-    const auto label = [&](int i) { return labels.at_or(at[0] + i, at[1], at[2], 0); };
+    const auto label = [&](int i) { return labels.anywhere(at[0] + i, at[1], at[2]); };
     if (label(0) != surface.label || (label(1) == surface.label && label(-1) == surface.label)) continue;
-    VoxelBox dirty{{at[0] - kDirty / 2, at[1] - kDirty / 2, at[2] - kDirty / 2}, {kDirty, kDirty, kDirty}};
-    for (int k = 0; k < kDirty; ++k) {
-      for (int j = 0; j < kDirty; ++j) {
-        for (int i = 0; i < kDirty; ++i) {
-          const std::array<int, 3> v{dirty.first[0] + i, dirty.first[1] + j, dirty.first[2] + k};
-          const double r = std::hypot(i - kDirty / 2, j - kDirty / 2, k - kDirty / 2);
-          if (!grid.contains(v[0], v[1], v[2]) || r >= kDirty / 2.0) continue;
-          LabelId& voxel = labels.at(v[0], v[1], v[2]);
-          if (voxel != surface.label) continue;
-          voxel = 0;
-          dug.push_back(&voxel);
+    PatchOf<LabelId> dug;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const int low = std::max(0, at[a] - kDirty / 2), high = std::min(grid.dims[a], at[a] + kDirty / 2);
+      dug.box.first[a] = low;
+      dug.box.size[a] = high - low;
+    }
+    const auto& [first, size] = dug.box;
+    for (int k = first[2]; k < first[2] + size[2]; ++k) {
+      for (int j = first[1]; j < first[1] + size[1]; ++j) {
+        for (int i = first[0]; i < first[0] + size[0]; ++i) {
+          const double r = std::hypot(i - at[0], j - at[1], k - at[2]);
+          const LabelId voxel = labels.at(i, j, k);
+          dug.values.push_back(voxel == surface.label && r < kDirty / 2.0 ? LabelId{0} : voxel);
         }
       }
     }
-    return dirty;
+    return dug;
   }
 }
 
@@ -105,7 +106,9 @@ Result<nlohmann::json> run(const Options& options) {
   auto map = large_knee(options.labels, what);
   if (!map) return map.error();
   const std::vector<Segment> segments = choose(*map);
-  Volume<LabelId> labels = std::move(map->layers.front());
+  const std::shared_ptr<const Bricks<LabelId>> shared_labels = label_bricks(map->layers.front());
+  const Bricks<LabelId>& labels = *shared_labels;
+  map->layers.clear();
   const double loaded_MB = peak_MB();
   std::vector<LabelId> structures;
   for (const Segment& s : segments) structures.push_back(s.value);
@@ -121,30 +124,36 @@ Result<nlohmann::json> run(const Options& options) {
               structures.size(), grid.dims[0], grid.dims[1], grid.dims[2], all_s, peak_MB(), loaded_MB);
 
   nlohmann::json report{{"structures_s", all_s}, {"peak_MB", peak_MB()}, {"voxels", grid.voxel_count()}};
-  std::printf("%-28s %9s %9s %12s %14s %14s\n", "", "M voxels", "MB", "steepest", "patch, ms", "version, ms");
+  std::printf("labels in bricks: %.1f MB of %.1f\n", static_cast<double>(labels.bytes()) / 1e6,
+              static_cast<double>(grid.voxel_count() * sizeof(LabelId)) / 1e6);
+  report["labels_MB"] = static_cast<double>(labels.bytes()) / 1e6;
+  std::printf("%-28s %9s %9s %12s %14s %14s %14s\n", "", "M voxels", "MB", "steepest", "patch, ms",
+              "version, ms", "labels, ms");
   std::mt19937 random(1);
   for (std::size_t n = 0; n < prepared->size(); ++n) {
     const PreparedSurface& surface = (*prepared)[n];
     // apart, since each leaves the caches and the heap otherwise than the other finds them in use
-    std::vector<double> patch_ms, again_ms;
+    std::vector<double> patch_ms, again_ms, labels_ms;
     for (const bool whole : {false, true}) {
       for (int round = 0; round < options.rounds; ++round) {
-        std::vector<LabelId*> dug;
-        const VoxelBox dirty = dig(surface, random, labels, dug);
+        const PatchOf<LabelId> dug = dig(surface, random, labels);
+        const double begin = now_s();
+        const Bricks<LabelId> version = labels.with(dug);
         const double t = now_s();
-        const bool local = whole ? prepare_surface_again(surface, labels, dirty).ok()
-                                 : prepare_patch(surface, labels, dirty).local;
+        const bool local = whole ? prepare_surface_again(surface, version, dug.box).ok()
+                                 : prepare_patch(surface, version, dug.box).local;
         const double ms = 1e3 * (now_s() - t);
+        labels_ms.push_back(1e3 * (t - begin));
         if (local) (whole ? again_ms : patch_ms).push_back(ms);
-        for (LabelId* voxel : dug) *voxel = surface.label;
       }
     }
     if (patch_ms.empty() || again_ms.empty()) continue;
     const double MB = bytes_of(surface) / 1e6;
-    std::printf("%-28s %9.1f %9.1f %12.2f %14.2f %14.2f\n", segments[n].name.c_str(),
+    std::printf("%-28s %9.1f %9.1f %12.2f %14.2f %14.2f %14.2f\n", segments[n].name.c_str(),
                 static_cast<double>(surface.workings.distance.geometry().voxel_count()) / 1e6, MB,
-                surface.surface.steepest(), median(patch_ms), median(again_ms));
-    report["dirty_ms"][segments[n].name] = {{"patch", median(patch_ms)}, {"version", median(again_ms)}};
+                surface.surface.steepest(), median(patch_ms), median(again_ms), median(labels_ms));
+    report["dirty_ms"][segments[n].name] = {
+        {"patch", median(patch_ms)}, {"version", median(again_ms)}, {"labels", median(labels_ms)}};
     report["MB"][segments[n].name] = MB;
   }
   return report;

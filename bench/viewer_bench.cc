@@ -26,7 +26,7 @@ class StillHost : public ViewerHost {
   StillHost() {
     GridGeometry grid;
     grid.dims = {8, 8, 8};
-    scene_.labels = std::make_shared<Volume<LabelId>>(grid);
+    scene_.labels = label_bricks(Volume<LabelId>(grid));
   }
   const ViewedScene& scene() const override { return scene_; }
   TickRecord snapshot(std::array<double, kMaxDevices>&) const override { return tick_; }

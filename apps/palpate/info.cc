@@ -47,7 +47,7 @@ Result<Info> of_labels(LabelFile labels, Console& console) {
   info.empty_slices = empty_slices(labels.labels);
   std::vector<LabelId> all;
   for (const SegmentStatistics& s : info.statistics) all.push_back(s.id);
-  auto leaks = find_leaks(labels.labels.flattened(), all, 0, console.progress());
+  auto leaks = find_leaks(*label_bricks(labels.labels.flattened()), all, 0, console.progress());
   if (!leaks) return leaks.error();
   info.leaks = *std::move(leaks);
   info.labels = std::move(labels);

@@ -62,6 +62,11 @@ std::string held_defined() {
          "the next approach.";
 }
 
+void print_removed(const std::vector<RemovedFigure>& removed) {
+  for (const RemovedFigure& figure : removed)
+    std::printf("removed %.1f mm3 of %s\n", figure.volume_mm3, figure.structure.c_str());
+}
+
 void print_holds(const std::vector<HoldFigure>& holds) {
   constexpr std::size_t kNameWidth = 28;
   std::printf("%s %8s %8s %8s\n", fitted("structure", kNameWidth).c_str(), "held s", "mean N", "peak N");

@@ -36,7 +36,8 @@ void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& pr
 void print_touches(const std::vector<TouchFigure>& touches);
 /// What "held" is, for help texts.
 std::string held_defined();
-
+/// On stdout, a line each: how much of a structure is gone.
+void print_removed(const std::vector<RemovedFigure>& removed);
 /// A table on stdout: how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);
 

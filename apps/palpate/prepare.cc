@@ -52,7 +52,7 @@ bool names_scene_or_data_set(const std::string& what) {
 }
 
 /// Says where a tool would slip through what is felt. Errors: kInterrupted.
-Result<void> warn_of_leaks(const Volume<LabelId>& labels, const std::vector<LabelId>& felt,
+Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& felt,
                            const std::function<std::string(LabelId)>& name_of, Console& console) {
   const auto leaks = find_leaks(labels, felt, 0, console.progress());
   if (!leaks) return leaks.error();
@@ -85,7 +85,7 @@ Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console
     const std::string& name = file->labels.find(id)->name;
     return name.empty() ? "label " + std::to_string(id) : name;
   };
-  if (auto warned = warn_of_leaks(file->labels.flattened(), all, name_of, console); !warned)
+  if (auto warned = warn_of_leaks(*label_bricks(file->labels.flattened()), all, name_of, console); !warned)
     return warned.error();
   std::vector<std::uint8_t> weights(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 255);
   weights[0] = 0;

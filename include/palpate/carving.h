@@ -1,12 +1,14 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
-#include "palpate/bricks.h"
-#include "palpate/surface.h"
+#include "palpate/haptics.h"
+#include "palpate/telemetry.h"
 
 /// Tissue that is taken away by a tool. A surface is carved as it was prepared and never smoothed anew: what
 /// a ball swept is subtracted from it, and distances around follow.
@@ -59,6 +61,39 @@ class CarvedSurface {
   Bricks<std::int16_t> cut_;  ///< C, in steps of the position
   /// Of every brick of the position that is not the prepared one: its greatest slope. 0: it is that.
   std::vector<double> steepest_;
+};
+
+/// A sweep of one device's burr.
+struct Cut {
+  std::uint32_t device = 0;  ///< below kMaxDevices
+  Sweep sweep;
+};
+
+Cut cut_of(const SweepRecord& sweep);
+SweepRecord plain(const Cut& cut);
+
+/// All that was ever taken from a model's surfaces and labels. A version is a value, as that of a surface.
+class Carving {
+ public:
+  /// Nothing taken yet.
+  explicit Carving(const Model& model);
+  /// After more cuts; takes milliseconds where a burr was at work for some. Of the labels, those that are
+  /// felt are gone where their voxels' centres were swept.
+  std::shared_ptr<const Carving> with(std::span<const Cut> cuts) const;
+
+  /// How many sweeps of a device's burr there are in it, counted from the start.
+  std::uint64_t sweeps(std::size_t device) const { return sweeps_[device]; }
+  /// The next version of a model that has less taken from it, or nothing: a local edit.
+  /// @param felt  the model that the carving was begun with, or one that followed from it
+  std::shared_ptr<const Model> taken_from(const Model& felt) const;
+
+ private:
+  std::vector<std::shared_ptr<const Surface>> made_;          // by surface; null: it is met by common ones
+  std::vector<std::shared_ptr<const CarvedSurface>> carved_;  // null: nothing is taken from it
+  std::shared_ptr<const Bricks<LabelId>> made_labels_, labels_;
+  std::vector<bool> is_felt_;  // by label
+  std::array<std::uint64_t, kMaxDevices> sweeps_{};
+  std::uint64_t hash_;  // of all cuts, in their order
 };
 
 }  // namespace palpate

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/bricks.h"
 #include "palpate/force_field.h"
 #include "palpate/progress.h"
 #include "palpate/proxy.h"
@@ -27,6 +28,9 @@ struct Tissue {
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;  ///< preset cap of the tangential force (as published)
   double viscosity_N_s_per_mm = 0.001;
+  /// Of the tool's motor, to take a cubic millimetre away: specific energy of cutting, mJ/mm3. Above 0. The
+  /// default is that of cortical bone under a burr (docs/decisions/0029-removal.md).
+  double cutting_energy_mJ_per_mm3 = 100;
   Rgb colour;
   double opacity = 1.0;
   std::vector<int> rests_on;  ///< indices of tissues that support this one
@@ -38,6 +42,14 @@ struct ToolCapsule {
   double radius_mm = 0;
 };
 
+/// What makes the tool's sphere a burr (palpate/removal.h): a ball that turns and takes away what it touches.
+struct BurrSettings {
+  double revolutions_per_s = 1000;      ///< while its motor runs; above 0
+  double grip = 0.5;                    ///< Burr::grip
+  Eigen::Vector3d spindle = {0, 0, 1};  ///< its axis, unit, in the tip's frame
+  int pedal = -1;  ///< the device's button that runs the motor while it is held; -1: none does
+};
+
 /// The instrument: spheres and capsules fixed to the tip's frame (a point tool has one sphere of radius 0, at
 /// the origin). The direct methods feel the spheres' centres, the proxy feels all of it.
 struct Tool {
@@ -45,26 +57,34 @@ struct Tool {
   std::vector<Eigen::Vector3d> points_mm{Eigen::Vector3d::Zero()};  ///< 1 ... kMaxToolParts
   double radius_mm = 0;                                             ///< of every one
   std::vector<ToolCapsule> capsules;                                ///< with the points at most kMaxToolParts
+  /// Then it is one sphere at the origin and nothing else, and the proxy alone feels what it takes away.
+  std::optional<BurrSettings> burr;
 };
 inline constexpr int kMaxToolParts = static_cast<int>(kMostToolSpheres);
 
 /// Whose side a scan shows: of a limb, or of both (head, torso) where no side mark is needed.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
 
+class Carving;
+
 /// Everything a tick reads, prepared once and never edited: a new version replaces it. Parts that did
 /// not change are shared between versions.
 struct Model {
   std::uint32_t version = 1;
+  /// So many of the versions up to this one were local edits, which took away and changed nothing else: their
+  /// forces are not blended in, and what they left alone is felt on as if there had been none.
+  std::uint32_t edits = 0;
   std::uint64_t content_hash = 0;  ///< of field, labels, tissues, tool, limits and the methods' settings
   std::string title;
   Side side = Side::kUnknown;
   bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
   bool oriented = true;            ///< false: the files do not say how the volume lies in the patient
 
-  std::shared_ptr<const Field> field;             ///< what the direct methods read: ramps, or smoothed labels
-  std::shared_ptr<const Volume<LabelId>> labels;  ///< flattened, on the field's grid
-  std::shared_ptr<const Volume<float>> scan;      ///< on the same grid; may be null
-  std::vector<Segment> segments;                  ///< names and colours by id
+  std::shared_ptr<const Field> field;  ///< what the direct methods read: ramps, or smoothed labels
+  /// Flattened, on the field's grid, background around it (label_bricks).
+  std::shared_ptr<const Bricks<LabelId>> labels;
+  std::shared_ptr<const Volume<float>> scan;  ///< on the same grid; may be null
+  std::vector<Segment> segments;              ///< names and colours by id
   std::vector<Tissue> tissues;
   std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1: belongs to no tissue
   /// Stiffness over the greatest, 0 ... 1; what smoothed labels have deep inside that label.
@@ -78,6 +98,8 @@ struct Model {
   std::vector<FeltSurface> surfaces;
   /// Of the structures' surfaces.
   std::vector<LabelId> label_of_surface;
+  /// What was taken from the surfaces (palpate/carving.h). null: nothing.
+  std::shared_ptr<const Carving> carving;
   MethodSettings method_settings;
 
   double sigma_mm = 1.0;     ///< smoothing that made the field, unless it has ramps

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/volume.h"
+#include "palpate/bricks.h"
 
 /// Whose a place on a surface is that several structures have in common.
 namespace palpate {
@@ -42,14 +42,18 @@ class Owners {
   /// mm; at least one and a half voxels of the widest spacing, so that a place half a voxel off finds them.
   static constexpr double kReach_mm = 2.6;
 
-  /// @param labels              axes of the grid count as perpendicular
+  /// @param labels              axes of the grid count as perpendicular; what is around it is none of these
   /// @param structure_of_label  by label, for all that the volume holds; -1: none of these structures. One of
   ///                            them at least has voxels
-  Owners(const Volume<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label);
+  Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label);
 
   /// Of the structures whose voxels lie within reach, at most kMost of them; where there are none, or `x` is
   /// not finite, one of the structures has it all.
   OwnerShares at(const Point<Patient>& x) const;
+  /// Of a place that was beneath the outer surface and was laid open: the shares of the structures whose
+  /// voxels lie around it, as trilinear interpolation weighs them. Where there are none, as at().
+  /// @param labels  those that it was made of
+  OwnerShares within(const Bricks<LabelId>& labels, const Point<Patient>& x) const;
   double reach_mm() const { return reach_mm_; }
 
  private:
@@ -60,7 +64,9 @@ class Owners {
 
   std::size_t block_of(int i, int j, int k) const;
   void join_blocks();
+  static OwnerShares in_order(OwnerShares shares);
 
+  std::vector<std::int16_t> structure_of_label_;
   Eigen::Vector3d spacing_mm_;
   double reach_mm_;
   Transform<Voxel, Patient> X_VoxelPatient_;

@@ -31,7 +31,7 @@ struct FeltSurface {
   double dynamic_friction = 0.1;  ///< coefficient with which it slides
   /// Force that makes the tool go through; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
-  /// Of a common surface: by whose shares it feels in place of the four values above.
+  /// Of a common surface: by whose shares it feels in place of its own values.
   std::shared_ptr<const Owners> owners = nullptr;
   /// The structure whose surface this is besides the one that stands at its own place. -1: none.
   int structure = -1;
@@ -44,6 +44,12 @@ struct FeltSurface {
   /// The part of its structures' stiffness that the layer gives; of those whose own layer it is, all that is
   /// above the lower bound.
   double from_N_per_mm = 0, to_N_per_mm = std::numeric_limits<double>::infinity();
+  /// What a burr's motor works to take a cubic millimetre away (palpate/removal.h); infinite: it cannot.
+  double cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
+  /// Where something was taken from it (palpate/carving.h): the surface as prepared, and the labels that it
+  /// was prepared from. A place that lies beneath that surface belongs to whom these say.
+  std::shared_ptr<const Surface> made = nullptr;
+  std::shared_ptr<const Bricks<LabelId>> made_labels = nullptr;
 };
 /// Whose a place on a surface is: of a common surface the shares of its structures there.
 /// @param index  of the surface

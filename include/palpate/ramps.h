@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/bricks.h"
 #include "palpate/progress.h"
 #include "palpate/volume.h"
 
@@ -66,7 +67,7 @@ struct Ramps {
 /// Errors: kBadInput for an option out of range, a stiffness that is not positive, the label 0, a support
 /// that is none of the structures, softer than what rests on it or rests on it in turn, more than
 /// kMostRampChains chains, too little memory; kInterrupted.
-Result<Ramps> prepare_ramps(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures,
+Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                             const RampOptions& options, const Progress& progress = {});
 
 /// The same in 8 bits: 0 stays 0, and what was above 0 is at least 1.

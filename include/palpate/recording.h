@@ -49,12 +49,13 @@ struct RecordingHeader {
   std::vector<Structure> structures;
 };
 
-/// How a version of the model follows from the one before it: a tissue was changed while it was felt, or the
-/// direct methods' fields were made anew for the stiffnesses as they are.
+/// How a version of the model follows from the one before it: a tissue was changed while it was felt, the
+/// direct methods' fields were made anew for the stiffnesses as they are, or something was cut away.
 struct ModelChange {
   static constexpr std::uint32_t kFieldsMadeAnew = 0xffffffff;
-  std::uint32_t version = 0;  ///< one more than the version before it
-  std::uint32_t tissue = 0;   ///< its place in the scene, from 0, or kFieldsMadeAnew
+  static constexpr std::uint32_t kCut = 0xfffffffe;  ///< by the sweeps that were told before it
+  std::uint32_t version = 0;                         ///< one more than the version before it
+  std::uint32_t tissue = 0;                          ///< its place in the scene, from 0, or one of the above
   // what the tissue has from that version on
   double stiffness_N_per_mm = 0, static_friction = 0, dynamic_friction = 0, viscosity_N_s_per_mm = 0;
 
@@ -96,6 +97,8 @@ struct RecordingEvent {
     kSettings,  ///< `changed` ... `rotation_wxyz`
     kStop,      ///< emergency stop: forces off at once
     kRearm,     ///< forces on again, by the ramp
+    kSweep,     ///< a burr's sweep, of those that the model's version `number` is cut by: `sweep`
+    kMotor,     ///< as kSettings, and the tool's motor was switched on or off
   };
   /// The first recorded tick that had heard of it: the one in which it took hold, where none is missing.
   std::uint64_t tick = 0;
@@ -111,6 +114,7 @@ struct RecordingEvent {
   std::uint8_t method = 0, switches = 0;
   double max_force_N = 0;
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
+  SweepRecord sweep;
 
   friend bool operator==(const RecordingEvent&, const RecordingEvent&) = default;
 };

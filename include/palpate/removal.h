@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "palpate/carving.h"
@@ -19,6 +20,8 @@ struct Burr {
   /// Of the cutting edges' force the part that is along their way, to the part that presses (a coefficient of
   /// friction).
   double grip = 0.5;
+  /// It is pressed with no more, however far the hand is from the proxy: what the device gives at most.
+  double most_press_N = std::numeric_limits<double>::infinity();
 };
 
 /// What it has done that is not in the surfaces yet, and what is remembered between two ticks. Without
@@ -36,6 +39,7 @@ struct BurrState {
   double taken_mm3 = 0;          ///< since the start, as the law reckons it
   int layer = -1;                ///< of the proxy's, in which it cuts; -1: none
   bool closed = false;           ///< the last sweep grows no more
+  double open_s = 0;             ///< since it began
   bool full = false;             ///< no room for what it sweeps: it cuts nothing until the surfaces are made
   std::uint64_t first = 0;       ///< number of the first of the sweeps here, counted from the start
   int sweeps = 0;
@@ -59,18 +63,21 @@ struct BurrState {
 /// The area and the speed are means over directions ahead in which there is material right before the burr.
 /// Without revolutions it is a ball that cuts nothing. In the innermost layer that is touched; what yields
 /// around that is pushed aside.
-/// @param energy_mJ_per_mm3  by structure, that is by surface: above 0, infinite for what it cannot cut
 /// Bounded work; allocates, locks and throws nothing.
-ProxyResult advance_burr(std::span<const FeltSurface> surfaces, std::span<const double> energy_mJ_per_mm3,
-                         const Burr& burr, const ToolPose& hand, ProxyState& proxy, BurrState& state,
-                         const ProxyOptions& options = {});
+ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
+                         ProxyState& proxy, BurrState& state, const ProxyOptions& options = {});
 
 /// The surfaces are now those without the first so many of the sweeps, counted from the start. To be called
 /// before keep_proxy.
 void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::uint64_t carved,
                  const ProxyState& proxy, BurrState& state);
 
-/// How many sweeps there are, counted from the start. The last of them grows no more.
-std::uint64_t close_sweeps(BurrState& state);
+/// How many sweeps there are that grow no more, counted from the start: those that a surface can be carved
+/// by.
+std::uint64_t finished_sweeps(const BurrState& state);
+/// The finished ones from a number on, which is not below the first that is still here.
+std::span<const Sweep> finished_from(const BurrState& state, std::uint64_t number);
+/// A sweep is finished after so long at the latest.
+inline constexpr double kLongestSweep_s = 0.01;
 
 }  // namespace palpate

@@ -92,7 +92,7 @@ struct PixelView;
 
 /// Where a SectionRenderer reads voxels.
 enum class SectionStorage {
-  kModel,  ///< in the model: nothing is prepared, for single pictures
+  kModel,  ///< the scan in the model, labels in a copy of 2 bytes a voxel: for single pictures
   /// From copies in bricks of 8x8x8 voxels, in which the voxels of any plane lie close together: several
   /// times as fast, for pictures that follow a tip. 3 bytes a voxel for the scan, 1.5 for up to 256 labels, 3
   /// for more. A scan value is kept in 16 bits: exactly where all are whole numbers within 65 534 of each

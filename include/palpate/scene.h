@@ -66,6 +66,7 @@ struct TissueSettings {
   double friction_coefficient = 0.1;
   std::optional<double> static_friction;  ///< empty: friction_coefficient
   std::optional<double> puncture_N;       ///< empty: never
+  double cutting_energy_mJ_per_mm3 = Tissue().cutting_energy_mJ_per_mm3;
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;
   double viscosity_N_s_per_mm = 0.001;
@@ -254,12 +255,16 @@ struct RotateStep {
 struct MethodStep {
   ForceMethod method = ForceMethod::kProxy;
 };
+/// Switch the tool's motor on or off.
+struct MotorStep {
+  bool on = true;
+};
 /// Withdraw along the path of approach.
 struct LeaveStep {
   double speed_mm_s = 60;
 };
 using ScriptStep =
-    std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep, LeaveStep>;
+    std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep, LeaveStep, MotorStep>;
 
 struct Script {
   std::string title;

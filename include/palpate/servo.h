@@ -7,6 +7,7 @@
 
 #include "palpate/device.h"
 #include "palpate/haptics.h"
+#include "palpate/removal.h"
 #include "palpate/telemetry.h"
 #include "palpate/workspace.h"
 
@@ -58,6 +59,7 @@ struct Parameters {
   bool passivity = true;        ///< what gives out more energy than it got is damped; observed in any case
   bool paused = false;          ///< forces fade out and stay off
   bool emergency_stop = false;  ///< forces are off at once
+  bool motor = false;           ///< of a tool that cuts, beside its pedal; without force it stands still
   double max_force_N = 3.0;     ///< the user's limit, beside the scene's; not finite or negative counts as 0
   std::array<DeviceParameters, kMaxDevices> device;
   /// Rotation of the object about World's origin; commanded about 10 times a second.
@@ -130,6 +132,7 @@ struct SessionState {
     std::uint32_t proxy_version = 0;  ///< of the model whose surfaces it is on
     bool held_directly = false;       ///< a direct method pushed the tip in the tick before
     CouplingState coupling;
+    BurrState burr;  ///< of a tool that is none as at the beginning
     // what the force was last, and what is left of the difference to what made it
     Wrench asked;
     Wrench difference;
@@ -155,6 +158,7 @@ struct SessionState {
   /// that version, which the hash knows.
   struct Surfaces {
     std::uint32_t version = 0;  ///< of that model, 0 before the first tick
+    std::uint32_t edits = 0;    ///< likewise
     int count = 0;
     std::array<LabelId, kMostSurfaces> label{};
     std::array<std::uint64_t, kMostSurfaces> content{};  ///< Surface::content_hash()

@@ -115,7 +115,8 @@ class ServoLoop {
   /// from 1: ticks have felt it when TickRecord::settings_number is not below it.
   virtual std::uint32_t change(const std::function<void(Parameters&)>& edit) = 0;
   virtual Parameters parameters() const = 0;
-  /// From the next tick on; the force turns into the new one over kBlend_s. A model whose version is not
+  /// From the next tick on; the force turns into the new one over kBlend_s, but for a local edit
+  /// (Model::edits), which is felt as it is. A model whose version is not
   /// above the last one's is a bug. The old one is freed by a later call of set_model() or collect(), never
   /// on the servo thread.
   virtual void set_model(std::shared_ptr<const Model> model) = 0;
@@ -141,6 +142,9 @@ class ServoLoop {
   virtual TickRecord snapshot() const = 0;
   /// Every tick, for one consumer (the recorder).
   virtual SpscRing<TickRecord>& ring() noexcept = 0;
+  /// Every sweep that a burr has finished, for one consumer, which sets a model that is cut by it
+  /// (Carving). It never runs full: a burr whose sweeps are not cut cuts no more.
+  virtual SpscRing<SweepRecord>& sweeps() noexcept = 0;
   virtual LoopHealth health() const = 0;
   /// Begins the figures of health() anew, with the next tick.
   virtual void reset_health() noexcept = 0;

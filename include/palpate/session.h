@@ -99,6 +99,13 @@ struct HoldFigure {
   double peak_force_N = 0;
 };
 
+/// What a burr took of a structure.
+struct RemovedFigure {
+  std::string structure;
+  LabelId label = 0;
+  double volume_mm3 = 0;  ///< RemovedVolume
+};
+
 /// Where an approach touched the structure that it asked for.
 struct TouchFigure {
   int line = 0;  ///< of the script
@@ -111,6 +118,7 @@ struct SimulationResult {
   RecordingSummary summary;
   std::vector<TouchFigure> touches;  ///< in the order of the approaches that touched
   std::vector<HoldFigure> holds;
+  std::vector<RemovedFigure> removed;
   std::size_t failed_steps = 0;
   double max_force_N = 0;  ///< largest force sent
   double limit_N = 0;
@@ -124,6 +132,15 @@ struct SimulationResult {
 Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
                                   const SimulationOptions& options, const std::filesystem::path& recording,
                                   const Progress& progress = {});
+
+/// What burrs have left at the end of a recording.
+struct LabelsLeft {
+  LabelMap labels;  ///< flattened, on the model's grid; felt voxels are gone where their centres were swept
+  std::vector<RemovedFigure> removed;
+};
+/// @param model  as the recording began with. Errors: those of replay.
+Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& model,
+                               const Progress& progress = {});
 
 struct ReplayResult {
   std::uint64_t ticks = 0;

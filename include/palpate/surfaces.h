@@ -85,14 +85,14 @@ struct PreparedSurface {
 ///
 /// Errors: kBadInput for an option out of range, a label without voxels, the label 0, a structure too large
 /// for memory; kInterrupted.
-Result<std::vector<PreparedSurface>> prepare_surfaces(const Volume<LabelId>& labels,
+Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& labels,
                                                       const std::vector<LabelId>& structures,
                                                       const SurfaceOptions& options,
                                                       const Progress& progress = {});
 
 /// Pairs of structures that touch: voxels that share a face, an edge or a corner. Errors: kInterrupted.
 /// @param structures  without repetition; none is 0
-Result<std::vector<std::pair<LabelId, LabelId>>> touching_pairs(const Volume<LabelId>& labels,
+Result<std::vector<std::pair<LabelId, LabelId>>> touching_pairs(const Bricks<LabelId>& labels,
                                                                 const std::vector<LabelId>& structures,
                                                                 int threads = 0,
                                                                 const Progress& progress = {});
@@ -115,13 +115,13 @@ struct Leaks {
 /// drawn. Nearer than two voxels to the volume's border none are found: structures end there.
 /// @param structures  what is felt: together they are what keeps the tool out
 /// Errors: kInterrupted.
-Result<std::vector<Leaks>> find_leaks(const Volume<LabelId>& labels, const std::vector<LabelId>& structures,
+Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
                                       int threads = 0, const Progress& progress = {});
 
 /// One surface for each of some groups of structures, as if a group were one structure with the label of its
 /// first: it has no crack where two of them meet. Errors: those of prepare_surfaces.
 /// @param groups  no structure is in two of them
-Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Volume<LabelId>& labels,
+Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Bricks<LabelId>& labels,
                                                             const std::vector<std::vector<LabelId>>& groups,
                                                             const SurfaceOptions& options,
                                                             const Progress& progress = {});
@@ -143,12 +143,12 @@ struct SurfacePatch {
 /// centres around a place are as they were, the surface stays exactly where it was made; elsewhere it goes
 /// midway between the classes, drawn a little towards what is beside it. So it is the same bit for bit
 /// however the labels came to be what they are.
-SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& labels, const VoxelBox& dirty);
+SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& labels, const VoxelBox& dirty);
 
 /// A surface after its labels changed inside `dirty` and nowhere else: the patch, and the rest shared with
 /// the old one. Components and strays are not looked for again. Where a patch does not do, the whole surface
 /// is made anew, as prepare_surfaces makes it. Errors: those of prepare_surfaces.
-Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Volume<LabelId>& labels,
+Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Bricks<LabelId>& labels,
                                               const VoxelBox& dirty);
 
 }  // namespace palpate

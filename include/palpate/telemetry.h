@@ -53,6 +53,16 @@ enum TickSwitch : std::uint8_t {
   kSwitchPaused = 1u << 2,
   kSwitchEmergencyStop = 1u << 3,
   kSwitchPassivity = 1u << 4,
+  kSwitchMotor = 1u << 5,
+};
+
+/// What a burr took with it on a short straight way, in the patient (palpate/carving.h).
+struct SweepRecord {
+  std::uint32_t device = 0;  ///< whose burr it was
+  std::array<double, 3> from_mm{}, to_mm{};
+  double radius_mm = 0;
+
+  friend bool operator==(const SweepRecord&, const SweepRecord&) = default;
 };
 
 struct DeviceTick {

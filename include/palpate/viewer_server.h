@@ -4,11 +4,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "palpate/bricks.h"
 #include "palpate/result.h"
 #include "palpate/telemetry.h"
 #include "palpate/volume.h"
@@ -44,8 +46,9 @@ struct ViewedRecording {
     double begin_s = 0, end_s = 0;
     LabelId label = 0;
     double most_N = 0;  ///< greatest force meanwhile
+    int device = 0;     ///< which of the recording's touched
   };
-  std::vector<Contact> contacts;        ///< of the first device, in their order
+  std::vector<Contact> contacts;        ///< of all devices, by their begin
   std::uint64_t contacts_left_out = 0;  ///< the shortest, where there are too many to be shown
   struct Event {
     double time_s = 0;
@@ -59,7 +62,7 @@ struct ViewedRecording {
   std::vector<Event> events;
   /// Of events: where there are too many to be shown, and those that no tick heard of.
   std::uint64_t events_left_out = 0;
-  std::vector<double> force_N;  ///< greatest force in each of equally many ticks, first device
+  std::vector<double> force_N;  ///< greatest force of any device in each of equally many ticks
 };
 
 struct ViewedScene {
@@ -68,7 +71,7 @@ struct ViewedScene {
   std::string modality = "unknown";               ///< "ct", "mr", "unknown"
   std::uint64_t content_hash = 0;                 ///< of scan and labels: other voxels, another hash
   std::shared_ptr<const Volume<float>> scan;      ///< may be null
-  std::shared_ptr<const Volume<LabelId>> labels;  ///< never null
+  std::shared_ptr<const Bricks<LabelId>> labels;  ///< never null
   std::array<double, 2> window{0, 1};             ///< in which to show the scan at first
   /// Row by row, mm.
   std::array<std::array<double, 4>, 4> world_from_patient{};
@@ -76,6 +79,7 @@ struct ViewedScene {
   std::vector<ViewedTissue> tissues;
   std::string tool_name;
   double tool_radius_mm = 0;
+  bool tool_cuts = false;  ///< it has a motor
   std::vector<std::array<double, 3>> tool_points_mm;
   struct Capsule {
     std::array<double, 3> from_mm, to_mm;  ///< ends of its axis, in the tip's frame
@@ -118,6 +122,9 @@ struct ViewedState {
   /// Why the method that was asked for last could not be made ready, its name as the place.
   std::optional<Error> method_failure;
   bool friction = true, viscosity = true, passivity = true, paused = false;
+  bool motor = false;                     ///< of a tool that cuts
+  std::uint64_t sweeps = 0;               ///< of a burr, that are taken from what the scene shows
+  std::map<LabelId, double> removed_mm3;  ///< by them, of each structure
   double max_force_N = 0;
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   std::uint32_t model_version = 1;
@@ -146,7 +153,7 @@ struct ViewerIdentity {
 /// A request that is well formed; whether it is granted is for the host to say.
 struct SettingsRequest {
   std::optional<std::string> method;
-  std::optional<bool> friction, viscosity, passivity, paused;
+  std::optional<bool> friction, viscosity, passivity, paused, motor;
   std::optional<double> max_force_N;
   std::optional<std::array<double, 4>> rotation_wxyz;
   ViewerIdentity by;
@@ -197,6 +204,8 @@ class ViewerHost {
   virtual TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const = 0;
   virtual ViewedHealth health() const = 0;
   virtual ViewedState state() const = 0;
+  /// Of ViewedState::sweeps those from number `first` on, 0 the first, at most so many; in their order.
+  virtual std::vector<SweepRecord> sweeps(std::uint64_t /*first*/, std::size_t /*most*/) const { return {}; }
   /// All of what is asked, or an error that names the value and nothing of it.
   virtual Result<Grant> set(const SettingsRequest& request) = 0;
   virtual Result<Grant> set(const TissueRequest& request) = 0;

@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "palpate/bricks.h"
 #include "palpate/sampling.h"
 #include "palpate/volume.h"
 
@@ -48,14 +49,14 @@ class LabelSet {
 };
 
 /// The voxels that carry a label of a set: what the spheres feel. Labels are read in place, nothing is copied
-/// and nothing prepared, so that a new version of the volume (deformed, cut) is felt at once. A query tests a
+/// and nothing prepared, so that a new version of them (deformed, cut) is felt at once. A query tests a
 /// voxel against every run of consecutive labels in the set; for a set of many runs, a mask is faster.
 class LabelVoxels {
  public:
-  /// Reads `labels` (not null, not empty): 2 bytes a voxel, shared with whoever else reads them.
-  LabelVoxels(std::shared_ptr<const Volume<LabelId>> labels, const LabelSet& set);
-  /// A copy of one byte a voxel, 1 where `labels` holds a member of the set, else 0.
-  static LabelVoxels mask(const Volume<LabelId>& labels, const LabelSet& set);
+  /// Reads `labels` (not null, not empty, background outside): shared with whoever else reads them.
+  LabelVoxels(std::shared_ptr<const Bricks<LabelId>> labels, const LabelSet& set);
+  /// Bricks of their own of one byte a voxel, 1 where `labels` hold a member of the set, else 0.
+  static LabelVoxels mask(const Bricks<LabelId>& labels, const LabelSet& set);
 
   const GridGeometry& geometry() const;
   int bytes_per_voxel() const { return storage_.index() == 0 ? 2 : 1; }
@@ -63,8 +64,8 @@ class LabelVoxels {
   /// False outside the volume.
   bool contains(int i, int j, int k) const;
 
-  using Labels = std::shared_ptr<const Volume<LabelId>>;
-  using Mask = std::shared_ptr<const Volume<std::uint8_t>>;
+  using Labels = std::shared_ptr<const Bricks<LabelId>>;
+  using Mask = std::shared_ptr<const Bricks<std::uint8_t>>;
   const std::variant<Labels, Mask>& storage() const { return storage_; }
   /// The runs of voxel values that are members.
   const std::vector<LabelRange>& ranges() const { return ranges_; }

@@ -17,7 +17,7 @@ constexpr double kDirections[14][3] = {{1, 0, 0},      {-1, 0, 0},     {0, 1, 0}
 
 // the felt label of the nearest voxel, 0 where nothing is felt
 LabelId felt_label_at(const Model& model, const Point<Voxel>& p) {
-  const Volume<LabelId>& labels = *model.labels;
+  const Bricks<LabelId>& labels = *model.labels;
   const auto& dims = labels.geometry().dims;
   int index[3];
   for (int axis = 0; axis < 3; ++axis) {

@@ -64,7 +64,7 @@ TEST(ContactSite, AValleyBelongsToTheNearerOfItsWalls) {
   // along the floor or nowhere, and yet something is felt
   Model model = ball_model({1, 1, 1});
   GridGeometry grid = model.labels->geometry();
-  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  Volume<LabelId> labels(grid);
   Volume<std::uint16_t> field(grid);
   const auto X = grid.X_PatientVoxel();
   for (int k = 0; k < grid.dims[2]; ++k)
@@ -73,9 +73,9 @@ TEST(ContactSite, AValleyBelongsToTheNearerOfItsWalls) {
         const double x = (X * Point<Voxel>(i, j, k)).x();
         const double value = testing::ramp(2 + x, 1.0) + testing::ramp(2 - x, 1.0);
         field.at(i, j, k) = static_cast<std::uint16_t>(std::lround(65535 * std::min(1.0, value)));
-        labels->at(i, j, k) = x < -2 ? kBone : x > 2 ? kCartilage : LabelId{0};
+        labels.at(i, j, k) = x < -2 ? kBone : x > 2 ? kCartilage : LabelId{0};
       }
-  model.labels = labels;
+  model.labels = label_bricks(labels);
   model.field = std::make_shared<const Field>(std::move(field));
   const Point<Patient> floor(0, 0, 0);
   const FieldSample sample = sample_central_differences(*model.field, floor);

@@ -33,17 +33,17 @@ Point<Patient> random_point(std::mt19937& random, double reach_mm) {
 Model wall_model(const Eigen::Vector3d& spacing_mm, double sigma_mm) {
   Model model = ball_model(spacing_mm, sigma_mm);
   const GridGeometry& grid = model.labels->geometry();
-  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  Volume<LabelId> labels(grid);
   Volume<std::uint16_t> field(grid);
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         const double x = (X_PatientVoxel * Point<Voxel>(i, j, k)).x();
-        labels->at(i, j, k) = x > 0 ? kBone : LabelId{0};
+        labels.at(i, j, k) = x > 0 ? kBone : LabelId{0};
         field.at(i, j, k) = static_cast<std::uint16_t>(std::lround(65535 * testing::ramp(-x, sigma_mm)));
       }
-  model.labels = labels;
+  model.labels = label_bricks(labels);
   model.field = std::make_shared<const Field>(field);
   return with_every_method(std::move(model));
 }

@@ -15,32 +15,27 @@ std::int16_t joined(std::int16_t a, std::int16_t b) {
 
 // calls body(i, j, k, structure) for every voxel that has a face outside of all structures
 template <class Body>
-void for_each_outer_voxel(const Volume<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label,
+void for_each_outer_voxel(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label,
                           const Body& body) {
-  const GridGeometry& grid = labels.geometry();
-  const auto [width, height, depth] = grid.dims;
-  const std::size_t row = static_cast<std::size_t>(width), slice = row * static_cast<std::size_t>(height);
-  const LabelId* const all = labels.voxels().data();
-  for (int k = 0; k < depth; ++k)
-    for (int j = 0; j < height; ++j) {
-      const LabelId* const at = all + grid.offset(0, j, k);
-      const auto is_out = [&](LabelId label) { return structure_of_label[label] == kNobody; };
-      for (int i = 0; i < width; ++i) {
-        const LabelId* const voxel = at + i;
-        if (is_out(*voxel)) continue;
-        const bool outer = i == 0 || i + 1 == width || j == 0 || j + 1 == height || k == 0 ||
-                           k + 1 == depth || is_out(*(voxel - 1)) || is_out(*(voxel + 1)) ||
-                           is_out(*(voxel - row)) || is_out(*(voxel + row)) || is_out(*(voxel - slice)) ||
-                           is_out(*(voxel + slice));
-        if (outer) body(i, j, k, structure_of_label[*voxel]);
-      }
+  const auto is_out = [&](LabelId label) { return structure_of_label[label] == kNobody; };
+  PALPATE_CHECK(is_out(labels.outside()));
+  const auto& faces = BrickLayout::kFaces;
+  labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
+    if (piece.uniform) return;
+    for (int i = 0; i < piece.count; ++i) {
+      const LabelId* const voxel = piece.voxels + i;
+      if (is_out(*voxel)) continue;
+      if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return is_out(voxel[face]); }))
+        body(piece.i + i, piece.j, piece.k, structure_of_label[*voxel]);
     }
+  });
 }
 
 }  // namespace
 
-Owners::Owners(const Volume<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label)
-    : spacing_mm_(labels.geometry().spacing_mm),
+Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label)
+    : structure_of_label_(structure_of_label),
+      spacing_mm_(labels.geometry().spacing_mm),
       reach_mm_(std::max(kReach_mm, 1.5 * spacing_mm_.maxCoeff())),
       X_VoxelPatient_(labels.geometry().X_PatientVoxel().inverse()),
       dims_(labels.geometry().dims) {
@@ -136,9 +131,41 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
       for (std::uint32_t n = first_in_block_[row + static_cast<std::size_t>(low[0])]; n < end; ++n)
         add(voxels_[n]);
     }
+  return shares.count_ > 0 ? in_order(shares) : OwnerShares(any_);
+}
+
+OwnerShares Owners::within(const Bricks<LabelId>& labels, const Point<Patient>& x) const {
+  const Point<Voxel> p = X_VoxelPatient_ * x;
+  std::array<int, 3> first{};
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double at = p[static_cast<int>(a)];
+    if (!(at >= 0 && at <= dims_[a] - 1)) return this->at(x);
+    first[a] = std::min(static_cast<int>(at), std::max(0, dims_[a] - 2));
+  }
+  OwnerShares shares;
+  for (int corner = 0; corner < 8; ++corner) {
+    std::array<int, 3> voxel{};
+    double part = 1;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const bool next = (corner >> a & 1) != 0;
+      voxel[a] = first[a] + (next ? 1 : 0);
+      const double beyond = p[static_cast<int>(a)] - first[a];
+      part *= next ? beyond : 1 - beyond;
+    }
+    const std::int16_t structure = structure_of_label_[labels.anywhere(voxel[0], voxel[1], voxel[2])];
+    if (structure == kNobody || !(part > 0)) continue;
+    std::size_t n = 0;
+    while (n < shares.count_ && shares.share_[n].structure != structure) ++n;
+    if (n == shares.count_) shares.share_[shares.count_++] = {structure, 0};
+    shares.share_[n].part += part;
+  }
+  return shares.count_ > 0 ? in_order(shares) : at(x);
+}
+
+// largest first, and one in all
+OwnerShares Owners::in_order(OwnerShares shares) {
   double all = 0;
   for (std::size_t n = 0; n < shares.count_; ++n) all += shares.share_[n].part;
-  if (!(all > 0)) return OwnerShares(any_);
   for (std::size_t n = 0; n < shares.count_; ++n) shares.share_[n].part /= all;
   std::sort(shares.share_.begin(), shares.share_.begin() + static_cast<std::ptrdiff_t>(shares.count_),
             [](const OwnerShare& a, const OwnerShare& b) {

@@ -39,7 +39,7 @@ double part_of(const OwnerShares& shares, int structure) {
 TEST(Owners, SharesGoOverSmoothlyWhereStructuresMeet) {
   for (const Eigen::Vector3d& spacing_mm :
        {Eigen::Vector3d(0.36, 0.36, 0.7), Eigen::Vector3d(0.28, 0.28, 1)}) {
-    const Owners owners(two_halves(spacing_mm), {-1, 0, 1});
+    const Owners owners(*label_bricks(two_halves(spacing_mm)), {-1, 0, 1});
     double before = 0, steepest = 0;
     for (double x = -4; x <= 4; x += 0.01) {
       const OwnerShares shares = owners.at(Point<Patient>(x, 0.4, -0.3));
@@ -88,7 +88,7 @@ TEST(Owners, AreWhatASumOverAllOuterVoxelsGives) {
       }
     labels.at(0, 0, 0) = 1;
     const std::vector<std::int16_t> structure_of_label{-1, 3, 0, 3, 7, -1};
-    const Owners owners(labels, structure_of_label);
+    const Owners owners(*label_bricks(labels), structure_of_label);
     const double reach_mm = owners.reach_mm();
     EXPECT_EQ(reach_mm, std::max(Owners::kReach_mm, 1.5 * grid.spacing_mm.maxCoeff()));
 
@@ -137,7 +137,7 @@ TEST(Owners, OfAThinLayerTheStructureBeneathHasNoShare) {
   for (int k = 0; k <= top; ++k)
     for (int j = 0; j < dims[1]; ++j)
       for (int i = 0; i < dims[0]; ++i) labels.at(i, j, k) = k < top ? 2 : 1;
-  const OwnerShares shares = Owners(labels, {-1, 0, 1}).at(Point<Patient>(0.1, 0.2, 0.25));
+  const OwnerShares shares = Owners(*label_bricks(labels), {-1, 0, 1}).at(Point<Patient>(0.1, 0.2, 0.25));
   ASSERT_EQ(shares.all().size(), 1u);
   EXPECT_EQ(shares.largest(), 0);
 }
@@ -150,7 +150,7 @@ TEST(Owners, AreAtMostEightAndOneOfThemWhereThereIsNone) {
   std::vector<std::int16_t> structure_of_label(41, -1);
   for (int label = 1; label <= 40; ++label)
     structure_of_label[static_cast<std::size_t>(label)] = static_cast<std::int16_t>(label + 1);
-  const Owners owners(labels, structure_of_label);
+  const Owners owners(*label_bricks(labels), structure_of_label);
   const OwnerShares many = owners.at(Point<Patient>(3, 3, 3));
   EXPECT_EQ(many.all().size(), OwnerShares::kMost);
   double all = 0;

@@ -713,8 +713,12 @@ bool give_birth(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
 
 OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at) {
   const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
-  return felt.owners != nullptr ? felt.owners->at(at)
-                                : OwnerShares(felt.structure < 0 ? index : felt.structure);
+  if (felt.owners == nullptr) return OwnerShares(felt.structure < 0 ? index : felt.structure);
+  if (felt.made == nullptr) return felt.owners->at(at);
+  // what tells labels apart beneath the surface is half a voxel deep at least
+  const double beneath_mm = 0.5 * felt.made_labels->geometry().min_spacing_mm();
+  return felt.made->distance_mm(at) < -beneath_mm ? felt.owners->within(*felt.made_labels, at)
+                                                  : felt.owners->at(at);
 }
 
 TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,

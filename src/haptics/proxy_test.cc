@@ -272,14 +272,14 @@ TEST(Proxy, ALayerThatWasGoneThroughDoesNotCloseRoundTheProxy) {
 }
 
 // labels by place, as voxels
-Volume<LabelId> labelled(const GridGeometry& grid,
+Bricks<LabelId> labelled(const GridGeometry& grid,
                          const std::function<LabelId(const Eigen::Vector3d&)>& label_at) {
   Volume<LabelId> labels(grid);
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i)
         labels.at(i, j, k) = label_at((grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen());
-  return labels;
+  return *label_bricks(labels);
 }
 
 TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {

@@ -53,7 +53,7 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
   model.level_of_label[kCartilage] = cartilage_level;
 
   Volume<std::uint16_t> field(grid);
-  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  Volume<LabelId> labels(grid);
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
@@ -64,13 +64,13 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
             cartilage_mm > 0 ? ramp(r - kBoneRadius_mm - cartilage_mm, sigma_mm) - bone_part : 0;
         field.at(i, j, k) =
             static_cast<std::uint16_t>(std::lround(65535 * (bone_part + cartilage_level * shell_part)));
-        labels->at(i, j, k) = r < kBoneRadius_mm                  ? kBone
-                              : r < kBoneRadius_mm + cartilage_mm ? kCartilage
-                              : r < 24                            ? kFat
-                                                                  : LabelId{0};
+        labels.at(i, j, k) = r < kBoneRadius_mm                  ? kBone
+                             : r < kBoneRadius_mm + cartilage_mm ? kCartilage
+                             : r < 24                            ? kFat
+                                                                 : LabelId{0};
       }
   model.field = std::make_shared<const Field>(std::move(field));
-  model.labels = labels;
+  model.labels = label_bricks(labels);
   model.methods[0] = *make_force_field(model, ForceMethod::kTrilinear);
   model.X_WorldPatient = supine_from_feet(grid);
   return model;
@@ -121,6 +121,7 @@ inline Model with_exact_surfaces(Model model, double cartilage_mm = 0) {
     model.surfaces.push_back({std::make_shared<const Surface>(field, field, steepest_of(field)),
                               tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction_coefficient,
                               tissue.puncture_N});
+    model.surfaces.back().cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
     model.label_of_surface.push_back(label);
   };
   add(kBone, [](const Eigen::Vector3d& p) { return p.norm() - kBoneRadius_mm; });
@@ -136,7 +137,7 @@ inline Model with_exact_surfaces(Model model, double cartilage_mm = 0) {
 /// that its seam is where a tip comes often, and the bone a layer deeper.
 inline Model as_one_body(Model model, double cartilage_mm) {
   model = with_exact_surfaces(std::move(model), cartilage_mm);
-  Volume<LabelId> seen = *model.labels;
+  Volume<LabelId> seen = model.labels->dense();
   const auto X_PatientVoxel = seen.geometry().X_PatientVoxel();
   const auto& dims = seen.geometry().dims;
   for (int k = 0; k < dims[2]; ++k)
@@ -153,7 +154,7 @@ inline Model as_one_body(Model model, double cartilage_mm) {
       seen.geometry(), [&](const Eigen::Vector3d& p) { return p.norm() - kBoneRadius_mm - cartilage_mm; }, 4);
   FeltSurface outer;
   outer.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
-  outer.owners = std::make_shared<const Owners>(seen, structure_of_label);
+  outer.owners = std::make_shared<const Owners>(*label_bricks(seen), structure_of_label);
   outer.to_N_per_mm = model.surfaces[1].stiffness_N_per_mm;
   model.surfaces[0].from_N_per_mm = outer.to_N_per_mm;
   model.surfaces[0].layer = 1;

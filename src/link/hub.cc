@@ -215,6 +215,22 @@ std::string Hub::state_for(const Viewer& viewer) const {
   return state_json(state_, welcomed_, pointer_ == &viewer, viewer.identity().number);
 }
 
+std::string Hub::sweeps_after(std::uint64_t& had) const {
+  constexpr std::size_t kMostAtOnce = 200;
+  if (had == state_.sweeps) return {};
+  // a recording that was led back
+  if (had > state_.sweeps) {
+    had = 0;
+    if (state_.sweeps == 0) return sweeps_json(0, {});
+  }
+  const std::vector<SweepRecord> next =
+      host_.sweeps(had, std::min<std::uint64_t>(kMostAtOnce, state_.sweeps - had));
+  if (next.empty()) return {};
+  std::string text = sweeps_json(had, next);
+  had += next.size();
+  return text;
+}
+
 void Hub::look_at_state() {
   state_ = host_.state();
   std::string text = state_json(state_, welcomed_, false, 0);

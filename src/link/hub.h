@@ -82,6 +82,8 @@ class Hub {
   /// Tells every viewer what has changed since the last look.
   void look_at_state();
   std::string state_for(const Viewer& viewer) const;
+  /// The next sweeps for a viewer that has had so many, which go up by them; empty: there are no more.
+  std::string sweeps_after(std::uint64_t& had) const;
 
  private:
   bool one_loads_alone() const;

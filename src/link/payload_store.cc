@@ -61,7 +61,7 @@ PayloadStore::Payload PayloadStore::made(const PayloadKey& key) try {
 }
 
 PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
-                                 std::shared_ptr<const Volume<LabelId>> labels, bool wide_labels) {
+                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels) {
   PALPATE_CHECK(labels);
   return [scan = std::move(scan), scale, labels = std::move(labels), wide_labels](
              const PayloadKey& key, const std::atomic<bool>& stop) -> PayloadStore::Payload {

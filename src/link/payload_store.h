@@ -63,6 +63,6 @@ class PayloadStore {
 /// Makes the volumes of a scene.
 /// @param scan  may be null, and is then never wanted
 PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
-                                 std::shared_ptr<const Volume<LabelId>> labels, bool wide_labels);
+                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels);
 
 }  // namespace palpate::link

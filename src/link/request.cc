@@ -120,10 +120,11 @@ SettingsRequest read_settings(Fields& fields) {
   request.viscosity = fields.flag("viscosity");
   request.passivity = fields.flag("passivity");
   request.paused = fields.flag("paused");
+  request.motor = fields.flag("motor");
   request.max_force_N = fields.number("max_force_N");
   request.rotation_wxyz = fields.rotation("rotation_wxyz");
   const bool any = request.method || request.friction || request.viscosity || request.passivity ||
-                   request.paused || request.max_force_N || request.rotation_wxyz;
+                   request.paused || request.motor || request.max_force_N || request.rotation_wxyz;
   fields.end();
   if (!any) fields.refuse("", "nothing is asked for");
   return request;

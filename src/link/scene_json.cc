@@ -112,7 +112,7 @@ Json error_json(const Error& error) {
 Json recording_json(const ViewedRecording& recording) {
   Json contacts = Json::array(), events = Json::array();
   for (const ViewedRecording::Contact& contact : recording.contacts)
-    contacts.push_back({contact.begin_s, contact.end_s, contact.label, contact.most_N});
+    contacts.push_back({contact.begin_s, contact.end_s, contact.label, contact.most_N, contact.device});
   for (const ViewedRecording::Event& event : recording.events)
     events.push_back({{"time_s", event.time_s},
                       {"kind", event.kind},
@@ -164,6 +164,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["tissues"] = tissues_json(scene, state);
   json["tool"] = {{"name", shown(scene.tool_name)},
                   {"radius_mm", scene.tool_radius_mm},
+                  {"cuts", scene.tool_cuts},
                   {"points_mm", scene.tool_points_mm},
                   {"capsules", capsules_json(scene)}};
   json["methods"] = scene.methods;
@@ -193,12 +194,16 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer, std:
   json["viscosity"] = state.viscosity;
   json["passivity"] = state.passivity;
   json["paused"] = state.paused;
+  json["motor"] = state.motor;
   json["emergency_stop"] = state.stop.has_value();
   json["stop"] = state.stop ? Json(*state.stop) : Json();
   json["stopped_by"] = state.stop ? Json(who_stopped(state, reader)) : Json();
   json["max_force_N"] = state.max_force_N;
   json["rotation_wxyz"] = state.rotation_wxyz;
   json["model_version"] = state.model_version;
+  json["removed"] = Json::array();
+  for (const auto& [label, mm3] : state.removed_mm3)
+    json["removed"].push_back({{"label", label}, {"mm3", mm3}});
   json["tissues"] = Json::array();
   for (const ViewedTissueState& tissue : state.tissues) json["tissues"].push_back(tissue_state_json(tissue));
   json["armed"] = state.armed;
@@ -211,6 +216,18 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer, std:
 
 std::string welcome_json(Role role) {
   return text_of({{"type", "welcome"}, {"role", name_of(role)}, {"protocol", kProtocol}});
+}
+
+std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps) {
+  Json json = {{"type", "cut"}, {"first", first}};
+  json["sweeps"] = Json::array();
+  for (const SweepRecord& sweep : sweeps) {
+    Json row = sweep.from_mm;
+    for (const double mm : sweep.to_mm) row.push_back(mm);
+    row.push_back(sweep.radius_mm);
+    json["sweeps"].push_back(std::move(row));
+  }
+  return text_of(json);
 }
 
 std::string done_json(std::int64_t id) {

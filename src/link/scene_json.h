@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -33,6 +34,8 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
 std::string state_json(const ViewedState& state, int viewers, bool pointer, std::uint32_t reader);
 
 std::string welcome_json(Role role);
+/// @param first  number of the first of them, from 0
+std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps);
 std::string done_json(std::int64_t id);
 std::string asked_json(std::int64_t id);
 std::string refused_json(std::int64_t id, const Error& error);

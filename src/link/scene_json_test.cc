@@ -37,7 +37,8 @@ TEST(SceneJson, HasTheDocumentsKeys) {
      "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001, "rests_on": []},
     {"name": "skin", "felt": false, "colour": [1, 2, 3], "opacity": 0.25, "stiffness_N_per_mm": 0.3,
      "static_friction": 0.0, "dynamic_friction": 0.0, "viscosity_N_s_per_mm": 0.0, "rests_on": [0]}])"));
-  EXPECT_EQ(json["tool"], Json::parse(R"({"name": "point", "radius_mm": 0.0, "points_mm": [[0, 0, 0]],
+  EXPECT_EQ(json["tool"],
+            Json::parse(R"({"name": "point", "radius_mm": 0.0, "cuts": false, "points_mm": [[0, 0, 0]],
                                           "capsules": [{"from_mm": [0, 0, 0], "to_mm": [0, 0, 40],
                                                         "radius_mm": 1.5}]})"));
   EXPECT_EQ(json["methods"], Json::parse(R"(["proxy", "trilinear"])"));
@@ -68,12 +69,12 @@ TEST(SceneJson, TellsOfARecordingThatIsLookedAt) {
   FakeHost host;
   host.edit_scene().recording = ViewedRecording{
       300,   0.5,
-      0.799, {{0.6, 0.7, 1, 1.25}},
+      0.799, {{0.6, 0.7, 1, 1.25, 1}},
       2,     {{0.55, "settings", {"method"}, -1, "viewer", 3}, {0.6, "model", {}, 1, "key", 0}},
       0,     {0, 1.25}};
   const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, Role::kView));
   EXPECT_EQ(json["recording"], Json::parse(R"({
-    "ticks": 300, "begin_s": 0.5, "end_s": 0.799, "contacts": [[0.6, 0.7, 1, 1.25]], "contacts_left_out": 2,
+    "ticks": 300, "begin_s": 0.5, "end_s": 0.799, "contacts": [[0.6, 0.7, 1, 1.25, 1]], "contacts_left_out": 2,
     "events": [{"time_s": 0.55, "kind": "settings", "changed": ["method"], "tissue": null, "by": "viewer", "viewer": 3},
                {"time_s": 0.6, "kind": "model", "changed": [], "tissue": 1, "by": "key", "viewer": null}],
     "events_left_out": 0, "force_N": [0.0, 1.25]})"));
@@ -86,9 +87,11 @@ TEST(SceneJson, TellsOfARecordingThatIsLookedAt) {
 
 TEST(SceneJson, StateAndAnswers) {
   FakeHost host;
-  EXPECT_EQ(Json::parse(state_json(host.state(), 2, true, 1)), Json::parse(R"({
-    "type": "state", "method": "proxy", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false,
-    "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1,
+  ViewedState cut = host.state();
+  cut.removed_mm3 = {{1, 12.5}};
+  EXPECT_EQ(Json::parse(state_json(cut, 2, true, 1)), Json::parse(R"({
+    "type": "state", "method": "proxy", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false,
+    "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "removed": [{"label": 1, "mm3": 12.5}],
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true})"));

@@ -21,13 +21,13 @@ class FakeHost : public ViewerHost {
     grid.spacing_mm = {0.5, 0.75, 2};
     grid.origin = Point<Patient>(-60, -64, -31);
     auto scan = std::make_shared<Volume<float>>(grid);
-    auto labels = std::make_shared<Volume<LabelId>>(grid);
+    Volume<LabelId> labels(grid);
     for (std::size_t v = 0; v < grid.voxel_count(); ++v) {
       scan->voxels()[v] = static_cast<float>(static_cast<int>(v % 4000) - 1000);
-      labels->voxels()[v] = static_cast<LabelId>(v / 7 % 3);
+      labels.voxels()[v] = static_cast<LabelId>(v / 7 % 3);
     }
     scene_.scan = scan;
-    scene_.labels = labels;
+    scene_.labels = label_bricks(labels);
     scene_.side = "left";
     scene_.modality = "ct";
     scene_.content_hash = 0x0f3a000000000001;
@@ -60,6 +60,24 @@ class FakeHost : public ViewerHost {
     const std::lock_guard lock(mutex_);
     return state_;
   }
+  std::vector<SweepRecord> sweeps(std::uint64_t first, std::size_t most) const override {
+    const std::lock_guard lock(mutex_);
+    std::vector<SweepRecord> next;
+    for (std::uint64_t n = first; n < state_.sweeps && next.size() < most; ++n)
+      next.push_back({0, {static_cast<double>(n), 0, 0}, {0, 1, 0}, 2});
+    return next;
+  }
+  void uncut(std::uint64_t count) {
+    const std::lock_guard lock(mutex_);
+    state_.sweeps -= count;
+    ++state_.model_version;
+  }
+  /// So many more, each of which begins at an x of its number.
+  void cut(std::uint64_t count) {
+    const std::lock_guard lock(mutex_);
+    state_.sweeps += count;
+    ++state_.model_version;
+  }
   Result<Grant> set(const SettingsRequest& request) override {
     const std::lock_guard lock(mutex_);
     asked_by_ = request.by;
@@ -73,6 +91,7 @@ class FakeHost : public ViewerHost {
     if (request.method) state_.method = *request.method;
     if (request.friction) state_.friction = *request.friction;
     if (request.paused) state_.paused = *request.paused;
+    if (request.motor) state_.motor = *request.motor;
     if (request.rotation_wxyz) state_.rotation_wxyz = *request.rotation_wxyz;
     return Grant::kDone;
   }

@@ -190,10 +190,21 @@ void Viewer::write_next() {
   } else if (std::exchange(state_due_, false)) {
     text_out_ = hub_.state_for(*this);
     write(net::buffer(text_out_), false);
+  } else if (!(pose_due_ && std::exchange(pose_is_next_, false)) && next_sweeps()) {
+    pose_is_next_ = true;
+    write(net::buffer(text_out_), false);
   } else if (std::exchange(pose_due_, false)) {
     pose_out_ = pose_;
     write(net::buffer(pose_out_.bytes()), true);
   }
+}
+
+// what was cut goes out in turns with poses
+bool Viewer::next_sweeps() {
+  std::string text = welcomed_ ? hub_.sweeps_after(sweeps_had_) : std::string();
+  if (text.empty()) return false;
+  text_out_ = std::move(text);
+  return true;
 }
 
 void Viewer::write(net::const_buffer bytes, bool binary) {

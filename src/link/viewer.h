@@ -71,6 +71,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void take(const Request& request);
   void greet(const Hello& hello);
   void write_next();
+  bool next_sweeps();
   /// @param bytes  stay as they are until it is done
   void write(net::const_buffer bytes, bool binary);
   void write_failed();
@@ -94,7 +95,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
 
   std::deque<std::string> answers_;
   bool deaf_ = false;  // has left requests undone, their answers having no place
-  bool state_due_ = false, pose_due_ = false;
+  bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
+  std::uint64_t sweeps_had_ = 0;
   std::uint64_t sequence_ = 0;
   PoseMessage pose_, pose_out_;
   std::string text_out_;

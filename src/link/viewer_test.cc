@@ -72,6 +72,42 @@ TEST(Viewer, WelcomeStateAndPoses) {
   EXPECT_EQ(number_at<float>(pose, 96 + 84), 0.75f);
 }
 
+TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
+  TestServer test;
+  test.host.cut(450);
+  TestViewer first(test.port());
+  first.greet();
+  std::uint64_t had = 0;
+  const auto hear = [](TestViewer& viewer, std::uint64_t& heard, std::uint64_t until) {
+    while (heard < until) {
+      const Json cut = viewer.text("cut");
+      ASSERT_FALSE(cut.is_null());
+      ASSERT_EQ(cut["first"], heard);
+      ASSERT_LE(cut["sweeps"].size(), 200u);
+      for (const Json& sweep : cut["sweeps"])
+        ASSERT_EQ(sweep, Json::array({static_cast<double>(heard++), 0.0, 0.0, 0.0, 1.0, 0.0, 2.0}));
+    }
+    EXPECT_EQ(heard, until);
+  };
+  hear(first, had, 450);
+  // poses come in between, and one that comes later hears of all
+  EXPECT_FALSE(first.pose().empty());
+  test.host.cut(3);
+  hear(first, had, 453);
+  TestViewer later(test.port());
+  later.greet();
+  std::uint64_t later_had = 0;
+  hear(later, later_had, 453);
+  // what is there again: all begins anew
+  test.host.uncut(253);
+  std::uint64_t again = 0;
+  hear(later, again, 200);
+  test.host.uncut(200);
+  const Json none = later.text("cut");
+  EXPECT_EQ(none["first"], 0u);
+  EXPECT_TRUE(none["sweeps"].empty());
+}
+
 TEST(Viewer, HealthComesWithThePoses) {
   TestServer test;
   TestViewer viewer(test.port());

@@ -53,7 +53,7 @@ float block_mean(const Volume<float>& scan, const std::array<int, 3>& block, int
   return count > 0 ? static_cast<float>(sum / count) : std::numeric_limits<float>::quiet_NaN();
 }
 
-LabelId block_label(const Volume<LabelId>& labels, const std::array<int, 3>& block, int shrink) {
+LabelId block_label(const Bricks<LabelId>& labels, const std::array<int, 3>& block, int shrink) {
   std::array<LabelId, kMostShrink * kMostShrink * kMostShrink> members;
   std::size_t count = 0;
   for_block(labels.geometry().dims, block, shrink,
@@ -76,7 +76,7 @@ LabelId block_label(const Volume<LabelId>& labels, const std::array<int, 3>& blo
 }
 
 template <int kBytes>
-std::shared_ptr<const std::string> labels_of_width(const Volume<LabelId>& labels, int shrink,
+std::shared_ptr<const std::string> labels_of_width(const Bricks<LabelId>& labels, int shrink,
                                                    const std::atomic<bool>& stop) {
   const auto dims = shrunk_dims(labels.geometry().dims, shrink);
   if (shrink == 1) return fill<kBytes>(dims, stop, [&](int i, int j, int k) { return labels.at(i, j, k); });
@@ -115,9 +115,10 @@ std::int16_t ScanScale::voxel(double value) const {
   return static_cast<std::int16_t>(std::clamp(std::round((within - offset) / scale), kLowest, kHighest));
 }
 
-bool needs_wide_labels(const Volume<LabelId>& labels) {
-  return std::any_of(labels.voxels().begin(), labels.voxels().end(),
-                     [](LabelId label) { return label > std::numeric_limits<std::uint8_t>::max(); });
+bool needs_wide_labels(const Bricks<LabelId>& labels) {
+  const std::vector<std::size_t> voxels = label_counts(labels);
+  constexpr std::ptrdiff_t kNarrow = std::numeric_limits<std::uint8_t>::max();
+  return std::any_of(voxels.begin() + kNarrow + 1, voxels.end(), [](std::size_t count) { return count > 0; });
 }
 
 std::array<int, 3> shrunk_dims(const std::array<int, 3>& dims, int shrink) {
@@ -134,7 +135,7 @@ std::shared_ptr<const std::string> scan_payload(const Volume<float>& scan, const
   });
 }
 
-std::shared_ptr<const std::string> labels_payload(const Volume<LabelId>& labels, bool wide, int shrink,
+std::shared_ptr<const std::string> labels_payload(const Bricks<LabelId>& labels, bool wide, int shrink,
                                                   const std::atomic<bool>& stop) {
   return wide ? labels_of_width<2>(labels, shrink, stop) : labels_of_width<1>(labels, shrink, stop);
 }

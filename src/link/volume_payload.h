@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "palpate/volume.h"
+#include "palpate/bricks.h"
 
 /// Voxels as viewers get them: docs/viewer-protocol.md, "HTTP". Little-endian, i fastest, then j, then k.
 namespace palpate::link {
@@ -24,7 +24,7 @@ struct ScanScale {
 };
 
 /// Whether a label is above 255, so that a voxel takes two bytes.
-bool needs_wide_labels(const Volume<LabelId>& labels);
+bool needs_wide_labels(const Bricks<LabelId>& labels);
 
 /// dims / shrink, rounded up.
 std::array<int, 3> shrunk_dims(const std::array<int, 3>& dims, int shrink);
@@ -36,7 +36,7 @@ std::shared_ptr<const std::string> scan_payload(const Volume<float>& scan, const
                                                 const std::atomic<bool>& stop);
 
 /// The labels, of each block the most frequent one, of equals the lowest above 0. `stop` as above.
-std::shared_ptr<const std::string> labels_payload(const Volume<LabelId>& labels, bool wide, int shrink,
+std::shared_ptr<const std::string> labels_payload(const Bricks<LabelId>& labels, bool wide, int shrink,
                                                   const std::atomic<bool>& stop);
 
 /// The bytes as a gzip stream. `stop` as above.

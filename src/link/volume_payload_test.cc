@@ -146,17 +146,18 @@ TEST(VolumePayload, ShrunkScanIsTheMeanOfWhatThereIs) {
 
 TEST(VolumePayload, LabelsOfOneAndTwoBytes) {
   Volume<LabelId> labels(grid_of({3, 1, 1}), std::vector<LabelId>{0, 255, 7});
-  EXPECT_FALSE(needs_wide_labels(labels));
-  EXPECT_EQ(*labels_payload(labels, false, 1, kGoOn), std::string("\x00\xff\x07", 3));
+  EXPECT_FALSE(needs_wide_labels(*label_bricks(labels)));
+  EXPECT_EQ(*labels_payload(*label_bricks(labels), false, 1, kGoOn), std::string("\x00\xff\x07", 3));
   labels.at(1, 0, 0) = 0x1234;
-  EXPECT_TRUE(needs_wide_labels(labels));
-  EXPECT_EQ(*labels_payload(labels, true, 1, kGoOn), std::string("\x00\x00\x34\x12\x07\x00", 6));
+  EXPECT_TRUE(needs_wide_labels(*label_bricks(labels)));
+  EXPECT_EQ(*labels_payload(*label_bricks(labels), true, 1, kGoOn),
+            std::string("\x00\x00\x34\x12\x07\x00", 6));
 }
 
 TEST(VolumePayload, ShrunkLabelsAreTheMostFrequent) {
   const auto of = [](std::vector<LabelId> block) {
     const Volume<LabelId> labels(grid_of({2, 2, 2}), std::move(block));
-    return static_cast<int>(labels_payload(labels, false, 2, kGoOn)->at(0));
+    return static_cast<int>(labels_payload(*label_bricks(labels), false, 2, kGoOn)->at(0));
   };
   EXPECT_EQ(of({0, 0, 0, 0, 0, 0, 0, 0}), 0);
   EXPECT_EQ(of({9, 9, 9, 9, 9, 9, 9, 9}), 9);
@@ -176,7 +177,7 @@ TEST(VolumePayload, ShrunkLabelsAgreeWithCounting) {
   for (LabelId& label : labels.voxels()) label = static_cast<LabelId>(random() % 4 * 300);
   for (const int shrink : {2, 4}) {
     const auto dims = shrunk_dims({9, 6, 5}, shrink);
-    const auto bytes = labels_payload(labels, true, shrink, kGoOn);
+    const auto bytes = labels_payload(*label_bricks(labels), true, shrink, kGoOn);
     std::size_t at = 0;
     for (int k = 0; k < dims[2]; ++k)
       for (int j = 0; j < dims[1]; ++j)
@@ -208,13 +209,13 @@ TEST(VolumePayload, GzipGivesTheSameBack) {
 
 TEST(VolumePayload, StopsWhenAsked) {
   EXPECT_EQ(scan_payload(scan_of({1, 2}), {}, 1, kStop), nullptr);
-  EXPECT_EQ(labels_payload(Volume<LabelId>(grid_of({2, 1, 1})), false, 2, kStop), nullptr);
+  EXPECT_EQ(labels_payload(*label_bricks(Volume<LabelId>(grid_of({2, 1, 1}))), false, 2, kStop), nullptr);
   EXPECT_EQ(gzip("text", kStop), nullptr);
 }
 
 TEST(PayloadStore, MakesEachOnceAndElsewhere) {
   const auto scan = std::make_shared<Volume<float>>(scan_of({1, 2, 3}));
-  const auto labels = std::make_shared<Volume<LabelId>>(grid_of({3, 1, 1}), LabelId{4});
+  const auto labels = label_bricks(Volume<LabelId>(grid_of({3, 1, 1}), LabelId{4}));
   PayloadStore store(volume_maker(scan, ScanScale::of(*scan), labels, false));
   std::mutex mutex;
   std::vector<PayloadStore::Payload> got;
@@ -241,7 +242,7 @@ TEST(PayloadStore, MakesEachOnceAndElsewhere) {
 }
 
 TEST(PayloadStore, EndsWithWishesOpen) {
-  const auto labels = std::make_shared<Volume<LabelId>>(grid_of({256, 256, 128}), LabelId{4});
+  const auto labels = label_bricks(Volume<LabelId>(grid_of({256, 256, 128}), LabelId{4}));
   std::atomic<int> told{0};
   {
     const auto make = volume_maker(nullptr, {}, labels, true);

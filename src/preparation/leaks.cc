@@ -19,12 +19,12 @@ using Index = std::array<int, 3>;
 /// What is felt around a joint, the lower corner of whose eight voxels is in the middle.
 class Surroundings {
  public:
-  Surroundings(const Volume<LabelId>& labels, const std::vector<char>& felt, const Index& at) {
+  Surroundings(const Bricks<LabelId>& labels, const std::vector<char>& felt, const Index& at) {
     std::size_t n = 0;
     for (int k = -kAside; k < kEdge - kAside; ++k)
       for (int j = -kAside; j < kEdge - kAside; ++j)
         for (int i = -kAside; i < kEdge - kAside; ++i)
-          free_[n++] = !felt[labels.at_or(at[0] + i, at[1] + j, at[2] + k, 0)];
+          free_[n++] = !felt[labels.anywhere(at[0] + i, at[1] + j, at[2] + k)];
   }
 
   /// Of two free places whether they are two sides of a sheet: at least half of all is free, and neither
@@ -130,7 +130,7 @@ constexpr std::array<bool, 256> joint_blocks() {
 constexpr std::array<bool, 256> kJointBlocks = joint_blocks();
 
 // the joints of one block
-void look_at(const Volume<LabelId>& labels, const std::vector<char>& felt, const Index& at, unsigned block,
+void look_at(const Bricks<LabelId>& labels, const std::vector<char>& felt, const Index& at, unsigned block,
              FoundOfLabel& found) {
   for (std::size_t n = 0; n < kJoints.size(); ++n) {
     if ((block & kPatterns[n].looked_at) != kPatterns[n].felt) continue;
@@ -154,7 +154,7 @@ void look_at(const Volume<LabelId>& labels, const std::vector<char>& felt, const
 
 }  // namespace
 
-Result<std::vector<Leaks>> find_leaks(const Volume<LabelId>& labels, const std::vector<LabelId>& structures,
+Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
                                       int threads, const Progress& progress) {
   std::vector<char> felt(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 0);
   for (const LabelId structure : structures) felt[structure] = 1;
@@ -164,27 +164,27 @@ Result<std::vector<Leaks>> find_leaks(const Volume<LabelId>& labels, const std::
   std::vector<FoundOfLabel> found(static_cast<std::size_t>(workers), FoundOfLabel(felt.size()));
   const auto done =
       internal::for_each_slice(dims[2], workers, progress, {"looking for leaks"}, [&](int worker, int k) {
-        for (int j = 0; j + 1 < dims[1]; ++j) {
-          std::array<const LabelId*, 4> row{};
-          for (int r = 0; r < 4; ++r)
-            if (k + (r >> 1) < dims[2])
-              row[static_cast<std::size_t>(r)] =
-                  labels.voxels().data() + labels.geometry().offset(0, j + (r & 1), k + (r >> 1));
+        const auto look_along = [&](const RowPiece<LabelId>& piece) {
+          if (piece.uniform) return;
           // beyond the last slice nothing is felt
           const auto column = [&](int i) {
             unsigned bits = 0;
-            for (std::size_t r = 0; r < 4; ++r)
-              if (row[r] != nullptr && felt[row[r][i]] != 0) bits |= 1u << (2 * r);
+            for (int r = 0; r < 4; ++r)
+              if (felt[piece.voxels[i + (r & 1) * BrickLayout::kRow + (r >> 1) * BrickLayout::kSlice]] != 0)
+                bits |= 1u << (2 * r);
             return bits;
           };
+          const int count = std::min(piece.count, dims[0] - 1 - piece.i);
           unsigned before = column(0);
-          for (int i = 0; i + 1 < dims[0]; ++i) {
+          for (int i = 0; i < count; ++i) {
             const unsigned next = column(i + 1), block = before | next << 1;
             before = next;
             if (kJointBlocks[block])
-              look_at(labels, felt, {i, j, k}, block, found[static_cast<std::size_t>(worker)]);
+              look_at(labels, felt, {piece.i + i, piece.j, k}, block,
+                      found[static_cast<std::size_t>(worker)]);
           }
-        }
+        };
+        for (int j = 0; j + 1 < dims[1]; ++j) labels.for_each_piece(j, k, look_along);
       });
   if (!done) return done.error();
   std::vector<Leaks> leaky;

@@ -18,7 +18,7 @@ Volume<LabelId> empty_cube(int edge) {
 
 std::size_t joints_of(const Volume<LabelId>& labels, const std::vector<LabelId>& structures) {
   std::size_t joints = 0;
-  const auto leaky = find_leaks(labels, structures);
+  const auto leaky = find_leaks(*label_bricks(labels), structures);
   EXPECT_TRUE(leaky.ok());
   for (const Leaks& leaks : *leaky) joints += leaks.joints;
   return joints;
@@ -37,7 +37,7 @@ Volume<LabelId> stepped_wall(bool joined_by_faces) {
 TEST(Leaks, AWallThatHoldsTogetherByAnEdgeIsLeaky) {
   const Volume<LabelId> wall = stepped_wall(false);
   for (const int threads : {1, 3}) {
-    const auto leaky = find_leaks(wall, {2, 3}, threads);
+    const auto leaky = find_leaks(*label_bricks(wall), {2, 3}, threads);
     ASSERT_TRUE(leaky.ok());
     ASSERT_EQ(leaky->size(), 1u);
     EXPECT_EQ(leaky->front().label, 3);

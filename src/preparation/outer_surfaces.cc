@@ -2,6 +2,7 @@
 #include <limits>
 #include <new>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "base/disjoint_sets.h"
@@ -10,7 +11,7 @@
 
 namespace palpate {
 
-Result<std::vector<std::pair<LabelId, LabelId>>> touching_pairs(const Volume<LabelId>& labels,
+Result<std::vector<std::pair<LabelId, LabelId>>> touching_pairs(const Bricks<LabelId>& labels,
                                                                 const std::vector<LabelId>& structures,
                                                                 int threads, const Progress& progress) {
   std::vector<int> index(std::size_t{std::numeric_limits<LabelId>::max()} + 1, -1);
@@ -49,7 +50,7 @@ std::vector<std::vector<LabelId>> touching_groups(const std::vector<LabelId>& st
   return groups;
 }
 
-Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Volume<LabelId>& labels,
+Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Bricks<LabelId>& labels,
                                                             const std::vector<std::vector<LabelId>>& groups,
                                                             const SurfaceOptions& options,
                                                             const Progress& progress) {
@@ -63,15 +64,14 @@ Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Volume<LabelId
     merge = merge || group.size() > 1;
   }
   if (!merge) return prepare_surfaces(labels, firsts, options, progress);
-  Volume<LabelId> merged;
+  std::optional<Bricks<LabelId>> merged;
   try {
-    merged = labels;
+    merged = Bricks<LabelId>::of_labels(labels, merged_label);
   } catch (const std::bad_alloc&) {
     return Error{ErrorKind::kBadInput, "not enough memory for the outer surfaces of structures that touch",
                  "", "close other programs, or crop the volume"};
   }
-  for (LabelId& label : merged.voxels()) label = merged_label[label];
-  return prepare_surfaces(merged, firsts, options, progress);
+  return prepare_surfaces(*merged, firsts, options, progress);
 }
 
 }  // namespace palpate

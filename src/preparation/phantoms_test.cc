@@ -526,7 +526,7 @@ TEST(Phantoms, AnyCombinationIsAValidLabelMapWithSurfaces) {
     EXPECT_EQ(present, known) << "every structure has voxels, and every voxel a structure";
     for (const float value : phantom.scan.voxels()) ASSERT_TRUE(std::isfinite(value));
     std::vector<LabelId> felt(++known.begin(), known.end());
-    const auto surfaces = prepare_surfaces(labels_of(phantom), felt, {});
+    const auto surfaces = prepare_surfaces(*label_bricks(labels_of(phantom)), felt, {});
     EXPECT_TRUE(surfaces.ok()) << surfaces.error().message();
   }
 }

@@ -83,7 +83,7 @@ std::vector<int> index_by_label(const std::vector<RampStructure>& structures) {
 /// it says of its voxels.
 class ChainWalk {
  public:
-  ChainWalk(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures,
+  ChainWalk(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
             const std::vector<Span3>& spans, const Touching& touching, const RampOptions& options,
             const Progress& progress, Ramps& ramps)
       : labels_(labels),
@@ -208,7 +208,7 @@ class ChainWalk {
     return internal::for_each_slice(span.size(2), workers, progress_, stage, slice);
   }
 
-  const Volume<LabelId>& labels_;
+  const Bricks<LabelId>& labels_;
   const std::vector<RampStructure>& structures_;
   const std::vector<Span3>& spans_;
   const Touching& touching_;
@@ -221,7 +221,7 @@ class ChainWalk {
 };
 
 /// The greatest value of every structure.
-Result<std::vector<std::uint16_t>> greatest_values(const Volume<LabelId>& labels,
+Result<std::vector<std::uint16_t>> greatest_values(const Bricks<LabelId>& labels,
                                                    const std::vector<int>& index, std::size_t structures,
                                                    const Volume<std::uint16_t>& field, int threads,
                                                    const Progress& progress, const ProgressSpan& stage) {
@@ -232,13 +232,15 @@ Result<std::vector<std::uint16_t>> greatest_values(const Volume<LabelId>& labels
                                                    std::vector<std::uint16_t>(structures + 1, 0));
   const auto done = internal::for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
     std::vector<std::uint16_t>& mine = greatest[static_cast<std::size_t>(worker)];
-    const std::size_t first = grid.offset(0, 0, k);
-    const std::size_t count = static_cast<std::size_t>(grid.dims[0]) * static_cast<std::size_t>(grid.dims[1]);
-    for (std::size_t v = first; v < first + count; ++v) {
-      if (field.voxels()[v] == 0) continue;
-      std::uint16_t& most = mine[static_cast<std::size_t>(index[labels.voxels()[v]])];
-      most = std::max(most, field.voxels()[v]);
-    }
+    const auto look = [&](const RowPiece<LabelId>& piece) {
+      const std::uint16_t* const value = &field.at(piece.i, piece.j, k);
+      for (int i = 0; i < piece.count; ++i) {
+        if (value[i] == 0) continue;
+        std::uint16_t& most = mine[static_cast<std::size_t>(index[piece.voxels[i]])];
+        most = std::max(most, value[i]);
+      }
+    };
+    for (int j = 0; j < grid.dims[1]; ++j) labels.for_each_piece(j, k, look);
   });
   if (!done) return done.error();
   for (std::size_t w = 1; w < greatest.size(); ++w)
@@ -246,7 +248,7 @@ Result<std::vector<std::uint16_t>> greatest_values(const Volume<LabelId>& labels
   return greatest[0];
 }
 
-Result<Ramps> prepare(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures,
+Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                       const RampOptions& options, const Progress& progress) {
   Ramps ramps;
   ramps.field = Volume<std::uint16_t>(labels.geometry());
@@ -280,7 +282,7 @@ Result<Ramps> prepare(const Volume<LabelId>& labels, const std::vector<RampStruc
 
 }  // namespace
 
-Result<Ramps> prepare_ramps(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures,
+Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                             const RampOptions& options, const Progress& progress) {
   const auto checked = check(structures, options);
   if (!checked) return checked.error();

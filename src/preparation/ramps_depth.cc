@@ -41,13 +41,12 @@ Result<void> by_slabs(const Span3& span, int threads, const Progress& progress, 
 }
 
 /// 1 where a voxel of the box has a label of the set.
-Block<std::uint8_t> mask_of(const Volume<LabelId>& labels, const std::vector<LabelId>& set,
+Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
                             const Span3& span) {
   Block<std::uint8_t> mask(span, 0);
   const Span3 known = span.clipped(whole(labels.geometry()));
   const int length = known.size(0);
-  for_each_row(known, [&](int j, int k) {
-    const LabelId* from = labels.voxels().data() + labels.geometry().offset(known.low[0], j, k);
+  for_each_row(labels, known, [&](int j, int k, const LabelId* from) {
     std::uint8_t* to = mask.row(j, k) + (known.low[0] - span.low[0]);
     for (const LabelId label : set) {
       for (int i = 0; i < length; ++i) to[i] = static_cast<std::uint8_t>(to[i] | (from[i] == label ? 1 : 0));
@@ -75,7 +74,7 @@ Index3 position_window(const Eigen::Vector3d& spacing_mm, const DepthOptions& op
   return {near[0] + far[0], near[1] + far[1], near[2] + far[2]};
 }
 
-Result<void> set_position(const Volume<LabelId>& labels, const std::vector<LabelId>& set,
+Result<void> set_position(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
                           const DepthOptions& options, const Progress& progress, const ProgressSpan& stage,
                           Block<std::int16_t>& position) {
   const Eigen::Vector3d& spacing_mm = labels.geometry().spacing_mm;
@@ -95,7 +94,7 @@ Result<void> set_position(const Volume<LabelId>& labels, const std::vector<Label
   });
 }
 
-Result<double> median_half_thickness_mm(const Volume<LabelId>& labels, LabelId label, const Span3& span,
+Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId label, const Span3& span,
                                         double reach_mm, int threads, const Progress& progress,
                                         const ProgressSpan& stage) {
   const Eigen::Vector3d& spacing_mm = labels.geometry().spacing_mm;

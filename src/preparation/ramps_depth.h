@@ -18,7 +18,7 @@ struct DepthOptions {
 /// The smoothed signed distance of a set over a box, in steps of kSurfaceStep_mm: negative inside, its sign
 /// the mask. Outside it is cut off nearer to the set than the reach, which no depth sees.
 /// Errors: kBadInput when memory is short, kInterrupted.
-Result<void> set_position(const Volume<LabelId>& labels, const std::vector<LabelId>& set,
+Result<void> set_position(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
                           const DepthOptions& options, const Progress& progress, const ProgressSpan& stage,
                           Block<std::int16_t>& position);
 
@@ -28,7 +28,7 @@ Index3 position_window(const Eigen::Vector3d& spacing_mm, const DepthOptions& op
 /// The median over a label's ridge of the distance to the nearest centre outside it, at most `reach_mm`.
 /// @param span  the label's box
 /// Errors: as above.
-Result<double> median_half_thickness_mm(const Volume<LabelId>& labels, LabelId label, const Span3& span,
+Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId label, const Span3& span,
                                         double reach_mm, int threads, const Progress& progress,
                                         const ProgressSpan& stage);
 

@@ -33,7 +33,7 @@ std::vector<RampStructure> knee() {
 
 Ramps prepared(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures = knee(),
                const RampOptions& options = {}) {
-  auto ramps = prepare_ramps(labels, structures, options);
+  auto ramps = prepare_ramps(*label_bricks(labels), structures, options);
   EXPECT_TRUE(ramps.ok()) << (ramps.ok() ? "" : ramps.error().message());
   return *std::move(ramps);
 }
@@ -413,7 +413,7 @@ TEST(Ramps, WhatCannotBePreparedIsAnError) {
   std::mt19937 random(6);
   const Volume<LabelId> labels = lumps(random);
   const auto error_of = [&](const std::vector<RampStructure>& structures, const RampOptions& options) {
-    const auto ramps = prepare_ramps(labels, structures, options);
+    const auto ramps = prepare_ramps(*label_bricks(labels), structures, options);
     return ramps.ok() ? std::string() : ramps.error().message();
   };
   EXPECT_NE(error_of(knee(), {.width_mm = 0.9}).find("0.9 mm"), std::string::npos);
@@ -426,7 +426,7 @@ TEST(Ramps, WhatCannotBePreparedIsAnError) {
             std::string::npos);
 
   const std::atomic<bool> stop{true};
-  const auto stopped = prepare_ramps(labels, knee(), {}, Progress({}, &stop));
+  const auto stopped = prepare_ramps(*label_bricks(labels), knee(), {}, Progress({}, &stop));
   ASSERT_FALSE(stopped.ok());
   EXPECT_EQ(stopped.error().kind, ErrorKind::kInterrupted);
 }

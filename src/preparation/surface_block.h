@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "palpate/surfaces.h"
 
@@ -86,6 +87,17 @@ void for_each_row(const Span3& span, const Visit& visit) {
   for (int k = span.low[2]; k < span.high[2]; ++k) {
     for (int j = span.low[1]; j < span.high[1]; ++j) visit(j, k);
   }
+}
+/// Calls visit(j, k, row) for every row of a box of labels, in memory's order; voxel i's is row[i -
+/// span.low[0]].
+template <class Visit>
+void for_each_row(const Bricks<LabelId>& labels, const Span3& span, const Visit& visit) {
+  if (span.empty()) return;
+  std::vector<LabelId> row(static_cast<std::size_t>(span.size(0)));
+  for_each_row(span, [&](int j, int k) {
+    labels.copy_row(span.low[0], j, k, span.size(0), row.data());
+    visit(j, k, static_cast<const LabelId*>(row.data()));
+  });
 }
 
 }  // namespace palpate::internal

@@ -39,20 +39,20 @@ class RowIndex {
 
 }  // namespace
 
-Components find_components(const Volume<LabelId>& labels, LabelId label, const Span3& within) {
+Components find_components(const Bricks<LabelId>& labels, LabelId label, const Span3& within) {
   Components found;
   DisjointSets sets;
   RowIndex index(within);
-  for_each_row(within, [&](int j, int k) {
-    const LabelId* row = labels.voxels().data() + labels.geometry().offset(0, j, k);
+  for_each_row(labels, within, [&](int j, int k, const LabelId* row) {
+    const auto has_label = [&](int i) { return row[i - within.low[0]] == label; };
     const std::size_t begin = found.runs.size();
     for (int i = within.low[0]; i < within.high[0];) {
-      if (row[i] != label) {
+      if (!has_label(i)) {
         ++i;
         continue;
       }
       const int first = i;
-      while (i < within.high[0] && row[i] == label) ++i;
+      while (i < within.high[0] && has_label(i)) ++i;
       sets.add();
       found.runs.push_back({first, i - 1, j, k, static_cast<std::uint32_t>(found.runs.size())});
     }
@@ -90,11 +90,10 @@ Components find_components(const Volume<LabelId>& labels, LabelId label, const S
   return found;
 }
 
-std::vector<Span3> label_spans(const Volume<LabelId>& labels) {
+std::vector<Span3> label_spans(const Bricks<LabelId>& labels) {
   std::vector<Span3> spans(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
   const int length = labels.geometry().dims[0];
-  for_each_row(whole(labels.geometry()), [&](int j, int k) {
-    const LabelId* row = labels.voxels().data() + labels.geometry().offset(0, j, k);
+  for_each_row(labels, whole(labels.geometry()), [&](int j, int k, const LabelId* row) {
     for (int i = 0; i < length;) {
       const LabelId label = row[i];
       const int first = i;

@@ -25,9 +25,9 @@ struct Components {
   std::vector<Component> all;
 };
 /// @param within  part of the grid that holds the label
-Components find_components(const Volume<LabelId>& labels, LabelId label, const Span3& within);
+Components find_components(const Bricks<LabelId>& labels, LabelId label, const Span3& within);
 
 /// The box of every label present, by label; empty spans for the others.
-std::vector<Span3> label_spans(const Volume<LabelId>& labels);
+std::vector<Span3> label_spans(const Bricks<LabelId>& labels);
 
 }  // namespace palpate::internal

@@ -47,9 +47,9 @@ TEST(SurfaceComponents, EqualFloodFillOverTwentySixNeighbours) {
       std::bernoulli_distribution set(fill);
       for (LabelId& v : labels.voxels())
         v = set(random) ? static_cast<LabelId>(1 + random() % 2) : LabelId{0};
-      const auto spans = label_spans(labels);
+      const auto spans = label_spans(*label_bricks(labels));
       for (const LabelId label : {LabelId{1}, LabelId{2}}) {
-        const Components found = find_components(labels, label, spans[label]);
+        const Components found = find_components(*label_bricks(labels), label, spans[label]);
         std::vector<std::size_t> sizes;
         for (const Component& c : found.all) sizes.push_back(c.voxels);
         EXPECT_EQ(sizes, flood_fill(labels, label));
@@ -65,7 +65,7 @@ TEST(SurfaceComponents, EqualFloodFillOverTwentySixNeighbours) {
 TEST(SurfaceComponents, SayWhereTheyAre) {
   Volume<LabelId> labels(test::surface_grid({9, 8, 7}, {1, 1, 1}));
   labels.at(1, 2, 3) = labels.at(2, 3, 4) = labels.at(2, 4, 4) = 5;  // by a corner, by a face
-  const Components found = find_components(labels, 5, label_spans(labels)[5]);
+  const Components found = find_components(*label_bricks(labels), 5, label_spans(*label_bricks(labels))[5]);
   ASSERT_EQ(found.all.size(), 1u);
   EXPECT_EQ(found.all[0].span.low, (Index3{1, 2, 3}));
   EXPECT_EQ(found.all[0].span.high, (Index3{3, 5, 5}));

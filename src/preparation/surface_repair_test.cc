@@ -55,7 +55,8 @@ struct Rod {
 };
 
 PreparedSurface prepare_with(const Volume<LabelId>& labels, double sigma_mm) {
-  return std::move(prepare_surfaces(labels, {test::kTissue}, {.position_sigma_mm = sigma_mm})->front());
+  return std::move(
+      prepare_surfaces(*label_bricks(labels), {test::kTissue}, {.position_sigma_mm = sigma_mm})->front());
 }
 
 Surface smoothed(const Volume<LabelId>& labels) {

@@ -29,7 +29,7 @@ std::array<int, 3> dims_of(const Vector3d& size_mm, const Vector3d& spacing) {
 Surface surface_of(const Vector3d& size_mm, const Vector3d& spacing,
                    const std::function<bool(const Vector3d&)>& inside) {
   const auto labels = test::label_where(test::surface_grid(dims_of(size_mm, spacing), spacing), inside);
-  return std::move(prepare_surfaces(labels, {test::kTissue}, {})->front().surface);
+  return std::move(prepare_surfaces(*label_bricks(labels), {test::kTissue}, {})->front().surface);
 }
 
 /// The same labels' surface as it was before there were nets (docs/decisions/0009): their distance, filtered.
@@ -100,7 +100,8 @@ Ripple ripple_along(const Surface& s, const TiltedPlane& plane) {
 
 Ripple ripple_of_plane(const Vector3d& spacing, double tilt_deg, std::mt19937& random) {
   const TiltedPlane plane(spacing, tilt_deg, random);
-  return ripple_along(std::move(prepare_surfaces(plane.labels, {test::kTissue}, {})->front().surface), plane);
+  return ripple_along(
+      std::move(prepare_surfaces(*label_bricks(plane.labels), {test::kTissue}, {})->front().surface), plane);
 }
 
 TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
@@ -144,7 +145,8 @@ TEST(SurfaceSmoothness, TerracesOfTheFilteredDistanceAreGone) {
     std::array<std::vector<std::array<double, 2>>, 2> ripples;
     for (const double tilt : tilts) {
       const TiltedPlane plane(std::array{kThinSlices, kEven, kCoarse}[grid], tilt, random);
-      const PreparedSurface s = std::move(prepare_surfaces(plane.labels, {test::kTissue}, {})->front());
+      const PreparedSurface s =
+          std::move(prepare_surfaces(*label_bricks(plane.labels), {test::kTissue}, {})->front());
       const Ripple before = ripple_along(filtered_surface(s, plane.labels), plane);
       const Ripple after = ripple_along(s.surface, plane);
       if (tilt == 5) {
@@ -175,7 +177,8 @@ TEST(SurfaceSmoothness, SpheresStayWhereTheyAre) {
   for (const Vector3d& spacing : {kThinSlices, kEven, kCoarse}) {
     for (const double radius : {5.0, 10.0}) {
       const test::RandomBall ball(radius, spacing, random);
-      const Surface s = std::move(prepare_surfaces(ball.labels, {test::kTissue}, {})->front().surface);
+      const Surface s =
+          std::move(prepare_surfaces(*label_bricks(ball.labels), {test::kTissue}, {})->front().surface);
       double mean = 0, square = 0;
       constexpr int kRays = 1000;
       for (int n = 0; n < kRays; ++n) {

@@ -38,7 +38,7 @@ void put(const Block<T>& block, const Target<T>& out) {
 }
 
 /// 1 where a voxel of the box has the label and is in no run that is left out.
-Block<std::uint8_t> mask_of(const Volume<LabelId>& labels, LabelId label,
+Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, LabelId label,
                             const std::vector<LabelRun>& without, const Span3& span, const VoxelBox& box) {
   Block<std::uint8_t> mask(span, 0);
   const Span3 there{{span.low[0] + box.first[0], span.low[1] + box.first[1], span.low[2] + box.first[2]},
@@ -47,10 +47,9 @@ Block<std::uint8_t> mask_of(const Volume<LabelId>& labels, LabelId label,
   const auto row_of = [&](int j, int k) {
     return mask.row(j - box.first[1], k - box.first[2]) - there.low[0];
   };
-  for_each_row(known, [&](int j, int k) {
-    const LabelId* from = labels.voxels().data() + labels.geometry().offset(0, j, k);
-    std::uint8_t* to = row_of(j, k);
-    for (int i = known.low[0]; i < known.high[0]; ++i) to[i] = from[i] == label ? 1 : 0;
+  for_each_row(labels, known, [&](int j, int k, const LabelId* from) {
+    std::uint8_t* to = row_of(j, k) + known.low[0];
+    for (int i = 0; i < known.size(0); ++i) to[i] = from[i] == label ? 1 : 0;
   });
   for (const LabelRun& run : without) {
     const Span3 gone = Span3{{run.first, run.j, run.k}, {run.last + 1, run.j + 1, run.k + 1}}.clipped(known);
@@ -230,7 +229,7 @@ Result<void> SurfaceStages::run(std::span<const SurfaceStage> stages, int thickn
   return {};
 }
 
-SurfaceStage SurfaceStages::distance(const Volume<LabelId>& labels, LabelId label,
+SurfaceStage SurfaceStages::distance(const Bricks<LabelId>& labels, LabelId label,
                                      const std::vector<LabelRun>& without,
                                      const Target<std::int16_t>& out) const {
   return {out.span, [&labels, label, &without, out, this](const Span3& slab) {

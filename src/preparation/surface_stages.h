@@ -81,7 +81,7 @@ struct SurfaceStage {
 struct SurfaceStages {
   const SurfacePlan& plan;
 
-  SurfaceStage distance(const Volume<LabelId>& labels, LabelId label, const std::vector<LabelRun>& without,
+  SurfaceStage distance(const Bricks<LabelId>& labels, LabelId label, const std::vector<LabelRun>& without,
                         const Target<std::int16_t>& out) const;
   /// The distance filtered, which is 0 where the net's nodes begin.
   SurfaceStage crossings(const StepsSource& distance, const Target<std::int16_t>& out) const;

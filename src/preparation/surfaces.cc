@@ -117,7 +117,7 @@ Bricks<std::int16_t> in_bricks(const Volume<std::int16_t>& steps, double outside
 }
 
 /// All stages over a structure's whole box.
-Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& without,
+Result<void> build(const Bricks<LabelId>& labels, const std::vector<LabelRun>& without,
                    const Progress& progress, const ProgressSpan& span, PreparedSurface& prepared) {
   const SurfacePlan plan(labels.geometry(), prepared.box, prepared.options);
   const SurfaceStages stages{plan};
@@ -166,7 +166,7 @@ Result<void> build(const Volume<LabelId>& labels, const std::vector<LabelRun>& w
   return {};
 }
 
-Result<PreparedSurface> prepare(const Volume<LabelId>& labels, LabelId label, const Span3& span_of_label,
+Result<PreparedSurface> prepare(const Bricks<LabelId>& labels, LabelId label, const Span3& span_of_label,
                                 const SurfaceOptions& options, const Progress& progress,
                                 const ProgressSpan& span) {
   const GridGeometry& grid = labels.geometry();
@@ -193,31 +193,30 @@ Result<PreparedSurface> prepare(const Volume<LabelId>& labels, LabelId label, co
 }
 
 /// Whether all of a structure's voxels in a box of what changed are where its surface has room for them.
-bool has_room(const Volume<LabelId>& labels, LabelId label, const Span3& extent, const Span3& changed) {
+bool has_room(const Bricks<LabelId>& labels, LabelId label, const Span3& extent, const Span3& changed) {
   bool room = true;
-  internal::for_each_row(changed, [&](int j, int k) {
-    const LabelId* row = labels.voxels().data() + labels.geometry().offset(0, j, k);
+  internal::for_each_row(labels, changed, [&](int j, int k, const LabelId* row) {
     const bool beside = j < extent.low[1] || j >= extent.high[1] || k < extent.low[2] || k >= extent.high[2];
     for (int i = changed.low[0]; i < changed.high[0]; ++i) {
       const bool beyond = beside || i < extent.low[0] || i >= extent.high[0];
-      room = room && !(beyond && row[i] == label);
+      room = room && !(beyond && row[i - changed.low[0]] == label);
     }
   });
   return room;
 }
 
 /// The box of voxels whose class changed, in the structure's grid, and by how many voxels it grew.
-Span3 find_changes(const PreparedSurface& old, const Volume<LabelId>& labels, const Span3& dirty,
+Span3 find_changes(const PreparedSurface& old, const Bricks<LabelId>& labels, const Span3& dirty,
                    long& more) {
   Span3 changed;
   more = 0;
   std::vector<std::int16_t> was(static_cast<std::size_t>(dirty.size(0)));
-  internal::for_each_row(dirty, [&](int j, int k) {
-    const LabelId* now = labels.voxels().data() + labels.geometry().offset(0, j, k);
+  internal::for_each_row(labels, dirty, [&](int j, int k, const LabelId* now) {
     const int v = j - old.box.first[1], w = k - old.box.first[2];
     old.workings.distance.copy_row(dirty.low[0] - old.box.first[0], v, w, dirty.size(0), was.data());
+    const auto is_inside = [&](int i) { return now[i - dirty.low[0]] == old.label; };
     const auto differs = [&](int i) {
-      return (now[i] == old.label) != (was[static_cast<std::size_t>(i - dirty.low[0])] < 0);
+      return is_inside(i) != (was[static_cast<std::size_t>(i - dirty.low[0])] < 0);
     };
     // most rows are as they were
     int found = 0;
@@ -226,8 +225,7 @@ Span3 find_changes(const PreparedSurface& old, const Volume<LabelId>& labels, co
     for (int i = dirty.low[0]; i < dirty.high[0]; ++i) {
       if (!differs(i)) continue;
       const int u = i - old.box.first[0];
-      const bool inside = now[i] == old.label;
-      more += inside ? 1 : -1;
+      more += is_inside(i) ? 1 : -1;
       const bool fresh = changed.empty();
       const internal::Index3 at{u, v, w};
       for (int a = 0; a < 3; ++a) {
@@ -378,7 +376,7 @@ void write(const PatchOf<T>& patch, const internal::Index3& dims, std::vector<T>
 
 }  // namespace
 
-Result<std::vector<PreparedSurface>> prepare_surfaces(const Volume<LabelId>& labels,
+Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& labels,
                                                       const std::vector<LabelId>& structures,
                                                       const SurfaceOptions& options,
                                                       const Progress& progress) {
@@ -403,7 +401,7 @@ Result<std::vector<PreparedSurface>> prepare_surfaces(const Volume<LabelId>& lab
   return all;
 }
 
-SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& labels, const VoxelBox& dirty) {
+SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& labels, const VoxelBox& dirty) {
   SurfacePatch patch;
   if (old.options.drop_below_mm3 > 0) return patch;
   const Span3 known = to_span(dirty).clipped(whole(labels.geometry()));
@@ -458,7 +456,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Volume<LabelId>& la
   return patch;
 }
 
-Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Volume<LabelId>& labels,
+Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Bricks<LabelId>& labels,
                                               const VoxelBox& dirty) {
   const SurfacePatch patch = prepare_patch(old, labels, dirty);
   if (!patch.local) {

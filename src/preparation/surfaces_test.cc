@@ -18,7 +18,7 @@ const std::array<Eigen::Vector3d, 2> kClinicalSpacings{Eigen::Vector3d(0.277, 0.
                                                        Eigen::Vector3d(0.625, 0.625, 0.9)};
 
 PreparedSurface prepared_surfaces(const Volume<LabelId>& labels, const SurfaceOptions& options = {}) {
-  auto all = prepare_surfaces(labels, {kTissue}, options);
+  auto all = prepare_surfaces(*label_bricks(labels), {kTissue}, options);
   EXPECT_TRUE(all.ok());
   return std::move(all->front());
 }
@@ -275,11 +275,11 @@ TEST(Surfaces, CarvedInManySmallBoxesEqualOneCarving) {
           }
         }
       }
-      local += prepare_patch(now, labels, dirty).local ? 1 : 0;
-      auto again = prepare_surface_again(now, labels, dirty);
+      local += prepare_patch(now, *label_bricks(labels), dirty).local ? 1 : 0;
+      auto again = prepare_surface_again(now, *label_bricks(labels), dirty);
       ASSERT_TRUE(again.ok());
       // however it came about: what counts is what was made once and what is there now
-      const auto at_once = prepare_surface_again(once, labels, everything);
+      const auto at_once = prepare_surface_again(once, *label_bricks(labels), everything);
       ASSERT_TRUE(at_once.ok());
       expect_same(*again, *at_once);
       expect_sides_kept(*again, labels);
@@ -298,10 +298,10 @@ TEST(Surfaces, ACutThatIsFilledAgainIsAsIfItHadNeverBeen) {
   for (int k = 0; k < 9; ++k) {
     for (int j = 0; j < 9; ++j) std::fill_n(&cut.at(20, 18 + j, 10 + k), 9, LabelId{0});
   }
-  const auto carved = prepare_surface_again(once, cut, dirty);
+  const auto carved = prepare_surface_again(once, *label_bricks(cut), dirty);
   ASSERT_TRUE(carved.ok());
   EXPECT_LT(carved->volume_mm3, once.volume_mm3);
-  const auto filled = prepare_surface_again(*carved, labels, dirty);
+  const auto filled = prepare_surface_again(*carved, *label_bricks(labels), dirty);
   ASSERT_TRUE(filled.ok());
   expect_same(*filled, once);
 }
@@ -325,7 +325,7 @@ TEST(Surfaces, ACutMovesNothingBesideIt) {
   for (std::size_t n = 0; n < labels.voxels().size(); ++n) {
     if (dig.voxels()[n] != 0) labels.voxels()[n] = 0;
   }
-  const auto carved = prepare_surface_again(once, labels, dirty);
+  const auto carved = prepare_surface_again(once, *label_bricks(labels), dirty);
   ASSERT_TRUE(carved.ok());
   expect_sides_kept(*carved, labels);
   int beside = 0, within = 0;
@@ -360,7 +360,7 @@ TEST(Surfaces, APatchHoldsWhatMayBeNearestToACutAndNoMore) {
     for (int j = 0; j < pit.size[1]; ++j)
       std::fill_n(&pitted.at(pit.first[0], pit.first[1] + j, pit.first[2] + k), pit.size[0], LabelId{0});
   }
-  const SurfacePatch patch = prepare_patch(once, pitted, pit);
+  const SurfacePatch patch = prepare_patch(once, *label_bricks(pitted), pit);
   ASSERT_TRUE(patch.local);
   // over the pit up to the reach; beside it, at less than the reach from where the net is carved, what was
   // nearest still is
@@ -383,10 +383,10 @@ TEST(Surfaces, AreMadeAnewWhereTissueGrowsBeyondThem) {
   for (int j = 0; j < labels.geometry().dims[1]; ++j) {
     for (int i = 0; i < labels.geometry().dims[0]; ++i) labels.at(i, j, top) = 0;
   }
-  EXPECT_TRUE(prepare_patch(old, labels, dirty).local);
+  EXPECT_TRUE(prepare_patch(old, *label_bricks(labels), dirty).local);
 
   // nothing changed: nothing to do
-  const SurfacePatch none = prepare_patch(old, ball.labels, dirty);
+  const SurfacePatch none = prepare_patch(old, *label_bricks(ball.labels), dirty);
   EXPECT_TRUE(none.local);
   EXPECT_TRUE(none.position.values.empty());
 
@@ -395,14 +395,15 @@ TEST(Surfaces, AreMadeAnewWhereTissueGrowsBeyondThem) {
   labels = ball.labels;
   labels.at(extent.first[0] - 1, extent.first[1] + 3, extent.first[2] + 3) = kTissue;
   const VoxelBox beyond{{0, 0, 0}, labels.geometry().dims};
-  EXPECT_FALSE(prepare_patch(old, labels, beyond).local);
-  const auto again = prepare_surface_again(old, labels, beyond);
+  EXPECT_FALSE(prepare_patch(old, *label_bricks(labels), beyond).local);
+  const auto again = prepare_surface_again(old, *label_bricks(labels), beyond);
   ASSERT_TRUE(again.ok());
   expect_same(*again, prepared_surfaces(labels));
 
   // all gone
-  EXPECT_FALSE(
-      prepare_surface_again(old, Volume<LabelId>(labels.geometry()), {{0, 0, 0}, {100, 100, 100}}).ok());
+  EXPECT_FALSE(prepare_surface_again(old, *label_bricks(Volume<LabelId>(labels.geometry())),
+                                     {{0, 0, 0}, {100, 100, 100}})
+                   .ok());
 }
 
 // ---- strays
@@ -431,7 +432,7 @@ TEST(Surfaces, ReportStraysAndDropThemOnRequest) {
   PreparedSurface dropped = prepared_surfaces(ball.labels, {.drop_below_mm3 = 1});
   EXPECT_TRUE(dropped.strays[0].dropped && dropped.strays[1].dropped);
   expect_same(dropped, clean);
-  EXPECT_FALSE(prepare_patch(dropped, ball.labels, {{0, 0, 0}, {1, 1, 1}}).local);
+  EXPECT_FALSE(prepare_patch(dropped, *label_bricks(ball.labels), {{0, 0, 0}, {1, 1, 1}}).local);
 }
 
 // ---- bad input
@@ -444,11 +445,11 @@ TEST(Surfaces, RefuseWhatCannotBe) {
         SurfaceOptions{.position_sigma_mm = -1}, SurfaceOptions{.normal_sigma_mm = 0},
         SurfaceOptions{.stray_below_mm3 = -1}, SurfaceOptions{.drop_below_mm3 = nan},
         SurfaceOptions{.drop_below_mm3 = 100}, SurfaceOptions{.threads = -1}}) {
-    EXPECT_FALSE(prepare_surfaces(labels, {kTissue}, bad).ok());
+    EXPECT_FALSE(prepare_surfaces(*label_bricks(labels), {kTissue}, bad).ok());
   }
-  EXPECT_FALSE(prepare_surfaces(labels, {0}, {}).ok());
-  EXPECT_FALSE(prepare_surfaces(labels, {kTissue, 3}, {}).ok());
-  EXPECT_TRUE(prepare_surfaces(labels, {}, {}).ok());
+  EXPECT_FALSE(prepare_surfaces(*label_bricks(labels), {0}, {}).ok());
+  EXPECT_FALSE(prepare_surfaces(*label_bricks(labels), {kTissue, 3}, {}).ok());
+  EXPECT_TRUE(prepare_surfaces(*label_bricks(labels), {}, {}).ok());
   // a structure that fills its volume ends where the volume does
   const PreparedSurface full = prepared_surfaces(labels);
   EXPECT_LT(full.surface.distance_mm({1.5, 1.5, 1.5}), 0);
@@ -459,13 +460,13 @@ TEST(Surfaces, ReportProgressAndStop) {
   std::mt19937 random(10);
   const test::RandomBall ball(6, kClinicalSpacings[1], random);
   std::vector<double> shown;
-  ASSERT_TRUE(prepare_surfaces(ball.labels, {kTissue}, {},
+  ASSERT_TRUE(prepare_surfaces(*label_bricks(ball.labels), {kTissue}, {},
                                Progress([&](std::string_view, double f) { shown.push_back(f); }, nullptr))
                   .ok());
   EXPECT_TRUE(std::is_sorted(shown.begin(), shown.end()));
   EXPECT_DOUBLE_EQ(shown.back(), 1);
   const std::atomic<bool> stop{true};
-  const auto stopped = prepare_surfaces(ball.labels, {kTissue}, {}, Progress({}, &stop));
+  const auto stopped = prepare_surfaces(*label_bricks(ball.labels), {kTissue}, {}, Progress({}, &stop));
   ASSERT_FALSE(stopped.ok());
   EXPECT_EQ(stopped.error().kind, ErrorKind::kInterrupted);
 }

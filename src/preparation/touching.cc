@@ -5,13 +5,12 @@
 
 namespace palpate::internal {
 
-Result<Touching> find_touching(const Volume<LabelId>& labels, const std::vector<int>& index,
+Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<int>& index,
                                std::size_t structures, Common common, int threads, const Progress& progress,
                                const ProgressSpan& stage) {
   const GridGeometry& grid = labels.geometry();
   const int workers = worker_count(threads, grid.dims[2]);
   std::vector<Touching> found(static_cast<std::size_t>(workers), Touching(structures));
-  const int width = grid.dims[0];
   // every second of a voxel's neighbours: the others have it as theirs
   struct Neighbour {
     int i, j, k;
@@ -32,16 +31,18 @@ Result<Touching> find_touching(const Volume<LabelId>& labels, const std::vector<
   const std::size_t neighbours = common == Common::kFace ? 3 : kNeighbours.size();
   const auto done = for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
     Touching& mine = found[static_cast<std::size_t>(worker)];
-    for (int j = 0; j < grid.dims[1]; ++j) {
+    const auto look = [&](const RowPiece<LabelId>& piece) {
+      if (piece.uniform) return;
       for (std::size_t n = 0; n < neighbours; ++n) {
         const Neighbour& to = kNeighbours[n];
-        if (j + to.j < 0 || j + to.j >= grid.dims[1] || k + to.k >= grid.dims[2]) continue;
-        const LabelId* a = labels.voxels().data() + grid.offset(0, j, k);
-        const LabelId* b = labels.voxels().data() + grid.offset(0, j + to.j, k + to.k);
-        for (int i = std::max(0, -to.i); i < std::min(width, width - to.i); ++i)
-          if (a[i] != b[i + to.i]) mine.add(index[a[i]], index[b[i + to.i]]);
+        const LabelId* const a = piece.voxels;
+        const LabelId* const b = a + (to.i + to.j * BrickLayout::kRow + to.k * BrickLayout::kSlice);
+        // what lies beyond the volume is no structure
+        for (int i = 0; i < piece.count; ++i)
+          if (a[i] != b[i]) mine.add(index[a[i]], index[b[i]]);
       }
-    }
+    };
+    for (int j = 0; j < grid.dims[1]; ++j) labels.for_each_piece(j, k, look);
   });
   if (!done) return done.error();
   for (std::size_t w = 1; w < found.size(); ++w) found[0].add(found[w]);

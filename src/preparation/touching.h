@@ -33,7 +33,7 @@ enum class Common { kFace, kFaceEdgeOrCorner };
 /// Which of some structures have voxels that touch.
 /// @param index  of every label's structure, 0 ... structures - 1; -1: of none
 /// Errors: kInterrupted.
-Result<Touching> find_touching(const Volume<LabelId>& labels, const std::vector<int>& index,
+Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<int>& index,
                                std::size_t structures, Common common, int threads, const Progress& progress,
                                const ProgressSpan& stage);
 

@@ -48,7 +48,8 @@ TEST(Touching, IsWhatEveryVoxelsNeighboursSay) {
     const Volume<LabelId> labels = random_labels(random, 6);
     for (const Common common : {Common::kFace, Common::kFaceEdgeOrCorner})
       for (const int threads : {1, 3}) {
-        const auto found = internal::find_touching(labels, index, 5, common, threads, {}, {"test"});
+        const auto found =
+            internal::find_touching(*label_bricks(labels), index, 5, common, threads, {}, {"test"});
         ASSERT_TRUE(found.ok());
         for (std::size_t a = 0; a < 5; ++a)
           for (std::size_t b = 0; b < a; ++b)
@@ -71,7 +72,7 @@ TEST(TouchingGroups, AreChainsOfThoseThatTouch) {
   labels.at(6, 0, 0) = 4;
   labels.at(8, 0, 0) = 7;
   labels.at(7, 0, 0) = 1;
-  const auto touching = touching_pairs(labels, {2, 4, 5, 7, 9});
+  const auto touching = touching_pairs(*label_bricks(labels), {2, 4, 5, 7, 9});
   ASSERT_TRUE(touching.ok());
   EXPECT_EQ(touching->size(), 2u);
   using Groups = std::vector<std::vector<LabelId>>;
@@ -88,8 +89,8 @@ TEST(OuterSurfaces, HaveNoCrackWhereStructuresMeet) {
   for (int k = 0; k < 12; ++k)
     for (int j = 4; j < 76; ++j)
       for (int i = 4; i < 76; ++i) labels.at(i, j, k) = 2 * i + j < 120 ? 3 : 8;
-  const auto outer = prepare_outer_surfaces(labels, {{3, 8}}, {});
-  const auto own = prepare_surfaces(labels, {3, 8}, {});
+  const auto outer = prepare_outer_surfaces(*label_bricks(labels), {{3, 8}}, {});
+  const auto own = prepare_surfaces(*label_bricks(labels), {3, 8}, {});
   ASSERT_TRUE(outer.ok() && own.ok());
   ASSERT_EQ(outer->size(), 1u);
   EXPECT_EQ(outer->front().label, 3);
@@ -107,11 +108,11 @@ TEST(OuterSurfaces, HaveNoCrackWhereStructuresMeet) {
   // as if there were one label alone
   Volume<LabelId> one = labels;
   for (LabelId& label : one.voxels()) label = label == 0 ? LabelId{0} : LabelId{3};
-  const auto whole = prepare_surfaces(one, {3}, {});
+  const auto whole = prepare_surfaces(*label_bricks(one), {3}, {});
   ASSERT_TRUE(whole.ok());
   EXPECT_EQ(outer->front().surface.content_hash(), whole->front().surface.content_hash());
   // one that touches nobody is as it was
-  const auto alone = prepare_outer_surfaces(labels, {{8}}, {});
+  const auto alone = prepare_outer_surfaces(*label_bricks(labels), {{8}}, {});
   ASSERT_TRUE(alone.ok());
   EXPECT_EQ(alone->front().surface.content_hash(), (*own)[1].surface.content_hash());
 }

@@ -72,6 +72,8 @@ const char* name_of(TickSwitch one) {
       return "emergency stop";
     case kSwitchPassivity:
       return "passivity";
+    case kSwitchMotor:
+      return "motor";
   }
   return nullptr;
 }
@@ -120,6 +122,10 @@ const char* name_of(RecordingEvent::Kind kind) {
       return "stop";
     case RecordingEvent::Kind::kRearm:
       return "rearm";
+    case RecordingEvent::Kind::kSweep:
+      return "sweep";
+    case RecordingEvent::Kind::kMotor:
+      return "motor";
   }
   return nullptr;
 }

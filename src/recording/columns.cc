@@ -56,7 +56,7 @@ constexpr std::array kEventColumns{
         "from 1"},
     Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
            "model: place of the changed tissue in the scene, from 0; 4294967295: the fields of the direct "
-           "methods were made anew"},
+           "methods were made anew; 4294967294: it was cut by the sweeps before"},
     Column{"stiffness_N_per_mm", kF64, 1, PALPATE_EVENT(change.stiffness_N_per_mm), "N/mm", "-",
            "model: what the tissue has from then on"},
     Column{"static_friction", kF64, 1, PALPATE_EVENT(change.static_friction), "1", "-", "model: likewise"},
@@ -73,6 +73,14 @@ constexpr std::array kEventColumns{
            "settings: the user's limit of force from then on"},
     Column{"rotation_target_wxyz", kF64, 4, PALPATE_EVENT(rotation_wxyz), "1", "World",
            "settings: commanded rotation of the object from then on, unit quaternion"},
+    Column{"device", kU32, 1, PALPATE_EVENT(sweep.device), "1", "-", "sweep: whose burr it was, from 0",
+           nullptr, kWithinFormat},
+    Column{"from_patient_mm", kF64, 3, PALPATE_EVENT(sweep.from_mm), "mm", "Patient",
+           "sweep: where the burr's centre was first", nullptr, kWithinFormat},
+    Column{"to_patient_mm", kF64, 3, PALPATE_EVENT(sweep.to_mm), "mm", "Patient",
+           "sweep: where it went from there, in a straight line", nullptr, kWithinFormat},
+    Column{"radius_mm", kF64, 1, PALPATE_EVENT(sweep.radius_mm), "mm", "-", "sweep: of the burr", nullptr,
+           kWithinFormat},
 };
 
 constexpr std::array kDeviceColumns{

@@ -109,8 +109,10 @@ void RingRecorder::take(std::span<const TickRecord> ticks) {
 bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
   switch (event.kind) {
     case RecordingEvent::Kind::kModel:
+    case RecordingEvent::Kind::kSweep:
       return tick.model_version >= event.number;
     case RecordingEvent::Kind::kSettings:
+    case RecordingEvent::Kind::kMotor:
       return tick.settings_number >= event.number;
     case RecordingEvent::Kind::kStop:
     case RecordingEvent::Kind::kRearm:

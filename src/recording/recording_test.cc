@@ -298,12 +298,13 @@ TEST(Recording, DescribesEveryBit) {
         std::ranges::find_if(columns, [&](const internal::Column& column) { return column.name == name; });
     return found == columns.end() ? std::string("no such column") : found->description();
   };
-  EXPECT_EQ(description(internal::tick_columns(), "switches"),
-            "what was switched on: 1 friction, 2 viscosity, 4 paused, 8 emergency stop, 16 passivity");
+  EXPECT_EQ(
+      description(internal::tick_columns(), "switches"),
+      "what was switched on: 1 friction, 2 viscosity, 4 paused, 8 emergency stop, 16 passivity, 32 motor");
   EXPECT_EQ(description(internal::device_columns(), "status"),
             "input: why the device gets no force: 1 fault, 2 clutched, 4 halted");
   EXPECT_EQ(description(internal::event_columns(), "kind"),
-            "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm");
+            "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 motor");
   EXPECT_EQ(description(internal::event_columns(), "asked_by"),
             "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
             "may look, 5 viewer with control, agreed to by a key");

@@ -124,16 +124,29 @@ void receive_ticks(Receiver& in, int devices, std::span<TickRecord> ticks, std::
   for (TickRecord& tick : ticks) tick.devices = devices;
 }
 
+bool is_sweep(const SweepRecord& sweep) {
+  constexpr double kFarthest_mm = 1e6, kLargest_mm = 10;
+  const auto place = [](double mm) { return std::abs(mm) <= kFarthest_mm; };
+  double way_mm = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    way_mm = std::max(way_mm, std::abs(sweep.to_mm[axis] - sweep.from_mm[axis]));
+  return sweep.device < kMaxDevices && std::ranges::all_of(sweep.from_mm, place) &&
+         std::ranges::all_of(sweep.to_mm, place) && sweep.radius_mm > 0 && sweep.radius_mm <= kLargest_mm &&
+         way_mm <= kLargest_mm;
+}
+
 // @param last_tick  of the event before them, which becomes that of the last one
 void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_t& last_tick,
                     std::vector<std::byte>& buffer) {
   for (const Column& column : event_columns())
     receive_column(in, column, events, buffer, [](RecordingEvent& event) { return &event; });
   for (RecordingEvent& event : events) {
-    if (event.kind > RecordingEvent::Kind::kRearm) in.fail("an event is of no kind that there is");
+    if (event.kind > RecordingEvent::Kind::kMotor) in.fail("an event is of no kind that there is");
     if (event.by.asker > Asker::kAgreedViewer) in.fail("an event was asked for by nobody that there is");
     if (event.tick < last_tick) in.fail("its events are out of order");
     last_tick = event.tick;
+    if (event.kind == RecordingEvent::Kind::kSweep && !is_sweep(event.sweep))
+      in.fail("a sweep is none that a burr leaves");
     event.change.version = event.kind == RecordingEvent::Kind::kModel ? event.number : 0;
   }
 }

@@ -206,7 +206,7 @@ TEST(ForceArrows, AnObliqueGridIsSampledAlongThePatientsAxes) {
         grid.origin = Point<Patient>(Eigen::Vector3d(grid.direction * grid.origin.eigen()));
         using Voxels = decltype(volume);
         model.field = std::make_shared<const Field>(Voxels(grid, volume.voxels()));
-        model.labels = std::make_shared<const Volume<LabelId>>(grid, model.labels->voxels());
+        model.labels = label_bricks(Volume<LabelId>(grid, model.labels->dense().voxels()));
       },
       model.field->storage());
   model.methods[0] = *make_force_field(model, ForceMethod::kTrilinear);

@@ -48,7 +48,7 @@ Model two_balls(const GridGeometry& grid) {
   paint_ball(labels, kMiddle, 6, kFemur);
   paint_ball(labels, kMiddle + Vector<Patient>(14, 4, -6), 4, kFibula);
   Model model;
-  model.labels = std::make_shared<const Volume<LabelId>>(std::move(labels));
+  model.labels = label_bricks(labels);
   model.segments = {{kFemur, "femur", kFemurPaint, 0, kFemur},
                     {kFibula, "fibula", kFibulaColour, 0, kFibula}};
   model.tissues.resize(1);
@@ -121,7 +121,7 @@ TEST_P(LayersOnGrids, LabelsAreTheNearestVoxels) {
   Volume<LabelId> noise(grid());
   std::mt19937 random(3);
   for (LabelId& voxel : noise.voxels()) voxel = static_cast<LabelId>(random() % 5);
-  model.labels = std::make_shared<const Volume<LabelId>>(noise);
+  model.labels = label_bricks(noise);
   SectionPlane plane =
       anatomical_section(AnatomicalPlane::kAxial, kMiddle + Vector<Patient>(0.13, -0.21, 0.17), 90, 97, 83);
   plane.right = Vector<Patient>(1, 0.4, -0.2).normalized();

@@ -22,7 +22,7 @@ Model ball() {
     for (int j = 15; j < 35; ++j)
       for (int i = 15; i < 35; ++i) labels.at(i, j, k) = 95;
   Model model;
-  model.labels = std::make_shared<const Volume<LabelId>>(std::move(labels));
+  model.labels = label_bricks(labels);
   model.scan = std::make_shared<const Volume<float>>(grid, 0.0f);
   model.segments = {{95, "femur", kFemurColour, 0, 95}};
   model.title = "CANARY";

@@ -51,7 +51,7 @@ Model noise_model(const GridGeometry& grid, Values values, int most_label, std::
   for (LabelId& voxel : labels.voxels()) voxel = static_cast<LabelId>(random() % (most_label + 1));
   Model model;
   model.scan = std::make_shared<const Volume<float>>(std::move(scan));
-  model.labels = std::make_shared<const Volume<LabelId>>(std::move(labels));
+  model.labels = label_bricks(labels);
   for (int label = 1; label <= most_label; ++label)
     model.segments.push_back(
         {static_cast<LabelId>(label), "", kColours[label % kColours.size()], 0, static_cast<LabelId>(label)});

@@ -48,11 +48,20 @@ Lattice brick_lattice(const GridGeometry& grid) {
   return lattice;
 }
 
+/// Voxels i ... i + count - 1 of row (j, k).
+void copy_row(const Volume<float>& scan, int i, int j, int k, int count, float* to) {
+  std::copy_n(&scan.at(i, j, k), count, to);
+}
+void copy_row(const palpate::Bricks<LabelId>& labels, int i, int j, int k, int count, LabelId* to) {
+  labels.copy_row(i, j, k, count, to);
+}
+
 /// The voxels of a volume in bricks, each as `code` makes it. What a brick has beyond the volume repeats the
 /// volume's last voxels.
-template <class To, class From, class Code>
-Bricks<To> in_bricks(const Volume<From>& volume, Code code) {
-  const GridGeometry& grid = volume.geometry();
+template <class To, class From, class Source, class Code>
+Bricks<To> in_bricks(const Source& source, Code code) {
+  const GridGeometry& grid = source.geometry();
+  std::array<From, kBrick> row;
   const auto within = [&](int axis, int brick, int n) {
     return std::min(brick * kBrickStep + n, grid.dims[axis] - 1);
   };
@@ -60,12 +69,15 @@ Bricks<To> in_bricks(const Volume<From>& volume, Code code) {
   auto to = bricks.begin();
   for (int c = 0; c < bricks_along(grid.dims[2]); ++c)
     for (int b = 0; b < bricks_along(grid.dims[1]); ++b)
-      for (int a = 0; a < bricks_along(grid.dims[0]); ++a)
+      for (int a = 0; a < bricks_along(grid.dims[0]); ++a) {
+        const int first = a * kBrickStep, count = std::min(kBrick, grid.dims[0] - first);
         for (int k = 0; k < kBrick; ++k)
           for (int j = 0; j < kBrick; ++j) {
-            const From* row = &volume.at(0, within(1, b, j), within(2, c, k));
-            for (int i = 0; i < kBrick; ++i) *to++ = code(row[within(0, a, i)]);
+            copy_row(source, first, within(1, b, j), within(2, c, k), count, row.data());
+            for (int i = 0; i < kBrick; ++i)
+              *to++ = code(row[static_cast<std::size_t>(std::min(i, count - 1))]);
           }
+      }
   return bricks;
 }
 
@@ -120,7 +132,7 @@ void free_huge_pages(void* memory, std::size_t bytes) noexcept {
 
 Volumes::Volumes(const Model& model, SectionStorage storage) {
   if (model.scan != nullptr && !model.scan->empty()) scan_ = model.scan;
-  if (model.labels != nullptr && !model.labels->empty()) labels_ = model.labels;
+  if (model.labels != nullptr && model.labels->geometry().voxel_count() > 0) labels_ = model.labels;
   if (empty()) return;
   PALPATE_CHECK(scan_ == nullptr || labels_ == nullptr || scan_->geometry().dims == labels_->geometry().dims);
   if (storage == SectionStorage::kBricks && fits_bricks(grid())) {
@@ -132,25 +144,27 @@ Volumes::Volumes(const Model& model, SectionStorage storage) {
   }
   view_.lattice = plain_lattice(grid());
   if (scan_ != nullptr) view_.scan = scan_->voxels().data();
-  if (labels_ != nullptr) view_.labels = labels_->voxels().data();
+  if (labels_ != nullptr) {
+    plain_labels_ = labels_->dense();
+    view_.labels = plain_labels_.voxels().data();
+  }
 }
 
 void Volumes::make_label_bricks() {
   constexpr std::size_t kMostNumbers = 256;
   std::vector<std::uint8_t> number(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
-  std::vector<bool> seen(number.size());
-  for (const LabelId label : labels_->voxels()) seen[label] = true;
-  for (std::size_t label = 0; label < seen.size(); ++label) {
-    if (!seen[label]) continue;
+  const std::vector<std::size_t> voxels = label_counts(*labels_);
+  for (std::size_t label = 0; label < voxels.size(); ++label) {
+    if (voxels[label] == 0) continue;
     number[label] = static_cast<std::uint8_t>(label_of_number_.size());
     label_of_number_.push_back(static_cast<LabelId>(label));
   }
   if (label_of_number_.size() <= kMostNumbers) {
-    numbers_ = in_bricks<std::uint8_t>(*labels_, [&](LabelId label) { return number[label]; });
+    numbers_ = in_bricks<std::uint8_t, LabelId>(*labels_, [&](LabelId label) { return number[label]; });
     view_.numbers = numbers_.data();
     view_.label_of_number = label_of_number_.data();
   } else {
-    brick_labels_ = in_bricks<LabelId>(*labels_, [](LabelId label) { return label; });
+    brick_labels_ = in_bricks<LabelId, LabelId>(*labels_, [](LabelId label) { return label; });
     view_.labels = brick_labels_.data();
   }
 }
@@ -171,7 +185,7 @@ void Volumes::make_scan_bricks() {
   per_value_ = exact || !(high > low) ? 1 : (kMostCode - kLeastCode) / (high - low);
   code_zero_ = low - kLeastCode / per_value_;
   view_.has_holes = !extent.finite;
-  codes_ = in_bricks<std::uint16_t>(*scan_, [&](float value) -> std::uint16_t {
+  codes_ = in_bricks<std::uint16_t, float>(*scan_, [&](float value) -> std::uint16_t {
     if (!std::isfinite(value)) return 0;
     const double code = (static_cast<double>(value) - code_zero_) * per_value_;
     return static_cast<std::uint16_t>(std::clamp(code, kLeastCode, kMostCode) + 0.5);

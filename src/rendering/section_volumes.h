@@ -47,7 +47,8 @@ class Volumes {
   void make_label_bricks();
 
   std::shared_ptr<const Volume<float>> scan_;
-  std::shared_ptr<const Volume<LabelId>> labels_;
+  std::shared_ptr<const palpate::Bricks<LabelId>> labels_;
+  Volume<LabelId> plain_labels_;  ///< where nothing is in bricks
   Bricks<std::uint16_t> codes_;
   Bricks<LabelId> brick_labels_;
   Bricks<std::uint8_t> numbers_;  ///< instead of them

@@ -203,7 +203,7 @@ Model model() {
   model.title = "Example knee";
   model.content_hash = 0x5eed5eed5eed5eedull;
   model.side = Side::kLeft;
-  model.labels = std::make_shared<const Volume<LabelId>>(std::move(labels));
+  model.labels = label_bricks(labels);
   model.scan = std::make_shared<const Volume<float>>(std::move(scan));
   model.segments = {{kFemoralCartilage, "femoral_cartilage", {110, 150, 250}, 0, kFemoralCartilage},
                     {kFemur, "femur", {214, 190, 140}, 0, kFemur},

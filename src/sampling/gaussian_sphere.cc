@@ -31,7 +31,7 @@ double look_up(const std::vector<double>& table, double squared_distance) {
 
 /// I of the 125 voxels around `centre`, for an x that lies `fraction` beyond it.
 template <class T>
-double evaluate(const Volume<T>& labels, const std::vector<LabelRange>& ranges,
+double evaluate(const Bricks<T>& labels, const std::vector<LabelRange>& ranges,
                 const std::vector<double>& table, const std::array<int, 3>& centre,
                 const Eigen::Vector3d& fraction) {
   double sum = 0;
@@ -40,7 +40,7 @@ double evaluate(const Volume<T>& labels, const std::vector<LabelRange>& ranges,
     for (int j = -kHalfWindow; j <= kHalfWindow; ++j) {
       const double dyz2 = (j - fraction[1]) * (j - fraction[1]) + dz2;
       for (int i = -kHalfWindow; i <= kHalfWindow; ++i) {
-        const T label = labels.at_or(centre[0] + i, centre[1] + j, centre[2] + k, 0);
+        const T label = labels.anywhere(centre[0] + i, centre[1] + j, centre[2] + k);
         const bool member = std::any_of(ranges.begin(), ranges.end(), [label](const LabelRange& range) {
           return label >= range.first && label <= range.last;
         });
@@ -107,8 +107,8 @@ FieldSample GaussianSphere::sample_literal(const Point<Patient>& x) const {
 
   const auto value_at = [&](const std::array<int, 3>& at) {
     return std::visit(
-        [&](const auto& volume) {
-          return evaluate(*volume, voxels_.ranges(), over_squared_distance_, at, fraction);
+        [&](const auto& bricks) {
+          return evaluate(*bricks, voxels_.ranges(), over_squared_distance_, at, fraction);
         },
         voxels_.storage());
   };

@@ -94,7 +94,7 @@ TEST(GaussianSphere, LiteralFormIsTheFormula) {
 
 TEST(GaussianSphere, WeightsDoNotSumToOneAsPublished) {
   const GridGeometry grid = test::make_grid({16, 16, 16}, 1);
-  const auto full = std::make_shared<Volume<LabelId>>(grid, LabelId{1});
+  const auto full = label_bricks(Volume<LabelId>(grid, LabelId{1}));
   const GaussianSphere sphere = gaussian_sphere_of({full, {1}}, 1);
   double axis_sum = 0;
   for (int n = -2; n <= 2; ++n) axis_sum += std::exp(-n * n / 2.0) / std::sqrt(2 * std::numbers::pi);
@@ -111,13 +111,13 @@ TEST(GaussianSphere, WeightsDoNotSumToOneAsPublished) {
 TEST(GaussianSphere, JumpsWhereTheWindowMovesAndNowhereElse) {
   // along i past a flat wall of everything beyond i = 8, at sigma 1
   const GridGeometry grid = test::make_grid({20, 12, 12}, 0);
-  auto wall = std::make_shared<Volume<LabelId>>(grid);
+  Volume<LabelId> wall(grid);
   for (int k = 0; k < 12; ++k) {
     for (int j = 0; j < 12; ++j) {
-      for (int i = 8; i < 20; ++i) wall->at(i, j, k) = 1;
+      for (int i = 8; i < 20; ++i) wall.at(i, j, k) = 1;
     }
   }
-  const GaussianSphere sphere = gaussian_sphere_of({wall, {1}}, 1);
+  const GaussianSphere sphere = gaussian_sphere_of({label_bricks(wall), {1}}, 1);
   for (const bool literal : {false, true}) {
     const auto value = [&](double i) {
       const Point<Patient> p = grid.X_PatientVoxel() * Point<Voxel>(i, 6, 6);
@@ -163,8 +163,7 @@ TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
 
 TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
-  const GaussianSphere sphere =
-      gaussian_sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 1);
+  const GaussianSphere sphere = gaussian_sphere_of({label_bricks(Volume<LabelId>(grid, LabelId{7})), {7}}, 1);
   auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-4.1, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 7.6));
@@ -177,7 +176,7 @@ TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
 }
 
 TEST(GaussianSphere, RefusesASigmaThatItsVoxelsCannotHold) {
-  const LabelVoxels voxels(std::make_shared<Volume<LabelId>>(test::make_grid({4, 4, 4}, 0)), {1});
+  const LabelVoxels voxels(label_bricks(Volume<LabelId>(test::make_grid({4, 4, 4}, 0))), {1});
   for (const double sigma : {0.0, -1.0, 0.49, 2.01, std::numeric_limits<double>::quiet_NaN()}) {
     const auto sphere = GaussianSphere::make(voxels, sigma);
     ASSERT_FALSE(sphere.ok()) << sigma;

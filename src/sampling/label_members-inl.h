@@ -21,14 +21,30 @@ HWY_INLINE std::uint32_t first_to_last(const LabelRange& range) {
   return static_cast<std::uint32_t>(range.last - range.first);
 }
 
+/// Of lanes as narrow as what is stored: whether each is one of the `span` + 1 labels from `first` on.
+template <class D>
+HWY_INLINE hn::Mask<D> is_in(D d, hn::Vec<D> label, std::uint32_t first, std::uint32_t span) {
+  using T = hn::TFromD<D>;
+  const auto above = hn::Sub(label, hn::Set(d, static_cast<T>(first)));
+  return hn::Eq(hn::Min(above, hn::Set(d, static_cast<T>(span))), above);
+}
+
 /// One run of consecutive labels, the usual set.
 struct OneRange {
+  /// @param flip  what is stored that is no member instead: the run from behind it round to before it
   template <class T>
-  HWY_INLINE explicit OneRange(const LabelGrid<T>& grid)
-      : first(grid.ranges[0].first), span(first_to_last(grid.ranges[0])) {}
+  HWY_INLINE explicit OneRange(const LabelGrid<T>& grid, bool flip = false)
+      : first(flip ? grid.ranges[0].last + 1u : grid.ranges[0].first), span(first_to_last(grid.ranges[0])) {
+    constexpr std::uint32_t kMost = static_cast<T>(~T{0});
+    if (flip) span = kMost - 1 - span;
+  }
   template <class DU>
   HWY_INLINE hn::Mask<DU> miss(DU du, hn::Vec<DU> label) const {
     return hn::Gt(hn::Sub(label, hn::Set(du, first)), hn::Set(du, span));
+  }
+  template <class D>
+  HWY_INLINE hn::Mask<D> hit(D d, hn::Vec<D> label) const {
+    return is_in(d, label, first, span);
   }
   HWY_INLINE bool has(std::uint32_t label) const { return label - first <= span; }
   std::uint32_t first, span;
@@ -36,7 +52,8 @@ struct OneRange {
 
 struct AnyRanges {
   template <class T>
-  HWY_INLINE explicit AnyRanges(const LabelGrid<T>& grid) : ranges(grid.ranges), count(grid.range_count) {}
+  HWY_INLINE explicit AnyRanges(const LabelGrid<T>& grid, bool flip_hits = false)
+      : ranges(grid.ranges), count(grid.range_count), flip(flip_hits) {}
   template <class DU>
   HWY_INLINE hn::Mask<DU> miss(DU du, hn::Vec<DU> label) const {
     // no label has 32 bits: all of them miss so far
@@ -47,6 +64,14 @@ struct AnyRanges {
     }
     return all;
   }
+  template <class D>
+  HWY_INLINE hn::Mask<D> hit(D d, hn::Vec<D> label) const {
+    using T = hn::TFromD<D>;
+    auto any = hn::Ne(hn::Set(d, static_cast<T>(flip ? 1 : 0)), hn::Zero(d));
+    for (std::size_t n = 0; n < count; ++n)
+      any = hn::Xor(any, is_in(d, label, ranges[n].first, first_to_last(ranges[n])));
+    return any;
+  }
   HWY_INLINE bool has(std::uint32_t label) const {
     for (std::size_t n = 0; n < count; ++n) {
       if (label >= ranges[n].first && label <= ranges[n].last) return true;
@@ -55,6 +80,7 @@ struct AnyRanges {
   }
   const LabelRange* ranges;
   std::size_t count;
+  bool flip;  ///< hit() says of which lanes it is not true
 };
 
 /// What a derivative along axis a of the grid adds to a sample, which is value and gradient per mm.

@@ -1,5 +1,7 @@
 #include "palpate/voxel_methods.h"
 
+#include <limits>
+
 namespace palpate {
 
 LabelSet LabelSet::all() {
@@ -30,29 +32,32 @@ std::vector<LabelRange> LabelSet::ranges() const {
 
 LabelVoxels::LabelVoxels(std::vector<LabelRange> ranges, std::variant<Labels, Mask> storage)
     : storage_(std::move(storage)), ranges_(std::move(ranges)) {
-  PALPATE_CHECK(
-      std::visit([](const auto& volume) { return volume != nullptr && !volume->empty(); }, storage_));
+  PALPATE_CHECK(std::visit(
+      [](const auto& bricks) {
+        return bricks != nullptr && bricks->geometry().voxel_count() > 0 && bricks->outside() == 0;
+      },
+      storage_));
   X_VoxelPatient_ = geometry().X_PatientVoxel().inverse();
 }
 
-LabelVoxels::LabelVoxels(std::shared_ptr<const Volume<LabelId>> labels, const LabelSet& set)
+LabelVoxels::LabelVoxels(std::shared_ptr<const Bricks<LabelId>> labels, const LabelSet& set)
     : LabelVoxels(set.ranges(), std::variant<Labels, Mask>(std::move(labels))) {}
 
-LabelVoxels LabelVoxels::mask(const Volume<LabelId>& labels, const LabelSet& set) {
-  auto mask = std::make_shared<Volume<std::uint8_t>>(labels.geometry());
-  for (std::size_t n = 0; n < labels.voxels().size(); ++n) {
-    mask->voxels()[n] = set.contains(labels.voxels()[n]) ? 1 : 0;
-  }
-  return {std::vector<LabelRange>{{1, 1}}, Mask(std::move(mask))};
+LabelVoxels LabelVoxels::mask(const Bricks<LabelId>& labels, const LabelSet& set) {
+  std::vector<std::uint8_t> is_member(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
+  for (std::size_t id = 0; id < is_member.size(); ++id)
+    is_member[id] = set.contains(static_cast<LabelId>(id)) ? 1 : 0;
+  return {{{1, 1}},
+          std::make_shared<const Bricks<std::uint8_t>>(Bricks<std::uint8_t>::of_labels(labels, is_member))};
 }
 
 const GridGeometry& LabelVoxels::geometry() const {
-  return std::visit([](const auto& volume) -> const GridGeometry& { return volume->geometry(); }, storage_);
+  return std::visit([](const auto& bricks) -> const GridGeometry& { return bricks->geometry(); }, storage_);
 }
 
 bool LabelVoxels::contains(int i, int j, int k) const {
   const unsigned label =
-      std::visit([&](const auto& volume) -> unsigned { return volume->at_or(i, j, k, 0); }, storage_);
+      std::visit([&](const auto& bricks) -> unsigned { return bricks->anywhere(i, j, k); }, storage_);
   for (const LabelRange& range : ranges_) {
     if (label >= range.first && label <= range.last) return true;
   }

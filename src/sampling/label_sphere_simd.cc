@@ -9,8 +9,9 @@
 //                                 Z(i) = sum_k s_k A        d/dk  = sum_i w_i Z
 //
 // Vectors lie along i, where every lane stands for itself until the last sums, which are taken in four parts
-// on every target. No operation is fused. Hence the same bits everywhere. The smallest smooth sphere, the one
-// for fine points, has a form of its own in small_sphere-inl.h.
+// on every target. What counts of a box that lies in several bricks is gathered first. No operation is fused.
+// Hence the same bits everywhere. The smallest smooth sphere, the one for fine points, has a form of its own
+// in small_sphere-inl.h.
 //
 // The slopes sum to 0 and the weights to a known total, but not to the last bit, and deep inside the tissue a
 // gradient of rounding errors would still have a direction. Where the box lies wholly inside the volume and
@@ -45,9 +46,19 @@ struct alignas(64) ColumnSums {
 /// The part of the box that lies inside the volume, as offsets from its start, ends excluded.
 struct BoxPart {
   int begin[3], end[3];
-  bool whole;   ///< all of the box
-  bool direct;  ///< whole rows may be read where they stand, as far as vectors reach
+  bool whole;  ///< all of the box
 };
+
+/// Along an axis a brick that stores voxel p first is number (p + kToFirst) / kCells, which has it at place
+/// (p + kToFirst) % kCells, and with it all up to place kVoxels - 1.
+constexpr int kToFirst = BrickLayout::kBorder + BrickLayout::kBefore, kCells = BrickLayout::kCells;
+static_assert((kCells & (kCells - 1)) == 0);
+HWY_INLINE int brick_of(int voxel) {
+  return static_cast<int>(static_cast<unsigned>(voxel + kToFirst) / kCells);
+}
+HWY_INLINE int place_of(int voxel) {
+  return static_cast<int>(static_cast<unsigned>(voxel + kToFirst) % kCells);
+}
 
 template <class T>
 struct Box {
@@ -56,39 +67,163 @@ struct Box {
   const BoxPart& part;
 };
 
-/// The sums at lanes x ... x + Lanes(d). kFlip: over the voxels that are no members. kCount: of a box that
-/// lies wholly inside, whose rows are read where they stand. -1: any box, from a copy that is 0 beyond the
-/// volume.
-template <bool kFlip, int kCount, class Members, class D, class T>
-HWY_INLINE void sum_columns(D d, const Box<T>& box, const Members& members, int x, ColumnSums& sums) {
-  const hn::Rebind<T, D> dt;
-  const hn::RebindToUnsigned<D> du;
-  const int* dims = box.grid.dims;
-  const AxisWeights &ax = box.axes[0], &ay = box.axes[1], &az = box.axes[2];
-  const auto row_length = static_cast<std::ptrdiff_t>(dims[0]);
-  const std::ptrdiff_t slice_length = row_length * dims[1];
-
-  auto v = hn::Zero(d), y = hn::Zero(d), z = hn::Zero(d);
-  const int begin_j = kCount < 0 ? box.part.begin[1] : 0, end_j = count_or<kCount>(box.part.end[1]);
-  const int begin_k = kCount < 0 ? box.part.begin[2] : 0, end_k = count_or<kCount>(box.part.end[2]);
-  for (int k = begin_k; k < end_k; ++k) {
-    std::ptrdiff_t row = (az.start + k) * slice_length + (ay.start + begin_j) * row_length + ax.start + x;
-    auto a = hn::Zero(d), b = hn::Zero(d);
-    for (int j = begin_j; j < end_j; ++j, row += row_length) {
-      hn::Vec<decltype(du)> labels;
-      if constexpr (kCount < 0) {
-        alignas(64) T copy[16] = {};
-        for (int i = 0; i < static_cast<int>(hn::Lanes(d)); ++i) {
-          if (x + i >= box.part.begin[0] && x + i < box.part.end[0]) copy[i] = box.grid.voxels[row + i];
-        }
-        labels = hn::PromoteTo(du, hn::Load(dt, copy));
-      } else {
-        labels = hn::PromoteTo(du, hn::LoadU(dt, box.grid.voxels + row));
+/// What of a block of lanes of a box counts, read where it stands, from at most two bricks along each axis.
+/// kTwoAlongI: the block's lanes go on in another brick.
+template <bool kTwoAlongI, class Members, class T>
+struct CountedInBricks {
+  HWY_INLINE CountedInBricks(const Box<T>& box, int block, const Members& those_that_count)
+      : members(those_that_count) {
+    const BrickView<T>& view = box.grid.bricks;
+    const int i = box.axes[0].start + block, j = box.axes[1].start, k = box.axes[2].start;
+    const T* const* table = view.table + (brick_of(i) + brick_of(j) * view.row + brick_of(k) * view.slice);
+    lanes_of_first = BrickLayout::kVoxels - place_of(i);
+    first_of_second = kCells - place_of(k);
+    const int count_j = box.axes[1].count, bricks_k = box.axes[2].count > first_of_second ? 2 : 1;
+    for (int c = 0; c < bricks_k; ++c, table += view.slice) {
+      const std::ptrdiff_t at = place_of(i) + (place_of(k) - c * kCells) * BrickLayout::kSlice;
+      for (int n = 0; n < count_j; ++n) {
+        const int place = place_of(j) + n;
+        const T* const* brick = table + (place >= kCells ? view.row : 0);
+        const std::ptrdiff_t row = (place % kCells) * BrickLayout::kRow;
+        here[c][n] = brick[0] + (at + row);
+        if constexpr (kTwoAlongI) next[c][n] = brick[1] + (at - kCells + row);
       }
-      const auto miss = hn::RebindMask(d, members.miss(du, labels));
-      const auto aw = hn::Add(a, hn::Set(d, ay.weight[j])), bs = hn::Add(b, hn::Set(d, ay.slope[j]));
-      a = kFlip ? hn::IfThenElse(miss, aw, a) : hn::IfThenElse(miss, a, aw);
-      b = kFlip ? hn::IfThenElse(miss, bs, b) : hn::IfThenElse(miss, b, bs);
+    }
+  }
+
+  template <class D>
+  HWY_INLINE hn::Vec<D> row(D d, int lane, int j, int k) const {
+    const int c = k >= first_of_second ? 1 : 0;
+    const std::ptrdiff_t at = lane + k * BrickLayout::kSlice;
+    auto stored = hn::LoadU(d, here[c][j] + at);
+    if constexpr (kTwoAlongI) {
+      const int left = lanes_of_first - lane;
+      const auto is_first = hn::FirstN(d, static_cast<std::size_t>(left > 0 ? left : 0));
+      stored = hn::IfThenElse(is_first, stored, hn::LoadU(d, next[c][j] + at));
+    }
+    return hn::VecFromMask(d, members.hit(d, stored));
+  }
+
+  static constexpr int kMostRows = kCells + 1;
+  const Members members;
+  int lanes_of_first, first_of_second;  ///< slice of the second brick
+  /// A row of the box in the block and slice 0, of either brick along k, if it held that.
+  const T *here[2][kMostRows], *next[2][kMostRows];
+};
+
+/// What of a block of kWidth lanes of a box counts, for some of its slices: all bits where a voxel does, else
+/// 0. Rows stand one after the other, whichever bricks they are of. Lanes beyond the box may hold anything.
+template <std::size_t kWidth, class Members, class T>
+struct CountedLanes {
+  static constexpr int kRows = 256;
+  using D = hn::CappedTag<T, kWidth>;
+
+  HWY_INLINE CountedLanes(const Box<T>& whole_box, int first_lane, const Members& those_that_count)
+      : box(whole_box), members(those_that_count), block(first_lane) {}
+
+  template <class V>
+  HWY_INLINE hn::Vec<V> row(V d, int lane, int j, int k) const {
+    return hn::Load(d, lanes + ((k - first_k) * box.axes[1].count + j) * static_cast<int>(kWidth) + lane);
+  }
+
+  /// Slices of the box. Nothing beyond the volume is read.
+  HWY_INLINE void take(int begin_k, int end_k) {
+    first_k = begin_k;
+    T* to = lanes;
+    for (int k = begin_k; k < end_k; ++k, to += box.axes[1].count * static_cast<int>(kWidth))
+      take_slice(k, to);
+  }
+
+ private:
+  HWY_INLINE void take_slice(int k, T* to) {
+    if (!box.part.whole) return take_part(k, to);
+    const BrickView<T>& view = box.grid.bricks;
+    const int i = box.axes[0].start + block, j = box.axes[1].start, slice = box.axes[2].start + k;
+    // there are bricks for lanes that are in the box
+    const int left = box.axes[0].count - block, width = static_cast<int>(kWidth);
+    const int needed = left < width ? left : width, in_first = BrickLayout::kVoxels - place_of(i);
+    const T* const* table =
+        view.table + (brick_of(i) + brick_of(j) * view.row + brick_of(slice) * view.slice);
+    const std::ptrdiff_t at = place_of(i) + place_of(slice) * BrickLayout::kSlice;
+    int place = place_of(j);
+    for (int rest = box.axes[1].count; rest > 0; table += view.row, place = 0) {
+      const int room = kCells - place, rows = rest < room ? rest : room;
+      const std::ptrdiff_t first = at + place * BrickLayout::kRow;
+      if (needed <= in_first) {
+        take_rows(table[0] + first, rows, to);
+      } else {
+        take_rows(table[0] + first, table[1] + (first - kCells), in_first, rows, to);
+      }
+      rest -= rows;
+      to += rows * width;
+    }
+  }
+
+  HWY_INLINE hn::Vec<D> counted(hn::Vec<D> stored) const {
+    return hn::VecFromMask(D(), members.hit(D(), stored));
+  }
+  HWY_INLINE void take_rows(const T* from, int rows, T* to) const {
+    const D d;
+    for (int n = 0; n < rows; ++n, from += BrickLayout::kRow, to += kWidth)
+      for (std::size_t lane = 0; lane < kWidth; lane += hn::Lanes(d))
+        hn::Store(counted(hn::LoadU(d, from + lane)), d, to + lane);
+  }
+  /// Rows that go on in another brick after so many lanes.
+  HWY_INLINE void take_rows(const T* from, const T* then, int lanes_of_first, int rows, T* to) const {
+    const D d;
+    for (std::size_t lane = 0; lane < kWidth; lane += hn::Lanes(d)) {
+      const int of_first = lanes_of_first - static_cast<int>(lane);
+      const auto is_first = hn::FirstN(d, static_cast<std::size_t>(of_first > 0 ? of_first : 0));
+      const T *a = from + lane, *b = then + lane;
+      T* out = to + lane;
+      for (int n = 0; n < rows; ++n, a += BrickLayout::kRow, b += BrickLayout::kRow, out += kWidth)
+        hn::Store(counted(hn::IfThenElse(is_first, hn::LoadU(d, a), hn::LoadU(d, b))), d, out);
+    }
+  }
+  /// What lies beyond the volume does not count.
+  HWY_INLINE void take_part(int k, T* to) const {
+    const BoxPart& part = box.part;
+    for (int j = 0; j < box.axes[1].count; ++j) {
+      for (int i = block; i < block + static_cast<int>(kWidth); ++i) {
+        const int at[3] = {i, j, k};
+        bool counts = true;
+        for (int a = 0; a < 3; ++a) counts = counts && at[a] >= part.begin[a] && at[a] < part.end[a];
+        counts = counts && members.has(*box.grid.bricks.cell(box.axes[0].start + i, box.axes[1].start + j,
+                                                             box.axes[2].start + k));
+        *to++ = counts ? static_cast<T>(~T{0}) : T{0};
+      }
+    }
+  }
+
+  alignas(64) T lanes[kRows * kWidth];
+  const Box<T>& box;
+  const Members members;
+  int block, first_k = 0;
+};
+
+/// The sums at lanes of a block and of slices begin_k ... end_k - 1, after those before.
+template <int kCount, class D, class T, class Counts>
+HWY_INLINE void sum_columns(D d, const Box<T>& box, const Counts& counts, int block, int lane, int begin_k,
+                            int end_k, ColumnSums& sums) {
+  const hn::Rebind<T, D> dt;
+  const hn::RebindToSigned<hn::Rebind<T, D>> narrow;
+  const hn::RebindToSigned<D> wide;
+  const AxisWeights &ay = box.axes[1], &az = box.axes[2];
+  const int end_j = count_or<kCount>(ay.count), x = block + lane;
+  auto v = hn::Zero(d), y = hn::Zero(d), z = hn::Zero(d);
+  if (begin_k > 0) {
+    v = hn::Load(d, sums.v + x);
+    y = hn::Load(d, sums.y + x);
+    z = hn::Load(d, sums.z + x);
+  }
+  for (int k = begin_k; k < end_k; ++k) {
+    auto a = hn::Zero(d), b = hn::Zero(d);
+    for (int j = 0; j < end_j; ++j) {
+      const auto row = hn::BitCast(narrow, counts.row(dt, lane, j, k));
+      const auto counts_here = hn::BitCast(d, hn::PromoteTo(wide, row));
+      // 0 is added for what does not: sums are never -0
+      a = hn::Add(a, hn::And(counts_here, hn::Set(d, ay.weight[j])));
+      b = hn::Add(b, hn::And(counts_here, hn::Set(d, ay.slope[j])));
     }
     const auto w = hn::Set(d, az.weight[k]), s = hn::Set(d, az.slope[k]);
     v = hn::Add(v, hn::Mul(w, a));
@@ -100,42 +235,72 @@ HWY_INLINE void sum_columns(D d, const Box<T>& box, const Members& members, int 
   hn::Store(z, d, sums.z + x);
 }
 
-template <bool kFlip, int kCount, class Members, std::size_t kWidth, class T>
-HWY_INLINE int sum_block(const Box<T>& box, int x, ColumnSums& sums) {
+template <int kCount, std::size_t kWidth, class T, class Counts>
+HWY_INLINE void sum_slices(const Box<T>& box, const Counts& counts, int block, int begin_k, int end_k,
+                           ColumnSums& sums) {
   const hn::CappedTag<float, kWidth> d;
-  const Members members(box.grid);
-  for (const int end = x + static_cast<int>(kWidth); x < end; x += static_cast<int>(hn::Lanes(d))) {
-    sum_columns<kFlip, kCount>(d, box, members, x, sums);
-  }
-  return x;
+  for (int lane = 0; lane < static_cast<int>(kWidth); lane += static_cast<int>(hn::Lanes(d)))
+    sum_columns<kCount>(d, box, counts, block, lane, begin_k, end_k, sums);
 }
 
-template <bool kFlip, int kCount, class Members, class T>
-HWY_INLINE void sum_rows(const Box<T>& box, ColumnSums& sums) {
+/// Kept out of the way of the other box's registers.
+template <int kCount, std::size_t kWidth, class Members, class T>
+HWY_NOINLINE void sum_gathered(const Box<T>& box, int block, const Members& members, ColumnSums& sums) {
+  CountedLanes<kWidth, Members, T> counts(box, block, members);
+  const int end = count_or<kCount>(box.axes[2].count);
+  const int at_once = counts.kRows / count_or<kCount>(box.axes[1].count);
+  for (int k = 0; k < end; k += at_once) {
+    const int last = k + at_once < end ? k + at_once : end;
+    counts.take(k, last);
+    sum_slices<kCount, kWidth>(box, counts, block, k, last, sums);
+  }
+}
+
+/// The sums of a block of kWidth lanes.
+template <int kCount, std::size_t kWidth, class Members, class T>
+HWY_INLINE int sum_block(const Box<T>& box, bool in_place, int block, const Members& members,
+                         ColumnSums& sums) {
+  const int end = count_or<kCount>(box.axes[2].count), left = box.axes[0].count - block;
+  const int needed = left < static_cast<int>(kWidth) ? left : static_cast<int>(kWidth);
+  if (!in_place) {
+    sum_gathered<kCount, kWidth>(box, block, members, sums);
+  } else if (place_of(box.axes[0].start + block) + needed <= BrickLayout::kVoxels) {
+    sum_slices<kCount, kWidth>(box, CountedInBricks<false, Members, T>(box, block, members), block, 0, end,
+                               sums);
+  } else {
+    sum_slices<kCount, kWidth>(box, CountedInBricks<true, Members, T>(box, block, members), block, 0, end,
+                               sums);
+  }
+  return block + static_cast<int>(kWidth);
+}
+
+template <int kCount, class Members, class T>
+HWY_INLINE void sum_rows(const Box<T>& box, const Members& members, ColumnSums& sums) {
+  // place and count leave no third brick
+  bool in_place = box.part.whole;
+  for (int a = 1; a < 3; ++a) in_place = in_place && box.axes[a].count <= kCells + 1;
   const int length = padded(count_or<kCount>(box.axes[0].count));
   int x = 0;
-  while (length - x >= 16) x = sum_block<kFlip, kCount, Members, 16>(box, x, sums);
+  while (length - x >= 16) x = sum_block<kCount, 16>(box, in_place, x, members, sums);
   if (length - x == 8) {
-    sum_block<kFlip, kCount, Members, 8>(box, x, sums);
+    sum_block<kCount, 8>(box, in_place, x, members, sums);
   } else if (length - x == 4) {
-    sum_block<kFlip, kCount, Members, 4>(box, x, sums);
+    sum_block<kCount, 4>(box, in_place, x, members, sums);
   }
 }
 
 /// Kept out of the way of the usual box's registers.
-template <bool kFlip, int kCount, class T>
-HWY_NOINLINE void sum_unusual(const Box<T>& box, ColumnSums& sums) {
-  sum_rows<kFlip, kCount, AnyRanges>(box, sums);
+template <int kCount, class T>
+HWY_NOINLINE void sum_unusual(const Box<T>& box, bool flip, ColumnSums& sums) {
+  sum_rows<kCount>(box, AnyRanges(box.grid, flip), sums);
 }
 
-template <bool kFlip, int kCount, class T>
-HWY_INLINE void sum_box(const Box<T>& box, ColumnSums& sums) {
-  if (!box.part.direct) {
-    sum_unusual<kFlip, -1>(box, sums);
-  } else if (box.grid.range_count == 1) {
-    sum_rows<kFlip, kCount, OneRange>(box, sums);
+template <int kCount, class T>
+HWY_INLINE void sum_box(const Box<T>& box, bool flip, ColumnSums& sums) {
+  if (box.grid.range_count == 1) {
+    sum_rows<kCount>(box, OneRange(box.grid, flip), sums);
   } else {
-    sum_unusual<kFlip, kCount>(box, sums);
+    sum_unusual<kCount>(box, flip, sums);
   }
 }
 
@@ -156,11 +321,6 @@ HWY_INLINE float dot(const float* a, const float* b, int count) {
 }
 
 template <class T>
-HWY_INLINE std::ptrdiff_t offset_of(const LabelGrid<T>& grid, int i, int j, int k) {
-  return (static_cast<std::ptrdiff_t>(k) * grid.dims[1] + j) * grid.dims[0] + i;
-}
-
-template <class T>
 HWY_INLINE BoxPart part_inside(const LabelGrid<T>& grid, const AxisWeights (&axes)[3]) {
   BoxPart part;
   part.whole = true;
@@ -170,11 +330,6 @@ HWY_INLINE BoxPart part_inside(const LabelGrid<T>& grid, const AxisWeights (&axe
     part.end[a] = room < axes[a].count ? room : axes[a].count;
     part.whole = part.whole && part.begin[a] == 0 && part.end[a] == axes[a].count;
   }
-  // a vector may read beyond its row, into the next one, but not beyond the volume
-  const int overshoot = padded(axes[0].count) - axes[0].count;
-  part.direct = part.whole &&
-                offset_of(grid, axes[0].start + axes[0].count + overshoot, axes[1].start + axes[1].count - 1,
-                          axes[2].start + axes[2].count - 1) <= offset_of(grid, 0, 0, grid.dims[2]);
   return part;
 }
 
@@ -191,18 +346,13 @@ HWY_INLINE void sample_one(const LabelGrid<T>& grid, const Kernel& kernel, const
   AxisWeights axes[3];
   weigh(point, kernel, axes);
   const BoxPart part = part_inside(grid, axes);
+  const auto nearest_to = [&](int a) HWY_ATTR { return static_cast<int>(nearest(point.x[a])); };
   const bool flip =
-      part.whole && AnyRanges(grid).has(grid.voxels[offset_of(grid, static_cast<int>(nearest(point.x[0])),
-                                                              static_cast<int>(nearest(point.x[1])),
-                                                              static_cast<int>(nearest(point.x[2])))]);
+      part.whole && AnyRanges(grid).has(*grid.bricks.cell(nearest_to(0), nearest_to(1), nearest_to(2)));
 
   ColumnSums sums;
   const Box<T> box{grid, axes, part};
-  if (flip) {
-    sum_box<true, kCount>(box, sums);
-  } else {
-    sum_box<false, kCount>(box, sums);
-  }
+  sum_box<kCount>(box, flip, sums);
 
   // normalised last, in double: the divisions wait for nothing
   const int count = axes[0].count;

@@ -7,10 +7,10 @@
 
 namespace palpate::internal::label_sphere {
 
-/// Labels or a mask as the vector code reads them: i fastest, members are values in one of the ranges.
+/// Labels or a mask as the vector code reads them: members are values in one of the ranges, 0 is none.
 template <class T>
 struct LabelGrid {
-  const T* voxels;
+  BrickView<T> bricks;  ///< 0 around the grid
   int dims[3];
   const LabelRange* ranges;
   std::size_t range_count;

@@ -61,6 +61,48 @@ TEST(LabelMethodTargets, GiveTheSameBitsForSpheres) {
   }
 }
 
+// Sums of rows that lie in one brick, in several, and across two: a sphere that is moved by one voxel with
+// its labels sums the same voxels in the same order.
+TEST(LabelMethodTargets, GiveTheSameBitsWhereverBricksMeet) {
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  std::mt19937 random(kSeed);
+  GridGeometry small;
+  small.dims = {44, 44, 44};
+  const Volume<LabelId> labels = internal::random_labels(small, random)->dense();
+  // so few binary digits that the fractions stay as they are
+  const Point<Patient> middle(21.25, 21.75, 22.375);
+  const auto samples_at = [&](int by_i, int by_j, int by_k) {
+    GridGeometry grid = small;
+    for (int& dim : grid.dims) dim += 17;
+    Volume<LabelId> moved(grid);
+    for (int k = 0; k < 44; ++k)
+      for (int j = 0; j < 44; ++j)
+        for (int i = 0; i < 44; ++i) moved.at(i + by_i, j + by_j, k + by_k) = labels.at(i, j, k);
+    const auto in_bricks = label_bricks(moved);
+    const Point<Patient> at = middle + Vector<Patient>(by_i, by_j, by_k);
+    std::vector<FieldSample> samples;
+    for (const LabelVoxels& voxels : {LabelVoxels(in_bricks, {2, 3}), LabelVoxels(in_bricks, {1, 3, 40000}),
+                                      LabelVoxels::mask(*in_bricks, {2, 5})}) {
+      samples.push_back(GaussianSphere::make(voxels, 0.9).value().sample(at));
+      for (const double sigma : {0.05, 1.1, 2.6, 5.9})
+        samples.push_back(SmoothSphere::make(voxels, sigma).value().sample(at));
+    }
+    return samples;
+  };
+  for (const std::int64_t target : test::all_targets()) {
+    SCOPED_TRACE(test::target_name(target));
+    const test::OnlyTargets only(target);
+    const auto expected = samples_at(0, 0, 0);
+    for (int by = 1; by <= 16; ++by) {
+      for (const auto& moved :
+           {samples_at(by, 0, 0), samples_at(0, by, 0), samples_at(0, 0, by), samples_at(by, 17 - by, by)}) {
+        for (std::size_t n = 0; n < expected.size(); ++n)
+          EXPECT_TRUE(same_bits(moved[n], expected[n])) << "sphere " << n << " moved by " << by;
+      }
+    }
+  }
+}
+
 TEST(LabelMethodTargets, GiveTheSameBitsForStoredNormals) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);

@@ -62,7 +62,7 @@ TEST(LabelVoxels, AreMembersInLabelsAndMaskAlike) {
     for (int k = -1; k <= 5; ++k) {
       for (int j = -1; j <= 7; ++j) {
         for (int i = -1; i <= 9; ++i) {
-          const bool expected = set.contains(labels->at_or(i, j, k, 0));
+          const bool expected = set.contains(labels->anywhere(i, j, k));
           ASSERT_EQ(direct.contains(i, j, k), expected);
           ASSERT_EQ(mask.contains(i, j, k), expected);
         }

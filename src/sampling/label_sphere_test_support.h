@@ -16,30 +16,30 @@
 namespace palpate::internal {
 
 /// Blobs of labels 0 ... 5 and 40 000: every voxel its own or its neighbour's.
-inline std::shared_ptr<const Volume<LabelId>> random_labels(const GridGeometry& grid, std::mt19937& random) {
-  auto labels = std::make_shared<Volume<LabelId>>(grid);
+inline std::shared_ptr<const Bricks<LabelId>> random_labels(const GridGeometry& grid, std::mt19937& random) {
+  Volume<LabelId> labels(grid);
   LabelId last = 0;
-  for (LabelId& voxel : labels->voxels()) {
+  for (LabelId& voxel : labels.voxels()) {
     if (random() % 4 == 0) last = static_cast<LabelId>(random() % 7 == 6 ? 40000 : random() % 6);
     voxel = last;
   }
-  return labels;
+  return label_bricks(labels);
 }
 
 /// A ball of label 1.
-inline std::shared_ptr<const Volume<LabelId>> ball_labels(const GridGeometry& grid,
+inline std::shared_ptr<const Bricks<LabelId>> ball_labels(const GridGeometry& grid,
                                                           const Point<Patient>& centre, double radius_mm) {
-  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  Volume<LabelId> labels(grid);
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   for (int k = 0; k < grid.dims[2]; ++k) {
     for (int j = 0; j < grid.dims[1]; ++j) {
       for (int i = 0; i < grid.dims[0]; ++i) {
         const double distance = (X_PatientVoxel * Point<Voxel>(i, j, k) - centre).norm();
-        labels->at(i, j, k) = distance < radius_mm ? 1 : 0;
+        labels.at(i, j, k) = distance < radius_mm ? 1 : 0;
       }
     }
   }
-  return labels;
+  return label_bricks(labels);
 }
 
 /// Points in and around the grid, whole and half voxel coordinates among them.

@@ -100,27 +100,11 @@ HWY_INLINE void sample_small(const LabelGrid<T>& grid, const Members& members, c
   }
   const SmallAxis i(x[0]), j(x[1]), k(x[2]);
 
-  // outside the volume stands free space
-  const std::ptrdiff_t start[3] = {i.start, j.start, k.start};
-  std::ptrdiff_t row = grid.dims[0], slice = row * grid.dims[1];
-  const std::ptrdiff_t begin = start[0] + start[1] * row + start[2] * slice;
-  const bool whole = start[0] >= 0 && start[0] + 4 <= grid.dims[0] && start[1] >= 0 &&
-                     start[1] + 4 <= grid.dims[1] && start[2] >= 0 && start[2] + 4 <= grid.dims[2];
-  const T* first = grid.voxels;
-  T copy[64];
-  if (whole) {
-    first += begin;
-  } else {
-    for (int n = 0; n < 64; ++n) {
-      const std::ptrdiff_t di = n % 4, dj = n / 4 % 4, dk = n / 16;
-      const auto within = [&](int a, std::ptrdiff_t step)
-                              HWY_ATTR { return start[a] + step >= 0 && start[a] + step < grid.dims[a]; };
-      copy[n] = within(0, di) && within(1, dj) && within(2, dk)
-                    ? grid.voxels[begin + di + dj * row + dk * slice]
-                    : T{0};
-    }
-    first = copy, row = 4, slice = 16;
-  }
+  // one brick holds them all; around the volume stands free space
+  constexpr std::ptrdiff_t row = BrickLayout::kRow, slice = BrickLayout::kSlice;
+  const T* const first = grid.bricks.cell(i.start + 1, j.start + 1, k.start + 1) - (1 + row + slice);
+  const bool whole = i.start >= 0 && i.start + 4 <= grid.dims[0] && j.start >= 0 &&
+                     j.start + 4 <= grid.dims[1] && k.start >= 0 && k.start + 4 <= grid.dims[2];
 
   // background is no member
   const std::ptrdiff_t nearest = i.nearest + j.nearest * row + k.nearest * slice;

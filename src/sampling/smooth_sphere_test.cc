@@ -77,7 +77,7 @@ TEST(SmoothSphere, IsExactlyFlatWhereAllVoxelsWithinReachAreEqual) {
   std::mt19937 random(kSmoothSeed);
   for (int kind = 0; kind < 4; ++kind) {
     const GridGeometry grid = test::make_grid({40, 24, 20}, kind);
-    const auto full = std::make_shared<Volume<LabelId>>(grid, LabelId{3});
+    const auto full = label_bricks(Volume<LabelId>(grid, LabelId{3}));
     const SmoothSphere inside = smooth_sphere_of({full, {3}}, 0.8);
     const SmoothSphere outside = smooth_sphere_of({full, {4}}, 0.8);
     for (int n = 0; n < 100; ++n) {
@@ -105,15 +105,15 @@ TEST(SmoothSphere, WeightsSumToOneEverywhereTheBorderIncluded) {
   const int margin = 12;
   for (int& n : grid.dims) n += 2 * margin;
   grid.origin = small_grid.X_PatientVoxel() * Point<Voxel>(-margin, -margin, -margin);
-  auto surrounded = std::make_shared<Volume<LabelId>>(grid);
+  Volume<LabelId> surrounded(grid);
   for (int k = 0; k < 7; ++k) {
     for (int j = 0; j < 8; ++j) {
-      for (int i = 0; i < 9; ++i) surrounded->at(i + margin, j + margin, k + margin) = labels->at(i, j, k);
+      for (int i = 0; i < 9; ++i) surrounded.at(i + margin, j + margin, k + margin) = labels->at(i, j, k);
     }
   }
   // what is a member, what is of another label, and what is free space sum to 1
-  auto free_space = std::make_shared<Volume<LabelId>>(*surrounded);
-  for (LabelId& voxel : free_space->voxels()) voxel = voxel == 0 ? 1 : 0;
+  Volume<LabelId> free_space = surrounded;
+  for (LabelId& voxel : free_space.voxels()) voxel = voxel == 0 ? 1 : 0;
 
   const LabelSet some{1, 2, 40000};
   LabelSet others = LabelSet::all();
@@ -121,8 +121,8 @@ TEST(SmoothSphere, WeightsSumToOneEverywhereTheBorderIncluded) {
   for (const double sigma : {0.1, 0.6}) {
     const SmoothSphere sphere = smooth_sphere_of({labels, some}, sigma),
                        of_others = smooth_sphere_of({labels, others}, sigma);
-    const SmoothSphere with_margin = smooth_sphere_of({surrounded, some}, sigma),
-                       of_free = smooth_sphere_of({free_space, {1}}, sigma);
+    const SmoothSphere with_margin = smooth_sphere_of({label_bricks(surrounded), some}, sigma),
+                       of_free = smooth_sphere_of({label_bricks(free_space), {1}}, sigma);
     for (const auto& p : internal::random_points(small_grid, 2, 200, random)) {
       EXPECT_NEAR(sphere.sample(p).value, with_margin.sample(p).value, 1e-6);
       EXPECT_NEAR(sphere.sample(p).value + of_others.sample(p).value + of_free.sample(p).value, 1, 1e-6);
@@ -138,14 +138,14 @@ TEST(SmoothSphere, FlatWallHasTheDocumentedSlope) {
   for (int axis = 0; axis < 3; ++axis) {
     GridGeometry grid = test::make_grid({40, 40, 40}, 0);
     grid.spacing_mm = {0.4, 0.625, 0.9};
-    auto wall = std::make_shared<Volume<LabelId>>(grid);
+    Volume<LabelId> wall(grid);
     for (int k = 0; k < 40; ++k) {
       for (int j = 0; j < 40; ++j) {
-        for (int i = 0; i < 40; ++i) wall->at(i, j, k) = std::array{i, j, k}[axis] >= 20 ? 1 : 0;
+        for (int i = 0; i < 40; ++i) wall.at(i, j, k) = std::array{i, j, k}[axis] >= 20 ? 1 : 0;
       }
     }
     const double sigma = 1.5;
-    const SmoothSphere sphere = smooth_sphere_of({wall, {1}}, sigma);
+    const SmoothSphere sphere = smooth_sphere_of({label_bricks(wall), {1}}, sigma);
     double steepest = 0;
     for (double at = 19; at < 20; at += 0.01) {
       Point<Voxel> x(20, 20, 20);
@@ -205,8 +205,7 @@ TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
 
 TEST(SmoothSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
-  const SmoothSphere sphere =
-      smooth_sphere_of({std::make_shared<Volume<LabelId>>(grid, LabelId{7}), {7}}, 0.5);
+  const SmoothSphere sphere = smooth_sphere_of({label_bricks(Volume<LabelId>(grid, LabelId{7})), {7}}, 0.5);
   auto points = test::places_that_are_none(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-sphere.radius_voxels()[0] - 0.1, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 3.1 + sphere.radius_voxels()[2]));
@@ -221,7 +220,7 @@ TEST(SmoothSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
 TEST(SmoothSphere, RadiusIsInMillimetresAndNeverLessThanTwoVoxels) {
   GridGeometry grid = test::make_grid({4, 4, 4}, 0);
   grid.spacing_mm = {0.5, 1, 3};
-  const LabelVoxels voxels(std::make_shared<Volume<LabelId>>(grid), {1});
+  const LabelVoxels voxels(label_bricks(Volume<LabelId>(grid)), {1});
   EXPECT_EQ(smooth_sphere_of(voxels, 1).radius_voxels(), (std::array<double, 3>{6, 3, 2}));
 
   for (const double sigma :

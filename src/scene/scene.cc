@@ -87,6 +87,7 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   set("friction", tissue.friction_coefficient);
   if (const auto still = reader.number("static_friction")) tissue.static_friction = still;
   if (const auto force = reader.number("puncture")) tissue.puncture_N = force;
+  set("cutting_energy", tissue.cutting_energy_mJ_per_mm3);
   if (auto fault = friction_fault(tissue))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   set("friction_damping", tissue.friction_damping_N_s_per_mm);
@@ -148,8 +149,35 @@ void read_capsule(const TomlTable& table, Tool& tool, Problems& problems) {
   tool.capsules.push_back({*from, *to, reader.number("radius").value_or(tool.radius_mm)});
 }
 
+void read_burr(const TableReader& reader, Tool& tool, Problems& problems) {
+  BurrSettings burr;
+  constexpr double kSecondsPerMinute = 60;
+  for (const char* key : {"points", "radius", "capsule"})
+    if (reader.has(key))
+      problems.add(reader.line(key), std::string("a burr has no `") + key + "`",
+                   "it is a ball: say its diameter, and leave this out");
+  tool.radius_mm = 0.5 * reader.number("diameter").value_or(4);
+  if (const auto speed = reader.number("speed")) burr.revolutions_per_s = *speed / kSecondsPerMinute;
+  burr.grip = reader.number("grip").value_or(burr.grip);
+  if (const auto pedal = reader.whole("pedal")) burr.pedal = static_cast<int>(*pedal);
+  if (const auto spindle = reader.point("spindle")) {
+    constexpr double kLeast = 1e-3;
+    if (spindle->norm() < kLeast)
+      problems.add(reader.line("spindle"), "a spindle without direction",
+                   "say it as spindle = [x, y, z], such as [0, 0, 1]");
+    else
+      burr.spindle = spindle->normalized();
+  }
+  tool.burr = burr;
+}
+
 void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
   tool.name = reader.text("name").value_or(tool.name);
+  if (reader.choice("kind") == "burr") return read_burr(reader, tool, problems);
+  for (const char* key : {"diameter", "speed", "spindle", "grip", "pedal"})
+    if (reader.has(key))
+      problems.add(reader.line(key), std::string("`") + key + "` is a burr's",
+                   "add kind = \"burr\", or leave this out");
   tool.radius_mm = reader.number("radius").value_or(tool.radius_mm);
   tool.points_mm = reader.points("points").value_or(tool.points_mm);
   if (tool.points_mm.empty() || tool.points_mm.size() > kMaxToolParts) {
@@ -368,7 +396,11 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,
                    problems);
   read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
-  read_tool(TableReader(top.table("tool"), keys.tool, problems), scene.tool, problems);
+  const TableReader tool(top.table("tool"), keys.tool, problems);
+  read_tool(tool, scene.tool, problems);
+  if (scene.tool.burr && scene.force.method != ForceMethod::kProxy)
+    problems.add(tool.line("kind"), "a burr is felt by the proxy alone",
+                 "set [force] method = \"proxy\", or leave method out");
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");
   if (problems.any()) return problems.first();

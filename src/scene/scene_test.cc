@@ -225,6 +225,40 @@ TEST(ParseScene, WithoutDataTheVolumesComeFromTheCaller) {
   EXPECT_FALSE(scene->scan.has_value());
 }
 
+TEST(ParseScene, ABurrIsABallWithAMotor) {
+  const auto scene = parse_scene(
+      "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\ncutting_energy = 60\n"
+      "[tool]\nkind = 'burr'\ndiameter = 3\nspeed = 30000\nspindle = [0, 0.5, 0]\ngrip = 0.4\npedal = 1\n",
+      "scene.toml");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_EQ(scene->tissues[0].cutting_energy_mJ_per_mm3, 60);
+  EXPECT_EQ(scene->tool.radius_mm, 1.5);
+  ASSERT_EQ(scene->tool.points_mm.size(), 1u);
+  ASSERT_TRUE(scene->tool.burr);
+  EXPECT_EQ(scene->tool.burr->revolutions_per_s, 500);
+  EXPECT_EQ(scene->tool.burr->spindle, Eigen::Vector3d(0, 1, 0));
+  EXPECT_EQ(scene->tool.burr->grip, 0.4);
+  EXPECT_EQ(scene->tool.burr->pedal, 1);
+}
+
+TEST(ParseScene, TheKeysOfABurrSayItsDefaults) {
+  const auto scene =
+      parse_scene("[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nkind = 'burr'\n",
+                  "scene.toml");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  const TableSpec& tool = scene_key_tables().tool;
+  const auto default_of = [&](const char* key) {
+    return std::stod(std::string(tool.find(key)->default_text));
+  };
+  EXPECT_EQ(2 * scene->tool.radius_mm, default_of("diameter"));
+  EXPECT_EQ(60 * scene->tool.burr->revolutions_per_s, default_of("speed"));
+  EXPECT_EQ(scene->tool.burr->grip, default_of("grip"));
+  EXPECT_EQ(scene->tool.burr->spindle, Eigen::Vector3d(0, 0, 1));
+  EXPECT_EQ(scene->tool.burr->pedal, -1);
+  EXPECT_EQ(scene->tissues[0].cutting_energy_mJ_per_mm3,
+            std::stod(std::string(scene_key_tables().tissue.find("cutting_energy")->default_text)));
+}
+
 struct BadScene {
   const char* text;
   int line;
@@ -252,6 +286,12 @@ TEST_P(ParseSceneError, NamesLineReasonAndRemedy) {
 INSTANTIATE_TEST_SUITE_P(
     Keys, ParseSceneError,
     testing::Values(
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nradius = 2\n", 6, "a burr has no `radius`", "diameter"},
+        BadScene{TISSUE "[tool]\ndiameter = 2\n", 5, "`diameter` is a burr's", "kind = \"burr\""},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nspindle = [0, 0, 0]\n", 6, "without direction", "[0, 0, 1]"},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\n[force]\nmethod = 'trilinear'\n", 5,
+                 "felt by the proxy alone", "method = \"proxy\""},
+        BadScene{TISSUE "[tool]\nkind = 'drill'\n", 5, "drill", "\"burr\""},
         BadScene{TISSUE "stifness = 1\n", 4, "unknown key \"stifness\" in [[tissue]]",
                  "did you mean stiffness?"},
         BadScene{"tilte = 'x'\n" TISSUE, 1, "unknown key \"tilte\"", "did you mean title?"},

@@ -109,6 +109,10 @@ ScriptStep read_method(const TableReader& reader, Problems&) {
   return step;
 }
 
+ScriptStep read_motor(const TableReader& reader, Problems&) {
+  return MotorStep{reader.flag("motor").value_or(true)};
+}
+
 ScriptStep read_leave(const TableReader& reader, Problems& problems) {
   LeaveStep step;
   if (!reader.flag("leave").value_or(true))
@@ -120,8 +124,8 @@ ScriptStep read_leave(const TableReader& reader, Problems& problems) {
 
 using ReadStep = ScriptStep (*)(const TableReader&, Problems&);
 // in the order of script_key_tables().actions
-constexpr std::array<ReadStep, 7> kReadStep{read_approach, read_press,  read_hold, read_slide,
-                                            read_rotate,   read_method, read_leave};
+constexpr std::array<ReadStep, 8> kReadStep{read_approach, read_press,  read_hold,  read_slide,
+                                            read_rotate,   read_method, read_leave, read_motor};
 
 std::string action_names() {
   std::string names;
@@ -181,7 +185,8 @@ void check_order(const Script& script, Problems& problems) {
       }
       touching = approach;
       since = script.lines[i];
-    } else if (!std::holds_alternative<RotateStep>(step) && !std::holds_alternative<MethodStep>(step)) {
+    } else if (!std::holds_alternative<RotateStep>(step) && !std::holds_alternative<MethodStep>(step) &&
+               !std::holds_alternative<MotorStep>(step)) {
       if (!touching)
         problems.add(script.lines[i], std::string(actions[step.index()].heading) + " without contact",
                      "put a step with approach = \"...\" before it");

@@ -34,7 +34,12 @@ std::span<const SurfaceBefore> find_before(const Model& model, const SessionStat
                                            SurfacesBefore& before) {
   const auto places = static_cast<std::size_t>(remembered.count);
   const std::size_t count = count_of(model);
-  for (std::size_t s = 0; s < count; ++s) {
+  // what was cut meanwhile is, each in its place, what it was: a common surface too
+  const bool only_cut =
+      count == places && model.version - model.edits == remembered.version - remembered.edits;
+  for (std::size_t s = 0; only_cut && s < count; ++s)
+    before[s] = {static_cast<std::int16_t>(s), remembered.content[s] == content_of(model.surfaces[s])};
+  for (std::size_t s = 0; !only_cut && s < count; ++s) {
     const LabelId label = label_of(model, s);
     const std::uint64_t content = content_of(model.surfaces[s]);
     // an outer surface with another shape is a new one: what it holds together may have changed
@@ -60,6 +65,7 @@ void remember_surfaces(const Model& model, SessionState::Surfaces& remembered) {
   }
   remembered.count = static_cast<int>(count);
   remembered.version = model.version;
+  remembered.edits = model.edits;
 }
 
 }  // namespace palpate

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <system_error>
 
+#include "palpate/carving.h"
 #include "servo/figures.h"
 
 /// One tick on the real clock, in order: time -> inputs -> tick -> commands -> heartbeat -> what others see.
@@ -205,6 +206,7 @@ void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand
   record_.lateness_s = static_cast<double>(lateness_ns_) * 1e-9;
   record_.compute_s = static_cast<double>(ended_ns - begun_ns) * 1e-9;
   publish();
+  publish_sweeps(count);
   count_tick(begun_ns, ended_ns);
 }
 
@@ -244,6 +246,17 @@ void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::
   for (std::size_t d = 0; d < samples.size(); ++d) {
     states_[d] = mappings_[d].to_world(samples[d], now_ns);
     states_[d].status |= halted;
+  }
+}
+
+// what is not cut yet fits, as a burr remembers no more
+void Loop::publish_sweeps(std::size_t devices) noexcept {
+  for (std::size_t d = 0; d < devices; ++d) {
+    std::uint64_t& published = published_sweeps_[d];
+    for (const Sweep& sweep : finished_from(state_.hands[d].burr, published)) {
+      PALPATE_CHECK(sweeps_.push(plain({static_cast<std::uint32_t>(d), sweep})));
+      ++published;
+    }
   }
 }
 

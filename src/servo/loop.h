@@ -5,6 +5,7 @@
 #include <future>
 #include <mutex>
 #include <thread>
+#include <tuple>
 
 #include "base/clock.h"
 #include "base/latency_histogram.h"
@@ -44,6 +45,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   bool running() const noexcept override { return running_.load(); }
   TickRecord snapshot() const override { return snapshot_.load(); }
   SpscRing<TickRecord>& ring() noexcept override { return ring_; }
+  SpscRing<SweepRecord>& sweeps() noexcept override { return sweeps_; }
   LoopHealth health() const override;
   void reset_health() noexcept override;
   const Scheduling& scheduling() const noexcept override { return scheduling_; }
@@ -68,6 +70,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   double keep_time(std::int64_t now_ns) noexcept;
   void take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
   void publish() noexcept;
+  void publish_sweeps(std::size_t devices) noexcept;
   void count_tick(std::int64_t begun_ns, std::int64_t ended_ns) noexcept;
   void clear_figures() noexcept;
 
@@ -102,10 +105,12 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   bool touched_ = true;  // something, in the last tick; before the first nobody knows
   bool paced_ = false;   // this tick came from our own clock
   std::uint64_t skipped_ = 0;
+  std::array<std::uint64_t, kMaxDevices> published_sweeps_{};
 
   // written by the servo thread, read by others
   Snapshot<TickRecord> snapshot_;
   SpscRing<TickRecord> ring_;
+  SpscRing<SweepRecord> sweeps_{kMaxDevices * std::tuple_size_v<decltype(BurrState::sweep)>};
   LatencyHistogram lateness_, compute_;
   struct Counts {
     std::atomic<std::uint64_t> ticks{0}, on_time{0}, skipped{0}, dropped{0};

@@ -21,6 +21,7 @@
 #include <mutex>
 
 #include "haptics/test_model.h"
+#include "palpate/carving.h"
 #include "palpate/servo.h"
 #include "palpate/simulated_device.h"
 #include "servo/loop.h"
@@ -158,6 +159,59 @@ class Exercise {
   std::array<Wrench, 2> wrenches_;
 };
 
+// a burr that is led through bone, with versions that others carved from it
+class BurrExercise {
+ public:
+  BurrExercise() {
+    Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
+    model.tool.radius_mm = 2;
+    model.tool.burr = BurrSettings{};
+    parameters_.method = ForceMethod::kProxy;
+    parameters_.motor = true;
+    state_.hands[0].output.gain = 1;
+    models_.push_back(std::make_shared<const Model>(model));
+    auto carving = std::make_shared<const Carving>(model);
+    while (models_.size() < 20) {
+      run(100);
+      std::vector<Cut> cuts;
+      const BurrState& burr = state_.hands[0].burr;
+      for (const Sweep& sweep : burr.pending().first(finished_sweeps(burr) - burr.first))
+        cuts.push_back({0, sweep});
+      carving = carving->with(cuts);
+      models_.push_back(carving->taken_from(*models_.back()));
+    }
+    run(100);
+    taken_mm3_ = state_.hands[0].burr.taken_mm3;
+    state_ = {};
+    state_.hands[0].output.gain = 1;
+    ticks_ = 0;
+  }
+  // the same again
+  void run(int ticks) {
+    for (int n = 0; n < ticks; ++n, ++ticks_) {
+      const std::size_t version =
+          std::min<std::size_t>(static_cast<std::size_t>(ticks_ / 100), models_.size() - 1);
+      const double turn = 2e-3 * ticks_;
+      device_.tip = models_[0]->X_WorldPatient *
+                    Point<Patient>(6 * std::sin(turn), 6 * std::cos(turn) - 6, 17.5 - 3e-3 * ticks_);
+      tick(*models_[version], parameters_, {&device_, 1}, 1e-3, state_, {&wrench_, 1}, record_);
+    }
+  }
+  double taken_mm3() const { return state_.hands[0].burr.taken_mm3; }
+  /// When its versions were made.
+  double first_taken_mm3() const { return taken_mm3_; }
+
+ private:
+  std::vector<std::shared_ptr<const Model>> models_;
+  Parameters parameters_;
+  SessionState state_;
+  TickRecord record_;
+  DeviceState device_;
+  Wrench wrench_;
+  int ticks_ = 0;
+  double taken_mm3_ = 0;
+};
+
 // runs `work` in a child that may make no system calls but these two and its exit; whether it came through
 bool runs_with_system_calls(const std::function<void()>& work, unsigned first, unsigned second) {
   std::fflush(nullptr);
@@ -278,6 +332,19 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   const long allocated_after = allocations + frees, locked_after = locks;
   EXPECT_EQ(allocated_after - allocated, 0);
   EXPECT_EQ(locked_after - locked, 0);
+}
+
+TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {
+  BurrExercise exercise;
+  const long allocated = allocations + frees, locked = locks;
+  exercise.run(2000);
+  const long allocated_after = allocations + frees, locked_after = locks;
+  EXPECT_EQ(allocated_after - allocated, 0);
+  EXPECT_EQ(locked_after - locked, 0);
+  EXPECT_EQ(exercise.taken_mm3(), exercise.first_taken_mm3());
+  EXPECT_GT(exercise.taken_mm3(), 2);
+  BurrExercise again;
+  EXPECT_TRUE(runs_without_system_calls([&] { again.run(2000); }));
 }
 
 TEST(Realtime, TenThousandTicksMakeNoSystemCall) {

@@ -40,6 +40,23 @@ void hash_layer(std::uint64_t& hash, const ProxyLayer& proxy) {
   }
 }
 
+void hash_burr(std::uint64_t& hash, const BurrState& burr) {
+  for (const double value :
+       {burr.inset_mm, burr.sunk_mm, burr.spare_mJ, burr.pressed_N, burr.edge_mm_per_s, burr.front_mm2,
+        burr.energy_mJ_per_mm3, burr.work_mJ, burr.taken_mm3, burr.open_s})
+    hash_double(hash, value);
+  hash_word(hash, static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.closed) << 1 |
+                      static_cast<std::uint64_t>(burr.full));
+  hash_word(hash, burr.first);
+  for (const Sweep& sweep : burr.pending()) {
+    for (int axis = 0; axis < 3; ++axis) {
+      hash_double(hash, sweep.from[axis]);
+      hash_double(hash, sweep.to[axis]);
+    }
+    hash_double(hash, sweep.radius_mm);
+  }
+}
+
 }  // namespace
 
 std::uint64_t SessionState::hash(int devices) const {
@@ -65,6 +82,8 @@ std::uint64_t SessionState::hash(int devices) const {
     hash_double(hash, coupling.stiffness_N_per_mm);
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, coupling.pull_mm[axis]);
     coupling.pull_velocity.hash_into(hash);
+    // a tool that is no burr has none
+    if (hands[d].burr.open_s > 0) hash_burr(hash, hands[d].burr);
     hash_wrench(hash, hands[d].asked);
     hash_wrench(hash, hands[d].difference);
     hash_double(hash, hands[d].blend_elapsed_s);

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "base/hash.h"
+#include "palpate/carving.h"
 #include "palpate/servo.h"
 #include "servo/acting_force.h"
 #include "servo/kept_surfaces.h"
@@ -73,10 +74,11 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
 
 // Where nobody knows how the tip got to where it is, nobody knows on which side of a surface it is. While the
 // force still fades out it is known.
-ProxyChange begin_contact_anew(const Model& model, std::span<const SurfaceBefore> before,
+ProxyChange begin_contact_anew(const Model& model, std::size_t device, std::span<const SurfaceBefore> before,
                                const OutputRequest& request, SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
-  const ProxyChange change{hand.proxy_version != model.version, before, hand.held_directly && !lost};
+  const std::uint64_t carved = model.carving != nullptr ? model.carving->sweeps(device) : 0;
+  const ProxyChange change{hand.proxy_version != model.version, before, hand.held_directly && !lost, carved};
   if (lost) {
     hand.proxy = {};
     hand.coupling = {};
@@ -126,9 +128,21 @@ bool outside(const Field& field, const Point<Patient>& x) {
   return false;
 }
 
-void tick_device(const Model& model, const Parameters& parameters, const DeviceParameters& own,
-                 const DeviceState& device, double dt_s, bool changed, std::span<const SurfaceBefore> before,
-                 const Transform<World, Patient>& X_WorldPatient,
+// It stands still while the hand gets no force by which it could tell what the tool does.
+MotorState motor_of(const Model& model, const Parameters& parameters, const DeviceParameters& own,
+                    const DeviceState& device, double max_force_N, double dt_s, const OutputRequest& request,
+                    const OutputState& output) {
+  if (!model.tool.burr) return {};
+  const int pedal = model.tool.burr->pedal;
+  const bool trodden = pedal >= 0 && (device.buttons >> pedal & 1u) != 0;
+  const bool force = !request.off && request.faults == 0 && output.gain == 1 && !output.away;
+  const bool runs = (parameters.motor || trodden) && force;
+  return {runs, next_limit_N(own.limits, max_force_N, dt_s, output) / own.force_gain};
+}
+
+void tick_device(const Model& model, std::size_t number, const Parameters& parameters,
+                 const DeviceParameters& own, const DeviceState& device, double dt_s, bool changed,
+                 std::span<const SurfaceBefore> before, const Transform<World, Patient>& X_WorldPatient,
                  const Transform<Patient, World>& X_PatientWorld, SessionState::Hand& hand, Wrench& wrench,
                  DeviceTick& out) {
   record_inputs(device, own, out);
@@ -155,9 +169,11 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
     const Vector<Patient> velocity_mm_s =
         follow_tip(device, tip, dt_s, (request.faults & kFlagJump) != 0, hand);
     if (parameters.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
-      const ProxyChange change = begin_contact_anew(model, before, request, hand);
+      const ProxyChange change = begin_contact_anew(model, number, before, request, hand);
+      const MotorState motor =
+          motor_of(model, parameters, own, device, max_force_N, dt_s, request, hand.output);
       tool = touch_by_proxy(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
-                            X_PatientWorld, dt_s, change, hand.proxy, hand.coupling);
+                            X_PatientWorld, dt_s, change, motor, hand);
     } else {
       hand.proxy = {};
       hand.coupling = {};
@@ -186,7 +202,8 @@ void tick_device(const Model& model, const Parameters& parameters, const DeviceP
 // what makes the forces: another value and they are blended
 std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::size_t devices) {
   std::uint64_t maker = kHashSeed;
-  hash_word(maker, model.version);
+  // what was taken away is felt at once
+  hash_word(maker, model.version - model.edits);
   const ForceMethod felt = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
   hash_word(maker, static_cast<std::uint64_t>(felt) << 3 | parameters.passivity << 2 |
                        parameters.friction << 1 | static_cast<std::uint64_t>(parameters.viscosity));
@@ -231,7 +248,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
                                      (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const bool known = state.hands[d].proxy_version == state.surfaces.version;
-    tick_device(model, parameters, parameters.device[d], devices[d], dt_s, changed,
+    tick_device(model, d, parameters, parameters.device[d], devices[d], dt_s, changed,
                 known ? surfaces_before : std::span<const SurfaceBefore>(), X_WorldPatient, X_PatientWorld,
                 state.hands[d], wrenches[d], record.device[d]);
     record.device[d].flags |= common_flags | ((holding >> d & 1) != 0 ? kFlagTurnHeld : 0u);

@@ -22,7 +22,7 @@ std::uint8_t switches_of(const Parameters& parameters) {
   return static_cast<std::uint8_t>(
       (parameters.friction ? kSwitchFriction : 0) | (parameters.viscosity ? kSwitchViscosity : 0) |
       (parameters.passivity ? kSwitchPassivity : 0) | (parameters.paused ? kSwitchPaused : 0) |
-      (parameters.emergency_stop ? kSwitchEmergencyStop : 0));
+      (parameters.emergency_stop ? kSwitchEmergencyStop : 0) | (parameters.motor ? kSwitchMotor : 0));
 }
 
 void record_inputs(const Model& model, const Parameters& parameters, const SessionState& state, double dt_s,

@@ -487,7 +487,7 @@ TEST(Tick, TheProxyTellsTheStructureOfASurfaceThatIsNotAtItsPlace) {
   outer.structure = 0;
   loop.model.surfaces[0].surface = nullptr;
   loop.model.surfaces.push_back(outer);
-  loop.model.labels = std::make_shared<const Volume<LabelId>>(loop.model.labels->geometry());
+  loop.model.labels = label_bricks(Volume<LabelId>(loop.model.labels->geometry()));
   ASSERT_EQ(loop.model.label_of_surface.size(), 1u);
   loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm - 0.5, 0, 0}, 100);
   EXPECT_GT(loop.wrench.force_N.x(), 0.3);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "palpate/telemetry.h"
 
@@ -93,6 +94,14 @@ Vector<Patient> normal_of(const ProxyResult& result) {
   const double off = aside.norm();
   if (off <= result.friction * ahead || off == 0) return walls;
   return (along + aside * (result.friction / off)).normalized();
+}
+
+/// @param turn  of the tool in World
+std::optional<Burr> burr_of(const Tool& tool, const MotorState& motor,
+                            const Transform<Patient, World>& X_PatientWorld, const Eigen::Matrix3d& turn) {
+  if (!tool.burr) return std::nullopt;
+  return Burr{tool.radius_mm, motor.runs ? tool.burr->revolutions_per_s : 0,
+              X_PatientWorld * Vector<World>(turn * tool.burr->spindle), tool.burr->grip, motor.most_press_N};
 }
 
 // what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
@@ -197,7 +206,7 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
                            const Vector<Patient>& velocity_mm_s,
                            const Transform<World, Patient>& X_WorldPatient,
                            const Transform<Patient, World>& X_PatientWorld, double dt_s,
-                           const ProxyChange& change, ProxyState& proxy, CouplingState& coupling) {
+                           const ProxyChange& change, const MotorState& motor, SessionState::Hand& hand) {
   // the tool as it is turned now, in the patient
   const Eigen::Matrix3d turn = R_WorldTool.normalized().toRotationMatrix();
   std::array<ToolSphere, kMostToolSpheres> tool_spheres;
@@ -208,20 +217,29 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
     tool_spheres[count++] = {X_PatientWorld * Vector<World>(turn * capsule.from_mm), capsule.radius_mm,
                              X_PatientWorld * Vector<World>(turn * (capsule.to_mm - capsule.from_mm))};
   const std::span<const ToolSphere> spheres{tool_spheres.data(), count};
-  const ToolPose hand(tip, Eigen::Quaterniond(Eigen::Matrix3d(X_PatientWorld.linear() * turn)));
+  const ToolPose held_at(tip, Eigen::Quaterniond(Eigen::Matrix3d(X_PatientWorld.linear() * turn)));
 
-  if (change.surfaces) keep_proxy(model.surfaces, spheres, hand, change.before, proxy);
-  if (change.method && !proxy.coupled) give_birth_to_proxy(model.surfaces, spheres, hand, proxy);
-  const ProxyResult result = advance_proxy(model.surfaces, spheres, hand, proxy,
-                                           {parameters.friction, most_stiffness_N_per_mm(gains), dt_s});
+  ProxyState& proxy = hand.proxy;
+  const std::optional<Burr> burr = burr_of(model.tool, motor, X_PatientWorld, turn);
+  if (burr) {
+    if (change.surfaces) settle_burr(model.surfaces, *burr, change.carved, proxy, hand.burr);
+    tool_spheres[0].radius_mm = burr->radius_mm - hand.burr.inset_mm;
+  }
+  if (change.surfaces) keep_proxy(model.surfaces, spheres, held_at, change.before, proxy);
+  if (change.method && !proxy.coupled) give_birth_to_proxy(model.surfaces, spheres, held_at, proxy);
+  const ProxyOptions options{parameters.friction, most_stiffness_N_per_mm(gains), dt_s};
+  const ProxyResult result = burr ? advance_burr(model.surfaces, *burr, held_at, proxy, hand.burr, options)
+                                  : advance_proxy(model.surfaces, spheres, held_at, proxy, options);
+  if (burr) tool_spheres[0].radius_mm = burr->radius_mm - hand.burr.sunk_mm;
   // as the proxy holds it
-  const TurnedTool held(spheres, hand.attitude, proxy.attitude);
+  const TurnedTool held(spheres, held_at.attitude, proxy.attitude);
   const Vector<Patient> pull_mm = proxy.coupled ? (proxy.position - tip) * proxy.part : Vector<Patient>();
   const double most_N_s_per_mm = most_damping_N_s_per_mm(gains);
   const double damping_N_s_per_mm =
       std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
   // the layers within are met as they are: what is felt of them comes in with the depth
   const ProxyForce& outermost = result.outermost;
+  CouplingState& coupling = hand.coupling;
   const double less = 1 - coupled(outermost, pull_mm, damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;
   tool.strongest =

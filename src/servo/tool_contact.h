@@ -50,17 +50,24 @@ ToolContact touch_with_tool(const Model& model, const Parameters& parameters, co
 struct ProxyChange {
   bool surfaces = false;                  ///< it is on those of another version of the model
   std::span<const SurfaceBefore> before;  ///< these, one for each of the model's
-  bool method = false;  ///< a direct method pushed until now: where the tip is inside, a proxy is born
+  bool method = false;       ///< a direct method pushed until now: where the tip is inside, a proxy is born
+  std::uint64_t carved = 0;  ///< so many sweeps of the tool's burr are taken from the surfaces
 };
 
-/// The same by the proxy, which remembers where it is. Friction is its own, viscosity that of the direct
-/// methods.
+/// What runs a burr in a tick.
+struct MotorState {
+  bool runs = false;
+  double most_press_N = 0;  ///< in the patient
+};
+
+/// The same by the proxy, which remembers where it is, and by a burr, which takes away what it touches.
+/// Friction is its own, viscosity that of the direct methods.
 ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, const DeviceParameters& gains,
                            const Eigen::Quaterniond& R_WorldTool, const Point<Patient>& tip,
                            const Vector<Patient>& velocity_mm_s,
                            const Transform<World, Patient>& X_WorldPatient,
                            const Transform<Patient, World>& X_PatientWorld, double dt_s,
-                           const ProxyChange& change, ProxyState& proxy, CouplingState& coupling);
+                           const ProxyChange& change, const MotorState& motor, SessionState::Hand& hand);
 /// Time constant with which the stiffness that is felt follows that of the surfaces touched.
 inline constexpr double kSeam_s = 0.015;
 

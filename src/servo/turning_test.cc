@@ -28,11 +28,11 @@ struct TurningWall {
     // below is posterior, +y of the patient
     const GridGeometry grid = model.labels->geometry();
     const auto depth_mm = [](const Eigen::Vector3d& p) { return -p.y(); };
-    auto labels = std::make_shared<Volume<LabelId>>(grid);
+    Volume<LabelId> labels(grid);
     for (std::size_t v = 0; v < grid.voxel_count(); ++v)
-      labels->voxels()[v] =
+      labels.voxels()[v] =
           static_cast<int>(v) / grid.dims[0] % grid.dims[1] > grid.dims[1] / 2 ? testing::kBone : LabelId{0};
-    model.labels = labels;
+    model.labels = label_bricks(labels);
     FeltSurface wall = testing::felt_surface(grid, depth_mm, 20);
     wall.stiffness_N_per_mm = kWall_N_per_mm;
     model.surfaces = {wall};

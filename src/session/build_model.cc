@@ -82,6 +82,7 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   tissue.friction_coefficient = settings.friction_coefficient;
   tissue.static_friction = settings.static_friction.value_or(settings.friction_coefficient);
   if (settings.puncture_N) tissue.puncture_N = *settings.puncture_N;
+  tissue.cutting_energy_mJ_per_mm3 = settings.cutting_energy_mJ_per_mm3;
   tissue.friction_damping_N_s_per_mm = settings.friction_damping_N_s_per_mm;
   tissue.friction_max_N = settings.friction_max_N;
   tissue.viscosity_N_s_per_mm = settings.viscosity_N_s_per_mm;
@@ -109,7 +110,10 @@ std::uint64_t content_hash(const Model& model) {
         hash_bytes(hash, volume.voxels().data(), volume.voxels().size() * sizeof(volume.voxels()[0]));
       },
       model.field->storage());
-  hash_bytes(hash, model.labels->voxels().data(), model.labels->voxels().size() * sizeof(LabelId));
+  {
+    const Volume<LabelId> labels = model.labels->dense();
+    hash_bytes(hash, labels.voxels().data(), labels.voxels().size() * sizeof(LabelId));
+  }
   const auto X = model.field->geometry().X_PatientVoxel();
   for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);
@@ -128,6 +132,13 @@ std::uint64_t content_hash(const Model& model) {
       hash_double(hash, capsule.to_mm[axis]);
     }
     hash_double(hash, capsule.radius_mm);
+  }
+  if (const auto& burr = model.tool.burr) {
+    hash_double(hash, burr->revolutions_per_s);
+    hash_double(hash, burr->grip);
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr->spindle[axis]);
+    hash_word(hash, static_cast<std::uint64_t>(burr->pedal));
+    for (const Tissue& tissue : model.tissues) hash_double(hash, tissue.cutting_energy_mJ_per_mm3);
   }
   for (const double value :
        {model.sigma_mm, model.ramp_width_mm, model.reach_mm, model.scene_max_force_N,
@@ -164,16 +175,15 @@ Side side_from_anatomy(const Model& model) {
   const GridGeometry& grid = model.labels->geometry();
   Eigen::Vector3d sum[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   double count[2] = {0, 0};
-  std::size_t at = 0;
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i, ++at) {
-        const LabelId label = model.labels->voxels()[at];
-        if (label != tibia->id && label != fibula->id) continue;
-        const int which = label == fibula->id;
-        sum[which] += Eigen::Vector3d(i, j, k);
-        count[which] += 1;
-      }
+  model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+    for (int n = 0; n < piece.count; ++n) {
+      const LabelId label = piece.voxels[n];
+      if (label != tibia->id && label != fibula->id) continue;
+      const int which = label == fibula->id;
+      sum[which] += Eigen::Vector3d(piece.i + n, piece.j, piece.k);
+      count[which] += 1;
+    }
+  });
   if (count[0] == 0 || count[1] == 0) return Side::kUnknown;
   const auto X = grid.X_PatientVoxel();
   const double lateral_mm =
@@ -238,7 +248,7 @@ void warn_of_thin(const Model& model, const Ramps& ramps, const Warn& warn) {
 }
 
 Result<std::shared_ptr<const Field>> ramp_field(const PreparationSettings& preparation,
-                                                const Volume<LabelId>& labels, const Progress& progress,
+                                                const Bricks<LabelId>& labels, const Progress& progress,
                                                 const Warn& warn, Model& model) {
   const auto width_mm = ramp_width_mm(preparation, labels.geometry());
   if (!width_mm) return width_mm.error();
@@ -353,7 +363,9 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
     if (tissue >= 0 && scene.tissues[tissue].colour) segment.colour = *scene.tissues[tissue].colour;
   }
 
-  auto field = ramps ? ramp_field(scene.preparation, flat, progress, warn, *model)
+  model->labels = label_bricks(flat);
+  flat = {};
+  auto field = ramps ? ramp_field(scene.preparation, *model->labels, progress, warn, *model)
                      : smoothed_field(scene.preparation, weights, progress);
   if (!field) {
     Error error = field.error();
@@ -368,7 +380,6 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   model->reach_mm = grid.spacing_mm.maxCoeff() +
                     (ramps ? kDeepestRamp_mm : 4 * model->sigma_mm + (by_threshold ? kThresholdRamp_mm : 0));
 
-  model->labels = std::make_shared<const Volume<LabelId>>(std::move(flat));
   if (common->moved_scan)
     model->scan = std::make_shared<const Volume<float>>(*std::move(common->moved_scan));
   else if (common->scan())

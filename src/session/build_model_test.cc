@@ -77,7 +77,7 @@ TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
       const auto model = build_model(scene, &labels, nullptr);
       ASSERT_TRUE(model.ok()) << model.error().message();
       EXPECT_FALSE(is_anything_felt(**model));
-      EXPECT_EQ((*model)->labels->voxels(), labels.layers[0].voxels());
+      EXPECT_EQ((*model)->labels->dense().voxels(), labels.layers[0].voxels());
       const Volume<float> field = (*model)->field->values();
       EXPECT_TRUE(std::all_of(field.voxels().begin(), field.voxels().end(), [](float v) { return v == 0; }));
       EXPECT_EQ((*model)->force_field(ForceMethod::kTrilinear).sample(Point<Patient>(20, 20, 20)).value, 0);
@@ -197,7 +197,8 @@ TEST(BuildModel, CoarserLabelsMoveOntoTheScansGridByNearestNeighbour) {
   ASSERT_TRUE(model.ok());
   EXPECT_EQ(warnings.size(), 2u) << "moved, and part of the labels lies outside";
   EXPECT_TRUE((*model)->labels->geometry().same_grid(scan.geometry()));
-  for (const LabelId label : (*model)->labels->voxels()) ASSERT_LE(label, 4) << "no label is invented";
+  const Volume<LabelId> felt_labels = (*model)->labels->dense();
+  for (const LabelId label : felt_labels.voxels()) ASSERT_LE(label, 4) << "no label is invented";
   EXPECT_EQ((*model)->labels->at(20, 30, 30), labels.layers[0].at(10, 15, 15));
 }
 
@@ -468,9 +469,10 @@ TEST(BuildModel, TheGapsOfAKneeAreFree) {
   EXPECT_EQ(value_at(*ramps, 43, 272, 238), 0);
   EXPECT_EQ(value_at(*ramps, 72, 345, 271), 0);
   const auto field = std::get<Volume<std::uint16_t>>(ramps->field->storage());
+  const Volume<LabelId> felt_labels = ramps->labels->dense();
   std::size_t outside = 0, inside = 0;
   for (std::size_t v = 0; v < field.voxels().size(); ++v) {
-    const bool felt = ramps->is_felt(ramps->labels->voxels()[v]);
+    const bool felt = ramps->is_felt(felt_labels.voxels()[v]);
     outside += !felt && field.voxels()[v] != 0 ? 1 : 0;
     inside += felt && field.voxels()[v] == 0 ? 1 : 0;
   }

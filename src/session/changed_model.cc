@@ -148,8 +148,20 @@ std::shared_ptr<const Model> taking_fields(const Model& felt, const Model& field
   return next;
 }
 
+std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut> cuts) {
+  const std::shared_ptr<const Carving> before =
+      felt.carving != nullptr ? felt.carving : std::make_shared<const Carving>(felt);
+  return before->with(cuts);
+}
+
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
-                                   const Progress& progress) {
+                                   std::span<const Cut> cuts, const Progress& progress) {
+  if (change.tissue == ModelChange::kCut) {
+    if (!now.felt->has(ForceMethod::kProxy))
+      return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model is prepared without", "",
+                   ""};
+    return ModelVersions{carved_by(*now.felt, cuts)->taken_from(*now.felt), now.made};
+  }
   if (change.tissue != ModelChange::kFieldsMadeAnew) {
     auto felt = changed_model(*now.felt, *now.made, change);
     if (!felt) return felt.error();

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <memory>
+#include <span>
 
+#include "palpate/carving.h"
 #include "palpate/haptics.h"
 #include "palpate/recording.h"
 
@@ -13,9 +15,12 @@ namespace palpate {
 struct ModelVersions {
   std::shared_ptr<const Model> felt, made;
 };
-/// What a ModelChange leads to, of either kind. Errors: those below.
+/// What a ModelChange leads to, of any kind. Errors: those below.
+/// @param cuts  by which a version is cut; of the other kinds none
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
-                                   const Progress& progress = {});
+                                   std::span<const Cut> cuts = {}, const Progress& progress = {});
+/// What is taken from a model after more cuts. It is prepared for the proxy.
+std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut> cuts);
 
 /// The values of a tissue, as a change that leaves them as they are.
 ModelChange unchanged(const Model& model, std::size_t tissue);

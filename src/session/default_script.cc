@@ -20,8 +20,7 @@ bool has_every_structure(const Model& model, const Script& script) {
 
 // the felt structures with most voxels, largest first
 std::vector<LabelId> largest_felt(const Model& model, std::size_t most) {
-  std::vector<std::size_t> voxels(65536, 0);
-  for (const LabelId label : model.labels->voxels()) ++voxels[label];
+  const std::vector<std::size_t> voxels = label_counts(*model.labels);
   std::vector<LabelId> labels;
   for (const Segment& segment : model.segments)
     if (model.is_felt(segment.id) && voxels[segment.id] > 0) labels.push_back(segment.id);
@@ -36,9 +35,12 @@ std::vector<double> most_forces_N(const Model& model) {
   if (model.ramp_width_mm > 0) {
     std::fill(most.begin(), most.end(), 0.0);
     const Volume<float> values = model.field->values();
-    for (std::size_t v = 0; v < values.voxels().size(); ++v)
-      if (const LabelId label = model.labels->voxels()[v]; label < most.size())
-        most[label] = std::max(most[label], static_cast<double>(values.voxels()[v]));
+    model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+      const float* const value = &values.at(piece.i, piece.j, piece.k);
+      for (int n = 0; n < piece.count; ++n)
+        if (const LabelId label = piece.voxels[n]; label < most.size())
+          most[label] = std::max(most[label], static_cast<double>(value[n]));
+    });
   }
   const double full_N = model.force_field(ForceMethod::kTrilinear).full_force_N();
   for (double& value : most) value *= full_N;

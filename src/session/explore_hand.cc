@@ -68,7 +68,7 @@ void HandThread::move(double dt_s) {
 
   // viewers turn the object too
   const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
-  HandCommands commands{rotation_target, {}};
+  HandCommands commands{rotation_target, {}, {}};
   const auto intention = hand_.next(felt, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {
@@ -81,10 +81,11 @@ void HandThread::move(double dt_s) {
   wanted_ = *intention;
   intend(*intention);
   const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
-  if (!turned && !commands.method) return;
+  if (!turned && !commands.method && !commands.motor) return;
   change_told(loop_, told_, {Asker::kScript}, [&](Parameters& parameters) {
     if (turned) parameters.rotation_target = commands.rotation_target;
     if (commands.method) parameters.method = *commands.method;
+    if (commands.motor) parameters.motor = *commands.motor;
   });
 }
 

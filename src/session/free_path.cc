@@ -45,18 +45,17 @@ FreeSpace::FreeSpace(const Model& model, double reach_mm)
   // a cell with any felt voxel in it is taken
   clearance_.assign(static_cast<std::size_t>(cells_[0]) * cells_[1] * cells_[2], kFar);
   std::vector<Cell> front;
-  std::size_t at = 0;
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i, ++at) {
-        const LabelId label = model.labels->voxels()[at];
-        if (label == 0 || !model.is_felt(label)) continue;
-        const Cell c{i / voxels_per_cell_[0] + margin_, j / voxels_per_cell_[1] + margin_,
-                     k / voxels_per_cell_[2] + margin_};
-        if (clearance_[index(c)] == 0) continue;
-        clearance_[index(c)] = 0;
-        front.push_back(c);
-      }
+  model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+    if (piece.uniform && !model.is_felt(*piece.voxels)) return;
+    for (int n = 0; n < piece.count; ++n) {
+      if (piece.voxels[n] == 0 || !model.is_felt(piece.voxels[n])) continue;
+      const Cell c{(piece.i + n) / voxels_per_cell_[0] + margin_, piece.j / voxels_per_cell_[1] + margin_,
+                   piece.k / voxels_per_cell_[2] + margin_};
+      if (clearance_[index(c)] == 0) continue;
+      clearance_[index(c)] = 0;
+      front.push_back(c);
+    }
+  });
 
   // clearance in steps, breadth first from the taken cells
   for (std::uint8_t steps = 1; steps < kFar && !front.empty(); ++steps) {

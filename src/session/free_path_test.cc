@@ -12,18 +12,18 @@ Model wall_model(bool hole) {
   Model model = testing::ball_model({2, 2, 2});
   GridGeometry grid;
   grid.dims = {60, 60, 60};
-  auto labels = std::make_shared<Volume<LabelId>>(grid);
+  Volume<LabelId> labels(grid);
   for (int k = 0; k < 60; ++k)
     for (int j = 0; j < 60; ++j)
-      if (!hole || std::abs(j - 45) > 4 || std::abs(k - 20) > 4) labels->at(30, j, k) = testing::kBone;
-  model.labels = labels;
+      if (!hole || std::abs(j - 45) > 4 || std::abs(k - 20) > 4) labels.at(30, j, k) = testing::kBone;
+  model.labels = label_bricks(labels);
   return model;
 }
 
 bool meets_bone(const Model& model, const Point<Patient>& p) {
   const Point<Voxel> v = model.labels->geometry().X_PatientVoxel().inverse() * p;
-  return model.labels->at_or(static_cast<int>(std::lround(v.x())), static_cast<int>(std::lround(v.y())),
-                             static_cast<int>(std::lround(v.z())), 0) == testing::kBone;
+  return model.labels->anywhere(static_cast<int>(std::lround(v.x())), static_cast<int>(std::lround(v.y())),
+                                static_cast<int>(std::lround(v.z()))) == testing::kBone;
 }
 
 TEST(FreeSpace, GoesThroughTheHoleAndNotThroughTheWall) {
@@ -55,13 +55,13 @@ TEST(FreeSpace, KeepsOffStructuresWhereItCan) {
 
 TEST(FreeSpace, FindsNoWayIntoAClosedShell) {
   Model model = testing::ball_model({1, 1, 1});
-  auto labels = std::make_shared<Volume<LabelId>>(*model.labels);
-  const auto X = labels->geometry().X_PatientVoxel();
-  for (int k = 0; k < labels->geometry().dims[2]; ++k)
-    for (int j = 0; j < labels->geometry().dims[1]; ++j)
-      for (int i = 0; i < labels->geometry().dims[0]; ++i)
-        if ((X * Point<Voxel>(i, j, k)).eigen().norm() < 10) labels->at(i, j, k) = 0;
-  model.labels = labels;
+  Volume<LabelId> labels = model.labels->dense();
+  const auto X = labels.geometry().X_PatientVoxel();
+  for (int k = 0; k < labels.geometry().dims[2]; ++k)
+    for (int j = 0; j < labels.geometry().dims[1]; ++j)
+      for (int i = 0; i < labels.geometry().dims[0]; ++i)
+        if ((X * Point<Voxel>(i, j, k)).eigen().norm() < 10) labels.at(i, j, k) = 0;
+  model.labels = label_bricks(labels);
   EXPECT_TRUE(FreeSpace(model).path(Point<Patient>(26, 0, 0), Point<Patient>(0, 0, 0)).empty());
 }
 

@@ -90,7 +90,7 @@ cache::Key key_of_labels(std::string_view kind, const cache::Digest& of_labels) 
 
 // ---- ramps ---------------------------------------------------------------------------------------
 
-std::optional<cache::Digest> key_of_ramps(const Volume<LabelId>& labels,
+std::optional<cache::Digest> key_of_ramps(const Bricks<LabelId>& labels,
                                           const std::vector<RampStructure>& structures,
                                           const RampOptions& options) {
   const auto of_labels = labels_digest(labels);
@@ -118,7 +118,7 @@ void put_ramps(const Ramps& ramps, FieldWriter& out) {
   }
 }
 
-std::optional<Ramps> get_ramps(FieldReader& in, const Volume<LabelId>& labels,
+std::optional<Ramps> get_ramps(FieldReader& in, const Bricks<LabelId>& labels,
                                const std::vector<RampStructure>& structures) {
   Ramps ramps;
   ramps.field = Volume<std::uint16_t>(labels.geometry());
@@ -257,9 +257,9 @@ std::optional<cache::Digest> key_of_phantom(const PhantomParameters& parameters)
 
 }  // namespace
 
-std::optional<cache::Digest> labels_digest(const Volume<LabelId>& labels) {
+std::optional<cache::Digest> labels_digest(const Bricks<LabelId>& labels) {
   if (!cache::is_kept()) return std::nullopt;
-  const auto of_voxels = cache::digest_of(labels.voxels());
+  const auto of_voxels = cache::digest_of(labels.dense().voxels());
   if (!of_voxels) return std::nullopt;
   cache::Key key("labels", kPreparationVersion);
   key.put(*of_voxels);
@@ -267,7 +267,7 @@ std::optional<cache::Digest> labels_digest(const Volume<LabelId>& labels) {
   return key.digest();
 }
 
-Result<Ramps> kept_ramps(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures,
+Result<Ramps> kept_ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                          const RampOptions& options, const Progress& progress) {
   const auto key = key_of_ramps(labels, structures, options);
   auto kept = find_kept<Ramps>(key, [&](FieldReader& in) { return get_ramps(in, labels, structures); });
@@ -295,7 +295,7 @@ Result<Volume<std::uint16_t>> kept_smooth_16(const Volume<std::uint8_t>& weights
 }
 
 Result<std::vector<std::pair<LabelId, LabelId>>> kept_touching_pairs(
-    const Volume<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
+    const Bricks<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
     const std::vector<LabelId>& structures, const Progress& progress) {
   using Pairs = std::vector<std::pair<LabelId, LabelId>>;
   std::optional<cache::Digest> key;
@@ -337,7 +337,7 @@ Result<std::vector<std::pair<LabelId, LabelId>>> kept_touching_pairs(
 }
 
 Result<std::vector<std::shared_ptr<const Surface>>> kept_outer_surfaces(
-    const Volume<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
+    const Bricks<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
     const std::vector<std::vector<LabelId>>& groups, const SurfaceOptions& options,
     const Progress& progress) {
   std::vector<std::shared_ptr<const Surface>> surfaces(groups.size());

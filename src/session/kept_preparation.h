@@ -22,9 +22,9 @@ namespace palpate {
 inline constexpr std::uint32_t kPreparationVersion = 2;
 
 /// By which kept results of labels are found: of their voxels and grid. Nothing where nothing is kept.
-std::optional<cache::Digest> labels_digest(const Volume<LabelId>& labels);
+std::optional<cache::Digest> labels_digest(const Bricks<LabelId>& labels);
 
-Result<Ramps> kept_ramps(const Volume<LabelId>& labels, const std::vector<RampStructure>& structures,
+Result<Ramps> kept_ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                          const RampOptions& options, const Progress& progress);
 
 Result<Volume<std::uint8_t>> kept_smooth(const Volume<std::uint8_t>& weights, const GaussianOptions& options,
@@ -34,13 +34,13 @@ Result<Volume<std::uint16_t>> kept_smooth_16(const Volume<std::uint8_t>& weights
 
 /// @param of_labels  labels_digest(labels)
 Result<std::vector<std::pair<LabelId, LabelId>>> kept_touching_pairs(
-    const Volume<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
+    const Bricks<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
     const std::vector<LabelId>& structures, const Progress& progress);
 
 /// The surfaces of prepare_outer_surfaces, in the order of the groups.
 /// @param of_labels  labels_digest(labels)
 Result<std::vector<std::shared_ptr<const Surface>>> kept_outer_surfaces(
-    const Volume<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
+    const Bricks<LabelId>& labels, const std::optional<cache::Digest>& of_labels,
     const std::vector<std::vector<LabelId>>& groups, const SurfaceOptions& options, const Progress& progress);
 
 /// resample_linear and resample_nearest.

@@ -153,7 +153,7 @@ std::vector<std::uint64_t> surface_hashes(const Model& model) {
 
 void expect_same_model(const Model& a, const Model& b) {
   EXPECT_EQ(a.content_hash, b.content_hash);
-  EXPECT_EQ(a.labels->voxels(), b.labels->voxels());
+  EXPECT_EQ(a.labels->dense().voxels(), b.labels->dense().voxels());
   EXPECT_EQ(a.field->storage().index(), b.field->storage().index());
   EXPECT_EQ(hash_of(a.field->values().voxels()), hash_of(b.field->values().voxels()));
   ASSERT_EQ(a.scan != nullptr, b.scan != nullptr);
@@ -437,7 +437,8 @@ TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
   SCOPED_TRACE(seed);
   std::mt19937 random(seed);
   const LabelMap map = kept_ball(10);
-  const Volume<LabelId>& labels = map.layers[0];
+  const auto in_bricks = label_bricks(map.layers[0]);
+  const Bricks<LabelId>& labels = *in_bricks;
   const std::vector<LabelId> structures{1, 2, 3};
   const std::vector<RampStructure> ramps{{1, 1.5, {}}, {2, 1.5, {}}, {3, 0.5, {1, 2}}};
   const auto all = [&] {
@@ -447,10 +448,10 @@ TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
     const auto surfaces = kept_outer_surfaces(labels, of_labels, {structures}, {.reach_mm = 1}, {});
     const auto smooth = kept_smooth(Volume<std::uint8_t>(labels.geometry(), 5), {}, {});
     PALPATE_CHECK(field.ok() && touching.ok() && surfaces.ok() && smooth.ok());
-    EXPECT_EQ(field->field.voxels().size(), labels.voxels().size());
+    EXPECT_EQ(field->field.voxels().size(), labels.geometry().voxel_count());
     EXPECT_LE(field->structures.size(), ramps.size());
     for (const auto& [a, b] : *touching) EXPECT_TRUE(a >= 1 && a <= 3 && b >= 1 && b <= 3);
-    EXPECT_EQ(smooth->voxels().size(), labels.voxels().size());
+    EXPECT_EQ(smooth->voxels().size(), labels.geometry().voxel_count());
     (*surfaces)[0]->distance_mm(labels.geometry().centre());
     (*surfaces)[0]->at_least_mm(labels.geometry().centre());
     return (*surfaces)[0]->content_hash();
@@ -521,8 +522,9 @@ TEST_F(KeptPreparation, GoldenHash) {
   std::uint64_t hash = model.content_hash;
   for (const std::uint64_t surface : surface_hashes(model)) hash_word(hash, surface);
   hash_word(hash, hash_of(model.scan->voxels()));
-  const auto weights = Volume<std::uint8_t>(model.labels->geometry(),
-                                            {model.labels->voxels().begin(), model.labels->voxels().end()});
+  const Volume<LabelId> labels = model.labels->dense();
+  const auto weights =
+      Volume<std::uint8_t>(labels.geometry(), {labels.voxels().begin(), labels.voxels().end()});
   const auto smooth = gaussian_smooth(weights, {});
   const auto smooth_16 = gaussian_smooth_16(weights, {});
   hash_bytes(hash, smooth->voxels().data(), smooth->voxels().size());

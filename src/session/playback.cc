@@ -68,14 +68,24 @@ class Place {
   bool playing_ = false;
 };
 
+/// What the model became while it was recorded.
+struct Edits {
+  std::vector<ModelChange> tissues;
+  // in the order of the versions that are cut by them
+  std::vector<SweepRecord> sweeps;
+  std::vector<std::uint32_t> version_of_sweep;
+};
+// an hour of milling without a break; what comes after is not shown
+constexpr std::size_t kMostSweeps = 1'000'000;
+
 class Playback final : public ViewerHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
-           const TickRecord& first, std::vector<double> begins_s, std::vector<ModelChange> changes)
+           const TickRecord& first, std::vector<double> begins_s, Edits edits)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
-        changes_(std::move(changes)),
+        edits_(std::move(edits)),
         place_(scene_.recording->begin_s, scene_.recording->end_s),
         shown_(first),
         blocks_(
@@ -119,10 +129,14 @@ class Playback final : public ViewerHost {
     state.viscosity = shown_.switches & kSwitchViscosity;
     state.passivity = shown_.switches & kSwitchPassivity;
     state.paused = shown_.switches & kSwitchPaused;
+    state.motor = shown_.switches & kSwitchMotor;
     state.max_force_N = shown_.max_force_N;
     state.rotation_wxyz = shown_.rotation_target_wxyz;
     state.model_version = shown_.model_version;
     state.tissues = tissues_at(shown_.model_version);
+    state.sweeps =
+        static_cast<std::uint64_t>(std::ranges::upper_bound(edits_.version_of_sweep, shown_.model_version) -
+                                   edits_.version_of_sweep.begin());
     state.playback = {place_.playing(), place_.speed(), blocks_.failure()};
     return state;
   }
@@ -138,6 +152,11 @@ class Playback final : public ViewerHost {
     place_.stop();
   }
 
+  std::vector<SweepRecord> sweeps(std::uint64_t first, std::size_t most) const override {
+    const std::size_t from = static_cast<std::size_t>(std::min<std::uint64_t>(first, edits_.sweeps.size()));
+    const auto next = std::span(edits_.sweeps).subspan(from, std::min(most, edits_.sweeps.size() - from));
+    return {next.begin(), next.end()};
+  }
   Result<Grant> set(const SettingsRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const TissueRequest& /*request*/) override { return is_a_recording(); }
   Result<void> rearm(const RearmRequest& /*request*/) override { return is_a_recording(); }
@@ -152,7 +171,7 @@ class Playback final : public ViewerHost {
   // as the changes left them that had led to that version
   std::vector<ViewedTissueState> tissues_at(std::uint32_t version) const {
     auto tissues = viewed_tissues(*model_);
-    for (const ModelChange& change : changes_)
+    for (const ModelChange& change : edits_.tissues)
       if (change.version <= version && change.tissue < tissues.size())
         tissues[change.tissue] = {change.stiffness_N_per_mm, change.static_friction, change.dynamic_friction,
                                   change.viscosity_N_s_per_mm};
@@ -162,7 +181,7 @@ class Playback final : public ViewerHost {
   const RecordingHeader header_;
   const std::shared_ptr<const Model> model_;
   const ViewedScene scene_;
-  const std::vector<ModelChange> changes_;
+  const Edits edits_;
 
   mutable std::mutex mutex_;  // of what follows
   mutable Place place_;
@@ -187,15 +206,22 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   RecordingLine line(head);
   TickRecord first;
   std::vector<double> begins_s;
-  std::vector<ModelChange> changes;
+  Edits edits;
   std::uint64_t row = 0;
   const auto seen = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
         progress.report("looking through the recording",
                         static_cast<double>(row) / static_cast<double>(head.ticks));
         line.see(part);
-        for (const RecordingEvent& event : part.events)
-          if (event.kind == RecordingEvent::Kind::kModel) changes.push_back(event.change);
+        for (const RecordingEvent& event : part.events) {
+          if (event.kind == RecordingEvent::Kind::kModel && event.change.tissue < ModelChange::kCut)
+            edits.tissues.push_back(event.change);
+          if (event.kind != RecordingEvent::Kind::kSweep || edits.sweeps.size() == kMostSweeps) continue;
+          // versions only rise, whatever a file says
+          const std::uint32_t last = edits.version_of_sweep.empty() ? 0 : edits.version_of_sweep.back();
+          edits.sweeps.push_back(event.sweep);
+          edits.version_of_sweep.push_back(std::max(last, event.number));
+        }
         for (const TickRecord& tick : part.ticks) {
           if (row == 0) first = tick;
           if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
@@ -216,7 +242,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   try {
     return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(std::move(recording), std::move(model),
                                                                   std::move(scene), first,
-                                                                  std::move(begins_s), std::move(changes)));
+                                                                  std::move(begins_s), std::move(edits)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
                  "end other programs"};

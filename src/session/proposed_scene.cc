@@ -63,8 +63,10 @@ Result<ProposedScene> propose_scene(const std::filesystem::path& file,
 }
 
 bool is_anything_felt(const Model& model) {
-  const auto& voxels = model.labels->voxels();
-  return std::any_of(voxels.begin(), voxels.end(), [&](LabelId label) { return model.is_felt(label); });
+  const std::vector<std::size_t> voxels = label_counts(*model.labels);
+  for (std::size_t label = 0; label < voxels.size(); ++label)
+    if (voxels[label] > 0 && model.is_felt(static_cast<LabelId>(label))) return true;
+  return false;
 }
 
 Result<void> check_felt(const LoadedScene& loaded) {

@@ -24,17 +24,16 @@ std::vector<bool> supports_of(const Model& model, int tissue) {
 
 }  // namespace
 
-std::vector<RampStructure> ramp_structures(const Model& model, const Volume<LabelId>& labels) {
-  std::vector<bool> present(65536, false);
-  for (const LabelId label : labels.voxels()) present[label] = true;
+std::vector<RampStructure> ramp_structures(const Model& model, const Bricks<LabelId>& labels) {
+  const std::vector<std::size_t> present = label_counts(labels);
   std::vector<RampStructure> structures;
   for (std::size_t id = 1; id < model.tissue_of_label.size(); ++id) {
     const auto label = static_cast<LabelId>(id);
-    if (!present[id] || !model.is_felt(label)) continue;
+    if (present[id] == 0 || !model.is_felt(label)) continue;
     const std::vector<bool> supports = supports_of(model, model.tissue_of_label[id]);
     RampStructure structure{label, model.tissue_of(label)->stiffness_N_per_mm, {}};
     for (std::size_t other = 1; other < model.tissue_of_label.size(); ++other)
-      if (present[other] && model.is_felt(static_cast<LabelId>(other)) &&
+      if (present[other] > 0 && model.is_felt(static_cast<LabelId>(other)) &&
           supports[static_cast<std::size_t>(model.tissue_of_label[other])])
         structure.rests_on.push_back(static_cast<LabelId>(other));
     structures.push_back(std::move(structure));

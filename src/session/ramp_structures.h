@@ -9,7 +9,7 @@
 namespace palpate {
 
 /// The felt structures that a volume has, with what each rests on, as prepare_ramps takes them.
-std::vector<RampStructure> ramp_structures(const Model& model, const Volume<LabelId>& labels);
+std::vector<RampStructure> ramp_structures(const Model& model, const Bricks<LabelId>& labels);
 
 /// A tissue's share of the field's full scale, of 255: its stiffness relative to the stiffest, at least one
 /// step.

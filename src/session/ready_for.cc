@@ -16,12 +16,11 @@ namespace {
 
 // every label that is felt and has voxels, ascending
 std::vector<LabelId> felt_structures(const Model& model) {
-  std::vector<char> there(model.tissue_of_label.size(), 0);
-  for (const LabelId label : model.labels->voxels())
-    if (model.is_felt(label)) there[label] = 1;
+  const std::vector<std::size_t> voxels = label_counts(*model.labels);
   std::vector<LabelId> felt;
-  for (std::size_t label = 1; label < there.size(); ++label)
-    if (there[label]) felt.push_back(static_cast<LabelId>(label));
+  for (std::size_t label = 1; label < voxels.size(); ++label)
+    if (voxels[label] > 0 && model.is_felt(static_cast<LabelId>(label)))
+      felt.push_back(static_cast<LabelId>(label));
   return felt;
 }
 
@@ -69,6 +68,7 @@ class SurfacesNeeded {
       structure.static_friction = tissue.static_friction;
       structure.dynamic_friction = tissue.friction_coefficient;
       structure.puncture_N = tissue.puncture_N;
+      structure.cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
       surfaces_.push_back(structure);
     }
     for (const std::vector<LabelId>& group : touching_groups(felt, touching)) {
@@ -83,7 +83,7 @@ class SurfacesNeeded {
 
   /// The model's surfaces with their shapes. Errors: those of prepare_outer_surfaces.
   /// @param of_labels  labels_digest(labels)
-  Result<std::vector<FeltSurface>> prepare(const Volume<LabelId>& labels,
+  Result<std::vector<FeltSurface>> prepare(const Bricks<LabelId>& labels,
                                            const std::optional<cache::Digest>& of_labels,
                                            const Progress& progress) {
     // what is prepared together has no structure in common
@@ -166,7 +166,7 @@ class SurfacesNeeded {
   }
 
   // each looks at the whole volume
-  bool add_owners(const Volume<LabelId>& labels, const Progress& progress) {
+  bool add_owners(const Bricks<LabelId>& labels, const Progress& progress) {
     std::vector<const Part*> shared;
     for (const auto& [together, parts] : parts_)
       for (const Part& part : parts)
@@ -181,7 +181,7 @@ class SurfacesNeeded {
   }
 
   std::shared_ptr<const Owners> owners_of(const std::vector<LabelId>& structures,
-                                          const Volume<LabelId>& labels) const {
+                                          const Bricks<LabelId>& labels) const {
     std::vector<std::int16_t> structure_of_label(std::numeric_limits<LabelId>::max() + std::size_t{1}, -1);
     for (const LabelId label : structures)
       structure_of_label[label] = static_cast<std::int16_t>(place_of(label));

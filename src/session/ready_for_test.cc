@@ -85,7 +85,7 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
     GridGeometry grid;
     constexpr int kStructures = 10;
     grid.dims = {12, 12, 3 * kStructures + 6};
-    auto labels = std::make_shared<Volume<LabelId>>(grid);
+    Volume<LabelId> labels(grid);
     model.tissues.resize(1);
     model.tissue_of_label.assign(kStructures + 1, -1);
     const Tissue tissue = model.tissues[0];
@@ -96,9 +96,9 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
       model.tissue_of_label[static_cast<std::size_t>(n) + 1] = static_cast<std::int16_t>(n);
       for (int k = 0; k < 3; ++k)
         for (int j = 3; j < 9; ++j)
-          for (int i = 3; i < 9; ++i) labels->at(i, j, 3 + 3 * n + k) = static_cast<LabelId>(n + 1);
+          for (int i = 3; i < 9; ++i) labels.at(i, j, 3 + 3 * n + k) = static_cast<LabelId>(n + 1);
     }
-    model.labels = labels;
+    model.labels = label_bricks(labels);
     const std::array methods{ForceMethod::kProxy};
     const auto ready = ready_for(std::make_shared<const Model>(model), methods);
     ASSERT_TRUE(ready.ok()) << ready.error().message();

@@ -54,12 +54,14 @@ ViewedRecording::Event shown(const RecordingEvent& event) {
   switch (event.kind) {
     case RecordingEvent::Kind::kModel:
       shown.kind = "model";
-      if (event.change.tissue != ModelChange::kFieldsMadeAnew)
+      if (event.change.tissue < ModelChange::kCut)
         shown.tissue = static_cast<int>(std::min<std::uint32_t>(event.change.tissue, 65535));
       break;
     case RecordingEvent::Kind::kSettings:
+    case RecordingEvent::Kind::kMotor:
       shown.kind = "settings";
       shown.changed = changed_keys(event.changed);
+      if (event.kind == RecordingEvent::Kind::kMotor) shown.changed.emplace_back("motor");
       break;
     case RecordingEvent::Kind::kStop:
       shown.kind = "stop";
@@ -67,13 +69,16 @@ ViewedRecording::Event shown(const RecordingEvent& event) {
     case RecordingEvent::Kind::kRearm:
       shown.kind = "rearm";
       break;
+    case RecordingEvent::Kind::kSweep:
+      break;
   }
   return shown;
 }
 
 }  // namespace
 
-RecordingLine::RecordingLine(const RecordingHead& head) : rate_hz_(head.header.rate_hz) {
+RecordingLine::RecordingLine(const RecordingHead& head)
+    : rate_hz_(head.header.rate_hz), devices_(head.header.devices) {
   line_.ticks = head.ticks;
   line_.force_N.resize(std::min<std::size_t>(kForces, static_cast<std::size_t>(head.ticks)));
 }
@@ -84,6 +89,9 @@ void RecordingLine::see(const RecordingPart& part) {
 }
 
 void RecordingLine::see(const RecordingEvent& event) {
+  // a burr leaves a hundred in a second, and its cuts are versions of the model too
+  const bool cut = event.kind == RecordingEvent::Kind::kModel && event.change.tissue == ModelChange::kCut;
+  if (cut || event.kind == RecordingEvent::Kind::kSweep) return;
   const bool always = event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm;
   // stops have room of their own beside the rest
   if (events_.size() >= (always ? 2 * kMostEvents : kMostEvents)) {
@@ -99,23 +107,29 @@ void RecordingLine::see(const TickRecord& tick) {
   for (; timed_ < events_.size() && events_[timed_].first <= tick.tick; ++timed_)
     events_[timed_].second.time_s = tick.time_s;
 
-  const DeviceTick& device = tick.device[0];
-  const double force = force_N(device);
   double& most = line_.force_N[static_cast<std::size_t>(seen_ * line_.force_N.size() / line_.ticks)];
-  most = std::max(most, force);
-  ++seen_;
-
-  if (device.label == 0) return;
-  auto& contacts = line_.contacts;
-  const double until_s = tick.time_s + 1 / rate_hz_;
-  if (!contacts.empty() && contacts.back().label == device.label &&
-      tick.time_s - contacts.back().end_s < kBreak_s) {
-    contacts.back().end_s = until_s;
-    contacts.back().most_N = std::max(contacts.back().most_N, force);
-    return;
+  for (int d = 0; d < devices_; ++d) {
+    most = std::max(most, force_N(tick.device[d]));
+    see(d, tick.device[d], tick.time_s);
   }
-  if (contacts.size() == 2 * kMostContacts) drop_short_contacts();
-  contacts.push_back({tick.time_s, until_s, device.label, force});
+  ++seen_;
+}
+
+void RecordingLine::see(int device, const DeviceTick& tick, double time_s) {
+  if (tick.label == 0) return;
+  Contact& contact = open_[device];
+  if (contact.label != tick.label || time_s - contact.end_s >= kBreak_s) {
+    end(contact);
+    contact = {time_s, time_s, tick.label, 0, device};
+  }
+  contact.end_s = time_s + 1 / rate_hz_;
+  contact.most_N = std::max(contact.most_N, force_N(tick));
+}
+
+void RecordingLine::end(Contact& contact) {
+  if (contact.label == 0) return;
+  if (line_.contacts.size() == 2 * kMostContacts) drop_short_contacts();
+  line_.contacts.push_back(contact);
 }
 
 void RecordingLine::drop_short_contacts() {
@@ -134,7 +148,10 @@ void RecordingLine::drop_short_contacts() {
 }
 
 ViewedRecording RecordingLine::take() {
+  for (Contact& contact : open_) end(contact);
   if (line_.contacts.size() > kMostContacts) drop_short_contacts();
+  // one device's may have begun before another's that ended earlier
+  std::ranges::stable_sort(line_.contacts, {}, &Contact::begin_s);
   // what no tick had heard of
   line_.events_left_out += events_.size() - timed_;
   events_.resize(timed_);

@@ -26,10 +26,14 @@ class RecordingLine {
  private:
   void see(const TickRecord& tick);
   void see(const RecordingEvent& event);
+  void see(int device, const DeviceTick& tick, double time_s);
+  void end(ViewedRecording::Contact& contact);
   void drop_short_contacts();
 
   const double rate_hz_;
+  const int devices_;
   ViewedRecording line_;
+  ViewedRecording::Contact open_[kMaxDevices];  // what each device touched last; of no label: nothing yet
   std::uint64_t seen_ = 0;
   std::vector<std::pair<std::uint64_t, ViewedRecording::Event>>
       events_;             // with the tick in which they took hold

@@ -53,6 +53,39 @@ TEST(RecordingLine, HasTheContactsAndTheirGreatestForces) {
   EXPECT_EQ(line.force_N[355], 2);
 }
 
+TEST(RecordingLine, HasTheContactsOfAllDevices) {
+  // one hand rests on a structure while the other one comes and goes
+  RecordingHead head;
+  head.header.rate_hz = 1000;
+  head.header.devices = 2;
+  head.ticks = 400;
+  std::vector<TickRecord> ticks(400);
+  for (std::size_t i = 0; i < ticks.size(); ++i) {
+    ticks[i].tick = i;
+    ticks[i].time_s = 0.001 * static_cast<double>(i);
+    ticks[i].device[0].label = i >= 20 && i < 380 ? 1 : 0;
+    ticks[i].device[0].force_N = {1, 0, 0};
+    ticks[i].device[1].label = i % 200 >= 50 && i % 200 < 100 ? 2 : 0;
+    ticks[i].device[1].force_N = {0, i < 200 ? 3.0 : 0.5, 0};
+  }
+  RecordingLine recorded(head);
+  recorded.see({ticks, {}});
+  const ViewedRecording line = recorded.take();
+  ASSERT_EQ(line.contacts.size(), 3u);
+  EXPECT_EQ(line.contacts[0].device, 0);
+  EXPECT_NEAR(line.contacts[0].begin_s, 0.02, 1e-12);
+  EXPECT_NEAR(line.contacts[0].end_s, 0.38, 1e-12);
+  EXPECT_EQ(line.contacts[0].most_N, 1);
+  for (const std::size_t n : {1u, 2u}) {
+    EXPECT_EQ(line.contacts[n].device, 1);
+    EXPECT_EQ(line.contacts[n].label, 2);
+    EXPECT_NEAR(line.contacts[n].begin_s, n == 1 ? 0.05 : 0.25, 1e-12);
+    EXPECT_EQ(line.contacts[n].most_N, n == 1 ? 3 : 0.5);
+  }
+  EXPECT_EQ(line.force_N[10], 3);
+  EXPECT_EQ(line.force_N[300], 1);
+}
+
 TEST(RecordingLine, KeepsTheLongestOfTooManyContacts) {
   // 1 to 7 ticks each, far apart
   std::vector<LabelId> labels;

@@ -2,11 +2,14 @@
 #include <bit>
 #include <cstdio>
 #include <deque>
+#include <utility>
+#include <vector>
 
 #include "palpate/session.h"
 #include "session/changed_model.h"
 #include "session/plain_vectors.h"
 #include "session/recorded_model.h"
+#include "session/told_loop.h"
 
 namespace palpate {
 namespace {
@@ -102,6 +105,7 @@ Parameters parameters_of(const TickRecord& recorded) {
   parameters.passivity = recorded.switches & kSwitchPassivity;
   parameters.paused = recorded.switches & kSwitchPaused;
   parameters.emergency_stop = recorded.switches & kSwitchEmergencyStop;
+  parameters.motor = recorded.switches & kSwitchMotor;
   parameters.max_force_N = recorded.max_force_N;
   parameters.rotation_target = quaternion(recorded.rotation_target_wxyz);
   for (int d = 0; d < recorded.devices; ++d) {
@@ -139,9 +143,13 @@ class Replayer {
       : model_{model, model}, progress_(progress) {}
 
   Result<void> take(const RecordingPart& part) {
-    for (const RecordingEvent& event : part.events)
-      if (event.kind == RecordingEvent::Kind::kModel) changes_.push_back(event.change);
-    if (changes_.size() > kMostUnfelt)
+    for (const RecordingEvent& event : part.events) {
+      if (event.kind == RecordingEvent::Kind::kSweep) cuts_.push_back(cut_of(event.sweep));
+      if (event.kind != RecordingEvent::Kind::kModel) continue;
+      changes_.push_back({event.change, {}});
+      if (event.change.tissue == ModelChange::kCut) changes_.back().cuts = std::exchange(cuts_, {});
+    }
+    if (changes_.size() > kMostUnfelt || cuts_.size() > kMostUnfelt)
       return Error{ErrorKind::kBadInput, "the recording lists more changes of the model than a run can have",
                    "", ""};
     for (const TickRecord& recorded : part.ticks) {
@@ -162,7 +170,12 @@ class Replayer {
 
   ModelVersions model_;
   const Progress& progress_;
-  std::deque<ModelChange> changes_;  // that no tick has felt yet
+  struct Change {
+    ModelChange change;
+    std::vector<Cut> cuts;
+  };
+  std::deque<Change> changes_;  // that no tick has felt yet
+  std::vector<Cut> cuts_;       // whose version is still to come
   SessionState state_;
   ReplayResult result_;
 };
@@ -170,7 +183,7 @@ class Replayer {
 // the version that a tick felt, by the changes that lead to it
 Result<void> Replayer::advance_to(const TickRecord& recorded) {
   while (model_.felt->version < recorded.model_version && !changes_.empty()) {
-    auto changed = next_version(model_, changes_.front(), progress_);
+    auto changed = next_version(model_, changes_.front().change, changes_.front().cuts, progress_);
     if (!changed) return changed.error();
     model_ = *std::move(changed);
     changes_.pop_front();

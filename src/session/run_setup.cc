@@ -60,6 +60,18 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
   return trouble;
 }
 
+// what the direct methods read knows nothing of what is cut away
+Result<void> check_burr(const Model& model, const RunSetup& setup) {
+  if (!model.tool.burr) return {};
+  for (const ForceMethod method : methods_of(setup))
+    if (method != ForceMethod::kProxy)
+      return Error{ErrorKind::kUsage,
+                   "the scene's tool is a burr, and " + std::string(name_of(method)) +
+                       " does not feel what it takes away",
+                   "", "use the proxy: leave --method and the script's method steps out"};
+  return {};
+}
+
 }  // namespace
 
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
@@ -79,6 +91,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   setup.limit_N = std::min(user_N, loaded.model->scene_max_force_N);
   setup.parameters.max_force_N = user_N;
   setup.parameters.method = options.method.value_or(loaded.scene.force.method);
+  if (auto fine = check_burr(*loaded.model, setup); !fine) return fine.error();
   auto model = ready_for(loaded.model, methods_of(setup), progress);
   if (!model) return model.error();
   setup.model = *std::move(model);
@@ -108,6 +121,7 @@ Result<RunSetup> set_up_pointer_run(const LoadedScene& loaded, const SimulationO
   setup.parameters.max_force_N = options.max_force_N.value_or(kDefaultUserLimit_N);
   setup.limit_N = std::min(setup.parameters.max_force_N, loaded.model->scene_max_force_N);
   setup.parameters.method = options.method.value_or(loaded.scene.force.method);
+  if (auto fine = check_burr(*loaded.model, setup); !fine) return fine.error();
   auto model = ready_for(loaded.model, methods_of(setup), progress);
   if (!model) return model.error();
   setup.model = *std::move(model);

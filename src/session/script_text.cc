@@ -71,6 +71,7 @@ struct StepText {
   std::string operator()(const MethodStep& s) const {
     return line("method", quoted(std::string(name_of(s.method))));
   }
+  std::string operator()(const MotorStep& s) const { return line("motor", s.on ? "true" : "false"); }
   std::string operator()(const LeaveStep& s) const {
     return line("leave", "true") + line("speed", shortest_number(s.speed_mm_s));
   }

@@ -63,7 +63,7 @@ std::string place_text(const Point<Patient>& p) {
 
 bool needs_contact(const ScriptStep& step) {
   return !std::holds_alternative<ApproachStep>(step) && !std::holds_alternative<RotateStep>(step) &&
-         !std::holds_alternative<MethodStep>(step);
+         !std::holds_alternative<MethodStep>(step) && !std::holds_alternative<MotorStep>(step);
 }
 
 // a name, or "#95"
@@ -97,20 +97,18 @@ Result<LabelId> find_structure(const Model& model, const std::string& name, cons
 // centres of voxels on a structure's border, thinned out
 std::vector<Point<Patient>> some_of_border(const Model& model, LabelId structure) {
   constexpr std::size_t kMost = 2000;
-  const Volume<LabelId>& labels = *model.labels;
-  const auto& dims = labels.geometry().dims;
-  const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
+  const auto X_PatientVoxel = model.labels->geometry().X_PatientVoxel();
   std::vector<Point<Patient>> border;
-  for (int k = 0; k < dims[2]; ++k)
-    for (int j = 0; j < dims[1]; ++j)
-      for (int i = 0; i < dims[0]; ++i) {
-        if (labels.at(i, j, k) != structure) continue;
-        const bool inside =
-            labels.at_or(i + 1, j, k, 0) == structure && labels.at_or(i - 1, j, k, 0) == structure &&
-            labels.at_or(i, j + 1, k, 0) == structure && labels.at_or(i, j - 1, k, 0) == structure &&
-            labels.at_or(i, j, k + 1, 0) == structure && labels.at_or(i, j, k - 1, 0) == structure;
-        if (!inside) border.push_back(X_PatientVoxel * Point<Voxel>(i, j, k));
-      }
+  model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+    if (piece.uniform) return;
+    for (int n = 0; n < piece.count; ++n) {
+      const LabelId* const voxel = piece.voxels + n;
+      if (*voxel != structure) continue;
+      const auto& faces = BrickLayout::kFaces;
+      if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return voxel[face] != structure; }))
+        border.push_back(X_PatientVoxel * Point<Voxel>(piece.i + n, piece.j, piece.k));
+    }
+  });
   const std::size_t stride = border.size() / kMost + 1;
   std::vector<Point<Patient>> some;
   for (std::size_t b = 0; b < border.size(); b += stride) some.push_back(border[b]);
@@ -318,6 +316,7 @@ bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, dou
     bool operator()(const SlideStep&) { return hand.slide(step, felt, dt_s); }
     bool operator()(const RotateStep&) { return hand.rotate(step, felt, dt_s, commands.rotation_target); }
     bool operator()(const MethodStep& change) { return hand.change_method(change, felt, dt_s, commands); }
+    bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, felt, dt_s, commands); }
     bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
   };
   return std::visit(Visitor{*this, step, felt, dt_s, commands}, step.action);
@@ -537,6 +536,13 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& fel
   return true;
 }
 
+bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,
+                                HandCommands& commands) {
+  if (touching_) keep_contact(felt, dt_s);
+  commands.motor = motor.on;
+  return true;
+}
+
 bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   if (step_time_s_ == 0) begin_withdrawal(felt);
   if (!withdraw(std::get<LeaveStep>(step.action).speed_mm_s, felt, dt_s)) return false;
@@ -631,6 +637,7 @@ std::string ScriptedHand::named(const PlannedStep& step) const {
     }
     std::string operator()(const RotateStep& s) const { return text_of("turn by %.0f degrees", s.degrees); }
     std::string operator()(const MethodStep&) const { return "change of the method"; }
+    std::string operator()(const MotorStep& s) const { return s.on ? "motor on" : "motor off"; }
     std::string operator()(const LeaveStep&) const { return "leaving " + structure; }
   };
   const std::string structure = step.structure != 0 ? model_->name_of(step.structure) : "";

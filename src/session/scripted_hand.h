@@ -18,6 +18,7 @@ namespace palpate {
 struct HandCommands {
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();  ///< as it was commanded last
   std::optional<ForceMethod> method;                                    ///< to be felt from now on
+  std::optional<bool> motor;                                            ///< on or off from now on
 };
 
 /// The person: follows a palpation script by moving where the hand intends the tip to be, feeling what
@@ -70,6 +71,7 @@ class ScriptedHand {
   bool hold(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool slide(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool rotate(const PlannedStep& step, const TickRecord& felt, double dt_s, Eigen::Quaterniond& target);
+  bool switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool change_method(const MethodStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool leave(const PlannedStep& step, const TickRecord& felt, double dt_s);
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "palpate/removed_volume.h"
 #include "palpate/session.h"
 #include "session/run_setup.h"
 #include "session/virtual_run.h"
@@ -19,7 +20,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   if (auto felt = check_felt(loaded); !felt) return felt.error();
   auto setup = set_up_run(loaded, script, options, progress);
   if (!setup) return setup.error();
-  const Model& model = *setup->model;
+  const Model& model = *setup->model;  // as it is at the beginning
 
   progress.report("finding surfaces", 0);
   auto hand = ScriptedHand::create(model, setup->script);
@@ -38,12 +39,15 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   std::vector<HoldMeter> meters;
   for (const HoldAsked& asked : hand->asked()) meters.emplace_back(model, asked);
 
-  VirtualRun run(model, *setup, std::move(*hand));
+  VirtualRun run(setup->model, *setup, std::move(*hand));
   const std::size_t block = static_cast<std::size_t>(setup->script.rate_hz);  // one second
   std::vector<TickRecord> unwritten;
   unwritten.reserve(block);
+  RemovedVolume removed(model);
   const auto write_block = [&]() -> Result<void> {
     const auto told = run.take_told();
+    for (const RecordingEvent& event : told)
+      if (event.kind == RecordingEvent::Kind::kSweep) removed.add({{cut_of(event.sweep)}});
     auto written = writer && !unwritten.empty() ? writer->append(unwritten, told) : Result<void>();
     unwritten.clear();
     return written;
@@ -77,6 +81,8 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
     if (auto finished = writer->finish(result.summary); !finished) return finished.error();
   progress.report("palpating", 1);
   for (const HoldMeter& meter : meters) result.holds.push_back(meter.figure());
+  for (const auto& [label, mm3] : removed.by_label_mm3())
+    result.removed.push_back({model.name_of(label), label, mm3});
   return result;
 }
 

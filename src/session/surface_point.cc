@@ -36,19 +36,19 @@ struct Uncut {
   }
 };
 
-Uncut uncut_part(const Volume<LabelId>& labels, LabelId structure) {
+Uncut uncut_part(const Bricks<LabelId>& labels, LabelId structure) {
   const GridGeometry& grid = labels.geometry();
   std::array<int, 3> first = grid.dims, last{-1, -1, -1};
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i) {
-        if (labels.at(i, j, k) != structure) continue;
-        const std::array<int, 3> index{i, j, k};
-        for (int axis = 0; axis < 3; ++axis) {
-          first[axis] = std::min(first[axis], index[axis]);
-          last[axis] = std::max(last[axis], index[axis]);
-        }
+  labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
+    for (int n = 0; n < piece.count; ++n) {
+      if (piece.voxels[n] != structure) continue;
+      const std::array<int, 3> index{piece.i + n, piece.j, piece.k};
+      for (int axis = 0; axis < 3; ++axis) {
+        first[axis] = std::min(first[axis], index[axis]);
+        last[axis] = std::max(last[axis], index[axis]);
       }
+    }
+  });
   Uncut part;
   for (int axis = 0; axis < 3; ++axis) {
     // scans are often padded by an empty slice or two
@@ -122,12 +122,12 @@ double convexity(const Model& model, const Point<Patient>& surface, const Vector
 
 // the first felt label on the way inward
 LabelId first_felt(const Model& model, const Point<Patient>& from, const Vector<Patient>& inward) {
-  const Volume<LabelId>& labels = *model.labels;
+  const Bricks<LabelId>& labels = *model.labels;
   const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
   for (double way_mm = 0; way_mm <= kWayIn_mm; way_mm += step_mm) {
     const Point<Voxel> p = model.field->X_VoxelPatient() * (from + inward * way_mm);
     const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
-    const LabelId label = labels.at_or(index(0), index(1), index(2), 0);
+    const LabelId label = labels.anywhere(index(0), index(1), index(2));
     if (model.is_felt(label)) return label;
   }
   return 0;
@@ -163,22 +163,20 @@ double own_share(const Model& model, const Point<Patient>& surface, const Vector
 }  // namespace
 
 std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure) {
-  const Volume<LabelId>& labels = *model.labels;
-  const auto& dims = labels.geometry().dims;
+  const Bricks<LabelId>& labels = *model.labels;
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
-  constexpr std::array<std::array<int, 3>, 6> kFaces{
-      {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
+  const auto& faces = BrickLayout::kFaces;
   const Uncut uncut = uncut_part(labels, structure);
   std::vector<Point<Patient>> border;
-  for (int k = 0; k < dims[2]; ++k)
-    for (int j = 0; j < dims[1]; ++j)
-      for (int i = 0; i < dims[0]; ++i) {
-        if (labels.at(i, j, k) != structure || !uncut.contains(i, j, k)) continue;
-        const bool free = std::any_of(kFaces.begin(), kFaces.end(), [&](const auto& f) {
-          return !model.is_felt(labels.at_or(i + f[0], j + f[1], k + f[2], 0));
-        });
-        if (free) border.push_back(X_PatientVoxel * Point<Voxel>(i, j, k));
-      }
+  labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
+    if (piece.uniform && model.is_felt(*piece.voxels)) return;
+    for (int n = 0; n < piece.count; ++n) {
+      const LabelId* const voxel = piece.voxels + n;
+      if (*voxel != structure || !uncut.contains(piece.i + n, piece.j, piece.k)) continue;
+      if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return !model.is_felt(voxel[face]); }))
+        border.push_back(X_PatientVoxel * Point<Voxel>(piece.i + n, piece.j, piece.k));
+    }
+  });
   return border;
 }
 

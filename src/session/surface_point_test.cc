@@ -33,7 +33,7 @@ TEST(SurfacePoint, ACutAtTheVolumesBorderIsNoSurface) {
   for (const bool column : {true, false}) {
     Model model = testing::ball_model({1, 1, 1});
     const GridGeometry& grid = model.labels->geometry();
-    auto labels = std::make_shared<Volume<LabelId>>(grid);
+    Volume<LabelId> labels(grid);
     Volume<std::uint16_t> field(grid);
     const auto X = grid.X_PatientVoxel();
     for (int k = 0; k < grid.dims[2]; ++k)
@@ -43,9 +43,9 @@ TEST(SurfacePoint, ACutAtTheVolumesBorderIsNoSurface) {
           const double side = std::hypot(p.x(), p.y()) - 10, end = std::abs(p.z()) - (column ? 1000 : 3);
           field.at(i, j, k) =
               static_cast<std::uint16_t>(std::lround(65535 * testing::ramp(std::max(side, end), 1.0)));
-          labels->at(i, j, k) = std::max(side, end) < 0 ? kBone : LabelId{0};
+          labels.at(i, j, k) = std::max(side, end) < 0 ? kBone : LabelId{0};
         }
-    model.labels = labels;
+    model.labels = label_bricks(labels);
     model.field = std::make_shared<const Field>(std::move(field));
     const auto found = find_surface_point(model, kBone, 8);
     ASSERT_TRUE(found.ok()) << found.error().message();

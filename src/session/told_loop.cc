@@ -33,7 +33,7 @@ RecordingEvent arming(RecordingEvent::Kind kind, AskedBy by, std::uint32_t numbe
 
 RecordingEvent settings_event(const Parameters& before, const Parameters& after) {
   RecordingEvent event;
-  event.kind = RecordingEvent::Kind::kSettings;
+  event.kind = after.motor != before.motor ? RecordingEvent::Kind::kMotor : RecordingEvent::Kind::kSettings;
   event.changed = changes_between(before, after);
   event.method = static_cast<std::uint8_t>(after.method);
   event.switches = switches_of(after);
@@ -82,6 +82,21 @@ void set_model_told(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr
     loop.set_model(std::move(model));
     return event;
   });
+}
+
+RecordingEvent sweep_event(const Cut& cut, std::uint32_t version) {
+  RecordingEvent event;
+  event.kind = RecordingEvent::Kind::kSweep;
+  event.number = version;
+  event.sweep = plain(cut);
+  return event;
+}
+
+void set_cut_model_told(ServoLoop& loop, EventLog& told, std::span<const Cut> cuts,
+                        std::shared_ptr<const Model> model) {
+  const std::uint32_t version = model->version;
+  for (const Cut& cut : cuts) told.tell([&] { return sweep_event(cut, version); });
+  set_model_told(loop, told, {}, std::move(model), {version, ModelChange::kCut});
 }
 
 void stop_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {

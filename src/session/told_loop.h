@@ -2,7 +2,9 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 
+#include "palpate/carving.h"
 #include "palpate/recording.h"
 #include "palpate/servo_loop.h"
 
@@ -21,6 +23,11 @@ void pointer_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
 /// As ServoLoop::set_model(). @param change  leads to it from the version before it
 void set_model_told(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr<const Model> model,
                     const ModelChange& change);
+/// A row for a sweep of those that a version is cut by.
+RecordingEvent sweep_event(const Cut& cut, std::uint32_t version);
+/// A version that follows by cuts from the one before it.
+void set_cut_model_told(ServoLoop& loop, EventLog& told, std::span<const Cut> cuts,
+                        std::shared_ptr<const Model> model);
 /// As ServoLoop::emergency_stop(), which is done also where there is no memory for the row.
 void stop_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
 /// As ServoLoop::rearm(); one that is not done has no row.

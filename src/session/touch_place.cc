@@ -36,7 +36,7 @@ std::array<Vector<Patient>, kTouchRim> directions_about(const Vector<Patient>& a
 LabelId felt_label_at(const Model& model, const Point<Patient>& x) {
   const Point<Voxel> p = model.field->X_VoxelPatient() * x;
   const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
-  const LabelId label = model.labels->at_or(index(0), index(1), index(2), 0);
+  const LabelId label = model.labels->anywhere(index(0), index(1), index(2));
   return model.is_felt(label) ? label : LabelId{0};
 }
 
@@ -95,21 +95,17 @@ double astray_mm(const TouchWish& wish, const Point<Patient>& p) {
 
 // what lies round a structure with no free space beside it
 std::string cover_of(const Model& model, LabelId structure) {
-  const Volume<LabelId>& labels = *model.labels;
-  const auto& dims = labels.geometry().dims;
   std::vector<std::size_t> faces(65536, 0);
   std::size_t own = 0;
-  for (int k = 0; k < dims[2]; ++k)
-    for (int j = 0; j < dims[1]; ++j)
-      for (int i = 0; i < dims[0]; ++i) {
-        if (labels.at(i, j, k) != structure) continue;
-        ++own;
-        for (const auto& [di, dj, dk] : {std::array{1, 0, 0}, std::array{-1, 0, 0}, std::array{0, 1, 0},
-                                         std::array{0, -1, 0}, std::array{0, 0, 1}, std::array{0, 0, -1}}) {
-          const LabelId other = labels.at_or(i + di, j + dj, k + dk, 0);
-          if (other != structure && model.is_felt(other)) ++faces[other];
-        }
-      }
+  model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+    for (int n = 0; n < piece.count; ++n) {
+      const LabelId* const voxel = piece.voxels + n;
+      if (*voxel != structure) continue;
+      ++own;
+      for (const std::ptrdiff_t face : BrickLayout::kFaces)
+        if (voxel[face] != structure && model.is_felt(voxel[face])) ++faces[voxel[face]];
+    }
+  });
   if (own == 0) return "it has no voxel";
   const auto most = std::max_element(faces.begin(), faces.end());
   if (*most == 0) return "the scan cuts it off on all sides";
@@ -200,7 +196,7 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
 }
 
 LabelId felt_structure_near(const Model& model, const Point<Patient>& point) {
-  const Volume<LabelId>& labels = *model.labels;
+  const Bricks<LabelId>& labels = *model.labels;
   const GridGeometry& grid = labels.geometry();
   const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
   const Point<Voxel> at = X_PatientVoxel.inverse() * point;

@@ -19,12 +19,20 @@ Modality modality_of(Modality said, const Volume<float>* scan) {
   return air ? Modality::kCt : Modality::kUnknown;
 }
 
-template <class T>
-void hash_volume(const Volume<T>* volume, std::uint64_t& hash) {
-  if (!volume) return;
-  const GridGeometry& grid = volume->geometry();
+void hash_dims(const GridGeometry& grid, std::uint64_t& hash) {
   for (const int dim : grid.dims) hash_word(hash, static_cast<std::uint64_t>(dim));
-  hash_bytes(hash, volume->voxels().data(), volume->voxels().size() * sizeof(T));
+}
+
+std::uint64_t hash_of_voxels(const Model& model) {
+  std::uint64_t hash = kHashSeed;
+  hash_dims(model.labels->geometry(), hash);
+  hash_word(hash, model.labels->content_hash());
+  if (model.scan) {
+    hash_dims(model.scan->geometry(), hash);
+    const std::vector<float>& voxels = model.scan->voxels();
+    hash_bytes(hash, voxels.data(), voxels.size() * sizeof voxels[0]);
+  }
+  return hash_finish(hash);
 }
 
 std::array<std::array<double, 4>, 4> rows_of(const Transform<World, Patient>& X) {
@@ -53,10 +61,7 @@ ViewedScene viewed_scene(const Model& model, Modality said) {
   scene.side = name_of(model.side, kSides);
   scene.oriented = model.oriented;
   scene.modality = name_of(modality_of(said, model.scan.get()), kModalities);
-  std::uint64_t hash = kHashSeed;
-  hash_volume(model.labels.get(), hash);
-  hash_volume(model.scan.get(), hash);
-  scene.content_hash = hash_finish(hash);
+  scene.content_hash = hash_of_voxels(model);
   scene.scan = model.scan;
   scene.labels = model.labels;
   if (model.scan) scene.window = scan_window(*model.scan);
@@ -74,6 +79,7 @@ ViewedScene viewed_scene(const Model& model, Modality said) {
   }
   scene.tool_name = model.tool.name;
   scene.tool_radius_mm = model.tool.radius_mm;
+  scene.tool_cuts = model.tool.burr.has_value();
   for (const Eigen::Vector3d& point : model.tool.points_mm)
     scene.tool_points_mm.push_back({point.x(), point.y(), point.z()});
   for (const ToolCapsule& capsule : model.tool.capsules)

@@ -1,4 +1,5 @@
 #include "session/viewed_session.h"
+#include "base/spsc_ring.h"
 
 #include <sys/resource.h>
 #include <unistd.h>
@@ -19,6 +20,8 @@ namespace {
 
 // viewers ask with every pose; the figures are of a second
 constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
+// how long what a burr took away waits at most for a thread that takes it from the surfaces
+constexpr auto kCutPoll = std::chrono::milliseconds(10);
 constexpr int kLowestPriority = 19;
 // from the volume's centre
 constexpr double kFarthestTip_mm = 2000;
@@ -89,6 +92,7 @@ SettingsRequest changes_of(SettingsRequest request, const Parameters& now, bool 
   leave_out(request.viscosity, now.viscosity);
   leave_out(request.passivity, now.passivity);
   leave_out(request.paused, now.paused);
+  leave_out(request.motor, now.motor);
   leave_out(request.max_force_N, now.max_force_N);
   const Eigen::Quaterniond& q = now.rotation_target;
   leave_out(request.rotation_wxyz, std::array{q.w(), q.x(), q.y(), q.z()});
@@ -98,7 +102,8 @@ SettingsRequest changes_of(SettingsRequest request, const Parameters& now, bool 
 // whether a hand that is pushed again would feel more of it
 bool feels_more(const SettingsRequest& wanted, const Parameters& now) {
   return (wanted.max_force_N && *wanted.max_force_N > now.max_force_N) || wanted.friction == true ||
-         wanted.viscosity == true || wanted.passivity == false || wanted.paused == false;
+         wanted.viscosity == true || wanted.passivity == false || wanted.paused == false ||
+         wanted.motor == true;
 }
 
 /// What a request wants, as a person is asked for it: "pause the force, and turn the object by 20 degrees".
@@ -132,6 +137,7 @@ std::string words_for(const SettingsRequest& wanted, const Parameters& now) {
   switched(wanted.friction, "friction");
   switched(wanted.viscosity, "viscosity");
   switched(wanted.passivity, "the passivity controller");
+  switched(wanted.motor, "the tool's motor");
   return words.text();
 }
 
@@ -161,6 +167,7 @@ std::string words_for(const std::string& tissue, const ModelChange& before, cons
 ViewedSession::ViewedSession(ViewedParts parts)
     : parts_(std::move(parts)),
       model_{parts_.model, parts_.model},
+      removed_(*parts_.model),
       highest_max_force_N_(parts_.parameters.max_force_N) {}
 
 void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
@@ -168,6 +175,7 @@ void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   loop_.store(&loop);
   const std::lock_guard lock(stop_mutex_);
   if (stopped_early_.load()) stop_told(loop, told_, stopped_by_);
+  if (parts_.model->tool.burr) cutter_ = std::thread([this] { cut_along(); });
 }
 
 // ---- what viewers are told
@@ -182,7 +190,8 @@ ViewedScene ViewedSession::make_scene() const {
   ViewedScene scene = viewed_scene(model, parts_.modality);
   // what can be chosen, and how far
   for (const ForceMethodInfo& info : kForceMethods)
-    if (model.has(info.method)) scene.methods.emplace_back(info.name);
+    if (model.has(info.method) && !(model.tool.burr && info.method != ForceMethod::kProxy))
+      scene.methods.emplace_back(info.name);
   const DeviceInfo& device = parts_.devices.front();
   scene.device_name = device.name;
   scene.simulated = !physical();
@@ -264,6 +273,7 @@ ViewedState ViewedSession::state() const {
   state.viscosity = now.viscosity;
   state.passivity = now.passivity;
   state.paused = now.paused;
+  state.motor = now.motor;
   {
     const std::lock_guard lock(stop_mutex_);
     state.stop = stop_that_holds();
@@ -279,6 +289,8 @@ ViewedState ViewedSession::state() const {
   if (awaited_) state.method_awaited = name_of(*awaited_);
   state.method_failure = method_failure_;
   state.model_version = model_.felt->version;
+  state.sweeps = sweeps_.size();
+  state.removed_mm3 = removed_.by_label_mm3();
   state.tissues = viewed_tissues(*model_.felt);
   return state;
 }
@@ -296,14 +308,18 @@ double ViewedSession::highest_max_force_N() const {
 // ---- what is asked
 
 bool ViewedSession::can_feel(ForceMethod method) const {
+  // what the direct methods read knows nothing of what a burr takes away
+  if (parts_.model->tool.burr && method != ForceMethod::kProxy) return false;
   return model_.felt->has(method) &&
          (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
 }
 
 Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& /*now*/) const {
+  if (request.motor && !parts_.model->tool.burr) return bad("the scene's tool has no motor", "motor", "");
   if (request.method) {
     const auto method = find_force_method(*request.method);
-    if (!method || !parts_.model->has(*method))
+    const bool burr = parts_.model->tool.burr.has_value();
+    if (!method || !parts_.model->has(*method) || (burr && *method != ForceMethod::kProxy))
       return bad("this session has no force method of that name", "method",
                  "the scene lists those that can be chosen");
     if (!can_feel(*method) && !can_make_fields(*model_.felt)) return made_for_others();
@@ -368,6 +384,7 @@ Result<void> ViewedSession::apply(const SettingsRequest& request, AskedBy by) {
     if (request.viscosity) parameters.viscosity = *request.viscosity;
     if (request.passivity) parameters.passivity = *request.passivity;
     if (request.paused) parameters.paused = *request.paused;
+    if (request.motor) parameters.motor = *request.motor;
     if (request.max_force_N) parameters.max_force_N = *request.max_force_N;
     if (request.rotation_wxyz) parameters.rotation_target = quaternion(*request.rotation_wxyz).normalized();
   });
@@ -441,6 +458,51 @@ void ViewedSession::go_on_with(ModelVersions next, const ModelChange& change, As
   model_ = std::move(next);
 }
 
+// ---- what a burr takes away
+
+void ViewedSession::cut_along() {
+  ServoLoop& loop = *loop_.load();
+  std::array<SweepRecord, 64> swept;
+  std::vector<Cut> cuts;
+  while (!ending_.load()) try {
+      std::this_thread::sleep_for(kCutPoll);
+      for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
+        for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
+      if (cuts.empty()) continue;
+      cut(cuts, loop);
+      cuts.clear();
+    } catch (const std::exception&) {
+      // no memory for it now; the burr waits for it, and cuts no more meanwhile
+    }
+}
+
+// Only this thread cuts, so that what it cuts from is the last that was cut. Whoever waits for the lock does
+// not wait while it carves.
+void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
+  std::shared_ptr<const Model> before;
+  {
+    const std::lock_guard lock(mutex_);
+    before = model_.felt;
+  }
+  const auto carving = carved_by(*before, cuts);
+  const std::lock_guard lock(mutex_);
+  // first what may fail
+  if (const std::size_t count = sweeps_.size() + cuts.size(); count > sweeps_.capacity())
+    sweeps_.reserve(2 * count);
+  auto next = carving->taken_from(*model_.felt);
+  set_cut_model_told(loop, told_, cuts, next);
+  model_.felt = std::move(next);
+  for (const Cut& cut : cuts) sweeps_.push_back(plain(cut));
+  removed_.add(cuts);
+}
+
+std::vector<SweepRecord> ViewedSession::sweeps(std::uint64_t first, std::size_t most) const {
+  const std::lock_guard lock(mutex_);
+  const std::size_t from = static_cast<std::size_t>(std::min<std::uint64_t>(first, sweeps_.size()));
+  const auto begin = sweeps_.begin() + static_cast<std::ptrdiff_t>(from);
+  return {begin, begin + static_cast<std::ptrdiff_t>(std::min(most, sweeps_.size() - from))};
+}
+
 void ViewedSession::emergency_stop(const ViewerIdentity& by) {
   stop(asked_by(by));
 }
@@ -510,6 +572,7 @@ void ViewedSession::next_method() {
   const std::lock_guard lock(mutex_);
   const ForceMethod now = awaited_.value_or(loop->parameters().method);
   const auto possible = [&](ForceMethod method) {
+    if (parts_.model->tool.burr && method != ForceMethod::kProxy) return false;
     return parts_.model->has(method) && (can_feel(method) || can_make_fields(*model_.felt));
   };
   ForceMethod next = next_of(now);
@@ -628,6 +691,7 @@ void ViewedSession::end() {
   }
   wanted_.notify_one();
   if (maker_.joinable()) maker_.join();
+  if (cutter_.joinable()) cutter_.join();
   loop_.store(nullptr);
 }
 

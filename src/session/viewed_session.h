@@ -13,6 +13,7 @@
 
 #include "device/pointer_driver.h"
 #include "palpate/recording.h"
+#include "palpate/removed_volume.h"
 #include "palpate/scene.h"
 #include "palpate/servo_loop.h"
 #include "palpate/viewer_server.h"
@@ -68,6 +69,7 @@ class ViewedSession final : public ViewerHost {
   TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override;
   ViewedHealth health() const override;
   ViewedState state() const override;
+  std::vector<SweepRecord> sweeps(std::uint64_t first, std::size_t most) const override;
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;
   std::vector<LateAnswer> take_answers() override { return consent_.take_answers(); }
@@ -122,6 +124,8 @@ class ViewedSession final : public ViewerHost {
   Result<void> feel_by(std::shared_ptr<const Model> next);
   void give_up(ForceMethod method, Error why);
   void go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
+  void cut_along();
+  void cut(std::span<const Cut> cuts, ServoLoop& loop);
   void stop(AskedBy by);
   Result<void> rearm(std::uint32_t stop, AskedBy by);
   Result<void> check_stiffness_change(double from_N_per_mm, double to_N_per_mm, ForceMethod method) const;
@@ -141,6 +145,8 @@ class ViewedSession final : public ViewerHost {
 
   mutable std::mutex mutex_;  // of what follows
   ModelVersions model_;
+  std::vector<SweepRecord> sweeps_;  // by which it is cut
+  RemovedVolume removed_;            // by them
   double highest_max_force_N_;
   std::optional<ForceMethod> awaited_;  // the direct method that is felt when its fields are made
   AskedBy awaited_by_;                  // who wants it
@@ -149,7 +155,8 @@ class ViewedSession final : public ViewerHost {
 
   std::condition_variable wanted_;
   std::atomic<bool> ending_{false};
-  std::thread maker_;  // of fields; begun when the first are wanted
+  std::thread maker_;   // of fields; begun when the first are wanted
+  std::thread cutter_;  // of what a burr takes away; where the tool is one
 
   mutable std::mutex health_mutex_;
   mutable RateMeter rate_;

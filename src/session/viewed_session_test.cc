@@ -923,6 +923,61 @@ class ViewedExplore : public ::testing::Test {
 const char* const kPressAndHold =
     "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n";
 
+TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
+  Model model = *loaded_.model;
+  model.tool.radius_mm = 2;
+  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
+  loaded_.model = std::make_shared<const Model>(model);
+  loaded_.scene.force.method = ForceMethod::kProxy;
+  ExploreOptions options;
+  options.seconds = 60;
+  std::vector<SweepRecord> shown;
+  bool on = false, softened = false;
+  const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int) {
+    std::array<double, kMaxDevices> felt{};
+    const TickRecord tick = host.snapshot(felt);
+    SettingsRequest motor;
+    motor.motor = true;
+    if (!on && sent_N(tick) > 0.5) {
+      EXPECT_EQ(host.state().sweeps, 0u);
+      ASSERT_TRUE(host.set(motor).ok());
+      EXPECT_TRUE(host.state().motor);
+      // what the direct methods read knows nothing of it
+      SettingsRequest direct;
+      direct.method = "trilinear";
+      EXPECT_EQ(host.set(direct).error().where, "method");
+      on = true;
+    }
+    for (const SweepRecord& sweep : host.sweeps(shown.size(), 7)) shown.push_back(sweep);
+    // a change of a tissue between two cuts
+    if (!softened && shown.size() > 10) {
+      TissueRequest softer;
+      softer.stiffness_N_per_mm = 1.2;
+      ASSERT_TRUE(host.set(softer).ok());
+      softened = true;
+    }
+    if (shown.size() > 40) {
+      motor.motor = false;
+      ASSERT_TRUE(host.set(motor).ok());
+      stop_.store(true);
+    }
+  });
+  EXPECT_TRUE(softened);
+  const auto changes = changes_in(recording);
+  EXPECT_GT(std::ranges::count(changes, ModelChange::kCut, &ModelChange::tissue), 3);
+  EXPECT_EQ(std::ranges::count(changes, 0u, &ModelChange::tissue), 1);
+  std::size_t sweeps = 0;
+  for (const RecordingEvent& event : recording.events) {
+    if (event.kind != RecordingEvent::Kind::kSweep) continue;
+    if (sweeps < shown.size()) {
+      EXPECT_EQ(event.sweep, shown[sweeps]) << sweeps;
+    }
+    ++sweeps;
+  }
+  EXPECT_GE(sweeps, shown.size());
+  expect_replays(recording);
+}
+
 TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   ExploreOptions options;
   options.seconds = 60;

@@ -1,11 +1,19 @@
 #include "session/virtual_run.h"
 
+#include "session/changed_model.h"
 #include "session/told_loop.h"
 
 namespace palpate {
 
-VirtualRun::VirtualRun(const Model& model, const RunSetup& setup, ScriptedHand hand)
-    : model_(model),
+namespace {
+
+// as soon after its sweep as a thread of its own does it, and no sooner
+constexpr double kCutEvery_s = 0.02;
+
+}  // namespace
+
+VirtualRun::VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand)
+    : model_(std::move(model)),
       dt_s_(1 / setup.script.rate_hz),
       hand_(std::move(hand)),
       device_(setup.device, setup.hand, setup.script.delay_s),
@@ -16,19 +24,38 @@ VirtualRun::VirtualRun(const Model& model, const RunSetup& setup, ScriptedHand h
 
 const TickRecord& VirtualRun::tick() {
   sensed_ = mapping_.to_world(device_.read(), 0);
-  palpate::tick(model_, parameters_, {&sensed_, 1}, dt_s_, state_, {&sent_, 1}, record_);
+  cut();
+  palpate::tick(*model_, parameters_, {&sensed_, 1}, dt_s_, state_, {&sent_, 1}, record_);
   return record_;
 }
 
+// what the burr has swept is gone from this tick on
+void VirtualRun::cut() {
+  if (state_.time_s - cut_s_ < kCutEvery_s) return;
+  cut_s_ = state_.time_s;
+  const BurrState& burr = state_.hands[0].burr;
+  std::vector<Cut> cuts;
+  for (const Sweep& sweep : finished_from(burr, burr.first)) cuts.push_back({0, sweep});
+  if (cuts.empty()) return;
+  model_ = carved_by(*model_, cuts)->taken_from(*model_);
+  for (const Cut& cut : cuts) told_.push_back(sweep_event(cut, model_->version));
+  RecordingEvent& event = told_.emplace_back();
+  event.number = model_->version;
+  event.change = {model_->version, ModelChange::kCut};
+  for (std::size_t row = told_.size() - cuts.size() - 1; row < told_.size(); ++row)
+    told_[row].tick = state_.tick;
+}
+
 bool VirtualRun::act() {
-  HandCommands commands{parameters_.rotation_target, {}};
+  HandCommands commands{parameters_.rotation_target, {}, {}};
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
   const bool turned = commands.rotation_target.coeffs() != parameters_.rotation_target.coeffs();
-  if (turned || commands.method) {
+  if (turned || commands.method || commands.motor) {
     const Parameters before = parameters_;
     parameters_.rotation_target = commands.rotation_target;
     if (commands.method) parameters_.method = *commands.method;
+    if (commands.motor) parameters_.motor = *commands.motor;
     RecordingEvent& event = told_.emplace_back(settings_event(before, parameters_));
     event.tick = state_.tick;
     event.by = {Asker::kScript};

@@ -12,8 +12,7 @@ namespace palpate {
 /// A scripted hand with a simulated device on the virtual clock: sense, tick, feel, act.
 class VirtualRun {
  public:
-  /// @param model  outlives the run
-  VirtualRun(const Model& model, const RunSetup& setup, ScriptedHand hand);
+  VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand);
 
   /// Senses where the device is and ticks.
   const TickRecord& tick();
@@ -26,12 +25,16 @@ class VirtualRun {
   /// Where the hand wanted to be after it.
   const Point<World>& intended() const { return intended_; }
   double time_s() const { return state_.time_s; }
+  /// As it is felt now.
+  const Model& model() const { return *model_; }
   const ScriptedHand& hand() const { return hand_; }
   /// What the script asked for since it was asked last, with the tick that feels it first.
   std::vector<RecordingEvent> take_told() { return std::exchange(told_, {}); }
 
  private:
-  const Model& model_;
+  void cut();
+
+  std::shared_ptr<const Model> model_;
   const double dt_s_;
   ScriptedHand hand_;
   SimulatedDevice device_;
@@ -42,6 +45,7 @@ class VirtualRun {
   Wrench sent_;
   Point<World> intended_;
   TickRecord record_;
+  double cut_s_ = 0;  // when the model was cut last
   std::vector<RecordingEvent> told_;
   std::uint32_t told_number_ = 0;
 };

@@ -31,9 +31,9 @@ struct Front {
 
 class Ahead {
  public:
-  Ahead(std::span<const FeltSurface> surfaces, std::span<const double> energy, const Burr& burr,
-        const ProxyLayer& layer, int number, const BurrState& state)
-      : surfaces_(surfaces), energy_(energy), burr_(burr), at_(layer.position), state_(state) {
+  Ahead(std::span<const FeltSurface> surfaces, const Burr& burr, const ProxyLayer& layer, int number,
+        const BurrState& state)
+      : surfaces_(surfaces), burr_(burr), at_(layer.position), state_(state) {
     const double near_mm = burr.radius_mm + kAhead_mm;
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
       const FeltSurface& felt = surfaces[s];
@@ -93,7 +93,8 @@ class Ahead {
     if (!(least_mm < 0)) return {};
     Material material{std::clamp(-2 * least_mm / kAhead_mm - 1, 0.0, 1.0), 0};
     for (const OwnerShare& share : owners_at(surfaces_, surface, place).all())
-      material.energy += share.part * energy_[static_cast<std::size_t>(share.structure)];
+      material.energy +=
+          share.part * surfaces_[static_cast<std::size_t>(share.structure)].cutting_energy_mJ_per_mm3;
     return material;
   }
   static Vector<Patient> perpendicular(const Vector<Patient>& to) {
@@ -105,7 +106,6 @@ class Ahead {
 
   static constexpr double kGoldenAngle = 2 * std::numbers::pi * (2 - std::numbers::phi);
   std::span<const FeltSurface> surfaces_;
-  std::span<const double> energy_;
   const Burr& burr_;
   const Point<Patient> at_;
   const BurrState& state_;
@@ -127,6 +127,7 @@ bool sweep(const Point<Patient>& from, const Point<Patient>& to, double radius_m
   if (state.sweeps == static_cast<int>(state.sweep.size())) return false;
   state.sweep[static_cast<std::size_t>(state.sweeps++)] = {from, to, radius_mm};
   state.closed = false;
+  state.open_s = 0;
   return true;
 }
 
@@ -168,10 +169,17 @@ int innermost_touched(const ProxyState& proxy) {
 
 }  // namespace
 
-ProxyResult advance_burr(std::span<const FeltSurface> surfaces, std::span<const double> energy_mJ_per_mm3,
-                         const Burr& burr, const ToolPose& hand, ProxyState& proxy, BurrState& state,
-                         const ProxyOptions& options) {
-  PALPATE_CHECK(energy_mJ_per_mm3.size() == surfaces.size());
+ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
+                         ProxyState& proxy, BurrState& state, const ProxyOptions& options) {
+  state.open_s += options.dt_s;
+  if (state.open_s >= kLongestSweep_s) state.closed = true;
+  // a proxy that was let go comes anew: what the burr has swept is still to be carved, and no more of it goes
+  // on
+  if (!proxy.layer(std::max(state.layer, 0)).coupled) {
+    state.sunk_mm = state.pressed_N = state.front_mm2 = 0;
+    state.layer = -1;
+    state.closed = true;
+  }
   // how far the burr may sink in by what the motor works in this tick, as far as is known before it
   const bool cuts = burr.revolutions_per_s > 0 && !state.full;
   const bool in_material = cuts && state.front_mm2 > 0 && std::isfinite(state.energy_mJ_per_mm3);
@@ -195,7 +203,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, std::span<const 
   if (touched >= 0 || !(state.sunk_mm > 0)) state.layer = touched;
   const int is_in = state.layer;
 
-  state.pressed_N = result.force_N.norm();
+  state.pressed_N = std::min(result.force_N.norm(), burr.most_press_N);
   state.front_mm2 = 0;
   if (is_in < 0 || !cuts) {
     state.spare_mJ = 0;
@@ -213,7 +221,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, std::span<const 
   const Vector<Patient> moved = layer.position - before;
   const double way_mm = moved.norm();
   if (was_in == is_in && way_mm > kStill_mm) {
-    const Front swept = Ahead(surfaces, energy_mJ_per_mm3, burr, layer, is_in, state).along(moved / way_mm);
+    const Front swept = Ahead(surfaces, burr, layer, is_in, state).along(moved / way_mm);
     const double cost_mJ = swept.area_mm2 * way_mm * swept.energy_mJ_per_mm3;
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
       // through material it comes no farther than the motor has worked for, and than can be remembered
@@ -230,7 +238,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, std::span<const 
   }
   state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, burr.radius_mm, proxy));
 
-  const Ahead ahead(surfaces, energy_mJ_per_mm3, burr, layer, is_in, state);
+  const Ahead ahead(surfaces, burr, layer, is_in, state);
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
   const Front front = ahead.along(push.normalized());
@@ -254,9 +262,16 @@ void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::u
   state.sunk_mm = state.inset_mm = sunk > 0 ? sunk + kRounding_mm : 0;
 }
 
-std::uint64_t close_sweeps(BurrState& state) {
-  state.closed = true;
-  return state.first + static_cast<std::uint64_t>(state.sweeps);
+std::uint64_t finished_sweeps(const BurrState& state) {
+  const bool grows = state.sweeps > 0 && !state.closed;
+  return state.first + static_cast<std::uint64_t>(state.sweeps) - (grows ? 1 : 0);
+}
+
+std::span<const Sweep> finished_from(const BurrState& state, std::uint64_t number) {
+  const std::uint64_t finished = finished_sweeps(state);
+  PALPATE_CHECK(number >= state.first && number <= finished);
+  return state.pending().subspan(static_cast<std::size_t>(number - state.first),
+                                 static_cast<std::size_t>(finished - number));
 }
 
 }  // namespace palpate

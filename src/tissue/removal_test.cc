@@ -21,6 +21,7 @@ class LedBurr {
     burr_.axis = Vector<Patient>(1, 0, 0);
     felt_[0].surface = carved_.surface();
     felt_[0].stiffness_N_per_mm = 2;
+    felt_[0].cutting_energy_mJ_per_mm3 = 100;
     options_.friction = false;
   }
 
@@ -30,16 +31,16 @@ class LedBurr {
     ProxyResult felt;
     for (int n = 0; n < ticks; ++n) {
       tip_ += step;
-      felt = advance_burr(felt_, energy_, burr_, ToolPose(tip_), proxy_, state_, options_);
+      felt = advance_burr(felt_, burr_, ToolPose(tip_), proxy_, state_, options_);
       if (state_.taken_mm3 > 0) {
-        EXPECT_LE(state_.taken_mm3 * energy_[0], state_.work_mJ + 1e-9);
+        EXPECT_LE(state_.taken_mm3 * felt_[0].cutting_energy_mJ_per_mm3, state_.work_mJ + 1e-9);
       }
     }
     return felt;
   }
   void carve() {
-    const std::uint64_t count = close_sweeps(state_);
-    carved_ = carved_.with(state_.pending());
+    const std::uint64_t count = finished_sweeps(state_);
+    carved_ = carved_.with(state_.pending().first(count - state_.first));
     felt_[0].surface = carved_.surface();
     settle_burr(felt_, burr_, count, proxy_, state_);
     const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - state_.inset_mm};
@@ -49,7 +50,6 @@ class LedBurr {
 
   CarvedSurface carved_;
   std::vector<FeltSurface> felt_{1};
-  std::vector<double> energy_{100};
   Burr burr_;
   BurrState state_;
   ProxyState proxy_;
@@ -78,7 +78,7 @@ TEST(Removal, AMotorThatIsOffLeavesABall) {
 
 TEST(Removal, WhatCannotBeCutIsNot) {
   LedBurr burr;
-  burr.energy_[0] = std::numeric_limits<double>::infinity();
+  burr.felt_[0].cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
   burr.lead_to(Point<Patient>(0, 0, 1), 50);
   EXPECT_EQ(burr.state_.taken_mm3, 0);
   EXPECT_TRUE(burr.state_.pending().empty());
@@ -106,7 +106,7 @@ TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {
   // surfaces that are never made anew, of what is soft enough for a long way, on a spiral
   LedBurr burr;
-  burr.energy_[0] = 5;
+  burr.felt_[0].cutting_energy_mJ_per_mm3 = 5;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
   for (int n = 0; n < 400; ++n)
     burr.lead_to(Point<Patient>(0.01 * n * std::sin(0.1 * n), 0.01 * n * std::cos(0.1 * n), 1 - 0.02 * n), 5);
@@ -126,21 +126,36 @@ TEST(Removal, WhatIsNotCarvedYetIsBounded) {
 TEST(Removal, SweepsThatCameMeanwhileStay) {
   LedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
-  const std::uint64_t count = close_sweeps(burr.state_);
+  const std::uint64_t count = finished_sweeps(burr.state_);
   ASSERT_GT(count, 0u);
-  const Sweep last = burr.state_.pending().back();
+  const Sweep last = burr.state_.pending()[static_cast<std::size_t>(count) - 1];
   burr.lead_to(Point<Patient>(1, 0, 1.3), 100);
-  EXPECT_GT(close_sweeps(burr.state_), count) << "what is being carved grows no more";
-  EXPECT_EQ(burr.state_.pending()[static_cast<std::size_t>(count) - 1].to, last.to);
+  EXPECT_GT(finished_sweeps(burr.state_), count);
+  EXPECT_EQ(burr.state_.pending()[static_cast<std::size_t>(count) - 1].to, last.to)
+      << "what is being carved grows no more";
   const Sweep next = burr.state_.pending()[static_cast<std::size_t>(count)];
-  const std::uint64_t all = close_sweeps(burr.state_);
+  const std::uint64_t all = finished_sweeps(burr.state_);
   settle_burr(burr.felt_, burr.burr_, count, burr.proxy_, burr.state_);
   EXPECT_EQ(burr.state_.first, count);
   EXPECT_EQ(burr.state_.pending().front().from, next.from);
-  EXPECT_EQ(close_sweeps(burr.state_), all);
+  EXPECT_EQ(finished_sweeps(burr.state_), all);
   // told again, nothing is lost
   settle_burr(burr.felt_, burr.burr_, count, burr.proxy_, burr.state_);
-  EXPECT_EQ(close_sweeps(burr.state_), all);
+  EXPECT_EQ(finished_sweeps(burr.state_), all);
+}
+
+TEST(Removal, ASweepIsFinishedInTimeHoweverSlowItGrows) {
+  LedBurr burr;
+  burr.lead_to(Point<Patient>(0, 0, 1.9), 100);
+  std::uint64_t finished = finished_sweeps(burr.state_);
+  ASSERT_GT(burr.state_.taken_mm3, 0);
+  // pressed a little, it sinks in by less than what would make another sweep
+  constexpr int kTicks = static_cast<int>(kLongestSweep_s / 0.001);
+  for (int n = 0; n < 5; ++n) {
+    burr.lead_to(burr.tip_, kTicks + 1);
+    EXPECT_GT(finished_sweeps(burr.state_), finished) << n;
+    finished = finished_sweeps(burr.state_);
+  }
 }
 
 }  // namespace

@@ -24,13 +24,13 @@ Volume<T> in_steps_of_full_scale(const Volume<float>& ramp) {
 Result<VoxelisedSolid> VoxelisedSolid::make(const Shape& shape, const GridGeometry& grid) {
   auto labels = voxelize_binary(shape, grid);
   if (!labels) return labels.error();
-  return VoxelisedSolid(std::make_shared<const Volume<LabelId>>(*std::move(labels)));
+  return VoxelisedSolid(label_bricks(*labels));
 }
 
 Result<Model> VoxelisedSolid::prepared(double sigma_mm, int bytes_per_voxel) const {
-  Volume<std::uint8_t> binary(labels_->geometry());
-  std::transform(labels_->voxels().begin(), labels_->voxels().end(), binary.voxels().begin(),
-                 [](LabelId label) { return static_cast<std::uint8_t>(label == 0 ? 0 : 255); });
+  std::vector<std::uint8_t> weight_of(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 255);
+  weight_of[0] = 0;
+  const auto binary = Bricks<std::uint8_t>::of_labels(*labels_, weight_of).dense();
   Model model;
   const auto keep = [&](auto&& smoothed) -> Result<void> {
     if (!smoothed) return smoothed.error();

@@ -17,9 +17,9 @@ class VoxelisedSolid {
   Result<Model> prepared(double sigma_mm, int bytes_per_voxel) const;
 
  private:
-  explicit VoxelisedSolid(std::shared_ptr<const Volume<LabelId>> labels) : labels_(std::move(labels)) {}
+  explicit VoxelisedSolid(std::shared_ptr<const Bricks<LabelId>> labels) : labels_(std::move(labels)) {}
 
-  std::shared_ptr<const Volume<LabelId>> labels_;
+  std::shared_ptr<const Bricks<LabelId>> labels_;
 };
 
 /// The same surface sampled exactly at every voxel's centre: neither voxelised nor filtered, so that what is

@@ -50,7 +50,7 @@ Volume<LabelId> labelled(const Eigen::Vector3d& size_mm, const Eigen::Vector3d& 
 Result<std::vector<FeltSurface>> surfaces_of(const Volume<LabelId>& labels,
                                              const std::vector<double>& stiffness_N_per_mm) {
   auto model = std::make_shared<Model>();
-  model->labels = std::make_shared<const Volume<LabelId>>(labels);
+  model->labels = label_bricks(labels);
   model->tissue_of_label.resize(stiffness_N_per_mm.size() + 1, -1);
   for (std::size_t n = 0; n < stiffness_N_per_mm.size(); ++n) {
     Tissue tissue;

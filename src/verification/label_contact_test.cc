@@ -48,7 +48,7 @@ PressedSheets press_sheets(int voxels, label_contact::Joined joined, int presses
     const auto sheet = label_contact::sheet(spacings_mm[all.sheets % 3], random.direction(), voxels, joined);
     const auto pressed = label_contact::press_sheet(
         sheet, kPressesASheet, kLabelContactSeed + static_cast<std::uint64_t>(all.sheets));
-    const auto leaks = find_leaks(sheet.labels, {1});
+    const auto leaks = find_leaks(*label_bricks(sheet.labels), {1});
     EXPECT_TRUE(pressed.ok() && leaks.ok());
     if (!pressed.ok() || !leaks.ok()) return all;
     all.presses.presses += pressed->presses;

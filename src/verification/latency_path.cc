@@ -67,7 +67,7 @@ Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& pr
                      .states = {},
                      .intended = {}};
   const auto most_ticks = static_cast<std::size_t>(kMostPathSeconds * path.rate_hz);
-  VirtualRun run(model, *setup, std::move(*hand));
+  VirtualRun run(setup->model, *setup, std::move(*hand));
   LongestTouch touch;
   std::size_t touching = 0;
   while (path.states.size() < most_ticks) {

@@ -49,7 +49,7 @@ Result<std::shared_ptr<const Surface>> bone_block(const BlockGrid& on, const Pro
             p.z() > -kDepth_mm)
           labels.at(i, j, k) = 1;
       }
-  auto prepared = prepare_surfaces(labels, {1}, {}, progress);
+  auto prepared = prepare_surfaces(*label_bricks(labels), {1}, {}, progress);
   if (!prepared) return prepared.error();
   return std::make_shared<const Surface>(std::move(prepared->front().surface));
 }
@@ -73,11 +73,12 @@ struct Taken {
 class BurrHand {
  public:
   BurrHand(std::shared_ptr<const Surface> block, const BurrStroke& stroke)
-      : stroke_(stroke), carved_(std::move(block)), energy_(stroke.energy_mJ_per_mm3) {
+      : stroke_(stroke), carved_(std::move(block)) {
     options_.dt_s = 1 / stroke.rate_hz;
     options_.friction = false;
     felt_.surface = carved_.surface();
     felt_.stiffness_N_per_mm = kBoneStiffness_N_per_mm;
+    felt_.cutting_energy_mJ_per_mm3 = stroke.energy_mJ_per_mm3;
     burr_.radius_mm = kBurrRadius_mm;
     burr_.revolutions_per_s = stroke.turns_per_s;
     burr_.axis = Vector<Patient>(1, 0, 0);
@@ -103,7 +104,7 @@ class BurrHand {
     for (long n = 0; n < ticks; ++n) {
       const bool edited = n % every == 0 && carve();
       const ProxyResult felt =
-          advance_burr({&felt_, 1}, {&energy_, 1}, burr_, ToolPose(tip_), proxy_, burr_state_, options_);
+          advance_burr({&felt_, 1}, burr_, ToolPose(tip_), proxy_, burr_state_, options_);
       double& change_N = edited ? taken_.edit_N : taken_.tick_N;
       change_N = std::max(change_N, (felt.force_N - last_N_).norm());
       last_N_ = felt.force_N;
@@ -119,8 +120,8 @@ class BurrHand {
 
   // the next version of the surface, as a thread of its own would make it; false where there is nothing new
   bool carve() {
-    const std::uint64_t count = close_sweeps(burr_state_);
-    const std::span<const Sweep> pending = burr_state_.pending();
+    const std::uint64_t count = finished_sweeps(burr_state_);
+    const std::span<const Sweep> pending = burr_state_.pending().first(count - burr_state_.first);
     if (pending.empty()) return false;
     sweeps_.insert(sweeps_.end(), pending.begin(), pending.end());
     carved_ = carved_.with(pending);
@@ -151,7 +152,6 @@ class BurrHand {
   const BurrStroke stroke_;
   CarvedSurface carved_;
   FeltSurface felt_;
-  double energy_;
   Burr burr_;
   BurrState burr_state_;
   ProxyState proxy_;

@@ -339,7 +339,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
     structures.push_back(segment.value);
     names.push_back(segment.name);
   }
-  const auto prepared = prepare_surfaces(labels, structures, {}, progress);
+  const auto prepared = prepare_surfaces(*label_bricks(labels), structures, {}, progress);
   if (!prepared) return prepared.error();
 
   // one unit after the other, as tables want them

@@ -44,7 +44,7 @@ Result<RoundPlate> round_plate(const Eigen::Vector3d& spacing_mm, AccuracyRandom
         const double aside_mm = (p - plate.normal * across_mm).norm();
         if (std::abs(across_mm) <= kHalfPlate_mm && aside_mm <= kPlateRadius_mm) labels.at(i, j, k) = 1;
       }
-  const auto prepared = prepare_surfaces(labels, {1}, {});
+  const auto prepared = prepare_surfaces(*label_bricks(labels), {1}, {});
   if (!prepared) return prepared.error();
   plate.felt.surface = std::make_shared<const Surface>(prepared->front().surface);
   plate.felt.static_friction = plate.felt.dynamic_friction = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -69,80 +70,119 @@ Stretch bricks_at(const Stretch& voxels, int count) {
   return {std::max(0, (first + L::kCells - 1) / L::kCells), std::min(count, last / L::kCells + 1)};
 }
 
+template <class T>
+bool same_voxels(const T* a, const T* b) {
+  return std::memcmp(a, b, L::kStored * sizeof(T)) == 0;
+}
+
 }  // namespace
 
 template <class T>
 typename Bricks<T>::Shared Bricks<T>::keep(const Brick& brick) {
-  const std::size_t bytes = sizeof brick.voxels;
-  const auto* const raw = reinterpret_cast<const unsigned char*>(brick.voxels.data());
+  constexpr std::size_t bytes = kStored * sizeof(T);
+  const auto* const raw = reinterpret_cast<const unsigned char*>(brick.voxels());
   const bool uniform = std::memcmp(raw, raw + sizeof(T), bytes - sizeof(T)) == 0;
   if (uniform) {
-    for (const Shared& one : uniform_)
-      if (std::memcmp(one->voxels.data(), raw, sizeof(T)) == 0) return one;
+    for (const Uniform& one : uniform_)
+      if (std::memcmp(one.brick->voxels(), raw, sizeof(T)) == 0) return one.brick;
   }
   auto kept = std::make_shared<Brick>(brick);
   kept->uniform = uniform;
   kept->hash = kHashSeed;
   hash_bytes(kept->hash, raw, bytes);
-  if (uniform) uniform_.push_back(kept);
+  if (uniform) uniform_.push_back({kept});
   return kept;
 }
 
 template <class T>
-std::size_t Bricks<T>::count_bricks() {
+void Bricks<T>::count_place(const Brick& brick) {
+  if (!brick.uniform) return;
+  for (Uniform& one : uniform_)
+    if (one.brick.get() == &brick) ++one.places;
+}
+
+template <class T>
+void Bricks<T>::discount_place(const Brick& brick) {
+  if (brick.uniform)
+    std::erase_if(uniform_, [&](Uniform& one) { return one.brick.get() == &brick && --one.places == 0; });
+}
+
+template <class T>
+Bricks<T>::Bricks(const GridGeometry& grid, T outside, Unfilled) : geometry_(grid), outside_(outside) {
   std::size_t bricks = 1;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    counts_[axis] = (geometry_.dims[axis] + 2 * kBorder - 1) / kCells + 1;
+    counts_[axis] = (grid.dims[axis] + 2 * kBorder - 1) / kCells + 1;
     bricks *= static_cast<std::size_t>(counts_[axis]);
   }
-  return bricks;
-}
-
-template <class T>
-Bricks<T>::Bricks(const GridGeometry& grid, T value) : geometry_(grid), outside_(value) {
-  const std::size_t bricks = count_bricks();
-  const auto brick = std::make_unique<Brick>();
-  brick->voxels.fill(value);
-  const Shared one = keep(*brick);
-  table_.assign(bricks, one->voxels.data());
-  Page page;
-  page.fill(one);
-  pages_.assign((bricks + kPage - 1) / kPage, std::make_shared<const Page>(std::move(page)));
-  for (std::size_t number = 0; number < bricks; ++number) hash_ += hash_at(one->hash, number);
-}
-
-template <class T>
-Bricks<T>::Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin, T outside)
-    : geometry_(grid), outside_(outside) {
-  std::array<int, 3> low, high;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    PALPATE_CHECK(voxels.geometry().dims[axis] == grid.dims[axis] + 2 * margin && margin <= kBorder);
-    low[axis] = -margin;
-    high[axis] = grid.dims[axis] + margin;
-  }
-  const std::size_t bricks = count_bricks();
   table_.resize(bricks);
-  std::vector<Page> pages((bricks + kPage - 1) / kPage);
-  const auto brick = std::make_unique<Brick>();
-  // what is thinner than a brick, a slice or a rod, is made of equal ones
-  std::unordered_map<std::uint64_t, Shared> made;
+}
+
+template <class T>
+template <class BrickAt>
+void Bricks<T>::fill(const BrickAt& brick_at) {
+  std::vector<Page> pages((table_.size() + kPage - 1) / kPage);
   std::size_t number = 0;
   for (int c = 0; c < counts_[2]; ++c) {
     for (int b = 0; b < counts_[1]; ++b) {
       for (int a = 0; a < counts_[0]; ++a, ++number) {
-        brick->voxels.fill(outside);
-        put_into({a, b, c}, low, high, voxels.voxels().data(), brick->voxels.data());
         Shared& kept = pages[number / kPage][number % kPage];
-        kept = keep(*brick);
-        const auto [first, is_new] = made.try_emplace(kept->hash, kept);
-        if (!is_new && first->second->voxels == kept->voxels) kept = first->second;
-        table_[number] = kept->voxels.data();
+        kept = brick_at({a, b, c});
+        count_place(*kept);
+        table_[number] = kept->voxels();
         hash_ += hash_at(kept->hash, number);
       }
     }
   }
   pages_.reserve(pages.size());
   for (Page& page : pages) pages_.push_back(std::make_shared<const Page>(std::move(page)));
+}
+
+template <class T>
+Bricks<T>::Bricks(const GridGeometry& grid, T value) : Bricks(grid, value, Unfilled{}) {
+  const auto brick = std::make_unique<Brick>();
+  std::fill_n(brick->voxels(), kStored, value);
+  const Shared one = keep(*brick);
+  fill([&](const std::array<int, 3>&) { return one; });
+}
+
+template <class T>
+Bricks<T>::Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin, T outside)
+    : Bricks(grid, outside, Unfilled{}) {
+  std::array<int, 3> low, high;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    PALPATE_CHECK(voxels.geometry().dims[axis] == grid.dims[axis] + 2 * margin && margin <= kBorder);
+    low[axis] = -margin;
+    high[axis] = grid.dims[axis] + margin;
+  }
+  const auto brick = std::make_unique<Brick>();
+  // what is thinner than a brick, a slice or a rod, is made of equal ones
+  std::unordered_map<std::uint64_t, Shared> made;
+  fill([&](const std::array<int, 3>& at) {
+    std::fill_n(brick->voxels(), kStored, outside);
+    put_into(at, low, high, voxels.voxels().data(), brick->voxels());
+    const Shared kept = keep(*brick);
+    const auto [first, is_new] = made.try_emplace(kept->hash, kept);
+    return !is_new && same_voxels(first->second->voxels(), kept->voxels()) ? first->second : kept;
+  });
+}
+
+template <class T>
+Bricks<T> Bricks<T>::of_labels(const Bricks<LabelId>& labels, std::span<const T> value_of) {
+  PALPATE_CHECK(value_of.size() > std::numeric_limits<LabelId>::max());
+  Bricks values(labels.geometry(), value_of[labels.outside()], Unfilled{});
+  const auto brick = std::make_unique<Brick>();
+  std::unordered_map<const LabelId*, Shared> made;
+  std::size_t number = 0;
+  values.fill([&](const std::array<int, 3>&) {
+    const LabelId* const here = labels.brick(number++);
+    Shared& kept = made[here];
+    if (kept == nullptr) {
+      std::transform(here, here + kStored, brick->voxels(), [&](LabelId label) { return value_of[label]; });
+      kept = values.keep(*brick);
+    }
+    return kept;
+  });
+  return values;
 }
 
 template <class T>
@@ -169,14 +209,16 @@ Bricks<T> Bricks<T>::with(const PatchOf<T>& patch) const {
                                 (static_cast<std::size_t>(b) +
                                  static_cast<std::size_t>(counts_[1]) * static_cast<std::size_t>(c));
         const Brick& was = *held(number);
-        brick->voxels = was.voxels;
-        put_into({a, b, c}, low, high, patch.values.data(), brick->voxels.data());
-        if (std::memcmp(brick->voxels.data(), was.voxels.data(), sizeof was.voxels) == 0) continue;
+        std::copy_n(was.voxels(), kStored, brick->voxels());
+        put_into({a, b, c}, low, high, patch.values.data(), brick->voxels());
+        if (same_voxels(brick->voxels(), was.voxels())) continue;
         std::shared_ptr<Page>& page = own[number / kPage];
         if (page == nullptr) page = std::make_shared<Page>(*pages_[number / kPage]);
         Shared& kept = (*page)[number % kPage];
         kept = now.keep(*brick);
-        now.table_[number] = kept->voxels.data();
+        now.count_place(*kept);
+        now.discount_place(was);
+        now.table_[number] = kept->voxels();
         now.hash_ += hash_at(kept->hash, number) - hash_at(was.hash, number);
       }
     }
@@ -208,9 +250,23 @@ Volume<T> Bricks<T>::dense() const {
 
 template <class T>
 std::size_t Bricks<T>::bytes() const {
-  std::unordered_set<const T*> distinct(table_.begin(), table_.end());
-  for (const Shared& one : uniform_) distinct.insert(one->voxels.data());
+  const std::unordered_set<const T*> distinct(table_.begin(), table_.end());
   return distinct.size() * sizeof(Brick) + table_.size() * sizeof table_[0] + pages_.size() * sizeof(Page);
+}
+
+std::shared_ptr<const Bricks<LabelId>> label_bricks(const Volume<LabelId>& labels) {
+  return std::make_shared<const Bricks<LabelId>>(labels, LabelId{0});
+}
+
+std::vector<std::size_t> label_counts(const Bricks<LabelId>& labels) {
+  std::vector<std::size_t> counts(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
+  labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
+    if (piece.uniform)
+      counts[*piece.voxels] += static_cast<std::size_t>(piece.count);
+    else
+      for (int i = 0; i < piece.count; ++i) ++counts[piece.voxels[i]];
+  });
+  return counts;
 }
 
 template class Bricks<std::uint8_t>;

@@ -161,7 +161,9 @@ class Viewer(unittest.TestCase):
     def open_page(self, wait=LOADED, keeps=False):
         """@param keeps  what the browser has kept of the page until now"""
         if not keeps:
-            self.page.run("try { localStorage.clear(); } catch { /* no page is open yet */ }")
+            # the page that is still open would keep more after that. (It is left for the next one directly: by way of another
+            # document the browser loses the first two fingers that come after a slider's.)
+            self.page.run("try { localStorage.clear(); } catch { /* the browser's first page has none */ } Storage.prototype.setItem = () => {};")
         self.page.dark(True)
         self.page.resize(*SIZE)
         self.page.log()
@@ -727,6 +729,11 @@ class WithPointer(Viewer):
 
     def take_hand(self):
         """A second viewer takes the hand; `lead` then leads it. This page has it when it opens, and lets go with another tool."""
+        # it asks once, as it opens: not let go of before it has it, for then it would come to have it and keep it; where the
+        # hand of the test before was not gone yet it was refused, and does not ask again
+        asked_s = time.monotonic()
+        while not self.page.run("return palpateViewer.state.pointer") and time.monotonic() < asked_s + 2:
+            time.sleep(0.02)
         self.page.run("document.querySelector('button[data-tool=window]').click()")
         self.page.wait("!palpateViewer.state.pointer")
         self.page.run("""
@@ -1586,7 +1593,7 @@ class WithRamp(Viewer):
         self.assertEqual(self.page.run("return document.documentElement.lang"), "de")
         self.assertIn("Nur für Forschung und Lehre — nicht für den klinischen Einsatz", german)
         # names are the same, of what the scene has and of planes
-        names = {"palpate", "Esc", "Maximum (MIP)", "English", "Deutsch", "Pause", "Axial", "Sagittal", "axial", "sagittal", "LPS (DICOM)", "RAS (Slicer)"}
+        names = {"palpate", "Esc", "Maximum (MIP)", "English", "Deutsch", "Pause", "Motor", "Axial", "Sagittal", "axial", "sagittal", "LPS (DICOM)", "RAS (Slicer)"}
         names |= {s["name"].replace("_", " ") for s in self.scene["structures"] + self.scene["tissues"]} | set(self.scene["methods"])
         same = {text for text in set(english) & set(german) - names if not text.startswith(("palpate ", "p50 ", "LPS "))}
         self.assertEqual(same, set())
@@ -1853,6 +1860,67 @@ class WithRamp(Viewer):
         for wanted in ([*before, "notch"], before):
             self.page.click("#undo")
             self.assertEqual(self.page.run(names), wanted)
+
+    def test_planes_window_perspective_and_the_scope_are_undone(self):
+        self.follow(False)
+        self.show_all_planes()
+        axial, oblique, scope = (f"document.querySelector('#picture-{kind} .stack')" for kind in ("axial", "oblique", "scope"))
+        key = "for (let n = 0; n < arguments[1]; n++) %s.dispatchEvent(new KeyboardEvent('keydown', { key: arguments[0], repeat: n > 0 }))"
+        wheel = "for (let n = 0; n < 3; n++) %s.dispatchEvent(new WheelEvent('wheel', { deltaY: 90, ctrlKey: %s, cancelable: true }))"
+        choose = "const one = document.querySelector(arguments[0]); one.value = arguments[1]; one.dispatchEvent(new Event('change', { bubbles: true }))"
+        state = """palpateViewer.draw();
+            const pixels = ["axial", "oblique"].flatMap((kind) => [...palpateViewer.patientAt(kind, 0, 0), ...palpateViewer.patientAt(kind, 100, 100)]);
+            const input = (selector) => { const one = document.querySelector(selector); return one.type === "checkbox" ? one.checked : one.value; };
+            const inputs = ["#level", "#width", "#cutting", "#perspective", "#planes-in-volume", "#picture-scope select:nth-of-type(1)", "#picture-scope select:nth-of-type(2)"].map(input);
+            const free = ![...document.querySelectorAll("#picture-scope button")].at(-1).disabled;
+            const { project } = palpateViewer;
+            return { pixels, inputs, free, frame: free ? palpateViewer.scopeFrame.forward : [0, 0, 0], project: [[0, 0, 0], [20, 5, -11]].flatMap((p) => project(p)) };"""
+        flat = lambda seen: [*seen["pixels"], *seen["frame"], *seen["project"]]  # noqa: E731
+        rest = lambda seen: (seen["inputs"], seen["free"])  # noqa: E731
+        # the browser may have kept it open, from the test before
+        menu = "document.querySelector('#picture-volume details').open = "
+        self.page.run(menu + "true")
+        self.addCleanup(lambda: (self.page.click("[data-layout=two]"), self.page.run(menu + "false")))
+        steps = [
+            # a run of the wheel and a key that is held, each a step
+            lambda: self.page.run(wheel % (axial, "true")),
+            lambda: self.page.run(wheel % (axial, "false")),
+            lambda: self.page.run(key % axial, "PageDown", 3),
+            lambda: self.page.run(key % oblique, "+", 2),
+            # brightness and contrast, by a drag and as a number; and a drag that moves a plane's picture
+            lambda: self.drag("#picture-oblique .stack", 40, 30),
+            lambda: self.page.run(choose, "#level", "1100"),
+            lambda: self.drag("#picture-axial .stack", 30, 20, button=1),
+            # a slice of its own
+            lambda: self.page.run(choose, "#picture-axial .slices input[type=number]", "7"),
+            lambda: self.page.click("#perspective"),
+            lambda: self.page.run(choose, "#cutting", "plane"),
+            lambda: self.page.click("#planes-in-volume"),
+            lambda: self.page.run(choose, "#picture-scope select:nth-of-type(2)", "70"),
+        ]
+        inside = [
+            lambda: self.page.run(key % scope, "ArrowRight", 4),
+            lambda: self.page.run(key % scope, "ArrowUp", 1),
+            lambda: self.page.run(choose, "#picture-scope select:nth-of-type(1)", "15"),
+        ]
+        for layout, acts in (("five", steps), ("inside", inside)):
+            self.page.click(f"[data-layout={layout}]")
+            self.page.run("palpateViewer.draw()")
+            time.sleep(0.3)
+            seen = [self.page.run(state)]
+            for act in acts:
+                act()
+                time.sleep(0.15)  # the figures are written ten times a second
+                seen.append(self.page.run(state))
+                is_other = rest(seen[-1]) != rest(seen[-2]) or numpy.abs(numpy.subtract(flat(seen[-1]), flat(seen[-2]))).max() > 1e-3
+                self.assertTrue(is_other, f"{layout}, step {len(seen) - 1}")
+            self.assertGreater(len(seen), 3)
+            for button, wanted in [("#undo", one) for one in seen[-2::-1]] + [("#redo", seen[1])]:
+                self.page.click(button)
+                time.sleep(0.15)
+                now = self.page.run(state)
+                self.assertEqual(rest(now), rest(wanted), f"{layout}, to {seen.index(wanted)}")
+                self.assertLess(numpy.abs(numpy.subtract(flat(now), flat(wanted))).max(), 1e-3, f"{layout}, to {seen.index(wanted)}")
 
     def test_measures_are_listed_named_found_and_written_as_a_table(self):
         self.follow(False)
@@ -2281,6 +2349,113 @@ class WithShaft(Viewer):
         for kind in judges:
             self.assertGreater(min(states[kind]), 8, kind)
 
+    def test_a_line_leads_from_the_tool_to_what_is_felt_nearest(self):
+        self.let_another_viewer_lead()
+        # alone, so that it is large
+        self.page.click("[data-layout=volume]")
+        self.addCleanup(self.page.click, "[data-layout=two]")
+        self.page.wait("palpateViewer.draw() || document.querySelector('#picture-volume canvas').height > 400")
+        self.size = self.page.run("const { width, height } = document.querySelector('#picture-volume canvas'); return [width, height]")
+        generator = random.Random(test_seed())
+        solid = numpy.pad(self.labels > 0, 1)
+        inner = solid[1:-1, 1:-1, 1:-1].copy()
+        for axis in range(3):
+            for by in (-1, 1):
+                inner &= numpy.roll(solid, by, axis)[1:-1, 1:-1, 1:-1]
+        surface = numpy.argwhere((self.labels > 0) & ~inner) @ self.patient_from_voxel[:3, :3].T + self.patient_from_voxel[:3, 3]
+        places, wrong, points = {"near": 0, "far": 0}, [], {"seen": 0, "hidden": 0}
+        for is_perspective in (False, True):
+            self.is_perspective = is_perspective
+            self.page.run("palpateViewer.lookFrom(110, 30, arguments[0]); palpateViewer.draw()", is_perspective)
+            self.page.wait("palpateViewer.isVolumeSharp")
+            ray = self.page.run("return palpateViewer.volumeRay(0, 0)")
+            self.eye, self.into = numpy.array(ray["from"]), numpy.array(ray["into"])
+            wanted = {"near": 8, "far": 2}
+            while sum(wanted.values()) > 0:
+                p = numpy.array([generator.uniform(-54, 54), generator.uniform(-54, 54), generator.uniform(-60, 60)])
+                far = numpy.linalg.norm(surface - p, axis=1)
+                nearest = surface[far.argmin()]
+                kind = "near" if 6 < far.min() < 18 else "far"
+                # places that are as near, but for less than a voxel: the page looks at the nearest of some of them
+                as_near = surface[far < far.min() + 0.8]
+                if wanted[kind] == 0 or self.label_at(p[None])[0] or (kind == "far" and far.min() < 22) or numpy.linalg.norm(as_near - nearest, axis=1).max() > 8:
+                    continue
+                foot_of = lambda voxel: p + (voxel - p) * (1 - self.spacing / 2 / numpy.linalg.norm(voxel - p))  # noqa: E731
+                foot = foot_of(nearest)
+                begin, end, shaft = numpy.array(self.page.run("return palpateViewer.pixelsOverVolume(arguments[0])", [q.tolist() for q in (p, foot, p + 30 * self.axis)]))
+                way, shaft = end - begin, shaft - begin
+                cosine = way @ shaft / numpy.linalg.norm(way) / numpy.linalg.norm(shaft)
+                if numpy.linalg.norm(way) < 30 or cosine > 0.5 or not ((numpy.array([begin, end]) > 10) & (numpy.array([begin, end]) < numpy.array(self.size) - 10)).all():
+                    continue
+                self.page.run("window.lead(arguments[0])", p.tolist())
+                self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.01" % json.dumps(p.tolist()))
+                time.sleep(2.2)  # where the tool was is drawn so long
+                answer = self.page.run("palpateViewer.draw(); return palpateViewer.drawnOverVolume()")
+                over = numpy.frombuffer(base64.b64decode(answer["rgba"]), numpy.uint8).reshape(answer["height"], answer["width"], 4)
+                self.over = numpy.pad(over, ((3, 3), (3, 3), (0, 0)))
+                # from the tool's ring to the shadow, at whichever of them it is drawn
+                mm = numpy.linalg.norm(foot - p) / numpy.linalg.norm(way)
+                line_to = lambda foot: p + numpy.linspace(14 * mm / numpy.linalg.norm(foot - p), 1 - 1.5 / numpy.linalg.norm(foot - p), 60)[:, None] * (foot - p)  # noqa: E731
+                # a disc across it where it ends, of which a bar is seen from the side
+                angles = numpy.linspace(0, 2 * math.pi, 12, endpoint=False)
+                rim_at = lambda foot: foot + 1.2 * numpy.stack([numpy.cos(angles), numpy.sin(angles)], 1) @ numpy.linalg.svd((foot - p)[None])[2][1:]  # noqa: E731
+                feet = [foot_of(voxel) for voxel in as_near]
+                marks = list(self.drawn(*map(line_to, feet), *map(rim_at, feet)))
+                best = numpy.argmax([(on > 40).mean() + (rim > 50).mean() for (_, _, on), (_, _, rim) in zip(marks, marks[len(feet):])])
+                foot, shadow = feet[best], (marks[len(feet) + best][2] > 50).mean()
+                line, length = line_to(foot), numpy.linalg.norm(foot - p)
+                into = self.into if not is_perspective else (p - self.eye) / numpy.linalg.norm(p - self.eye)
+                aside = numpy.cross(foot - p, into)
+                aside *= 7 * mm / numpy.linalg.norm(aside)
+                (at, _, on), (_, _, left), (_, _, right) = self.drawn(line, line + aside, line - aside)
+                places[kind] += 1
+                wanted[kind] -= 1
+                if kind == "far":
+                    if (on > 40).mean() > 0.1:
+                        wrong.append((kind, is_perspective, p.round(1).tolist(), (on > 40).mean()))
+                    continue
+                seen, hidden = self.runs(line, at, length, 2)
+                # its length stands on one of its sides
+                beside = min((left > 80).mean(), (right > 80).mean())
+                shares = [(on[seen] > 80).mean() if seen.sum() > 5 else 1, (on[hidden] > 40).mean() if hidden.sum() > 5 else 0.6, beside]
+                points["seen"] += int(seen.sum())
+                points["hidden"] += int(hidden.sum())
+                if shares[0] < 0.9 or shares[1] < 0.3 or beside > 0.2 or shadow < 0.5:
+                    wrong.append((kind, is_perspective, p.round(1).tolist(), shares, shadow))
+        print(f"  {places['near']} lines, {points['seen']} of their points seen and {points['hidden']} hidden; {places['far']} places without one", flush=True)
+        self.assertEqual(wrong, [])
+        self.assertGreater(points["seen"], 200)
+
+
+class WithBurr(Viewer):
+    """The mock's pointer with a tool that cuts away 3 mm around the middle of the first structure when its motor is switched on."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("pointer", extra=["--tool", "burr"]).__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        scene = cls.server.scene()
+        labels, patient_from_voxel = cls.server.labels(scene)
+        middle = numpy.argwhere(labels == scene["structures"][0]["label"]).mean(0)
+        cls.place = (patient_from_voxel @ [*middle, 1])[:3].tolist()
+        cls.open_browser()
+
+    def test_what_is_cut_away_is_gone_from_the_page_and_from_one_that_comes_later(self):
+        places = {name: [self.place[0], self.place[1] + aside, self.place[2]] for name, aside in (("middle", 0), ("edge", 2.2), ("beyond", 4.2))}
+        found = lambda: {name: self.page.run("return palpateViewer.structureAt(arguments[0])", at) is not None for name, at in places.items()}
+        self.assertEqual(found(), {"middle": True, "edge": True, "beyond": True})
+        self.assertFalse(self.page.run("return document.getElementById('motor').hidden"))
+        self.page.click("#motor")
+        self.page.wait("palpateViewer.state.motor && document.getElementById('motor').getAttribute('aria-pressed') === 'true'")
+        self.page.wait("palpateViewer.structureAt(%s) === null" % json.dumps(self.place))
+        self.assertEqual(found(), {"middle": False, "edge": False, "beyond": True})
+        self.page.wait("document.getElementById('removed').textContent.includes('113 mm³ of femur removed')")
+        # who comes later is told of all that is gone
+        self.page.run("window.isLeft = true; location.reload()")
+        self.page.wait("!window.isLeft && window.palpateViewer && palpateViewer.isLoaded")
+        self.page.wait("palpateViewer.structureAt(%s) === null" % json.dumps(self.place))
+        self.assertEqual(found(), {"middle": False, "edge": False, "beyond": True})
+
 
 class WithSphere(Viewer):
     """One of 20 mm, of voxels of 0.5 mm: the mock's alone."""
@@ -2320,8 +2495,8 @@ class WithSphere(Viewer):
             light = seen[disc].mean() / (opacity * surface + (1 - opacity) * 12 / 255)[disc].mean()
             print(f"  opacity {opacity}: {100 * off[opacity][0]:.2f} % off in the mean square, {100 * off[opacity][1]:.2f} % at most; {100 * light:.0f} % of the light", flush=True)
             self.assertGreaterEqual(light, 0.7)
-        self.assertLess(off[1][0], 0.02)
-        self.assertLess(off[1][1], 0.09)
+        self.assertLess(off[1][0], 0.015)
+        self.assertLess(off[1][1], 0.05)
         self.assertLess(max(off[0.6][0], off[0.3][0]), 0.03)
 
     def test_tissue_that_yields_is_seen_where_it_went(self):
@@ -2496,6 +2671,11 @@ class WithManyVoxels(Viewer):
             time.sleep(0.2)
         return sorted(b - a for a, b in zip(self.page.run("return window.pressed"), came))
 
+    def thread(self):
+        """Seconds since `Performance.enable`: of a core that the page's own thread had, and from begin to end of its tasks."""
+        metrics = {one["name"]: one["value"] for one in self.page.developer_tools("Performance.getMetrics")["metrics"]}
+        return numpy.array([metrics["ThreadTime"], metrics["TaskDuration"]])
+
     def test_a_stop_waits_for_no_picture(self):
         self.page.wait("palpateViewer.volumeWork.pictures > 0")
         self.page.run("""window.long = [];
@@ -2514,18 +2694,66 @@ class WithManyVoxels(Viewer):
               }, 350);
             };""")
         idle = self.stops(9)
+        self.page.developer_tools("Performance.enable")
+        began = self.thread()
         before = self.page.run("window.long.length = 0; window.since = performance.now(); window.keepBusy(); return palpateViewer.volumeWork")
         busy = self.stops(17)
         after, long, elapsed = self.page.run("return [palpateViewer.volumeWork, window.long, performance.now() - window.since]")
-        print(f"  idle {idle[4]:.1f} ms, busy {busy[8]:.1f} ms, a quarter above {busy[12]:.1f}, at most {busy[-1]:.0f}; {len(long)} tasks above 50 ms, the longest {max(long, default=0):.0f}", flush=True)
+        ran, took = self.thread() - began
+        share = min(1, ran / took)
+        print(f"  idle {idle[4]:.1f} ms, busy {busy[8]:.1f} ms, a quarter above {busy[12]:.1f}, at most {busy[-1]:.0f}; {len(long)} tasks above 50 ms, "
+              f"the longest {max(long, default=0):.0f}, {share:.2f} of a core meanwhile", flush=True)
         # what went on: looks were changed, pictures drawn, and no voxel touched
         self.assertGreater(after["looks"], before["looks"] + 5)
         self.assertGreater(after["pictures"], before["pictures"] + 2)
         self.assertEqual(after["texels"], before["texels"])
         # a quarter took hundreds of times as long while the voxels were coloured on the page's own thread
-        self.assertLess(busy[12], 30 * idle[4] + 30)
-        # nor is the page's own thread held for long, but by a busy machine now and then
-        self.assertLess(sum(task for task in long if task > 250), 0.3 * elapsed)
+        # (what it had of a core is what counts: a machine that has come to be busy meanwhile makes all wait)
+        self.assertLess(share * busy[12], 30 * idle[4] + 30)
+        # nor is the page's own thread held for long
+        self.assertLess(share * sum(task for task in long if task > 250), 0.3 * elapsed)
+
+    def test_the_volume_is_drawn_from_every_voxel_where_there_is_room(self):
+        # the graphics and the memory are what a script says; it is drawn by what there is
+        dims = self.page.run("return palpateViewer.scene.volume.dims")
+        self.page.wait("palpateViewer.volumeWork.pictures > 0")
+        frugal, coarse = self.page.run("return palpateViewer.volumeTexels"), self.volume_pixels()
+        self.assertLessEqual(numpy.prod(frugal), 1.2e6)
+
+        # without a graphics card it is asked for
+        self.page.click("#picture-volume details summary")
+        self.page.click("#every-voxel")
+        self.assertEqual(self.page.run("return palpateViewer.volumeTexels"), dims)
+        fine = self.volume_pixels()
+        made = self.page.run("return palpateViewer.volumeWork.texels")
+        self.assertGreaterEqual(made, numpy.prod(dims))
+        self.page.click("#every-voxel")
+        self.assertEqual(self.page.run("return palpateViewer.volumeTexels"), frugal)
+
+        for side, memory, expected in ((2048, 8, dims), (128, 8, [-(-n // 2) for n in dims]), (2048, 2, None)):
+            spoof = self.page.developer_tools("Page.addScriptToEvaluateOnNewDocument", source="""{
+                const honest = WebGL2RenderingContext.prototype.getParameter;
+                const says = { 0x9246: "A card", 0x8073: %d };
+                WebGL2RenderingContext.prototype.getParameter = function (name) { return says[name] ?? honest.call(this, name); };
+                Object.defineProperty(Navigator.prototype, "deviceMemory", { get: () => %d });
+            }""" % (side, memory))
+            self.open_page()
+            self.page.developer_tools("Page.removeScriptToEvaluateOnNewDocument", **spoof)
+            texels = self.page.run("return palpateViewer.volumeTexels")
+            if expected:
+                self.assertEqual(texels, expected)
+            else:
+                self.assertLessEqual(numpy.prod(texels), 2e6)
+            self.assertIsNone(self.page.run("return document.getElementById('every-voxel')"))
+            if texels == dims:
+                # on a card it is what was asked for, pixel by pixel, and no other volume than the coarse one
+                self.assertEqual(abs(self.volume_pixels() - fine).max(), 0)
+        is_ground = lambda pixels: abs(pixels - (9, 12, 14)).max(-1) < 4  # noqa: E731
+        same = (is_ground(fine) == is_ground(coarse)).mean()
+        print(f"  {frugal} texels, {dims} when asked for and on a card; {same:.4f} of the outline agree", flush=True)
+        self.assertGreater(same, 0.98)
+        self.assertGreater((~is_ground(fine)).mean(), 0.1)
+        self.assertGreater((abs(fine - coarse).max(-1) > 2).mean(), 0.01, "finer")
 
 
 class WithRecording(Viewer):
@@ -2591,10 +2819,11 @@ class WithRecording(Viewer):
     def test_its_contacts_are_places_to_go_to(self):
         contacts = self.scene["recording"]["contacts"]
         names = {s["label"]: s["name"] for s in self.scene["structures"]}
-        self.assertEqual([names[label] for _, _, label, _ in contacts][:2], ["patella", "tibia"])
+        self.assertEqual([names[label] for _, _, label, *_ in contacts][:2], ["patella", "tibia"])
         listed = self.page.run("return [...document.getElementById('marks').options].map((one) => one.textContent)")
         self.assertEqual(len(listed), 1 + len(contacts) + len(self.scene["recording"]["events"]))
-        for begin_s, end_s, label, most_N in contacts[:2]:
+        for begin_s, end_s, label, most_N, device in contacts[:2]:
+            self.assertEqual(device, 0)
             rows = (self.time_s >= begin_s) & (self.time_s < end_s)
             self.assertAlmostEqual(numpy.linalg.norm(self.force_N[rows], axis=1).max(), most_N, 9)
             self.page.run("const marks = document.getElementById('marks'); marks.value = arguments[0]; marks.dispatchEvent(new Event('change'))", str(begin_s))
@@ -2607,6 +2836,36 @@ class WithRecording(Viewer):
             return [...line.getContext("2d").getImageData(x, line.height - 3, 1, 1).data.slice(0, 3)];""", sum(contacts[0][:2]) / 2)
         wanted = next(s["colour"] for s in self.scene["structures"] if s["label"] == contacts[0][2])
         self.assertTrue(all(abs(a - b) <= 2 for a, b in zip(colour, wanted)), (colour, wanted))
+
+    def test_each_device_has_a_row_of_the_time_line(self):
+        # of the two contacts, the later one is another device's
+        first, second = self.scene["recording"]["contacts"][:2]
+        script = self.page.developer_tools("Page.addScriptToEvaluateOnNewDocument", source="""{
+            const honest = Response.prototype.json;
+            Response.prototype.json = async function () {
+              const read = await honest.call(this);
+              if (read.recording) read.recording.contacts[1][4] = 1;
+              return read;
+            };
+        }""")
+        self.open_page()
+        self.page.developer_tools("Page.removeScriptToEvaluateOnNewDocument", **script)
+        listed = self.page.run("return [...document.getElementById('marks').options].map(({ value, textContent }) => [Number(value), textContent])")
+        for contact, of in ((first, "device 1"), (second, "device 2")):
+            self.assertTrue(any(at_s == contact[0] and text.endswith(of) for at_s, text in listed), listed)
+        # the middle of each row, in the middle of each contact: [contact][row] -> RGBA
+        rows = self.page.run("""palpateViewer.draw();
+            const line = document.getElementById("line");
+            const { begin_s, end_s } = palpateViewer.scene.recording;
+            const x = (s) => Math.floor(((s - begin_s) / (end_s - begin_s)) * line.width);
+            const { data } = line.getContext("2d").getImageData(0, 0, line.width, line.height);
+            const at = (s, part) => 4 * (x(s) + line.width * Math.floor(part * line.height));
+            return arguments[0].map((s) => [0.715, 0.905].map((part) => [...data.slice(at(s, part), at(s, part) + 4)]));""",
+                             [sum(contact[:2]) / 2 for contact in (first, second)])
+        for n, contact in enumerate((first, second)):
+            wanted = next(s["colour"] for s in self.scene["structures"] if s["label"] == contact[2])
+            self.assertLessEqual(max(abs(a - b) for a, b in zip(rows[n][n], wanted)), 2, rows)
+            self.assertEqual(rows[n][1 - n][3], 0, rows)
 
 
 class WithTokens(Viewer):
@@ -2700,7 +2959,7 @@ def decode_png(data):
 if __name__ == "__main__":
     if len(sys.argv) >= 3 and sys.argv[1] == "palpate":
         command = palpate_command(sys.argv[2])
-        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithShaft, WithSphere, WithManyVoxels
+        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithShaft, WithBurr, WithSphere, WithManyVoxels
     elif len(sys.argv) >= 5 and sys.argv[1] == "mock":
         command = mock_command(*sys.argv[2:5])
         del sys.argv[1:5]

@@ -139,7 +139,7 @@ Hold hold_of(ForceMethod method, const PlantDevice& device, const char* grip) {
 // from one wall to the other: between the nearest voxels of both bones
 std::pair<Point<Patient>, Point<Patient>> walls_of(const Model& model, const Gap& gap,
                                                    const Point<Patient>& middle) {
-  const Volume<LabelId>& labels = *model.labels;
+  const Bricks<LabelId>& labels = *model.labels;
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
   const auto nearest = [&](LabelId label) {
     Point<Patient> best;

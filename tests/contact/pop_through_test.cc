@@ -274,7 +274,7 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
   const TissuePreset* preset = match_preset(structure.name);
   for (int turn = 0; turn < turn_count(); ++turn) {
     const auto grid = turned(labels, structure.value, places, chance.turn());
-    const auto prepared = prepare_surfaces(grid, {structure.value}, {});
+    const auto prepared = prepare_surfaces(*label_bricks(grid), {structure.value}, {});
     EXPECT_TRUE(prepared.ok());
     if (!prepared.ok() || preset == nullptr) return counted;
     FeltSurface felt;

@@ -70,9 +70,10 @@ struct Body {
 Model model_of(const LabelMap& map,
                const std::function<std::optional<double>(const Segment&)>& stiffness_of) {
   Model model;
-  model.labels = std::make_shared<const Volume<LabelId>>(map.flattened());
-  const auto& voxels = model.labels->voxels();
-  model.tissue_of_label.resize(*std::max_element(voxels.begin(), voxels.end()) + std::size_t{1}, -1);
+  model.labels = label_bricks(map.flattened());
+  const std::vector<std::size_t> voxels = label_counts(*model.labels);
+  for (std::size_t label = 0; label < voxels.size(); ++label)
+    if (voxels[label] > 0) model.tissue_of_label.resize(label + 1, -1);
   for (const Segment& segment : map.segments) {
     const std::optional<double> stiffness = stiffness_of(segment);
     if (!stiffness || segment.id >= model.tissue_of_label.size()) continue;
@@ -136,7 +137,7 @@ class HalfAVoxel {
     for (int k = static_cast<int>(std::ceil(p.z() - reach.z())); k <= p.z() + reach.z(); ++k)
       for (int j = static_cast<int>(std::ceil(p.y() - reach.y())); j <= p.y() + reach.y(); ++j)
         for (int i = static_cast<int>(std::ceil(p.x() - reach.x())); i <= p.x() + reach.x(); ++i) {
-          const bool felt = body_.is_felt(labels_.at_or(i, j, k, 0));
+          const bool felt = body_.is_felt(labels_.anywhere(i, j, k));
           if (point && !felt) return false;
           const Eigen::Vector3d way_mm = (Eigen::Vector3d(i, j, k) - p.eigen()).cwiseProduct(spacing_mm);
           if (!point && felt && way_mm.norm() < over_mm) return true;
@@ -146,7 +147,7 @@ class HalfAVoxel {
 
  private:
   const Body& body_;
-  const Volume<LabelId>& labels_;
+  const Bricks<LabelId>& labels_;
   Transform<Voxel, Patient> X_VoxelPatient_;
 };
 
@@ -269,7 +270,7 @@ struct Surfaces {
 
 Surfaces exposed_voxels(const Body& body) {
   Surfaces found;
-  const Volume<LabelId>& labels = *body.model->labels;
+  const Bricks<LabelId>& labels = *body.model->labels;
   const auto& dims = labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
@@ -279,7 +280,7 @@ Surfaces exposed_voxels(const Body& body) {
         bool exposed = false, seam = false;
         for (int n = 0; n < 27; ++n) {
           const int di = n % 3 - 1, dj = n / 3 % 3 - 1, dk = n / 9 - 1;
-          const LabelId other = labels.at_or(i + di, j + dj, k + dk, 0);
+          const LabelId other = labels.anywhere(i + di, j + dj, k + dk);
           const bool felt = body.is_felt(other);
           exposed = exposed || (!felt && std::abs(di) + std::abs(dj) + std::abs(dk) == 1);
           seam = seam || (felt && other != own);

@@ -100,6 +100,7 @@ class Failures(cli.PalpateTest):
             "prepare": ["prepare", self.labels, "-o", pathlib.Path(f"{output}.nrrd")],
             "simulate": ["simulate", self.scene, "--script", self.script, "-o", pathlib.Path(f"{output}.h5")],
             "report": ["report", self.recording, self.scene, "-o", pathlib.Path(f"{output}.html")],
+            "export": ["export", self.recording, self.scene, "-o", pathlib.Path(f"{output}.seg.nrrd")],
             "forces": ["forces", self.scene, "-o", pathlib.Path(f"{output}.svg")],
             "verify": ["verify", "latency", "--seconds", "0.05", "--rate", "1000", "--scene", self.patella, "--json",
                        pathlib.Path(f"{output}.json")],
@@ -109,7 +110,8 @@ class Failures(cli.PalpateTest):
         missing = self.folder / "missing.nrrd"
         for arguments in (["info", missing], ["scene", "new", missing, self.labels, "-o", self.folder / "s.toml"],
                           ["scene", "check", missing], ["prepare", missing, "-o", self.folder / "f.nrrd"],
-                          ["simulate", self.folder / "missing.toml"], ["replay", missing], ["report", missing]):
+                          ["simulate", self.folder / "missing.toml"], ["replay", missing], ["report", missing],
+                          ["export", missing, "-o", self.folder / "left.nrrd"]):
             with self.subTest(arguments[0]):
                 self.fail_clearly(cli.BAD_INPUT, *arguments, says="missing")
         self.assertEqual(list(self.folder.iterdir()), [])

@@ -40,6 +40,24 @@ class KneePhantom(cli.PalpateTest):
         for key in ["lesion-in", "temporal", "thickness", "gland"]:
             self.assertIn(f"| `{key}` |", self.succeed("data", "keys").stdout)
 
+    def test_a_burr_takes_bone_away_and_what_is_left_is_written(self):
+        scene, script, recording, left = (self.folder / name for name in ("scene.toml", "mill.toml", "run.h5", "left.seg.nrrd"))
+        self.coarse_scene()
+        with open(scene, "a") as file:
+            file.write('\n[tool]\nkind = "burr"\ndiameter = 4\nspindle = [1, 0, 0]\n')
+        script.write_text("[[step]]\napproach = 'femur'\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n[[step]]\nhold = 1.5\n"
+                          "[[step]]\nmotor = false\n[[step]]\nleave = true\n")
+        done = self.succeed("simulate", scene, "--script", script, "-o", recording)
+        removed = float(re.search(r"removed ([\d.]+) mm3 of femur", done.stdout).group(1))
+        self.assertGreater(removed, 1)
+        self.assertEqual(cli.run_hash(self.succeed("replay", recording, scene).stdout), cli.run_hash(done.stdout))
+        self.assertEqual(self.succeed("export", recording, scene, "-o", left).stdout, f"removed {removed:.1f} mm3 of femur\n")
+        # whole voxels, which are coarse: the femur has less of them, and nothing else
+        before, after = (dict(re.findall(r"^ *\d+ +(\w+) +(\d+) ", self.succeed("info", file).stdout, re.MULTILINE))
+                         for file in (next((self.folder / "knee").glob("*.seg.nrrd")), left))
+        self.assertEqual({name for name in before if before[name] != after[name]}, {"femur"})
+        self.assertLess(int(after["femur"]), int(before["femur"]))
+
     def test_each_phantom_is_felt_by_its_own_scene(self):
         for name, structures in [("shell-phantom:spacing=1.2", ["shell"]),
                                  ("skull-phantom:spacing=2.2,temporal=4", ["skull", "brain"]),

@@ -122,7 +122,7 @@ void expect_thin_tissue_survives(const std::string& name) {
     if (named("meniscus") || (!kMenisciAlone && named("cartilage"))) thin.push_back(s.value);
   }
   ASSERT_EQ(thin.size(), kMenisciAlone ? 2u : 6u);
-  const auto prepared = prepare_surfaces(labels, thin, {});
+  const auto prepared = prepare_surfaces(*label_bricks(labels), thin, {});
   ASSERT_TRUE(prepared.ok());
   for (const PreparedSurface& s : *prepared) {
     const std::string tissue = read->labels.find(s.label)->name;

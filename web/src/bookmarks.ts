@@ -4,12 +4,12 @@ import { byId, element } from "./dom.js";
 import type { History } from "./history.js";
 import { ANATOMICAL, type Anatomical, type Quaternion, type Vec3 } from "./geometry.js";
 import { keepScene, recallScene } from "./kept.js";
-import { ALONG, type Along, type PlaneKind, type SectionView } from "./section_view.js";
+import { ALONG, type Along, type PlaneKind, type SectionStand, type SectionView } from "./section_view.js";
 import { LAYOUTS, type Layout, type KeptScene, type Session, type Window } from "./session.js";
 import type { VolumeView } from "./volume_view.js";
 import { says, words } from "./words.js";
 
-interface SectionSeen { kind: PlaneKind; across_mm: number; pan: [number, number]; offset_mm: number }
+interface SectionSeen extends SectionStand { kind: PlaneKind }
 export interface Seen {
   layout: Layout;
   window: Window;
@@ -100,31 +100,26 @@ export class Bookmarks {
 
   private seen(): Seen {
     const { session, volume, sections, layout } = this.page;
-    const { right, up, focus } = volume.camera;
     const oblique = sections[0]!;
     return {
-      layout: layout(), window: session.window, camera: { right, up, focus, across_mm: volume.across_mm }, cross: session.follow ? null : session.anchor(),
+      layout: layout(), window: session.window, camera: volume.stand, cross: session.follow ? null : session.anchor(),
       normal: oblique.normal, along: oblique.along, like: oblique.like,
       // one that was never shown has no size
-      sections: sections.filter(({ across_mm }) => across_mm > 0).map(({ kind, across_mm, pan, offset_mm }) => ({ kind, across_mm, pan, offset_mm })), rotation: session.pose?.rotation ?? null,
+      sections: sections.filter(({ across_mm }) => across_mm > 0).map(({ kind, stand }) => ({ kind, ...stand })), rotation: session.pose?.rotation ?? null,
     };
   }
   private recall(seen: Seen): void {
-    const { session, volume, sections, choose, orient, turn } = this.page;
+    const { session, history, volume, sections, choose, orient, turn } = this.page;
     choose(seen.layout);
-    session.window = seen.window;
-    session.follow = seen.cross === null;
-    session.cross = seen.cross;
-    session.obliqueNormal = seen.cross && seen.normal;
-    for (const section of sections) {
-      const own = seen.sections.find(({ kind }) => kind === section.kind);
-      if (own) Object.assign(section, { across_mm: own.across_mm, pan: own.pan, offset_mm: own.offset_mm });
-    }
-    orient(seen.along, seen.like);
-    const { right, up, focus, across_mm } = seen.camera;
-    volume.moveCamera(() => {
-      Object.assign(volume.camera, { right, up, focus });
-      volume.across_mm = across_mm;
+    history.change("bookmark", () => {
+      session.window = seen.window;
+      session.planes = { follow: seen.cross === null, cross: seen.cross, obliqueNormal: seen.cross && seen.normal };
+      for (const section of sections) {
+        const own = seen.sections.find(({ kind }) => kind === section.kind);
+        if (own) section.stand = own;
+      }
+      orient(seen.along, seen.like);
+      volume.stand = seen.camera;
     });
     if (seen.rotation) turn(seen.rotation);
     session.touch();

@@ -1,5 +1,6 @@
 // The WebSocket: it comes back by itself, keeps the latest pose, and knows how old that is.
 
+import type { Sweep } from "./cuts.js";
 import type { State } from "./scene.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
 import { words } from "./words.js";
@@ -35,6 +36,8 @@ export interface Listener {
   onUnanswered(): void;
   /** Somebody at the device is asked whether a request may be; its answer comes when they have said so. */
   onAsked(): void;
+  /** More was cut away; 0: what was told before is not any more. */
+  onCut(first: number, sweeps: Sweep[]): void;
 }
 
 export class Connection {
@@ -169,6 +172,9 @@ export class Connection {
         break;
       case "state":
         this.listener.onState(message as State);
+        break;
+      case "cut":
+        this.listener.onCut(message.first as number, message.sweeps as Sweep[]);
         break;
       case "asked":
         this.listener.onAsked();

@@ -3,7 +3,7 @@
 import { announce } from "./announce.js";
 import type { Connection } from "./connection.js";
 import { byId, element, press, toast, write } from "./dom.js";
-import { decimalsFor, limitText, measured, quantity, stepsText, valueText } from "./figures.js";
+import { decimalsFor, digits, limitText, measured, quantity, stepsText, valueText } from "./figures.js";
 import { angleOf_deg, length, positionText } from "./geometry.js";
 import type { History } from "./history.js";
 import { keep, recall } from "./kept.js";
@@ -66,6 +66,7 @@ export class Controls {
       if (session.state?.stop != null) void requests.once({ type: "rearm", stop: session.state.stop });
     });
     byId("pause").addEventListener("click", () => this.togglePause());
+    byId("motor").addEventListener("click", () => void requests.once({ type: "set", motor: !session.state?.motor }));
     byId("follow").addEventListener("click", () => this.toggleFollow());
     byId("undo").addEventListener("click", () => void history.undo());
     byId("redo").addEventListener("click", () => void history.redo());
@@ -107,7 +108,7 @@ export class Controls {
     for (const name of ["level", "width"] as const) {
       byId<HTMLInputElement>(name).addEventListener("change", (event) => {
         const value = Number((event.target as HTMLInputElement).value);
-        if (Number.isFinite(value) && (name === "level" || value > 0)) session.window = { ...session.window, [name]: value };
+        if (Number.isFinite(value) && (name === "level" || value > 0)) history.change("window", () => (session.window = { ...session.window, [name]: value }));
         session.touch();
       });
     }
@@ -216,10 +217,8 @@ export class Controls {
   }
   private toggleFollow(): void {
     const { session } = this;
-    session.follow = !session.follow;
-    session.cross = session.follow ? null : session.pose?.devices[0]?.tip ?? null;
-    session.obliqueNormal = null;
-    session.touch();
+    const follow = !session.follow;
+    this.history.change("follow", () => (session.planes = { follow, cross: follow ? null : session.pose?.devices[0]?.tip ?? null, obliqueNormal: null }));
   }
 
   /** Whoever takes another tool gives the hand back, if this page has it. */
@@ -239,8 +238,10 @@ export class Controls {
     const { session } = this;
     const scan = session.scene?.volume.scan;
     const between = ([low, high]: [number, number]) => ({ level: (low + high) / 2, width: high - low });
-    if (name !== "percentiles" && name !== "all") session.window = { ...CT_PRESETS[name] };
-    else if (scan) session.window = between(name === "all" ? scan.range : scan.window);
+    this.history.change("window", () => {
+      if (name !== "percentiles" && name !== "all") session.window = { ...CT_PRESETS[name] };
+      else if (scan) session.window = between(name === "all" ? scan.range : scan.window);
+    });
     session.touch();
   }
 
@@ -271,6 +272,7 @@ export class Controls {
   showScene(scene: Scene): void {
     this.nameScene(scene);
     byId("side").classList.toggle("warn", scene.side === "unknown");
+    byId("motor").hidden = !scene.tool.cuts;
     write(byId("version"), `palpate ${scene.palpate}`);
     byId<HTMLSelectElement>("method").replaceChildren(...scene.methods.map((name) => new Option(readable(name), name)));
     const limit = byId<HTMLInputElement>("limit");
@@ -297,6 +299,9 @@ export class Controls {
       limit.value = String(state.max_force_N);
       write(byId("limit-value"), quantity(state.max_force_N, "N"));
     }
+    press(byId("motor"), state.motor);
+    write(byId("removed"), state.removed.map(({ label, mm3 }) =>
+      words.removed(`${digits(mm3)} mm³`, readable(this.session.structureName(label) ?? words.unnamed(String(label))))).join(", "));
     press(byId("pause"), state.paused);
     says(byId("pause"), { text: state.paused ? "goOn" : "pause" });
     byId("stop").classList.toggle("stopped", state.emergency_stop);
@@ -308,7 +313,7 @@ export class Controls {
   }
   /** Enables what this viewer may do now. */
   allow(): void {
-    for (const id of ["method", "friction", "viscosity", "passivity", "limit", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
+    for (const id of ["method", "friction", "viscosity", "passivity", "limit", "motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
     byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
   }
 

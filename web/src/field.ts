@@ -1,8 +1,9 @@
 // What the volume view casts its rays through: a grid of texels, each with the two structures that have most of it, and how much. How a
 // structure looks is not in it, so that another colour costs nothing here. The shares are smoothed over a texel each way, so that a
-// surface, which lies where coverage is one half, is round and can be shaded. A texel is a voxel, or a block of `factor`^3.
+// surface, which lies where coverage is one half, is round and can be shaded. A texel is a voxel, or a block of `factor` of them each way.
 
 import type { Vec3 } from "./geometry.js";
+import type { Memory } from "./scene.js";
 
 /** Side of the blocks of texels of which is known what is in them, so that rays pass what is empty at once. */
 export const BLOCK = 8;
@@ -19,25 +20,34 @@ export interface Piece {
   scan: Int16Array | null;
 }
 
-/** By how much to coarsen so that there are at most `mostTexels`. */
-export function coarsening(dims: Vec3, mostTexels: number): number {
-  let factor = 1;
-  while (dims.map((n) => Math.ceil(n / factor)).reduce((a, b) => a * b) > mostTexels) factor += 1;
-  return factor;
+/** How many texels there are each way. */
+export const texelsFor = (voxels: Vec3, factor: Vec3): Vec3 => voxels.map((n, axis) => Math.ceil(n / factor[axis]!)) as Vec3;
+
+/** How many voxels each way make a texel, so that all of them suit the device. What is finest is coarsened first. @param edges  of a voxel, mm */
+export function coarsening(dims: Vec3, edges: Vec3, { mostTexels, mostSide }: Memory): Vec3 {
+  const factor: Vec3 = [1, 1, 1];
+  for (;;) {
+    const texels = texelsFor(dims, factor);
+    // with a border (Field.bordered)
+    const long = texels.findIndex((n) => n + 2 > mostSide);
+    if (long < 0 && texels[0] * texels[1] * texels[2] <= mostTexels) return factor;
+    const size = factor.map((n, axis) => (texels[axis]! > 1 ? n * edges[axis]! : Infinity));
+    factor[long < 0 ? size.indexOf(Math.min(...size)) : long]! += 1;
+  }
 }
 
 /** The texels that hold any of a box of voxels, and those beside them, which smoothing reaches. */
-export function texelsOf(lo: Vec3, size: Vec3, voxels: Vec3, factor: number): { lo: Vec3; size: Vec3 } {
-  const dims = voxels.map((n) => Math.ceil(n / factor));
-  const first = lo.map((n) => Math.max(0, Math.floor(n / factor) - 1)) as Vec3;
-  const end = lo.map((n, axis) => Math.min(dims[axis]!, Math.floor((n + size[axis]! - 1) / factor) + 2));
+export function texelsOf(lo: Vec3, size: Vec3, voxels: Vec3, factor: Vec3): { lo: Vec3; size: Vec3 } {
+  const dims = texelsFor(voxels, factor);
+  const first = lo.map((n, axis) => Math.max(0, Math.floor(n / factor[axis]!) - 1)) as Vec3;
+  const end = lo.map((n, axis) => Math.min(dims[axis]!, Math.floor((n + size[axis]! - 1) / factor[axis]!) + 2));
   return { lo: first, size: end.map((n, axis) => n - first[axis]!) as Vec3 };
 }
 
 /** Copies what texels are made of out of the whole volume. */
-export function pieceOf(volume: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null }, factor: number, lo: Vec3, size: Vec3): Piece {
-  const from = lo.map((n) => Math.max(0, (n - 1) * factor)) as Vec3;
-  const span = lo.map((n, axis) => Math.min(volume.dims[axis]!, (n + size[axis]! + 1) * factor) - from[axis]!) as Vec3;
+export function pieceOf(volume: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null }, factor: Vec3, lo: Vec3, size: Vec3): Piece {
+  const from = lo.map((n, axis) => Math.max(0, (n - 1) * factor[axis]!)) as Vec3;
+  const span = lo.map((n, axis) => Math.min(volume.dims[axis]!, (n + size[axis]! + 1) * factor[axis]!) - from[axis]!) as Vec3;
   const copy = <T extends Uint8Array | Int16Array>(all: T, out: T): T => {
     for (let k = 0, n = 0; k < span[2]; k++) {
       for (let j = 0; j < span[1]; j++, n += span[0]) {
@@ -100,8 +110,8 @@ export class Field {
   private readonly present: Uint32Array; // a bit for each structure that is in a block, 8 words a block
   private readonly shares = new Shares();
 
-  constructor(readonly voxels: Vec3, readonly factor: number, hasScan: boolean) {
-    this.dims = voxels.map((n) => Math.ceil(n / factor)) as Vec3;
+  constructor(readonly voxels: Vec3, readonly factor: Vec3, hasScan: boolean) {
+    this.dims = texelsFor(voxels, factor);
     this.bordered = this.dims.map((n) => n + 2) as Vec3;
     this.texels = new Uint8Array(this.bordered[0] * this.bordered[1] * this.bordered[2] * TEXEL_BYTES);
     this.haze = hasScan ? new Int16Array(this.dims[0] * this.dims[1] * this.dims[2]) : null;
@@ -109,6 +119,10 @@ export class Field {
     this.present = new Uint32Array(this.blocks[0] * this.blocks[1] * this.blocks[2] * 8);
   }
 
+  /** A texel is a voxel. */
+  private get isWhole(): boolean {
+    return this.factor.every((n) => n === 1);
+  }
   /** Where a texel's bytes begin. */
   at(x: number, y: number, z: number): number {
     return TEXEL_BYTES * (x + 1 + this.bordered[0] * (y + 1 + this.bordered[1] * (z + 1)));
@@ -124,8 +138,8 @@ export class Field {
   private eachVoxel(piece: Piece, x: number, y: number, z: number, visit: (at: number) => void): number {
     const { factor, voxels } = this;
     const { from, span } = piece;
-    const [i0, j0, k0] = [x * factor, y * factor, z * factor];
-    const i1 = Math.min(voxels[0], i0 + factor), j1 = Math.min(voxels[1], j0 + factor), k1 = Math.min(voxels[2], k0 + factor);
+    const [i0, j0, k0] = [x * factor[0], y * factor[1], z * factor[2]];
+    const i1 = Math.min(voxels[0], i0 + factor[0]), j1 = Math.min(voxels[1], j0 + factor[1]), k1 = Math.min(voxels[2], k0 + factor[2]);
     for (let k = k0; k < k1; k++) {
       for (let j = j0; j < j1; j++) {
         const row = span[0] * (j - from[1] + span[1] * (k - from[2])) - from[0];
@@ -141,7 +155,7 @@ export class Field {
     const count = piece.lo.map((n, axis) => Math.min(this.dims[axis]!, n + piece.size[axis]! + 1) - low[axis]!) as Vec3;
     const filling = new Int16Array(count[0] * count[1] * count[2]);
     // where a texel is a voxel, the piece's voxels are these texels
-    if (this.factor === 1) filling.set(piece.structure);
+    if (this.isWhole) filling.set(piece.structure);
     else {
       for (let z = 0, n = 0; z < count[2]; z++) {
         for (let y = 0; y < count[1]; y++) {
@@ -219,10 +233,15 @@ export class Field {
   }
 
   private mean(piece: Piece, scan: Int16Array): void {
-    const { lo, size } = piece;
+    const { lo, size, from, span } = piece;
     for (let z = lo[2]; z < lo[2] + size[2]; z++) {
       for (let y = lo[1]; y < lo[1] + size[1]; y++) {
         let out = lo[0] + this.dims[0] * (y + this.dims[1] * z);
+        if (this.isWhole) {
+          const row = lo[0] - from[0] + span[0] * (y - from[1] + span[1] * (z - from[2]));
+          this.haze!.set(scan.subarray(row, row + size[0]), out);
+          continue;
+        }
         for (let x = lo[0]; x < lo[0] + size[0]; x++, out++) {
           let sum = 0;
           const voxels = this.eachVoxel(piece, x, y, z, (at) => (sum += scan[at]!));
@@ -244,9 +263,14 @@ export class Field {
           for (let z = bz * BLOCK; z < Math.min(dims[2], (bz + 1) * BLOCK); z++) {
             for (let y = by * BLOCK; y < Math.min(dims[1], (by + 1) * BLOCK); y++) {
               let at = this.at(bx * BLOCK, y, z);
-              for (let x = bx * BLOCK; x < Math.min(dims[0], (bx + 1) * BLOCK); x++, at += TEXEL_BYTES) {
-                bits[texels[at]! >> 5]! |= 1 << (texels[at]! & 31);
-                bits[texels[at + 1]! >> 5]! |= 1 << (texels[at + 1]! & 31);
+              const end = at + TEXEL_BYTES * Math.min(BLOCK, dims[0] - bx * BLOCK);
+              // most are as the one before
+              for (let one = -1, other = -1; at < end; at += TEXEL_BYTES) {
+                if (texels[at] === one && texels[at + 1] === other) continue;
+                one = texels[at]!;
+                other = texels[at + 1]!;
+                bits[one >> 5]! |= 1 << (one & 31);
+                bits[other >> 5]! |= 1 << (other & 31);
               }
             }
           }

@@ -1,4 +1,4 @@
-// What was done here, to be undone and done again: settings of the loop, turns, looks, views, measures, bookmarks. A stop, a pause and a rearm are never among it.
+// What was done here, to be undone and done again: settings of the loop, turns, looks, what is seen and from where, measures, bookmarks. A stop, a pause and a rearm are never among it.
 
 /** From one state of something to another. */
 export interface Step<State> {
@@ -8,6 +8,11 @@ export interface Step<State> {
   go(from: State, to: State): boolean | Promise<boolean>;
 }
 interface Kept extends Step<unknown> { key: string; gesture: number }
+/** Something of what is seen. */
+interface Part { get(): unknown; set(to: unknown): void }
+type Seen = Map<string, unknown>; // by the parts' names
+
+const areSame = (a: unknown, b: unknown): boolean => JSON.stringify(a) === JSON.stringify(b);
 
 const MOST = 200;
 
@@ -18,6 +23,29 @@ export class History {
   private past: Kept[] = [];
   private future: Kept[] = [];
   private isBusy = false;
+  private readonly parts = new Map<string, Part>();
+
+  /** Something that `change` changes: how it is, and how it is brought back. */
+  part<State>(name: string, get: () => State, set: (to: State) => void): void {
+    this.parts.set(name, { get, set: set as Part["set"] });
+  }
+  /** Does what shows something else; the parts that are otherwise then are what is undone. @param gesture  what is done by one thing in one gesture is one step */
+  change(by: string, act: () => void, gesture = ++this.gesture): void {
+    const seen = () => new Map([...this.parts].map(([name, { get }]) => [name, get()]));
+    const before = seen();
+    act();
+    const after = seen();
+    for (const name of this.parts.keys()) {
+      if (!areSame(before.get(name), after.get(name))) continue;
+      before.delete(name);
+      after.delete(name);
+    }
+    const go = (_: Seen, to: Seen) => {
+      for (const [name, state] of to) this.parts.get(name)!.set(state);
+      return true;
+    };
+    if (after.size > 0) this.note(`${by}: ${[...after.keys()]}`, { before, after, go }, gesture);
+  }
 
   note<State>(key: string, step: Step<State>, gesture = this.gesture): void {
     const last = this.past.at(-1);

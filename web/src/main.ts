@@ -3,6 +3,7 @@ import { Bookmarks } from "./bookmarks.js";
 import { Capture, download, fileStem } from "./capture.js";
 import { Connection, type Link } from "./connection.js";
 import { complain, Controls } from "./controls.js";
+import { Cuts } from "./cuts.js";
 import { Displacement, type Nodes } from "./displacement.js";
 import { byId, element, press, toast, write } from "./dom.js";
 import { History } from "./history.js";
@@ -72,6 +73,8 @@ class Page {
   private readonly graphics: Record<"sections" | "volume", "fine" | "lost" | "restorable"> = { sections: "fine", volume: "fine" };
   private failed: "no" | "once" | "again" = "no"; // what draws the volume beside the page
   private displacement: Displacement | null = null;
+  private readonly cuts = new Cuts();
+  private cutting: Promise<void> = Promise.resolve();
   private isMending = false;
   private hopeless = 0; // timer
   private isHopeless = false; // it has run out
@@ -87,15 +90,22 @@ class Page {
       onOtherProtocol: () => void this.whyEnded(versionTrouble(PROTOCOL, null)),
       onUnanswered: () => void this.whyEnded(null),
       onAsked: () => toast(words.askedAtDevice),
+      onCut: (first, sweeps) => {
+        if (first === 0) this.cuts.beginAnew();
+        this.cuts.add(sweeps);
+        this.cut();
+      },
     }, this.token);
     const { session } = this;
     this.requests = new Requests(this.connection, () => session.state?.armed === true, () => session.state, this.history);
     this.pointer = new PointerDevice(session, this.connection);
-    this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.pointer, this.history, (rotation, gesture) =>
+    this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.slicer.mostSide, this.pointer, this.history, (rotation, gesture) =>
       void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }, gesture));
-    this.scope = new ScopeView(session, this.renderer, this.slicer.isSoftware);
+    this.scope = new ScopeView(session, this.renderer, this.slicer.isSoftware, this.history);
+    this.history.part("planes", () => session.planes, (to) => (session.planes = to));
+    this.history.part("window", () => session.window, (to) => (session.window = to));
     this.sections = (["oblique", "axial", "sagittal", "coronal"] as PlaneKind[]).map(
-      (kind) => new SectionView(kind, session, this.slicer, this.measures, this.pointer));
+      (kind) => new SectionView(kind, session, this.slicer, this.measures, this.pointer, this.history));
     const pictures: Picture[] = [this.volume.picture, this.scope.picture, ...this.sections.map((section) => section.picture)];
     byId("pictures").append(...pictures.map((picture) => picture.element));
     this.capture = new Capture(session, pictures, byId("pictures"), (error) => {
@@ -191,8 +201,21 @@ class Page {
   /** Other structures in a box of voxels, i fastest: places in the scene's list + 1. */
   async updateBox(lo: Vec3, size: Vec3, structure: Uint8Array): Promise<void> {
     this.session.volumes!.write(lo, size, structure);
+    await this.showBox(lo, size);
+  }
+  private async showBox(lo: Vec3, size: Vec3): Promise<void> {
     await Promise.all([this.slicer.update(lo, size), this.renderer.update(lo, size)]);
     this.session.touchLooks();
+  }
+  /** Shows what has been cut away, one after the other: what comes meanwhile is in the next. */
+  private cut(): void {
+    this.cutting = this.cutting.then(async () => {
+      const { volumes, scene } = this.session;
+      if (!volumes || !scene) return;
+      const isFelt = [false, ...scene.structures.map(({ tissue }) => scene.tissues[tissue]?.felt ?? false)];
+      const box = this.cuts.takeFrom(volumes, isFelt);
+      if (box) await this.showBox(box.lo, box.size);
+    }).catch(complain);
   }
 
   /** Tissue yields as nodes say, of which none is displaced yet; null: it does not. It is seen so; what is felt and read out are the voxels as they are. */
@@ -275,6 +298,7 @@ class Page {
     this.measures.forget();
     this.history.clear();
     this.bookmarks.load();
+    this.cut();
   }
 
   private loaded(share: number): void {
@@ -344,6 +368,8 @@ class Page {
     if (link === "connected") {
       // another server may stand behind the same address
       this.isOutdated = true;
+      this.cuts.beginAnew();
+      this.cut();
       void this.load();
     }
     this.controls.allow();
@@ -396,11 +422,13 @@ class Page {
   /** The planes rest where a measure was made. */
   private goTo(measure: Measure): void {
     const { session } = this;
-    session.follow = false;
-    session.cross = scale(measure.points.reduce(add), 1 / measure.points.length);
-    session.obliqueNormal = measure.plane === "oblique" ? measure.normal : session.obliqueNormal;
-    for (const section of this.sections) section.offset_mm = 0;
-    session.touch();
+    this.history.change("measure", () => {
+      session.planes = {
+        follow: false, cross: scale(measure.points.reduce(add), 1 / measure.points.length),
+        obliqueNormal: measure.plane === "oblique" ? measure.normal : session.obliqueNormal,
+      };
+      for (const section of this.sections) section.offset_mm = 0;
+    });
   }
 
   /** The small controls in the pictures' heads. @returns how the section's are set */
@@ -422,14 +450,16 @@ class Page {
       press(turn, this.volume.turnsObject);
     });
     this.volume.picture.head.append(group, turn);
-    addVolumeControls(this.volume, this.session, this.sections);
+    addVolumeControls(this.volume, this.session, this.history, this.sections);
 
     const section = this.sections[0]!;
     const choose = (label: Message, options: [string, Message][], set: (value: string) => void) => {
       const select = says(element("select", { className: "small" }, ...options.map(([value, message]) => says(new Option("", value), { text: message }))), { label, title: label });
       select.addEventListener("change", () => {
-        set(select.value);
-        this.session.obliqueNormal = null;
+        this.history.change("section", () => {
+          set(select.value);
+          this.session.obliqueNormal = null;
+        });
         this.session.touch();
       });
       return select;
@@ -437,9 +467,14 @@ class Page {
     const along = choose("sectionAlong", [["tool", "alongTool"], ["force", "alongForce"], ["fixed", "fixed"]], (value) => (section.along = value as Along));
     const like = choose("sectionLike", [["sagittal", "likeSagittal"], ["coronal", "likeCoronal"], ["axial", "likeAxial"]], (value) => (section.like = value as Anatomical));
     section.picture.head.append(along, like);
-    return (...wanted) => {
+    const orient = (...wanted: [Along, Anatomical]) => {
       [section.along, section.like] = [along.value, like.value] = wanted;
     };
+    this.history.part("section", () => [section.along, section.like] as [Along, Anatomical], (to) => {
+      orient(...to);
+      this.session.touch();
+    });
+    return orient;
   }
 
   /** The planes, and what the readout says of them. */

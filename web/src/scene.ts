@@ -41,7 +41,7 @@ export interface Scene {
   world_from_patient: Affine;
   structures: Structure[];
   tissues: Tissue[];
-  tool: { name: string; radius_mm: number; points_mm: Vec3[]; capsules: Capsule[] };
+  tool: { name: string; radius_mm: number; cuts: boolean; points_mm: Vec3[]; capsules: Capsule[] };
   methods: string[];
   device: {
     name: string;
@@ -84,7 +84,7 @@ export interface Recording {
   ticks: number;
   begin_s: number;
   end_s: number;
-  contacts: [begin_s: number, end_s: number, label: number, most_N: number][];
+  contacts: [begin_s: number, end_s: number, label: number, most_N: number, device: number][];
   contacts_left_out: number;
   events: RecordedEvent[];
   events_left_out: number;
@@ -99,6 +99,8 @@ export interface State {
   viscosity: boolean;
   passivity: boolean;
   paused: boolean;
+  motor: boolean; // of a tool that cuts
+  removed: { label: number; mm3: number }[]; // by it, of each structure
   emergency_stop: boolean;
   stop: number | null; // which stop holds; a rearm names it
   stopped_by: "you" | "viewer" | "key" | "palpate" | null; // who asked for it
@@ -130,6 +132,7 @@ export async function fetchScene(token: string | null): Promise<Scene> {
   return scene;
 }
 
+/** What the device holds of a volume, and of a side of it. */
 export interface Memory { mostTexels: number; mostSide: number }
 
 /** The least of 1, 2 and 4 by which the volume is small enough for this device. */
@@ -141,13 +144,12 @@ export function shrinkFor(dims: Vec3, memory: Memory): 1 | 2 | 4 {
   return 4;
 }
 
-/** `patient_from_voxel` of a grid whose voxels are means of `shrink`^3 voxels. */
-export function shrunkGrid(patientFromVoxel: Affine, shrink: number): Affine {
-  const centre = (shrink - 1) / 2;
+/** `patient_from_voxel` of a grid whose voxels are means of so many voxels each way. */
+export function shrunkGrid(patientFromVoxel: Affine, [x, y, z]: Vec3): Affine {
   return compose(patientFromVoxel, [
-    [shrink, 0, 0, centre],
-    [0, shrink, 0, centre],
-    [0, 0, shrink, centre],
+    [x, 0, 0, (x - 1) / 2],
+    [0, y, 0, (y - 1) / 2],
+    [0, 0, z, (z - 1) / 2],
     [0, 0, 0, 1],
   ]);
 }
@@ -156,6 +158,7 @@ export function shrunkGrid(patientFromVoxel: Affine, shrink: number): Affine {
 export class Volumes {
   readonly voxelFromPatient: Affine;
   readonly centre: Vec3; // patient, mm
+  readonly edges: Vec3; // of a voxel, mm
   readonly size: number; // of the diagonal, mm
   readonly voxelSize: number; // the least, mm
 
@@ -171,9 +174,9 @@ export class Volumes {
   ) {
     this.voxelFromPatient = invert(patientFromVoxel);
     this.centre = apply(patientFromVoxel, dims.map((n) => (n - 1) / 2) as Vec3);
-    const edges = [0, 1, 2].map((c) => Math.hypot(...[0, 1, 2].map((r) => patientFromVoxel[r]![c]!)));
-    this.size = Math.hypot(...edges.map((edge, i) => edge * dims[i]!));
-    this.voxelSize = Math.min(...edges);
+    this.edges = [0, 1, 2].map((c) => Math.hypot(...[0, 1, 2].map((r) => patientFromVoxel[r]![c]!))) as Vec3;
+    this.size = Math.hypot(...this.edges.map((edge, i) => edge * dims[i]!));
+    this.voxelSize = Math.min(...this.edges);
   }
 
   /** Writes places of the list of structures + 1 into a box, i fastest. */
@@ -246,7 +249,7 @@ export async function fetchVolumes(scene: Scene, shrink: 1 | 2 | 4, token: strin
     for (let i = from; i < to; i++) structure[i] = places[raw[i]!]!;
   });
 
-  return new Volumes(hash, shrink, dims, shrink > 1 ? shrunkGrid(patient_from_voxel, shrink) : patient_from_voxel,
+  return new Volumes(hash, shrink, dims, shrunkGrid(patient_from_voxel, [shrink, shrink, shrink]),
     scanBytes && new Int16Array(scanBytes), structure, scan?.scale ?? 1, scan?.offset ?? 0);
 }
 

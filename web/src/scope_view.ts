@@ -3,6 +3,7 @@
 import { element } from "./dom.js";
 import { quantity } from "./figures.js";
 import { add, dot, length, normalize, orientationLetters, rotate, scale, spread, sub, type Vec3 } from "./geometry.js";
+import type { History } from "./history.js";
 import { LivePicture } from "./live_picture.js";
 import { drawAge, drawLetters, drawSide, drawTool, text, touchedText } from "./overlay.js";
 import { Picture } from "./picture.js";
@@ -48,32 +49,34 @@ export class ScopeView {
   private readonly pointers = new Map<number, [number, number]>();
   private readonly toTip = says(element("button", { type: "button", className: "small" }), { text: "toTheTip", title: "atTipTitle" });
 
-  constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, isSoftware: boolean) {
+  private gesture = 0; // that moves it
+
+  constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, isSoftware: boolean, private readonly history: History) {
     this.live = new LivePicture(this.picture, renderer, isSoftware, true, () => this.drawOver());
     const optics = says(element("select", { className: "small" }, ...OPTICS_DEG.map((angle) => new Option(`${angle}°`, String(angle)))), { label: "optics", title: "optics" });
     optics.value = String(this.scope.optics_deg);
-    optics.addEventListener("change", () => {
-      this.scope.optics_deg = Number(optics.value);
-      session.touch();
-    });
+    optics.addEventListener("change", () => this.change("optics", () => (this.scope.optics_deg = Number(optics.value))));
     const back = says(element("select", { className: "small" }, ...BACK_MM.map((mm) => new Option(`${mm} mm`, String(mm)))), { label: "scopeBack", title: "scopeBack" });
     back.value = String(this.scope.back_mm);
-    back.addEventListener("change", () => {
-      this.scope.back_mm = Number(back.value);
+    back.addEventListener("change", () => this.change("back", () => (this.scope.back_mm = Number(back.value))));
+    history.part("scope", () => this.scope.stand, (to) => {
+      Object.assign(this.scope, to);
+      [optics.value, back.value] = [String(to.optics_deg), String(to.back_mm)];
       session.touch();
     });
     const turns = ([["↺", -KEY_POST_DEG, ","], ["↻", KEY_POST_DEG, "."]] as const).map(([sign, by, key]) => {
       const button = says(element("button", { type: "button", className: "small", textContent: sign }), { label: "turnOptics", title: "turnOptics" }, key);
-      button.addEventListener("click", () => this.act(() => this.scope.turnPost(by)));
+      button.addEventListener("click", () => this.change("post", () => this.scope.turnPost(by)));
       return button;
     });
-    this.toTip.addEventListener("click", () => this.act(() => this.scope.toTip()));
+    this.toTip.addEventListener("click", () => this.change("tip", () => this.scope.toTip()));
     this.picture.head.append(back, optics, ...turns, this.toTip);
     this.listen();
   }
 
-  private act(change: () => void): void {
-    change();
+  /** Shows something else, which can be undone. @param gesture  what is done by one thing in one gesture is one step */
+  private change(by: string, act: () => void, gesture = ++this.history.gesture): void {
+    this.history.change(`scope ${by}`, act, gesture);
     this.session.touch();
   }
   lost(): void {
@@ -213,9 +216,9 @@ export class ScopeView {
     drawAge(frame, session);
   }
 
-  private move(right_rad: number, up_rad: number, ahead_mm: number): void {
+  private move(right_rad: number, up_rad: number, ahead_mm: number, gesture = this.gesture, by = "move"): void {
     const from = this.frame();
-    if (from) this.act(() => this.scope.move(from, right_rad, up_rad, ahead_mm));
+    if (from) this.change(by, () => this.scope.move(from, right_rad, up_rad, ahead_mm), gesture);
   }
 
   private listen(): void {
@@ -226,6 +229,7 @@ export class ScopeView {
       surface.setPointerCapture(event.pointerId);
       surface.focus({ preventScroll: true });
       this.pointers.set(event.pointerId, picture.at(event));
+      if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
     });
     surface.addEventListener("pointermove", (event) => {
       const before = this.pointers.get(event.pointerId);
@@ -238,24 +242,31 @@ export class ScopeView {
       } else if (this.pointers.size === 1) this.move((-(at[0] - before[0]) / ratio) * DRAG_RAD_PER_PIXEL, ((at[1] - before[1]) / ratio) * DRAG_RAD_PER_PIXEL, 0);
       this.pointers.set(event.pointerId, at);
     });
-    const up = (event: PointerEvent) => this.act(() => this.pointers.delete(event.pointerId));
+    const up = (event: PointerEvent) => {
+      this.pointers.delete(event.pointerId);
+      this.session.touch();
+    };
     surface.addEventListener("pointerup", up);
     surface.addEventListener("pointercancel", up);
     surface.addEventListener("wheel", (event) => {
       event.preventDefault();
-      this.move(0, 0, -event.deltaY * WHEEL_MM);
+      // a run of the wheel is one step
+      this.move(0, 0, -event.deltaY * WHEEL_MM, this.history.gesture, "wheel");
     }, { passive: false });
     surface.addEventListener("keydown", (event) => {
+      const turn = (by_deg: number) => this.change("post", () => this.scope.turnPost(by_deg), this.gesture);
       const keys: Record<string, () => void> = {
         ArrowLeft: () => this.move(-KEY_TURN_RAD, 0, 0), ArrowRight: () => this.move(KEY_TURN_RAD, 0, 0),
         ArrowUp: () => this.move(0, KEY_TURN_RAD, 0), ArrowDown: () => this.move(0, -KEY_TURN_RAD, 0),
         "+": () => this.move(0, 0, KEY_STEP_MM), "=": () => this.move(0, 0, KEY_STEP_MM), "-": () => this.move(0, 0, -KEY_STEP_MM),
-        ",": () => this.act(() => this.scope.turnPost(-KEY_POST_DEG)), ".": () => this.act(() => this.scope.turnPost(KEY_POST_DEG)),
-        Home: () => this.act(() => this.scope.toTip()),
+        ",": () => turn(-KEY_POST_DEG), ".": () => turn(KEY_POST_DEG),
+        Home: () => this.change("tip", () => this.scope.toTip()),
       };
       const action = keys[event.key];
       if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
+      // a key that is held down is one step
+      if (!event.repeat) this.gesture = ++this.history.gesture;
       action();
     });
   }

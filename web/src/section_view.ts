@@ -5,6 +5,7 @@ import {
   sub, type Anatomical, type Hanging, type Plane, type Vec3,
 } from "./geometry.js";
 import { quantity } from "./figures.js";
+import type { History } from "./history.js";
 import { drawMeasure, isWhole, type Measure } from "./measure.js";
 import type { Measures } from "./measures_panel.js";
 import {
@@ -19,6 +20,8 @@ import type { Slicer } from "./slicer.js";
 import { words } from "./words.js";
 
 export type PlaneKind = "oblique" | Anatomical;
+/** What is seen in a plane, and how far along its normal. */
+export interface SectionStand { across_mm: number; pan: [number, number]; offset_mm: number }
 /** What the oblique plane contains besides the tip. */
 export type Along = "tool" | "force" | "fixed";
 export const ALONG: Along[] = ["tool", "force", "fixed"];
@@ -30,6 +33,8 @@ const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0
 const SMOOTHING = 0.2; // of the way to where the plane ought to stand, a picture
 /** Of a drag with the window tool: the window's width is doubled by so many pixels. */
 const WINDOW_PIXELS = 200;
+
+const zoomed = (mmPerPixel: number, factor: number): number => Math.min(3, Math.max(0.005, mmPerPixel / factor));
 
 export class SectionView {
   readonly picture: Picture;
@@ -48,13 +53,15 @@ export class SectionView {
   private drawn = "";
   private size = 0; // of the picture's shorter side
   private readonly pointers = new Map<number, [number, number]>();
-  private readonly chooser = new SliceChooser((slice) => this.goTo(slice));
+  private gesture = 0; // that changes what is seen
+  private readonly chooser = new SliceChooser((slice) => this.goTo(slice), () => (this.history.gesture += 1));
   private measure: Pick<Measure, "kind" | "points"> | null = null; // being made
   private restsAt: Vec3 | null = null; // where the plane stays meanwhile, less its offset
 
   constructor(readonly kind: PlaneKind, private readonly session: Session, private readonly slicer: Slicer,
-              private readonly measures: Measures, private readonly pointer: PointerDevice) {
+              private readonly measures: Measures, private readonly pointer: PointerDevice, private readonly history: History) {
     this.picture = new Picture(kind);
+    history.part(kind, () => this.stand, (to) => (this.stand = to));
     this.picture.element.append(this.chooser.element);
     this.listen();
   }
@@ -80,7 +87,19 @@ export class SectionView {
     const { clientWidth, clientHeight } = this.picture.surface;
     // a picture that is hidden has the size that it had
     this.size = Math.min(clientWidth, clientHeight) || this.size;
-    if (this.size > 0) this.mmPerPixel = mm / this.size;
+    if (this.size > 0 && mm > 0) this.mmPerPixel = mm / this.size;
+  }
+  get stand(): SectionStand {
+    const { across_mm, pan, offset_mm } = this;
+    return { across_mm, pan, offset_mm };
+  }
+  set stand({ across_mm, pan, offset_mm }: SectionStand) {
+    Object.assign(this, { across_mm, pan, offset_mm });
+    this.session.touch();
+  }
+  /** Shows something else, which can be undone. @param gesture  what is done by one thing in one gesture is one step */
+  private change(by: string, act: () => void, gesture = this.history.gesture): void {
+    this.history.change(`${by} ${this.kind}`, act, gesture);
   }
   /** As much is seen in a picture of another size. */
   private keepShown(): void {
@@ -224,8 +243,10 @@ export class SectionView {
     } else if (this.restsAt) {
       this.restsAt = add(this.restsAt, by);
     } else {
-      session.cross = add(session.anchor(), by);
-      session.follow = false;
+      this.change("slice", () => {
+        session.cross = add(session.anchor(), by);
+        session.follow = false;
+      });
     }
     session.touch();
   }
@@ -245,21 +266,21 @@ export class SectionView {
   }
 
   /** Moves the plane along its normal by so many slices, or the tip while the pointer holds it. */
-  step(count: number): void {
+  private step(count: number, by = "keys"): void {
     if (!this.session.volumes) return;
     const normal = normalOf(this.plane);
-    const by = scale(normal, count * slicesAlong(this.session.volumes, normal).step_mm);
+    const way = scale(normal, count * slicesAlong(this.session.volumes, normal).step_mm);
     if (this.held) {
-      this.held = add(this.held, by);
+      this.held = add(this.held, way);
       this.pointer.move(this.held);
     } else {
       // the picture's normal and the stored one may point to opposite sides
-      this.offset_mm += dot(by, this.normal);
+      this.change(by, () => (this.offset_mm += dot(way, this.normal)));
     }
     this.session.touch();
   }
-  zoom(factor: number): void {
-    this.mmPerPixel = Math.min(3, Math.max(0.005, this.mmPerPixel / factor));
+  private zoom(factor: number, by = "keys"): void {
+    this.change(by, () => (this.mmPerPixel = zoomed(this.mmPerPixel, factor)));
     this.session.touch();
   }
 
@@ -271,6 +292,7 @@ export class SectionView {
       surface.setPointerCapture(event.pointerId);
       surface.focus({ preventScroll: true });
       this.pointers.set(event.pointerId, picture.at(event));
+      if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
       if (this.pointers.size > 1) return this.letGo();
       if (event.button !== 0) return;
       if (session.tool === "touch" && this.pointer.isTaken) {
@@ -285,11 +307,13 @@ export class SectionView {
       this.mouse = { clientX: event.clientX, clientY: event.clientY };
       session.pointed = this.pointed;
       if (event.shiftKey && this.pointers.size === 0) {
-        session.follow = false;
-        session.cross = this.patientAt(at);
+        this.change("cross", () => {
+          session.follow = false;
+          session.cross = this.patientAt(at);
+        });
       }
       const before = this.pointers.get(event.pointerId);
-      if (before) this.drag(event, before, at);
+      if (before) this.change("drag", () => this.drag(event, before, at), this.gesture);
       else if (this.measure) this.measure.points[this.measure.points.length - 1] = this.patientAt(at);
       session.touch();
     });
@@ -305,22 +329,25 @@ export class SectionView {
       this.mouse = null;
       session.touch();
     });
-    surface.addEventListener("dblclick", () => session.tool === "window" && this.reset());
+    surface.addEventListener("dblclick", () => session.tool === "window" && this.change("reset", () => this.reset(), ++this.history.gesture));
     surface.addEventListener("wheel", (event) => {
       event.preventDefault();
-      if (event.ctrlKey) this.zoom(Math.exp(-event.deltaY / 300));
-      else this.step(Math.sign(event.deltaY));
+      // a run of the wheel is one step
+      if (event.ctrlKey) this.zoom(Math.exp(-event.deltaY / 300), "zoom");
+      else this.step(Math.sign(event.deltaY), "wheel");
     }, { passive: false });
     surface.addEventListener("keydown", (event) => {
       const actions: Record<string, () => void> = {
         ArrowUp: () => this.step(-1), ArrowDown: () => this.step(1), PageUp: () => this.step(-10), PageDown: () => this.step(10),
-        "+": () => this.zoom(1.2), "=": () => this.zoom(1.2), "-": () => this.zoom(1 / 1.2), Home: () => this.reset(),
+        "+": () => this.zoom(1.2), "=": () => this.zoom(1.2), "-": () => this.zoom(1 / 1.2), Home: () => this.change("reset", () => this.reset()),
         Escape: () => this.dropMeasure(),
       };
       if (this.moveTipByKey(event.key)) return event.preventDefault();
       const action = actions[event.key];
       if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
+      // a key that is held down is one step
+      if (!event.repeat) this.history.gesture += 1;
       action();
     });
     const keyUp = () => this.byKeys && this.letGo();
@@ -364,13 +391,13 @@ export class SectionView {
     const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
     if (this.pointers.size === 2) {
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
-      this.zoom(spread(other, before, at));
+      this.mmPerPixel = zoomed(this.mmPerPixel, spread(other, before, at));
       this.pan = [this.pan[0] - (dx / 2) * this.mmPerPixel, this.pan[1] - (dy / 2) * this.mmPerPixel];
     } else if (this.held) {
       this.held = this.patientAt(at);
       this.pointer.move(this.held);
     } else if (event.buttons & 2) {
-      this.zoom(Math.exp(-dy / 150));
+      this.mmPerPixel = zoomed(this.mmPerPixel, Math.exp(-dy / 150));
     } else if (event.buttons & 4 || session.tool === "pan") {
       this.pan = [this.pan[0] - dx * this.mmPerPixel, this.pan[1] - dy * this.mmPerPixel];
     } else if (session.tool === "window") {

@@ -15,6 +15,8 @@ export interface Look { colour: Rgb; opacity: number; visible: boolean }
 export interface Slab { kind: "none" | "mean" | "maximum" | "minimum"; mm: number }
 export interface Window { level: number; width: number } // of the scan's values
 
+type Planes = Pick<Session, "follow" | "cross" | "obliqueNormal">;
+
 /** What this browser keeps of a scene. */
 export interface KeptScene { looks: KeptLooks; bookmarks: Bookmark[] }
 export type Layout = "two" | "five" | "volume" | "section" | "inside" | "scope";
@@ -61,6 +63,16 @@ export class Session {
   version = 0; // another one: something on the page has changed
 
   private patientFromWorld: Affine = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
+
+  /** Where the planes are. */
+  get planes(): Planes {
+    const { follow, cross, obliqueNormal } = this;
+    return { follow, cross, obliqueNormal };
+  }
+  set planes({ follow, cross, obliqueNormal }: Planes) {
+    Object.assign(this, { follow, cross, obliqueNormal });
+    this.touch();
+  }
 
   touch(): void {
     this.version += 1;

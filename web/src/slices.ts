@@ -36,7 +36,8 @@ export class SliceChooser {
   private readonly total = element("span");
   private shown = { slice: 0, count: 0 };
 
-  constructor(private readonly choose: (slice: number) => void) {
+  /** @param begin  another movement of the slider begins */
+  constructor(private readonly choose: (slice: number) => void, begin: () => void) {
     // the track listens, and not the slider, which by itself follows the first finger alone
     const track = element("div", { className: "track" }, this.slider);
     const at = (event: PointerEvent) => {
@@ -48,6 +49,7 @@ export class SliceChooser {
       track.setPointerCapture(event.pointerId);
       this.slider.focus({ preventScroll: true });
       event.preventDefault();
+      begin();
       at(event);
     });
     track.addEventListener("pointermove", (event) => track.hasPointerCapture(event.pointerId) && at(event));
@@ -55,11 +57,15 @@ export class SliceChooser {
       const by = STEPS[event.key];
       if (by === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
+      if (!event.repeat) begin();
       this.go(this.shown.slice + by);
     });
     // by other means than pointers and keys
     this.slider.addEventListener("input", () => this.go(Number(this.slider.value)));
-    this.number.addEventListener("change", () => this.go(Number(this.number.value)));
+    this.number.addEventListener("change", () => {
+      begin();
+      this.go(Number(this.number.value));
+    });
     this.element = element("div", { className: "slices" }, track, this.number, this.total);
   }
 

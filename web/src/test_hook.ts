@@ -27,6 +27,8 @@ export function openToTests(page: Page): void {
     structureAt: (p: Vec3) => session.volumes?.structureAt(p) ?? null,
     /** Since the page opened: texels of the volume that were made, how often looks were sent, pictures of the volume. */
     get volumeWork() { return page.renderer.work; },
+    /** How many texels the volume is drawn from, each way. */
+    get volumeTexels() { return page.renderer.texels; },
     get isDrawnInWorker() { return page.renderer.isInWorker; },
     /** As a browser takes the graphics of the "sections" or the "volume", or gives them back. */
     loseGraphics: (which: string, restores: boolean) => (which === "volume" ? page.renderer : page.slicer).lose(restores),

@@ -16,6 +16,9 @@ const SPEEDS = [-4, -1, -0.25, 0.1, 0.25, 0.5, 1, 2, 4, 8, 16];
 /** Seconds with a tenth of a millisecond: the fastest loop's ticks are told apart. */
 const time = (s: number): string => `${s.toFixed(4).replace(/(\.\d\d)0+$/, "$1")} s`;
 
+/** As many as there are up to the last one that touched something: each has its row. */
+const devicesOf = (recording: Recording): number => 1 + Math.max(0, ...recording.contacts.map(([, , , , device]) => device));
+
 export class Timeline {
   private readonly place = byId<HTMLInputElement>("place");
   private readonly canvas = byId<HTMLCanvasElement>("line");
@@ -106,8 +109,11 @@ export class Timeline {
   private listMarks(): void {
     const { recording } = this;
     if (!recording) return;
-    const contacts = recording.contacts.map(([begin_s, , label, most_N]) =>
-      ({ at_s: begin_s, text: `${readable(this.session.structureName(label) ?? words.unnamed(String(label)))} · ${quantity(most_N, "N")}` }));
+    const isOne = devicesOf(recording) === 1;
+    const contacts = recording.contacts.map(([begin_s, , label, most_N, device]) => {
+      const name = readable(this.session.structureName(label) ?? words.unnamed(String(label)));
+      return { at_s: begin_s, text: [name, quantity(most_N, "N"), ...(isOne ? [] : [words.deviceNumber(String(device + 1))])].join(" · ") };
+    });
     const events = recording.events.map((event) => ({ at_s: event.time_s, text: this.eventText(event) }));
     const listed = [...contacts, ...events].sort((a, b) => a.at_s - b.at_s);
     const left = recording.contacts_left_out + recording.events_left_out;
@@ -147,9 +153,11 @@ export class Timeline {
       const bar = (force / top) * part;
       context.fillRect((n / recording.force_N.length) * width, part - bar, Math.max(1, width / recording.force_N.length), bar);
     });
-    for (const [begin_s, end_s, label] of recording.contacts) {
+    // a row for each device
+    const row = (height - part) / devicesOf(recording);
+    for (const [begin_s, end_s, label, , device] of recording.contacts) {
       context.fillStyle = colours.get(label) ?? style.color;
-      context.fillRect(x(begin_s), part + ratio, Math.max(ratio, x(end_s) - x(begin_s)), height - part - ratio);
+      context.fillRect(x(begin_s), part + device * row + ratio, Math.max(ratio, x(end_s) - x(begin_s)), row - ratio);
     }
     for (const { time_s, kind } of recording.events) {
       context.fillStyle = kind === "stop" ? style.getPropertyValue("--notice") : style.color;

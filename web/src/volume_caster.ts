@@ -217,21 +217,35 @@ float surface(vec3 origin, float outside, float inside, float before, float afte
 
 // a surface in the viewer's own light. @returns its colour; alpha: how squarely it is looked at
 vec4 lit(vec3 at, vec2 kind, vec3 base) {
-  vec3 gradient = vec3(0.0);
-  // so far around that the steps of voxels are smoothed out, and no farther than that a sheet of one texel has a side
+  // six places around, no farther than that a sheet of one texel has a side
 #if FINE
   const int places = 14;
-  const float reach = 2.0;
+  const float near = 1.5;
 #else
   const int places = 6;
-  const float reach = 1.0;
+  const float near = 1.0;
 #endif
+  vec3 gradient = vec3(0.0), slope = vec3(0.0);
   for (int c = 0; c < places; c++) {
-    vec3 side = vec3(c >> 1 == 0, c >> 1 == 1, c >> 1 == 2) * (c % 2 == 0 ? 1.0 : -1.0);
-    vec3 corner = vec3(ivec3(c - 6, (c - 6) >> 1, (c - 6) >> 2) & 1) * 2.0 - 1.0;
-    vec3 to = c < 6 ? reach * side : 1.5 * corner;
-    gradient += (c < 6 ? side : 0.5 * corner) * dot(kind, coverage(at + to));
+    vec3 way = vec3(c >> 1 == 0, c >> 1 == 1, c >> 1 == 2) * (c % 2 == 0 ? 1.0 : -1.0);
+    float reach = near;
+#if FINE
+    // then eight in the plane that these say, where a sheet is, too: wide enough that the steps of voxels are smoothed out
+    vec3 up = gradient / max(length(gradient), 1e-6);
+    vec3 aside = cross(up, abs(up.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
+    aside /= max(length(aside), 1e-6);
+    float angle = 0.785398 * float(c);
+    way = c < 6 ? way : cos(angle) * aside + sin(angle) * cross(up, aside);
+    reach = c < 6 ? near : 3.5;
+#endif
+    vec3 rise = way * dot(kind, coverage(clamp(at + reach * way, vec3(-1.0), dims - 0.001)));
+    gradient += c < 6 ? rise / (2.0 * near) : vec3(0.0);
+    slope += c < 6 ? vec3(0.0) : rise / (4.0 * reach);
   }
+#if FINE
+  // what these eight say goes for the plane, what the six say across it
+  gradient += slope;
+#endif
   vec3 normal = patient * gradient;
   float size = length(normal);
   float facing = size > 0.0 ? abs(dot(normal, inward)) / size : 1.0;

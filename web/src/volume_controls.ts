@@ -1,7 +1,7 @@
 // How the volume is looked at: what is taken away in front of the tip, perspective, the planes in it. A small menu in the picture's head.
 
 import { element } from "./dom.js";
-import type { Plane } from "./geometry.js";
+import type { History } from "./history.js";
 import type { PlaneKind, SectionView } from "./section_view.js";
 import type { Session } from "./session.js";
 import type { Cutting, VolumeView } from "./volume_view.js";
@@ -11,25 +11,39 @@ const CUTTINGS: [Cutting, Message][] = [["none", "uncut"], ["plane", "cutAtTip"]
 /** As the pictures of the planes are marked. */
 const COLOURS: Record<PlaneKind, string> = { oblique: "#8adcf0", axial: "#f34a33", sagittal: "#edd54c", coronal: "#6eb04b" };
 
-export function addVolumeControls(volume: VolumeView, session: Session, sections: SectionView[]): void {
+export function addVolumeControls(volume: VolumeView, session: Session, history: History, sections: SectionView[]): void {
   const change = (act: () => void) => () => {
-    act();
+    history.change("view", act);
     session.touch();
   };
   const cutting = element("select", { id: "cutting" }, ...CUTTINGS.map(([value, message]) => says(new Option("", value), { text: message })));
   cutting.addEventListener("change", change(() => (volume.cutting = cutting.value as Cutting)));
-  const tick = (id: string, message: Message, set: (isOn: boolean) => void) => {
+  const tick = (id: string, set: (isOn: boolean) => void) => {
     const input = element("input", { id, type: "checkbox" });
     input.addEventListener("change", change(() => set(input.checked)));
-    return element("label", {}, input, " ", says(element("span"), { text: message }));
+    return input;
   };
-  const shown = (): { plane: Plane; colour: string }[] =>
+  const labelled = (input: HTMLElement, message: Message) => element("label", {}, input, " ", says(element("span"), { text: message }));
+  const perspective = tick("perspective", (isOn) => (volume.camera.isPerspective = isOn));
+  const planes = tick("planes-in-volume", (isOn) => (volume.showsPlanes = isOn));
+  const everyVoxel = tick("every-voxel", (isOn) => {
+    volume.isWhole = isOn;
+    volume.load();
+  });
+  volume.planes = () =>
     sections.filter(({ picture }) => picture.isShown).map(({ kind, shownPlane }) => ({ plane: shownPlane, colour: COLOURS[kind] }));
   const menu = element("details", { className: "menu small" },
     says(element("summary"), { text: "viewMenu", title: "viewMenuTitle" }),
     element("div", {},
       element("label", {}, says(element("span"), { text: "volumeCut" }), " ", cutting),
-      tick("perspective", "perspective", (isOn) => (volume.camera.isPerspective = isOn)),
-      tick("planes-in-volume", "planesInVolume", (isOn) => (volume.planes = isOn ? shown : () => []))));
+      labelled(perspective, "perspective"),
+      labelled(planes, "planesInVolume"),
+      // a graphics card has it anyway
+      ...(volume.isSoftware ? [labelled(everyVoxel, "everyVoxel")] : [])));
   volume.picture.head.append(menu);
+  history.part("view", () => ({ cutting: volume.cutting, isPerspective: volume.camera.isPerspective, showsPlanes: volume.showsPlanes }), (to) => {
+    [volume.cutting, volume.camera.isPerspective, volume.showsPlanes] = [to.cutting, to.isPerspective, to.showsPlanes];
+    [cutting.value, perspective.checked, planes.checked] = [to.cutting, to.isPerspective, to.showsPlanes];
+    session.touch();
+  });
 }

@@ -1,10 +1,10 @@
 // The page's side of the volume's pictures: a worker draws them (volume_service.ts), or the page itself where the worker cannot.
 
 import type { Displacement } from "./displacement.js";
-import { coarsening, pieceOf, texelsOf } from "./field.js";
+import { coarsening, pieceOf, texelsFor, texelsOf } from "./field.js";
 import { invert, type Vec3 } from "./geometry.js";
 import { breathe, slicesOfPiece } from "./pieces.js";
-import { shrunkGrid, type Volumes } from "./scene.js";
+import { shrunkGrid, type Memory, type Volumes } from "./scene.js";
 import type { Session } from "./session.js";
 import { Found, type View } from "./volume_caster.js";
 import { serve, type Answered, type Asked, type Port, type Work } from "./volume_service.js";
@@ -32,8 +32,8 @@ export class VolumeRenderer {
   private edits = 0; // of the voxels
   private lookVersion = -1; // that is known where it is drawn
   private haze = "";
-  private factor = 1;
-  private mostTexels = 0;
+  private factor: Vec3 = [1, 1, 1]; // voxels that make a texel, each way
+  private memory: Memory = { mostTexels: 0, mostSide: 0 };
   private loads = 0;
   private failures = 0; // of workers that had begun
   private displacement: Displacement | null = null;
@@ -126,9 +126,9 @@ export class VolumeRenderer {
   }
 
   /** Brings a volume to where it is drawn, in pieces. */
-  load(volumes: Volumes, mostTexels: number): void {
+  load(volumes: Volumes, memory: Memory): void {
     this.isLoaded = false;
-    this.loading = this.bring(volumes, mostTexels).then((isWanted) => {
+    this.loading = this.bring(volumes, memory).then((isWanted) => {
       this.isLoaded ||= isWanted;
       this.edits += 1;
     });
@@ -138,26 +138,32 @@ export class VolumeRenderer {
     return this.loading;
   }
   /** @returns whether it is still the one that is wanted */
-  private async bring(volumes: Volumes, mostTexels: number): Promise<boolean> {
+  private async bring(volumes: Volumes, memory: Memory): Promise<boolean> {
     const load = ++this.loads;
-    [this.volumes, this.mostTexels, this.isEmpty] = [volumes, mostTexels, false];
+    [this.volumes, this.memory, this.isEmpty] = [volumes, memory, false];
     if (this.isDead) return false;
-    for (this.factor = coarsening(volumes.dims, mostTexels); ; this.factor *= 2) {
-      const grid = this.factor > 1 ? shrunkGrid(volumes.patientFromVoxel, this.factor) : volumes.patientFromVoxel;
-      this.say({ type: "begin", voxels: volumes.dims, factor: this.factor, hasScan: volumes.scan !== null, texelFromPatient: invert(grid) });
+    for (let { mostTexels } = memory; ; mostTexels = Math.max(1, mostTexels / 2)) {
+      this.factor = coarsening(volumes.dims, volumes.edges, { ...memory, mostTexels });
+      const texelFromPatient = invert(shrunkGrid(volumes.patientFromVoxel, this.factor));
+      this.say({ type: "begin", voxels: volumes.dims, factor: this.factor, hasScan: volumes.scan !== null, texelFromPatient });
       const begun = await this.answer("begun");
       if (load !== this.loads) return false;
       if (begun.type === "begun" && begun.fits) break;
     }
-    await this.put([0, 0, 0], volumes.dims.map((n) => Math.ceil(n / this.factor)) as Vec3, load);
+    await this.put([0, 0, 0], this.texels, load);
     return load === this.loads;
+  }
+
+  /** How many texels there are each way. */
+  get texels(): Vec3 {
+    return texelsFor(this.volumes?.dims ?? [0, 0, 0], this.factor);
   }
 
   /** Some texels anew, from the voxels as they are now. */
   private async put(lo: Vec3, size: Vec3, load: number): Promise<void> {
     const { factor } = this;
-    const slices = slicesOfPiece([size[0] * factor, size[1] * factor, 1]);
-    const step = Math.max(1, Math.floor(slices / factor));
+    const slices = slicesOfPiece([size[0] * factor[0], size[1] * factor[1], 1]);
+    const step = Math.max(1, Math.floor(slices / factor[2]));
     for (let z = lo[2]; z < lo[2] + size[2]; z += step) {
       if (load !== this.loads || this.isDead) return;
       const piece = pieceOf(this.volumes!, factor, [lo[0], lo[1], z], [size[0], size[1], Math.min(step, lo[2] + size[2] - z)]);
@@ -243,7 +249,7 @@ export class VolumeRenderer {
       this.isLoaded = failures === this.failures;
       this.edits += 1;
     } else if (this.volumes) {
-      this.load(this.volumes, this.mostTexels);
+      this.load(this.volumes, this.memory);
       await this.loading;
       this.displace(this.displacement);
       if (this.displacement) await this.updateDisplacement([0, 0, 0], this.displacement.nodes.dims);

@@ -9,7 +9,7 @@ import { breathe } from "./pieces.js";
 import { Caster, type View } from "./volume_caster.js";
 
 export type Asked =
-  | { type: "begin"; voxels: Vec3; factor: number; hasScan: boolean; texelFromPatient: Affine }
+  | { type: "begin"; voxels: Vec3; factor: Vec3; hasScan: boolean; texelFromPatient: Affine }
   | { type: "put"; piece: Piece }
   | { type: "displace"; nodes: Nodes | null }
   | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
@@ -70,8 +70,7 @@ class Service {
     const { caster } = this;
     switch (asked.type) {
       case "begin":
-        this.field = new Field(asked.voxels, asked.factor, asked.hasScan);
-        this.say({ type: "begun", fits: caster.begin(this.field, asked.texelFromPatient) });
+        this.say({ type: "begun", fits: this.begin(asked) });
         break;
       case "put":
         this.field!.put(asked.piece);
@@ -105,6 +104,17 @@ class Service {
         else this.extension?.loseContext();
         break;
     }
+  }
+
+  /** @returns whether there is memory for it, here and on the graphics card */
+  private begin({ voxels, factor, hasScan, texelFromPatient }: Extract<Asked, { type: "begin" }>): boolean {
+    try {
+      this.field = new Field(voxels, factor, hasScan);
+    } catch (error) {
+      if (error instanceof RangeError) return false;
+      throw error;
+    }
+    return this.caster.begin(this.field, texelFromPatient);
   }
 
   private async draw(): Promise<void> {

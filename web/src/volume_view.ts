@@ -10,6 +10,7 @@ import { drawAge, drawCube, drawForceBar, drawLetters, drawScale, drawSide, draw
 import { Picture } from "./picture.js";
 import type { PointerDevice } from "./pointer.js";
 import { memory_GB } from "./screen.js";
+import type { Memory } from "./scene.js";
 import type { Session } from "./session.js";
 import { firstFelt, Ground, wayTo } from "./touch.js";
 import { BACKGROUND, viewOf, type Cut } from "./volume_caster.js";
@@ -18,6 +19,8 @@ import { Flag, type DevicePose } from "./wire.js";
 
 /** A rotation is asked for so often, and the loop interpolates between. */
 const ROTATION_INTERVAL_MS = 100;
+/** Drawn by the processor, more would not move. */
+const SOFTWARE_TEXELS = 1.2e6;
 /** A surface that is farther below the tool is not looked for. */
 const MOST_HEIGHT_MM = 20;
 /** What is taken away in front of the tip: all before a plane through it, or a hole that widens towards the viewer. */
@@ -33,8 +36,10 @@ export class VolumeView {
   readonly camera = new Camera();
   turnsObject = false; // dragging turns the object, not the camera
   cutting: Cutting = "none";
+  isWhole = false; // every voxel, also without a graphics card
   /** Planes whose outline is drawn in the volume. */
   planes: () => { plane: Plane; colour: string }[] = () => [];
+  showsPlanes = false;
   private readonly live: LivePicture<Camera>;
   private ground: Ground | null = null;
   private size = 0; // of the picture's shorter side
@@ -45,24 +50,30 @@ export class VolumeView {
   private held: Vec3 | null = null;
   private readonly pointers = new Map<number, [number, number]>();
 
-  constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, private readonly isSoftware: boolean,
-              private readonly pointer: PointerDevice, private readonly history: History, private readonly turnTo: (rotation: Quaternion, gesture: number) => void) {
+  constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, readonly isSoftware: boolean,
+              private readonly mostSide: number, private readonly pointer: PointerDevice, private readonly history: History, private readonly turnTo: (rotation: Quaternion, gesture: number) => void) {
     this.live = new LivePicture(this.picture, renderer, isSoftware, false, () => this.drawOver());
+    history.part("camera", () => this.stand, (to) => (this.stand = to));
     this.listen();
     window.setInterval(() => this.sendRotation(), ROTATION_INTERVAL_MS);
   }
 
-  /** Of the volume's texture: it takes 6 bytes a texel. */
-  get mostTexels(): number {
+  /** Of the volume's texture: it takes 6 bytes a texel, and as many in the worker. */
+  private get memory(): Memory {
     const memory = memory_GB();
-    return this.isSoftware ? 1.2e6 : memory <= 2 ? 2e6 : memory <= 4 ? 4e6 : 9e6;
+    const most = memory <= 2 ? 2e6 : memory <= 4 ? 8e6 : 64e6;
+    return { mostTexels: this.isSoftware && !this.isWhole ? SOFTWARE_TEXELS : most, mostSide: this.mostSide };
+  }
+  /** Brings the volume to where it is drawn. */
+  load(): void {
+    if (this.session.volumes) this.renderer.load(this.session.volumes, this.memory);
   }
 
   sceneChanged(): void {
     this.camera.place(this.session.scene!.world_from_patient);
     this.isOpen = false;
     this.ground = new Ground(this.session.volumes!, MOST_HEIGHT_MM);
-    this.renderer.load(this.session.volumes!, this.mostTexels);
+    this.load();
     this.reset();
   }
   lost(): void {
@@ -91,24 +102,20 @@ export class VolumeView {
   look(preset: Preset): void {
     this.moveCamera(() => this.camera.look(preset));
   }
+  /** @param gesture  what is done by one thing in one gesture is one step to be undone */
+  private moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
+    this.history.change(by, move, gesture);
+    this.session.touch();
+  }
 
-  private get stand(): Stand {
+  get stand(): Stand {
     const { camera: { right, up, focus }, across_mm } = this;
     return { right, up, focus, across_mm };
   }
-  /** Moves the camera as somebody wants it, which can be undone. @param gesture  what is done by one thing in one gesture is one step */
-  moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
-    const before = this.stand;
-    move();
-    const after = this.stand;
-    if (JSON.stringify(before) !== JSON.stringify(after)) this.history.note(by, { before, after, go: (_, to) => this.standAt(to) }, gesture);
-    this.session.touch();
-  }
-  private standAt({ right, up, focus, across_mm }: Stand): boolean {
+  set stand({ right, up, focus, across_mm }: Stand) {
     Object.assign(this.camera, { right, up, focus });
     this.across_mm = across_mm;
     this.session.touch();
-    return true;
   }
 
   draw(now: number): void {
@@ -221,7 +228,7 @@ export class VolumeView {
     frame.context.clearRect(0, 0, frame.width, frame.height);
     const device = session.pose?.devices[0];
     if (device) {
-      for (const { plane, colour } of this.planes()) drawPlane(frame, projection, boxSection(plane, session.volumes!), colour);
+      for (const { plane, colour } of this.showsPlanes ? this.planes() : []) drawPlane(frame, projection, boxSection(plane, session.volumes!), colour);
       drawTrail(frame, session, projection);
       this.drawToolIn(projection, device);
       text(frame, touchedText(session, device), 12 * frame.ratio, 40 * frame.ratio, 12, session.isFresh ? "#eef3f5" : "#a4adb3", "left", "top");

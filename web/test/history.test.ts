@@ -119,3 +119,26 @@ test("the table of measures has points in LPS and names as they were written", (
     "",
   ]);
 });
+
+test("what is seen otherwise goes back part by part, and what has changed by itself stays", async () => {
+  const history = new History();
+  const seen = { zoom: 1, pan: [0, 0], window: 5 };
+  history.part("section", () => ({ zoom: seen.zoom, pan: seen.pan }), (to) => Object.assign(seen, to));
+  history.part("window", () => seen.window, (to) => (seen.window = to));
+  history.change("keys", () => (seen.zoom = 2));
+  // a run is a step, and another thing in it another
+  for (const pan of [[1, 0], [2, 0], [3, 1]]) history.change("drag", () => (seen.pan = pan), history.gesture);
+  history.change("drag", () => (seen.window = 7), history.gesture);
+  // nothing is no step
+  history.change("keys", () => (seen.zoom = 2));
+  await history.undo();
+  assert.deepEqual(seen, { zoom: 2, pan: [3, 1], window: 5 });
+  seen.window = 9;
+  await history.undo();
+  assert.deepEqual(seen, { zoom: 2, pan: [0, 0], window: 9 });
+  await history.undo();
+  assert.deepEqual([seen.zoom, history.canUndo], [1, false]);
+  await history.redo();
+  await history.redo();
+  assert.deepEqual(seen, { zoom: 2, pan: [3, 1], window: 9 });
+});

@@ -5,7 +5,7 @@ import type { Scene } from "../src/scene.js";
 
 const scene = {
   tissues: [{ name: "cortical_bone", opacity: 1 }, { name: "fat", opacity: 0.4 }],
-  structures: [{ label: 3, colour: [1, 2, 3], tissue: 0 }, { label: 9, colour: [4, 5, 6], tissue: 1 }, { label: 12, colour: [7, 8, 9], tissue: -1 }],
+  structures: [{ label: 3, name: "one", colour: [1, 2, 3], tissue: 0 }, { label: 9, name: "two", colour: [4, 5, 6], tissue: 1 }, { label: 12, name: "three", colour: [7, 8, 9], tissue: -1 }],
 } as unknown as Scene;
 
 test("presets show what they say, and leave colours as they are", () => {
@@ -19,6 +19,24 @@ test("presets show what they say, and leave colours as they are", () => {
   assert.deepEqual(presetLooks("scene", scene, now)[0]!.colour, [1, 2, 3]);
   assert.ok(hasBone(scene));
   assert.ok(!hasBone({ ...scene, tissues: [{ name: "carbon" }, { name: "tribe" }] } as unknown as Scene));
+});
+
+test("a bone is known by its own name where its tissue has another", () => {
+  const seen = (tissue: string, names: string[]) => {
+    const one = { tissues: [{ name: tissue, opacity: 1 }], structures: names.map((name, n) => ({ label: n + 1, name, colour: [0, 0, 0], tissue: 0 })) } as unknown as Scene;
+    assert.equal(hasBone(one), presetLooks("bone", one, looksOf(one)).some(({ visible }) => visible));
+    return names.filter((_, n) => presetLooks("bone", one, looksOf(one))[n]!.visible);
+  };
+  // an atlas of the whole body, all of one tissue
+  const bones = ["femur_left", "hip_right", "vertebrae_L1", "rib_left_12", "Left rib 3", "sternum", "sacrum", "scapula_left", "skull", "tibia", "patella", "cheekbone", "clavicula_right",
+    "LeftFemur2", "carpal", "tarsals", "vertebral_body", "scapulae", "Ribs", "spine"];
+  const others = ["liver", "tibialis_anterior", "tibial_cartilage", "femur cartilage", "gluteus_maximus_left", "costal_cartilages", "patellar_ligament", "biceps_femoris_muscle", "rib_muscle", "renal_artery", "spinal_cord", "tribe",
+    "renal_pelvis", "hip_joint_left", "carpalTunnel", "vertebral_canal", "radiology", "trapezius_left"];
+  assert.deepEqual(seen("tissue", [...bones, ...others]), bones);
+  assert.deepEqual(seen("bone", ["piece 1", "piece 2"]), ["piece 1", "piece 2"]);
+  assert.deepEqual(seen("bone marrow", ["femur"]), []);
+  assert.deepEqual(seen("cartilage", ["femur", "patella"]), []);
+  assert.deepEqual(seen("fat", ["infrapatellar_fat_body"]), []);
 });
 
 test("kept looks are given back by label, and what is none is left out", () => {

@@ -3,12 +3,13 @@
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 //                                    [--scan knee|ramp|sphere] [--protocol 2] [--refuse STATUS] [--repeat 1] [--hold no]
-//                                    [--shaft no]
+//                                    [--shaft no] [--tool probe]
 //
 // --protocol is another version of what is spoken, --refuse the answer to all of /api/ and /ws.
 // "ramp" is a scan of 16 bits without a sign, most of whose values lie in 1/256 of them, on a grid whose axes are swapped, mirrored and tilted.
 // "sphere" is one of 20 mm, of voxels of 0.5 mm.
-// --shaft yes gives the tool one of 40 mm, as it has with the ramp.
+// --shaft yes gives the tool one of 40 mm, as it has with the ramp. --tool burr gives it a motor: each time that is
+// switched on, 3 mm around the middle of the first structure are cut away.
 // --more 108 adds so many structures to the list, which have no voxel.
 // --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
 // when each stop came, in ms since 1970. --hold yes: volumes come when somebody has asked for /mock/release.
@@ -20,7 +21,7 @@ import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "2", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no" };
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "2", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe" };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
@@ -130,7 +131,7 @@ const scene = (role) => ({
   world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
   structures: [...structures.map(({ shape, ...seen }) => seen), ...more],
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
-  tool: { name: "point", radius_mm: 1, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3 }] : [] },
+  tool: { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3 }] : [] },
   methods: ["proxy", "trilinear"],
   device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
             peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
@@ -139,7 +140,7 @@ const scene = (role) => ({
   recording: null,
 });
 const state = {
-  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, emergency_stop: false, stop: null, max_force_N: 1.4,
+  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, removed: [], emergency_stop: false, stop: null, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
     ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
 };
@@ -307,6 +308,7 @@ sockets.on("connection", (socket) => {
       if (!role) return socket.close(4401);
       viewers.set(socket, { role });
       socket.send(JSON.stringify({ type: "welcome", role, protocol }));
+      if (cuts.length > 0) socket.send(cutFrom(0));
       return tellState();
     }
     if (!viewer) return socket.close(1003);
@@ -336,6 +338,11 @@ sockets.on("connection", (socket) => {
     if (type === "rearm") Object.assign(state, { emergency_stop: false, stop: null });
     if (type === "pointer") pointer = values.take ? socket : null;
     if (type === "set") Object.assign(state, values);
+    if (type === "set" && values.motor) {
+      state.removed = [{ label: structures[0].label, mm3: 113.1 * (cuts.length + 1) }];
+      cuts.push([...middle(structures[0].label), ...middle(structures[0].label), 3]);
+      for (const to of viewers.keys()) to.send(cutFrom(cuts.length - 1));
+    }
     if (type === "tissue") {
       const { tissue, ...feels } = values;
       Object.assign(state.tissues[tissue], feels);
@@ -350,6 +357,18 @@ sockets.on("connection", (socket) => {
     tellState();
   });
 });
+/** The mean of a label's voxels, patient. */
+function middle(label) {
+  const sum = [0, 0, 0, 0];
+  for (let n = 0; n < labels.length; n++) {
+    if (labels[n] !== label) continue;
+    [n % dims[0], Math.floor(n / dims[0]) % dims[1], Math.floor(n / (dims[0] * dims[1])), 1].forEach((x, axis) => (sum[axis] += x));
+  }
+  const mean = [...sum.slice(0, 3).map((x) => x / sum[3]), 1];
+  return X_PatientVoxel.slice(0, 3).map((row) => row.reduce((all, x, axis) => all + x * mean[axis], 0));
+}
+const cuts = [];
+const cutFrom = (first) => JSON.stringify({ type: "cut", first, sweeps: cuts.slice(first) });
 setInterval(() => {
   const bytes = pose();
   for (const socket of viewers.keys()) if (socket.bufferedAmount < 1e4) socket.send(bytes);

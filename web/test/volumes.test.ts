@@ -16,7 +16,7 @@ const near = (a: readonly number[], b: readonly number[]) => a.forEach((x, i) =>
 test("a shrunk voxel lies in the middle of those that it is the mean of", () => {
   for (const shrink of [2, 4]) {
     const corners = [0, shrink - 1].map((i) => apply(grid, [i, i, i]));
-    near(apply(shrunkGrid(grid, shrink), [0, 0, 0]), corners[0]!.map((x, axis) => (x + corners[1]![axis]!) / 2));
+    near(apply(shrunkGrid(grid, [shrink, shrink, shrink]), [0, 0, 0]), corners[0]!.map((x, axis) => (x + corners[1]![axis]!) / 2));
   }
 });
 
@@ -25,8 +25,21 @@ test("a volume is shrunk until it suits the device", () => {
   assert.equal(shrinkFor([256, 256, 124], { mostSide: 2048, mostTexels: 1e6 * 2 }), 2);
   assert.equal(shrinkFor([256, 256, 124], { mostSide: 2048, mostTexels: 1e5 * 2 }), 4);
   assert.equal(shrinkFor([600, 100, 100], { mostSide: 512, mostTexels: 1e9 }), 2);
-  assert.equal(coarsening([100, 100, 100], 1e6), 1);
-  assert.equal(coarsening([100, 100, 101], 1e6), 2);
+});
+
+test("a texel is a voxel where there is room, and else what is finest is coarsened first", () => {
+  const card = { mostTexels: 64e6, mostSide: 2048 };
+  assert.deepEqual(coarsening([100, 100, 100], [1, 1, 1], { mostTexels: 1e6, mostSide: 2048 }), [1, 1, 1]);
+  assert.deepEqual(coarsening([200, 200, 200], [1, 1, 1], { mostTexels: 1e6, mostSide: 2048 }), [2, 2, 2]);
+  // a knee: slices farther apart than their pixels stay what they are
+  assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], card), [1, 1, 1]);
+  assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], { ...card, mostTexels: 9e6 }), [2, 2, 1]);
+  assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], { ...card, mostTexels: 1.2e6 }), [4, 4, 2]);
+  // a side that the graphics cannot have, with the border around it
+  assert.deepEqual(coarsening([2046, 64, 64], [1, 1, 1], card), [1, 1, 1]);
+  assert.deepEqual(coarsening([64, 2047, 64], [1, 1, 1], card), [1, 2, 1]);
+  // what is a texel wide cannot be coarsened
+  assert.deepEqual(coarsening([1, 10, 10], [0.1, 1, 1], { ...card, mostTexels: 25 }), [1, 2, 2]);
 });
 
 function cube(patientFromVoxel: Affine): Volumes {
@@ -51,7 +64,7 @@ test("values and structures are read at positions of the patient", () => {
 });
 
 /** A field of a whole volume, made in pieces of some slices. */
-function fieldOf(volumes: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null }, factor: number, slices = 5): Field {
+function fieldOf(volumes: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null }, factor: Vec3, slices = 5): Field {
   const field = new Field(volumes.dims, factor, volumes.scan !== null);
   for (let z = 0; z < field.dims[2]; z += slices) {
     field.put(pieceOf(volumes, factor, [0, 0, z], [field.dims[0], field.dims[1], Math.min(slices, field.dims[2] - z)]));
@@ -59,22 +72,23 @@ function fieldOf(volumes: { dims: Vec3; structure: Uint8Array; scan: Int16Array 
   return field;
 }
 /** As slow as it gets: every voxel's share in every texel of a grid. */
-function sharesBySums(dims: Vec3, structure: Uint8Array, factor: number, place: Vec3): Map<number, number> {
-  const count = dims.map((n) => Math.ceil(n / factor));
+function sharesBySums(dims: Vec3, structure: Uint8Array, factor: Vec3, place: Vec3): Map<number, number> {
+  const count = dims.map((n, axis) => Math.ceil(n / factor[axis]!));
   const shares = new Map<number, number>();
   for (let n = 0; n < 27; n++) {
     const step = [n % 3, Math.floor(n / 3) % 3, Math.floor(n / 9)].map((x) => x - 1);
     const weight = step.reduce((product, x) => product * (x === 0 ? 0.5 : 0.25), 1);
     const texel = place.map((x, axis) => Math.min(count[axis]! - 1, Math.max(0, x + step[axis]!)));
     const inside: number[] = [];
-    for (let c = 0; c < factor ** 3; c++) {
-      const v = [c % factor, Math.floor(c / factor) % factor, Math.floor(c / factor / factor)].map((x, axis) => texel[axis]! * factor + x);
+    for (let c = 0; c < factor[0] * factor[1] * factor[2]; c++) {
+      const v = [c % factor[0], Math.floor(c / factor[0]) % factor[1], Math.floor(c / factor[0] / factor[1])].map((x, axis) => texel[axis]! * factor[axis]! + x);
       if (v.every((x, axis) => x < dims[axis]!)) inside.push(structure[v[0]! + dims[0] * (v[1]! + dims[1] * v[2]!)]!);
     }
     for (const one of inside) shares.set(one, (shares.get(one) ?? 0) + weight / inside.length);
   }
   return shares;
 }
+const FACTORS: Vec3[] = [[1, 1, 1], [2, 2, 2], [3, 3, 3], [2, 3, 1]];
 function randomVolume(dims: Vec3, structures: number): { dims: Vec3; structure: Uint8Array; scan: Int16Array } {
   let seed = 7;
   const random = () => (seed = (Math.imul(seed, 1103515245) + 12345) & 0x7fffffff) / 0x80000000;
@@ -93,7 +107,7 @@ function randomVolume(dims: Vec3, structures: number): { dims: Vec3; structure: 
 
 test("a texel has what a sum over its neighbourhood says, in pieces too", () => {
   const volume = randomVolume([13, 11, 9], 3);
-  for (const factor of [1, 2, 3]) {
+  for (const factor of FACTORS) {
     const field = fieldOf(volume, factor, 2);
     for (let z = 0; z < field.dims[2]; z++) for (let y = 0; y < field.dims[1]; y++) for (let x = 0; x < field.dims[0]; x++) {
       const [first, second, own, other] = field.texels.subarray(field.at(x, y, z), field.at(x, y, z) + 4);
@@ -116,7 +130,7 @@ test("a texel has what a sum over its neighbourhood says, in pieces too", () => 
 });
 
 test("a box that changed is made anew, and nothing else", () => {
-  for (const factor of [1, 2, 3]) {
+  for (const factor of FACTORS) {
     const volume = randomVolume([17, 14, 11], 3);
     const field = fieldOf(volume, factor);
     const [lo, size]: [Vec3, Vec3] = [[5, 3, 4], [4, 5, 3]];
@@ -136,7 +150,7 @@ test("a ray's leap ends before the next block that holds anything that is shown"
   const structure = new Uint8Array(80 * 50 * 40);
   structure[3 + 80 * (3 + 50 * 3)] = 1;
   structure[70 + 80 * (44 + 50 * 30)] = 2;
-  const field = fieldOf({ dims, structure, scan: null }, 1, 16);
+  const field = fieldOf({ dims, structure, scan: null }, [1, 1, 1], 16);
   for (const shown of [[0, 1, 1], [0, 0, 1], [0, 0, 0]]) {
     const leaps = field.leaps(shown);
     const full = [[3, 3, 3, 1], [70, 44, 30, 2]].filter(([, , , place]) => shown[place!]).map((p) => p.slice(0, 3).map((x) => Math.floor(x / BLOCK)));
@@ -150,11 +164,11 @@ test("a ray's leap ends before the next block that holds anything that is shown"
 
 test("the scan around structures is the mean over a texel", () => {
   const volume = randomVolume([7, 5, 4], 1);
-  const field = fieldOf(volume, 3, 1);
+  const field = fieldOf(volume, [3, 3, 3], 1);
   let sum = 0;
   for (let k = 3; k < 4; k++) for (let j = 3; j < 5; j++) for (let i = 0; i < 3; i++) sum += volume.scan[i + 7 * (j + 5 * k)]!;
   assert.equal(field.haze![0 + 3 * (1 + 2 * 1)], Math.round(sum / 6));
-  assert.deepEqual(fieldOf(volume, 1).haze, volume.scan);
+  assert.deepEqual(fieldOf(volume, [1, 1, 1]).haze, volume.scan);
 });
 
 test("half floats are the values to eleven bits", () => {

@@ -18,7 +18,7 @@ int main() {
 
   palpate::Model model;
   model.field = std::make_shared<const palpate::Field>(std::move(ramp));
-  model.labels = std::make_shared<const palpate::Volume<palpate::LabelId>>(std::move(labels));
+  model.labels = palpate::label_bricks(labels);
   model.segments = {{1, "block", {}, 0, 1}};
   model.tissues.resize(1);
   model.tissue_of_label = {-1, 0};

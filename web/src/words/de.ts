@@ -134,6 +134,9 @@ export const de: Words = {
   pause: "Pause",
   goOn: "Weiter",
   pauseTitle: "Die Kraft klingt ab (P)",
+  motor: "Motor",
+  removed: (volume: string, structure: string) => `${volume} ${structure} abgetragen`,
+  motorTitle: "Die Fräse dreht sich und trägt ab, was sie berührt",
   rearm: "Freigeben",
   rearmTitle: "Kraft nach einem Not-Halt wieder an, wo die Spitze nichts berührt",
   free: "frei",
@@ -338,13 +341,14 @@ export const de: Words = {
 
   // how the volume is looked at
   viewMenu: "Ansicht",
-  viewMenuTitle: "Was vor der Spitze weggenommen ist, Perspektive, Ebenen",
+  viewMenuTitle: "Was vor der Spitze weggenommen ist, Perspektive, Ebenen, wie fein gezeichnet wird",
   volumeCut: "Volumen",
   uncut: "ganz",
   cutAtTip: "an der Spitze geschnitten",
   openedToTip: "zur Spitze hin geöffnet",
   perspective: "Perspektive",
   planesInVolume: "Gezeigte Ebenen",
+  everyVoxel: "Jedes Voxel",
 
   // a recording
   timeLine: "Die Aufzeichnung",
@@ -359,9 +363,10 @@ export const de: Words = {
   goToOfMore: (left: string) => `Gehe zu … (${left} kürzere oder spätere fehlen)`,
   tick: (number: string) => `Takt ${number}`,
   viewerNumber: (number: string) => `Betrachter ${number}`,
+  deviceNumber: (number: string) => `Gerät ${number}`,
   recorded: {
     stop: "Not-Halt", rearm: "Kraft wieder frei", fields: "Felder neu berechnet", nothing: "was schon galt", method: "Kraftmethode", friction: "Reibung",
-    viscosity: "Viskosität", passivity: "Passivität", paused: "Pause", max_force_N: "Kraftgrenze", rotation_wxyz: "Objekt gedreht", pointer: "Zeiger",
+    viscosity: "Viskosität", passivity: "Passivität", paused: "Pause", max_force_N: "Kraftgrenze", motor: "Motor", rotation_wxyz: "Objekt gedreht", pointer: "Zeiger",
     key: "eine Taste", script: "das Skript", session: "palpate", viewer: "ein Betrachter",
   },
 };

@@ -133,6 +133,9 @@ export const en = {
   pause: "Pause",
   goOn: "Go on",
   pauseTitle: "The force fades out (P)",
+  motor: "Motor",
+  removed: (volume: string, structure: string) => `${volume} of ${structure} removed`,
+  motorTitle: "The burr turns and takes away what it touches",
   rearm: "Rearm",
   rearmTitle: "Force back after an emergency stop, where the tip touches nothing",
   free: "free",
@@ -338,13 +341,14 @@ export const en = {
 
   // how the volume is looked at
   viewMenu: "View",
-  viewMenuTitle: "What is cut away in front of the tip, perspective, planes",
+  viewMenuTitle: "What is cut away in front of the tip, perspective, planes, how finely it is drawn",
   volumeCut: "Volume",
   uncut: "whole",
   cutAtTip: "cut at the tip",
   openedToTip: "opened to the tip",
   perspective: "Perspective",
   planesInVolume: "Planes that are shown",
+  everyVoxel: "Every voxel",
 
   // a recording
   timeLine: "The recording",
@@ -359,9 +363,10 @@ export const en = {
   goToOfMore: (left: string) => `Go to … (${left} shorter or later ones are left out)`,
   tick: (number: string) => `tick ${number}`,
   viewerNumber: (number: string) => `viewer ${number}`,
+  deviceNumber: (number: string) => `device ${number}`,
   recorded: {
     stop: "emergency stop", rearm: "rearmed", fields: "fields made anew", nothing: "what held already", method: "force method", friction: "friction",
-    viscosity: "viscosity", passivity: "passivity", paused: "pause", max_force_N: "force limit", rotation_wxyz: "object turned", pointer: "pointer",
+    viscosity: "viscosity", passivity: "passivity", paused: "pause", max_force_N: "force limit", motor: "motor", rotation_wxyz: "object turned", pointer: "pointer",
     key: "a key", script: "the script", session: "palpate", viewer: "a viewer",
   },
 };

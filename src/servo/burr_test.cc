@@ -1,0 +1,247 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "haptics/test_model.h"
+#include "palpate/carving.h"
+#include "palpate/servo.h"
+
+/// A burr in the whole tick.
+namespace palpate {
+namespace {
+
+using testing::kBone;
+using testing::kBoneRadius_mm;
+
+constexpr double kBurrRadius_mm = 2, kBurrTick_s = 1e-3;
+
+Model burr_model() {
+  Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
+  model.tool.radius_mm = kBurrRadius_mm;
+  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
+  return model;
+}
+
+/// One device that is led, and a session that carves.
+struct LedSession {
+  std::shared_ptr<const Model> model = std::make_shared<const Model>(burr_model());
+  std::shared_ptr<const Carving> carving = std::make_shared<const Carving>(*model);
+  Parameters parameters;
+  SessionState state;
+  TickRecord record;
+  Wrench wrench;
+  DeviceState device;
+
+  LedSession() {
+    parameters.method = ForceMethod::kProxy;
+    parameters.motor = true;
+    parameters.viscosity = false;
+    parameters.max_force_N = 10;
+    state.hands[0].output.gain = 1;
+    device.tip = above(5);
+    tick_once();
+  }
+  // its surface is so far above the ball's
+  Point<World> above(double clear_mm, double x_mm = 0) const {
+    const double r = kBoneRadius_mm + kBurrRadius_mm + clear_mm;
+    return model->X_WorldPatient * Point<Patient>(x_mm, 0, std::sqrt(r * r - x_mm * x_mm));
+  }
+  void tick_once() { tick(*model, parameters, {&device, 1}, kBurrTick_s, state, {&wrench, 1}, record); }
+  void lead_to(const Point<World>& to, int ticks) {
+    const Vector<World> step = (to - device.tip) / ticks;
+    for (int n = 0; n < ticks; ++n) {
+      device.tip += step;
+      tick_once();
+    }
+  }
+  const BurrState& burr() const { return state.hands[0].burr; }
+  // as a session does; false: there was nothing new
+  bool carve() {
+    const std::uint64_t finished = finished_sweeps(burr());
+    std::vector<Cut> cuts;
+    for (const Sweep& sweep : burr().pending().first(finished - burr().first)) cuts.push_back({0, sweep});
+    if (cuts.empty()) return false;
+    carving = carving->with(cuts);
+    model = carving->taken_from(*model);
+    return true;
+  }
+};
+
+TEST(BurrTick, AMotorThatIsOffLeavesABall) {
+  LedSession off, ball;
+  off.parameters.motor = false;
+  Model without = *ball.model;
+  without.tool.burr.reset();
+  ball.model = std::make_shared<const Model>(without);
+  for (int n = 0; n < 200; ++n) {
+    const Point<World> to = off.above(1 - 0.02 * n, 0.01 * n);
+    off.lead_to(to, 1);
+    ball.lead_to(to, 1);
+    ASSERT_EQ(off.wrench.force_N, ball.wrench.force_N) << n;
+    ASSERT_EQ(off.record.device[0].label, ball.record.device[0].label);
+  }
+  EXPECT_GT(off.wrench.force_N.norm(), 1);
+  EXPECT_EQ(off.burr().sweeps, 0);
+}
+
+TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
+  LedSession led;
+  led.lead_to(led.above(0.2), 100);
+  led.lead_to(led.above(-1), 50);
+  double tick_N = 0, edit_N = 0;
+  Vector<World> before_N = led.wrench.force_N;
+  const double first_N = before_N.norm();
+  int edits = 0;
+  for (int n = 0; n < 400; ++n) {
+    const bool edited = n % 20 == 0 && led.carve();
+    edits += edited;
+    led.lead_to(led.device.tip, 1);
+    double& most_N = edited ? edit_N : tick_N;
+    most_N = std::max(most_N, (led.wrench.force_N - before_N).norm());
+    before_N = led.wrench.force_N;
+    EXPECT_EQ(led.record.device[0].flags & kFlagBlend, 0u);
+    if (before_N.norm() > 0.1) {
+      EXPECT_EQ(led.record.device[0].label, kBone);
+    }
+    EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u) << "its proxy is held";
+  }
+  EXPECT_GT(edits, 5);
+  // it has sunk in, so far that a hand that stays is hardly pushed any more
+  EXPECT_LT(before_N.norm(), 0.5 * first_N);
+  EXPECT_LT(edit_N, tick_N + 0.01);
+  EXPECT_GT(led.burr().taken_mm3, 1);
+  const Point<Patient> proxy = led.state.hands[0].proxy.position;
+  EXPECT_LT(led.model->surfaces[0].made->distance_mm(proxy), kBurrRadius_mm - 0.3);
+}
+
+TEST(BurrTick, AnEditElsewhereIsNotFelt) {
+  // stuck by friction on one side of the ball, while the other is carved
+  LedSession alone, beside;
+  for (LedSession* led : {&alone, &beside}) {
+    led->parameters.motor = false;
+    led->lead_to(led->above(-0.5), 100);
+  }
+  for (int n = 0; n < 100; ++n) {
+    if (n % 10 == 0) {
+      const std::vector<Cut> cut{{1, {{-3.0 + 0.5 * n, 0, -16}, {-2.0 + 0.5 * n, 0, -16}, 2}}};
+      beside.carving = beside.carving->with(cut);
+      beside.model = beside.carving->taken_from(*beside.model);
+    }
+    const Point<World> to = alone.above(-0.5 - 0.001 * n, 0.0003 * n);
+    alone.lead_to(to, 1);
+    beside.lead_to(to, 1);
+    ASSERT_EQ(alone.wrench.force_N, beside.wrench.force_N) << n;
+    ASSERT_EQ(alone.state.hands[0].proxy.sticking, beside.state.hands[0].proxy.sticking);
+    ASSERT_EQ(alone.state.hands[0].passivity.energy_mJ, beside.state.hands[0].passivity.energy_mJ);
+    ASSERT_EQ(alone.record.device[0].flags, beside.record.device[0].flags);
+  }
+  EXPECT_NE(alone.model->surfaces[0].surface->content_hash(),
+            beside.model->surfaces[0].surface->content_hash());
+  EXPECT_TRUE(alone.state.hands[0].proxy.sticking);
+}
+
+TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
+  // a shell on the bone, with a surface in common, through which the tip goes
+  Model model = testing::as_one_body(testing::ball_model({1, 1, 1}, 1.0, 3), 3);
+  model.surfaces[1].puncture_N = 0.5;
+  model.surfaces[1].beneath = 2;
+  model.surfaces[2].opened_by = {1};
+  LedSession alone, beside;
+  for (LedSession* led : {&alone, &beside}) {
+    led->model = std::make_shared<const Model>(model);
+    led->carving = std::make_shared<const Carving>(model);
+    led->state = {};
+    led->state.hands[0].output.gain = 1;
+    led->device.tip = led->above(3 - kBurrRadius_mm, -6);
+    led->tick_once();
+    led->lead_to(led->above(0.5 - kBurrRadius_mm, -6), 200);
+    ASSERT_TRUE(led->state.hands[0].proxy.punctured.any()) << "the test is about nothing";
+  }
+  for (int n = 0; n < 50; ++n) {
+    if (n % 10 == 0) {
+      beside.carving =
+          beside.carving->with(std::vector<Cut>{{0, {{0.5 * n, 0, -18}, {0.5 * n + 1, 0, -18}, 2}}});
+      beside.model = beside.carving->taken_from(*beside.model);
+    }
+    for (LedSession* led : {&alone, &beside})
+      led->lead_to(led->above(0.5 - kBurrRadius_mm + 0.002 * n, -6), 1);
+    ASSERT_EQ(alone.wrench.force_N, beside.wrench.force_N) << n;
+    ASSERT_EQ(alone.state.hands[0].proxy.punctured, beside.state.hands[0].proxy.punctured) << n;
+    ASSERT_EQ(alone.record.device[0].flags, beside.record.device[0].flags) << n;
+  }
+}
+
+TEST(BurrTick, ThePedalRunsTheMotorAndNothingRunsItWithoutForce) {
+  const auto cuts = [](LedSession& led) {
+    led.lead_to(led.above(0.2), 50);
+    const double before_mm3 = led.burr().taken_mm3;
+    led.carve();
+    led.lead_to(led.above(-1), 100);
+    return led.burr().taken_mm3 > before_mm3;
+  };
+  LedSession pedal;
+  Model trodden = *pedal.model;
+  trodden.tool.burr->pedal = 2;
+  pedal.model = std::make_shared<const Model>(trodden);
+  pedal.parameters.motor = false;
+  EXPECT_FALSE(cuts(pedal));
+  pedal.device.buttons = 1u << 2;
+  EXPECT_TRUE(cuts(pedal));
+  pedal.device.buttons = 1u << 1;
+  EXPECT_FALSE(cuts(pedal));
+
+  LedSession paused;
+  paused.parameters.paused = true;
+  EXPECT_FALSE(cuts(paused));
+  LedSession stopped;
+  stopped.parameters.emergency_stop = true;
+  EXPECT_FALSE(cuts(stopped));
+  LedSession away;
+  away.device.age_s = 1;
+  EXPECT_FALSE(cuts(away));
+  LedSession clutched;
+  clutched.device.status = kDeviceClutched;
+  EXPECT_FALSE(cuts(clutched));
+}
+
+TEST(BurrTick, WhatWasSweptBeforeAJumpIsStillCarved) {
+  LedSession led;
+  led.lead_to(led.above(0.2), 50);
+  led.lead_to(led.above(-1), 60);
+  const std::uint64_t swept = led.burr().first + static_cast<std::uint64_t>(led.burr().sweeps);
+  ASSERT_GT(swept, 0u);
+  led.device.tip = led.above(30);
+  led.tick_once();
+  EXPECT_NE(led.record.device[0].flags & kFlagJump, 0u);
+  EXPECT_EQ(finished_sweeps(led.burr()), swept);
+  const std::uint64_t version = led.model->version;
+  EXPECT_TRUE(led.carve());
+  EXPECT_EQ(led.model->version, version + 1);
+  led.tick_once();
+  EXPECT_EQ(led.burr().sweeps, 0);
+  EXPECT_EQ(led.burr().first, swept);
+}
+
+TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
+  // twice as far away from where it is held, and limited to the same force
+  double taken_mm3[2];
+  for (const int n : {0, 1}) {
+    LedSession led;
+    led.parameters.max_force_N = 1;
+    led.lead_to(led.above(0.2), 50);
+    led.lead_to(led.above(n == 0 ? -3 : -6), 50);
+    for (int more = 0; more < 100; ++more) {
+      if (more % 20 == 0) led.carve();
+      led.lead_to(led.device.tip, 1);
+    }
+    EXPECT_NEAR(led.wrench.force_N.norm(), 1, 0.02);
+    taken_mm3[n] = led.burr().taken_mm3;
+  }
+  EXPECT_NEAR(taken_mm3[1] / taken_mm3[0], 1, 0.05);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,176 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/test_wait.h"
+#include "palpate/carving.h"
+#include "palpate/playback.h"
+#include "session/test_session.h"
+
+/// A scripted hand with a burr, its recording, and the same again.
+namespace palpate {
+namespace {
+
+using EventKind = RecordingEvent::Kind;
+
+LoadedScene loaded_burr() {
+  LoadedScene loaded = testing::loaded_ball();
+  loaded.scene.force.method = ForceMethod::kProxy;
+  Model model = *loaded.model;
+  model.tool.radius_mm = 2;
+  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  return loaded;
+}
+
+Script milling() {
+  return parse_script(
+             "[[step]]\nmotor = true\n[[step]]\napproach = \"ball\"\n[[step]]\npress = 1.0\n"
+             "[[step]]\nhold = 0.5\n[[step]]\nslide = 3.0\ndirection = \"left\"\n"
+             "[[step]]\nmotor = false\n[[step]]\nhold = 0.3\n[[step]]\nleave = true\n",
+             "milling script")
+      .value();
+}
+
+class BurrRun : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto simulated = simulate(loaded_, milling(), {}, folder_ / "run.h5");
+    ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+    run_hash_ = simulated->summary.run_hash;
+    auto read = read_recording(folder_ / "run.h5");
+    ASSERT_TRUE(read.ok()) << read.error().message();
+    recording_ = std::move(*read);
+  }
+  long count(EventKind kind) const {
+    return std::ranges::count_if(recording_.events, [&](const auto& event) { return event.kind == kind; });
+  }
+  RecordingEvent& first(EventKind kind) {
+    return *std::ranges::find_if(recording_.events, [&](const auto& event) { return event.kind == kind; });
+  }
+
+  test::TemporaryFolder folder_;
+  LoadedScene loaded_ = loaded_burr();
+  Recording recording_;
+  std::uint64_t run_hash_ = 0;
+};
+
+TEST_F(BurrRun, EveryCutStandsInTheRecording) {
+  EXPECT_EQ(count(EventKind::kMotor), 2);
+  EXPECT_GT(count(EventKind::kModel), 20);
+  EXPECT_GT(count(EventKind::kSweep), count(EventKind::kModel));
+  std::uint32_t version = 1;
+  long waiting = 0;
+  for (const RecordingEvent& event : recording_.events) {
+    if (event.kind == EventKind::kSweep) {
+      EXPECT_EQ(event.number, version + 1) << "of the version that comes next";
+      EXPECT_EQ(event.sweep.radius_mm, 2);
+      ++waiting;
+    } else if (event.kind == EventKind::kModel) {
+      EXPECT_EQ(event.change.tissue, ModelChange::kCut);
+      EXPECT_EQ(event.number, ++version);
+      EXPECT_GT(std::exchange(waiting, 0), 0);
+    }
+  }
+  EXPECT_EQ(waiting, 0);
+  EXPECT_EQ(recording_.ticks.back().model_version, version);
+  // not one of them is blended in, and none lets the tool go
+  for (const TickRecord& tick : recording_.ticks)
+    ASSERT_EQ(tick.device[0].flags & (kFlagBlend | kFlagInside), 0u) << tick.tick;
+}
+
+TEST_F(BurrRun, ReplaysToTheSameHash) {
+  const auto result = replay(recording_, loaded_.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+  EXPECT_EQ(result->run_hash, run_hash_);
+}
+
+TEST_F(BurrRun, ReplaysAsFarAsItWasWritten) {
+  const std::size_t all = recording_.ticks.size();
+  recording_.summary.reset();
+  for (const std::size_t left : {all / 2, all / 3}) {
+    recording_.ticks.resize(left);
+    std::erase_if(recording_.events, [&](const RecordingEvent& event) { return event.tick >= left; });
+    const auto result = replay(recording_, loaded_.model);
+    ASSERT_TRUE(result.ok()) << result.error().message();
+    EXPECT_TRUE(result->identical) << result->difference;
+    EXPECT_EQ(result->ticks, left);
+  }
+}
+
+TEST_F(BurrRun, AnotherSweepIsAnotherRun) {
+  first(EventKind::kSweep).sweep.radius_mm = 3;
+  const auto result = replay(recording_, loaded_.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_FALSE(result->identical);
+  EXPECT_GE(result->first_difference, first(EventKind::kSweep).tick);
+}
+
+TEST_F(BurrRun, WhatIsLeftIsWhatWasFeltLast) {
+  const auto left = labels_left(recording_, *loaded_.model);
+  ASSERT_TRUE(left.ok()) << left.error().message();
+  std::vector<Cut> cuts;
+  for (const RecordingEvent& event : recording_.events)
+    if (event.kind == EventKind::kSweep) cuts.push_back(cut_of(event.sweep));
+  const auto expected = Carving(*loaded_.model).with(cuts)->taken_from(*loaded_.model);
+  EXPECT_EQ(left->labels.layers.front().voxels(), expected->labels->dense().voxels());
+  EXPECT_NE(left->labels.layers.front().voxels(), loaded_.model->labels->dense().voxels());
+  ASSERT_EQ(left->removed.size(), 1u);
+  EXPECT_EQ(left->removed[0].structure, "ball");
+  // by the voxels that are gone, which are coarser
+  const GridGeometry& grid = loaded_.model->labels->geometry();
+  const double voxel_mm3 = grid.spacing_mm.prod();
+  const auto count = [&](const Bricks<LabelId>& labels) { return label_counts(labels)[testing::kBone]; };
+  const double by_voxels_mm3 =
+      voxel_mm3 * static_cast<double>(count(*loaded_.model->labels) - count(*expected->labels));
+  EXPECT_GT(by_voxels_mm3, 5);
+  EXPECT_NEAR(left->removed[0].volume_mm3 / by_voxels_mm3, 1, 0.1);
+  // of another scene
+  LoadedScene other = loaded_;
+  Model model = *other.model;
+  model.content_hash = 7;
+  EXPECT_FALSE(labels_left(recording_, model).ok());
+}
+
+TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
+  std::vector<SweepRecord> all;
+  for (const RecordingEvent& event : recording_.events)
+    if (event.kind == EventKind::kSweep) all.push_back(event.sweep);
+  const auto opened = open_playback(RecordingSource(recording_), loaded_.model, Modality::kMr);
+  ASSERT_TRUE(opened.ok()) << opened.error().message();
+  ViewerHost& playback = **opened;
+  // forwards and back
+  for (const double part : {0.0, 0.6, 1.0, 0.4}) {
+    const TickRecord& wanted =
+        recording_.ticks[static_cast<std::size_t>(part * static_cast<double>(recording_.ticks.size() - 1))];
+    PlayRequest request;
+    request.at_s = wanted.time_s;
+    ASSERT_TRUE(playback.play(request).ok());
+    testing::soon([&] {
+      std::array<double, kMaxDevices> stiffness_N_per_mm{};
+      return playback.snapshot(stiffness_N_per_mm).tick == wanted.tick;
+    });
+    const auto gone =
+        static_cast<std::uint64_t>(std::ranges::count_if(recording_.events, [&](const auto& event) {
+          return event.kind == EventKind::kSweep && event.number <= wanted.model_version;
+        }));
+    EXPECT_EQ(playback.state().sweeps, gone) << part;
+    EXPECT_EQ(gone > 0, part > 0.35) << part;
+  }
+  EXPECT_EQ(playback.sweeps(0, all.size() + 5), all);
+  EXPECT_EQ(playback.sweeps(3, 2), (std::vector<SweepRecord>{all[3], all[4]}));
+  EXPECT_TRUE(playback.sweeps(all.size(), 2).empty());
+}
+
+TEST(BurrScene, OnlyTheProxyTakesABurr) {
+  SimulationOptions trilinear;
+  trilinear.method = ForceMethod::kTrilinear;
+  const auto refused = simulate(loaded_burr(), milling(), trilinear, {});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().kind, ErrorKind::kUsage);
+}
+
+}  // namespace
+}  // namespace palpate

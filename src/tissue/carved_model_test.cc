@@ -1,0 +1,123 @@
+#include <gtest/gtest.h>
+
+#include <random>
+#include <vector>
+
+#include "haptics/test_model.h"
+#include "palpate/carving.h"
+#include "tissue/test_surfaces.h"
+
+namespace palpate {
+namespace {
+
+using testing::kBone;
+using testing::kBoneRadius_mm;
+using testing::kCartilage;
+using testing::kFat;
+
+constexpr double kShell_mm = 3;
+
+Model one_body() {
+  return testing::as_one_body(testing::ball_model({1, 1, 1}, 1.0, kShell_mm), kShell_mm);
+}
+
+// a groove by a ball of 4 mm whose lowest place is so far below the outer surface, beside x = 0
+std::vector<Cut> groove(double below_mm, double x_mm) {
+  const double z = kBoneRadius_mm + kShell_mm + 2 - below_mm;
+  return {{0, {{x_mm, -4, z}, {x_mm, 0, z}, 2}}, {1, {{x_mm, 0, z}, {x_mm, 4, z}, 2}}};
+}
+
+TEST(CarvedModel, EverySurfaceIsCarvedAndTheRestIsShared) {
+  const Model model = one_body();
+  const auto none = std::make_shared<const Carving>(model);
+  const std::vector<Cut> cuts = groove(2, -6);
+  const auto carving = none->with(cuts);
+  const auto next = carving->taken_from(model);
+  EXPECT_EQ(next->version, model.version + 1);
+  EXPECT_EQ(next->edits, 1u);
+  EXPECT_NE(next->content_hash, model.content_hash);
+  EXPECT_EQ(carving->sweeps(0), 1u);
+  EXPECT_EQ(carving->sweeps(1), 1u);
+  EXPECT_EQ(carving->sweeps(2), 0u);
+  EXPECT_EQ(next->field, model.field);
+  EXPECT_EQ(next->methods, model.methods);
+  ASSERT_EQ(next->surfaces.size(), 3u);
+  EXPECT_EQ(next->surfaces[1].surface, nullptr);
+  for (const std::size_t s : {0u, 2u}) {
+    const CarvedSurface alone =
+        CarvedSurface(model.surfaces[s].surface).with(std::vector{cuts[0].sweep, cuts[1].sweep});
+    EXPECT_EQ(next->surfaces[s].surface->content_hash(), alone.surface()->content_hash()) << s;
+  }
+  EXPECT_NE(next->surfaces[2].surface, model.surfaces[2].surface);
+  // nothing within reach: what is there is the very same
+  const auto far = none->with(std::vector<Cut>{{0, {{25, 25, 25}, {26, 25, 25}, 2}}})->taken_from(model);
+  EXPECT_EQ(far->surfaces[2].surface, model.surfaces[2].surface);
+  EXPECT_EQ(far->surfaces[2].made, nullptr);
+  EXPECT_EQ(far->labels, model.labels);
+}
+
+TEST(CarvedModel, VersionsInPiecesAreThoseAtOnce) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> place(-12, 12);
+  std::vector<Cut> cuts;
+  for (int n = 0; n < 12; ++n) {
+    const Point<Patient> from(place(random), place(random), kBoneRadius_mm + 0.1 * place(random));
+    cuts.push_back({static_cast<std::uint32_t>(n % 2), {from, from + Vector<Patient>(1, 0.5, -0.5), 2}});
+  }
+  const Model model = one_body();
+  const auto none = std::make_shared<const Carving>(model);
+  const auto at_once = none->with(cuts)->taken_from(model);
+  auto carving = none;
+  auto felt = std::make_shared<const Model>(model);
+  for (std::size_t n = 0; n < cuts.size(); n += 3) {
+    carving = carving->with(std::span(cuts).subspan(n, 3));
+    felt = carving->taken_from(*felt);
+  }
+  EXPECT_EQ(felt->edits, 4u);
+  EXPECT_EQ(felt->version, model.version + 4);
+  EXPECT_EQ(felt->labels->content_hash(), at_once->labels->content_hash());
+  for (const std::size_t s : {0u, 2u})
+    EXPECT_EQ(felt->surfaces[s].surface->content_hash(), at_once->surfaces[s].surface->content_hash());
+}
+
+TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {
+  const Model model = one_body();
+  const std::vector<Cut> cuts = groove(2, 0);
+  const auto next = Carving(model).with(cuts)->taken_from(model);
+  const auto X_PatientVoxel = model.labels->geometry().X_PatientVoxel();
+  const auto& dims = model.labels->geometry().dims;
+  int gone = 0, fat = 0;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j)
+      for (int i = 0; i < dims[0]; ++i) {
+        const Point<Patient> centre = X_PatientVoxel * Point<Voxel>(i, j, k);
+        const bool swept =
+            distance_to_axis_mm(cuts[0].sweep, centre) < 2 || distance_to_axis_mm(cuts[1].sweep, centre) < 2;
+        const LabelId was = model.labels->at(i, j, k);
+        const bool cut = swept && model.is_felt(was);
+        ASSERT_EQ(next->labels->at(i, j, k), cut ? LabelId{0} : was) << i << " " << j << " " << k;
+        gone += cut;
+        fat += swept && was == kFat;
+      }
+  EXPECT_GT(gone, 20);
+  EXPECT_GT(fat, 5);
+}
+
+TEST(CarvedModel, WhatWasBeneathBelongsToWhomItsLabelsSay) {
+  // where x < 0 the shell is cartilage
+  const Model model = one_body();
+  const auto owner = [](const Model& of, double x_mm, double below_mm) {
+    const double r = kBoneRadius_mm + kShell_mm - below_mm;
+    return owners_at(of.surfaces, 2, Point<Patient>(x_mm, 0, std::sqrt(r * r - x_mm * x_mm))).largest();
+  };
+  EXPECT_EQ(owner(model, -6, 0), 1);
+  const auto next = Carving(model).with(groove(6, -6))->taken_from(model);
+  EXPECT_EQ(owner(*next, -6, 0), 1);
+  EXPECT_EQ(owner(*next, -6, 1.5), 1);
+  EXPECT_EQ(owner(*next, -6, 4.5), 0) << "bone, through the shell";
+}
+
+}  // namespace
+}  // namespace palpate

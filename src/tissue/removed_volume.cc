@@ -1,0 +1,67 @@
+#include "palpate/removed_volume.h"
+
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "tissue/swept_voxels.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kPlaces = 4;  // along each axis
+constexpr std::uint64_t kAll = ~std::uint64_t{0};
+
+}  // namespace
+
+RemovedVolume::RemovedVolume(const Model& model) : labels_(model.labels), is_felt_(felt_labels(model)) {}
+
+void RemovedVolume::add(std::span<const Cut> cuts) {
+  for (const Cut& cut : cuts) add(cut.sweep);
+}
+
+void RemovedVolume::add(const Sweep& sweep) {
+  const GridGeometry& grid = labels_->geometry();
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  const auto index = [&](int i, int j, int k) {
+    return static_cast<std::size_t>(i) +
+           static_cast<std::size_t>(grid.dims[0]) *
+               (static_cast<std::size_t>(j) +
+                static_cast<std::size_t>(grid.dims[1]) * static_cast<std::size_t>(k));
+  };
+  const double half_diagonal_mm = 0.5 * grid.spacing_mm.norm();
+  const VoxelBox box = voxels_around(sweep, sweep.radius_mm + half_diagonal_mm, grid);
+  for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)
+    for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j)
+      for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i) {
+        const LabelId label = labels_->at(i, j, k);
+        if (!is_felt_[label]) continue;
+        const double centre_mm = distance_to_axis_mm(sweep, X_PatientVoxel * Point<Voxel>(i, j, k));
+        if (centre_mm >= sweep.radius_mm + half_diagonal_mm) continue;
+        std::uint64_t& swept = swept_[index(i, j, k)];
+        if (swept == kAll) continue;
+        std::uint64_t now = kAll;
+        if (centre_mm > sweep.radius_mm - half_diagonal_mm) {
+          now = 0;
+          const auto along = [](int voxel, int place) { return voxel + (place + 0.5) / kPlaces - 0.5; };
+          for (int place = 0; place < kPlaces * kPlaces * kPlaces; ++place) {
+            const Point<Voxel> at(along(i, place % kPlaces), along(j, place / kPlaces % kPlaces),
+                                  along(k, place / (kPlaces * kPlaces)));
+            if (distance_to_axis_mm(sweep, X_PatientVoxel * at) < sweep.radius_mm)
+              now |= std::uint64_t{1} << place;
+          }
+        }
+        places_[label] += static_cast<std::uint64_t>(std::popcount(now & ~swept));
+        swept |= now;
+      }
+}
+
+std::map<LabelId, double> RemovedVolume::by_label_mm3() const {
+  const double place_mm3 = labels_->geometry().spacing_mm.prod() / (kPlaces * kPlaces * kPlaces);
+  std::map<LabelId, double> volumes;
+  for (const auto& [label, places] : places_)
+    if (places > 0) volumes[label] = static_cast<double>(places) * place_mm3;
+  return volumes;
+}
+
+}  // namespace palpate
