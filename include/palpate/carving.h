@@ -55,12 +55,16 @@ class CarvedSurface {
   const std::shared_ptr<const Surface>& surface() const { return now_; }
   /// As it was prepared.
   const std::shared_ptr<const Surface>& made() const { return made_; }
+  /// By so much a ball does not fit at most where it has just been, as the surface is read between voxels:
+  /// the axis of a hole lies on a ridge of the distance, which trilinear interpolation cuts off.
+  double short_mm() const { return short_mm_; }
 
  private:
   std::shared_ptr<const Surface> made_, now_;
   Bricks<std::int16_t> cut_;  ///< C, in steps of the position
   /// Of every brick of the position that is not the prepared one: its greatest slope. 0: it is that.
   std::vector<double> steepest_;
+  double short_mm_ = 0;
 };
 
 /// A sweep of one device's burr.

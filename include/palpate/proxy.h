@@ -50,6 +50,9 @@ struct FeltSurface {
   /// was prepared from. A place that lies beneath that surface belongs to whom these say.
   std::shared_ptr<const Surface> made = nullptr;
   std::shared_ptr<const Bricks<LabelId>> made_labels = nullptr;
+  /// So much nearer than it was cut it may be read where something was taken from it
+  /// (CarvedSurface::short_mm).
+  double short_mm = 0;
 };
 /// Whose a place on a surface is: of a common surface the shares of its structures there.
 /// @param index  of the surface
@@ -160,8 +163,8 @@ struct FeltPart {
 inline constexpr double kLeastShare = 0.01;
 inline constexpr std::size_t kMostFeltParts = 6;
 
-struct ProxyResult : ProxyForce {  ///< of all layers
-  ProxyForce outermost;            ///< the first layer's part of it
+struct ProxyResult : ProxyForce {                ///< of all layers
+  std::array<ProxyForce, kMostLayers> of_layer;  ///< each layer's part of it
   /// Outermost first; none without contact. Of more than there is room for, those that give most.
   std::array<FeltPart, kMostFeltParts> felt;
   int felt_parts = 0;

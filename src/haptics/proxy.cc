@@ -752,7 +752,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     }
     const TurnedTool held(spheres, hand.attitude, layer.attitude);
     const ProxyForce force = springs.add(layer, held.spheres(), !walked.lagging && !walked.wedged);
-    if (n == 0) result.outermost = force;
+    result.of_layer[static_cast<std::size_t>(n)] = force;
     result.force_N += force.force_N;
     result.torque_Nmm += force.torque_Nmm;
     result.stiffness_N_per_mm += force.stiffness_N_per_mm;

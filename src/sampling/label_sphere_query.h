@@ -15,13 +15,13 @@ void sample_sphere_at(const LabelVoxels& voxels, const Kernel& kernel, std::span
   PALPATE_CHECK(points.size() == samples.size());
   const auto& dims = voxels.geometry().dims;
   std::visit(
-      [&](const auto& bricks) {
-        const LabelGrid grid{bricks->view(),
-                             {dims[0], dims[1], dims[2]},
-                             voxels.ranges().data(),
-                             voxels.ranges().size(),
-                             voxels.X_VoxelPatient().linear().data(),
-                             voxels.X_VoxelPatient().translation().data()};
+      [&]<class T>(const std::shared_ptr<const Bricks<T>>& bricks) {
+        const LabelGrid<T> grid{bricks->view(),
+                                {dims[0], dims[1], dims[2]},
+                                voxels.ranges().data(),
+                                voxels.ranges().size(),
+                                voxels.X_VoxelPatient().linear().data(),
+                                voxels.X_VoxelPatient().translation().data()};
         if constexpr (std::is_same_v<Kernel, SmallKernel>) {
           if (!points.empty()) sample_sphere(grid, kernel, points.data(), points.size(), &samples[0].value);
         } else {

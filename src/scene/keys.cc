@@ -344,7 +344,7 @@ const SceneKeys& scene_key_tables() {
              .unit = "mm",
              .min = 1,
              .max = 6,
-             .meaning = "Of a burr."},
+             .meaning = "Of a burr; at least two voxels."},
             {.name = "speed",
              .type = kNumber,
              .default_text = "60000",

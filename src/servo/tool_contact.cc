@@ -238,7 +238,7 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
   const double damping_N_s_per_mm =
       std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
   // the layers within are met as they are: what is felt of them comes in with the depth
-  const ProxyForce& outermost = result.outermost;
+  const ProxyForce& outermost = result.of_layer[0];
   CouplingState& coupling = hand.coupling;
   const double less = 1 - coupled(outermost, pull_mm, damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;

@@ -193,6 +193,21 @@ Side side_from_anatomy(const Model& model) {
   return lateral_mm > kClear_mm ? Side::kLeft : lateral_mm < -kClear_mm ? Side::kRight : Side::kUnknown;
 }
 
+// the pocket of a burr that is smaller than this would lie between the voxels, and it would not sink in
+constexpr double kLeastBurrVoxels = 2;
+
+Result<void> check_burr_size(const Scene& scene, const GridGeometry& grid) {
+  if (!scene.tool.burr) return {};
+  const double diameter_mm = 2 * scene.tool.radius_mm, voxel_mm = grid.spacing_mm.maxCoeff();
+  if (diameter_mm >= kLeastBurrVoxels * voxel_mm * (1 - 1e-6)) return {};
+  char what[160];
+  std::snprintf(what, sizeof what,
+                "a burr of %g mm is too small for voxels of %.3g mm: it takes two of them across",
+                diameter_mm, voxel_mm);
+  return Error{ErrorKind::kBadInput, what, scene.source,
+               "set a larger `diameter` under [tool], or give labels with finer voxels"};
+}
+
 // where nothing is felt yet, a scene can still be shown
 std::shared_ptr<const Field> empty_field(const PreparationSettings& preparation, const GridGeometry& grid) {
   if (preparation.storage == FieldStorage::k8Bit)
@@ -302,6 +317,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
 
   // labels: each takes its tissue's weight
   const GridGeometry grid = common->labels() ? common->labels()->geometry() : common->scan()->geometry();
+  if (auto fine = check_burr_size(scene, grid); !fine) return fine.error();
   const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   std::vector<std::uint8_t> weight_of_label(65536, 0);
   Volume<std::uint8_t> weights;

@@ -163,6 +163,17 @@ TEST(BuildModel, ASphereThatReachesTooFarIsTheScenesError) {
   EXPECT_FALSE(model.error().where.empty());
 }
 
+TEST(BuildModel, ABurrTakesTwoVoxels) {
+  const std::string scene = "[[tissue]]\nname = 'bone'\nlabels = [1]\n[tool]\nkind = 'burr'\ndiameter = 2\n";
+  const LabelMap fine = blocks(grid_of(1, 30)), coarse = blocks(grid_of(1.1, 30));
+  EXPECT_TRUE(build_model(scene_of(scene), &fine, nullptr).ok());
+  const auto model = build_model(scene_of(scene), &coarse, nullptr);
+  ASSERT_FALSE(model.ok());
+  EXPECT_EQ(model.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(model.error().message().find("2 mm is too small for voxels of 1.1 mm"), std::string::npos)
+      << model.error().message();
+}
+
 TEST(BuildModel, AbsentLabelsAreErrorsWithTheirLine) {
   LabelMap labels = blocks(grid_of(1, 30));
   labels.segments.erase(labels.segments.begin() + 2);

@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 #include <random>
+#include <utility>
 
 #include "session/plain_vectors.h"
 #include "session/surface_point.h"
@@ -266,6 +267,8 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt
   const PlannedStep& step = steps_[step_];
   bool done = false;
   if (withdrawing_) {
+    // what has failed is not gone on with
+    if (!elsewhere_ && std::exchange(cutting_, false)) commands.motor = false;
     withdrawing_ = !withdraw(kWithdrawing_mm_s, felt, dt_s);
     done = !withdrawing_ && !elsewhere_;
   } else if (needs_contact(step.action) && !touching_) {
@@ -448,7 +451,7 @@ bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double
   if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
   keep_contact(felt, dt_s);
   const bool at_force =
-      felt.device[0].label == step.structure && is_within(felt_N_, asked_N_, kSettledWithin);
+      felt.device[0].label == step.structure && (cutting_ || is_within(felt_N_, asked_N_, kSettledWithin));
   settled_s_ = at_force ? settled_s_ + dt_s : 0;
   if (at_force && settled_s_ >= action.settle_s) return true;
 
@@ -464,8 +467,8 @@ bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& felt, double 
   if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
   keep_contact(felt, dt_s);
   const double force_N = norm(felt.device[0].force_N);
-  const bool held =
-      felt.device[0].label == step.structure && (asked_N_ == 0 || is_within(force_N, asked_N_, kHeldWithin));
+  const bool held = felt.device[0].label == step.structure &&
+                    (asked_N_ == 0 || cutting_ || is_within(force_N, asked_N_, kHeldWithin));
   settled_s_ = held ? settled_s_ + dt_s : 0;
   longest_s_ = std::max(longest_s_, settled_s_);
   if (settled_s_ >= action.seconds - 0.5 * dt_s) return true;
@@ -539,6 +542,7 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& fel
 bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,
                                 HandCommands& commands) {
   if (touching_) keep_contact(felt, dt_s);
+  cutting_ = motor.on;
   commands.motor = motor.on;
   return true;
 }
@@ -606,7 +610,7 @@ std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const Tic
 // where the mean force of a step is not what was pressed
 std::optional<std::string> ScriptedHand::kept_badly(double time_s) const {
   const double mean_N = sum_Ns_ / time_s;
-  if (asked_N_ == 0 || is_within(mean_N, asked_N_, kHeldWithin)) return std::nullopt;
+  if (asked_N_ == 0 || cutting_ || is_within(mean_N, asked_N_, kHeldWithin)) return std::nullopt;
   return text_of("%.2f N in the mean, asked for %.2f N", mean_N, asked_N_);
 }
 

@@ -105,6 +105,7 @@ class ScriptedHand {
   FreeSpace free_space_;
   double tool_reach_mm_ = 0, clear_of_object_mm_ = 0;
   std::vector<PlannedStep> steps_;
+  bool cutting_ = false;  ///< the motor runs: what is touched gives way, whatever it is pressed with
   std::vector<std::string> trouble_;
   std::vector<TouchFigure> touches_;
   Point<World> start_;

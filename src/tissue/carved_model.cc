@@ -95,6 +95,7 @@ std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
     surface.surface = carved_[s]->surface();
     surface.made = made_[s];
     surface.made_labels = made_labels_;
+    surface.short_mm = carved_[s]->short_mm();
   }
   next->labels = labels_;
   next->carving = std::make_shared<const Carving>(*this);

@@ -421,6 +421,19 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
   return patch;
 }
 
+// by how much a ball does not fit where it was swept, where it took something
+double short_of(const Surface& made, const Surface& now, const Sweep& sweep) {
+  const double length_mm = (sweep.to - sweep.from).norm();
+  const int steps = 1 + static_cast<int>(2 * length_mm / made.position().geometry().min_spacing_mm());
+  double short_mm = 0;
+  for (int n = 0; n <= steps; ++n) {
+    const Point<Patient> at = sweep.from + (sweep.to - sweep.from) * (static_cast<double>(n) / steps);
+    if (made.distance_mm(at) < sweep.radius_mm)
+      short_mm = std::max(short_mm, sweep.radius_mm - now.distance_mm(at));
+  }
+  return short_mm;
+}
+
 }  // namespace
 
 double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x) {
@@ -459,6 +472,8 @@ CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
   }
   next.now_ =
       std::make_shared<const Surface>(now_->with(patch, normal_of(*made_, moved, patch.box), steepest));
+  for (const Sweep& sweep : sweeps)
+    next.short_mm_ = std::max(next.short_mm_, short_of(*made_, *next.now_, sweep));
   return next;
 }
 

@@ -16,7 +16,7 @@ constexpr double kAhead_mm = 0.1;
 // Directions ahead, spread evenly over the disc that the burr is from ahead.
 constexpr int kDirections = 64;
 // It sinks in by no more in a tick, and while the surfaces are not made by no more than a part of its radius.
-constexpr double kMostFeed_mm = 0.1, kMostInsetPart = 0.5;
+constexpr double kMostFeed_mm = 0.1, kMostInsetPart = 0.8;
 // Ways that bend by less, and are no longer, are one sweep.
 constexpr double kStraight_mm = 0.002, kLongest_mm = 0.25;
 // Less of a way is none.
@@ -31,9 +31,10 @@ struct Front {
 
 class Ahead {
  public:
+  /// @param at  of the burr, in a layer
   Ahead(std::span<const FeltSurface> surfaces, const Burr& burr, const ProxyLayer& layer, int number,
-        const BurrState& state)
-      : surfaces_(surfaces), burr_(burr), at_(layer.position), state_(state) {
+        const Point<Patient>& at, const BurrState& state)
+      : surfaces_(surfaces), burr_(burr), at_(at), state_(state) {
     const double near_mm = burr.radius_mm + kAhead_mm;
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
       const FeltSurface& felt = surfaces[s];
@@ -145,6 +146,19 @@ double sunk_mm(std::span<const FeltSurface> surfaces, double radius_mm, const Pr
   return sunk;
 }
 
+// by how much it may not fit where something was taken, as the surfaces are read there: less towards what was
+// not, so that nothing jumps
+double short_mm(std::span<const FeltSurface> surfaces, double radius_mm, const ProxyState& proxy) {
+  double most = 0;
+  for (const FeltSurface& felt : surfaces) {
+    if (felt.made == nullptr || felt.short_mm <= most || !proxy.layer(felt.layer).coupled) continue;
+    const Point<Patient>& at = proxy.layer(felt.layer).position;
+    if (felt.made->at_least_mm(at) >= radius_mm - most) continue;
+    most = std::max(most, std::min(felt.short_mm, radius_mm - felt.made->distance_mm(at)));
+  }
+  return most;
+}
+
 /// What a burr takes that sinks in by so much: its front grows as it does, as in a plane.
 class Sinking {
  public:
@@ -160,6 +174,20 @@ class Sinking {
  private:
   double front_mm2_, grows_mm_;
 };
+
+// leaves a layer's proxy only a part of its last way
+void hold_back(const Point<Patient>& before, double part, const Point<Patient>& tip, ProxyLayer& layer,
+               ProxyForce& force, ProxyResult& result) {
+  const Vector<Patient> back = (layer.position - before) * (part - 1);
+  const Vector<Patient> more_N = back * (layer.part * force.stiffness_N_per_mm);
+  layer.position += back;
+  const Vector<Patient> stretched_mm = (layer.position - tip) * layer.part;
+  const double stored_mJ = 0.5 * force.stiffness_N_per_mm * stretched_mm.squared_norm();
+  result.force_N += more_N;
+  result.stored_mJ += stored_mJ - force.stored_mJ;
+  force.force_N += more_N;
+  force.stored_mJ = stored_mJ;
+}
 
 int innermost_touched(const ProxyState& proxy) {
   for (int n = kMostLayers - 1; n >= 0; --n)
@@ -192,9 +220,12 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     state.inset_mm = std::min(state.sunk_mm + std::min(feed_mm, kMostFeed_mm),
                               std::max(state.sunk_mm, kMostInsetPart * burr.radius_mm));
   }
+  // a burr that cuts makes its way; one that does not is to come out where it went in
+  if (!cuts) state.inset_mm = std::max(state.inset_mm, short_mm(surfaces, burr.radius_mm, proxy));
 
   const int was_in = state.layer;
-  const Point<Patient> before = proxy.layer(std::max(was_in, 0)).position;
+  std::array<Point<Patient>, kMostLayers> before;
+  for (int n = 0; n < kMostLayers; ++n) before[static_cast<std::size_t>(n)] = proxy.layer(n).position;
   const ToolSphere ball{Vector<Patient>(), burr.radius_mm - state.inset_mm};
   ProxyResult result = advance_proxy(surfaces, {&ball, 1}, hand, proxy, options);
   state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, burr.radius_mm, proxy));
@@ -203,42 +234,47 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   if (touched >= 0 || !(state.sunk_mm > 0)) state.layer = touched;
   const int is_in = state.layer;
 
-  state.pressed_N = std::min(result.force_N.norm(), burr.most_press_N);
   state.front_mm2 = 0;
   if (is_in < 0 || !cuts) {
+    state.pressed_N = std::min(result.force_N.norm(), burr.most_press_N);
     state.spare_mJ = 0;
     return result;
   }
   // a proxy does not follow every thousandth of a millimetre: work that is not used yet is kept, but for what
   // would carry it farther in one tick than it may go
   if (in_material) {
-    const double work_mJ = mJ_per_N * 0.5 * (pressed_N + state.pressed_N);
+    const double now_N = std::min(result.force_N.norm(), burr.most_press_N);
+    const double work_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
     const double spare_mJ = std::min(state.spare_mJ + work_mJ, energy * sinking.volume_mm3(kMostFeed_mm));
     state.work_mJ += std::max(0.0, spare_mJ - state.spare_mJ);
     state.spare_mJ = std::max(state.spare_mJ, spare_mJ);
   }
-  ProxyLayer& layer = proxy.layer(is_in);
-  const Vector<Patient> moved = layer.position - before;
+  const ProxyLayer& layer = proxy.layer(is_in);
+  const Point<Patient> from = before[static_cast<std::size_t>(is_in)];
+  const Vector<Patient> moved = layer.position - from;
   const double way_mm = moved.norm();
   if (was_in == is_in && way_mm > kStill_mm) {
-    const Front swept = Ahead(surfaces, burr, layer, is_in, state).along(moved / way_mm);
+    const Front swept = Ahead(surfaces, burr, layer, is_in, from + moved * 0.5, state).along(moved / way_mm);
     const double cost_mJ = swept.area_mm2 * way_mm * swept.energy_mJ_per_mm3;
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
       // through material it comes no farther than the motor has worked for, and than can be remembered
       double part = std::min(1.0, state.spare_mJ / cost_mJ);
-      const Point<Patient> to = before + moved * part;
-      state.full = part > 0 && !sweep(before, to, burr.radius_mm, state);
+      state.full = part > 0 && !sweep(from, from + moved * part, burr.radius_mm, state);
       if (state.full) part = 0;
-      const Vector<Patient> back = moved * (part - 1);
-      layer.position += back;
-      result.force_N += back * result.stiffness_N_per_mm;
+      // the layers are one burr: none goes ahead of the one that cuts
+      for (std::size_t n = 0; n < before.size(); ++n) {
+        ProxyLayer& held = proxy.layer(static_cast<int>(n));
+        if (held.coupled && held.contacts > 0)
+          hold_back(before[n], part, hand.tip, held, result.of_layer[n], result);
+      }
       state.taken_mm3 += swept.area_mm2 * way_mm * part;
       state.spare_mJ -= cost_mJ * part;
     }
   }
+  state.pressed_N = std::min(result.force_N.norm(), burr.most_press_N);
   state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, burr.radius_mm, proxy));
 
-  const Ahead ahead(surfaces, burr, layer, is_in, state);
+  const Ahead ahead(surfaces, burr, layer, is_in, layer.position, state);
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
   const Front front = ahead.along(push.normalized());

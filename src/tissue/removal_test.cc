@@ -41,11 +41,26 @@ class LedBurr {
   void carve() {
     const std::uint64_t count = finished_sweeps(state_);
     carved_ = carved_.with(state_.pending().first(count - state_.first));
-    felt_[0].surface = carved_.surface();
+    for (FeltSurface& felt : felt_) {
+      felt.surface = carved_.surface();
+      felt.made = carved_.made();
+      felt.short_mm = carved_.short_mm();
+    }
     settle_burr(felt_, burr_, count, proxy_, state_);
     const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - state_.inset_mm};
-    const SurfaceBefore before{0, false};
-    keep_proxy(felt_, {&ball, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+    std::vector<SurfaceBefore> before;
+    for (int n = 0; n < static_cast<int>(felt_.size()); ++n) before.push_back({n, false});
+    keep_proxy(felt_, {&ball, 1}, ToolPose(tip_), before, proxy_);
+  }
+  /// What is beside something softer gives its stiffness in two layers.
+  void in_two_layers() {
+    felt_[0].layer = 1;
+    felt_[0].from_N_per_mm = 0.5;
+    FeltSurface outer = felt_[0];
+    outer.structure = outer.layer = 0;
+    outer.from_N_per_mm = 0;
+    outer.to_N_per_mm = 0.5;
+    felt_.push_back(outer);
   }
 
   CarvedSurface carved_;
@@ -103,6 +118,51 @@ TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
   EXPECT_GT(burr.state_.taken_mm3, 0.1);
 }
 
+TEST(Removal, InLayersItIsOneBurr) {
+  LedBurr one, two;
+  two.in_two_layers();
+  for (int n = 0; n < 40; ++n) {
+    // deeper than it can go at once, carved every now and then
+    const Point<Patient> tip(0.02 * n, 0, 1.5 - 0.04 * n);
+    const ProxyResult in_one = one.lead_to(tip, 20), in_two = two.lead_to(tip, 20);
+    one.carve();
+    two.carve();
+    EXPECT_NEAR(in_two.force_N.z(), in_one.force_N.z(), 0.02) << n;
+    EXPECT_NEAR(in_two.force_N.norm(), 2 * (two.proxy_.layer(1).position - tip).norm(), 0.02) << n;
+    EXPECT_LT((two.proxy_.layer(0).position - two.proxy_.layer(1).position).norm(), 0.01) << n;
+    EXPECT_NEAR(in_two.stored_mJ, 0.25 * in_two.force_N.squared_norm(), 1e-3) << n;
+  }
+  EXPECT_GT(one.state_.taken_mm3, 3);
+  EXPECT_NEAR(two.state_.taken_mm3, one.state_.taken_mm3, 0.02 * one.state_.taken_mm3);
+}
+
+TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
+  LedBurr burr;
+  burr.lead_to(Point<Patient>(0, 0, 1.9), 20);
+  const Point<Patient> in(1.3, 0.8, -3);
+  const Vector<Patient> way = in - burr.tip_;
+  const Point<Patient> from = burr.tip_;
+  for (int n = 1; n <= 100; ++n) {
+    burr.lead_to(from + way * (0.01 * n), 20);
+    burr.carve();
+  }
+  ASSERT_LT((burr.proxy_.position - in).norm(), 0.4);
+  EXPECT_GT(burr.carved_.short_mm(), 0.02);
+  EXPECT_LT(burr.carved_.short_mm(), 0.6) << "a voxel";
+
+  burr.burr_.revolutions_per_s = 0;
+  const double taken_mm3 = burr.state_.taken_mm3;
+  for (int n = 99; n >= 0; --n) {
+    const ProxyResult felt = burr.lead_to(from + way * (0.01 * n), 10);
+    EXPECT_LT(felt.force_N.norm(), 0.2) << n;
+  }
+  EXPECT_EQ(burr.state_.taken_mm3, taken_mm3);
+  // and beside the hole it is a ball again
+  burr.lead_to(Point<Patient>(-6, 0, 2.5), 100);
+  burr.lead_to(Point<Patient>(-6, 0, 1.5), 100);
+  EXPECT_NEAR(burr.proxy_.position.z(), 2, 0.06);
+}
+
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {
   // surfaces that are never made anew, of what is soft enough for a long way, on a spiral
   LedBurr burr;
@@ -112,7 +172,7 @@ TEST(Removal, WhatIsNotCarvedYetIsBounded) {
     burr.lead_to(Point<Patient>(0.01 * n * std::sin(0.1 * n), 0.01 * n * std::cos(0.1 * n), 1 - 0.02 * n), 5);
   EXPECT_TRUE(burr.state_.full);
   EXPECT_LE(burr.state_.pending().size(), burr.state_.sweep.size());
-  EXPECT_LE(burr.state_.inset_mm, 1 + 1e-9);
+  EXPECT_LE(burr.state_.inset_mm, 1.6 + 1e-9);
   const double taken_mm3 = burr.state_.taken_mm3;
   burr.lead_to(Point<Patient>(0, 0, -8), 100);
   EXPECT_EQ(burr.state_.taken_mm3, taken_mm3) << "no more than is remembered";

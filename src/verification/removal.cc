@@ -18,7 +18,8 @@ constexpr double kBurrRadius_mm = 2, kBurrTurns_per_s = 1000, kBoneEnergy_mJ_per
 constexpr double kBoneStiffness_N_per_mm = 2;
 constexpr double kCarvedEvery_s = 0.02;
 constexpr double kTickRates_Hz[] = {500, 1000, 2000, 4000, 10000};
-constexpr int kPlaces = 100'000;
+// of which a place each says whether it was swept
+constexpr double kCell_mm = 0.12;
 
 struct BlockGrid {
   double voxel_mm, turned_rad;
@@ -126,6 +127,8 @@ class BurrHand {
     sweeps_.insert(sweeps_.end(), pending.begin(), pending.end());
     carved_ = carved_.with(pending);
     felt_.surface = carved_.surface();
+    felt_.made = carved_.made();
+    felt_.short_mm = carved_.short_mm();
     settle_burr({&felt_, 1}, burr_, count, proxy_, burr_state_);
     const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - burr_state_.inset_mm};
     const SurfaceBefore before{0, false};
@@ -135,18 +138,30 @@ class BurrHand {
   }
 
   double swept_mm3() const {
-    AccuracyRandom random(kRemovalSeed);
-    int taken = 0;
-    for (int n = 0; n < kPlaces; ++n) {
-      // of where it can have been, its felt surface included, which a sharp edge of labels moves
-      const double x = random.between(-8, 8), y = random.between(-3, 3), z = random.between(-8, 1);
-      const Point<Patient> place(x, y, z);
-      if (carved_.made()->distance_mm(place) >= 0) continue;
-      taken += std::any_of(sweeps_.begin(), sweeps_.end(), [&](const Sweep& sweep) {
-        return distance_to_axis_mm(sweep, place) < sweep.radius_mm;
-      });
+    if (sweeps_.empty()) return 0;
+    Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+    for (const Sweep& sweep : sweeps_) {
+      low = low.min(sweep.from.eigen().array().min(sweep.to.eigen().array()) - sweep.radius_mm);
+      high = high.max(sweep.from.eigen().array().max(sweep.to.eigen().array()) + sweep.radius_mm);
     }
-    return 16.0 * 6 * 9 * taken / kPlaces;
+    // a place in every cell, at random there: no plane of the block meets a plane of places
+    const Eigen::Array3i cells = ((high - low) / kCell_mm).ceil().cast<int>();
+    const Eigen::Array3d size_mm = (high - low) / cells.cast<double>();
+    AccuracyRandom random(kRemovalSeed);
+    long taken = 0;
+    for (int k = 0; k < cells[2]; ++k)
+      for (int j = 0; j < cells[1]; ++j)
+        for (int i = 0; i < cells[0]; ++i) {
+          const double x = i + random.between(0, 1), y = j + random.between(0, 1),
+                       z = k + random.between(0, 1);
+          const Point<Patient> place(Eigen::Vector3d(low + Eigen::Array3d(x, y, z) * size_mm));
+          // its felt surface, which a sharp edge of labels moves
+          if (carved_.made()->distance_mm(place) >= 0) continue;
+          taken += std::any_of(sweeps_.begin(), sweeps_.end(), [&](const Sweep& sweep) {
+            return distance_to_axis_mm(sweep, place) < sweep.radius_mm;
+          });
+        }
+    return size_mm.prod() * static_cast<double>(taken);
   }
 
   const BurrStroke stroke_;

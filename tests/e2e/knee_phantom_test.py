@@ -49,7 +49,8 @@ class KneePhantom(cli.PalpateTest):
                           "[[step]]\nmotor = false\n[[step]]\nleave = true\n")
         done = self.succeed("simulate", scene, "--script", script, "-o", recording)
         removed = float(re.search(r"removed ([\d.]+) mm3 of femur", done.stdout).group(1))
-        self.assertGreater(removed, 1)
+        # as much as the motor's power takes in that time, whatever the voxels: 200 mm3 and more
+        self.assertGreater(removed, 50)
         self.assertEqual(cli.run_hash(self.succeed("replay", recording, scene).stdout), cli.run_hash(done.stdout))
         self.assertEqual(self.succeed("export", recording, scene, "-o", left).stdout, f"removed {removed:.1f} mm3 of femur\n")
         # whole voxels, which are coarse: the femur has less of them, and nothing else
