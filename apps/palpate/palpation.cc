@@ -67,6 +67,18 @@ void print_removed(const std::vector<RemovedFigure>& removed) {
     std::printf("removed %.1f mm3 of %s\n", figure.volume_mm3, figure.structure.c_str());
 }
 
+void print_protected(const std::vector<ProtectedFigure>& spared) {
+  for (const ProtectedFigure& figure : spared) {
+    const char* name = figure.structure.c_str();
+    if (figure.removed_mm3 > 0)
+      std::printf("ALARM: %.1f mm3 of %s are gone, which is protected\n", figure.removed_mm3, name);
+    else if (figure.nearest_mm)
+      std::printf("nearest to %s: %.2f mm; nothing of it is gone\n", name, *figure.nearest_mm);
+    else
+      std::printf("nothing was cut near %s\n", name);
+  }
+}
+
 void print_holds(const std::vector<HoldFigure>& holds) {
   constexpr std::size_t kNameWidth = 28;
   std::printf("%s %8s %8s %8s\n", fitted("structure", kNameWidth).c_str(), "held s", "mean N", "peak N");

@@ -38,6 +38,7 @@ void print_touches(const std::vector<TouchFigure>& touches);
 std::string held_defined();
 /// On stdout, a line each: how much of a structure is gone.
 void print_removed(const std::vector<RemovedFigure>& removed);
+void print_protected(const std::vector<ProtectedFigure>& spared);
 /// A table on stdout: how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);
 

@@ -56,6 +56,7 @@ void print(const SimulationResult& result) {
   print_touches(result.touches);
   print_holds(result.holds);
   print_removed(result.removed);
+  print_protected(result.spared);
   std::printf("largest force %.3f N of %.3f N allowed; %llu ticks, %llu clamped, %llu not finite\n",
               result.max_force_N, result.limit_N, static_cast<unsigned long long>(result.summary.ticks),
               static_cast<unsigned long long>(result.summary.clamped),

@@ -32,6 +32,9 @@ double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x);
 ///     free, and free when prepared    S, and by how much the nearest material is farther away now
 ///     free, and cut                   the distance to what is left
 ///
+/// Where structures are kept, with K the least of their signed distances as prepared, it is min(C, K) in
+/// place of C: what lies in them stays.
+///
 /// Every voxel follows from S and C near it alone, so that it is the same bit for bit however many versions
 /// led to it and in whatever order. The cells through which the surface passes hold max(S, C) at all corners:
 /// it lies where the sweeps end, to what trilinear interpolation keeps, and is not rounded.
@@ -46,7 +49,9 @@ double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x);
 class CarvedSurface {
  public:
   /// @param made  as prepared; its grid's axes perpendicular
-  explicit CarvedSurface(std::shared_ptr<const Surface> made);
+  /// @param kept  surfaces of structures of which nothing is taken away
+  explicit CarvedSurface(std::shared_ptr<const Surface> made,
+                         std::vector<std::shared_ptr<const Surface>> kept = {});
 
   /// After more sweeps. The work goes with the box around all of them.
   CarvedSurface with(std::span<const Sweep> sweeps) const;
@@ -61,6 +66,7 @@ class CarvedSurface {
 
  private:
   std::shared_ptr<const Surface> made_, now_;
+  std::vector<std::shared_ptr<const Surface>> kept_;
   Bricks<std::int16_t> cut_;  ///< C, in steps of the position
   /// Of every brick of the position that is not the prepared one: its greatest slope. 0: it is that.
   std::vector<double> steepest_;
@@ -82,7 +88,7 @@ class Carving {
   /// Nothing taken yet.
   explicit Carving(const Model& model);
   /// After more cuts; takes milliseconds where a burr was at work for some. Of the labels, those that are
-  /// felt are gone where their voxels' centres were swept.
+  /// felt and not kept are gone where their voxels' centres were swept.
   std::shared_ptr<const Carving> with(std::span<const Cut> cuts) const;
 
   /// How many sweeps of a device's burr there are in it, counted from the start.
@@ -92,10 +98,12 @@ class Carving {
   std::shared_ptr<const Model> taken_from(const Model& felt) const;
 
  private:
-  std::vector<std::shared_ptr<const Surface>> made_;          // by surface; null: it is met by common ones
+  // by surface; null: it is met by common ones, or nothing is taken from it
+  std::vector<std::shared_ptr<const Surface>> made_;
   std::vector<std::shared_ptr<const CarvedSurface>> carved_;  // null: nothing is taken from it
   std::shared_ptr<const Bricks<LabelId>> made_labels_, labels_;
-  std::vector<bool> is_felt_;  // by label
+  std::vector<bool> is_cut_;                          // by label
+  std::vector<std::shared_ptr<const Surface>> kept_;  // of structures of which nothing is taken
   std::array<std::uint64_t, kMaxDevices> sweeps_{};
   std::uint64_t hash_;  // of all cuts, in their order
 };

@@ -17,6 +17,13 @@
 /// What is felt, and the laws by which it is felt: pure functions of state.
 namespace palpate {
 
+/// What becomes of a structure that a burr comes to.
+enum class Protection : std::uint8_t {
+  kNone,   ///< it is cut as any other
+  kAlarm,  ///< it is cut, and that is said: who trains is to see the damage
+  kKeep,   ///< the burr is held out of it, and nothing of it is taken away
+};
+
 /// A group of labels that feel alike.
 struct Tissue {
   std::string name;
@@ -31,6 +38,7 @@ struct Tissue {
   /// Of the tool's motor, to take a cubic millimetre away: specific energy of cutting, mJ/mm3. Above 0. The
   /// default is that of cortical bone under a burr (docs/decisions/0029-removal.md).
   double cutting_energy_mJ_per_mm3 = 100;
+  Protection protection = Protection::kNone;
   Rgb colour;
   double opacity = 1.0;
   std::vector<int> rests_on;  ///< indices of tissues that support this one
@@ -98,6 +106,9 @@ struct Model {
   std::vector<FeltSurface> surfaces;
   /// Of the structures' surfaces.
   std::vector<LabelId> label_of_surface;
+  /// Felt structures that a burr is to spare, with what they were before anything was taken away. Without a
+  /// burr none.
+  std::vector<ProtectedStructure> protected_structures;
   /// What was taken from the surfaces (palpate/carving.h). null: nothing.
   std::shared_ptr<const Carving> carving;
   MethodSettings method_settings;

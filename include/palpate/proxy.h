@@ -50,9 +50,17 @@ struct FeltSurface {
   /// was prepared from. A place that lies beneath that surface belongs to whom these say.
   std::shared_ptr<const Surface> made = nullptr;
   std::shared_ptr<const Bricks<LabelId>> made_labels = nullptr;
+  /// Of a structure: no burr takes anything from it (palpate/removal.h).
+  bool kept = false;
   /// So much nearer than it was cut it may be read where something was taken from it
   /// (CarvedSurface::short_mm).
   double short_mm = 0;
+};
+/// A felt structure that a burr is to spare.
+struct ProtectedStructure {
+  LabelId label = 0;
+  std::shared_ptr<const Surface> surface;  ///< its own, as prepared
+  bool kept = false;                       ///< a burr is held out of it
 };
 /// Whose a place on a surface is: of a common surface the shares of its structures there.
 /// @param index  of the surface

@@ -22,6 +22,8 @@ struct Burr {
   double grip = 0.5;
   /// It is pressed with no more, however far the hand is from the proxy: what the device gives at most.
   double most_press_N = std::numeric_limits<double>::infinity();
+  /// It is held out of those that are kept.
+  std::span<const ProtectedStructure> spared = {};
 };
 
 /// What it has done that is not in the surfaces yet, and what is remembered between two ticks. Without
@@ -63,6 +65,9 @@ struct BurrState {
 /// The area and the speed are means over directions ahead in which there is material right before the burr.
 /// Without revolutions it is a ball that cuts nothing. In the innermost layer that is touched; what yields
 /// around that is pushed aside.
+///
+/// No layer's proxy brings the ball, with its whole radius, deeper into a structure that is kept than it was:
+/// it slides along that structure's own surface as prepared. Of the material ahead a kept structure is none.
 /// Bounded work; allocates, locks and throws nothing.
 ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options = {});

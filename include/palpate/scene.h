@@ -67,6 +67,7 @@ struct TissueSettings {
   std::optional<double> static_friction;  ///< empty: friction_coefficient
   std::optional<double> puncture_N;       ///< empty: never
   double cutting_energy_mJ_per_mm3 = Tissue().cutting_energy_mJ_per_mm3;
+  Protection protection = Protection::kNone;  ///< of a burr; only of what is felt
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;
   double viscosity_N_s_per_mm = 0.001;

@@ -99,12 +99,28 @@ struct HoldFigure {
   double peak_force_N = 0;
 };
 
+class RemovedVolume;
+
 /// What a burr took of a structure.
 struct RemovedFigure {
   std::string structure;
   LabelId label = 0;
   double volume_mm3 = 0;  ///< RemovedVolume
 };
+
+/// How near a burr came to a structure that the scene protects.
+struct ProtectedFigure {
+  std::string structure;
+  LabelId label = 0;
+  bool kept = false;
+  /// Of the ball from the structure as prepared, where it cut; 0 where it touched that. Empty: it cut nowhere
+  /// near.
+  std::optional<double> nearest_mm;
+  double removed_mm3 = 0;
+};
+/// By label.
+std::vector<RemovedFigure> removed_figures(const Model& model, const RemovedVolume& removed);
+std::vector<ProtectedFigure> protected_figures(const Model& model, const RemovedVolume& removed);
 
 /// Where an approach touched the structure that it asked for.
 struct TouchFigure {
@@ -119,6 +135,7 @@ struct SimulationResult {
   std::vector<TouchFigure> touches;  ///< in the order of the approaches that touched
   std::vector<HoldFigure> holds;
   std::vector<RemovedFigure> removed;
+  std::vector<ProtectedFigure> spared;  ///< of every structure that the scene protects
   std::size_t failed_steps = 0;
   double max_force_N = 0;  ///< largest force sent
   double limit_N = 0;

@@ -31,6 +31,7 @@ struct ViewedTissue {
   Rgb colour;
   double opacity = 1;
   std::vector<int> rests_on;
+  std::string protection = "none";  ///< from a burr; or alarm, keep
 };
 struct ViewedStructure {
   LabelId label = 0;
@@ -125,6 +126,7 @@ struct ViewedState {
   bool motor = false;                     ///< of a tool that cuts
   std::uint64_t sweeps = 0;               ///< of a burr, that are taken from what the scene shows
   std::map<LabelId, double> removed_mm3;  ///< by them, of each structure
+  std::map<LabelId, double> nearest_mm;   ///< the ball came so near to what is protected
   double max_force_N = 0;
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   std::uint32_t model_version = 1;

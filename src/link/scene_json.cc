@@ -78,6 +78,7 @@ Json tissues_json(const ViewedScene& scene, const ViewedState& state) {
     const ViewedTissue& tissue = scene.tissues[t];
     Json json = {{"name", shown(tissue.name)},
                  {"felt", tissue.felt},
+                 {"protection", tissue.protection},
                  {"colour", colour_json(tissue.colour)},
                  {"opacity", tissue.opacity}};
     json.update(tissue_state_json(t < state.tissues.size() ? state.tissues[t] : ViewedTissueState{}));
@@ -204,6 +205,8 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer, std:
   json["removed"] = Json::array();
   for (const auto& [label, mm3] : state.removed_mm3)
     json["removed"].push_back({{"label", label}, {"mm3", mm3}});
+  json["nearest"] = Json::array();
+  for (const auto& [label, mm] : state.nearest_mm) json["nearest"].push_back({{"label", label}, {"mm", mm}});
   json["tissues"] = Json::array();
   for (const ViewedTissueState& tissue : state.tissues) json["tissues"].push_back(tissue_state_json(tissue));
   json["armed"] = state.armed;

@@ -33,9 +33,9 @@ TEST(SceneJson, HasTheDocumentsKeys) {
             Json::parse(R"([{"label": 1, "name": "femur", "colour": [240, 220, 190], "tissue": 0},
                             {"label": 2, "name": "tibia", "colour": [10, 20, 30], "tissue": -1}])"));
   EXPECT_EQ(json["tissues"], Json::parse(R"([
-    {"name": "bone", "felt": true, "colour": [240, 220, 190], "opacity": 1.0, "stiffness_N_per_mm": 1.5,
+    {"name": "bone", "felt": true, "protection": "none", "colour": [240, 220, 190], "opacity": 1.0, "stiffness_N_per_mm": 1.5,
      "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001, "rests_on": []},
-    {"name": "skin", "felt": false, "colour": [1, 2, 3], "opacity": 0.25, "stiffness_N_per_mm": 0.3,
+    {"name": "skin", "felt": false, "protection": "none", "colour": [1, 2, 3], "opacity": 0.25, "stiffness_N_per_mm": 0.3,
      "static_friction": 0.0, "dynamic_friction": 0.0, "viscosity_N_s_per_mm": 0.0, "rests_on": [0]}])"));
   EXPECT_EQ(json["tool"],
             Json::parse(R"({"name": "point", "radius_mm": 0.0, "cuts": false, "points_mm": [[0, 0, 0]],
@@ -89,9 +89,10 @@ TEST(SceneJson, StateAndAnswers) {
   FakeHost host;
   ViewedState cut = host.state();
   cut.removed_mm3 = {{1, 12.5}};
+  cut.nearest_mm = {{1, 0.5}};
   EXPECT_EQ(Json::parse(state_json(cut, 2, true, 1)), Json::parse(R"({
     "type": "state", "method": "proxy", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false,
-    "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "removed": [{"label": 1, "mm3": 12.5}],
+    "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "removed": [{"label": 1, "mm3": 12.5}], "nearest": [{"label": 1, "mm": 0.5}],
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true})"));

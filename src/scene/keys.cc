@@ -202,6 +202,13 @@ const SceneKeys& scene_key_tables() {
              .min = 1,
              .max = 10000,
              .meaning = "Of a burr: what its motor works to take a cubic millimetre away."},
+            {.name = "protection",
+             .type = kChoice,
+             .default_text = "\"none\"",
+             .choices = {"none", "alarm", "keep"},
+             .meaning =
+                 "Of what a burr comes to. `alarm`: it is cut, and that is said. `keep`: the burr is held "
+                 "out of it."},
             {.name = "friction_damping",
              .type = kNumber,
              .default_text = "0.005",

@@ -88,6 +88,13 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   if (const auto still = reader.number("static_friction")) tissue.static_friction = still;
   if (const auto force = reader.number("puncture")) tissue.puncture_N = force;
   set("cutting_energy", tissue.cutting_energy_mJ_per_mm3);
+  if (const auto protection = reader.choice("protection"))
+    tissue.protection = *protection == "keep"    ? Protection::kKeep
+                        : *protection == "alarm" ? Protection::kAlarm
+                                                 : Protection::kNone;
+  if (tissue.protection != Protection::kNone && !tissue.felt)
+    problems.add(reader.line("protection"), "tissue \"" + tissue.name + "\" is protected and not felt",
+                 "what is not felt is never cut: leave `protection` out, or `felt = false`");
   if (auto fault = friction_fault(tissue))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   set("friction_damping", tissue.friction_damping_N_s_per_mm);

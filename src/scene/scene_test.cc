@@ -227,11 +227,13 @@ TEST(ParseScene, WithoutDataTheVolumesComeFromTheCaller) {
 
 TEST(ParseScene, ABurrIsABallWithAMotor) {
   const auto scene = parse_scene(
-      "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\ncutting_energy = 60\n"
+      "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\ncutting_energy = 60\nprotection = "
+      "'keep'\n"
       "[tool]\nkind = 'burr'\ndiameter = 3\nspeed = 30000\nspindle = [0, 0.5, 0]\ngrip = 0.4\npedal = 1\n",
       "scene.toml");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
   EXPECT_EQ(scene->tissues[0].cutting_energy_mJ_per_mm3, 60);
+  EXPECT_EQ(scene->tissues[0].protection, Protection::kKeep);
   EXPECT_EQ(scene->tool.radius_mm, 1.5);
   ASSERT_EQ(scene->tool.points_mm.size(), 1u);
   ASSERT_TRUE(scene->tool.burr);

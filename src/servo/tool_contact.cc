@@ -97,11 +97,16 @@ Vector<Patient> normal_of(const ProxyResult& result) {
 }
 
 /// @param turn  of the tool in World
-std::optional<Burr> burr_of(const Tool& tool, const MotorState& motor,
+std::optional<Burr> burr_of(const Model& model, const MotorState& motor,
                             const Transform<Patient, World>& X_PatientWorld, const Eigen::Matrix3d& turn) {
+  const Tool& tool = model.tool;
   if (!tool.burr) return std::nullopt;
-  return Burr{tool.radius_mm, motor.runs ? tool.burr->revolutions_per_s : 0,
-              X_PatientWorld * Vector<World>(turn * tool.burr->spindle), tool.burr->grip, motor.most_press_N};
+  return Burr{tool.radius_mm,
+              motor.runs ? tool.burr->revolutions_per_s : 0,
+              X_PatientWorld * Vector<World>(turn * tool.burr->spindle),
+              tool.burr->grip,
+              motor.most_press_N,
+              model.protected_structures};
 }
 
 // what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
@@ -220,7 +225,7 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
   const ToolPose held_at(tip, Eigen::Quaterniond(Eigen::Matrix3d(X_PatientWorld.linear() * turn)));
 
   ProxyState& proxy = hand.proxy;
-  const std::optional<Burr> burr = burr_of(model.tool, motor, X_PatientWorld, turn);
+  const std::optional<Burr> burr = burr_of(model, motor, X_PatientWorld, turn);
   if (burr) {
     if (change.surfaces) settle_burr(model.surfaces, *burr, change.carved, proxy, hand.burr);
     tool_spheres[0].radius_mm = burr->radius_mm - hand.burr.inset_mm;

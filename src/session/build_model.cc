@@ -83,6 +83,7 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   tissue.static_friction = settings.static_friction.value_or(settings.friction_coefficient);
   if (settings.puncture_N) tissue.puncture_N = *settings.puncture_N;
   tissue.cutting_energy_mJ_per_mm3 = settings.cutting_energy_mJ_per_mm3;
+  tissue.protection = settings.protection;
   tissue.friction_damping_N_s_per_mm = settings.friction_damping_N_s_per_mm;
   tissue.friction_max_N = settings.friction_max_N;
   tissue.viscosity_N_s_per_mm = settings.viscosity_N_s_per_mm;
@@ -138,7 +139,10 @@ std::uint64_t content_hash(const Model& model) {
     hash_double(hash, burr->grip);
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr->spindle[axis]);
     hash_word(hash, static_cast<std::uint64_t>(burr->pedal));
-    for (const Tissue& tissue : model.tissues) hash_double(hash, tissue.cutting_energy_mJ_per_mm3);
+    for (const Tissue& tissue : model.tissues) {
+      hash_double(hash, tissue.cutting_energy_mJ_per_mm3);
+      hash_word(hash, static_cast<std::uint64_t>(tissue.protection));
+    }
   }
   for (const double value :
        {model.sigma_mm, model.ramp_width_mm, model.reach_mm, model.scene_max_force_N,

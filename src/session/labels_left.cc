@@ -44,10 +44,7 @@ Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& mo
       },
       progress);
   if (!read) return read.error();
-  LabelsLeft left{map_of(*carving->taken_from(model)), {}};
-  for (const auto& [label, mm3] : removed.by_label_mm3())
-    left.removed.push_back({model.name_of(label), label, mm3});
-  return left;
+  return LabelsLeft{map_of(*carving->taken_from(model)), removed_figures(model, removed)};
 }
 
 }  // namespace palpate

@@ -69,6 +69,7 @@ class SurfacesNeeded {
       structure.dynamic_friction = tissue.friction_coefficient;
       structure.puncture_N = tissue.puncture_N;
       structure.cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
+      structure.kept = model.tool.burr && tissue.protection == Protection::kKeep;
       surfaces_.push_back(structure);
     }
     for (const std::vector<LabelId>& group : touching_groups(felt, touching)) {
@@ -196,6 +197,31 @@ class SurfacesNeeded {
   std::map<std::pair<int, bool>, std::vector<Part>> parts_;
 };
 
+// how near a burr is to what it is to spare is told within this, from the middle of its ball
+constexpr double kToldWithin_mm = 10;
+
+// what a burr is to spare, each with a surface of its own, whatever it touches
+Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
+                                                             const std::vector<LabelId>& felt,
+                                                             const std::optional<cache::Digest>& of_labels,
+                                                             const Progress& progress) {
+  std::vector<ProtectedStructure> structures;
+  if (!model.tool.burr) return structures;
+  std::vector<std::vector<LabelId>> alone;
+  for (const LabelId label : felt) {
+    const Protection protection = model.tissue_of(label)->protection;
+    if (protection == Protection::kNone) continue;
+    alone.push_back({label});
+    structures.push_back({label, nullptr, protection == Protection::kKeep});
+  }
+  if (structures.empty()) return structures;
+  auto surfaces =
+      kept_outer_surfaces(*model.labels, of_labels, alone, {.reach_mm = kToldWithin_mm}, progress);
+  if (!surfaces) return surfaces.error();
+  for (std::size_t n = 0; n < structures.size(); ++n) structures[n].surface = std::move((*surfaces)[n]);
+  return structures;
+}
+
 Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
                                                    const Progress& progress) {
   const std::vector<LabelId> felt = felt_structures(*model);
@@ -208,7 +234,10 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
     return too_many(needed.structures(), needed.common());
   auto surfaces = needed.prepare(*model->labels, of_labels, progress);
   if (!surfaces) return surfaces.error();
+  auto spared = protected_structures(*model, felt, of_labels, progress);
+  if (!spared) return spared.error();
   auto more = std::make_shared<Model>(*model);
+  more->protected_structures = *std::move(spared);
   more->surfaces = *std::move(surfaces);
   more->label_of_surface = felt;
   return std::shared_ptr<const Model>(std::move(more));

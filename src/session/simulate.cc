@@ -81,8 +81,8 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
     if (auto finished = writer->finish(result.summary); !finished) return finished.error();
   progress.report("palpating", 1);
   for (const HoldMeter& meter : meters) result.holds.push_back(meter.figure());
-  for (const auto& [label, mm3] : removed.by_label_mm3())
-    result.removed.push_back({model.name_of(label), label, mm3});
+  result.removed = removed_figures(model, removed);
+  result.spared = protected_figures(model, removed);
   return result;
 }
 

@@ -54,6 +54,10 @@ Rgb colour_of(const Model& model, std::size_t tissue) {
   return model.tissues[tissue].colour;
 }
 
+const char* name_of(Protection protection) {
+  return protection == Protection::kKeep ? "keep" : protection == Protection::kAlarm ? "alarm" : "none";
+}
+
 }  // namespace
 
 ViewedScene viewed_scene(const Model& model, Modality said) {
@@ -75,7 +79,8 @@ ViewedScene viewed_scene(const Model& model, Modality said) {
   }
   for (std::size_t t = 0; t < model.tissues.size(); ++t) {
     const Tissue& tissue = model.tissues[t];
-    scene.tissues.push_back({tissue.name, tissue.felt, colour_of(model, t), tissue.opacity, tissue.rests_on});
+    scene.tissues.push_back({tissue.name, tissue.felt, colour_of(model, t), tissue.opacity, tissue.rests_on,
+                             name_of(tissue.protection)});
   }
   scene.tool_name = model.tool.name;
   scene.tool_radius_mm = model.tool.radius_mm;

@@ -291,6 +291,7 @@ ViewedState ViewedSession::state() const {
   state.model_version = model_.felt->version;
   state.sweeps = sweeps_.size();
   state.removed_mm3 = removed_.by_label_mm3();
+  state.nearest_mm = removed_.nearest_mm();
   state.tissues = viewed_tissues(*model_.felt);
   return state;
 }

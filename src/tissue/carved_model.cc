@@ -9,7 +9,7 @@ namespace palpate {
 namespace {
 
 std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<LabelId>> labels,
-                                               const Sweep& sweep, const std::vector<bool>& is_felt) {
+                                               const Sweep& sweep, const std::vector<bool>& is_cut) {
   const GridGeometry& grid = labels->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   PatchOf<LabelId> patch{voxels_around(sweep, sweep.radius_mm, grid), {}};
@@ -22,7 +22,7 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
     for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j) {
       labels->copy_row(box.first[0], j, k, box.size[0], &*value);
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
-        if (!is_felt[*value]) continue;
+        if (!is_cut[*value]) continue;
         if (distance_to_axis_mm(sweep, X_PatientVoxel * Point<Voxel>(i, j, k)) >= sweep.radius_mm) continue;
         *value = 0;
         differs = true;
@@ -47,9 +47,15 @@ Carving::Carving(const Model& model)
     : carved_(model.surfaces.size()),
       made_labels_(model.labels),
       labels_(model.labels),
-      is_felt_(felt_labels(model)),
+      is_cut_(labels_that_are_cut(model)),
       hash_(kHashSeed) {
-  for (const FeltSurface& felt : model.surfaces) made_.push_back(felt.surface);
+  for (const ProtectedStructure& structure : model.protected_structures)
+    if (structure.kept) kept_.push_back(structure.surface);
+  for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
+    const FeltSurface& felt = model.surfaces[s];
+    const std::size_t structure = felt.structure >= 0 ? static_cast<std::size_t>(felt.structure) : s;
+    made_.push_back(model.surfaces[structure].kept ? nullptr : felt.surface);
+  }
 }
 
 std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
@@ -65,7 +71,7 @@ std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
       hash_double(next->hash_, cut.sweep.to[axis]);
     }
     hash_double(next->hash_, cut.sweep.radius_mm);
-    next->labels_ = without(next->labels_, cut.sweep, is_felt_);
+    next->labels_ = without(next->labels_, cut.sweep, is_cut_);
   }
   if (sweeps.empty()) return next;
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
@@ -76,7 +82,7 @@ std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
   }
   for (std::size_t s = 0; s < made_.size(); ++s) {
     if (made_[s] == nullptr || made_[s]->is_beyond(low, high, 0)) continue;
-    const CarvedSurface now = carved_[s] != nullptr ? *carved_[s] : CarvedSurface(made_[s]);
+    const CarvedSurface now = carved_[s] != nullptr ? *carved_[s] : CarvedSurface(made_[s], kept_);
     CarvedSurface then = now.with(sweeps);
     if (carved_[s] != nullptr || then.surface() != made_[s])
       next->carved_[s] = std::make_shared<const CarvedSurface>(std::move(then));

@@ -119,7 +119,7 @@ class Carved {
   /// @param now  what earlier sweeps have made of the position
   /// @param cut  their depth
   Carved(const SignedField& made, const Bricks<Steps>& now, const Bricks<Steps>& cut,
-         std::span<const Sweep> sweeps)
+         std::span<const Sweep> sweeps, std::span<const std::shared_ptr<const Surface>> kept)
       : grid_(made.geometry()),
         X_PatientVoxel_(grid_.X_PatientVoxel()),
         step_mm_(made.steps().scale),
@@ -133,6 +133,7 @@ class Carved {
     cut_ = read(cut, read_);
     before_ = united();
     for (const Sweep& sweep : sweeps) take(sweep, made.X_VoxelPatient());
+    for (const auto& one : kept) keep(*one);
     is_ = united();
     beside_ = beside(is_, [](Steps value) { return value < 0; });
     position_ = read(now, changing_);
@@ -205,6 +206,26 @@ class Carved {
         }
       }
     }
+  }
+
+  // nothing is cut out of this
+  void keep(const Surface& kept) {
+    Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+    for (unsigned at = 0; at < 8; ++at) {
+      Index voxel;
+      for (int axis = 0; axis < 3; ++axis)
+        voxel[axis] = (at >> axis & 1) != 0 ? read_.high()[axis] : read_.low()[axis];
+      const Point<Patient> place = X_PatientVoxel_ * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
+      low = low.min(place.eigen().array());
+      high = high.max(place.eigen().array());
+    }
+    if (kept.is_beyond(low, high, 0)) return;
+    for_voxels(read_, [&, n = std::size_t{0}](int i, int j, int k) mutable {
+      Steps& depth = cut_[n++];
+      if (depth <= -far_) return;
+      const double steps = kept.distance_mm(X_PatientVoxel_ * Point<Voxel>(i, j, k)) / step_mm_;
+      depth = std::min(depth, static_cast<Steps>(std::lround(std::clamp<double>(steps, -far_, far_))));
+    });
   }
 
   // whether something is so of a voxel or one of its 26 neighbours
@@ -443,9 +464,11 @@ double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x) {
   return (from - way * part).norm();
 }
 
-CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made)
+CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made,
+                             std::vector<std::shared_ptr<const Surface>> kept)
     : made_(std::move(made)),
       now_(made_),
+      kept_(std::move(kept)),
       cut_(made_->position().geometry(), static_cast<Steps>(-made_->position().steps().outside)) {
   PALPATE_CHECK(made_->position().steps().offset == 0);
   const std::array<int, 3>& bricks = cut_.counts();
@@ -456,7 +479,7 @@ CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made)
 CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
   CarvedSurface next = *this;
   const SignedField& position = now_->position();
-  Carved carved(made_->position(), position.bricks(), cut_, sweeps);
+  Carved carved(made_->position(), position.bricks(), cut_, sweeps, kept_);
   if (carved.empty()) return next;
   next.cut_ = cut_.with(cropped(carved.cut(), cut_));
   const PatchOf<Steps> patch = cropped(carved.position(), position.bricks());

@@ -283,5 +283,45 @@ TEST(Carving, NoSlopeIsSteeperThanItIsSaid) {
   }
 }
 
+TEST(Carving, WhatIsKeptStaysWhateverTheOrder) {
+  const unsigned seed = test::test_seed();
+  std::mt19937 random(seed);
+  SCOPED_TRACE(seed);
+  const Eigen::Vector3d spacing_mm(0.5, 0.6, 0.7);
+  const auto made = testing::surface_to_carve(12, spacing_mm, ball, testing::turned_by(0.4));
+  const Eigen::Vector3d middle(3, -2, 4);
+  // on a grid of its own that holds all of it
+  const auto kept = testing::surface_to_carve(
+      12, Eigen::Vector3d::Constant(0.5), [&](const Eigen::Vector3d& p) { return (p - middle).norm() - 3; });
+  std::vector<Sweep> sweeps = random_sweeps(random, 30);
+  sweeps.push_back({{3, -2, 4}, {4, -2, 5}, 2.5});
+  const CarvedSurface all = CarvedSurface(made).with(sweeps), but = CarvedSurface(made, {kept}).with(sweeps);
+  CarvedSurface one_by_one(made, {kept});
+  for (auto sweep = sweeps.rbegin(); sweep != sweeps.rend(); ++sweep)
+    one_by_one = one_by_one.with({{*sweep}});
+  EXPECT_EQ(one_by_one.surface()->content_hash(), but.surface()->content_hash());
+
+  std::uniform_real_distribution<double> place(-8, 8);
+  int kept_places = 0, saved = 0, gone = 0;
+  for (int n = 0; n < 100'000; ++n) {
+    const Point<Patient> at(place(random), place(random), place(random));
+    // a cell's length on either side of the kept one's surface anything may be
+    const double from_kept_mm = kept->distance_mm(at), cell_mm = spacing_mm.norm();
+    const bool was = made->distance_mm(at) < -0.05, is = but.surface()->distance_mm(at) < 0;
+    if (from_kept_mm < -0.3 && was) {
+      ++kept_places;
+      saved += all.surface()->distance_mm(at) > 0 ? 1 : 0;
+      ASSERT_TRUE(is) << at.eigen().transpose();
+    }
+    if (from_kept_mm > cell_mm && all.surface()->distance_mm(at) > cell_mm) {
+      gone += was ? 1 : 0;
+      ASSERT_FALSE(is) << at.eigen().transpose();
+    }
+  }
+  EXPECT_GT(kept_places, 500);
+  EXPECT_GT(saved, 0);
+  EXPECT_GT(gone, 100);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -92,11 +92,15 @@ class Ahead {
     for (const Sweep& sweep : state_.pending())
       least_mm = std::max(least_mm, sweep.radius_mm - distance_to_axis_mm(sweep, place));
     if (!(least_mm < 0)) return {};
-    Material material{std::clamp(-2 * least_mm / kAhead_mm - 1, 0.0, 1.0), 0};
-    for (const OwnerShare& share : owners_at(surfaces_, surface, place).all())
-      material.energy +=
-          share.part * surfaces_[static_cast<std::size_t>(share.structure)].cutting_energy_mJ_per_mm3;
-    return material;
+    double cut = 0, energy = 0;  // shares of what is not kept
+    for (const OwnerShare& share : owners_at(surfaces_, surface, place).all()) {
+      const FeltSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
+      if (structure.kept) continue;
+      cut += share.part;
+      energy += share.part * structure.cutting_energy_mJ_per_mm3;
+    }
+    if (!(cut > 0)) return {};
+    return {cut * std::clamp(-2 * least_mm / kAhead_mm - 1, 0.0, 1.0), energy / cut};
   }
   static Vector<Patient> perpendicular(const Vector<Patient>& to) {
     const Eigen::Vector3d away = to.eigen().cwiseAbs();
@@ -175,18 +179,40 @@ class Sinking {
   double front_mm2_, grows_mm_;
 };
 
-// leaves a layer's proxy only a part of its last way
-void hold_back(const Point<Patient>& before, double part, const Point<Patient>& tip, ProxyLayer& layer,
-               ProxyForce& force, ProxyResult& result) {
-  const Vector<Patient> back = (layer.position - before) * (part - 1);
-  const Vector<Patient> more_N = back * (layer.part * force.stiffness_N_per_mm);
-  layer.position += back;
+// puts a layer's proxy elsewhere
+void move_to(const Point<Patient>& place, const Point<Patient>& tip, ProxyLayer& layer, ProxyForce& force,
+             ProxyResult& result) {
+  const Vector<Patient> more_N = (place - layer.position) * (layer.part * force.stiffness_N_per_mm);
+  layer.position = place;
   const Vector<Patient> stretched_mm = (layer.position - tip) * layer.part;
   const double stored_mJ = 0.5 * force.stiffness_N_per_mm * stretched_mm.squared_norm();
   result.force_N += more_N;
   result.stored_mJ += stored_mJ - force.stored_mJ;
   force.force_N += more_N;
   force.stored_mJ = stored_mJ;
+}
+
+// Where a ball that has gone from one place to another is put so that it comes no deeper into what is kept
+// than it was: beside it, so that it slides, or where it was. One that lies in it a little, because surfaces
+// are not the same to a hair, comes out slowly.
+Point<Patient> beside_kept(const Burr& burr, const Point<Patient>& from, const Point<Patient>& to) {
+  constexpr int kMostTries = 4;
+  constexpr double kTouching_mm = 1e-4, kRegained_mm = 1e-3;
+  Point<Patient> place = to;
+  for (int n = 0; n < kMostTries; ++n) {
+    bool clear = true;
+    for (const ProtectedStructure& structure : burr.spared) {
+      const Surface& kept = *structure.surface;
+      if (!structure.kept || kept.is_beyond(place, burr.radius_mm)) continue;
+      const double least_mm = std::min(burr.radius_mm, kept.distance_mm(from) + kRegained_mm);
+      const double in_mm = least_mm - kept.distance_mm(place);
+      if (in_mm <= kTouching_mm) continue;
+      clear = false;
+      place += kept.outward(place) * in_mm;
+    }
+    if (clear) return place;
+  }
+  return from;
 }
 
 int innermost_touched(const ProxyState& proxy) {
@@ -225,9 +251,19 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
 
   const int was_in = state.layer;
   std::array<Point<Patient>, kMostLayers> before;
-  for (int n = 0; n < kMostLayers; ++n) before[static_cast<std::size_t>(n)] = proxy.layer(n).position;
+  std::array<bool, kMostLayers> was_coupled{};
+  for (int n = 0; n < kMostLayers; ++n) {
+    before[static_cast<std::size_t>(n)] = proxy.layer(n).position;
+    was_coupled[static_cast<std::size_t>(n)] = proxy.layer(n).coupled;
+  }
   const ToolSphere ball{Vector<Patient>(), burr.radius_mm - state.inset_mm};
   ProxyResult result = advance_proxy(surfaces, {&ball, 1}, hand, proxy, options);
+  for (std::size_t n = 0; n < before.size(); ++n) {
+    ProxyLayer& layer = proxy.layer(static_cast<int>(n));
+    if (burr.spared.empty() || !layer.coupled || !was_coupled[n]) continue;
+    const Point<Patient> place = beside_kept(burr, before[n], layer.position);
+    if (place != layer.position) move_to(place, hand.tip, layer, result.of_layer[n], result);
+  }
   state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, burr.radius_mm, proxy));
   // where it has sunk in it is in material, pressed or not
   const int touched = innermost_touched(proxy);
@@ -259,13 +295,15 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
       // through material it comes no farther than the motor has worked for, and than can be remembered
       double part = std::min(1.0, state.spare_mJ / cost_mJ);
-      state.full = part > 0 && !sweep(from, from + moved * part, burr.radius_mm, state);
+      const Point<Patient> to = beside_kept(burr, from, from + moved * part);
+      state.full = part > 0 && !sweep(from, to, burr.radius_mm, state);
       if (state.full) part = 0;
       // the layers are one burr: none goes ahead of the one that cuts
       for (std::size_t n = 0; n < before.size(); ++n) {
         ProxyLayer& held = proxy.layer(static_cast<int>(n));
-        if (held.coupled && held.contacts > 0)
-          hold_back(before[n], part, hand.tip, held, result.of_layer[n], result);
+        if (!held.coupled || held.contacts == 0) continue;
+        const Point<Patient> place = before[n] + (held.position - before[n]) * part;
+        move_to(beside_kept(burr, before[n], place), hand.tip, held, result.of_layer[n], result);
       }
       state.taken_mm3 += swept.area_mm2 * way_mm * part;
       state.spare_mJ -= cost_mJ * part;

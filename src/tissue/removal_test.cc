@@ -4,8 +4,10 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 #include <vector>
 
+#include "base/test_seed.h"
 #include "tissue/test_surfaces.h"
 
 namespace palpate {
@@ -49,7 +51,7 @@ class LedBurr {
     settle_burr(felt_, burr_, count, proxy_, state_);
     const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - state_.inset_mm};
     std::vector<SurfaceBefore> before;
-    for (int n = 0; n < static_cast<int>(felt_.size()); ++n) before.push_back({n, false});
+    for (std::int16_t n = 0; n < static_cast<std::int16_t>(felt_.size()); ++n) before.push_back({n, false});
     keep_proxy(felt_, {&ball, 1}, ToolPose(tip_), before, proxy_);
   }
   /// What is beside something softer gives its stiffness in two layers.
@@ -155,13 +157,61 @@ TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
   for (int n = 99; n >= 0; --n) {
     const ProxyResult felt = burr.lead_to(from + way * (0.01 * n), 10);
     // no longer pressed into the ground
-    if (n < 90) EXPECT_LT(felt.force_N.norm(), 0.2) << n;
+    if (n < 90) {
+      EXPECT_LT(felt.force_N.norm(), 0.2) << n;
+    }
   }
   EXPECT_EQ(burr.state_.taken_mm3, taken_mm3);
   // and beside the hole it is a ball again
   burr.lead_to(Point<Patient>(-6, 0, 2.5), 100);
   burr.lead_to(Point<Patient>(-6, 0, 1.5), 100);
   EXPECT_NEAR(burr.proxy_.position.z(), 2, 0.06);
+}
+
+TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
+  const unsigned seed = test::test_seed();
+  std::mt19937 random(seed);
+  SCOPED_TRACE(seed);
+  // a nerve of 3 mm, 2.5 mm under the bone's surface
+  const auto nerve = [](const Eigen::Vector3d& p) { return std::hypot(p.x(), p.z() + 4) - 1.5; };
+  LedBurr burr;
+  const ProtectedStructure structure{2, testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), nerve),
+                                     true};
+  burr.burr_.spared = {&structure, 1};
+  burr.carved_ = CarvedSurface(burr.carved_.made(), {structure.surface});
+  std::uniform_real_distribution<double> aside(-4, 4), depth(-8, 0);
+  double nearest_mm = 10;
+  for (int stroke = 0; stroke < 40; ++stroke) {
+    burr.lead_to(Point<Patient>(aside(random), aside(random), 2.2), 100);
+    const Point<Patient> from = burr.tip_;
+    // up to 10 N, aimed at it and beside it
+    const Vector<Patient> way = Point<Patient>(aside(random), aside(random), depth(random)) - from;
+    for (int n = 1; n <= 20; ++n) {
+      for (int tick = 1; tick <= 20; ++tick) {
+        burr.lead_to(from + way * ((n - 1 + 0.05 * tick) / 20), 1);
+        const double gap_mm = structure.surface->distance_mm(burr.proxy_.position) - burr.burr_.radius_mm;
+        ASSERT_GT(gap_mm, -0.01) << stroke;
+        nearest_mm = std::min(nearest_mm, gap_mm);
+      }
+      burr.carve();
+      ASSERT_TRUE(burr.proxy_.coupled);
+    }
+  }
+  EXPECT_LT(nearest_mm, 0.01) << "it was met";
+  EXPECT_GT(burr.state_.taken_mm3, 50);
+  // nothing of it is gone, and something right above is
+  int above = 0;
+  for (double x = -4; x <= 4; x += 0.1)
+    for (double y = -3; y <= 3; y += 0.5)
+      for (double z = -6; z <= -0.3; z += 0.1) {
+        const double is_mm = burr.carved_.surface()->distance_mm(Point<Patient>(x, y, z));
+        const double from_nerve_mm = nerve(Eigen::Vector3d(x, y, z));
+        if (from_nerve_mm < -0.05) {
+          ASSERT_LT(is_mm, 0) << x << " " << y << " " << z;
+        }
+        if (is_mm > 0 && from_nerve_mm < 0.5) ++above;
+      }
+  EXPECT_GT(above, 20);
 }
 
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {

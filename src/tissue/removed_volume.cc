@@ -1,5 +1,6 @@
 #include "palpate/removed_volume.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -14,10 +15,28 @@ constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
 }  // namespace
 
-RemovedVolume::RemovedVolume(const Model& model) : labels_(model.labels), is_felt_(felt_labels(model)) {}
+RemovedVolume::RemovedVolume(const Model& model)
+    : labels_(model.labels), is_cut_(labels_that_are_cut(model)), protected_(model.protected_structures) {}
 
 void RemovedVolume::add(std::span<const Cut> cuts) {
-  for (const Cut& cut : cuts) add(cut.sweep);
+  for (const Cut& cut : cuts) {
+    add(cut.sweep);
+    for (const ProtectedStructure& structure : protected_) come_near(cut.sweep, structure);
+  }
+}
+
+void RemovedVolume::come_near(const Sweep& sweep, const ProtectedStructure& structure) {
+  const Surface& surface = *structure.surface;
+  const double length_mm = (sweep.to - sweep.from).norm();
+  const int steps = 1 + static_cast<int>(length_mm / surface.position().geometry().min_spacing_mm());
+  for (int n = 0; n <= steps; ++n) {
+    const double distance_mm =
+        surface.distance_mm(sweep.from + (sweep.to - sweep.from) * (static_cast<double>(n) / steps));
+    if (distance_mm >= surface.outside_mm()) continue;
+    const double gap_mm = std::max(0.0, distance_mm - sweep.radius_mm);
+    const auto [known, is_new] = nearest_mm_.try_emplace(structure.label, gap_mm);
+    if (!is_new) known->second = std::min(known->second, gap_mm);
+  }
 }
 
 void RemovedVolume::add(const Sweep& sweep) {
@@ -35,7 +54,7 @@ void RemovedVolume::add(const Sweep& sweep) {
     for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j)
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i) {
         const LabelId label = labels_->at(i, j, k);
-        if (!is_felt_[label]) continue;
+        if (!is_cut_[label]) continue;
         const double centre_mm = distance_to_axis_mm(sweep, X_PatientVoxel * Point<Voxel>(i, j, k));
         if (centre_mm >= sweep.radius_mm + half_diagonal_mm) continue;
         std::uint64_t& swept = swept_[index(i, j, k)];

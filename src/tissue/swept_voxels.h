@@ -26,12 +26,14 @@ inline VoxelBox voxels_around(const Sweep& sweep, double within_mm, const GridGe
   return box;
 }
 
-/// By label, for all that there can be: what is not felt is not taken away.
-inline std::vector<bool> felt_labels(const Model& model) {
-  std::vector<bool> is_felt(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
-  for (std::size_t label = 0; label < is_felt.size(); ++label)
-    is_felt[label] = model.is_felt(static_cast<LabelId>(label));
-  return is_felt;
+/// By label, for all that there can be: what is not felt, or kept, is not taken away.
+inline std::vector<bool> labels_that_are_cut(const Model& model) {
+  std::vector<bool> is_cut(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
+  for (std::size_t label = 0; label < is_cut.size(); ++label) {
+    const auto id = static_cast<LabelId>(label);
+    is_cut[label] = model.is_felt(id) && model.tissue_of(id)->protection != Protection::kKeep;
+  }
+  return is_cut;
 }
 
 }  // namespace palpate

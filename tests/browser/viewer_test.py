@@ -2450,6 +2450,10 @@ class WithBurr(Viewer):
         self.page.wait("palpateViewer.structureAt(%s) === null" % json.dumps(self.place))
         self.assertEqual(found(), {"middle": False, "edge": False, "beyond": True})
         self.page.wait("document.getElementById('removed').textContent.includes('113 mm³ of femur removed')")
+        # the mock's bone is protected
+        text = lambda of: self.page.run("return document.getElementById(arguments[0]).textContent", of)
+        self.assertEqual(text("damage"), "113 mm³ of femur gone, which is protected")
+        self.assertEqual(text("nearest"), "cut as near as 0.500 mm to tibia")
         # who comes later is told of all that is gone
         self.page.run("window.isLeft = true; location.reload()")
         self.page.wait("!window.isLeft && window.palpateViewer && palpateViewer.isLoaded")

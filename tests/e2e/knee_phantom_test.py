@@ -59,6 +59,16 @@ class KneePhantom(cli.PalpateTest):
         self.assertEqual({name for name in before if before[name] != after[name]}, {"femur"})
         self.assertLess(int(after["femur"]), int(before["femur"]))
 
+        # what is protected is cut and that is said, or kept
+        for protection, said in [("alarm", r"ALARM: [\d.]+ mm3 of femur are gone, which is protected"),
+                                 ("keep", "nothing was cut near femur")]:
+            spared = self.folder / f"{protection}.toml"
+            spared.write_text(scene.read_text().replace('preset = "bone"', f'preset = "bone"\nprotection = "{protection}"', 1))
+            done = self.succeed("simulate", spared, "--script", script)
+            self.assertRegex(done.stdout, said)
+            self.assertEqual("removed" in done.stdout, protection == "alarm")
+            self.assertIn("nothing was cut near tibia", done.stdout)
+
     def test_each_phantom_is_felt_by_its_own_scene(self):
         for name, structures in [("shell-phantom:spacing=1.2", ["shell"]),
                                  ("skull-phantom:spacing=2.2,temporal=4", ["skull", "brain"]),

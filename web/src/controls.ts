@@ -288,6 +288,22 @@ export class Controls {
     this.wasPointer = isPointer;
   }
 
+  private nameOf(label: number): string {
+    return readable(this.session.structureName(label) ?? words.unnamed(String(label)));
+  }
+  /** What of a structure that the scene protects is gone, and how near the burr came to the others. */
+  private showProtected({ removed, nearest }: State): void {
+    const { scene } = this.session;
+    if (!scene) return;
+    const isProtected = (label: number): boolean =>
+      (scene.tissues[scene.structures.find((structure) => structure.label === label)?.tissue ?? -1]?.protection ?? "none") !== "none";
+    const damage = removed.filter(({ label }) => isProtected(label));
+    write(byId("damage"), damage.map(({ label, mm3 }) => words.protectedGone(`${digits(mm3)} mm³`, this.nameOf(label))).join(", "));
+    byId("damage").hidden = damage.length === 0;
+    write(byId("nearest"), nearest.filter(({ label }) => !damage.some((gone) => gone.label === label))
+      .map(({ label, mm }) => words.nearest(`${digits(mm)} mm`, this.nameOf(label))).join(", "));
+  }
+
   showState(state: State): void {
     byId<HTMLSelectElement>("method").value = state.method_awaited ?? state.method;
     const failure = state.method_failed && refusalText(state.method_failed);
@@ -301,7 +317,8 @@ export class Controls {
     }
     press(byId("motor"), state.motor);
     write(byId("removed"), state.removed.map(({ label, mm3 }) =>
-      words.removed(`${digits(mm3)} mm³`, readable(this.session.structureName(label) ?? words.unnamed(String(label))))).join(", "));
+      words.removed(`${digits(mm3)} mm³`, this.nameOf(label))).join(", "));
+    this.showProtected(state);
     press(byId("pause"), state.paused);
     says(byId("pause"), { text: state.paused ? "goOn" : "pause" });
     byId("stop").classList.toggle("stopped", state.emergency_stop);
@@ -336,7 +353,7 @@ export class Controls {
       row.hidden = part === undefined;
       if (part === undefined) continue;
       const [name, depth, share] = row.cells;
-      write(name!, readable(this.session.structureName(part.label) ?? words.unnamed(String(part.label))));
+      write(name!, this.nameOf(part.label));
       write(depth!, Number.isFinite(part.depth) ? quantity(part.depth, "mm") : words.deep);
       write(share!, `${Math.round(100 * part.share)} %`);
     }

@@ -53,8 +53,8 @@ export class Cuts {
     this.taken = 0;
   }
 
-  /** Brings volumes up to what has been told. @param isFelt  by place of the structure + 1 @return what has changed in them, if anything has */
-  takeFrom(volumes: Volumes, isFelt: readonly boolean[]): VoxelBox | null {
+  /** Brings volumes up to what has been told. @param isCut  whether it can be taken away, by place of the structure + 1 @return what has changed in them, if anything has */
+  takeFrom(volumes: Volumes, isCut: readonly boolean[]): VoxelBox | null {
     if (volumes !== this.volumes) {
       this.volumes = volumes;
       this.was.clear();
@@ -62,7 +62,7 @@ export class Cuts {
     }
     let box = this.taken === 0 ? this.putBack(volumes) : null;
     for (; this.taken < this.sweeps.length; this.taken++) {
-      const changed = this.take(volumes, this.sweeps[this.taken]!, isFelt);
+      const changed = this.take(volumes, this.sweeps[this.taken]!, isCut);
       if (changed) box = joined(box, changed);
     }
     return box;
@@ -79,7 +79,7 @@ export class Cuts {
     return box;
   }
 
-  private take(volumes: Volumes, sweep: Sweep, isFelt: readonly boolean[]): VoxelBox | null {
+  private take(volumes: Volumes, sweep: Sweep, isCut: readonly boolean[]): VoxelBox | null {
     const box = around(volumes, sweep);
     const { lo, size } = box;
     let changes = false;
@@ -88,7 +88,7 @@ export class Cuts {
         for (let i = lo[0]; i < lo[0] + size[0]; i++) {
           const index = i + volumes.dims[0] * (j + volumes.dims[1] * k);
           const structure = volumes.structure[index]!;
-          if (!isFelt[structure] || squaredAside(sweep, apply(volumes.patientFromVoxel, [i, j, k])) >= sweep[6] ** 2) continue;
+          if (!isCut[structure] || squaredAside(sweep, apply(volumes.patientFromVoxel, [i, j, k])) >= sweep[6] ** 2) continue;
           this.was.set(index, structure);
           volumes.structure[index] = 0;
           changes = true;

@@ -212,8 +212,11 @@ class Page {
     this.cutting = this.cutting.then(async () => {
       const { volumes, scene } = this.session;
       if (!volumes || !scene) return;
-      const isFelt = [false, ...scene.structures.map(({ tissue }) => scene.tissues[tissue]?.felt ?? false)];
-      const box = this.cuts.takeFrom(volumes, isFelt);
+      const isCut = [false, ...scene.structures.map(({ tissue }) => {
+        const of = scene.tissues[tissue];
+        return of !== undefined && of.felt && of.protection !== "keep";
+      })];
+      const box = this.cuts.takeFrom(volumes, isCut);
       if (box) await this.showBox(box.lo, box.size);
     }).catch(complain);
   }

@@ -12,6 +12,7 @@ export interface Structure { label: number; name: string; colour: Rgb; tissue: n
 export interface Tissue {
   name: string;
   felt: boolean;
+  protection: "none" | "alarm" | "keep"; // from a burr
   colour: Rgb;
   opacity: number;
   stiffness_N_per_mm: number;
@@ -101,6 +102,7 @@ export interface State {
   paused: boolean;
   motor: boolean; // of a tool that cuts
   removed: { label: number; mm3: number }[]; // by it, of each structure
+  nearest: { label: number; mm: number }[]; // its ball came so near to what is protected
   emergency_stop: boolean;
   stop: number | null; // which stop holds; a rearm names it
   stopped_by: "you" | "viewer" | "key" | "palpate" | null; // who asked for it

@@ -120,9 +120,9 @@ const means = (voxels, shrink, kind) => {
 
 const feel = (stiffness_N_per_mm) => ({ stiffness_N_per_mm, static_friction: 0.2, dynamic_friction: 0.15, viscosity_N_s_per_mm: 0.001 });
 const tissues = [
-  { name: "bone", felt: true, colour: [240, 222, 190], opacity: 1, ...feel(1.1), rests_on: [] },
-  { name: "cartilage", felt: true, colour: [96, 178, 214], opacity: 1, ...feel(0.8), rests_on: [0] },
-  { name: "meniscus", felt: true, colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
+  { name: "bone", felt: true, protection: options.tool === "burr" ? "alarm" : "none", colour: [240, 222, 190], opacity: 1, ...feel(1.1), rests_on: [] },
+  { name: "cartilage", felt: true, protection: "none", colour: [96, 178, 214], opacity: 1, ...feel(0.8), rests_on: [0] },
+  { name: "meniscus", felt: true, protection: "none", colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
 ];
 const scene = (role) => ({
   protocol, palpate: "0.0.0-mock", role, side: "left", oriented: true, modality: "mr",
@@ -140,7 +140,7 @@ const scene = (role) => ({
   recording: null,
 });
 const state = {
-  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, removed: [], emergency_stop: false, stop: null, max_force_N: 1.4,
+  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
     ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
 };
@@ -340,6 +340,7 @@ sockets.on("connection", (socket) => {
     if (type === "set") Object.assign(state, values);
     if (type === "set" && values.motor) {
       state.removed = [{ label: structures[0].label, mm3: 113.1 * (cuts.length + 1) }];
+      state.nearest = [{ label: structures[0].label, mm: 0 }, { label: structures[1].label, mm: 0.5 }];
       cuts.push([...middle(structures[0].label), ...middle(structures[0].label), 3]);
       for (const to of viewers.keys()) to.send(cutFrom(cuts.length - 1));
     }

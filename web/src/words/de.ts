@@ -136,6 +136,8 @@ export const de: Words = {
   pauseTitle: "Die Kraft klingt ab (P)",
   motor: "Motor",
   removed: (volume: string, structure: string) => `${volume} ${structure} abgetragen`,
+  protectedGone: (volume: string, structure: string) => `${volume} ${structure} abgetragen: geschützt`,
+  nearest: (distance: string, structure: string) => `bis auf ${distance} an ${structure} heran abgetragen`,
   motorTitle: "Die Fräse dreht sich und trägt ab, was sie berührt",
   rearm: "Freigeben",
   rearmTitle: "Kraft nach einem Not-Halt wieder an, wo die Spitze nichts berührt",

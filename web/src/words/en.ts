@@ -135,6 +135,8 @@ export const en = {
   pauseTitle: "The force fades out (P)",
   motor: "Motor",
   removed: (volume: string, structure: string) => `${volume} of ${structure} removed`,
+  protectedGone: (volume: string, structure: string) => `${volume} of ${structure} gone, which is protected`,
+  nearest: (distance: string, structure: string) => `cut as near as ${distance} to ${structure}`,
   motorTitle: "The burr turns and takes away what it touches",
   rearm: "Rearm",
   rearmTitle: "Force back after an emergency stop, where the tip touches nothing",
