@@ -1,5 +1,6 @@
 #include "palpate/report.h"
 
+#include <array>
 #include <memory>
 
 #include "inputs.h"
@@ -29,7 +30,15 @@ int report_recording(const ReportOptions& options, Console& console) {
       load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
 
-  const auto written = write_report(output, *recording, *loaded->model, progress);
+  std::shared_ptr<const Model> model = loaded->model;
+  // how deep a burr got is told below the surfaces that the proxy leans on
+  if (model->tool.burr) {
+    constexpr std::array kProxyAlone = {ForceMethod::kProxy};
+    auto ready = ready_for(model, kProxyAlone, progress);
+    if (!ready) return console.fail(ready.error());
+    model = *std::move(ready);
+  }
+  const auto written = write_report(output, *recording, *model, progress);
   if (!written) {
     Error error = written.error();
     if (error.where.empty()) error.where = options.recording.string();

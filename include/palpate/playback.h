@@ -16,9 +16,10 @@ namespace palpate {
 
 struct Model;
 
-/// Looks through all of the recording once, for its time line, and stands at its beginning, not playing.
-/// Every pose is a tick of the recording, in all its numbers; while a place is being read the last one
-/// stands. What is asked of a session is refused, and a stop ends the playing: nothing pushes.
+/// Looks through all of the recording once, for its time line and for what a burr took away up to each of its
+/// places, and stands at its beginning, not playing. Every pose is a tick of the recording, in all its
+/// numbers; while a place is being read the last one stands. What is asked of a session is refused, and a
+/// stop ends the playing: nothing pushes.
 /// @param modality  as the scene says it
 /// Errors: kBadInput for another scene's recording, one without ticks or whose clock does not rise; those of
 /// RecordingSource::read; kUnavailable where there is no thread to be had.

@@ -10,9 +10,12 @@
 namespace palpate {
 
 /// One self-contained HTML page about a run: sections through each contact, force, depth and speed over
-/// time, contact per structure, counts of the safety stage, how a loop on the real clock kept time, where it
-/// came from. Read in memory that does not depend on the run's length. No network, no path and no header text
-/// of the input files in it.
+/// time, contact per structure, what a burr took away, counts of the safety stage, how a loop on the real
+/// clock kept time, where it came from. Read in memory that does not depend on the run's length, but for what
+/// a burr took away. No network, no path and no header text of the input files in it.
+/// @param model  as the recording began with; where a burr was at work with the proxy's surfaces (ready_for
+/// in
+///               palpate/session.h), without which the page says nothing of how deep it cut
 Result<std::string> report_html(const RecordingSource& recording, const Model& model,
                                 const Progress& progress = {});
 /// Written whole or not at all.

@@ -277,4 +277,36 @@ Recording real_recording(const Model& model) {
   return recording;
 }
 
+Model with_burr(Model model) {
+  model.tool.name = "burr";
+  model.tool.radius_mm = 2;
+  model.tool.burr = BurrSettings{};
+  return model;
+}
+
+Recording milled_recording(const Model& model) {
+  Recording recording = example::recording(model);
+  constexpr std::size_t kVisit = 2400, kPressed = 700, kSecond = 1000, kVersion = 40;
+  std::uint32_t version = 1;
+  for (const std::size_t visit : {std::size_t{0}, std::size_t{2}}) {
+    const std::size_t begin = visit * kVisit + kPressed, end = begin + kSecond;
+    for (std::size_t i = begin; i < end; ++i) {
+      recording.ticks[i].switches |= kSwitchMotor;
+      if ((i + 1 - begin) % kVersion != 0) continue;
+      RecordingEvent sweep;
+      sweep.kind = RecordingEvent::Kind::kSweep;
+      sweep.tick = i;
+      sweep.number = ++version;
+      sweep.sweep = {0, recording.ticks[i + 1 - kVersion].device[0].tip_patient_mm,
+                     recording.ticks[i].device[0].tip_patient_mm, model.tool.radius_mm};
+      RecordingEvent cut;
+      cut.tick = i;
+      cut.number = cut.change.version = version;
+      cut.change.tissue = ModelChange::kCut;
+      recording.events.insert(recording.events.end(), {sweep, cut});
+    }
+  }
+  return recording;
+}
+
 }  // namespace palpate::report::example

@@ -20,4 +20,10 @@ Recording recording(const Model& model, double limit_N = 1.5);
 /// emergency stop in the last 200 ticks; three points in time without a tick.
 Recording real_recording(const Model& model);
 
+/// The model with a burr for its tool, of 4 mm.
+Model with_burr(Model model);
+/// The first run with that burr, whose motor runs for a second each while the tibia and the patella are
+/// pressed, and takes what it is led through: versions 2 ... 51 of the model.
+Recording milled_recording(const Model& model);
+
 }  // namespace palpate::report::example

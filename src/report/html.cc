@@ -1,5 +1,6 @@
 #include "report/html.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -59,6 +60,18 @@ std::string json_number(double value, int decimals) {
 
 std::string number(double value, int decimals) {
   return std::isfinite(value) ? fixed(value, decimals) : "-";
+}
+
+std::string three_digits(double value) {
+  if (value == 0 || !std::isfinite(value)) return number(value, 0);
+  constexpr int kDigits = 3;
+  const auto decimals_of = [](double of) {
+    return kDigits - 1 - static_cast<int>(std::floor(std::log10(std::abs(of))));
+  };
+  // 9.996 becomes 10.0
+  const double step = std::pow(10.0, -decimals_of(value));
+  const double rounded = std::round(value / step) * step;
+  return number(rounded, std::max(0, decimals_of(rounded)));
 }
 
 std::string depth_text(double depth_mm) {

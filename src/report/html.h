@@ -19,6 +19,8 @@ std::string json_number(double value, int decimals);
 
 /// Fixed decimals and a point whatever the locale; "-" when not finite; never "-0".
 std::string number(double value, int decimals);
+/// Three significant digits, "1230", "12.3", "0.0123"; "0" for 0, "-" when not finite.
+std::string three_digits(double value);
 /// "0.63 mm", "-0.63 mm, 0.63 mm in front of the segmented surface"; "not measured" when not finite.
 std::string depth_text(double depth_mm);
 /// Digits in groups of three.

@@ -46,5 +46,17 @@ TEST(CspHash, IsBase64OfTheHash) {
             "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='");
 }
 
+TEST(ThreeDigits, AreThreeWhateverTheSize) {
+  EXPECT_EQ(three_digits(0), "0");
+  EXPECT_EQ(three_digits(1234), "1230");
+  EXPECT_EQ(three_digits(99.96), "100");
+  EXPECT_EQ(three_digits(12.34), "12.3");
+  EXPECT_EQ(three_digits(9.996), "10.0");
+  EXPECT_EQ(three_digits(1), "1.00");
+  EXPECT_EQ(three_digits(0.012345), "0.0123");
+  EXPECT_EQ(three_digits(-0.5), "-0.500");
+  EXPECT_EQ(three_digits(std::numeric_limits<double>::quiet_NaN()), "-");
+}
+
 }  // namespace
 }  // namespace palpate::report

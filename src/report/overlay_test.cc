@@ -10,8 +10,8 @@
 namespace palpate::report {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 // 1 mm is 4 px, the centre at (200, 200) in the drawing
 SectionPlane axial() {

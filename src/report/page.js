@@ -111,17 +111,44 @@
   const showTime = (_, time) => time == null ? "-" : [time.toFixed(3) + " s", ...touchedAt(time)].join(", ");
   const show = (decimals, unit) => (_, value) => value == null ? "-" : value.toFixed(decimals) + " " + unit;
 
+  const dashes = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
   // one curve a device
   const curves = (name, decimals, unit) => run[name].map((_, i) => ({
     label: run[name].length > 1 ? "Device " + (i + 1) : name[0].toUpperCase() + name.slice(1),
     stroke: colour(name),
     width: 1.4,
-    dash: [[], [6, 3], [2, 3], [8, 3, 2, 3]][i],
+    dash: dashes[i],
     points: { show: false },
     value: show(decimals, unit),
   }));
 
-  const makePlot = (name, decimals, unit, range, extraSeries, extraData) => {
+  // a structure's colour, as much darker or lighter as a curve must be to be seen on the card (WCAG: 3 to 1)
+  const channels = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
+  const luminance = (rgb) => rgb
+    .map((c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+  const legible = (hex) => {
+    const own = channels(hex), ink = channels(colour("ink")), card = luminance(channels(colour("card"))) + 0.05;
+    let mixed = own;
+    for (let part = 0; part <= 1; part += 0.05) {
+      mixed = own.map((c, i) => Math.round(c + part * (ink[i] - c)));
+      const contrast = (luminance(mixed) + 0.05) / card;
+      if (Math.max(contrast, 1 / contrast) >= 3) break;
+    }
+    return "rgb(" + mixed.join() + ")";
+  };
+  // one curve a structure, which stays until more of it is gone
+  const removals = () => run.removedOf.map((structure, i) => ({
+    label: structure.name,
+    stroke: legible(structure.colour),
+    width: 1.8,
+    dash: dashes[i % dashes.length],
+    paths: uPlot.paths.stepped({ align: 1 }),
+    points: { show: false },
+    value: (_, mm3) => mm3 == null ? "-" : mm3.toFixed(mm3 < 10 ? 2 : mm3 < 100 ? 1 : 0) + " mm\u00b3",
+  }));
+
+  const makePlot = (name, series, data, range) => {
     const place = byId("plot-" + name);
     const options = {
       width: place.clientWidth,
@@ -132,7 +159,7 @@
         axis({ values: (_, ticks) => ticks.map((t, i) => +t.toFixed(3) + (i === ticks.length - 1 ? " s" : "")), size: 32 }),
         axis({ size: 52 }),
       ],
-      series: [{ label: "Time", value: showTime }, ...curves(name, decimals, unit), ...extraSeries],
+      series: [{ label: "Time", value: showTime }, ...series],
       cursor: {
         drag: { x: true, y: false },
         sync: { key: "run", filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } },
@@ -143,7 +170,7 @@
         setScale: [(plot, key) => { if (key === "x") zoom(plot.scales.x.min, plot.scales.x.max); }],
       },
     };
-    return new uPlot(options, [run.time, ...run[name], ...extraData], place);
+    return new uPlot(options, [run.time, ...data], place);
   };
 
   // zero always in sight; some room at the ends that are not zero
@@ -165,12 +192,14 @@
       value: show(2, "N"),
     }));
     plots = [
-      makePlot("force", 3, "N", withZero(0.3), limits, run.limit),
-      makePlot("depth", 3, "mm", withZero(0.1), [], []),
-      makePlot("speed", 1, "mm/s", withZero(0.1), [], []),
+      makePlot("force", [...curves("force", 3, "N"), ...limits], [...run.force, ...run.limit], withZero(0.3)),
+      makePlot("depth", curves("depth", 3, "mm"), run.depth, withZero(0.1)),
+      makePlot("speed", curves("speed", 1, "mm/s"), run.speed, withZero(0.1)),
     ];
+    // where a burr was at work
+    if (run.removed) plots.push(makePlot("removed", removals(), run.removed, withZero(0.1)));
     // on the real clock
-    if (run.lateness) plots.push(makePlot("lateness", 1, "\u00b5s", withZero(0.1), [], []));
+    if (run.lateness) plots.push(makePlot("lateness", curves("lateness", 1, "\u00b5s"), run.lateness, withZero(0.1)));
     if (shown) zoom(shown.min, shown.max);
   };
 

@@ -21,6 +21,8 @@ Result<std::string> contacts_html(const Run& run, const Progress& progress);
 std::string plots_html(const Run& run);
 
 std::string structure_table_html(const Run& run);
+/// What a burr took away; empty where none was at work. Its plot's data stand in plots_html().
+std::string removal_html(const Run& run);
 std::string safety_table_html(const Run& run);
 /// How the loop kept time; empty for a run on the virtual clock. Its plot's data stand in plots_html().
 std::string loop_html(const Run& run);

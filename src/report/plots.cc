@@ -47,6 +47,19 @@ std::string devices_json(const PlotData& data, std::size_t quantity, int decimal
   return json + "]";
 }
 
+/// What was gone of each structure, on the plots' times.
+std::string removed_json(const Run& run) {
+  std::string mm3 = "[", of = "[";
+  for (std::size_t n = 0; n < run.removal.structures.size(); ++n) {
+    const LabelId label = run.removal.structures[n].label;
+    if (n > 0) mm3 += ',', of += ',';
+    mm3 += json_array(run.removal.gone_mm3(n, run.plots.x), 3);
+    of += "{\"colour\":" + json_string(css_colour(run.colour(label))) +
+          ",\"name\":" + json_string(run.name(label)) + "}";
+  }
+  return "\"removed\":" + mm3 + "],\"removedOf\":" + of + "]";
+}
+
 std::string data_json(const Run& run) {
   const PlotData& data = run.plots;
   std::string json = "{\"time\":" + json_array(data.x, 4);
@@ -55,6 +68,7 @@ std::string data_json(const Run& run) {
   json += ",\"depth\":" + devices_json(data, 2, 3);
   json += ",\"speed\":" + devices_json(data, 3, 2);
   if (run.real_clock()) json += ",\"lateness\":[" + json_array(data.series.back(), 1) + "]";
+  if (!run.removal.structures.empty()) json += "," + removed_json(run);
   json += ",\"contacts\":" + contacts_json(run);
   json += ",\"shown\":" + shown_json(run);
   return json + "}";

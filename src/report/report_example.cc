@@ -4,17 +4,21 @@
 #include "palpate/report.h"
 #include "report/example_run.h"
 
-/// Writes the report of the example run: report_example FILE.html [real]
+namespace example = palpate::report::example;
+
+/// Writes the report of an example run: report_example FILE.html [real|milled]
 int main(int argc, char** argv) {
-  const bool real = argc == 3 && std::string_view(argv[2]) == "real";
-  if (argc != 2 && !real) {
-    std::fprintf(stderr, "usage: report_example FILE.html [real]\n");
+  const std::string_view kind = argc == 3 ? argv[2] : "";
+  if (argc < 2 || argc > 3 || (argc == 3 && kind != "real" && kind != "milled")) {
+    std::fprintf(stderr, "usage: report_example FILE.html [real|milled]\n");
     return 2;
   }
-  namespace example = palpate::report::example;
-  const palpate::Model model = example::model();
-  const auto written = palpate::write_report(
-      argv[1], real ? example::real_recording(model) : example::recording(model), model);
+  palpate::Model model = example::model();
+  if (kind == "milled") model = example::with_burr(model);
+  const palpate::Recording recording = kind == "real"     ? example::real_recording(model)
+                                       : kind == "milled" ? example::milled_recording(model)
+                                                          : example::recording(model);
+  const auto written = palpate::write_report(argv[1], recording, model);
   if (!written.ok()) std::fprintf(stderr, "%s\n", written.error().message().c_str());
   return written.ok() ? 0 : 1;
 }

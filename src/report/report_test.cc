@@ -12,8 +12,8 @@
 namespace palpate::report {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 std::size_t count(const std::string& text, const std::string& what) {
   std::size_t n = 0;
@@ -21,7 +21,7 @@ std::size_t count(const std::string& text, const std::string& what) {
   return n;
 }
 
-class Report : public testing::Test {
+class Report : public ::testing::Test {
  protected:
   std::string page() const {
     const auto html = report_html(recording, model);
@@ -391,6 +391,30 @@ TEST_F(Report, WorksWithoutScanAndLabels) {
   EXPECT_EQ(count(page(), "<figure class=\"section\">"), 12u);
   model.labels.reset();
   EXPECT_EQ(count(page(), "<figure class=\"section\">"), 12u);
+}
+
+TEST_F(Report, SaysWhatABurrRemoved) {
+  for (const std::string part : {"What was removed", "id=\"plot-removed\"", "Motor", "\"removed\":"})
+    EXPECT_THAT(page(), Not(HasSubstr(part))) << "without a burr";
+  model = example::with_burr(model);
+  EXPECT_THAT(page(), Not(HasSubstr("What was removed"))) << "whose motor never ran";
+
+  recording = example::milled_recording(model);
+  const std::string html = page();
+  EXPECT_EQ(count(html, "What was removed"), 1u);
+  EXPECT_EQ(count(html, "id=\"plot-removed\""), 1u);
+  EXPECT_THAT(html, HasSubstr("<dt>Motor switched on</dt><dd>2.00 s</dd>"));
+  const std::string table = html.substr(html.find("What was removed"), 2000);
+  EXPECT_THAT(table, ::testing::ContainsRegex("tibia</th><td>[0-9.]+</td><td>[0-9.]+</td><td>0.74</td>"));
+  EXPECT_THAT(table, ::testing::ContainsRegex("patella</th><td>[0-9.]+</td><td>[0-9.]+</td><td>5.54</td>"));
+  EXPECT_THAT(table, ::testing::ContainsRegex("All</th><td>[0-9.]+</td><td></td><td>0.74</td>"));
+  EXPECT_THAT(html, HasSubstr("\"removed\":[[0,"));
+  EXPECT_THAT(html, HasSubstr("\"removedOf\":[{\"colour\":\"#dc8c5a\",\"name\":\"tibia\"},"));
+
+  // a motor that ran for nothing
+  recording.events.clear();
+  EXPECT_THAT(page(), HasSubstr("The burr took nothing away."));
+  EXPECT_THAT(page(), Not(HasSubstr("id=\"plot-removed\"")));
 }
 
 TEST_F(Report, AnotherModelIsRefused) {

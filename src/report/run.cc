@@ -35,15 +35,17 @@ void plotted_values(const Run& run, const TickRecord& tick, std::vector<double>&
 }
 
 /// Every tick with its times to `see`.
-template <class See>
+/// @param hear  called with events, before the ticks that had heard of them
+template <class Hear, class See>
 Result<void> read_timed(const RecordingSource& recording, const char* stage, const Progress& progress,
-                        See&& see) {
+                        Hear&& hear, See&& see) {
   TickTimes times(recording.head());
   double done = 0;
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
         progress.report(stage, done / static_cast<double>(recording.head().ticks));
         done += static_cast<double>(part.ticks.size());
+        hear(part.events);
         times.take(part.ticks, see);
         return {};
       },
@@ -58,11 +60,13 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
   StructureMeter structures(run.devices, run.model);
   BeneathMeter beneath(run.devices);
   SummaryMeter summary;
+  RemovalMeter removal(run.devices, run.model);
   Decimator plots(static_cast<std::size_t>(head.ticks),
                   kQuantities * static_cast<std::size_t>(run.devices) + run.real_clock(), kMostPoints);
   std::vector<double> values;
   double begin_s = 0;
-  const auto read = read_timed(recording, "reading the recording", progress, [&](const TimedTick& now) {
+  const auto hear = [&](std::span<const RecordingEvent> events) { removal.hear(events); };
+  const auto read = read_timed(recording, "reading the recording", progress, hear, [&](const TimedTick& now) {
     if (now.index == 0) {
       run.first = now.tick;
       begin_s = now.begin_s;
@@ -77,6 +81,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
     run.lateness.add(now.tick.lateness_s);
     run.compute.add(now.tick.compute_s);
     run.rate.see(now);
+    removal.see(now);
     plotted_values(run, now.tick, values);
     plots.add(now.begin_s, values);
   });
@@ -85,6 +90,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
   run.structures = structures.finish(run.contacts);
   run.beneath = beneath.finish();
   run.summary = summary.finish(head);
+  run.removal = removal.finish();
   run.plots = plots.finish();
   return {};
 }
@@ -93,12 +99,14 @@ Result<void> follow_contacts(const RecordingSource& recording, const Progress& p
   if (run.shown.empty()) return {};
   std::vector<WayFollower> followers;
   for (const ShownContact& shown : run.shown) followers.emplace_back(shown.contact);
-  const auto read = read_timed(recording, "following the contacts", progress, [&](const TimedTick& now) {
-    for (std::size_t i = 0; i < followers.size(); ++i) {
-      followers[i].see(now);
-      if (run.shown[i].contact.peak == now.index) run.shown[i].peak = now.tick;
-    }
-  });
+  const auto hear = [](std::span<const RecordingEvent>) {};
+  const auto read =
+      read_timed(recording, "following the contacts", progress, hear, [&](const TimedTick& now) {
+        for (std::size_t i = 0; i < followers.size(); ++i) {
+          followers[i].see(now);
+          if (run.shown[i].contact.peak == now.index) run.shown[i].peak = now.tick;
+        }
+      });
   for (std::size_t i = 0; i < followers.size(); ++i) run.shown[i].ways = followers[i].finish();
   return read;
 }

@@ -10,6 +10,7 @@
 #include "report/decimate.h"
 #include "report/loop_figures.h"
 #include "report/overlay.h"
+#include "report/removal_figures.h"
 
 namespace palpate::report {
 
@@ -51,6 +52,7 @@ struct Run {
   ForceExtremes forces;
   SpreadMeter lateness, compute;
   RateOfTicks rate;
+  RemovalFigures removal;  ///< empty where no burr was at work
   /// Of each device limit, force, depth and speed, then, on the real clock, the lateness in microseconds.
   PlotData plots;
 

@@ -6,6 +6,7 @@
 #include "base/test_wait.h"
 #include "palpate/carving.h"
 #include "palpate/playback.h"
+#include "palpate/removed_volume.h"
 #include "session/test_session.h"
 
 /// A scripted hand with a burr, its recording, and the same again.
@@ -158,6 +159,12 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
         }));
     EXPECT_EQ(playback.state().sweeps, gone) << part;
     EXPECT_EQ(gone > 0, part > 0.35) << part;
+    RemovedVolume removed(*loaded_.model);
+    for (const RecordingEvent& event : recording_.events)
+      if (event.kind == EventKind::kSweep && event.number <= wanted.model_version)
+        removed.add(std::vector<Cut>{cut_of(event.sweep)});
+    EXPECT_EQ(playback.state().removed_mm3, removed.by_label_mm3()) << part;
+    EXPECT_EQ(removed.by_label_mm3().empty(), gone == 0) << part;
   }
   EXPECT_EQ(playback.sweeps(0, all.size() + 5), all);
   EXPECT_EQ(playback.sweeps(3, 2), (std::vector<SweepRecord>{all[3], all[4]}));

@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <chrono>
+#include <iterator>
+#include <map>
 #include <mutex>
 #include <system_error>
 #include <utility>
 
 #include "palpate/force_method.h"
 #include "palpate/haptics.h"
+#include "palpate/removed_volume.h"
 #include "session/recorded_model.h"
 #include "session/recording_line.h"
 #include "session/tick_blocks.h"
@@ -74,9 +77,33 @@ struct Edits {
   // in the order of the versions that are cut by them
   std::vector<SweepRecord> sweeps;
   std::vector<std::uint32_t> version_of_sweep;
+  // mm3 of each structure that are gone with a version's sweeps and all before them; of each version that is
+  // cut, rising
+  struct Gone {
+    std::uint32_t version = 0;
+    std::map<LabelId, double> removed_mm3;
+  };
+  std::vector<Gone> gone;
 };
 // an hour of milling without a break; what comes after is not shown
 constexpr std::size_t kMostSweeps = 1'000'000;
+
+/// What is gone with each version. Once for all of the recording, so that any place of it is looked up.
+/// Errors: kInterrupted.
+Result<void> reckon_gone(const Model& model, const Progress& progress, Edits& edits) {
+  RemovedVolume removed(model);
+  const std::size_t count = edits.sweeps.size();
+  for (std::size_t n = 0; n < count; ++n) {
+    const Cut cut = cut_of(edits.sweeps[n]);
+    removed.add({&cut, 1});
+    const std::uint32_t version = edits.version_of_sweep[n];
+    if (n + 1 < count && edits.version_of_sweep[n + 1] == version) continue;
+    if (progress.stopped()) return Progress::interrupted();
+    progress.report("reckoning what was removed", static_cast<double>(n + 1) / static_cast<double>(count));
+    edits.gone.push_back({version, removed.by_label_mm3()});
+  }
+  return {};
+}
 
 class Playback final : public ViewerHost {
  public:
@@ -137,6 +164,9 @@ class Playback final : public ViewerHost {
     state.sweeps =
         static_cast<std::uint64_t>(std::ranges::upper_bound(edits_.version_of_sweep, shown_.model_version) -
                                    edits_.version_of_sweep.begin());
+    // the last version that was cut up to this one
+    const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
+    if (later != edits_.gone.begin()) state.removed_mm3 = std::prev(later)->removed_mm3;
     state.playback = {place_.playing(), place_.speed(), blocks_.failure()};
     return state;
   }
@@ -231,6 +261,8 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
       progress);
   if (!seen) return seen.error();
   progress.report("looking through the recording", 1);
+
+  if (auto reckoned = reckon_gone(*model, progress, edits); !reckoned) return reckoned.error();
 
   ViewedScene scene = viewed_scene(*model, modality);
   scene.recording = line.take();

@@ -247,6 +247,39 @@ class ReportInABrowser(unittest.TestCase):
         self.assertGreater(min(heights), 100)
 
 
+class MilledReportInABrowser(unittest.TestCase):
+    def test_what_was_removed_is_drawn_in_light_and_dark(self):
+        with tempfile.TemporaryDirectory(prefix="palpate-report-") as folder, browser.Browser() as page:
+            file = os.path.join(folder, "milled.html")
+            subprocess.run([program, file, "milled"], check=True)
+            page.resize(1280, 900)
+            page.open(file)
+            for dark in (False, True):
+                page.dark(dark)
+                page.wait("document.querySelectorAll('.uplot').length === 4")
+                # each curve in its structure's colour, which is legible on either card
+                legend, drawn = page.run(
+                    """const plot = document.getElementById("plot-removed");
+                       const canvas = plot.querySelector("canvas");
+                       const copy = new OffscreenCanvas(canvas.width, canvas.height);
+                       const context = copy.getContext("2d", { willReadFrequently: true });
+                       context.drawImage(canvas, 0, 0);
+                       const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+                       const drawn = [[220, 140, 90], [200, 110, 150]].map((wanted) => {
+                         let count = 0;
+                         for (let i = 0; i < data.length; i += 4)
+                           if (data[i + 3] > 200 && wanted.every((c, n) => Math.abs(data[i + n] - c) < 40)) count += 1;
+                         return count;
+                       });
+                       return [[...plot.querySelectorAll(".u-legend .u-label")].map((l) => l.textContent), drawn];""")
+                self.assertEqual([name.strip(": ") for name in legend], ["Time", "tibia", "patella"])
+                self.assertGreater(min(drawn), 300, f"dark: {dark}")
+            table = page.run("return document.querySelector('section[aria-labelledby=removal-title]').innerText")
+            for text in ("What was removed", "Motor switched on", "2.00 s", "All"):
+                self.assertIn(text, table)
+            self.assertEqual(page.log(), [])
+
+
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)

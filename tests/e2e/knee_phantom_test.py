@@ -53,6 +53,13 @@ class KneePhantom(cli.PalpateTest):
         self.assertGreater(removed, 50)
         self.assertEqual(cli.run_hash(self.succeed("replay", recording, scene).stdout), cli.run_hash(done.stdout))
         self.assertEqual(self.succeed("export", recording, scene, "-o", left).stdout, f"removed {removed:.1f} mm3 of femur\n")
+        # and the report tells the same, with how deep: below the femur's surface, which it has to prepare
+        page = self.folder / "run.html"
+        self.succeed("report", recording, scene, "-o", page)
+        row = re.search(r'What was removed.*?</svg>femur</th><td>([\d.]+)</td><td>[\d.]+</td><td>[\d.]+</td><td>[\d.]+</td><td>([\d.]+)</td>',
+                        page.read_text(), re.DOTALL)
+        self.assertAlmostEqual(float(row.group(1)), removed, delta=max(0.06, 0.006 * removed))
+        self.assertGreater(float(row.group(2)), 0.1)
         # whole voxels, which are coarse: the femur has less of them, and nothing else
         before, after = (dict(re.findall(r"^ *\d+ +(\w+) +(\d+) ", self.succeed("info", file).stdout, re.MULTILINE))
                          for file in (next((self.folder / "knee").glob("*.seg.nrrd")), left))

@@ -1,0 +1,168 @@
+#include "report/removal_figures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace palpate::report {
+namespace {
+
+constexpr double kAlongAxis_mm = 0.1;
+constexpr int kWaysOut = 256;
+
+// evenly spread on the sphere: a spiral from pole to pole by the golden angle
+std::vector<Vector<Patient>> ways_out() {
+  std::vector<Vector<Patient>> ways;
+  const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
+  for (int n = 0; n < kWaysOut; ++n) {
+    const double z = 1 - (2 * n + 1.0) / kWaysOut, around = std::sqrt(1 - z * z);
+    ways.emplace_back(around * std::cos(n * golden), around * std::sin(n * golden), z);
+  }
+  return ways;
+}
+
+/// Below which a structure's depth is told.
+/// @param inside  the centre of one of its voxels, where every surface around the structure is negative and
+///                those of others are not
+const Surface* surface_of(const Model& model, LabelId label, const Point<Patient>& inside) {
+  const auto& labels = model.label_of_surface;
+  const auto place = static_cast<std::size_t>(std::ranges::find(labels, label) - labels.begin());
+  if (place >= labels.size() || place >= model.surfaces.size()) return nullptr;
+  const FeltSurface& own = model.surfaces[place];
+  if (own.surface != nullptr) return own.surface.get();
+  const Surface* outermost = nullptr;
+  double least_mm = std::numeric_limits<double>::infinity();
+  for (const FeltSurface& felt : std::span(model.surfaces).subspan(labels.size())) {
+    if (felt.surface == nullptr || felt.layer != own.layer) continue;
+    const double distance_mm = felt.surface->distance_mm(inside);
+    if (distance_mm >= least_mm) continue;
+    least_mm = distance_mm;
+    outermost = felt.surface.get();
+  }
+  return outermost;
+}
+
+double deepest_mm(const Surface& surface, const Sweep& sweep) {
+  const Vector<Patient> way = sweep.to - sweep.from;
+  const int steps = static_cast<int>(std::ceil(way.norm() / kAlongAxis_mm));
+  double depth_mm = -std::numeric_limits<double>::infinity();
+  for (int n = 0; n <= steps; ++n) {
+    const Point<Patient> at = sweep.from + way * (steps > 0 ? static_cast<double>(n) / steps : 0.0);
+    depth_mm = std::max(depth_mm, sweep.radius_mm + depth_below_mm(surface, at));
+  }
+  return depth_mm;
+}
+
+}  // namespace
+
+double depth_below_mm(const Surface& surface, const Point<Patient>& x) {
+  constexpr double kLeastReach_mm = 0.5;
+  // nearer to its end a cell may have corners beyond it
+  const double reach_mm = surface.outside_mm() - surface.position().geometry().spacing_mm.norm();
+  const double depth_mm = -surface.distance_mm(x);
+  if (depth_mm < reach_mm || reach_mm < kLeastReach_mm) return depth_mm;
+  // Where the distance is at its end the surface is at least so far away in every direction: each way goes on
+  // by that, until what is left of it is measured.
+  static const std::vector<Vector<Patient>> ways = ways_out();
+  double shortest_mm = std::numeric_limits<double>::infinity();
+  for (const Vector<Patient>& way : ways)
+    for (double gone_mm = reach_mm; gone_mm < shortest_mm; gone_mm += reach_mm) {
+      const double left_mm = -surface.distance_mm(x + way * gone_mm);
+      if (left_mm < reach_mm) shortest_mm = std::min(shortest_mm, gone_mm + std::max(0.0, left_mm));
+    }
+  return shortest_mm;
+}
+
+double RemovalFigures::volume_mm3() const {
+  double sum_mm3 = 0;
+  for (const StructureRemoval& structure : structures) sum_mm3 += structure.volume_mm3;
+  return sum_mm3;
+}
+
+std::vector<double> RemovalFigures::gone_mm3(std::size_t structure, std::span<const double> times_s) const {
+  std::vector<double> gone;
+  double mm3 = 0;
+  auto step = steps.begin();
+  for (const double time_s : times_s) {
+    for (; step != steps.end() && step->time_s <= time_s; ++step)
+      if (structure < step->volumes_mm3.size()) mm3 = step->volumes_mm3[structure];
+    gone.push_back(mm3);
+  }
+  return gone;
+}
+
+RemovalMeter::RemovalMeter(int devices, const Model& model)
+    : devices_(devices), model_(model), removed_(model) {}
+
+void RemovalMeter::hear(std::span<const RecordingEvent> events) {
+  if (model_.labels == nullptr) return;
+  for (const RecordingEvent& event : events)
+    if (event.kind == RecordingEvent::Kind::kSweep ||
+        (event.kind == RecordingEvent::Kind::kModel && event.change.tissue == ModelChange::kCut))
+      heard_.push_back(event);
+}
+
+void RemovalMeter::see(const TimedTick& now) {
+  for (; !heard_.empty() && heard_.front().tick <= now.tick.tick; heard_.pop_front()) {
+    if (heard_.front().kind == RecordingEvent::Kind::kSweep)
+      waiting_.push_back(cut_of(heard_.front().sweep));
+    else
+      take_away(now.begin_s);
+  }
+  if (!model_.tool.burr) return;
+  const int pedal = model_.tool.burr->pedal;
+  const auto treads = [&](const DeviceTick& device) {
+    return pedal >= 0 && (device.buttons >> pedal & 1u) != 0;
+  };
+  const auto devices = std::span(now.tick.device).first(static_cast<std::size_t>(devices_));
+  if ((now.tick.switches & kSwitchMotor) != 0 || std::ranges::any_of(devices, treads))
+    figures_.motor_s += now.end_s - now.begin_s;
+}
+
+void RemovalMeter::take_away(double time_s) {
+  const auto before_mm3 = volumes_mm3_;
+  for (const Cut& cut : waiting_) take_away(cut, time_s);
+  waiting_.clear();
+  if (volumes_mm3_ == before_mm3) return;
+  RemovalStep& step = figures_.steps.emplace_back();
+  step.time_s = time_s;
+  for (const StructureRemoval& structure : figures_.structures)
+    step.volumes_mm3.push_back(structure.volume_mm3);
+}
+
+void RemovalMeter::take_away(const Cut& cut, double time_s) {
+  removed_.add({&cut, 1});
+  for (const auto& [label, mm3] : removed_.by_label_mm3()) {
+    if (mm3 == volumes_mm3_[label]) continue;
+    volumes_mm3_[label] = mm3;
+    auto& structures = figures_.structures;
+    auto found = std::ranges::find(structures, label, &StructureRemoval::label);
+    if (found == structures.end()) {
+      if (structure_.empty()) count_voxels();
+      const auto& [i, j, k] = structure_[label].first;
+      const Point<Patient> inside = model_.labels->geometry().X_PatientVoxel() * Point<Voxel>(i, j, k);
+      surface_.push_back(surface_of(model_, label, inside));
+      found = structures.insert(structures.end(), {.label = label, .first_s = time_s});
+    }
+    const double all_mm3 =
+        static_cast<double>(structure_[label].voxels) * model_.labels->geometry().spacing_mm.prod();
+    found->volume_mm3 = mm3;
+    found->part = mm3 / all_mm3;
+    found->last_s = time_s;
+    const Surface* surface = surface_[static_cast<std::size_t>(found - structures.begin())];
+    if (surface != nullptr) found->depth_mm = std::fmax(found->depth_mm, deepest_mm(*surface, cut.sweep));
+  }
+}
+
+void RemovalMeter::count_voxels() {
+  structure_.resize(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
+  model_.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+    for (int n = 0; n < piece.count; ++n) {
+      Structure& structure = structure_[piece.voxels[n]];
+      if (structure.voxels++ == 0) structure.first = {piece.i + n, piece.j, piece.k};
+    }
+  });
+}
+
+}  // namespace palpate::report

@@ -1,0 +1,58 @@
+#include <algorithm>
+
+#include "report/html.h"
+#include "report/parts.h"
+
+namespace palpate::report {
+namespace {
+
+std::string removal_row(const std::string& heading, double volume_mm3, const std::string& part,
+                        double first_s, double last_s, const std::string& depth) {
+  return "<tr><th scope=\"row\">" + heading + "</th>" + cell(three_digits(volume_mm3)) + cell(part) +
+         cell(number(first_s, 2)) + cell(number(last_s, 2)) + cell(depth) + "</tr>\n";
+}
+
+std::string removal_table(const Run& run) {
+  std::string html =
+      "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">Structure</th><th scope=\"col\">Volume "
+      "<span "
+      "class=\"unit\">mm\u00b3</span></th><th scope=\"col\">Part of the structure <span class=\"unit\">%"
+      "</span></th><th scope=\"col\">First cut <span class=\"unit\">s</span></th><th scope=\"col\">Last cut "
+      "<span class=\"unit\">s</span></th><th scope=\"col\">Greatest depth <span "
+      "class=\"unit\">mm</span></th></tr></thead><tbody>\n";
+  double first_s = run.removal.structures.front().first_s, last_s = 0;
+  for (const StructureRemoval& structure : run.removal.structures) {
+    html += removal_row(swatch(run.colour(structure.label)) + escape(run.name(structure.label)),
+                        structure.volume_mm3, three_digits(100 * structure.part), structure.first_s,
+                        structure.last_s, number(structure.depth_mm, 2));
+    first_s = std::min(first_s, structure.first_s);
+    last_s = std::max(last_s, structure.last_s);
+  }
+  html += removal_row("All", run.removal.volume_mm3(), "", first_s, last_s, "") + "</tbody></table></div>\n";
+  return html +
+         "<p class=\"hint\">Depth: how far the burr's far side got below the structure's surface as it was "
+         "prepared, while it took something of it. Something counts as gone from when it was felt to be, "
+         "some "
+         "10 to 40 ms after it was cut.</p>\n";
+}
+
+}  // namespace
+
+std::string removal_html(const Run& run) {
+  const RemovalFigures& removal = run.removal;
+  if (removal.structures.empty() && removal.motor_s == 0) return "";
+  std::string html =
+      "<section class=\"card\" aria-labelledby=\"removal-title\"><h2 id=\"removal-title\">What was "
+      "removed</h2>\n<dl class=\"provenance\">\n";
+  html += entry("Motor switched on", number(removal.motor_s, 2) + " s") + "</dl>\n";
+  if (removal.structures.empty())
+    return html + "<p class=\"empty\">The burr took nothing away.</p></section>\n";
+  return html + removal_table(run) +
+         "<div class=\"plot\"><h3 id=\"removed-title\">Removed <span class=\"unit\">mm\u00b3</span></h3><div "
+         "class=\"canvas\" id=\"plot-removed\" role=\"img\" aria-label=\"Volume removed of each structure "
+         "over " +
+         number(run.duration_s, 1) + " s; " + three_digits(removal.volume_mm3()) +
+         " cubic millimetres in all\"></div></div>\n</section>\n";
+}
+
+}  // namespace palpate::report
