@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "palpate/bricks.h"
 #include "palpate/progress.h"
 #include "palpate/volume.h"
 #include "preparation/gaussian_slices.h"
