@@ -57,6 +57,24 @@ class BurrRun : public ::testing::Test {
   std::uint64_t run_hash_ = 0;
 };
 
+TEST(BurrScene, AStepThatFailsSwitchesTheMotorOff) {
+  // on along the surface until there is none of it
+  const Script script = parse_script(
+                            "[[step]]\napproach = \"ball\"\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n"
+                            "[[step]]\nslide = 200\ndirection = \"left\"\nspeed = 60\n",
+                            "failing script")
+                            .value();
+  const test::TemporaryFolder folder;
+  const auto simulated = simulate(loaded_burr(), script, {}, folder / "run.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  ASSERT_EQ(simulated->failed_steps, 1u);
+  const auto recording = read_recording(folder / "run.h5");
+  ASSERT_TRUE(recording.ok()) << recording.error().message();
+  const auto motor = [](const RecordingEvent& event) { return event.kind == EventKind::kMotor; };
+  EXPECT_EQ(std::ranges::count_if(recording->events, motor), 2);
+  EXPECT_EQ(recording->ticks.back().switches & kSwitchMotor, 0u);
+}
+
 TEST_F(BurrRun, EveryCutStandsInTheRecording) {
   EXPECT_EQ(count(EventKind::kMotor), 2);
   EXPECT_GT(count(EventKind::kModel), 20);
