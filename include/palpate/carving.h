@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/haptics.h"
+#include "palpate/stroke_history.h"
 #include "palpate/telemetry.h"
 
 /// Tissue that is taken away by a tool. A surface is carved as it was prepared and never smoothed anew: what
@@ -18,6 +19,8 @@ namespace palpate {
 struct Sweep {
   Point<Patient> from, to;
   double radius_mm = 0;  ///< above 0
+  /// By which it can be undone, counted from the motor's first start (StrokeHistory). No part of its shape.
+  std::uint32_t stroke = 0;
 };
 /// mm, at least 0.
 double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x);
@@ -82,7 +85,8 @@ struct Cut {
 Cut cut_of(const SweepRecord& sweep);
 SweepRecord plain(const Cut& cut);
 
-/// All that was ever taken from a model's surfaces and labels. A version is a value, as that of a surface.
+/// All that is taken from a model's surfaces and labels. A version is a value, as that of a surface. It holds
+/// what the last kMostUndone strokes led from and to, which shares everything that did not change.
 class Carving {
  public:
   /// Nothing taken yet.
@@ -91,21 +95,42 @@ class Carving {
   /// felt and not kept are gone where their voxels' centres were swept.
   std::shared_ptr<const Carving> with(std::span<const Cut> cuts) const;
 
-  /// How many sweeps of a device's burr there are in it, counted from the start.
+  /// As it was before the last stroke, or where one that was undone led to. Null: there is none. The same
+  /// bits as then, but for sweeps().
+  std::shared_ptr<const Carving> undone() const;
+  std::shared_ptr<const Carving> redone() const;
+  std::size_t strokes_to_undo() const { return strokes_.done().size(); }
+  std::size_t strokes_to_redo() const { return strokes_.undone().size(); }
+
+  /// How many sweeps of a device's burr it has taken, counted from the start; those that were undone too.
   std::uint64_t sweeps(std::size_t device) const { return sweeps_[device]; }
-  /// The next version of a model that has less taken from it, or nothing: a local edit.
+  /// Model::content_hash with this taken from it. @param uncut  Model::uncut_hash, which it is where nothing
+  /// is
+  std::uint64_t content_hash(std::uint64_t uncut) const;
+  /// The next version of a model that has other parts taken from it, or nothing: a local edit.
   /// @param felt  the model that the carving was begun with, or one that followed from it
   std::shared_ptr<const Model> taken_from(const Model& felt) const;
 
  private:
+  // what is left
+  struct Left {
+    std::vector<std::shared_ptr<const CarvedSurface>> surfaces;  // null: nothing is taken from it
+    std::shared_ptr<const Bricks<LabelId>> labels;
+    std::uint64_t hash = 0;  // of all cuts that led to it, in their order; 0: of none
+  };
+  struct Stroke {
+    std::shared_ptr<const Left> before, after;  // after: once it was undone
+  };
+  void take(std::span<const Cut> cuts);
+
   // by surface; null: it is met by common ones, or nothing is taken from it
   std::vector<std::shared_ptr<const Surface>> made_;
-  std::vector<std::shared_ptr<const CarvedSurface>> carved_;  // null: nothing is taken from it
-  std::shared_ptr<const Bricks<LabelId>> made_labels_, labels_;
+  std::shared_ptr<const Bricks<LabelId>> made_labels_;
   std::vector<bool> is_cut_;                          // by label
   std::vector<std::shared_ptr<const Surface>> kept_;  // of structures of which nothing is taken
   std::array<std::uint64_t, kMaxDevices> sweeps_{};
-  std::uint64_t hash_;  // of all cuts, in their order
+  Left left_;
+  StrokeHistory<Stroke> strokes_;
 };
 
 }  // namespace palpate

@@ -79,10 +79,11 @@ class Carving;
 /// not change are shared between versions.
 struct Model {
   std::uint32_t version = 1;
-  /// So many of the versions up to this one were local edits, which took away and changed nothing else: their
-  /// forces are not blended in, and what they left alone is felt on as if there had been none.
+  /// So many of the versions up to this one were local edits, which took away or put back and changed nothing
+  /// else: their forces are not blended in, and what they left alone is felt on as if there had been none.
   std::uint32_t edits = 0;
   std::uint64_t content_hash = 0;  ///< of field, labels, tissues, tool, limits and the methods' settings
+  std::uint64_t uncut_hash = 0;    ///< what it would be with nothing taken away
   std::string title;
   Side side = Side::kUnknown;
   bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies

@@ -24,6 +24,7 @@ struct Burr {
   double most_press_N = std::numeric_limits<double>::infinity();
   /// It is held out of those that are kept.
   std::span<const ProtectedStructure> spared = {};
+  std::uint32_t stroke = 0;  ///< of what it sweeps
 };
 
 /// What it has done that is not in the surfaces yet, and what is remembered between two ticks. Without
@@ -40,7 +41,7 @@ struct BurrState {
   double work_mJ = 0;            ///< of the motor, since the start
   double taken_mm3 = 0;          ///< since the start, as the law reckons it
   int layer = -1;                ///< of the proxy's, in which it cuts; -1: none
-  bool closed = false;           ///< the last sweep grows no more
+  bool closed = false;           ///< the last sweep grows no more, as that of a burr that stands still
   double open_s = 0;             ///< since it began
   bool full = false;             ///< no room for what it sweeps: it cuts nothing until the surfaces are made
   std::uint64_t first = 0;       ///< number of the first of the sweeps here, counted from the start
@@ -73,7 +74,8 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options = {});
 
 /// The surfaces are now those without the first so many of the sweeps, counted from the start. To be called
-/// before keep_proxy.
+/// before keep_proxy. Where something was put back around the burr, it lies in it as deep as if it had sunk
+/// in, and comes out as it came in; one whose middle is in it does not fit at all, and keep_proxy lets it go.
 void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::uint64_t carved,
                  const ProxyState& proxy, BurrState& state);
 

@@ -6,9 +6,11 @@
 #include <memory>
 #include <span>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "palpate/carving.h"
+#include "palpate/stroke_history.h"
 
 namespace palpate {
 
@@ -22,6 +24,9 @@ class RemovedVolume {
   explicit RemovedVolume(const Model& model);
 
   void add(std::span<const Cut> cuts);
+  /// The last stroke counts no more, or again (as Carving::undone); false where there is none.
+  bool undo();
+  bool redo();
   /// How near the burr came, where it cut, to each structure that is protected: from its ball to the
   /// structure as prepared; 0 where it touched that. Nothing of those whose distances do not reach so far, 10
   /// mm from the ball's middle in a session.
@@ -30,8 +35,14 @@ class RemovedVolume {
   std::map<LabelId, double> by_label_mm3() const;
 
  private:
-  void add(const Sweep& sweep);
+  // what a stroke was the first to sweep, and how near it all was before it and after it
+  struct Stroke {
+    std::vector<std::pair<std::size_t, std::uint64_t>> swept;  // places of a voxel, by its index
+    std::map<LabelId, double> nearest_before_mm, nearest_after_mm;
+  };
+  void add(const Sweep& sweep, Stroke& stroke);
   void come_near(const Sweep& sweep, const ProtectedStructure& structure);
+  LabelId label_of(std::size_t voxel) const;
 
   std::shared_ptr<const Bricks<LabelId>> labels_;
   std::vector<bool> is_cut_;  // by label
@@ -39,6 +50,7 @@ class RemovedVolume {
   std::map<LabelId, double> nearest_mm_;
   std::unordered_map<std::size_t, std::uint64_t> swept_;  // places of a voxel, by its index
   std::map<LabelId, std::uint64_t> places_;               // that are swept
+  StrokeHistory<Stroke> strokes_;
 };
 
 }  // namespace palpate

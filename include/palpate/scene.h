@@ -13,6 +13,7 @@
 
 #include "palpate/haptics.h"
 #include "palpate/preparation.h"
+#include "palpate/telemetry.h"
 #include "palpate/volume.h"
 #include "palpate/workspace.h"
 
@@ -260,12 +261,18 @@ struct MethodStep {
 struct MotorStep {
   bool on = true;
 };
+/// Undo the last stroke of a tool that cuts, or do it again.
+struct StrokeStep {
+  StrokeAction action = StrokeAction::kUndo;
+};
 /// Withdraw along the path of approach.
 struct LeaveStep {
   double speed_mm_s = 60;
 };
-using ScriptStep =
-    std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep, LeaveStep, MotorStep>;
+using ScriptStep = std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep,
+                                LeaveStep, MotorStep, StrokeStep>;
+/// Press, hold, slide and leave need the contact that an approach before them makes.
+bool needs_contact(const ScriptStep& step);
 
 struct Script {
   std::string title;
@@ -280,8 +287,8 @@ struct Script {
   int device_line = 0, hand_line = 0;  ///< 0: the script does not name it
   std::string source;
 };
-/// press, hold, slide and leave need the contact that an approach before them makes, and an approach needs
-/// the one before it to be left: errors with their line. Device and hand are looked up by the session.
+/// What needs contact comes after an approach, and an approach after the one before it was left: errors with
+/// their line. Device and hand are looked up by the session.
 Result<Script> parse_script(std::string_view text, const std::string& source);
 Result<Script> load_script(const std::filesystem::path& file);
 

@@ -153,6 +153,9 @@ struct SessionState {
   double rotation_elapsed_s = 1.0;
   // what made the last forces, 0 before the first tick: another value starts a blend
   std::uint64_t made_by = 0;
+  // of tools that cut: how often a motor was switched on while all were off, and whether one is on
+  std::uint32_t strokes = 0;
+  bool motor_on = false;
   std::array<Hand, kMaxDevices> hands;
   /// Those of the model of the last tick, by which a new version's are told from other ones. They follow from
   /// that version, which the hash knows.

@@ -61,9 +61,13 @@ struct SweepRecord {
   std::uint32_t device = 0;  ///< whose burr it was
   std::array<double, 3> from_mm{}, to_mm{};
   double radius_mm = 0;
+  std::uint32_t stroke = 0;  ///< counted from the motor's first start
 
   friend bool operator==(const SweepRecord&, const SweepRecord&) = default;
 };
+
+/// What can become of a burr's stroke, which is what it takes away from its motor's start to its stop.
+enum class StrokeAction : std::uint8_t { kUndo, kRedo };
 
 struct DeviceTick {
   // in

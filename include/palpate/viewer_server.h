@@ -123,8 +123,10 @@ struct ViewedState {
   /// Why the method that was asked for last could not be made ready, its name as the place.
   std::optional<Error> method_failure;
   bool friction = true, viscosity = true, passivity = true, paused = false;
-  bool motor = false;                     ///< of a tool that cuts
-  std::uint64_t sweeps = 0;               ///< of a burr, that are taken from what the scene shows
+  bool motor = false;                    ///< of a tool that cuts
+  std::uint64_t sweeps = 0;              ///< of a burr, that are taken from what the scene shows
+  std::vector<std::uint64_t> undone_to;  ///< how many of them were left after each undo until now
+  std::size_t strokes_to_undo = 0, strokes_to_redo = 0;
   std::map<LabelId, double> removed_mm3;  ///< by them, of each structure
   std::map<LabelId, double> nearest_mm;   ///< the ball came so near to what is protected
   double max_force_N = 0;
@@ -164,6 +166,12 @@ struct SettingsRequest {
 struct TissueRequest {
   int tissue = 0;
   std::optional<double> stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm;
+  ViewerIdentity by;
+  std::int64_t id = 0;
+};
+/// The last stroke of a burr undone, or the last one that was undone done again.
+struct StrokeRequest {
+  StrokeAction action = StrokeAction::kUndo;
   ViewerIdentity by;
   std::int64_t id = 0;
 };
@@ -211,6 +219,7 @@ class ViewerHost {
   /// All of what is asked, or an error that names the value and nothing of it.
   virtual Result<Grant> set(const SettingsRequest& request) = 0;
   virtual Result<Grant> set(const TissueRequest& request) = 0;
+  virtual Result<Grant> set(const StrokeRequest& request) = 0;
   /// Answers to what was asked before, each once.
   virtual std::vector<LateAnswer> take_answers() = 0;
   /// A viewer is gone: what it has asked for and what nobody has agreed to yet is not done any more.

@@ -177,6 +177,7 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
   };
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
   if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
+  if (const auto* stroke = std::get_if<StrokeRequest>(&request.what)) return set(*stroke);
   const auto granted = [&]() -> Result<void> {
     if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
       return grant_pointer(viewer, *pointer);
@@ -215,24 +216,35 @@ std::string Hub::state_for(const Viewer& viewer) const {
   return state_json(state_, welcomed_, pointer_ == &viewer, viewer.identity().number);
 }
 
-std::string Hub::sweeps_after(std::uint64_t& had) const {
+std::string Hub::sweeps_after(SweepsHad& had) const {
   constexpr std::size_t kMostAtOnce = 200;
-  if (had == state_.sweeps) return {};
-  // a recording that was led back
-  if (had > state_.sweeps) {
-    had = 0;
-    if (state_.sweeps == 0) return sweeps_json(0, {});
-  }
+  had.count = std::min(had.count, state_.sweeps);
   const std::vector<SweepRecord> next =
-      host_.sweeps(had, std::min<std::uint64_t>(kMostAtOnce, state_.sweeps - had));
-  if (next.empty()) return {};
-  std::string text = sweeps_json(had, next);
-  had += next.size();
+      host_.sweeps(had.count, std::min<std::uint64_t>(kMostAtOnce, state_.sweeps - had.count));
+  // those beyond are to be forgotten
+  if (next.empty() && had.shown == had.count) return {};
+  std::string text = sweeps_json(had.count, next);
+  had.count += next.size();
+  had.shown = had.count;
   return text;
 }
 
+// how many sweeps at the beginning of both lists are the same
+std::uint64_t Hub::sweeps_in_common(const ViewedState& before, const ViewedState& now) {
+  std::uint64_t least = std::min(before.sweeps, now.sweeps);
+  // by all undos that lie between the two, whichever came first
+  const auto &more = before.undone_to.size() > now.undone_to.size() ? before : now,
+             &less = &more == &before ? now : before;
+  for (std::size_t n = less.undone_to.size(); n < more.undone_to.size(); ++n)
+    least = std::min(least, more.undone_to[n]);
+  return least;
+}
+
 void Hub::look_at_state() {
-  state_ = host_.state();
+  const ViewedState before = std::exchange(state_, host_.state());
+  const std::uint64_t in_common = sweeps_in_common(before, state_);
+  if (in_common < before.sweeps)
+    for (const auto& viewer : viewers_) viewer->keep_sweeps(in_common);
   std::string text = state_json(state_, welcomed_, false, 0);
   if (text == last_state_) return;
   last_state_ = std::move(text);

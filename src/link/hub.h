@@ -21,6 +21,12 @@ namespace palpate::link {
 class Connection;
 class Viewer;
 
+/// What a viewer has had of the sweeps.
+struct SweepsHad {
+  std::uint64_t count = 0;  ///< of those that there are now
+  std::uint64_t shown = 0;  ///< that it shows; those beyond `count` were undone
+};
+
 /// What the connections of one server share: the site, the session, who moves the tip. All of it on the
 /// server's thread.
 ///
@@ -82,10 +88,11 @@ class Hub {
   /// Tells every viewer what has changed since the last look.
   void look_at_state();
   std::string state_for(const Viewer& viewer) const;
-  /// The next sweeps for a viewer that has had so many, which go up by them; empty: there are no more.
-  std::string sweeps_after(std::uint64_t& had) const;
+  /// The next sweeps for a viewer, which has had them then; empty: there are no more.
+  std::string sweeps_after(SweepsHad& had) const;
 
  private:
+  static std::uint64_t sweeps_in_common(const ViewedState& before, const ViewedState& now);
   bool one_loads_alone() const;
   Result<Grant> grant(Viewer& viewer, const Request& request);
   Result<void> grant_rearm(Viewer& viewer, RearmRequest request);

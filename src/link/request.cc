@@ -202,6 +202,11 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     request.what = read_settings(fields);
   } else if (*type == "tissue") {
     request.what = read_tissue(fields);
+  } else if (*type == "undo" || *type == "redo") {
+    StrokeRequest stroke;
+    stroke.action = *type == "undo" ? StrokeAction::kUndo : StrokeAction::kRedo;
+    request.what = stroke;
+    fields.end();
   } else if (*type == "pointer") {
     request.what = read_pointer(fields);
   } else if (*type == "play") {

@@ -33,7 +33,8 @@ struct TipMessage {
 /// What is asked for under an id; an Error where the answer can only be that it is refused.
 struct Request {
   std::int64_t id = 0;
-  std::variant<SettingsRequest, TissueRequest, StopRequest, RearmRequest, PointerRequest, PlayRequest, Error>
+  std::variant<SettingsRequest, TissueRequest, StrokeRequest, StopRequest, RearmRequest, PointerRequest,
+               PlayRequest, Error>
       what;
 };
 

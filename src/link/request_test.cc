@@ -61,6 +61,9 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(tissue->dynamic_friction, 0.2);
   EXPECT_EQ(tissue->viscosity_N_s_per_mm, 0);
 
+  EXPECT_EQ(parsed<StrokeRequest>(R"({"type": "undo", "id": 8})")->action, StrokeAction::kUndo);
+  EXPECT_EQ(parsed<StrokeRequest>(R"({"type": "redo", "id": 8})")->action, StrokeAction::kRedo);
+  EXPECT_EQ(refused_at(R"({"type": "undo", "id": 8, "stroke": 1})"), "");
   EXPECT_TRUE(parsed<StopRequest>(R"({"type": "stop", "id": 3})"));
   EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7})")->stop, 7u);
   EXPECT_TRUE(parsed<PointerRequest>(R"({"type": "pointer", "id": 5, "take": true})")->take);

@@ -202,6 +202,7 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer, std:
   json["max_force_N"] = state.max_force_N;
   json["rotation_wxyz"] = state.rotation_wxyz;
   json["model_version"] = state.model_version;
+  json["strokes"] = {{"undo", state.strokes_to_undo}, {"redo", state.strokes_to_redo}};
   json["removed"] = Json::array();
   for (const auto& [label, mm3] : state.removed_mm3)
     json["removed"].push_back({{"label", label}, {"mm3", mm3}});

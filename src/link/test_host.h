@@ -67,9 +67,18 @@ class FakeHost : public ViewerHost {
       next.push_back({0, {static_cast<double>(n), 0, 0}, {0, 1, 0}, 2});
     return next;
   }
+  /// So many fewer.
   void uncut(std::uint64_t count) {
     const std::lock_guard lock(mutex_);
     state_.sweeps -= count;
+    ++state_.model_version;
+  }
+  /// So many are undone, and so many others cut at once.
+  void cut_anew(std::uint64_t undone, std::uint64_t count) {
+    const std::lock_guard lock(mutex_);
+    state_.sweeps -= undone;
+    state_.undone_to.push_back(state_.sweeps);
+    state_.sweeps += count;
     ++state_.model_version;
   }
   /// So many more, each of which begins at an x of its number.
@@ -93,6 +102,17 @@ class FakeHost : public ViewerHost {
     if (request.paused) state_.paused = *request.paused;
     if (request.motor) state_.motor = *request.motor;
     if (request.rotation_wxyz) state_.rotation_wxyz = *request.rotation_wxyz;
+    return Grant::kDone;
+  }
+  Result<Grant> set(const StrokeRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    asked_by_ = request.by;
+    const bool undo = request.action == StrokeAction::kUndo;
+    std::size_t &from = undo ? state_.strokes_to_undo : state_.strokes_to_redo,
+                &to = undo ? state_.strokes_to_redo : state_.strokes_to_undo;
+    if (from == 0) return Error{ErrorKind::kUsage, "there is no such stroke", "", ""};
+    --from;
+    ++to;
     return Grant::kDone;
   }
   Result<Grant> set(const TissueRequest& request) override {

@@ -59,6 +59,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool is_ending() const { return ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   Role role() const { return role_; }
+  /// Of the sweeps that it has had only so many are still there.
+  void keep_sweeps(std::uint64_t count) { sweeps_had_.count = std::min(sweeps_had_.count, count); }
   /// Its own among all that say hello to this server.
   void get_number(std::uint32_t number) { number_ = number; }
   ViewerIdentity identity() const { return {number_, role_ == Role::kControl}; }
@@ -96,7 +98,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::deque<std::string> answers_;
   bool deaf_ = false;  // has left requests undone, their answers having no place
   bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
-  std::uint64_t sweeps_had_ = 0;
+  SweepsHad sweeps_had_;
   std::uint64_t sequence_ = 0;
   PoseMessage pose_, pose_out_;
   std::string text_out_;

@@ -98,14 +98,34 @@ TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
   later.greet();
   std::uint64_t later_had = 0;
   hear(later, later_had, 453);
-  // what is there again: all begins anew
-  test.host.uncut(253);
-  std::uint64_t again = 0;
-  hear(later, again, 200);
-  test.host.uncut(200);
-  const Json none = later.text("cut");
-  EXPECT_EQ(none["first"], 0u);
-  EXPECT_TRUE(none["sweeps"].empty());
+  // what is there again is forgotten
+  for (const std::uint64_t left : {200u, 0u}) {
+    test.host.uncut(later_had - left);
+    const Json none = later.text("cut");
+    EXPECT_EQ(none["first"], left);
+    EXPECT_TRUE(none["sweeps"].empty());
+    later_had = left;
+  }
+  // others in place of some of them, as many as before
+  test.host.cut(50);
+  hear(later, later_had, 50);
+  test.host.cut_anew(20, 20);
+  later_had = 30;
+  hear(later, later_had, 50);
+}
+
+TEST(Viewer, StrokesAreUndoneAndDoneAgain) {
+  TestServer test;
+  test.host.change([](ViewedState& state) { state.strokes_to_undo = 1; });
+  TestViewer viewer(test.port());
+  viewer.greet();
+  viewer.send({{"type", "redo"}, {"id", 1}});
+  EXPECT_EQ(viewer.text("refused")["id"], 1);
+  viewer.send({{"type", "undo"}, {"id", 2}});
+  EXPECT_EQ(viewer.text("done")["id"], 2);
+  EXPECT_EQ(viewer.text("state")["strokes"], (Json{{"undo", 0}, {"redo", 1}}));
+  viewer.send({{"type", "redo"}, {"id", 3}});
+  EXPECT_EQ(viewer.text("done")["id"], 3);
 }
 
 TEST(Viewer, HealthComesWithThePoses) {

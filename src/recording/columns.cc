@@ -56,7 +56,9 @@ constexpr std::array kEventColumns{
         "from 1"},
     Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
            "model: place of the changed tissue in the scene, from 0; 4294967295: the fields of the direct "
-           "methods were made anew; 4294967294: it was cut by the sweeps before"},
+           "methods were made anew; 4294967294: it was cut by the sweeps before; 4294967293: the last stroke "
+           "was "
+           "undone; 4294967292: the last one that was undone was done again"},
     Column{"stiffness_N_per_mm", kF64, 1, PALPATE_EVENT(change.stiffness_N_per_mm), "N/mm", "-",
            "model: what the tissue has from then on"},
     Column{"static_friction", kF64, 1, PALPATE_EVENT(change.static_friction), "1", "-", "model: likewise"},
@@ -81,6 +83,8 @@ constexpr std::array kEventColumns{
            "sweep: where it went from there, in a straight line", nullptr, kWithinFormat},
     Column{"radius_mm", kF64, 1, PALPATE_EVENT(sweep.radius_mm), "mm", "-", "sweep: of the burr", nullptr,
            kWithinFormat},
+    Column{"stroke", kU32, 1, PALPATE_EVENT(sweep.stroke), "1", "-",
+           "sweep: of which stroke it is, counted from the motor's first start", nullptr, kWithinFormat},
 };
 
 constexpr std::array kDeviceColumns{

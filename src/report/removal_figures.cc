@@ -99,17 +99,27 @@ void RemovalMeter::hear(std::span<const RecordingEvent> events) {
   if (model_.labels == nullptr) return;
   for (const RecordingEvent& event : events)
     if (event.kind == RecordingEvent::Kind::kSweep ||
-        (event.kind == RecordingEvent::Kind::kModel && event.change.tissue == ModelChange::kCut))
+        (event.kind == RecordingEvent::Kind::kModel &&
+         (event.change.tissue == ModelChange::kCut || event.change.is_of_stroke())))
       heard_.push_back(event);
 }
 
-void RemovalMeter::see(const TimedTick& now) {
-  for (; !heard_.empty() && heard_.front().tick <= now.tick.tick; heard_.pop_front()) {
-    if (heard_.front().kind == RecordingEvent::Kind::kSweep)
-      waiting_.push_back(cut_of(heard_.front().sweep));
-    else
-      take_away(now.begin_s);
+void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
+  if (event.kind == RecordingEvent::Kind::kSweep) {
+    waiting_.push_back(cut_of(event.sweep));
+    return;
   }
+  const auto before_mm3 = volumes_mm3_;
+  if (event.change.is_of_stroke())
+    change_stroke(event.change);
+  else
+    take_away(time_s);
+  if (volumes_mm3_ != before_mm3) add_step(time_s);
+}
+
+void RemovalMeter::see(const TimedTick& now) {
+  for (; !heard_.empty() && heard_.front().tick <= now.tick.tick; heard_.pop_front())
+    hear(heard_.front(), now.begin_s);
   if (!model_.tool.burr) return;
   const int pedal = model_.tool.burr->pedal;
   const auto treads = [&](const DeviceTick& device) {
@@ -121,17 +131,46 @@ void RemovalMeter::see(const TimedTick& now) {
 }
 
 void RemovalMeter::take_away(double time_s) {
-  const auto before_mm3 = volumes_mm3_;
   for (const Cut& cut : waiting_) take_away(cut, time_s);
   waiting_.clear();
-  if (volumes_mm3_ == before_mm3) return;
+}
+
+void RemovalMeter::add_step(double time_s) {
   RemovalStep& step = figures_.steps.emplace_back();
   step.time_s = time_s;
   for (const StructureRemoval& structure : figures_.structures)
     step.volumes_mm3.push_back(structure.volume_mm3);
 }
 
+void RemovalMeter::change_stroke(const ModelChange& change) {
+  if (change.tissue == ModelChange::kUndo) {
+    strokes_.undo();
+    removed_.undo();
+  } else {
+    strokes_.redo();
+    removed_.redo();
+  }
+  const std::map<LabelId, double> left_mm3 = removed_.by_label_mm3();
+  for (StructureRemoval& structure : figures_.structures) {
+    const auto left = left_mm3.find(structure.label);
+    structure.volume_mm3 = left != left_mm3.end() ? left->second : 0;
+    structure.part = structure.volume_mm3 / all_mm3(structure.label);
+    volumes_mm3_[structure.label] = structure.volume_mm3;
+  }
+}
+
+RemovalFigures RemovalMeter::finish() {
+  figures_.undone = figures_.strokes - strokes_.done().size();
+  return std::move(figures_);
+}
+
+double RemovalMeter::all_mm3(LabelId label) const {
+  return static_cast<double>(structure_[label].voxels) * model_.labels->geometry().spacing_mm.prod();
+}
+
 void RemovalMeter::take_away(const Cut& cut, double time_s) {
+  if (!strokes_.goes_on(cut.sweep.stroke))
+    strokes_.begin(cut.sweep.stroke, ++figures_.strokes, std::numeric_limits<std::size_t>::max());
   removed_.add({&cut, 1});
   for (const auto& [label, mm3] : removed_.by_label_mm3()) {
     if (mm3 == volumes_mm3_[label]) continue;
@@ -145,10 +184,8 @@ void RemovalMeter::take_away(const Cut& cut, double time_s) {
       surface_.push_back(surface_of(model_, label, inside));
       found = structures.insert(structures.end(), {.label = label, .first_s = time_s});
     }
-    const double all_mm3 =
-        static_cast<double>(structure_[label].voxels) * model_.labels->geometry().spacing_mm.prod();
     found->volume_mm3 = mm3;
-    found->part = mm3 / all_mm3;
+    found->part = mm3 / all_mm3(label);
     found->last_s = time_s;
     const Surface* surface = surface_[static_cast<std::size_t>(found - structures.begin())];
     if (surface != nullptr) found->depth_mm = std::fmax(found->depth_mm, deepest_mm(*surface, cut.sweep));

@@ -19,8 +19,8 @@ namespace palpate::report {
 /// without it, which is some 10 to 40 ms after the burr swept it.
 struct StructureRemoval {
   LabelId label = 0;
-  double volume_mm3 = 0;           ///< RemovedVolume
-  double part = 0;                 ///< of what the structure was when the run began, 0 ... 1
+  double volume_mm3 = 0;           ///< RemovedVolume; without what was undone, alone of all these
+  double part = 0;                 ///< likewise, of what the structure was when the run began, 0 ... 1
   double first_s = 0, last_s = 0;  ///< on the run's clock: the first and the last tick in which more was gone
   /// mm: how deep the far side of the burr's ball got below the surface of the structure as it was prepared,
   /// while it took something of the structure: the greatest of radius - signed distance over places of the
@@ -40,7 +40,9 @@ struct RemovalStep {
 
 struct RemovalFigures {
   std::vector<StructureRemoval> structures;  ///< in the order in which they were first cut
-  std::vector<RemovalStep> steps;            ///< rising in time and in every volume
+  std::vector<RemovalStep> steps;            ///< rising in time
+  std::size_t strokes = 0;  ///< from the motor's start to its stop, in which something was cut
+  std::size_t undone = 0;   ///< of them, when the run ended
   /// How long the motor was asked to run, by its switch or by the pedal that the model names. It stands
   /// still, and counts all the same, while the hand gets no force.
   double motor_s = 0;
@@ -61,20 +63,25 @@ class RemovalMeter {
   void hear(std::span<const RecordingEvent> events);
   void see(const TimedTick& now);
   /// After the last tick. Sweeps that no tick's model was cut by are left out.
-  RemovalFigures finish() { return std::move(figures_); }
+  RemovalFigures finish();
 
  private:
   struct Structure {
     std::size_t voxels = 0;
     std::array<int, 3> first{};  // of its voxels
   };
+  void hear(const RecordingEvent& event, double time_s);
+  void change_stroke(const ModelChange& change);
   void take_away(double time_s);
   void take_away(const Cut& cut, double time_s);
   void count_voxels();
+  double all_mm3(LabelId label) const;
+  void add_step(double time_s);
 
   int devices_;
   const Model& model_;
   RemovedVolume removed_;
+  StrokeHistory<std::size_t> strokes_;     // their numbers in their order
   std::map<LabelId, double> volumes_mm3_;  // so far
   std::deque<RecordingEvent> heard_;       // sweeps and cuts that no tick has felt yet
   std::vector<Cut> waiting_;               // of the next version that is cut

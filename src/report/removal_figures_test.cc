@@ -98,6 +98,45 @@ TEST(Removal, OfABallThroughASlabIsKnown) {
   }
 }
 
+RecordingEvent changed(std::uint64_t tick, std::uint32_t action) {
+  RecordingEvent event = felt_cut(tick);
+  event.change.tissue = action;
+  return event;
+}
+
+TEST(Removal, WhatIsUndoneIsNotGone) {
+  const Model model = bone_below();
+  const Sweep first{{-5, 0, kTop_mm}, {-4, 0, kTop_mm}, 2, 1};
+  const Sweep second{{5, 0, kTop_mm}, {5, 0, kTop_mm - 1.5}, 1, 2};
+  std::vector<RecordingEvent> events{swept(10, first), felt_cut(10), swept(20, second), felt_cut(20),
+                                     changed(30, ModelChange::kUndo)};
+  const RemovalFigures undone = figures_of(ticks_with(events), model);
+  const RemovalFigures alone = figures_of(ticks_with({swept(10, first), felt_cut(10)}), model);
+  ASSERT_EQ(undone.structures.size(), 1u);
+  EXPECT_EQ(undone.volume_mm3(), alone.volume_mm3());
+  EXPECT_EQ(undone.structures[0].part, alone.structures[0].part);
+  EXPECT_EQ(undone.strokes, 2u);
+  EXPECT_EQ(undone.undone, 1u);
+  // it was cut for all that
+  EXPECT_NEAR(undone.structures[0].depth_mm, 2.5, 1e-3);
+  EXPECT_NEAR(undone.structures[0].last_s, 1.020, 1e-12);
+  ASSERT_EQ(undone.steps.size(), 3u);
+  const std::vector gone = undone.gone_mm3(0, std::vector{1.015, 1.025, 1.035});
+  EXPECT_GT(gone[1], gone[0]);
+  EXPECT_EQ(gone[2], gone[0]);
+
+  events.push_back(changed(35, ModelChange::kUndo));
+  const RemovalFigures none = figures_of(ticks_with(events), model);
+  EXPECT_EQ(none.volume_mm3(), 0);
+  EXPECT_EQ(none.undone, 2u);
+  events.push_back(changed(40, ModelChange::kRedo));
+  events.push_back(changed(41, ModelChange::kRedo));
+  const RemovalFigures all = figures_of(ticks_with(events), model);
+  EXPECT_EQ(all.volume_mm3(),
+            figures_of(ticks_with({events.begin(), events.begin() + 4}), model).volume_mm3());
+  EXPECT_EQ(all.undone, 0u);
+}
+
 TEST(Removal, HasItsTimesAndCountsWhatIsSweptTwiceOnce) {
   const Model model = bone_below();
   const Sweep first{{-5, 0, kTop_mm}, {-4.8, 0, kTop_mm}, 2};

@@ -33,7 +33,11 @@ std::string removal_table(const Run& run) {
          "<p class=\"hint\">Depth: how far the burr's far side got below the structure's surface as it was "
          "prepared, while it took something of it. Something counts as gone from when it was felt to be, "
          "some "
-         "10 to 40 ms after it was cut.</p>\n";
+         "10 to 40 ms after it was cut." +
+         std::string(run.removal.undone > 0 ? " Times and depths are of all that was cut, volumes without "
+                                              "what was undone."
+                                            : "") +
+         "</p>\n";
 }
 
 }  // namespace
@@ -44,7 +48,11 @@ std::string removal_html(const Run& run) {
   std::string html =
       "<section class=\"card\" aria-labelledby=\"removal-title\"><h2 id=\"removal-title\">What was "
       "removed</h2>\n<dl class=\"provenance\">\n";
-  html += entry("Motor switched on", number(removal.motor_s, 2) + " s") + "</dl>\n";
+  html += entry("Motor switched on", number(removal.motor_s, 2) + " s");
+  if (removal.undone > 0)
+    html += entry("Strokes", std::to_string(removal.strokes) + ", of which " +
+                                 std::to_string(removal.undone) + " undone");
+  html += "</dl>\n";
   if (removal.structures.empty())
     return html + "<p class=\"empty\">The burr took nothing away.</p></section>\n";
   return html + removal_table(run) +

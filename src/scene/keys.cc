@@ -624,7 +624,11 @@ const ScriptKeys& script_key_tables() {
              .meaning = "Of the withdrawal."}}},
           {"motor",
            "Switches the motor of a tool that cuts on or off, wherever the hand is.",
-           {{.name = "motor", .type = kFlag, .meaning = "`true`: on."}}}}};
+           {{.name = "motor", .type = kFlag, .meaning = "`true`: on."}}},
+          {"stroke",
+           "Undoes the last stroke of a tool that cuts, or does the last one again that was undone, wherever "
+           "the hand is. A stroke is what was cut from the motor's start to its stop. The motor is off.",
+           {{.name = "stroke", .type = kChoice, .choices = {"undo", "redo"}, .meaning = "Which of both."}}}}};
   return keys;
 }
 

@@ -113,6 +113,10 @@ ScriptStep read_motor(const TableReader& reader, Problems&) {
   return MotorStep{reader.flag("motor").value_or(true)};
 }
 
+ScriptStep read_stroke(const TableReader& reader, Problems&) {
+  return StrokeStep{reader.choice("stroke") == "redo" ? StrokeAction::kRedo : StrokeAction::kUndo};
+}
+
 ScriptStep read_leave(const TableReader& reader, Problems& problems) {
   LeaveStep step;
   if (!reader.flag("leave").value_or(true))
@@ -124,8 +128,8 @@ ScriptStep read_leave(const TableReader& reader, Problems& problems) {
 
 using ReadStep = ScriptStep (*)(const TableReader&, Problems&);
 // in the order of script_key_tables().actions
-constexpr std::array<ReadStep, 8> kReadStep{read_approach, read_press,  read_hold,  read_slide,
-                                            read_rotate,   read_method, read_leave, read_motor};
+constexpr std::array<ReadStep, 9> kReadStep{read_approach, read_press, read_hold,  read_slide, read_rotate,
+                                            read_method,   read_leave, read_motor, read_stroke};
 
 std::string action_names() {
   std::string names;
@@ -185,8 +189,7 @@ void check_order(const Script& script, Problems& problems) {
       }
       touching = approach;
       since = script.lines[i];
-    } else if (!std::holds_alternative<RotateStep>(step) && !std::holds_alternative<MethodStep>(step) &&
-               !std::holds_alternative<MotorStep>(step)) {
+    } else if (needs_contact(step)) {
       if (!touching)
         problems.add(script.lines[i], std::string(actions[step.index()].heading) + " without contact",
                      "put a step with approach = \"...\" before it");
@@ -218,6 +221,11 @@ void read_steps(const TableReader& top, Script& script, Problems& problems) {
 }
 
 }  // namespace
+
+bool needs_contact(const ScriptStep& step) {
+  return std::holds_alternative<PressStep>(step) || std::holds_alternative<HoldStep>(step) ||
+         std::holds_alternative<SlideStep>(step) || std::holds_alternative<LeaveStep>(step);
+}
 
 Result<Script> parse_script(std::string_view text, const std::string& source) {
   auto document = parse_toml(text, kMaxSceneBytes, source);

@@ -225,6 +225,114 @@ TEST(BurrTick, WhatWasSweptBeforeAJumpIsStillCarved) {
   EXPECT_EQ(led.burr().first, swept);
 }
 
+TEST(BurrTick, AStrokeIsFromTheMotorsStartToItsStop) {
+  LedSession led;
+  const auto press = [&](bool motor, double x_mm) {
+    led.parameters.motor = motor;
+    led.lead_to(led.above(0.2, x_mm), 50);
+    led.lead_to(led.above(-1, x_mm), 100);
+  };
+  press(true, 0);
+  EXPECT_EQ(led.state.strokes, 1u);
+  const std::uint64_t first = led.burr().first + static_cast<std::uint64_t>(led.burr().sweeps);
+  // without waiting for anything: the last sweep is finished in the tick in which the motor stops
+  led.parameters.motor = false;
+  led.tick_once();
+  EXPECT_EQ(finished_sweeps(led.burr()), first);
+  ASSERT_GT(first, 0u);
+  for (const Sweep& sweep : led.burr().pending()) EXPECT_EQ(sweep.stroke, 1u);
+  led.carve();
+  press(false, 6);
+  EXPECT_EQ(led.state.strokes, 1u);
+  press(true, 6);
+  EXPECT_EQ(led.state.strokes, 2u);
+  ASSERT_GT(led.burr().sweeps, 0);
+  for (const Sweep& sweep : led.burr().pending()) EXPECT_EQ(sweep.stroke, 2u);
+  led.carve();
+  EXPECT_EQ(led.carving->strokes_to_undo(), 2u);
+}
+
+// drills so deep, and leans on the ground of the hole with the motor off
+void drill(LedSession& led, double deep_mm) {
+  led.lead_to(led.above(0.2), 50);
+  for (int n = 0; n < 3000; ++n) {
+    const double in_mm = std::min(0.02 * n, deep_mm);
+    led.lead_to(led.above(-in_mm), 1);
+    if (n % 20 == 0) led.carve();
+  }
+  led.parameters.motor = false;
+  led.tick_once();
+  led.carve();
+  led.lead_to(led.above(-deep_mm - 1), 300);
+  ASSERT_GT(led.wrench.force_N.norm(), 0.3);
+  ASSERT_TRUE(led.state.hands[0].proxy.coupled);
+}
+
+TEST(BurrTick, InAShallowHoleThatIsPutBackItStays) {
+  LedSession led;
+  drill(led, 1.2);
+  led.carving = led.carving->undone();
+  led.model = led.carving->taken_from(*led.model);
+  const double before_N = led.wrench.force_N.norm();
+  for (int n = 0; n < 200; ++n) led.tick_once();
+  EXPECT_NEAR(led.wrench.force_N.norm(), before_N, 0.05);
+  // and finds the hole closed when it has left
+  led.lead_to(led.above(1), 100);
+  EXPECT_EQ(led.wrench.force_N.norm(), 0);
+  led.lead_to(led.above(-0.5), 100);
+  const Point<Patient> proxy = led.state.hands[0].proxy.position;
+  EXPECT_NEAR(led.model->surfaces[0].surface->distance_mm(proxy), kBurrRadius_mm, 0.05);
+}
+
+TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
+  LedSession led;
+  drill(led, 3);
+  led.carving = led.carving->undone();
+  led.model = led.carving->taken_from(*led.model);
+  double last_N = led.wrench.force_N.norm(), most_step_N = 0, passed_N = 0;
+  for (int n = 0; n < 200; ++n) {
+    led.tick_once();
+    const double now_N = led.wrench.force_N.norm();
+    most_step_N = std::max(most_step_N, std::abs(now_N - last_N));
+    passed_N = std::max(passed_N, now_N - last_N);
+    last_N = now_N;
+  }
+  EXPECT_EQ(last_N, 0) << "nobody knows on which side it is";
+  EXPECT_NE(led.record.device[0].flags & kFlagInside, 0u);
+  EXPECT_LE(passed_N, 0) << "nothing throws it out";
+  EXPECT_LT(most_step_N, 0.05);
+  // what its burr has swept is settled: it can be led out and cuts again
+  led.lead_to(led.above(1), 100);
+  EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u);
+  led.parameters.motor = true;
+  led.lead_to(led.above(-1), 200);
+  EXPECT_GT(led.wrench.force_N.norm(), 0.1);
+  EXPECT_GT(led.burr().sweeps, 0);
+}
+
+TEST(BurrTick, AnUndoElsewhereIsNotFelt) {
+  // stuck by friction on one side of the ball, while the other is carved and put back
+  LedSession alone, beside;
+  for (LedSession* led : {&alone, &beside}) {
+    led->parameters.motor = false;
+    led->lead_to(led->above(-0.5), 100);
+  }
+  for (int n = 0; n < 60; ++n) {
+    if (n % 10 == 0) {
+      const std::vector<Cut> cut{{1, {{-3, 0, -16}, {3, 0, -16}, 2}}};
+      beside.carving = n % 20 == 0 ? beside.carving->with(cut) : beside.carving->undone();
+      beside.model = beside.carving->taken_from(*beside.model);
+    }
+    const Point<World> to = alone.above(-0.5 - 0.001 * n, 0.0003 * n);
+    alone.lead_to(to, 1);
+    beside.lead_to(to, 1);
+    ASSERT_EQ(alone.wrench.force_N, beside.wrench.force_N) << n;
+    ASSERT_EQ(alone.state.hands[0].proxy.sticking, beside.state.hands[0].proxy.sticking);
+    ASSERT_EQ(alone.record.device[0].flags, beside.record.device[0].flags);
+  }
+  EXPECT_TRUE(alone.state.hands[0].proxy.sticking);
+}
+
 TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
   // twice as far away from where it is held, and limited to the same force
   double taken_mm3[2];

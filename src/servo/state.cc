@@ -54,6 +54,7 @@ void hash_burr(std::uint64_t& hash, const BurrState& burr) {
       hash_double(hash, sweep.to[axis]);
     }
     hash_double(hash, sweep.radius_mm);
+    hash_word(hash, sweep.stroke);
   }
 }
 
@@ -68,6 +69,8 @@ std::uint64_t SessionState::hash(int devices) const {
   hash_quaternion(hash, rotation_felt);
   hash_double(hash, rotation_elapsed_s);
   hash_word(hash, made_by);
+  // a tool that is no burr makes none
+  if (strokes > 0) hash_word(hash, std::uint64_t{strokes} << 1 | static_cast<std::uint64_t>(motor_on));
   for (int d = 0; d < devices; ++d) {
     hash_word(hash, hands[d].seen);
     for (int axis = 0; axis < 3; ++axis) {

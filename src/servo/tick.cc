@@ -128,23 +128,38 @@ bool outside(const Field& field, const Point<Patient>& x) {
   return false;
 }
 
+// by the switch or by its pedal
+bool is_switched_on(const Model& model, const Parameters& parameters, const DeviceState& device) {
+  if (!model.tool.burr) return false;
+  const int pedal = model.tool.burr->pedal;
+  return parameters.motor || (pedal >= 0 && (device.buttons >> pedal & 1u) != 0);
+}
+
 // It stands still while the hand gets no force by which it could tell what the tool does.
 MotorState motor_of(const Model& model, const Parameters& parameters, const DeviceParameters& own,
                     const DeviceState& device, double max_force_N, double dt_s, const OutputRequest& request,
-                    const OutputState& output) {
+                    const OutputState& output, std::uint32_t stroke) {
   if (!model.tool.burr) return {};
-  const int pedal = model.tool.burr->pedal;
-  const bool trodden = pedal >= 0 && (device.buttons >> pedal & 1u) != 0;
   const bool force = !request.off && request.faults == 0 && output.gain == 1 && !output.away;
-  const bool runs = (parameters.motor || trodden) && force;
-  return {runs, next_limit_N(own.limits, max_force_N, dt_s, output) / own.force_gain};
+  const bool runs = is_switched_on(model, parameters, device) && force;
+  return {runs, next_limit_N(own.limits, max_force_N, dt_s, output) / own.force_gain, stroke};
+}
+
+// a stroke is from the first motor's start to the last one's stop
+void count_strokes(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices,
+                   SessionState& state) {
+  const bool on = std::any_of(devices.begin(), devices.end(), [&](const DeviceState& device) {
+    return is_switched_on(model, parameters, device);
+  });
+  if (on && !state.motor_on) ++state.strokes;
+  state.motor_on = on;
 }
 
 void tick_device(const Model& model, std::size_t number, const Parameters& parameters,
                  const DeviceParameters& own, const DeviceState& device, double dt_s, bool changed,
                  std::span<const SurfaceBefore> before, const Transform<World, Patient>& X_WorldPatient,
-                 const Transform<Patient, World>& X_PatientWorld, SessionState::Hand& hand, Wrench& wrench,
-                 DeviceTick& out) {
+                 const Transform<Patient, World>& X_PatientWorld, std::uint32_t stroke,
+                 SessionState::Hand& hand, Wrench& wrench, DeviceTick& out) {
   record_inputs(device, own, out);
   const bool clutched = (device.status & kDeviceClutched) != 0;
   OutputRequest request{{}, device.age_s, faults_of(device, parameters, own.scale, dt_s, hand), false};
@@ -171,7 +186,7 @@ void tick_device(const Model& model, std::size_t number, const Parameters& param
     if (parameters.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
       const ProxyChange change = begin_contact_anew(model, number, before, request, hand);
       const MotorState motor =
-          motor_of(model, parameters, own, device, max_force_N, dt_s, request, hand.output);
+          motor_of(model, parameters, own, device, max_force_N, dt_s, request, hand.output, stroke);
       tool = touch_by_proxy(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
                             X_PatientWorld, dt_s, change, motor, hand);
     } else {
@@ -184,7 +199,7 @@ void tick_device(const Model& model, std::size_t number, const Parameters& param
       hand.held_directly = pushes && !request.off && request.faults == 0;
     }
     out.flags |= tool.flags;
-    request.asked = blended(tool.asked, changed, dt_s, hand);
+    request.asked = blended(tool.asked, changed || tool.let_go, dt_s, hand);
     request.unclamped_N = request.asked.force_N.norm();
     hold_energy(tool, parameters, own, X_WorldPatient * way_mm, max_force_N, dt_s, hand, request, out);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
@@ -244,13 +259,14 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
       other_surfaces ? find_before(model, state.surfaces, before) : std::span<const SurfaceBefore>();
 
   // each device
+  count_strokes(model, parameters, devices, state);
   const std::uint32_t common_flags = (is_rotation(parameters.rotation_target) ? 0u : kFlagRotationIgnored) |
                                      (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const bool known = state.hands[d].proxy_version == state.surfaces.version;
     tick_device(model, d, parameters, parameters.device[d], devices[d], dt_s, changed,
                 known ? surfaces_before : std::span<const SurfaceBefore>(), X_WorldPatient, X_PatientWorld,
-                state.hands[d], wrenches[d], record.device[d]);
+                state.strokes, state.hands[d], wrenches[d], record.device[d]);
     record.device[d].flags |= common_flags | ((holding >> d & 1) != 0 ? kFlagTurnHeld : 0u);
   }
   if (other_surfaces) remember_surfaces(model, state.surfaces);

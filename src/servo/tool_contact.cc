@@ -106,7 +106,15 @@ std::optional<Burr> burr_of(const Model& model, const MotorState& motor,
               X_PatientWorld * Vector<World>(turn * tool.burr->spindle),
               tool.burr->grip,
               motor.most_press_N,
-              model.protected_structures};
+              model.protected_structures,
+              motor.stroke};
+}
+
+// a bit for each layer that has a proxy
+unsigned coupled_layers(const ProxyState& proxy) {
+  unsigned layers = 0;
+  for (int n = 0; n < kMostLayers; ++n) layers |= static_cast<unsigned>(proxy.layer(n).coupled) << n;
+  return layers;
 }
 
 // what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
@@ -230,7 +238,9 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
     if (change.surfaces) settle_burr(model.surfaces, *burr, change.carved, proxy, hand.burr);
     tool_spheres[0].radius_mm = burr->radius_mm - hand.burr.inset_mm;
   }
+  const unsigned coupled_before = coupled_layers(proxy);
   if (change.surfaces) keep_proxy(model.surfaces, spheres, held_at, change.before, proxy);
+  const bool let_go = coupled_layers(proxy) != coupled_before;
   if (change.method && !proxy.coupled) give_birth_to_proxy(model.surfaces, spheres, held_at, proxy);
   const ProxyOptions options{parameters.friction, most_stiffness_N_per_mm(gains), dt_s};
   const ProxyResult result = burr ? advance_burr(model.surfaces, *burr, held_at, proxy, hand.burr, options)
@@ -247,6 +257,7 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
   CouplingState& coupling = hand.coupling;
   const double less = 1 - coupled(outermost, pull_mm, damping_N_s_per_mm, dt_s, coupling);
   ToolContact tool;
+  tool.let_go = let_go;
   tool.strongest =
       strongest_of(model, proxy, held.spheres(), tip, result, result.force_N - outermost.force_N * less);
   ContactSite& site = tool.strongest.site;

@@ -36,6 +36,8 @@ struct ToolContact {
   double stored_mJ = std::numeric_limits<double>::infinity();
   double stiffness_N_per_mm = 0;  ///< of it, at the device, where it is stiffest
   std::uint32_t flags = 0;        ///< of the proxy: kFlagInside, kFlagWedged, kFlagRuptured
+  /// The proxy was let go, because what was put back is where it was: the force that it gave fades out.
+  bool let_go = false;
 };
 
 /// @param tip             where the tool's origin is
@@ -57,7 +59,8 @@ struct ProxyChange {
 /// What runs a burr in a tick.
 struct MotorState {
   bool runs = false;
-  double most_press_N = 0;  ///< in the patient
+  double most_press_N = 0;   ///< in the patient
+  std::uint32_t stroke = 0;  ///< of what it cuts
 };
 
 /// The same by the proxy, which remembers where it is, and by a burr, which takes away what it touches.

@@ -415,7 +415,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
          std::string(anatomy == Side::kLeft ? "left" : "right") + " leg");
   if (warn && !oriented)
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
-  model->content_hash = content_hash(*model);
+  model->content_hash = model->uncut_hash = content_hash(*model);
   // surfaces take seconds and memory: who feels by the proxy has them made
   std::vector<ForceMethod> methods{ForceMethod::kTrilinear};
   if (scene.force.method != ForceMethod::kProxy) methods.push_back(scene.force.method);

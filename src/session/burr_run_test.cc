@@ -189,6 +189,107 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
   EXPECT_TRUE(playback.sweeps(all.size(), 2).empty());
 }
 
+// two strokes at two places, the second of which is undone, done again and undone
+const char* const kTwoStrokes =
+    "[[step]]\napproach = \"ball\"\nfrom = \"superior\"\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n"
+    "[[step]]\nhold = 0.3\n[[step]]\nmotor = false\n[[step]]\nleave = true\n"
+    "[[step]]\napproach = \"ball\"\nfrom = \"anterior\"\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n"
+    "[[step]]\nhold = 0.3\n[[step]]\nmotor = false\n[[step]]\nleave = true\n"
+    "[[step]]\nstroke = \"undo\"\n[[step]]\nstroke = \"redo\"\n[[step]]\nstroke = \"undo\"\n";
+
+TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
+  const test::TemporaryFolder folder;
+  const LoadedScene loaded = loaded_burr();
+  // where the second one was, the ball is whole again
+  const Script script =
+      parse_script(std::string(kTwoStrokes) +
+                       "[[step]]\napproach = \"ball\"\nfrom = \"anterior\"\n[[step]]\npress = "
+                       "1.0\n[[step]]\nhold = 0.3\n[[step]]\nleave = true\n",
+                   "undoing script")
+          .value();
+  const auto simulated = simulate(loaded, script, {}, folder / "run.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  EXPECT_EQ(simulated->failed_steps, 0u);
+  const auto recording = read_recording(folder / "run.h5");
+  ASSERT_TRUE(recording.ok()) << recording.error().message();
+
+  std::vector<Cut> first;
+  std::vector<std::uint32_t> changes;
+  std::uint64_t sweeps = 0;
+  for (const RecordingEvent& event : recording->events) {
+    if (event.kind == EventKind::kSweep) {
+      ++sweeps;
+      EXPECT_EQ(event.sweep.stroke, changes.empty() && event.sweep.stroke == 1 ? 1u : 2u);
+      if (event.sweep.stroke == 1) first.push_back(cut_of(event.sweep));
+    }
+    if (event.kind != EventKind::kModel || !event.change.is_of_stroke()) continue;
+    EXPECT_EQ(event.by.asker, Asker::kScript);
+    changes.push_back(event.change.tissue);
+  }
+  EXPECT_EQ(changes, (std::vector{ModelChange::kUndo, ModelChange::kRedo, ModelChange::kUndo}));
+  ASSERT_GT(first.size(), 3u);
+  ASSERT_GT(sweeps, first.size() + 3);
+
+  const auto again = replay(*recording, loaded.model);
+  ASSERT_TRUE(again.ok()) << again.error().message();
+  EXPECT_TRUE(again->identical) << again->difference;
+  EXPECT_EQ(again->run_hash, simulated->summary.run_hash);
+
+  const auto expected = Carving(*loaded.model).with(first)->taken_from(*loaded.model);
+  const auto left = labels_left(*recording, *loaded.model);
+  ASSERT_TRUE(left.ok()) << left.error().message();
+  EXPECT_EQ(left->labels.layers.front().voxels(), expected->labels->dense().voxels());
+  RemovedVolume removed(*loaded.model);
+  removed.add(first);
+  const double gone_mm3 = removed.by_label_mm3().at(testing::kBone);
+  ASSERT_EQ(left->removed.size(), 1u);
+  EXPECT_EQ(left->removed[0].volume_mm3, gone_mm3);
+  ASSERT_EQ(simulated->removed.size(), 1u);
+  EXPECT_EQ(simulated->removed[0].volume_mm3, gone_mm3);
+
+  // in the page of the recording, before the undo and after
+  const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
+  ASSERT_TRUE(opened.ok()) << opened.error().message();
+  ViewerHost& playback = **opened;
+  const auto go_to = [&](const TickRecord& wanted) {
+    PlayRequest request;
+    request.at_s = wanted.time_s;
+    ASSERT_TRUE(playback.play(request).ok());
+    testing::soon([&] {
+      std::array<double, kMaxDevices> stiffness_N_per_mm{};
+      return playback.snapshot(stiffness_N_per_mm).tick == wanted.tick;
+    });
+  };
+  const auto undone = std::ranges::find_if(recording->events, [](const RecordingEvent& event) {
+    return event.change.tissue == ModelChange::kUndo;
+  });
+  go_to(recording->ticks[undone->tick - 1]);
+  EXPECT_EQ(playback.state().sweeps, sweeps);
+  EXPECT_TRUE(playback.state().undone_to.empty());
+  EXPECT_GT(playback.state().removed_mm3.at(testing::kBone), gone_mm3);
+  go_to(recording->ticks[undone->tick]);
+  EXPECT_EQ(playback.state().sweeps, first.size());
+  EXPECT_EQ(playback.state().undone_to, std::vector<std::uint64_t>{first.size()});
+  EXPECT_EQ(playback.state().removed_mm3.at(testing::kBone), gone_mm3);
+  go_to(recording->ticks.back());
+  EXPECT_EQ(playback.state().sweeps, first.size());
+  ASSERT_EQ(playback.sweeps(0, 10000).size(), first.size());
+  EXPECT_EQ(playback.sweeps(0, 10000).back(), plain(first.back()));
+  EXPECT_EQ(playback.set(StrokeRequest{}).error().kind, ErrorKind::kUsage);
+}
+
+TEST(BurrScene, AStrokeThatIsNotThereIsAFailedStep) {
+  const std::string none = "[[step]]\nstroke = \"undo\"\n";
+  const std::string running = "[[step]]\nmotor = true\n[[step]]\nstroke = \"redo\"\n";
+  for (const auto& [text, why] : {std::pair{none, "there is none"}, {running, "the motor runs"}}) {
+    const auto simulated = simulate(loaded_burr(), parse_script(text, "script").value(), {}, {});
+    ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+    EXPECT_EQ(simulated->failed_steps, 1u);
+    ASSERT_FALSE(simulated->trouble.empty());
+    EXPECT_NE(simulated->trouble.back().find(why), std::string::npos) << simulated->trouble.back();
+  }
+}
+
 TEST(BurrScene, OnlyTheProxyTakesABurr) {
   SimulationOptions trilinear;
   trilinear.method = ForceMethod::kTrilinear;

@@ -52,13 +52,15 @@ std::shared_ptr<const ForceField> trilinear_left(const Model& felt, const Model&
   return std::make_shared<const ForceField>(made.field, full_force_N);
 }
 
-std::uint64_t hash_after(const Model& felt, const ModelChange& change) {
-  std::uint64_t hash = felt.content_hash;
+// of the version that a change leads to
+void hash_after(const Model& felt, const ModelChange& change, Model& next) {
+  std::uint64_t hash = felt.uncut_hash;
   hash_word(hash, change.tissue);
   for (const double value : {change.stiffness_N_per_mm, change.static_friction, change.dynamic_friction,
                              change.viscosity_N_s_per_mm})
     hash_double(hash, value);
-  return hash_finish(hash);
+  next.uncut_hash = hash_finish(hash);
+  next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.uncut_hash) : next.uncut_hash;
 }
 
 }  // namespace
@@ -103,7 +105,7 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Mode
     next->methods[index_of(ForceMethod::kTrilinear)] = trilinear_left(*next, made);
   }
 
-  next->content_hash = hash_after(felt, change);
+  hash_after(felt, change, *next);
   return std::shared_ptr<const Model>(std::move(next));
 }
 
@@ -144,7 +146,7 @@ std::shared_ptr<const Model> taking_fields(const Model& felt, const Model& field
   next->field = fields.field;
   next->level_of_label = fields.level_of_label;
   next->methods = fields.methods;
-  next->content_hash = hash_after(felt, {next->version, ModelChange::kFieldsMadeAnew});
+  hash_after(felt, {next->version, ModelChange::kFieldsMadeAnew}, *next);
   return next;
 }
 
@@ -154,6 +156,20 @@ std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut>
   return before->with(cuts);
 }
 
+ModelChange change_of_stroke(const Model& felt, StrokeAction action) {
+  return {felt.version + 1, action == StrokeAction::kUndo ? ModelChange::kUndo : ModelChange::kRedo};
+}
+
+std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change) {
+  if (carving == nullptr || !change.is_of_stroke()) return nullptr;
+  return change.tissue == ModelChange::kUndo ? carving->undone() : carving->redone();
+}
+
+void follow(const ModelChange& change, RemovedVolume& removed) {
+  if (change.tissue == ModelChange::kUndo) removed.undo();
+  if (change.tissue == ModelChange::kRedo) removed.redo();
+}
+
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
                                    std::span<const Cut> cuts, const Progress& progress) {
   if (change.tissue == ModelChange::kCut) {
@@ -161,6 +177,12 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
       return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model is prepared without", "",
                    ""};
     return ModelVersions{carved_by(*now.felt, cuts)->taken_from(*now.felt), now.made};
+  }
+  if (change.is_of_stroke()) {
+    const auto carving = other_stroke(now.felt->carving.get(), change);
+    if (carving == nullptr)
+      return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "", ""};
+    return ModelVersions{carving->taken_from(*now.felt), now.made};
   }
   if (change.tissue != ModelChange::kFieldsMadeAnew) {
     auto felt = changed_model(*now.felt, *now.made, change);

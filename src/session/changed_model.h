@@ -6,6 +6,7 @@
 #include "palpate/carving.h"
 #include "palpate/haptics.h"
 #include "palpate/recording.h"
+#include "palpate/removed_volume.h"
 
 /// Tissues that are changed while they are felt. A version of the model follows from those before it and a
 /// ModelChange alone, so that replay comes to the same.
@@ -21,6 +22,15 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
                                    std::span<const Cut> cuts = {}, const Progress& progress = {});
 /// What is taken from a model after more cuts. It is prepared for the proxy.
 std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut> cuts);
+
+/// The change to a model that undoes a stroke or does one again.
+ModelChange change_of_stroke(const Model& felt, StrokeAction action);
+/// What is taken from a model after a change of a stroke. Null: there is no such stroke, or the change is
+/// another one. @param carving  null: nothing was cut
+std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change);
+
+/// What a change of a stroke does to what counts as removed; other changes do nothing.
+void follow(const ModelChange& change, RemovedVolume& removed);
 
 /// The values of a tissue, as a change that leaves them as they are.
 ModelChange unchanged(const Model& model, std::size_t tissue);

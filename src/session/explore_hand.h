@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <thread>
@@ -21,9 +22,10 @@ namespace palpate {
 class HandThread {
  public:
   /// @param told  what the loop is told by the script; outlives the hand
+  /// @param change_stroke  does what the script asks of a stroke; called on the hand's thread
   /// @param repeat  begin again when the script has ended
   HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver, ServoLoop& loop,
-             EventLog& told, bool repeat);
+             EventLog& told, std::function<void(StrokeAction)> change_stroke, bool repeat);
   ~HandThread() { end(); }
   HandThread(const HandThread&) = delete;
   HandThread& operator=(const HandThread&) = delete;
@@ -52,6 +54,7 @@ class HandThread {
   SimulatedDriver& driver_;
   ServoLoop& loop_;
   EventLog& told_;
+  const std::function<void(StrokeAction)> change_stroke_;
   const bool repeat_;
   // where the script wants it, where it is led, and the way out of what it touches
   std::optional<Point<World>> wanted_, led_;

@@ -1,5 +1,6 @@
 #include "palpate/removed_volume.h"
 #include "palpate/session.h"
+#include "session/changed_model.h"
 #include "session/recorded_model.h"
 
 namespace palpate {
@@ -32,11 +33,14 @@ Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& mo
       [&](const RecordingPart& part) -> Result<void> {
         for (const RecordingEvent& event : part.events) {
           if (event.kind == RecordingEvent::Kind::kSweep) waiting.push_back(cut_of(event.sweep));
-          if (event.kind != RecordingEvent::Kind::kModel || event.change.tissue != ModelChange::kCut)
-            continue;
-          carving = carving->with(waiting);
-          removed.add(waiting);
-          waiting.clear();
+          if (event.kind != RecordingEvent::Kind::kModel) continue;
+          if (event.change.tissue == ModelChange::kCut) {
+            carving = carving->with(waiting);
+            removed.add(waiting);
+            waiting.clear();
+          }
+          follow(event.change, removed);
+          if (auto other = other_stroke(carving.get(), event.change)) carving = std::move(other);
         }
         ticks += part.ticks.size();
         progress.report("cutting", static_cast<double>(ticks) / static_cast<double>(head.ticks));

@@ -5,12 +5,14 @@
 #include <iterator>
 #include <map>
 #include <mutex>
+#include <span>
 #include <system_error>
 #include <utility>
 
 #include "palpate/force_method.h"
 #include "palpate/haptics.h"
 #include "palpate/removed_volume.h"
+#include "session/cut_list.h"
 #include "session/recorded_model.h"
 #include "session/recording_line.h"
 #include "session/tick_blocks.h"
@@ -74,35 +76,55 @@ class Place {
 /// What the model became while it was recorded.
 struct Edits {
   std::vector<ModelChange> tissues;
-  // in the order of the versions that are cut by them
-  std::vector<SweepRecord> sweeps;
-  std::vector<std::uint32_t> version_of_sweep;
-  // mm3 of each structure that are gone with a version's sweeps and all before them; of each version that is
-  // cut, rising
+  CutList cuts;
+  // mm3 of each structure that are gone with a version; of each that took away or put back something, rising
   struct Gone {
     std::uint32_t version = 0;
     std::map<LabelId, double> removed_mm3;
   };
   std::vector<Gone> gone;
+  std::uint32_t last_version = 0;
+
+  void hear(const RecordingEvent& event);
 };
 // an hour of milling without a break; what comes after is not shown
 constexpr std::size_t kMostSweeps = 1'000'000;
+
+void Edits::hear(const RecordingEvent& event) {
+  const bool is_sweep = event.kind == RecordingEvent::Kind::kSweep;
+  if (!is_sweep && event.kind != RecordingEvent::Kind::kModel) return;
+  // versions only rise, whatever a file says
+  last_version = std::max(last_version, event.number);
+  if (is_sweep && cuts.sweeps().size() < kMostSweeps) cuts.add(last_version, event.sweep);
+  if (is_sweep) return;
+  if (event.change.is_of_tissue()) tissues.push_back(event.change);
+  if (event.change.is_of_stroke() && cuts.changes().size() < kMostSweeps)
+    cuts.add(last_version,
+             event.change.tissue == ModelChange::kUndo ? StrokeAction::kUndo : StrokeAction::kRedo);
+}
 
 /// What is gone with each version. Once for all of the recording, so that any place of it is looked up.
 /// Errors: kInterrupted.
 Result<void> reckon_gone(const Model& model, const Progress& progress, Edits& edits) {
   RemovedVolume removed(model);
-  const std::size_t count = edits.sweeps.size();
-  for (std::size_t n = 0; n < count; ++n) {
-    const Cut cut = cut_of(edits.sweeps[n]);
+  const std::span<const SweepRecord> sweeps = edits.cuts.sweeps();
+  const std::span<const std::uint32_t> versions = edits.cuts.versions();
+  const std::span<const CutList::Change> changes = edits.cuts.changes();
+  auto change = changes.begin();
+  for (std::size_t n = 0;; ++n) {
+    for (; change != changes.end() && change->sweeps == n; ++change) {
+      change->action == StrokeAction::kUndo ? removed.undo() : removed.redo();
+      edits.gone.push_back({change->version, removed.by_label_mm3()});
+    }
+    if (n == sweeps.size()) return {};
+    const Cut cut = cut_of(sweeps[n]);
     removed.add({&cut, 1});
-    const std::uint32_t version = edits.version_of_sweep[n];
-    if (n + 1 < count && edits.version_of_sweep[n + 1] == version) continue;
+    if (n + 1 < sweeps.size() && versions[n + 1] == versions[n]) continue;
     if (progress.stopped()) return Progress::interrupted();
-    progress.report("reckoning what was removed", static_cast<double>(n + 1) / static_cast<double>(count));
-    edits.gone.push_back({version, removed.by_label_mm3()});
+    progress.report("reckoning what was removed",
+                    static_cast<double>(n + 1) / static_cast<double>(sweeps.size()));
+    edits.gone.push_back({versions[n], removed.by_label_mm3()});
   }
-  return {};
 }
 
 class Playback final : public ViewerHost {
@@ -161,9 +183,8 @@ class Playback final : public ViewerHost {
     state.rotation_wxyz = shown_.rotation_target_wxyz;
     state.model_version = shown_.model_version;
     state.tissues = tissues_at(shown_.model_version);
-    state.sweeps =
-        static_cast<std::uint64_t>(std::ranges::upper_bound(edits_.version_of_sweep, shown_.model_version) -
-                                   edits_.version_of_sweep.begin());
+    state.sweeps = edits_.cuts.count(shown_.model_version);
+    state.undone_to = edits_.cuts.undone_to(shown_.model_version);
     // the last version that was cut up to this one
     const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
     if (later != edits_.gone.begin()) state.removed_mm3 = std::prev(later)->removed_mm3;
@@ -183,10 +204,10 @@ class Playback final : public ViewerHost {
   }
 
   std::vector<SweepRecord> sweeps(std::uint64_t first, std::size_t most) const override {
-    const std::size_t from = static_cast<std::size_t>(std::min<std::uint64_t>(first, edits_.sweeps.size()));
-    const auto next = std::span(edits_.sweeps).subspan(from, std::min(most, edits_.sweeps.size() - from));
-    return {next.begin(), next.end()};
+    const std::lock_guard lock(mutex_);
+    return edits_.cuts.by(shown_.model_version, static_cast<std::size_t>(first), most);
   }
+  Result<Grant> set(const StrokeRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const SettingsRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const TissueRequest& /*request*/) override { return is_a_recording(); }
   Result<void> rearm(const RearmRequest& /*request*/) override { return is_a_recording(); }
@@ -244,13 +265,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                         static_cast<double>(row) / static_cast<double>(head.ticks));
         line.see(part);
         for (const RecordingEvent& event : part.events) {
-          if (event.kind == RecordingEvent::Kind::kModel && event.change.tissue < ModelChange::kCut)
-            edits.tissues.push_back(event.change);
-          if (event.kind != RecordingEvent::Kind::kSweep || edits.sweeps.size() == kMostSweeps) continue;
-          // versions only rise, whatever a file says
-          const std::uint32_t last = edits.version_of_sweep.empty() ? 0 : edits.version_of_sweep.back();
-          edits.sweeps.push_back(event.sweep);
-          edits.version_of_sweep.push_back(std::max(last, event.number));
+          edits.hear(event);
         }
         for (const TickRecord& tick : part.ticks) {
           if (row == 0) first = tick;

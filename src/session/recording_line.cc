@@ -53,8 +53,10 @@ ViewedRecording::Event shown(const RecordingEvent& event) {
   shown.viewer = event.by.viewer;
   switch (event.kind) {
     case RecordingEvent::Kind::kModel:
-      shown.kind = "model";
-      if (event.change.tissue < ModelChange::kCut)
+      shown.kind = event.change.tissue == ModelChange::kUndo   ? "undo"
+                   : event.change.tissue == ModelChange::kRedo ? "redo"
+                                                               : "model";
+      if (event.change.is_of_tissue())
         shown.tissue = static_cast<int>(std::min<std::uint32_t>(event.change.tissue, 65535));
       break;
     case RecordingEvent::Kind::kSettings:

@@ -72,6 +72,9 @@ struct StepText {
     return line("method", quoted(std::string(name_of(s.method))));
   }
   std::string operator()(const MotorStep& s) const { return line("motor", s.on ? "true" : "false"); }
+  std::string operator()(const StrokeStep& s) const {
+    return line("stroke", quoted(s.action == StrokeAction::kUndo ? "undo" : "redo"));
+  }
   std::string operator()(const LeaveStep& s) const {
     return line("leave", "true") + line("speed", shortest_number(s.speed_mm_s));
   }

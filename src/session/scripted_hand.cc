@@ -62,11 +62,6 @@ std::string place_text(const Point<Patient>& p) {
   return text_of("%.1f, %.1f, %.1f mm", p.x(), p.y(), p.z());
 }
 
-bool needs_contact(const ScriptStep& step) {
-  return !std::holds_alternative<ApproachStep>(step) && !std::holds_alternative<RotateStep>(step) &&
-         !std::holds_alternative<MethodStep>(step) && !std::holds_alternative<MotorStep>(step);
-}
-
 // a name, or "#95"
 Result<LabelId> find_structure(const Model& model, const std::string& name, const std::string& where) {
   const auto is_named = [&](const Segment& segment) {
@@ -320,6 +315,7 @@ bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, dou
     bool operator()(const RotateStep&) { return hand.rotate(step, felt, dt_s, commands.rotation_target); }
     bool operator()(const MethodStep& change) { return hand.change_method(change, felt, dt_s, commands); }
     bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, felt, dt_s, commands); }
+    bool operator()(const StrokeStep&) { return hand.change_stroke(step, felt, dt_s, commands); }
     bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
   };
   return std::visit(Visitor{*this, step, felt, dt_s, commands}, step.action);
@@ -547,6 +543,22 @@ bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, 
   return true;
 }
 
+// The last of the stroke is carved meanwhile, and a version after that is the one that is asked for.
+bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s,
+                                 HandCommands& commands) {
+  constexpr double kCarved_s = 0.2, kLongest_s = 2;
+  if (touching_) keep_contact(felt, dt_s);
+  if (cutting_) return fail(step, felt, "the motor runs");
+  const double now_s = step_time_s_ + dt_s;
+  if (step_time_s_ < kCarved_s) {
+    version_before_ = felt.model_version;
+    if (now_s >= kCarved_s) commands.stroke = std::get<StrokeStep>(step.action).action;
+    return false;
+  }
+  if (felt.model_version != version_before_) return true;
+  return now_s >= kLongest_s && fail(step, felt, "there is none");
+}
+
 bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   if (step_time_s_ == 0) begin_withdrawal(felt);
   if (!withdraw(std::get<LeaveStep>(step.action).speed_mm_s, felt, dt_s)) return false;
@@ -642,6 +654,9 @@ std::string ScriptedHand::named(const PlannedStep& step) const {
     std::string operator()(const RotateStep& s) const { return text_of("turn by %.0f degrees", s.degrees); }
     std::string operator()(const MethodStep&) const { return "change of the method"; }
     std::string operator()(const MotorStep& s) const { return s.on ? "motor on" : "motor off"; }
+    std::string operator()(const StrokeStep& s) const {
+      return s.action == StrokeAction::kUndo ? "undoing a stroke" : "doing a stroke again";
+    }
     std::string operator()(const LeaveStep&) const { return "leaving " + structure; }
   };
   const std::string structure = step.structure != 0 ? model_->name_of(step.structure) : "";

@@ -19,6 +19,7 @@ struct HandCommands {
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();  ///< as it was commanded last
   std::optional<ForceMethod> method;                                    ///< to be felt from now on
   std::optional<bool> motor;                                            ///< on or off from now on
+  std::optional<StrokeAction> stroke;
 };
 
 /// The person: follows a palpation script by moving where the hand intends the tip to be, feeling what
@@ -71,6 +72,7 @@ class ScriptedHand {
   bool hold(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool slide(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool rotate(const PlannedStep& step, const TickRecord& felt, double dt_s, Eigen::Quaterniond& target);
+  bool change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool change_method(const MethodStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool leave(const PlannedStep& step, const TickRecord& felt, double dt_s);
@@ -106,6 +108,7 @@ class ScriptedHand {
   double tool_reach_mm_ = 0, clear_of_object_mm_ = 0;
   std::vector<PlannedStep> steps_;
   bool cutting_ = false;  ///< the motor runs: what is touched gives way, whatever it is pressed with
+  std::uint32_t version_before_ = 0;  ///< of the model, before a stroke was undone or done again
   std::vector<std::string> trouble_;
   std::vector<TouchFigure> touches_;
   Point<World> start_;

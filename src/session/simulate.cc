@@ -3,6 +3,7 @@
 
 #include "palpate/removed_volume.h"
 #include "palpate/session.h"
+#include "session/changed_model.h"
 #include "session/run_setup.h"
 #include "session/virtual_run.h"
 
@@ -46,8 +47,10 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   RemovedVolume removed(model);
   const auto write_block = [&]() -> Result<void> {
     const auto told = run.take_told();
-    for (const RecordingEvent& event : told)
+    for (const RecordingEvent& event : told) {
       if (event.kind == RecordingEvent::Kind::kSweep) removed.add({{cut_of(event.sweep)}});
+      if (event.kind == RecordingEvent::Kind::kModel) follow(event.change, removed);
+    }
     auto written = writer && !unwritten.empty() ? writer->append(unwritten, told) : Result<void>();
     unwritten.clear();
     return written;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <utility>
 
 namespace palpate {
 namespace {
@@ -18,8 +19,9 @@ class ScriptSource final : public TipSource {
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "script"; }
   std::vector<HoldAsked> asked() const override { return asked_; }
-  Result<void> begin(ServoLoop& loop, EventLog& told) override {
-    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, repeat_);
+  Result<void> begin(ServoLoop& loop, EventLog& told,
+                     std::function<void(StrokeAction)> change_stroke) override {
+    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, std::move(change_stroke), repeat_);
     return hand_->begin();
   }
   bool done() const override { return hand_->done(); }
@@ -55,7 +57,10 @@ class PointerSource final : public TipSource {
   const char* name() const override { return "pointer"; }
   std::vector<HoldAsked> asked() const override { return asked_; }
   PointerDriver* pointer() override { return &driver_; }
-  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/) override { return {}; }
+  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/,
+                     std::function<void(StrokeAction)> /*change_stroke*/) override {
+    return {};
+  }
   bool done() const override { return false; }
   double progress() const override { return 0; }
   void end() override {}

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -22,9 +23,11 @@ class TipSource {
   /// Where a viewer moves it; else null.
   virtual PointerDriver* pointer() { return nullptr; }
 
-  /// The loop runs. @param told  what it is told, by a script for example; outlives the tip. Errors: those
-  /// of HandThread::begin().
-  virtual Result<void> begin(ServoLoop& loop, EventLog& told) = 0;
+  /// The loop runs. @param told  what it is told, by a script for example; outlives the tip
+  /// @param change_stroke  what a script wants of a stroke; on a thread of the tip's. Errors: those of
+  /// HandThread::begin().
+  virtual Result<void> begin(ServoLoop& loop, EventLog& told,
+                             std::function<void(StrokeAction)> change_stroke) = 0;
   virtual bool done() const = 0;
   virtual double progress() const = 0;
   /// The tip stays where it is.

@@ -289,7 +289,12 @@ ViewedState ViewedSession::state() const {
   if (awaited_) state.method_awaited = name_of(*awaited_);
   state.method_failure = method_failure_;
   state.model_version = model_.felt->version;
-  state.sweeps = sweeps_.size();
+  state.sweeps = cuts_.count(model_.felt->version);
+  state.undone_to = cuts_.undone_to(model_.felt->version);
+  if (const Carving* const carving = model_.felt->carving.get()) {
+    state.strokes_to_undo = carving->strokes_to_undo();
+    state.strokes_to_redo = carving->strokes_to_redo();
+  }
   state.removed_mm3 = removed_.by_label_mm3();
   state.nearest_mm = removed_.nearest_mm();
   state.tissues = viewed_tissues(*model_.felt);
@@ -453,6 +458,62 @@ Result<void> ViewedSession::apply(const TissueRequest& request, AskedBy by) {
   return {};
 }
 
+// those that are still there when what is wanted is done
+std::ptrdiff_t ViewedSession::strokes_left(StrokeAction action) const {
+  const Carving* const carving = model_.felt->carving.get();
+  if (carving == nullptr) return 0;
+  auto left = static_cast<std::ptrdiff_t>(action == StrokeAction::kUndo ? carving->strokes_to_undo()
+                                                                        : carving->strokes_to_redo());
+  for (const WantedStroke& wanted : strokes_wanted_) left += wanted.action == action ? -1 : 1;
+  return left;
+}
+
+// by its switch, or by a pedal
+bool ViewedSession::motor_was_on(const TickRecord& tick) const {
+  const int pedal = parts_.model->tool.burr->pedal;
+  const auto devices = std::span(tick.device).first(static_cast<std::size_t>(tick.devices));
+  return (tick.switches & kSwitchMotor) != 0 ||
+         (pedal >= 0 && std::ranges::any_of(devices, [&](const DeviceTick& device) {
+            return (device.buttons >> pedal & 1u) != 0;
+          }));
+}
+
+Result<void> ViewedSession::check(const StrokeRequest& request, const Parameters& now) const {
+  if (!parts_.model->tool.burr) return bad("the scene's tool does not cut", "", "");
+  if (now.motor || motor_was_on(loop_.load()->snapshot()))
+    return refused("the motor runs, and the stroke is not over", "motor", "switch the motor off first");
+  if (strokes_left(request.action) > 0) return {};
+  return request.action == StrokeAction::kUndo
+             ? refused("there is no stroke that can be undone", "",
+                       "a stroke is what is cut from the motor's start to its stop; the last " +
+                           std::to_string(kMostUndone) + " are kept")
+             : refused("no stroke was undone that can be done again", "",
+                       "what was cut after an undo takes its place");
+}
+
+Result<Grant> ViewedSession::set(const StrokeRequest& request) {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return not_running();
+  const std::lock_guard lock(mutex_);
+  if (auto fine = check(request, loop->parameters()); !fine) return fine.error();
+  if (wants_consent(true))
+    return ask(request, request.action == StrokeAction::kUndo
+                            ? "put back what was cut last: keep the burr out of it"
+                            : "take away again what was put back last");
+  if (auto applied = apply(request, asked_by(request.by)); !applied) return applied.error();
+  return Grant::kDone;
+}
+
+Result<void> ViewedSession::apply(const StrokeRequest& request, AskedBy by) {
+  strokes_wanted_.push_back({request.action, by});
+  return {};
+}
+
+void ViewedSession::change_stroke_by_script(StrokeAction action) {
+  const std::lock_guard lock(mutex_);
+  strokes_wanted_.push_back({action, {Asker::kScript}});
+}
+
 // all of it, or an exception and nothing of it
 void ViewedSession::go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop) {
   set_model_told(loop, told_, by, next.felt, change);
@@ -467,11 +528,13 @@ void ViewedSession::cut_along() {
   std::vector<Cut> cuts;
   while (!ending_.load()) try {
       std::this_thread::sleep_for(kCutPoll);
+      // before what was swept is taken: of a stroke that was over by then that is all
+      const bool stroke_is_over = !motor_was_on(loop.snapshot());
       for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
         for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
-      if (cuts.empty()) continue;
-      cut(cuts, loop);
+      if (!cuts.empty()) cut(cuts, loop);
       cuts.clear();
+      if (stroke_is_over) change_strokes(loop);
     } catch (const std::exception&) {
       // no memory for it now; the burr waits for it, and cuts no more meanwhile
     }
@@ -488,20 +551,32 @@ void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
   const auto carving = carved_by(*before, cuts);
   const std::lock_guard lock(mutex_);
   // first what may fail
-  if (const std::size_t count = sweeps_.size() + cuts.size(); count > sweeps_.capacity())
-    sweeps_.reserve(2 * count);
+  cuts_.reserve(cuts.size());
   auto next = carving->taken_from(*model_.felt);
   set_cut_model_told(loop, told_, cuts, next);
   model_.felt = std::move(next);
-  for (const Cut& cut : cuts) sweeps_.push_back(plain(cut));
+  for (const Cut& cut : cuts) cuts_.add(model_.felt->version, plain(cut));
   removed_.add(cuts);
+}
+
+// Here too, so that nothing is cut meanwhile.
+void ViewedSession::change_strokes(ServoLoop& loop) {
+  const std::lock_guard lock(mutex_);
+  for (; !strokes_wanted_.empty(); strokes_wanted_.pop_front()) {
+    const auto& [action, by] = strokes_wanted_.front();
+    const ModelChange change = change_of_stroke(*model_.felt, action);
+    cuts_.reserve(0);
+    auto next = next_version(model_, change);
+    if (!next) continue;
+    go_on_with(*std::move(next), change, by, loop);
+    cuts_.add(change.version, action);
+    follow(change, removed_);
+  }
 }
 
 std::vector<SweepRecord> ViewedSession::sweeps(std::uint64_t first, std::size_t most) const {
   const std::lock_guard lock(mutex_);
-  const std::size_t from = static_cast<std::size_t>(std::min<std::uint64_t>(first, sweeps_.size()));
-  const auto begin = sweeps_.begin() + static_cast<std::ptrdiff_t>(from);
-  return {begin, begin + static_cast<std::ptrdiff_t>(std::min(most, sweeps_.size() - from))};
+  return cuts_.by(model_.felt->version, static_cast<std::size_t>(first), most);
 }
 
 void ViewedSession::emergency_stop(const ViewerIdentity& by) {

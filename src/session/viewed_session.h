@@ -3,6 +3,8 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <cstddef>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -19,6 +21,7 @@
 #include "palpate/viewer_server.h"
 #include "session/changed_model.h"
 #include "session/consent.h"
+#include "session/cut_list.h"
 #include "session/explore_watch.h"
 #include "session/rate_meter.h"
 
@@ -72,6 +75,8 @@ class ViewedSession final : public ViewerHost {
   std::vector<SweepRecord> sweeps(std::uint64_t first, std::size_t most) const override;
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;
+  /// Of a stroke, whose last sweeps are still to be cut, a moment later.
+  Result<Grant> set(const StrokeRequest& request) override;
   std::vector<LateAnswer> take_answers() override { return consent_.take_answers(); }
   void forget(const ViewerIdentity& viewer) override { consent_.forget(viewer); }
   void emergency_stop(const ViewerIdentity& by) override;
@@ -94,6 +99,8 @@ class ViewedSession final : public ViewerHost {
   /// The number of the stop that holds.
   std::optional<std::uint32_t> stop_that_holds() const;
   void next_method();
+  /// The motor is off, and where there is no such stroke nothing is done.
+  void change_stroke_by_script(StrokeAction action);
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
   void follow_script();
 
@@ -114,7 +121,9 @@ class ViewedSession final : public ViewerHost {
   bool wants_consent(bool feels_more) const;
   template <class Request>
   Result<Grant> ask(const Request& request, std::string what);
+  Result<void> check(const StrokeRequest& request, const Parameters& now) const;
   Result<void> apply(const SettingsRequest& request, AskedBy by);
+  Result<void> apply(const StrokeRequest& request, AskedBy by);
   Result<void> apply(const TissueRequest& request, AskedBy by);
   Result<void> choose(ForceMethod method, AskedBy by, ServoLoop& loop);
   void make_fields();
@@ -126,6 +135,9 @@ class ViewedSession final : public ViewerHost {
   void go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
   void cut_along();
   void cut(std::span<const Cut> cuts, ServoLoop& loop);
+  void change_strokes(ServoLoop& loop);
+  bool motor_was_on(const TickRecord& tick) const;
+  std::ptrdiff_t strokes_left(StrokeAction action) const;
   void stop(AskedBy by);
   Result<void> rearm(std::uint32_t stop, AskedBy by);
   Result<void> check_stiffness_change(double from_N_per_mm, double to_N_per_mm, ForceMethod method) const;
@@ -145,8 +157,13 @@ class ViewedSession final : public ViewerHost {
 
   mutable std::mutex mutex_;  // of what follows
   ModelVersions model_;
-  std::vector<SweepRecord> sweeps_;  // by which it is cut
-  RemovedVolume removed_;            // by them
+  CutList cuts_;           // of it
+  RemovedVolume removed_;  // by them
+  struct WantedStroke {
+    StrokeAction action;
+    AskedBy by;
+  };
+  std::deque<WantedStroke> strokes_wanted_;  // to be undone or done again
   double highest_max_force_N_;
   std::optional<ForceMethod> awaited_;  // the direct method that is felt when its fields are made
   AskedBy awaited_by_;                  // who wants it

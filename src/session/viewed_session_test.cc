@@ -978,6 +978,68 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
   expect_replays(recording);
 }
 
+TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
+  Model model = *loaded_.model;
+  model.tool.radius_mm = 2;
+  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
+  loaded_.model = std::make_shared<const Model>(model);
+  loaded_.scene.force.method = ForceMethod::kProxy;
+  ExploreOptions options;
+  options.seconds = 60;
+  enum class At { kBefore, kCut, kStopped, kUndone, kDoneAgain } at = At::kBefore;
+  std::uint64_t cut = 0;
+  double gone_mm3 = 0;
+  const ViewerIdentity viewer{3, true};
+  const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int) {
+    std::array<double, kMaxDevices> felt{};
+    const TickRecord tick = host.snapshot(felt);
+    const ViewedState state = host.state();
+    SettingsRequest motor;
+    const StrokeRequest undo{StrokeAction::kUndo, viewer, 1}, redo{StrokeAction::kRedo, viewer, 2};
+    if (at == At::kBefore && sent_N(tick) > 0.5) {
+      EXPECT_NE(host.set(undo).error().what.find("no stroke"), std::string::npos);
+      motor.motor = true;
+      ASSERT_TRUE(host.set(motor).ok());
+      at = At::kCut;
+    } else if (at == At::kCut && state.sweeps > 20) {
+      EXPECT_EQ(host.set(undo).error().where, "motor") << "the stroke is not over";
+      motor.motor = false;
+      ASSERT_TRUE(host.set(motor).ok());
+      at = At::kStopped;
+    } else if (at == At::kStopped && (tick.switches & kSwitchMotor) == 0) {
+      // what is still to be cut of it is undone with it
+      EXPECT_EQ(state.strokes_to_undo, 1u);
+      ASSERT_TRUE(host.set(undo).ok());
+      EXPECT_FALSE(host.set(undo).ok()) << "it is wanted already";
+      at = At::kUndone;
+    } else if (at == At::kUndone && state.strokes_to_redo == 1) {
+      EXPECT_EQ(state.sweeps, 0u);
+      EXPECT_EQ(state.undone_to, std::vector<std::uint64_t>{0});
+      EXPECT_TRUE(state.removed_mm3.empty());
+      EXPECT_EQ(host.set(undo).ok(), false);
+      ASSERT_TRUE(host.set(redo).ok());
+      at = At::kDoneAgain;
+    } else if (at == At::kDoneAgain && state.strokes_to_undo == 1) {
+      cut = state.sweeps;
+      gone_mm3 = state.removed_mm3.at(testing::kBone);
+      stop_.store(true);
+    }
+  });
+  EXPECT_GT(cut, 20u);
+  EXPECT_GT(gone_mm3, 0.1);
+  std::uint64_t sweeps = 0;
+  std::vector<std::uint32_t> strokes;
+  for (const RecordingEvent& event : recording.events) {
+    sweeps += event.kind == RecordingEvent::Kind::kSweep;
+    if (event.kind != RecordingEvent::Kind::kModel || !event.change.is_of_stroke()) continue;
+    strokes.push_back(event.change.tissue);
+    EXPECT_EQ(event.by, (AskedBy{Asker::kControlViewer, 3}));
+  }
+  EXPECT_EQ(sweeps, cut);
+  EXPECT_EQ(strokes, (std::vector{ModelChange::kUndo, ModelChange::kRedo}));
+  expect_replays(recording);
+}
+
 TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   ExploreOptions options;
   options.seconds = 60;

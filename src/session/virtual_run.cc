@@ -1,5 +1,7 @@
 #include "session/virtual_run.h"
 
+#include <utility>
+
 #include "session/changed_model.h"
 #include "session/told_loop.h"
 
@@ -29,10 +31,15 @@ const TickRecord& VirtualRun::tick() {
   return record_;
 }
 
-// what the burr has swept is gone from this tick on
+// what the burr has swept is gone from this tick on, and then a stroke that the script undoes is there again
 void VirtualRun::cut() {
   if (state_.time_s - cut_s_ < kCutEvery_s) return;
   cut_s_ = state_.time_s;
+  cut_what_was_swept();
+  if (const auto action = std::exchange(stroke_, std::nullopt)) change_stroke(*action);
+}
+
+void VirtualRun::cut_what_was_swept() {
   const BurrState& burr = state_.hands[0].burr;
   std::vector<Cut> cuts;
   for (const Sweep& sweep : finished_from(burr, burr.first)) cuts.push_back({0, sweep});
@@ -46,10 +53,24 @@ void VirtualRun::cut() {
     told_[row].tick = state_.tick;
 }
 
+void VirtualRun::change_stroke(StrokeAction action) {
+  const ModelChange change = change_of_stroke(*model_, action);
+  const auto carving = other_stroke(model_->carving.get(), change);
+  // the step will fail
+  if (carving == nullptr) return;
+  model_ = carving->taken_from(*model_);
+  RecordingEvent& event = told_.emplace_back();
+  event.tick = state_.tick;
+  event.by = {Asker::kScript};
+  event.number = change.version;
+  event.change = change;
+}
+
 bool VirtualRun::act() {
-  HandCommands commands{parameters_.rotation_target, {}, {}};
+  HandCommands commands{parameters_.rotation_target, {}, {}, {}};
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
+  if (commands.stroke) stroke_ = commands.stroke;
   const bool turned = commands.rotation_target.coeffs() != parameters_.rotation_target.coeffs();
   if (turned || commands.method || commands.motor) {
     const Parameters before = parameters_;

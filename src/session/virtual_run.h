@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,8 @@ class VirtualRun {
 
  private:
   void cut();
+  void cut_what_was_swept();
+  void change_stroke(StrokeAction action);
 
   std::shared_ptr<const Model> model_;
   const double dt_s_;
@@ -45,7 +48,8 @@ class VirtualRun {
   Wrench sent_;
   Point<World> intended_;
   TickRecord record_;
-  double cut_s_ = 0;  // when the model was cut last
+  double cut_s_ = 0;                    // when the model was cut last
+  std::optional<StrokeAction> stroke_;  // that the script wants
   std::vector<RecordingEvent> told_;
   std::uint32_t told_number_ = 0;
 };

@@ -35,20 +35,18 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
 
 Cut cut_of(const SweepRecord& sweep) {
   const auto point = [](const std::array<double, 3>& p) { return Point<Patient>(p[0], p[1], p[2]); };
-  return {sweep.device, {point(sweep.from_mm), point(sweep.to_mm), sweep.radius_mm}};
+  return {sweep.device, {point(sweep.from_mm), point(sweep.to_mm), sweep.radius_mm, sweep.stroke}};
 }
 
 SweepRecord plain(const Cut& cut) {
   const auto numbers = [](const Point<Patient>& p) { return std::array{p.x(), p.y(), p.z()}; };
-  return {cut.device, numbers(cut.sweep.from), numbers(cut.sweep.to), cut.sweep.radius_mm};
+  return {cut.device, numbers(cut.sweep.from), numbers(cut.sweep.to), cut.sweep.radius_mm, cut.sweep.stroke};
 }
 
 Carving::Carving(const Model& model)
-    : carved_(model.surfaces.size()),
-      made_labels_(model.labels),
-      labels_(model.labels),
+    : made_labels_(model.labels),
       is_cut_(labels_that_are_cut(model)),
-      hash_(kHashSeed) {
+      left_{std::vector<std::shared_ptr<const CarvedSurface>>(model.surfaces.size()), model.labels, 0} {
   for (const ProtectedStructure& structure : model.protected_structures)
     if (structure.kept) kept_.push_back(structure.surface);
   for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
@@ -60,34 +58,70 @@ Carving::Carving(const Model& model)
 
 std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
   auto next = std::make_shared<Carving>(*this);
+  while (!cuts.empty()) {
+    const std::uint32_t stroke = cuts.front().sweep.stroke;
+    const auto other = std::ranges::find_if(cuts, [&](const Cut& cut) { return cut.sweep.stroke != stroke; });
+    const auto count = static_cast<std::size_t>(other - cuts.begin());
+    if (!next->strokes_.goes_on(stroke))
+      next->strokes_.begin(stroke, {std::make_shared<const Left>(next->left_), nullptr});
+    next->take(cuts.first(count));
+    cuts = cuts.subspan(count);
+  }
+  return next;
+}
+
+// cuts of one stroke
+void Carving::take(std::span<const Cut> cuts) {
   std::vector<Sweep> sweeps;
+  Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  std::uint64_t hash = left_.hash != 0 ? left_.hash : kHashSeed;
   for (const Cut& cut : cuts) {
     PALPATE_CHECK(cut.device < kMaxDevices);
-    sweeps.push_back(cut.sweep);
-    ++next->sweeps_[cut.device];
-    hash_word(next->hash_, cut.device);
+    const Sweep& sweep = sweeps.emplace_back(cut.sweep);
+    ++sweeps_[cut.device];
+    hash_word(hash, cut.device);
     for (int axis = 0; axis < 3; ++axis) {
-      hash_double(next->hash_, cut.sweep.from[axis]);
-      hash_double(next->hash_, cut.sweep.to[axis]);
+      hash_double(hash, sweep.from[axis]);
+      hash_double(hash, sweep.to[axis]);
     }
-    hash_double(next->hash_, cut.sweep.radius_mm);
-    next->labels_ = without(next->labels_, cut.sweep, is_cut_);
-  }
-  if (sweeps.empty()) return next;
-  Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (const Sweep& sweep : sweeps) {
+    hash_double(hash, sweep.radius_mm);
+    left_.labels = without(left_.labels, sweep, is_cut_);
     const Eigen::Array3d from = sweep.from.eigen().array(), to = sweep.to.eigen().array();
     low = low.min(from.min(to) - sweep.radius_mm);
     high = high.max(from.max(to) + sweep.radius_mm);
   }
+  left_.hash = hash;
   for (std::size_t s = 0; s < made_.size(); ++s) {
     if (made_[s] == nullptr || made_[s]->is_beyond(low, high, 0)) continue;
-    const CarvedSurface now = carved_[s] != nullptr ? *carved_[s] : CarvedSurface(made_[s], kept_);
+    std::shared_ptr<const CarvedSurface>& left = left_.surfaces[s];
+    const CarvedSurface now = left != nullptr ? *left : CarvedSurface(made_[s], kept_);
     CarvedSurface then = now.with(sweeps);
-    if (carved_[s] != nullptr || then.surface() != made_[s])
-      next->carved_[s] = std::make_shared<const CarvedSurface>(std::move(then));
+    if (left != nullptr || then.surface() != made_[s])
+      left = std::make_shared<const CarvedSurface>(std::move(then));
   }
+}
+
+std::shared_ptr<const Carving> Carving::undone() const {
+  auto next = std::make_shared<Carving>(*this);
+  Stroke* const stroke = next->strokes_.undo();
+  if (stroke == nullptr) return nullptr;
+  if (stroke->after == nullptr) stroke->after = std::make_shared<const Left>(left_);
+  next->left_ = *stroke->before;
   return next;
+}
+
+std::shared_ptr<const Carving> Carving::redone() const {
+  auto next = std::make_shared<Carving>(*this);
+  const Stroke* const stroke = next->strokes_.redo();
+  if (stroke == nullptr) return nullptr;
+  next->left_ = *stroke->after;
+  return next;
+}
+
+std::uint64_t Carving::content_hash(std::uint64_t uncut) const {
+  if (left_.hash == 0) return uncut;
+  hash_word(uncut, left_.hash);
+  return hash_finish(uncut);
 }
 
 std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
@@ -96,18 +130,17 @@ std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
   ++next->version;
   ++next->edits;
   for (std::size_t s = 0; s < made_.size(); ++s) {
-    if (carved_[s] == nullptr) continue;
+    if (made_[s] == nullptr) continue;
     FeltSurface& surface = next->surfaces[s];
-    surface.surface = carved_[s]->surface();
-    surface.made = made_[s];
-    surface.made_labels = made_labels_;
-    surface.short_mm = carved_[s]->short_mm();
+    const CarvedSurface* const left = left_.surfaces[s].get();
+    surface.surface = left != nullptr ? left->surface() : made_[s];
+    surface.made = left != nullptr ? made_[s] : nullptr;
+    surface.made_labels = left != nullptr ? made_labels_ : nullptr;
+    surface.short_mm = left != nullptr ? left->short_mm() : 0;
   }
-  next->labels = labels_;
+  next->labels = left_.labels;
   next->carving = std::make_shared<const Carving>(*this);
-  std::uint64_t hash = felt.content_hash;
-  hash_word(hash, hash_);
-  next->content_hash = hash_finish(hash);
+  next->content_hash = content_hash(felt.uncut_hash);
   return next;
 }
 

@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <memory>
 #include <random>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "haptics/test_model.h"
@@ -80,6 +83,101 @@ TEST(CarvedModel, VersionsInPiecesAreThoseAtOnce) {
   EXPECT_EQ(felt->labels->content_hash(), at_once->labels->content_hash());
   for (const std::size_t s : {0u, 2u})
     EXPECT_EQ(felt->surfaces[s].surface->content_hash(), at_once->surfaces[s].surface->content_hash());
+}
+
+// a model with the cuts of some strokes taken from it, all at once
+std::shared_ptr<const Model> cut_at_once(const Model& model, const std::vector<std::vector<Cut>>& strokes) {
+  std::vector<Cut> cuts;
+  for (const std::vector<Cut>& stroke : strokes) cuts.insert(cuts.end(), stroke.begin(), stroke.end());
+  return Carving(model).with(cuts)->taken_from(model);
+}
+
+TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
+  const unsigned seed = std::random_device()();
+  RecordProperty("seed", static_cast<int>(seed));
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const auto below = [&](int most) { return std::uniform_int_distribution<int>(0, most - 1)(random); };
+  const Model model = one_body();
+  auto carving = std::make_shared<const Carving>(model);
+  auto felt = carving->taken_from(model);
+  EXPECT_EQ(felt->content_hash, model.content_hash);
+  EXPECT_EQ(carving->undone(), nullptr);
+  EXPECT_EQ(carving->redone(), nullptr);
+  std::vector<std::vector<Cut>> done, undone;
+  std::uint32_t stroke = 0;
+  std::uint64_t swept = 0;
+  for (int n = 0; n < 25; ++n) {
+    if (const int action = below(4); action < 2) {
+      // in one version or two, the second of which goes on with the stroke
+      std::vector<Cut> cuts = groove(1 + below(2), 4.0 * below(4) - 8);
+      for (Cut& cut : cuts) cut.sweep.stroke = stroke;
+      ++stroke;
+      swept += cuts.size();
+      if (below(2) == 0)
+        carving = carving->with(cuts);
+      else
+        carving = carving->with(std::span(cuts).first(1))->with(std::span(cuts).last(1));
+      done.push_back(cuts);
+      undone.clear();
+    } else {
+      auto &from = action == 2 ? done : undone, &to = action == 2 ? undone : done;
+      const auto next = action == 2 ? carving->undone() : carving->redone();
+      ASSERT_EQ(next != nullptr, !from.empty());
+      if (!next) continue;
+      carving = next;
+      to.push_back(from.back());
+      from.pop_back();
+    }
+    EXPECT_EQ(carving->strokes_to_undo(), done.size());
+    EXPECT_EQ(carving->strokes_to_redo(), undone.size());
+    // what a burr has swept is known to be carved, whatever becomes of it
+    EXPECT_EQ(carving->sweeps(0) + carving->sweeps(1), swept);
+    felt = carving->taken_from(*felt);
+    const auto at_once = cut_at_once(model, done);
+    EXPECT_EQ(felt->content_hash, at_once->content_hash);
+    EXPECT_EQ(felt->labels->content_hash(), at_once->labels->content_hash());
+    for (const std::size_t s : {0u, 2u}) {
+      const FeltSurface &is = felt->surfaces[s], &oracle = at_once->surfaces[s];
+      ASSERT_EQ(is.surface->content_hash(), oracle.surface->content_hash());
+      ASSERT_EQ(is.made, oracle.made);
+      ASSERT_EQ(is.made_labels == nullptr, oracle.made_labels == nullptr);
+      ASSERT_EQ(is.short_mm, oracle.short_mm);
+    }
+  }
+  while (carving->strokes_to_undo() > 0) carving = carving->undone();
+  felt = carving->taken_from(*felt);
+  EXPECT_EQ(felt->content_hash, model.content_hash);
+  EXPECT_EQ(felt->surfaces[2].surface, model.surfaces[2].surface) << "the very same";
+  EXPECT_EQ(felt->labels, model.labels);
+}
+
+TEST(CarvedModel, WhatIsCutAfterAnUndoIsAStrokeOfItsOwn) {
+  const Model model = one_body();
+  const std::vector<Cut> cuts = groove(1, 0);
+  // the rest of a stroke, which was undone before it came
+  const auto rest = Carving(model).with(std::span(cuts).first(1))->undone()->with(std::span(cuts).last(1));
+  EXPECT_EQ(rest->strokes_to_undo(), 1u);
+  EXPECT_EQ(rest->strokes_to_redo(), 0u);
+  EXPECT_EQ(rest->sweeps(0) + rest->sweeps(1), 2u);
+  EXPECT_EQ(rest->taken_from(model)->content_hash, cut_at_once(model, {{cuts[1]}})->content_hash);
+}
+
+TEST(CarvedModel, AStrokeThatIsTooLongAgoStays) {
+  const Model model = one_body();
+  auto carving = std::make_shared<const Carving>(model);
+  std::vector<Cut> first;
+  for (std::uint32_t stroke = 0; stroke < kMostUndone + 2; ++stroke) {
+    Cut cut = groove(1, 0)[0];
+    // by less and less, so that hardly anything is to be carved
+    cut.sweep.radius_mm = stroke < 2 ? 2 : 0.5;
+    cut.sweep.stroke = stroke;
+    if (stroke < 2) first.push_back(cut);
+    carving = carving->with({&cut, 1});
+  }
+  EXPECT_EQ(carving->strokes_to_undo(), kMostUndone);
+  while (carving->strokes_to_undo() > 0) carving = carving->undone();
+  EXPECT_EQ(carving->taken_from(model)->content_hash, cut_at_once(model, {first})->content_hash);
 }
 
 TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {

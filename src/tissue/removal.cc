@@ -119,18 +119,18 @@ class Ahead {
 };
 
 // adds a way to what was swept; false where there is no room
-bool sweep(const Point<Patient>& from, const Point<Patient>& to, double radius_mm, BurrState& state) {
+bool sweep(const Point<Patient>& from, const Point<Patient>& to, const Burr& burr, BurrState& state) {
   if (state.sweeps > 0 && !state.closed) {
     Sweep& last = state.sweep[static_cast<std::size_t>(state.sweeps - 1)];
-    const Sweep longer{last.from, to, radius_mm};
-    if ((from - last.to).norm() <= kStraight_mm && (to - last.from).norm() <= kLongest_mm &&
-        distance_to_axis_mm(longer, last.to) <= kStraight_mm) {
+    const Sweep longer{last.from, to, burr.radius_mm, burr.stroke};
+    if (last.stroke == burr.stroke && (from - last.to).norm() <= kStraight_mm &&
+        (to - last.from).norm() <= kLongest_mm && distance_to_axis_mm(longer, last.to) <= kStraight_mm) {
       last = longer;
       return true;
     }
   }
   if (state.sweeps == static_cast<int>(state.sweep.size())) return false;
-  state.sweep[static_cast<std::size_t>(state.sweeps++)] = {from, to, radius_mm};
+  state.sweep[static_cast<std::size_t>(state.sweeps++)] = {from, to, burr.radius_mm, burr.stroke};
   state.closed = false;
   state.open_s = 0;
   return true;
@@ -248,6 +248,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   }
   // a burr that cuts makes its way; one that does not is to come out where it went in
   if (!cuts) state.inset_mm = std::max(state.inset_mm, short_mm(surfaces, burr.radius_mm, proxy));
+  if (!(burr.revolutions_per_s > 0)) state.closed = true;
 
   const int was_in = state.layer;
   std::array<Point<Patient>, kMostLayers> before;
@@ -296,7 +297,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
       // through material it comes no farther than the motor has worked for, and than can be remembered
       double part = std::min(1.0, state.spare_mJ / cost_mJ);
       const Point<Patient> to = beside_kept(burr, from, from + moved * part);
-      state.full = part > 0 && !sweep(from, to, burr.radius_mm, state);
+      state.full = part > 0 && !sweep(from, to, burr, state);
       if (state.full) part = 0;
       // the layers are one burr: none goes ahead of the one that cuts
       for (std::size_t n = 0; n < before.size(); ++n) {
@@ -333,7 +334,8 @@ void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::u
   // a surface is read from between its voxels: it may be a little nearer than it was cut
   constexpr double kRounding_mm = 1e-4;
   const double sunk = sunk_mm(surfaces, burr.radius_mm, proxy);
-  state.sunk_mm = state.inset_mm = sunk > 0 ? sunk + kRounding_mm : 0;
+  const bool fits = sunk > 0 && sunk + kRounding_mm < burr.radius_mm;
+  state.sunk_mm = state.inset_mm = fits ? sunk + kRounding_mm : 0;
 }
 
 std::uint64_t finished_sweeps(const BurrState& state) {

@@ -20,9 +20,39 @@ RemovedVolume::RemovedVolume(const Model& model)
 
 void RemovedVolume::add(std::span<const Cut> cuts) {
   for (const Cut& cut : cuts) {
-    add(cut.sweep);
+    if (!strokes_.goes_on(cut.sweep.stroke)) strokes_.begin(cut.sweep.stroke, {{}, nearest_mm_, {}});
+    add(cut.sweep, strokes_.last());
     for (const ProtectedStructure& structure : protected_) come_near(cut.sweep, structure);
   }
+}
+
+bool RemovedVolume::undo() {
+  Stroke* const stroke = strokes_.undo();
+  if (stroke == nullptr) return false;
+  stroke->nearest_after_mm = std::exchange(nearest_mm_, stroke->nearest_before_mm);
+  for (const auto& [voxel, places] : stroke->swept) {
+    swept_[voxel] &= ~places;
+    places_[label_of(voxel)] -= static_cast<std::uint64_t>(std::popcount(places));
+  }
+  return true;
+}
+
+bool RemovedVolume::redo() {
+  const Stroke* const stroke = strokes_.redo();
+  if (stroke == nullptr) return false;
+  nearest_mm_ = stroke->nearest_after_mm;
+  for (const auto& [voxel, places] : stroke->swept) {
+    swept_[voxel] |= places;
+    places_[label_of(voxel)] += static_cast<std::uint64_t>(std::popcount(places));
+  }
+  return true;
+}
+
+LabelId RemovedVolume::label_of(std::size_t voxel) const {
+  const auto& [ni, nj, nk] = labels_->geometry().dims;
+  const auto row = voxel / static_cast<std::size_t>(ni), rows = static_cast<std::size_t>(nj);
+  return labels_->at(static_cast<int>(voxel % static_cast<std::size_t>(ni)), static_cast<int>(row % rows),
+                     static_cast<int>(row / rows));
 }
 
 void RemovedVolume::come_near(const Sweep& sweep, const ProtectedStructure& structure) {
@@ -39,7 +69,7 @@ void RemovedVolume::come_near(const Sweep& sweep, const ProtectedStructure& stru
   }
 }
 
-void RemovedVolume::add(const Sweep& sweep) {
+void RemovedVolume::add(const Sweep& sweep, Stroke& stroke) {
   const GridGeometry& grid = labels_->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   const auto index = [&](int i, int j, int k) {
@@ -70,7 +100,10 @@ void RemovedVolume::add(const Sweep& sweep) {
               now |= std::uint64_t{1} << place;
           }
         }
-        places_[label] += static_cast<std::uint64_t>(std::popcount(now & ~swept));
+        now &= ~swept;
+        if (now == 0) continue;
+        stroke.swept.emplace_back(index(i, j, k), now);
+        places_[label] += static_cast<std::uint64_t>(std::popcount(now));
         swept |= now;
       }
 }

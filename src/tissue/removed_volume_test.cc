@@ -114,6 +114,45 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
   for (const auto& [label, mm3] : expected) EXPECT_NEAR(volumes.at(label), mm3, 1e-6 * mm3);
 }
 
+TEST(RemovedVolume, WhatIsUndoneCountsNoMore) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const auto within = [&](double most) {
+    return std::uniform_real_distribution<double>(-most, most)(random);
+  };
+  const Model model = blocks({0.6, 0.6, 0.6}, Eigen::Matrix3d::Identity());
+  RemovedVolume removed(model);
+  EXPECT_FALSE(removed.undo());
+  EXPECT_FALSE(removed.redo());
+  std::vector<std::vector<Cut>> done, undone;
+  std::uint32_t stroke = 0;
+  for (int n = 0; n < 60; ++n) {
+    if (const unsigned action = random() % 4; action < 2) {
+      // overlapping ones too
+      std::vector<Cut> cuts;
+      for (int sweeps = 0; sweeps < 3; ++sweeps) {
+        const Point<Patient> at(within(6), within(3), within(3));
+        cuts.push_back({0, {at, at + Vector<Patient>(within(1), within(1), 0), 1.5, stroke}});
+      }
+      ++stroke;
+      removed.add(std::span(cuts).first(1));
+      removed.add(std::span(cuts).last(2));
+      done.push_back(cuts);
+      undone.clear();
+    } else {
+      auto &from = action == 2 ? done : undone, &to = action == 2 ? undone : done;
+      ASSERT_EQ(action == 2 ? removed.undo() : removed.redo(), !from.empty());
+      if (from.empty()) continue;
+      to.push_back(from.back());
+      from.pop_back();
+    }
+    RemovedVolume oracle(model);
+    for (const std::vector<Cut>& cuts : done) oracle.add(cuts);
+    ASSERT_EQ(removed.by_label_mm3(), oracle.by_label_mm3()) << n;
+  }
+}
+
 TEST(RemovedVolume, TellsHowNearWhatIsProtectedWasAndCountsWhatIsKeptNot) {
   Model model = blocks(Eigen::Vector3d::Constant(0.5), testing::turned_by(0));
   const auto tissue = static_cast<std::size_t>(model.tissue_of_label[kBone]);
