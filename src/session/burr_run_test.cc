@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 #include "base/test_wait.h"
 #include "palpate/carving.h"
@@ -14,16 +16,6 @@ namespace palpate {
 namespace {
 
 using EventKind = RecordingEvent::Kind;
-
-LoadedScene loaded_burr() {
-  LoadedScene loaded = testing::loaded_ball();
-  loaded.scene.force.method = ForceMethod::kProxy;
-  Model model = *loaded.model;
-  model.tool.radius_mm = 2;
-  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
-  loaded.model = std::make_shared<const Model>(std::move(model));
-  return loaded;
-}
 
 Script milling() {
   return parse_script(
@@ -52,7 +44,7 @@ class BurrRun : public ::testing::Test {
   }
 
   test::TemporaryFolder folder_;
-  LoadedScene loaded_ = loaded_burr();
+  LoadedScene loaded_ = testing::loaded_burr();
   Recording recording_;
   std::uint64_t run_hash_ = 0;
 };
@@ -65,7 +57,7 @@ TEST(BurrScene, AStepThatFailsSwitchesTheMotorOff) {
                             "failing script")
                             .value();
   const test::TemporaryFolder folder;
-  const auto simulated = simulate(loaded_burr(), script, {}, folder / "run.h5");
+  const auto simulated = simulate(testing::loaded_burr(), script, {}, folder / "run.h5");
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
   ASSERT_EQ(simulated->failed_steps, 1u);
   const auto recording = read_recording(folder / "run.h5");
@@ -199,7 +191,7 @@ const char* const kTwoStrokes =
 
 TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   const test::TemporaryFolder folder;
-  const LoadedScene loaded = loaded_burr();
+  const LoadedScene loaded = testing::loaded_burr();
   // where the second one was, the ball is whole again
   const Script script =
       parse_script(std::string(kTwoStrokes) +
@@ -278,11 +270,50 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   EXPECT_EQ(playback.set(StrokeRequest{}).error().kind, ErrorKind::kUsage);
 }
 
+TEST(BurrScene, AsManyEditsAsAnybodyWantsReplayToTheSameHash) {
+  // PALPATE_TEST_EDITS=2000 is the whole campaign
+  const char* const asked = std::getenv("PALPATE_TEST_EDITS");
+  const long edits = asked != nullptr ? std::atol(asked) : 200;
+  // a stroke of a second after the other, all around, every third of which is undone
+  constexpr long kEditsOfStroke = 65;
+  const long strokes = (edits + kEditsOfStroke - 1) / kEditsOfStroke;
+  std::string text;
+  for (long stroke = 0; stroke < strokes; ++stroke) {
+    const double z = 1 - (2 * static_cast<double>(stroke) + 1) / static_cast<double>(strokes),
+                 turn = 2.4 * static_cast<double>(stroke), r = std::sqrt(1 - z * z);
+    text += "[[step]]\napproach = \"ball\"\nfrom = [" + std::to_string(r * std::cos(turn)) + ", " +
+            std::to_string(r * std::sin(turn)) + ", " + std::to_string(z) +
+            "]\nspeed = 200\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n[[step]]\nhold = 1.0\n"
+            "[[step]]\nmotor = false\n[[step]]\nleave = true\n";
+    if (stroke % 3 == 2) text += "[[step]]\nstroke = \"undo\"\n";
+  }
+  const test::TemporaryFolder folder;
+  const LoadedScene loaded = testing::loaded_burr();
+  const auto simulated =
+      simulate(loaded, parse_script(text, "script of many strokes").value(), {}, folder / "run.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  EXPECT_EQ(simulated->failed_steps, 0u) << simulated->trouble.front();
+  const auto recording = RecordingSource::open(folder / "run.h5");
+  ASSERT_TRUE(recording.ok()) << recording.error().message();
+  const auto again = replay(*recording, loaded.model);
+  ASSERT_TRUE(again.ok()) << again.error().message();
+  EXPECT_TRUE(again->identical) << again->difference;
+  EXPECT_EQ(again->run_hash, simulated->summary.run_hash);
+  long versions = 0;
+  const auto read = recording->read([&](const RecordingPart& part) -> Result<void> {
+    versions += std::ranges::count(part.events, EventKind::kModel, &RecordingEvent::kind);
+    return {};
+  });
+  ASSERT_TRUE(read.ok()) << read.error().message();
+  std::printf("%ld edits replayed in %llu ticks\n", versions, static_cast<unsigned long long>(again->ticks));
+  EXPECT_GE(versions, edits);
+}
+
 TEST(BurrScene, AStrokeThatIsNotThereIsAFailedStep) {
   const std::string none = "[[step]]\nstroke = \"undo\"\n";
   const std::string running = "[[step]]\nmotor = true\n[[step]]\nstroke = \"redo\"\n";
   for (const auto& [text, why] : {std::pair{none, "there is none"}, {running, "the motor runs"}}) {
-    const auto simulated = simulate(loaded_burr(), parse_script(text, "script").value(), {}, {});
+    const auto simulated = simulate(testing::loaded_burr(), parse_script(text, "script").value(), {}, {});
     ASSERT_TRUE(simulated.ok()) << simulated.error().message();
     EXPECT_EQ(simulated->failed_steps, 1u);
     ASSERT_FALSE(simulated->trouble.empty());
@@ -293,7 +324,7 @@ TEST(BurrScene, AStrokeThatIsNotThereIsAFailedStep) {
 TEST(BurrScene, OnlyTheProxyTakesABurr) {
   SimulationOptions trilinear;
   trilinear.method = ForceMethod::kTrilinear;
-  const auto refused = simulate(loaded_burr(), milling(), trilinear, {});
+  const auto refused = simulate(testing::loaded_burr(), milling(), trilinear, {});
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().kind, ErrorKind::kUsage);
 }

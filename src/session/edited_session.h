@@ -8,6 +8,17 @@
 /// what has to be in it.
 namespace palpate::testing {
 
+/// A tissue has that from the edit of that number on.
+inline double edited_stiffness_N_per_mm(std::uint32_t number) {
+  return 0.8 + 0.01 * (number % 40);
+}
+inline bool ask_for_stiffness(ViewerHost& host, std::uint32_t number) {
+  TissueRequest tissue;
+  tissue.by = {number, true};
+  tissue.stiffness_N_per_mm = edited_stiffness_N_per_mm(number);
+  return host.set(tissue).ok();
+}
+
 /// Asks for the edit of that number, from 1, as the viewer of that number.
 inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
   const ViewerIdentity by{number, true};
@@ -16,12 +27,8 @@ inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
   // after a stop, as soon as the hand has left what it touched
   if (const auto stop = host.state().stop) (void)host.rearm({*stop, by});
   switch (number % 4) {
-    case 0: {
-      TissueRequest tissue;
-      tissue.by = by;
-      tissue.stiffness_N_per_mm = 0.8 + 0.01 * (number % 40);
-      return host.set(tissue).ok();
-    }
+    case 0:
+      return ask_for_stiffness(host, number);
     case 1:
       settings.max_force_N = 1 + 0.1 * (number % 7);
       settings.friction = number % 8 == 1;
@@ -36,6 +43,28 @@ inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
       }
       settings.viscosity = number % 16 == 7;
       return host.set(settings).ok();
+  }
+}
+
+/// Likewise of one who mills: a stroke, and then it is undone, or what was undone before is done again. There
+/// may be none.
+inline bool ask_for_stroke_edit(ViewerHost& host, std::uint32_t number) {
+  const ViewerIdentity by{number, true};
+  SettingsRequest settings;
+  settings.by = by;
+  switch (number % 5) {
+    case 1:
+    case 3:
+      settings.motor = number % 5 == 1;
+      return host.set(settings).ok();
+    case 4:
+      (void)host.set(StrokeRequest{StrokeAction::kUndo, by, 0});
+      return true;
+    case 0:
+      if (number % 10 == 0) (void)host.set(StrokeRequest{StrokeAction::kRedo, by, 0});
+      return true;
+    default:
+      return ask_for_stiffness(host, number);
   }
 }
 

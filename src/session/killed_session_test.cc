@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <random>
@@ -19,13 +20,14 @@ namespace {
 
 // edited_session, with the end of a pipe to which it says each edit
 struct Edited {
-  explicit Edited(const std::filesystem::path& file) {
+  /// @param does  "press" or "mill"
+  Edited(const std::filesystem::path& file, const char* does) {
     int ends[2];
     PALPATE_CHECK(::pipe2(ends, O_CLOEXEC) == 0);
     id = ::fork();
     if (id == 0) {
       ::dup2(ends[1], STDOUT_FILENO);
-      ::execl(PALPATE_EDITED_SESSION, "edited_session", file.c_str(), static_cast<char*>(nullptr));
+      ::execl(PALPATE_EDITED_SESSION, "edited_session", file.c_str(), does, static_cast<char*>(nullptr));
       ::_exit(127);
     }
     ::close(ends[1]);
@@ -41,7 +43,7 @@ struct Edited {
 };
 
 // what a viewer's edits left in a session, in order
-void expect_edits(const Recording& recording) {
+void expect_edits(const Recording& recording, bool count_askers) {
   std::uint32_t version = recording.header.model_version;
   std::set<std::uint32_t> askers;
   for (const RecordingEvent& event : recording.events) {
@@ -50,35 +52,43 @@ void expect_edits(const Recording& recording) {
     if (event.by.asker == Asker::kControlViewer) askers.insert(event.by.viewer);
     if (event.kind != RecordingEvent::Kind::kModel) continue;
     EXPECT_EQ(event.number, ++version);
-    EXPECT_EQ(event.change.stiffness_N_per_mm, 0.8 + 0.01 * (event.by.viewer % 40));
+    if (event.change.is_of_tissue()) {
+      EXPECT_EQ(event.change.stiffness_N_per_mm, testing::edited_stiffness_N_per_mm(event.by.viewer));
+    }
     // from this tick on and not before
     EXPECT_GE(tick.model_version, version);
     ASSERT_GT(event.tick, 0u);
     EXPECT_LT(recording.ticks[event.tick - 1].model_version, version);
   }
+  // sweeps stand before the version that they are of
+  std::uint32_t next = recording.header.model_version + 1;
+  for (const RecordingEvent& event : recording.events) {
+    if (event.kind == RecordingEvent::Kind::kSweep) {
+      EXPECT_EQ(event.number, next);
+    }
+    if (event.kind == RecordingEvent::Kind::kModel) next = event.number + 1;
+  }
   if (!recording.ticks.empty()) {
     EXPECT_EQ(recording.ticks.back().model_version, version) << "an edit that was felt is missing";
   }
-  // every edit up to the last one that is there
-  EXPECT_EQ(askers.size(), askers.empty() ? 0 : *askers.rbegin());
+  // every edit up to the last one that is there; of strokes there may be none to undo
+  if (count_askers) {
+    EXPECT_EQ(askers.size(), askers.empty() ? 0 : *askers.rbegin());
+  }
 }
 
-TEST(KilledSession, ReplaysToTheLastFlushWithItsEdits) {
-  // PALPATE_TEST_KILLS=50 is the whole campaign
-  const char* asked = std::getenv("PALPATE_TEST_KILLS");
-  const int kills = asked != nullptr ? std::atoi(asked) : 5;
+void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, bool count_askers) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
-  const LoadedScene loaded = testing::loaded_ball();
   const auto model = ready_for(loaded.model, std::vector{loaded.scene.force.method});
   ASSERT_TRUE(model.ok()) << model.error().message();
   const test::TemporaryFolder folder;
-  std::size_t ticks = 0, events = 0, versions = 0;
+  std::size_t ticks = 0, events = 0, versions = 0, strokes = 0;
   for (int kill = 0; kill < kills; ++kill) {
     SCOPED_TRACE("kill " + std::to_string(kill));
     const auto file = folder / ("run" + std::to_string(kill) + ".h5");
-    const Edited session(file);
+    const Edited session(file, does);
     ASSERT_TRUE(session.next_edit()) << "it never ran";
     std::this_thread::sleep_for(std::chrono::milliseconds(random() % 4000));
     // what is safe by now
@@ -91,20 +101,39 @@ TEST(KilledSession, ReplaysToTheLastFlushWithItsEdits) {
     ASSERT_TRUE(recording.ok()) << recording.error().message();
     EXPECT_FALSE(recording->summary);
     EXPECT_GE(recording->ticks.size(), before->head().ticks);
-    ASSERT_NO_FATAL_FAILURE(expect_edits(*recording));
+    ASSERT_NO_FATAL_FAILURE(expect_edits(*recording, count_askers));
     const auto again = replay(*recording, *model);
     ASSERT_TRUE(again.ok()) << again.error().message();
     EXPECT_TRUE(again->identical) << again->difference;
     EXPECT_EQ(again->ticks, recording->ticks.size());
+    strokes += static_cast<std::size_t>(std::ranges::count_if(
+        recording->events, [](const RecordingEvent& event) { return event.change.is_of_stroke(); }));
     ticks += recording->ticks.size();
     events += recording->events.size();
     if (!recording->ticks.empty()) versions += recording->ticks.back().model_version - 1;
     std::filesystem::remove(file);
   }
-  std::printf("%d kills: %zu ticks replayed, with %zu events, %zu versions of the model among them\n", kills,
-              ticks, events, versions);
+  std::printf(
+      "%d kills: %zu ticks replayed, with %zu events, %zu versions of the model and %zu strokes undone or "
+      "done "
+      "again among them\n",
+      kills, ticks, events, versions, strokes);
   EXPECT_GT(events, 0u);
   EXPECT_GT(versions, 0u);
+}
+
+// PALPATE_TEST_KILLS=50 is the whole campaign, of each
+int kills_or(int few) {
+  const char* asked = std::getenv("PALPATE_TEST_KILLS");
+  return asked != nullptr ? std::atoi(asked) : few;
+}
+
+TEST(KilledSession, ReplaysToTheLastFlushWithItsEdits) {
+  kill_and_replay(testing::loaded_ball(), "press", kills_or(5), true);
+}
+
+TEST(KilledSession, ReplaysToTheLastFlushWithItsCuts) {
+  kill_and_replay(testing::loaded_burr(), "mill", kills_or(3), false);
 }
 
 TEST(LongRecording, ReplaysInMemoryThatDoesNotGrowWithIt) {

@@ -1,5 +1,9 @@
 #pragma once
 
+#include <memory>
+#include <string>
+#include <utility>
+
 #include "base/test_files.h"
 #include "haptics/test_model.h"
 #include "palpate/session.h"
@@ -12,6 +16,17 @@ inline LoadedScene loaded_ball(double cartilage_mm = 0) {
   model.title = "ball";
   model.content_hash = 42;
   return {Scene{}, std::make_shared<const Model>(std::move(model)), ""};
+}
+
+/// The ball, with a burr of 4 mm for the tool.
+inline LoadedScene loaded_burr() {
+  LoadedScene loaded = loaded_ball();
+  loaded.scene.force.method = ForceMethod::kProxy;
+  Model model = *loaded.model;
+  model.tool.radius_mm = 2;
+  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  return loaded;
 }
 
 inline Script press_script(const std::string& structure, double force_N = 1.0) {

@@ -924,11 +924,7 @@ const char* const kPressAndHold =
     "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n";
 
 TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
-  Model model = *loaded_.model;
-  model.tool.radius_mm = 2;
-  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
-  loaded_.model = std::make_shared<const Model>(model);
-  loaded_.scene.force.method = ForceMethod::kProxy;
+  loaded_ = testing::loaded_burr();
   ExploreOptions options;
   options.seconds = 60;
   std::vector<SweepRecord> shown;
@@ -979,11 +975,7 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
 }
 
 TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
-  Model model = *loaded_.model;
-  model.tool.radius_mm = 2;
-  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
-  loaded_.model = std::make_shared<const Model>(model);
-  loaded_.scene.force.method = ForceMethod::kProxy;
+  loaded_ = testing::loaded_burr();
   ExploreOptions options;
   options.seconds = 60;
   enum class At { kBefore, kCut, kStopped, kUndone, kDoneAgain } at = At::kBefore;

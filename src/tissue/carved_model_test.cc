@@ -1,11 +1,16 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <memory>
+#include <numbers>
 #include <random>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "base/test_process.h"
 #include "haptics/test_model.h"
 #include "palpate/carving.h"
 #include "tissue/test_surfaces.h"
@@ -150,6 +155,41 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
   EXPECT_EQ(felt->content_hash, model.content_hash);
   EXPECT_EQ(felt->surfaces[2].surface, model.surfaces[2].surface) << "the very same";
   EXPECT_EQ(felt->labels, model.labels);
+}
+
+// MiB at most, while so many versions were made, each of which was let go for the next
+double peak_of_versions(const Model& model, unsigned versions) {
+  return test::peak_memory_of([&] {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi), deep_mm(0, 1);
+    std::shared_ptr<const Model> felt = std::make_shared<const Model>(model);
+    auto carving = std::make_shared<const Carving>(model);
+    for (unsigned n = 0; n < versions; ++n) {
+      // strokes of two versions; each seventh action undoes one
+      if (n % 7 == 6 && carving->strokes_to_undo() > 0) {
+        carving = carving->undone();
+      } else {
+        const double r = kBoneRadius_mm + kShell_mm + 0.5 - deep_mm(random), turn = angle(random);
+        const Point<Patient> at(r * std::cos(turn), r * std::sin(turn), 0);
+        const Cut cut{0, {at, at + Vector<Patient>(0, 0, 0.2), 1, n / 2}};
+        carving = carving->with({&cut, 1});
+      }
+      felt = carving->taken_from(*felt);
+    }
+    return felt->edits == versions;
+  });
+}
+
+TEST(CarvedModel, VersionsDoNotAddUp) {
+  // PALPATE_TEST_VERSIONS=10000 is the whole campaign
+  const char* const asked = std::getenv("PALPATE_TEST_VERSIONS");
+  const unsigned many = asked != nullptr ? static_cast<unsigned>(std::atoi(asked)) : 1200;
+  const Model model = one_body();
+  // until the groove is cut everywhere and all strokes are there that are kept
+  const double some_MiB = peak_of_versions(model, many / 2), all_MiB = peak_of_versions(model, many);
+  std::printf("%u versions: %.1f MiB, %u: %.1f MiB\n", many / 2, some_MiB, many, all_MiB);
+  ASSERT_GT(some_MiB, 0);
+  EXPECT_LT(all_MiB - some_MiB, 4);
 }
 
 TEST(CarvedModel, WhatIsCutAfterAnUndoIsAStrokeOfItsOwn) {
