@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <vector>
 
 #include "palpate/carving.h"
 #include "palpate/proxy.h"
@@ -84,6 +85,8 @@ void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::u
 std::uint64_t finished_sweeps(const BurrState& state);
 /// The finished ones from a number on, which is not below the first that is still here.
 std::span<const Sweep> finished_from(const BurrState& state, std::uint64_t number);
+/// All of them that are still here, as a session cuts by them.
+std::vector<Cut> finished_cuts(const BurrState& state, std::uint32_t device);
 /// A sweep is finished after so long at the latest.
 inline constexpr double kLongestSweep_s = 0.01;
 

@@ -60,9 +60,7 @@ struct LedSession {
   const BurrState& burr() const { return state.hands[0].burr; }
   // as a session does; false: there was nothing new
   bool carve() {
-    const std::uint64_t finished = finished_sweeps(burr());
-    std::vector<Cut> cuts;
-    for (const Sweep& sweep : burr().pending().first(finished - burr().first)) cuts.push_back({0, sweep});
+    const std::vector<Cut> cuts = finished_cuts(burr(), 0);
     if (cuts.empty()) return false;
     carving = carving->with(cuts);
     model = carving->taken_from(*model);

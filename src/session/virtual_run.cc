@@ -40,9 +40,7 @@ void VirtualRun::cut() {
 }
 
 void VirtualRun::cut_what_was_swept() {
-  const BurrState& burr = state_.hands[0].burr;
-  std::vector<Cut> cuts;
-  for (const Sweep& sweep : finished_from(burr, burr.first)) cuts.push_back({0, sweep});
+  const std::vector<Cut> cuts = finished_cuts(state_.hands[0].burr, 0);
   if (cuts.empty()) return;
   model_ = carved_by(*model_, cuts)->taken_from(*model_);
   for (const Cut& cut : cuts) told_.push_back(sweep_event(cut, model_->version));

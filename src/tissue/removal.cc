@@ -343,6 +343,12 @@ std::uint64_t finished_sweeps(const BurrState& state) {
   return state.first + static_cast<std::uint64_t>(state.sweeps) - (grows ? 1 : 0);
 }
 
+std::vector<Cut> finished_cuts(const BurrState& state, std::uint32_t device) {
+  std::vector<Cut> cuts;
+  for (const Sweep& sweep : finished_from(state, state.first)) cuts.push_back({device, sweep});
+  return cuts;
+}
+
 std::span<const Sweep> finished_from(const BurrState& state, std::uint64_t number) {
   const std::uint64_t finished = finished_sweeps(state);
   PALPATE_CHECK(number >= state.first && number <= finished);

@@ -7,6 +7,7 @@
 #include "palpate/removal.h"
 #include "palpate/surfaces.h"
 #include "verification/accuracy_random.h"
+#include "verification/removal_plants.h"
 
 namespace palpate {
 namespace {
@@ -247,10 +248,16 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
 Result<SuiteReport> run_removal(const Progress& progress) {
   auto figures = removal_figures(progress);
   if (!figures) return figures.error();
+  const auto plants = cutting_plants_figures({}, progress);
+  if (!plants) return plants.error();
   SuiteReport report;
   report.figures = *std::move(figures);
+  report.figures.insert(report.figures.end(), plants->begin(), plants->end());
   report.notes = {{"burr", "a ball of 4 mm at 60 000 revolutions a minute, on bone of 100 mJ/mm3 and 2 N/mm"},
                   {"hand", "100 g with 10 N s/m that presses with 2 N for 0.6 s, milling at 12 mm/s"},
+                  {"plants",
+                   "simulated hands on their devices at 1 kHz, which explore a plane of bone at random "
+                   "for 20 s with the motor on, and press on it with 1 N for 4 s"},
                   {"surfaces", "from labels as a scene is prepared, carved every 20 ms"},
                   {"rates", "500 Hz to 10 kHz; grids of 0.3 and 0.6 mm, along the block and turned"}};
   return report;

@@ -4,6 +4,8 @@
 
 #include <atomic>
 
+#include "verification/removal_plants.h"
+
 namespace palpate {
 namespace {
 
@@ -16,6 +18,24 @@ TEST(RemovalFigures, KeepTheirLimits) {
     EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
                              << *figure.limit;
   }
+}
+
+// palpate verify removal does all of it
+TEST(CuttingPlants, GiveNothingOutAndDoNotSwing) {
+  const auto figures = cutting_plants_figures({.explored_s = 2.5, .pressed_s = 2}, {});
+  ASSERT_TRUE(figures.ok());
+  EXPECT_EQ(figures->size(), 20);
+  int limits = 0;
+  for (const Figure& figure : *figures) {
+    if (figure.name.ends_with("/put-in")) {
+      EXPECT_GT(figure.value, 0) << figure.name << ": nothing was cut";
+    }
+    if (!figure.limit) continue;
+    ++limits;
+    EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
+                             << *figure.limit;
+  }
+  EXPECT_EQ(limits, 10);
 }
 
 TEST(RemovalFigures, CanBeInterrupted) {

@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <numeric>
 #include <optional>
 #include <random>
 
+#include "palpate/removal.h"
 #include "palpate/servo.h"
 #include "palpate/stability.h"
 #include "palpate/workspace.h"
+#include "session/changed_model.h"
 #include "verification/stability_names.h"
 #include "verification/stability_wall.h"
 
@@ -22,6 +25,9 @@ constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMostAside_rad = 0.6;
 constexpr double kShortest_s = 0.12, kLongest_s = 0.6;
 // before that it waits for the force to have come in
 constexpr double kBegin_s = 0.6;
+constexpr double kPressed_N = 1, kSwingMean_s = 0.04;
+// how often what a burr swept is cut away
+constexpr double kCutEvery_s = 0.02;
 // on a plane, so far from its middle
 constexpr double kMostOnPlane_mm = 6;
 // the object turns to another random rotation ten times a second
@@ -43,6 +49,23 @@ Eigen::Vector3d any_direction(std::mt19937_64& random) {
   } while (direction.norm() > 1 || direction.norm() < 0.1);
   return direction.normalized();
 }
+
+// where a hand presses on the plane, which it comes down on evenly
+class PressingHand {
+ public:
+  explicit PressingHand(double depth_mm) : depth_mm_(depth_mm) {}
+  Point<Patient> start() const { return Point<Patient>(kHighest_mm, 0, 0); }
+  Point<Patient> next(double dt_s) {
+    constexpr double kDown_mm_s = 20;
+    elapsed_s_ += dt_s;
+    const double down_mm = kDown_mm_s * std::max(0.0, elapsed_s_ - kBegin_s);
+    return Point<Patient>(std::max(-depth_mm_, kHighest_mm - down_mm), 0, 0);
+  }
+
+ private:
+  const double depth_mm_;
+  double elapsed_s_ = 0;
+};
 
 // places about the ball or the plane, one after the other, with a bell of speed between them
 class RandomHand {
@@ -83,6 +106,21 @@ class RandomHand {
   double time_s_ = kBegin_s, elapsed_s_ = 0;
 };
 
+// from the middle of the run on
+double swing_of(const std::vector<double>& places_mm, double rate_hz) {
+  const auto half = static_cast<std::ptrdiff_t>(std::lround(0.5 * kSwingMean_s * rate_hz));
+  const auto count = static_cast<std::ptrdiff_t>(places_mm.size());
+  double low_mm = 0, high_mm = 0;
+  for (std::ptrdiff_t n = std::max(count / 2, half); n + half < count; ++n) {
+    const auto middle = places_mm.begin() + n;
+    const double mean_mm =
+        std::accumulate(middle - half, middle + half + 1, 0.0) / static_cast<double>(2 * half + 1);
+    low_mm = std::min(low_mm, *middle - mean_mm);
+    high_mm = std::max(high_mm, *middle - mean_mm);
+  }
+  return high_mm - low_mm;
+}
+
 Transform<Patient, World> pose_of(const Model& model, const Eigen::Quaterniond& felt) {
   const Transform<World, World> turn{Rotation<World, World>(felt), Vector<World>()};
   return (turn * model.X_WorldPatient).inverse();
@@ -122,13 +160,17 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   parameters.device[0].delay_s = exploration.delay_known ? exploration.delay_s : 0;
 
   PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
-  RandomHand hand(exploration.seed, exploration.flat);
+  parameters.motor = exploration.cuts;
+  RandomHand random_hand(exploration.seed, exploration.flat);
+  PressingHand pressing_hand(
+      kPressed_N * (1 / exploration.stiffness_N_per_mm + 1e3 / exploration.hand.stiffness_N_per_m) -
+      ball.tool.radius_mm);
   std::mt19937_64 unpunctual(exploration.seed + 2);
   std::mt19937_64 random(exploration.seed + 1);
   const auto on_device = [&](const Point<Patient>& at) {
     return mapping.to_device(ball.X_WorldPatient * at);
   };
-  plant.reset(on_device(hand.start()));
+  plant.reset(on_device(exploration.presses ? pressing_hand.start() : random_hand.start()));
 
   // a command acts so many ticks after it was given
   const int delay = static_cast<int>(std::lround(exploration.delay_s * exploration.rate_hz));
@@ -137,6 +179,9 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   TickRecord record;
   Wrench sent;
   ExploredEnergy result;
+  std::shared_ptr<const Model> felt = std::make_shared<const Model>(ball);
+  const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
+  std::vector<double> places_mm;  // across the plane
   double energy_mJ = 0;
   long touching = 0, damped = 0;
   bool touched = false;
@@ -152,14 +197,18 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
       parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(
                                        between(random, 0, kMostObjectTurn_rad), any_direction(random))) *
                                    parameters.rotation_target;
+    if (exploration.cuts && n % ticks_a_cut == 0)
+      if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
+        felt = carved_by(*felt, cuts)->taken_from(*felt);
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
-    tick(ball, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
+    tick(*felt, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 
     // the force of the last tick has acted up to now
     X_PatientWorld = pose_of(ball, state.rotation_felt);
     const Point<Patient> now = X_PatientWorld * Point<World>(plant.true_tip().eigen());
     energy_mJ -= (X_PatientWorld * acted).dot(now - tip);
     tip = now;
+    if (exploration.presses) places_mm.push_back(now.x());
     result.least_mJ = std::min(result.least_mJ, energy_mJ);
     const double depth_mm = exploration.flat ? -now.x() : kBallRadius_mm - now.eigen().norm();
     result.deepest_mm = std::max(result.deepest_mm, depth_mm);
@@ -169,7 +218,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     line.pop_front();
     if (exploration.jitter > 0)
       dt_s = (1 + between(unpunctual, -exploration.jitter, exploration.jitter)) / exploration.rate_hz;
-    plant.intend(on_device(hand.next(dt_s)));
+    plant.intend(on_device(exploration.presses ? pressing_hand.next(dt_s) : random_hand.next(dt_s)));
     plant.advance(mapping.to_device(sent), dt_s);
 
     const bool touches = acted.norm() > 0;
@@ -182,6 +231,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     result.largest_force_N = std::max(result.largest_force_N, acted.norm());
   }
   result.last_mJ = energy_mJ;
+  if (exploration.presses) result.swing_mm = swing_of(places_mm, exploration.rate_hz);
   result.damped = touching > 0 ? static_cast<double>(damped) / static_cast<double>(touching) : 0;
   return result;
 }

@@ -29,6 +29,10 @@ struct Exploration {
   bool controller = true;
   bool turning = false;  ///< the object turns, too
   bool flat = false;     ///< on flat_wall() and not on the ball
+  /// The hand stays where it presses with 1 N on the plane, in place of exploring.
+  bool presses = false;
+  /// The model's tool is a burr, whose motor runs; what it sweeps is cut away every 20 ms.
+  bool cuts = false;
   double rate_hz = 1000;
   double jitter = 0;  ///< each tick is as much shorter or longer, at random; 0 with a delay
   double time_s = 60;
@@ -42,10 +46,13 @@ struct ExploredEnergy {
   double last_mJ = 0;   ///< at the end
   double largest_force_N = 0;
   double deepest_mm = 0;  ///< that the true tip has been below the ball's surface
-  int contacts = 0;       ///< how often it was touched
-  double damped = 0;      ///< part of the ticks in contact in which the controller acted
+  /// Of a hand that presses: the true tip's peak-to-peak across the plane beside its mean over 40 ms, in the
+  /// second half of the time.
+  double swing_mm = 0;
+  int contacts = 0;   ///< how often it was touched
+  double damped = 0;  ///< part of the ticks in contact in which the controller acted
 };
-/// @param ball  exploration_ball(), or flat_wall() where it is flat
+/// @param ball  exploration_ball(), or flat_wall() where it is flat; with its tool
 ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration);
 
 /// The figures of a minute of exploration, with and without the controller, at the recommended stiffness of

@@ -1,0 +1,67 @@
+#include "verification/removal_plants.h"
+
+#include "palpate/stability.h"
+#include "verification/stability_energy.h"
+#include "verification/stability_wall.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kCuttingRate_hz = 1000, kPlantsBurr_mm = 2;
+
+struct CuttingPlant {
+  const char *device, *grip;
+};
+constexpr CuttingPlant kCuttingPlants[] = {{"premium-1.5", "light-grip"},
+                                           {"premium-1.5", "firm-grip"},
+                                           {"premium-1.5", "whole-arm"},
+                                           {"touch", "light-grip"},
+                                           {"touch", "firm-grip"}};
+
+Result<Model> wall_for_burr(const Progress& progress) {
+  const auto wall = flat_wall(progress);
+  if (!wall) return wall.error();
+  Model model = **wall;
+  model.tool.radius_mm = kPlantsBurr_mm;
+  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(0, 1, 0)};
+  return model;
+}
+
+}  // namespace
+
+Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, const Progress& progress) {
+  const auto wall = wall_for_burr(progress);
+  if (!wall) return wall.error();
+  std::vector<Figure> energies, swings;
+  for (const auto& [device, grip] : kCuttingPlants) {
+    Exploration exploration{*find_plant_device(device), *find_plant_hand(grip)};
+    const auto stiffness = recommended_stiffness_N_per_mm(exploration.device, kCuttingRate_hz, 0, progress);
+    if (!stiffness) return stiffness.error();
+    exploration.stiffness_N_per_mm = *stiffness;
+    exploration.rate_hz = kCuttingRate_hz;
+    exploration.flat = exploration.cuts = true;
+    exploration.time_s = times.explored_s;
+    if (progress.stopped()) return Progress::interrupted();
+    const ExploredEnergy explored = explore_energy(*wall, exploration);
+    exploration.presses = true;
+    exploration.time_s = times.pressed_s;
+    const ExploredEnergy pressed = explore_energy(*wall, exploration);
+    exploration.cuts = false;
+    const ExploredEnergy still = explore_energy(*wall, exploration);
+
+    const std::string path = std::string("removal/") + device + "/" + grip;
+    const auto ticks = [](double seconds) { return static_cast<std::uint64_t>(seconds * kCuttingRate_hz); };
+    const double step_mm = exploration.device.encoder_step_m * 1e3;
+    // what an encoder step hides
+    const double hidden_mJ = explored.largest_force_N * 2 * step_mm;
+    energies.push_back(
+        {path + "/given-out", 0 - explored.least_mJ, "mJ", ticks(times.explored_s), hidden_mJ});
+    energies.push_back({path + "/put-in", explored.last_mJ, "mJ", ticks(times.explored_s), {}});
+    swings.push_back({path + "/swing", pressed.swing_mm, "mm", ticks(times.pressed_s / 2), 2 * step_mm});
+    swings.push_back({path + "/swing-motor-off", still.swing_mm, "mm", ticks(times.pressed_s / 2), {}});
+  }
+  energies.insert(energies.end(), swings.begin(), swings.end());
+  return energies;
+}
+
+}  // namespace palpate
