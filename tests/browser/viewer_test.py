@@ -2428,37 +2428,178 @@ class WithShaft(Viewer):
 
 
 class WithBurr(Viewer):
-    """The mock's pointer with a tool that cuts away 3 mm around the middle of the first structure when its motor is switched on."""
+    """The mock's with a tool that cuts away 3 mm around the middle of the first structure when its motor is switched on, and 7 mm above the next time."""
+
+    def serve(self, source):
+        self.server = Server(source, extra=["--tool", "burr"]).__enter__()
+        self.addCleanup(self.server.__exit__)
+
+    def setUp(self):
+        self.serve("pointer")
+        scene = self.server.scene()
+        labels, patient_from_voxel = self.server.labels(scene)
+        middle = numpy.argwhere(labels == scene["structures"][0]["label"]).mean(0)
+        self.place = (patient_from_voxel @ [*middle, 1])[:3].tolist()
+        self.above = [*self.place[:2], self.place[2] + 7]
+        super().setUp()
 
     @classmethod
     def setUpClass(cls):
-        cls.server = Server("pointer", extra=["--tool", "burr"]).__enter__()
-        cls.addClassCleanup(cls.server.__exit__)
-        scene = cls.server.scene()
-        labels, patient_from_voxel = cls.server.labels(scene)
-        middle = numpy.argwhere(labels == scene["structures"][0]["label"]).mean(0)
-        cls.place = (patient_from_voxel @ [*middle, 1])[:3].tolist()
         cls.open_browser()
+
+    def switch(self, on):
+        self.page.click("#motor")
+        self.page.wait(f"palpateViewer.state.motor === {json.dumps(on)}")
+
+    def told(self, name):
+        return self.page.run("return document.getElementById(arguments[0]).textContent", name)
+
+    def offered(self):
+        """Which of undo and redo can be pressed."""
+        return self.page.run("return ['undo-stroke', 'redo-stroke'].map((id) => !document.getElementById(id).disabled)")
+
+    def wait_for_strokes(self, undo, redo):
+        self.page.wait("JSON.stringify(palpateViewer.state.strokes) === '%s'" % json.dumps({"undo": undo, "redo": redo}, separators=(",", ":")))
+
+    def wait_until_cut(self, place, is_cut):
+        self.page.wait("(palpateViewer.structureAt(%s) === null) === %s" % (json.dumps(place), json.dumps(is_cut)))
 
     def test_what_is_cut_away_is_gone_from_the_page_and_from_one_that_comes_later(self):
         places = {name: [self.place[0], self.place[1] + aside, self.place[2]] for name, aside in (("middle", 0), ("edge", 2.2), ("beyond", 4.2))}
         found = lambda: {name: self.page.run("return palpateViewer.structureAt(arguments[0])", at) is not None for name, at in places.items()}
         self.assertEqual(found(), {"middle": True, "edge": True, "beyond": True})
         self.assertFalse(self.page.run("return document.getElementById('motor').hidden"))
-        self.page.click("#motor")
-        self.page.wait("palpateViewer.state.motor && document.getElementById('motor').getAttribute('aria-pressed') === 'true'")
-        self.page.wait("palpateViewer.structureAt(%s) === null" % json.dumps(self.place))
+        self.switch(True)
+        self.page.wait("document.getElementById('motor').getAttribute('aria-pressed') === 'true'")
+        self.wait_until_cut(self.place, True)
         self.assertEqual(found(), {"middle": False, "edge": False, "beyond": True})
-        self.page.wait("document.getElementById('removed').textContent.includes('113 mm³ of femur removed')")
+        self.page.wait("document.getElementById('removed').textContent.includes('170 mm³ of femur removed')")
         # the mock's bone is protected
-        text = lambda of: self.page.run("return document.getElementById(arguments[0]).textContent", of)
-        self.assertEqual(text("damage"), "113 mm³ of femur gone, which is protected")
-        self.assertEqual(text("nearest"), "cut as near as 0.500 mm to tibia")
+        self.assertEqual(self.told("damage"), "170 mm³ of femur gone, which is protected")
+        self.assertEqual(self.told("nearest"), "cut as near as 0.500 mm to tibia")
         # who comes later is told of all that is gone
         self.page.run("window.isLeft = true; location.reload()")
         self.page.wait("!window.isLeft && window.palpateViewer && palpateViewer.isLoaded")
-        self.page.wait("palpateViewer.structureAt(%s) === null" % json.dumps(self.place))
+        self.wait_until_cut(self.place, True)
         self.assertEqual(found(), {"middle": False, "edge": False, "beyond": True})
+
+    def test_strokes_are_undone_and_done_again(self):
+        # a plane through the middle, and places in it within both strokes, and off them
+        self.page.click("[data-layout=five]")
+        self.let_another_viewer_lead()
+        self.page.run("lead(arguments[0])", self.place)
+        self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 1e-6" % json.dumps(self.place))
+        aside = [(x, z) for x in (-1, 0, 1, 2) for z in (-1.5, 0, 1.5)]
+        parts = {name: [[at[0] + x, at[1], at[2] + z] for x, z in aside] for name, at in (("first", self.place), ("second", self.above), ("none", [*self.place[:2], self.place[2] + 16]))}
+        seen = lambda: {name: numpy.array(self.page.run("""palpateViewer.draw();
+                return arguments[0].map((p) => { const { x, y } = palpateViewer.pixelOf("coronal", p); return palpateViewer.colourAt("coronal", x, y); })""", places))
+                        for name, places in parts.items()}
+
+        def changed(before, *names):
+            """What is seen when as much of it is another as should be, and waits for that: a picture comes after its voxels."""
+            deadline = time.monotonic() + 60
+            while True:
+                now = seen()
+                other = [name for name in parts if (now[name] != before[name]).any(-1).all()]
+                same = [name for name in parts if (now[name] == before[name]).all()]
+                if (other, same) == (list(names), [name for name in parts if name not in names]):
+                    return now
+                self.assertLess(time.monotonic(), deadline, (other, same))
+
+        whole = seen()
+        self.assertEqual(self.offered(), [False, False])
+        self.switch(True)
+        self.wait_for_strokes(1, 0)
+        self.assertEqual(self.offered(), [False, False])
+        self.assertEqual(self.page.run("return ['undo-stroke', 'redo-stroke'].map((id) => document.getElementById(id).title)"), 2 * ["Switch the motor off first"])
+        once = changed(whole, "first")
+        # grey where nothing is left but the scan
+        self.assertLess(numpy.ptp(once["first"], 1).max(), 8)
+        self.assertGreater(numpy.ptp(whole["first"], 1).min(), 8)
+        self.switch(False)
+        self.assertEqual(self.offered(), [True, False])
+        self.switch(True)
+        self.switch(False)
+        twice = changed(whole, "first", "second")
+
+        self.page.click("#undo-stroke")
+        self.wait_for_strokes(1, 1)
+        self.assertEqual(self.offered(), [True, True])
+        changed(whole, "first")
+        changed(twice, "second")
+        self.assertEqual(self.told("removed"), "170 mm³ of femur removed")
+        # by keys, which can be switched off; those of the page's own history are other ones
+        key = "document.body.dispatchEvent(new KeyboardEvent('keydown', { bubbles: true, cancelable: true, ...arguments[0] }))"
+        self.assertTrue(self.page.run("return document.getElementById('undo').disabled"))
+        self.page.run(key, {"key": "z", "ctrlKey": True})
+        self.page.run("document.getElementById('letters').click()")
+        self.page.run(key, {"key": "u"})
+        self.page.run("document.getElementById('letters').click()")
+        self.page.run(key, {"key": "U", "shiftKey": True})
+        self.wait_for_strokes(2, 0)
+        self.assertEqual(self.offered(), [True, False])
+        changed(twice)
+        # a key that is held asks for one stroke only: what is asked for next is answered after it
+        self.page.run(key, {"key": "u", "repeat": True})
+        self.page.click("#pause")
+        self.page.wait("palpateViewer.state.paused")
+        self.wait_for_strokes(2, 0)
+        for left in (1, 0):
+            self.page.run(key, {"key": "u"})
+            self.wait_for_strokes(left, 2 - left)
+        self.assertEqual(self.offered(), [False, True])
+        changed(whole)
+        self.assertEqual(self.told("removed"), "")
+        self.page.click("#redo-stroke")
+        self.wait_for_strokes(1, 1)
+        changed(once)
+        # another stroke is where the one that was undone had been
+        self.switch(True)
+        self.switch(False)
+        self.wait_for_strokes(2, 0)
+        self.assertEqual(self.offered(), [True, False])
+        changed(twice)
+
+    def test_a_stroke_that_is_not_undone_is_told_of(self):
+        self.switch(True)
+        self.wait_until_cut(self.place, True)
+        # as where another viewer has switched the motor on a moment ago
+        self.page.run("document.getElementById('undo-stroke').disabled = false; document.getElementById('undo-stroke').click()")
+        self.page.wait("document.getElementById('toast').textContent === \"The burr's motor is on. Switch it off first.\"")
+        self.assertFalse(self.page.run("return document.getElementById('toast').hidden"))
+        self.assertEqual(self.offered(), [False, False])
+        self.wait_until_cut(self.place, True)
+
+    def test_somebody_at_a_device_is_asked_for_a_stroke(self):
+        self.serve("device")
+        self.open_page()
+        asked = "document.getElementById('toast').textContent.startsWith('Asked at the device') && !document.getElementById('toast').hidden"
+        for on in (True, False):
+            self.switch(on)
+        self.wait_until_cut(self.place, True)
+        self.page.run("document.getElementById('toast').hidden = true")
+        self.page.click("#undo-stroke")
+        self.page.wait(asked)
+        self.assertEqual(self.offered(), [True, False], "nobody has agreed yet")
+        self.wait_until_cut(self.place, False)
+        self.wait_for_strokes(0, 1)
+
+    def test_the_buttons_of_strokes_fit_on_every_screen(self):
+        self.addCleanup(self.page.resize, *SIZE)
+        for language, width, height in [(language, *size) for language in ("de", "en") for size in ((390, 844), (768, 1024), (1024, 768), (1366, 768), (1920, 1080))]:
+            with self.subTest(language=language, width=width):
+                self.page.run("const choice = document.getElementById('language'); choice.value = arguments[0]; choice.dispatchEvent(new Event('change'))", language)
+                self.page.resize(width, height)
+                self.page.wait(f"innerWidth <= {width}")
+                self.assertLessEqual(self.page.run("return document.documentElement.scrollWidth"), width)
+                panel, *boxes = self.page.run("""return ["panel", "pause", "motor", "rearm", "undo-stroke", "redo-stroke"].map((id) => {
+                    const one = document.getElementById(id), r = one.getBoundingClientRect();
+                    return [id, r.left, r.top, r.right, r.bottom, one.scrollWidth - one.clientWidth];
+                })""")
+                self.assertEqual([a[0] for a in (panel, *boxes) if a[5] > 0], [], "clipped")
+                self.assertEqual([a for a in boxes if a[1] < panel[1] or a[3] > panel[3] or a[3] - a[1] < 24 or a[4] - a[2] < 24], [])
+                self.assertEqual([(a[0], b[0]) for n, a in enumerate(boxes) for b in boxes[n + 1:]
+                                  if min(a[3], b[3]) > max(a[1], b[1]) and min(a[4], b[4]) > max(a[2], b[2])], [])
 
 
 class WithSphere(Viewer):

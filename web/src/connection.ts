@@ -8,7 +8,7 @@ import { words } from "./words.js";
 /** "ended": it is not tried, or not again, before open() is called. */
 export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
 export interface Refusal { what: string; where?: string; how?: string }
-export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play"; [value: string]: unknown }
+export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo"; [value: string]: unknown }
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
@@ -36,7 +36,7 @@ export interface Listener {
   onUnanswered(): void;
   /** Somebody at the device is asked whether a request may be; its answer comes when they have said so. */
   onAsked(): void;
-  /** More was cut away; 0: what was told before is not any more. */
+  /** What was cut away: what was told before from number `first` on is not any more, and this comes after the rest. */
   onCut(first: number, sweeps: Sweep[]): void;
 }
 

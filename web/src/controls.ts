@@ -67,6 +67,8 @@ export class Controls {
     });
     byId("pause").addEventListener("click", () => this.togglePause());
     byId("motor").addEventListener("click", () => void requests.once({ type: "set", motor: !session.state?.motor }));
+    byId("undo-stroke").addEventListener("click", () => void requests.once({ type: "undo" }));
+    byId("redo-stroke").addEventListener("click", () => void requests.once({ type: "redo" }));
     byId("follow").addEventListener("click", () => this.toggleFollow());
     byId("undo").addEventListener("click", () => void history.undo());
     byId("redo").addEventListener("click", () => void history.redo());
@@ -168,6 +170,8 @@ export class Controls {
       "5": () => this.actions.layout("inside"), "6": () => this.actions.layout("scope"),
       "?": () => this.help(byId("help-box").hidden),
       f: () => this.toggleFollow(), s: this.actions.screenshot, o: this.actions.record, d: nextTheme, p: () => this.togglePause(),
+      // one stroke a press, however long it is
+      u: () => event.repeat || byId(event.shiftKey ? "redo-stroke" : "undo-stroke").click(),
     };
     if (byId<HTMLInputElement>("letters").checked) keys[event.key.toLowerCase()]?.();
   }
@@ -272,7 +276,7 @@ export class Controls {
   showScene(scene: Scene): void {
     this.nameScene(scene);
     byId("side").classList.toggle("warn", scene.side === "unknown");
-    byId("motor").hidden = !scene.tool.cuts;
+    byId("motor").hidden = byId("strokes").hidden = !scene.tool.cuts;
     write(byId("version"), `palpate ${scene.palpate}`);
     byId<HTMLSelectElement>("method").replaceChildren(...scene.methods.map((name) => new Option(readable(name), name)));
     const limit = byId<HTMLInputElement>("limit");
@@ -332,6 +336,12 @@ export class Controls {
   allow(): void {
     for (const id of ["method", "friction", "viscosity", "passivity", "limit", "motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
     byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
+    const { state } = this.session;
+    for (const [id, count, title] of [["undo-stroke", state?.strokes.undo, "undoStrokeTitle"], ["redo-stroke", state?.strokes.redo, "redoStrokeTitle"]] as const) {
+      const button = byId<HTMLButtonElement>(id);
+      button.disabled = !this.isAllowed || !count || state!.motor;
+      says(button, { title: this.isAllowed && state?.motor ? "motorOffFirst" : title });
+    }
   }
 
   addPose(pose: Pose): void {

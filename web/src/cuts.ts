@@ -40,43 +40,59 @@ function joined(a: VoxelBox | null, b: VoxelBox): VoxelBox {
 
 export class Cuts {
   private sweeps: Sweep[] = [];
-  private taken = 0; // so many of them are taken from the volumes
+  private same = 0; // the first so many are taken from the volumes, and still hold
   private volumes: Volumes | null = null;
-  private was = new Map<number, number>(); // what a voxel that was taken away had been
+  // the voxels that were taken, in the order in which they were: what is taken back is always the end of it
+  private readonly at: number[] = [];
+  private readonly was: number[] = [];
+  private readonly before: number[] = []; // of each sweep that was taken: how many voxels were taken before it
 
-  add(sweeps: readonly Sweep[]): void {
+  /** What was told from number `first` on is not any more, and `sweeps` come after the others. */
+  tell(first: number, sweeps: readonly Sweep[]): void {
+    // what comes in between is not known
+    if (first > this.sweeps.length) return;
+    this.sweeps.length = first;
+    this.same = Math.min(this.same, first);
     this.sweeps.push(...sweeps);
   }
   /** Another connection: whoever is there tells of all that is cut. */
   beginAnew(): void {
-    this.sweeps = [];
-    this.taken = 0;
+    this.tell(0, []);
   }
 
   /** Brings volumes up to what has been told. @param isCut  whether it can be taken away, by place of the structure + 1 @return what has changed in them, if anything has */
   takeFrom(volumes: Volumes, isCut: readonly boolean[]): VoxelBox | null {
     if (volumes !== this.volumes) {
       this.volumes = volumes;
-      this.was.clear();
-      this.taken = 0;
+      this.same = 0;
+      this.at.length = this.was.length = this.before.length = 0;
     }
-    let box = this.taken === 0 ? this.putBack(volumes) : null;
-    for (; this.taken < this.sweeps.length; this.taken++) {
-      const changed = this.take(volumes, this.sweeps[this.taken]!, isCut);
+    let box = this.putBack(volumes);
+    for (; this.same < this.sweeps.length; this.same++) {
+      this.before.push(this.at.length);
+      const changed = this.take(volumes, this.sweeps[this.same]!, isCut);
       if (changed) box = joined(box, changed);
     }
     return box;
   }
 
+  /** What was taken by sweeps that are not any more. No sweep that is left reaches any of it: it came first, and would have taken it. */
   private putBack(volumes: Volumes): VoxelBox | null {
-    let box: VoxelBox | null = null;
+    const { at, was, before } = this;
+    const left = before[this.same] ?? at.length;
+    before.length = this.same;
+    if (left === at.length) return null;
     const [ni, nj] = volumes.dims;
-    for (const [index, structure] of this.was) {
-      volumes.structure[index] = structure;
-      box = joined(box, { lo: [index % ni, Math.floor(index / ni) % nj, Math.floor(index / (ni * nj))], size: [1, 1, 1] });
+    const lo: Vec3 = [Infinity, Infinity, Infinity], hi: Vec3 = [-Infinity, -Infinity, -Infinity];
+    while (at.length > left) {
+      const index = at.pop()!;
+      volumes.structure[index] = was.pop()!;
+      [index % ni, Math.floor(index / ni) % nj, Math.floor(index / (ni * nj))].forEach((v, axis) => {
+        lo[axis] = Math.min(lo[axis]!, v);
+        hi[axis] = Math.max(hi[axis]!, v);
+      });
     }
-    this.was.clear();
-    return box;
+    return { lo, size: hi.map((v, axis) => v - lo[axis]! + 1) as Vec3 };
   }
 
   private take(volumes: Volumes, sweep: Sweep, isCut: readonly boolean[]): VoxelBox | null {
@@ -89,7 +105,8 @@ export class Cuts {
           const index = i + volumes.dims[0] * (j + volumes.dims[1] * k);
           const structure = volumes.structure[index]!;
           if (!isCut[structure] || squaredAside(sweep, apply(volumes.patientFromVoxel, [i, j, k])) >= sweep[6] ** 2) continue;
-          this.was.set(index, structure);
+          this.at.push(index);
+          this.was.push(structure);
           volumes.structure[index] = 0;
           changes = true;
         }

@@ -91,8 +91,7 @@ class Page {
       onUnanswered: () => void this.whyEnded(null),
       onAsked: () => toast(words.askedAtDevice),
       onCut: (first, sweeps) => {
-        if (first === 0) this.cuts.beginAnew();
-        this.cuts.add(sweeps);
+        this.cuts.tell(first, sweeps);
         this.cut();
       },
     }, this.token);
@@ -207,7 +206,7 @@ class Page {
     await Promise.all([this.slicer.update(lo, size), this.renderer.update(lo, size)]);
     this.session.touchLooks();
   }
-  /** Shows what has been cut away, one after the other: what comes meanwhile is in the next. */
+  /** Shows what has been cut away, and what came back, one after the other: what comes meanwhile is in the next. */
   private cut(): void {
     this.cutting = this.cutting.then(async () => {
       const { volumes, scene } = this.session;

@@ -101,6 +101,7 @@ export interface State {
   passivity: boolean;
   paused: boolean;
   motor: boolean; // of a tool that cuts
+  strokes: { undo: number; redo: number }; // of it, from motor on to motor off: so many can be taken back, and brought again
   removed: { label: number; mm3: number }[]; // by it, of each structure
   nearest: { label: number; mm: number }[]; // its ball came so near to what is protected
   emergency_stop: boolean;

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Cuts, type Sweep } from "../src/cuts.js";
-import { apply, type Affine, type Vec3 } from "../src/geometry.js";
+import { Cuts, type Sweep, type VoxelBox } from "../src/cuts.js";
+import { apply, cross, dot, length, sub, type Affine, type Vec3 } from "../src/geometry.js";
 import { Volumes } from "../src/scene.js";
 
 // turned about z, voxels of 0.5 x 0.75 x 1 mm
@@ -17,56 +17,109 @@ function volumes(): Volumes {
 const IS_FELT = [false, true, false];
 const SWEEPS: Sweep[] = [[-4, -3, -1, -1, -2, 0.5, 2], [-1, -2, 0.5, -1, -2, 0.5, 2], [200, 0, 0, 201, 0, 0, 2], [-9, -9, -6, -8, -9, -6, 1.4]];
 
-/** One voxel after the other, by its distance to places on the way. */
-function expected(sweeps: Sweep[]): Uint8Array {
-  const { structure } = volumes();
-  for (let n = 0; n < structure.length; n++) {
-    const at = apply(GRID, [n % 40, Math.floor(n / 40) % 30, Math.floor(n / 1200)]);
-    for (const [ax, ay, az, bx, by, bz, radius] of sweeps) {
-      if (Math.hypot(at[0] - ax, at[1] - ay, at[2] - az) > radius + Math.hypot(bx - ax, by - ay, bz - az)) continue;
-      let least = Infinity;
-      for (let part = 0; part <= 1; part += 1 / 4096) least = Math.min(least, Math.hypot(at[0] - ax - part * (bx - ax), at[1] - ay - part * (by - ay), at[2] - az - part * (bz - az)));
-      if (structure[n] === 1 && least < radius) structure[n] = 0;
-    }
-  }
-  return structure;
+/** From a sweep's way: by its ends, or by the area between it and the place. */
+function aside([ax, ay, az, bx, by, bz]: Sweep, at: Vec3): number {
+  const from: Vec3 = [ax, ay, az], to: Vec3 = [bx, by, bz], way = sub(to, from);
+  if (dot(sub(at, from), way) <= 0) return length(sub(at, from));
+  if (dot(sub(at, to), way) >= 0) return length(sub(at, to));
+  return length(cross(sub(at, from), way)) / length(way);
 }
+const voxelOf = (n: number): Vec3 => [n % 40, Math.floor(n / 40) % 30, Math.floor(n / 1200)];
+const PLACES = Array.from({ length: DIMS[0] * DIMS[1] * DIMS[2] }, (_, n) => apply(GRID, voxelOf(n)));
+const isSwept = (n: number, sweeps: Sweep[]): boolean => sweeps.some((sweep) => aside(sweep, PLACES[n]!) < sweep[6]);
+const isInside = (n: number, { lo, size }: VoxelBox): boolean => voxelOf(n).every((v, axis) => v >= lo[axis]! && v < lo[axis]! + size[axis]!);
+
+/** What is whole, one voxel after the other, without what is swept. */
+const expected = (sweeps: Sweep[], isCut = IS_FELT): Uint8Array => volumes().structure.map((structure, n) => (isCut[structure] && isSwept(n, sweeps) ? 0 : structure));
 
 test("a felt structure is gone where its voxels' centres were swept", () => {
   const cuts = new Cuts(), its = volumes(), before = its.structure.slice();
-  cuts.add(SWEEPS.slice(0, 1));
+  cuts.tell(0, SWEEPS.slice(0, 1));
   assert.ok(cuts.takeFrom(its, IS_FELT));
   assert.deepEqual(its.structure, expected(SWEEPS.slice(0, 1)));
-  cuts.add(SWEEPS.slice(1));
+  cuts.tell(1, SWEEPS.slice(1));
   const box = cuts.takeFrom(its, IS_FELT)!;
   assert.deepEqual(its.structure, expected(SWEEPS));
   assert.ok(its.structure.filter((place) => place === 0).length > 100);
   // all that has changed lies in the box that it tells of
   const first = expected(SWEEPS.slice(0, 1));
   for (let n = 0; n < before.length; n++) {
-    const at = [n % 40, Math.floor(n / 40) % 30, Math.floor(n / 1200)];
-    if (its.structure[n] !== first[n]) assert.ok(at.every((v, axis) => v >= box.lo[axis]! && v < box.lo[axis]! + box.size[axis]!));
+    if (its.structure[n] !== first[n]) assert.ok(isInside(n, box));
   }
   assert.equal(cuts.takeFrom(its, IS_FELT), null, "nothing new");
 });
 
 test("another session's cuts begin with what is whole", () => {
   const cuts = new Cuts(), its = volumes(), whole = its.structure.slice();
-  cuts.add(SWEEPS);
+  cuts.tell(0, SWEEPS);
   cuts.takeFrom(its, IS_FELT);
   cuts.beginAnew();
   assert.ok(cuts.takeFrom(its, IS_FELT));
   assert.deepEqual(its.structure, whole);
-  cuts.add(SWEEPS.slice(3));
+  cuts.tell(0, SWEEPS.slice(3));
   cuts.takeFrom(its, IS_FELT);
   assert.deepEqual(its.structure, expected(SWEEPS.slice(3)));
 });
 
 test("volumes that come later are cut by all that was told", () => {
   const cuts = new Cuts();
-  cuts.add(SWEEPS);
+  cuts.tell(0, SWEEPS);
   cuts.takeFrom(volumes(), IS_FELT);
   const others = volumes();
   cuts.takeFrom(others, IS_FELT);
   assert.deepEqual(others.structure, expected(SWEEPS));
+});
+
+test("what sweeps took that are not any more comes back, and nothing else changes", () => {
+  let seed = Date.now() & 0x7fffffff;
+  const began = seed;
+  const random = () => (seed = (Math.imul(seed, 1103515245) + 12345) & 0x7fffffff) / 0x80000000;
+  const place = (): Vec3 => apply(GRID, DIMS.map((n) => n * (1.2 * random() - 0.1)) as Vec3);
+  // many reach where others have been, some reach nothing
+  const sweep = (): Sweep => {
+    const at = place();
+    return [...at, ...(random() < 0.2 ? at : (at.map((x) => x + 6 * random() - 3) as Vec3)), 0.4 + 2.5 * random()];
+  };
+  const done = { back: 0, gone: 0, kept: 0 };
+  for (const isCut of [IS_FELT, [false, false, true], [false, true, true], [false, false, false]]) {
+    const cuts = new Cuts();
+    let its = volumes(), sweeps: Sweep[] = [], seen: Uint8Array = its.structure.slice();
+    for (let step = 0; step < 30; step++) {
+      // several messages may come before the volumes are brought up to them
+      for (let message = Math.floor(3 * random()); message >= 0; message--) {
+        const first = random() < 0.4 ? sweeps.length : Math.floor((sweeps.length + 1) * Math.sqrt(random()));
+        const more = Array.from({ length: Math.floor(4 * random()) }, sweep);
+        cuts.tell(first, more);
+        sweeps = [...sweeps.slice(0, first), ...more];
+      }
+      if (random() < 0.05) {
+        its = volumes();
+        seen = its.structure.slice();
+      }
+      const box = cuts.takeFrom(its, isCut);
+      // all sweeps that are left, taken from what is whole
+      const plain = expected(sweeps, isCut);
+      assert.deepEqual(its.structure, plain, `seed ${began}, step ${step}`);
+      for (let n = 0; n < plain.length; n++) {
+        if (plain[n] === seen[n]) continue;
+        assert.ok(box && isInside(n, box), `seed ${began}, step ${step}: voxel ${n} changed outside the box`);
+        done[plain[n] === 0 ? "gone" : "back"] += 1;
+      }
+      done.kept += plain.filter((structure, n) => structure !== 0 && !isCut[structure] && isSwept(n, sweeps)).length;
+      seen = plain;
+    }
+  }
+  assert.ok(done.back > 500 && done.gone > 500 && done.kept > 500, `seed ${began}: ${JSON.stringify(done)}`);
+});
+
+test("what comes after sweeps that are not known is left alone", () => {
+  const cuts = new Cuts(), its = volumes();
+  cuts.tell(0, SWEEPS.slice(0, 1));
+  cuts.takeFrom(its, IS_FELT);
+  cuts.tell(2, SWEEPS.slice(2));
+  assert.equal(cuts.takeFrom(its, IS_FELT), null);
+  assert.deepEqual(its.structure, expected(SWEEPS.slice(0, 1)));
+  cuts.tell(1, SWEEPS.slice(1));
+  cuts.takeFrom(its, IS_FELT);
+  assert.deepEqual(its.structure, expected(SWEEPS));
 });

@@ -9,7 +9,7 @@
 // "ramp" is a scan of 16 bits without a sign, most of whose values lie in 1/256 of them, on a grid whose axes are swapped, mirrored and tilted.
 // "sphere" is one of 20 mm, of voxels of 0.5 mm.
 // --shaft yes gives the tool one of 40 mm, as it has with the ramp. --tool burr gives it a motor: each time that is
-// switched on, 3 mm around the middle of the first structure are cut away.
+// switched on, a stroke cuts away 3 mm around a way of 2 mm, the first from the middle of the first structure, the next 7 mm above it.
 // --more 108 adds so many structures to the list, which have no voxel.
 // --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
 // when each stop came, in ms since 1970. --hold yes: volumes come when somebody has asked for /mock/release.
@@ -140,7 +140,7 @@ const scene = (role) => ({
   recording: null,
 });
 const state = {
-  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
+  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
     ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
 };
@@ -293,6 +293,10 @@ function refusal(message, viewer) {
     if (message.stop !== state.stop) return { what: "There was another stop after the one that this answers.", where: "stop", how: "See why, and rearm again." };
     if (labelAt(tip) !== 0 && options.input === "pointer") return { what: "The tip touches something.", where: "", how: "Lead it to where it is free, then rearm." };
   }
+  if (message.type === "undo" || message.type === "redo") {
+    if (state.motor) return { what: "The burr's motor is on.", how: "Switch it off first." };
+    if (state.strokes[message.type] === 0) return { what: `There is no stroke to ${message.type}.` };
+  }
   if (message.type === "pointer" && options.input !== "pointer") return { what: "A simulated hand moves the tip.", where: "take", how: "Start palpate with --input pointer." };
   return null;
 }
@@ -308,7 +312,7 @@ sockets.on("connection", (socket) => {
       if (!role) return socket.close(4401);
       viewers.set(socket, { role });
       socket.send(JSON.stringify({ type: "welcome", role, protocol }));
-      if (cuts.length > 0) socket.send(cutFrom(0));
+      if (strokes.length > 0) socket.send(cutFrom(0));
       return tellState();
     }
     if (!viewer) return socket.close(1003);
@@ -323,7 +327,7 @@ sockets.on("connection", (socket) => {
     const refused = refusal(message, viewer);
     if (refused) return socket.send(JSON.stringify({ type: "refused", id, ...refused }));
     // somebody at the device agrees after a while
-    if (state.armed && (type === "set" || type === "tissue")) {
+    if (state.armed && ["set", "tissue", "undo", "redo"].includes(type)) {
       socket.send(JSON.stringify({ type: "asked", id }));
       setTimeout(() => grant(socket, type, id, values), 1500);
       return undefined;
@@ -337,13 +341,13 @@ sockets.on("connection", (socket) => {
     }
     if (type === "rearm") Object.assign(state, { emergency_stop: false, stop: null });
     if (type === "pointer") pointer = values.take ? socket : null;
-    if (type === "set") Object.assign(state, values);
-    if (type === "set" && values.motor) {
-      state.removed = [{ label: structures[0].label, mm3: 113.1 * (cuts.length + 1) }];
-      state.nearest = [{ label: structures[0].label, mm: 0 }, { label: structures[1].label, mm: 0.5 }];
-      cuts.push([...middle(structures[0].label), ...middle(structures[0].label), 3]);
-      for (const to of viewers.keys()) to.send(cutFrom(cuts.length - 1));
+    if (type === "set" && values.motor && !state.motor) {
+      undone.length = 0;
+      changeStrokes(() => strokes.push(nextStroke()));
     }
+    if (type === "set") Object.assign(state, values);
+    if (type === "undo") changeStrokes(() => undone.push(strokes.pop()));
+    if (type === "redo") changeStrokes(() => strokes.push(undone.pop()));
     if (type === "tissue") {
       const { tissue, ...feels } = values;
       Object.assign(state.tissues[tissue], feels);
@@ -368,8 +372,25 @@ function middle(label) {
   const mean = [...sum.slice(0, 3).map((x) => x / sum[3]), 1];
   return X_PatientVoxel.slice(0, 3).map((row) => row.reduce((all, x, axis) => all + x * mean[axis], 0));
 }
-const cuts = [];
-const cutFrom = (first) => JSON.stringify({ type: "cut", first, sweeps: cuts.slice(first) });
+// of each stroke its sweeps
+const strokes = [];
+const undone = [];
+function nextStroke() {
+  const [x, y, z] = middle(structures[0].label);
+  const up = z + 7 * strokes.length;
+  return [[x, y, up, x + 1, y, up, 3], [x + 1, y, up, x + 2, y, up, 3]];
+}
+const cutFrom = (first) => JSON.stringify({ type: "cut", first, sweeps: strokes.flat().slice(first) });
+/** Tells of what is another from where it begins. */
+function changeStrokes(change) {
+  const before = strokes.flat().length;
+  change();
+  const told = cutFrom(Math.min(before, strokes.flat().length));
+  for (const to of viewers.keys()) to.send(told);
+  state.strokes = { undo: strokes.length, redo: undone.length };
+  state.removed = strokes.length === 0 ? [] : [{ label: structures[0].label, mm3: 169.6 * strokes.length }];
+  state.nearest = strokes.length === 0 ? [] : [{ label: structures[0].label, mm: 0 }, { label: structures[1].label, mm: 0.5 }];
+}
 setInterval(() => {
   const bytes = pose();
   for (const socket of viewers.keys()) if (socket.bufferedAmount < 1e4) socket.send(bytes);
