@@ -26,6 +26,16 @@ Script milling() {
       .value();
 }
 
+void go_to(ViewerHost& playback, const TickRecord& wanted) {
+  PlayRequest request;
+  request.at_s = wanted.time_s;
+  ASSERT_TRUE(playback.play(request).ok());
+  testing::soon([&] {
+    std::array<double, kMaxDevices> stiffness_N_per_mm{};
+    return playback.snapshot(stiffness_N_per_mm).tick == wanted.tick;
+  });
+}
+
 class BurrRun : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -156,13 +166,7 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
   for (const double part : {0.0, 0.6, 1.0, 0.4}) {
     const TickRecord& wanted =
         recording_.ticks[static_cast<std::size_t>(part * static_cast<double>(recording_.ticks.size() - 1))];
-    PlayRequest request;
-    request.at_s = wanted.time_s;
-    ASSERT_TRUE(playback.play(request).ok());
-    testing::soon([&] {
-      std::array<double, kMaxDevices> stiffness_N_per_mm{};
-      return playback.snapshot(stiffness_N_per_mm).tick == wanted.tick;
-    });
+    go_to(playback, wanted);
     const auto gone =
         static_cast<std::uint64_t>(std::ranges::count_if(recording_.events, [&](const auto& event) {
           return event.kind == EventKind::kSweep && event.number <= wanted.model_version;
@@ -243,27 +247,18 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
   ASSERT_TRUE(opened.ok()) << opened.error().message();
   ViewerHost& playback = **opened;
-  const auto go_to = [&](const TickRecord& wanted) {
-    PlayRequest request;
-    request.at_s = wanted.time_s;
-    ASSERT_TRUE(playback.play(request).ok());
-    testing::soon([&] {
-      std::array<double, kMaxDevices> stiffness_N_per_mm{};
-      return playback.snapshot(stiffness_N_per_mm).tick == wanted.tick;
-    });
-  };
   const auto undone = std::ranges::find_if(recording->events, [](const RecordingEvent& event) {
     return event.change.tissue == ModelChange::kUndo;
   });
-  go_to(recording->ticks[undone->tick - 1]);
+  go_to(playback, recording->ticks[undone->tick - 1]);
   EXPECT_EQ(playback.state().sweeps, sweeps);
   EXPECT_TRUE(playback.state().undone_to.empty());
   EXPECT_GT(playback.state().removed_mm3.at(testing::kBone), gone_mm3);
-  go_to(recording->ticks[undone->tick]);
+  go_to(playback, recording->ticks[undone->tick]);
   EXPECT_EQ(playback.state().sweeps, first.size());
   EXPECT_EQ(playback.state().undone_to, std::vector<std::uint64_t>{first.size()});
   EXPECT_EQ(playback.state().removed_mm3.at(testing::kBone), gone_mm3);
-  go_to(recording->ticks.back());
+  go_to(playback, recording->ticks.back());
   EXPECT_EQ(playback.state().sweeps, first.size());
   ASSERT_EQ(playback.sweeps(0, 10000).size(), first.size());
   EXPECT_EQ(playback.sweeps(0, 10000).back(), plain(first.back()));

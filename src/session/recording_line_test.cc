@@ -124,6 +124,19 @@ TEST(RecordingLine, HasWhatTheRunWasTold) {
   EXPECT_EQ(line.events_left_out, 1u);
 }
 
+TEST(RecordingLine, HasStrokesThatWereUndoneAndNoCuts) {
+  std::vector<RecordingEvent> events;
+  for (const std::uint32_t what : {ModelChange::kCut, ModelChange::kUndo, ModelChange::kRedo}) {
+    events.push_back(event(RecordingEvent::Kind::kModel, 4, {Asker::kControlViewer, 1}));
+    events.back().change.tissue = what;
+  }
+  const ViewedRecording line = line_of(std::vector<LabelId>(8, 0), events);
+  ASSERT_EQ(line.events.size(), 2u);
+  EXPECT_EQ(line.events[0].kind, "undo");
+  EXPECT_EQ(line.events[0].tissue, -1);
+  EXPECT_EQ(line.events[1].kind, "redo");
+}
+
 TEST(RecordingLine, HasRoomForStopsBesideAllTheRest) {
   std::vector<RecordingEvent> events;
   for (std::size_t i = 0; i < 3 * RecordingLine::kMostEvents; ++i)

@@ -74,7 +74,7 @@ export function showsTheSame(a: Scene, b: Scene | null): boolean {
 
 export interface RecordedEvent {
   time_s: number;
-  kind: "stop" | "rearm" | "settings" | "model";
+  kind: "stop" | "rearm" | "settings" | "model" | "undo" | "redo";
   changed: string[];
   tissue: number | null;
   by: string;

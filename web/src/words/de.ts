@@ -373,7 +373,7 @@ export const de: Words = {
   viewerNumber: (number: string) => `Betrachter ${number}`,
   deviceNumber: (number: string) => `Gerät ${number}`,
   recorded: {
-    stop: "Not-Halt", rearm: "Kraft wieder frei", fields: "Felder neu berechnet", nothing: "was schon galt", method: "Kraftmethode", friction: "Reibung",
+    stop: "Not-Halt", rearm: "Kraft wieder frei", undo: "Abtrag zurück", redo: "Abtrag wieder", fields: "Felder neu berechnet", nothing: "was schon galt", method: "Kraftmethode", friction: "Reibung",
     viscosity: "Viskosität", passivity: "Passivität", paused: "Pause", max_force_N: "Kraftgrenze", motor: "Motor", rotation_wxyz: "Objekt gedreht", pointer: "Zeiger",
     key: "eine Taste", script: "das Skript", session: "palpate", viewer: "ein Betrachter",
   },

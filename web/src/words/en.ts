@@ -373,7 +373,7 @@ export const en = {
   viewerNumber: (number: string) => `viewer ${number}`,
   deviceNumber: (number: string) => `device ${number}`,
   recorded: {
-    stop: "emergency stop", rearm: "rearmed", fields: "fields made anew", nothing: "what held already", method: "force method", friction: "friction",
+    stop: "emergency stop", rearm: "rearmed", undo: "stroke undone", redo: "stroke done again", fields: "fields made anew", nothing: "what held already", method: "force method", friction: "friction",
     viscosity: "viscosity", passivity: "passivity", paused: "pause", max_force_N: "force limit", motor: "motor", rotation_wxyz: "object turned", pointer: "pointer",
     key: "a key", script: "the script", session: "palpate", viewer: "a viewer",
   },
