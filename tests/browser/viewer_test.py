@@ -3013,6 +3013,69 @@ class WithRecording(Viewer):
             self.assertEqual(rows[n][1 - n][3], 0, rows)
 
 
+class WithMilling(Viewer):
+    """palpate itself with a burr, and bone that is protected, which is cut all the same and said."""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="palpate-burr-")
+        cls.addClassCleanup(folder.cleanup)
+        program, knee, scene = command(0, "pointer", None)[0], os.path.join(folder.name, "knee"), os.path.join(folder.name, "scene.toml")
+        palpate = lambda *arguments: subprocess.run([program, "-q", *arguments], check=True, stdout=subprocess.DEVNULL)  # noqa: E731
+        palpate("data", "fetch", "knee-phantom", "-o", knee, "--voxel", "1.5")
+        palpate("scene", "new", os.path.join(knee, "knee-phantom.seg.nrrd"), "-o", scene)
+        with open(scene, encoding="utf-8") as file:
+            text = file.read().replace('preset = "bone"', 'preset = "bone"\nprotection = "alarm"', 1)
+        with open(scene, "w", encoding="utf-8") as file:
+            file.write(text + '\n[tool]\nkind = "burr"\ndiameter = 4\nspindle = [1, 0, 0]\n')
+        cls.server = Server("pointer")
+        cls.server.command = lambda: [program, "explore", scene, "--port", str(cls.server.port), "--seconds", "600", "--device", "pointer"]
+        cls.server.__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.scene = cls.server.scene()
+        cls.labels, cls.patient_from_voxel = cls.server.labels(cls.scene)
+        cls.open_browser()
+
+    def lead(self, place):
+        """There, and it stays."""
+        self.page.run("clearInterval(window.leading); window.leading = setInterval(lead, 30, arguments[0])", place)
+        self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((mm, axis) => mm - %s[axis])) < 0.1" % json.dumps(place))
+
+    def switch(self, on):
+        self.page.click("#motor")
+        self.page.wait(f"palpateViewer.state.motor === {json.dumps(on)}")
+
+    def test_a_stroke_is_seen_undone_and_done_again(self):
+        structure = next(structure for structure in self.scene["structures"] if structure["name"] == "patella")
+        voxels = numpy.argwhere(self.labels == structure["label"])
+        places = voxels @ self.patient_from_voxel[:3, :3].T + self.patient_from_voxel[:3, 3]
+        front = places[places[:, 1].argmin()]  # anterior is -y
+        place, before = front.tolist(), [front[0], front[1] - 12, front[2]]
+        at_place = f"palpateViewer.structureAt({json.dumps(place)})"
+        strokes = lambda undo, redo: "JSON.stringify(palpateViewer.state.strokes) === '%s'" % json.dumps(  # noqa: E731
+            {"undo": undo, "redo": redo}, separators=(",", ":"))
+        removed = f"(palpateViewer.state.removed.find(({{ label }}) => label === {structure['label']})?.mm3 ?? 0)"
+        self.let_another_viewer_lead()
+        self.lead(before)
+        self.page.wait("(palpateViewer.pose.devices[0].flags & 256) === 0")  # its force has come in
+        self.page.wait(f"{at_place} !== null")
+        self.assertTrue(self.page.run("return document.getElementById('undo-stroke').disabled"))
+        self.switch(True)
+        self.lead([front[0], front[1] + 1, front[2]])
+        self.page.wait(f"{removed} > 5 && {at_place} === null")
+        self.assertIn("patella", self.page.run("return document.getElementById('damage').textContent").lower())
+        self.assertTrue(self.page.run("return document.getElementById('undo-stroke').disabled"), "the stroke is not over")
+        self.lead(before)
+        self.switch(False)
+        self.page.wait(strokes(1, 0))
+        gone_mm3 = self.page.run(f"return {removed}")
+        self.page.click("#undo-stroke")
+        self.page.wait(f"{strokes(0, 1)} && {removed} === 0 && {at_place} !== null")
+        self.page.click("#redo-stroke")
+        self.page.wait(f"{strokes(1, 0)} && {removed} === {gone_mm3} && {at_place} === null")
+        self.page.run("clearInterval(window.leading)")
+
+
 class WithTokens(Viewer):
     draws_seldom = False
 
