@@ -40,21 +40,18 @@ const CutList::InForce& CutList::in_force(std::uint32_t version) const {
   StrokeHistory<Run> history;
   last_ = {};
   std::size_t next = 0;
+  std::uint64_t left = 0;
   for (std::size_t n = 0; n < changes; ++n) {
-    for (; next < changes_[n].sweeps; ++next) {
+    for (; next < changes_[n].sweeps; ++next, ++left) {
       const std::uint32_t stroke = sweeps_[next].stroke;
       if (!history.goes_on(stroke))
         history.begin(stroke, {next, next}, std::numeric_limits<std::size_t>::max());
       history.last().end = next + 1;
     }
-    if (changes_[n].action == StrokeAction::kRedo) {
-      history.redo();
-      continue;
-    }
-    history.undo();
-    std::uint64_t left = 0;
-    for (const Run& run : history.done()) left += run.end - run.begin;
-    last_.undone_to.push_back(left);
+    const bool undo = changes_[n].action == StrokeAction::kUndo;
+    if (const Run* const run = undo ? history.undo() : history.redo())
+      left = undo ? left - (run->end - run->begin) : left + (run->end - run->begin);
+    if (undo) last_.undone_to.push_back(left);
   }
   last_.runs = history.done();
   last_.goes_on = next;
