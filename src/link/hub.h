@@ -20,12 +20,7 @@ namespace palpate::link {
 
 class Connection;
 class Viewer;
-
-/// What a viewer has had of the sweeps.
-struct SweepsHad {
-  std::uint64_t count = 0;  ///< of those that there are now
-  std::uint64_t shown = 0;  ///< that it shows; those beyond `count` were undone
-};
+struct SweepsHad;
 
 /// What the connections of one server share: the site, the session, who moves the tip. All of it on the
 /// server's thread.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <boost/beast/core/flat_static_buffer.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
@@ -21,6 +22,12 @@
 namespace palpate::link {
 
 class Hub;
+
+/// What a viewer has had of the sweeps.
+struct SweepsHad {
+  std::uint64_t count = 0;  ///< of those that there are now
+  std::uint64_t shown = 0;  ///< that it shows; those beyond `count` were undone
+};
 
 inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 
