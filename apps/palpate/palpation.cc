@@ -75,7 +75,7 @@ void print_protected(const std::vector<ProtectedFigure>& spared) {
     else if (figure.nearest_mm)
       std::printf("nearest to %s: %.2f mm; nothing of it is gone\n", name, *figure.nearest_mm);
     else
-      std::printf("nothing was cut near %s\n", name);
+      std::printf("the burr did not come near %s\n", name);
   }
 }
 

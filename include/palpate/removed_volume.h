@@ -27,27 +27,17 @@ class RemovedVolume {
   /// The last stroke counts no more, or again (as Carving::undone); false where there is none.
   bool undo();
   bool redo();
-  /// How near the burr came, where it cut, to each structure that is protected: from its ball to the
-  /// structure as prepared; 0 where it touched that. Nothing of those whose distances do not reach so far, 10
-  /// mm from the ball's middle in a session.
-  const std::map<LabelId, double>& nearest_mm() const { return nearest_mm_; }
   /// mm3, of what is not 0.
   std::map<LabelId, double> by_label_mm3() const;
 
  private:
-  // what a stroke was the first to sweep, and how near it all was before it and after it
-  struct Stroke {
-    std::vector<std::pair<std::size_t, std::uint64_t>> swept;  // places of a voxel, by its index
-    std::map<LabelId, double> nearest_before_mm, nearest_after_mm;
-  };
+  // what a stroke was the first to sweep: places of a voxel, by its index
+  using Stroke = std::vector<std::pair<std::size_t, std::uint64_t>>;
   void add(const Sweep& sweep, Stroke& stroke);
-  void come_near(const Sweep& sweep, const ProtectedStructure& structure);
   LabelId label_of(std::size_t voxel) const;
 
   std::shared_ptr<const Bricks<LabelId>> labels_;
-  std::vector<bool> is_cut_;  // by label
-  std::vector<ProtectedStructure> protected_;
-  std::map<LabelId, double> nearest_mm_;
+  std::vector<bool> is_cut_;                              // by label
   std::unordered_map<std::size_t, std::uint64_t> swept_;  // places of a voxel, by its index
   std::map<LabelId, std::uint64_t> places_;               // that are swept
   StrokeHistory<Stroke> strokes_;

@@ -99,6 +99,7 @@ struct HoldFigure {
   double peak_force_N = 0;
 };
 
+class NearestMeter;
 class RemovedVolume;
 
 /// What a burr took of a structure.
@@ -113,14 +114,14 @@ struct ProtectedFigure {
   std::string structure;
   LabelId label = 0;
   bool kept = false;
-  /// Of the ball from the structure as prepared, where it cut; 0 where it touched that. Empty: it cut nowhere
-  /// near.
+  /// Of the ball from the structure as prepared (NearestMeter). Empty: it came nowhere near.
   std::optional<double> nearest_mm;
   double removed_mm3 = 0;
 };
 /// By label.
 std::vector<RemovedFigure> removed_figures(const Model& model, const RemovedVolume& removed);
-std::vector<ProtectedFigure> protected_figures(const Model& model, const RemovedVolume& removed);
+std::vector<ProtectedFigure> protected_figures(const Model& model, const RemovedVolume& removed,
+                                               const NearestMeter& meter);
 
 /// Where an approach touched the structure that it asked for.
 struct TouchFigure {

@@ -128,7 +128,7 @@ struct ViewedState {
   std::vector<std::uint64_t> undone_to;  ///< how many of them were left after each undo until now
   std::size_t strokes_to_undo = 0, strokes_to_redo = 0;
   std::map<LabelId, double> removed_mm3;  ///< by them, of each structure
-  std::map<LabelId, double> nearest_mm;   ///< the ball came so near to what is protected
+  std::map<LabelId, double> nearest_mm;   ///< to what is protected (NearestMeter)
   double max_force_N = 0;
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   std::uint32_t model_version = 1;

@@ -92,8 +92,7 @@ std::vector<double> RemovalFigures::gone_mm3(std::size_t structure, std::span<co
   return gone;
 }
 
-RemovalMeter::RemovalMeter(int devices, const Model& model)
-    : devices_(devices), model_(model), removed_(model) {}
+RemovalMeter::RemovalMeter(const Model& model) : model_(model), removed_(model), nearest_(model) {}
 
 void RemovalMeter::hear(std::span<const RecordingEvent> events) {
   if (model_.labels == nullptr) return;
@@ -120,14 +119,8 @@ void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
 void RemovalMeter::see(const TimedTick& now) {
   for (; !heard_.empty() && heard_.front().tick <= now.tick.tick; heard_.pop_front())
     hear(heard_.front(), now.begin_s);
-  if (!model_.tool.burr) return;
-  const int pedal = model_.tool.burr->pedal;
-  const auto treads = [&](const DeviceTick& device) {
-    return pedal >= 0 && (device.buttons >> pedal & 1u) != 0;
-  };
-  const auto devices = std::span(now.tick.device).first(static_cast<std::size_t>(devices_));
-  if ((now.tick.switches & kSwitchMotor) != 0 || std::ranges::any_of(devices, treads))
-    figures_.motor_s += now.end_s - now.begin_s;
+  nearest_.see(now.tick);
+  if (motor_was_on(model_.tool, now.tick)) figures_.motor_s += now.end_s - now.begin_s;
 }
 
 void RemovalMeter::take_away(double time_s) {
@@ -161,6 +154,11 @@ void RemovalMeter::change_stroke(const ModelChange& change) {
 
 RemovalFigures RemovalMeter::finish() {
   figures_.undone = figures_.strokes - strokes_.done().size();
+  for (const ProtectedStructure& structure : model_.protected_structures) {
+    const auto nearest = nearest_.nearest_mm().find(structure.label);
+    figures_.spared.push_back(
+        {structure.label, structure.kept, nearest != nearest_.nearest_mm().end() ? nearest->second : kGap});
+  }
   return std::move(figures_);
 }
 
@@ -172,6 +170,7 @@ void RemovalMeter::take_away(const Cut& cut, double time_s) {
   if (!strokes_.goes_on(cut.sweep.stroke))
     strokes_.begin(cut.sweep.stroke, ++figures_.strokes, std::numeric_limits<std::size_t>::max());
   removed_.add({&cut, 1});
+  nearest_.see(cut.sweep);
   for (const auto& [label, mm3] : removed_.by_label_mm3()) {
     if (mm3 == volumes_mm3_[label]) continue;
     volumes_mm3_[label] = mm3;

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "palpate/nearest.h"
 #include "palpate/recording.h"
 #include "palpate/removed_volume.h"
 #include "report/decimate.h"
@@ -38,7 +39,15 @@ struct RemovalStep {
   std::vector<double> volumes_mm3;
 };
 
+/// What a burr was to spare.
+struct StructureSpared {
+  LabelId label = 0;
+  bool kept = false;         ///< the burr was held out of it; otherwise it is cut like others
+  double nearest_mm = kGap;  ///< NearestMeter; NaN: the burr came nowhere near
+};
+
 struct RemovalFigures {
+  std::vector<StructureSpared> spared;       ///< in the model's order
   std::vector<StructureRemoval> structures;  ///< in the order in which they were first cut
   std::vector<RemovalStep> steps;            ///< rising in time
   std::size_t strokes = 0;  ///< from the motor's start to its stop, in which something was cut
@@ -58,7 +67,7 @@ class RemovalMeter {
  public:
   /// @param model  with nothing taken from it, outlives the meter; with the proxy's surfaces
   ///               (ready_for), where depths are to be told
-  RemovalMeter(int devices, const Model& model);
+  explicit RemovalMeter(const Model& model);
   /// Events, in their order, before the tick that had heard of them. Of a model without labels none counts.
   void hear(std::span<const RecordingEvent> events);
   void see(const TimedTick& now);
@@ -78,9 +87,9 @@ class RemovalMeter {
   double all_mm3(LabelId label) const;
   void add_step(double time_s);
 
-  int devices_;
   const Model& model_;
   RemovedVolume removed_;
+  NearestMeter nearest_;
   StrokeHistory<std::size_t> strokes_;     // their numbers in their order
   std::map<LabelId, double> volumes_mm3_;  // so far
   std::deque<RecordingEvent> heard_;       // sweeps and cuts that no tick has felt yet

@@ -65,7 +65,7 @@ Recording ticks_with(std::vector<RecordingEvent> events) {
 }
 
 RemovalFigures figures_of(const Recording& recording, const Model& model) {
-  RemovalMeter meter(1, model);
+  RemovalMeter meter(model);
   TickTimes times(RecordingSource(recording).head());
   const auto see = [&](const TimedTick& now) { meter.see(now); };
   meter.hear(recording.events);
@@ -96,6 +96,27 @@ TEST(Removal, OfABallThroughASlabIsKnown) {
     EXPECT_NEAR(bone.part, bone.volume_mm3 / all_mm3, 1e-12);
     EXPECT_NEAR(bone.depth_mm, 2 + depth_mm, 1e-3);
   }
+}
+
+TEST(Removal, TellsHowNearTheBurrCameToWhatItWasToSpare) {
+  Model model = bone_below();
+  model.tool.radius_mm = 2;
+  model.protected_structures = {{kBone, model.surfaces[0].surface, true},
+                                {7, model.surfaces[0].surface, false}};
+  // it only leans, 0.4 mm away, in one tick
+  Recording recording = ticks_with({});
+  for (TickRecord& tick : recording.ticks) tick.device[0].proxy_patient_mm = {0, 0, kTop_mm + 3.5};
+  recording.ticks[20].switches = recording.ticks[21].switches = kSwitchMotor;
+  recording.ticks[21].device[0].proxy_patient_mm[2] = kTop_mm + 2.4;
+  recording.ticks[30].device[0].proxy_patient_mm[2] = kTop_mm + 2;  // with the motor off
+  const RemovalFigures figures = figures_of(recording, model);
+  ASSERT_EQ(figures.spared.size(), 2u);
+  EXPECT_EQ(figures.spared[0].label, kBone);
+  EXPECT_TRUE(figures.spared[0].kept);
+  EXPECT_NEAR(figures.spared[0].nearest_mm, 0.4, 1e-3);
+  EXPECT_FALSE(figures.spared[1].kept);
+  recording.ticks[20].switches = recording.ticks[21].switches = 0;
+  EXPECT_TRUE(std::isnan(figures_of(recording, model).spared[0].nearest_mm));
 }
 
 RecordingEvent changed(std::uint64_t tick, std::uint32_t action) {

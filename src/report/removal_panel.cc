@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "report/html.h"
 #include "report/parts.h"
@@ -40,6 +41,28 @@ std::string removal_table(const Run& run) {
          "</p>\n";
 }
 
+std::string spared_table(const Run& run) {
+  std::string html =
+      "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">To be spared</th><th scope=\"col\">Nearest "
+      "<span class=\"unit\">mm</span></th><th scope=\"col\">Removed <span "
+      "class=\"unit\">mm\u00b3</span></th><th "
+      "scope=\"col\">Protection</th></tr></thead><tbody>\n";
+  bool all_near = true;
+  for (const StructureSpared& spared : run.removal.spared) {
+    double gone_mm3 = 0;
+    for (const StructureRemoval& structure : run.removal.structures)
+      if (structure.label == spared.label) gone_mm3 = structure.volume_mm3;
+    all_near = all_near && !std::isnan(spared.nearest_mm);
+    html += "<tr><th scope=\"row\">" + swatch(run.colour(spared.label)) + escape(run.name(spared.label)) +
+            "</th>" + cell(number(spared.nearest_mm, 2)) + cell(three_digits(gone_mm3)) +
+            cell(spared.kept ? "kept from the burr" : "cut as others are") + "</tr>\n";
+  }
+  html +=
+      "</tbody></table></div>\n<p class=\"hint\">Nearest: from the burr to the structure as it was "
+      "prepared, while it turned, whether it cut or not; also in strokes that were undone.";
+  return html + (all_near ? "" : " No figure: the burr came nowhere near.") + "</p>\n";
+}
+
 }  // namespace
 
 std::string removal_html(const Run& run) {
@@ -53,9 +76,10 @@ std::string removal_html(const Run& run) {
     html += entry("Strokes", std::to_string(removal.strokes) + ", of which " +
                                  std::to_string(removal.undone) + " undone");
   html += "</dl>\n";
+  const std::string spared = removal.spared.empty() ? "" : spared_table(run);
   if (removal.structures.empty())
-    return html + "<p class=\"empty\">The burr took nothing away.</p></section>\n";
-  return html + removal_table(run) +
+    return html + "<p class=\"empty\">The burr took nothing away.</p>" + spared + "</section>\n";
+  return html + removal_table(run) + spared +
          "<div class=\"plot\"><h3 id=\"removed-title\">Removed <span class=\"unit\">mm\u00b3</span></h3><div "
          "class=\"canvas\" id=\"plot-removed\" role=\"img\" aria-label=\"Volume removed of each structure "
          "over " +

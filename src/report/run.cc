@@ -60,7 +60,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
   StructureMeter structures(run.devices, run.model);
   BeneathMeter beneath(run.devices);
   SummaryMeter summary;
-  RemovalMeter removal(run.devices, run.model);
+  RemovalMeter removal(run.model);
   Decimator plots(static_cast<std::size_t>(head.ticks),
                   kQuantities * static_cast<std::size_t>(run.devices) + run.real_clock(), kMostPoints);
   std::vector<double> values;

@@ -16,13 +16,14 @@ std::int64_t ns(double seconds) {
 
 }  // namespace
 
-ExploreWatch::ExploreWatch(const Model& model, const std::vector<HoldAsked>& asked) {
+ExploreWatch::ExploreWatch(const Model& model, const std::vector<HoldAsked>& asked) : nearest_(model) {
   for (const HoldAsked& structure : asked) meters_.emplace_back(model, structure);
 }
 
 void ExploreWatch::see(const TickRecord& record) {
   const std::lock_guard lock(mutex_);
   for (HoldMeter& meter : meters_) meter.see(record);
+  nearest_.see(record);
   for (int d = 0; d < record.devices; ++d)
     max_force_N_ = std::max(max_force_N_, norm(record.device[d].force_N));
 
@@ -56,6 +57,11 @@ std::vector<HoldFigure> ExploreWatch::holds() const {
   std::vector<HoldFigure> figures;
   for (const HoldMeter& meter : meters_) figures.push_back(meter.figure());
   return figures;
+}
+
+std::map<LabelId, double> ExploreWatch::nearest_mm() const {
+  const std::lock_guard lock(mutex_);
+  return nearest_.nearest_mm();
 }
 
 double ExploreWatch::max_force_N() const {

@@ -2,10 +2,12 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <mutex>
 #include <vector>
 
 #include "base/latency_histogram.h"
+#include "palpate/nearest.h"
 #include "session/run_setup.h"
 
 namespace palpate {
@@ -27,6 +29,8 @@ class ExploreWatch {
   std::vector<HoldFigure> holds() const;
   /// The largest force sent, of any device.
   double max_force_N() const;
+  /// How near a burr came to what is protected, in all ticks.
+  std::map<LabelId, double> nearest_mm() const;
 
  private:
   // a tenth of a second of ticks
@@ -38,6 +42,7 @@ class ExploreWatch {
 
   mutable std::mutex mutex_;
   std::vector<HoldMeter> meters_;
+  NearestMeter nearest_;
   double max_force_N_ = 0;
   std::array<Part, kParts> parts_;  // a ring: the tenth t is part t % kParts
   std::uint64_t tenth_ = 0;         // of the latest tick

@@ -1,3 +1,4 @@
+#include "palpate/nearest.h"
 #include "palpate/removed_volume.h"
 #include "palpate/session.h"
 
@@ -10,13 +11,14 @@ std::vector<RemovedFigure> removed_figures(const Model& model, const RemovedVolu
   return figures;
 }
 
-std::vector<ProtectedFigure> protected_figures(const Model& model, const RemovedVolume& removed) {
+std::vector<ProtectedFigure> protected_figures(const Model& model, const RemovedVolume& removed,
+                                               const NearestMeter& meter) {
   const std::map<LabelId, double> removed_mm3 = removed.by_label_mm3();
   std::vector<ProtectedFigure> figures;
   for (const ProtectedStructure& structure : model.protected_structures) {
     ProtectedFigure figure{model.name_of(structure.label), structure.label, structure.kept, {}, 0};
-    const auto nearest = removed.nearest_mm().find(structure.label);
-    if (nearest != removed.nearest_mm().end()) figure.nearest_mm = nearest->second;
+    const auto nearest = meter.nearest_mm().find(structure.label);
+    if (nearest != meter.nearest_mm().end()) figure.nearest_mm = nearest->second;
     const auto gone = removed_mm3.find(structure.label);
     if (gone != removed_mm3.end()) figure.removed_mm3 = gone->second;
     figures.push_back(std::move(figure));

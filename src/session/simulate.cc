@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "palpate/nearest.h"
 #include "palpate/removed_volume.h"
 #include "palpate/session.h"
 #include "session/changed_model.h"
@@ -45,10 +46,15 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   std::vector<TickRecord> unwritten;
   unwritten.reserve(block);
   RemovedVolume removed(model);
+  NearestMeter nearest(model);
   const auto write_block = [&]() -> Result<void> {
     const auto told = run.take_told();
     for (const RecordingEvent& event : told) {
-      if (event.kind == RecordingEvent::Kind::kSweep) removed.add({{cut_of(event.sweep)}});
+      if (event.kind == RecordingEvent::Kind::kSweep) {
+        const Cut cut = cut_of(event.sweep);
+        removed.add({&cut, 1});
+        nearest.see(cut.sweep);
+      }
       if (event.kind == RecordingEvent::Kind::kModel) follow(event.change, removed);
     }
     auto written = writer && !unwritten.empty() ? writer->append(unwritten, told) : Result<void>();
@@ -60,6 +66,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   do {
     const TickRecord& record = run.tick();
     result.summary.see(record);
+    nearest.see(record);
     result.max_force_N = std::max(result.max_force_N, run.sent().force_N.norm());
     for (HoldMeter& meter : meters) meter.see(record);
     unwritten.push_back(record);
@@ -85,7 +92,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   progress.report("palpating", 1);
   for (const HoldMeter& meter : meters) result.holds.push_back(meter.figure());
   result.removed = removed_figures(model, removed);
-  result.spared = protected_figures(model, removed);
+  result.spared = protected_figures(model, removed, nearest);
   return result;
 }
 

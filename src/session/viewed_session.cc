@@ -168,6 +168,7 @@ ViewedSession::ViewedSession(ViewedParts parts)
     : parts_(std::move(parts)),
       model_{parts_.model, parts_.model},
       removed_(*parts_.model),
+      nearest_(*parts_.model),
       highest_max_force_N_(parts_.parameters.max_force_N) {}
 
 void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
@@ -296,7 +297,9 @@ ViewedState ViewedSession::state() const {
     state.strokes_to_redo = carving->strokes_to_redo();
   }
   state.removed_mm3 = removed_.by_label_mm3();
-  state.nearest_mm = removed_.nearest_mm();
+  NearestMeter nearest = nearest_;
+  if (loop) nearest.see(watch_->nearest_mm());
+  state.nearest_mm = nearest.nearest_mm();
   state.tissues = viewed_tissues(*model_.felt);
   return state;
 }
@@ -468,19 +471,9 @@ std::ptrdiff_t ViewedSession::strokes_left(StrokeAction action) const {
   return left;
 }
 
-// by its switch, or by a pedal
-bool ViewedSession::motor_was_on(const TickRecord& tick) const {
-  const int pedal = parts_.model->tool.burr->pedal;
-  const auto devices = std::span(tick.device).first(static_cast<std::size_t>(tick.devices));
-  return (tick.switches & kSwitchMotor) != 0 ||
-         (pedal >= 0 && std::ranges::any_of(devices, [&](const DeviceTick& device) {
-            return (device.buttons >> pedal & 1u) != 0;
-          }));
-}
-
 Result<void> ViewedSession::check(const StrokeRequest& request, const Parameters& now) const {
   if (!parts_.model->tool.burr) return bad("the scene's tool does not cut", "", "");
-  if (now.motor || motor_was_on(loop_.load()->snapshot()))
+  if (now.motor || motor_was_on(parts_.model->tool, loop_.load()->snapshot()))
     return refused("the motor runs, and the stroke is not over", "motor", "switch the motor off first");
   if (strokes_left(request.action) > 0) return {};
   return request.action == StrokeAction::kUndo
@@ -529,7 +522,7 @@ void ViewedSession::cut_along() {
   while (!ending_.load()) try {
       std::this_thread::sleep_for(kCutPoll);
       // before what was swept is taken: of a stroke that was over by then that is all
-      const bool stroke_is_over = !motor_was_on(loop.snapshot());
+      const bool stroke_is_over = !motor_was_on(parts_.model->tool, loop.snapshot());
       for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
         for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
       if (!cuts.empty()) cut(cuts, loop);
@@ -556,6 +549,7 @@ void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
   set_cut_model_told(loop, told_, cuts, next);
   model_.felt = std::move(next);
   for (const Cut& cut : cuts) cuts_.add(model_.felt->version, plain(cut));
+  for (const Cut& cut : cuts) nearest_.see(cut.sweep);
   removed_.add(cuts);
 }
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "device/pointer_driver.h"
+#include "palpate/nearest.h"
 #include "palpate/recording.h"
 #include "palpate/removed_volume.h"
 #include "palpate/scene.h"
@@ -136,7 +137,6 @@ class ViewedSession final : public ViewerHost {
   void cut_along();
   void cut(std::span<const Cut> cuts, ServoLoop& loop);
   void change_strokes(ServoLoop& loop);
-  bool motor_was_on(const TickRecord& tick) const;
   std::ptrdiff_t strokes_left(StrokeAction action) const;
   void stop(AskedBy by);
   Result<void> rearm(std::uint32_t stop, AskedBy by);
@@ -159,6 +159,7 @@ class ViewedSession final : public ViewerHost {
   ModelVersions model_;
   CutList cuts_;           // of it
   RemovedVolume removed_;  // by them
+  NearestMeter nearest_;   // of them
   struct WantedStroke {
     StrokeAction action;
     AskedBy by;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 
 #include "tissue/swept_voxels.h"
 
@@ -16,21 +15,19 @@ constexpr std::uint64_t kAll = ~std::uint64_t{0};
 }  // namespace
 
 RemovedVolume::RemovedVolume(const Model& model)
-    : labels_(model.labels), is_cut_(labels_that_are_cut(model)), protected_(model.protected_structures) {}
+    : labels_(model.labels), is_cut_(labels_that_are_cut(model)) {}
 
 void RemovedVolume::add(std::span<const Cut> cuts) {
   for (const Cut& cut : cuts) {
-    if (!strokes_.goes_on(cut.sweep.stroke)) strokes_.begin(cut.sweep.stroke, {{}, nearest_mm_, {}});
+    if (!strokes_.goes_on(cut.sweep.stroke)) strokes_.begin(cut.sweep.stroke, {});
     add(cut.sweep, strokes_.last());
-    for (const ProtectedStructure& structure : protected_) come_near(cut.sweep, structure);
   }
 }
 
 bool RemovedVolume::undo() {
   Stroke* const stroke = strokes_.undo();
   if (stroke == nullptr) return false;
-  stroke->nearest_after_mm = std::exchange(nearest_mm_, stroke->nearest_before_mm);
-  for (const auto& [voxel, places] : stroke->swept) {
+  for (const auto& [voxel, places] : *stroke) {
     swept_[voxel] &= ~places;
     places_[label_of(voxel)] -= static_cast<std::uint64_t>(std::popcount(places));
   }
@@ -40,8 +37,7 @@ bool RemovedVolume::undo() {
 bool RemovedVolume::redo() {
   const Stroke* const stroke = strokes_.redo();
   if (stroke == nullptr) return false;
-  nearest_mm_ = stroke->nearest_after_mm;
-  for (const auto& [voxel, places] : stroke->swept) {
+  for (const auto& [voxel, places] : *stroke) {
     swept_[voxel] |= places;
     places_[label_of(voxel)] += static_cast<std::uint64_t>(std::popcount(places));
   }
@@ -53,20 +49,6 @@ LabelId RemovedVolume::label_of(std::size_t voxel) const {
   const auto row = voxel / static_cast<std::size_t>(ni), rows = static_cast<std::size_t>(nj);
   return labels_->at(static_cast<int>(voxel % static_cast<std::size_t>(ni)), static_cast<int>(row % rows),
                      static_cast<int>(row / rows));
-}
-
-void RemovedVolume::come_near(const Sweep& sweep, const ProtectedStructure& structure) {
-  const Surface& surface = *structure.surface;
-  const double length_mm = (sweep.to - sweep.from).norm();
-  const int steps = 1 + static_cast<int>(length_mm / surface.position().geometry().min_spacing_mm());
-  for (int n = 0; n <= steps; ++n) {
-    const double distance_mm =
-        surface.distance_mm(sweep.from + (sweep.to - sweep.from) * (static_cast<double>(n) / steps));
-    if (distance_mm >= surface.outside_mm()) continue;
-    const double gap_mm = std::max(0.0, distance_mm - sweep.radius_mm);
-    const auto [known, is_new] = nearest_mm_.try_emplace(structure.label, gap_mm);
-    if (!is_new) known->second = std::min(known->second, gap_mm);
-  }
 }
 
 void RemovedVolume::add(const Sweep& sweep, Stroke& stroke) {
@@ -102,7 +84,7 @@ void RemovedVolume::add(const Sweep& sweep, Stroke& stroke) {
         }
         now &= ~swept;
         if (now == 0) continue;
-        stroke.swept.emplace_back(index(i, j, k), now);
+        stroke.emplace_back(index(i, j, k), now);
         places_[label] += static_cast<std::uint64_t>(std::popcount(now));
         swept |= now;
       }

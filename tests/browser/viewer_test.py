@@ -2476,7 +2476,7 @@ class WithBurr(Viewer):
         self.page.wait("document.getElementById('removed').textContent.includes('170 mm³ of femur removed')")
         # the mock's bone is protected
         self.assertEqual(self.told("damage"), "170 mm³ of femur gone, which is protected")
-        self.assertEqual(self.told("nearest"), "cut as near as 0.500 mm to tibia")
+        self.assertEqual(self.told("nearest"), "the burr came as near as 0.500 mm to tibia")
         # who comes later is told of all that is gone
         self.page.run("window.isLeft = true; location.reload()")
         self.page.wait("!window.isLeft && window.palpateViewer && palpateViewer.isLoaded")

@@ -137,7 +137,7 @@ export const de: Words = {
   motor: "Motor",
   removed: (volume: string, structure: string) => `${volume} ${structure} abgetragen`,
   protectedGone: (volume: string, structure: string) => `${volume} ${structure} abgetragen: geschützt`,
-  nearest: (distance: string, structure: string) => `bis auf ${distance} an ${structure} heran abgetragen`,
+  nearest: (distance: string, structure: string) => `Fräse bis auf ${distance} an ${structure} heran`,
   motorTitle: "Die Fräse dreht sich und trägt ab, was sie berührt",
   undoStroke: "Abtrag zurück",
   undoStrokeTitle: "Was die Fräse zuletzt abtrug, von Motor an bis Motor aus, kommt wieder (U)",

@@ -136,7 +136,7 @@ export const en = {
   motor: "Motor",
   removed: (volume: string, structure: string) => `${volume} of ${structure} removed`,
   protectedGone: (volume: string, structure: string) => `${volume} of ${structure} gone, which is protected`,
-  nearest: (distance: string, structure: string) => `cut as near as ${distance} to ${structure}`,
+  nearest: (distance: string, structure: string) => `the burr came as near as ${distance} to ${structure}`,
   motorTitle: "The burr turns and takes away what it touches",
   undoStroke: "Undo stroke",
   undoStrokeTitle: "What the burr took away last, from motor on to motor off, comes back (U)",

@@ -1,0 +1,61 @@
+#include "palpate/nearest.h"
+
+#include <algorithm>
+#include <span>
+
+namespace palpate {
+
+bool motor_was_on(const Tool& tool, const TickRecord& tick) {
+  if (!tool.burr) return false;
+  const int pedal = tool.burr->pedal;
+  const auto devices = std::span(tick.device).first(static_cast<std::size_t>(tick.devices));
+  return (tick.switches & kSwitchMotor) != 0 ||
+         (pedal >= 0 && std::ranges::any_of(devices, [&](const DeviceTick& device) {
+            return (device.buttons >> pedal & 1u) != 0;
+          }));
+}
+
+NearestMeter::NearestMeter(const Model& model) : tool_(model.tool), protected_(model.protected_structures) {}
+
+void NearestMeter::see(const TickRecord& tick) {
+  if (protected_.empty() || !motor_was_on(tool_, tick)) return;
+  // without force it stands still, and where no proxy is held nobody knows where it would be
+  constexpr std::uint32_t kStill =
+      kFaultFlags | kFlagPaused | kFlagClutched | kFlagRamp | kFlagStale | kFlagInside;
+  for (int d = 0; d < tick.devices; ++d) {
+    const DeviceTick& device = tick.device[static_cast<std::size_t>(d)];
+    if ((device.flags & kStill) != 0) continue;
+    const Point<Patient> at(device.proxy_patient_mm[0], device.proxy_patient_mm[1],
+                            device.proxy_patient_mm[2]);
+    for (const ProtectedStructure& structure : protected_) see(at, tool_.radius_mm, structure);
+  }
+}
+
+void NearestMeter::see(const Sweep& sweep) {
+  const double length_mm = (sweep.to - sweep.from).norm();
+  for (const ProtectedStructure& structure : protected_) {
+    const double spacing_mm = structure.surface->position().geometry().min_spacing_mm();
+    const int steps = 1 + static_cast<int>(length_mm / spacing_mm);
+    for (int n = 0; n <= steps; ++n) {
+      const double part = static_cast<double>(n) / steps;
+      see(sweep.from + (sweep.to - sweep.from) * part, sweep.radius_mm, structure);
+    }
+  }
+}
+
+void NearestMeter::see(const std::map<LabelId, double>& nearest_mm) {
+  for (const auto& [label, mm] : nearest_mm) {
+    const auto [known, is_new] = nearest_mm_.try_emplace(label, mm);
+    if (!is_new) known->second = std::min(known->second, mm);
+  }
+}
+
+void NearestMeter::see(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure) {
+  const double distance_mm = structure.surface->distance_mm(at);
+  if (distance_mm >= structure.surface->outside_mm()) return;
+  const double gap_mm = std::max(0.0, distance_mm - radius_mm);
+  const auto [known, is_new] = nearest_mm_.try_emplace(structure.label, gap_mm);
+  if (!is_new) known->second = std::min(known->second, gap_mm);
+}
+
+}  // namespace palpate

@@ -1,0 +1,85 @@
+#include "palpate/nearest.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "haptics/test_model.h"
+#include "tissue/test_surfaces.h"
+
+namespace palpate {
+namespace {
+
+using testing::kBone;
+
+// what is below z = 0 is protected; told of to 4 mm from it
+Model spared_below() {
+  Model model = testing::ball_model({3, 3, 3});
+  const auto above = [](const Eigen::Vector3d& p) { return p.z(); };
+  model.protected_structures = {
+      {kBone, testing::surface_to_carve(11, Eigen::Vector3d::Constant(0.5), above), false}};
+  model.tool.radius_mm = 2;
+  model.tool.burr = BurrSettings{.pedal = 3};
+  return model;
+}
+
+TickRecord held_at(double z_mm) {
+  TickRecord tick;
+  tick.switches = kSwitchMotor;
+  tick.device[0].proxy_patient_mm = {1, -2, z_mm};
+  return tick;
+}
+
+TEST(NearestMeter, TellsOfWhatWasCut) {
+  NearestMeter meter(spared_below());
+  meter.see(Sweep{{0, 0, 8}, {1, 0, 8}, 2});
+  EXPECT_TRUE(meter.nearest_mm().empty()) << "beyond what the distances tell";
+  meter.see(Sweep{{0, 0, 3}, {1, 0, 2.5}, 2});
+  EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.5, 0.01);
+  meter.see(Sweep{{0, 0, 3.5}, {0, 0, 3.5}, 2});
+  EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.5, 0.01) << "farther away again";
+  meter.see(Sweep{{0, 0, 4}, {0, 0, 1}, 2});
+  EXPECT_EQ(meter.nearest_mm().at(kBone), 0);
+}
+
+TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
+  NearestMeter meter(spared_below());
+  TickRecord tick = held_at(3);
+  meter.see(tick);
+  EXPECT_NEAR(meter.nearest_mm().at(kBone), 1, 0.01);
+  // every device has a burr, where there are several
+  tick = held_at(3.5);
+  tick.devices = 2;
+  tick.device[1].proxy_patient_mm = {0, 0, 2.25};
+  meter.see(tick);
+  EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.25, 0.01);
+  NearestMeter other(spared_below());
+  other.see(meter.nearest_mm());
+  other.see(held_at(3));
+  EXPECT_EQ(other.nearest_mm(), meter.nearest_mm());
+}
+
+TEST(NearestMeter, CountsOnlyABurrThatTurns) {
+  const Model model = spared_below();
+  NearestMeter meter(model);
+  TickRecord tick = held_at(2);
+  tick.switches = 0;
+  meter.see(tick);
+  for (const std::uint32_t flag :
+       {kFlagPaused, kFlagClutched, kFlagRamp, kFlagStale, kFlagInside, kFlagJump, kFlagEmergencyStop}) {
+    tick = held_at(2);
+    tick.device[0].flags = flag;
+    meter.see(tick);
+  }
+  EXPECT_TRUE(meter.nearest_mm().empty());
+  tick = held_at(2);
+  tick.switches = 0;
+  tick.device[0].buttons = 1u << 3;
+  EXPECT_TRUE(motor_was_on(model.tool, tick)) << "by its pedal";
+  meter.see(tick);
+  EXPECT_NEAR(meter.nearest_mm().at(kBone), 0, 0.01);
+  EXPECT_FALSE(motor_was_on(Tool{}, held_at(2))) << "a tool without a motor";
+}
+
+}  // namespace
+}  // namespace palpate
