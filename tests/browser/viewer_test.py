@@ -173,6 +173,13 @@ class Viewer(unittest.TestCase):
             if self.draws_seldom:
                 self.page.run(f"palpateViewer.leastFrame_ms = {LEAST_FRAME_MS}")
 
+    def serve(self, *source, **options):
+        """A server for this test alone."""
+        self.server = Server(*source, **options).__enter__()
+        self.addCleanup(self.server.__exit__)
+        # before that, or it misses its server and says so in the next test
+        self.addCleanup(self.page.post, "/url", {"url": "about:blank"})
+
     def setUp(self):
         self.expected = ()
         self.open_page()
@@ -1041,10 +1048,7 @@ class WithHand(Viewer):
     draws_seldom = False
 
     def setUp(self):
-        self.server = Server("script").__enter__()
-        self.addCleanup(self.server.__exit__)
-        # before that, or it misses its server and says so in the next test
-        self.addCleanup(self.page.post, "/url", {"url": "about:blank"})
+        self.serve("script")
         super().setUp()
 
     @classmethod
@@ -1124,9 +1128,7 @@ class WithTrouble(Viewer):
     draws_seldom = False
 
     def setUp(self):
-        self.server = Server("script").__enter__()
-        self.addCleanup(self.server.__exit__)
-        self.addCleanup(self.page.post, "/url", {"url": "about:blank"})
+        self.serve("script")
         super().setUp()
         self.expected = ("ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE", "WebSocket connection to", "status of 4")
 
@@ -1224,9 +1226,7 @@ class WithLoading(Viewer):
     draws_seldom = False
 
     def setUp(self):
-        self.server = Server("pointer", extra=["--hold", "yes"]).__enter__()
-        self.addCleanup(self.server.__exit__)
-        self.addCleanup(self.page.post, "/url", {"url": "about:blank"})
+        self.serve("pointer", extra=["--hold", "yes"])
 
     @classmethod
     def setUpClass(cls):
@@ -2431,8 +2431,7 @@ class WithBurr(Viewer):
     """The mock's with a tool that cuts away 3 mm around the middle of the first structure when its motor is switched on, and 7 mm above the next time."""
 
     def serve(self, source):
-        self.server = Server(source, extra=["--tool", "burr"]).__enter__()
-        self.addCleanup(self.server.__exit__)
+        super().serve(source, extra=["--tool", "burr"])
 
     def setUp(self):
         self.serve("pointer")
@@ -2751,8 +2750,7 @@ class WithDevice(Viewer):
     draws_seldom = False
 
     def setUp(self):
-        self.server = Server("device").__enter__()
-        self.addCleanup(self.server.__exit__)
+        self.serve("device")
         self.expected = ()
         self.open_page()
 
