@@ -9,9 +9,9 @@
 #include <random>
 
 #include "json_file.h"
-#include "palpate/scene.h"
-#include "palpate/servo.h"
-#include "palpate/session.h"
+#include "palpate/loading/loading.h"
+#include "palpate/scene/scene.h"
+#include "palpate/servo/servo.h"
 
 namespace palpate::bench {
 

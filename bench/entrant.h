@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 
 /// Ways of getting a value and a gradient at a point, as sampling_bench compares them.
 namespace palpate::bench {

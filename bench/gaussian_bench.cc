@@ -8,8 +8,9 @@
 #include "interleaved.h"
 #include "itk_gaussian.h"
 #include "json_file.h"
-#include "palpate/preparation.h"
-#include "palpate/volume_io.h"
+#include "palpate/preparation/preparation.h"
+#include "palpate/volume/simd_targets.h"
+#include "palpate/volume_io/volume_io.h"
 #include "work.h"
 
 namespace palpate::bench {

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 namespace palpate::bench {
 

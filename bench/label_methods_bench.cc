@@ -7,8 +7,9 @@
 
 #include "interleaved.h"
 #include "json_file.h"
-#include "palpate/preparation.h"
-#include "palpate/voxel_methods.h"
+#include "palpate/preparation/preparation.h"
+#include "palpate/sampling/voxel_methods.h"
+#include "palpate/volume/simd_targets.h"
 #include "work.h"
 
 namespace palpate::bench {

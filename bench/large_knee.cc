@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <sstream>
 
-#include "palpate/phantoms.h"
-#include "palpate/volume_io.h"
+#include "palpate/phantoms/phantoms.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate::bench {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 namespace palpate::bench {
 

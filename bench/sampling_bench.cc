@@ -9,7 +9,8 @@
 #include "entrant.h"
 #include "interleaved.h"
 #include "json_file.h"
-#include "palpate/preparation.h"
+#include "palpate/preparation/preparation.h"
+#include "palpate/volume/simd_targets.h"
 #include "work.h"
 
 namespace palpate::bench {

@@ -15,7 +15,7 @@
 #include "interleaved.h"
 #include "json_file.h"
 #include "large_knee.h"
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 namespace palpate::bench {
 

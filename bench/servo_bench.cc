@@ -13,11 +13,11 @@
 
 #include "json_file.h"
 #include "large_knee.h"
-#include "palpate/preparation.h"
-#include "palpate/primitives.h"
-#include "palpate/scene.h"
-#include "palpate/servo_timing.h"
-#include "palpate/volume_io.h"
+#include "palpate/phantoms/primitives.h"
+#include "palpate/preparation/preparation.h"
+#include "palpate/scene/scene.h"
+#include "palpate/verification/servo_timing.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate::bench {
 

@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "json_file.h"
-#include "palpate/explore.h"
-#include "palpate/viewer_server.h"
+#include "palpate/link/viewer_server.h"
+#include "palpate/session/explore.h"
 #include "viewer_client.h"
 
 namespace palpate::bench {

@@ -5,8 +5,8 @@
 #include <string>
 #include <utility>
 
-#include "palpate/cache.h"
-#include "palpate/session.h"
+#include "palpate/cache/cache.h"
+#include "palpate/loading/loading.h"
 
 /// One start, for bench/start.py: what the command line names, until it is ready for the proxy, with the
 /// cache of the environment. Prints the model's hash, that of its surfaces, and the most memory in MiB.

@@ -10,9 +10,9 @@
 
 #include "json_file.h"
 #include "large_knee.h"
-#include "palpate/primitives.h"
-#include "palpate/surfaces.h"
-#include "palpate/volume_io.h"
+#include "palpate/phantoms/primitives.h"
+#include "palpate/surfaces/surfaces.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate::bench {
 

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 /// The works that comparisons are made on.
 namespace palpate::bench {

@@ -1,9 +1,9 @@
-#include "palpate/cache.h"
+#include "palpate/cache/cache.h"
 
 #include <cstdio>
 #include <string>
 
-#include "palpate/reading.h"
+#include "palpate/base/reading.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -15,9 +15,9 @@
 #include <thread>
 
 #include "keys.h"
-#include "palpate/output.h"
-#include "palpate/printable.h"
-#include "palpate/progress_lines.h"
+#include "palpate/base/output.h"
+#include "palpate/base/printable.h"
+#include "palpate/base/progress_lines.h"
 #include "streams.h"
 #include "text.h"
 #include "verb.h"

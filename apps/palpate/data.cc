@@ -1,10 +1,10 @@
-#include "palpate/catalog.h"
+#include "palpate/catalog/catalog.h"
 
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "palpate/phantoms.h"
+#include "palpate/phantoms/phantoms.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -1,4 +1,4 @@
-#include "palpate/explore.h"
+#include "palpate/session/explore.h"
 
 #include <unistd.h>
 
@@ -11,8 +11,8 @@
 
 #include "inputs.h"
 #include "keys.h"
-#include "palpate/output.h"
-#include "palpate/viewer_server.h"
+#include "palpate/base/output.h"
+#include "palpate/link/viewer_server.h"
 #include "palpation.h"
 #include "serving.h"
 #include "text.h"

@@ -2,9 +2,10 @@
 #include <memory>
 
 #include "inputs.h"
-#include "palpate/output.h"
-#include "palpate/session.h"
-#include "palpate/volume_io.h"
+#include "palpate/base/output.h"
+#include "palpate/loading/loading.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
 #include "verb.h"
 

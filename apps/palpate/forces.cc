@@ -3,9 +3,9 @@
 #include <vector>
 
 #include "inputs.h"
-#include "palpate/output.h"
-#include "palpate/rendering.h"
-#include "palpate/session.h"
+#include "palpate/base/output.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/rendering/rendering.h"
 #include "palpation.h"
 #include "verb.h"
 

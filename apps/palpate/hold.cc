@@ -1,4 +1,4 @@
-#include "palpate/hold.h"
+#include "palpate/stability/hold.h"
 
 #include <cstdio>
 #include <memory>
@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "inputs.h"
-#include "palpate/output.h"
-#include "palpate/session.h"
-#include "palpate/stability.h"
+#include "palpate/base/output.h"
+#include "palpate/loading/loading.h"
+#include "palpate/stability/stability.h"
 #include "palpation.h"
 #include "verb.h"
 

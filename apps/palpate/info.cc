@@ -9,8 +9,8 @@
 #include <sstream>
 
 #include "leaky.h"
-#include "palpate/surfaces.h"
-#include "palpate/volume_io.h"
+#include "palpate/surfaces/surfaces.h"
+#include "palpate/volume_io/volume_io.h"
 #include "text.h"
 #include "verb.h"
 

@@ -1,7 +1,7 @@
 #include "inputs.h"
 
-#include "palpate/catalog.h"
-#include "palpate/scene.h"
+#include "palpate/catalog/catalog.h"
+#include "palpate/scene/scene.h"
 
 namespace palpate::app {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/surfaces.h"
+#include "palpate/surfaces/surfaces.h"
 
 namespace palpate::app {
 

@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/cache.h"
-#include "palpate/reading.h"
-#include "palpate/supervisor.h"
+#include "palpate/base/reading.h"
+#include "palpate/cache/cache.h"
+#include "palpate/supervisor/supervisor.h"
 #include "palpate_version.h"
 #include "streams.h"
 #include "surroundings.h"

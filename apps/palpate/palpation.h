@@ -5,7 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "palpate/session.h"
+#include "palpate/loading/loading.h"
+#include "palpate/palpation/palpation.h"
 #include "verb.h"
 
 /// What the verbs that feel or show a scene share.

@@ -6,12 +6,12 @@
 
 #include "inputs.h"
 #include "leaky.h"
-#include "palpate/catalog.h"
-#include "palpate/output.h"
-#include "palpate/preparation.h"
-#include "palpate/session.h"
-#include "palpate/surfaces.h"
-#include "palpate/volume_io.h"
+#include "palpate/base/output.h"
+#include "palpate/catalog/catalog.h"
+#include "palpate/loading/loading.h"
+#include "palpate/preparation/preparation.h"
+#include "palpate/surfaces/surfaces.h"
+#include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
 #include "verb.h"
 

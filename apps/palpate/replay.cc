@@ -3,8 +3,9 @@
 #include <memory>
 #include <thread>
 
-#include "palpate/playback.h"
-#include "palpate/session.h"
+#include "palpate/loading/loading.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/session/playback.h"
 #include "serving.h"
 #include "verb.h"
 

@@ -1,11 +1,11 @@
-#include "palpate/report.h"
+#include "palpate/report/report.h"
 
 #include <array>
 #include <memory>
 
 #include "inputs.h"
-#include "palpate/output.h"
-#include "palpate/session.h"
+#include "palpate/base/output.h"
+#include "palpate/loading/loading.h"
 #include "verb.h"
 
 namespace palpate::app {

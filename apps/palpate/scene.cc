@@ -1,12 +1,12 @@
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 
 #include <algorithm>
 #include <cstdio>
 #include <set>
 
-#include "palpate/output.h"
-#include "palpate/ramps.h"
-#include "palpate/volume_io.h"
+#include "palpate/base/output.h"
+#include "palpate/surfaces/ramps.h"
+#include "palpate/volume_io/volume_io.h"
 #include "text.h"
 #include "verb.h"
 
@@ -270,7 +270,7 @@ double most_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeo
   double stiffest = 0;
   for (const TissueSettings& other : scene.tissues)
     if (other.felt) stiffest = std::max(stiffest, other.stiffness_N_per_mm);
-  const auto width_mm = ramp_width_mm(scene.preparation, grid);
+  const auto width_mm = ramp_width_mm(scene.preparation.ramp_width_mm, grid);
   return std::min(tissue.stiffness_N_per_mm * kDeepestRamp_mm, width_mm ? stiffest * *width_mm : 0);
 }
 
@@ -400,7 +400,7 @@ int run_check(const std::string& file, Console& console) {
   }
   warn_of_narrow_sigma(*scene, *data, console);
   const GridGeometry grid = field_grid(data->labels_grid(), data->scan_grid());
-  const auto width_mm = ramp_width_mm(scene->preparation, grid);
+  const auto width_mm = ramp_width_mm(scene->preparation.ramp_width_mm, grid);
   if (!width_mm) {
     Error error = width_mm.error();
     error.where = file;

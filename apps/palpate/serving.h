@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "palpate/viewer_server.h"
+#include "palpate/link/viewer_server.h"
 #include "verb.h"
 
 /// What the verbs share that serve the page.

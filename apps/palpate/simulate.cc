@@ -4,9 +4,9 @@
 #include <optional>
 
 #include "inputs.h"
-#include "palpate/output.h"
-#include "palpate/report.h"
-#include "palpate/session.h"
+#include "palpate/base/output.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/report/report.h"
 #include "palpation.h"
 #include "verb.h"
 

@@ -8,7 +8,7 @@
 #include <iostream>
 #include <string_view>
 
-#include "palpate/printable.h"
+#include "palpate/base/printable.h"
 
 namespace palpate::app {
 namespace {

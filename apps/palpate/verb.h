@@ -5,8 +5,8 @@
 #include <functional>
 #include <string>
 
-#include "palpate/progress.h"
-#include "palpate/result.h"
+#include "palpate/base/progress.h"
+#include "palpate/base/result.h"
 
 /// The command line: one verb a file. A verb adds its subcommand to the application and, when it is
 /// chosen, leaves in `run` what is to be done.

@@ -2,9 +2,9 @@
 #include <memory>
 #include <optional>
 
-#include "palpate/cache.h"
-#include "palpate/output.h"
-#include "palpate/verification.h"
+#include "palpate/base/output.h"
+#include "palpate/cache/cache.h"
+#include "palpate/verification/verification.h"
 #include "verb.h"
 
 namespace palpate::app {

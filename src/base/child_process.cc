@@ -1,4 +1,4 @@
-#include "base/child_process.h"
+#include "palpate/base/child_process.h"
 
 #include <errno.h>
 #include <signal.h>

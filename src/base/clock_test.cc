@@ -1,4 +1,4 @@
-#include "base/clock.h"
+#include "palpate/base/clock.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
-#include "base/file.h"
+#include "palpate/base/file.h"
 
-#include "palpate/output.h"
+#include "palpate/base/output.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/hash.h"
+#include "palpate/base/hash.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "base/file.h"
+#include "palpate/base/file.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@
 
 #include "base/test_child.h"
 #include "base/test_files.h"
-#include "palpate/output.h"
+#include "palpate/base/output.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "base/for_each_index.h"
+#include "palpate/base/for_each_index.h"
 
 #include <sched.h>
 

@@ -1,4 +1,4 @@
-#include "base/hash.h"
+#include "palpate/base/hash.h"
 
 #include <gtest/gtest.h>
 

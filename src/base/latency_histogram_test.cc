@@ -1,4 +1,4 @@
-#include "base/latency_histogram.h"
+#include "palpate/base/latency_histogram.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "base/mailbox.h"
+#include "palpate/base/mailbox.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <random>
 #include <thread>
 
-#include "base/clock.h"
 #include "base/test_child.h"
+#include "palpate/base/clock.h"
 
 namespace palpate {
 namespace {

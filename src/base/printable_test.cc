@@ -1,4 +1,4 @@
-#include "palpate/printable.h"
+#include "palpate/base/printable.h"
 
 #include <gtest/gtest.h>
 

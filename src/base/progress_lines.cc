@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/progress_lines.h"
+#include "palpate/base/progress_lines.h"
 
 namespace palpate {
 

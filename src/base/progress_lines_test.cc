@@ -3,7 +3,7 @@
 #include <limits>
 #include <vector>
 
-#include "palpate/progress_lines.h"
+#include "palpate/base/progress_lines.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "palpate/reading.h"
+#include "palpate/base/reading.h"
 
 #include <unistd.h>
 
@@ -11,7 +11,7 @@
 #include <optional>
 #include <string_view>
 
-#include "base/file.h"
+#include "palpate/base/file.h"
 
 namespace palpate {
 namespace {

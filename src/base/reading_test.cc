@@ -1,4 +1,4 @@
-#include "palpate/reading.h"
+#include "palpate/base/reading.h"
 
 #include <gtest/gtest.h>
 

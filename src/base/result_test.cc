@@ -1,4 +1,4 @@
-#include "palpate/result.h"
+#include "palpate/base/result.h"
 
 #include <gtest/gtest.h>
 

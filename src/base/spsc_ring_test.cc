@@ -1,4 +1,4 @@
-#include "base/spsc_ring.h"
+#include "palpate/base/spsc_ring.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/clock.h"
+#include "palpate/base/clock.h"
 
 namespace palpate {
 namespace {

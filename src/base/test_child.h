@@ -11,7 +11,7 @@
 #include <new>
 #include <utility>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 /// Child processes for tests of what happens when somebody stops or dies half-way.
 namespace palpate::testing {

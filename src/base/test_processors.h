@@ -5,7 +5,7 @@
 
 #include <cstddef>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 namespace palpate::test {
 

@@ -15,9 +15,9 @@
 #include "base/test_child.h"
 #include "base/test_files.h"
 #include "base/test_seed.h"
-#include "cache/fields.h"
-#include "cache/kept.h"
-#include "palpate/cache.h"
+#include "palpate/cache/cache.h"
+#include "palpate/cache/fields.h"
+#include "palpate/cache/kept.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "cache/digest.h"
+#include "palpate/cache/digest.h"
 
 #include <openssl/evp.h>
 
@@ -6,7 +6,7 @@
 #include <atomic>
 #include <memory>
 
-#include "base/for_each_index.h"
+#include "palpate/base/for_each_index.h"
 
 namespace palpate::cache {
 namespace {

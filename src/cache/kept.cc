@@ -1,4 +1,4 @@
-#include "cache/kept.h"
+#include "palpate/cache/kept.h"
 
 #include <fcntl.h>
 #include <pwd.h>
@@ -15,10 +15,10 @@
 #include <new>
 #include <utility>
 
-#include "base/file.h"
-#include "base/hash.h"
-#include "palpate/cache.h"
-#include "palpate/reading.h"
+#include "palpate/base/file.h"
+#include "palpate/base/hash.h"
+#include "palpate/base/reading.h"
+#include "palpate/cache/cache.h"
 
 namespace palpate {
 namespace {

@@ -1,11 +1,11 @@
-#include "palpate/catalog.h"
+#include "palpate/catalog/catalog.h"
 
 #include <algorithm>
 #include <cstdio>
 
-#include "base/hash.h"
 #include "catalog/local_data.h"
-#include "palpate/phantoms.h"
+#include "palpate/base/hash.h"
+#include "palpate/phantoms/phantoms.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "palpate/catalog.h"
+#include "palpate/catalog/catalog.h"
 
 #include <gmock/gmock.h>
 

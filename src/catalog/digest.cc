@@ -5,7 +5,7 @@
 #include <array>
 #include <memory>
 
-#include "base/file.h"
+#include "palpate/base/file.h"
 
 namespace palpate {
 namespace {

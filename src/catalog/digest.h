@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "palpate/result.h"
+#include "palpate/base/result.h"
 
 namespace palpate {
 

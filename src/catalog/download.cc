@@ -10,9 +10,9 @@
 #include <chrono>
 #include <thread>
 
-#include "base/file.h"
 #include "catalog/digest.h"
 #include "catalog/transfer.h"
+#include "palpate/base/file.h"
 
 namespace palpate {
 namespace {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "palpate/progress.h"
-#include "palpate/result.h"
+#include "palpate/base/progress.h"
+#include "palpate/base/result.h"
 
 namespace palpate {
 

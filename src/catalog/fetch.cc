@@ -3,12 +3,12 @@
 #include <cerrno>
 #include <utility>
 
-#include "base/file.h"
 #include "catalog/fetch_files.h"
 #include "catalog/local_data.h"
-#include "palpate/catalog.h"
-#include "palpate/phantoms.h"
-#include "palpate/volume_io.h"
+#include "palpate/base/file.h"
+#include "palpate/catalog/catalog.h"
+#include "palpate/phantoms/phantoms.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate {
 namespace {

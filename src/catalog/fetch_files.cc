@@ -2,7 +2,7 @@
 
 #include "catalog/download.h"
 #include "catalog/local_data.h"
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate {
 namespace {

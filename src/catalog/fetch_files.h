@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "palpate/catalog.h"
+#include "palpate/catalog/catalog.h"
 
 namespace palpate {
 

@@ -4,8 +4,8 @@
 
 #include "base/test_files.h"
 #include "catalog/test_server.h"
-#include "palpate/catalog.h"
-#include "palpate/volume_io.h"
+#include "palpate/catalog/catalog.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate {
 namespace {

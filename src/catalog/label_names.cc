@@ -2,7 +2,7 @@
 
 #include <charconv>
 
-#include "base/file.h"
+#include "palpate/base/file.h"
 
 namespace palpate {
 namespace {

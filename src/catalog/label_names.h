@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/result.h"
+#include "palpate/base/result.h"
 
 namespace palpate {
 

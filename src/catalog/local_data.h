@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "palpate/catalog.h"
+#include "palpate/catalog/catalog.h"
 
 namespace palpate {
 

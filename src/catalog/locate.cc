@@ -6,7 +6,7 @@
 #include "catalog/download.h"
 #include "catalog/label_names.h"
 #include "catalog/local_data.h"
-#include "palpate/catalog.h"
+#include "palpate/catalog/catalog.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "palpate/device.h"
+#include "palpate/device/device.h"
 
 #include <numbers>
 

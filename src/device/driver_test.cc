@@ -4,9 +4,9 @@
 #include <functional>
 #include <memory>
 
-#include "base/clock.h"
 #include "base/test_wait.h"
 #include "device/test_drivers.h"
+#include "palpate/base/clock.h"
 
 /// The contract of the device port, held by one driver of each kind.
 namespace palpate {

@@ -1,10 +1,10 @@
-#include "device/pointer_driver.h"
+#include "palpate/device/pointer_driver.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "base/clock.h"
-#include "base/mailbox.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/mailbox.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "device/pointer_driver.h"
+#include "palpate/device/pointer_driver.h"
 
 #include <gtest/gtest.h>
 

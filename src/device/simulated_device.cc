@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/simulated_device.h"
+#include "palpate/device/simulated_device.h"
 
 namespace palpate {
 namespace {

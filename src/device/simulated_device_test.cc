@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "palpate/simulated_device.h"
+#include "palpate/device/simulated_device.h"
 
 namespace palpate {
 namespace {

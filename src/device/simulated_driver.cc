@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <array>
 
-#include "base/clock.h"
-#include "base/mailbox.h"
-#include "palpate/simulated_device.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/mailbox.h"
+#include "palpate/device/simulated_device.h"
 
 namespace palpate {
 

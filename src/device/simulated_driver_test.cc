@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "device/test_drivers.h"
-#include "palpate/simulated_device.h"
+#include "palpate/device/simulated_device.h"
 
 namespace palpate {
 namespace {

@@ -8,7 +8,7 @@
 #include <array>
 #include <chrono>
 
-#include "base/clock.h"
+#include "palpate/base/clock.h"
 
 namespace palpate::testing {
 namespace {

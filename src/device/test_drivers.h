@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/simulated_device.h"
+#include "palpate/device/simulated_device.h"
 
 /// Drivers of the kinds that have a clock of their own, for tests, with what stands behind them: a vendor's
 /// scheduler that calls back, and a peer that answers requests. Each holds a SimulatedDevice on the real

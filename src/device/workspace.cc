@@ -1,7 +1,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "palpate/workspace.h"
+#include "palpate/device/workspace.h"
 
 namespace palpate {
 namespace {

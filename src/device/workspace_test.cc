@@ -5,8 +5,8 @@
 #include <limits>
 #include <random>
 
-#include "palpate/simulated_device.h"
-#include "palpate/workspace.h"
+#include "palpate/device/simulated_device.h"
+#include "palpate/device/workspace.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "palpate/geometry.h"
+#include "palpate/geometry/geometry.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "palpate/proxy.h"
-#include "palpate/surface.h"
+#include "palpate/haptics/proxy.h"
+#include "palpate/sampling/surface.h"
 
 /// A capsule as a row of spheres. They are so near to each other that a wall which lies across stands at most
 /// kRowDip_mm above the capsule's outline between two of them, even where it is as sharp as an edge; thin

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "haptics/proxy_test_surfaces.h"
+#include "haptics/test_proxy_surfaces.h"
 
 /// A capsule as a row of spheres: as good as the capsule, and found without looking at every one.
 namespace palpate {

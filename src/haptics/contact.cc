@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/haptics.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 namespace {

@@ -3,7 +3,7 @@
 #include <map>
 #include <numbers>
 
-#include "palpate/haptics.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 namespace {

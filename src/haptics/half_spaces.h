@@ -4,7 +4,7 @@
 #include <optional>
 #include <span>
 
-#include "palpate/geometry.h"
+#include "palpate/geometry/geometry.h"
 
 namespace palpate {
 

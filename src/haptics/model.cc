@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "palpate/haptics.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "haptics/capsule_row.h"
 #include "haptics/half_spaces.h"
-#include "palpate/proxy.h"
+#include "palpate/haptics/proxy.h"
 
 /// What the tool can meet in a tick, and how it is kept outside of that.
 namespace palpate {

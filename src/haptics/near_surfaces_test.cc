@@ -7,7 +7,7 @@
 #include <cstring>
 #include <random>
 
-#include "haptics/proxy_test_surfaces.h"
+#include "haptics/test_proxy_surfaces.h"
 
 /// What a tick looks at: all that can be met, and no more than that.
 namespace palpate {

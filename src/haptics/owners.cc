@@ -1,4 +1,4 @@
-#include "palpate/owners.h"
+#include "palpate/haptics/owners.h"
 
 #include <algorithm>
 #include <cmath>

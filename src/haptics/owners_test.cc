@@ -1,4 +1,4 @@
-#include "palpate/owners.h"
+#include "palpate/haptics/owners.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <string>
 
 #include "base/test_seed.h"
-#include "haptics/proxy_test_surfaces.h"
+#include "haptics/test_proxy_surfaces.h"
 
 namespace palpate {
 namespace {

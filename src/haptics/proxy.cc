@@ -1,4 +1,4 @@
-#include "palpate/proxy.h"
+#include "palpate/haptics/proxy.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 
 #include "haptics/near_surfaces.h"
 #include "haptics/tool_turn.h"
-#include "palpate/proxy_way.h"
+#include "palpate/haptics/proxy_way.h"
 
 namespace palpate {
 namespace {

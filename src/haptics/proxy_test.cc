@@ -1,4 +1,4 @@
-#include "palpate/proxy.h"
+#include "palpate/haptics/proxy.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 
 #include "base/test_seed.h"
 #include "haptics/capsule_row.h"
-#include "haptics/proxy_test_surfaces.h"
+#include "haptics/test_proxy_surfaces.h"
 
 namespace palpate {
 namespace {

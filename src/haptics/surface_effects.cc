@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/haptics.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 

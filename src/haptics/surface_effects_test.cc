@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "palpate/haptics.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 namespace {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <memory>
 
-#include "haptics/proxy_test_surfaces.h"
-#include "palpate/haptics.h"
+#include "haptics/test_proxy_surfaces.h"
+#include "palpate/haptics/haptics.h"
 
 /// An exactly known model for tests: a ball of bone at the patient's origin with a shell of cartilage on
 /// it, the field an ideal Gaussian ramp sampled at voxel centres.

@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "palpate/geometry.h"
+#include "palpate/geometry/geometry.h"
 
 namespace palpate::testing {
 

@@ -2,8 +2,8 @@
 
 #include <span>
 
-#include "palpate/proxy.h"
-#include "palpate/proxy_way.h"
+#include "palpate/haptics/proxy.h"
+#include "palpate/haptics/proxy_way.h"
 
 namespace palpate {
 

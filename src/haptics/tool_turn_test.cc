@@ -4,8 +4,8 @@
 #include <random>
 
 #include "haptics/capsule_row.h"
-#include "haptics/proxy_test_surfaces.h"
-#include "palpate/proxy.h"
+#include "haptics/test_proxy_surfaces.h"
+#include "palpate/haptics/proxy.h"
 
 /// Turns of the tool: what a lever meets on its arc stops it, and is felt where the tip is pushed away.
 namespace palpate {

@@ -1,5 +1,5 @@
-#include "base/hash.h"
-#include "palpate/haptics.h"
+#include "palpate/base/hash.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 

@@ -2,8 +2,8 @@
 
 #include <random>
 
-#include "base/hash.h"
-#include "palpate/haptics.h"
+#include "palpate/base/hash.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 namespace {

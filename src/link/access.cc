@@ -12,7 +12,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "base/file.h"
+#include "palpate/base/file.h"
 
 namespace palpate::link {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "link/guess_limit.h"
 #include "link/scene_json.h"
-#include "palpate/result.h"
+#include "palpate/base/result.h"
 
 /// Who may see and who may change (docs/viewer-protocol.md, "Who may").
 namespace palpate::link {

@@ -7,8 +7,8 @@
 #include <set>
 #include <sstream>
 
-#include "base/file.h"
 #include "base/test_folder.h"
+#include "palpate/base/file.h"
 
 namespace palpate::link {
 namespace {

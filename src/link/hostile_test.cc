@@ -7,11 +7,11 @@
 #include <random>
 #include <vector>
 
-#include "base/clock.h"
 #include "base/test_folder.h"
 #include "base/test_seed.h"
 #include "link/test_client.h"
 #include "link/test_host.h"
+#include "palpate/base/clock.h"
 
 // What is sent by those who mean harm, or are broken: refused, logged without its content, and nobody else
 // notices.

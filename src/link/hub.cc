@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "base/clock.h"
 #include "link/connection.h"
 #include "link/viewer.h"
+#include "palpate/base/clock.h"
 
 namespace palpate::link {
 namespace {

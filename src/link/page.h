@@ -3,7 +3,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/embedded_file.h"
+#include "palpate/base/embedded_file.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "link/ordinary_thread.h"
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 namespace palpate::link {
 

@@ -6,7 +6,7 @@
 #include <concepts>
 #include <limits>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 namespace palpate::link {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string_view>
 
-#include "palpate/telemetry.h"
-#include "palpate/viewer_server.h"
+#include "palpate/device/telemetry.h"
+#include "palpate/link/viewer_server.h"
 
 namespace palpate::link {
 

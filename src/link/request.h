@@ -7,7 +7,7 @@
 #include <string_view>
 #include <variant>
 
-#include "palpate/viewer_server.h"
+#include "palpate/link/viewer_server.h"
 
 /// What viewers say, from text to types (docs/viewer-protocol.md).
 namespace palpate::link {

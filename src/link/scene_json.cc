@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "link/pose_message.h"
-#include "palpate/printable.h"
+#include "palpate/base/printable.h"
 #include "palpate_version.h"
 
 namespace palpate::link {

@@ -5,8 +5,8 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/result.h"
-#include "palpate/viewer_server.h"
+#include "palpate/base/result.h"
+#include "palpate/link/viewer_server.h"
 
 /// The texts that the server sends (docs/viewer-protocol.md).
 namespace palpate::link {

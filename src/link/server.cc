@@ -10,13 +10,13 @@
 #include <thread>
 #include <utility>
 
-#include "base/file.h"
 #include "link/connection.h"
 #include "link/hub.h"
 #include "link/ordinary_thread.h"
 #include "link/reachable.h"
 #include "link/stream.h"
-#include "palpate/viewer_server.h"
+#include "palpate/base/file.h"
+#include "palpate/link/viewer_server.h"
 
 namespace palpate {
 namespace link {

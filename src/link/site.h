@@ -7,7 +7,7 @@
 
 #include "link/access.h"
 #include "link/payload_store.h"
-#include "palpate/viewer_server.h"
+#include "palpate/link/viewer_server.h"
 
 /// What is served at which address, without a word of sockets.
 namespace palpate::link {

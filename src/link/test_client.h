@@ -18,7 +18,7 @@
 #include <utility>
 
 #include "base/test_wait.h"
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 /// A viewer that is written from the RFCs alone and shares no code with the server, so that it can also say
 /// what no library would.

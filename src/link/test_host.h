@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/viewer_server.h"
+#include "palpate/link/viewer_server.h"
 
 /// A session in memory that does what it is asked for, and remembers it.
 namespace palpate::testing {

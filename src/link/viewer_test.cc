@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
-#include "base/clock.h"
 #include "base/test_folder.h"
 #include "link/test_client.h"
 #include "link/test_host.h"
+#include "palpate/base/clock.h"
 
 namespace palpate::link {
 namespace {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "palpate/bricks.h"
+#include "palpate/volume/bricks.h"
 
 /// Voxels as viewers get them: docs/viewer-protocol.md, "HTTP". Little-endian, i fastest, then j, then k.
 namespace palpate::link {

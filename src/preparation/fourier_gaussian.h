@@ -1,7 +1,7 @@
 #pragma once
 
-#include "palpate/preparation.h"
-#include "preparation/gaussian_slices.h"
+#include "palpate/preparation/preparation.h"
+#include "palpate/volume/slices.h"
 
 namespace palpate::internal {
 

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "base/test_seed.h"
-#include "preparation/gaussian_test_volumes.h"
+#include "preparation/test_gaussian_volumes.h"
 
 namespace palpate {
 namespace {

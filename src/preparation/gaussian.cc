@@ -2,9 +2,9 @@
 #include <cmath>
 #include <new>
 
+#include "palpate/volume/gaussian_kernel.h"
 #include "preparation/fourier_gaussian.h"
 #include "preparation/gaussian_direct.h"
-#include "preparation/gaussian_kernel.h"
 
 namespace palpate {
 

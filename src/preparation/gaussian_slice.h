@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "preparation/gaussian_kernel.h"
-#include "preparation/gaussian_rows.h"
+#include "palpate/volume/gaussian_kernel.h"
+#include "palpate/volume/gaussian_rows.h"
 
 namespace palpate::internal {
 

@@ -1,7 +1,8 @@
 #include <gtest/gtest.h>
 
 #include "base/test_seed.h"
-#include "preparation/gaussian_test_volumes.h"
+#include "palpate/volume/simd_targets.h"
+#include "preparation/test_gaussian_volumes.h"
 #include "sampling/test_targets.h"
 
 namespace palpate {

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/preparation.h"
+#include "palpate/preparation/preparation.h"
 
 namespace palpate {
 

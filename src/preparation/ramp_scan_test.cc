@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "palpate/preparation.h"
+#include "palpate/preparation/preparation.h"
 
 namespace palpate {
 namespace {

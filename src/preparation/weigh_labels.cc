@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "palpate/preparation.h"
+#include "palpate/preparation/preparation.h"
 
 namespace palpate {
 

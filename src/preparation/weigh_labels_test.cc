@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "palpate/preparation.h"
+#include "palpate/preparation/preparation.h"
 
 namespace palpate {
 namespace {

@@ -30,11 +30,11 @@
 #include <sstream>
 #include <vector>
 
-#include "base/file.h"
 #include "base/test_child.h"
 #include "base/test_folder.h"
-#include "palpate/check.h"
-#include "reader/reader_process.h"
+#include "palpate/base/check.h"
+#include "palpate/base/file.h"
+#include "palpate/reader/reader_process.h"
 
 namespace palpate::reader {
 namespace {

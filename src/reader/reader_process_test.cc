@@ -1,4 +1,4 @@
-#include "reader/reader_process.h"
+#include "palpate/reader/reader_process.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

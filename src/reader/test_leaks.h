@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <cstddef>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 /// What a process that was started may leave behind.
 namespace palpate::test {

@@ -2,9 +2,9 @@
 
 #include <cstdint>
 
-#include "palpate/device.h"
-#include "palpate/force_method.h"
-#include "palpate/recording.h"
+#include "palpate/base/force_method.h"
+#include "palpate/device/device.h"
+#include "palpate/recording/recording.h"
 
 // Without a default, so that the compiler names a bit that was added elsewhere and has no name here.
 namespace palpate::internal {

@@ -3,7 +3,7 @@
 #include <array>
 #include <bit>
 
-#include "palpate/recording.h"
+#include "palpate/recording/recording.h"
 #include "recording/bits.h"
 #include "recording/header_fields.h"
 

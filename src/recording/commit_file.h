@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/output.h"
+#include "palpate/base/output.h"
 
 namespace palpate::internal {
 

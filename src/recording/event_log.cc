@@ -1,4 +1,4 @@
-#include "palpate/recording.h"
+#include "palpate/recording/recording.h"
 
 namespace palpate {
 

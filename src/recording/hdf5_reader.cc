@@ -7,7 +7,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "palpate/device.h"
+#include "palpate/device/device.h"
 #include "recording/columns.h"
 #include "recording/hdf5_types.h"
 #include "recording/header_fields.h"

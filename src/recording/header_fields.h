@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "palpate/recording.h"
+#include "palpate/recording/recording.h"
 
 /// The one list of the header's and the summary's plain fields, walked by the writer, by the reader and
 /// by the stream between the reader's two processes. `visit(name, field)` sees std::string, bool, int,

@@ -6,8 +6,8 @@
 #include <new>
 #include <system_error>
 
-#include "base/file.h"
-#include "reader/reader_process.h"
+#include "palpate/base/file.h"
+#include "palpate/reader/reader_process.h"
 #include "recording/hdf5_handle.h"
 #include "recording/hdf5_reader.h"
 

@@ -6,9 +6,9 @@
 #include <system_error>
 #include <thread>
 
-#include "base/file.h"
-#include "base/spsc_ring.h"
-#include "palpate/check.h"
+#include "palpate/base/check.h"
+#include "palpate/base/file.h"
+#include "palpate/base/spsc_ring.h"
 #include "recording/recording_file.h"
 
 namespace palpate {

@@ -14,7 +14,7 @@
 #include <set>
 #include <thread>
 
-#include "base/spsc_ring.h"
+#include "palpate/base/spsc_ring.h"
 #include "recording/recording_file.h"
 #include "recording/test_support.h"
 

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "palpate/recording.h"
+#include "palpate/recording/recording.h"
 #include "recording/commit_file.h"
 
 namespace palpate::internal {

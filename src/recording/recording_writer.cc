@@ -6,9 +6,9 @@
 #include <cstring>
 #include <optional>
 
-#include "base/file.h"
-#include "palpate/check.h"
-#include "palpate/device.h"
+#include "palpate/base/check.h"
+#include "palpate/base/file.h"
+#include "palpate/device/device.h"
 #include "recording/columns.h"
 #include "recording/commit_driver.h"
 #include "recording/hdf5_types.h"

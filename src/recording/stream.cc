@@ -5,7 +5,7 @@
 #include <cstring>
 #include <utility>
 
-#include "palpate/device.h"
+#include "palpate/device/device.h"
 #include "recording/columns.h"
 #include "recording/header_fields.h"
 

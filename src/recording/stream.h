@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "palpate/recording.h"
-#include "reader/fields.h"
+#include "palpate/reader/fields.h"
+#include "palpate/recording/recording.h"
 
 /// What the process that opens an HDF5 file sends to the one that wants its content. HDF5 may have been
 /// led astray by the file, so the receiver believes nothing.

@@ -1,6 +1,6 @@
-#include "base/hash.h"
-#include "palpate/check.h"
-#include "palpate/recording.h"
+#include "palpate/base/check.h"
+#include "palpate/base/hash.h"
+#include "palpate/recording/recording.h"
 #include "recording/header_fields.h"
 
 namespace palpate {

@@ -9,7 +9,7 @@
 
 #include "base/test_folder.h"
 #include "base/test_process.h"
-#include "palpate/recording.h"
+#include "palpate/recording/recording.h"
 #include "recording/commit_file.h"
 #include "recording/stream.h"
 

@@ -2,7 +2,7 @@
 
 #include <string_view>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 /// Letters of whole pixels, drawn for palpate's pictures: printable ASCII, "?" for anything else.
 namespace palpate::bitmap_font {

@@ -1,10 +1,10 @@
-#include "rendering/force_arrows.h"
+#include "palpate/rendering/force_arrows.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
-#include "base/file.h"
+#include "palpate/base/file.h"
 #include "rendering/marks.h"
 
 namespace palpate {

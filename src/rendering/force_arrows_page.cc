@@ -2,7 +2,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "rendering/force_arrows_svg.h"
+#include "palpate/rendering/force_arrows_svg.h"
 #include "rendering/marks.h"
 
 namespace palpate::force_arrows {

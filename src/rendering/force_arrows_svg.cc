@@ -1,4 +1,4 @@
-#include "rendering/force_arrows_svg.h"
+#include "palpate/rendering/force_arrows_svg.h"
 
 #include <charconv>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "rendering/force_arrows.h"
+#include "palpate/rendering/force_arrows.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 namespace palpate {
 namespace {

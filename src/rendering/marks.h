@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 /// What pictures of a section say about it.
 namespace palpate::marks {

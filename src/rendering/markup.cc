@@ -1,6 +1,6 @@
-#include "rendering/markup.h"
+#include "palpate/rendering/markup.h"
 
-#include "palpate/printable.h"
+#include "palpate/base/printable.h"
 
 namespace palpate::markup {
 

@@ -1,4 +1,4 @@
-#include "rendering/markup.h"
+#include "palpate/rendering/markup.h"
 
 #include <gtest/gtest.h>
 

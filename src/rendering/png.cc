@@ -3,8 +3,8 @@
 #include <cstring>
 #include <unordered_map>
 
-#include "base/file.h"
-#include "palpate/rendering.h"
+#include "palpate/base/file.h"
+#include "palpate/rendering/rendering.h"
 
 namespace palpate {
 namespace {

@@ -9,7 +9,7 @@
 #include <set>
 #include <string>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 namespace palpate {
 namespace {

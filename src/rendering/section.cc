@@ -2,7 +2,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 namespace palpate {
 namespace {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 /// A section pixel by pixel in double, as one would write it first: what SectionRenderer is compared with.
 namespace palpate::testing {

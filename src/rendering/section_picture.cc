@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdio>
 
+#include "palpate/rendering/markup.h"
 #include "rendering/bitmap_font.h"
 #include "rendering/marks.h"
-#include "rendering/markup.h"
 
 namespace palpate {
 namespace section_marks {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 /// What is burned into a section.
 namespace palpate::section_marks {

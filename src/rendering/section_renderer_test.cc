@@ -5,7 +5,7 @@
 #include <limits>
 #include <random>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 #include "rendering/section_oracle.h"
 #include "sampling/test_targets.h"
 

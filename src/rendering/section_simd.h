@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 /// The inner loops of a section, compiled for every SIMD target; SectionRenderer prepares and calls them.
 namespace palpate::internal::section {

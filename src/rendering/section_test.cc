@@ -4,7 +4,7 @@
 #include <limits>
 #include <random>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 
 namespace palpate {
 namespace {

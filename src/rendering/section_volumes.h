@@ -4,7 +4,7 @@
 #include <mutex>
 #include <vector>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 #include "rendering/section_simd.h"
 
 namespace palpate::internal::section {

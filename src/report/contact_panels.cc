@@ -2,7 +2,7 @@
 #include <cmath>
 #include <set>
 
-#include "palpate/rendering.h"
+#include "palpate/rendering/rendering.h"
 #include "report/html.h"
 #include "report/overlay.h"
 #include "report/parts.h"

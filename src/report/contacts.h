@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/haptics.h"
-#include "palpate/recording.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/recording/recording.h"
 #include "report/timed_ticks.h"
 
 /// What happened in a run, worked out from its ticks as they are read: when which structure was touched, how

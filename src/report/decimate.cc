@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 namespace palpate::report {
 Decimator::Decimator(std::size_t samples, std::size_t series, std::size_t most_points)

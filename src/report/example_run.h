@@ -1,7 +1,7 @@
 #pragma once
 
-#include "palpate/haptics.h"
-#include "palpate/recording.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/recording/recording.h"
 
 /// A made-up left knee of spheres and capsules, and a made-up run over it, for the tests of the page: what
 /// is in them is known exactly, and they need no servo.

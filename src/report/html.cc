@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "palpate/printable.h"
+#include "palpate/base/printable.h"
 
 namespace palpate::report {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "rendering/markup.h"
+#include "palpate/rendering/markup.h"
 
 /// Text that is safe to put into a page.
 namespace palpate::report {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <unordered_map>
 
-#include "palpate/recording.h"
+#include "palpate/recording/recording.h"
 #include "report/timed_ticks.h"
 
 /// How the loop kept time in a run on the real clock, from what stands in every tick.

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/recording.h"
-#include "palpate/rendering.h"
+#include "palpate/recording/recording.h"
+#include "palpate/rendering/rendering.h"
 #include "report/contacts.h"
 
 /// What is drawn over a section, as SVG in the section's pixels.

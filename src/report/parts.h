@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "palpate/progress.h"
+#include "palpate/base/progress.h"
 #include "report/run.h"
 
 /// The parts of the page, top to bottom. Everything that comes from a file is escaped in them.

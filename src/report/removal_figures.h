@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "palpate/nearest.h"
-#include "palpate/recording.h"
-#include "palpate/removed_volume.h"
+#include "palpate/recording/recording.h"
+#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/removed_volume.h"
 #include "report/decimate.h"
 #include "report/timed_ticks.h"
 

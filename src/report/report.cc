@@ -1,6 +1,6 @@
-#include "palpate/report.h"
+#include "palpate/report/report.h"
 
-#include "base/file.h"
+#include "palpate/base/file.h"
 #include "report/assets.h"
 #include "report/html.h"
 #include "report/parts.h"

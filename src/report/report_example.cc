@@ -1,7 +1,7 @@
 #include <cstdio>
 #include <string_view>
 
-#include "palpate/report.h"
+#include "palpate/report/report.h"
 #include "report/example_run.h"
 
 namespace example = palpate::report::example;

@@ -1,4 +1,4 @@
-#include "palpate/report.h"
+#include "palpate/report/report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

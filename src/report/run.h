@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "palpate/haptics.h"
-#include "palpate/progress.h"
-#include "palpate/recording.h"
+#include "palpate/base/progress.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/recording/recording.h"
 #include "report/contacts.h"
 #include "report/decimate.h"
 #include "report/loop_figures.h"

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <span>
 
-#include "palpate/recording.h"
+#include "palpate/recording/recording.h"
 
 namespace palpate::report {
 

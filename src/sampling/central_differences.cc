@@ -1,4 +1,4 @@
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 
 // The founding sample wants seven trilinear interpolations: at x, and at x +- 1 voxel along i, j, k. All
 // of them share the fraction (u, v, w) of x in its cell, because whole voxels lie between them. Hence the

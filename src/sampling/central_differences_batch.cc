@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 #include "sampling/point_group.h"
 
 // The sample of central_differences.cc for many points, one point a lane. A load of 32 bits brings the

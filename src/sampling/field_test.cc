@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 
 namespace palpate {
 namespace {

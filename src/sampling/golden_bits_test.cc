@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "base/hash.h"
+#include "palpate/base/hash.h"
 #include "sampling/test_oracles.h"
 
 // What a query for one point gives, down to the last bit, on every SIMD target and in every

@@ -1,4 +1,4 @@
-#include "palpate/voxel_methods.h"
+#include "palpate/sampling/voxel_methods.h"
 
 #include <limits>
 

@@ -3,7 +3,7 @@
 #include <cstring>
 #include <iostream>
 
-#include "base/hash.h"
+#include "palpate/base/hash.h"
 #include "sampling/label_sphere_test_support.h"
 
 namespace palpate {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/voxel_methods.h"
+#include "palpate/sampling/voxel_methods.h"
 #include "sampling/test_targets.h"
 
 // What the tests of the label methods share.

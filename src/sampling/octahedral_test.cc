@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "palpate/voxel_methods.h"
+#include "palpate/sampling/voxel_methods.h"
 
 namespace palpate {
 namespace {

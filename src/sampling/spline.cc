@@ -1,4 +1,4 @@
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 
 // The spline at a point of fraction (u, v, w) in its cell is a sum over 4 x 4 x 4 coefficients c_abe, a along
 // i, b along j, e along k, of products of weights

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 #include "sampling/spline_prefilter.h"
 
 namespace palpate {

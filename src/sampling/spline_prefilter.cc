@@ -4,7 +4,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "base/for_each_index.h"
+#include "palpate/base/for_each_index.h"
 
 // Along one line, with c[-1] = c[n] = 0, the equations
 //

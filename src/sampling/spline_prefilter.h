@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 namespace palpate::internal {
 

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/voxel_methods.h"
+#include "palpate/sampling/voxel_methods.h"
 
 namespace palpate::internal::stored_normals {
 

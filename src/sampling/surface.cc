@@ -1,8 +1,8 @@
-#include "palpate/surface.h"
+#include "palpate/sampling/surface.h"
 
 #include <limits>
 
-#include "base/hash.h"
+#include "palpate/base/hash.h"
 
 namespace palpate {
 namespace {

@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 #include "sampling/test_targets.h"
 
 /// The definitions, literally and in double, and what tests of the sampling room share.

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 /// What tests of several rooms share: every SIMD target of the machine, grids and places that are awkward.
 namespace palpate::test {

@@ -1,4 +1,4 @@
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 
 namespace palpate {
 

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 
 #if defined(PALPATE_SAMPLING_VECTORS_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef PALPATE_SAMPLING_VECTORS_INL

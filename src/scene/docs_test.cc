@@ -2,8 +2,8 @@
 
 #include <fstream>
 
-#include "base/file.h"
-#include "palpate/scene.h"
+#include "palpate/base/file.h"
+#include "palpate/scene/scene.h"
 
 namespace palpate {
 namespace {

@@ -1,6 +1,6 @@
 #include "scene/embedded.h"
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 
 namespace palpate {
 namespace {

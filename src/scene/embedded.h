@@ -1,6 +1,6 @@
 #pragma once
 
-#include "base/embedded_file.h"
+#include "palpate/base/embedded_file.h"
 
 namespace palpate {
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "palpate/ramps.h"
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
+#include "palpate/surfaces/ramps.h"
 #include "scene/keys.h"
 
 namespace palpate {
@@ -15,22 +15,6 @@ const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* s
 double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan) {
   const double field_mm = field_grid(labels, scan).spacing_mm.maxCoeff();
   return labels ? std::max(field_mm, labels->spacing_mm.maxCoeff()) : field_mm;
-}
-
-Result<double> ramp_width_mm(const PreparationSettings& preparation, const GridGeometry& grid) {
-  const double widest_mm = grid.spacing_mm.maxCoeff();
-  const double width_mm = preparation.ramp_width_mm.value_or(std::max(kUsualRampWidth_mm, 2 * widest_mm));
-  // rounding of a direction matrix is no reason
-  if (width_mm >= 2 * widest_mm * (1 - 1e-6) && width_mm <= kMostRampWidth_mm) return width_mm;
-  const std::string two_text = number_text(2 * widest_mm);
-  return Error{ErrorKind::kBadInput,
-               "a ramp of " + number_text(width_mm) + " mm on voxels that are up to " +
-                   number_text(widest_mm) + " mm wide",
-               "",
-               2 * widest_mm <= kMostRampWidth_mm
-                   ? "give a ramp_width of two voxels or more, " + two_text + " mm"
-                   : "a ramp takes two voxels and at most " + number_text(kMostRampWidth_mm) +
-                         " mm; give method = \"union-gaussian\""};
 }
 
 double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid) {

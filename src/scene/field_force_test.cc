@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 
 namespace palpate {
 namespace {
@@ -32,19 +32,6 @@ TEST(MostForce, RisesAtTheSurfaceWithTheStiffness) {
 
 TEST(MostForce, WithoutSmoothingTheRampIsAVoxelWide) {
   EXPECT_DOUBLE_EQ(most_force_N({}, 0, grid_of(0.4, 0.3, 1)), 0.3);
-}
-
-TEST(RampWidth, TakesTwoOfTheWidestVoxels) {
-  EXPECT_EQ(*ramp_width_mm({}, grid_of(0.3, 0.3, 1)), 4);
-  EXPECT_EQ(*ramp_width_mm({}, grid_of(1, 1, 3)), 6);
-  EXPECT_EQ(*ramp_width_mm({.ramp_width_mm = 2}, grid_of(0.3, 0.3, 1)), 2);
-  const auto narrow = ramp_width_mm({.ramp_width_mm = 1.5}, grid_of(0.3, 0.3, 1));
-  ASSERT_FALSE(narrow.ok());
-  EXPECT_EQ(narrow.error().what, "a ramp of 1.5 mm on voxels that are up to 1 mm wide");
-  EXPECT_NE(narrow.error().remedy.find("2 mm"), std::string::npos);
-  const auto coarse = ramp_width_mm({}, grid_of(7, 7, 7));
-  ASSERT_FALSE(coarse.ok());
-  EXPECT_NE(coarse.error().remedy.find("union-gaussian"), std::string::npos);
 }
 
 TEST(FieldGrid, IsTheFinerOneAndTheLabelsWhereEqual) {

@@ -6,8 +6,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "palpate/ramps.h"
-#include "palpate/scene.h"
+#include "palpate/haptics/tissue_values.h"
+#include "palpate/scene/scene.h"
+#include "palpate/surfaces/ramps.h"
 
 namespace palpate {
 namespace {
@@ -172,21 +173,21 @@ const SceneKeys& scene_key_tables() {
              .type = kNumber,
              .default_text = "1",
              .unit = "N/mm",
-             .min = 0.001,
-             .max = 20,
+             .min = kStiffnessRange_N_per_mm.min,
+             .max = kStiffnessRange_N_per_mm.max,
              .meaning = "Force for each mm of depth. Of inward ramps from the surface on; of a union "
                         "Gaussian at the surface, where it rises most steeply: see below."},
             {.name = "friction",
              .type = kNumber,
              .default_text = "0.1",
-             .min = 0,
-             .max = 2,
+             .min = kFrictionRange.min,
+             .max = kFrictionRange.max,
              .meaning =
                  "Coefficient: the force along the surface is at most this times the force across it."},
             {.name = "static_friction",
              .type = kNumber,
-             .min = 0,
-             .max = 2,
+             .min = kFrictionRange.min,
+             .max = kFrictionRange.max,
              .meaning = "Of the proxy: coefficient up to which it sticks; at least `friction`, which it has "
                         "without it."},
             {.name = "puncture",
@@ -227,8 +228,8 @@ const SceneKeys& scene_key_tables() {
              .type = kNumber,
              .default_text = "0.001",
              .unit = "N·s/mm",
-             .min = 0,
-             .max = 0.1,
+             .min = kViscosityRange_N_s_per_mm.min,
+             .max = kViscosityRange_N_s_per_mm.max,
              .meaning = "Force against each mm/s inside."},
             {.name = "colour",
              .type = kColour,

@@ -3,7 +3,7 @@
 #include <map>
 #include <set>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 #include "scene/keys.h"
 #include "scene/toml_text.h"
 

@@ -4,7 +4,7 @@
 #include <random>
 #include <set>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 #include "scene/toml_document.h"
 #include "scene/toml_text.h"
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 #include "scene/keys.h"
 
 namespace palpate {

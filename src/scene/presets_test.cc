@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "base/test_files.h"
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 #include "scene/keys.h"
 
 namespace palpate {

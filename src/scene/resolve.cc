@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <map>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 #include "scene/keys.h"
 
 namespace palpate {

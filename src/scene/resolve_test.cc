@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 
 namespace palpate {
 namespace {

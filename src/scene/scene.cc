@@ -1,9 +1,10 @@
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 
 #include <algorithm>
 
-#include "base/file.h"
-#include "palpate/reading.h"
+#include "palpate/base/file.h"
+#include "palpate/base/reading.h"
+#include "palpate/haptics/tissue_values.h"
 #include "scene/table_reader.h"
 
 namespace palpate {
@@ -22,25 +23,8 @@ void read_data(const TableReader& data, Scene& scene) {
   scene.lines = {data.line("scan"), data.line("labels"), data.line("names")};
 }
 
-std::optional<Fault> friction_fault(const TissueSettings& tissue) {
-  if (!tissue.static_friction || *tissue.static_friction >= tissue.friction_coefficient) return std::nullopt;
-  return Fault{"static_friction = " + number_text(*tissue.static_friction) +
-                   " is less than friction = " + number_text(tissue.friction_coefficient),
-               "what sticks holds at least as much as what slides"};
-}
-
-/// The field is never to fall on the way from a tissue into its support: where it falls, the direct
-/// methods' force points inward.
-std::optional<Fault> support_fault(const TissueSettings& tissue, const TissueSettings& support) {
-  if (!support.felt)
-    return Fault{
-        "tissue \"" + tissue.name + "\" rests on \"" + support.name + "\", which is not felt",
-        "the force would point inward where they meet; let both be felt, or take it out of rests_on"};
-  if (tissue.stiffness_N_per_mm <= support.stiffness_N_per_mm) return std::nullopt;
-  return Fault{"tissue \"" + tissue.name + "\" (" + number_text(tissue.stiffness_N_per_mm) +
-                   " N/mm) is stiffer than \"" + support.name + "\" (" +
-                   number_text(support.stiffness_N_per_mm) + " N/mm), which it rests on",
-               "the force would point inward where they meet; make the upper one at most as stiff"};
+SupportValues support_values(const TissueSettings& tissue) {
+  return {tissue.name, tissue.stiffness_N_per_mm, tissue.felt};
 }
 
 TissueSettings starting_values(const TableReader& reader) {
@@ -95,7 +79,8 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   if (tissue.protection != Protection::kNone && !tissue.felt)
     problems.add(reader.line("protection"), "tissue \"" + tissue.name + "\" is protected and not felt",
                  "what is not felt is never cut: leave `protection` out, or `felt = false`");
-  if (auto fault = friction_fault(tissue))
+  if (auto fault = friction_fault(tissue.static_friction.value_or(tissue.friction_coefficient),
+                                  tissue.friction_coefficient))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   set("friction_damping", tissue.friction_damping_N_s_per_mm);
   set("friction_max", tissue.friction_max_N);
@@ -271,8 +256,9 @@ void check_stiffness_order(const Scene& scene, Problems& problems) {
   for (const TissueSettings& tissue : scene.tissues) {
     if (!tissue.felt) continue;
     for (const std::string& name : tissue.rests_on)
-      if (auto fault =
-              support_fault(tissue, scene.tissues[static_cast<std::size_t>(index_of(scene.tissues, name))]))
+      if (auto fault = support_fault(
+              support_values(tissue),
+              support_values(scene.tissues[static_cast<std::size_t>(index_of(scene.tissues, name))])))
         problems.add(tissue.line, std::move(fault->what), std::move(fault->remedy));
   }
 }
@@ -351,32 +337,6 @@ std::array<double, 2> tissue_key_range(std::string_view key) {
 
 std::array<double, 2> max_force_range_N() {
   return range_of(scene_key_tables().limits, "max_force");
-}
-
-Result<void> check_tissue_values(const std::vector<TissueSettings>& tissues, std::size_t index) {
-  const auto error = [](Fault fault, const char* key) {
-    return Error{ErrorKind::kBadInput, std::move(fault.what), key, std::move(fault.remedy)};
-  };
-  const TissueSettings& changed = tissues[index];
-  const std::pair<const char*, double> numbers[] = {
-      {"stiffness", changed.stiffness_N_per_mm},
-      {"friction", changed.friction_coefficient},
-      {"static_friction", changed.static_friction.value_or(changed.friction_coefficient)},
-      {"viscosity", changed.viscosity_N_s_per_mm}};
-  for (const auto& [key, value] : numbers)
-    if (auto fault = number_fault(*scene_key_tables().tissue.find(key), value))
-      return error(*std::move(fault), key);
-  if (auto fault = friction_fault(changed)) return error(*std::move(fault), "static_friction");
-  for (const TissueSettings& tissue : tissues) {
-    if (!tissue.felt) continue;
-    for (const std::string& name : tissue.rests_on) {
-      const int support = index_of(tissues, name);
-      PALPATE_CHECK(support >= 0);
-      if (auto fault = support_fault(tissue, tissues[static_cast<std::size_t>(support)]))
-        return error(*std::move(fault), "stiffness");
-    }
-  }
-  return {};
 }
 
 Result<Scene> parse_scene(std::string_view text, const std::string& source) {

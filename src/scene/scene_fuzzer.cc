@@ -1,7 +1,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 
 // any bytes give a scene whose values are in range, or one error with its line
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -7,7 +7,8 @@
 #include <fstream>
 #include <functional>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
+#include "palpate/surfaces/ramps.h"
 #include "scene/keys.h"
 
 namespace palpate {

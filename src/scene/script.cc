@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "base/file.h"
-#include "palpate/scene.h"
+#include "palpate/base/file.h"
+#include "palpate/scene/scene.h"
 #include "scene/table_reader.h"
 
 namespace palpate {

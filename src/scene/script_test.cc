@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <fstream>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 #include "scene/keys.h"
 
 namespace palpate {

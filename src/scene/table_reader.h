@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/scene.h"
+#include "palpate/scene/scene.h"
 #include "scene/keys.h"
 #include "scene/toml_document.h"
 

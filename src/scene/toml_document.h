@@ -6,7 +6,7 @@
 #include <variant>
 #include <vector>
 
-#include "palpate/result.h"
+#include "palpate/base/result.h"
 
 /// A TOML text as a plain tree in which everything knows its line. The only file behind it is
 /// toml_document.cc, which alone meets the TOML library.

@@ -1,4 +1,4 @@
-#include "servo/bare_loop.h"
+#include "palpate/servo/bare_loop.h"
 
 #include <chrono>
 #include <cmath>
@@ -7,8 +7,8 @@
 #include <system_error>
 #include <thread>
 
-#include "base/clock.h"
-#include "palpate/check.h"
+#include "palpate/base/check.h"
+#include "palpate/base/clock.h"
 #include "servo/pacer.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-#include "servo/bare_loop.h"
+#include "palpate/servo/bare_loop.h"
 
 #include <gtest/gtest.h>
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "haptics/test_model.h"
-#include "palpate/carving.h"
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
+#include "palpate/tissue/carving.h"
 
 /// A burr in the whole tick.
 namespace palpate {

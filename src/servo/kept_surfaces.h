@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 
 namespace palpate {
 

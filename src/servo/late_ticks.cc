@@ -5,7 +5,7 @@
 #include <chrono>
 #include <optional>
 
-#include "servo/realtime.h"
+#include "palpate/servo/realtime.h"
 #include "servo/thread_monitor.h"
 
 namespace palpate {

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <thread>
 
-#include "palpate/servo_loop.h"
+#include "palpate/servo/servo_loop.h"
 
 namespace palpate {
 

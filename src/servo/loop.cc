@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <system_error>
 
-#include "palpate/carving.h"
-#include "servo/figures.h"
+#include "palpate/servo/figures.h"
+#include "palpate/tissue/carving.h"
 
 /// One tick on the real clock, in order: time -> inputs -> tick -> commands -> heartbeat -> what others see.
 /// update() allocates, locks, logs and throws nothing; its only system calls are those of the clock.

@@ -7,16 +7,16 @@
 #include <thread>
 #include <tuple>
 
-#include "base/clock.h"
-#include "base/latency_histogram.h"
-#include "base/mailbox.h"
-#include "base/snapshot.h"
-#include "base/spsc_ring.h"
-#include "palpate/servo_loop.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/latency_histogram.h"
+#include "palpate/base/mailbox.h"
+#include "palpate/base/snapshot.h"
+#include "palpate/base/spsc_ring.h"
+#include "palpate/servo/realtime.h"
+#include "palpate/servo/servo_loop.h"
 #include "servo/late_ticks.h"
 #include "servo/model_slot.h"
 #include "servo/pacer.h"
-#include "servo/realtime.h"
 #include "servo/watchdog.h"
 
 namespace palpate {

@@ -14,7 +14,7 @@
 #include "base/test_processors.h"
 #include "base/test_wait.h"
 #include "haptics/test_model.h"
-#include "palpate/simulated_device.h"
+#include "palpate/device/simulated_device.h"
 
 namespace palpate {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 namespace palpate {
 namespace {

@@ -6,7 +6,7 @@
 #include <mutex>
 #include <vector>
 
-#include "palpate/haptics.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/telemetry.h"
+#include "palpate/device/telemetry.h"
 
 namespace palpate {
 namespace {

@@ -2,13 +2,11 @@
 
 #include <cstdint>
 
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 
 /// The last stage before a device, and the only way to it.
 namespace palpate {
 
-inline constexpr double kRampIn_s = 0.5;   ///< from nothing to full force, at the start and after every fault
-inline constexpr double kRampOut_s = 0.1;  ///< from full force to nothing, before a pause or the end
 inline constexpr double kFresh_s = 5e-3;   ///< a state of up to this age is acted on in full
 inline constexpr double kStale_s = 10e-3;  ///< one of this age gets nothing
 /// A dropout: poses that have been no older than this come back faster than by the ramp.

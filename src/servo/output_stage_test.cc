@@ -7,7 +7,7 @@
 #include <random>
 
 #include "base/test_seed.h"
-#include "palpate/telemetry.h"
+#include "palpate/device/telemetry.h"
 
 namespace palpate {
 namespace {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/clock.h"
-#include "palpate/check.h"
+#include "palpate/base/check.h"
+#include "palpate/base/clock.h"
 
 namespace palpate {
 namespace {

@@ -9,7 +9,7 @@
 #include <thread>
 #include <tuple>
 
-#include "base/clock.h"
+#include "palpate/base/clock.h"
 
 namespace palpate {
 namespace {

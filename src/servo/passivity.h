@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 
 /// Time-domain passivity (Hannaford & Ryu 2002): what is felt gives the hand no more energy than the hand has
 /// put in. docs/servo.md, "Passivity", has the choices and their figures.

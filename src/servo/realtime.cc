@@ -1,4 +1,4 @@
-#include "servo/realtime.h"
+#include "palpate/servo/realtime.h"
 
 #include <errno.h>
 #include <pthread.h>

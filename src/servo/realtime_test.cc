@@ -21,9 +21,9 @@
 #include <mutex>
 
 #include "haptics/test_model.h"
-#include "palpate/carving.h"
-#include "palpate/servo.h"
-#include "palpate/simulated_device.h"
+#include "palpate/device/simulated_device.h"
+#include "palpate/servo/servo.h"
+#include "palpate/tissue/carving.h"
 #include "servo/loop.h"
 
 /// The proof that a tick allocates nothing, locks nothing, and asks the system for nothing: allocations and

@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "base/test_child.h"
-#include "servo/realtime.h"
+#include "palpate/servo/realtime.h"
 
 /// What the system gives, and what is said about it where it refuses. Refusals are provoked in child
 /// processes that give their rights away. Limits which even root may not set everywhere are played by

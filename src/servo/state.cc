@@ -1,5 +1,5 @@
-#include "base/hash.h"
-#include "palpate/servo.h"
+#include "palpate/base/hash.h"
+#include "palpate/servo/servo.h"
 
 namespace palpate {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 
 namespace palpate {
 

@@ -12,7 +12,7 @@
 #include <thread>
 #include <utility>
 
-#include "base/clock.h"
+#include "palpate/base/clock.h"
 
 namespace palpate {
 namespace {

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/hash.h"
-#include "palpate/carving.h"
-#include "palpate/servo.h"
+#include "palpate/base/hash.h"
+#include "palpate/servo/servo.h"
+#include "palpate/tissue/carving.h"
 #include "servo/acting_force.h"
 #include "servo/kept_surfaces.h"
 #include "servo/output_stage.h"

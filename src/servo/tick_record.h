@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 #include "servo/output_stage.h"
 #include "servo/tool_contact.h"
 

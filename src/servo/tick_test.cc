@@ -6,7 +6,7 @@
 #include <random>
 
 #include "haptics/test_model.h"
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 
 namespace palpate {
 namespace {

@@ -3,7 +3,7 @@
 #include <array>
 #include <limits>
 
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 
 namespace palpate {
 
@@ -71,7 +71,5 @@ ToolContact touch_by_proxy(const Model& model, const Parameters& parameters, con
                            const Transform<World, Patient>& X_WorldPatient,
                            const Transform<Patient, World>& X_PatientWorld, double dt_s,
                            const ProxyChange& change, const MotorState& motor, SessionState::Hand& hand);
-/// Time constant with which the stiffness that is felt follows that of the surfaces touched.
-inline constexpr double kSeam_s = 0.015;
 
 }  // namespace palpate

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "haptics/test_model.h"
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 
 /// A tool that the hand turns, by the whole tick.
 namespace palpate {

@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "palpate/servo.h"
+#include "palpate/servo/servo.h"
 
 /// How the object turns to where it was told to be, and what that does to a hand. docs/servo.md, "A turning
 /// object", derives the two limits.

@@ -3,8 +3,8 @@
 #include <chrono>
 #include <future>
 
-#include "base/clock.h"
-#include "servo/realtime.h"
+#include "palpate/base/clock.h"
+#include "palpate/servo/realtime.h"
 
 namespace palpate {
 namespace {

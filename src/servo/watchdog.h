@@ -5,8 +5,8 @@
 #include <string>
 #include <thread>
 
-#include "palpate/device.h"
-#include "palpate/heartbeat.h"
+#include "palpate/base/heartbeat.h"
+#include "palpate/device/device.h"
 
 namespace palpate {
 

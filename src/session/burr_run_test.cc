@@ -6,10 +6,11 @@
 #include <cstdlib>
 
 #include "base/test_wait.h"
-#include "palpate/carving.h"
-#include "palpate/playback.h"
-#include "palpate/removed_volume.h"
-#include "session/test_session.h"
+#include "loading/test_loading.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/session/playback.h"
+#include "palpate/tissue/carving.h"
+#include "palpate/tissue/removed_volume.h"
 
 /// A scripted hand with a burr, its recording, and the same again.
 namespace palpate {

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "palpate/explore.h"
-#include "palpate/viewer_server.h"
+#include "palpate/link/viewer_server.h"
+#include "palpate/session/explore.h"
 
 namespace palpate {
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "palpate/stroke_history.h"
-#include "palpate/telemetry.h"
+#include "palpate/device/telemetry.h"
+#include "palpate/tissue/stroke_history.h"
 
 namespace palpate {
 

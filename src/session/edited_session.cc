@@ -12,8 +12,8 @@
 #include <cstdio>
 #include <string_view>
 
-#include "palpate/explore.h"
-#include "session/test_session.h"
+#include "loading/test_loading.h"
+#include "palpate/session/explore.h"
 
 int main(int count, char** arguments) {
   using namespace palpate;

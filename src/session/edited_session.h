@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "palpate/viewer_server.h"
+#include "palpate/link/viewer_server.h"
 
 /// What edited_session asks of its session, one edit after the other, so that who reads its recording knows
 /// what has to be in it.

@@ -1,4 +1,4 @@
-#include "palpate/explore.h"
+#include "palpate/session/explore.h"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -9,11 +9,11 @@
 #include <thread>
 #include <utility>
 
-#include "base/file.h"
-#include "palpate/supervisor.h"
+#include "palpate/base/file.h"
+#include "palpate/palpation/plain_vectors.h"
+#include "palpate/palpation/run_setup.h"
+#include "palpate/supervisor/supervisor.h"
 #include "session/explore_watch.h"
-#include "session/plain_vectors.h"
-#include "session/run_setup.h"
 #include "session/tip_source.h"
 #include "session/viewed_session.h"
 

@@ -4,8 +4,8 @@
 #include <chrono>
 #include <system_error>
 
-#include "base/clock.h"
-#include "session/told_loop.h"
+#include "palpate/base/clock.h"
+#include "palpate/palpation/told_loop.h"
 
 namespace palpate {
 namespace {

@@ -8,10 +8,10 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/recording.h"
-#include "palpate/servo_loop.h"
-#include "palpate/simulated_device.h"
-#include "session/scripted_hand.h"
+#include "palpate/device/simulated_device.h"
+#include "palpate/palpation/scripted_hand.h"
+#include "palpate/recording/recording.h"
+#include "palpate/servo/servo_loop.h"
 
 namespace palpate {
 

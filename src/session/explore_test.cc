@@ -1,5 +1,5 @@
 // A session on the real clock. How punctual it is depends on the machine, so nothing here asks for that.
-#include "palpate/explore.h"
+#include "palpate/session/explore.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,8 +10,7 @@
 #include <cmath>
 #include <set>
 
-#include "servo/output_stage.h"
-#include "session/test_session.h"
+#include "loading/test_loading.h"
 
 namespace palpate {
 namespace {

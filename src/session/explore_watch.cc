@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "session/plain_vectors.h"
+#include "palpate/palpation/plain_vectors.h"
 
 namespace palpate {
 namespace {

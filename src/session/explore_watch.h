@@ -6,9 +6,9 @@
 #include <mutex>
 #include <vector>
 
-#include "base/latency_histogram.h"
-#include "palpate/nearest.h"
-#include "session/run_setup.h"
+#include "palpate/base/latency_histogram.h"
+#include "palpate/palpation/run_setup.h"
+#include "palpate/tissue/nearest.h"
 
 namespace palpate {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "session/test_session.h"
+#include "loading/test_loading.h"
 
 namespace palpate {
 namespace {

@@ -12,8 +12,8 @@
 
 #include "base/test_process.h"
 #include "base/test_seed.h"
+#include "loading/test_loading.h"
 #include "session/edited_session.h"
-#include "session/test_session.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "palpate/playback.h"
+#include "palpate/session/playback.h"
 
 #include <algorithm>
 #include <chrono>
@@ -9,11 +9,11 @@
 #include <system_error>
 #include <utility>
 
-#include "palpate/force_method.h"
-#include "palpate/haptics.h"
-#include "palpate/removed_volume.h"
+#include "palpate/base/force_method.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/palpation/recorded_model.h"
+#include "palpate/tissue/removed_volume.h"
 #include "session/cut_list.h"
-#include "session/recorded_model.h"
 #include "session/recording_line.h"
 #include "session/tick_blocks.h"
 #include "session/viewed_scene.h"

@@ -1,4 +1,4 @@
-#include "palpate/playback.h"
+#include "palpate/session/playback.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include "base/test_processors.h"
 #include "base/test_seed.h"
 #include "base/test_wait.h"
-#include "session/test_session.h"
+#include "loading/test_loading.h"
 
 namespace palpate {
 namespace {

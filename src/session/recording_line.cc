@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/device.h"
+#include "palpate/device/device.h"
 
 namespace palpate {
 namespace {

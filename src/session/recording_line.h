@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
-#include "palpate/recording.h"
-#include "palpate/viewer_server.h"
+#include "palpate/link/viewer_server.h"
+#include "palpate/recording/recording.h"
 
 namespace palpate {
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/device.h"
+#include "palpate/device/device.h"
 
 namespace palpate {
 namespace {

@@ -5,10 +5,10 @@
 #include <cstdlib>
 #include <random>
 
-#include "base/spsc_ring.h"
 #include "base/test_seed.h"
 #include "haptics/test_model.h"
-#include "servo/loop.h"
+#include "palpate/base/spsc_ring.h"
+#include "servo/test_loop.h"
 #include "session/viewed_session.h"
 
 namespace palpate {

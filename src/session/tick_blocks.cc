@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 namespace palpate {
 

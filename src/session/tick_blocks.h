@@ -10,9 +10,9 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/progress.h"
-#include "palpate/result.h"
-#include "palpate/telemetry.h"
+#include "palpate/base/progress.h"
+#include "palpate/base/result.h"
+#include "palpate/device/telemetry.h"
 
 namespace palpate {
 

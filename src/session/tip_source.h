@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "device/pointer_driver.h"
+#include "palpate/device/pointer_driver.h"
+#include "palpate/palpation/run_setup.h"
 #include "session/explore_hand.h"
-#include "session/run_setup.h"
 
 namespace palpate {
 

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "base/hash.h"
-#include "palpate/rendering.h"
+#include "palpate/base/hash.h"
+#include "palpate/rendering/rendering.h"
 
 namespace palpate {
 namespace {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "palpate/haptics.h"
-#include "palpate/scene.h"
-#include "palpate/viewer_server.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/link/viewer_server.h"
+#include "palpate/scene/scene.h"
 
 namespace palpate {
 

@@ -1,5 +1,5 @@
 #include "session/viewed_session.h"
-#include "base/spsc_ring.h"
+#include "palpate/base/spsc_ring.h"
 
 #include <sys/resource.h>
 #include <unistd.h>
@@ -11,8 +11,8 @@
 #include <numbers>
 #include <system_error>
 
-#include "session/plain_vectors.h"
-#include "session/told_loop.h"
+#include "palpate/palpation/plain_vectors.h"
+#include "palpate/palpation/told_loop.h"
 #include "session/viewed_scene.h"
 
 namespace palpate {

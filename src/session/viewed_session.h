@@ -13,14 +13,14 @@
 #include <thread>
 #include <vector>
 
-#include "device/pointer_driver.h"
-#include "palpate/nearest.h"
-#include "palpate/recording.h"
-#include "palpate/removed_volume.h"
-#include "palpate/scene.h"
-#include "palpate/servo_loop.h"
-#include "palpate/viewer_server.h"
-#include "session/changed_model.h"
+#include "palpate/device/pointer_driver.h"
+#include "palpate/link/viewer_server.h"
+#include "palpate/model/changed_model.h"
+#include "palpate/recording/recording.h"
+#include "palpate/scene/scene.h"
+#include "palpate/servo/servo_loop.h"
+#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/removed_volume.h"
 #include "session/consent.h"
 #include "session/cut_list.h"
 #include "session/explore_watch.h"

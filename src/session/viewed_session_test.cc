@@ -12,14 +12,13 @@
 #include <stdexcept>
 #include <thread>
 
-#include "base/clock.h"
-#include "base/mailbox.h"
-#include "base/spsc_ring.h"
 #include "base/test_files.h"
 #include "base/test_wait.h"
-#include "palpate/explore.h"
-#include "servo/tool_contact.h"
-#include "session/test_session.h"
+#include "loading/test_loading.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/mailbox.h"
+#include "palpate/base/spsc_ring.h"
+#include "palpate/session/explore.h"
 
 namespace palpate {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/supervisor.h"
+#include "palpate/supervisor/supervisor.h"
 
 namespace palpate {
 

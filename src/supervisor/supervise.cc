@@ -18,8 +18,8 @@
 #include <ctime>
 #include <optional>
 
-#include "base/clock.h"
-#include "servo/realtime.h"
+#include "palpate/base/clock.h"
+#include "palpate/servo/realtime.h"
 #include "supervisor/shared_block.h"
 
 namespace palpate {

@@ -18,9 +18,9 @@
 #include <thread>
 
 #include "haptics/test_model.h"
-#include "palpate/check.h"
-#include "palpate/servo_loop.h"
-#include "palpate/supervisor.h"
+#include "palpate/base/check.h"
+#include "palpate/servo/servo_loop.h"
+#include "palpate/supervisor/supervisor.h"
 #include "supervisor/test_device.h"
 #include "supervisor/test_recorder.h"
 

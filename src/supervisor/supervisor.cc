@@ -1,4 +1,4 @@
-#include "palpate/supervisor.h"
+#include "palpate/supervisor/supervisor.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -13,9 +13,9 @@
 #include <new>
 #include <utility>
 
-#include "base/child_process.h"
-#include "base/clock.h"
-#include "palpate/check.h"
+#include "palpate/base/check.h"
+#include "palpate/base/child_process.h"
+#include "palpate/base/clock.h"
 #include "supervisor/shared_block.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-#include "palpate/supervisor.h"
+#include "palpate/supervisor/supervisor.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -29,8 +29,8 @@
 #include "base/test_limits.h"
 #include "base/test_seed.h"
 #include "base/test_wait.h"
-#include "palpate/recording.h"
-#include "servo/realtime.h"
+#include "palpate/recording/recording.h"
+#include "palpate/servo/realtime.h"
 #include "supervisor/test_device.h"
 
 namespace palpate {

@@ -12,10 +12,10 @@
 #include <cstdint>
 #include <stdexcept>
 
-#include "base/clock.h"
-#include "palpate/device.h"
-#include "palpate/heartbeat.h"
-#include "servo/realtime.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/heartbeat.h"
+#include "palpate/device/device.h"
+#include "palpate/servo/realtime.h"
 
 /// A device that another process holds, for tests: what stands behind a driver's port when the process with
 /// the driver dies. It has no watchdog of its own: what it was told last it goes on doing.

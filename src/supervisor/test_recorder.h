@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <memory>
 
-#include "palpate/check.h"
-#include "palpate/recording.h"
-#include "palpate/servo_loop.h"
+#include "palpate/base/check.h"
+#include "palpate/recording/recording.h"
+#include "palpate/servo/servo_loop.h"
 #include "supervisor/test_device.h"
 
 namespace palpate::testing {

@@ -1,8 +1,8 @@
 #include <limits>
 
-#include "base/hash.h"
-#include "palpate/carving.h"
-#include "palpate/check.h"
+#include "palpate/base/check.h"
+#include "palpate/base/hash.h"
+#include "palpate/tissue/carving.h"
 #include "tissue/swept_voxels.h"
 
 namespace palpate {

@@ -12,7 +12,7 @@
 
 #include "base/test_process.h"
 #include "haptics/test_model.h"
-#include "palpate/carving.h"
+#include "palpate/tissue/carving.h"
 #include "tissue/test_surfaces.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-#include "palpate/carving.h"
+#include "palpate/tissue/carving.h"
 
 #include <algorithm>
 #include <array>
@@ -6,7 +6,7 @@
 #include <limits>
 #include <optional>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "palpate/carving.h"
+#include "palpate/tissue/carving.h"
 
 #include <gtest/gtest.h>
 

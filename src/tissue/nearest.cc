@@ -1,4 +1,4 @@
-#include "palpate/nearest.h"
+#include "palpate/tissue/nearest.h"
 
 #include <algorithm>
 #include <span>

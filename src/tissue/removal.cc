@@ -1,11 +1,11 @@
-#include "palpate/removal.h"
+#include "palpate/tissue/removal.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include "palpate/check.h"
+#include "palpate/base/check.h"
 
 namespace palpate {
 namespace {

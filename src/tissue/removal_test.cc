@@ -1,4 +1,4 @@
-#include "palpate/removal.h"
+#include "palpate/tissue/removal.h"
 
 #include <gtest/gtest.h>
 

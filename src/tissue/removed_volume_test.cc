@@ -1,4 +1,4 @@
-#include "palpate/removed_volume.h"
+#include "palpate/tissue/removed_volume.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "palpate/carving.h"
+#include "palpate/tissue/carving.h"
 
 /// Which voxels a sweep can concern.
 namespace palpate {

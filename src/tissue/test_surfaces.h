@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "haptics/proxy_test_surfaces.h"
+#include "haptics/test_proxy_surfaces.h"
 
 /// Surfaces to carve, for tests.
 namespace palpate::testing {

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "palpate/verification.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/verification.h"
+#include "palpate/verification/verification.h"
 #include "verification/accuracy_cases.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/primitives.h"
+#include "palpate/phantoms/primitives.h"
 
 namespace palpate {
 

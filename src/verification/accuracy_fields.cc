@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/preparation.h"
+#include "palpate/preparation/preparation.h"
 #include "verification/smoothed_indicator.h"
 
 namespace palpate {

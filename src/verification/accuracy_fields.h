@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "palpate/haptics.h"
-#include "palpate/primitives.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/phantoms/primitives.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "palpate/force_field.h"
+#include "palpate/haptics/force_field.h"
 #include "verification/accuracy.h"
 
 namespace palpate {

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "palpate/primitives.h"
-#include "palpate/sampling.h"
-#include "palpate/verification.h"
+#include "palpate/phantoms/primitives.h"
+#include "palpate/sampling/sampling.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

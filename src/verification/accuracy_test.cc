@@ -10,7 +10,7 @@
 #include <string_view>
 #include <utility>
 
-#include "palpate/force_method.h"
+#include "palpate/base/force_method.h"
 #include "verification/accuracy_bench.h"
 
 // The founding work's voxels with every shape, and the plane on all three spacings; accuracy_gate_test.cc

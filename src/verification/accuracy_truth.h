@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "palpate/primitives.h"
+#include "palpate/phantoms/primitives.h"
 
 namespace palpate {
 

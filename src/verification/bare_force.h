@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/sampling.h"
+#include "palpate/sampling/sampling.h"
 
 namespace palpate {
 

@@ -7,9 +7,9 @@
 #include <numbers>
 #include <optional>
 
-#include "palpate/haptics.h"
-#include "palpate/session.h"
-#include "palpate/surfaces.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/loading/loading.h"
+#include "palpate/surfaces/surfaces.h"
 #include "verification/accuracy_random.h"
 
 namespace palpate {

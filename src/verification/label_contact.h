@@ -5,9 +5,9 @@
 #include <functional>
 #include <vector>
 
-#include "palpate/progress.h"
-#include "palpate/verification.h"
-#include "palpate/volume.h"
+#include "palpate/base/progress.h"
+#include "palpate/verification/verification.h"
+#include "palpate/volume/volume.h"
 
 namespace palpate {
 

@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "palpate/surfaces.h"
+#include "palpate/surfaces/surfaces.h"
 #include "verification/accuracy_random.h"
 
 namespace palpate {

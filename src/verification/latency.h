@@ -1,7 +1,7 @@
 #pragma once
 
-#include "palpate/servo_timing.h"
-#include "palpate/verification.h"
+#include "palpate/verification/servo_timing.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

@@ -6,9 +6,9 @@
 #include <chrono>
 #include <thread>
 
-#include "base/clock.h"
-#include "base/spsc_ring.h"
-#include "palpate/servo_timing.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/spsc_ring.h"
+#include "palpate/verification/servo_timing.h"
 #include "verification/bare_force.h"
 
 namespace palpate {

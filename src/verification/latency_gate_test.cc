@@ -2,7 +2,7 @@
 
 #include <cstdio>
 
-#include "session/test_session.h"
+#include "loading/test_loading.h"
 #include "verification/latency.h"
 
 /// The gate of continuous integration: the servo is no later than a loop with nothing in it. A program of its

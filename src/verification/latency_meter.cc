@@ -4,12 +4,12 @@
 #include <cmath>
 #include <thread>
 
-#include "base/clock.h"
-#include "base/latency_histogram.h"
-#include "palpate/recording.h"
-#include "palpate/servo_timing.h"
-#include "servo/bare_loop.h"
-#include "servo/figures.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/latency_histogram.h"
+#include "palpate/recording/recording.h"
+#include "palpate/servo/bare_loop.h"
+#include "palpate/servo/figures.h"
+#include "palpate/verification/servo_timing.h"
 
 namespace palpate {
 namespace {

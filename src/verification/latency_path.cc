@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "palpate/servo_timing.h"
-#include "session/virtual_run.h"
+#include "palpate/palpation/virtual_run.h"
+#include "palpate/verification/servo_timing.h"
 
 namespace palpate {
 namespace {

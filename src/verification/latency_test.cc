@@ -8,7 +8,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "session/test_session.h"
+#include "loading/test_loading.h"
 
 namespace palpate {
 namespace {

@@ -3,7 +3,7 @@
 #include <fstream>
 #include <thread>
 
-#include "palpate/preparation.h"
+#include "palpate/volume/simd_targets.h"
 #include "palpate_version.h"
 
 namespace palpate {

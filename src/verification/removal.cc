@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/removal.h"
-#include "palpate/surfaces.h"
+#include "palpate/surfaces/surfaces.h"
+#include "palpate/tissue/removal.h"
 #include "verification/accuracy_random.h"
 #include "verification/removal_plants.h"
 

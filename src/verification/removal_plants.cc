@@ -1,6 +1,6 @@
 #include "verification/removal_plants.h"
 
-#include "palpate/stability.h"
+#include "palpate/stability/stability.h"
 #include "verification/stability_energy.h"
 #include "verification/stability_wall.h"
 

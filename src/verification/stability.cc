@@ -1,6 +1,6 @@
 #include "verification/stability.h"
 
-#include "session/critical_stiffness.h"
+#include "palpate/stability/critical_stiffness.h"
 #include "verification/stability_buzz.h"
 #include "verification/stability_contact.h"
 #include "verification/stability_dropout.h"

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "palpate/stability.h"
-#include "palpate/verification.h"
+#include "palpate/stability/stability.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "palpate/session.h"
-#include "palpate/stability.h"
+#include "palpate/loading/loading.h"
+#include "palpate/stability/stability.h"
 
 namespace palpate {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "palpate/hold.h"
-#include "palpate/scene.h"
-#include "palpate/verification.h"
+#include "palpate/scene/scene.h"
+#include "palpate/stability/hold.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

@@ -5,12 +5,12 @@
 #include <limits>
 #include <numbers>
 
-#include "palpate/check.h"
-#include "palpate/phantoms.h"
-#include "palpate/proxy_way.h"
-#include "palpate/scene.h"
-#include "palpate/servo.h"
-#include "palpate/surfaces.h"
+#include "palpate/base/check.h"
+#include "palpate/haptics/proxy_way.h"
+#include "palpate/phantoms/phantoms.h"
+#include "palpate/scene/scene.h"
+#include "palpate/servo/servo.h"
+#include "palpate/surfaces/surfaces.h"
 #include "verification/accuracy_random.h"
 #include "verification/stability_buzz.h"
 #include "verification/stability_turning.h"

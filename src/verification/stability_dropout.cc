@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/servo.h"
-#include "palpate/stability.h"
-#include "palpate/workspace.h"
+#include "palpate/device/workspace.h"
+#include "palpate/servo/servo.h"
+#include "palpate/stability/stability.h"
 #include "verification/stability_names.h"
 #include "verification/stability_wall.h"
 

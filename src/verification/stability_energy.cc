@@ -7,11 +7,11 @@
 #include <optional>
 #include <random>
 
-#include "palpate/removal.h"
-#include "palpate/servo.h"
-#include "palpate/stability.h"
-#include "palpate/workspace.h"
-#include "session/changed_model.h"
+#include "palpate/device/workspace.h"
+#include "palpate/model/changed_model.h"
+#include "palpate/servo/servo.h"
+#include "palpate/stability/stability.h"
+#include "palpate/tissue/removal.h"
 #include "verification/stability_names.h"
 #include "verification/stability_wall.h"
 

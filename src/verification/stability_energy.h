@@ -4,10 +4,10 @@
 #include <memory>
 #include <vector>
 
-#include "palpate/haptics.h"
-#include "palpate/progress.h"
-#include "palpate/simulated_device.h"
-#include "palpate/verification.h"
+#include "palpate/base/progress.h"
+#include "palpate/device/simulated_device.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/hold.h"
-#include "palpate/stability.h"
+#include "palpate/stability/hold.h"
+#include "palpate/stability/stability.h"
 #include "verification/stability_wall.h"
 
 namespace palpate {

@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
-#include "palpate/servo.h"
-#include "palpate/stability.h"
+#include "palpate/servo/servo.h"
+#include "palpate/stability/stability.h"
 #include "verification/stability_names.h"
 #include "verification/stability_wall.h"
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/stability.h"
+#include "palpate/stability/stability.h"
 #include "verification/stability_wall.h"
 
 namespace palpate {

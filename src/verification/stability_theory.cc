@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/simulated_device.h"
-#include "session/critical_stiffness.h"
+#include "palpate/device/simulated_device.h"
+#include "palpate/stability/critical_stiffness.h"
 #include "verification/stability_names.h"
 
 namespace palpate {

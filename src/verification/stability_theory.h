@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "palpate/progress.h"
-#include "palpate/verification.h"
+#include "palpate/base/progress.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

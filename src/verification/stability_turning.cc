@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/proxy_way.h"
-#include "palpate/surfaces.h"
+#include "palpate/haptics/proxy_way.h"
+#include "palpate/surfaces/surfaces.h"
 #include "verification/accuracy_random.h"
 
 namespace palpate {

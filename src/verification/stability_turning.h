@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/progress.h"
-#include "palpate/verification.h"
+#include "palpate/base/progress.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

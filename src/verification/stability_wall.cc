@@ -1,7 +1,7 @@
 #include "verification/stability_wall.h"
 
-#include "palpate/scene.h"
-#include "palpate/session.h"
+#include "palpate/loading/loading.h"
+#include "palpate/scene/scene.h"
 
 namespace palpate {
 

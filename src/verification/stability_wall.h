@@ -3,8 +3,8 @@
 #include <memory>
 #include <vector>
 
-#include "palpate/haptics.h"
-#include "palpate/progress.h"
+#include "palpate/base/progress.h"
+#include "palpate/haptics/haptics.h"
 
 namespace palpate {
 

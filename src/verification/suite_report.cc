@@ -1,7 +1,7 @@
 #include <nlohmann/json.hpp>
 
-#include "base/file.h"
-#include "palpate/verification.h"
+#include "palpate/base/file.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 

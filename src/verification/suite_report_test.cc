@@ -5,7 +5,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "palpate/verification.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 namespace {

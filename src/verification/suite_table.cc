@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <optional>
 
-#include "palpate/verification.h"
+#include "palpate/verification/verification.h"
 
 namespace palpate {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <atomic>
 
-#include "palpate/verification.h"
+#include "palpate/verification/verification.h"
 #include "verification/machine.h"
 
 namespace palpate {

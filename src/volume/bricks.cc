@@ -1,4 +1,4 @@
-#include "palpate/bricks.h"
+#include "palpate/volume/bricks.h"
 
 #include <algorithm>
 #include <cstring>
@@ -6,7 +6,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "base/hash.h"
+#include "palpate/base/hash.h"
 
 namespace palpate {
 

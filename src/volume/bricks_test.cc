@@ -1,4 +1,4 @@
-#include "palpate/bricks.h"
+#include "palpate/volume/bricks.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <span>
 
-#include "base/disjoint_sets.h"
-#include "palpate/volume.h"
+#include "palpate/base/disjoint_sets.h"
+#include "palpate/volume/volume.h"
 
 /// Connected components by runs. A run is a maximal stretch of one value along i. Each run is joined with
 /// the runs of equal value that share a face with it, which stand in the row before and in the same row of

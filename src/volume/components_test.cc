@@ -3,7 +3,7 @@
 #include <map>
 #include <random>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 #include "volume/test_grids.h"
 
 namespace palpate {

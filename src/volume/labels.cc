@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 namespace palpate {
 

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 #include "volume/test_grids.h"
 
 namespace palpate {

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 namespace palpate {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 #include "volume/test_grids.h"
 
 namespace palpate {

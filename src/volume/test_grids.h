@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 /// Grids that break code which assumes straight, right-handed or isotropic axes.
 namespace palpate::testing {

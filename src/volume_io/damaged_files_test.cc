@@ -3,8 +3,8 @@
 #include <random>
 
 #include "base/test_files.h"
-#include "palpate/volume_io.h"
-#include "reader/confine.h"
+#include "palpate/volume_io/volume_io.h"
+#include "reader/test_confine.h"
 #include "volume/test_grids.h"
 
 namespace palpate {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
-#include "base/file.h"
-#include "palpate/reading.h"
+#include "palpate/base/file.h"
+#include "palpate/base/reading.h"
 #include "volume_io/label_text.h"
 #include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"

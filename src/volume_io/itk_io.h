@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/result.h"
+#include "palpate/base/result.h"
 #include "volume_io/component.h"
 
 /// All that meets ITK: its image IO objects, used without pipelines. Plain numbers only, because ITK

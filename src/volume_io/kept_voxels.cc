@@ -6,8 +6,8 @@
 #include <cstring>
 #include <new>
 
-#include "cache/fields.h"
-#include "cache/kept.h"
+#include "palpate/cache/fields.h"
+#include "palpate/cache/kept.h"
 
 namespace palpate::volume_io {
 namespace {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "cache/digest.h"
+#include "palpate/cache/digest.h"
 #include "volume_io/volume_reader.h"
 
 namespace palpate::volume_io {

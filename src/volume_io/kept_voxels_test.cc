@@ -6,8 +6,8 @@
 #include <string>
 
 #include "base/test_files.h"
-#include "palpate/cache.h"
-#include "palpate/volume_io.h"
+#include "palpate/cache/cache.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate {
 namespace {

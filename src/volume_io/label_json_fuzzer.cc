@@ -1,4 +1,4 @@
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 
 // the formats of names that are neither colour tables nor tab-separated; the first byte chooses one
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/file.h"
+#include "palpate/base/file.h"
 #include "volume_io/formats.h"
 #include "volume_io/label_text.h"
 

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "base/test_files.h"
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate::volume_io {
 

@@ -5,7 +5,7 @@
 #include <new>
 #include <set>
 
-#include "palpate/reading.h"
+#include "palpate/base/reading.h"
 #include "volume_io/formats.h"
 #include "volume_io/kept_voxels.h"
 #include "volume_io/label_names.h"

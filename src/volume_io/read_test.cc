@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "base/test_files.h"
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate {
 namespace {

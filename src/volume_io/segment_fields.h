@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "palpate/volume.h"
+#include "palpate/volume/volume.h"
 
 namespace palpate::volume_io {
 

@@ -4,7 +4,7 @@
 #include <map>
 
 #include "base/test_files.h"
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 #include "volume_io/itk_oracle.h"
 
 /// The shared files, as their README describes them, and ITK's own reader as a second opinion on every voxel.

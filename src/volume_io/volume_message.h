@@ -6,7 +6,7 @@
 #include <string>
 #include <variant>
 
-#include "reader/fields.h"
+#include "palpate/reader/fields.h"
 #include "volume_io/voxel_source.h"
 
 /// What the process that reads a volume says to the one that wants it (volume_reader.h). The libraries in it

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "base/file.h"
-#include "reader/reader_process.h"
+#include "palpate/base/file.h"
+#include "palpate/reader/reader_process.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/voxel_source.h"
 #include "volume_io/voxel_stream.h"

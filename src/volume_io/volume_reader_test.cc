@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "base/test_files.h"
-#include "reader/confine.h"
+#include "reader/test_confine.h"
 #include "reader/test_leaks.h"
 #include "volume/test_grids.h"
 

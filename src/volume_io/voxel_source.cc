@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/reading.h"
+#include "palpate/base/reading.h"
 
 namespace palpate::volume_io {
 

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 #include "volume_io/component.h"
 
 /// What a reader of one format finds out before a voxel is read: what the header promises, and where
@@ -61,8 +61,8 @@ inline Error bad_input(const std::string& source, std::string what, std::string 
 Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& source);
 
 /// The file beside its header that the header names. A header is untrusted: names that lead out of its
-/// folder, and links there that do, are an error unless that is allowed (palpate/reading.h), and so is what
-/// is not a plain file.
+/// folder, and links there that do, are an error unless that is allowed (palpate/base/reading.h), and so is
+/// what is not a plain file.
 Result<std::filesystem::path> data_file_beside(const std::filesystem::path& header, const std::string& name);
 
 }  // namespace palpate::volume_io

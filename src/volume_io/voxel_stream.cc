@@ -9,8 +9,8 @@
 #include <cstring>
 #include <memory>
 
-#include "base/file.h"
-#include "palpate/reading.h"
+#include "palpate/base/file.h"
+#include "palpate/base/reading.h"
 
 namespace palpate::volume_io {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <new>
 
-#include "base/file.h"
+#include "palpate/base/file.h"
 #include "volume_io/formats.h"
 #include "volume_io/volume_reader.h"
 

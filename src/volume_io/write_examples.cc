@@ -2,7 +2,7 @@
 #include <filesystem>
 #include <string>
 
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 #include "volume/test_grids.h"
 
 /// Writes a few awkward volumes into the folder given, for reopen_check.py to read with other software, and

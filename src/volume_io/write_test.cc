@@ -7,7 +7,7 @@
 #include <random>
 
 #include "base/test_files.h"
-#include "palpate/volume_io.h"
+#include "palpate/volume_io/volume_io.h"
 #include "volume/test_grids.h"
 
 namespace palpate {

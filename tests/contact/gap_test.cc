@@ -7,11 +7,11 @@
 #include <limits>
 
 #include "base/test_files.h"
-#include "palpate/hold.h"
-#include "palpate/scene.h"
-#include "palpate/session.h"
-#include "palpate/stability.h"
-#include "palpate/volume_io.h"
+#include "palpate/loading/loading.h"
+#include "palpate/scene/scene.h"
+#include "palpate/stability/hold.h"
+#include "palpate/stability/stability.h"
+#include "palpate/volume_io/volume_io.h"
 
 /// A tip held in the two narrow gaps between bones of a hand-segmented knee: the fault that the founding work
 /// left open, and that the proxy does not have it. PALPATE_TEST_GRID_MM says how near the places lie.

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "base/test_files.h"
-#include "palpate/proxy_way.h"
-#include "palpate/scene.h"
-#include "palpate/surfaces.h"
-#include "palpate/volume_io.h"
+#include "palpate/haptics/proxy_way.h"
+#include "palpate/scene/scene.h"
+#include "palpate/surfaces/surfaces.h"
+#include "palpate/volume_io/volume_io.h"
 
 /// Random presses on the thin tissues of two real knees, on voxels turned obliquely: the proxy's whole way
 /// stays outside, by an oracle of its own. PALPATE_TEST_PRESSES says how many presses in all.

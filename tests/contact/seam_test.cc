@@ -15,11 +15,11 @@
 
 #include "base/test_chart.h"
 #include "base/test_files.h"
-#include "palpate/phantoms.h"
-#include "palpate/proxy.h"
-#include "palpate/scene.h"
-#include "palpate/session.h"
-#include "palpate/volume_io.h"
+#include "palpate/haptics/proxy.h"
+#include "palpate/loading/loading.h"
+#include "palpate/phantoms/phantoms.h"
+#include "palpate/scene/scene.h"
+#include "palpate/volume_io/volume_io.h"
 
 /// Presses, slides and withdrawals where labels meet: on the flat top of two labels, and at random places of
 /// whole knees, half of them at seams. PALPATE_TEST_PRESSES says how many on each knee.

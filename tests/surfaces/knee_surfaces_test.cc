@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "base/test_files.h"
-#include "palpate/surfaces.h"
-#include "palpate/volume_io.h"
+#include "palpate/surfaces/surfaces.h"
+#include "palpate/volume_io/volume_io.h"
 
 /// Cartilages and menisci of two real knees as surfaces, with the default setting: nothing gets lost, and
 /// normals agree with the surface on edges too.

@@ -3,43 +3,94 @@
 #include <memory>
 #include <utility>
 
-#include "palpate/servo.h"
+#include "palpate/model/changed_model.h"
+#include "palpate/model/make_model.h"
+#include "palpate/servo/servo.h"
 
-// somebody else's simulator: a block that grows stiffer downwards, one tip pressed into it, until the force
-// has come in
-int main() {
+// somebody else's simulator: a segmented block, a tip that is pressed into it and felt by the proxy, and a
+// hole that is cut under the tip while it is felt
+namespace {
+
+constexpr double kStiffness_N_per_mm = 1, kTop_mm = 9.5, kDepth_mm = 1;
+
+palpate::ModelParts block_of_bone() {
   palpate::GridGeometry grid;
-  grid.dims = {16, 16, 16};
-  palpate::Volume<std::uint8_t> ramp(grid);
-  palpate::Volume<palpate::LabelId> labels(grid, 1);
-  for (int k = 0; k < 16; ++k)
-    for (int j = 0; j < 16; ++j)
-      for (int i = 0; i < 16; ++i) ramp.at(i, j, k) = static_cast<std::uint8_t>(16 * (15 - k));
+  grid.dims = {20, 20, 20};
+  palpate::Volume<palpate::LabelId> labels(grid);
+  for (int k = 0; k < kTop_mm; ++k)
+    for (int j = 2; j < 18; ++j)
+      for (int i = 2; i < 18; ++i) labels.at(i, j, k) = 1;
 
-  palpate::Model model;
-  model.field = std::make_shared<const palpate::Field>(std::move(ramp));
-  model.labels = palpate::label_bricks(labels);
-  model.segments = {{1, "block", {}, 0, 1}};
-  model.tissues.resize(1);
-  model.tissue_of_label = {-1, 0};
-  model.level_of_label = {0.0f, 1.0f};
-  model.tissues[0].stiffness_N_per_mm = 1.0;
-  const auto trilinear = palpate::make_force_field(model, palpate::ForceMethod::kTrilinear);
-  if (!trilinear) return 1;
-  model.methods[0] = *trilinear;
-  model.X_WorldPatient = palpate::supine_from_feet(grid);
+  palpate::Tissue bone;
+  bone.name = "bone";
+  bone.stiffness_N_per_mm = kStiffness_N_per_mm;
+  palpate::ModelParts parts;
+  parts.labels = palpate::label_bricks(labels);
+  parts.segments = {{1, "block", {}, 0, 1}};
+  parts.tissues = {bone};
+  parts.tissue_of_label = {-1, 0};
+  return parts;
+}
 
-  palpate::DeviceState device;
-  device.tip = model.X_WorldPatient * grid.centre();
-  palpate::SessionState state;
-  palpate::Wrench wrench;
-  palpate::TickRecord record;
-  // the force comes in over half a second
-  for (int n = 0; n < 600; ++n) palpate::tick(model, {}, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
+class Simulator {
+ public:
+  explicit Simulator(const palpate::Model& model) : X_WorldPatient_(model.X_WorldPatient) {
+    parameters_.method = palpate::ForceMethod::kProxy;
+  }
 
-  // the field at the centre is 7.5 voxels deep: 120/255 of the full force, towards +k
-  const palpate::Vector<palpate::Patient> force = model.X_WorldPatient.inverse() * wrench.force_N;
-  const double expected = (*trilinear)->full_force_N() * 120.0 / 255.0;
-  std::printf("force %.4f N, expected %.4f N along +k\n", force.eigen().z(), expected);
-  return std::abs(force.eigen().z() - expected) < 1e-3 && force.eigen().head<2>().norm() < 1e-6 ? 0 : 1;
+  // half a second with the tip so far above the grid's lowest voxels; gives the force in the patient
+  palpate::Vector<palpate::Patient> hold(const palpate::Model& model, double height_mm) {
+    constexpr int kTicks = 500;
+    const double from_mm = height_mm_;
+    for (int n = 1; n <= kTicks; ++n) {
+      height_mm_ = from_mm + (height_mm - from_mm) * n / kTicks;
+      device_.tip = X_WorldPatient_ * palpate::Point<palpate::Patient>(9.5, 9.5, height_mm_);
+      palpate::tick(model, parameters_, {&device_, 1}, 1e-3, state_, {&wrench_, 1}, record_);
+    }
+    return X_WorldPatient_.inverse() * wrench_.force_N;
+  }
+
+ private:
+  palpate::Transform<palpate::World, palpate::Patient> X_WorldPatient_;
+  palpate::Parameters parameters_;
+  palpate::DeviceState device_;
+  palpate::SessionState state_;
+  palpate::Wrench wrench_;
+  palpate::TickRecord record_;
+  double height_mm_ = 15;
+};
+
+bool is_about(const char* when, const palpate::Vector<palpate::Patient>& force_N, double expected_N) {
+  std::printf("%s: %.4f N along +k, expected %.4f N\n", when, force_N.eigen().z(), expected_N);
+  return std::abs(force_N.eigen().z() - expected_N) < 0.02 && force_N.eigen().head<2>().norm() < 0.02;
+}
+
+}  // namespace
+
+int main() {
+  auto made = palpate::make_model(block_of_bone());
+  if (!made) return std::puts(made.error().message().c_str()), 1;
+  const palpate::ForceMethod proxy = palpate::ForceMethod::kProxy;
+  auto felt = palpate::prepared_for(std::move(made->model), {&proxy, 1});
+  if (!felt) return std::puts(felt.error().message().c_str()), 1;
+
+  // the force comes in over half a second in free space, and follows the depth
+  Simulator simulator(**felt);
+  const double pressed_mm = kTop_mm - kDepth_mm;
+  simulator.hold(**felt, 12);
+  simulator.hold(**felt, pressed_mm);
+  bool good = is_about("pressed", simulator.hold(**felt, pressed_mm), kStiffness_N_per_mm * kDepth_mm);
+
+  // a ball of 3 mm is cut away around the tip, whose next tick is in the open
+  const palpate::Point<palpate::Patient> tip(9.5, 9.5, pressed_mm);
+  const palpate::Cut hole{.sweep = {tip, tip, 3}};
+  const palpate::ModelChange cut{.version = (*felt)->version + 1, .tissue = palpate::ModelChange::kCut};
+  const auto next = palpate::next_version({*felt, *felt}, cut, {&hole, 1});
+  if (!next) return std::puts(next.error().message().c_str()), 1;
+  good = is_about("cut", simulator.hold(*next->felt, pressed_mm), 0) && good;
+  // the hole's bottom lies as deep as the ball reached
+  const double bottom_mm = pressed_mm - 3;
+  good = is_about("at the bottom", simulator.hold(*next->felt, bottom_mm - 0.5), 0.5 * kStiffness_N_per_mm) &&
+         good;
+  return good ? 0 : 1;
 }

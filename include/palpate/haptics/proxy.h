@@ -1,0 +1,239 @@
+#pragma once
+
+#include <array>
+#include <bitset>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "palpate/haptics/owners.h"
+#include "palpate/sampling/surface.h"
+
+/// Contact that keeps the tool out: a proxy of the tip stays on the surfaces while the tip goes inside, and
+/// a spring pulls the hand towards it (Zilles & Salisbury 1995; on implicit surfaces Salisbury & Tarr 1997).
+/// Positions in the patient frame, so that a proxy that sticks rides on a turning object.
+namespace palpate {
+
+/// A surface with how it feels: a structure's own, or one that structures which touch have in common. Two
+/// surfaces side by side are both rounded where they meet, and a tool falls into the crack.
+///
+/// What is stiffer than what lies around it is a layer within: fat and bone that touch have one surface, on
+/// which the tool leans with fat's stiffness, and the bone has another one a layer deeper, with what it is
+/// stiffer than fat. Each layer holds the tool out by itself, so that the force is the stiffness summed up
+/// along the way in, as in the inward ramp (docs/decisions/0011-inward-ramps.md), and each layer's spring
+/// stores the energy that it gives.
+struct FeltSurface {
+  std::shared_ptr<const Surface> surface;  ///< null: the structure is met by common surfaces alone
+  double stiffness_N_per_mm = 1;
+  double static_friction = 0.1;   ///< coefficient up to which the proxy sticks; at least dynamic_friction
+  double dynamic_friction = 0.1;  ///< coefficient with which it slides
+  /// Force that makes the tool go through; infinite: never.
+  double puncture_N = std::numeric_limits<double>::infinity();
+  /// Of a common surface: by whose shares it feels in place of its own values.
+  std::shared_ptr<const Owners> owners = nullptr;
+  /// The structure whose surface this is besides the one that stands at its own place. -1: none.
+  int structure = -1;
+  /// The common surface that it is part of: it is met only while the tool has gone through that. -1: of none.
+  int beneath = -1;
+  /// Structures of a common surface that open it when they are gone through.
+  std::vector<std::int16_t> opened_by = {};
+  /// 0: outermost. Of a structure the layer that gives the last of its stiffness.
+  int layer = 0;
+  /// The part of its structures' stiffness that the layer gives; of those whose own layer it is, all that is
+  /// above the lower bound.
+  double from_N_per_mm = 0, to_N_per_mm = std::numeric_limits<double>::infinity();
+  /// What a burr's motor works to take a cubic millimetre away (palpate/tissue/removal.h); infinite: it
+  /// cannot.
+  double cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
+  /// Where something was taken from it (palpate/tissue/carving.h): the surface as prepared, and the labels
+  /// that it was prepared from. A place that lies beneath that surface belongs to whom these say.
+  std::shared_ptr<const Surface> made = nullptr;
+  std::shared_ptr<const Bricks<LabelId>> made_labels = nullptr;
+  /// Of a structure: no burr takes anything from it (palpate/tissue/removal.h).
+  bool kept = false;
+  /// So much nearer than it was cut it may be read where something was taken from it
+  /// (CarvedSurface::short_mm).
+  double short_mm = 0;
+};
+/// A felt structure that a burr is to spare.
+struct ProtectedStructure {
+  LabelId label = 0;
+  std::shared_ptr<const Surface> surface;  ///< its own, as prepared
+  bool kept = false;                       ///< a burr is held out of it
+};
+/// Whose a place on a surface is: of a common surface the shares of its structures there.
+/// @param index  of the surface
+OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at);
+inline constexpr std::size_t kMostSurfaces = 256;
+using SurfaceSet = std::bitset<kMostSurfaces>;
+
+/// A part of the tool: a sphere, or a capsule, which is a sphere swept along a line. A point is the smallest
+/// sphere there is.
+struct ToolSphere {
+  Vector<Patient> offset_mm;  ///< from the tip, as the tool is turned now
+  double radius_mm = 0;
+  /// Of a capsule: from offset_mm, one end of its axis, to the other end. 0: a sphere.
+  Vector<Patient> along_mm = {};
+};
+inline constexpr std::size_t kMostToolSpheres = 4;
+
+/// Where the hand holds the tool.
+struct ToolPose {
+  Point<Patient> tip;           ///< finite
+  Eigen::Quaterniond attitude;  ///< from the tool's axes to the patient's, unit
+
+  /// A tool that never turns is where its tip is.
+  /// @param turned  a rotation, of any length but 0
+  ToolPose(const Point<Patient>& at, const Eigen::Quaterniond& turned = Eigen::Quaterniond::Identity())
+      : tip(at), attitude(turned.normalized()) {}
+};
+
+/// A tool's spheres as another attitude turns them; the same bits where it is the same.
+class TurnedTool {
+ public:
+  /// @param spheres  as attitude `from` turns them, at most kMostToolSpheres
+  TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+             const Eigen::Quaterniond& to);
+  std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
+
+ private:
+  std::array<ToolSphere, kMostToolSpheres> spheres_;
+  std::size_t count_;
+};
+
+/// Where a sphere or capsule of the tool leans on a surface.
+struct ProxyContact {
+  int surface = -1;
+  int sphere = 0;
+  double part = 0;         ///< of a capsule: where on its axis, 0 at offset_mm ... 1 at the other end
+  Vector<Patient> normal;  ///< outward, unit
+  double pull_mm = 0;      ///< along the normal: what it adds to the way from the tip to the proxy
+};
+/// A corner of three walls, each of which may be met by every sphere of the tool.
+inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
+
+inline constexpr int kMostLayers = 6;
+
+/// What is remembered of a layer between two ticks.
+struct ProxyLayer {
+  /// False: the tip has not been free since contact began anew (start, clutch, pause, jump, a surface that
+  /// has grown over it), so that nobody knows on which side it is. No force then.
+  bool coupled = false;
+  bool sticking = false;
+  Point<Patient> position;  ///< of the tip's proxy
+  /// Of its tool, as ToolPose has it: the hand's, or what walls and a tick's work have left of its turn.
+  Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
+  Vector<Patient> last_way;  ///< its last stride, mm: the next one is not to go to and fro
+  SurfaceSet punctured;      ///< the tool has gone through surface n and not come out yet
+  /// How much of the way from the tip to it the spring is stretched by; below 1 where it leans on what it
+  /// cannot pass and no wall says why.
+  double part = 1;
+  double lost_s = 0;  ///< that it has been left behind by a free tip
+  int contacts = 0;
+  std::array<ProxyContact, kMostContacts> contact;
+};
+
+/// What is remembered between two ticks: of the outermost layer, and of those within. Small and without
+/// pointers.
+struct ProxyState : ProxyLayer {
+  std::array<ProxyLayer, kMostLayers - 1> within;
+
+  const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
+  ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
+};
+
+struct ProxyOptions {
+  bool friction = true;
+  /// Stiffer surfaces are felt as this stiff: the most that a hand holds with the device.
+  double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
+  double dt_s = 0.001;  ///< since the last call
+};
+
+/// What the springs from the tip to the proxies give.
+struct ProxyForce {
+  Vector<Patient> force_N;     ///< on the tip
+  Vector<Patient> torque_Nmm;  ///< about the tip, of the tool as the proxy holds it
+  /// Of what is touched: in a layer weighted by pulls and shares, summed over the layers.
+  double stiffness_N_per_mm = 0;
+  double stored_mJ = 0;
+};
+
+/// What lies along the tip's way in: the force is the stiffness summed up along it, so that each structure
+/// gives its own stiffness times the way within it.
+struct FeltPart {
+  int structure = -1;  ///< its place among the surfaces
+  /// Of the way that lies within it; at a seam its share of that, so that all add up.
+  double depth_mm = 0;
+  double share = 0;  ///< of the force, 0 ... 1
+};
+/// What gives less than this is not told.
+inline constexpr double kLeastShare = 0.01;
+inline constexpr std::size_t kMostFeltParts = 6;
+
+struct ProxyResult : ProxyForce {                ///< of all layers
+  std::array<ProxyForce, kMostLayers> of_layer;  ///< each layer's part of it
+  /// Outermost first; none without contact. Of more than there is room for, those that give most.
+  std::array<FeltPart, kMostFeltParts> felt;
+  int felt_parts = 0;
+  /// Mean coefficient of what is touched, static where it sticks; 0 where friction is off.
+  double friction = 0;
+  Vector<Patient> normal;  ///< of all walls of all layers together, unit; 0 without contact
+  /// The tool is wider than the gap that it is in: no place is left by all walls, and the proxy stays, or its
+  /// attitude does while the hand's turns on. Where the tool has become another one and lies in walls,
+  /// without force, until the tip is free.
+  bool wedged = false;
+  bool ruptured = false;  ///< it went through a surface in this tick
+  /// The hand moved or turned farther than one tick's work follows; the proxy goes on in the next.
+  bool lagging = false;
+};
+
+/// One tick: the proxy turns from its attitude to the hand's and goes from where it was towards the tip,
+/// along surfaces and never through them. The whole way is looked at, in steps that the clearance allows: at
+/// no place of it does a sphere lie deeper than kMostDip_mm below a surface. Then the spring. Bounded work;
+/// allocates, locks and throws nothing.
+///
+/// - A capsule is felt as a row of spheres, so close that their outline is at most 0.01 mm within its own, or
+///   0.15 mm apart where it is thin (docs/decisions/0023). It leans where it touches, and in the middle of
+///   that where it lies along.
+/// - A turn: the attitude is the hand's, which no force holds back, and the place yields, so that what the
+///   tool turns into pushes the tip away and is felt there (docs/decisions/0019).
+/// - Free space is crossed in strides of the clearance (sphere tracing, Hart 1996).
+/// - On surfaces the goal is the point nearest to the tip in the half-spaces of all that is touched, by
+///   active set; so corners, gaps and both walls of a notch hold.
+/// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
+///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
+/// - Stiffness and friction are those of the structures touched, weighted by their pulls, and on a common
+///   surface by their shares of the place. Every layer has a proxy of its own, and the forces add up.
+/// - A structure is gone through when what it gives of the springs' force, friction aside and before any
+///   limit, stiffness included, is above its puncture force. It opens the common surfaces that it is part of,
+///   so that what lies beneath is met by surfaces of its own; each closes again when tip and proxy have left
+///   it.
+/// @param surfaces  at most kMostSurfaces; the same ones in every call with one state
+/// @param spheres   1 ... kMostToolSpheres
+/// @param hand      the attitude by which `spheres` are turned
+ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                          const ToolPose& hand, ProxyState& state, const ProxyOptions& options = {});
+inline constexpr double kMostDip_mm = 0.05;
+
+/// Which of the surfaces before a change one of those after it was.
+struct SurfaceBefore {
+  std::int16_t index;  ///< of the same structure's; -1: it had none
+  bool same;           ///< in shape and place, however it feels now
+};
+/// After a change of the surfaces. What has not changed shape keeps the proxy as it is: where it is, what it
+/// sticks to, what it has gone through. A structure that was gone through and has another shape now is still
+/// gone through. A proxy that lies inside a surface that is new or has another shape is let go: nobody knows
+/// on which side of that it is.
+/// @param hand    the attitude by which `spheres` are turned
+/// @param before  one for each of `surfaces`; empty where nothing is known of those before: all are new
+void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state);
+
+/// Couples a tip that is inside: its proxy is born at the nearest place outside all surfaces. False where
+/// there is none within their reach. The caller lets the force ramp in.
+bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                         const ToolPose& hand, ProxyState& state);
+
+}  // namespace palpate

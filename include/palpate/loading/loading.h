@@ -1,0 +1,60 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "palpate/base/progress.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/recording/recording.h"
+#include "palpate/scene/scene.h"
+#include "palpate/volume/volume.h"
+
+/// A scene becomes a Model.
+namespace palpate {
+
+/// A scene with its volumes read and its field prepared.
+struct LoadedScene {
+  Scene scene;
+  std::shared_ptr<const Model> model;
+  /// Catalogue name, a phantom's parameters included, when it came from there, else empty.
+  std::string data_set;
+  /// Of a volume by itself: what its scene was proposed from, in one line; else empty.
+  std::string proposed = {};
+};
+
+/// @param what         a catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
+///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume:
+///                     a scan or a label map by itself gets the scene that new_scene_text proposes
+/// @param preparation  instead of the scene's
+/// Errors: kBadInput that names what a file is where it is neither (DICOM, a surface, a picture, a folder,
+/// ...).
+Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
+                                           const Warn& warn = {},
+                                           std::optional<PreparationMethod> preparation = {});
+
+/// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
+/// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.
+Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
+                                            const Progress& progress = {}, const Warn& warn = {});
+
+/// Whether anything in the model can be felt: a tissue that is, with a voxel. What is not can be shown.
+bool is_anything_felt(const Model& model);
+/// An error that says how to let something be felt, where nothing is. kBadInput.
+Result<void> check_felt(const LoadedScene& loaded);
+
+/// Builds the Model of a scene from volumes already read. Where nothing is felt its field is 0 everywhere.
+/// `scan` may be null; grids may differ. Ready for the trilinear method and the scene's, but for the proxy:
+/// its surfaces come with ready_for.
+/// @param oriented  false when the files do not say how they lie in the patient
+Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
+                                                 const Volume<float>* scan, const Progress& progress = {},
+                                                 const Warn& warn = {}, bool oriented = true);
+
+/// prepared_for (palpate/model/make_model.h), with what was prepared before where it is kept.
+Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
+                                               std::span<const ForceMethod> methods,
+                                               const Progress& progress = {});
+
+}  // namespace palpate

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "palpate/palpation/run_setup.h"
+#include "palpate/palpation/scripted_hand.h"
+
+namespace palpate {
+
+/// A scripted hand with a simulated device on the virtual clock: sense, tick, feel, act.
+class VirtualRun {
+ public:
+  VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand);
+
+  /// Senses where the device is and ticks.
+  const TickRecord& tick();
+  /// The hand feels the last tick and acts; false: its script is done and nothing moved.
+  bool act();
+
+  // ---- of the last tick
+  const DeviceState& sensed() const { return sensed_; }
+  const Wrench& sent() const { return sent_; }
+  /// Where the hand wanted to be after it.
+  const Point<World>& intended() const { return intended_; }
+  double time_s() const { return state_.time_s; }
+  /// As it is felt now.
+  const Model& model() const { return *model_; }
+  const ScriptedHand& hand() const { return hand_; }
+  /// What the script asked for since it was asked last, with the tick that feels it first.
+  std::vector<RecordingEvent> take_told() { return std::exchange(told_, {}); }
+
+ private:
+  void cut();
+  void cut_what_was_swept();
+  void change_stroke(StrokeAction action);
+
+  std::shared_ptr<const Model> model_;
+  const double dt_s_;
+  ScriptedHand hand_;
+  SimulatedDevice device_;
+  WorkspaceMapping mapping_;
+  Parameters parameters_;
+  SessionState state_;
+  DeviceState sensed_;
+  Wrench sent_;
+  Point<World> intended_;
+  TickRecord record_;
+  double cut_s_ = 0;                    // when the model was cut last
+  std::optional<StrokeAction> stroke_;  // that the script wants
+  std::vector<RecordingEvent> told_;
+  std::uint32_t told_number_ = 0;
+};
+
+}  // namespace palpate

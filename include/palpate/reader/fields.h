@@ -1,0 +1,96 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include "palpate/base/result.h"
+
+/// Plain fields through a pipe between two processes of one machine: numbers as they stand in memory; a text
+/// is u32 n and n bytes.
+namespace palpate::reader {
+
+class ByteTarget {
+ public:
+  virtual ~ByteTarget() = default;
+  virtual bool write(std::span<const std::byte> bytes) = 0;
+};
+
+class ByteSource {
+ public:
+  virtual ~ByteSource() = default;
+  /// Fills `bytes` or says why not.
+  virtual Result<void> read(std::span<std::byte> bytes) = 0;
+};
+
+class Sender {
+ public:
+  explicit Sender(ByteTarget& target) : target_(target) {}
+  /// False once anything could not be sent; nothing more is, then.
+  bool ok() const { return ok_; }
+
+  template <class Plain>
+  requires std::is_arithmetic_v<Plain>
+  void put(const Plain& value) { put_bytes(std::as_bytes(std::span(&value, 1))); }
+  void put(const std::string& text) {
+    put(static_cast<std::uint32_t>(text.size()));
+    put_bytes(std::as_bytes(std::span(text)));
+  }
+
+ private:
+  void put_bytes(std::span<const std::byte> bytes) { ok_ = ok_ && target_.write(bytes); }
+
+  ByteTarget& target_;
+  bool ok_ = true;
+};
+
+/// Reads fields; after the first failure values stay as they are and error() tells why.
+class Receiver {
+ public:
+  /// The longest text, in bytes, where nothing else is said.
+  static constexpr std::size_t kMostText = 4096;
+
+  /// @param complaint  stands before what fail() is told, in the error
+  Receiver(ByteSource& source, std::string complaint) : source_(source), complaint_(std::move(complaint)) {}
+  bool ok() const { return !error_.has_value(); }
+  const Error& error() const { return *error_; }
+
+  template <class Plain>
+  requires std::is_arithmetic_v<Plain>
+  void get(Plain& value) {
+    Plain read{};
+    get_bytes(std::as_writable_bytes(std::span(&read, 1)));
+    if (ok()) value = read;
+  }
+  void get(bool& value) {
+    std::uint8_t byte = 0;
+    get(byte);
+    value = byte != 0;
+  }
+  void get(std::string& text, std::size_t most = kMostText) {
+    std::uint32_t size = 0;
+    get(size);
+    if (size > most) fail("a text of it is too long");
+    if (!ok()) return;
+    text.resize(size);
+    get_bytes(std::as_writable_bytes(std::span(text)));
+  }
+  void get_bytes(std::span<std::byte> bytes) {
+    if (!ok()) return;
+    if (auto read = source_.read(bytes); !read) error_ = read.error();
+  }
+  void fail(const std::string& what) {
+    if (ok()) error_ = Error{ErrorKind::kBadInput, complaint_ + what, "", ""};
+  }
+
+ private:
+  ByteSource& source_;
+  std::string complaint_;
+  std::optional<Error> error_;
+};
+
+}  // namespace palpate::reader

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "palpate/base/progress.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/recording/recording.h"
+
+namespace palpate {
+
+/// One self-contained HTML page about a run: sections through each contact, force, depth and speed over
+/// time, contact per structure, what a burr took away, counts of the safety stage, how a loop on the real
+/// clock kept time, where it came from. Read in memory that does not depend on the run's length, but for what
+/// a burr took away. No network, no path and no header text of the input files in it.
+/// @param model  as the recording began with; where a burr was at work with the proxy's surfaces (ready_for
+/// in
+///               palpate/palpation/palpation.h), without which the page says nothing of how deep it cut
+Result<std::string> report_html(const RecordingSource& recording, const Model& model,
+                                const Progress& progress = {});
+/// Written whole or not at all.
+Result<void> write_report(const std::filesystem::path& file, const RecordingSource& recording,
+                          const Model& model, const Progress& progress = {});
+
+}  // namespace palpate

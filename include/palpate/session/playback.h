@@ -1,0 +1,30 @@
+#pragma once
+
+#include <memory>
+
+#include "palpate/base/progress.h"
+#include "palpate/link/viewer_server.h"
+#include "palpate/recording/recording.h"
+#include "palpate/scene/scene.h"
+
+/// A recording as viewers look at it: any place of it, at any speed, forwards and backwards.
+///
+///     clock ── place ──► block of 4096 ticks ──► the tick that held there ──► viewers
+///                              ▲
+///                  a thread reads the one that is wanted, then the next on the way
+namespace palpate {
+
+struct Model;
+
+/// Looks through all of the recording once, for its time line and for what a burr took away up to each of its
+/// places, and stands at its beginning, not playing. Every pose is a tick of the recording, in all its
+/// numbers; while a place is being read the last one stands. What is asked of a session is refused, and a
+/// stop ends the playing: nothing pushes.
+/// @param modality  as the scene says it
+/// Errors: kBadInput for another scene's recording, one without ticks or whose clock does not rise; those of
+/// RecordingSource::read; kUnavailable where there is no thread to be had.
+Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
+                                                  std::shared_ptr<const Model> model, Modality modality,
+                                                  const Progress& progress = {});
+
+}  // namespace palpate

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "palpate/device/telemetry.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/tissue/carving.h"
+
+namespace palpate {
+
+/// Whether the motor of a burr was switched on in a tick, by its switch or a pedal. Of another tool: no.
+bool motor_was_on(const Tool& tool, const TickRecord& tick);
+
+/// How near a burr came to each structure that is protected, while it turned: from its ball to the
+/// structure as prepared, 0 where it touched that or cut it. What was undone counts too. A structure has no
+/// figure while the ball stayed beyond the reach of its distances, in a session 10 mm from the ball's middle.
+class NearestMeter {
+ public:
+  /// @param model  with nothing taken from it; its protected structures prepared (ready_for)
+  explicit NearestMeter(const Model& model);
+
+  /// Where it was held in a tick, whether it cut or only leaned on something.
+  void see(const TickRecord& tick);
+  /// What it cut: beneath other layers it goes deeper than the tick tells.
+  void see(const Sweep& sweep);
+  /// What another meter has seen of the same structures.
+  void see(const std::map<LabelId, double>& nearest_mm);
+
+  const std::map<LabelId, double>& nearest_mm() const { return nearest_mm_; }
+
+ private:
+  void see(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure);
+
+  Tool tool_;
+  std::vector<ProtectedStructure> protected_;
+  std::map<LabelId, double> nearest_mm_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "palpate/haptics/proxy.h"
+#include "palpate/tissue/carving.h"
+
+/// A burr that takes bone away, felt in the tick in which it does. Positions in the patient frame.
+namespace palpate {
+
+/// A ball that turns.
+struct Burr {
+  double radius_mm = 1.5;  ///< half of what its maker calls its size
+  double revolutions_per_s = 0;
+  /// Of the spindle, unit, as the tool is turned now. What lies on it moves slowly and cuts little.
+  Vector<Patient> axis = {0, 0, 1};
+  /// Of the cutting edges' force the part that is along their way, to the part that presses (a coefficient of
+  /// friction).
+  double grip = 0.5;
+  /// It is pressed with no more, however far the hand is from the proxy: what the device gives at most.
+  double most_press_N = std::numeric_limits<double>::infinity();
+  /// It is held out of those that are kept.
+  std::span<const ProtectedStructure> spared = {};
+  std::uint32_t stroke = 0;  ///< of what it sweeps
+};
+
+/// What it has done that is not in the surfaces yet, and what is remembered between two ticks. Without
+/// pointers.
+struct BurrState {
+  /// So much less than its radius it is held out by: as deep as it has sunk in since the surfaces were made.
+  double inset_mm = 0;
+  double sunk_mm = 0;            ///< how deep it lies in the surfaces, of that
+  double spare_mJ = 0;           ///< that the motor has worked and the burr has not used yet
+  double pressed_N = 0;          ///< by the hand in the last tick
+  double edge_mm_per_s = 0;      ///< mean speed of the edges in the material, then
+  double front_mm2 = 0;          ///< area of the material ahead, seen along the way it is pressed
+  double energy_mJ_per_mm3 = 0;  ///< of the material there
+  double work_mJ = 0;            ///< of the motor, since the start
+  double taken_mm3 = 0;          ///< since the start, as the law reckons it
+  int layer = -1;                ///< of the proxy's, in which it cuts; -1: none
+  bool closed = false;           ///< the last sweep grows no more, as that of a burr that stands still
+  double open_s = 0;             ///< since it began
+  bool full = false;             ///< no room for what it sweeps: it cuts nothing until the surfaces are made
+  std::uint64_t first = 0;       ///< number of the first of the sweeps here, counted from the start
+  int sweeps = 0;
+  std::array<Sweep, 64> sweep;
+
+  std::span<const Sweep> pending() const { return {sweep.data(), static_cast<std::size_t>(sweeps)}; }
+};
+
+/// One tick of a burr: it takes away, then the proxy advances to where it may be now, with the burr for its
+/// tool.
+///
+///     power        P = grip * force * speed of the edges              (Arbabtafti et al. 2011: the energy
+///     rate         volume per s = P / energy                           per volume is the material's own)
+///     feed         rate / area of the material ahead, along the way the hand presses
+///
+/// A burr that sinks in by the feed is held out by that much less than its radius, until surfaces are made
+/// without what it took (CarvedSurface). It takes with it whatever it sweeps, and comes no farther through
+/// material than the motor has worked for, whichever way it goes. So the volume follows from work alone, at
+/// any rate of ticks, and new surfaces, which are read from between voxels, move it no faster than it cuts.
+///
+/// The area and the speed are means over directions ahead in which there is material right before the burr.
+/// Without revolutions it is a ball that cuts nothing. In the innermost layer that is touched; what yields
+/// around that is pushed aside.
+///
+/// No layer's proxy brings the ball, with its whole radius, deeper into a structure that is kept than it was:
+/// it slides along that structure's own surface as prepared. Of the material ahead a kept structure is none.
+/// Bounded work; allocates, locks and throws nothing.
+ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
+                         ProxyState& proxy, BurrState& state, const ProxyOptions& options = {});
+
+/// The surfaces are now those without the first so many of the sweeps, counted from the start. To be called
+/// before keep_proxy. Where something was put back around the burr, it lies in it as deep as if it had sunk
+/// in, and comes out as it came in; one whose middle is in it does not fit at all, and keep_proxy lets it go.
+void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::uint64_t carved,
+                 const ProxyState& proxy, BurrState& state);
+
+/// How many sweeps there are that grow no more, counted from the start: those that a surface can be carved
+/// by.
+std::uint64_t finished_sweeps(const BurrState& state);
+/// The finished ones from a number on, which is not below the first that is still here.
+std::span<const Sweep> finished_from(const BurrState& state, std::uint64_t number);
+/// All of them that are still here, as a session cuts by them.
+std::vector<Cut> finished_cuts(const BurrState& state, std::uint32_t device);
+/// A sweep is finished after so long at the latest.
+inline constexpr double kLongestSweep_s = 0.01;
+
+}  // namespace palpate

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <functional>
+#include <string_view>
+
+#include "palpate/base/for_each_index.h"
+#include "palpate/base/progress.h"
+#include "palpate/base/result.h"
+
+namespace palpate::internal {
+
+/// The part of a stage's progress that a piece of work fills.
+struct ProgressSpan {
+  std::string_view stage;
+  double from = 0, to = 1;
+  ProgressSpan part(double a, double b) const {
+    return {stage, from + a * (to - from), from + b * (to - from)};
+  }
+};
+
+/// for_each_index() that tells its progress, `to` of its span at the end, and stops with
+/// Progress::interrupted() before the next slice.
+Result<void> for_each_slice(int count, int workers, const Progress& progress, const ProgressSpan& span,
+                            const std::function<void(int worker, int slice)>& work);
+
+}  // namespace palpate::internal

@@ -1,0 +1,135 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "palpate/base/result.h"
+#include "palpate/geometry/geometry.h"
+
+namespace palpate {
+
+/// Where a regular grid of voxels lies in the patient. Any direction matrix, oblique, permuted and
+/// left-handed ones included; its columns are the patient directions of the i, j and k axes.
+struct GridGeometry {
+  std::array<int, 3> dims{0, 0, 0};                         ///< voxels along i, j, k
+  Eigen::Vector3d spacing_mm = Eigen::Vector3d::Ones();     ///< > 0
+  Eigen::Matrix3d direction = Eigen::Matrix3d::Identity();  ///< unit columns, invertible
+  Point<Patient> origin;                                    ///< centre of voxel (0,0,0), LPS mm
+
+  std::size_t voxel_count() const {
+    return static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]) *
+           static_cast<std::size_t>(dims[2]);
+  }
+  double voxel_volume_mm3() const { return spacing_mm.prod() * std::abs(direction.determinant()); }
+  double min_spacing_mm() const { return spacing_mm.minCoeff(); }
+  bool right_handed() const { return direction.determinant() > 0; }
+
+  /// Maps continuous voxel indices to LPS millimetres.
+  Transform<Patient, Voxel> X_PatientVoxel() const {
+    return {direction * spacing_mm.asDiagonal(), origin.eigen()};
+  }
+  Point<Patient> centre() const {
+    return X_PatientVoxel() * Point<Voxel>(0.5 * (dims[0] - 1), 0.5 * (dims[1] - 1), 0.5 * (dims[2] - 1));
+  }
+  /// Offset of voxel (i,j,k) in memory: i fastest.
+  std::size_t offset(int i, int j, int k) const {
+    return (static_cast<std::size_t>(k) * dims[1] + static_cast<std::size_t>(j)) * dims[0] +
+           static_cast<std::size_t>(i);
+  }
+  bool contains(int i, int j, int k) const {
+    return i >= 0 && j >= 0 && k >= 0 && i < dims[0] && j < dims[1] && k < dims[2];
+  }
+  /// The same grid to within `tolerance_voxels` of a voxel at every corner.
+  bool same_grid(const GridGeometry& other, double tolerance_voxels = 1e-3) const;
+};
+
+/// Voxels of type T on a grid, i fastest, then j, then k.
+template <class T>
+class Volume {
+ public:
+  Volume() = default;
+  explicit Volume(const GridGeometry& geometry, T fill = T{})
+      : geometry_(geometry), voxels_(geometry.voxel_count(), fill) {}
+  Volume(const GridGeometry& geometry, std::vector<T> voxels)
+      : geometry_(geometry), voxels_(std::move(voxels)) {
+    PALPATE_CHECK(voxels_.size() == geometry_.voxel_count());
+  }
+
+  const GridGeometry& geometry() const { return geometry_; }
+  const std::vector<T>& voxels() const { return voxels_; }
+  std::vector<T>& voxels() { return voxels_; }
+  bool empty() const { return voxels_.empty(); }
+  T& at(int i, int j, int k) { return voxels_[geometry_.offset(i, j, k)]; }
+  const T& at(int i, int j, int k) const { return voxels_[geometry_.offset(i, j, k)]; }
+  /// The voxel, or `outside` where the index lies outside the grid.
+  T at_or(int i, int j, int k, T outside) const {
+    return geometry_.contains(i, j, k) ? at(i, j, k) : outside;
+  }
+
+ private:
+  GridGeometry geometry_;
+  std::vector<T> voxels_;
+};
+
+struct Rgb {
+  std::uint8_t r = 200, g = 200, b = 200;
+  bool operator==(const Rgb&) const = default;
+};
+
+using LabelId = std::uint16_t;  ///< 0 is background
+
+/// One structure of a segmentation.
+struct Segment {
+  LabelId id = 0;    ///< unique in its LabelMap; equals `value` unless layers reuse values
+  std::string name;  ///< empty when the files name it nowhere
+  Rgb colour;
+  int layer = 0;      ///< the layer of the LabelMap that holds it
+  LabelId value = 0;  ///< the voxel value that means it, in that layer
+};
+
+/// A segmentation. Usually one layer; overlapping segments (Slicer's .seg.nrrd) need several, all on
+/// one grid. Within a layer a voxel belongs to one segment.
+struct LabelMap {
+  std::vector<Volume<LabelId>> layers;  ///< at least one
+  std::vector<Segment> segments;        ///< ascending id; every non-zero (layer, value) present in the voxels
+
+  const GridGeometry& geometry() const { return layers.front().geometry(); }
+  const Segment* find(LabelId id) const;
+  const Segment* find(const std::string& name) const;  ///< exact name
+  /// One volume of segment ids; where segments overlap the one with the highest layer wins, and
+  /// within one layer there is nothing to decide.
+  Volume<LabelId> flattened() const;
+};
+
+/// What a person asks first about one structure.
+struct SegmentStatistics {
+  LabelId id = 0;
+  std::size_t voxels = 0;
+  double volume_mm3 = 0;
+  std::array<int, 3> box_min{0, 0, 0}, box_max{0, 0, 0};  ///< inclusive voxel indices
+  Point<Patient> centroid;                                ///< mean of voxel centres
+  int components = 0;                                     ///< voxels are connected where they share a face
+  std::size_t largest_component_voxels = 0;
+};
+
+/// One entry per segment with at least one voxel, ascending id.
+std::vector<SegmentStatistics> segment_statistics(const LabelMap& labels);
+
+/// Slices along k without a single non-zero voxel in any layer.
+std::vector<int> empty_slices(const LabelMap& labels);
+
+/// A scan resampled onto `grid` by trilinear interpolation, `outside` where the scan does not reach.
+/// Error kBadInput when the two do not overlap at all.
+Result<Volume<float>> resample_linear(const Volume<float>& scan, const GridGeometry& grid, float outside);
+
+/// Labels resampled onto `grid` by nearest neighbour, 0 where they do not reach.
+/// Error kBadInput when the two do not overlap at all.
+Result<LabelMap> resample_nearest(const LabelMap& labels, const GridGeometry& grid);
+
+}  // namespace palpate

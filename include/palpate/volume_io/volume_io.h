@@ -1,0 +1,139 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "palpate/base/progress.h"
+#include "palpate/volume/volume.h"
+
+/// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
+/// (.nii, .nii.gz, .hdr/.img) and MetaImage (.mha, .mhd). Every error names the file, what is wrong
+/// and how to mend it; short data are an error, never zeros. Text fields of a file other than
+/// segment names and colours are dropped on reading: they may name a patient.
+///
+/// Each reading starts a process of its own, a copy of the program that can do nothing but read this file; it
+/// ends with the reading, and with the thread that reads. Copying takes 1 ms and some 50 ms more for each GiB
+/// that the program has taken, and leaves it a fault for each page that it then changes: read before a servo
+/// ticks, or in another program. Errors further to those named below: kUnavailable, no process is to be had.
+namespace palpate {
+
+/// What a file says that its values are.
+enum class ValueMeaning {
+  kUnsaid,
+  kLabels,    ///< NIfTI's intent LABEL
+  kMeasured,  ///< NIfTI's intents of statistics, estimates and vectors
+};
+
+/// What a file's header says.
+struct VolumeHeader {
+  std::string format;          ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage"
+  std::string component_type;  ///< of the file: "uint8", "int16", "float32", ...
+  GridGeometry geometry;
+  int layers = 1;             ///< > 1 for overlapping segments
+  bool has_geometry = true;   ///< false: the file does not say how it lies in the patient, LPS is assumed
+  bool has_segments = false;  ///< the file itself names segments
+  ValueMeaning meaning = ValueMeaning::kUnsaid;
+};
+
+struct ScanFile {
+  VolumeHeader header;
+  Volume<float> scan;  ///< integers up to 24 bits are exact
+};
+
+struct LabelFile {
+  VolumeHeader header;
+  LabelMap labels;
+  std::vector<LabelId> unnamed;  ///< labels present in the voxels and named nowhere
+};
+
+/// Whether voxels that take a while to unpack are kept unpacked for the next reading, and taken from there
+/// (palpate/cache/cache.h). Header, names and warnings are those of the files in either case.
+enum class Unpacked { kAnew, kKept };
+
+/// Reads only the header. Same errors as reading the file, short voxel data excepted.
+Result<VolumeHeader> read_header(const std::filesystem::path& file);
+
+/// Whether a file is one of these volumes by its name or its first bytes; false where it cannot be read.
+bool is_volume(const std::filesystem::path& file);
+/// What a file or a folder is, and the way from there to a volume, where it is known to be something else:
+/// DICOM, a surface, a picture, an archive, a folder, ...; nothing for a volume, a text and what is not
+/// known.
+std::optional<Error> something_else(const std::filesystem::path& file);
+
+/// What a volume holds: of a file that says so, or whose values are whole, few and in patches, labels.
+/// @param names  as for read_labels; given, whole numbers are enough
+Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
+                                                      const std::optional<std::filesystem::path>& names = {},
+                                                      const Progress& progress = {}, const Warn& warn = {},
+                                                      Unpacked unpacked = Unpacked::kAnew);
+
+/// Reads any 3-D (or 2-D, as one slice) scalar volume as a scan.
+Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
+                           const Warn& warn = {}, Unpacked unpacked = Unpacked::kAnew);
+
+/// Whether a scan's values are what labels are: by what its file says of them, else whole, few and in
+/// patches.
+bool looks_like_labels(const ScanFile& file);
+/// Whether labels are what a scan's values are: more than 64, and changing from voxel to voxel, or by small
+/// steps from every third one.
+bool looks_like_scan(const LabelMap& labels);
+
+/// What becomes of labels that look like a scan (looks_like_scan) and that neither the file nor a table with
+/// names for half of them says to be labels.
+enum class Doubtful { kRefused, kWarnedOf };
+
+/// Reads a segmentation. Voxel values must be whole and in 0 ... 65535.
+/// @param names  a table that names the labels, see read_label_names; without one, and when the file itself
+///               names none, a table with the file's own name is used, else a single .ctbl or .tsv standing
+///               in the same folder. A single label that is named nowhere is called after its file.
+Result<LabelFile> read_labels(const std::filesystem::path& file,
+                              const std::optional<std::filesystem::path>& names = {},
+                              const Progress& progress = {}, const Warn& warn = {},
+                              Doubtful doubtful = Doubtful::kRefused, Unpacked unpacked = Unpacked::kAnew);
+
+/// One line of a colour table.
+struct NamedLabel {
+  LabelId value = 0;
+  std::string name;
+  std::optional<Rgb> colour;
+};
+
+/// Parses Slicer's colour table: "value name r g b a", '#' comments, underscores for spaces kept as
+/// they stand. `source` names the text in errors, which carry the line.
+Result<std::vector<NamedLabel>> parse_colour_table(std::string_view text, const std::string& source);
+/// Parses a tab-separated table with a header line that has "value" (or "index", "label", "id") and
+/// "name", and optionally "r","g","b" or "color" (#rrggbb) columns, as BIDS dseg.tsv.
+Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std::string& source);
+/// The same columns between commas or semicolons, a field perhaps in quotation marks; 3D Slicer's
+/// "LabelValue" and "Color_R" mean the same.
+Result<std::vector<NamedLabel>> parse_label_csv(std::string_view text, const std::string& source);
+/// Parses ITK-SNAP's label descriptions: value r g b opacity visible mesh "name".
+Result<std::vector<NamedLabel>> parse_snap_labels(std::string_view text, const std::string& source);
+/// Parses {"1": "femur"} or {"femur": 1}, by itself, under "labels" or as the one table of a task
+/// (TotalSegmentator, nnU-Net, MONAI); lists of segments as dcmqi and 3D Slicer write them; 3D Slicer's
+/// terminologies where their types have numbers.
+Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const std::string& source);
+/// Reads any of them by its ending: .ctbl, .txt and .lut (FreeSurfer's) are colour tables or, where the first
+/// line says so, ITK-SNAP's; .label is ITK-SNAP's; .tsv; .csv; .json.
+Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& file);
+
+/// Slicer's SegmentN_* fields (key, value pairs of an NRRD header) become segments.
+/// Keys of other software are ignored. `source` names the file in errors.
+Result<std::vector<Segment>> parse_segment_fields(
+    const std::vector<std::pair<std::string, std::string>>& fields, int layers, const std::string& source);
+
+/// Writes by the file's ending; NRRD and MetaImage in LPS, NIfTI in RAS as its standard asks, so that
+/// other software sees the same geometry. The file appears whole or not at all (written beside and
+/// renamed). Compressed. Errors are kOutput.
+Result<void> write_volume(const std::filesystem::path& file, const Volume<float>& volume);
+Result<void> write_volume(const std::filesystem::path& file, const Volume<std::uint8_t>& volume);
+Result<void> write_volume(const std::filesystem::path& file, const Volume<std::uint16_t>& volume);
+Result<void> write_volume(const std::filesystem::path& file, const Volume<std::int16_t>& volume);
+/// Labels; a name that ends in .seg.nrrd keeps names, colours and layers in Slicer's fields. Several
+/// layers into any other format is an error.
+Result<void> write_labels(const std::filesystem::path& file, const LabelMap& labels);
+
+}  // namespace palpate

@@ -1,0 +1,161 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "haptics/test_random.h"
+#include "palpate/haptics/proxy.h"
+#include "palpate/haptics/proxy_way.h"
+
+/// Surfaces whose distance is known exactly, and an oracle of what a proxy may do, for tests.
+namespace palpate::testing {
+
+using Distance = std::function<double(const Eigen::Vector3d&)>;
+
+inline constexpr double kStep_mm = 1.0 / 2048;
+
+/// A cube of voxels around the origin.
+inline GridGeometry cube_grid(double half_extent_mm, const Eigen::Vector3d& spacing_mm,
+                              const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
+  GridGeometry grid;
+  for (int axis = 0; axis < 3; ++axis)
+    grid.dims[axis] = 2 * static_cast<int>(std::ceil(half_extent_mm / spacing_mm[axis])) + 1;
+  grid.spacing_mm = spacing_mm;
+  grid.direction = direction;
+  const Eigen::Vector3d half(grid.dims[0] / 2, grid.dims[1] / 2, grid.dims[2] / 2);
+  grid.origin = Point<Patient>(-(direction * half.cwiseProduct(spacing_mm)));
+  return grid;
+}
+
+/// A distance sampled at the voxels, in steps of 1/2048 mm, cut off at its reach.
+inline SignedField sampled_distance(const GridGeometry& grid, const Distance& distance_mm, double reach_mm) {
+  Volume<std::int16_t> volume(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const double d = distance_mm((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen());
+        volume.at(i, j, k) =
+            static_cast<std::int16_t>(std::lround(std::clamp(d, -reach_mm, reach_mm) / kStep_mm));
+      }
+  return {volume, {kStep_mm, 0, static_cast<std::int16_t>(std::lround(reach_mm / kStep_mm))}};
+}
+
+/// The steepest slope between neighbours, over all axes together.
+inline double steepest_of(const SignedField& field) {
+  const auto& dims = field.geometry().dims;
+  const Eigen::Vector3d& h = field.geometry().spacing_mm;
+  const auto value = [&](int i, int j, int k) { return field.steps().scale * field.bricks().at(i, j, k); };
+  // in a cell, a partial derivative is between those along its four edges
+  double steepest = 1;
+  for (int k = 0; k + 1 < dims[2]; ++k)
+    for (int j = 0; j + 1 < dims[1]; ++j)
+      for (int i = 0; i + 1 < dims[0]; ++i) {
+        Eigen::Vector3d most = Eigen::Vector3d::Zero();
+        for (int a = 0; a < 2; ++a)
+          for (int b = 0; b < 2; ++b) {
+            most[0] = std::max(most[0], std::abs(value(i + 1, j + a, k + b) - value(i, j + a, k + b)) / h[0]);
+            most[1] = std::max(most[1], std::abs(value(i + a, j + 1, k + b) - value(i + a, j, k + b)) / h[1]);
+            most[2] = std::max(most[2], std::abs(value(i + a, j + b, k + 1) - value(i + a, j + b, k)) / h[2]);
+          }
+        steepest = std::max(steepest, most.norm());
+      }
+  return steepest;
+}
+
+inline FeltSurface felt_surface(const GridGeometry& grid, const Distance& distance_mm, double reach_mm = 6) {
+  const SignedField field = sampled_distance(grid, distance_mm, reach_mm);
+  FeltSurface felt;
+  felt.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
+  felt.static_friction = felt.dynamic_friction = 0;
+  return felt;
+}
+
+/// A tool led about, with what a proxy makes of it.
+struct ProxyRun {
+  std::vector<FeltSurface> surfaces;
+  std::vector<ToolSphere> spheres{ToolSphere{}};  ///< of the tool as it is not turned
+  ProxyState state;
+  ProxyResult result;
+  double deepest_mm = 0;  ///< at any place of any way, every hundredth of a millimetre; positive: below
+
+  const ProxyResult& at(const Point<Patient>& tip,
+                        const Eigen::Quaterniond& attitude = Eigen::Quaterniond::Identity()) {
+    const ToolPose hand(tip, attitude);
+    ProxyWay way;
+    const ProxyState before = state;
+    result = advance_proxy(surfaces, turned(hand.attitude).spheres(), hand, state, {}, &way);
+    if (before.coupled && way.count > 0)
+      look_along({before.position, before.attitude}, {way.corner[0], way.attitude[0]});
+    for (std::size_t n = 1; n < way.count; ++n)
+      look_along({way.corner[n - 1], way.attitude[n - 1]}, {way.corner[n], way.attitude[n]});
+    if (state.coupled && !result.wedged)
+      look_along({state.position, state.attitude}, {state.position, state.attitude});
+    return result;
+  }
+
+  /// In equal steps.
+  void lead(const Point<Patient>& from, const Point<Patient>& to, double step_mm) {
+    const int steps = std::max(1, static_cast<int>(std::ceil((to - from).norm() / step_mm)));
+    for (int n = 1; n <= steps; ++n) at(from + (to - from) * (static_cast<double>(n) / steps));
+  }
+
+  /// Turned to an attitude.
+  TurnedTool turned(const Eigen::Quaterniond& attitude) const {
+    return {spheres, Eigen::Quaterniond::Identity(), attitude};
+  }
+
+ private:
+  void look_along(const ToolPose& a, const ToolPose& b) {
+    constexpr double kEvery_mm = 0.01;
+    double farthest_mm = 0;
+    for (const ToolSphere& sphere : spheres)
+      farthest_mm =
+          std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.along_mm).norm()});
+    const double way_mm = (b.tip - a.tip).norm() + farthest_mm * a.attitude.angularDistance(b.attitude);
+    const int pieces = static_cast<int>(way_mm / kEvery_mm) + 1;
+    for (int n = 0; n <= pieces;) {
+      const double part = static_cast<double>(n) / pieces;
+      const Point<Patient> p = a.tip + (b.tip - a.tip) * part;
+      const bool turns = a.attitude.coeffs() != b.attitude.coeffs();
+      const TurnedTool tool = turned(turns ? a.attitude.slerp(part, b.attitude) : a.attitude);
+      // how far all of it may go and be no deeper than it was
+      double free_mm = 1e3;
+      for (std::size_t s = 0; s < surfaces.size(); ++s) {
+        // the way is the outermost proxy's
+        if (surfaces[s].surface == nullptr || surfaces[s].layer > 0) continue;
+        const int outer = surfaces[s].beneath;
+        const bool covered = outer >= 0 && !state.punctured[static_cast<std::size_t>(outer)];
+        if (state.punctured[s] || covered) continue;
+        for (const ToolSphere& sphere : tool.spheres())
+          free_mm = std::min(free_mm, look_along_row(*surfaces[s].surface, p, sphere));
+      }
+      n += std::max(1, static_cast<int>(free_mm / kEvery_mm));
+    }
+  }
+
+  /// Of a capsule the outline, not the row of spheres: every tenth of a millimetre where it may be deeper
+  /// than anything was. @returns how far it may go before it is, mm
+  double look_along_row(const Surface& surface, const Point<Patient>& tip, const ToolSphere& sphere) {
+    constexpr double kAlong_mm = 0.1;
+    const double length_mm = sphere.along_mm.norm();
+    const int places = length_mm > 0 ? static_cast<int>(length_mm / kAlong_mm) + 1 : 0;
+    double free_mm = 1e3;
+    for (int place = 0; place <= places;) {
+      const double part = places > 0 ? static_cast<double>(place) / places : 0;
+      const double outside_mm =
+          surface.distance_mm(tip + sphere.offset_mm + sphere.along_mm * part) - sphere.radius_mm;
+      deepest_mm = std::max(deepest_mm, -outside_mm);
+      const double its_mm = (outside_mm + deepest_mm) / (1.001 * surface.steepest());
+      free_mm = std::min(free_mm, its_mm);
+      place += std::max(1, static_cast<int>(its_mm / kAlong_mm));
+    }
+    return free_mm;
+  }
+};
+
+}  // namespace palpate::testing

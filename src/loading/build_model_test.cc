@@ -1,0 +1,503 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/test_files.h"
+#include "palpate/loading/loading.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/volume_io/volume_io.h"
+
+namespace palpate {
+namespace {
+
+constexpr const char* kScene = R"(
+title = "two balls"
+[[tissue]]
+name = "bone"
+labels = ["hard", 2]
+stiffness = 1.5
+[[tissue]]
+name = "cartilage"
+labels = ["soft"]
+stiffness = 0.5
+rests_on = ["bone"]
+[[tissue]]
+name = "fat"
+labels = ["shown"]
+felt = false
+stiffness = 0.1
+[preparation]
+method = "union-gaussian"
+sigma = 1.0
+)";
+
+GridGeometry grid_of(double spacing_mm, int n, Point<Patient> origin = {}) {
+  GridGeometry grid;
+  grid.dims = {n, n, n};
+  grid.spacing_mm = Eigen::Vector3d::Constant(spacing_mm);
+  grid.origin = origin;
+  return grid;
+}
+
+// blocks of labels 1 ... 4 along x
+LabelMap blocks(const GridGeometry& grid) {
+  LabelMap map;
+  map.layers.emplace_back(grid);
+  for (int k = 8; k < grid.dims[2] - 8; ++k)
+    for (int j = 8; j < grid.dims[1] - 8; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i)
+        map.layers[0].at(i, j, k) = static_cast<LabelId>(1 + 4 * i / grid.dims[0]);
+  map.segments = {{1, "hard", {1, 2, 3}, 0, 1},
+                  {2, "also hard", {}, 0, 2},
+                  {3, "soft", {}, 0, 3},
+                  {4, "shown", {}, 0, 4}};
+  return map;
+}
+
+Scene scene_of(const std::string& text) {
+  auto scene = parse_scene(text, "test.toml");
+  EXPECT_TRUE(scene.ok()) << (scene.ok() ? "" : scene.error().message());
+  return *scene;
+}
+
+// what is said where something has to be felt and nothing is; such a model can be shown
+std::string why_not_felt(const Scene& scene, const Result<std::shared_ptr<const Model>>& model) {
+  if (!model) return "no model: " + model.error().message();
+  const auto felt = check_felt({scene, *model, ""});
+  return felt ? "" : felt.error().what;
+}
+
+// a scene on its way: no tissue is felt, or none that has a voxel
+TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
+  const LabelMap labels = blocks(grid_of(1, 40));
+  for (const char* preparation : {"", "[preparation]\nmethod = \"union-gaussian\"\nbits = 8\n"})
+    for (const char* tissue : {"labels = [1]\nfelt = false\n", "labels = [9]\noptional = true\n"}) {
+      const Scene scene = scene_of("[[tissue]]\nname = \"a\"\n" + std::string(tissue) + preparation);
+      const auto model = build_model(scene, &labels, nullptr);
+      ASSERT_TRUE(model.ok()) << model.error().message();
+      EXPECT_FALSE(is_anything_felt(**model));
+      EXPECT_EQ((*model)->labels->dense().voxels(), labels.layers[0].voxels());
+      const Volume<float> field = (*model)->field->values();
+      EXPECT_TRUE(std::all_of(field.voxels().begin(), field.voxels().end(), [](float v) { return v == 0; }));
+      EXPECT_EQ((*model)->force_field(ForceMethod::kTrilinear).sample(Point<Patient>(20, 20, 20)).value, 0);
+      // every method is there or says why not; none of them stops the program
+      for (const ForceMethodInfo& info : kForceMethods) (void)ready_for(*model, {&info.method, 1}).ok();
+
+      const LoadedScene loaded{scene, *model, ""};
+      const auto felt = check_felt(loaded);
+      ASSERT_FALSE(felt.ok());
+      EXPECT_EQ(felt.error().kind, ErrorKind::kBadInput);
+      EXPECT_FALSE(simulate(loaded, Script{}, {}, "").ok());
+    }
+  const auto felt = build_model(scene_of(kScene), &labels, nullptr);
+  EXPECT_TRUE(is_anything_felt(**felt));
+}
+
+TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {
+  const LabelMap labels = blocks(grid_of(1, 40));
+  const auto model = build_model(scene_of(kScene), &labels, nullptr);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  const Model& m = **model;
+  EXPECT_EQ(m.tissue_of(1)->name, "bone");
+  EXPECT_EQ(m.tissue_of(2)->name, "bone");
+  EXPECT_EQ(m.tissue_of(3)->name, "cartilage");
+  EXPECT_FALSE(m.is_felt(4));
+  EXPECT_EQ(m.tissues[1].rests_on, std::vector<int>{0});
+  EXPECT_NEAR(m.level_of_label[3], 0.5 / 1.5, 1.0 / 255);
+  EXPECT_EQ(m.level_of_label[4], 0.f);
+  EXPECT_NEAR(m.force_field(ForceMethod::kTrilinear).full_force_N(), 1.5 * std::sqrt(2 * M_PI), 1e-9);
+  // the field holds the levels deep inside, and nothing where nothing is felt
+  EXPECT_NEAR(sample_value(*m.field, Point<Patient>(10, 20, 20)), 1, 1e-3);
+  EXPECT_NEAR(sample_value(*m.field, Point<Patient>(25, 20, 20)), 0.5 / 1.5, 4e-3);
+  EXPECT_NEAR(sample_value(*m.field, Point<Patient>(36, 20, 20)), 0, 1e-3);
+}
+
+TEST(BuildModel, HashFollowsWhatIsFeltAndNothingElse) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto hash_of = [&](const std::string& text) {
+    return (*build_model(scene_of(text), &labels, nullptr))->content_hash;
+  };
+  const std::string text = kScene;
+  EXPECT_EQ(hash_of(text), hash_of(text));
+  const auto changed = [&](const std::string& from, const std::string& to) {
+    std::string other = text;
+    other.replace(other.find(from), from.size(), to);
+    return other;
+  };
+  EXPECT_EQ(hash_of(text), hash_of(changed("two balls", "another title")));
+  EXPECT_NE(hash_of(text), hash_of(changed("stiffness = 0.5", "stiffness = 0.6")));
+  EXPECT_NE(hash_of(text), hash_of(changed("sigma = 1.0", "sigma = 1.1")));
+  LabelMap other = labels;
+  other.layers[0].at(10, 10, 10) = 0;
+  EXPECT_NE(hash_of(text), (*build_model(scene_of(text), &other, nullptr))->content_hash);
+}
+
+TEST(BuildModel, IsReadyForTheScenesMethodAndItsSettingsAreHashed) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto hash_with = [&](const std::string& force) {
+    const auto model = build_model(scene_of(std::string(kScene) + force), &labels, nullptr);
+    PALPATE_CHECK(model.ok());
+    return (*model)->content_hash;
+  };
+  const auto plain = build_model(scene_of(kScene), &labels, nullptr);
+  EXPECT_TRUE((*plain)->has(ForceMethod::kTrilinear));
+  EXPECT_FALSE((*plain)->has(ForceMethod::kSmoothSphere));
+  const auto smooth =
+      build_model(scene_of(std::string(kScene) + "[force]\nmethod = 'smooth-sphere'\n"), &labels, nullptr);
+  EXPECT_TRUE((*smooth)->has(ForceMethod::kTrilinear));
+  EXPECT_TRUE((*smooth)->has(ForceMethod::kSmoothSphere));
+  EXPECT_EQ((*smooth)->content_hash, (*plain)->content_hash) << "a run may change the method";
+  EXPECT_NE(hash_with("[force]\nsphere_sigma = 1.5\n"), (*plain)->content_hash);
+  EXPECT_NE(hash_with("[force]\nnormals = 'octahedral16'\n"), (*plain)->content_hash);
+}
+
+TEST(BuildModel, ASphereThatReachesTooFarIsTheScenesError) {
+  const LabelMap labels = blocks(grid_of(0.3, 90));
+  const auto model =
+      build_model(scene_of("[[tissue]]\nname = 'bone'\nlabels = [1]\n[preparation]\nsigma = 10\n"
+                           "[force]\nmethod = 'smooth-sphere'\n"),
+                  &labels, nullptr);
+  ASSERT_FALSE(model.ok());
+  EXPECT_EQ(model.error().kind, ErrorKind::kBadInput);
+  EXPECT_FALSE(model.error().where.empty());
+}
+
+TEST(BuildModel, ABurrTakesTwoVoxels) {
+  const std::string scene = "[[tissue]]\nname = 'bone'\nlabels = [1]\n[tool]\nkind = 'burr'\ndiameter = 2\n";
+  const LabelMap fine = blocks(grid_of(1, 30)), coarse = blocks(grid_of(1.1, 30));
+  EXPECT_TRUE(build_model(scene_of(scene), &fine, nullptr).ok());
+  const auto model = build_model(scene_of(scene), &coarse, nullptr);
+  ASSERT_FALSE(model.ok());
+  EXPECT_EQ(model.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(model.error().message().find("2 mm is too small for voxels of 1.1 mm"), std::string::npos)
+      << model.error().message();
+}
+
+TEST(BuildModel, AbsentLabelsAreErrorsWithTheirLine) {
+  LabelMap labels = blocks(grid_of(1, 30));
+  labels.segments.erase(labels.segments.begin() + 2);
+  const auto model = build_model(scene_of(kScene), &labels, nullptr);
+  ASSERT_FALSE(model.ok());
+  EXPECT_NE(model.error().where.find("test.toml:"), std::string::npos) << model.error().message();
+  EXPECT_NE(model.error().what.find("soft"), std::string::npos);
+}
+
+TEST(BuildModel, ACoarserScanMovesOntoTheLabelsGridWithAWarning) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  Volume<float> scan(grid_of(2, 15));
+  for (int k = 0; k < 15; ++k)
+    for (int j = 0; j < 15; ++j)
+      for (int i = 0; i < 15; ++i) scan.at(i, j, k) = static_cast<float>(2 * i);  // its x in mm
+  std::vector<std::string> warnings;
+  const auto model =
+      build_model(scene_of(kScene), &labels, &scan, {}, [&](const std::string& w) { warnings.push_back(w); });
+  ASSERT_TRUE(model.ok());
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_NE(warnings[0].find("resampled"), std::string::npos);
+  EXPECT_TRUE((*model)->scan->geometry().same_grid(labels.geometry()));
+  EXPECT_NEAR((*model)->scan->at(11, 5, 5), 11, 1e-5);
+}
+
+TEST(BuildModel, CoarserLabelsMoveOntoTheScansGridByNearestNeighbour) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const Volume<float> scan(grid_of(0.5, 40));
+  std::vector<std::string> warnings;
+  const auto model =
+      build_model(scene_of(kScene), &labels, &scan, {}, [&](const std::string& w) { warnings.push_back(w); });
+  ASSERT_TRUE(model.ok());
+  EXPECT_EQ(warnings.size(), 2u) << "moved, and part of the labels lies outside";
+  EXPECT_TRUE((*model)->labels->geometry().same_grid(scan.geometry()));
+  const Volume<LabelId> felt_labels = (*model)->labels->dense();
+  for (const LabelId label : felt_labels.voxels()) ASSERT_LE(label, 4) << "no label is invented";
+  EXPECT_EQ((*model)->labels->at(20, 30, 30), labels.layers[0].at(10, 15, 15));
+}
+
+TEST(BuildModel, NoOverlapIsAnError) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const Volume<float> scan(grid_of(2, 15, Point<Patient>(500, 0, 0)));
+  const auto model = build_model(scene_of(kScene), &labels, &scan);
+  ASSERT_FALSE(model.ok());
+  EXPECT_EQ(model.error().kind, ErrorKind::kBadInput);
+  EXPECT_NE(model.error().message().find("overlap"), std::string::npos) << model.error().message();
+}
+
+TEST(BuildModel, ARawScanIsFeltByThresholdWithTheSameCode) {
+  // a ramp of HU along x: 0 at x = 10, 300 at x = 20
+  Volume<float> scan(grid_of(1, 40));
+  for (int k = 0; k < 40; ++k)
+    for (int j = 0; j < 40; ++j)
+      for (int i = 0; i < 40; ++i) scan.at(i, j, k) = static_cast<float>(30 * (i - 10));
+  const auto model =
+      build_model(scene_of("[data]\nscan = \"x.nrrd\"\n[[tissue]]\nname = \"bone\"\nthreshold = [60, 240]\n"
+                           "stiffness = 1.0\n[preparation]\nmethod = 'union-gaussian'\nsigma = 0.0\n"),
+                  nullptr, &scan);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  EXPECT_NEAR(sample_value(*(*model)->field, Point<Patient>(15, 20, 20)), 0.5, 0.01);
+  EXPECT_NEAR(sample_value(*(*model)->field, Point<Patient>(12, 20, 20)), 0, 0.01);
+  const Segment* bone = (*model)->find("bone");
+  ASSERT_NE(bone, nullptr);
+  EXPECT_EQ((*model)->labels->at(15, 20, 20), bone->id);
+  EXPECT_EQ((*model)->labels->at(14, 20, 20), 0);
+  const Point<Patient> x(15, 20, 20);
+  const ContactSite site = find_contact_site(**model, x, sample_central_differences(*(*model)->field, x));
+  EXPECT_EQ(site.label, bone->id);
+}
+
+TEST(BuildModel, OverlappingSegmentsAreFeltByTheNameOfTheStiffest) {
+  // the same block in two layers: bone below, and above it once a region that no tissue takes, once cartilage
+  const GridGeometry grid = grid_of(1, 30);
+  LabelMap labels;
+  labels.layers.assign(2, Volume<LabelId>(grid));
+  for (int k = 8; k < 22; ++k)
+    for (int j = 8; j < 22; ++j)
+      for (int i = 8; i < 22; ++i) {
+        labels.layers[0].at(i, j, k) = 1;
+        labels.layers[1].at(i, j, k) = i < 15 ? 1 : 2;
+      }
+  labels.segments = {{1, "hard", {}, 0, 1}, {2, "region", {}, 1, 1}, {3, "soft", {}, 1, 2}};
+  const auto model =
+      build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [\"hard\"]\nstiffness = 1.5\n"
+                           "[[tissue]]\nname = \"cartilage\"\nlabels = [\"soft\"]\nstiffness = 0.5\n"),
+                  &labels, nullptr);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  EXPECT_EQ((*model)->labels->at(10, 15, 15), 1) << "a region that is not felt hides nothing";
+  EXPECT_EQ((*model)->labels->at(20, 15, 15), 1) << "the stiffer one is what the field has";
+}
+
+TEST(BuildModel, ThresholdTissuesThatOverlapDoNotDependOnTheirOrder) {
+  Volume<float> scan(grid_of(1, 30), -1000.f);
+  for (int k = 8; k < 22; ++k)
+    for (int j = 8; j < 22; ++j)
+      for (int i = 8; i < 22; ++i) scan.at(i, j, k) = 1000;
+  const std::string soft = "[[tissue]]\nname = \"soft\"\nthreshold = [-300, 0]\nfelt = false\n";
+  const std::string bone = "[[tissue]]\nname = \"bone\"\nthreshold = [200, 600]\nstiffness = 1.0\n";
+  for (const std::string& tissues : {soft + bone, bone + soft}) {
+    const auto model = build_model(scene_of("[data]\nscan = \"x.nrrd\"\n" + tissues), nullptr, &scan);
+    ASSERT_TRUE(model.ok()) << model.error().message();
+    EXPECT_EQ((*model)->name_of((*model)->labels->at(15, 15, 15)), "bone");
+  }
+}
+
+TEST(BuildModel, WhatTheScanDoesNotReachIsNotFelt) {
+  // 0 would lie in the threshold's ramp
+  const LabelMap labels = blocks(grid_of(1, 40));
+  const Volume<float> scan(grid_of(2, 8), -900.f);
+  std::vector<std::string> warnings;
+  const auto model = build_model(scene_of("[data]\nscan = \"x.nrrd\"\nlabels = \"y.nrrd\"\n"
+                                          "[[tissue]]\nname = \"bone\"\nlabels = [1]\n"
+                                          "[[tissue]]\nname = \"fat\"\nthreshold = [-500, -200]\n"),
+                                 &labels, &scan, {}, [&](const std::string& w) { warnings.push_back(w); });
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  EXPECT_EQ(sample_value(*(*model)->field, Point<Patient>(35, 35, 35)), 0);
+  EXPECT_THAT(warnings, ::testing::Contains(::testing::HasSubstr("beyond the scan")));
+}
+
+TEST(BuildModel, AThresholdThatNothingReachesIsAnError) {
+  const Volume<float> scan(grid_of(1, 20), 40.f);
+  const Scene scene =
+      scene_of("[data]\nscan = \"x.nrrd\"\n[[tissue]]\nname = \"bone\"\nthreshold = [3000, 4000]\n");
+  EXPECT_NE(why_not_felt(scene, build_model(scene, nullptr, &scan)).find("no voxel"), std::string::npos);
+}
+
+TEST(BuildModel, ASideThatContradictsTheAnatomyIsSaid) {
+  LabelMap map;
+  map.layers.emplace_back(grid_of(1, 40, Point<Patient>(-20, -20, -20)));
+  for (int k = 0; k < 40; ++k) {
+    map.layers[0].at(20, 20, k) = 1;
+    map.layers[0].at(32, 20, k) = 2;
+  }
+  map.segments = {{1, "tibia", {}, 0, 1}, {2, "fibula", {}, 0, 2}};
+  std::vector<std::string> warnings;
+  const Warn warn = [&](const std::string& w) { warnings.push_back(w); };
+  const std::string tissue =
+      "[[tissue]]\nname = \"bone\"\nlabels = [1, 2]\n[preparation]\nmethod = 'union-gaussian'\n";
+  EXPECT_EQ((*build_model(scene_of("side = \"left\"\n" + tissue), &map, nullptr, {}, warn))->side,
+            Side::kLeft);
+  EXPECT_TRUE(warnings.empty());
+  EXPECT_EQ((*build_model(scene_of("side = \"right\"\n" + tissue), &map, nullptr, {}, warn))->side,
+            Side::kRight);
+  EXPECT_EQ(warnings.size(), 1u);
+  // without a geometry there is no side to tell
+  const auto lost = *build_model(scene_of(tissue), &map, nullptr, {}, warn, false);
+  EXPECT_EQ(lost->side, Side::kUnknown);
+  EXPECT_FALSE(lost->oriented);
+  EXPECT_EQ(warnings.size(), 2u);
+}
+
+TEST(BuildModel, TheFibulaTellsTheSide) {
+  const auto side_with_fibula_at = [](double x_mm) {
+    LabelMap map;
+    map.layers.emplace_back(grid_of(1, 40, Point<Patient>(-20, -20, -20)));
+    for (int k = 0; k < 40; ++k) {
+      map.layers[0].at(20, 20, k) = 1;
+      map.layers[0].at(20 + static_cast<int>(x_mm), 20, k) = 2;
+    }
+    map.segments = {{1, "tibia", {}, 0, 1}, {2, "fibula", {}, 0, 2}};
+    return (*build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [1, 2]\n"), &map, nullptr))->side;
+  };
+  EXPECT_EQ(side_with_fibula_at(12), Side::kLeft);
+  EXPECT_EQ(side_with_fibula_at(-12), Side::kRight);
+  EXPECT_EQ(side_with_fibula_at(2), Side::kUnknown);
+}
+
+// ---- inward ramps
+
+// kScene with ramps, and what is said of them
+std::string with_ramps(const std::string& settings = "") {
+  std::string text = kScene;
+  const std::string founding = "method = \"union-gaussian\"\nsigma = 1.0\n";
+  return text.replace(text.find(founding), founding.size(), settings);
+}
+
+TEST(BuildModel, RampsAreTheUsualPreparationAndTellTheForce) {
+  const LabelMap labels = blocks(grid_of(1, 40));
+  const auto model = build_model(scene_of(with_ramps()), &labels, nullptr);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  const Model& m = **model;
+  EXPECT_EQ(m.ramp_width_mm, 4);
+  for (const ForceMethod method :
+       {ForceMethod::kTrilinear, ForceMethod::kSpline, ForceMethod::kStoredNormals})
+    EXPECT_DOUBLE_EQ((*make_force_field(m, method))->full_force_N(), 1.5 * 4);
+  EXPECT_NEAR((*make_force_field(m, ForceMethod::kSmoothSphere))->full_force_N(), 1.5 * std::sqrt(2 * M_PI),
+              0.2)
+      << "spheres read the labels, as wide as sigma";
+  // bone, the valley between two bones, cartilage, and what is not felt
+  const auto force_N = [&](double x_mm) { return 6 * sample_value(*m.field, Point<Patient>(x_mm, 20, 20)); };
+  EXPECT_EQ(force_N(5), 6);
+  EXPECT_LT(force_N(9), 2);
+  EXPECT_GT(force_N(25), 1.5);
+  EXPECT_EQ(force_N(30), 0);
+  EXPECT_EQ(force_N(36), 0);
+}
+
+TEST(BuildModel, SettingsOfRampsAreHashed) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto hash_of = [&](const std::string& text) {
+    return (*build_model(scene_of(text), &labels, nullptr))->content_hash;
+  };
+  EXPECT_EQ(hash_of(with_ramps()), hash_of(with_ramps("ramp_width = 4\n")));
+  EXPECT_NE(hash_of(with_ramps()), hash_of(with_ramps("ramp_width = 4.5\n")));
+  EXPECT_NE(hash_of(with_ramps()), hash_of(with_ramps("bits = 8\n")));
+  EXPECT_NE(hash_of(with_ramps()), hash_of(kScene));
+}
+
+TEST(BuildModel, ARampTakesTwoVoxels) {
+  const LabelMap labels = blocks(grid_of(3, 30));
+  const auto narrow = build_model(scene_of(with_ramps("ramp_width = 5\n")), &labels, nullptr);
+  ASSERT_FALSE(narrow.ok());
+  EXPECT_EQ(narrow.error().where, "test.toml");
+  EXPECT_THAT(narrow.error().message(), ::testing::HasSubstr("5 mm on voxels that are up to 3 mm"));
+  EXPECT_THAT(narrow.error().message(), ::testing::HasSubstr("6 mm"));
+  EXPECT_EQ((*build_model(scene_of(with_ramps()), &labels, nullptr))->ramp_width_mm, 6);
+  const LabelMap coarse = blocks(grid_of(7, 30));
+  EXPECT_FALSE(build_model(scene_of(with_ramps()), &coarse, nullptr).ok());
+}
+
+TEST(BuildModel, AThresholdWithRampsIsFeltFromItsMiddle) {
+  Volume<float> scan(grid_of(1, 40));
+  for (int k = 0; k < 40; ++k)
+    for (int j = 0; j < 40; ++j)
+      for (int i = 0; i < 40; ++i) scan.at(i, j, k) = static_cast<float>(30 * (i - 10));
+  const auto scene = [](const std::string& threshold) {
+    return scene_of("[data]\nscan = \"x.nrrd\"\n[[tissue]]\nname = \"bone\"\nthreshold = " + threshold +
+                    "\n");
+  };
+  const auto model = build_model(scene("[60, 240]"), nullptr, &scan);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  EXPECT_EQ(sample_value(*(*model)->field, Point<Patient>(14, 20, 20)), 0);
+  EXPECT_GT(sample_value(*(*model)->field, Point<Patient>(15, 20, 20)), 0);
+  const Scene above = scene("[800, 1800]");
+  EXPECT_NE(why_not_felt(above, build_model(above, nullptr, &scan)).find("no voxel"), std::string::npos)
+      << "nothing reaches 1300";
+}
+
+TEST(BuildModel, WhatIsThinIsSaidInOneLine) {
+  LabelMap map;
+  map.layers.emplace_back(grid_of(1, 40));
+  for (int k = 5; k < 35; ++k)
+    for (int j = 5; j < 35; ++j) {
+      for (int i = 5; i < 20; ++i) map.layers[0].at(i, j, k) = 1;
+      map.layers[0].at(25, j, k) = 2;
+      map.layers[0].at(30, j, k) = 3;
+    }
+  map.segments = {{1, "thick", {}, 0, 1}, {2, "sheet", {}, 0, 2}, {3, "leaf", {}, 0, 3}};
+  std::vector<std::string> warnings;
+  const auto model =
+      build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [1, 2, 3]\nstiffness = 0.4\n"), &map,
+                  nullptr, {}, [&](const std::string& w) { warnings.push_back(w); });
+  ASSERT_TRUE(model.ok());
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_EQ(warnings[0], "thin: sheet gives at most 0.4 N, leaf 0.4 N of 0.5 N (direct methods)");
+}
+
+TEST(BuildModel, TheSplineOfARampNeitherGrowsItNorPulls) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto model = build_model(scene_of(with_ramps() + "[force]\nmethod = 'b-spline'\n"), &labels, nullptr);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  const ForceField& spline = (*model)->force_field(ForceMethod::kSpline);
+  const GridGeometry& grid = (*model)->labels->geometry();
+  double least = 0, most_beyond_N = 0;
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const Point<Patient> centre = grid.X_PatientVoxel() * Point<Voxel>(i, j, k);
+        if (!(*model)->is_felt((*model)->labels->at(i, j, k))) {
+          ASSERT_EQ(spline.sample(centre).value, 0);
+        }
+        const Point<Patient> between = centre + Vector<Patient>(0.5, 0.4, 0.3);
+        least = std::min(least, spline.sample(between).value);
+        if (sample_value(*(*model)->field, between) == 0)
+          most_beyond_N = std::max(most_beyond_N, spline.full_force_N() * spline.sample(between).value);
+      }
+  EXPECT_EQ(least, 0);
+  std::printf("b-spline: at most %.3f N beyond the voxel around a structure\n", most_beyond_N);
+  EXPECT_LT(most_beyond_N, 0.05);
+}
+
+// the founding fault: between close bones the smoothed field does not reach 0
+TEST(BuildModel, TheGapsOfAKneeAreFree) {
+  PALPATE_SHARED_FILE(file, "knee_spl/seg.nrrd");
+  const auto knee = read_labels(file);
+  ASSERT_TRUE(knee.ok()) << knee.error().message();
+  const auto built = [&](const std::string& preparation) {
+    const auto model = build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [95, 96, 97, 98]\n"
+                                            "[preparation]\n" +
+                                            preparation),
+                                   &knee->labels, nullptr);
+    PALPATE_CHECK(model.ok());
+    return *model;
+  };
+  const auto value_at = [](const Model& model, int k, int j, int i) {
+    return 255 *
+           sample_value(*model.field, model.labels->geometry().X_PatientVoxel() * Point<Voxel>(i, j, k));
+  };
+  const auto founding = built("method = 'union-gaussian'\nsigma = 1.5\n");
+  EXPECT_NEAR(value_at(*founding, 43, 272, 238), 50, 3);
+  EXPECT_NEAR(value_at(*founding, 72, 345, 271), 102, 4);
+
+  const auto ramps = built("");
+  EXPECT_EQ(value_at(*ramps, 43, 272, 238), 0);
+  EXPECT_EQ(value_at(*ramps, 72, 345, 271), 0);
+  const auto field = std::get<Volume<std::uint16_t>>(ramps->field->storage());
+  const Volume<LabelId> felt_labels = ramps->labels->dense();
+  std::size_t outside = 0, inside = 0;
+  for (std::size_t v = 0; v < field.voxels().size(); ++v) {
+    const bool felt = ramps->is_felt(felt_labels.voxels()[v]);
+    outside += !felt && field.voxels()[v] != 0 ? 1 : 0;
+    inside += felt && field.voxels()[v] == 0 ? 1 : 0;
+  }
+  EXPECT_EQ(outside, 0u);
+  EXPECT_EQ(inside, 0u);
+}
+
+TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const Scene scene = scene_of("[[tissue]]\nname = \"fat\"\nlabels = [4]\nfelt = false\n");
+  EXPECT_NE(why_not_felt(scene, build_model(scene, &labels, nullptr)).find("nothing in it is felt"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace palpate

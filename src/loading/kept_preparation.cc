@@ -1,0 +1,441 @@
+#include "loading/kept_preparation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+
+#include "palpate/base/for_each_index.h"
+#include "palpate/base/reading.h"
+#include "palpate/cache/fields.h"
+#include "palpate/cache/kept.h"
+
+namespace palpate {
+namespace {
+
+using cache::FieldReader;
+using cache::FieldWriter;
+
+void report_found(const Progress& progress) {
+  progress.report("taking what was prepared before", 0);
+}
+
+void put_grid(const GridGeometry& grid, auto& out) {
+  for (const int dim : grid.dims) out.put(dim);
+  for (int axis = 0; axis < 3; ++axis) {
+    out.put(grid.spacing_mm[axis]);
+    out.put(grid.origin[axis]);
+    for (int column = 0; column < 3; ++column) out.put(grid.direction(axis, column));
+  }
+}
+
+// Nothing where the numbers make no grid, or one too large for the memory: this file is not ours.
+std::optional<GridGeometry> get_grid(FieldReader& in, std::size_t bytes_per_voxel) {
+  GridGeometry grid;
+  for (int& dim : grid.dims) in.get(dim);
+  bool good = true;
+  for (int axis = 0; axis < 3; ++axis) {
+    in.get(grid.spacing_mm[axis]);
+    in.get(grid.origin[axis]);
+    good = good && std::isfinite(grid.spacing_mm[axis]) && grid.spacing_mm[axis] > 0 &&
+           std::isfinite(grid.origin[axis]);
+    for (int column = 0; column < 3; ++column) in.get(grid.direction(axis, column));
+  }
+  constexpr int kMostAlong = 1 << 16;
+  for (const int dim : grid.dims) good = good && dim > 0 && dim <= kMostAlong;
+  const double volume = std::abs(grid.direction.determinant());
+  good = good && in.ok() && std::isfinite(volume) && volume > 1e-9;
+  if (!good || !allow_memory(grid.voxel_count() * bytes_per_voxel, "the cache")) return std::nullopt;
+  return grid;
+}
+
+template <class T>
+void put_voxels(const Volume<T>& volume, FieldWriter& out) {
+  out.put_values(std::span<const T>(volume.voxels()));
+}
+template <class T>
+void get_voxels(FieldReader& in, Volume<T>& volume) {
+  in.get_values(std::span<T>(volume.voxels()));
+}
+
+// What is not there, not whole or not what it should be counts as not prepared.
+// @param read  makes a result of the payload; nothing where it is none
+template <class Kept, class Read>
+std::optional<Kept> find_kept(const std::optional<cache::Digest>& key, const Read& read) try {
+  if (!key) return std::nullopt;
+  const auto payload = cache::find(*key);
+  if (!payload) return std::nullopt;
+  FieldReader in(*payload);
+  std::optional<Kept> kept = read(in);
+  return kept && in.finished() ? std::move(kept) : std::nullopt;
+} catch (const std::bad_alloc&) {
+  return std::nullopt;
+}
+
+// @param write  puts the result into a FieldWriter
+template <class Write>
+void keep_for_next(const std::optional<cache::Digest>& key, const Write& write) try {
+  if (!key) return;
+  FieldWriter out;
+  write(out);
+  cache::keep(*key, out.bytes());
+} catch (const std::bad_alloc&) {
+  // it is prepared again, where there is more room
+}
+
+cache::Key key_of_labels(std::string_view kind, const cache::Digest& of_labels) {
+  cache::Key key(kind, kPreparationVersion);
+  key.put(of_labels);
+  return key;
+}
+
+// ---- ramps ---------------------------------------------------------------------------------------
+
+std::optional<cache::Digest> key_of_ramps(const std::optional<cache::Digest>& of_labels,
+                                          const std::vector<RampStructure>& structures,
+                                          const RampOptions& options) {
+  if (!of_labels) return std::nullopt;
+  cache::Key key = key_of_labels("ramps", *of_labels);
+  key.put(options.stiffest_N_per_mm);
+  key.put(options.width_mm);
+  for (const RampStructure& structure : structures) {
+    key.put(structure.label);
+    key.put(structure.stiffness_N_per_mm);
+    key.put(structure.rests_on.size());
+    for (const LabelId support : structure.rests_on) key.put(support);
+  }
+  return key.digest();
+}
+
+void put_ramps(const Ramps& ramps, FieldWriter& out) {
+  put_voxels(ramps.field, out);
+  out.put(ramps.full_force_N);
+  out.put(static_cast<std::uint32_t>(ramps.structures.size()));
+  for (const RampFigures& figures : ramps.structures) {
+    out.put(figures.label);
+    out.put(figures.most_N);
+    out.put(figures.half_thickness_mm);
+  }
+}
+
+std::optional<Ramps> get_ramps(FieldReader& in, const Bricks<LabelId>& labels,
+                               const std::vector<RampStructure>& structures) {
+  Ramps ramps;
+  ramps.field = Volume<std::uint16_t>(labels.geometry());
+  get_voxels(in, ramps.field);
+  in.get(ramps.full_force_N);
+  std::uint32_t count = 0;
+  in.get(count);
+  if (!in.ok() || !std::isfinite(ramps.full_force_N) || count > structures.size()) return std::nullopt;
+  for (std::uint32_t n = 0; n < count; ++n) {
+    RampFigures figures;
+    in.get(figures.label);
+    in.get(figures.most_N);
+    in.get(figures.half_thickness_mm);
+    const bool known = std::any_of(structures.begin(), structures.end(),
+                                   [&](const RampStructure& s) { return s.label == figures.label; });
+    if (!in.ok() || !known || !std::isfinite(figures.most_N) || !std::isfinite(figures.half_thickness_mm))
+      return std::nullopt;
+    ramps.structures.push_back(figures);
+  }
+  return ramps;
+}
+
+// ---- smoothed weights ----------------------------------------------------------------------------
+
+template <class T, class Smooth>
+Result<Volume<T>> kept_smoothed(const Volume<std::uint8_t>& weights, const GaussianOptions& options,
+                                const Progress& progress, const Smooth& smooth) {
+  std::optional<cache::Digest> key;
+  if (cache::is_kept()) {
+    if (const auto of_weights = cache::digest_of(weights.voxels())) {
+      cache::Key parts("smoothed", kPreparationVersion);
+      parts.put(*of_weights);
+      put_grid(weights.geometry(), parts);
+      parts.put(sizeof(T));
+      parts.put(options.sigma_mm);
+      parts.put(options.engine);
+      key = parts.digest();
+    }
+  }
+  auto kept = find_kept<Volume<T>>(key, [&](FieldReader& in) {
+    Volume<T> volume(weights.geometry());
+    get_voxels(in, volume);
+    return std::optional(std::move(volume));
+  });
+  if (kept) {
+    report_found(progress);
+    return *std::move(kept);
+  }
+  auto smoothed = smooth(weights, options, progress);
+  if (smoothed) keep_for_next(key, [&](FieldWriter& out) { put_voxels(*smoothed, out); });
+  return smoothed;
+}
+
+// ---- surfaces ------------------------------------------------------------------------------------
+
+std::optional<cache::Digest> key_of_surface(const cache::Digest& of_labels, const std::vector<LabelId>& group,
+                                            const SurfaceOptions& options) {
+  cache::Key key = key_of_labels("surface", of_labels);
+  for (const double value : {options.reach_mm, options.position_sigma_mm, options.normal_sigma_mm,
+                             options.stray_below_mm3, options.drop_below_mm3})
+    key.put(value);
+  for (const LabelId label : group) key.put(label);
+  return key.digest();
+}
+
+void put_field(const SignedField& field, FieldWriter& out) {
+  put_grid(field.geometry(), out);
+  out.put(field.steps().scale);
+  out.put(field.steps().offset);
+  out.put(field.steps().outside);
+  put_voxels(field.bricks().dense(), out);
+}
+
+std::optional<SignedField> get_field(FieldReader& in) {
+  const auto grid = get_grid(in, 2 * sizeof(std::int16_t));
+  if (!grid) return std::nullopt;
+  SignedSteps steps;
+  in.get(steps.scale);
+  in.get(steps.offset);
+  in.get(steps.outside);
+  Volume<std::int16_t> voxels(*grid);
+  get_voxels(in, voxels);
+  if (!in.ok() || !std::isfinite(steps.scale) || !std::isfinite(steps.offset)) return std::nullopt;
+  return SignedField(voxels, steps);
+}
+
+void put_surface(const Surface& surface, FieldWriter& out) {
+  put_field(surface.position(), out);
+  put_field(surface.normal(), out);
+  out.put(surface.steepest());
+  out.put(surface.content_hash());
+}
+
+std::optional<std::shared_ptr<const Surface>> get_surface(FieldReader& in) {
+  auto position = get_field(in);
+  if (!position) return std::nullopt;
+  auto normal = get_field(in);
+  if (!normal) return std::nullopt;
+  double steepest = 0;
+  std::uint64_t hash = 0;
+  in.get(steepest);
+  in.get(hash);
+  if (!in.ok() || !std::isfinite(steepest)) return std::nullopt;
+  auto surface = std::make_shared<const Surface>(*std::move(position), *std::move(normal), steepest);
+  if (surface->content_hash() != hash) return std::nullopt;
+  return std::shared_ptr<const Surface>(std::move(surface));
+}
+
+// ---- another grid --------------------------------------------------------------------------------
+
+// nothing where a digest cannot be had
+template <class T>
+std::optional<cache::Key> key_of_resampled(std::string_view kind, std::span<const Volume<T>* const> volumes,
+                                           const GridGeometry& grid) {
+  if (!cache::is_kept()) return std::nullopt;
+  cache::Key key(kind, kPreparationVersion);
+  put_grid(grid, key);
+  for (const Volume<T>* volume : volumes) {
+    const auto digest = cache::digest_of(volume->voxels());
+    if (!digest) return std::nullopt;
+    key.put(*digest);
+    put_grid(volume->geometry(), key);
+  }
+  return key;
+}
+
+// ---- phantoms ------------------------------------------------------------------------------------
+
+// its parameters are numbers and the names of its own structures, of which the key is only a digest
+std::optional<cache::Digest> key_of_phantom(const PhantomParameters& parameters) {
+  if (!cache::is_kept()) return std::nullopt;
+  cache::Key key("phantom", kPreparationVersion);
+  key.put(phantom_name(parameters));
+  return key.digest();
+}
+
+}  // namespace
+
+const std::optional<cache::Digest>& KeptPreparing::digest_of(const Bricks<LabelId>& labels) const {
+  if (labels_ == &labels) return of_labels_;
+  labels_ = &labels;
+  of_labels_.reset();
+  if (!cache::is_kept()) return of_labels_;
+  const auto of_voxels = cache::digest_of(labels.dense().voxels());
+  if (!of_voxels) return of_labels_;
+  cache::Key key("labels", kPreparationVersion);
+  key.put(*of_voxels);
+  put_grid(labels.geometry(), key);
+  of_labels_ = key.digest();
+  return of_labels_;
+}
+
+Result<Ramps> KeptPreparing::ramps(const Bricks<LabelId>& labels,
+                                   const std::vector<RampStructure>& structures, const RampOptions& options,
+                                   const Progress& progress) const {
+  const auto key = key_of_ramps(digest_of(labels), structures, options);
+  auto kept = find_kept<Ramps>(key, [&](FieldReader& in) { return get_ramps(in, labels, structures); });
+  if (kept) {
+    report_found(progress);
+    return *std::move(kept);
+  }
+  auto ramps = Preparing::ramps(labels, structures, options, progress);
+  if (ramps) keep_for_next(key, [&](FieldWriter& out) { put_ramps(*ramps, out); });
+  return ramps;
+}
+
+Result<Volume<std::uint8_t>> kept_smooth(const Volume<std::uint8_t>& weights, const GaussianOptions& options,
+                                         const Progress& progress) {
+  return kept_smoothed<std::uint8_t>(weights, options, progress,
+                                     [](const Volume<std::uint8_t>& w, const GaussianOptions& o,
+                                        const Progress& p) { return gaussian_smooth(w, o, p); });
+}
+
+Result<Volume<std::uint16_t>> kept_smooth_16(const Volume<std::uint8_t>& weights,
+                                             const GaussianOptions& options, const Progress& progress) {
+  return kept_smoothed<std::uint16_t>(weights, options, progress,
+                                      [](const Volume<std::uint8_t>& w, const GaussianOptions& o,
+                                         const Progress& p) { return gaussian_smooth_16(w, o, p); });
+}
+
+Result<std::vector<std::pair<LabelId, LabelId>>> KeptPreparing::touching_pairs(
+    const Bricks<LabelId>& labels, const std::vector<LabelId>& structures, const Progress& progress) const {
+  using Pairs = std::vector<std::pair<LabelId, LabelId>>;
+  std::optional<cache::Digest> key;
+  if (const auto& of_labels = digest_of(labels)) {
+    cache::Key parts = key_of_labels("touching", *of_labels);
+    for (const LabelId label : structures) parts.put(label);
+    key = parts.digest();
+  }
+  const auto is_structure = [&](LabelId label) {
+    return std::find(structures.begin(), structures.end(), label) != structures.end();
+  };
+  auto kept = find_kept<Pairs>(key, [&](FieldReader& in) -> std::optional<Pairs> {
+    Pairs pairs;
+    std::uint32_t count = 0;
+    in.get(count);
+    for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
+      std::pair<LabelId, LabelId> pair;
+      in.get(pair.first);
+      in.get(pair.second);
+      if (!is_structure(pair.first) || !is_structure(pair.second)) return std::nullopt;
+      pairs.push_back(pair);
+    }
+    return pairs;
+  });
+  if (kept) {
+    report_found(progress);
+    return *std::move(kept);
+  }
+  auto pairs = Preparing::touching_pairs(labels, structures, progress);
+  if (pairs)
+    keep_for_next(key, [&](FieldWriter& out) {
+      out.put(static_cast<std::uint32_t>(pairs->size()));
+      for (const auto& [a, b] : *pairs) {
+        out.put(a);
+        out.put(b);
+      }
+    });
+  return pairs;
+}
+
+Result<std::vector<std::shared_ptr<const Surface>>> KeptPreparing::outer_surfaces(
+    const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
+    const SurfaceOptions& options, const Progress& progress) const {
+  std::vector<std::shared_ptr<const Surface>> surfaces(groups.size());
+  std::vector<std::optional<cache::Digest>> keys(groups.size());
+  const auto count = static_cast<int>(groups.size());
+  if (const auto& of_labels = digest_of(labels)) {
+    for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
+      const auto g = static_cast<std::size_t>(index);
+      keys[g] = key_of_surface(*of_labels, groups[g], options);
+      if (auto kept = find_kept<std::shared_ptr<const Surface>>(keys[g], get_surface))
+        surfaces[g] = *std::move(kept);
+      return !progress.stopped();
+    });
+    if (progress.stopped()) return Progress::interrupted();
+  }
+
+  std::vector<std::vector<LabelId>> missing;
+  for (std::size_t g = 0; g < groups.size(); ++g)
+    if (!surfaces[g]) missing.push_back(groups[g]);
+  if (missing.size() < groups.size()) report_found(progress);
+  if (missing.empty()) return surfaces;
+  auto prepared = Preparing::outer_surfaces(labels, missing, options, progress);
+  if (!prepared) return prepared.error();
+  auto next = prepared->begin();
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    if (surfaces[g]) continue;
+    surfaces[g] = std::move(*next++);
+    keep_for_next(keys[g], [&](FieldWriter& out) { put_surface(*surfaces[g], out); });
+  }
+  return surfaces;
+}
+
+Result<Volume<float>> kept_resampled(const Volume<float>& scan, const GridGeometry& grid, float outside,
+                                     const Progress& progress) {
+  const Volume<float>* const volumes[] = {&scan};
+  auto parts = key_of_resampled<float>("resampled scan", volumes, grid);
+  if (parts) parts->put(outside);
+  const auto key = parts ? parts->digest() : std::nullopt;
+  auto kept = find_kept<Volume<float>>(key, [&](FieldReader& in) {
+    Volume<float> volume(grid);
+    get_voxels(in, volume);
+    return std::optional(std::move(volume));
+  });
+  if (kept) {
+    report_found(progress);
+    return *std::move(kept);
+  }
+  auto resampled = resample_linear(scan, grid, outside);
+  if (resampled) keep_for_next(key, [&](FieldWriter& out) { put_voxels(*resampled, out); });
+  return resampled;
+}
+
+Result<LabelMap> kept_resampled(const LabelMap& labels, const GridGeometry& grid, const Progress& progress) {
+  std::vector<const Volume<LabelId>*> layers;
+  for (const Volume<LabelId>& layer : labels.layers) layers.push_back(&layer);
+  const auto parts = key_of_resampled<LabelId>("resampled labels", layers, grid);
+  const auto key = parts ? parts->digest() : std::nullopt;
+  auto kept = find_kept<LabelMap>(key, [&](FieldReader& in) {
+    LabelMap map{std::vector<Volume<LabelId>>(layers.size(), Volume<LabelId>(grid)), labels.segments};
+    for (Volume<LabelId>& layer : map.layers) get_voxels(in, layer);
+    return std::optional(std::move(map));
+  });
+  if (kept) {
+    report_found(progress);
+    return *std::move(kept);
+  }
+  auto resampled = resample_nearest(labels, grid);
+  if (resampled)
+    keep_for_next(key, [&](FieldWriter& out) {
+      for (const Volume<LabelId>& layer : resampled->layers) put_voxels(layer, out);
+    });
+  return resampled;
+}
+
+Result<Phantom> kept_phantom(const PhantomParameters& parameters, const Progress& progress) {
+  const auto key = key_of_phantom(parameters);
+  auto kept = find_kept<Phantom>(key, [&](FieldReader& in) -> std::optional<Phantom> {
+    const auto plain = phantom_without_voxels(parameters);
+    if (!plain || !allow_memory(plain->grid.voxel_count() * (sizeof(LabelId) + sizeof(float)), "the cache"))
+      return std::nullopt;
+    Phantom phantom{{{Volume<LabelId>(plain->grid)}, plain->segments}, Volume<float>(plain->grid)};
+    get_voxels(in, phantom.labels.layers.front());
+    get_voxels(in, phantom.scan);
+    return phantom;
+  });
+  if (kept) {
+    report_found(progress);
+    return *std::move(kept);
+  }
+  auto phantom = make_phantom(parameters, progress);
+  if (phantom)
+    keep_for_next(key, [&](FieldWriter& out) {
+      put_voxels(phantom->labels.layers.front(), out);
+      put_voxels(phantom->scan, out);
+    });
+  return phantom;
+}
+
+}  // namespace palpate

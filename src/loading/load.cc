@@ -1,0 +1,150 @@
+#include <system_error>
+
+#include "loading/kept_preparation.h"
+#include "loading/proposed_scene.h"
+#include "palpate/catalog/catalog.h"
+#include "palpate/loading/loading.h"
+#include "palpate/phantoms/phantoms.h"
+#include "palpate/volume_io/volume_io.h"
+
+namespace palpate {
+namespace {
+
+Result<Scene> parse_embedded(const std::string& data_set, const std::string& text) {
+  return parse_scene(text, data_set + " (embedded scene)");
+}
+
+Result<Scene> scene_of_data_set(const std::string& data_set) {
+  const auto text = embedded_scene(data_set);
+  PALPATE_CHECK(text.has_value());
+  return parse_embedded(data_set, std::string(*text));
+}
+
+// the scene of a phantom's kind, with the tissues that its parameters add; what they leave out is no fault
+Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters& parameters) {
+  std::string text(embedded_scene(name.substr(0, name.find(':'))).value());
+  const auto* knee = std::get_if<KneeParameters>(&parameters);
+  if (knee != nullptr && knee->lesion_mm > 0) text += *embedded_scene("lesion-in-knee");
+  auto scene = parse_embedded(name, text);
+  if (!scene) return scene;
+  if (name.find(':') != std::string::npos)
+    for (TissueSettings& tissue : scene->tissues) tissue.optional = true;
+  return scene;
+}
+
+// reads what the scene names and prepares it
+Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
+                                                    const std::optional<std::filesystem::path>& labels_file,
+                                                    const std::optional<std::filesystem::path>& names_file,
+                                                    const std::optional<std::filesystem::path>& scan_file,
+                                                    const Progress& progress, const Warn& warn) {
+  std::optional<LabelFile> labels;
+  std::optional<ScanFile> scan;
+  if (labels_file) {
+    auto read = read_labels(*labels_file, names_file, progress, warn, Doubtful::kRefused, Unpacked::kKept);
+    if (!read) return read.error();
+    labels = std::move(*read);
+  }
+  if (progress.stopped()) return Progress::interrupted();
+  if (scan_file) {
+    auto read = read_scan(*scan_file, progress, warn, Unpacked::kKept);
+    if (!read) return read.error();
+    scan = std::move(*read);
+    if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
+      warn(scan_file->string() + " says that it holds labels, and the scene takes it as the scan");
+  }
+  if (progress.stopped()) return Progress::interrupted();
+  const bool oriented = (!labels || labels->header.has_geometry) && (!scan || scan->header.has_geometry);
+  return build_model(scene, labels ? &labels->labels : nullptr, scan ? &scan->scan : nullptr, progress, warn,
+                     oriented);
+}
+
+void prepare_by(std::optional<PreparationMethod> method, PreparationSettings& preparation) {
+  if (!method) return;
+  preparation.method = *method;
+  if (*method != PreparationMethod::kInwardRamp) preparation.ramp_width_mm.reset();
+}
+
+Result<LoadedScene> load_phantom(const std::string& what, const Progress& progress, const Warn& warn,
+                                 std::optional<PreparationMethod> preparation) {
+  const auto parameters = parse_phantom(what);
+  if (!parameters) return parameters.error();
+  const std::string name = phantom_name(*parameters);
+  auto scene = scene_of_phantom(name, *parameters);
+  if (!scene) return scene.error();
+  prepare_by(preparation, scene->preparation);
+  const auto phantom = kept_phantom(*parameters, progress);
+  if (!phantom) return phantom.error();
+  auto model = build_model(*scene, &phantom->labels, &phantom->scan, progress, warn);
+  if (!model) return model.error();
+  return LoadedScene{std::move(*scene), std::move(*model), name};
+}
+
+Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& progress, const Warn& warn,
+                                  std::optional<PreparationMethod> preparation) {
+  if (is_phantom_name(data_set)) return load_phantom(data_set, progress, warn, preparation);
+  auto scene = scene_of_data_set(data_set);
+  if (!scene) return scene.error();
+  prepare_by(preparation, scene->preparation);
+  const auto local = locate(data_set);
+  if (!local) return local.error();
+  auto model = model_of_files(*scene, local->labels, local->names, local->scan, progress, warn);
+  if (!model) return model.error();
+  return LoadedScene{std::move(*scene), std::move(*model), data_set};
+}
+
+// a scan or a label map by itself, with the scene that is proposed for it
+Result<LoadedScene> load_volume(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
+                                std::optional<PreparationMethod> preparation) {
+  auto volume = read_volume(file, {}, progress, warn, Unpacked::kKept);
+  if (!volume) return volume.error();
+  auto proposed = propose_scene(file, *volume);
+  if (!proposed) return proposed.error();
+  prepare_by(preparation, proposed->scene.preparation);
+  const auto* labels = std::get_if<LabelFile>(&*volume);
+  const auto* scan = std::get_if<ScanFile>(&*volume);
+  auto model = build_model(proposed->scene, labels ? &labels->labels : nullptr, scan ? &scan->scan : nullptr,
+                           progress, warn, labels ? labels->header.has_geometry : scan->header.has_geometry);
+  if (!model) return model.error();
+  return LoadedScene{std::move(proposed->scene), std::move(*model), "", std::move(proposed->note)};
+}
+
+}  // namespace
+
+Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
+                                           const Warn& warn, std::optional<PreparationMethod> preparation) {
+  if (find_entry(what)) return load_data_set(what, progress, warn, preparation);
+  if (is_volume(what)) return load_volume(what, progress, warn, preparation);
+  if (auto other = something_else(what)) return *std::move(other);
+  auto scene = load_scene(what);
+  if (!scene) {
+    Error error = scene.error();
+    std::error_code unreadable;
+    if (!std::filesystem::exists(what, unreadable) && !unreadable) {
+      error.what = "no such file, and no data set of that name";
+      error.remedy =
+          "palpate data list shows the data sets; palpate scene new writes a scene file for a scan and "
+          "labels";
+    }
+    return error;
+  }
+  prepare_by(preparation, scene->preparation);
+  const auto resolved = [&](const std::optional<std::filesystem::path>& file) {
+    return file ? std::optional(scene->resolve(*file)) : std::nullopt;
+  };
+  auto model = model_of_files(*scene, resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
+                              progress, warn);
+  if (!model) return model.error();
+  return LoadedScene{std::move(*scene), std::move(*model), ""};
+}
+
+Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
+                                            const Progress& progress, const Warn& warn) {
+  const std::string& target = what.empty() ? recording.data_set : what;
+  if (target.empty())
+    return Error{ErrorKind::kUsage, "the recording was made with a scene file, which it does not hold", "",
+                 "name it after the recording: RECORDING SCENE"};
+  return load_scene_or_data_set(target, progress, warn);
+}
+
+}  // namespace palpate

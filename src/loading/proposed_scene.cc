@@ -1,0 +1,87 @@
+#include "loading/proposed_scene.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "palpate/loading/loading.h"
+
+namespace palpate {
+namespace {
+
+// what is felt of a label map: how many of its structures, by which presets
+std::string felt_of_labels(const Scene& scene, const LabelMap& labels) {
+  std::size_t felt = 0;
+  std::string presets;
+  for (const TissueSettings& tissue : scene.tissues) {
+    if (!tissue.felt) continue;
+    felt += tissue.labels.size();
+    presets += (presets.empty() ? "" : ", ") + tissue.preset;
+  }
+  const std::size_t all = labels.segments.size();
+  if (felt == 0) return "shown alone, for no name of its labels suggests a tissue";
+  if (all == 1) return "felt as " + presets;
+  return (felt == all ? "all " : std::to_string(felt) + " of ") + std::to_string(all) + " structures felt (" +
+         presets + ")";
+}
+
+std::string felt_of_scan(const Scene& scene) {
+  const auto& threshold = scene.tissues.front().threshold;
+  PALPATE_CHECK(threshold.has_value());
+  char text[80];
+  std::snprintf(text, sizeof text, "felt where it is brighter than %.4g",
+                0.5 * ((*threshold)[0] + (*threshold)[1]));
+  return text;
+}
+
+}  // namespace
+
+Result<ProposedScene> propose_scene(const std::filesystem::path& file,
+                                    const std::variant<ScanFile, LabelFile>& volume) {
+  const auto* labels = std::get_if<LabelFile>(&volume);
+  const auto* scan = std::get_if<ScanFile>(&volume);
+  NewSceneInput input;
+  if (labels) {
+    input.labels = file;
+    input.label_map = &labels->labels;
+  } else {
+    input.scan = file;
+    input.scan_volume = &scan->scan;
+  }
+  const auto text = new_scene_text(input, "");
+  if (!text) {
+    Error error = text.error();
+    if (error.where.empty()) error.where = file.string();
+    return error;
+  }
+  auto scene = parse_scene(*text, "the scene proposed for " + file.string());
+  if (!scene) return scene.error();
+  std::string note = file.string() + " is a " + (labels ? "label map" : "scan") + ", " +
+                     (labels ? felt_of_labels(*scene, labels->labels) : felt_of_scan(*scene)) +
+                     "; to change that: palpate scene new " + (labels ? "" : "--scan ") + file.string() +
+                     " -o scene.toml";
+  return ProposedScene{*std::move(scene), std::move(note)};
+}
+
+bool is_anything_felt(const Model& model) {
+  const std::vector<std::size_t> voxels = label_counts(*model.labels);
+  for (std::size_t label = 0; label < voxels.size(); ++label)
+    if (voxels[label] > 0 && model.is_felt(static_cast<LabelId>(label))) return true;
+  return false;
+}
+
+Result<void> check_felt(const LoadedScene& loaded) {
+  if (is_anything_felt(*loaded.model)) return {};
+  const bool switched_off = loaded.model->greatest_stiffness_N_per_mm() <= 0;
+  std::string remedy =
+      loaded.proposed.empty()
+          ? switched_off ? "set felt = true, with a preset or a stiffness, on a [[tissue]] of it"
+                         : "check the labels and thresholds of its tissues (palpate info shows "
+                           "what the files hold)"
+          : "give the labels names that suggest a tissue (femur, liver, ...) in a table, or write a "
+            "scene file with palpate scene new, and set felt = true in it";
+  return Error{ErrorKind::kBadInput,
+               switched_off ? "nothing in it is felt yet" : "no voxel of the scene is felt",
+               loaded.scene.source, remedy + "; palpate section and explore show it as it is"};
+}
+
+}  // namespace palpate

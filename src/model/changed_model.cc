@@ -1,0 +1,180 @@
+#include "palpate/model/changed_model.h"
+
+#include <algorithm>
+
+#include "palpate/base/hash.h"
+#include "palpate/haptics/tissue_values.h"
+#include "palpate/model/ramp_structures.h"
+#include "palpate/surfaces/ramps.h"
+
+namespace palpate {
+namespace {
+
+void give(const ModelChange& change, Tissue& tissue) {
+  tissue.stiffness_N_per_mm = change.stiffness_N_per_mm;
+  tissue.static_friction = change.static_friction;
+  tissue.friction_coefficient = change.dynamic_friction;
+  tissue.viscosity_N_s_per_mm = change.viscosity_N_s_per_mm;
+}
+
+void give_to_surfaces(int index, const Tissue& tissue, Model& model) {
+  for (std::size_t s = 0; s < model.label_of_surface.size(); ++s) {
+    if (model.tissue_of_label[model.label_of_surface[s]] != index) continue;
+    FeltSurface& surface = model.surfaces[s];
+    surface.stiffness_N_per_mm = tissue.stiffness_N_per_mm;
+    surface.static_friction = tissue.static_friction;
+    surface.dynamic_friction = tissue.friction_coefficient;
+  }
+}
+
+// what is left of the fields when a tissue is as stiff as none was when they were made
+std::shared_ptr<const ForceField> trilinear_left(const Model& felt, const Model& made) {
+  const double part = std::min(1.0, felt.greatest_stiffness_N_per_mm() / made.greatest_stiffness_N_per_mm());
+  const double full_force_N = made.force_field(ForceMethod::kTrilinear).full_force_N() * part;
+  return std::make_shared<const ForceField>(made.field, full_force_N);
+}
+
+// of the version that a change leads to
+void hash_after(const Model& felt, const ModelChange& change, Model& next) {
+  std::uint64_t hash = felt.uncut_hash;
+  hash_word(hash, change.tissue);
+  for (const double value : {change.stiffness_N_per_mm, change.static_friction, change.dynamic_friction,
+                             change.viscosity_N_s_per_mm})
+    hash_double(hash, value);
+  next.uncut_hash = hash_finish(hash);
+  next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.uncut_hash) : next.uncut_hash;
+}
+
+}  // namespace
+
+ModelChange unchanged(const Model& model, std::size_t tissue) {
+  const Tissue& of = model.tissues[tissue];
+  return {model.version + 1,       static_cast<std::uint32_t>(tissue),
+          of.stiffness_N_per_mm,   of.static_friction,
+          of.friction_coefficient, of.viscosity_N_s_per_mm};
+}
+
+bool fields_suit(const Model& felt, const Model& made) {
+  return std::equal(felt.tissues.begin(), felt.tissues.end(), made.tissues.begin(), made.tissues.end(),
+                    [](const Tissue& a, const Tissue& b) {
+                      return !a.felt || a.stiffness_N_per_mm == b.stiffness_N_per_mm;
+                    });
+}
+
+Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Model& made,
+                                                   const ModelChange& change) {
+  if (change.version != felt.version + 1)
+    return Error{ErrorKind::kBadInput,
+                 "version " + std::to_string(change.version) + " of the model does not follow version " +
+                     std::to_string(felt.version),
+                 "", ""};
+  if (change.tissue >= felt.tissues.size())
+    return Error{ErrorKind::kBadInput,
+                 "there is no tissue " + std::to_string(change.tissue) + ": the scene has " +
+                     std::to_string(felt.tissues.size()),
+                 "tissue", "tissues are counted from 0, in the order of the scene"};
+
+  auto next = std::make_shared<Model>(felt);
+  next->version = change.version;
+  Tissue& tissue = next->tissues[change.tissue];
+  give(change, tissue);
+  if (auto fine = check_tissue_values(next->tissues, change.tissue); !fine) return fine.error();
+  give_to_surfaces(static_cast<int>(change.tissue), tissue, *next);
+  if (fields_suit(*next, made)) {
+    next->methods = made.methods;
+  } else {
+    next->methods = {};
+    next->methods[index_of(ForceMethod::kTrilinear)] = trilinear_left(*next, made);
+  }
+
+  hash_after(felt, change, *next);
+  return std::shared_ptr<const Model>(std::move(next));
+}
+
+bool can_make_fields(const Model& model) {
+  return model.ramp_width_mm > 0;
+}
+
+Result<std::shared_ptr<const Model>> with_new_fields(const Model& felt, const Model& made,
+                                                     const Progress& progress) {
+  if (!can_make_fields(felt))
+    return Error{ErrorKind::kBadInput, "a union Gaussian is made once, for the scene's stiffnesses", "", ""};
+  const double stiffest = felt.greatest_stiffness_N_per_mm();
+  auto ramps = prepare_ramps(*felt.labels, ramp_structures(felt, *felt.labels),
+                             {.stiffest_N_per_mm = stiffest, .width_mm = felt.ramp_width_mm}, progress);
+  if (!ramps) return ramps.error();
+  auto model = std::make_shared<Model>(felt);
+  model->field = made.field->bytes_per_voxel() == 1
+                     ? std::make_shared<const Field>(in_eight_bits(ramps->field))
+                     : std::make_shared<const Field>(ramps->field);
+  for (std::size_t label = 0; label < model->level_of_label.size(); ++label)
+    if (const Tissue* tissue = model->tissue_of(static_cast<LabelId>(label)))
+      model->level_of_label[label] = level_of(*tissue, weight_of(*tissue, stiffest));
+  model->methods = {};
+  std::shared_ptr<const Model> ready = std::move(model);
+  for (const ForceMethodInfo& info : kDirectMethods) {
+    if (!made.has(info.method)) continue;
+    auto more = with_methods(ready, {&info.method, 1}, progress);
+    if (!more && more.error().kind == ErrorKind::kInterrupted) return more.error();
+    if (more) ready = *std::move(more);
+  }
+  return ready;
+}
+
+std::shared_ptr<const Model> taking_fields(const Model& felt, const Model& fields) {
+  PALPATE_CHECK(fields_suit(felt, fields));
+  auto next = std::make_shared<Model>(felt);
+  next->version = felt.version + 1;
+  next->field = fields.field;
+  next->level_of_label = fields.level_of_label;
+  next->methods = fields.methods;
+  hash_after(felt, {next->version, ModelChange::kFieldsMadeAnew}, *next);
+  return next;
+}
+
+std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut> cuts) {
+  const std::shared_ptr<const Carving> before =
+      felt.carving != nullptr ? felt.carving : std::make_shared<const Carving>(felt);
+  return before->with(cuts);
+}
+
+ModelChange change_of_stroke(const Model& felt, StrokeAction action) {
+  return {felt.version + 1, action == StrokeAction::kUndo ? ModelChange::kUndo : ModelChange::kRedo};
+}
+
+std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change) {
+  if (carving == nullptr || !change.is_of_stroke()) return nullptr;
+  return change.tissue == ModelChange::kUndo ? carving->undone() : carving->redone();
+}
+
+void follow(const ModelChange& change, RemovedVolume& removed) {
+  if (change.tissue == ModelChange::kUndo) removed.undo();
+  if (change.tissue == ModelChange::kRedo) removed.redo();
+}
+
+Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
+                                   std::span<const Cut> cuts, const Progress& progress) {
+  if (change.tissue == ModelChange::kCut) {
+    if (!now.felt->has(ForceMethod::kProxy))
+      return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model is prepared without", "",
+                   ""};
+    return ModelVersions{carved_by(*now.felt, cuts)->taken_from(*now.felt), now.made};
+  }
+  if (change.is_of_stroke()) {
+    const auto carving = other_stroke(now.felt->carving.get(), change);
+    if (carving == nullptr)
+      return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "", ""};
+    return ModelVersions{carving->taken_from(*now.felt), now.made};
+  }
+  if (change.tissue != ModelChange::kFieldsMadeAnew) {
+    auto felt = changed_model(*now.felt, *now.made, change);
+    if (!felt) return felt.error();
+    return ModelVersions{*std::move(felt), now.made};
+  }
+  const auto fields = with_new_fields(*now.felt, *now.made, progress);
+  if (!fields) return fields.error();
+  const auto felt = taking_fields(*now.felt, **fields);
+  return ModelVersions{felt, felt};
+}
+
+}  // namespace palpate

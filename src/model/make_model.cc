@@ -1,0 +1,150 @@
+#include "palpate/model/make_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+#include <variant>
+
+#include "palpate/base/hash.h"
+#include "palpate/model/ramp_structures.h"
+
+namespace palpate {
+namespace {
+
+std::uint64_t content_hash(const Model& model) {
+  std::uint64_t hash = kHashSeed;
+  std::visit(
+      [&](const auto& volume) {
+        hash_bytes(hash, volume.voxels().data(), volume.voxels().size() * sizeof(volume.voxels()[0]));
+      },
+      model.field->storage());
+  {
+    const Volume<LabelId> labels = model.labels->dense();
+    hash_bytes(hash, labels.voxels().data(), labels.voxels().size() * sizeof(LabelId));
+  }
+  const auto X = model.field->geometry().X_PatientVoxel();
+  for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
+  for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);
+  for (const Tissue& t : model.tissues)
+    for (const double value :
+         {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction_coefficient, t.static_friction, t.puncture_N,
+          t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
+      hash_double(hash, value);
+  for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
+  for (const Eigen::Vector3d& point : model.tool.points_mm)
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
+  hash_double(hash, model.tool.radius_mm);
+  for (const ToolCapsule& capsule : model.tool.capsules) {
+    for (int axis = 0; axis < 3; ++axis) {
+      hash_double(hash, capsule.from_mm[axis]);
+      hash_double(hash, capsule.to_mm[axis]);
+    }
+    hash_double(hash, capsule.radius_mm);
+  }
+  if (const auto& burr = model.tool.burr) {
+    hash_double(hash, burr->revolutions_per_s);
+    hash_double(hash, burr->grip);
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr->spindle[axis]);
+    hash_word(hash, static_cast<std::uint64_t>(burr->pedal));
+    for (const Tissue& tissue : model.tissues) {
+      hash_double(hash, tissue.cutting_energy_mJ_per_mm3);
+      hash_word(hash, static_cast<std::uint64_t>(tissue.protection));
+    }
+  }
+  for (const double value :
+       {model.sigma_mm, model.ramp_width_mm, model.reach_mm, model.scene_max_force_N,
+        model.method_settings.sphere_sigma_voxels, model.method_settings.coupling_damping_N_s_per_mm})
+    hash_double(hash, value);
+  hash_word(hash, static_cast<std::uint64_t>(model.method_settings.normals));
+  return hash_finish(hash);
+}
+
+// the pocket of a burr that is smaller than this would lie between the voxels, and it would not sink in
+constexpr double kLeastBurrVoxels = 2;
+
+Result<void> check_burr_size(const Tool& tool, const GridGeometry& grid) {
+  if (!tool.burr) return {};
+  const double diameter_mm = 2 * tool.radius_mm, voxel_mm = grid.spacing_mm.maxCoeff();
+  if (diameter_mm >= kLeastBurrVoxels * voxel_mm * (1 - 1e-6)) return {};
+  char what[160];
+  std::snprintf(what, sizeof what,
+                "a burr of %g mm is too small for voxels of %.3g mm: it takes two of them across",
+                diameter_mm, voxel_mm);
+  return Error{ErrorKind::kBadInput, what, "",
+               "set a larger `diameter` under [tool], or give labels with finer voxels"};
+}
+
+// what a label's place in the field is when the stiffest tissue's is 1
+void set_levels(Model& model) {
+  // where nothing is felt none counts
+  const double greatest = model.greatest_stiffness_N_per_mm();
+  const double stiffest = greatest > 0 ? greatest : 1;
+  model.level_of_label.assign(model.tissue_of_label.size(), 0.f);
+  for (std::size_t label = 0; label < model.level_of_label.size(); ++label)
+    if (const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label)))
+      model.level_of_label[label] = level_of(*tissue, weight_of(*tissue, stiffest));
+}
+
+template <class T>
+std::shared_ptr<const Field> field_of(Volume<T> volume) {
+  return std::make_shared<const Field>(std::move(volume));
+}
+
+Result<std::shared_ptr<const Field>> ramp_field(const Model& model, bool eight_bits,
+                                                const Preparing& preparing, const Progress& progress,
+                                                MadeModel& made) {
+  const GridGeometry& grid = model.labels->geometry();
+  const std::vector<RampStructure> structures = ramp_structures(model, *model.labels);
+  if (structures.empty())
+    return eight_bits ? field_of(Volume<std::uint8_t>(grid)) : field_of(Volume<std::uint16_t>(grid));
+  auto ramps = preparing.ramps(
+      *model.labels, structures,
+      {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);
+  if (!ramps) return ramps.error();
+  made.ramps = std::move(ramps->structures);
+  made.full_force_N = ramps->full_force_N;
+  return eight_bits ? field_of(in_eight_bits(ramps->field)) : field_of(std::move(ramps->field));
+}
+
+}  // namespace
+
+Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const Progress& progress) {
+  const GridGeometry& grid = parts.labels->geometry();
+  if (auto fine = check_burr_size(parts.tool, grid); !fine) return fine.error();
+
+  auto model = std::make_shared<Model>();
+  model->title = std::move(parts.title);
+  model->labels = std::move(parts.labels);
+  model->segments = std::move(parts.segments);
+  model->tissues = std::move(parts.tissues);
+  model->tissue_of_label = std::move(parts.tissue_of_label);
+  model->tool = std::move(parts.tool);
+  model->method_settings = parts.method_settings;
+  model->sigma_mm = parts.sigma_mm;
+  model->scene_max_force_N = parts.max_force_N;
+  model->X_WorldPatient = supine_from_feet(grid);
+  set_levels(*model);
+
+  MadeModel made;
+  if (parts.smoothed != nullptr) {
+    model->field = std::move(parts.smoothed);
+    model->reach_mm = parts.smoothed_reach_mm;
+  } else {
+    const auto width_mm = ramp_width_mm(parts.ramp_width_mm, grid);
+    if (!width_mm) return width_mm.error();
+    model->ramp_width_mm = *width_mm;
+    auto field = ramp_field(*model, parts.eight_bits, preparing, progress, made);
+    if (!field) return field.error();
+    model->field = *std::move(field);
+    model->reach_mm = grid.spacing_mm.maxCoeff() + kDeepestRamp_mm;
+  }
+  model->content_hash = model->uncut_hash = content_hash(*model);
+  auto trilinear = make_force_field(*model, ForceMethod::kTrilinear);
+  if (!trilinear) return trilinear.error();
+  model->methods[index_of(ForceMethod::kTrilinear)] = *std::move(trilinear);
+  made.model = std::move(model);
+  return made;
+}
+
+}  // namespace palpate

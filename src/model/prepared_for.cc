@@ -1,0 +1,253 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "palpate/base/for_each_index.h"
+#include "palpate/model/make_model.h"
+#include "palpate/surfaces/surfaces.h"
+
+namespace palpate {
+namespace {
+
+// every label that is felt and has voxels, ascending
+std::vector<LabelId> felt_structures(const Model& model) {
+  const std::vector<std::size_t> voxels = label_counts(*model.labels);
+  std::vector<LabelId> felt;
+  for (std::size_t label = 1; label < voxels.size(); ++label)
+    if (voxels[label] > 0 && model.is_felt(static_cast<LabelId>(label)))
+      felt.push_back(static_cast<LabelId>(label));
+  return felt;
+}
+
+Error too_many(std::size_t structures, std::size_t common) {
+  std::string what = "the proxy takes at most " + std::to_string(kMostSurfaces) + " surfaces, and here are " +
+                     std::to_string(structures) + " felt structures";
+  if (common > 0) what += " and " + std::to_string(common) + " surfaces that those that touch have in common";
+  return {ErrorKind::kBadInput, what, "",
+          "set felt = false on tissues that are not touched, or choose another method"};
+}
+
+// What differs by less is one layer: nobody feels it, and every layer is a surface to be made and a proxy.
+constexpr double kSameStiffness = 1.07;
+
+// The upper bounds of a group's layers, softest first: of each structure the first that is not below it.
+std::vector<double> layer_bounds(std::vector<double> stiffnesses) {
+  std::sort(stiffnesses.begin(), stiffnesses.end());
+  for (double same = kSameStiffness;; same *= kSameStiffness) {
+    std::vector<double> bounds;
+    double softest = 0;
+    for (const double stiffness : stiffnesses) {
+      if (bounds.empty() || stiffness > same * softest) {
+        softest = stiffness;
+        bounds.push_back(stiffness);
+      }
+      bounds.back() = stiffness;
+    }
+    if (bounds.size() <= static_cast<std::size_t>(kMostLayers)) return bounds;
+  }
+}
+
+// Which surfaces a model's structures need. Structures that touch have a surface in common; what is stiffer
+// than the softest of them touches again or stands alone in it, a layer deeper, and so on. Where a structure
+// can be gone through, it has a surface of its own in each of its layers besides, and what is left there
+// another common one.
+class SurfacesNeeded {
+ public:
+  SurfacesNeeded(const Model& model, const std::vector<LabelId>& felt,
+                 const std::vector<std::pair<LabelId, LabelId>>& touching)
+      : model_(model), felt_(felt), touching_(touching) {
+    for (const LabelId label : felt) {
+      const Tissue& tissue = *model.tissue_of(label);
+      FeltSurface structure;
+      structure.stiffness_N_per_mm = tissue.stiffness_N_per_mm;
+      structure.static_friction = tissue.static_friction;
+      structure.dynamic_friction = tissue.friction_coefficient;
+      structure.puncture_N = tissue.puncture_N;
+      structure.cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
+      structure.kept = model.tool.burr && tissue.protection == Protection::kKeep;
+      surfaces_.push_back(structure);
+    }
+    for (const std::vector<LabelId>& group : touching_groups(felt, touching)) {
+      std::vector<double> stiffnesses;
+      for (const LabelId label : group) stiffnesses.push_back(stiffness_of(label));
+      add_layer(group, 0, 0, layer_bounds(std::move(stiffnesses)));
+    }
+  }
+
+  std::size_t structures() const { return felt_.size(); }
+  std::size_t common() const { return surfaces_.size() - felt_.size(); }
+
+  /// The model's surfaces with their shapes. Errors: those of prepare_outer_surfaces.
+  Result<std::vector<FeltSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
+                                           const Progress& progress) {
+    // what is prepared together has no structure in common
+    std::map<std::vector<LabelId>, std::shared_ptr<const Surface>> known;
+    for (const auto& [together, parts] : parts_) {
+      std::vector<std::vector<LabelId>> groups;
+      for (const Part& part : parts)
+        if (known.count(part.structures) == 0) groups.push_back(part.structures);
+      auto prepared = preparing.outer_surfaces(labels, groups, {}, progress);
+      if (!prepared) return prepared.error();
+      for (std::size_t n = 0; n < groups.size(); ++n) known[groups[n]] = std::move((*prepared)[n]);
+      for (const Part& part : parts)
+        surfaces_[static_cast<std::size_t>(part.surface)].surface = known.at(part.structures);
+    }
+    if (!add_owners(labels, progress)) return Progress::interrupted();
+    return surfaces_;
+  }
+
+ private:
+  struct Part {
+    std::vector<LabelId> structures;
+    int surface;
+  };
+
+  double stiffness_of(LabelId label) const { return model_.tissue_of(label)->stiffness_N_per_mm; }
+  int place_of(LabelId label) const {
+    return static_cast<int>(std::lower_bound(felt_.begin(), felt_.end(), label) - felt_.begin());
+  }
+
+  // structures that touch and are all stiffer than what lies around them
+  void add_layer(const std::vector<LabelId>& group, int layer, double from, std::vector<double> bounds) {
+    const auto is_above = [&](LabelId label) { return stiffness_of(label) > bounds.front(); };
+    while (bounds.size() > 1 && std::all_of(group.begin(), group.end(), is_above))
+      bounds.erase(bounds.begin());
+    const double to = bounds.size() == 1 ? std::numeric_limits<double>::infinity() : bounds.front();
+    bounds.erase(bounds.begin());
+    std::vector<LabelId> stiffer;
+    for (const LabelId label : group) {
+      if (stiffness_of(label) > to)
+        stiffer.push_back(label);
+      else
+        surfaces_[static_cast<std::size_t>(place_of(label))].layer = layer;
+    }
+    add_surfaces(group, layer, from, to);
+    for (const std::vector<LabelId>& within : touching_groups(stiffer, touching_))
+      add_layer(within, layer + 1, to, bounds);
+  }
+
+  void add_surfaces(const std::vector<LabelId>& group, int layer, double from, double to) {
+    const int common = add(group, layer, from, to, -1);
+    parts_[{layer, false}].push_back({group, common});
+    if (group.size() == 1) return;
+    std::vector<LabelId> rest;
+    for (const LabelId label : group) {
+      const int structure = place_of(label);
+      if (!std::isfinite(model_.tissue_of(label)->puncture_N)) {
+        rest.push_back(label);
+        continue;
+      }
+      parts_[{layer, true}].push_back({{label}, add({label}, layer, from, to, common)});
+      surfaces_[static_cast<std::size_t>(common)].opened_by.push_back(static_cast<std::int16_t>(structure));
+    }
+    if (rest.size() == group.size() || rest.empty()) return;
+    parts_[{layer, true}].push_back({rest, add(rest, layer, from, to, common)});
+  }
+
+  // Where the surface of some structures stands. A structure's own place is for the layer that is its own.
+  int add(const std::vector<LabelId>& structures, int layer, double from, double to, int beneath) {
+    const int structure = structures.size() == 1 ? place_of(structures.front()) : -1;
+    const bool own = structure >= 0 && stiffness_of(structures.front()) <= to;
+    const int place = own ? structure : static_cast<int>(surfaces_.size());
+    if (!own) surfaces_.emplace_back();
+    FeltSurface& felt = surfaces_[static_cast<std::size_t>(place)];
+    felt.structure = own ? -1 : structure;
+    felt.beneath = beneath;
+    felt.layer = layer;
+    felt.from_N_per_mm = from;
+    felt.to_N_per_mm = to;
+    return place;
+  }
+
+  // each looks at the whole volume
+  bool add_owners(const Bricks<LabelId>& labels, const Progress& progress) {
+    std::vector<const Part*> shared;
+    for (const auto& [together, parts] : parts_)
+      for (const Part& part : parts)
+        if (part.structures.size() > 1) shared.push_back(&part);
+    const auto count = static_cast<int>(shared.size());
+    return for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
+      if (progress.stopped()) return false;
+      const Part& part = *shared[static_cast<std::size_t>(index)];
+      surfaces_[static_cast<std::size_t>(part.surface)].owners = owners_of(part.structures, labels);
+      return true;
+    });
+  }
+
+  std::shared_ptr<const Owners> owners_of(const std::vector<LabelId>& structures,
+                                          const Bricks<LabelId>& labels) const {
+    std::vector<std::int16_t> structure_of_label(std::numeric_limits<LabelId>::max() + std::size_t{1}, -1);
+    for (const LabelId label : structures)
+      structure_of_label[label] = static_cast<std::int16_t>(place_of(label));
+    return std::make_shared<const Owners>(labels, structure_of_label);
+  }
+
+  const Model& model_;
+  const std::vector<LabelId>& felt_;
+  const std::vector<std::pair<LabelId, LabelId>>& touching_;
+  std::vector<FeltSurface> surfaces_;
+  // by layer, and whether they lie beneath what can be gone through
+  std::map<std::pair<int, bool>, std::vector<Part>> parts_;
+};
+
+// how near a burr is to what it is to spare is told within this, from the middle of its ball
+constexpr double kToldWithin_mm = 10;
+
+// what a burr is to spare, each with a surface of its own, whatever it touches
+Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
+                                                             const std::vector<LabelId>& felt,
+                                                             const Preparing& preparing,
+                                                             const Progress& progress) {
+  std::vector<ProtectedStructure> structures;
+  if (!model.tool.burr) return structures;
+  std::vector<std::vector<LabelId>> alone;
+  for (const LabelId label : felt) {
+    const Protection protection = model.tissue_of(label)->protection;
+    if (protection == Protection::kNone) continue;
+    alone.push_back({label});
+    structures.push_back({label, nullptr, protection == Protection::kKeep});
+  }
+  if (structures.empty()) return structures;
+  auto surfaces = preparing.outer_surfaces(*model.labels, alone, {.reach_mm = kToldWithin_mm}, progress);
+  if (!surfaces) return surfaces.error();
+  for (std::size_t n = 0; n < structures.size(); ++n) structures[n].surface = std::move((*surfaces)[n]);
+  return structures;
+}
+
+Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
+                                                   const Preparing& preparing, const Progress& progress) {
+  const std::vector<LabelId> felt = felt_structures(*model);
+  if (felt.size() > kMostSurfaces) return too_many(felt.size(), 0);
+  const auto touching = preparing.touching_pairs(*model->labels, felt, progress);
+  if (!touching) return touching.error();
+  SurfacesNeeded needed(*model, felt, *touching);
+  if (needed.structures() + needed.common() > kMostSurfaces)
+    return too_many(needed.structures(), needed.common());
+  auto surfaces = needed.prepare(*model->labels, preparing, progress);
+  if (!surfaces) return surfaces.error();
+  auto spared = protected_structures(*model, felt, preparing, progress);
+  if (!spared) return spared.error();
+  auto more = std::make_shared<Model>(*model);
+  more->protected_structures = *std::move(spared);
+  more->surfaces = *std::move(surfaces);
+  more->label_of_surface = felt;
+  return std::shared_ptr<const Model>(std::move(more));
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
+                                                  std::span<const ForceMethod> methods,
+                                                  const Preparing& preparing, const Progress& progress) {
+  std::vector<ForceMethod> direct(methods.begin(), methods.end());
+  const bool proxy = std::erase(direct, ForceMethod::kProxy) > 0;
+  auto ready = with_methods(std::move(model), direct, progress);
+  if (!ready || !proxy || (*ready)->has(ForceMethod::kProxy)) return ready;
+  return with_surfaces(*std::move(ready), preparing, progress);
+}
+
+}  // namespace palpate

@@ -1,0 +1,271 @@
+#include <algorithm>
+#include <bit>
+#include <cstdio>
+#include <deque>
+#include <utility>
+#include <vector>
+
+#include "palpate/loading/loading.h"
+#include "palpate/model/changed_model.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/palpation/plain_vectors.h"
+#include "palpate/palpation/recorded_model.h"
+#include "palpate/palpation/told_loop.h"
+
+namespace palpate {
+namespace {
+
+bool same_bits(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
+template <std::size_t n>
+bool same_bits(const std::array<double, n>& a, const std::array<double, n>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), [](double x, double y) { return same_bits(x, y); });
+}
+
+std::string text_of(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.17g", value);
+  return text;
+}
+template <std::size_t n>
+std::string text_of(const std::array<double, n>& values) {
+  std::string text;
+  for (const double value : values) text += (text.empty() ? "" : " ") + text_of(value);
+  return text;
+}
+
+// every output of a device's tick; the first that differs, in words, or nothing
+std::string first_different_output(const DeviceTick& recorded, const DeviceTick& again) {
+  std::string difference;
+  const auto compare = [&](const char* name, const auto& a, const auto& b) {
+    if (difference.empty() && !same_bits(a, b))
+      difference = std::string(name) + ": recorded " + text_of(a) + ", now " + text_of(b);
+  };
+  compare("force_N", recorded.force_N, again.force_N);
+  compare("torque_Nmm", recorded.torque_Nmm, again.torque_Nmm);
+  compare("gripper_N", recorded.gripper_N, again.gripper_N);
+  compare("unclamped_force_N", recorded.unclamped_force_N, again.unclamped_force_N);
+  compare("limit_N", recorded.limit_N, again.limit_N);
+  compare("heat", recorded.heat, again.heat);
+  compare("energy_mJ", recorded.energy_mJ, again.energy_mJ);
+  compare("damping_N_s_per_m", recorded.damping_N_s_per_m, again.damping_N_s_per_m);
+  compare("turned_mJ", recorded.turned_mJ, again.turned_mJ);
+  compare("tip_patient_mm", recorded.tip_patient_mm, again.tip_patient_mm);
+  compare("proxy_patient_mm", recorded.proxy_patient_mm, again.proxy_patient_mm);
+  compare("normal_patient", recorded.normal_patient, again.normal_patient);
+  compare("velocity_patient_mm_s", recorded.velocity_patient_mm_s, again.velocity_patient_mm_s);
+  compare("field", recorded.field, again.field);
+  compare("depth_mm", recorded.depth_mm, again.depth_mm);
+  compare("label", static_cast<double>(recorded.label), static_cast<double>(again.label));
+  compare("flags", static_cast<double>(recorded.flags), static_cast<double>(again.flags));
+  return difference;
+}
+
+// what differs between a recorded tick and the same tick run again: outputs first, because they say
+// more than a hash; nothing when they are the same
+std::string first_difference(const TickRecord& recorded, const TickRecord& again) {
+  for (int d = 0; d < recorded.devices; ++d) {
+    const std::string difference = first_different_output(recorded.device[d], again.device[d]);
+    if (!difference.empty()) return "device " + std::to_string(d) + " " + difference;
+  }
+  if (!same_bits(recorded.rotation_felt_wxyz, again.rotation_felt_wxyz))
+    return "rotation_felt_wxyz: recorded " + text_of(recorded.rotation_felt_wxyz) + ", now " +
+           text_of(again.rotation_felt_wxyz);
+  if (recorded.state_hash == again.state_hash) return "";
+  char text[80];
+  std::snprintf(text, sizeof text, "state hash: recorded %016llx, now %016llx",
+                static_cast<unsigned long long>(recorded.state_hash),
+                static_cast<unsigned long long>(again.state_hash));
+  return text;
+}
+
+template <class Frame>
+Vector<Frame> vector(const std::array<double, 3>& v) {
+  return {v[0], v[1], v[2]};
+}
+
+DeviceState state_of(const DeviceTick& in) {
+  DeviceState state;
+  state.tip = Point<World>(in.tip_world_mm[0], in.tip_world_mm[1], in.tip_world_mm[2]);
+  state.R_WorldTool = quaternion(in.orientation_wxyz);
+  state.velocity_mm_s = vector<World>(in.velocity_world_mm_s);
+  state.angular_velocity_rad_s = vector<World>(in.angular_velocity_world_rad_s);
+  state.gripper_rad = in.gripper_rad;
+  state.buttons = in.buttons;
+  state.status = in.status;
+  state.age_s = in.age_s;
+  return state;
+}
+
+Parameters parameters_of(const TickRecord& recorded) {
+  Parameters parameters;
+  parameters.method = static_cast<ForceMethod>(recorded.method);
+  parameters.friction = recorded.switches & kSwitchFriction;
+  parameters.viscosity = recorded.switches & kSwitchViscosity;
+  parameters.passivity = recorded.switches & kSwitchPassivity;
+  parameters.paused = recorded.switches & kSwitchPaused;
+  parameters.emergency_stop = recorded.switches & kSwitchEmergencyStop;
+  parameters.motor = recorded.switches & kSwitchMotor;
+  parameters.max_force_N = recorded.max_force_N;
+  parameters.rotation_target = quaternion(recorded.rotation_target_wxyz);
+  for (int d = 0; d < recorded.devices; ++d) {
+    const DeviceTick& in = recorded.device[d];
+    parameters.device[d] = {
+        in.force_gain,
+        in.scale,
+        {in.peak_force_N, in.continuous_force_N, in.peak_torque_Nmm, in.peak_gripper_N, in.slew_N_per_s},
+        in.most_stiffness_N_per_mm,
+        in.position_step_mm,
+        in.most_damping_N_s_per_mm,
+        in.delay_s};
+  }
+  return parameters;
+}
+
+// those that were felt
+Result<std::vector<ForceMethod>> methods_of(const RecordingHead& head) {
+  std::vector<ForceMethod> methods;
+  for (const RecordingHead::FeltMethod& felt : head.methods) {
+    if (felt.method >= kForceMethods.size())
+      return Error{
+          ErrorKind::kBadInput,
+          "tick " + std::to_string(felt.tick) + " used a force method that this version does not have", "",
+          "replay it with the version that made it"};
+    methods.push_back(static_cast<ForceMethod>(felt.method));
+  }
+  return methods;
+}
+
+/// Runs tick after tick and stops at the first that differs.
+class Replayer {
+ public:
+  Replayer(std::shared_ptr<const Model> model, const Progress& progress)
+      : model_{model, model}, progress_(progress) {}
+
+  Result<void> take(const RecordingPart& part) {
+    for (const RecordingEvent& event : part.events) {
+      if (event.kind == RecordingEvent::Kind::kSweep) cuts_.push_back(cut_of(event.sweep));
+      if (event.kind != RecordingEvent::Kind::kModel) continue;
+      changes_.push_back({event.change, {}});
+      if (event.change.tissue == ModelChange::kCut) changes_.back().cuts = std::exchange(cuts_, {});
+    }
+    if (changes_.size() > kMostUnfelt || cuts_.size() > kMostUnfelt)
+      return Error{ErrorKind::kBadInput, "the recording lists more changes of the model than a run can have",
+                   "", ""};
+    for (const TickRecord& recorded : part.ticks) {
+      if (!result_.difference.empty()) return {};
+      if (auto there = advance_to(recorded); !there) return there;
+      run_again(recorded);
+    }
+    return {};
+  }
+  bool differs() const { return !result_.difference.empty(); }
+  ReplayResult& result() { return result_; }
+
+ private:
+  // between two ticks there are a few; of format 3, which has none at their time, kMaxChanges in all
+  static constexpr std::size_t kMostUnfelt = 100'000;
+  Result<void> advance_to(const TickRecord& recorded);
+  void run_again(const TickRecord& recorded);
+
+  ModelVersions model_;
+  const Progress& progress_;
+  struct Change {
+    ModelChange change;
+    std::vector<Cut> cuts;
+  };
+  std::deque<Change> changes_;  // that no tick has felt yet
+  std::vector<Cut> cuts_;       // whose version is still to come
+  SessionState state_;
+  ReplayResult result_;
+};
+
+// the version that a tick felt, by the changes that lead to it
+Result<void> Replayer::advance_to(const TickRecord& recorded) {
+  while (model_.felt->version < recorded.model_version && !changes_.empty()) {
+    auto changed = next_version(model_, changes_.front().change, changes_.front().cuts, progress_);
+    if (!changed) return changed.error();
+    model_ = *std::move(changed);
+    changes_.pop_front();
+  }
+  if (recorded.model_version == model_.felt->version) return {};
+  return Error{ErrorKind::kBadInput,
+               "tick " + std::to_string(recorded.tick) + " felt version " +
+                   std::to_string(recorded.model_version) + " of the model, which the file does not hold",
+               "", "only runs whose changes of the model were recorded can be replayed"};
+}
+
+void Replayer::run_again(const TickRecord& recorded) {
+  // every input of the tick as it was
+  const Parameters parameters = parameters_of(recorded);
+  std::array<DeviceState, kMaxDevices> devices;
+  for (int d = 0; d < recorded.devices; ++d) devices[d] = state_of(recorded.device[d]);
+
+  // what the recorder never got cannot be felt again
+  if (recorded.tick != state_.tick) {
+    result_.first_difference = state_.tick;
+    result_.difference = recorded.tick < state_.tick
+                             ? "the recorded ticks are out of order"
+                             : "the recorder lost ticks " + std::to_string(state_.tick) + " to " +
+                                   std::to_string(recorded.tick - 1);
+    return;
+  }
+
+  std::array<Wrench, kMaxDevices> wrenches;
+  TickRecord again;
+  const std::size_t count = static_cast<std::size_t>(recorded.devices);
+  tick(*model_.felt, parameters, {devices.data(), count}, recorded.dt_s, state_, {wrenches.data(), count},
+       again);
+  result_.ticks += 1;
+  result_.run_hash = mix_run_hash(result_.run_hash, again.state_hash);
+  result_.difference = first_difference(recorded, again);
+  if (!result_.difference.empty()) result_.first_difference = recorded.tick;
+}
+
+}  // namespace
+
+Result<void> check_recorded_model(const RecordingHeader& recording, const Model& model) {
+  if (recording.model_hash == model.content_hash) return {};
+  return Error{
+      ErrorKind::kBadInput, "the recording was made with another scene or other volumes", "",
+      "name the scene file or data set that it was made with; a changed scene is another model, and so "
+      "may be the same scene to another version: this one was recorded by palpate " +
+          recording.palpate_version + ", commit " + recording.commit};
+}
+
+Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<const Model> prepared,
+                            const Progress& progress) {
+  const RecordingHead& head = recording.head();
+  if (auto same = check_recorded_model(head.header, *prepared); !same) return same.error();
+
+  const auto methods = methods_of(head);
+  if (!methods) return methods.error();
+  const auto ready = ready_for(std::move(prepared), *methods, progress);
+  if (!ready) return ready.error();
+
+  Replayer replayer(*ready, progress);
+  ReplayResult& result = replayer.result();
+  // the rest of what differs need not be read
+  const Error enough{ErrorKind::kInterrupted, "", "", ""};
+  const auto read = recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        progress.report("replaying", static_cast<double>(result.ticks) / static_cast<double>(head.ticks));
+        if (auto taken = replayer.take(part); !taken) return taken;
+        return replayer.differs() ? Result<void>(enough) : Result<void>();
+      },
+      progress);
+  if (replayer.differs()) return result;
+  if (!read) return read.error();
+  progress.report("replaying", 1);
+  // a complete recording also carries the hash of the whole run
+  result.identical =
+      !head.summary || (head.summary->run_hash == result.run_hash && head.summary->dropped == 0);
+  if (!result.identical) {
+    result.first_difference = result.ticks;
+    result.difference = "the recording's ticks are not all there";
+  }
+  return result;
+}
+
+}  // namespace palpate

@@ -1,0 +1,188 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+
+#include "palpate/device/pointer_driver.h"
+#include "palpate/palpation/plain_vectors.h"
+#include "palpate/palpation/run_setup.h"
+#include "palpate/stability/held_stiffness.h"
+#include "palpate/volume/simd_targets.h"
+#include "palpate_version.h"
+#include "palpation/script_text.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kDefaultUserLimit_N = 3;
+
+std::string utc_now() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  std::tm utc;
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
+Error at_line(Error error, const Script& script, int line) {
+  error.where = line > 0 ? script.source + ":" + std::to_string(line) : script.source;
+  return error;
+}
+
+// what the script changes to, and what it begins with
+std::vector<ForceMethod> methods_of(const RunSetup& setup) {
+  std::vector<ForceMethod> methods{setup.parameters.method};
+  for (const ScriptStep& step : setup.script.steps)
+    if (const auto* change = std::get_if<MethodStep>(&step)) methods.push_back(change->method);
+  return methods;
+}
+
+/// Presses that the limit or the tissue cannot give.
+/// @param softer  what is left of the stiffest tissue's stiffness
+std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
+  std::vector<std::string> trouble;
+  ForceMethod method = setup.parameters.method;
+  for (std::size_t s = 0; s < setup.script.steps.size(); ++s) {
+    if (const auto* change = std::get_if<MethodStep>(&setup.script.steps[s])) method = change->method;
+    const auto* press = std::get_if<PressStep>(&setup.script.steps[s]);
+    // the proxy gives more the deeper the tip goes
+    const double most_N = method == ForceMethod::kProxy ? setup.limit_N
+                                                        : setup.model->force_field(method).full_force_N() *
+                                                              setup.workspace.force_gain * softer;
+    if (!press || press->force_N <= std::min(setup.limit_N, most_N)) continue;
+    char text[120];
+    std::snprintf(text, sizeof text,
+                  "script line %d: asks for %.2f N, where at most %.2f N are allowed and %.2f N can be given",
+                  setup.script.lines[s], press->force_N, setup.limit_N, most_N);
+    trouble.push_back(text);
+  }
+  return trouble;
+}
+
+// what the direct methods read knows nothing of what is cut away
+Result<void> check_burr(const Model& model, const RunSetup& setup) {
+  if (!model.tool.burr) return {};
+  for (const ForceMethod method : methods_of(setup))
+    if (method != ForceMethod::kProxy)
+      return Error{ErrorKind::kUsage,
+                   "the scene's tool is a burr, and " + std::string(name_of(method)) +
+                       " does not feel what it takes away",
+                   "", "use the proxy: leave --method and the script's method steps out"};
+  return {};
+}
+
+}  // namespace
+
+Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
+                            const Progress& progress) {
+  const auto device = find_plant_device(script.device);
+  if (!device) return at_line(device.error(), script, script.device_line);
+  const auto hand = find_plant_hand(script.hand);
+  if (!hand) return at_line(hand.error(), script, script.hand_line);
+
+  RunSetup setup{nullptr, script, *device, *hand, loaded.scene.workspace, {}, 0, {}};
+  if (options.seed) setup.script.seed = *options.seed;
+  if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
+
+  // the least of device, user and scene limit
+  const double user_N = options.max_force_N ? std::min(*options.max_force_N, device->peak_force_N)
+                                            : std::min(device->continuous_force_N, kDefaultUserLimit_N);
+  setup.limit_N = std::min(user_N, loaded.model->scene_max_force_N);
+  setup.parameters.max_force_N = user_N;
+  setup.parameters.method = options.method.value_or(loaded.scene.force.method);
+  if (auto fine = check_burr(*loaded.model, setup); !fine) return fine.error();
+  auto model = ready_for(loaded.model, methods_of(setup), progress);
+  if (!model) return model.error();
+  setup.model = *std::move(model);
+  setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);
+  const auto held = held_stiffness(*setup.model, setup.workspace, setup.parameters.method, *device,
+                                   setup.script.rate_hz, setup.script.delay_s, progress);
+  if (!held) return held.error();
+  setup.parameters.device[0].most_stiffness_N_per_mm = held->most_N_per_mm;
+  const HeldDamping borne =
+      held_damping(*setup.model, setup.workspace, *device, setup.script.rate_hz, setup.script.delay_s);
+  setup.parameters.device[0].most_damping_N_s_per_mm = borne.most_N_s_per_mm;
+  setup.parameters.device[0].delay_s = setup.script.delay_s;
+  setup.trouble =
+      out_of_reach(setup, held->most_N_per_mm / std::max(held->asked_N_per_mm, held->most_N_per_mm));
+  if (!borne.clamped.empty()) setup.trouble.insert(setup.trouble.begin(), borne.clamped);
+  if (!held->clamped.empty()) setup.trouble.insert(setup.trouble.begin(), held->clamped);
+  return setup;
+}
+
+Result<RunSetup> set_up_pointer_run(const LoadedScene& loaded, const SimulationOptions& options,
+                                    const Progress& progress) {
+  const DeviceInfo pointer = PointerDriver::info();
+  RunSetup setup{nullptr, {}, {}, {}, loaded.scene.workspace, {}, 0, {}};
+  setup.script.device = pointer.name;
+  setup.script.hand.clear();
+  if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
+  setup.parameters.max_force_N = options.max_force_N.value_or(kDefaultUserLimit_N);
+  setup.limit_N = std::min(setup.parameters.max_force_N, loaded.model->scene_max_force_N);
+  setup.parameters.method = options.method.value_or(loaded.scene.force.method);
+  if (auto fine = check_burr(*loaded.model, setup); !fine) return fine.error();
+  auto model = ready_for(loaded.model, methods_of(setup), progress);
+  if (!model) return model.error();
+  setup.model = *std::move(model);
+  setup.parameters.device[0] = device_parameters(pointer, setup.workspace);
+  return setup;
+}
+
+RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) {
+  const Model& model = *loaded.model;
+  RecordingHeader header;
+  header.palpate_version = PALPATE_VERSION;
+  header.commit = PALPATE_COMMIT;
+  header.build_type = PALPATE_BUILD_TYPE;
+  header.compiler = PALPATE_COMPILER;
+  const auto targets = simd_targets();
+  header.simd_target = targets.empty() ? "" : targets.front();
+  header.started_utc = utc_now();
+  header.data_set = loaded.data_set;
+  header.scene_title = model.title;
+  header.model_hash = model.content_hash;
+  header.model_version = model.version;
+  header.rate_hz = setup.script.rate_hz;
+  header.seed = setup.script.seed;
+  header.device = setup.script.device;
+  header.hand = setup.script.hand;
+  // a pointer is moved by a person
+  header.simulated = !setup.script.steps.empty();
+  if (header.simulated) header.script_text = script_text(setup.script);
+  for (const Segment& segment : model.segments)
+    if (const Tissue* tissue = model.tissue_of(segment.id))
+      header.structures.push_back({segment.id, segment.name, tissue->name, segment.colour});
+  return header;
+}
+
+HoldMeter::HoldMeter(const Model& model, const HoldAsked& asked)
+    : forces_N_(asked.forces_N), unbroken_s_(std::max<std::size_t>(1, asked.forces_N.size()), 0.0) {
+  figure_.label = asked.structure;
+  figure_.structure = model.name_of(asked.structure);
+}
+
+void HoldMeter::see(const TickRecord& record) {
+  const DeviceTick& device = record.device[0];
+  const double force_N = norm(device.force_N);
+  const bool own = device.label == figure_.label;
+  if (own) {
+    sum_N_ += force_N;
+    ++ticks_;
+    figure_.peak_force_N = std::max(figure_.peak_force_N, force_N);
+  }
+  for (std::size_t f = 0; f < unbroken_s_.size(); ++f) {
+    const bool held =
+        own && (forces_N_.empty() || std::abs(force_N - forces_N_[f]) <= kHeldWithin * forces_N_[f]);
+    unbroken_s_[f] = held ? unbroken_s_[f] + record.dt_s : 0;
+    figure_.held_s = std::max(figure_.held_s, unbroken_s_[f]);
+  }
+}
+
+HoldFigure HoldMeter::figure() const {
+  HoldFigure figure = figure_;
+  figure.mean_force_N = ticks_ ? sum_N_ / static_cast<double>(ticks_) : 0;
+  return figure;
+}
+
+}  // namespace palpate

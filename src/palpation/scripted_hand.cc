@@ -1,0 +1,797 @@
+#include "palpate/palpation/scripted_hand.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+#include <map>
+#include <numbers>
+#include <random>
+#include <utility>
+
+#include "palpate/palpation/plain_vectors.h"
+#include "palpation/surface_point.h"
+
+namespace palpate {
+namespace {
+
+// voluntary control of force is slow: speed of the hand per newton of error, and its most; what is soft is
+// pressed faster, so that the error shrinks at this rate
+constexpr double kForceGain_mm_s_N = 15, kForceRate_per_s = 5;
+constexpr double kMostPressing_mm_s = 12;
+// what a person feels is low-passed
+constexpr double kFeeling_s = 0.03;
+constexpr double kNormalFeeling_s = 0.15;
+// a press that has not settled by then is given up, and a hold that has not been whole so much later
+constexpr double kPatience_s = 6, kHoldPatience_s = 3;
+constexpr double kSettledWithin = 0.1;
+// a touch without a press, and how fast it is looked for
+constexpr double kTouch_N = 0.1, kTouching_mm_s = 8;
+// a touch is one after this time, an encounter on the way after that; a contact is lost after this time
+constexpr double kTouched_s = 0.01, kOther_s = 0.03, kEncounter_s = 0.25, kLost_s = 0.1;
+// a tip so much deeper than the force explains is given up: a hand that stops then stays within a millimetre
+constexpr double kMostOver_mm = 0.7, kOver_s = 0.004;
+// the tip may be so much farther from where the hand would be than force and friction explain
+constexpr double kLeash_mm = 2.5, kPushedAway_mm = 4, kStuck_s = 1;
+// what is met at the careful speed is not entered farther than this; fast is for where there is room
+constexpr double kCarefulDip_mm = 0.3, kLeastCareful_mm_s = 3, kRoom_mm = 2.4;
+// where the surface is not met so far behind where it was expected, it is not there
+constexpr double kBehind_mm = 3;
+constexpr std::size_t kMostTries = 4;
+// leaving: so far that the ramp has ended, what counts as free, and how long the tip may lag behind
+constexpr double kWayOutInSigmas = 4, kWayOut_mm = 1, kFree_N = 0.02, kFollow_s = 1;
+constexpr double kLettingGo_s = 5;
+constexpr double kWithdrawing_mm_s = 60, kLetGo_mm = 0.3;
+constexpr double kSteppingBack_mm_s = 100, kStepBack_mm = 5;
+// corners of the way that a slide has gone
+constexpr double kTrail_mm = 1;
+// less of a direction than this lies in the surface: there is nowhere to slide
+constexpr double kLeastAlong = 0.1;
+
+std::string text_of(const char* format, ...) __attribute__((format(printf, 1, 2)));
+std::string text_of(const char* format, ...) {
+  char text[200];
+  va_list values;
+  va_start(values, format);
+  std::vsnprintf(text, sizeof text, format, values);
+  va_end(values);
+  return text;
+}
+
+std::string place_text(const Point<Patient>& p) {
+  return text_of("%.1f, %.1f, %.1f mm", p.x(), p.y(), p.z());
+}
+
+// a name, or "#95"
+Result<LabelId> find_structure(const Model& model, const std::string& name, const std::string& where) {
+  const auto is_named = [&](const Segment& segment) {
+    return segment.name == name && model.is_felt(segment.id);
+  };
+  const auto count = std::count_if(model.segments.begin(), model.segments.end(), is_named);
+  if (count > 1) {
+    std::string ids;
+    for (const Segment& segment : model.segments)
+      if (is_named(segment)) ids += (ids.empty() ? "\"#" : ", \"#") + std::to_string(segment.id) + "\"";
+    return Error{ErrorKind::kBadInput,
+                 std::to_string(count) + " structures of this scene are named '" + name + "'", where,
+                 "say which by its number: " + ids};
+  }
+  const auto one = std::find_if(model.segments.begin(), model.segments.end(), is_named);
+  const Segment* segment = one != model.segments.end() ? &*one : model.find(name);
+  if (!segment && name.size() > 1 && name[0] == '#' &&
+      name.find_first_not_of("0123456789", 1) == std::string::npos && name.size() < 7)
+    segment = model.find(static_cast<LabelId>(std::stoi(name.substr(1))));
+  if (segment) return segment->id;
+  std::string known;
+  for (const Segment& s : model.segments)
+    if (model.is_felt(s.id))
+      known += (known.empty() ? "" : ", ") + (s.name.empty() ? "#" + std::to_string(s.id) : s.name);
+  return Error{ErrorKind::kBadInput, "no structure '" + name + "' in this scene", where,
+               "felt structures are: " + known};
+}
+
+// centres of voxels on a structure's border, thinned out
+std::vector<Point<Patient>> some_of_border(const Model& model, LabelId structure) {
+  constexpr std::size_t kMost = 2000;
+  const auto X_PatientVoxel = model.labels->geometry().X_PatientVoxel();
+  std::vector<Point<Patient>> border;
+  model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+    if (piece.uniform) return;
+    for (int n = 0; n < piece.count; ++n) {
+      const LabelId* const voxel = piece.voxels + n;
+      if (*voxel != structure) continue;
+      const auto& faces = BrickLayout::kFaces;
+      if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return voxel[face] != structure; }))
+        border.push_back(X_PatientVoxel * Point<Voxel>(piece.i + n, piece.j, piece.k));
+    }
+  });
+  const std::size_t stride = border.size() / kMost + 1;
+  std::vector<Point<Patient>> some;
+  for (std::size_t b = 0; b < border.size(); b += stride) some.push_back(border[b]);
+  return some;
+}
+
+template <class Frame>
+Point<Frame> point(const std::array<double, 3>& p) {
+  return {p[0], p[1], p[2]};
+}
+
+Point<World> tip_of(const TickRecord& felt) {
+  return point<World>(felt.device[0].tip_world_mm);
+}
+
+double low_pass(double old, double now, double dt_s, double time_s) {
+  return old + (now - old) * std::min(1.0, dt_s / time_s);
+}
+
+// the limit in that tick; a tick that a fault spoilt has none
+double limited(double force_N, const TickRecord& felt) {
+  const double limit_N = felt.device[0].limit_N;
+  return limit_N > 0 ? std::min(force_N, limit_N) : force_N;
+}
+
+bool felt_by_proxy(const TickRecord& felt) {
+  return felt.method == static_cast<std::uint8_t>(ForceMethod::kProxy) &&
+         (felt.device[0].flags & kFlagMethodMissing) == 0;
+}
+
+bool is_within(double force_N, double asked_N, double part) {
+  return std::abs(force_N - asked_N) <= part * asked_N;
+}
+
+}  // namespace
+
+// ---- planning
+
+Result<ScriptedHand> ScriptedHand::create(const Model& model, const Script& script) {
+  const auto device = find_plant_device(script.device);
+  if (!device) return device.error();
+  const auto grip = find_plant_hand(script.hand);
+  if (!grip) return grip.error();
+  ScriptedHand hand(model, script, *device, *grip);
+  LabelId structure = 0;
+  for (std::size_t s = 0; s < script.steps.size(); ++s) {
+    auto step = hand.planned(script.steps[s], script.lines[s], structure,
+                             script.source + ":" + std::to_string(script.lines[s]));
+    if (!step) return step.error();
+    structure = step->structure;
+    hand.steps_.push_back(*std::move(step));
+  }
+  return hand;
+}
+
+/// @param before  the structure of the approach before
+Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action, int line, LabelId before,
+                                                        const std::string& where) {
+  PlannedStep step{action, line, before, {}};
+  const auto* approach = std::get_if<ApproachStep>(&action);
+  if (!approach) return step;
+
+  TouchWish wish;
+  wish.clearance_mm = approach->clearance_mm;
+  wish.landmark = approach->landmark;
+  wish.from = approach->from;
+  if (approach->point) {
+    step.structure = felt_structure_near(*model_, *approach->point);
+    if (step.structure == 0)
+      return Error{ErrorKind::kBadInput,
+                   "no felt structure within 5 mm of the point " + place_text(*approach->point), where,
+                   "give a point of a surface, in the patient's millimetres (LPS), or name a structure"};
+    wish.near = {*approach->point};
+  } else {
+    const auto label = find_structure(*model_, approach->structure, where);
+    if (!label) return label.error();
+    step.structure = *label;
+  }
+  if (!model_->is_felt(step.structure))
+    return Error{ErrorKind::kBadInput, "'" + model_->name_of(step.structure) + "' is not felt in this scene",
+                 where, "set felt = true on its [[tissue]], or choose another structure"};
+  if (const auto* other = std::get_if<std::string>(&approach->nearest)) {
+    const auto label = find_structure(*model_, *other, where);
+    if (!label) return label.error();
+    wish.near = some_of_border(*model_, *label);
+  }
+  if (const auto* place = std::get_if<Point<Patient>>(&approach->nearest)) wish.near = {*place};
+  step.places = find_touch_places(*model_, free_space_, step.structure, wish);
+  if (step.places.places.size() > kMostTries) step.places.places.resize(kMostTries);
+  return step;
+}
+
+ScriptedHand::ScriptedHand(const Model& model, const Script& script, const PlantDevice& device,
+                           const PlantHand& hand)
+    : model_(&model),
+      device_(device),
+      hand_(hand),
+      free_space_(model, tool_reach_mm(model.tool)),
+      tool_reach_mm_(tool_reach_mm(model.tool)) {
+  // in the air, a hand's breadth in front of the patient
+  const GridGeometry& grid = model.labels->geometry();
+  double most_anterior_mm = grid.centre().y();
+  for (int corner = 0; corner < 8; ++corner) {
+    Point<Voxel> p;
+    for (int axis = 0; axis < 3; ++axis) p[axis] = corner >> axis & 1 ? grid.dims[axis] - 0.5 : -0.5;
+    const Point<Patient> at = grid.X_PatientVoxel() * p;
+    most_anterior_mm = std::min(most_anterior_mm, at.y());
+    clear_of_object_mm_ = std::max(clear_of_object_mm_, (model.X_WorldPatient * at - Point<World>()).norm());
+  }
+  clear_of_object_mm_ += tool_reach_mm_ + kStepBack_mm;
+  constexpr double kBefore_mm = 3;
+  start_ =
+      model.X_WorldPatient *
+      Point<Patient>(grid.centre().x(), most_anterior_mm - kBefore_mm - tool_reach_mm_, grid.centre().z());
+  intention_ = start_;
+
+  std::mt19937_64 random(script.seed);
+  const auto uniform = [&] { return static_cast<double>(random() >> 11) * 0x1p-53; };
+  for (auto& axis : tremor_)
+    for (Wave& wave : axis)
+      wave = {script.tremor_mm / 3, 2 * std::numbers::pi * (8 + 4 * uniform()),
+              2 * std::numbers::pi * uniform()};
+}
+
+std::vector<HoldAsked> ScriptedHand::asked() const {
+  std::vector<HoldAsked> asked;
+  const auto of = [&](LabelId structure) -> HoldAsked& {
+    const auto found = std::find_if(asked.begin(), asked.end(),
+                                    [&](const HoldAsked& a) { return a.structure == structure; });
+    return found != asked.end() ? *found : asked.emplace_back(HoldAsked{structure, {}});
+  };
+  for (const PlannedStep& step : steps_) {
+    if (std::holds_alternative<ApproachStep>(step.action)) of(step.structure);
+    if (const auto* press = std::get_if<PressStep>(&step.action))
+      of(step.structure).forces_N.push_back(press->force_N);
+  }
+  return asked;
+}
+
+Vector<World> ScriptedHand::tremor() const {
+  Vector<World> sum;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const Wave& wave : tremor_[axis])
+      sum[axis] += wave.amplitude_mm * std::sin(wave.omega * time_s_ + wave.phase);
+  return sum;
+}
+
+// ---- tick by tick
+
+std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt_s, HandCommands& commands) {
+  if (step_ == steps_.size()) return std::nullopt;
+  feel(felt, dt_s);
+  time_s_ += dt_s;
+  // one step a tick: the next one begins in the next tick
+  const PlannedStep& step = steps_[step_];
+  bool done = false;
+  if (withdrawing_) {
+    // what has failed is not gone on with
+    if (!elsewhere_ && std::exchange(cutting_, false)) commands.motor = false;
+    withdrawing_ = !withdraw(kWithdrawing_mm_s, felt, dt_s);
+    done = !withdrawing_ && !elsewhere_;
+  } else if (needs_contact(step.action) && !touching_) {
+    done = true;  // what it needs has failed, which said that it is skipped
+  } else {
+    done = run_step(step, felt, dt_s, commands);
+  }
+  step_time_s_ += dt_s;
+  if (done) {
+    ++step_;
+    step_time_s_ = settled_s_ = longest_s_ = slid_mm_ = left_s_ = sum_Ns_ = turned_s_ = 0;
+    off_s_ = over_s_ = stuck_s_ = met_s_ = 0;
+    turning_ = elsewhere_ = false;
+    phase_ = Approach::kPlan;
+    place_ = 0;
+    refusal_.clear();
+  }
+  lay_ = X_WorldPatient(felt);
+  return intention_ + tremor();
+}
+
+// where the patient lies now, as it was felt in the last tick
+Transform<World, Patient> ScriptedHand::X_WorldPatient(const TickRecord& felt) const {
+  const auto& q = felt.rotation_felt_wxyz;
+  const Rotation<World, World> turn(Eigen::Quaterniond(q[0], q[1], q[2], q[3]));
+  return Transform<World, World>(turn, Vector<World>()) * model_->X_WorldPatient;
+}
+
+void ScriptedHand::feel(const TickRecord& felt, double dt_s) {
+  felt_N_ = low_pass(felt_N_, norm(felt.device[0].force_N), dt_s, kFeeling_s);
+  const auto& n = felt.device[0].normal_patient;
+  const Vector<World> now = X_WorldPatient(felt) * Vector<Patient>(n[0], n[1], n[2]);
+  felt_normal_ = felt_normal_ + (now - felt_normal_) * std::min(1.0, dt_s / kNormalFeeling_s);
+}
+
+// one tick of a step; true when the step is done
+bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, double dt_s,
+                            HandCommands& commands) {
+  struct Visitor {
+    ScriptedHand& hand;
+    const PlannedStep& step;
+    const TickRecord& felt;
+    double dt_s;
+    HandCommands& commands;
+    bool operator()(const ApproachStep&) { return hand.approach(step, felt, dt_s); }
+    bool operator()(const PressStep&) { return hand.press(step, felt, dt_s); }
+    bool operator()(const HoldStep&) { return hand.hold(step, felt, dt_s); }
+    bool operator()(const SlideStep&) { return hand.slide(step, felt, dt_s); }
+    bool operator()(const RotateStep&) { return hand.rotate(step, felt, dt_s, commands.rotation_target); }
+    bool operator()(const MethodStep& change) { return hand.change_method(change, felt, dt_s, commands); }
+    bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, felt, dt_s, commands); }
+    bool operator()(const StrokeStep&) { return hand.change_stroke(step, felt, dt_s, commands); }
+    bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
+  };
+  return std::visit(Visitor{*this, step, felt, dt_s, commands}, step.action);
+}
+
+// ---- approach
+
+bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  phase_time_s_ += dt_s;
+  if (phase_ == Approach::kPlan) return plan(step, felt);
+  if (phase_ == Approach::kTouch) return touch(step, felt, dt_s);
+  go(step, felt, dt_s);
+  return false;
+}
+
+// the way to the next place; true when there is none and the step has failed
+bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& felt) {
+  if (touching_) {
+    // a script that begins again without having left
+    touching_ = false;
+    elsewhere_ = withdrawing_ = true;
+    begin_withdrawal(felt);
+    return false;
+  }
+  // planned in the patient as it lies now, walked as it lies then
+  const Transform<World, Patient> X = X_WorldPatient(felt);
+  const auto& places = step.places.places;
+  if (places.empty()) refusal_ = step.places.why_none;
+  for (; place_ < places.size(); ++place_) {
+    const TouchPlace& place = places[place_];
+    way_in_ = free_space_.path(X.inverse() * intention_, place.before);
+    if (way_in_.empty()) {
+      refusal_ = "there is no free way from where the hand is";
+      continue;
+    }
+    way_in_.push_back(place.in_front);
+    way_.assign(way_in_.rbegin(), way_in_.rend());
+    inward_ = X * -place.from;
+    wanted_N_ = met_s_ = over_s_ = stuck_s_ = phase_time_s_ = 0;
+    phase_ = Approach::kWalk;
+    return false;
+  }
+  touching_ = false;
+  trouble_.push_back(named(step) + " failed: " + refusal_ + skipped());
+  return true;
+}
+
+void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  const LabelId met = felt.device[0].label;
+  // its surface may stand out a little
+  if (met == step.structure && way_.size() == 1) {
+    way_in_.resize(way_in_.size() - way_.size());
+    way_in_.push_back(X_WorldPatient(felt).inverse() * intention_);
+    way_.clear();
+  }
+  if (way_.empty()) {
+    phase_ = Approach::kTouch;
+    met_s_ = over_s_ = phase_time_s_ = 0;
+    return;
+  }
+  const bool inside = (felt.device[0].flags & kFlagInside) != 0;
+  met_s_ = met != 0 || inside ? met_s_ + dt_s : 0;
+  if (const auto over = overreach(felt, dt_s); over || met_s_ > kEncounter_s)
+    return try_elsewhere(felt, "on the way the hand met " + (met != 0 ? model_->name_of(met) : "something") +
+                                   " at " + place_text(point<Patient>(felt.device[0].proxy_patient_mm)));
+  if (stuck_s_ > kStuck_s) return try_elsewhere(felt, "the hand got stuck on the way");
+  walk(std::get<ApproachStep>(step.action).speed_mm_s, felt, dt_s);
+}
+
+// slowly on until something is felt
+bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  const DeviceTick& device = felt.device[0];
+  const Transform<World, Patient> X = X_WorldPatient(felt);
+  wanted_N_ = kTouch_N;
+  met_s_ = device.label != 0 ? met_s_ + dt_s : 0;
+  const auto& n = device.normal_patient;
+  const Vector<Patient> normal(n[0], n[1], n[2]);
+  if (device.label == step.structure && met_s_ >= kTouched_s) {
+    touching_ = true;
+    asked_N_ = 0;
+    if (normal != Vector<Patient>()) {
+      inward_ = X * -normal;
+      felt_normal_ = X * normal;
+    }
+    const Point<Patient> at = point<Patient>(device.proxy_patient_mm);
+    const double above_mm = felt_by_proxy(felt)              ? -model_->tool.radius_mm
+                            : std::isfinite(device.depth_mm) ? device.depth_mm
+                                                             : 0;
+    touches_.push_back({step.line, model_->name_of(device.label), device.label, at + normal * above_mm});
+    return true;
+  }
+  if (device.label != 0 && met_s_ >= kOther_s) {
+    try_elsewhere(felt, touched_instead(felt));
+    return false;
+  }
+  if (overreach(felt, dt_s)) {
+    try_elsewhere(felt,
+                  "the tip went in without a touch at " + place_text(point<Patient>(device.tip_patient_mm)));
+    return false;
+  }
+  const double most_mm = model_->sigma_mm + 2 * tool_reach_mm_ + kBehind_mm;
+  const Point<World> front = X * way_in_.back();
+  const double behind_mm = (tip_of(felt) - front).dot(inward_), lead_mm = (intention_ - front).dot(inward_);
+  if (behind_mm > most_mm || lead_mm > most_mm + leash_mm(felt)) {
+    try_elsewhere(felt, "nothing was felt where its surface was expected, at " +
+                            place_text(step.places.places[place_].surface.point));
+    return false;
+  }
+  intention_ += inward_ * (std::min(kTouching_mm_s, careful_mm_s(step.structure, felt)) * dt_s);
+  return false;
+}
+
+// back, then the next place
+void ScriptedHand::try_elsewhere(const TickRecord& felt, const std::string& why) {
+  refusal_ = why;
+  ++place_;
+  way_in_.resize(way_in_.size() - way_.size());
+  phase_ = Approach::kPlan;
+  elsewhere_ = withdrawing_ = true;
+  begin_withdrawal(felt);
+}
+
+// ---- contact
+
+bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  const auto& action = std::get<PressStep>(step.action);
+  wanted_N_ = asked_N_ = action.force_N;
+  if (const auto over = overreach(felt, dt_s)) return fail(step, felt, *over);
+  if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
+  keep_contact(felt, dt_s);
+  const bool at_force =
+      felt.device[0].label == step.structure && (cutting_ || is_within(felt_N_, asked_N_, kSettledWithin));
+  settled_s_ = at_force ? settled_s_ + dt_s : 0;
+  if (at_force && settled_s_ >= action.settle_s) return true;
+
+  const double soft_N_per_mm = stiffness_N_per_mm(step.structure, felt) * felt.device[0].force_gain;
+  const double travel_s = asked_N_ * (1e3 / hand_.stiffness_N_per_m + 1 / soft_N_per_mm) / kMostPressing_mm_s;
+  if (step_time_s_ < kPatience_s + action.settle_s + travel_s) return false;
+  return fail(step, felt, text_of("it did not settle, %.2f N were felt", felt_N_));
+}
+
+bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  const auto& action = std::get<HoldStep>(step.action);
+  if (const auto over = overreach(felt, dt_s)) return fail(step, felt, *over);
+  if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
+  keep_contact(felt, dt_s);
+  const double force_N = norm(felt.device[0].force_N);
+  const bool held = felt.device[0].label == step.structure &&
+                    (asked_N_ == 0 || cutting_ || is_within(force_N, asked_N_, kHeldWithin));
+  settled_s_ = held ? settled_s_ + dt_s : 0;
+  longest_s_ = std::max(longest_s_, settled_s_);
+  if (settled_s_ >= action.seconds - 0.5 * dt_s) return true;
+  if (step_time_s_ < action.seconds + kHoldPatience_s) return false;
+  return fail(step, felt,
+              text_of("held for %.2f s without a break, asked for %.2f N, felt %.2f N", longest_s_, asked_N_,
+                      felt_N_));
+}
+
+bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  const auto& action = std::get<SlideStep>(step.action);
+  if (const auto over = overreach(felt, dt_s)) return fail(step, felt, "it met something: " + *over);
+  if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
+  const Transform<World, Patient> X = X_WorldPatient(felt);
+  const Vector<World> direction = (X * action.direction).normalized();
+  const Vector<World> along = direction - inward_ * inward_.dot(direction);
+  if (along.norm() < kLeastAlong) return fail(step, felt, "its direction points out of the surface");
+
+  // as far as the contact gets, not the hand
+  const Point<Patient> here = point<Patient>(felt.device[0].proxy_patient_mm);
+  if (step_time_s_ > 0) slid_mm_ += (X * (here - contact_)).dot(along.normalized());
+  contact_ = here;
+  sum_Ns_ += norm(felt.device[0].force_N) * dt_s;
+  keep_contact(felt, dt_s);
+  if (slid_mm_ >= action.distance_mm) {
+    const auto badly = kept_badly(step_time_s_ + dt_s);
+    return badly ? fail(step, felt, *badly) : true;
+  }
+  const double speed_mm_s = std::min(action.speed_mm_s, careful_mm_s(step.structure, felt));
+  intention_ += along.normalized() * (speed_mm_s * dt_s);
+  if (step_time_s_ < action.distance_mm / speed_mm_s + kPatience_s) return false;
+  return fail(step, felt, text_of("it got %.1f mm far", slid_mm_));
+}
+
+bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& felt, double dt_s,
+                          Eigen::Quaterniond& target) {
+  const auto& action = std::get<RotateStep>(step.action);
+  if (touching_) {
+    if (const auto over = overreach(felt, dt_s)) return fail(step, felt, *over);
+    if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
+    sum_Ns_ += norm(felt.device[0].force_N) * dt_s;
+    keep_contact(felt, dt_s);
+  } else if (!turning_) {
+    // what turns must not hit a hand that does not expect it
+    if (step_time_s_ == 0 && !begin_step_back(felt))
+      return fail(step, felt, "there is no free way to step back");
+    if (!walk(kSteppingBack_mm_s, felt, dt_s))
+      return stuck_s_ > kStuck_s && fail(step, felt, "the hand got stuck");
+  }
+  if (!turning_) rotation_start_ = target;
+  turning_ = true;
+
+  // a command every tenth of a second, as a second person at a viewer would send
+  const double commanded_s = std::floor(turned_s_ / kRotationInterval_s + 1e-9) * kRotationInterval_s;
+  const double part = std::min(1.0, commanded_s / action.seconds);
+  const double radians = action.degrees * std::numbers::pi / 180 * part;
+  target = Eigen::Quaterniond(Eigen::AngleAxisd(radians, action.axis_world.normalized())) * rotation_start_;
+  turned_s_ += dt_s;
+  if (turned_s_ < action.seconds + kRotationInterval_s) return false;
+  const auto badly = touching_ ? kept_badly(turned_s_) : std::nullopt;
+  return badly ? fail(step, felt, *badly) : true;
+}
+
+bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& felt, double dt_s,
+                                 HandCommands& commands) {
+  if (touching_) keep_contact(felt, dt_s);
+  commands.method = change.method;
+  return true;
+}
+
+bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,
+                                HandCommands& commands) {
+  if (touching_) keep_contact(felt, dt_s);
+  cutting_ = motor.on;
+  commands.motor = motor.on;
+  return true;
+}
+
+// The last of the stroke is carved meanwhile, and a version after that is the one that is asked for.
+bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s,
+                                 HandCommands& commands) {
+  constexpr double kCarved_s = 0.2, kLongest_s = 2;
+  if (touching_) keep_contact(felt, dt_s);
+  if (cutting_) return fail(step, felt, "the motor runs");
+  const double now_s = step_time_s_ + dt_s;
+  if (step_time_s_ < kCarved_s) {
+    version_before_ = felt.model_version;
+    if (now_s >= kCarved_s) commands.stroke = std::get<StrokeStep>(step.action).action;
+    return false;
+  }
+  if (felt.model_version != version_before_) return true;
+  return now_s >= kLongest_s && fail(step, felt, "there is none");
+}
+
+bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  if (step_time_s_ == 0) begin_withdrawal(felt);
+  if (!withdraw(std::get<LeaveStep>(step.action).speed_mm_s, felt, dt_s)) return false;
+  touching_ = false;
+  if (felt_N_ >= kFree_N) trouble_.push_back(named(step) + text_of(" failed: still %.2f N", felt_N_));
+  return true;
+}
+
+// ---- what goes wrong
+
+// N/mm of the patient, as it is felt
+double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const {
+  const DeviceTick& device = felt.device[0];
+  const double own = model_->tissue_of(structure)->stiffness_N_per_mm;
+  const double most = device.most_stiffness_N_per_mm / (device.force_gain * device.scale);
+  if (!(most > 0)) return own;
+  if (felt_by_proxy(felt)) return std::min(own, most);
+  const double all =
+      model_->greatest_stiffness_N_per_mm() * static_cast<double>(model_->tool.points_mm.size());
+  return own * std::min(1.0, most / all);
+}
+
+// A tip that is deeper than the force explains that it is to give, or, on its way, than a touch does.
+std::optional<std::string> ScriptedHand::overreach(const TickRecord& felt, double dt_s) {
+  const DeviceTick& device = felt.device[0];
+  const double force_N = limited(std::max(wanted_N_, kTouch_N), felt);
+  const LabelId met = device.label != 0 ? device.label : steps_[step_].structure;
+  // the proxy's own spring tells, whatever has been edited since; of a blend it does not
+  const bool told = felt_by_proxy(felt) && (device.flags & kFlagBlend) == 0 && device.depth_mm > 0 &&
+                    device.unclamped_force_N > 0;
+  const double stiffness =
+      told ? device.unclamped_force_N / device.depth_mm : stiffness_N_per_mm(met, felt) * device.force_gain;
+  const double explained_mm = force_N / stiffness;
+  // a place so deep that no surface is found counts, where something is touched
+  const bool over =
+      std::isnan(device.depth_mm) ? device.label != 0 : device.depth_mm > explained_mm + kMostOver_mm;
+  over_s_ = over ? over_s_ + dt_s : 0;
+  if (over_s_ < kOver_s) return std::nullopt;
+  if (force_N < wanted_N_) return text_of("the limit is %.2f N", force_N);
+  if (std::isnan(device.depth_mm)) return "the tip went in";
+  return text_of("the tip was %.1f mm deep, where %.2f N explain %.1f mm", device.depth_mm, force_N,
+                 explained_mm);
+}
+
+std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const TickRecord& felt, double dt_s) {
+  const DeviceTick& device = felt.device[0];
+  off_s_ = device.label == step.structure ? 0 : off_s_ + dt_s;
+  if ((device.flags & kFlagRuptured) != 0) return "the tool went through a surface";
+  if (off_s_ > kLost_s) return device.label == 0 ? "the contact was lost" : touched_instead(felt);
+
+  // where force and friction do not explain how far the tip is from where the hand would be
+  const double lag_mm = (tip_of(felt) - intention_).norm();
+  const double force_mm = 1.5e3 * std::max(wanted_N_, kTouch_N) / hand_.stiffness_N_per_m * device.scale;
+  if (lag_mm > force_mm + leash_mm(felt) + kPushedAway_mm)
+    return text_of("the tip was pushed %.0f mm from where the hand would be", lag_mm);
+  // who feels the contact go stops pushing
+  if (device.label == 0 && lag_mm > leash_mm(felt)) intention_ = tip_of(felt);
+  return std::nullopt;
+}
+
+// where the mean force of a step is not what was pressed
+std::optional<std::string> ScriptedHand::kept_badly(double time_s) const {
+  const double mean_N = sum_Ns_ / time_s;
+  if (asked_N_ == 0 || cutting_ || is_within(mean_N, asked_N_, kHeldWithin)) return std::nullopt;
+  return text_of("%.2f N in the mean, asked for %.2f N", mean_N, asked_N_);
+}
+
+// says why, and goes back the way it came; what follows is skipped
+bool ScriptedHand::fail(const PlannedStep& step, const TickRecord& felt, const std::string& why) {
+  const bool contact = touching_;
+  trouble_.push_back(named(step) + " failed: " + why + (contact ? skipped() : ""));
+  touching_ = false;
+  if (!contact) return true;
+  withdrawing_ = true;
+  begin_withdrawal(felt);
+  return false;
+}
+
+// "script line 8: press of 1.00 N on femur"
+std::string ScriptedHand::named(const PlannedStep& step) const {
+  struct Visitor {
+    std::string structure;
+    std::string operator()(const ApproachStep&) const { return "approach to " + structure; }
+    std::string operator()(const PressStep& s) const {
+      return text_of("press of %.2f N on ", s.force_N) + structure;
+    }
+    std::string operator()(const HoldStep& s) const {
+      return text_of("hold of %.2f s on ", s.seconds) + structure;
+    }
+    std::string operator()(const SlideStep& s) const {
+      return text_of("slide of %.1f mm on ", s.distance_mm) + structure;
+    }
+    std::string operator()(const RotateStep& s) const { return text_of("turn by %.0f degrees", s.degrees); }
+    std::string operator()(const MethodStep&) const { return "change of the method"; }
+    std::string operator()(const MotorStep& s) const { return s.on ? "motor on" : "motor off"; }
+    std::string operator()(const StrokeStep& s) const {
+      return s.action == StrokeAction::kUndo ? "undoing a stroke" : "doing a stroke again";
+    }
+    std::string operator()(const LeaveStep&) const { return "leaving " + structure; }
+  };
+  const std::string structure = step.structure != 0 ? model_->name_of(step.structure) : "";
+  return "script line " + std::to_string(step.line) + ": " + std::visit(Visitor{structure}, step.action);
+}
+
+// which steps after this one need the contact that has failed
+std::string ScriptedHand::skipped() const {
+  std::string lines;
+  int count = 0;
+  for (std::size_t s = step_ + 1; s < steps_.size(); ++s) {
+    if (std::holds_alternative<ApproachStep>(steps_[s].action)) break;
+    if (!needs_contact(steps_[s].action)) continue;
+    lines += (count++ == 0 ? "" : ", ") + std::to_string(steps_[s].line);
+  }
+  if (count == 0) return "";
+  return count == 1 ? "; line " + lines + " is skipped" : "; lines " + lines + " are skipped";
+}
+
+std::string ScriptedHand::touched_instead(const TickRecord& felt) const {
+  return "it touched " + model_->name_of(felt.device[0].label) + " instead, at " +
+         place_text(point<Patient>(felt.device[0].proxy_patient_mm));
+}
+
+// ---- how it moves
+
+// how far the tip lags behind a hand that meets nothing
+double ScriptedHand::leash_mm(const TickRecord& felt) const {
+  return 1e3 * device_.coulomb_N / hand_.stiffness_N_per_m * felt.device[0].scale + kLeash_mm;
+}
+
+// so slow that what is met is not entered far before the hand stops
+double ScriptedHand::careful_mm_s(LabelId structure, const TickRecord& felt) const {
+  const DeviceTick& device = felt.device[0];
+  const double wall_N_per_m = 1e3 * stiffness_N_per_mm(structure, felt) * device.force_gain * device.scale;
+  const double mass_kg = device_.mass_kg + hand_.mass_kg;
+  return std::max(kLeastCareful_mm_s,
+                  kCarefulDip_mm * std::sqrt((hand_.stiffness_N_per_m + wall_N_per_m) / mass_kg));
+}
+
+// along the corners of the way, not ahead of the tip; true when its end is reached
+bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) {
+  if ((tip_of(felt) - intention_).norm() > leash_mm(felt)) {
+    stuck_s_ += dt_s;
+    return false;
+  }
+  stuck_s_ = 0;
+  const Transform<World, Patient> X = X_WorldPatient(felt);
+  const LabelId structure = steps_[step_].structure;
+  if (structure != 0) {
+    const double room = std::max(1.0, free_space_.clearance_mm(X.inverse() * intention_) / kRoom_mm);
+    speed_mm_s = std::min(speed_mm_s, careful_mm_s(structure, felt) * room);
+  }
+  double left_mm = speed_mm_s * dt_s;
+  while (!way_.empty()) {
+    const Point<World> corner = X * way_.back();
+    const Vector<World> to_corner = corner - intention_;
+    const double distance_mm = to_corner.norm();
+    if (distance_mm > left_mm) {
+      intention_ += to_corner * (left_mm / distance_mm);
+      return false;
+    }
+    intention_ = corner;
+    left_mm -= distance_mm;
+    way_.pop_back();
+  }
+  return true;
+}
+
+// moves the intention along the pressing direction until the wanted force is felt
+void ScriptedHand::keep_force(const TickRecord& felt, double dt_s) {
+  const DeviceTick& device = felt.device[0];
+  const double hand = 1e-3 * hand_.stiffness_N_per_m;
+  const double wall = stiffness_N_per_mm(steps_[step_].structure, felt) * device.force_gain * device.scale;
+  const double felt_per_mm = hand * wall / (hand + wall) / device.scale;
+  const double gain = std::max(kForceGain_mm_s_N, kForceRate_per_s / felt_per_mm);
+  const double error_N = limited(std::max(wanted_N_, kTouch_N), felt) - felt_N_;
+  intention_ += inward_ * (std::clamp(gain * error_N, -kMostPressing_mm_s, kMostPressing_mm_s) * dt_s);
+}
+
+// presses against the surface that it feels, and yields with it where the object turns
+void ScriptedHand::keep_contact(const TickRecord& felt, double dt_s) {
+  if (felt_normal_.norm() > 0.5) inward_ = -felt_normal_.normalized();
+  const Point<Patient> at = point<Patient>(felt.device[0].proxy_patient_mm);
+  if (lay_) intention_ += inward_ * inward_.dot(X_WorldPatient(felt) * at - *lay_ * at);
+  keep_force(felt, dt_s);
+
+  // the way back from where it has got to
+  const auto& n = felt.device[0].normal_patient;
+  const Point<Patient> corner = at + Vector<Patient>(n[0], n[1], n[2]) * (model_->sigma_mm + tool_reach_mm_);
+  if (felt.device[0].label == steps_[step_].structure && (corner - way_in_.back()).norm() > kTrail_mm)
+    way_in_.push_back(corner);
+}
+
+void ScriptedHand::begin_withdrawal(const TickRecord& felt) {
+  way_ = way_in_;
+  leaving_from_ = tip_of(felt);
+  wanted_N_ = left_s_ = stuck_s_ = pressed_s_ = 0;
+}
+
+// First off what is touched, then back the way it came, as the patient lies now; true when nothing more is
+// felt, or when that does not come.
+bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& felt, double dt_s) {
+  const DeviceTick& device = felt.device[0];
+  const Point<World> here = tip_of(felt);
+  const double lag_mm = (here - intention_).norm();
+  const bool pressed = device.label != 0 && (device.depth_mm > kLetGo_mm || lag_mm > leash_mm(felt));
+  bool at_its_end = false;
+  if (pressed) {
+    pressed_s_ += dt_s;
+    const auto& n = device.normal_patient;
+    const Vector<World> out = X_WorldPatient(felt) * Vector<Patient>(n[0], n[1], n[2]);
+    intention_ += (out != Vector<World>() ? out : -inward_) * (speed_mm_s * dt_s);
+  } else {
+    at_its_end = walk(speed_mm_s, felt, dt_s);
+  }
+
+  // it is left when the ramp has ended and nothing is felt
+  const bool ramp_ended = (here - leaving_from_).norm() > kWayOutInSigmas * model_->sigma_mm + kWayOut_mm;
+  const bool free = free_space_.reachable(X_WorldPatient(felt).inverse() * here);
+  if (ramp_ended && free && felt_N_ < kFree_N) return true;
+  left_s_ += at_its_end ? dt_s : 0;
+  return left_s_ > kFollow_s || stuck_s_ > kStuck_s || pressed_s_ > kLettingGo_s;
+}
+
+// so far off that nothing of the object gets to the hand, however it turns; false where no way leads there
+bool ScriptedHand::begin_step_back(const TickRecord& felt) {
+  way_.clear();
+  const Vector<World> from_middle = tip_of(felt) - Point<World>();
+  if (from_middle.norm() >= clear_of_object_mm_) return true;
+  const Vector<World> out = (from_middle.norm() > 1 ? from_middle : start_ - Point<World>()).normalized();
+  const Transform<Patient, World> X = X_WorldPatient(felt).inverse();
+  way_ = free_space_.path(X * intention_, X * (Point<World>() + out * clear_of_object_mm_));
+  std::reverse(way_.begin(), way_.end());
+  return !way_.empty();
+}
+
+}  // namespace palpate

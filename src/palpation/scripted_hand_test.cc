@@ -1,0 +1,132 @@
+#include "palpate/palpation/scripted_hand.h"
+
+#include <gtest/gtest.h>
+
+#include "loading/test_loading.h"
+
+namespace palpate {
+namespace {
+
+using testing::loaded_ball;
+using testing::press_script;
+
+TEST(Simulate, HoldsTheBallAtTheAskedForce) {
+  const auto result = simulate(loaded_ball(), press_script("ball"), {}, "");
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  ASSERT_EQ(result->holds.size(), 1u);
+  EXPECT_GE(result->holds[0].held_s, 1.0) << "settling and holding";
+  EXPECT_NEAR(result->holds[0].mean_force_N, 0.9, 0.25);
+  EXPECT_TRUE(result->trouble.empty()) << result->trouble.front();
+  EXPECT_EQ(result->summary.not_finite, 0u);
+}
+
+TEST(Simulate, NeverExceedsTheUserLimitEvenWhenPressedHarder) {
+  SimulationOptions options;
+  options.max_force_N = 0.7;
+  const auto result = simulate(loaded_ball(), press_script("ball", 1.3), options, "");
+  ASSERT_TRUE(result.ok());
+  EXPECT_EQ(result->limit_N, 0.7);
+  EXPECT_LE(result->max_force_N, 0.7);
+  EXPECT_GT(result->summary.clamped, 0u);
+  ASSERT_FALSE(result->trouble.empty()) << "1.3 N cannot be reached and this is said";
+}
+
+TEST(Simulate, DefaultLimitIsTheLesserOfContinuousRatingAndThreeNewtons) {
+  Script script = press_script("ball", 0.5);
+  EXPECT_EQ(simulate(loaded_ball(), script, {}, "")->limit_N, 1.4) << "Premium's continuous force";
+  script.device = "touch";
+  EXPECT_EQ(simulate(loaded_ball(), script, {}, "")->limit_N, 0.88);
+  SimulationOptions options;
+  options.max_force_N = 39;
+  EXPECT_EQ(simulate(loaded_ball(), script, options, "")->limit_N, 3.3) << "never above the device's peak";
+}
+
+TEST(Simulate, IsBitForBitRepeatableAndFollowsTheSeed) {
+  const auto hash_of = [](std::uint64_t seed) {
+    SimulationOptions options;
+    options.seed = seed;
+    return simulate(loaded_ball(), press_script("ball"), options, "")->summary.run_hash;
+  };
+  EXPECT_EQ(hash_of(3), hash_of(3));
+  EXPECT_NE(hash_of(3), hash_of(4));
+}
+
+TEST(Simulate, LeavesIntoFreeSpaceWithAnyGrip) {
+  for (const char* hand : {"light-grip", "firm-grip", "whole-arm"})
+    for (const double clearance_mm : {1.0, 15.0}) {
+      test::TemporaryFolder folder;
+      Script script = press_script("ball");
+      script.hand = hand;
+      std::get<ApproachStep>(script.steps[0]).clearance_mm = clearance_mm;
+      const auto result = simulate(loaded_ball(), script, {}, folder / "run.h5");
+      ASSERT_TRUE(result.ok()) << result.error().message();
+      EXPECT_TRUE(result->trouble.empty()) << hand << ": " << result->trouble.front();
+      const auto recording = read_recording(folder / "run.h5");
+      ASSERT_TRUE(recording.ok());
+      EXPECT_LT(recording->ticks.back().device[0].unclamped_force_N, 0.02) << hand << " " << clearance_mm;
+    }
+}
+
+TEST(Simulate, APressThatTheTissueCannotGiveIsGivenUpAtTheSurface) {
+  // the shell alone gives at most half of the bone's force: asked for more, the hand must not go through
+  LoadedScene loaded = loaded_ball();
+  SimulationOptions options;
+  options.max_force_N = 8;
+  options.method = ForceMethod::kTrilinear;
+  test::TemporaryFolder folder;
+  const auto result = simulate(loaded, press_script("ball", 7.0), options, folder / "run.h5");
+  ASSERT_TRUE(result.ok());
+  ASSERT_EQ(result->trouble.size(), 2u) << "known before, and met";
+  EXPECT_NE(result->trouble[0].find("at most"), std::string::npos);
+  EXPECT_NE(result->trouble[1].find("ball"), std::string::npos);
+  const auto recording = read_recording(folder / "run.h5");
+  ASSERT_TRUE(recording.ok());
+  EXPECT_EQ(recording->summary->trouble, result->trouble);
+  for (const TickRecord& t : recording->ticks)
+    ASSERT_GT(Vector<Patient>(t.device[0].tip_patient_mm[0], t.device[0].tip_patient_mm[1],
+                              t.device[0].tip_patient_mm[2])
+                  .norm(),
+              testing::kBoneRadius_mm - 6);
+}
+
+TEST(Simulate, FeelsTheCartilageOnTheBone) {
+  const auto result = simulate(loaded_ball(3), press_script("shell", 0.6), {}, "");
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_GE(result->holds[0].held_s, 0.5);
+}
+
+TEST(Simulate, UnknownStructureNamesTheLineAndTheKnownOnes) {
+  const auto result = simulate(loaded_ball(), press_script("femur"), {}, "");
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(result.error().where, "test script:1");
+  EXPECT_NE(result.error().remedy.find("ball"), std::string::npos);
+  EXPECT_EQ(result.error().remedy.find("fat"), std::string::npos) << "what is not felt cannot be pressed";
+}
+
+TEST(Simulate, ARotatedObjectIsStillHeld) {
+  auto script = parse_script(
+      "[[step]]\napproach = \"#5\"\n[[step]]\npress = 0.8\n[[step]]\nrotate = 8.0\naxis = [0.0, 0.0, "
+      "1.0]\nseconds = 1.0\n"
+      "[[step]]\nhold = 0.6\n[[step]]\nleave = true\n",
+      "test script");
+  ASSERT_TRUE(script.ok()) << script.error().message();
+  const auto result = simulate(loaded_ball(), *script, {}, "");
+  ASSERT_TRUE(result.ok());
+  EXPECT_GE(result->holds[0].held_s, 1.5);
+}
+
+TEST(Simulate, InterruptedItLeavesARecordingThatReopens) {
+  test::TemporaryFolder folder;
+  std::atomic<bool> stop{false};
+  const Progress progress([&](std::string_view stage, double) { stop = stage == "palpating"; }, &stop);
+  const auto result = simulate(loaded_ball(), press_script("ball"), {}, folder / "run.h5", progress);
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(result.error().kind, ErrorKind::kInterrupted);
+  const auto recording = read_recording(folder / "run.h5");
+  ASSERT_TRUE(recording.ok()) << recording.error().message();
+  EXPECT_GE(recording->ticks.size(), 1000u);
+  EXPECT_FALSE(recording->summary.has_value()) << "it was cut short";
+}
+
+}  // namespace
+}  // namespace palpate

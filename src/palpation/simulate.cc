@@ -1,0 +1,100 @@
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/loading/loading.h"
+#include "palpate/model/changed_model.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/palpation/run_setup.h"
+#include "palpate/palpation/virtual_run.h"
+#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/removed_volume.h"
+
+namespace palpate {
+namespace {
+
+// a press with its hold, moves included, never takes this long; longer is a script that does not end
+constexpr double kMostSeconds = 3600;
+
+}  // namespace
+
+Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& script,
+                                  const SimulationOptions& options, const std::filesystem::path& recording,
+                                  const Progress& progress) {
+  if (auto felt = check_felt(loaded); !felt) return felt.error();
+  auto setup = set_up_run(loaded, script, options, progress);
+  if (!setup) return setup.error();
+  const Model& model = *setup->model;  // as it is at the beginning
+
+  progress.report("finding surfaces", 0);
+  auto hand = ScriptedHand::create(model, setup->script);
+  if (!hand) return hand.error();
+
+  std::unique_ptr<RecordingWriter> writer;
+  if (!recording.empty()) {
+    auto created = RecordingWriter::create(recording, header_of_run(loaded, *setup));
+    if (!created) return created.error();
+    writer = std::move(*created);
+  }
+
+  SimulationResult result;
+  result.limit_N = setup->limit_N;
+  result.trouble = setup->trouble;
+  std::vector<HoldMeter> meters;
+  for (const HoldAsked& asked : hand->asked()) meters.emplace_back(model, asked);
+
+  VirtualRun run(setup->model, *setup, std::move(*hand));
+  const std::size_t block = static_cast<std::size_t>(setup->script.rate_hz);  // one second
+  std::vector<TickRecord> unwritten;
+  unwritten.reserve(block);
+  RemovedVolume removed(model);
+  NearestMeter nearest(model);
+  const auto write_block = [&]() -> Result<void> {
+    const auto told = run.take_told();
+    for (const RecordingEvent& event : told) {
+      if (event.kind == RecordingEvent::Kind::kSweep) {
+        const Cut cut = cut_of(event.sweep);
+        removed.add({&cut, 1});
+        nearest.see(cut.sweep);
+      }
+      if (event.kind == RecordingEvent::Kind::kModel) follow(event.change, removed);
+    }
+    auto written = writer && !unwritten.empty() ? writer->append(unwritten, told) : Result<void>();
+    unwritten.clear();
+    return written;
+  };
+
+  bool stopped = false;
+  do {
+    const TickRecord& record = run.tick();
+    result.summary.see(record);
+    nearest.see(record);
+    result.max_force_N = std::max(result.max_force_N, run.sent().force_N.norm());
+    for (HoldMeter& meter : meters) meter.see(record);
+    unwritten.push_back(record);
+    if (unwritten.size() == block) {
+      if (auto written = write_block(); !written) return written.error();
+      progress.report("palpating", run.hand().progress());
+    }
+    if (run.time_s() > kMostSeconds)
+      return Error{ErrorKind::kBadInput, "the script has not ended after an hour of simulated time",
+                   script.source, "look at its speeds, distances and seconds"};
+    stopped = progress.stopped();
+  } while (!stopped && run.act());
+
+  if (auto written = write_block(); !written) return written.error();
+  // without its summary the recording counts as cut short, which it is
+  if (stopped) return Progress::interrupted();
+  result.trouble.insert(result.trouble.end(), run.hand().trouble().begin(), run.hand().trouble().end());
+  result.failed_steps = run.hand().trouble().size();
+  result.touches = run.hand().touches();
+  result.summary.trouble = result.trouble;
+  if (writer)
+    if (auto finished = writer->finish(result.summary); !finished) return finished.error();
+  progress.report("palpating", 1);
+  for (const HoldMeter& meter : meters) result.holds.push_back(meter.figure());
+  result.removed = removed_figures(model, removed);
+  result.spared = protected_figures(model, removed, nearest);
+  return result;
+}
+
+}  // namespace palpate

@@ -1,0 +1,233 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "palpation/surface_point.h"
+
+namespace palpate {
+namespace {
+
+// where ramps have the direction of the surface around, and how deep they should go on rising
+constexpr double kInside_mm = 0.5, kPress_mm = 1.2;
+// in front of the surface, and how far from there a structure may lie
+constexpr double kInFront_mm = 1, kWayIn_mm = 2.5;
+// the field counts as free below this fraction of full scale
+constexpr double kFree = 0.02;
+// a fingertip's worth of surface that should be even
+constexpr double kPatch_mm = 1.5;
+constexpr int kRim = 8;
+// scans end in the middle of bones: the cut face is none of their surfaces
+constexpr double kCutMargin_mm = 4, kNearBorder_mm = 2;
+
+Vector<Patient> outward_normal(const Model& model, const Point<Patient>& x) {
+  return -sample_central_differences(*model.field, x).gradient.normalized();
+}
+
+// the part of the grid, in voxels, where a structure's faces are its own surface and not the cut of the scan:
+// sides of the volume that the structure comes close to are kept off
+struct Uncut {
+  std::array<double, 3> low, high;
+  bool contains(int i, int j, int k) const {
+    const std::array<int, 3> index{i, j, k};
+    for (int axis = 0; axis < 3; ++axis)
+      if (index[axis] < low[axis] || index[axis] > high[axis]) return false;
+    return true;
+  }
+};
+
+Uncut uncut_part(const Bricks<LabelId>& labels, LabelId structure) {
+  const GridGeometry& grid = labels.geometry();
+  std::array<int, 3> first = grid.dims, last{-1, -1, -1};
+  labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
+    for (int n = 0; n < piece.count; ++n) {
+      if (piece.voxels[n] != structure) continue;
+      const std::array<int, 3> index{piece.i + n, piece.j, piece.k};
+      for (int axis = 0; axis < 3; ++axis) {
+        first[axis] = std::min(first[axis], index[axis]);
+        last[axis] = std::max(last[axis], index[axis]);
+      }
+    }
+  });
+  Uncut part;
+  for (int axis = 0; axis < 3; ++axis) {
+    // scans are often padded by an empty slice or two
+    const double near = kNearBorder_mm / grid.spacing_mm[axis];
+    const double margin = std::min(kCutMargin_mm / grid.spacing_mm[axis], 0.25 * (last[axis] - first[axis]));
+    part.low[axis] = first[axis] <= near ? first[axis] + margin : first[axis];
+    part.high[axis] = last[axis] >= grid.dims[axis] - 1 - near ? last[axis] - margin : last[axis];
+  }
+  return part;
+}
+
+// the value of the field at a structure's surface: half its level, and of ramps that half a voxel below
+double surface_value(const Model& model, LabelId structure) {
+  const double level = model.level_of_label[structure];
+  if (model.ramp_width_mm == 0) return 0.5 * level;
+  return level * 0.5 * model.labels->geometry().min_spacing_mm() / model.ramp_width_mm;
+}
+
+// moves along the normal to where the field has a value
+std::optional<Point<Patient>> onto_surface(const Model& model, Point<Patient> x, double value) {
+  for (int step = 0; step < 12; ++step) {
+    const FieldSample sample = sample_central_differences(*model.field, x);
+    const double slope = sample.gradient.norm();
+    if (slope < 1e-3) return std::nullopt;
+    const double way_mm = std::clamp((sample.value - value) / slope, -0.5, 0.5);
+    x += sample.gradient.normalized() * -way_mm;
+    if (std::abs(way_mm) < 1e-3) return x;
+  }
+  return std::nullopt;
+}
+
+// the free way along the normal: down the ramp into free space, then until something rises again
+double clearance_along(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
+                       double most_mm) {
+  constexpr double kStep_mm = 0.25;
+  double previous = sample_value(*model.field, surface);
+  for (double way = kStep_mm; way <= most_mm; way += kStep_mm) {
+    const double here = sample_value(*model.field, surface + n * way);
+    if (here > previous + 1e-3 && here > kFree) return way - kStep_mm;
+    previous = here;
+  }
+  return most_mm;
+}
+
+// unit vectors along the surface, evenly round the normal
+std::array<Vector<Patient>, kRim> rim_directions(const Vector<Patient>& n) {
+  const Vector<Patient> helper = std::abs(n.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
+  const Vector<Patient> u = n.cross(helper).normalized(), v = n.cross(u);
+  std::array<Vector<Patient>, kRim> directions;
+  for (int d = 0; d < kRim; ++d) {
+    const double angle = d * 2 * std::numbers::pi / kRim;
+    directions[d] = u * std::cos(angle) + v * std::sin(angle);
+  }
+  return directions;
+}
+
+// the largest outward curvature of the patch around, 1/mm: pressing on a steep hill slips off
+double convexity(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n) {
+  // ramps have no direction outside
+  const bool ramps = model.ramp_width_mm > 0;
+  const Point<Patient> middle = ramps ? surface - n * kInside_mm : surface;
+  double largest = 0;
+  for (const Vector<Patient>& t : rim_directions(n)) {
+    const Vector<Patient> normal = outward_normal(model, middle + t * kPatch_mm);
+    // where the rim hangs in free space the hill is steep
+    const double tilt = ramps && normal == Vector<Patient>() ? 1 : normal.dot(t);
+    largest = std::max(largest, tilt / kPatch_mm);
+  }
+  return largest;
+}
+
+// the first felt label on the way inward
+LabelId first_felt(const Model& model, const Point<Patient>& from, const Vector<Patient>& inward) {
+  const Bricks<LabelId>& labels = *model.labels;
+  const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
+  for (double way_mm = 0; way_mm <= kWayIn_mm; way_mm += step_mm) {
+    const Point<Voxel> p = model.field->X_VoxelPatient() * (from + inward * way_mm);
+    const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
+    const LabelId label = labels.anywhere(index(0), index(1), index(2));
+    if (model.is_felt(label)) return label;
+  }
+  return 0;
+}
+
+// the part of what its stiffness promises that a ramp gives to a press: less where tissue is thin, and where
+// the normal at the surface is none of what lies below
+double give(const Model& model, const SurfacePoint& candidate, LabelId structure) {
+  if (model.ramp_width_mm == 0) return 1;
+  const FieldSample below =
+      sample_central_differences(*model.field, candidate.point - candidate.normal * kPress_mm);
+  const double promised = model.level_of_label[structure] * std::min(1.0, kPress_mm / model.ramp_width_mm);
+  const double agreement = std::max(0.0, -below.gradient.normalized().dot(candidate.normal));
+  return std::min(1.0, below.value / promised) * agreement;
+}
+
+// the part of the patch, its middle and rim, where the way inward meets the structure itself
+double own_share(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
+                 LabelId structure) {
+  const auto is_own = [&](const Vector<Patient>& along_surface) {
+    // ramps are felt inside alone: the labels tell
+    if (model.ramp_width_mm > 0)
+      return first_felt(model, surface + along_surface + n * kInFront_mm, -n) == structure ? 1 : 0;
+    const Point<Patient> x = surface + along_surface + n * (0.5 * model.sigma_mm);
+    const FieldSample sample = sample_central_differences(*model.field, x);
+    return find_contact_site(model, x, sample).label == structure ? 1 : 0;
+  };
+  int own = is_own({});
+  for (const Vector<Patient>& t : rim_directions(n)) own += is_own(t * kPatch_mm);
+  return own / (kRim + 1.0);
+}
+
+}  // namespace
+
+std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure) {
+  const Bricks<LabelId>& labels = *model.labels;
+  const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
+  const auto& faces = BrickLayout::kFaces;
+  const Uncut uncut = uncut_part(labels, structure);
+  std::vector<Point<Patient>> border;
+  labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
+    if (piece.uniform && model.is_felt(*piece.voxels)) return;
+    for (int n = 0; n < piece.count; ++n) {
+      const LabelId* const voxel = piece.voxels + n;
+      if (*voxel != structure || !uncut.contains(piece.i + n, piece.j, piece.k)) continue;
+      if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return !model.is_felt(voxel[face]); }))
+        border.push_back(X_PatientVoxel * Point<Voxel>(piece.i + n, piece.j, piece.k));
+    }
+  });
+  return border;
+}
+
+std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId structure,
+                                                 std::span<const Point<Patient>> border,
+                                                 double clearance_mm) {
+  constexpr std::size_t kMostCandidates = 4000;
+  const std::size_t stride = border.size() / kMostCandidates + 1;
+  const double value = surface_value(model, structure);
+  std::vector<SurfaceCandidate> candidates;
+  for (std::size_t c = 0; c < border.size(); c += stride) {
+    const auto surface = onto_surface(model, border[c], value);
+    if (!surface) continue;
+    SurfacePoint candidate;
+    candidate.point = *surface;
+    candidate.normal = outward_normal(model, *surface);
+    if (model.ramp_width_mm > 0) {
+      const Vector<Patient> below = outward_normal(model, *surface - candidate.normal * kInside_mm);
+      // of what is thin the far side's slope is no normal of this one
+      if (below.dot(candidate.normal) > 0) candidate.normal = below;
+    }
+    candidate.clearance_mm = clearance_along(model, *surface, candidate.normal, clearance_mm);
+
+    // reach, evenness and belonging, each between 0 and 1; belonging counts most
+    const double reach = candidate.clearance_mm / clearance_mm;
+    const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
+    const double own = own_share(model, *surface, candidate.normal, structure);
+    // what gives a ramp nothing to press, as a thin wall, keeps the proxy out all the same
+    const double firmness = 0.02 + 0.98 * give(model, candidate, structure);
+    const double score = own * own * own * evenness * (0.15 + reach) * firmness;
+    if (score > 0) candidates.push_back({candidate, score});
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const auto& a, const auto& b) { return a.score > b.score; });
+  return candidates;
+}
+
+Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm) {
+  const std::string name = "'" + model.name_of(structure) + "'";
+  if (!model.is_felt(structure))
+    return Error{ErrorKind::kBadInput, name + " is not felt in this scene", "",
+                 "set felt = true on its [[tissue]], or choose another structure"};
+  const auto candidates = surface_candidates(model, structure, border_voxels(model, structure), clearance_mm);
+  if (candidates.empty())
+    return Error{
+        ErrorKind::kBadInput,
+        "no surface of " + name + " can be touched: it is covered, or thinner than the smoothing leaves it",
+        "",
+        model.ramp_width_mm > 0 ? "choose another structure"
+                                : "lower sigma in [preparation], or choose another structure"};
+  return candidates.front().surface;
+}
+
+}  // namespace palpate

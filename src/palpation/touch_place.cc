@@ -1,0 +1,225 @@
+#include "palpate/palpation/touch_place.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "palpation/surface_point.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kMostPlaces = 8;
+// so far apart that another place is another try
+constexpr double kApart_mm = 4, kApartByWish_mm = 2;
+// a place that is asked for may be so much farther off when it suits a press better
+constexpr double kWorthOfSuiting_mm = 2;
+// how far from its normal a surface is come to
+constexpr double kTilt = 35 * std::numbers::pi / 180, kLeastFacing = 0.3;
+// where no straight stretch is as short as asked: so much longer it may be
+constexpr double kLonger_mm = 10;
+constexpr int kTouchRim = 8;
+
+std::array<Vector<Patient>, kTouchRim> directions_about(const Vector<Patient>& axis) {
+  const Vector<Patient> helper =
+      std::abs(axis.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
+  const Vector<Patient> u = axis.cross(helper).normalized(), v = axis.cross(u);
+  std::array<Vector<Patient>, kTouchRim> directions;
+  for (int d = 0; d < kTouchRim; ++d) {
+    const double angle = d * 2 * std::numbers::pi / kTouchRim;
+    directions[static_cast<std::size_t>(d)] = u * std::cos(angle) + v * std::sin(angle);
+  }
+  return directions;
+}
+
+LabelId felt_label_at(const Model& model, const Point<Patient>& x) {
+  const Point<Voxel> p = model.field->X_VoxelPatient() * x;
+  const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
+  const LabelId label = model.labels->anywhere(index(0), index(1), index(2));
+  return model.is_felt(label) ? label : LabelId{0};
+}
+
+/// The straight way to a surface.
+class Stretch {
+ public:
+  Stretch(const Model& model, const FreeSpace& free_space, LabelId structure, double clearance_mm)
+      : model_(model),
+        free_space_(free_space),
+        structure_(structure),
+        clearance_mm_(clearance_mm),
+        reach_mm_(tool_reach_mm(model.tool)) {}
+
+  // From where it begins at most as far off as asked and can be got to, or else as near as that can be.
+  std::optional<TouchPlace> along(const SurfacePoint& surface, const Vector<Patient>& from) const {
+    const double step_mm = 0.5 * model_.labels->geometry().min_spacing_mm();
+    const double front_mm = model_.sigma_mm + reach_mm_;
+    const auto rim = directions_about(from);
+    std::optional<double> before_mm;
+    for (double way = step_mm; way <= clearance_mm_ + kLonger_mm + reach_mm_; way += step_mm) {
+      if (before_mm && way > clearance_mm_) break;
+      const Point<Patient> here = surface.point + from * way;
+      if (!is_free(here, rim, way > front_mm)) break;
+      if (way >= front_mm && free_space_.reachable(here)) before_mm = way;
+    }
+    if (!before_mm) return std::nullopt;
+    return TouchPlace{surface, from, surface.point + from * *before_mm, surface.point + from * front_mm};
+  }
+
+ private:
+  // of anything but the structure itself, which is near at the end of the way
+  bool is_free(const Point<Patient>& here, const std::array<Vector<Patient>, kTouchRim>& rim,
+               bool off) const {
+    const auto fits = [&](const Point<Patient>& x) {
+      const LabelId label = felt_label_at(model_, x);
+      return label == 0 || (label == structure_ && !off);
+    };
+    return fits(here) && (reach_mm_ == 0 || std::all_of(rim.begin(), rim.end(), [&](const auto& direction) {
+                            return fits(here + direction * reach_mm_);
+                          }));
+  }
+
+  const Model& model_;
+  const FreeSpace& free_space_;
+  LabelId structure_;
+  double clearance_mm_, reach_mm_;
+};
+
+// how far a place is from the one that is asked for, mm, but for a constant
+double astray_mm(const TouchWish& wish, const Point<Patient>& p) {
+  if (wish.landmark) return -wish.landmark->dot(p - Point<Patient>());
+  double least = std::numeric_limits<double>::infinity();
+  for (const Point<Patient>& q : wish.near) least = std::min(least, (p - q).squared_norm());
+  return std::sqrt(least);
+}
+
+// what lies round a structure with no free space beside it
+std::string cover_of(const Model& model, LabelId structure) {
+  std::vector<std::size_t> faces(65536, 0);
+  std::size_t own = 0;
+  model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+    for (int n = 0; n < piece.count; ++n) {
+      const LabelId* const voxel = piece.voxels + n;
+      if (*voxel != structure) continue;
+      ++own;
+      for (const std::ptrdiff_t face : BrickLayout::kFaces)
+        if (voxel[face] != structure && model.is_felt(voxel[face])) ++faces[voxel[face]];
+    }
+  });
+  if (own == 0) return "it has no voxel";
+  const auto most = std::max_element(faces.begin(), faces.end());
+  if (*most == 0) return "the scan cuts it off on all sides";
+  return "it is covered by " + model.name_of(static_cast<LabelId>(most - faces.begin()));
+}
+
+}  // namespace
+
+double tool_reach_mm(const Tool& tool) {
+  double reach_mm = 0;
+  for (const Eigen::Vector3d& offset_mm : tool.points_mm)
+    reach_mm = std::max(reach_mm, offset_mm.norm() + tool.radius_mm);
+  for (const ToolCapsule& capsule : tool.capsules)
+    reach_mm = std::max(reach_mm, std::max(capsule.from_mm.norm(), capsule.to_mm.norm()) + capsule.radius_mm);
+  return reach_mm;
+}
+
+TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, LabelId structure,
+                              const TouchWish& wish) {
+  TouchPlaces found;
+  std::vector<Point<Patient>> border = border_voxels(model, structure);
+  if (border.empty()) {
+    found.why_none = cover_of(model, structure);
+    return found;
+  }
+
+  // what is near to where it is asked for
+  const bool anywhere = !wish.landmark && wish.near.empty();
+  if (!anywhere) {
+    std::vector<std::pair<double, Point<Patient>>> astray;
+    double least = std::numeric_limits<double>::infinity();
+    for (const Point<Patient>& p : border) {
+      astray.emplace_back(astray_mm(wish, p), p);
+      least = std::min(least, astray.back().first);
+    }
+    border.clear();
+    for (const auto& [mm, p] : astray)
+      if (mm <= least + kAstray_mm) border.push_back(p);
+  }
+  std::vector<SurfaceCandidate> candidates = surface_candidates(model, structure, border, wish.clearance_mm);
+  if (candidates.empty()) {
+    found.why_none = anywhere ? "it is covered, or too thin to be pressed"
+                              : "nothing within 5 mm of the place asked for is a surface that can be pressed";
+    return found;
+  }
+  if (!anywhere) {
+    const double best = candidates.front().score;
+    for (SurfaceCandidate& c : candidates)
+      c.score = -astray_mm(wish, c.surface.point) + kWorthOfSuiting_mm * c.score / best;
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const auto& a, const auto& b) { return a.score > b.score; });
+  }
+
+  // those with a free way: along the normal where that is free for any, else askew
+  const Stretch stretch(model, free_space, structure, wish.clearance_mm);
+  const double apart_mm = anywhere ? kApart_mm : kApartByWish_mm;
+  const auto add = [&](const SurfacePoint& surface, const Vector<Patient>& from) {
+    auto place = stretch.along(surface, from);
+    if (place) found.places.push_back(*place);
+    return place.has_value();
+  };
+  const auto is_near_another = [&](const SurfacePoint& surface) {
+    return std::any_of(found.places.begin(), found.places.end(), [&](const TouchPlace& place) {
+      return (place.surface.point - surface.point).norm() < apart_mm;
+    });
+  };
+  for (const bool askew : {false, true}) {
+    if (askew && (wish.from || !found.places.empty())) break;
+    for (const SurfaceCandidate& c : candidates) {
+      if (found.places.size() == kMostPlaces) break;
+      const Vector<Patient>& n = c.surface.normal;
+      if (is_near_another(c.surface)) continue;
+      if (wish.from) {
+        if (wish.from->dot(n) >= kLeastFacing) add(c.surface, *wish.from);
+      } else if (!askew) {
+        add(c.surface, n);
+      } else {
+        for (const Vector<Patient>& t : directions_about(n))
+          if (add(c.surface, n * std::cos(kTilt) + t * std::sin(kTilt))) break;
+      }
+    }
+  }
+  if (found.places.empty())
+    found.why_none = std::string("there is no free way to ") +
+                     (anywhere ? "it" : "a place within 5 mm of the one asked for") +
+                     (wish.from ? " from that direction" : "");
+  return found;
+}
+
+LabelId felt_structure_near(const Model& model, const Point<Patient>& point) {
+  const Bricks<LabelId>& labels = *model.labels;
+  const GridGeometry& grid = labels.geometry();
+  const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
+  const Point<Voxel> at = X_PatientVoxel.inverse() * point;
+  std::array<int, 3> low{}, high{};
+  for (int axis = 0; axis < 3; ++axis) {
+    const double reach = kAstray_mm / grid.spacing_mm[axis] + 1;
+    const double last = grid.dims[axis] - 1;
+    low[axis] = static_cast<int>(std::clamp(std::floor(at[axis] - reach), 0.0, last));
+    high[axis] = static_cast<int>(std::clamp(std::ceil(at[axis] + reach), 0.0, last));
+  }
+  LabelId nearest = 0;
+  double least_mm = kAstray_mm;
+  for (int k = low[2]; k <= high[2]; ++k)
+    for (int j = low[1]; j <= high[1]; ++j)
+      for (int i = low[0]; i <= high[0]; ++i) {
+        const LabelId label = labels.at(i, j, k);
+        if (!model.is_felt(label)) continue;
+        const double mm = (X_PatientVoxel * Point<Voxel>(i, j, k) - point).norm();
+        if (mm > least_mm) continue;
+        least_mm = mm;
+        nearest = label;
+      }
+  return nearest;
+}
+
+}  // namespace palpate

@@ -1,0 +1,89 @@
+#include "palpate/palpation/virtual_run.h"
+
+#include <utility>
+
+#include "palpate/model/changed_model.h"
+#include "palpate/palpation/told_loop.h"
+
+namespace palpate {
+
+namespace {
+
+// as soon after its sweep as a thread of its own does it, and no sooner
+constexpr double kCutEvery_s = 0.02;
+
+}  // namespace
+
+VirtualRun::VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand)
+    : model_(std::move(model)),
+      dt_s_(1 / setup.script.rate_hz),
+      hand_(std::move(hand)),
+      device_(setup.device, setup.hand, setup.script.delay_s),
+      mapping_(device_.info(), setup.workspace),
+      parameters_(setup.parameters) {
+  device_.reset(mapping_.to_device(hand_.start()));
+}
+
+const TickRecord& VirtualRun::tick() {
+  sensed_ = mapping_.to_world(device_.read(), 0);
+  cut();
+  palpate::tick(*model_, parameters_, {&sensed_, 1}, dt_s_, state_, {&sent_, 1}, record_);
+  return record_;
+}
+
+// what the burr has swept is gone from this tick on, and then a stroke that the script undoes is there again
+void VirtualRun::cut() {
+  if (state_.time_s - cut_s_ < kCutEvery_s) return;
+  cut_s_ = state_.time_s;
+  cut_what_was_swept();
+  if (const auto action = std::exchange(stroke_, std::nullopt)) change_stroke(*action);
+}
+
+void VirtualRun::cut_what_was_swept() {
+  const std::vector<Cut> cuts = finished_cuts(state_.hands[0].burr, 0);
+  if (cuts.empty()) return;
+  model_ = carved_by(*model_, cuts)->taken_from(*model_);
+  for (const Cut& cut : cuts) told_.push_back(sweep_event(cut, model_->version));
+  RecordingEvent& event = told_.emplace_back();
+  event.number = model_->version;
+  event.change = {model_->version, ModelChange::kCut};
+  for (std::size_t row = told_.size() - cuts.size() - 1; row < told_.size(); ++row)
+    told_[row].tick = state_.tick;
+}
+
+void VirtualRun::change_stroke(StrokeAction action) {
+  const ModelChange change = change_of_stroke(*model_, action);
+  const auto carving = other_stroke(model_->carving.get(), change);
+  // the step will fail
+  if (carving == nullptr) return;
+  model_ = carving->taken_from(*model_);
+  RecordingEvent& event = told_.emplace_back();
+  event.tick = state_.tick;
+  event.by = {Asker::kScript};
+  event.number = change.version;
+  event.change = change;
+}
+
+bool VirtualRun::act() {
+  HandCommands commands{parameters_.rotation_target, {}, {}, {}};
+  const auto intention = hand_.next(record_, dt_s_, commands);
+  if (!intention) return false;
+  if (commands.stroke) stroke_ = commands.stroke;
+  const bool turned = commands.rotation_target.coeffs() != parameters_.rotation_target.coeffs();
+  if (turned || commands.method || commands.motor) {
+    const Parameters before = parameters_;
+    parameters_.rotation_target = commands.rotation_target;
+    if (commands.method) parameters_.method = *commands.method;
+    if (commands.motor) parameters_.motor = *commands.motor;
+    RecordingEvent& event = told_.emplace_back(settings_event(before, parameters_));
+    event.tick = state_.tick;
+    event.by = {Asker::kScript};
+    event.number = ++told_number_;
+  }
+  intended_ = *intention;
+  device_.intend(mapping_.to_device(intended_));
+  device_.advance(mapping_.to_device(sent_), dt_s_);
+  return true;
+}
+
+}  // namespace palpate

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <random>
+
+#include "palpate/base/hash.h"
+
+namespace palpate {
+
+/// Natural variation by a seed, evenly between limits, so that a few phantoms show the whole width. Seed 0
+/// has none.
+class PhantomChance {
+ public:
+  explicit PhantomChance(std::uint64_t seed) : varied_(seed != 0) {
+    std::uint64_t state = kHashSeed;
+    hash_word(state, seed);
+    random_.seed(hash_finish(state));
+  }
+  /// `mean`, or a number from `least` to `most`.
+  double within(double least, double most, double mean) {
+    const double share = static_cast<double>(random_() >> 11) * 0x1.0p-53;
+    return varied_ ? least + (most - least) * share : mean;
+  }
+  double factor(double most) { return within(1 - most, 1 + most, 1); }
+  double offset(double most) { return within(-most, most, 0); }
+
+ private:
+  bool varied_;
+  std::mt19937_64 random_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,157 @@
+#include "phantoms/phantom_keys.h"
+
+#include <array>
+#include <type_traits>
+
+namespace palpate {
+namespace {
+
+using namespace std::string_view_literals;
+
+constexpr std::array kSides{"left"sv, "right"sv};
+constexpr std::array kAnswers{"yes"sv, "no"sv};
+constexpr std::array kCartilages{"femoral_cartilage"sv, "lateral_tibial_cartilage"sv,
+                                 "medial_tibial_cartilage"sv, "patellar_cartilage"sv};
+constexpr std::array kSoft{"anterior_cruciate_ligament"sv,  "femoral_cartilage"sv,
+                           "fibular_collateral_ligament"sv, "lateral_meniscus"sv,
+                           "lateral_tibial_cartilage"sv,    "medial_meniscus"sv,
+                           "medial_tibial_cartilage"sv,     "patellar_cartilage"sv,
+                           "patellar_ligament"sv,           "posterior_cruciate_ligament"sv,
+                           "tibial_collateral_ligament"sv};
+constexpr std::array kStructures{"anterior_cruciate_ligament"sv,
+                                 "femoral_cartilage"sv,
+                                 "femur"sv,
+                                 "fibula"sv,
+                                 "fibular_collateral_ligament"sv,
+                                 "lateral_meniscus"sv,
+                                 "lateral_tibial_cartilage"sv,
+                                 "medial_meniscus"sv,
+                                 "medial_tibial_cartilage"sv,
+                                 "patella"sv,
+                                 "patellar_cartilage"sv,
+                                 "patellar_ligament"sv,
+                                 "posterior_cruciate_ligament"sv,
+                                 "tibia"sv,
+                                 "tibial_collateral_ligament"sv};
+constexpr std::uint64_t kMostSeed = 1'000'000'000;
+
+// an enumeration or a flag is a word while it is visited
+template <class T>
+void choice(PhantomKeyVisitor& v, const PhantomKey& key, std::span<const std::string_view> words, T& value,
+            T first, T second) {
+  std::string text(value == first ? words[0] : words[1]);
+  v.word(key, words, text);
+  value = text == words[0] ? first : second;
+}
+
+void visit_islands(PhantomSettings& s, PhantomKeyVisitor& v) {
+  v.whole({"islands", "", "Stray islands in the segmentation, and as many holes in its structures."}, 1000,
+          s.islands);
+}
+void visit_noise(PhantomSettings& s, PhantomKeyVisitor& v) {
+  v.number(
+      {"noise", "mm",
+       "Standard deviation by which segmented borders are off in each slice, as drawn by hand. Slices lie "
+       "across the widest edge of the voxels."},
+      0, 1.5, s.noise_mm);
+}
+void visit_scan_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
+  v.whole({"scan-seed", "", "Of the noise in the scan."}, kMostSeed, s.scan_seed);
+}
+void visit_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
+  v.whole({"seed", "", "Of natural variation, of `noise` and of `islands`; 0 is the mean shape."}, kMostSeed,
+          s.seed);
+}
+void visit_spacing(PhantomSettings& s, PhantomKeyVisitor& v) {
+  v.edges({"spacing", "mm", "Edges of a voxel: one number, or three along x, y and z, `0.28x0.28x1`."}, 0.2,
+          3, s.spacing_mm);
+}
+
+void visit(KneeParameters& p, PhantomKeyVisitor& v) {
+  v.number({"defect", "mm", "Radius of a defect through the whole thickness of a cartilage; 0: none."}, 0, 12,
+           p.defect_mm);
+  v.word({"defect-in", "", "Where `defect` is."}, kCartilages, p.defect_in);
+  visit_islands(p.settings, v);
+  v.number({"lesion", "mm", "Radius of a round lesion with a label of its own, `lesion`, 200; 0: none."}, 0,
+           15, p.lesion_mm);
+  v.number(
+      {"lesion-depth", "mm",
+       "Of the centre of `lesion` below the surface of its structure; 0: half a ball that can be touched."},
+      0, 20, p.lesion_depth_mm);
+  v.word({"lesion-in", "", "The structure that `lesion` takes its voxels from."}, kStructures, p.lesion_in);
+  v.words({"missing", "", "Structures that are not there, joined by `+`."}, kSoft, p.missing);
+  visit_noise(p.settings, v);
+  visit_scan_seed(p.settings, v);
+  visit_seed(p.settings, v);
+  choice(v, {"side", "", "A right knee is the mirror image of the left one."}, kSides, p.side,
+         KneeSide::kLeft, KneeSide::kRight);
+  v.number({"size", "", "Scale of the anatomy: 0.6 a small child, 1.15 a large adult."}, 0.5, 1.3, p.size);
+  visit_spacing(p.settings, v);
+}
+
+void visit(ShellParameters& p, PhantomKeyVisitor& v) {
+  visit_islands(p.settings, v);
+  visit_noise(p.settings, v);
+  v.number({"radius", "mm", "Of the outer surface."}, 5, 60, p.radius_mm);
+  visit_scan_seed(p.settings, v);
+  visit_seed(p.settings, v);
+  visit_spacing(p.settings, v);
+  v.number({"thickness", "mm", "Of the wall; at least the diagonal of a voxel."}, 0.4, 20, p.thickness_mm);
+}
+
+void visit(SkullParameters& p, PhantomKeyVisitor& v) {
+  choice(v, {"brain", "", "Whether there is one inside."}, kAnswers, p.brain, true, false);
+  visit_islands(p.settings, v);
+  visit_noise(p.settings, v);
+  visit_scan_seed(p.settings, v);
+  visit_seed(p.settings, v);
+  v.number({"size", "", "Scale of the head; `temporal` and `thickness` stay in mm."}, 0.5, 1.3, p.size);
+  visit_spacing(p.settings, v);
+  v.number({"temporal", "mm", "Wall at the temples and of the orbits; at least the diagonal of a voxel."},
+           0.5, 10, p.temporal_mm);
+  v.number({"thickness", "mm", "Wall of the cranium elsewhere; at least `temporal`."}, 0.5, 15,
+           p.thickness_mm);
+}
+
+void visit(GlandParameters& p, PhantomKeyVisitor& v) {
+  v.number({"fat", "mm", "Layer over jaw and gland; 0: none."}, 0, 15, p.fat_mm);
+  v.number({"gland", "mm", "Length of the gland."}, 10, 40, p.gland_mm);
+  visit_islands(p.settings, v);
+  visit_noise(p.settings, v);
+  visit_scan_seed(p.settings, v);
+  visit_seed(p.settings, v);
+  v.number({"size", "", "Scale of the jaw; `fat`, `gland` and `skin` stay in mm."}, 0.5, 1.3, p.size);
+  v.number({"skin", "mm", "Layer over `fat`, or over jaw and gland; 0: none."}, 0, 5, p.skin_mm);
+  visit_spacing(p.settings, v);
+}
+
+}  // namespace
+
+void visit_keys(PhantomParameters& parameters, PhantomKeyVisitor& visitor) {
+  std::visit([&](auto& p) { visit(p, visitor); }, parameters);
+}
+
+const std::vector<PhantomParameters>& mean_phantoms() {
+  static const std::vector<PhantomParameters> kMean{KneeParameters{}, ShellParameters{}, SkullParameters{},
+                                                    GlandParameters{}};
+  return kMean;
+}
+
+const std::vector<std::string>& phantom_names() {
+  static const std::vector<std::string> kNames{"knee-phantom", "shell-phantom", "skull-phantom",
+                                               "gland-phantom"};
+  return kNames;
+}
+
+const std::string& base_name(const PhantomParameters& parameters) {
+  return phantom_names()[parameters.index()];
+}
+
+PhantomSettings& settings_of(PhantomParameters& parameters) {
+  return std::visit([](auto& p) -> PhantomSettings& { return p.settings; }, parameters);
+}
+const PhantomSettings& settings_of(const PhantomParameters& parameters) {
+  return std::visit([](const auto& p) -> const PhantomSettings& { return p.settings; }, parameters);
+}
+
+}  // namespace palpate

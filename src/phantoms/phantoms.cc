@@ -1,0 +1,138 @@
+#include <cstdio>
+
+#include "phantoms/phantom_keys.h"
+#include "phantoms/phantom_plan.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMostVoxels = 200e6;
+
+Error refused(const PhantomParameters& parameters, std::string what, std::string remedy) {
+  return {ErrorKind::kBadInput, std::move(what), base_name(parameters), std::move(remedy)};
+}
+
+std::string millimetres(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g mm", value);
+  return text;
+}
+
+std::string quoted(const char* key) {
+  std::string text(1, '`');
+  text += key;
+  return text += '`';
+}
+
+// what is thinner than this lets something through where voxels meet at a corner
+Result<void> check_thickness(const PhantomParameters& parameters, const char* key, double thickness_mm) {
+  const double diagonal_mm = settings_of(parameters).spacing_mm.norm();
+  if (thickness_mm >= diagonal_mm) return {};
+  return refused(parameters,
+                 quoted(key) + " of " + millimetres(thickness_mm) +
+                     " is less than the diagonal of a voxel, " + millimetres(diagonal_mm) +
+                     ", and would have holes",
+                 "make it thicker, or the spacing finer");
+}
+
+Result<void> check_together(const PhantomParameters& all, const KneeParameters& knee) {
+  const KneeParameters mean;
+  const auto needs = [&](const char* key, const char* other) {
+    return refused(all, quoted(key) + " without `" + other + "` changes nothing",
+                   "give the radius of the " + std::string(other) + " as well");
+  };
+  if (knee.lesion_mm == 0 && knee.lesion_in != mean.lesion_in) return needs("lesion-in", "lesion");
+  if (knee.lesion_mm == 0 && knee.lesion_depth_mm != mean.lesion_depth_mm)
+    return needs("lesion-depth", "lesion");
+  if (knee.defect_mm == 0 && knee.defect_in != mean.defect_in) return needs("defect-in", "defect");
+  const auto present = [&](const char* key, const std::string& structure) -> Result<void> {
+    for (const std::string& name : knee.missing)
+      if (name == structure)
+        return refused(all, quoted(key) + " is " + structure + ", which is `missing`",
+                       "name another structure");
+    return {};
+  };
+  const double widest_mm = knee.settings.spacing_mm.maxCoeff();
+  for (const auto& [key, radius_mm, structure] :
+       {std::tuple{"lesion", knee.lesion_mm, knee.lesion_in}, {"defect", knee.defect_mm, knee.defect_in}}) {
+    if (radius_mm == 0) continue;
+    if (radius_mm < 1.5 * widest_mm)
+      return refused(all,
+                     quoted(key) + " of " + millimetres(radius_mm) + " is too small for voxels of " +
+                         millimetres(widest_mm),
+                     "its radius is at least one and a half voxels");
+    if (auto there = present((std::string(key) + "-in").c_str(), structure); !there) return there;
+  }
+  return {};
+}
+
+Result<void> check_together(const PhantomParameters& all, const ShellParameters& shell) {
+  if (shell.thickness_mm >= shell.radius_mm)
+    return refused(all, "a wall that is as thick as the ball leaves nothing hollow",
+                   "make `thickness` less than `radius`");
+  return check_thickness(all, "thickness", shell.thickness_mm);
+}
+
+Result<void> check_together(const PhantomParameters& all, const SkullParameters& skull) {
+  if (skull.temporal_mm > skull.thickness_mm)
+    return refused(all, "the temples are thicker than the rest of the wall",
+                   "make `temporal` at most `thickness`");
+  return check_thickness(all, "temporal", skull.temporal_mm);
+}
+
+Result<void> check_together(const PhantomParameters& all, const GlandParameters& gland) {
+  for (const auto& [key, layer_mm] : {std::pair{"fat", gland.fat_mm}, {"skin", gland.skin_mm}}) {
+    if (layer_mm == 0) continue;
+    if (auto closed = check_thickness(all, key, layer_mm); !closed) return closed;
+  }
+  return {};
+}
+
+Result<void> check_voxels(const PhantomParameters& parameters, const PhantomField& field) {
+  const Eigen::Vector3d& spacing_mm = settings_of(parameters).spacing_mm;
+  const double volume_mm3 = field.extent_mm.cwiseProduct(field.scale).prod();
+  const double voxels = volume_mm3 / spacing_mm.prod();
+  if (voxels <= kMostVoxels) return {};
+  char what[128];
+  std::snprintf(what, sizeof what,
+                "this spacing makes %.0f million voxels; a phantom has at most %.0f million", 1e-6 * voxels,
+                1e-6 * kMostVoxels);
+  // rounded up, so that what is advised is accepted
+  char remedy[64];
+  std::snprintf(remedy, sizeof remedy, "spacing=%.2f would do",
+                std::ceil(100 * std::cbrt(volume_mm3 / kMostVoxels)) / 100);
+  return refused(parameters, what, remedy);
+}
+
+}  // namespace
+
+Result<void> check_phantom(const PhantomParameters& parameters) {
+  if (auto ranges = check_key_ranges(parameters); !ranges) return ranges;
+  return std::visit(
+      [&](const auto& p) -> Result<void> {
+        if (auto together = check_together(parameters, p); !together) return together;
+        return check_voxels(parameters, field_of(p));
+      },
+      parameters);
+}
+
+Result<Phantom> make_phantom(const PhantomParameters& parameters, const Progress& progress) {
+  if (const auto checked = check_phantom(parameters); !checked) return checked.error();
+  const PhantomPlan plan = std::visit([](const auto& p) { return plan_of(p); }, parameters);
+  return paint_phantom(plan, settings_of(parameters), progress);
+}
+
+Result<PhantomWithoutVoxels> phantom_without_voxels(const PhantomParameters& parameters) {
+  if (const auto checked = check_phantom(parameters); !checked) return checked.error();
+  const PhantomPlan plan = std::visit([](const auto& p) { return plan_of(p); }, parameters);
+  return PhantomWithoutVoxels{plan.field.grid(settings_of(parameters).spacing_mm), segments_of(plan)};
+}
+
+Result<Phantom> make_knee_phantom(double voxel_mm, std::uint64_t scan_seed, const Progress& progress) {
+  KneeParameters knee;
+  knee.settings.spacing_mm.setConstant(voxel_mm);
+  knee.settings.scan_seed = scan_seed;
+  return make_phantom(knee, progress);
+}
+
+}  // namespace palpate

@@ -1,0 +1,110 @@
+#include "palpate/stability/critical_stiffness.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "stability/critical_stiffness_hold.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kSlowest_hz = 100, kFastest_hz = 20000;
+// the hardest touch first, which mostly decides
+constexpr double kImpacts_m_s[] = {0.5, 0.1, 0};
+constexpr double kStep = 1.05;
+constexpr int kCoarse = 4;  // steps at a time, as long as nothing fails
+// a search goes up from this part of what theory gives without friction, and down where that is too much
+constexpr double kStartOfTheory = 0.25;
+constexpr double kSoftest_N_per_mm = 1e-3;
+
+using Fails = bool (*)(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
+
+std::optional<Error> fault_of(const StabilityCase& held) {
+  const auto bad = [](const std::string& what, const std::string& remedy) {
+    return Error{ErrorKind::kBadInput, what, "", remedy};
+  };
+  // written so that NaN is out of range
+  if (!(held.rate_hz >= kSlowest_hz && held.rate_hz <= kFastest_hz))
+    return bad("no wall is tried at this rate", "choose from 100 to 20000 Hz");
+  if (!(held.delay_s >= 0 && held.delay_s <= SimulatedDevice::kMostDelay_s))
+    return bad("no wall is tried with this delay", "choose from 0 to 20 ms");
+  if (!(held.device.mass_kg + held.hand.mass_kg > 0))
+    return bad("device and hand have no mass", "give them some");
+  if (!(held.hand.stiffness_N_per_m > 0))
+    return bad("the hand '" + held.hand.name + "' has no stiffness and holds nothing", "give it some");
+  if (!(held.device.encoder_step_m > 0))
+    return bad("the device '" + held.device.name + "' has no encoder step to measure a limit cycle by",
+               "give it one");
+  return std::nullopt;
+}
+
+// upwards by coarse steps until one touch fails, then from the last that held by fine ones
+Result<double> stiffest_before(Fails fails, const StabilityCase& held, const Progress& progress) {
+  if (const auto fault = fault_of(held)) return *fault;
+  const auto any_fails = [&](double stiffness_N_per_mm) {
+    return std::any_of(std::begin(kImpacts_m_s), std::end(kImpacts_m_s),
+                       [&](double impact_m_s) { return fails(held, stiffness_N_per_mm, impact_m_s); });
+  };
+  const double theory = theoretical_stiffness_N_per_mm(
+      held.device.damping_N_s_per_m + held.hand.damping_N_s_per_m, held.rate_hz, held.delay_s);
+  double stiffness = std::clamp(kStartOfTheory * theory, kSoftest_N_per_mm, kStiffestWall_N_per_mm);
+  while (any_fails(stiffness)) {
+    if (progress.stopped()) return Progress::interrupted();
+    if (stiffness <= kSoftest_N_per_mm) return 0.0;
+    stiffness /= kStep;
+  }
+  for (const double step : {std::pow(kStep, kCoarse), kStep}) {
+    while (stiffness < kStiffestWall_N_per_mm && !any_fails(stiffness * step)) {
+      if (progress.stopped()) return Progress::interrupted();
+      stiffness *= step;
+    }
+  }
+  return std::min(stiffness, kStiffestWall_N_per_mm);
+}
+
+}  // namespace
+
+Result<double> critical_stiffness_N_per_mm(const StabilityCase& held, const Progress& progress) {
+  return stiffest_before(has_limit_cycle, held, progress);
+}
+
+Result<double> settling_stiffness_N_per_mm(const StabilityCase& held, const Progress& progress) {
+  return stiffest_before(swings_after_a_second, held, progress);
+}
+
+double passivity_bound_N_per_mm(const PlantDevice& device, double rate_hz) {
+  PALPATE_CHECK(rate_hz > 0);
+  const double sampling = 2 * device.damping_N_s_per_m * rate_hz;
+  // without steps nothing is quantised
+  const double quantisation = 2 * device.coulomb_N / device.encoder_step_m;
+  return (device.encoder_step_m > 0 ? std::min(sampling, quantisation) : sampling) * 1e-3;
+}
+
+double neutral_damping_N_s_per_mm(double mass_kg, double rate_hz, double delay_s) {
+  PALPATE_CHECK(rate_hz > 0);
+  constexpr double kWindow_s = 0.01;
+  const double late_s = delay_s + 0.5 / rate_hz + 0.5 * kWindow_s;
+  const double swing_rad_s = 0.5 * std::numbers::pi / late_s;
+  const double damping_N_s_per_m =
+      mass_kg * swing_rad_s * swing_rad_s * kWindow_s / (2 * std::sin(0.5 * swing_rad_s * kWindow_s));
+  return damping_N_s_per_m * 1e-3;
+}
+
+double recommended_damping_N_s_per_mm(const PlantDevice& device, double rate_hz, double delay_s) {
+  return kStiffnessMargin * neutral_damping_N_s_per_mm(device.mass_kg, rate_hz, delay_s);
+}
+
+Result<double> recommended_stiffness_N_per_mm(const PlantDevice& device, double rate_hz, double delay_s,
+                                              const Progress& progress) {
+  double least = kStiffestWall_N_per_mm;
+  for (const char* grip : {"light-grip", "firm-grip"}) {
+    const auto critical =
+        critical_stiffness_N_per_mm({device, *find_plant_hand(grip), rate_hz, delay_s}, progress);
+    if (!critical) return critical;
+    least = std::min(least, *critical);
+  }
+  return kStiffnessMargin * least;
+}
+
+}  // namespace palpate

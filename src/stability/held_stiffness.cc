@@ -1,0 +1,105 @@
+#include "palpate/stability/held_stiffness.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "palpate/servo/servo.h"
+#include "palpate/stability/critical_stiffness.h"
+
+namespace palpate {
+namespace {
+
+// The light grip has the least damping. Theory knows neither friction, which holds more, nor encoder steps,
+// which the margin covers (critical_stiffness_test).
+double held_by_theory(const PlantDevice& device, double rate_hz, double delay_s) {
+  const double damping_N_s_per_m =
+      device.damping_N_s_per_m + find_plant_hand("light-grip")->damping_N_s_per_m;
+  return kStiffnessMargin * theoretical_stiffness_N_per_mm(damping_N_s_per_m, rate_hz, delay_s);
+}
+
+const Tissue& stiffest_of(const Model& model) {
+  return *std::max_element(model.tissues.begin(), model.tissues.end(), [](const Tissue& a, const Tissue& b) {
+    return (a.felt ? a.stiffness_N_per_mm : 0) < (b.felt ? b.stiffness_N_per_mm : 0);
+  });
+}
+
+std::string loop_text(double rate_hz, double delay_s) {
+  char loop[80];
+  std::snprintf(loop, sizeof loop, delay_s > 0 ? " at %g Hz with %g ms of delay" : " at %g Hz", rate_hz,
+                delay_s * 1e3);
+  return loop;
+}
+
+std::string held_by_hand(const PlantDevice& device, double rate_hz, double delay_s) {
+  char margin[120];
+  std::snprintf(margin, sizeof margin, ", %.1f of where a grip begins to swing (passive with any hand: %.3g)",
+                kStiffnessMargin, passivity_bound_N_per_mm(device, rate_hz));
+  return "a hand holds with " + device.name + loop_text(rate_hz, delay_s) + margin;
+}
+
+}  // namespace
+
+Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings& workspace,
+                                     ForceMethod method, const PlantDevice& device, double rate_hz,
+                                     double delay_s, const Progress& progress) {
+  const Tissue& stiffest = stiffest_of(model);
+  const double one_point = felt_stiffness_N_per_mm(workspace, stiffest.stiffness_N_per_mm);
+  const double all_points = one_point * static_cast<double>(model.tool.points_mm.size());
+  HeldStiffness held;
+  held.asked_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
+  const double vouched = vouched_stiffness_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
+  double by_hand = held_by_theory(device, rate_hz, delay_s);
+  // what the maker does not vouch for need not be held
+  if (std::min(all_points, vouched) > by_hand) {
+    progress.report("how stiff a wall the device holds", 0);
+    const auto most = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
+    if (!most) return most.error();
+    progress.report("how stiff a wall the device holds", 1);
+    by_hand = *most;
+  }
+  held.most_N_per_mm = std::min(by_hand, vouched);
+  if (held.asked_N_per_mm <= held.most_N_per_mm) return held;
+
+  const auto points = static_cast<int>(std::lround(held.asked_N_per_mm / one_point));
+  char text[400];
+  std::snprintf(
+      text, sizeof text,
+      "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): felt as "
+      "%.3g, the most that %s",
+      stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
+      workspace.force_gain, points, points == 1 ? "" : "s", held.most_N_per_mm,
+      (vouched < by_hand ? "the maker of " + device.name + " vouches for"
+                         : held_by_hand(device, rate_hz, delay_s))
+          .c_str());
+  held.clamped = text;
+  return held;
+}
+
+HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace, const PlantDevice& device,
+                         double rate_hz, double delay_s) {
+  HeldDamping held;
+  held.most_N_s_per_mm = recommended_damping_N_s_per_mm(device, rate_hz, delay_s);
+  std::string of = "the proxy's coupling";
+  double asked_N_s_per_mm = model.method_settings.coupling_damping_N_s_per_mm;
+  for (const Tissue& tissue : model.tissues)
+    if (tissue.felt && tissue.viscosity_N_s_per_mm > asked_N_s_per_mm) {
+      of = "'" + tissue.name + "'";
+      asked_N_s_per_mm = tissue.viscosity_N_s_per_mm;
+    }
+  const double felt_N_s_per_mm = asked_N_s_per_mm * workspace.scale * workspace.force_gain;
+  if (felt_N_s_per_mm <= held.most_N_s_per_mm) return held;
+
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "%s asks for %.3g N s/mm of damping (%.3g x scale %.3g x force gain %.3g): felt as %.2g, the "
+                "most that %s "
+                "bears%s, %.1f of where it begins to swing by itself",
+                of.c_str(), felt_N_s_per_mm, asked_N_s_per_mm, workspace.scale, workspace.force_gain,
+                held.most_N_s_per_mm, device.name.c_str(), loop_text(rate_hz, delay_s).c_str(),
+                kStiffnessMargin);
+  held.clamped = text;
+  return held;
+}
+
+}  // namespace palpate

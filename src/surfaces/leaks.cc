@@ -1,0 +1,199 @@
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <limits>
+
+#include "palpate/surfaces/surfaces.h"
+#include "palpate/volume/slices.h"
+
+namespace palpate {
+namespace {
+
+// a joint's surroundings: the voxels that meet at it and two more on every side
+constexpr int kAside = 2, kEdge = 2 * kAside + 2;
+// fewer are a pocket and no side
+constexpr int kSide_voxels = 9;
+
+using Index = std::array<int, 3>;
+
+/// What is felt around a joint, the lower corner of whose eight voxels is in the middle.
+class Surroundings {
+ public:
+  Surroundings(const Bricks<LabelId>& labels, const std::vector<char>& felt, const Index& at) {
+    std::size_t n = 0;
+    for (int k = -kAside; k < kEdge - kAside; ++k)
+      for (int j = -kAside; j < kEdge - kAside; ++j)
+        for (int i = -kAside; i < kEdge - kAside; ++i)
+          free_[n++] = !felt[labels.anywhere(at[0] + i, at[1] + j, at[2] + k)];
+  }
+
+  /// Of two free places whether they are two sides of a sheet: at least half of all is free, and neither
+  /// side's voxels reach the other's through faces.
+  bool separates(const Index& one, const Index& other) {
+    if (2 * std::count(free_.begin(), free_.end(), 0) > static_cast<std::ptrdiff_t>(free_.size()))
+      return false;
+    const int first = place_of(one), second = place_of(other);
+    const int reached = fill(first, 1);
+    return seen_[static_cast<std::size_t>(second)] == 0 && reached >= kSide_voxels &&
+           fill(second, 2) >= kSide_voxels;
+  }
+
+ private:
+  static int place_of(const Index& at) {
+    return at[0] + kAside + kEdge * (at[1] + kAside + kEdge * (at[2] + kAside));
+  }
+
+  // how many free voxels are reached from one
+  int fill(int from, char mark) {
+    std::array<int, kEdge * kEdge * kEdge> todo;
+    std::size_t count = 0, done = 0;
+    const auto see = [&](int place) {
+      const auto at = static_cast<std::size_t>(place);
+      if (!free_[at] || seen_[at] != 0) return;
+      seen_[at] = mark;
+      todo[count++] = place;
+    };
+    see(from);
+    while (done < count) {
+      const int place = todo[done++];
+      const int i = place % kEdge, j = place / kEdge % kEdge, k = place / (kEdge * kEdge);
+      if (i > 0) see(place - 1);
+      if (i + 1 < kEdge) see(place + 1);
+      if (j > 0) see(place - kEdge);
+      if (j + 1 < kEdge) see(place + kEdge);
+      if (k > 0) see(place - kEdge * kEdge);
+      if (k + 1 < kEdge) see(place + kEdge * kEdge);
+    }
+    return static_cast<int>(count);
+  }
+
+  std::array<char, kEdge * kEdge * kEdge> free_{}, seen_{};
+};
+
+struct Found {
+  std::size_t joints = 0, first = std::numeric_limits<std::size_t>::max();
+  Point<Patient> place;  // of the first in memory's order, whichever thread has found it
+
+  void add(const Found& other) {
+    joints += other.joints;
+    if (other.first < first) place = other.place;
+    first = std::min(first, other.first);
+  }
+};
+using FoundOfLabel = std::vector<Found>;
+
+// Two free voxels that meet at an edge, or at a corner, of a block of up to eight: the others are felt.
+struct Joint {
+  Index one, other, size;
+};
+constexpr std::array<Joint, 10> kJoints{{{{0, 0, 0}, {1, 1, 0}, {2, 2, 1}},
+                                         {{1, 0, 0}, {0, 1, 0}, {2, 2, 1}},
+                                         {{0, 0, 0}, {1, 0, 1}, {2, 1, 2}},
+                                         {{1, 0, 0}, {0, 0, 1}, {2, 1, 2}},
+                                         {{0, 0, 0}, {0, 1, 1}, {1, 2, 2}},
+                                         {{0, 1, 0}, {0, 0, 1}, {1, 2, 2}},
+                                         {{0, 0, 0}, {1, 1, 1}, {2, 2, 2}},
+                                         {{1, 0, 0}, {0, 1, 1}, {2, 2, 2}},
+                                         {{0, 1, 0}, {1, 0, 1}, {2, 2, 2}},
+                                         {{1, 1, 0}, {0, 0, 1}, {2, 2, 2}}}};
+
+// which of a block's eight voxels are felt, the one at (i, j, k) by bit i + 2 j + 4 k
+constexpr unsigned bit(const Index& at) {
+  return 1u << (at[0] + 2 * at[1] + 4 * at[2]);
+}
+
+struct Pattern {
+  unsigned looked_at = 0, felt = 0;
+};
+constexpr std::array<Pattern, kJoints.size()> patterns() {
+  std::array<Pattern, kJoints.size()> all;
+  for (std::size_t n = 0; n < kJoints.size(); ++n) {
+    for (int c = 0; c < 8; ++c) {
+      const Index at{c & 1, c >> 1 & 1, c >> 2};
+      const Index& size = kJoints[n].size;
+      if (at[0] < size[0] && at[1] < size[1] && at[2] < size[2]) all[n].looked_at |= bit(at);
+    }
+    all[n].felt = all[n].looked_at & ~bit(kJoints[n].one) & ~bit(kJoints[n].other);
+  }
+  return all;
+}
+constexpr std::array<Pattern, kJoints.size()> kPatterns = patterns();
+
+// by a block's eight bits: whether any of the joints is there
+constexpr std::array<bool, 256> joint_blocks() {
+  std::array<bool, 256> any{};
+  for (unsigned block = 0; block < 256; ++block)
+    for (const Pattern& pattern : kPatterns)
+      any[block] = any[block] || (block & pattern.looked_at) == pattern.felt;
+  return any;
+}
+constexpr std::array<bool, 256> kJointBlocks = joint_blocks();
+
+// the joints of one block
+void look_at(const Bricks<LabelId>& labels, const std::vector<char>& felt, const Index& at, unsigned block,
+             FoundOfLabel& found) {
+  for (std::size_t n = 0; n < kJoints.size(); ++n) {
+    if ((block & kPatterns[n].looked_at) != kPatterns[n].felt) continue;
+    const auto label_of = [&](int corner) {
+      return labels.at(at[0] + (corner & 1), at[1] + (corner >> 1 & 1), at[2] + (corner >> 2));
+    };
+    const LabelId label = label_of(std::countr_zero(kPatterns[n].felt));
+    bool one_structure = true;
+    for (int corner = 0; corner < 8; ++corner)
+      if ((kPatterns[n].felt >> corner & 1) != 0) one_structure = one_structure && label_of(corner) == label;
+    if (!one_structure) continue;
+    Surroundings around(labels, felt, at);
+    if (!around.separates(kJoints[n].one, kJoints[n].other)) continue;
+    const Index& size = kJoints[n].size;
+    const Point<Voxel> middle(at[0] + 0.5 * (size[0] - 1), at[1] + 0.5 * (size[1] - 1),
+                              at[2] + 0.5 * (size[2] - 1));
+    found[label].add(
+        {1, labels.geometry().offset(at[0], at[1], at[2]), labels.geometry().X_PatientVoxel() * middle});
+  }
+}
+
+}  // namespace
+
+Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
+                                      int threads, const Progress& progress) {
+  std::vector<char> felt(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 0);
+  for (const LabelId structure : structures) felt[structure] = 1;
+  const auto& dims = labels.geometry().dims;
+  if (dims[0] < 2 || dims[1] < 2) return std::vector<Leaks>();
+  const int workers = worker_count(threads, dims[2]);
+  std::vector<FoundOfLabel> found(static_cast<std::size_t>(workers), FoundOfLabel(felt.size()));
+  const auto done =
+      internal::for_each_slice(dims[2], workers, progress, {"looking for leaks"}, [&](int worker, int k) {
+        const auto look_along = [&](const RowPiece<LabelId>& piece) {
+          if (piece.uniform) return;
+          // beyond the last slice nothing is felt
+          const auto column = [&](int i) {
+            unsigned bits = 0;
+            for (int r = 0; r < 4; ++r)
+              if (felt[piece.voxels[i + (r & 1) * BrickLayout::kRow + (r >> 1) * BrickLayout::kSlice]] != 0)
+                bits |= 1u << (2 * r);
+            return bits;
+          };
+          const int count = std::min(piece.count, dims[0] - 1 - piece.i);
+          unsigned before = column(0);
+          for (int i = 0; i < count; ++i) {
+            const unsigned next = column(i + 1), block = before | next << 1;
+            before = next;
+            if (kJointBlocks[block])
+              look_at(labels, felt, {piece.i + i, piece.j, k}, block,
+                      found[static_cast<std::size_t>(worker)]);
+          }
+        };
+        for (int j = 0; j + 1 < dims[1]; ++j) labels.for_each_piece(j, k, look_along);
+      });
+  if (!done) return done.error();
+  std::vector<Leaks> leaky;
+  for (const LabelId structure : structures) {
+    Found all;
+    for (const FoundOfLabel& mine : found) all.add(mine[structure]);
+    if (all.joints > 0) leaky.push_back({structure, all.joints, all.place});
+  }
+  return leaky;
+}
+
+}  // namespace palpate

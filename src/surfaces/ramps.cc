@@ -1,0 +1,317 @@
+#include "palpate/surfaces/ramps.h"
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+#include <sstream>
+
+#include "surfaces/ramps_depth.h"
+#include "surfaces/surface_components.h"
+#include "surfaces/touching.h"
+
+namespace palpate {
+
+namespace {
+
+using internal::Block;
+using internal::DepthOptions;
+using internal::Index3;
+using internal::ProgressSpan;
+using internal::Span3;
+using internal::Touching;
+
+/// Half thickness beyond which nothing changes any more.
+constexpr double kThick_mm = 7;
+
+/// Of the filter of a structure's distance. Half the half thickness, so that the ridge of what is thin keeps
+/// three quarters of its height; more than 1.5 mm for what is as thick as bone alone, which gets smoother by
+/// it.
+double sigma_mm_of(double half_thickness_mm) {
+  return std::max(std::min(0.5 * half_thickness_mm, 1.5), std::min(0.3 * half_thickness_mm, 2.0));
+}
+
+constexpr float kFullScale = 65535;
+
+Error bad_input(const std::string& what, const std::string& remedy) {
+  return {ErrorKind::kBadInput, what, "", remedy};
+}
+
+template <class Value>
+std::string text_of(const char* before, Value value, const char* after) {
+  std::ostringstream text;
+  text << before << value << after;
+  return text.str();
+}
+
+Result<void> check(const std::vector<RampStructure>& structures, const RampOptions& options) {
+  if (!(options.width_mm >= kLeastRampWidth_mm && options.width_mm <= kMostRampWidth_mm))
+    return bad_input(text_of("the width of a ramp is ", options.width_mm, " mm"), "give 1 to 12 mm");
+  if (!(options.stiffest_N_per_mm >= 0 && std::isfinite(options.stiffest_N_per_mm)))
+    return bad_input(text_of("the greatest stiffness is ", options.stiffest_N_per_mm, " N/mm"),
+                     "give 0 for that of the structures, or at least theirs");
+  if (options.threads < 0)
+    return bad_input(text_of("the number of threads is ", options.threads, ""),
+                     "give 0 for as many as the machine has, or at least 1");
+  for (const RampStructure& s : structures) {
+    if (s.label == 0) return bad_input("label 0 is the background", "choose among the labels");
+    if (!(s.stiffness_N_per_mm > 0 && std::isfinite(s.stiffness_N_per_mm)))
+      return bad_input(text_of("a stiffness is ", s.stiffness_N_per_mm, " N/mm"), "give more than 0");
+    for (const LabelId support : s.rests_on) {
+      const auto found = std::find_if(structures.begin(), structures.end(),
+                                      [&](const RampStructure& other) { return other.label == support; });
+      if (found == structures.end())
+        return bad_input(text_of("label ", s.label, " rests on one that is not felt"), "let it be felt too");
+      if (std::find(found->rests_on.begin(), found->rests_on.end(), s.label) != found->rests_on.end())
+        return bad_input(text_of("label ", s.label, " rests on one that rests on it"),
+                         "leave one of them out");
+      if (found->stiffness_N_per_mm < s.stiffness_N_per_mm)
+        return bad_input(text_of("label ", s.label, " is stiffer than one that it rests on"),
+                         "make it at most as stiff");
+    }
+  }
+  return {};
+}
+
+/// Structures by label, -1 for all else.
+std::vector<int> index_by_label(const std::vector<RampStructure>& structures) {
+  std::vector<int> index(65536, -1);
+  for (std::size_t s = 0; s < structures.size(); ++s) index[structures[s].label] = static_cast<int>(s);
+  return index;
+}
+
+/// The chains of structures resting on each other, walked from every one upwards; each adds to the field what
+/// it says of its voxels.
+class ChainWalk {
+ public:
+  ChainWalk(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
+            const std::vector<Span3>& spans, const Touching& touching, const RampOptions& options,
+            const Progress& progress, Ramps& ramps)
+      : labels_(labels),
+        structures_(structures),
+        spans_(spans),
+        touching_(touching),
+        options_(options),
+        progress_(progress),
+        ramps_(ramps) {}
+
+  Result<void> from(std::size_t root, const ProgressSpan& stage) {
+    auto half_mm =
+        internal::median_half_thickness_mm(labels_, structures_[root].label, span_of(root), kThick_mm,
+                                           options_.threads, progress_, stage.part(0, 0.1));
+    if (!half_mm) return half_mm.error();
+    half_thickness_mm = *half_mm;
+    sigma_mm_ = sigma_mm_of(half_thickness_mm);
+    return climb(root, stage.part(0.1, 1));
+  }
+
+  double half_thickness_mm = 0;  ///< of the last root
+
+ private:
+  // a structure of the chain, and the depth of it with all below
+  struct Link {
+    std::size_t structure;
+    int deepest;  ///< in steps
+    Block<std::int16_t> position;
+  };
+
+  const Span3& span_of(std::size_t structure) const { return spans_[structures_[structure].label]; }
+  double stiffness(std::size_t structure) const { return structures_[structure].stiffness_N_per_mm; }
+
+  bool rests_on_top(std::size_t structure) const {
+    const std::size_t top = chain_.back().structure;
+    const auto& supports = structures_[structure].rests_on;
+    return touching_(structure, top) &&
+           std::find(supports.begin(), supports.end(), structures_[top].label) != supports.end();
+  }
+
+  // what the new top adds is felt near it alone
+  Span3 box_of(std::size_t structure, const DepthOptions& depth) const {
+    if (chain_.empty()) return span_of(structure);
+    const Span3 near =
+        span_of(structure).grown(internal::position_window(labels_.geometry().spacing_mm, depth));
+    Span3 hull = span_of(structure);
+    for (const Link& link : chain_)
+      for (int a = 0; a < 3; ++a) {
+        hull.low[a] = std::min(hull.low[a], span_of(link.structure).low[a]);
+        hull.high[a] = std::max(hull.high[a], span_of(link.structure).high[a]);
+      }
+    return near.clipped(hull);
+  }
+
+  Result<void> climb(std::size_t structure, const ProgressSpan& stage) {
+    if (++chains_ > kMostRampChains)
+      return bad_input(
+          text_of("more than ", kMostRampChains, " chains of structures that rest on each other"),
+          "let fewer rest on each other (rests_on), or prepare by method = \"union-gaussian\"");
+    const DepthOptions depth{std::min(ramps_.full_force_N / stiffness(structure), kDeepestRamp_mm), sigma_mm_,
+                             options_.threads};
+    chain_.push_back({structure, static_cast<int>(depth.reach_mm / kSurfaceStep_mm),
+                      Block<std::int16_t>(box_of(structure, depth))});
+    std::vector<LabelId> set;
+    for (const Link& link : chain_) set.push_back(structures_[link.structure].label);
+    auto done =
+        internal::set_position(labels_, set, depth, progress_, stage.part(0, 0.4), chain_.back().position);
+    if (!done) return done;
+    done = raise_field(stage.part(0.4, 0.5));
+    std::vector<std::size_t> onward;
+    for (std::size_t next = 0; next < structures_.size(); ++next)
+      if (rests_on_top(next)) onward.push_back(next);
+    for (std::size_t n = 0; n < onward.size() && done; ++n) {
+      const auto from = static_cast<double>(n), count = static_cast<double>(onward.size());
+      done = climb(onward[n], stage.part(0.5 + 0.5 * from / count, 0.5 + 0.5 * (from + 1) / count));
+    }
+    chain_.pop_back();
+    return done;
+  }
+
+  // the field to at least what the chain says
+  Result<void> raise_field(const ProgressSpan& stage) {
+    const Span3 span = chain_.back().position.span();
+    const int workers = worker_count(options_.threads, span.size(2));
+    const auto length = static_cast<std::size_t>(span.size(0));
+    std::vector<float> per_step;
+    for (std::size_t m = 0; m < chain_.size(); ++m) {
+      const double above = m + 1 < chain_.size() ? stiffness(chain_[m + 1].structure) : 0;
+      per_step.push_back(static_cast<float>((stiffness(chain_[m].structure) - above) * kSurfaceStep_mm *
+                                            kFullScale / ramps_.full_force_N));
+    }
+    std::vector<std::vector<float>> depth(static_cast<std::size_t>(workers), std::vector<float>(length)),
+        sum = depth;
+    const auto slice = [&](int worker, int n) {
+      std::vector<float>& d = depth[static_cast<std::size_t>(worker)];
+      std::vector<float>& v = sum[static_cast<std::size_t>(worker)];
+      const int k = span.low[2] + n;
+      for (int j = span.low[1]; j < span.high[1]; ++j) {
+        std::fill(d.begin(), d.end(), 0.0f);
+        std::fill(v.begin(), v.end(), 0.0f);
+        for (std::size_t m = 0; m < chain_.size(); ++m) {
+          // beyond a link's box the depth is that of the links below
+          const Block<std::int16_t>& position = chain_[m].position;
+          const Span3 row = Span3{{span.low[0], j, k}, {span.high[0], j + 1, k + 1}}.clipped(position.span());
+          if (!row.empty()) {
+            const std::int16_t* from = position.row(j, k) + (row.low[0] - position.span().low[0]);
+            float* to = d.data() + (row.low[0] - span.low[0]);
+            const int deepest = chain_[m].deepest;
+            for (int i = 0; i < row.size(0); ++i)
+              to[i] = static_cast<float>(std::clamp(-from[i], 0, deepest));
+          }
+          for (std::size_t i = 0; i < length; ++i) v[i] += per_step[m] * d[i];
+        }
+        std::uint16_t* out = ramps_.field.voxels().data() + labels_.geometry().offset(span.low[0], j, k);
+        for (std::size_t i = 0; i < length; ++i) {
+          const float inside = d[i] > 0 ? 1.0f : 0.0f;
+          const float value = std::clamp(v[i] + 0.5f, inside, kFullScale);
+          out[i] = std::max(out[i], static_cast<std::uint16_t>(static_cast<int>(value) * (d[i] > 0 ? 1 : 0)));
+        }
+      }
+    };
+    return internal::for_each_slice(span.size(2), workers, progress_, stage, slice);
+  }
+
+  const Bricks<LabelId>& labels_;
+  const std::vector<RampStructure>& structures_;
+  const std::vector<Span3>& spans_;
+  const Touching& touching_;
+  const RampOptions& options_;
+  const Progress& progress_;
+  Ramps& ramps_;
+  double sigma_mm_ = 0;
+  int chains_ = 0;
+  std::vector<Link> chain_;
+};
+
+/// The greatest value of every structure.
+Result<std::vector<std::uint16_t>> greatest_values(const Bricks<LabelId>& labels,
+                                                   const std::vector<int>& index, std::size_t structures,
+                                                   const Volume<std::uint16_t>& field, int threads,
+                                                   const Progress& progress, const ProgressSpan& stage) {
+  const GridGeometry& grid = labels.geometry();
+  const int workers = worker_count(threads, grid.dims[2]);
+  // one more for what is no structure
+  std::vector<std::vector<std::uint16_t>> greatest(static_cast<std::size_t>(workers),
+                                                   std::vector<std::uint16_t>(structures + 1, 0));
+  const auto done = internal::for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
+    std::vector<std::uint16_t>& mine = greatest[static_cast<std::size_t>(worker)];
+    const auto look = [&](const RowPiece<LabelId>& piece) {
+      const std::uint16_t* const value = &field.at(piece.i, piece.j, k);
+      for (int i = 0; i < piece.count; ++i) {
+        if (value[i] == 0) continue;
+        std::uint16_t& most = mine[static_cast<std::size_t>(index[piece.voxels[i]])];
+        most = std::max(most, value[i]);
+      }
+    };
+    for (int j = 0; j < grid.dims[1]; ++j) labels.for_each_piece(j, k, look);
+  });
+  if (!done) return done.error();
+  for (std::size_t w = 1; w < greatest.size(); ++w)
+    for (std::size_t s = 0; s < structures; ++s) greatest[0][s] = std::max(greatest[0][s], greatest[w][s]);
+  return greatest[0];
+}
+
+Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
+                      const RampOptions& options, const Progress& progress) {
+  Ramps ramps;
+  ramps.field = Volume<std::uint16_t>(labels.geometry());
+  ramps.full_force_N = options.stiffest_N_per_mm * options.width_mm;
+  for (const RampStructure& s : structures)
+    ramps.full_force_N = std::max(ramps.full_force_N, s.stiffness_N_per_mm * options.width_mm);
+
+  const ProgressSpan work{"preparing ramps"};
+  const std::vector<int> index = index_by_label(structures);
+  const auto touching = internal::find_touching(labels, index, structures.size(), internal::Common::kFace,
+                                                options.threads, progress, work.part(0, 0.05));
+  if (!touching) return touching.error();
+  const std::vector<Span3> spans = internal::label_spans(labels);
+  ChainWalk walk(labels, structures, spans, *touching, options, progress, ramps);
+  const auto count = static_cast<double>(structures.size());
+  for (std::size_t s = 0; s < structures.size(); ++s) {
+    if (spans[structures[s].label].empty()) continue;
+    const auto n = static_cast<double>(s);
+    const auto done = walk.from(s, work.part(0.05 + 0.9 * n / count, 0.05 + 0.9 * (n + 1) / count));
+    if (!done) return done.error();
+    ramps.structures.push_back({structures[s].label, 0, walk.half_thickness_mm});
+  }
+  const auto greatest = greatest_values(labels, index, structures.size(), ramps.field, options.threads,
+                                        progress, work.part(0.95, 1));
+  if (!greatest) return greatest.error();
+  for (RampFigures& figures : ramps.structures)
+    figures.most_N =
+        ramps.full_force_N * (*greatest)[static_cast<std::size_t>(index[figures.label])] / kFullScale;
+  return ramps;
+}
+
+}  // namespace
+
+Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
+                            const RampOptions& options, const Progress& progress) {
+  const auto checked = check(structures, options);
+  if (!checked) return checked.error();
+  try {
+    return prepare(labels, structures, options, progress);
+  } catch (const std::bad_alloc&) {
+    return bad_input("not enough memory to prepare the ramps", "close other programs, or crop the volume");
+  }
+}
+
+Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry& grid) {
+  const double widest_mm = grid.spacing_mm.maxCoeff();
+  const double width_mm = asked_mm.value_or(std::max(kUsualRampWidth_mm, 2 * widest_mm));
+  // rounding of a direction matrix is no reason
+  if (width_mm >= 2 * widest_mm * (1 - 1e-6) && width_mm <= kMostRampWidth_mm) return width_mm;
+  return bad_input(
+      text_of("a ramp of ", width_mm, "") + text_of(" mm on voxels that are up to ", widest_mm, " mm wide"),
+      2 * widest_mm <= kMostRampWidth_mm
+          ? text_of("give a ramp_width of two voxels or more, ", 2 * widest_mm, " mm")
+          : text_of("a ramp takes two voxels and at most ", kMostRampWidth_mm,
+                    " mm; give method = \"union-gaussian\""));
+}
+
+Volume<std::uint8_t> in_eight_bits(const Volume<std::uint16_t>& ramp) {
+  Volume<std::uint8_t> eight(ramp.geometry());
+  std::transform(ramp.voxels().begin(), ramp.voxels().end(), eight.voxels().begin(), [](std::uint16_t v) {
+    return static_cast<std::uint8_t>(v == 0 ? 0 : std::max(1, (v + 128) / 257));
+  });
+  return eight;
+}
+
+}  // namespace palpate

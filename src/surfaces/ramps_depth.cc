@@ -1,0 +1,138 @@
+#include "surfaces/ramps_depth.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <new>
+
+#include "surfaces/signed_distance.h"
+
+namespace palpate::internal {
+
+namespace {
+
+/// As many slices as are prepared at a time: few enough for the memory, enough for their margins not to cost
+/// more than they.
+constexpr int kSlabSlices = 24;
+
+/// Calls work(worker, slab) for slabs of a box, on several threads.
+Result<void> by_slabs(const Span3& span, int threads, const Progress& progress, const ProgressSpan& stage,
+                      const std::function<void(int worker, const Span3& slab)>& work) {
+  if (span.empty()) return {};
+  const int slabs = (span.size(2) + kSlabSlices - 1) / kSlabSlices;
+  std::atomic<bool> no_memory{false};
+  const auto done =
+      for_each_slice(slabs, worker_count(threads, slabs), progress, stage, [&](int worker, int n) {
+        Span3 slab = span;
+        slab.low[2] = span.low[2] + n * kSlabSlices;
+        slab.high[2] = std::min(span.high[2], slab.low[2] + kSlabSlices);
+        try {
+          work(worker, slab);
+        } catch (const std::bad_alloc&) {
+          no_memory = true;
+        }
+      });
+  if (!done) return done.error();
+  if (no_memory) {
+    return Error{ErrorKind::kBadInput, "not enough memory to prepare the ramps", "",
+                 "close other programs, or crop the volume"};
+  }
+  return {};
+}
+
+/// 1 where a voxel of the box has a label of the set.
+Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
+                            const Span3& span) {
+  Block<std::uint8_t> mask(span, 0);
+  const Span3 known = span.clipped(whole(labels.geometry()));
+  const int length = known.size(0);
+  for_each_row(labels, known, [&](int j, int k, const LabelId* from) {
+    std::uint8_t* to = mask.row(j, k) + (known.low[0] - span.low[0]);
+    for (const LabelId label : set) {
+      for (int i = 0; i < length; ++i) to[i] = static_cast<std::uint8_t>(to[i] | (from[i] == label ? 1 : 0));
+    }
+  });
+  return mask;
+}
+
+/// As deep as the distance has to go for the filter not to see its end, nearly; 16 mm less a little at most.
+double inside_reach_mm(const DepthOptions& options) {
+  return options.reach_mm + 2 * options.sigma_mm;
+}
+
+/// As far out as the filter of a voxel inside sees.
+double outside_reach_mm(const DepthOptions& options) {
+  constexpr double kCutSigmasOfFilter = 3, kBesides_mm = 1;
+  return std::min(options.reach_mm, kCutSigmasOfFilter * options.sigma_mm + kBesides_mm);
+}
+
+}  // namespace
+
+Index3 position_window(const Eigen::Vector3d& spacing_mm, const DepthOptions& options) {
+  const Index3 near = PositionFilter(spacing_mm, options.sigma_mm).reach();
+  const Index3 far = distance_window(spacing_mm, inside_reach_mm(options));
+  return {near[0] + far[0], near[1] + far[1], near[2] + far[2]};
+}
+
+Result<void> set_position(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
+                          const DepthOptions& options, const Progress& progress, const ProgressSpan& stage,
+                          Block<std::int16_t>& position) {
+  const Eigen::Vector3d& spacing_mm = labels.geometry().spacing_mm;
+  const PositionFilter filter(spacing_mm, options.sigma_mm);
+  const double inside_mm = inside_reach_mm(options), outside_mm = outside_reach_mm(options);
+  const Index3 window = distance_window(spacing_mm, inside_mm);
+  return by_slabs(position.span(), options.threads, progress, stage, [&](int, const Span3& slab) {
+    const Span3 around = slab.grown(filter.reach());
+    Block<float> distance(around);
+    const Block<std::uint8_t> mask = mask_of(labels, set, around.grown(window));
+    distance_to_class(mask, 0, spacing_mm, inside_mm, distance);
+    distance_to_class(mask, 1, spacing_mm, outside_mm, distance);
+    Block<std::int16_t> part(slab);
+    filter.apply(distance, part);
+    const auto length = static_cast<std::size_t>(slab.size(0));
+    for_each_row(slab, [&](int j, int k) { std::copy_n(part.row(j, k), length, position.row(j, k)); });
+  });
+}
+
+Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId label, const Span3& span,
+                                        double reach_mm, int threads, const Progress& progress,
+                                        const ProgressSpan& stage) {
+  const Eigen::Vector3d& spacing_mm = labels.geometry().spacing_mm;
+  const Index3 window = distance_window(spacing_mm, reach_mm);
+  // counts of distances, in thousandths of the reach
+  constexpr int kBins = 1000;
+  using Counts = std::array<std::size_t, kBins + 1>;
+  std::vector<Counts> counts(static_cast<std::size_t>(worker_count(threads, span.size(2))), Counts{});
+  const auto done = by_slabs(span, threads, progress, stage, [&](int worker, const Span3& slab) {
+    Counts& mine = counts[static_cast<std::size_t>(worker)];
+    const Span3 around = slab.grown({1, 1, 1});
+    Block<float> distance(around, 0);
+    distance_to_class(mask_of(labels, {label}, around.grown(window)), 0, spacing_mm, reach_mm, distance);
+    for_each_row(slab, [&](int j, int k) {
+      const float* rows[9];
+      for (int n = 0; n < 9; ++n)
+        rows[n] = distance.row(j + n % 3 - 1, k + n / 3 - 1) + (slab.low[0] - around.low[0]);
+      for (int i = 0; i < slab.size(0); ++i) {
+        const float here = rows[4][i];
+        if (here >= 0) continue;
+        // negative inside: none deeper
+        const bool ridge = std::all_of(rows, rows + 9, [&](const float* row) {
+          return row[i - 1] >= here && row[i] >= here && row[i + 1] >= here;
+        });
+        if (ridge) ++mine[static_cast<std::size_t>(std::lround(kBins * -here / reach_mm))];
+      }
+    });
+  });
+  if (!done) return done.error();
+  std::size_t all = 0;
+  for (const Counts& some : counts)
+    for (const std::size_t n : some) all += n;
+  std::size_t below = 0;
+  for (int bin = 0; bin <= kBins; ++bin) {
+    for (const Counts& some : counts) below += some[static_cast<std::size_t>(bin)];
+    if (2 * below >= all) return reach_mm * bin / kBins;
+  }
+  return reach_mm;
+}
+
+}  // namespace palpate::internal

@@ -1,0 +1,83 @@
+#include "surfaces/signed_distance_rows.h"
+
+// Compiled once per target by foreach_target.h, see gaussian_rows.cc.
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "surfaces/signed_distance_rows.cc"
+#include <hwy/foreach_target.h>
+// after foreach_target.h
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace palpate::internal::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+template <class D>
+HWY_INLINE void least_vector(D d, const WeightedRows<float>& rows, std::size_t x, float* least) {
+  auto now = hn::LoadU(d, rows.centre + x);
+  for (std::size_t t = 0; t < rows.pair_count; ++t) {
+    const RowPair<float>& pair = rows.pairs[t];
+    const auto nearer = hn::Min(hn::LoadU(d, pair.before + x), hn::LoadU(d, pair.after + x));
+    now = hn::Min(now, hn::Add(nearer, hn::Set(d, pair.weight)));
+  }
+  hn::StoreU(now, d, least + x);
+}
+
+/// The same for four neighbouring vectors, which need not wait for each other.
+template <class D>
+HWY_INLINE void least_four_vectors(D d, const WeightedRows<float>& rows, std::size_t x, float* least) {
+  const std::size_t x1 = x + hn::Lanes(d), x2 = x1 + hn::Lanes(d), x3 = x2 + hn::Lanes(d);
+  auto now0 = hn::LoadU(d, rows.centre + x);
+  auto now1 = hn::LoadU(d, rows.centre + x1);
+  auto now2 = hn::LoadU(d, rows.centre + x2);
+  auto now3 = hn::LoadU(d, rows.centre + x3);
+  for (std::size_t t = 0; t < rows.pair_count; ++t) {
+    const float* a = rows.pairs[t].before;
+    const float* b = rows.pairs[t].after;
+    const auto w = hn::Set(d, rows.pairs[t].weight);
+    now0 = hn::Min(now0, hn::Add(hn::Min(hn::LoadU(d, a + x), hn::LoadU(d, b + x)), w));
+    now1 = hn::Min(now1, hn::Add(hn::Min(hn::LoadU(d, a + x1), hn::LoadU(d, b + x1)), w));
+    now2 = hn::Min(now2, hn::Add(hn::Min(hn::LoadU(d, a + x2), hn::LoadU(d, b + x2)), w));
+    now3 = hn::Min(now3, hn::Add(hn::Min(hn::LoadU(d, a + x3), hn::LoadU(d, b + x3)), w));
+  }
+  hn::StoreU(now0, d, least + x);
+  hn::StoreU(now1, d, least + x1);
+  hn::StoreU(now2, d, least + x2);
+  hn::StoreU(now3, d, least + x3);
+}
+
+/// The last vector may overlap the one before it: it computes the same values again.
+template <class D>
+HWY_INLINE void least_by_vectors(D d, const WeightedRows<float>& rows, std::size_t length, float* least) {
+  const std::size_t lanes = hn::Lanes(d);
+  std::size_t x = 0;
+  for (; x + 4 * lanes <= length; x += 4 * lanes) least_four_vectors(d, rows, x, least);
+  for (; x + lanes <= length; x += lanes) least_vector(d, rows, x, least);
+  if (x < length) least_vector(d, rows, length - lanes, least);
+}
+
+void least(const WeightedRows<float>& rows, std::size_t length, float* out) {
+  const hn::ScalableTag<float> full;
+  const hn::CappedTag<float, 1> single;
+  if (length >= hn::Lanes(full)) {
+    least_by_vectors(full, rows, length, out);
+  } else {
+    least_by_vectors(single, rows, length, out);
+  }
+}
+
+}  // namespace palpate::internal::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace palpate::internal {
+
+HWY_EXPORT(least);
+
+void least_of_rows(const WeightedRows<float>& rows, std::size_t length, float* out) {
+  HWY_DYNAMIC_DISPATCH(least)(rows, length, out);
+}
+
+}  // namespace palpate::internal
+#endif  // HWY_ONCE

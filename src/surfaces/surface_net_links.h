@@ -1,0 +1,54 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "surfaces/surface_net.h"
+
+namespace palpate::internal {
+
+/// Nodes of a row of cells by their column, found in ascending order.
+class RowOfNodes {
+ public:
+  /// @param from  no column below it is asked for
+  RowOfNodes(const SurfaceNet& net, int j, int k, int from) : net_(net) {
+    if (j < net.cells.low[1] || j >= net.cells.high[1] || k < net.cells.low[2] || k >= net.cells.high[2])
+      return;
+    const auto begin = net.column.begin();
+    end_ = net.row_begin[net.row(j, k) + 1];
+    next_ = static_cast<std::uint32_t>(
+        std::lower_bound(begin + net.row_begin[net.row(j, k)], begin + end_, from) - begin);
+  }
+  std::uint32_t find(int i) {
+    while (next_ < end_ && net_.column[next_] < i) ++next_;
+    return next_ < end_ && net_.column[next_] == i ? next_ : SurfaceNet::kNone;
+  }
+
+ private:
+  const SurfaceNet& net_;
+  std::uint32_t next_ = 0, end_ = 0;
+};
+
+/// Which nodes a net's nodes are linked to, and where those stand.
+struct NetLinks {
+  explicit NetLinks(const SurfaceNet& net);
+  /// Of so many nodes, to be filled.
+  explicit NetLinks(std::size_t nodes) : to(nodes), share(nodes), offset(nodes) {}
+
+  /// Sum over the links of the place there less the place here, in voxels, but for the cells' own offsets.
+  CellPlace ways(const std::vector<CellPlace>& place, std::size_t n) const {
+    const auto& l = to[n];
+    const CellPlace& at = place[n];
+    return ((place[l[0]] - at) + (place[l[1]] - at)) + ((place[l[2]] - at) + (place[l[3]] - at)) +
+           ((place[l[4]] - at) + (place[l[5]] - at));
+  }
+
+  /// Through the faces at low i, high i, low j, high j, low k, high k; itself where there is no link.
+  std::vector<std::array<std::uint32_t, 6>> to;
+  std::vector<float> share;       ///< 1 / how many links
+  std::vector<CellPlace> offset;  ///< mean of the cells' offsets
+};
+
+}  // namespace palpate::internal

@@ -1,0 +1,256 @@
+#include <algorithm>
+#include <cmath>
+
+#include "surfaces/surface_net_links.h"
+
+// docs/decisions/0017-surface-nets.md says why each step is there, and what other numbers gave.
+//
+//     membrane        every node at the mean of its neighbours, in its cell:    terraces go, spheres shrink
+//     three times     curvature C of what there is, M area, both summed over a node's links
+//                     smoothed along the surface, edges left out: C', M'
+//                     every node off the mean of its neighbours by n M C'/M':       spheres come back
+
+namespace palpate::internal {
+
+namespace {
+
+/// Bent no longer than that: more rounds bend what is level, too, and bring terraces back.
+constexpr int kMembraneRounds = 60, kBentRounds = 24, kBendings = 3;
+/// Of a voxel: the most that a round still moves a node when the solution is good enough.
+constexpr float kTolerance = 3e-4f;
+/// What is left of the slowest wave that rounds are to level when each node goes to the mean of its
+/// neighbours: cos(pi/n)^2 of a wave of n nodes along the surface, here 31.
+constexpr float kSlowest = 0.99f;
+/// Widths of Gaussians along the surface.
+constexpr float kNormal_mm = 1, kCurvature_mm = 2.5f, kEdge_mm = 1.5f;
+/// 1/mm. Where the sum of both curvatures is above it the surface has an edge there, which is not to bend the
+/// faces beside it.
+constexpr float kEdgeCurvature = 0.15f;
+/// As many nodes as a thread takes at a time, and how many times that it is to have.
+constexpr std::size_t kChunk = 4096;
+constexpr int kLeastChunks = 6;
+
+/// Nodes stand in an order of their own: first those whose cells' i + j + k is even, which are linked to none
+/// but the others.
+class Relaxation {
+ public:
+  Relaxation(const SurfaceNet& net, int threads);
+
+  /// At most `rounds` of projected over-relaxation, until nothing moves any farther.
+  Result<void> solve(int rounds, const Progress& progress);
+  /// What every node is to be off the mean of its neighbours, by the curvature of what there is.
+  void bend();
+  void put_places(SurfaceNet& net) const;
+
+ private:
+  /// Calls work(first, last) for nodes of a range.
+  template <class Work>
+  void over_nodes(std::size_t begin, std::size_t end, const Work& work) const {
+    const auto chunks = static_cast<int>((end - begin + kChunk - 1) / kChunk);
+    const auto done =
+        for_each_slice(chunks, worker_count(threads_, chunks / kLeastChunks), {}, {}, [&](int, int n) {
+          const std::size_t first = begin + static_cast<std::size_t>(n) * kChunk;
+          work(first, std::min(end, first + kChunk));
+        });
+    PALPATE_CHECK(done.ok());
+  }
+  template <class Work>
+  void over_nodes(const Work& work) const {
+    over_nodes(0, place_.size(), work);
+  }
+  CellPlace way_mm(std::size_t n, int link) const;
+  CellPlace area(std::size_t n) const;
+  std::vector<CellPlace> normals() const;
+  void smooth(std::vector<CellPlace>& values, float sigma_mm) const;
+
+  int threads_;
+  CellPlace spacing_;
+  std::size_t even_ = 0;              ///< how many nodes stand in the first half
+  std::vector<std::uint32_t> order_;  ///< their numbers in the net
+  std::vector<std::uint8_t> classes_;
+  std::vector<CellPlace> place_;
+  NetLinks links_;
+  std::vector<CellPlace> rest_;  ///< voxels; the offset of the links less what a node is to be off their mean
+};
+
+Relaxation::Relaxation(const SurfaceNet& net, int threads)
+    : threads_(threads), order_(net.size()), classes_(net.size()), place_(net.size()), links_(net) {
+  spacing_ << net.spacing_mm[0], net.spacing_mm[1], net.spacing_mm[2], 0.0f;
+  std::vector<std::uint32_t> number(net.size());
+  std::uint32_t next = 0;
+  for (const int odd : {0, 1}) {
+    for_each_row(net.cells, [&](int j, int k) {
+      const std::size_t r = net.row(j, k);
+      for (std::uint32_t n = net.row_begin[r]; n < net.row_begin[r + 1]; ++n) {
+        if (((net.column[n] + j + k) & 1) != odd) continue;
+        order_[next] = n;
+        number[n] = next++;
+      }
+    });
+    if (odd == 0) even_ = next;
+  }
+  const NetLinks links = std::move(links_);
+  links_ = NetLinks(net.size());
+  for (std::size_t n = 0; n < order_.size(); ++n) {
+    const std::uint32_t m = order_[n];
+    classes_[n] = net.classes[m];
+    place_[n] = net.place[m];
+    for (int f = 0; f < 6; ++f) links_.to[n][f] = number[links.to[m][f]];
+    links_.share[n] = links.share[m];
+    links_.offset[n] = links.offset[m];
+  }
+  rest_ = links_.offset;
+}
+
+void Relaxation::put_places(SurfaceNet& net) const {
+  for (std::size_t n = 0; n < order_.size(); ++n) net.place[order_[n]] = place_[n];
+}
+
+/// Even and odd nodes in turn, each beyond the mean of its neighbours by a factor that grows from 1 to what
+/// is best for the slowest waves (Chebyshev's; Varga, Matrix iterative analysis, 2000), and back into its
+/// cell.
+Result<void> Relaxation::solve(int rounds, const Progress& progress) {
+  std::vector<float> moved(place_.size() / kChunk + 2);
+  float beyond = 1;
+  for (int round = 0; round < rounds; ++round) {
+    if (progress.stopped()) return Progress::interrupted();
+    float most = 0;
+    for (const bool odd : {false, true}) {
+      const std::size_t begin = odd ? even_ : 0, end = odd ? place_.size() : even_;
+      std::fill(moved.begin(), moved.end(), 0.0f);
+      over_nodes(begin, end, [&](std::size_t first, std::size_t last) {
+        CellPlace farthest = CellPlace::Zero();
+        for (std::size_t n = first; n < last; ++n) {
+          const CellPlace at = place_[n];
+          const CellPlace pull = links_.ways(place_, n) * links_.share[n] + rest_[n];
+          const CellPlace to = (at + beyond * pull).max(kCellMargin).min(1 - kCellMargin);
+          farthest = farthest.max((to - at).abs());
+          place_[n] = to;
+        }
+        moved[(first - begin) / kChunk] = farthest.maxCoeff();
+      });
+      most = std::max(most, *std::max_element(moved.begin(), moved.end()));
+      const bool at_first = round == 0 && !odd;
+      beyond = 1 / (1 - (at_first ? 0.5f : 0.25f * beyond) * kSlowest * kSlowest);
+    }
+    if (most < kTolerance) break;
+  }
+  return {};
+}
+
+/// From a node to where a link leads.
+CellPlace Relaxation::way_mm(std::size_t n, int link) const {
+  CellPlace way = place_[links_.to[n][link]] - place_[n];
+  way[link / 2] += link % 2 == 0 ? -1.0f : 1.0f;
+  return way * spacing_;
+}
+
+/// The sum of its quads' areas as vectors, which point outward.
+CellPlace Relaxation::area(std::size_t n) const {
+  const unsigned classes = classes_[n];
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  for (int a = 0; a < 3; ++a) {
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    for (int side = 0; side < 4; ++side) {
+      const int sb = side & 1, sc = side >> 1;
+      const unsigned from = static_cast<unsigned>(sb << b | sc << c), to = from | 1u << a;
+      const bool inside = (classes >> from & 1) != 0;
+      if (inside == ((classes >> to & 1) != 0)) continue;
+      // the faces beside the edge have both classes, so there are links through them
+      const int beside = 2 * b + sb, above = 2 * c + sc;
+      const Eigen::Vector3f x = way_mm(n, beside).head<3>(), y = way_mm(n, above).head<3>();
+      const Eigen::Vector3f z = x + way_mm(links_.to[n][beside], above).head<3>().matrix();
+      sum += ((sb == sc) == inside ? 0.5f : -0.5f) * z.cross(y - x);
+    }
+  }
+  CellPlace vector;
+  vector << sum[0], sum[1], sum[2], 0.0f;
+  return vector;
+}
+
+std::vector<CellPlace> Relaxation::normals() const {
+  std::vector<CellPlace> normal(place_.size());
+  over_nodes([&](std::size_t first, std::size_t last) {
+    for (std::size_t n = first; n < last; ++n) normal[n] = area(n);
+  });
+  smooth(normal, kNormal_mm);
+  for (CellPlace& n : normal) n /= std::max(n.matrix().norm(), 1e-12f);
+  return normal;
+}
+
+/// Diffusion along the links, by one step of a Runge-Kutta-Legendre method (Meyer, Balsara and Aslam, Journal
+/// of Computational Physics 257, 2014), which takes the root of as many stages as plain steps.
+void Relaxation::smooth(std::vector<CellPlace>& values, float sigma_mm) const {
+  const std::array<float, 3> weight{1 / (spacing_[0] * spacing_[0]), 1 / (spacing_[1] * spacing_[1]),
+                                    1 / (spacing_[2] * spacing_[2])};
+  const float time = 0.5f * sigma_mm * sigma_mm;
+  const float fastest = 4 * (weight[0] + weight[1] + weight[2]);
+  const auto stages = static_cast<int>(std::ceil(0.5f * (std::sqrt(1 + 4 * time * fastest) - 1)));
+  std::vector<CellPlace> before = values, next(values.size());
+  for (int s = 1; s <= stages; ++s) {
+    const float mu = static_cast<float>(2 * s - 1) / static_cast<float>(s), nu = 1 - mu;
+    const float step = mu * 2 * time / static_cast<float>(stages * stages + stages);
+    over_nodes([&](std::size_t first, std::size_t last) {
+      for (std::size_t n = first; n < last; ++n) {
+        const auto& to = links_.to[n];
+        const CellPlace at = values[n];
+        CellPlace sum = CellPlace::Zero();
+        for (int f = 0; f < 6; ++f) sum += weight[f / 2] * (values[to[f]] - at);
+        next[n] = mu * at + nu * before[n] + step * sum;
+      }
+    });
+    std::swap(before, values);
+    std::swap(values, next);
+  }
+}
+
+void Relaxation::bend() {
+  const std::vector<CellPlace> normal = normals();
+  // curvature by how normals turn: by the places themselves, a normal that is a little off would take what
+  // the cells' borders do along the surface for curvature
+  std::vector<CellPlace> bent(place_.size());
+  std::vector<float> area(place_.size());
+  over_nodes([&](std::size_t first, std::size_t last) {
+    for (std::size_t n = first; n < last; ++n) {
+      float turn = 0, square = 0;
+      for (int f = 0; f < 6; ++f) {
+        const std::uint32_t m = links_.to[n][f];
+        if (m == n) continue;
+        const CellPlace way = way_mm(n, f);
+        const float up = (normal[n] * way).sum();
+        turn += ((normal[m] - normal[n]) * way).sum();
+        square += way.square().sum() - up * up;
+      }
+      bent[n] << -0.5f * turn, 0.25f * square, 0.0f, 0.0f;
+      area[n] = 0.25f * square;
+    }
+  });
+  std::vector<CellPlace> nearby = bent;
+  smooth(nearby, kEdge_mm);
+  for (std::size_t n = 0; n < place_.size(); ++n) {
+    const float edge = nearby[n][0] / (kEdgeCurvature * std::max(nearby[n][1], 1e-9f));
+    bent[n] /= 1 + edge * edge * edge * edge;
+  }
+  smooth(bent, kCurvature_mm);
+  const CellPlace per_mm = (spacing_ + CellPlace(0, 0, 0, 1)).inverse();
+  for (std::size_t n = 0; n < place_.size(); ++n) {
+    const float curvature = bent[n][0] / std::max(bent[n][1], 1e-9f);
+    rest_[n] = links_.offset[n] - normal[n] * per_mm * (curvature * area[n] * links_.share[n]);
+  }
+}
+
+}  // namespace
+
+Result<void> relax_net(SurfaceNet& net, int threads, const Progress& progress, const ProgressSpan& span) {
+  Relaxation relaxation(net, threads);
+  for (int bending = 0; bending <= kBendings; ++bending) {
+    if (bending > 0) relaxation.bend();
+    const auto done = relaxation.solve(bending == 0 ? kMembraneRounds : kBentRounds, progress);
+    if (!done) return done;
+    progress.report(span.stage, span.from + (span.to - span.from) * (bending + 1) / (kBendings + 1));
+  }
+  relaxation.put_places(net);
+  return {};
+}
+
+}  // namespace palpate::internal

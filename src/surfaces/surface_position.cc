@@ -1,0 +1,80 @@
+#include "surfaces/surface_position.h"
+
+#include <cmath>
+
+#include "surfaces/signed_distance_rows.h"
+#include "surfaces/surface_rows.h"
+
+namespace palpate::internal {
+
+namespace {
+
+constexpr double kWiden_mm = 0.5, kSoften_mm = 0.25;
+/// The part of its distance by which a voxel is held on its side; and the part on the wrong side at which it
+/// is held entirely. One number for both: x wrong, held by x / h, comes to x (x + h) / h - x = x^2 / h, which
+/// is never wrong.
+constexpr float kHeld = 0.25f;
+
+BlockKernel whole_voxels_within(const Eigen::Vector3d& spacing_mm, double radius_mm) {
+  BlockKernel kernel;
+  for (int a = 0; a < 3; ++a) {
+    const int radius = std::max(1, static_cast<int>(std::lround(radius_mm / spacing_mm[a])));
+    kernel.axis[a].weights.assign(static_cast<std::size_t>(radius) + 1, 0.0f);
+  }
+  return kernel;
+}
+
+Index3 sum(const Index3& a, const Index3& b) {
+  return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
+}
+
+/// How far voxels came to lie on the wrong side, negated: least_of_rows then finds the greatest.
+/// False when none did.
+bool negated_wrong(const Block<float>& distance, const Block<float>& smooth, Block<float>& wrong) {
+  const auto length = static_cast<std::size_t>(wrong.span().size(0));
+  const int shift = wrong.span().low[0] - distance.span().low[0];
+  bool any = false;
+  for_each_row(wrong.span(), [&](int j, int k) {
+    const bool here =
+        wrong_side(distance.row(j, k) + shift, smooth.row(j, k), kHeld, length, wrong.row(j, k));
+    any = any || here;
+  });
+  return any;
+}
+
+}  // namespace
+
+PositionFilter::PositionFilter(const Eigen::Vector3d& spacing_mm, double sigma_mm)
+    : smooth(quadratic_block_kernel(spacing_mm, sigma_mm)),
+      widen(whole_voxels_within(spacing_mm, kWiden_mm)),
+      soften(gaussian_block_kernel(spacing_mm, kSoften_mm)) {}
+
+Index3 PositionFilter::reach() const {
+  return sum(smooth.reach(), sum(widen.reach(), soften.reach()));
+}
+
+void PositionFilter::apply(const Block<float>& distance, Block<std::int16_t>& position) const {
+  const Span3& span = position.span();
+  const Span3 softened = span.grown(soften.reach()), widened = softened.grown(widen.reach());
+
+  Block<float> smoothed(widened);
+  filter_block(distance, smooth, smoothed);
+
+  // where labels have to be held to; nearly nowhere on a bone
+  Block<float> wrong(widened), keep(span, 0);
+  if (negated_wrong(distance, smoothed, wrong)) {
+    Block<float> worst(softened);
+    filter_block(wrong, widen, least_of_rows, worst);
+    filter_block(worst, soften, keep);
+  }
+
+  const auto length = static_cast<std::size_t>(span.size(0));
+  const int to_distance = span.low[0] - distance.span().low[0], to_smooth = span.low[0] - widened.low[0];
+  for_each_row(span, [&](int j, int k) {
+    const PositionRows rows{distance.row(j, k) + to_distance, smoothed.row(j, k) + to_smooth,
+                            wrong.row(j, k) + to_smooth, keep.row(j, k)};
+    hold_position(rows, kHeld, length, position.row(j, k));
+  });
+}
+
+}  // namespace palpate::internal

@@ -1,0 +1,488 @@
+#include "palpate/surfaces/surfaces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <initializer_list>
+#include <memory>
+#include <sstream>
+
+#include "surfaces/surface_net.h"
+#include "surfaces/surface_net_distance.h"
+#include "surfaces/surface_slopes.h"
+#include "surfaces/surface_stages.h"
+
+namespace palpate {
+
+namespace {
+
+using internal::Component;
+using internal::Components;
+using internal::LabelRun;
+using internal::ProgressSpan;
+using internal::Span3;
+using internal::StepsSource;
+using internal::SurfacePlan;
+using internal::SurfaceStage;
+using internal::SurfaceStages;
+using internal::to_box;
+using internal::to_span;
+using internal::whole;
+
+/// As many slices as are prepared at a time: few enough for the memory, enough for their margins not to cost
+/// more than they.
+constexpr int kSlabSlices = 24;
+
+Error out_of_range(const char* name, double value, const char* range) {
+  std::ostringstream what;
+  what << name << " is " << value;
+  return {ErrorKind::kBadInput, what.str(), "", range};
+}
+
+Result<void> check(const SurfaceOptions& o) {
+  if (!(o.reach_mm >= 1 && o.reach_mm <= 12)) {
+    return out_of_range("the reach of a surface in mm", o.reach_mm, "give 1 to 12 mm");
+  }
+  if (!(o.position_sigma_mm >= 0 && o.position_sigma_mm <= 3)) {
+    return out_of_range("sigma of a surface's position in mm", o.position_sigma_mm, "give 0 to 3 mm");
+  }
+  if (!(o.normal_sigma_mm >= 0.5 && o.normal_sigma_mm <= 5)) {
+    return out_of_range("sigma of a surface's normal in mm", o.normal_sigma_mm, "give 0.5 to 5 mm");
+  }
+  for (const double volume_mm3 : {o.stray_below_mm3, o.drop_below_mm3}) {
+    if (!(volume_mm3 >= 0 && std::isfinite(volume_mm3))) {
+      return out_of_range("the volume of a stray component in mm3", volume_mm3, "give 0 or more");
+    }
+  }
+  if (o.threads < 0) {
+    return out_of_range("the number of threads", o.threads,
+                        "give 0 for as many as the machine has, or at least 1");
+  }
+  return {};
+}
+
+Error no_voxels(LabelId label, const char* why) {
+  return {ErrorKind::kBadInput, "label " + std::to_string(label) + why, "",
+          "choose among the labels that the volume holds"};
+}
+
+StrayComponent to_stray(const Component& c, const GridGeometry& grid) {
+  StrayComponent stray;
+  stray.voxels = c.voxels;
+  stray.volume_mm3 = static_cast<double>(c.voxels) * grid.voxel_volume_mm3();
+  stray.box = to_box(c.span);
+  stray.centroid = grid.X_PatientVoxel() * Point<Voxel>(c.index_sum / static_cast<double>(c.voxels));
+  return stray;
+}
+
+/// A structure's components, sorted into what counts and what does not.
+struct Sorted {
+  std::size_t voxels = 0;  ///< that count
+  Span3 extent;            ///< theirs
+  std::vector<LabelRun> dropped;
+  std::vector<StrayComponent> strays;
+};
+
+Sorted sort_components(const Components& components, const GridGeometry& grid,
+                       const SurfaceOptions& options) {
+  Sorted sorted;
+  std::vector<char> dropped;
+  for (const Component& c : components.all) {
+    StrayComponent stray = to_stray(c, grid);
+    stray.dropped = stray.volume_mm3 < options.drop_below_mm3;
+    dropped.push_back(stray.dropped ? 1 : 0);
+    if (stray.dropped || stray.volume_mm3 < options.stray_below_mm3) sorted.strays.push_back(stray);
+    if (stray.dropped) continue;
+    for (int a = 0; a < 3; ++a) {
+      const bool fresh = sorted.voxels == 0;
+      sorted.extent.low[a] = fresh ? c.span.low[a] : std::min(sorted.extent.low[a], c.span.low[a]);
+      sorted.extent.high[a] = fresh ? c.span.high[a] : std::max(sorted.extent.high[a], c.span.high[a]);
+    }
+    sorted.voxels += c.voxels;
+  }
+  std::stable_sort(sorted.strays.begin(), sorted.strays.end(),
+                   [](const StrayComponent& a, const StrayComponent& b) { return a.voxels < b.voxels; });
+  for (const LabelRun& run : components.runs) {
+    if (dropped[run.component] != 0) sorted.dropped.push_back(run);
+  }
+  return sorted;
+}
+
+SignedField to_field(const Volume<std::int16_t>& steps, double outside_mm) {
+  return {steps, {.scale = kSurfaceStep_mm, .offset = 0, .outside = internal::to_steps(outside_mm)}};
+}
+
+Bricks<std::int16_t> in_bricks(const Volume<std::int16_t>& steps, double outside_mm) {
+  return {steps, internal::to_steps(outside_mm)};
+}
+
+/// All stages over a structure's whole box.
+Result<void> build(const Bricks<LabelId>& labels, const std::vector<LabelRun>& without,
+                   const Progress& progress, const ProgressSpan& span, PreparedSurface& prepared) {
+  const SurfacePlan plan(labels.geometry(), prepared.box, prepared.options);
+  const SurfaceStages stages{plan};
+  const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
+  SurfaceWorkings& w = prepared.workings;
+  Volume<std::int16_t> distance(plan.fine), position(plan.fine);
+  const Span3 stretches = internal::stretches(plan.fine);
+  w.slopes.resize(stretches.count());
+
+  const auto run = [&](const SurfaceStage& stage, double from, double to) {
+    return stages.run({&stage, 1}, kSlabSlices, progress, span.part(from, to));
+  };
+  auto done = run(stages.distance(labels, prepared.label, without, {distance.voxels().data(), fine}), 0, 0.1);
+  if (!done) return done;
+  const auto source = StepsSource::of(position);
+
+  // from what filters make of the labels, which is not kept, to the net
+  done = run(stages.crossings(StepsSource::of(distance), {position.voxels().data(), fine}), 0.1, 0.2);
+  if (!done) return done;
+  auto net = std::make_shared<internal::SurfaceNet>(internal::make_net(
+      [&](int j, int k) { return &position.at(0, j, k); }, internal::cells_of(fine), plan.fine.spacing_mm));
+  done = internal::relax_net(*net, plan.threads, progress, span.part(0.2, 0.7));
+  if (!done) return done;
+  w.net = net;
+  {
+    const internal::NetTriangles triangles(*net, net->cells);
+    done = run(stages.position(triangles, StepsSource::of(distance), {position.voxels().data(), fine}), 0.7,
+               0.9);
+    if (!done) return done;
+  }
+
+  w.distance = in_bricks(distance, plan.reach_mm);
+  distance = {};
+
+  Volume<std::int16_t> broad(plan.normal.geometry), normal(plan.normal.geometry);
+  done = run(stages.broad(source, {broad.voxels().data(), coarse}), 0.9, 0.94);
+  if (!done) return done;
+  w.broad = in_bricks(broad, plan.broad_reach_mm);
+  done = run(stages.normal(StepsSource::of(broad), source, {normal.voxels().data(), coarse}), 0.94, 0.98);
+  if (!done) return done;
+  done = run(stages.slopes(source, {w.slopes.data(), stretches}), 0.98, 1);
+  if (!done) return done;
+
+  prepared.surface = Surface(to_field(position, plan.reach_mm), to_field(normal, plan.broad_reach_mm),
+                             internal::steepest_of(internal::greatest(w.slopes)));
+  return {};
+}
+
+Result<PreparedSurface> prepare(const Bricks<LabelId>& labels, LabelId label, const Span3& span_of_label,
+                                const SurfaceOptions& options, const Progress& progress,
+                                const ProgressSpan& span) {
+  const GridGeometry& grid = labels.geometry();
+  const Components components = internal::find_components(labels, label, span_of_label);
+  const Sorted sorted = sort_components(components, grid, options);
+  if (sorted.voxels == 0) return no_voxels(label, " has no component that is large enough");
+
+  PreparedSurface prepared;
+  prepared.label = label;
+  prepared.options = options;
+  prepared.volume_mm3 = static_cast<double>(sorted.voxels) * grid.voxel_volume_mm3();
+  prepared.components = static_cast<int>(components.all.size());
+  prepared.strays = sorted.strays;
+  prepared.workings.extent = to_box(sorted.extent);
+  prepared.box = to_box(sorted.extent.grown(SurfacePlan::margin(grid, options)));
+  try {
+    const auto done = build(labels, sorted.dropped, progress, span, prepared);
+    if (!done) return done.error();
+  } catch (const std::bad_alloc&) {
+    return Error{ErrorKind::kBadInput, "not enough memory for the surface of label " + std::to_string(label),
+                 "", "close other programs, or crop the volume"};
+  }
+  return prepared;
+}
+
+/// Whether all of a structure's voxels in a box of what changed are where its surface has room for them.
+bool has_room(const Bricks<LabelId>& labels, LabelId label, const Span3& extent, const Span3& changed) {
+  bool room = true;
+  internal::for_each_row(labels, changed, [&](int j, int k, const LabelId* row) {
+    const bool beside = j < extent.low[1] || j >= extent.high[1] || k < extent.low[2] || k >= extent.high[2];
+    for (int i = changed.low[0]; i < changed.high[0]; ++i) {
+      const bool beyond = beside || i < extent.low[0] || i >= extent.high[0];
+      room = room && !(beyond && row[i - changed.low[0]] == label);
+    }
+  });
+  return room;
+}
+
+/// The box of voxels whose class changed, in the structure's grid, and by how many voxels it grew.
+Span3 find_changes(const PreparedSurface& old, const Bricks<LabelId>& labels, const Span3& dirty,
+                   long& more) {
+  Span3 changed;
+  more = 0;
+  std::vector<std::int16_t> was(static_cast<std::size_t>(dirty.size(0)));
+  internal::for_each_row(labels, dirty, [&](int j, int k, const LabelId* now) {
+    const int v = j - old.box.first[1], w = k - old.box.first[2];
+    old.workings.distance.copy_row(dirty.low[0] - old.box.first[0], v, w, dirty.size(0), was.data());
+    const auto is_inside = [&](int i) { return now[i - dirty.low[0]] == old.label; };
+    const auto differs = [&](int i) {
+      return is_inside(i) != (was[static_cast<std::size_t>(i - dirty.low[0])] < 0);
+    };
+    // most rows are as they were
+    int found = 0;
+    for (int i = dirty.low[0]; i < dirty.high[0]; ++i) found += differs(i);
+    if (found == 0) return;
+    for (int i = dirty.low[0]; i < dirty.high[0]; ++i) {
+      if (!differs(i)) continue;
+      const int u = i - old.box.first[0];
+      more += is_inside(i) ? 1 : -1;
+      const bool fresh = changed.empty();
+      const internal::Index3 at{u, v, w};
+      for (int a = 0; a < 3; ++a) {
+        changed.low[a] = fresh ? at[a] : std::min(changed.low[a], at[a]);
+        changed.high[a] = fresh ? at[a] + 1 : std::max(changed.high[a], at[a] + 1);
+      }
+    }
+  });
+  return changed;
+}
+
+/// Both boxes and what lies between.
+Span3 hull(const Span3& a, const Span3& b) {
+  if (a.empty()) return b;
+  if (b.empty()) return a;
+  Span3 s = a;
+  for (int n = 0; n < 3; ++n) {
+    s.low[n] = std::min(a.low[n], b.low[n]);
+    s.high[n] = std::max(a.high[n], b.high[n]);
+  }
+  return s;
+}
+
+/// The box in which a patch differs from what was there.
+Span3 differences(const PatchOf<std::int16_t>& patch, const Bricks<std::int16_t>& old) {
+  Span3 found;
+  const std::int16_t* now = patch.values.data();
+  const Span3 span = to_span(patch.box);
+  const int length = span.size(0);
+  std::vector<std::int16_t> before(static_cast<std::size_t>(length));
+  internal::for_each_row(span, [&](int j, int k) {
+    old.copy_row(span.low[0], j, k, length, before.data());
+    if (std::memcmp(now, before.data(), before.size() * sizeof *now) != 0) {
+      const auto first = static_cast<int>(std::mismatch(now, now + length, before.begin()).first - now);
+      int last = length - 1;
+      while (now[last] == before[static_cast<std::size_t>(last)]) --last;
+      found = hull(found, {{span.low[0] + first, j, k}, {span.low[0] + last + 1, j + 1, k + 1}});
+    }
+    now += length;
+  });
+  return found;
+}
+
+/// The net of the classes there are now, of cells.
+internal::SurfaceNet carved(const internal::SurfaceNet& once, const StepsSource& distance,
+                            const Span3& cells) {
+  Span3 voxels = cells;
+  for (int& high : voxels.high) ++high;
+  internal::Block<std::int16_t> sides = internal::gather(distance, {1, 1, 1}, voxels, 1);
+  for (std::int16_t& side : sides.values()) side = side < 0 ? std::int16_t{-1} : std::int16_t{1};
+  internal::SurfaceNet net = internal::make_net([&](int j, int k) { return sides.row(j, k); }, cells,
+                                                once.spacing_mm.cast<double>());
+  internal::carve_net(once, net);
+  return net;
+}
+
+/// Where a carving reaches, in the structure's grid.
+class Carving {
+ public:
+  /// @param changed  the box of voxels whose class changed
+  Carving(const SurfacePlan& plan, const internal::SurfaceNet& once, const Span3& changed)
+      : plan_(plan), once_(once), fine_(whole(plan.fine)) {
+    // a node of a cell at the change, those that it draws along, and the triangles at them
+    moved = grown(changed, internal::kCarvingRounds + 2);
+    near = moved.grown(plan.window).clipped(fine_);
+  }
+
+  /// 1 at the corners of all cells in which there is a triangle that one net has and the other not.
+  internal::Block<std::uint8_t> corners(const StepsSource& before, const StepsSource& now) const {
+    const Span3 cells = internal::cells_of(grown(moved, internal::kCarvingRounds + 2));
+    const internal::SurfaceNet was = carved(once_, before, cells), is = carved(once_, now, cells);
+    internal::Block<std::uint8_t> at(near.grown(plan_.window), 0);
+    internal::Block<std::uint8_t> has_node(cells, 0);
+    for (const internal::SurfaceNet* net : {&was, &is}) {
+      internal::for_each_row(cells, [&](int j, int k) {
+        const std::size_t r = net->row(j, k);
+        for (std::uint32_t n = net->row_begin[r]; n < net->row_begin[r + 1]; ++n)
+          has_node.row(j, k)[net->column[n] - cells.low[0]] = 1;
+      });
+    }
+    internal::for_each_difference(was, is, internal::cells_of(moved), [&](const internal::Index3& cell) {
+      // its triangles go to nodes of cells beside it
+      const Span3 beside =
+          Span3{cell, {cell[0] + 1, cell[1] + 1, cell[2] + 1}}.grown({1, 1, 1}).clipped(cells);
+      internal::for_each_row(beside, [&](int j, int k) {
+        for (int i = beside.low[0]; i < beside.high[0]; ++i) {
+          if (has_node.row(j, k)[i - cells.low[0]] == 0) continue;
+          std::uint8_t* first = at.row(j, k) + (i - at.span().low[0]);
+          const std::ptrdiff_t row = at.span().size(0), slice = row * at.span().size(1);
+          for (const std::ptrdiff_t to : {std::ptrdiff_t{0}, row, slice, row + slice})
+            first[to] = first[to + 1] = 1;
+        }
+      });
+    });
+    return at;
+  }
+
+  /// The triangles that may be nearest to a voxel of a box.
+  internal::NetTriangles triangles(const StepsSource& now, const Span3& voxels) const {
+    const Span3 around = grown(voxels.grown(plan_.window), 2);
+    const Span3 cells = internal::cells_of(grown(around, internal::kCarvingRounds + 2));
+    return {carved(once_, now, cells), internal::cells_of(around)};
+  }
+
+  Span3 moved;  ///< in which all triangles lie that may differ
+  Span3 near;   ///< the voxels that they may be nearest to
+
+ private:
+  Span3 grown(const Span3& span, int by) const { return span.grown({by, by, by}).clipped(fine_); }
+
+  const SurfacePlan& plan_;
+  const internal::SurfaceNet& once_;
+  Span3 fine_;
+};
+
+/// The box of what is not 0.
+Span3 box_of(const internal::Block<std::uint8_t>& marks) {
+  Span3 box;
+  const Span3& span = marks.span();
+  internal::for_each_row(span, [&](int j, int k) {
+    const std::uint8_t* row = marks.row(j, k);
+    const std::uint8_t* end = row + span.size(0);
+    const auto first = static_cast<int>(std::find_if(row, end, [](auto m) { return m != 0; }) - row);
+    if (first == span.size(0)) return;
+    int last = span.size(0) - 1;
+    while (row[last] == 0) --last;
+    box = hull(box, {{span.low[0] + first, j, k}, {span.low[0] + last + 1, j + 1, k + 1}});
+  });
+  return box;
+}
+
+template <class T>
+internal::Target<T> start(PatchOf<T>& patch, const Span3& span) {
+  patch.box = to_box(span);
+  patch.values.resize(span.count());
+  return {patch.values.data(), span};
+}
+
+template <class T>
+void write(const PatchOf<T>& patch, const internal::Index3& dims, std::vector<T>& values) {
+  const T* from = patch.values.data();
+  internal::for_each_row(to_span(patch.box), [&](int j, int k) {
+    const std::ptrdiff_t row = std::ptrdiff_t{k} * dims[1] + j;
+    std::copy_n(from, patch.box.size[0], values.data() + row * dims[0] + patch.box.first[0]);
+    from += patch.box.size[0];
+  });
+}
+
+}  // namespace
+
+Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& labels,
+                                                      const std::vector<LabelId>& structures,
+                                                      const SurfaceOptions& options,
+                                                      const Progress& progress) {
+  const auto checked = check(options);
+  if (!checked) return checked.error();
+  const std::vector<Span3> spans = internal::label_spans(labels);
+  for (const LabelId label : structures) {
+    if (label == 0) return no_voxels(label, " is the background");
+    if (spans[label].empty()) return no_voxels(label, " has no voxels");
+  }
+
+  std::vector<PreparedSurface> all;
+  const ProgressSpan whole_work{"preparing surfaces"};
+  const auto count = static_cast<double>(structures.size());
+  for (const LabelId label : structures) {
+    const auto n = static_cast<double>(all.size());
+    auto one =
+        prepare(labels, label, spans[label], options, progress, whole_work.part(n / count, (n + 1) / count));
+    if (!one) return one.error();
+    all.push_back(std::move(*one));
+  }
+  return all;
+}
+
+SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& labels, const VoxelBox& dirty) {
+  SurfacePatch patch;
+  if (old.options.drop_below_mm3 > 0) return patch;
+  const Span3 known = to_span(dirty).clipped(whole(labels.geometry()));
+  if (!has_room(labels, old.label, to_span(old.workings.extent), known)) return patch;
+  const Span3 changed = find_changes(old, labels, known.clipped(to_span(old.box)), patch.voxels_more);
+  if (old.volume_mm3 + static_cast<double>(patch.voxels_more) * labels.geometry().voxel_volume_mm3() <
+      0.5 * labels.geometry().voxel_volume_mm3())
+    return patch;
+  patch.local = true;
+  patch.steepest = old.surface.steepest();
+  if (changed.empty()) return patch;
+
+  // each stage over what the one before it can change
+  const SurfacePlan plan(labels.geometry(), old.box, old.options);
+  const SurfaceStages stages{plan};
+  const auto run = [&](std::initializer_list<SurfaceStage> together) {
+    patch.local = patch.local && stages.run(together, 0, {}, {"preparing surfaces"}).ok();
+  };
+  const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
+  const Bricks<std::int16_t>& was = old.surface.position().bricks();
+  const auto old_position = StepsSource::of(was);
+  const auto distance = StepsSource::of(old.workings.distance).with(patch.distance);
+  const auto position = old_position.with(patch.position);
+  const auto broad = StepsSource::of(old.workings.broad).with(patch.broad);
+
+  const Span3 distance_part = changed.grown(plan.window).clipped(fine);
+  run({stages.distance(labels, old.label, {}, start(patch.distance, distance_part))});
+  // of the voxels near what moved those whose nearest triangle may be another now
+  const Carving carving(plan, *old.workings.net, changed);
+  const internal::Block<std::uint8_t> corners =
+      carving.corners(StepsSource::of(old.workings.distance), distance);
+  internal::Block<std::uint8_t> stale(carving.near);
+  run({stages.stale(corners, old_position, {stale.values().data(), stale.span()})});
+  const Span3 position_part = box_of(stale);
+  const internal::NetTriangles triangles = carving.triangles(distance, position_part);
+  run({stages.position_again(triangles, distance, old_position, stale,
+                             start(patch.position, position_part))});
+  const Span3 moved = differences(patch.position, was);
+  const Span3 broad_part = plan.normal.inside(carving.moved.grown(plan.broad_window).clipped(moved))
+                               .grown(plan.broad_filter.reach())
+                               .clipped(coarse);
+  run({stages.broad(position, start(patch.broad, broad_part))});
+  const Span3 normal_part =
+      hull(broad_part, plan.normal.inside(moved)).grown(plan.normal_filter.reach()).clipped(coarse);
+  const Span3 slopes_part = internal::stretches_at(plan.fine, moved);
+  run({stages.normal(broad, position, start(patch.normal, normal_part)),
+       stages.slopes(position, start(patch.slopes, slopes_part))});
+
+  const float beside =
+      internal::greatest_beside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
+  patch.steepest = internal::steepest_of(std::max(beside, internal::greatest(patch.slopes.values)));
+  return patch;
+}
+
+Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Bricks<LabelId>& labels,
+                                              const VoxelBox& dirty) {
+  const SurfacePatch patch = prepare_patch(old, labels, dirty);
+  if (!patch.local) {
+    auto all = prepare_surfaces(labels, {old.label}, old.options);
+    if (!all) return all.error();
+    return std::move(all->front());
+  }
+  if (patch.distance.values.empty()) return old;
+  PreparedSurface now{.label = old.label,
+                      .surface = {},
+                      .options = old.options,
+                      .volume_mm3 = old.volume_mm3,
+                      .components = old.components,
+                      .strays = old.strays,
+                      .box = old.box,
+                      .workings = old.workings};
+  const GridGeometry& fine = old.surface.position().geometry();
+  now.workings.distance = old.workings.distance.with(patch.distance);
+  now.workings.broad = old.workings.broad.with(patch.broad);
+  write(patch.slopes, internal::stretches(fine).high, now.workings.slopes);
+  now.surface = old.surface.with(patch.position, patch.normal, patch.steepest);
+  // from the count, as the full rebuild has it
+  const double voxel_mm3 = fine.voxel_volume_mm3();
+  now.volume_mm3 =
+      (std::round(old.volume_mm3 / voxel_mm3) + static_cast<double>(patch.voxels_more)) * voxel_mm3;
+  return now;
+}
+
+}  // namespace palpate

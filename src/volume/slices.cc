@@ -1,0 +1,53 @@
+#include "palpate/volume/slices.h"
+
+#include <atomic>
+#include <mutex>
+
+namespace palpate::internal {
+
+namespace {
+
+/// How far all workers together have come.
+class SliceCount {
+ public:
+  SliceCount(int count, const Progress& progress, const ProgressSpan& span)
+      : count_(count), progress_(progress), span_(span) {}
+
+  /// Never two at a time, always forwards; a worker that would have to wait leaves it to the other. That all
+  /// are done is not told here.
+  void add_one() {
+    done_.fetch_add(1, std::memory_order_relaxed);
+    const std::unique_lock lock(telling_, std::try_to_lock);
+    if (!lock.owns_lock()) return;
+    const int done = done_.load(std::memory_order_relaxed);
+    if (done == told_ || done == count_) return;
+    told_ = done;
+    progress_.report(span_.stage, span_.from + (span_.to - span_.from) * done / count_);
+  }
+
+ private:
+  const int count_;
+  const Progress& progress_;
+  const ProgressSpan& span_;
+  std::atomic<int> done_{0};
+  std::mutex telling_;
+  int told_ = 0;
+};
+
+}  // namespace
+
+Result<void> for_each_slice(int count, int workers, const Progress& progress, const ProgressSpan& span,
+                            const std::function<void(int worker, int slice)>& work) {
+  SliceCount done(count, progress, span);
+  const bool all = for_each_index(count, workers, [&](int worker, int slice) {
+    if (progress.stopped()) return false;
+    work(worker, slice);
+    done.add_one();
+    return true;
+  });
+  if (!all) return Progress::interrupted();
+  progress.report(span.stage, span.to);
+  return {};
+}
+
+}  // namespace palpate::internal
