@@ -34,6 +34,7 @@ class StillHost : public ViewerHost {
   ViewedState state() const override { return {}; }
   Result<Grant> set(const SettingsRequest&) override { return Grant::kDone; }
   Result<Grant> set(const TissueRequest&) override { return Grant::kDone; }
+  Result<Grant> set(const StrokeRequest&) override { return Grant::kDone; }
   std::vector<LateAnswer> take_answers() override { return {}; }
   void forget(const ViewerIdentity&) override {}
   void emergency_stop(const ViewerIdentity&) override {}
