@@ -13,6 +13,7 @@
 
 #include "json_file.h"
 #include "large_knee.h"
+#include "palpate/base/reading.h"
 #include "palpate/phantoms/primitives.h"
 #include "palpate/preparation/preparation.h"
 #include "palpate/scene/scene.h"
@@ -376,6 +377,8 @@ Result<nlohmann::json> endure(const Knee& knee, const PalpationPath& path, const
 // ----
 
 Result<nlohmann::json> measured(const Options& options) {
+  // its own volumes, however large
+  set_reading_limits({.most_memory_bytes = std::uint64_t{1} << 40});
   std::string what;
   const auto labels = large_knee(options.labels, what);
   if (!labels) return labels.error();
@@ -450,7 +453,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1.0, 86400.0));
   app.add_flag("--load", options.load, "endurance: keep the other CPUs busy");
   app.add_option("--largest", options.largest,
-                 "no resampled volume of more voxels; with 134e6, 1.8 GB of memory")
+                 "no resampled volume of more voxels; 1e9 for one of 1000 million")
       ->check(CLI::Range(1e6, 1e9))
       ->capture_default_str();
   std::vector<std::string> methods;

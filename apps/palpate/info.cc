@@ -9,6 +9,9 @@
 #include <sstream>
 
 #include "leaky.h"
+#include "palpate/base/reading.h"
+#include "palpate/catalog/catalog.h"
+#include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
 #include "text.h"
@@ -343,7 +346,33 @@ void print_json(std::ostream& out, const Info& info) {
   out << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
 }
 
+// --- what feeling it takes ------------------------------------------------------------------------------
+
+nlohmann::ordered_json memory_json(const SceneMemory& memory) {
+  return {{"peak", memory.peak()},       {"stays", memory.stays()},           {"labels", memory.model.labels},
+          {"field", memory.model.field}, {"surfaces", memory.model.surfaces}, {"scan", memory.scan}};
+}
+
+void print_memory(std::ostream& out, const SceneMemory& memory) {
+  out << "memory      up to " << memory_text(memory.peak()) << " to feel it, of which "
+      << memory_text(memory.stays()) << " stays: labels " << memory_text(memory.model.labels) << ", field "
+      << memory_text(memory.model.field) << ", surfaces " << memory_text(memory.model.surfaces) << ", scan "
+      << memory_text(memory.scan) << '\n';
+}
+
+int run_info_of_scene(const InfoOptions& options, Console& console) {
+  const auto memory = memory_of_scene_or_data_set(options.file, console.progress());
+  if (!memory) return console.fail(memory.error());
+  if (options.json)
+    std::cout << nlohmann::ordered_json{{"memory_bytes", memory_json(*memory)}}.dump(2) << '\n';
+  else
+    print_memory(std::cout, *memory);
+  return kExitOk;
+}
+
 int run_info(const InfoOptions& options, Console& console) {
+  if (find_entry(options.file).ok() || std::filesystem::path(options.file).extension() == ".toml")
+    return run_info_of_scene(options, console);
   const auto info = inspect(options, console);
   if (!info) return console.fail(info.error());
   options.json ? print_json(std::cout, *info) : print_text(std::cout, *info);
@@ -353,9 +382,12 @@ int run_info(const InfoOptions& options, Console& console) {
 }  // namespace
 
 void add_info(CLI::App& app, Run& run) {
-  CLI::App* verb = app.add_subcommand("info", "Show what a volume holds and what is odd about it");
+  CLI::App* verb = app.add_subcommand(
+      "info", "Show what a volume holds and what is odd about it, or how much memory a scene takes");
   const auto options = std::make_shared<InfoOptions>();
-  verb->add_option("FILE", options->file, "NRRD, NIfTI or MetaImage file, scan or labels")->required();
+  verb->add_option("FILE", options->file,
+                   "NRRD, NIfTI or MetaImage file, scan or labels; or a scene file or data set")
+      ->required();
   verb->add_option("-n,--names", options->names,
                    "table that names the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");
   verb->add_flag("-j,--json", options->json, "print JSON instead of text");
@@ -366,7 +398,8 @@ void add_info(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate info knee.seg.nrrd\n"
       "  palpate info labels.nii.gz --names dseg.tsv\n"
-      "  palpate info ct.nrrd --json | jq .spacing_mm");
+      "  palpate info ct.nrrd --json | jq .spacing_mm\n"
+      "  palpate info scene.toml                              what it takes to feel it");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_info(*options, console); }; });
 }

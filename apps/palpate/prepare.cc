@@ -7,6 +7,7 @@
 #include "inputs.h"
 #include "leaky.h"
 #include "palpate/base/output.h"
+#include "palpate/base/reading.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/loading/loading.h"
 #include "palpate/preparation/preparation.h"
@@ -157,8 +158,17 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
                          "leave it out, or give a volume; a scene file has sigma, engine and bits under "
                          "[preparation]"});
   }
-  const auto loaded = load_felt_target(options.what, console);
+  const auto foretell = [](const SceneMemory& memory) {
+    const std::uint64_t beside = memory.scan + memory.model.labels;
+    std::printf(
+        "memory    up to %s, of which the field keeps %s\n",
+        memory_text(std::max(memory.read + memory.model.labels, beside + memory.model.making_field)).c_str(),
+        memory_text(memory.model.field).c_str());
+    std::fflush(stdout);
+  };
+  const auto loaded = load_scene_or_data_set(options.what, console.progress(), console.warn(), {}, foretell);
   if (!loaded) return console.fail(loaded.error());
+  if (auto felt = check_felt(*loaded); !felt) return console.fail(felt.error());
   const Model& model = *loaded->model;
   std::vector<LabelId> felt;
   for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label)

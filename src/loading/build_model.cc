@@ -6,6 +6,7 @@
 #include "palpate/base/reading.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/make_model.h"
+#include "palpate/model/memory_forecast.h"
 #include "palpate/model/ramp_structures.h"
 #include "palpate/preparation/preparation.h"
 
@@ -194,35 +195,32 @@ void warn_of_thin(const MadeModel& made, const Warn& warn) {
   warn(text + " of " + newtons(wanted_N) + " (direct methods)");
 }
 
-}  // namespace
+// what a model is made of, with its labels in bricks, and what its field is smoothed from
+struct ReadyParts {
+  ModelParts parts;
+  std::shared_ptr<const Volume<float>> scan;
+  Volume<std::uint8_t> weights;  // of ramps none
+};
 
-Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
-                                                 const Volume<float>* scan, const Progress& progress,
-                                                 const Warn& warn, bool oriented) {
-  SceneVolumes volumes{{}, {}, oriented};
-  if (labels) volumes.labels = *labels;
-  if (scan) volumes.scan = std::make_shared<const Volume<float>>(*scan);
-  return build_model(scene, std::move(volumes), progress, warn);
-}
-
-Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
-                                                 const Progress& progress, const Warn& warn) {
-  // labels, scan and fields on the grid, and what making and pressing them takes: measured, on knees of 1.5
-  // and 6.7 million voxels
-  constexpr std::uint64_t kBytesPerVoxel = 32, kBesides = std::uint64_t{32} << 20;
+Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const Progress& progress,
+                               const Warn& warn) {
+  // on the finer grid: what is resampled, several layers as one, weights, and bricks where every one differs
+  constexpr std::uint64_t kBytesPerVoxel = 9;
   const GridGeometry* finer = volumes.labels ? &volumes.labels->geometry() : &volumes.scan->geometry();
   if (volumes.labels && volumes.scan)
     finer = &field_grid(&volumes.labels->geometry(), &volumes.scan->geometry());
-  if (auto allowed = allow_memory(finer->voxel_count() * kBytesPerVoxel + kBesides, scene.source); !allowed)
+  if (auto allowed = allow_memory(finer->voxel_count() * kBytesPerVoxel, scene.source); !allowed)
     return allowed.error();
   if (auto common = onto_one_grid(volumes, progress, warn); !common) {
     Error error = common.error();
     if (error.where.empty()) error.where = scene.source;
     return error;
   }
-  const std::shared_ptr<const Volume<float>> scan = std::move(volumes.scan);
-
-  ModelParts parts;
+  ReadyParts ready;
+  ready.scan = std::move(volumes.scan);
+  const std::shared_ptr<const Volume<float>>& scan = ready.scan;
+  Volume<std::uint8_t>& weights = ready.weights;
+  ModelParts& parts = ready.parts;
   parts.title = scene.title;
   parts.sigma_mm = scene.preparation.sigma_mm;
   parts.method_settings = scene.force.settings;
@@ -243,7 +241,6 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   const GridGeometry grid = volumes.labels ? volumes.labels->geometry() : scan->geometry();
   const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   std::vector<std::uint8_t> weight_of_label(65536, 0);
-  Volume<std::uint8_t> weights;
   Volume<LabelId> flat;
   if (volumes.labels) {
     auto ids = resolve_labels(scene, *volumes.labels);
@@ -302,29 +299,94 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
     if (tissue >= 0 && scene.tissues[tissue].colour) segment.colour = *scene.tissues[tissue].colour;
   }
 
+  parts.labels = label_bricks(flat);
+  return ready;
+}
+
+// of what is left to be made. What the proxy cannot be prepared for is said when it is
+Result<MemoryForecast> forecast_of(const Scene& scene, const ReadyParts& ready, const Preparing& preparing,
+                                   const Progress& progress) {
+  auto forecast =
+      forecast_memory(ready.parts, scene.force.method == ForceMethod::kProxy, preparing, progress);
+  if (!forecast && forecast.error().kind == ErrorKind::kBadInput)
+    forecast = forecast_memory(ready.parts, false, preparing, progress);
+  if (!forecast || scene.preparation.method == PreparationMethod::kInwardRamp) return forecast;
+  // smoothing: weights, two volumes of numbers, the field
+  constexpr std::uint64_t kSmoothedBytesPerVoxel = 12;
+  forecast->making_field = kSmoothedBytesPerVoxel * ready.parts.labels->geometry().voxel_count();
+  forecast->peak = std::max(forecast->peak, forecast->making_field);
+  return forecast;
+}
+
+std::uint64_t bytes_of(const SceneVolumes& volumes) {
+  std::uint64_t bytes = 0;
+  if (volumes.labels)
+    bytes += volumes.labels->layers.size() * volumes.labels->geometry().voxel_count() * sizeof(LabelId);
+  if (volumes.scan) bytes += volumes.scan->geometry().voxel_count() * sizeof(float);
+  return bytes;
+}
+
+Result<SceneMemory> memory_of_parts(const Scene& scene, const ReadyParts& ready, std::uint64_t read,
+                                    const Preparing& preparing, const Progress& progress) {
+  const auto forecast = forecast_of(scene, ready, preparing, progress);
+  if (!forecast) return forecast.error();
+  SceneMemory memory{read, 0, *forecast};
+  if (ready.scan) memory.scan = ready.scan->geometry().voxel_count() * sizeof(float);
+  return memory;
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
+                                                 const Volume<float>* scan, const Progress& progress,
+                                                 const Warn& warn, bool oriented) {
+  SceneVolumes volumes{{}, {}, oriented};
+  if (labels) volumes.labels = *labels;
+  if (scan) volumes.scan = std::make_shared<const Volume<float>>(*scan);
+  return build_model(scene, std::move(volumes), progress, warn);
+}
+
+Result<SceneMemory> memory_of(const Scene& scene, SceneVolumes volumes, const Progress& progress) {
+  const std::uint64_t read = bytes_of(volumes);
+  auto ready = ready_parts(scene, volumes, progress, {});
+  if (!ready) return ready.error();
+  return memory_of_parts(scene, *ready, read, KeptPreparing(), progress);
+}
+
+Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
+                                                 const Progress& progress, const Warn& warn,
+                                                 const Foretell& foretell) {
   const auto of_scene = [&](Error error) {
     if (error.where.empty()) error.where = scene.source;
     return error;
   };
-  parts.labels = label_bricks(flat);
-  flat = {};
-  if (!ramps) {
-    auto field = smoothed_field(scene.preparation, weights, progress);
+  const std::uint64_t read = bytes_of(volumes);
+  auto ready_made = ready_parts(scene, volumes, progress, warn);
+  if (!ready_made) return of_scene(ready_made.error());
+  ModelParts& parts = ready_made->parts;
+  const GridGeometry grid = parts.labels->geometry();
+  const KeptPreparing preparing;
+  const auto memory = memory_of_parts(scene, *ready_made, read, preparing, progress);
+  if (!memory) return of_scene(memory.error());
+  if (foretell) foretell(*memory);
+  if (auto allowed = allow_memory(memory->model.peak, scene.source); !allowed) return allowed.error();
+  if (scene.preparation.method != PreparationMethod::kInwardRamp) {
+    auto field = smoothed_field(scene.preparation, ready_made->weights, progress);
     if (!field) return of_scene(field.error());
     parts.smoothed = *std::move(field);
-    weights = {};
+    ready_made->weights = {};
     // the kernel ends at 4 sigma; the ramp of a threshold begins before the structure does
     const bool by_threshold = std::any_of(scene.tissues.begin(), scene.tissues.end(),
                                           [](const TissueSettings& t) { return t.threshold.has_value(); });
     parts.smoothed_reach_mm =
         grid.spacing_mm.maxCoeff() + 4 * parts.sigma_mm + (by_threshold ? kThresholdRamp_mm : 0);
   }
-  auto made = make_model(std::move(parts), KeptPreparing(), progress);
+  auto made = make_model(std::move(parts), preparing, progress);
   if (!made) return of_scene(made.error());
   warn_of_thin(*made, warn);
   const std::shared_ptr<Model> model = made->model;
 
-  model->scan = scan;
+  model->scan = ready_made->scan;
   model->oriented = volumes.oriented;
   const Side anatomy = volumes.oriented ? side_from_anatomy(*model) : Side::kUnknown;
   model->side_from_anatomy = scene.side == Side::kUnknown && anatomy != Side::kUnknown;

@@ -32,12 +32,18 @@ Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters&
   return scene;
 }
 
-// reads what the scene names and prepares it
-Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
-                                                    const std::optional<std::filesystem::path>& labels_file,
-                                                    const std::optional<std::filesystem::path>& names_file,
-                                                    const std::optional<std::filesystem::path>& scan_file,
-                                                    const Progress& progress, const Warn& warn) {
+// a scene with its volumes read
+struct ReadScene {
+  Scene scene;
+  SceneVolumes volumes;
+  std::string data_set = {}, proposed = {};  // as in LoadedScene
+};
+
+// reads what a scene names
+Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>& labels_file,
+                                      const std::optional<std::filesystem::path>& names_file,
+                                      const std::optional<std::filesystem::path>& scan_file,
+                                      const Progress& progress, const Warn& warn) {
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (labels_file) {
@@ -58,7 +64,7 @@ Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
   SceneVolumes volumes{{}, {}, oriented};
   if (labels) volumes.labels = std::move(labels->labels);
   if (scan) volumes.scan = std::make_shared<const Volume<float>>(std::move(scan->scan));
-  return build_model(scene, std::move(volumes), progress, warn);
+  return volumes;
 }
 
 void prepare_by(std::optional<PreparationMethod> method, PreparationSettings& preparation) {
@@ -67,8 +73,8 @@ void prepare_by(std::optional<PreparationMethod> method, PreparationSettings& pr
   if (*method != PreparationMethod::kInwardRamp) preparation.ramp_width_mm.reset();
 }
 
-Result<LoadedScene> load_phantom(const std::string& what, const Progress& progress, const Warn& warn,
-                                 std::optional<PreparationMethod> preparation) {
+Result<ReadScene> read_phantom(const std::string& what, const Progress& progress,
+                               std::optional<PreparationMethod> preparation) {
   const auto parameters = parse_phantom(what);
   if (!parameters) return parameters.error();
   const std::string name = phantom_name(*parameters);
@@ -77,30 +83,28 @@ Result<LoadedScene> load_phantom(const std::string& what, const Progress& progre
   prepare_by(preparation, scene->preparation);
   auto phantom = kept_phantom(*parameters, progress);
   if (!phantom) return phantom.error();
-  auto model = build_model(
-      *scene,
+  return ReadScene{
+      *std::move(scene),
       {std::move(phantom->labels), std::make_shared<const Volume<float>>(std::move(phantom->scan)), true},
-      progress, warn);
-  if (!model) return model.error();
-  return LoadedScene{std::move(*scene), std::move(*model), name};
+      name};
 }
 
-Result<LoadedScene> load_data_set(const std::string& data_set, const Progress& progress, const Warn& warn,
-                                  std::optional<PreparationMethod> preparation) {
-  if (is_phantom_name(data_set)) return load_phantom(data_set, progress, warn, preparation);
+Result<ReadScene> read_data_set(const std::string& data_set, const Progress& progress, const Warn& warn,
+                                std::optional<PreparationMethod> preparation) {
+  if (is_phantom_name(data_set)) return read_phantom(data_set, progress, preparation);
   auto scene = scene_of_data_set(data_set);
   if (!scene) return scene.error();
   prepare_by(preparation, scene->preparation);
   const auto local = locate(data_set);
   if (!local) return local.error();
-  auto model = model_of_files(*scene, local->labels, local->names, local->scan, progress, warn);
-  if (!model) return model.error();
-  return LoadedScene{std::move(*scene), std::move(*model), data_set};
+  auto volumes = volumes_of_files(local->labels, local->names, local->scan, progress, warn);
+  if (!volumes) return volumes.error();
+  return ReadScene{*std::move(scene), *std::move(volumes), data_set};
 }
 
 // a scan or a label map by itself, with the scene that is proposed for it
-Result<LoadedScene> load_volume(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
-                                std::optional<PreparationMethod> preparation) {
+Result<ReadScene> read_volume_alone(const std::filesystem::path& file, const Progress& progress,
+                                    const Warn& warn, std::optional<PreparationMethod> preparation) {
   auto volume = read_volume(file, {}, progress, warn, Unpacked::kKept);
   if (!volume) return volume.error();
   auto proposed = propose_scene(file, *volume);
@@ -115,17 +119,13 @@ Result<LoadedScene> load_volume(const std::filesystem::path& file, const Progres
     volumes.oriented = scan.header.has_geometry;
     volumes.scan = std::make_shared<const Volume<float>>(std::move(scan.scan));
   }
-  auto model = build_model(proposed->scene, std::move(volumes), progress, warn);
-  if (!model) return model.error();
-  return LoadedScene{std::move(proposed->scene), std::move(*model), "", std::move(proposed->note)};
+  return ReadScene{std::move(proposed->scene), std::move(volumes), "", std::move(proposed->note)};
 }
 
-}  // namespace
-
-Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
-                                           const Warn& warn, std::optional<PreparationMethod> preparation) {
-  if (find_entry(what)) return load_data_set(what, progress, warn, preparation);
-  if (is_volume(what)) return load_volume(what, progress, warn, preparation);
+Result<ReadScene> read_scene_or_data_set(const std::string& what, const Progress& progress, const Warn& warn,
+                                         std::optional<PreparationMethod> preparation) {
+  if (find_entry(what)) return read_data_set(what, progress, warn, preparation);
+  if (is_volume(what)) return read_volume_alone(what, progress, warn, preparation);
   if (auto other = something_else(what)) return *std::move(other);
   auto scene = load_scene(what);
   if (!scene) {
@@ -143,10 +143,29 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
   const auto resolved = [&](const std::optional<std::filesystem::path>& file) {
     return file ? std::optional(scene->resolve(*file)) : std::nullopt;
   };
-  auto model = model_of_files(*scene, resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
-                              progress, warn);
+  auto volumes = volumes_of_files(resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
+                                  progress, warn);
+  if (!volumes) return volumes.error();
+  return ReadScene{*std::move(scene), *std::move(volumes)};
+}
+
+}  // namespace
+
+Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
+                                           const Warn& warn, std::optional<PreparationMethod> preparation,
+                                           const Foretell& foretell) {
+  auto read = read_scene_or_data_set(what, progress, warn, preparation);
+  if (!read) return read.error();
+  auto model = build_model(read->scene, std::move(read->volumes), progress, warn, foretell);
   if (!model) return model.error();
-  return LoadedScene{std::move(*scene), std::move(*model), ""};
+  return LoadedScene{std::move(read->scene), *std::move(model), std::move(read->data_set),
+                     std::move(read->proposed)};
+}
+
+Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const Progress& progress) {
+  auto read = read_scene_or_data_set(what, progress, {}, {});
+  if (!read) return read.error();
+  return memory_of(read->scene, std::move(read->volumes), progress);
 }
 
 Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/surfaces_needed.h"
 #include "palpate/base/for_each_index.h"
 #include "palpate/model/make_model.h"
 #include "palpate/surfaces/surfaces.h"
@@ -80,6 +81,15 @@ class SurfacesNeeded {
 
   std::size_t structures() const { return felt_.size(); }
   std::size_t common() const { return surfaces_.size() - felt_.size(); }
+
+  /// What they are made of, in the order in which they are.
+  std::vector<std::vector<LabelId>> groups() const {
+    std::vector<std::vector<LabelId>> all;
+    for (const auto& [together, parts] : parts_)
+      for (const Part& part : parts)
+        if (std::find(all.begin(), all.end(), part.structures) == all.end()) all.push_back(part.structures);
+    return all;
+  }
 
   /// The model's surfaces with their shapes. Errors: those of prepare_outer_surfaces.
   Result<std::vector<FeltSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
@@ -239,6 +249,18 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
 }
 
 }  // namespace
+
+Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, const Preparing& preparing,
+                                                          const Progress& progress) {
+  const std::vector<LabelId> felt = felt_structures(model);
+  if (felt.size() > kMostSurfaces) return too_many(felt.size(), 0);
+  const auto touching = preparing.touching_pairs(*model.labels, felt, progress);
+  if (!touching) return touching.error();
+  const SurfacesNeeded needed(model, felt, *touching);
+  if (needed.structures() + needed.common() > kMostSurfaces)
+    return too_many(needed.structures(), needed.common());
+  return needed.groups();
+}
 
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -7,6 +10,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/haptics/haptics.h"
+#include "palpate/model/memory_forecast.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
 #include "palpate/volume/volume.h"
@@ -24,6 +28,19 @@ struct LoadedScene {
   std::string proposed = {};
 };
 
+/// How much memory a scene takes, bytes, before it is taken.
+struct SceneMemory {
+  std::uint64_t read = 0;  ///< of the volumes as they are read
+  std::uint64_t scan = 0;  ///< that the model keeps
+  MemoryForecast model;
+
+  /// The most at a time, and what stays of it.
+  std::uint64_t peak() const { return std::max(read + model.labels, scan + model.labels + model.peak); }
+  std::uint64_t stays() const { return scan + model.stays(); }
+};
+/// Told before it is taken.
+using Foretell = std::function<void(const SceneMemory&)>;
+
 /// @param what         a catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
 ///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume:
 ///                     a scan or a label map by itself gets the scene that new_scene_text proposes
@@ -32,7 +49,8 @@ struct LoadedScene {
 /// ...).
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
                                            const Warn& warn = {},
-                                           std::optional<PreparationMethod> preparation = {});
+                                           std::optional<PreparationMethod> preparation = {},
+                                           const Foretell& foretell = {});
 
 /// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
 /// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.
@@ -51,11 +69,18 @@ struct SceneVolumes {
   bool oriented = true;                       ///< false: the files do not say how they lie in the patient
 };
 
+/// Of a model by the scene's own method, from volumes already read: their labels are put in bricks, which is
+/// taken, and the rest is estimated. Errors: those of build_model.
+Result<SceneMemory> memory_of(const Scene& scene, SceneVolumes volumes, const Progress& progress = {});
+/// Of what load_scene_or_data_set loads, which is read.
+Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const Progress& progress = {});
+
 /// Builds the Model of a scene from volumes already read. Where nothing is felt its field is 0 everywhere.
 /// Grids may differ. Ready for the trilinear method and the scene's, but for the proxy: its surfaces come
 /// with ready_for.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
-                                                 const Progress& progress = {}, const Warn& warn = {});
+                                                 const Progress& progress = {}, const Warn& warn = {},
+                                                 const Foretell& foretell = {});
 /// The same from copies, for who keeps the volumes. One of them may be null.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress = {},

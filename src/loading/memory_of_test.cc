@@ -1,0 +1,48 @@
+#include <gtest/gtest.h>
+
+#include <set>
+#include <variant>
+
+#include "palpate/loading/loading.h"
+
+namespace palpate {
+namespace {
+
+// what a model has in bricks
+MemoryForecast measured_memory(const Model& model) {
+  MemoryForecast memory;
+  memory.labels = model.labels->bytes();
+  memory.field = std::visit([](const auto& bricks) { return bricks.bytes(); }, model.field->bricks());
+  std::set<const Surface*> seen;
+  for (const FeltSurface& felt : model.surfaces)
+    if (felt.surface && seen.insert(felt.surface.get()).second)
+      memory.surfaces += felt.surface->position().bricks().bytes() + felt.surface->normal().bricks().bytes();
+  return memory;
+}
+
+double over(std::uint64_t forecast, std::uint64_t measured) {
+  return static_cast<double>(forecast) / static_cast<double>(measured);
+}
+
+TEST(MemoryOf, StandsAsForetold) {
+  for (const char* const knee : {"knee-phantom:spacing=1", "knee-phantom:spacing=0.7",
+                                 "knee-phantom:spacing=0.565", "knee-phantom:spacing=0.36"}) {
+    SCOPED_TRACE(knee);
+    SceneMemory foretold;
+    const auto loaded =
+        load_scene_or_data_set(knee, {}, {}, {}, [&](const SceneMemory& memory) { foretold = memory; });
+    ASSERT_TRUE(loaded.ok());
+    const ForceMethod proxy = ForceMethod::kProxy;
+    const auto ready = ready_for(loaded->model, {&proxy, 1});
+    ASSERT_TRUE(ready.ok());
+    const MemoryForecast is = measured_memory(**ready);
+    EXPECT_EQ(foretold.model.labels, is.labels);
+    EXPECT_GT(over(foretold.model.field, is.field), 0.95);
+    EXPECT_LT(over(foretold.model.field, is.field), 1.25);
+    EXPECT_GT(over(foretold.model.surfaces, is.surfaces), 0.97);
+    EXPECT_LT(over(foretold.model.surfaces, is.surfaces), 1.25);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,235 @@
+#include "palpate/model/memory_forecast.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <vector>
+
+#include "model/surfaces_needed.h"
+#include "palpate/base/for_each_index.h"
+#include "palpate/model/ramp_structures.h"
+
+namespace palpate {
+namespace {
+
+using L = BrickLayout;
+
+// a brick of 16 bits with its counts and what malloc adds, and what its place in a table takes
+constexpr double kBrick_bytes = sizeof(std::uint16_t) * (L::kStored + 2 * L::kSpare) + 64, kPlace_bytes = 24;
+// of the least distances in a surface's table, for a place
+constexpr double kLeast_bytes = 8 * sizeof(float);
+// The faces of voxels are so much more than the smooth surface that they stand for, mean over directions.
+constexpr double kFacesPerSurface = 1.5;
+// an edge of a brick, seen along the normal of a surface that lies anyhow
+constexpr double kAlongNormal = 1.5;
+
+// what is counted of labels
+struct LabelFigures {
+  struct Box {
+    std::array<int, 3> low{std::numeric_limits<int>::max(), std::numeric_limits<int>::max(),
+                           std::numeric_limits<int>::max()};
+    std::array<int, 3> high{-1, -1, -1};
+  };
+  std::vector<double> voxels = std::vector<double>(65536, 0);
+  std::vector<Box> box = std::vector<Box>(65536);
+  std::map<std::pair<LabelId, LabelId>, double> faces_mm2;  // the lesser label first
+
+  void see(LabelId label, int i, int count, int j, int k) {
+    voxels[label] += count;
+    Box& b = box[label];
+    const std::array<int, 3> first{i, j, k}, last{i + count - 1, j, k};
+    for (std::size_t a = 0; a < 3; ++a) {
+      b.low[a] = std::min(b.low[a], first[a]);
+      b.high[a] = std::max(b.high[a], last[a]);
+    }
+  }
+  void add(const LabelFigures& other) {
+    for (std::size_t label = 0; label < voxels.size(); ++label) {
+      if (other.voxels[label] == 0) continue;
+      voxels[label] += other.voxels[label];
+      for (std::size_t a = 0; a < 3; ++a) {
+        box[label].low[a] = std::min(box[label].low[a], other.box[label].low[a]);
+        box[label].high[a] = std::max(box[label].high[a], other.box[label].high[a]);
+      }
+    }
+    for (const auto& [pair, area] : other.faces_mm2) faces_mm2[pair] += area;
+  }
+};
+
+// of one slice, and of the faces towards the next
+void see_slice(const Bricks<LabelId>& labels, int k, LabelFigures& figures) {
+  const Eigen::Vector3d& mm = labels.geometry().spacing_mm;
+  const std::array<double, 3> face_mm2{mm[1] * mm[2], mm[0] * mm[2], mm[0] * mm[1]};
+  constexpr std::array<std::ptrdiff_t, 3> kNext{1, L::kRow, L::kSlice};
+  const auto look = [&](const RowPiece<LabelId>& piece) {
+    if (piece.uniform) {
+      figures.see(*piece.voxels, piece.i, piece.count, piece.j, k);
+      return;
+    }
+    for (int i = 0; i < piece.count; ++i) {
+      const LabelId* const here = piece.voxels + i;
+      figures.see(*here, piece.i + i, 1, piece.j, k);
+      for (std::size_t a = 0; a < 3; ++a)
+        if (const LabelId there = here[kNext[a]]; there != *here)
+          figures.faces_mm2[std::minmax(*here, there)] += face_mm2[a];
+    }
+  };
+  for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, look);
+}
+
+LabelFigures figures_of(const Bricks<LabelId>& labels) {
+  const int slices = labels.geometry().dims[2], workers = worker_count(0, slices);
+  std::vector<LabelFigures> of_worker(static_cast<std::size_t>(workers));
+  for_each_index(slices, workers, [&](int worker, int k) {
+    see_slice(labels, k, of_worker[static_cast<std::size_t>(worker)]);
+    return true;
+  });
+  for (std::size_t w = 1; w < of_worker.size(); ++w) of_worker[0].add(of_worker[w]);
+  return std::move(of_worker[0]);
+}
+
+// some structures together
+struct Body {
+  double volume_mm3 = 0, surface_mm2 = 0;
+  double box_voxels = 0;  // with a margin
+};
+
+// The program by itself, and what malloc keeps of what was freed: measured.
+double with_heap(double bytes) {
+  constexpr double kProgram_bytes = 24 << 20, kMostKept_bytes = 150 << 20, kPartKept = 0.8;
+  return bytes + kProgram_bytes + std::min(kMostKept_bytes, kPartKept * bytes);
+}
+
+class Estimate {
+ public:
+  Estimate(const GridGeometry& grid, LabelFigures figures) : grid_(grid), figures_(std::move(figures)) {}
+
+  Body body(const std::vector<LabelId>& structures, double margin_mm) const {
+    std::vector<bool> in(65536, false);
+    for (const LabelId label : structures) in[label] = true;
+    Body body;
+    LabelFigures::Box box;
+    for (const LabelId label : structures) {
+      body.volume_mm3 += figures_.voxels[label] * grid_.voxel_volume_mm3();
+      for (std::size_t a = 0; a < 3; ++a) {
+        box.low[a] = std::min(box.low[a], figures_.box[label].low[a]);
+        box.high[a] = std::max(box.high[a], figures_.box[label].high[a]);
+      }
+    }
+    for (const auto& [pair, area] : figures_.faces_mm2)
+      if (in[pair.first] != in[pair.second]) body.surface_mm2 += area / kFacesPerSurface;
+    body.box_voxels = 1;
+    for (std::size_t a = 0; a < 3; ++a)
+      body.box_voxels *=
+          std::max(0, box.high[a] - box.low[a] + 1) + 2 * margin_mm / grid_.spacing_mm[static_cast<int>(a)];
+    return body;
+  }
+
+  // bricks of 16 bits about so many voxels of a grid that change within some mm of a surface on each side
+  double band_bytes(const Body& body, double voxels, const Eigen::Vector3d& spacing_mm, double inside_mm,
+                    double outside_mm, double table_bytes) const {
+    // what is inside alone is met by fewer of the bricks that its surface crosses: measured
+    const double places = voxels / std::pow(L::kCells, 3);
+    const double brick_mm3 = std::pow(L::kCells, 3) * spacing_mm.prod();
+    const double edge_mm =
+        (outside_mm > 0 ? 1 : 0.62) * kAlongNormal * (L::kVoxels - 1) * std::cbrt(spacing_mm.prod());
+    const double inside_mm3 = std::min(body.surface_mm2 * inside_mm, body.volume_mm3);
+    const double band_mm3 = inside_mm3 + body.surface_mm2 * (outside_mm + edge_mm);
+    return std::min(places, band_mm3 / brick_mm3) * kBrick_bytes + places * (kPlace_bytes + table_bytes);
+  }
+
+  const GridGeometry& grid() const { return grid_; }
+
+ private:
+  GridGeometry grid_;
+  LabelFigures figures_;
+};
+
+// ---- the proxy
+
+struct SurfaceBytes {
+  double stays = 0, makes = 0;
+};
+
+SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>& group) {
+  const SurfaceOptions options;
+  const Eigen::Vector3d& mm = estimate.grid().spacing_mm;
+  const Body body = estimate.body(group, options.reach_mm + 1);
+  // of every n-th voxel, about so far apart
+  constexpr double kNormal_mm = 0.6, kBroad_mm = 2;
+  const Eigen::Vector3d coarse_mm = mm.cwiseMax(kNormal_mm);
+  const double coarse_voxels = body.box_voxels * mm.prod() / coarse_mm.prod();
+  const double fine =
+      estimate.band_bytes(body, body.box_voxels, mm, options.reach_mm, options.reach_mm, kLeast_bytes);
+  const double coarse = estimate.band_bytes(body, coarse_voxels, coarse_mm, kBroad_mm, kBroad_mm, 0);
+  // a node of the net, its links and triangles; of what is common a voxel and its owner
+  constexpr double kNode_bytes = 240, kOwned_bytes = 16;
+  const double cells = kFacesPerSurface * body.surface_mm2 / std::pow(mm.prod(), 2.0 / 3);
+  SurfaceBytes bytes;
+  bytes.stays = fine + coarse + (group.size() > 1 ? cells * kOwned_bytes : 0);
+  const double dense = body.box_voxels * sizeof(std::int16_t), net = cells * kNode_bytes;
+  // distance and position side by side; then that in bricks, and the position in bricks too
+  bytes.makes = net + std::max(2 * dense, dense + 2 * fine);
+  return bytes;
+}
+
+}  // namespace
+
+Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, const Preparing& preparing,
+                                       const Progress& progress) {
+  Model model;
+  model.labels = parts.labels;
+  model.tissues = parts.tissues;
+  model.tissue_of_label = parts.tissue_of_label;
+  model.tool = parts.tool;
+  const GridGeometry& grid = parts.labels->geometry();
+  const Estimate estimate(grid, figures_of(*parts.labels));
+  const double voxels = static_cast<double>(grid.voxel_count());
+  const double labels = static_cast<double>(parts.labels->bytes());
+
+  // ramps: from the outside in as far as they rise, each structure by itself
+  const auto structures = ramp_structures(model, *parts.labels);
+  const double full_N =
+      model.greatest_stiffness_N_per_mm() * parts.ramp_width_mm.value_or(kUsualRampWidth_mm);
+  std::vector<LabelId> felt;
+  double rising_mm3 = 0, position_voxels = 0;
+  for (const RampStructure& structure : structures) {
+    felt.push_back(structure.label);
+    const Body body = estimate.body({structure.label}, 0);
+    rising_mm3 += std::min(
+        body.volume_mm3, body.surface_mm2 * std::min(full_N / structure.stiffness_N_per_mm, kDeepestRamp_mm));
+    position_voxels = std::max(position_voxels, body.box_voxels);
+  }
+  Body all = estimate.body(felt, 0);
+  all.volume_mm3 = rising_mm3;
+  const double reach_mm = all.surface_mm2 > 0 ? rising_mm3 / all.surface_mm2 : 0;
+  const double field = estimate.band_bytes(all, voxels, grid.spacing_mm, reach_mm, 0, 0);
+  const double dense = voxels * sizeof(std::uint16_t);
+  // a structure's depth and that of what rests on it; slabs of both, on every thread
+  const double slab = 12.0 * 48 * grid.dims[0] * grid.dims[1] * processors();
+  double peak =
+      dense + std::max(field, 3 * sizeof(std::int16_t) * position_voxels + std::min(slab, 8 * voxels));
+
+  MemoryForecast forecast;
+  forecast.making_field = static_cast<std::uint64_t>(with_heap(peak));
+  double surfaces = 0;
+  if (proxy) {
+    const auto groups = surfaces_needed(model, preparing, progress);
+    if (!groups) return groups.error();
+    for (const std::vector<LabelId>& group : *groups) {
+      const SurfaceBytes bytes = surface_bytes(estimate, group);
+      // the labels of what is made together are merged in bricks of their own
+      peak = std::max(peak, field + labels + surfaces + bytes.makes);
+      surfaces += bytes.stays;
+    }
+  }
+  forecast.labels = parts.labels->bytes();
+  forecast.field = static_cast<std::uint64_t>(field);
+  forecast.surfaces = static_cast<std::uint64_t>(surfaces);
+  forecast.peak = static_cast<std::uint64_t>(with_heap(std::max(peak, field + surfaces)));
+  return forecast;
+}
+
+}  // namespace palpate
