@@ -115,7 +115,7 @@ struct LeansOn {
 };
 
 // the strongest first, as many as there is room for; how many stand there now
-std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<Contact> told) {
+std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<ContactPoint> told) {
   std::array<const ProxyContact*, kMostContacts> order;
   const auto count = static_cast<std::size_t>(on.layer.contacts);
   for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
@@ -132,7 +132,7 @@ std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<Conta
 }
 
 // what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
-PointContact strongest_of(const Model& model, const ProxyState& proxy, const Contact& most,
+PointContact strongest_of(const Model& model, const ProxyState& proxy, const ContactPoint& most,
                           const Point<Patient>& tip, const ProxyResult& result,
                           const Vector<Patient>& force_N) {
   PointContact contact;
@@ -225,7 +225,7 @@ ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
     tool.contacts[told++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy, met.normal_N};
   }
   sort_few(std::span(tool.contacts).first(told),
-           [](const Contact& a, const Contact& b) { return a.force_N > b.force_N; });
+           [](const ContactPoint& a, const ContactPoint& b) { return a.force_N > b.force_N; });
   tool.felt[0] = all_of_it(tool.strongest);
   return tool;
 }

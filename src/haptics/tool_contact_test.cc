@@ -110,7 +110,7 @@ TEST(ToolContact, EachPartOfTheToolSaysWhereItLeans) {
   double floor_N = 0, wall_N = 0;
   bool seen[2] = {false, false};
   for (int n = 0; n < 3; ++n) {
-    const Contact& one = contact.contacts[static_cast<std::size_t>(n)];
+    const ContactPoint& one = contact.contacts[static_cast<std::size_t>(n)];
     if (n > 0) EXPECT_LE(one.force_N, contact.contacts[static_cast<std::size_t>(n - 1)].force_N);
     if (one.label == kWall) {
       EXPECT_EQ(one.part, 0);

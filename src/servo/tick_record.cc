@@ -68,7 +68,7 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
     out.flags |= kFlagContact;
     out.label = tool.strongest.site.label;
     for (std::size_t n = 0; n < tool.contacts.size() && tool.contacts[n].label != 0; ++n) {
-      const Contact& contact = tool.contacts[n];
+      const ContactPoint& contact = tool.contacts[n];
       out.contact_label[n] = contact.label;
       out.contact_part[n] = static_cast<std::uint16_t>(contact.part);
       for (int axis = 0; axis < 3; ++axis)

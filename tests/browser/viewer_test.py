@@ -223,7 +223,7 @@ class Viewer(unittest.TestCase):
         self.page.wait("!palpateViewer.state.pointer")
         self.page.run("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
             socket.onopen = () => {
-              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "hello", protocol: 3, poses_hz: 1 }));
               socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
             };
             window.lead = (p) => socket.send(JSON.stringify({ type: "tip", patient_mm: p }));
@@ -753,7 +753,7 @@ class WithPointer(Viewer):
               socket.send(JSON.stringify({ type: "tip", patient_mm: way[i].map((x, c) => x + (at - i) * (next[c] - x)) }));
             }, 16);
             socket.onopen = () => {
-              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "hello", protocol: 3, poses_hz: 1 }));
               socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
             };
             socket.onmessage = ({ data }) => {

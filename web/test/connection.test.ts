@@ -35,7 +35,7 @@ function connection() {
   made.open();
   return { made, sockets, timers, sent, links, told, isAnswered };
 }
-const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 2 }) };
+const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 3 }) };
 function pose(version: number): { data: ArrayBuffer } {
   const view = new DataView(new ArrayBuffer(272));
   "PLPT".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));

@@ -250,7 +250,7 @@ function pose() {
   const speed = Math.hypot(...sub(tip, before)) * 60;
   before = tip;
 
-  const bytes = Buffer.alloc(96 + 176);
+  const bytes = Buffer.alloc(96 + 296);
   bytes.write("PLPT", 0);
   bytes.writeUInt16LE(protocol, 4);
   bytes.writeUInt16LE(bytes.length, 6);
@@ -271,6 +271,8 @@ function pose() {
   if (label) {
     bytes.writeUInt16LE(label, 96 + 104);
     floats(96 + 108, [out ? out.way : NaN, 1]);
+    bytes.writeUInt16LE(label, 96 + 176);
+    floats(96 + 180, [...(out?.q ?? tip), asked]);
   }
   return bytes;
 }

@@ -50,7 +50,7 @@ struct PointContact {
 };
 
 /// Where a part of the tool leans on a structure.
-struct Contact {
+struct ContactPoint {
   LabelId label = 0;     ///< 0: none
   int part = 0;          ///< of the tool: its points, then its capsules
   Point<Patient> place;  ///< on the surface; by a direct method, of the point that is inside
@@ -70,7 +70,7 @@ struct ToolContact {
   PointContact strongest;  ///< of the outermost layer
   /// Those of the outermost layer first, in each the strongest first; those after the last have label 0. Of
   /// more than there is room for, these.
-  std::array<Contact, kMostContactsTold> contacts;
+  std::array<ContactPoint, kMostContactsTold> contacts;
   /// Outermost first; those after the last have label 0.
   std::array<FeltStructure, kMostTold> felt;
   /// Energy at the device that the contact can hold as a spring does; infinite: not known.
