@@ -1166,8 +1166,8 @@ class WithTrouble(Viewer):
         self.page.wait(LOADED + " && palpateViewer.link === 'connected' && document.getElementById('cover').hidden")
 
     def test_another_version_of_the_protocol(self):
-        self.restart("--protocol", "3")
-        self.assert_told_and_left_alone("version 3", "version 2", "palpate 0.0.0-mock", "Reload the page")
+        self.restart("--protocol", "4")
+        self.assert_told_and_left_alone("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page")
         self.page.click("#again")  # in vain
         self.page.wait("!document.getElementById('mend').hidden")
         self.assert_mended()
