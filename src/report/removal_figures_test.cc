@@ -162,26 +162,21 @@ TEST(Removal, LabelsAreWhatWasLeftAtATime) {
   const Model model = bone_below();
   const Point<Patient> first(0, 0, -2), second(5, 0, -2);
   const auto ball = [](const Point<Patient>& at, std::uint32_t stroke) { return Sweep{at, at, 1.5, stroke}; };
-  RecordingEvent undo;
-  undo.tick = 40;
-  undo.change.tissue = ModelChange::kUndo;
-  const Recording recording =
-      ticks_with({swept(9, ball(first, 1)), felt_cut(10), swept(24, ball(second, 2)), felt_cut(25), undo});
+  const Recording recording = ticks_with({swept(9, ball(first, 1)), felt_cut(10), swept(24, ball(second, 2)),
+                                          felt_cut(25), changed(40, ModelChange::kUndo)});
   const RemovalFigures figures = figures_of(recording, model);
   const auto label_at = [](const Model& seen, const Point<Patient>& at) {
     const Point<Voxel> p = seen.labels->geometry().X_PatientVoxel().inverse() * at;
     return seen.labels->at(static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y())),
                            static_cast<int>(std::lround(p.z())));
   };
-  // times on the run's clock, which begins with the recording
-  const double begin_s = figures.changes.front().time_s - 0.010;
-  EXPECT_EQ(model_left(model, figures.changes, begin_s + 0.009), nullptr);
+  EXPECT_EQ(model_left(model, figures.changes, 1.009), nullptr);
   struct Seen {
     double time_s;
     LabelId first, second;
   };
-  for (const Seen& seen : {Seen{0.012, 0, kBone}, Seen{0.030, 0, 0}, Seen{0.045, 0, kBone}}) {
-    const auto left = model_left(model, figures.changes, begin_s + seen.time_s);
+  for (const Seen& seen : {Seen{1.012, 0, kBone}, Seen{1.030, 0, 0}, Seen{1.045, 0, kBone}}) {
+    const auto left = model_left(model, figures.changes, seen.time_s);
     ASSERT_NE(left, nullptr);
     EXPECT_EQ(label_at(*left, first), seen.first) << seen.time_s;
     EXPECT_EQ(label_at(*left, second), seen.second) << seen.time_s;
