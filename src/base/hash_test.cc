@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 #include <string>
 
@@ -29,6 +30,22 @@ TEST(Hash, EveryBitOfALongInputCounts) {
       changed[i] = static_cast<char>(changed[i] ^ (1 << bit));
       EXPECT_TRUE(seen.insert(hash_of(changed)).second) << i << " " << bit;
     }
+}
+
+TEST(Hash, PiecesCountAsTheWhole) {
+  std::string bytes;
+  for (int n = 0; n < 61; ++n) bytes += static_cast<char>(7 * n);
+  for (std::size_t length = 0; length <= bytes.size(); ++length) {
+    const std::string whole = bytes.substr(0, length);
+    for (std::size_t piece = 1; piece < 20; ++piece) {
+      std::uint64_t hash = kHashSeed;
+      HashOfPieces pieces(hash);
+      for (std::size_t at = 0; at < length; at += piece)
+        pieces.add(whole.data() + at, std::min(piece, length - at));
+      pieces.finish();
+      EXPECT_EQ(hash_finish(hash), hash_of(whole)) << length << " bytes in pieces of " << piece;
+    }
+  }
 }
 
 TEST(Hash, LengthAndOrderCount) {

@@ -18,17 +18,6 @@ constexpr LabelId kFirstThresholdLabel = 60000;
 // how far before its structure the ramp of a threshold may begin
 constexpr double kThresholdRamp_mm = 5;
 
-// scan and labels on one grid, the finer of the two; what moves is said
-struct CommonGrid {
-  const LabelMap* labels() const { return moved_labels ? &*moved_labels : given_labels; }
-  const Volume<float>* scan() const { return moved_scan ? &*moved_scan : given_scan; }
-
-  const LabelMap* given_labels;
-  const Volume<float>* given_scan;
-  std::optional<LabelMap> moved_labels = {};
-  std::optional<Volume<float>> moved_scan = {};
-};
-
 bool reaches_beyond(const GridGeometry& inner, const GridGeometry& outer) {
   const auto X_OuterInner = outer.X_PatientVoxel().inverse() * inner.X_PatientVoxel();
   for (int corner = 0; corner < 8; ++corner) {
@@ -41,36 +30,38 @@ bool reaches_beyond(const GridGeometry& inner, const GridGeometry& outer) {
   return false;
 }
 
-Result<CommonGrid> onto_one_grid(const LabelMap* labels, const Volume<float>* scan, const Progress& progress,
-                                 const Warn& warn) {
-  CommonGrid common{labels, scan};
-  if (!labels || !scan || labels->geometry().same_grid(scan->geometry())) return common;
-  if (&field_grid(&labels->geometry(), &scan->geometry()) == &labels->geometry()) {
+// scan and labels on one grid, the finer of the two; what moves is said
+Result<void> onto_one_grid(SceneVolumes& volumes, const Progress& progress, const Warn& warn) {
+  if (!volumes.labels || !volumes.scan || volumes.labels->geometry().same_grid(volumes.scan->geometry()))
+    return {};
+  const LabelMap& labels = *volumes.labels;
+  const Volume<float>& scan = *volumes.scan;
+  if (&field_grid(&labels.geometry(), &scan.geometry()) == &labels.geometry()) {
     // what the scan does not reach counts as its darkest value: 0 HU would be tissue
-    const float darkest = *std::min_element(scan->voxels().begin(), scan->voxels().end());
-    auto moved = kept_resampled(*scan, labels->geometry(), darkest, progress);
+    const float darkest = *std::min_element(scan.voxels().begin(), scan.voxels().end());
+    auto moved = kept_resampled(scan, labels.geometry(), darkest, progress);
     if (!moved) return moved.error();
     if (warn) {
       warn(
           "scan and labels lie on different grids: the scan was resampled onto the labels' grid, which is "
           "finer");
-      if (reaches_beyond(labels->geometry(), scan->geometry()))
+      if (reaches_beyond(labels.geometry(), scan.geometry()))
         warn("the label map reaches beyond the scan; there the scan counts as its darkest value");
     }
-    common.moved_scan = std::move(*moved);
-    return common;
+    volumes.scan = std::make_shared<const Volume<float>>(*std::move(moved));
+    return {};
   }
-  auto moved = kept_resampled(*labels, scan->geometry(), progress);
+  auto moved = kept_resampled(labels, scan.geometry(), progress);
   if (!moved) return moved.error();
   if (warn) {
     warn(
         "scan and labels lie on different grids: the labels were resampled onto the scan's grid, which is "
         "finer, by nearest neighbour");
-    if (reaches_beyond(labels->geometry(), scan->geometry()))
+    if (reaches_beyond(labels.geometry(), scan.geometry()))
       warn("part of the label map lies outside the scan and is not felt");
   }
-  common.moved_labels = std::move(*moved);
-  return common;
+  volumes.labels = *std::move(moved);
+  return {};
 }
 
 Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSettings>& all) {
@@ -101,8 +92,12 @@ void set_label(ModelParts& parts, LabelId label, std::size_t tissue) {
 
 // one label a voxel: of segments that overlap, the one that is felt most, which is the one whose weight the
 // field has; one that is not felt only where no other is
-Volume<LabelId> flatten_by_weight(const LabelMap& labels, const std::vector<std::uint8_t>& weight_of_label) {
-  if (labels.layers.size() == 1) return labels.flattened();
+Volume<LabelId> flatten_by_weight(LabelMap labels, const std::vector<std::uint8_t>& weight_of_label) {
+  if (labels.layers.size() == 1) {
+    const bool as_it_is = std::all_of(labels.segments.begin(), labels.segments.end(),
+                                      [](const Segment& s) { return s.id == s.value; });
+    return as_it_is ? std::move(labels.layers.front()) : labels.flattened();
+  }
   Volume<LabelId> flat(labels.geometry());
   for (std::size_t layer = 0; layer < labels.layers.size(); ++layer) {
     std::vector<LabelId> id_of_value(65536, 0);
@@ -204,19 +199,28 @@ void warn_of_thin(const MadeModel& made, const Warn& warn) {
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress,
                                                  const Warn& warn, bool oriented) {
+  SceneVolumes volumes{{}, {}, oriented};
+  if (labels) volumes.labels = *labels;
+  if (scan) volumes.scan = std::make_shared<const Volume<float>>(*scan);
+  return build_model(scene, std::move(volumes), progress, warn);
+}
+
+Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
+                                                 const Progress& progress, const Warn& warn) {
   // labels, scan and fields on the grid, and what making and pressing them takes: measured, on knees of 1.5
   // and 6.7 million voxels
   constexpr std::uint64_t kBytesPerVoxel = 32, kBesides = std::uint64_t{32} << 20;
-  const GridGeometry* finer = labels ? &labels->geometry() : &scan->geometry();
-  if (labels && scan) finer = &field_grid(&labels->geometry(), &scan->geometry());
+  const GridGeometry* finer = volumes.labels ? &volumes.labels->geometry() : &volumes.scan->geometry();
+  if (volumes.labels && volumes.scan)
+    finer = &field_grid(&volumes.labels->geometry(), &volumes.scan->geometry());
   if (auto allowed = allow_memory(finer->voxel_count() * kBytesPerVoxel + kBesides, scene.source); !allowed)
     return allowed.error();
-  auto common = onto_one_grid(labels, scan, progress, warn);
-  if (!common) {
+  if (auto common = onto_one_grid(volumes, progress, warn); !common) {
     Error error = common.error();
     if (error.where.empty()) error.where = scene.source;
     return error;
   }
+  const std::shared_ptr<const Volume<float>> scan = std::move(volumes.scan);
 
   ModelParts parts;
   parts.title = scene.title;
@@ -236,13 +240,13 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   if (stiffest == 0) stiffest = 1;
 
   // labels: each takes its tissue's weight
-  const GridGeometry grid = common->labels() ? common->labels()->geometry() : common->scan()->geometry();
+  const GridGeometry grid = volumes.labels ? volumes.labels->geometry() : scan->geometry();
   const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   std::vector<std::uint8_t> weight_of_label(65536, 0);
   Volume<std::uint8_t> weights;
   Volume<LabelId> flat;
-  if (const LabelMap* map = common->labels()) {
-    auto ids = resolve_labels(scene, *map);
+  if (volumes.labels) {
+    auto ids = resolve_labels(scene, *volumes.labels);
     if (!ids) return ids.error();
     for (std::size_t t = 0; t < ids->size(); ++t)
       for (const LabelId id : (*ids)[t]) {
@@ -251,9 +255,10 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
       }
     progress.report("weighing labels", 0);
     // ramps read labels alone
-    if (!ramps) weights = weigh_labels(*map, weight_of_label);
-    flat = flatten_by_weight(*map, weight_of_label);
-    parts.segments = map->segments;
+    if (!ramps) weights = weigh_labels(*volumes.labels, weight_of_label);
+    parts.segments = volumes.labels->segments;
+    flat = flatten_by_weight(*std::move(volumes.labels), weight_of_label);
+    volumes.labels.reset();
   } else {
     if (!ramps) weights = Volume<std::uint8_t>(grid);
     flat = Volume<LabelId>(grid);
@@ -264,7 +269,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   for (std::size_t t = 0; t < scene.tissues.size(); ++t) {
     const TissueSettings& settings = scene.tissues[t];
     if (!settings.threshold) continue;
-    if (!common->scan())
+    if (!scan)
       return Error{ErrorKind::kBadInput,
                    "tissue '" + settings.name + "' has a threshold but the scene has no scan",
                    scene.source + ":" + std::to_string(settings.line), "name the scan under [data]"};
@@ -276,11 +281,11 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
     if (felt) weight_of_label[id] = weight;
     parts.segments.push_back({id, settings.name, settings.colour.value_or(Rgb{230, 210, 180}), 0, id});
     Volume<std::uint8_t> ramp;
-    if (!ramps) ramp = ramp_scan(*common->scan(), low, high, weight / 255.0);
+    if (!ramps) ramp = ramp_scan(*scan, low, high, weight / 255.0);
     bool reached = false;
     for (std::size_t v = 0; v < flat.voxels().size(); ++v) {
       if (felt && !ramps) weights.voxels()[v] = std::max(weights.voxels()[v], ramp.voxels()[v]);
-      if (!(common->scan()->voxels()[v] >= 0.5 * (low + high))) continue;
+      if (!(scan->voxels()[v] >= 0.5 * (low + high))) continue;
       reached = true;
       LabelId& current = flat.voxels()[v];
       if (current == 0 || weight_of_label[id] > weight_of_label[current]) current = id;
@@ -307,6 +312,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
     auto field = smoothed_field(scene.preparation, weights, progress);
     if (!field) return of_scene(field.error());
     parts.smoothed = *std::move(field);
+    weights = {};
     // the kernel ends at 4 sigma; the ramp of a threshold begins before the structure does
     const bool by_threshold = std::any_of(scene.tissues.begin(), scene.tissues.end(),
                                           [](const TissueSettings& t) { return t.threshold.has_value(); });
@@ -318,19 +324,16 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
   warn_of_thin(*made, warn);
   const std::shared_ptr<Model> model = made->model;
 
-  if (common->moved_scan)
-    model->scan = std::make_shared<const Volume<float>>(*std::move(common->moved_scan));
-  else if (common->scan())
-    model->scan = std::make_shared<const Volume<float>>(*common->scan());
-  model->oriented = oriented;
-  const Side anatomy = oriented ? side_from_anatomy(*model) : Side::kUnknown;
+  model->scan = scan;
+  model->oriented = volumes.oriented;
+  const Side anatomy = volumes.oriented ? side_from_anatomy(*model) : Side::kUnknown;
   model->side_from_anatomy = scene.side == Side::kUnknown && anatomy != Side::kUnknown;
   model->side = model->side_from_anatomy ? anatomy : scene.side;
   if (warn && (scene.side == Side::kLeft || scene.side == Side::kRight) && anatomy != Side::kUnknown &&
       anatomy != scene.side)
     warn("the scene says the other side than the anatomy: by the fibula this is a " +
          std::string(anatomy == Side::kLeft ? "left" : "right") + " leg");
-  if (warn && !oriented)
+  if (warn && !volumes.oriented)
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
   // surfaces take seconds and memory: who feels by the proxy has them made
   if (scene.force.method == ForceMethod::kProxy) return std::shared_ptr<const Model>(model);

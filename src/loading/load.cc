@@ -55,8 +55,10 @@ Result<std::shared_ptr<const Model>> model_of_files(const Scene& scene,
   }
   if (progress.stopped()) return Progress::interrupted();
   const bool oriented = (!labels || labels->header.has_geometry) && (!scan || scan->header.has_geometry);
-  return build_model(scene, labels ? &labels->labels : nullptr, scan ? &scan->scan : nullptr, progress, warn,
-                     oriented);
+  SceneVolumes volumes{{}, {}, oriented};
+  if (labels) volumes.labels = std::move(labels->labels);
+  if (scan) volumes.scan = std::make_shared<const Volume<float>>(std::move(scan->scan));
+  return build_model(scene, std::move(volumes), progress, warn);
 }
 
 void prepare_by(std::optional<PreparationMethod> method, PreparationSettings& preparation) {
@@ -73,9 +75,12 @@ Result<LoadedScene> load_phantom(const std::string& what, const Progress& progre
   auto scene = scene_of_phantom(name, *parameters);
   if (!scene) return scene.error();
   prepare_by(preparation, scene->preparation);
-  const auto phantom = kept_phantom(*parameters, progress);
+  auto phantom = kept_phantom(*parameters, progress);
   if (!phantom) return phantom.error();
-  auto model = build_model(*scene, &phantom->labels, &phantom->scan, progress, warn);
+  auto model = build_model(
+      *scene,
+      {std::move(phantom->labels), std::make_shared<const Volume<float>>(std::move(phantom->scan)), true},
+      progress, warn);
   if (!model) return model.error();
   return LoadedScene{std::move(*scene), std::move(*model), name};
 }
@@ -101,10 +106,16 @@ Result<LoadedScene> load_volume(const std::filesystem::path& file, const Progres
   auto proposed = propose_scene(file, *volume);
   if (!proposed) return proposed.error();
   prepare_by(preparation, proposed->scene.preparation);
-  const auto* labels = std::get_if<LabelFile>(&*volume);
-  const auto* scan = std::get_if<ScanFile>(&*volume);
-  auto model = build_model(proposed->scene, labels ? &labels->labels : nullptr, scan ? &scan->scan : nullptr,
-                           progress, warn, labels ? labels->header.has_geometry : scan->header.has_geometry);
+  SceneVolumes volumes;
+  if (auto* labels = std::get_if<LabelFile>(&*volume)) {
+    volumes.oriented = labels->header.has_geometry;
+    volumes.labels = std::move(labels->labels);
+  } else {
+    ScanFile& scan = std::get<ScanFile>(*volume);
+    volumes.oriented = scan.header.has_geometry;
+    volumes.scan = std::make_shared<const Volume<float>>(std::move(scan.scan));
+  }
+  auto model = build_model(proposed->scene, std::move(volumes), progress, warn);
   if (!model) return model.error();
   return LoadedScene{std::move(proposed->scene), std::move(*model), "", std::move(proposed->note)};
 }

@@ -12,17 +12,20 @@
 namespace palpate {
 namespace {
 
+// of all voxels of the grid, row by row
+template <class T>
+void hash_voxels(std::uint64_t& hash, const Bricks<T>& voxels) {
+  HashOfPieces pieces(hash);
+  voxels.for_each_piece([&](const RowPiece<T>& piece) {
+    pieces.add(piece.voxels, static_cast<std::size_t>(piece.count) * sizeof(T));
+  });
+  pieces.finish();
+}
+
 std::uint64_t content_hash(const Model& model) {
   std::uint64_t hash = kHashSeed;
-  std::visit(
-      [&](const auto& volume) {
-        hash_bytes(hash, volume.voxels().data(), volume.voxels().size() * sizeof(volume.voxels()[0]));
-      },
-      model.field->storage());
-  {
-    const Volume<LabelId> labels = model.labels->dense();
-    hash_bytes(hash, labels.voxels().data(), labels.voxels().size() * sizeof(LabelId));
-  }
+  std::visit([&](const auto& voxels) { hash_voxels(hash, voxels); }, model.field->bricks());
+  hash_voxels(hash, *model.labels);
   const auto X = model.field->geometry().X_PatientVoxel();
   for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);

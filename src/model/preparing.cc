@@ -15,15 +15,7 @@ Result<std::vector<std::pair<LabelId, LabelId>>> Preparing::touching_pairs(
 Result<std::vector<std::shared_ptr<const Surface>>> Preparing::outer_surfaces(
     const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
     const SurfaceOptions& options, const Progress& progress) const {
-  auto prepared = prepare_outer_surfaces(labels, groups, options, progress);
-  if (!prepared) return prepared.error();
-  std::vector<std::shared_ptr<const Surface>> surfaces;
-  for (PreparedSurface& one : *prepared) {
-    surfaces.push_back(std::make_shared<const Surface>(std::move(one.surface)));
-    // its workings are as large as it is
-    one = {};
-  }
-  return surfaces;
+  return prepare_outer_surfaces(labels, groups, options, progress);
 }
 
 }  // namespace palpate

@@ -50,10 +50,21 @@ std::vector<std::vector<LabelId>> touching_groups(const std::vector<LabelId>& st
   return groups;
 }
 
-Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Bricks<LabelId>& labels,
-                                                            const std::vector<std::vector<LabelId>>& groups,
-                                                            const SurfaceOptions& options,
-                                                            const Progress& progress) {
+Result<std::vector<std::shared_ptr<const Surface>>> prepare_outer_surfaces(
+    const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
+    const SurfaceOptions& options, const Progress& progress) {
+  std::vector<std::shared_ptr<const Surface>> surfaces;
+  // its workings, which are as large as it is, end here
+  const auto take = [&](PreparedSurface one) {
+    surfaces.push_back(std::make_shared<const Surface>(std::move(one.surface)));
+  };
+  const auto of =
+      [&](const Bricks<LabelId>& merged,
+          const std::vector<LabelId>& firsts) -> Result<std::vector<std::shared_ptr<const Surface>>> {
+    const auto done = prepare_each_surface(merged, firsts, options, take, progress);
+    if (!done) return done.error();
+    return std::move(surfaces);
+  };
   std::vector<LabelId> firsts;
   std::vector<LabelId> merged_label(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
   std::iota(merged_label.begin(), merged_label.end(), LabelId{0});
@@ -63,7 +74,7 @@ Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Bricks<LabelId
     for (const LabelId label : group) merged_label[label] = group.front();
     merge = merge || group.size() > 1;
   }
-  if (!merge) return prepare_surfaces(labels, firsts, options, progress);
+  if (!merge) return of(labels, firsts);
   std::optional<Bricks<LabelId>> merged;
   try {
     merged = Bricks<LabelId>::of_labels(labels, merged_label);
@@ -71,7 +82,7 @@ Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Bricks<LabelId
     return Error{ErrorKind::kBadInput, "not enough memory for the outer surfaces of structures that touch",
                  "", "close other programs, or crop the volume"};
   }
-  return prepare_surfaces(*merged, firsts, options, progress);
+  return of(*merged, firsts);
 }
 
 }  // namespace palpate

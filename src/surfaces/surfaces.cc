@@ -376,10 +376,10 @@ void write(const PatchOf<T>& patch, const internal::Index3& dims, std::vector<T>
 
 }  // namespace
 
-Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& labels,
-                                                      const std::vector<LabelId>& structures,
-                                                      const SurfaceOptions& options,
-                                                      const Progress& progress) {
+Result<void> prepare_each_surface(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
+                                  const SurfaceOptions& options,
+                                  const std::function<void(PreparedSurface)>& take,
+                                  const Progress& progress) {
   const auto checked = check(options);
   if (!checked) return checked.error();
   const std::vector<Span3> spans = internal::label_spans(labels);
@@ -388,16 +388,27 @@ Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& lab
     if (spans[label].empty()) return no_voxels(label, " has no voxels");
   }
 
-  std::vector<PreparedSurface> all;
   const ProgressSpan whole_work{"preparing surfaces"};
   const auto count = static_cast<double>(structures.size());
+  double n = 0;
   for (const LabelId label : structures) {
-    const auto n = static_cast<double>(all.size());
     auto one =
         prepare(labels, label, spans[label], options, progress, whole_work.part(n / count, (n + 1) / count));
     if (!one) return one.error();
-    all.push_back(std::move(*one));
+    take(*std::move(one));
+    ++n;
   }
+  return {};
+}
+
+Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& labels,
+                                                      const std::vector<LabelId>& structures,
+                                                      const SurfaceOptions& options,
+                                                      const Progress& progress) {
+  std::vector<PreparedSurface> all;
+  const auto take = [&](PreparedSurface one) { all.push_back(std::move(one)); };
+  const auto done = prepare_each_surface(labels, structures, options, take, progress);
+  if (!done) return done.error();
   return all;
 }
 

@@ -44,10 +44,19 @@ bool is_anything_felt(const Model& model);
 /// An error that says how to let something be felt, where nothing is. kBadInput.
 Result<void> check_felt(const LoadedScene& loaded);
 
+/// The volumes of a scene.
+struct SceneVolumes {
+  std::optional<LabelMap> labels;             ///< freed as soon as the model has them in bricks
+  std::shared_ptr<const Volume<float>> scan;  ///< the model shares it; may be null where there are labels
+  bool oriented = true;                       ///< false: the files do not say how they lie in the patient
+};
+
 /// Builds the Model of a scene from volumes already read. Where nothing is felt its field is 0 everywhere.
-/// `scan` may be null; grids may differ. Ready for the trilinear method and the scene's, but for the proxy:
-/// its surfaces come with ready_for.
-/// @param oriented  false when the files do not say how they lie in the patient
+/// Grids may differ. Ready for the trilinear method and the scene's, but for the proxy: its surfaces come
+/// with ready_for.
+Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
+                                                 const Progress& progress = {}, const Warn& warn = {});
+/// The same from copies, for who keeps the volumes. One of them may be null.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const LabelMap* labels,
                                                  const Volume<float>* scan, const Progress& progress = {},
                                                  const Warn& warn = {}, bool oriented = true);

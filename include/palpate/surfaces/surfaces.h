@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -90,6 +91,13 @@ Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& lab
                                                       const SurfaceOptions& options,
                                                       const Progress& progress = {});
 
+/// The same, one after the other: each is handed over before the next is made, for who does not keep what
+/// they were made of.
+Result<void> prepare_each_surface(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
+                                  const SurfaceOptions& options,
+                                  const std::function<void(PreparedSurface)>& take,
+                                  const Progress& progress = {});
+
 /// Pairs of structures that touch: voxels that share a face, an edge or a corner. Errors: kInterrupted.
 /// @param structures  without repetition; none is 0
 Result<std::vector<std::pair<LabelId, LabelId>>> touching_pairs(const Bricks<LabelId>& labels,
@@ -121,10 +129,9 @@ Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::
 /// One surface for each of some groups of structures, as if a group were one structure with the label of its
 /// first: it has no crack where two of them meet. Errors: those of prepare_surfaces.
 /// @param groups  no structure is in two of them
-Result<std::vector<PreparedSurface>> prepare_outer_surfaces(const Bricks<LabelId>& labels,
-                                                            const std::vector<std::vector<LabelId>>& groups,
-                                                            const SurfaceOptions& options,
-                                                            const Progress& progress = {});
+Result<std::vector<std::shared_ptr<const Surface>>> prepare_outer_surfaces(
+    const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
+    const SurfaceOptions& options, const Progress& progress = {});
 
 /// What changes of a surface, to be written over the old values. Steps of kSurfaceStep_mm.
 struct SurfacePatch {

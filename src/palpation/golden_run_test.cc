@@ -1,0 +1,178 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cinttypes>
+#include <cstdio>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "palpate/model/changed_model.h"
+#include "palpate/model/make_model.h"
+#include "palpate/recording/recording.h"
+#include "palpate/servo/servo.h"
+#include "sampling/test_targets.h"
+
+/// Runs whose hash is written down, so that nothing feels different by accident. From labels to wrench: what
+/// is prepared, contact, friction, the way through a layer, a burr and its cuts. Labels and the tip's way are
+/// whole numbers and sums of them; no hand and no device is in the loop.
+
+namespace palpate {
+namespace {
+
+constexpr LabelId kGoldenBone = 3, kGoldenSkin = 8;
+constexpr double kGoldenVoxel_mm = 0.5;
+
+// a ball of bone with 7 mm of radius in a skin of 1.5 mm, which goes through at 0.9 N
+ModelParts golden_parts() {
+  GridGeometry grid;
+  grid.dims = {49, 49, 49};
+  grid.spacing_mm = Eigen::Vector3d::Constant(kGoldenVoxel_mm);
+  grid.origin = Point<Patient>(-12, -12, -12);
+  Volume<LabelId> labels(grid);
+  for (int k = 0; k < 49; ++k)
+    for (int j = 0; j < 49; ++j)
+      for (int i = 0; i < 49; ++i) {
+        const int squared = (i - 24) * (i - 24) + (j - 24) * (j - 24) + (k - 24) * (k - 24);
+        labels.at(i, j, k) = squared <= 14 * 14 ? kGoldenBone : squared <= 17 * 17 ? kGoldenSkin : LabelId{0};
+      }
+
+  ModelParts parts;
+  parts.labels = label_bricks(labels);
+  parts.segments = {{kGoldenBone, "bone", {}, 0, kGoldenBone}, {kGoldenSkin, "skin", {}, 0, kGoldenSkin}};
+  Tissue bone;
+  bone.name = "bone";
+  bone.stiffness_N_per_mm = 1.5;
+  bone.friction_coefficient = 0.2;
+  bone.static_friction = 0.3;
+  Tissue skin;
+  skin.name = "skin";
+  skin.stiffness_N_per_mm = 0.75;
+  skin.friction_coefficient = skin.static_friction = 0.25;
+  skin.puncture_N = 0.9;
+  skin.rests_on = {0};
+  parts.tissues = {bone, skin};
+  parts.tissue_of_label.assign(kGoldenSkin + 1, -1);
+  parts.tissue_of_label[kGoldenBone] = 0;
+  parts.tissue_of_label[kGoldenSkin] = 1;
+  return parts;
+}
+
+std::shared_ptr<const Model> golden_model(ModelParts parts, ForceMethod method) {
+  auto made = make_model(std::move(parts));
+  PALPATE_CHECK(made.ok());
+  auto ready = prepared_for(made->model, {&method, 1});
+  PALPATE_CHECK(ready.ok());
+  return *std::move(ready);
+}
+
+// where the tip goes in a straight line, and in how many ticks
+struct Leg {
+  std::array<double, 3> to_mm;
+  int ticks;
+};
+
+// from the air onto the skin, along it, through it onto the bone, along that and out again
+constexpr std::array<Leg, 6> kThroughTheSkin{{{{1, 2, 11}, 600},
+                                              {{1, 2, 8}, 100},
+                                              {{4, 2, 7}, 200},
+                                              {{4, 2, 4.5}, 200},
+                                              {{1, 4, 5}, 200},
+                                              {{1, 4, 12}, 100}}};
+
+struct GoldenRun {
+  RecordingSummary summary;
+  bool felt_skin = false, felt_bone = false;
+  double taken_mm3 = 0;
+};
+
+// the tip is led at 1 kHz; what a burr sweeps is gone every 20 ms
+GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std::span<const Leg> legs) {
+  constexpr double kTick_s = 1e-3;
+  constexpr std::uint64_t kCutEvery = 20;
+  Parameters parameters;
+  parameters.method = method;
+  parameters.motor = model->tool.burr.has_value();
+  SessionState state;
+  DeviceState device;
+  Wrench wrench;
+  TickRecord record;
+  GoldenRun run;
+  Eigen::Vector3d from(1, 2, 12);
+  for (const Leg& leg : legs) {
+    const Eigen::Vector3d to(leg.to_mm[0], leg.to_mm[1], leg.to_mm[2]);
+    for (int n = 1; n <= leg.ticks; ++n) {
+      const Eigen::Vector3d tip = from + (to - from) * (static_cast<double>(n) / leg.ticks);
+      device.tip = model->X_WorldPatient * Point<Patient>(tip);
+      if (state.tick % kCutEvery == 0)
+        if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
+          model = carved_by(*model, cuts)->taken_from(*model);
+      tick(*model, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
+      run.summary.see(record);
+      const DeviceTick& felt = record.device[0];
+      if ((felt.flags & kFlagContact) == 0) continue;
+      run.felt_skin |= felt.label == kGoldenSkin;
+      run.felt_bone |= felt.label == kGoldenBone;
+    }
+    from = to;
+  }
+  run.taken_mm3 = state.hands[0].burr.taken_mm3;
+  return run;
+}
+
+// so that a failure says what to do
+std::string golden_help(const GoldenRun& run) {
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "this run feels otherwise than it did: its hash is now 0x%016" PRIx64
+                ". If that is meant, write this value here and say in CHANGELOG.md under Unreleased what is "
+                "felt otherwise; if not, something has changed what is felt by accident",
+                run.summary.run_hash);
+  return text;
+}
+
+TEST(GoldenRun, ByTheProxyOverAndThroughALayer) {
+  const GoldenRun run =
+      run_golden(golden_model(golden_parts(), ForceMethod::kProxy), ForceMethod::kProxy, kThroughTheSkin);
+  EXPECT_TRUE(run.felt_skin && run.felt_bone);
+  EXPECT_GT(run.summary.ruptured, 0u);
+  EXPECT_EQ(run.summary.run_hash, 0xcb0a661ad3fdc44bu) << golden_help(run);
+}
+
+TEST(GoldenRun, IsTheSameOnAnotherSimdTarget) {
+  constexpr std::array<Leg, 2> kOntoTheSkin{{{{1, 2, 11}, 500}, {{1, 2, 8}, 50}}};
+  const std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
+  std::uint64_t first = 0;
+  for (const std::int64_t target : {targets.front(), targets.back()}) {
+    const test::OnlyTargets only(target);
+    const GoldenRun run =
+        run_golden(golden_model(golden_parts(), ForceMethod::kProxy), ForceMethod::kProxy, kOntoTheSkin);
+    EXPECT_TRUE(run.felt_skin);
+    if (first == 0) first = run.summary.run_hash;
+    EXPECT_EQ(run.summary.run_hash, first) << test::target_name(target);
+  }
+}
+
+TEST(GoldenRun, ByTheTrilinearMethod) {
+  const GoldenRun run = run_golden(golden_model(golden_parts(), ForceMethod::kTrilinear),
+                                   ForceMethod::kTrilinear, kThroughTheSkin);
+  EXPECT_TRUE(run.felt_skin && run.felt_bone);
+  EXPECT_EQ(run.summary.run_hash, 0xb9df9d04dde8f2c9u) << golden_help(run);
+}
+
+TEST(GoldenRun, OfABurrThatCuts) {
+  ModelParts parts = golden_parts();
+  parts.tool.radius_mm = 1.5;
+  parts.tool.burr = BurrSettings{};
+  constexpr std::array<Leg, 4> kGroove{
+      {{{1, 2, 10.5}, 600}, {{1, 2, 7.5}, 100}, {{4, 2, 6.5}, 200}, {{4, 2, 12}, 50}}};
+  const GoldenRun run =
+      run_golden(golden_model(std::move(parts), ForceMethod::kProxy), ForceMethod::kProxy, kGroove);
+  EXPECT_TRUE(run.felt_skin);
+  EXPECT_GT(run.taken_mm3, 1);
+  EXPECT_EQ(run.summary.run_hash, 0x538fa94f6bd16860u) << golden_help(run);
+}
+
+}  // namespace
+}  // namespace palpate
