@@ -111,7 +111,9 @@ TEST(ToolContact, EachPartOfTheToolSaysWhereItLeans) {
   bool seen[2] = {false, false};
   for (int n = 0; n < 3; ++n) {
     const ContactPoint& one = contact.contacts[static_cast<std::size_t>(n)];
-    if (n > 0) EXPECT_LE(one.force_N, contact.contacts[static_cast<std::size_t>(n - 1)].force_N);
+    if (n > 0) {
+      EXPECT_LE(one.force_N, contact.contacts[static_cast<std::size_t>(n - 1)].force_N);
+    }
     if (one.label == kWall) {
       EXPECT_EQ(one.part, 0);
       EXPECT_LT((one.place - Point<Patient>(0, 0, 0.5)).norm(), 0.02);
