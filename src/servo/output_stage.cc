@@ -5,8 +5,11 @@
 #include <limits>
 
 #include "palpate/device/telemetry.h"
+#include "palpate/tissue/nearest.h"
 
 namespace palpate {
+
+static_assert(kStale_s == kMotorStops_s);
 namespace {
 
 // a tick that took longer warms and cools no more, and moves the force no farther
