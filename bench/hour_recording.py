@@ -3,7 +3,7 @@
 
 usage: hour_recording.py [--palpate PROGRAM] [--minutes 59] [--rate 1000] [--folder FOLDER] [TARGET]
 
-The memory is the most that the program, or the process in which it reads HDF5, had at a time (getrusage). Exit code 1 where replay or report take more than 400 MB, or the run does not replay.
+The memory is the most that the program, or the process in which it reads HDF5, had at a time (getrusage). Exit code 1 where replay or report take more than 300 MB, or the run does not replay.
 """
 
 import argparse
@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 
-MOST_MB = 400
+MOST_MB = 300
 # two structures in turn, with everything that a script can ask for
 VISIT = """
 [[step]]

@@ -49,7 +49,7 @@ ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes) 
   }
   input_.erase(0, std::min(input_.size(), input_.find("\r\n\r\n") + 4));
   const std::string hello =
-      "{\"type\":\"hello\",\"protocol\":2,\"poses_hz\":" + std::to_string(poses_hz) + "}";
+      "{\"type\":\"hello\",\"protocol\":3,\"poses_hz\":" + std::to_string(poses_hz) + "}";
   // masked by zeros, which change nothing
   say(std::string("\x81") + static_cast<char>(0x80 | hello.size()) + std::string(4, '\0') + hello);
 }

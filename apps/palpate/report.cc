@@ -1,11 +1,11 @@
 #include "palpate/report/report.h"
 
-#include <array>
 #include <memory>
 
 #include "inputs.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
+#include "report_model.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -30,15 +30,9 @@ int report_recording(const ReportOptions& options, Console& console) {
       load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
   if (!loaded) return console.fail(loaded.error());
 
-  std::shared_ptr<const Model> model = loaded->model;
-  // how deep a burr got is told below the surfaces that the proxy leans on
-  if (model->tool.burr) {
-    constexpr std::array kProxyAlone = {ForceMethod::kProxy};
-    auto ready = ready_for(model, kProxyAlone, progress);
-    if (!ready) return console.fail(ready.error());
-    model = *std::move(ready);
-  }
-  const auto written = write_report(output, *recording, *model, progress);
+  const auto model = report_model(loaded->model, progress);
+  if (!model) return console.fail(model.error());
+  const auto written = write_report(output, *recording, **model, progress);
   if (!written) {
     Error error = written.error();
     if (error.where.empty()) error.where = options.recording.string();

@@ -8,6 +8,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/report/report.h"
 #include "palpation.h"
+#include "report_model.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -91,7 +92,9 @@ int simulate_target(const SimulateOptions& options, Console& console) {
   if (!outputs->report.empty()) {
     const auto recorded = RecordingSource::open(outputs->recording, progress);
     if (!recorded) return console.fail(recorded.error());
-    if (const auto written = write_report(outputs->report, *recorded, *loaded->model, progress); !written)
+    const auto model = report_model(loaded->model, progress);
+    if (!model) return console.fail(model.error());
+    if (const auto written = write_report(outputs->report, *recorded, **model, progress); !written)
       return console.fail(written.error());
     console.note("report: " + outputs->report.string());
   }

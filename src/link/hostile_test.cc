@@ -164,7 +164,7 @@ TEST_F(HostileTest, GuessesOfTokens) {
       status = request(guarded.port(), "GET", "/api/scene", "Authorization: Bearer DOE^CANARY\r\n").status;
     } else {
       TestViewer guessing(guarded.port());
-      guessing.send({{"type", "hello"}, {"protocol", 2}, {"token", "DOE^CANARY"}});
+      guessing.send({{"type", "hello"}, {"protocol", 3}, {"token", "DOE^CANARY"}});
       status = guessing.close_code() - 4000;
     }
     ASSERT_TRUE(status == 401 || status == 429) << status;
@@ -252,7 +252,7 @@ TEST_F(HostileTest, TooManyMessages) {
 }
 
 TEST_F(HostileTest, MessagesOutOfTurn) {
-  EXPECT_EQ(code_after(masked_frame(kText, R"({"type":"hello","protocol":2})")), 1008);
+  EXPECT_EQ(code_after(masked_frame(kText, R"({"type":"hello","protocol":3})")), 1008);
   TestViewer early(test.port());
   early.send({{"type", "stop"}, {"id", 1}});
   EXPECT_EQ(early.close_code(), 1008);
@@ -399,7 +399,7 @@ TEST_F(HostileTest, GoneInTheMiddle) {
     TestSocket socket(test.port());
     socket.send("GET /api/volume/scan/0f3a000000000001 HTTP/1.1\r\nHost: " + test.host_name() + "\r\n\r\n");
     TestViewer viewer(test.port());
-    viewer.send({{"type", "hello"}, {"protocol", 2}});
+    viewer.send({{"type", "hello"}, {"protocol", 3}});
     viewer.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
   }
   EXPECT_TRUE(soon([&] { return test.server->viewers() == 1 && !test.host.pointer_taken; }));

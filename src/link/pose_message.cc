@@ -75,6 +75,12 @@ void write_device(Writer& out, const DeviceTick& device, double stiffness_N_per_
     out.real32(device.felt_depth_mm[n]);
     out.real32(device.felt_share[n]);
   }
+  for (std::size_t n = 0; n < device.contact_label.size(); ++n) {
+    out.whole(device.contact_label[n]);
+    out.whole(device.contact_part[n]);
+    for (std::size_t axis = 0; axis < 3; ++axis) out.real32(device.contact_patient_mm[3 * n + axis]);
+    out.real32(device.contact_N[n]);
+  }
 }
 
 }  // namespace

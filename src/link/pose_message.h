@@ -9,12 +9,12 @@
 
 namespace palpate::link {
 
-inline constexpr int kProtocol = 2;
+inline constexpr int kProtocol = 3;
 
 /// One pose as viewers get it, in the layout of docs/viewer-protocol.md.
 class PoseMessage {
  public:
-  static constexpr std::size_t kHead_bytes = 96, kDevice_bytes = 176;
+  static constexpr std::size_t kHead_bytes = 96, kDevice_bytes = 296;
 
   PoseMessage() = default;
   /// @param stiffness_N_per_mm  of the touched tissue of each device

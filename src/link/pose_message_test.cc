@@ -44,6 +44,13 @@ TickRecord full_tick(int devices) {
       device.felt_depth_mm[n] = base + 30 + static_cast<double>(n);
       device.felt_share[n] = base + 40 + static_cast<double>(n);
     }
+    for (std::size_t n = 0; n < device.contact_label.size(); ++n) {
+      device.contact_label[n] = static_cast<std::uint16_t>(200 * (d + 1) + static_cast<int>(n));
+      device.contact_part[n] = static_cast<std::uint16_t>(n);
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        device.contact_patient_mm[3 * n + axis] = base + 50 + static_cast<double>(10 * n + axis);
+      device.contact_N[n] = base + 53 + static_cast<double>(10 * n);
+    }
   }
   return tick;
 }
@@ -55,10 +62,10 @@ TEST(PoseMessage, HeadStandsWhereTheDocumentSays) {
   PoseMessage pose(full_tick(1), {0.5, 0, 0, 0}, kHealth, 0x1122334455667788);
   pose.set_sequence(0xa1a2a3a4a5a6a7a8);
   const std::string_view bytes = pose.bytes();
-  ASSERT_EQ(bytes.size(), 96u + 176u);
+  ASSERT_EQ(bytes.size(), 96u + 296u);
   EXPECT_EQ(bytes.substr(0, 4), "PLPT");
-  EXPECT_EQ(number_at<std::uint16_t>(bytes, 4), 2);
-  EXPECT_EQ(number_at<std::uint16_t>(bytes, 6), 272);
+  EXPECT_EQ(number_at<std::uint16_t>(bytes, 4), 3);
+  EXPECT_EQ(number_at<std::uint16_t>(bytes, 6), 392);
   EXPECT_EQ(number_at<std::uint64_t>(bytes, 8), 0xa1a2a3a4a5a6a7a8);
   EXPECT_EQ(number_at<std::uint64_t>(bytes, 16), 0x0102030405060708u);
   EXPECT_EQ(number_at<double>(bytes, 24), 12.5);
@@ -83,7 +90,7 @@ TEST(PoseMessage, HeadStandsWhereTheDocumentSays) {
 TEST(PoseMessage, NumbersAreLittleEndian) {
   PoseMessage pose(full_tick(1), {}, kHealth, 0);
   pose.set_sequence(0x0102030405060708);
-  EXPECT_EQ(pose.bytes().substr(4, 2), std::string_view("\x02\x00", 2));
+  EXPECT_EQ(pose.bytes().substr(4, 2), std::string_view("\x03\x00", 2));
   EXPECT_EQ(pose.bytes().substr(8, 8), "\x08\x07\x06\x05\x04\x03\x02\x01");
 }
 
@@ -91,11 +98,11 @@ TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
   for (int devices = 1; devices <= kMaxDevices; ++devices) {
     const PoseMessage pose(full_tick(devices), {0.1, 0.2, 0.3, 0.4}, kHealth, 0);
     const std::string_view bytes = pose.bytes();
-    ASSERT_EQ(bytes.size(), 96u + 176u * devices);
+    ASSERT_EQ(bytes.size(), 96u + 296u * devices);
     EXPECT_EQ(number_at<std::uint16_t>(bytes, 6), bytes.size());
     EXPECT_EQ(number_at<std::uint8_t>(bytes, 46), devices);
     for (int d = 0; d < devices; ++d) {
-      const std::size_t at = 96 + 176 * static_cast<std::size_t>(d);
+      const std::size_t at = 96 + 296 * static_cast<std::size_t>(d);
       const float base = 1000.0f * static_cast<float>(d + 1);
       // tip, proxy, normal, orientation, force, force before, limit, heat, depth: floats without a gap
       for (int i = 0; i < 20; ++i)
@@ -113,6 +120,14 @@ TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
         EXPECT_EQ(number_at<std::uint16_t>(bytes, there + 2), 0);
         EXPECT_EQ(number_at<float>(bytes, there + 4), base + 30 + static_cast<float>(n));
         EXPECT_EQ(number_at<float>(bytes, there + 8), base + 40 + static_cast<float>(n));
+      }
+      for (std::size_t n = 0; n < 6; ++n) {
+        const std::size_t there = at + 176 + 20 * n;
+        EXPECT_EQ(number_at<std::uint16_t>(bytes, there), 200 * (d + 1) + static_cast<int>(n));
+        EXPECT_EQ(number_at<std::uint16_t>(bytes, there + 2), n);
+        // place and force, without a gap
+        for (std::size_t i = 0; i < 4; ++i)
+          EXPECT_EQ(number_at<float>(bytes, there + 4 + 4 * i), base + 50 + static_cast<float>(10 * n + i));
       }
     }
   }

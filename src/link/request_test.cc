@@ -32,12 +32,12 @@ std::string refused_at(std::string_view text) {
 }
 
 TEST(Request, EveryMessageOfTheDocument) {
-  const auto hello = parsed<Hello>(R"({"type": "hello", "protocol": 2, "token": "abc", "poses_hz": 120})");
+  const auto hello = parsed<Hello>(R"({"type": "hello", "protocol": 3, "token": "abc", "poses_hz": 120})");
   ASSERT_TRUE(hello);
-  EXPECT_EQ(hello->protocol, 2);
+  EXPECT_EQ(hello->protocol, 3);
   EXPECT_EQ(hello->token, "abc");
   EXPECT_EQ(hello->poses_hz, 120);
-  EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 2})")->poses_hz, 60);
+  EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 3})")->poses_hz, 60);
 
   const auto set = parsed<SettingsRequest>(
       R"({"type": "set", "id": 1, "method": "trilinear", "friction": false, "viscosity": true, "passivity": true,
@@ -175,11 +175,11 @@ TEST(Request, WhatIsNoMessage) {
            R"({"type":"tip","patient_mm":"1 2 3"})",
            R"({"type":"tip","patient_mm":[1,2,3],"id":1})",
            R"({"type":"hello"})",
-           R"({"type":"hello","protocol":2,"poses_hz":0})",
-           R"({"type":"hello","protocol":2,"poses_hz":121})",
+           R"({"type":"hello","protocol":3,"poses_hz":0})",
+           R"({"type":"hello","protocol":3,"poses_hz":121})",
            R"({"type":"hello","protocol":"1"})",
-           R"({"type":"hello","protocol":2,"token":1})",
-           R"({"type":"hello","protocol":2,"admin":true})",
+           R"({"type":"hello","protocol":3,"token":1})",
+           R"({"type":"hello","protocol":3,"admin":true})",
        })
     EXPECT_FALSE(parse_viewer_message(text)) << text;
   EXPECT_FALSE(parse_viewer_message(std::string_view("{\"type\":\"rearm\",\"id\":1}\0", 24)));

@@ -16,7 +16,7 @@ TEST(SceneJson, HasTheDocumentsKeys) {
   FakeHost host;
   const VolumeFacts facts{"0f3a000000000001", 2, -5, {-7, 8}, false};
   const Json json = Json::parse(scene_json(host.scene(), host.state(), facts, Role::kControl));
-  EXPECT_EQ(json["protocol"], 2);
+  EXPECT_EQ(json["protocol"], 3);
   EXPECT_TRUE(json["palpate"].is_string());
   EXPECT_EQ(json["role"], "control");
   EXPECT_EQ(json["side"], "left");
@@ -117,7 +117,7 @@ TEST(SceneJson, StateAndAnswers) {
   state.stopped_by = StoppedBy::kSession;
   EXPECT_EQ(Json::parse(state_json(state, 2, true, 3))["stopped_by"], "palpate");
   EXPECT_EQ(Json::parse(welcome_json(Role::kView)),
-            Json::parse(R"({"type": "welcome", "role": "view", "protocol": 2})"));
+            Json::parse(R"({"type": "welcome", "role": "view", "protocol": 3})"));
   EXPECT_EQ(Json::parse(done_json(7)), Json::parse(R"({"type": "done", "id": 7})"));
   EXPECT_EQ(
       Json::parse(refused_json(8, {ErrorKind::kUsage, "is too much", "max_force_N", "ask for less"})),

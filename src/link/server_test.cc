@@ -89,7 +89,7 @@ TEST(ViewerServer, AnswersOneRequestAfterTheOther) {
               "GET /api/scene HTTP/1.1\r\n" + host);
   EXPECT_EQ(read_answer(socket, true).status, 200);
   EXPECT_EQ(read_answer(socket).body.size(), 120u);
-  EXPECT_EQ(Json::parse(read_answer(socket).body)["protocol"], 2);
+  EXPECT_EQ(Json::parse(read_answer(socket).body)["protocol"], 3);
   socket.send("GET / HTTP/1.1\r\nConnection: close\r\n" + host);
   EXPECT_EQ(read_answer(socket).field("Connection"), "close");
   EXPECT_TRUE(socket.closes());

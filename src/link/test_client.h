@@ -198,7 +198,7 @@ class TestViewer {
   bool send(const Json& message) { return socket_.send(masked_frame(kText, message.dump())); }
   /// Says hello; the welcome.
   Json greet(const Json& more = Json::object()) {
-    Json hello = {{"type", "hello"}, {"protocol", 2}};
+    Json hello = {{"type", "hello"}, {"protocol", 3}};
     hello.update(more);
     send(hello);
     return text();

@@ -25,8 +25,9 @@ class Hub;
 
 /// What a viewer has had of the sweeps.
 struct SweepsHad {
-  std::uint64_t count = 0;  ///< of those that there are now
-  std::uint64_t shown = 0;  ///< that it shows; those beyond `count` were undone
+  std::uint64_t count = 0;  ///< how many of those that it got still stand
+  std::uint64_t shown =
+      0;  ///< how many its page shows; those beyond `count` were undone, and it must drop them
 };
 
 inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry

@@ -50,7 +50,7 @@ TEST(Viewer, WelcomeStateAndPoses) {
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Accept"), "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Protocol"), "palpate.v1");
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Extensions"), "");
-  EXPECT_EQ(viewer.greet(), Json::parse(R"({"type": "welcome", "role": "control", "protocol": 2})"));
+  EXPECT_EQ(viewer.greet(), Json::parse(R"({"type": "welcome", "role": "control", "protocol": 3})"));
   const Json state = viewer.text();
   EXPECT_EQ(state["type"], "state");
   EXPECT_EQ(state["viewers"], 1);
@@ -61,7 +61,7 @@ TEST(Viewer, WelcomeStateAndPoses) {
   std::string pose = viewer.pose();
   for (std::uint64_t sequence = number_at<std::uint64_t>(pose, 8), n = 1; n < 10; ++n) {
     pose = viewer.pose();
-    ASSERT_EQ(pose.size(), 272u);
+    ASSERT_EQ(pose.size(), 392u);
     EXPECT_EQ(pose.substr(0, 4), "PLPT");
     EXPECT_GT(number_at<std::uint64_t>(pose, 8), sequence);
     sequence = number_at<std::uint64_t>(pose, 8);
@@ -270,7 +270,7 @@ TEST(Viewer, NoTokenNoView) {
     EXPECT_EQ(viewer.close_code(), 0);
   }
   TestViewer viewer(port);
-  viewer.send({{"type", "hello"}, {"protocol", 2}, {"token", "wrong-token-0123456789"}});
+  viewer.send({{"type", "hello"}, {"protocol", 3}, {"token", "wrong-token-0123456789"}});
   EXPECT_EQ(viewer.close_code(), 4401);
   const std::string log = guarded.test.log.text();
   EXPECT_NE(log.find("127.0.0.1: a wrong token or none"), std::string::npos);
@@ -492,7 +492,7 @@ TEST(Viewer, AtMostSixtyFour) {
   EXPECT_EQ(crowd.comes(Crowd::kControl), "sent away");
   EXPECT_EQ(crowd.comes(Crowd::kView), "sent away");
   TestViewer late(crowd.test->port());
-  late.send({{"type", "hello"}, {"protocol", 2}, {"token", Crowd::kControl}});
+  late.send({{"type", "hello"}, {"protocol", 3}, {"token", Crowd::kControl}});
   EXPECT_EQ(late.close_code(), 1013);
   // the page is still served, and one that goes makes room
   EXPECT_EQ(request(crowd.test->port(), "GET", "/").status, 200);

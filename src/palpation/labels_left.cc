@@ -40,7 +40,12 @@ Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& mo
             waiting.clear();
           }
           follow(event.change, removed);
-          if (auto other = other_stroke(carving.get(), event.change)) carving = std::move(other);
+          if (!event.change.is_of_stroke()) continue;
+          auto other = other_stroke(carving.get(), event.change);
+          if (other == nullptr)
+            return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "",
+                         ""};
+          carving = std::move(other);
         }
         ticks += part.ticks.size();
         progress.report("cutting", static_cast<double>(ticks) / static_cast<double>(head.ticks));

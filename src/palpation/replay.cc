@@ -35,33 +35,6 @@ std::string text_of(const std::array<double, n>& values) {
   return text;
 }
 
-// every output of a device's tick; the first that differs, in words, or nothing
-std::string first_different_output(const DeviceTick& recorded, const DeviceTick& again) {
-  std::string difference;
-  const auto compare = [&](const char* name, const auto& a, const auto& b) {
-    if (difference.empty() && !same_bits(a, b))
-      difference = std::string(name) + ": recorded " + text_of(a) + ", now " + text_of(b);
-  };
-  compare("force_N", recorded.force_N, again.force_N);
-  compare("torque_Nmm", recorded.torque_Nmm, again.torque_Nmm);
-  compare("gripper_N", recorded.gripper_N, again.gripper_N);
-  compare("unclamped_force_N", recorded.unclamped_force_N, again.unclamped_force_N);
-  compare("limit_N", recorded.limit_N, again.limit_N);
-  compare("heat", recorded.heat, again.heat);
-  compare("energy_mJ", recorded.energy_mJ, again.energy_mJ);
-  compare("damping_N_s_per_m", recorded.damping_N_s_per_m, again.damping_N_s_per_m);
-  compare("turned_mJ", recorded.turned_mJ, again.turned_mJ);
-  compare("tip_patient_mm", recorded.tip_patient_mm, again.tip_patient_mm);
-  compare("proxy_patient_mm", recorded.proxy_patient_mm, again.proxy_patient_mm);
-  compare("normal_patient", recorded.normal_patient, again.normal_patient);
-  compare("velocity_patient_mm_s", recorded.velocity_patient_mm_s, again.velocity_patient_mm_s);
-  compare("field", recorded.field, again.field);
-  compare("depth_mm", recorded.depth_mm, again.depth_mm);
-  compare("label", static_cast<double>(recorded.label), static_cast<double>(again.label));
-  compare("flags", static_cast<double>(recorded.flags), static_cast<double>(again.flags));
-  return difference;
-}
-
 // what differs between a recorded tick and the same tick run again: outputs first, because they say
 // more than a hash; nothing when they are the same
 std::string first_difference(const TickRecord& recorded, const TickRecord& again) {

@@ -165,6 +165,17 @@ constexpr std::array kDeviceColumns{
            kWithinFormat},
     Column{"felt_share", kF64, kMostTold, PALPATE_DEVICE(felt_share), "1", "-",
            "share of the force that each of these gives, 0 to 1", nullptr, kWithinFormat},
+    Column{"contact_label", kU16, kMostContactsTold, PALPATE_DEVICE(contact_label), "1", "-",
+           "labels of the structures that the tool leans on: those of the outermost layer first, in each the "
+           "strongest first, 0 no more",
+           nullptr, kWithinFormat},
+    Column{"contact_part", kU16, kMostContactsTold, PALPATE_DEVICE(contact_part), "1", "-",
+           "part of the tool that leans there: its points, then its capsules, from 0", nullptr,
+           kWithinFormat},
+    Column{"contact_patient_mm", kF64, 3 * kMostContactsTold, PALPATE_DEVICE(contact_patient_mm), "mm",
+           "Patient", "where it leans: three numbers for each", nullptr, kWithinFormat},
+    Column{"contact_N", kF64, kMostContactsTold, PALPATE_DEVICE(contact_N), "N", "-",
+           "force along the surface's normal there, in the patient", nullptr, kWithinFormat},
     Column{"flags", kU32, 1, PALPATE_DEVICE(flags), "bits", "-",
            "what was met, and why the output was changed", flag_bits},
 };

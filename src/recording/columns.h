@@ -13,6 +13,9 @@ enum class Number { kU8, kU16, kU32, kU64, kF64 };
 
 std::size_t size_of(Number number);
 
+/// The oldest format that is read.
+inline constexpr std::uint32_t kOldestFormat = 3;
+
 /// One data set: `width` numbers a row.
 struct Column {
   const char* name;  ///< of the data set in its group
@@ -23,7 +26,8 @@ struct Column {
   const char* frame;                ///< whose axes, or "-"
   const char* meaning;              ///< ASCII
   std::string (*bits)() = nullptr;  ///< the list of what its bits or numbers mean
-  std::uint32_t since = 3;  ///< the format's major number that never lacks it; what a file lacks is read as 0
+  std::uint32_t since =
+      kOldestFormat;  ///< the format's major number that never lacks it; what a file lacks is read as 0
 
   std::size_t row_bytes() const { return size_of(number) * width; }
   /// Stored with the data set.

@@ -297,12 +297,12 @@ TEST(FullDisk, LeavesARecordingThatReopens) {
   const test::TemporaryFolder folder;
   // bits that do not compress
   const auto ticks = test::random_ticks(10'000, 1, 1250, 3);
-  // 3 MB of a small disk where we may mount one, of a limited file elsewhere
+  // 4 MB of a small disk where we may mount one, of a limited file elsewhere
   const bool mounted = fs::create_directory(folder / "disk") &&
-                       ::mount("tmpfs", (folder / "disk").c_str(), "tmpfs", 0, "size=3m") == 0;
+                       ::mount("tmpfs", (folder / "disk").c_str(), "tmpfs", 0, "size=4m") == 0;
   rlimit before{};
   ::getrlimit(RLIMIT_FSIZE, &before);
-  const rlimit small{3'000'000, before.rlim_max};
+  const rlimit small{4'000'000, before.rlim_max};
   const auto handler = ::signal(SIGXFSZ, SIG_IGN);
   if (!mounted) ::setrlimit(RLIMIT_FSIZE, &small);
 

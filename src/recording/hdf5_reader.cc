@@ -240,9 +240,9 @@ std::uint32_t check_format(hid_t file) {
     throw Refusal{"was written by a newer palpate: format " + std::to_string(major) +
                       ", this one reads format " + std::to_string(kFormatMajor),
                   "use a newer palpate"};
-  if (major < kEarliestMajor)
+  if (major < kOldestFormat)
     throw Refusal{"was made by an earlier palpate (format " + std::to_string(major) +
-                      "; this one reads formats " + std::to_string(kEarliestMajor) + " and " +
+                      "; this one reads formats " + std::to_string(kOldestFormat) + " and " +
                       std::to_string(kFormatMajor) + ")",
                   "record it again"};
   return major;

@@ -275,8 +275,8 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   const auto unclaimed = [](const std::vector<bool>& bytes) { return std::ranges::count(bytes, false); };
   EXPECT_EQ(unclaimed(tick), static_cast<std::ptrdiff_t>(sizeof(TickRecord) - internal::tick_bytes(0)));
   EXPECT_EQ(internal::tick_bytes(0), 126u);
-  EXPECT_EQ(internal::tick_bytes(1), 126u + 546u);
-  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 546u);
+  EXPECT_EQ(internal::tick_bytes(1), 126u + 762u);
+  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 762u);
   EXPECT_LT(unclaimed(device), 8) << "a field of DeviceTick without a column";
   // what the recorder makes rows of is in no column either
   EXPECT_LT(static_cast<std::size_t>(unclaimed(tick)),
@@ -603,6 +603,31 @@ TEST(RunHash, DependsOnEveryStateAndOnTheirOrder) {
   EXPECT_NE(of({5, 6, 7}), of({5, 6, 8}));
   // pinned: hashes in old recordings must keep their meaning
   EXPECT_EQ(of({1, 2, 3}), 5880516937824699343u);
+}
+
+TEST(Recording, TellsTheFirstOutputThatDiffers) {
+  DeviceTick recorded;
+  recorded.force_N = {1, 2, 3};
+  recorded.contact_label = {7, 9};
+  recorded.contact_N = {0.5, 0.25};
+  EXPECT_EQ(first_different_output(recorded, recorded), "");
+  DeviceTick again = recorded;
+  // an input is what it was given
+  again.tip_world_mm = {1, 1, 1};
+  EXPECT_EQ(first_different_output(recorded, again), "");
+  again.contact_N[1] = 0.5;
+  EXPECT_EQ(first_different_output(recorded, again),
+            "contact_N: recorded 0.5 0.25 0 0 0 0, now 0.5 0.5 0 0 0 0");
+  again.contact_label[1] = 8;
+  EXPECT_EQ(first_different_output(recorded, again), "contact_label: recorded 7 9 0 0 0 0, now 7 8 0 0 0 0");
+  // a recording of before this column reads as 0
+  recorded.contact_label = {};
+  recorded.contact_N = {};
+  EXPECT_EQ(first_different_output(recorded, again), "");
+  again.flags = kFlagContact;
+  EXPECT_EQ(first_different_output(recorded, again), "flags: recorded 0, now 16");
+  recorded.force_N = {};
+  EXPECT_EQ(first_different_output(recorded, again), "force_N: recorded 0 0 0, now 1 2 3");
 }
 
 }  // namespace

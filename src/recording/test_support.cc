@@ -67,6 +67,10 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (a.felt_label != b.felt_label) return "felt_label";
   if (!same(a.felt_depth_mm, b.felt_depth_mm)) return "felt_depth_mm";
   if (!same(a.felt_share, b.felt_share)) return "felt_share";
+  if (a.contact_label != b.contact_label) return "contact_label";
+  if (a.contact_part != b.contact_part) return "contact_part";
+  if (!same(a.contact_patient_mm, b.contact_patient_mm)) return "contact_patient_mm";
+  if (!same(a.contact_N, b.contact_N)) return "contact_N";
   if (a.flags != b.flags) return "flags";
   return "";
 }
@@ -139,6 +143,10 @@ DeviceTick random_device(RandomBits& random) {
   for (std::uint16_t& label : device.felt_label) label = static_cast<std::uint16_t>(random.word());
   random.fill(device.felt_depth_mm);
   random.fill(device.felt_share);
+  for (std::uint16_t& label : device.contact_label) label = static_cast<std::uint16_t>(random.word());
+  for (std::uint16_t& part : device.contact_part) part = static_cast<std::uint16_t>(random.word());
+  random.fill(device.contact_patient_mm);
+  random.fill(device.contact_N);
   device.flags = static_cast<std::uint32_t>(random.word());
   return device;
 }

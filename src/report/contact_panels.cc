@@ -60,18 +60,19 @@ std::string png_img(const std::string& css_class, const std::vector<std::uint8_t
          "\" src=\"data:image/png;base64," + base64(png) + "\">";
 }
 
-std::string section_figure(const Run& run, const View& view, const SectionMarks& marks, double width_mm,
+/// @param model  the run's, or what a burr had left of it
+std::string section_figure(const Model& model, const View& view, const SectionMarks& marks, double width_mm,
                            const SectionStyle& style, const std::string& structure, std::set<LabelId>& seen) {
   const SectionPlane plane =
       anatomical_section(view.plane, marks.contact, width_mm, kSection_px, kSection_px);
-  for (const LabelId label : section_labels(run.model, plane)) {
+  for (const LabelId label : section_labels(model, plane)) {
     if (label != 0) seen.insert(label);
   }
-  const std::string name = view.name(run.model), position = plane_position(run.model, view, marks.contact);
+  const std::string name = view.name(model), position = plane_position(model, view, marks.contact);
   const std::string description = name + " section through the contact with " + structure + ", " + position;
   return "<figure class=\"section\"><div class=\"picture\">" +
-         png_img("scan", encode_png(render_scan_layer(run.model, plane, style))) +
-         png_img("structures", encode_png(render_structure_layer(run.model, plane, style))) +
+         png_img("scan", encode_png(render_scan_layer(model, plane, style))) +
+         png_img("structures", encode_png(render_structure_layer(model, plane, style))) +
          section_svg(plane, marks, description) + "</div><figcaption><span>" + name + "</span> <span>" +
          position + "</span></figcaption></figure>\n";
 }
@@ -139,7 +140,9 @@ std::string panel(const Run& run, std::size_t index, const SectionStyle& style, 
                      "<div class=\"sections\">\n";
   std::set<LabelId> seen;
   const double width_mm = field_of_view_mm(run.model);
-  for (const View& view : kViews) html += section_figure(run, view, marks, width_mm, style, name, seen);
+  const auto left = model_left(run.model, run.removal.changes, contact.peak_s);
+  for (const View& view : kViews)
+    html += section_figure(left != nullptr ? *left : run.model, view, marks, width_mm, style, name, seen);
   return html + "</div>\n" + legend(run, contact.label, seen) + "</section>\n";
 }
 
@@ -163,7 +166,7 @@ std::string controls() {
          "plots</button></div>\n";
 }
 
-std::string key(const Model& model, double mm_per_N) {
+std::string key(const Run& run, double mm_per_N) {
   return "<p class=\"key\"><span><svg viewBox=\"0 0 26 10\" aria-hidden=\"true\"><line class=\"way "
          "touching\" x1=\"1\" "
          "y1=\"5\" x2=\"25\" y2=\"5\"/></svg>path in contact</span><span><svg viewBox=\"0 0 26 10\" "
@@ -175,8 +178,9 @@ std::string key(const Model& model, double mm_per_N) {
          "hand at its "
          "largest, " +
          json_number(mm_per_N, 3) + " mm for 1 N</span><span>Path within " + number(kWayReach_mm, 0) +
-         " mm of the plane." + (model.oriented ? " Radiological view: patient's left on the right." : "") +
-         "</span></p>\n";
+         " mm of the plane." +
+         (run.model.oriented ? " Radiological view: patient's left on the right." : "") +
+         (run.removal.changes.empty() ? "" : " What a burr had taken by then is left out.") + "</span></p>\n";
 }
 
 }  // namespace
@@ -207,7 +211,7 @@ Result<std::string> contacts_html(const Run& run, const Progress& progress) {
     progress.report("sections", static_cast<double>(i) / static_cast<double>(run.shown.size()));
     html += panel(run, i, style, mm_per_N);
   }
-  return html + "</div>\n" + key(run.model, mm_per_N) + "</section>\n";
+  return html + "</div>\n" + key(run, mm_per_N) + "</section>\n";
 }
 
 }  // namespace palpate::report

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 namespace palpate::report {
 namespace {
@@ -109,10 +110,13 @@ void RemovalMeter::hear(const RecordingEvent& event, double time_s) {
     return;
   }
   const auto before_mm3 = volumes_mm3_;
-  if (event.change.is_of_stroke())
+  if (event.change.is_of_stroke()) {
     change_stroke(event.change);
-  else
+    const bool undone = event.change.tissue == ModelChange::kUndo;
+    figures_.changes.push_back({time_s, {}, undone ? StrokeAction::kUndo : StrokeAction::kRedo});
+  } else {
     take_away(time_s);
+  }
   if (volumes_mm3_ != before_mm3) add_step(time_s);
 }
 
@@ -125,7 +129,7 @@ void RemovalMeter::see(const TimedTick& now) {
 
 void RemovalMeter::take_away(double time_s) {
   for (const Cut& cut : waiting_) take_away(cut, time_s);
-  waiting_.clear();
+  figures_.changes.push_back({time_s, std::exchange(waiting_, {}), std::nullopt});
 }
 
 void RemovalMeter::add_step(double time_s) {
@@ -199,6 +203,26 @@ void RemovalMeter::count_voxels() {
       if (structure.voxels++ == 0) structure.first = {piece.i + n, piece.j, piece.k};
     }
   });
+}
+
+std::shared_ptr<const Model> model_left(const Model& model, std::span<const RemovalChange> changes,
+                                        double time_s) {
+  // of surfaces, which take longer, nothing is shown
+  auto seen = std::make_shared<Model>(model);
+  seen->surfaces.clear();
+  seen->label_of_surface.clear();
+  const auto nothing = std::make_shared<const Carving>(*seen);
+  std::shared_ptr<const Carving> carving = nothing;
+  for (const RemovalChange& change : changes) {
+    if (change.time_s > time_s) break;
+    if (!change.stroke) {
+      carving = carving->with(change.cuts);
+    } else if (const auto other =
+                   *change.stroke == StrokeAction::kUndo ? carving->undone() : carving->redone()) {
+      carving = other;
+    }
+  }
+  return carving != nothing ? carving->taken_from(*seen) : nullptr;
 }
 
 }  // namespace palpate::report

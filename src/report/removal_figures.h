@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <deque>
 #include <map>
+#include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -46,10 +48,18 @@ struct StructureSpared {
   double nearest_mm = kGap;  ///< NearestMeter; NaN: the burr came nowhere near
 };
 
+/// What became gone at a time, or back.
+struct RemovalChange {
+  double time_s = 0;
+  std::vector<Cut> cuts;               ///< of a stroke that was undone or done again none
+  std::optional<StrokeAction> stroke;  ///< what became of it
+};
+
 struct RemovalFigures {
   std::vector<StructureSpared> spared;       ///< in the model's order
   std::vector<StructureRemoval> structures;  ///< in the order in which they were first cut
   std::vector<RemovalStep> steps;            ///< rising in time
+  std::vector<RemovalChange> changes;        ///< likewise
   std::size_t strokes = 0;  ///< from the motor's start to its stop, in which something was cut
   std::size_t undone = 0;   ///< of them, when the run ended
   /// How long the motor was asked to run, by its switch or by the pedal that the model names. It stands
@@ -98,6 +108,12 @@ class RemovalMeter {
   std::vector<const Surface*> surface_;    // of figures_.structures; null: it has none
   RemovalFigures figures_;
 };
+
+/// The model with the labels that were left at a time, for pictures: with nothing to be felt. Null: nothing
+/// was taken by then.
+/// @param changes  RemovalFigures::changes
+std::shared_ptr<const Model> model_left(const Model& model, std::span<const RemovalChange> changes,
+                                        double time_s);
 
 /// mm that a place lies below a surface, negative above it, also beyond the reach of its distance: there by
 /// the shortest of 256 straight ways out, which is never too little, and at most 2 % too much below a flat

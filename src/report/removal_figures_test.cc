@@ -158,6 +158,33 @@ TEST(Removal, WhatIsUndoneIsNotGone) {
   EXPECT_EQ(all.undone, 0u);
 }
 
+TEST(Removal, LabelsAreWhatWasLeftAtATime) {
+  const Model model = bone_below();
+  const Point<Patient> first(0, 0, -2), second(5, 0, -2);
+  const auto ball = [](const Point<Patient>& at, std::uint32_t stroke) { return Sweep{at, at, 1.5, stroke}; };
+  const Recording recording = ticks_with({swept(9, ball(first, 1)), felt_cut(10), swept(24, ball(second, 2)),
+                                          felt_cut(25), changed(40, ModelChange::kUndo)});
+  const RemovalFigures figures = figures_of(recording, model);
+  const auto label_at = [](const Model& seen, const Point<Patient>& at) {
+    const Point<Voxel> p = seen.labels->geometry().X_PatientVoxel().inverse() * at;
+    return seen.labels->at(static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y())),
+                           static_cast<int>(std::lround(p.z())));
+  };
+  EXPECT_EQ(model_left(model, figures.changes, 1.009), nullptr);
+  struct Seen {
+    double time_s;
+    LabelId first, second;
+  };
+  for (const Seen& seen : {Seen{1.012, 0, kBone}, Seen{1.030, 0, 0}, Seen{1.045, 0, kBone}}) {
+    const auto left = model_left(model, figures.changes, seen.time_s);
+    ASSERT_NE(left, nullptr);
+    EXPECT_EQ(label_at(*left, first), seen.first) << seen.time_s;
+    EXPECT_EQ(label_at(*left, second), seen.second) << seen.time_s;
+    EXPECT_EQ(label_at(*left, Point<Patient>(0, 5, -2)), kBone);
+  }
+  EXPECT_EQ(label_at(model, first), kBone);
+}
+
 TEST(Removal, HasItsTimesAndCountsWhatIsSweptTwiceOnce) {
   const Model model = bone_below();
   const Sweep first{{-5, 0, kTop_mm}, {-4.8, 0, kTop_mm}, 2};

@@ -628,8 +628,13 @@ const ScriptKeys& script_key_tables() {
            {{.name = "motor", .type = kFlag, .meaning = "`true`: on."}}},
           {"stroke",
            "Undoes the last stroke of a tool that cuts, or does the last one again that was undone, wherever "
-           "the hand is. A stroke is what was cut from the motor's start to its stop. The motor is off.",
-           {{.name = "stroke", .type = kChoice, .choices = {"undo", "redo"}, .meaning = "Which of both."}}}}};
+           "the hand is. A stroke is what was cut from the motor's start to its stop. The motor must be off, "
+           "or the step fails.",
+           {{.name = "stroke",
+             .type = kChoice,
+             .choices = {"undo", "redo"},
+             .meaning =
+                 "`undo`: takes back the last stroke. `redo`: does again the one that was undone last."}}}}};
   return keys;
 }
 

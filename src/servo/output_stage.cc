@@ -5,8 +5,11 @@
 #include <limits>
 
 #include "palpate/device/telemetry.h"
+#include "palpate/tissue/nearest.h"
 
 namespace palpate {
+
+static_assert(kStale_s == kMotorStops_s);
 namespace {
 
 // a tick that took longer warms and cools no more, and moves the force no farther
@@ -165,30 +168,6 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
 
 double next_limit_N(const OutputLimits& limits, double max_force_N, double dt_s, const OutputState& state) {
   return std::min(least_limit_N(limits, max_force_N), thermal_limit_N(limits, state.heat, dt_s));
-}
-
-OutputLimits limits_of(const DeviceInfo& info) {
-  OutputLimits limits;
-  limits.peak_force_N = info.peak_force_N.value_or(kNotKnown);
-  limits.continuous_force_N = info.continuous_force_N.value_or(kNotKnown);
-  limits.peak_torque_Nmm = info.peak_torque_Nmm.value_or(kNotKnown);
-  limits.peak_gripper_N = info.peak_gripper_N.value_or(kNotKnown);
-  return limits;
-}
-
-double vouched_stiffness_N_per_mm(const DeviceInfo& info) {
-  const double vouched = info.stiffness_N_per_mm.value_or(std::numeric_limits<double>::infinity());
-  return vouched > 0 ? vouched : 0;
-}
-
-DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings) {
-  DeviceParameters parameters;
-  parameters.force_gain = settings.force_gain;
-  parameters.scale = settings.scale;
-  parameters.limits = limits_of(info);
-  parameters.most_stiffness_N_per_mm = vouched_stiffness_N_per_mm(info);
-  parameters.position_step_mm = info.position_step_mm.value_or(kNotKnown);
-  return parameters;
 }
 
 }  // namespace palpate

@@ -4,13 +4,10 @@
 #include "palpate/base/hash.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/carving.h"
-#include "servo/acting_force.h"
 #include "servo/kept_surfaces.h"
 #include "servo/output_stage.h"
-#include "servo/passivity.h"
-#include "servo/swing.h"
 #include "servo/tick_record.h"
-#include "servo/tool_contact.h"
+#include "servo/tool_in_hand.h"
 #include "servo/turning.h"
 
 /// One tick, in order: object's pose -> tip in the patient -> velocity -> contact -> surface effects ->
@@ -136,13 +133,12 @@ bool is_switched_on(const Model& model, const Parameters& parameters, const Devi
 }
 
 // It stands still while the hand gets no force by which it could tell what the tool does.
-MotorState motor_of(const Model& model, const Parameters& parameters, const DeviceParameters& own,
-                    const DeviceState& device, double max_force_N, double dt_s, const OutputRequest& request,
-                    const OutputState& output, std::uint32_t stroke) {
-  if (!model.tool.burr) return {};
+MotorState motor_of(const TickContext& tick, const HandContext& context, bool switched_on, double max_force_N,
+                    const OutputRequest& request, const OutputState& output, std::uint32_t stroke) {
+  if (!context.tool.burr) return {};
   const bool force = !request.off && request.faults == 0 && output.gain == 1 && !output.away;
-  const bool runs = is_switched_on(model, parameters, device) && force;
-  return {runs, next_limit_N(own.limits, max_force_N, dt_s, output) / own.force_gain, stroke};
+  const double limit_N = next_limit_N(context.device.limits, max_force_N, tick.dt_s, output);
+  return {switched_on && force, limit_N / context.device.force_gain, stroke};
 }
 
 // a stroke is from the first motor's start to the last one's stop
@@ -155,14 +151,22 @@ void count_strokes(const Model& model, const Parameters& parameters, std::span<c
   state.motor_on = on;
 }
 
-void tick_device(const Model& model, std::size_t number, const Parameters& parameters,
-                 const DeviceParameters& own, const DeviceState& device, double dt_s, bool changed,
-                 std::span<const SurfaceBefore> before, const Transform<World, Patient>& X_WorldPatient,
-                 const Transform<Patient, World>& X_PatientWorld, std::uint32_t stroke,
-                 SessionState::Hand& hand, Wrench& wrench, DeviceTick& out) {
+// what a tick is told besides what its contacts need
+struct SharedInputs {
+  const Parameters& parameters;
+  bool changed;  // what makes the forces is another one than in the last tick
+  std::uint32_t stroke;
+};
+
+void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_t number,
+                 const DeviceState& device, std::span<const SurfaceBefore> before, SessionState::Hand& hand,
+                 Wrench& wrench, DeviceTick& out) {
+  const Model& model = tick.model;
+  const Parameters& parameters = shared.parameters;
+  const DeviceParameters& own = parameters.device[number];
   record_inputs(device, own, out);
   const bool clutched = (device.status & kDeviceClutched) != 0;
-  OutputRequest request{{}, device.age_s, faults_of(device, parameters, own.scale, dt_s, hand), false};
+  OutputRequest request{{}, device.age_s, faults_of(device, parameters, own.scale, tick.dt_s, hand), false};
   request.off = parameters.paused || clutched;
 
   const double max_force_N = std::min(parameters.max_force_N, model.scene_max_force_N);
@@ -179,35 +183,35 @@ void tick_device(const Model& model, std::size_t number, const Parameters& param
     hand.swing = {};
     hand.delay = {};
   } else {
-    const Point<Patient> tip = X_PatientWorld * device.tip;
+    const Point<Patient> tip = tick.X_PatientWorld * device.tip;
     const Vector<Patient> way_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
-    const Vector<Patient> velocity_mm_s =
-        follow_tip(device, tip, dt_s, (request.faults & kFlagJump) != 0, hand);
-    if (parameters.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
+    const bool jumped = (request.faults & kFlagJump) != 0;
+    const HandContext context{model.tool, own, device.R_WorldTool.normalized().toRotationMatrix(), tip,
+                              follow_tip(device, tip, tick.dt_s, jumped, hand)};
+    if (tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
       const ProxyChange change = begin_contact_anew(model, number, before, request, hand);
-      const MotorState motor =
-          motor_of(model, parameters, own, device, max_force_N, dt_s, request, hand.output, stroke);
-      tool = touch_by_proxy(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
-                            X_PatientWorld, dt_s, change, motor, hand);
+      const MotorState motor = motor_of(tick, context, is_switched_on(model, parameters, device), max_force_N,
+                                        request, hand.output, shared.stroke);
+      tool = advance_tool(tick, context, change, motor, hand);
     } else {
       hand.proxy = {};
       hand.coupling = {};
-      tool = touch_with_tool(model, parameters, own, device.R_WorldTool, tip, velocity_mm_s, X_WorldPatient,
-                             X_PatientWorld);
+      tool = touch_directly(tick, context);
       // deep inside, where it does not push, a proxy born far away would pull with all that is allowed
       const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
       hand.held_directly = pushes && !request.off && request.faults == 0;
     }
     out.flags |= tool.flags;
-    request.asked = blended(tool.asked, changed || tool.let_go, dt_s, hand);
+    request.asked = blended(tool.asked, shared.changed || tool.let_go, tick.dt_s, hand);
     request.unclamped_N = request.asked.force_N.norm();
-    hold_energy(tool, parameters, own, X_WorldPatient * way_mm, max_force_N, dt_s, hand, request, out);
+    hold_energy(tool, parameters, own, tick.X_WorldPatient * way_mm, max_force_N, tick.dt_s, hand, request,
+                out);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
     if (hand.blend_elapsed_s < kBlend_s) out.flags |= kFlagBlend;
   }
 
   // the only way out
-  const Output sent = make_output(request, own.limits, max_force_N, dt_s, hand.output);
+  const Output sent = make_output(request, own.limits, max_force_N, tick.dt_s, hand.output);
   wrench = sent.wrench;
   if (parameters.paused) out.flags |= kFlagPaused;
   if (clutched) out.flags |= kFlagClutched;
@@ -244,7 +248,8 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, World> turn(Rotation<World, World>(state.rotation_felt), Vector<World>());
   const Transform<World, Patient> X_WorldPatient = turn * model.X_WorldPatient;
-  const Transform<Patient, World> X_PatientWorld = X_WorldPatient.inverse();
+  const TickContext context{model, parameters.method, parameters.friction,     parameters.viscosity,
+                            dt_s,  X_WorldPatient,    X_WorldPatient.inverse()};
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
   // a change of what makes the forces starts a blend
@@ -264,9 +269,9 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
                                      (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const bool known = state.hands[d].proxy_version == state.surfaces.version;
-    tick_device(model, d, parameters, parameters.device[d], devices[d], dt_s, changed,
-                known ? surfaces_before : std::span<const SurfaceBefore>(), X_WorldPatient, X_PatientWorld,
-                state.strokes, state.hands[d], wrenches[d], record.device[d]);
+    tick_device(context, {parameters, changed, state.strokes}, d, devices[d],
+                known ? surfaces_before : std::span<const SurfaceBefore>(), state.hands[d], wrenches[d],
+                record.device[d]);
     record.device[d].flags |= common_flags | ((holding >> d & 1) != 0 ? kFlagTurnHeld : 0u);
   }
   if (other_surfaces) remember_surfaces(model, state.surfaces);

@@ -67,6 +67,14 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
   if (tool.strongest.is_touch()) {
     out.flags |= kFlagContact;
     out.label = tool.strongest.site.label;
+    for (std::size_t n = 0; n < tool.contacts.size() && tool.contacts[n].label != 0; ++n) {
+      const ContactPoint& contact = tool.contacts[n];
+      out.contact_label[n] = contact.label;
+      out.contact_part[n] = static_cast<std::uint16_t>(contact.part);
+      for (int axis = 0; axis < 3; ++axis)
+        out.contact_patient_mm[3 * n + static_cast<std::size_t>(axis)] = contact.place[axis];
+      out.contact_N[n] = contact.force_N;
+    }
     for (std::size_t n = 0; n < tool.felt.size(); ++n) {
       out.felt_label[n] = tool.felt[n].label;
       out.felt_depth_mm[n] = tool.felt[n].depth_mm;

@@ -2,7 +2,6 @@
 
 #include "palpate/servo/servo.h"
 #include "servo/output_stage.h"
-#include "servo/tool_contact.h"
 
 /// Ticks as the plain numbers of telemetry.h.
 namespace palpate {

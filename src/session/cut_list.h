@@ -10,9 +10,9 @@
 
 namespace palpate {
 
-/// Every sweep that a model was cut by and every stroke that was undone or done again, with the version of
-/// the model that each led to; and for any version those sweeps that something is taken away by then. These
-/// are a list that grows at its end, and that an undo shortens.
+/// All sweeps that a model was cut by and all strokes that were undone or done again, each with the version
+/// of the model that it led to. For any version it tells which sweeps are in force, done and not undone, in
+/// their order. An undo takes sweeps off the end of that list.
 class CutList {
  public:
   /// A stroke that was undone or done again.

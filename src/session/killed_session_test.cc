@@ -84,7 +84,7 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
   const auto model = ready_for(loaded.model, std::vector{loaded.scene.force.method});
   ASSERT_TRUE(model.ok()) << model.error().message();
   const test::TemporaryFolder folder;
-  std::size_t ticks = 0, events = 0, versions = 0, strokes = 0;
+  std::size_t ticks = 0, events = 0, versions = 0, strokes = 0, sweeps = 0;
   for (int kill = 0; kill < kills; ++kill) {
     SCOPED_TRACE("kill " + std::to_string(kill));
     const auto file = folder / ("run" + std::to_string(kill) + ".h5");
@@ -108,6 +108,10 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
     EXPECT_EQ(again->ticks, recording->ticks.size());
     strokes += static_cast<std::size_t>(std::ranges::count_if(
         recording->events, [](const RecordingEvent& event) { return event.change.is_of_stroke(); }));
+    sweeps +=
+        static_cast<std::size_t>(std::ranges::count_if(recording->events, [](const RecordingEvent& event) {
+          return event.kind == RecordingEvent::Kind::kSweep;
+        }));
     ticks += recording->ticks.size();
     events += recording->events.size();
     if (!recording->ticks.empty()) versions += recording->ticks.back().model_version - 1;
@@ -120,6 +124,7 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
       kills, ticks, events, versions, strokes);
   EXPECT_GT(events, 0u);
   EXPECT_GT(versions, 0u);
+  EXPECT_EQ(sweeps > 0, loaded.model->tool.burr.has_value());
 }
 
 // PALPATE_TEST_KILLS=50 is the whole campaign, of each

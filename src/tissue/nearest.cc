@@ -20,11 +20,10 @@ NearestMeter::NearestMeter(const Model& model) : tool_(model.tool), protected_(m
 void NearestMeter::see(const TickRecord& tick) {
   if (protected_.empty() || !motor_was_on(tool_, tick)) return;
   // without force it stands still, and where no proxy is held nobody knows where it would be
-  constexpr std::uint32_t kStill =
-      kFaultFlags | kFlagPaused | kFlagClutched | kFlagRamp | kFlagStale | kFlagInside;
+  constexpr std::uint32_t kStill = kFaultFlags | kFlagPaused | kFlagClutched | kFlagRamp | kFlagInside;
   for (int d = 0; d < tick.devices; ++d) {
     const DeviceTick& device = tick.device[static_cast<std::size_t>(d)];
-    if ((device.flags & kStill) != 0) continue;
+    if ((device.flags & kStill) != 0 || device.age_s >= kMotorStops_s) continue;
     const Point<Patient> at(device.proxy_patient_mm[0], device.proxy_patient_mm[1],
                             device.proxy_patient_mm[2]);
     for (const ProtectedStructure& structure : protected_) see(at, tool_.radius_mm, structure);

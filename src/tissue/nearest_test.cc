@@ -66,12 +66,21 @@ TEST(NearestMeter, CountsOnlyABurrThatTurns) {
   tick.switches = 0;
   meter.see(tick);
   for (const std::uint32_t flag :
-       {kFlagPaused, kFlagClutched, kFlagRamp, kFlagStale, kFlagInside, kFlagJump, kFlagEmergencyStop}) {
+       {kFlagPaused, kFlagClutched, kFlagRamp, kFlagInside, kFlagJump, kFlagEmergencyStop}) {
     tick = held_at(2);
     tick.device[0].flags = flag;
     meter.see(tick);
   }
+  tick = held_at(2);
+  tick.device[0].age_s = kMotorStops_s;
+  meter.see(tick);
   EXPECT_TRUE(meter.nearest_mm().empty());
+  // its pose is old, and it turns on
+  NearestMeter late(model);
+  tick.device[0].age_s = 0.9 * kMotorStops_s;
+  tick.device[0].flags = kFlagStale;
+  late.see(tick);
+  EXPECT_NEAR(late.nearest_mm().at(kBone), 0, 0.01);
   tick = held_at(2);
   tick.switches = 0;
   tick.device[0].buttons = 1u << 3;

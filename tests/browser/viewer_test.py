@@ -223,7 +223,7 @@ class Viewer(unittest.TestCase):
         self.page.wait("!palpateViewer.state.pointer")
         self.page.run("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
             socket.onopen = () => {
-              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "hello", protocol: 3, poses_hz: 1 }));
               socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
             };
             window.lead = (p) => socket.send(JSON.stringify({ type: "tip", patient_mm: p }));
@@ -753,7 +753,7 @@ class WithPointer(Viewer):
               socket.send(JSON.stringify({ type: "tip", patient_mm: way[i].map((x, c) => x + (at - i) * (next[c] - x)) }));
             }, 16);
             socket.onopen = () => {
-              socket.send(JSON.stringify({ type: "hello", protocol: 2, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "hello", protocol: 3, poses_hz: 1 }));
               socket.send(JSON.stringify({ type: "pointer", id: 1, take: true }));
             };
             socket.onmessage = ({ data }) => {
@@ -1166,8 +1166,8 @@ class WithTrouble(Viewer):
         self.page.wait(LOADED + " && palpateViewer.link === 'connected' && document.getElementById('cover').hidden")
 
     def test_another_version_of_the_protocol(self):
-        self.restart("--protocol", "3")
-        self.assert_told_and_left_alone("version 3", "version 2", "palpate 0.0.0-mock", "Reload the page")
+        self.restart("--protocol", "4")
+        self.assert_told_and_left_alone("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page")
         self.page.click("#again")  # in vain
         self.page.wait("!document.getElementById('mend').hidden")
         self.assert_mended()

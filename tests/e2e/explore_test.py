@@ -123,7 +123,7 @@ class Viewer:
             head += self._take(1)
         assert head.startswith(b"HTTP/1.1 101 "), head
         self.texts, self.poses, self.state, self.last_id = [], 0, {}, 0
-        self.send({"type": "hello", "protocol": 2})
+        self.send({"type": "hello", "protocol": 3})
 
     def _take(self, count):
         data = b""

@@ -113,7 +113,7 @@ export class Capture {
   addPose(pose: Pose): void {
     if (!this.recording) return;
     const devices = pose.devices.map((d) => ({ tip: d.tip, proxy: d.proxy, force: d.force, label: d.label, depth: Number.isFinite(d.depth) ? d.depth : null, flags: d.flags,
-      felt: d.felt.map(({ label, depth, share }) => ({ label, depth: Number.isFinite(depth) ? depth : null, share })) }));
+      felt: d.felt.map(({ label, depth, share }) => ({ label, depth: Number.isFinite(depth) ? depth : null, share })), contacts: d.contacts }));
     this.recording.poses.push(JSON.stringify({ sequence: pose.sequence, tick: pose.tick, time: pose.time, rotation: pose.rotation, devices }));
   }
   /** After every picture of the page. */

@@ -15,7 +15,7 @@ import { readable, PAGE_KEY, type KeptPage, type Layout, type Session, type Slab
 import { StructuresPanel } from "./structures_panel.js";
 import { nextTheme } from "./theme.js";
 import { whyText } from "./why.js";
-import { type DevicePose, type Felt, Flag, type Pose } from "./wire.js";
+import { type DevicePose, type Contact, type Felt, Flag, type Pose } from "./wire.js";
 import { says, words, type Words } from "./words.js";
 
 export interface Actions {
@@ -369,6 +369,14 @@ export class Controls {
     }
   }
 
+  /** What the tool leans on, where that is more than one place. */
+  private drawContacts(contacts: Contact[]): void {
+    const leans = byId("leans");
+    const text = contacts.length > 1 ? words.leansOn(contacts.map(({ label, force }) => `${this.nameOf(label)} ${quantity(force, "N")}`).join(", ")) : "";
+    write(leans, text);
+    leans.title = text;
+  }
+
   /** What changed of the connection and of what keeps the force from the hand; what changes all the time is not spoken. */
   private tell(happening: string): void {
     const { connection, session } = this;
@@ -403,6 +411,7 @@ export class Controls {
       write(byId("depth"), Number.isFinite(device.depth) ? quantity(device.depth, "mm") : "–");
       write(byId("speed"), quantity(device.speed, "mm/s"));
       this.drawFelt(contact.label > 0 ? device.felt : []);
+      this.drawContacts(contact.label > 0 ? device.contacts : []);
       write(byId("heat"), Number.isFinite(device.heat) ? `${Math.round(100 * device.heat)} %` : "–");
       write(byId("why"), contact.label > 0 ? whyText(device, session.toPatient(pose, device.force)) : "");
       const happening = this.happening(device).join(" · ");

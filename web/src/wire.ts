@@ -3,11 +3,12 @@
 import type { Quaternion, Vec3 } from "./geometry.js";
 import { words } from "./words.js";
 
-export const PROTOCOL = 2;
+export const PROTOCOL = 3;
 const HEAD_BYTES = 96;
-const DEVICE_BYTES = 176;
+const DEVICE_BYTES = 296;
 const MOST_DEVICES = 4;
 const MOST_FELT = 6;
+const MOST_CONTACTS = 6;
 
 /** palpate::TickFlag, those that the page shows. */
 export const Flag = {
@@ -38,6 +39,14 @@ export interface Felt {
   share: number; // of the force, 0 ... 1
 }
 
+/** Where a part of the tool leans on a structure. */
+export interface Contact {
+  label: number;
+  part: number; // of the tool: its points, then its capsules
+  place: Vec3; // patient
+  force: number; // along the surface's normal, N
+}
+
 export interface DevicePose {
   tip: Vec3; // patient
   proxy: Vec3; // patient; the tip by a direct method
@@ -54,6 +63,7 @@ export interface DevicePose {
   buttons: number;
   label: number; // 0: nothing touched
   felt: Felt[]; // what the force comes from, outermost first
+  contacts: Contact[]; // of the outermost layer first, in each the strongest first
 }
 
 export interface Pose {
@@ -117,6 +127,9 @@ export function decodePose(message: ArrayBuffer): Pose {
       label: view.getUint16(at + 96, true),
       felt: Array.from({ length: MOST_FELT }, (_, n) => at + 104 + 12 * n)
         .map((there) => ({ label: view.getUint16(there, true), depth: f32(there + 4), share: f32(there + 8) }))
+        .filter(({ label }) => label !== 0),
+      contacts: Array.from({ length: MOST_CONTACTS }, (_, n) => at + 176 + 20 * n)
+        .map((there) => ({ label: view.getUint16(there, true), part: view.getUint16(there + 2, true), place: vec3(there + 4), force: f32(there + 16) }))
         .filter(({ label }) => label !== 0),
     });
   }

@@ -35,9 +35,9 @@ function connection() {
   made.open();
   return { made, sockets, timers, sent, links, told, isAnswered };
 }
-const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 2 }) };
+const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 3 }) };
 function pose(version: number): { data: ArrayBuffer } {
-  const view = new DataView(new ArrayBuffer(272));
+  const view = new DataView(new ArrayBuffer(392));
   "PLPT".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
   view.setUint16(4, version, true);
   return { data: view.buffer as ArrayBuffer };
@@ -140,7 +140,7 @@ test("another version of the protocol is not tried again by itself", () => {
     const { made, sockets, timers, told } = connection();
     if (isSpoken) {
       sockets[0]!.onmessage(WELCOME);
-      sockets[0]!.onmessage(pose(3));
+      sockets[0]!.onmessage(pose(4));
     } else sockets[0]!.onclose({ code: 4406 });
     assert.equal(made.link, "ended");
     assert.deepEqual([timers.length, sockets.length, told.otherProtocol], [0, 1, 1]);

@@ -2,7 +2,7 @@
 // docs/viewer-protocol.md. For work on the page and for its tests where there is no palpate.
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
-//                                    [--scan knee|ramp|sphere] [--protocol 2] [--refuse STATUS] [--repeat 1] [--hold no]
+//                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1] [--hold no]
 //                                    [--shaft no] [--tool probe]
 //
 // --protocol is another version of what is spoken, --refuse the answer to all of /api/ and /ws.
@@ -21,7 +21,7 @@ import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "2", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe" };
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe" };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
@@ -250,7 +250,7 @@ function pose() {
   const speed = Math.hypot(...sub(tip, before)) * 60;
   before = tip;
 
-  const bytes = Buffer.alloc(96 + 176);
+  const bytes = Buffer.alloc(96 + 296);
   bytes.write("PLPT", 0);
   bytes.writeUInt16LE(protocol, 4);
   bytes.writeUInt16LE(bytes.length, 6);
@@ -271,6 +271,8 @@ function pose() {
   if (label) {
     bytes.writeUInt16LE(label, 96 + 104);
     floats(96 + 108, [out ? out.way : NaN, 1]);
+    bytes.writeUInt16LE(label, 96 + 176);
+    floats(96 + 180, [...(out?.q ?? tip), asked]);
   }
   return bytes;
 }

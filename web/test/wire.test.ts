@@ -4,10 +4,10 @@ import { decodePose, Flag, WireError } from "../src/wire.js";
 
 /** Every field another value, written by the table of docs/viewer-protocol.md. */
 function written(devices: number): DataView {
-  const bytes = 96 + 176 * devices;
+  const bytes = 96 + 296 * devices;
   const view = new DataView(new ArrayBuffer(bytes));
   "PLPT".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
-  view.setUint16(4, 2, true);
+  view.setUint16(4, 3, true);
   view.setUint16(6, bytes, true);
   view.setBigUint64(8, 4_294_967_301n, true); // does not fit 32 bits
   view.setBigUint64(16, 1234n, true);
@@ -20,7 +20,7 @@ function written(devices: number): DataView {
   [0.5, -0.5, 0.5, -0.5, 1000.5, 19, 44, 190, 0.75].forEach((x, i) => view.setFloat32(48 + 4 * i, x, true));
   [11, 12, 13].forEach((x, i) => view.setUint32(84 + 4 * i, x, true));
   for (let d = 0; d < devices; d++) {
-    const at = 96 + 176 * d;
+    const at = 96 + 296 * d;
     for (let i = 0; i < 22; i++) view.setFloat32(at + 4 * i, 100 * d + i, true);
     view.setUint32(at + 88, Flag.contact | Flag.stale, true);
     view.setUint32(at + 92, 3, true);
@@ -29,6 +29,9 @@ function written(devices: number): DataView {
       view.setUint16(at + 104 + 12 * n, 60001 + n, true);
       view.setFloat32(at + 108 + 12 * n, 1.5 + n, true);
       view.setFloat32(at + 112 + 12 * n, 0.25 + 0.5 * n, true);
+      view.setUint16(at + 176 + 20 * n, 60001 + n, true);
+      view.setUint16(at + 178 + 20 * n, n, true);
+      for (let i = 0; i < 4; i++) view.setFloat32(at + 180 + 20 * n + 4 * i, 50 * d + 10 * n + i, true);
     }
   }
   return view;
@@ -57,6 +60,7 @@ test("a pose is read by the table of the protocol", () => {
   assert.equal(buttons, 3);
   assert.equal(label, 60001);
   assert.deepEqual(pose.devices[1]!.felt, [{ label: 60001, depth: 1.5, share: 0.25 }, { label: 60002, depth: 2.5, share: 0.75 }]);
+  assert.deepEqual(pose.devices[1]!.contacts, [{ label: 60001, part: 0, place: [50, 51, 52], force: 53 }, { label: 60002, part: 1, place: [60, 61, 62], force: 63 }]);
 });
 
 test("whatever is no whole pose is refused", () => {
@@ -67,7 +71,7 @@ test("whatever is no whole pose is refused", () => {
   };
   refused((view) => view.setUint8(0, 0x51));
   refused((view) => view.setUint16(4, 1, true));
-  refused((view) => view.setUint16(6, 271, true));
+  refused((view) => view.setUint16(6, 391, true));
   refused((view) => view.setUint8(46, 0));
   refused((view) => view.setUint8(46, 2));
   refused((view) => view.setUint8(46, 255));

@@ -13,6 +13,8 @@ namespace palpate {
 inline constexpr int kMaxDevices = 4;
 /// Structures along the tip's way in that a tick tells of.
 inline constexpr int kMostTold = 6;
+/// Contacts that a tick tells of.
+inline constexpr int kMostContactsTold = 6;
 
 /// What is not known is not a number.
 inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
@@ -124,10 +126,16 @@ struct DeviceTick {
   /// the tip.
   double depth_mm = 0;
   std::uint16_t label = 0;  ///< touched structure, 0 none
+  /// All that the tool leans on: those of the outermost layer first, in each the strongest first; the first
+  /// is that of `label`. Structure, part of the tool (its points, then its capsules), place on the surface,
+  /// force along its normal, in the patient. Label 0: no more.
+  std::array<std::uint16_t, kMostContactsTold> contact_label{}, contact_part{};
   /// What the force comes from, outermost first: structures along the tip's way in, how much of that way lies
   /// within each, and each one's share of the force, 0 ... 1. By a direct method what is touched, with all of
   /// it. Label 0: no more; none without contact.
   std::array<std::uint16_t, kMostTold> felt_label{};
+  std::array<double, 3 * kMostContactsTold> contact_patient_mm{};
+  std::array<double, kMostContactsTold> contact_N{};
   std::array<double, kMostTold> felt_depth_mm{}, felt_share{};
   std::uint32_t flags = 0;  ///< TickFlag bits
 };

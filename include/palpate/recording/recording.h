@@ -269,4 +269,9 @@ class Recorder {
 /// All of a recording in memory. Errors: those of RecordingSource.
 Result<Recording> read_recording(const std::filesystem::path& file, const Progress& progress = {});
 
+/// Of a device's tick the first output that is not the recorded one, bit for bit, in words; empty: they are
+/// the same. A column that is 0 throughout may be one that the recording does not have yet, and is not
+/// compared.
+std::string first_different_output(const DeviceTick& recorded, const DeviceTick& again);
+
 }  // namespace palpate

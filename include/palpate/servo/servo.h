@@ -6,48 +6,18 @@
 #include <span>
 
 #include "palpate/device/device.h"
+#include "palpate/device/device_parameters.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
+#include "palpate/haptics/acting_force.h"
 #include "palpate/haptics/haptics.h"
+#include "palpate/haptics/passivity.h"
+#include "palpate/haptics/swing.h"
+#include "palpate/haptics/tool_contact.h"
 #include "palpate/tissue/removal.h"
 
 /// The tick: (Model, SessionState, DeviceStates, Parameters, dt) -> (SessionState, Wrenches).
 namespace palpate {
-
-/// What one device may be sent. kNotKnown where nobody knows: then the user's limit alone holds for forces,
-/// and torques and the gripper, for which the user sets no limit, stay off.
-struct OutputLimits {
-  double peak_force_N = kNotKnown;
-  double continuous_force_N = kNotKnown;  ///< of the thermal budget; unknown: there is none
-  double peak_torque_Nmm = kNotKnown;
-  double peak_gripper_N = kNotKnown;
-  /// Most change of force. A wall of 2 N/mm met at half a metre a second asks for 1000 N/s.
-  double slew_N_per_s = 2000;
-};
-OutputLimits limits_of(const DeviceInfo& info);
-/// N/mm of the device that its maker vouches for: infinite where that is not known, 0 for what is no
-/// stiffness (negative, not a number).
-double vouched_stiffness_N_per_mm(const DeviceInfo& info);
-
-/// Inputs of a tick that belong to one device.
-struct DeviceParameters {
-  double force_gain = 1;  ///< N at the device for one N in the patient (WorkspaceSettings::force_gain)
-  double scale = 1;  ///< mm in the patient for one mm of the device; torques shrink with it, as the tool does
-  OutputLimits limits;
-  /// What a hand holds with the device, N/mm of the device, and no more than what its maker vouches for.
-  /// Stiffer tissues are felt as this stiff: by the proxy each for itself, by the direct methods all softer
-  /// by one factor.
-  double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
-  double position_step_mm = kNotKnown;  ///< of its encoders: less is no motion to the passivity controller
-  /// Damping that the device bears, N s/mm of the device: more of a tissue's viscosity, the published
-  /// friction's and the coupling's is felt as so much. Not above 0 or not a number: nothing is known of it,
-  /// and nothing clamped.
-  double most_damping_N_s_per_mm = kNotKnown;
-  /// From a command to its force, s. The passivity observer counts with it; what is not known counts as none.
-  double delay_s = 0;
-};
-/// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold.
-DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
 
 /// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is felt as a
 /// blend over kBlend_s, not as a step.
@@ -73,8 +43,6 @@ std::uint8_t switches_of(const Parameters& parameters);
 inline constexpr double kBlend_s = 0.1;
 inline constexpr double kRampIn_s = 0.5;   ///< from nothing to full force, at the start and after every fault
 inline constexpr double kRampOut_s = 0.1;  ///< from full force to nothing, before a pause or the end
-/// Time constant with which the stiffness that is felt follows that of the surfaces touched.
-inline constexpr double kSeam_s = 0.015;
 
 /// What the output stage remembers of one device.
 struct OutputState {
@@ -84,45 +52,6 @@ struct OutputState {
   double whole_s = 0;      ///< since the last fault or dropout; not counted beyond the ramp's time
   bool away = false;       ///< no fresh pose now, for a short time yet: the gain waits
   bool returning = false;  ///< one has come again: the force grows slowly for a while
-};
-
-/// What the spring and the damper between tip and proxy remember.
-struct CouplingState {
-  double stiffness_N_per_mm = 0;  ///< that is felt; 0: without contact
-  Vector<Patient> pull_mm;        ///< from the tip to the proxy
-  VelocityWindow pull_velocity;   ///< of its change, free space included; empty without damping
-};
-
-/// What the passivity observer remembers of one device.
-struct PassivityState {
-  double energy_mJ = 0;  ///< that the hand has put in and not got back; below 0: it got more
-  // the way along the force since a speed was told last, its time, and that speed
-  double way_mm = 0, time_s = 0, speed_mm_s = 0;
-  // how far within less than a step of its encoder the tip is, and whether it went with the force last
-  double play_mm = 0;
-  bool gives_way = false;
-};
-
-/// What tells a hand that swings by itself (src/servo/swing.h).
-struct SwingState {
-  Vector<World> axis;             ///< of the last force
-  double way_mm = 0, time_s = 0;  ///< along it since the last turn
-  double farthest_mm = 0, farthest_s = 0;
-  Vector<World> aside_mm;  ///< likewise, to the sides
-  double before_mm = 0;    ///< length of the half swing before
-  int halves = 0;          ///< of a swing by itself, one after the other
-  double free_s = 0;       ///< out of contact
-  double later_s = 0;      ///< that the force is taken to act later than is known
-};
-
-/// What was sent and has not acted yet, where a device's delay is known. Oldest first.
-struct DelayLine {
-  struct Held {
-    Vector<World> force_N;
-    double time_s = 0;
-  };
-  std::array<Held, 64> held;
-  int count = 0;
 };
 
 /// Everything a tick remembers. Small, copyable, hashable; no pointers.

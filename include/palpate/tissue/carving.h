@@ -95,9 +95,10 @@ class Carving {
   /// felt and not kept are gone where their voxels' centres were swept.
   std::shared_ptr<const Carving> with(std::span<const Cut> cuts) const;
 
-  /// As it was before the last stroke, or where one that was undone led to. Null: there is none. The same
-  /// bits as then, but for sweeps().
+  /// Without the last stroke; null where none can be undone. Bit for bit as it was before that stroke, but
+  /// for sweeps(), which never goes down.
   std::shared_ptr<const Carving> undone() const;
+  /// With the stroke that was undone last, likewise; null where there is none.
   std::shared_ptr<const Carving> redone() const;
   std::size_t strokes_to_undo() const { return strokes_.done().size(); }
   std::size_t strokes_to_redo() const { return strokes_.undone().size(); }

@@ -75,8 +75,9 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options = {});
 
 /// The surfaces are now those without the first so many of the sweeps, counted from the start. To be called
-/// before keep_proxy. Where something was put back around the burr, it lies in it as deep as if it had sunk
-/// in, and comes out as it came in; one whose middle is in it does not fit at all, and keep_proxy lets it go.
+/// before keep_proxy. Where an undo has put material back around the burr, the overlap counts as depth
+/// that it has sunk in, so that the force does not jump. Where the burr's middle is in that material, the
+/// proxy is dropped (by keep_proxy) and the force fades out.
 void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::uint64_t carved,
                  const ProxyState& proxy, BurrState& state);
 

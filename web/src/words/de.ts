@@ -129,6 +129,7 @@ export const de: Words = {
   speed: "Tempo",
   heat: "Wärme",
   comesFrom: "Woher die Kraft kommt",
+  leansOn: (contacts: string) => `Liegt an: ${contacts}`,
   deep: "tief",
   whyTitle: "Warum die Kraft so groß ist",
   pause: "Pause",

@@ -128,6 +128,7 @@ export const en = {
   speed: "Speed",
   heat: "Heat",
   comesFrom: "What the force comes from",
+  leansOn: (contacts: string) => `Leans on ${contacts}`,
   deep: "deep",
   whyTitle: "Why the force is what it is",
   pause: "Pause",

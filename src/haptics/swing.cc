@@ -1,4 +1,4 @@
-#include "servo/swing.h"
+#include "palpate/haptics/swing.h"
 
 #include <algorithm>
 #include <cmath>

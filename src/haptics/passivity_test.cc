@@ -1,10 +1,12 @@
-#include "servo/passivity.h"
+#include "palpate/haptics/passivity.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 #include <random>
+
+#include "palpate/device/telemetry.h"
 
 namespace palpate {
 namespace {

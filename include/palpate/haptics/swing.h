@@ -1,8 +1,20 @@
 #pragma once
 
-#include "palpate/servo/servo.h"
+#include "palpate/geometry/geometry.h"
 
 namespace palpate {
+
+/// What tells a hand that swings by itself.
+struct SwingState {
+  Vector<World> axis;             ///< of the last force
+  double way_mm = 0, time_s = 0;  ///< along it since the last turn
+  double farthest_mm = 0, farthest_s = 0;
+  Vector<World> aside_mm;  ///< likewise, to the sides
+  double before_mm = 0;    ///< length of the half swing before
+  int halves = 0;          ///< of a swing by itself, one after the other
+  double free_s = 0;       ///< out of contact
+  double later_s = 0;      ///< that the force is taken to act later than is known
+};
 
 /// Looks for a hand that swings by itself against what it touches, whoever it is, and says how much later
 /// than is known the force must be taken to act: what keeps it swinging is energy that the observer does not

@@ -1,10 +1,20 @@
 #pragma once
 
-#include "palpate/servo/servo.h"
+#include "palpate/geometry/geometry.h"
 
 /// Time-domain passivity (Hannaford & Ryu 2002): what is felt gives the hand no more energy than the hand has
 /// put in. docs/servo.md, "Passivity", has the choices and their figures.
 namespace palpate {
+
+/// What the passivity observer remembers of one device.
+struct PassivityState {
+  double energy_mJ = 0;  ///< that the hand has put in and not got back; below 0: it got more
+  // the way along the force since a speed was told last, its time, and that speed
+  double way_mm = 0, time_s = 0, speed_mm_s = 0;
+  // how far within less than a step of its encoder the tip is, and whether it went with the force last
+  double play_mm = 0;
+  bool gives_way = false;
+};
 
 struct PassivityInput {
   Vector<World> force_N;          ///< asked, as far as limit and ramp let it through

@@ -1,4 +1,4 @@
-#include "servo/passivity.h"
+#include "palpate/haptics/passivity.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "servo/acting_force.h"
+#include "palpate/haptics/acting_force.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,20 @@
 #pragma once
 
-#include "palpate/servo/servo.h"
+#include <array>
+
+#include "palpate/geometry/geometry.h"
 
 namespace palpate {
+
+/// What was sent and has not acted yet, where a device's delay is known. Oldest first.
+struct DelayLine {
+  struct Held {
+    Vector<World> force_N;
+    double time_s = 0;
+  };
+  std::array<Held, 64> held;
+  int count = 0;
+};
 
 /// The mean force that has acted on the device since the last tick, where what is sent acts after a delay.
 /// Each command is held until the next one comes.

@@ -1,0 +1,297 @@
+#include "palpate/haptics/tool_contact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+namespace palpate {
+namespace {
+
+// below this the halo of a smoothed structure is not called a touch
+constexpr double kTouch_N = 0.02;
+
+/// What a point of the tool meets, and how hard it is pushed along the normal.
+struct PointForce {
+  PointContact contact;
+  double normal_N = 0;
+};
+
+/// @param full_force_N     where the field is 1
+/// @param most_N_s_per_mm  of all that damps at this point
+PointForce touch(const TickContext& tick, double full_force_N, double most_N_s_per_mm,
+                 const Point<Patient>& x, const Vector<Patient>& velocity_mm_s) {
+  const ForceField& field = tick.model.force_field(tick.method);
+  PointForce met;
+  PointContact& contact = met.contact;
+  contact.proxy = x;
+  contact.sample = field.sample(x);
+  const Vector<Patient> normal_N = normal_force(contact.sample, full_force_N);
+  met.normal_N = normal_N.norm();
+  contact.force_N = normal_N;
+  contact.site = find_contact_site(tick.model, x, contact.sample);
+  if (contact.site.tissue < 0) return met;
+
+  const Tissue& tissue = tick.model.tissues[static_cast<std::size_t>(contact.site.tissue)];
+  const double left_N_s_per_mm =
+      tick.viscosity ? std::max(0.0, most_N_s_per_mm - tissue.viscosity_N_s_per_mm) : most_N_s_per_mm;
+  if (tick.friction) contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N, left_N_s_per_mm);
+  if (tick.viscosity)
+    contact.force_N +=
+        viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, most_N_s_per_mm);
+  return met;
+}
+
+// viscosity is whole from this far inside
+constexpr double kWholeViscosity_mm = 1;
+
+// of the voxel there; 0 outside the volume
+LabelId label_at(const Model& model, const Point<Patient>& at) {
+  const Point<Voxel> p = model.field->X_VoxelPatient() * at;
+  const auto& dims = model.labels->geometry().dims;
+  std::array<int, 3> index{};
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(p[axis] > -0.5 && p[axis] < dims[axis] - 0.5)) return 0;
+    index[axis] = static_cast<int>(p[axis] + 0.5);
+  }
+  return model.labels->at(index[0], index[1], index[2]);
+}
+
+ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
+  ContactSite site;
+  if (!model.is_felt(label)) return site;
+  site.label = label;
+  site.tissue = model.tissue_of_label[label];
+  site.level = model.level_of_label[label];
+  site.depth_mm = depth_mm;
+  return site;
+}
+
+// the structure that a contact leans on: where structures touch or overlap, the one whose voxels lie there
+LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at) {
+  const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
+  const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
+  // what is softer than a layer within lies around it
+  const FeltSurface& surface = model.surfaces[static_cast<std::size_t>(contact.surface)];
+  if (model.is_felt(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.from_N_per_mm)
+    return label;
+  const int structure = owners_at(model.surfaces, contact.surface, at).largest();
+  return model.label_of_surface[static_cast<std::size_t>(structure)];
+}
+
+// The normal of all that the proxies lean on together. Where one rests on an edge, or where the position
+// bends more than its smoother normals say, the walls' own are not all that hold it: then it is the direction
+// next to theirs from which the force is no farther than friction lets it be.
+Vector<Patient> normal_of(const ProxyResult& result) {
+  const Vector<Patient>& walls = result.normal;
+  const Vector<Patient> along = result.force_N.normalized();
+  if (along == Vector<Patient>()) return walls;
+  const double ahead = walls.dot(along);
+  const Vector<Patient> aside = walls - along * ahead;
+  const double off = aside.norm();
+  if (off <= result.friction * ahead || off == 0) return walls;
+  return (along + aside * (result.friction / off)).normalized();
+}
+
+// of equal ones the first stays first; std::stable_sort may allocate
+template <class T, class Before>
+void sort_few(std::span<T> few, Before before) {
+  for (auto next = few.begin(); next != few.end(); ++next)
+    std::rotate(std::upper_bound(few.begin(), next, *next, before), next, next + 1);
+}
+
+// on the surface, where a sphere or capsule leans on it
+Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
+                        std::span<const ToolSphere> spheres) {
+  const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
+  return layer.position + sphere.offset_mm + sphere.along_mm * contact.part -
+         contact.normal * sphere.radius_mm;
+}
+
+// how a layer's contacts share its force: each along its own normal, together the spring's
+struct LeansOn {
+  const ProxyLayer& layer;
+  double force_N_per_mm;  // of pull
+  std::span<const ToolSphere> spheres;
+};
+
+// the strongest first, as many as there is room for; how many stand there now
+std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<ContactPoint> told) {
+  std::array<const ProxyContact*, kMostContacts> order;
+  const auto count = static_cast<std::size_t>(on.layer.contacts);
+  for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
+  sort_few(std::span(order).first(count),
+           [](const auto* a, const auto* b) { return a->pull_mm > b->pull_mm; });
+  std::size_t n = 0;
+  for (; n < std::min(count, told.size()); ++n) {
+    const ProxyContact& contact = *order[n];
+    const Point<Patient> place = place_of(contact, on.layer, on.spheres);
+    told[n] = {label_under(model, contact, place), contact.sphere, place,
+               std::max(0.0, contact.pull_mm * on.force_N_per_mm)};
+  }
+  return n;
+}
+
+// what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
+PointContact strongest_of(const Model& model, const ProxyState& proxy, const ContactPoint& most,
+                          const Point<Patient>& tip, const ProxyResult& result,
+                          const Vector<Patient>& force_N) {
+  PointContact contact;
+  contact.proxy = proxy.coupled ? proxy.position : tip;
+  contact.force_N = force_N;
+  if (proxy.contacts == 0) return contact;
+  contact.sample.gradient = -normal_of(result);
+  contact.site = site_of(model, most.label, (proxy.position - tip).norm());
+  return contact;
+}
+
+FeltStructure all_of_it(const PointContact& contact) {
+  return {contact.site.label, contact.site.depth_mm, 1};
+}
+
+std::array<FeltStructure, kMostTold> felt_by_proxy(const Model& model, const ProxyResult& result,
+                                                   const PointContact& strongest) {
+  static_assert(kMostTold == kMostFeltParts);
+  std::array<FeltStructure, kMostTold> felt;
+  for (int n = 0; n < result.felt_parts; ++n) {
+    const FeltPart& part = result.felt[static_cast<std::size_t>(n)];
+    felt[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
+                                         part.depth_mm, part.share};
+  }
+  // within what was gone through nothing but viscosity is felt
+  if (result.felt_parts == 0) felt[0] = all_of_it(strongest);
+  return felt;
+}
+
+// Between tip and proxy: the spring's force over that with the stiffness of what is touched. The stiffness
+// that is felt follows it slowly, so that the seam of two structures is no step; contact begins with it. The
+// damper's velocity is a mean over a window of time that free space is part of, so that it comes in with the
+// spring; it takes off what the spring gives and no more.
+double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double damping_N_s_per_mm,
+               double dt_s, CouplingState& state) {
+  if (damping_N_s_per_mm > 0) state.pull_velocity.push(pull_mm - state.pull_mm, dt_s);
+  state.pull_mm = pull_mm;
+  const double stiffness = spring.stiffness_N_per_mm, length_mm = pull_mm.norm();
+  if (!(stiffness > 0) || !(length_mm > 0)) {
+    state.stiffness_N_per_mm = 0;
+    return 1;
+  }
+  double& felt = state.stiffness_N_per_mm;
+  felt = felt > 0 ? felt + (stiffness - felt) * -std::expm1(-dt_s / kSeam_s) : stiffness;
+  const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(pull_mm) / length_mm;
+  const double force_N = felt * length_mm + damping_N_s_per_mm * speed_mm_s;
+  return std::max(0.0, force_N) / (stiffness * length_mm);
+}
+
+}  // namespace
+
+bool PointContact::is_touch() const {
+  const bool inside = sample.value >= 0.5 * site.level;
+  return site.label != 0 && (inside || force_N.norm() >= kTouch_N);
+}
+
+double HandContext::most_stiffness_N_per_mm() const {
+  const double most = device.most_stiffness_N_per_mm / (device.force_gain * device.scale);
+  return most < 0 ? 0 : most;
+}
+
+double HandContext::most_damping_N_s_per_mm() const {
+  return device.most_damping_N_s_per_mm > 0
+             ? device.most_damping_N_s_per_mm / (device.force_gain * device.scale)
+             : std::numeric_limits<double>::infinity();
+}
+
+ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
+  const DeviceParameters& gains = hand.device;
+  const auto points = static_cast<double>(hand.tool.points_mm.size());
+  ToolContact tool;
+  // points that touch together add up
+  const double stiffness_N_per_mm = tick.model.greatest_stiffness_N_per_mm() * points;
+  const double most_N_s_per_mm = hand.most_damping_N_s_per_mm() / points;
+  const double softer = std::min(1.0, hand.most_stiffness_N_per_mm() / stiffness_N_per_mm);
+  const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
+  tool.stiffness_N_per_mm = stiffness_N_per_mm * softer * gains.force_gain * gains.scale;
+  std::size_t told = 0;
+  for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
+    const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
+    const PointForce met = touch(tick, full_force_N, most_N_s_per_mm, hand.tip + tick.X_PatientWorld * arm_mm,
+                                 hand.velocity_mm_s);
+    const Vector<World> force_N = tick.X_WorldPatient * met.contact.force_N;
+    tool.asked.force_N += force_N * gains.force_gain;
+    tool.asked.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
+    if (part == 0 || met.contact.force_N.squared_norm() > tool.strongest.force_N.squared_norm())
+      tool.strongest = met.contact;
+    if (!met.contact.is_touch()) continue;
+    static_assert(kMostContactsTold >= kMaxToolParts);
+    tool.contacts[told++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy, met.normal_N};
+  }
+  sort_few(std::span(tool.contacts).first(told),
+           [](const ContactPoint& a, const ContactPoint& b) { return a.force_N > b.force_N; });
+  tool.felt[0] = all_of_it(tool.strongest);
+  return tool;
+}
+
+HeldTool::HeldTool(const TickContext& tick, const HandContext& hand)
+    : pose_(hand.tip, Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * hand.R_WorldTool))) {
+  const auto in_patient = [&](const Eigen::Vector3d& of_tool) {
+    return tick.X_PatientWorld * Vector<World>(hand.R_WorldTool * of_tool);
+  };
+  for (const Eigen::Vector3d& offset_mm : hand.tool.points_mm)
+    spheres_[count_++] = {in_patient(offset_mm), hand.tool.radius_mm};
+  for (const ToolCapsule& capsule : hand.tool.capsules)
+    spheres_[count_++] = {in_patient(capsule.from_mm), capsule.radius_mm,
+                          in_patient(capsule.to_mm - capsule.from_mm)};
+}
+
+ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
+  return {tick.friction, hand.most_stiffness_N_per_mm(), tick.dt_s};
+}
+
+ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
+                           const ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
+  const Model& model = tick.model;
+  const DeviceParameters& gains = hand.device;
+  const Vector<Patient> pull_mm =
+      proxy.coupled ? (proxy.position - hand.tip) * proxy.part : Vector<Patient>();
+  const double most_N_s_per_mm = hand.most_damping_N_s_per_mm();
+  const double damping_N_s_per_mm =
+      std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
+  // the layers within are met as they are: what is felt of them comes in with the depth
+  const ProxyForce& outermost = result.of_layer[0];
+  const double part = coupled(outermost, pull_mm, damping_N_s_per_mm, tick.dt_s, coupling), less = 1 - part;
+  ToolContact tool;
+  std::size_t told = 0;
+  for (int n = 0; n < kMostLayers; ++n) {
+    const ProxyLayer& layer = proxy.layer(n);
+    if (!layer.coupled || layer.contacts == 0) continue;
+    // as the proxy holds it
+    const TurnedTool turned(held.spheres(), held.pose().attitude, layer.attitude);
+    const double felt_N_per_mm = result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.part;
+    told += tell_contacts(model, {layer, n == 0 ? felt_N_per_mm * part : felt_N_per_mm, turned.spheres()},
+                          std::span(tool.contacts).subspan(told));
+  }
+  tool.strongest = strongest_of(model, proxy, tool.contacts[0], hand.tip, result,
+                                result.force_N - outermost.force_N * less);
+  ContactSite& site = tool.strongest.site;
+  if (site.tissue < 0 && proxy.punctured.any())
+    site = site_of(model, label_at(model, hand.tip), kWholeViscosity_mm);
+  if (tick.viscosity && site.tissue >= 0)
+    tool.strongest.force_N +=
+        viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
+                      site.depth_mm / kWholeViscosity_mm, most_N_s_per_mm - damping_N_s_per_mm);
+  tool.felt = felt_by_proxy(model, result, tool.strongest);
+  tool.asked.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
+  tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
+                          (gains.force_gain / gains.scale);
+  tool.stored_mJ =
+      (0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm() + result.stored_mJ - outermost.stored_mJ) *
+      (gains.force_gain / gains.scale);
+  tool.stiffness_N_per_mm =
+      (coupling.stiffness_N_per_mm + result.stiffness_N_per_mm - outermost.stiffness_N_per_mm) *
+      (gains.force_gain * gains.scale);
+  if (!proxy.coupled) tool.flags |= kFlagInside;
+  if (result.wedged) tool.flags |= kFlagWedged;
+  if (result.ruptured) tool.flags |= kFlagRuptured;
+  return tool;
+}
+
+}  // namespace palpate

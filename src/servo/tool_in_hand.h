@@ -1,0 +1,29 @@
+#pragma once
+
+#include <span>
+
+#include "palpate/servo/servo.h"
+
+namespace palpate {
+
+/// What has changed since the last tick of the proxy.
+struct ProxyChange {
+  bool surfaces = false;                  ///< it is on those of another version of the model
+  std::span<const SurfaceBefore> before;  ///< these, one for each of the model's
+  bool method = false;       ///< a direct method pushed until now: where the tip is inside, a proxy is born
+  std::uint64_t carved = 0;  ///< so many sweeps of the tool's burr are taken from the surfaces
+};
+
+/// What runs a burr in a tick.
+struct MotorState {
+  bool runs = false;
+  double most_press_N = 0;   ///< in the patient
+  std::uint32_t stroke = 0;  ///< of what it cuts
+};
+
+/// What a tool meets by the proxy, which remembers where it is, and as a burr, which takes away what it
+/// touches.
+ToolContact advance_tool(const TickContext& tick, const HandContext& context, const ProxyChange& change,
+                         const MotorState& motor, SessionState::Hand& hand);
+
+}  // namespace palpate
