@@ -159,7 +159,7 @@ SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>&
   const Body body = estimate.body(group, options.reach_mm + 1);
   // of every n-th voxel, about so far apart
   constexpr double kNormal_mm = 0.6, kBroad_mm = 2;
-  const Eigen::Vector3d coarse_mm = mm.cwiseMax(kNormal_mm);
+  const Eigen::Vector3d coarse_mm = mm.array() * (kNormal_mm / mm.array()).round().max(1);
   const double coarse_voxels = body.box_voxels * mm.prod() / coarse_mm.prod();
   const double fine =
       estimate.band_bytes(body, body.box_voxels, mm, options.reach_mm, options.reach_mm, kLeast_bytes);
