@@ -219,8 +219,8 @@ std::string Hub::state_for(const Viewer& viewer) const {
 std::string Hub::sweeps_after(SweepsHad& had) const {
   constexpr std::size_t kMostAtOnce = 200;
   had.count = std::min(had.count, state_.sweeps);
-  const std::vector<SweepRecord> next =
-      host_.sweeps(had.count, std::min<std::uint64_t>(kMostAtOnce, state_.sweeps - had.count));
+  const std::vector<SweepRecord> next = host_.sweeps(
+      state_.model_version, had.count, std::min<std::uint64_t>(kMostAtOnce, state_.sweeps - had.count));
   // those beyond are to be forgotten
   if (next.empty() && had.shown == had.count) return {};
   std::string text = sweeps_json(had.count, next);

@@ -196,6 +196,7 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer, std:
   json["passivity"] = state.passivity;
   json["paused"] = state.paused;
   json["motor"] = state.motor;
+  json["motor_is_on"] = state.motor_is_on;
   json["emergency_stop"] = state.stop.has_value();
   json["stop"] = state.stop ? Json(*state.stop) : Json();
   json["stopped_by"] = state.stop ? Json(who_stopped(state, reader)) : Json();

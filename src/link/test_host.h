@@ -60,7 +60,8 @@ class FakeHost : public ViewerHost {
     const std::lock_guard lock(mutex_);
     return state_;
   }
-  std::vector<SweepRecord> sweeps(std::uint64_t first, std::size_t most) const override {
+  std::vector<SweepRecord> sweeps(std::uint32_t /*version*/, std::uint64_t first,
+                                  std::size_t most) const override {
     const std::lock_guard lock(mutex_);
     std::vector<SweepRecord> next;
     for (std::uint64_t n = first; n < state_.sweeps && next.size() < most; ++n)

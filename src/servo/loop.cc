@@ -205,7 +205,8 @@ void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand
   watchdog_.beat(ended_ns);
   record_.lateness_s = static_cast<double>(lateness_ns_) * 1e-9;
   record_.compute_s = static_cast<double>(ended_ns - begun_ns) * 1e-9;
-  // who sees the tick in which a motor stopped finds all that it swept
+  // who sees the tick in which a motor stopped finds all that it swept, and who sees a sweep its stroke
+  strokes_.store(state_.strokes);
   publish_sweeps(count);
   publish();
   count_tick(begun_ns, ended_ns);

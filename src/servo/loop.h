@@ -46,6 +46,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   TickRecord snapshot() const override { return snapshot_.load(); }
   SpscRing<TickRecord>& ring() noexcept override { return ring_; }
   SpscRing<SweepRecord>& sweeps() noexcept override { return sweeps_; }
+  std::uint32_t strokes() const noexcept override { return strokes_.load(); }
   LoopHealth health() const override;
   void reset_health() noexcept override;
   const Scheduling& scheduling() const noexcept override { return scheduling_; }
@@ -111,6 +112,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   Snapshot<TickRecord> snapshot_;
   SpscRing<TickRecord> ring_;
   SpscRing<SweepRecord> sweeps_{kMaxDevices * std::tuple_size_v<decltype(BurrState::sweep)>};
+  std::atomic<std::uint32_t> strokes_{0};
   LatencyHistogram lateness_, compute_;
   struct Counts {
     std::atomic<std::uint64_t> ticks{0}, on_time{0}, skipped{0}, dropped{0};

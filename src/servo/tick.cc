@@ -125,13 +125,6 @@ bool outside(const Field& field, const Point<Patient>& x) {
   return false;
 }
 
-// by the switch or by its pedal
-bool is_switched_on(const Model& model, const Parameters& parameters, const DeviceState& device) {
-  if (!model.tool.burr) return false;
-  const int pedal = model.tool.burr->pedal;
-  return parameters.motor || (pedal >= 0 && (device.buttons >> pedal & 1u) != 0);
-}
-
 // It stands still while the hand gets no force by which it could tell what the tool does.
 MotorState motor_of(const TickContext& tick, const HandContext& context, bool switched_on, double max_force_N,
                     const OutputRequest& request, const OutputState& output, std::uint32_t stroke) {
@@ -145,7 +138,7 @@ MotorState motor_of(const TickContext& tick, const HandContext& context, bool sw
 void count_strokes(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices,
                    SessionState& state) {
   const bool on = std::any_of(devices.begin(), devices.end(), [&](const DeviceState& device) {
-    return is_switched_on(model, parameters, device);
+    return model.tool.motor_is_on(parameters.motor, device.buttons);
   });
   if (on && !state.motor_on) ++state.strokes;
   state.motor_on = on;
@@ -177,6 +170,8 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     hand.velocity.clear();
     hand.asked = {};
     hand.proxy = {};
+    // its stroke may end in this tick
+    if (model.tool.burr) hand.burr.closed = true;
     hand.held_directly = false;
     hand.coupling = {};
     hand.passivity = {};
@@ -190,8 +185,9 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
                               follow_tip(device, tip, tick.dt_s, jumped, hand)};
     if (tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
       const ProxyChange change = begin_contact_anew(model, number, before, request, hand);
-      const MotorState motor = motor_of(tick, context, is_switched_on(model, parameters, device), max_force_N,
-                                        request, hand.output, shared.stroke);
+      const MotorState motor =
+          motor_of(tick, context, context.tool.motor_is_on(parameters.motor, device.buttons), max_force_N,
+                   request, hand.output, shared.stroke);
       tool = advance_tool(tick, context, change, motor, hand);
     } else {
       hand.proxy = {};

@@ -181,9 +181,10 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
     EXPECT_EQ(playback.state().removed_mm3, removed.by_label_mm3()) << part;
     EXPECT_EQ(removed.by_label_mm3().empty(), gone == 0) << part;
   }
-  EXPECT_EQ(playback.sweeps(0, all.size() + 5), all);
-  EXPECT_EQ(playback.sweeps(3, 2), (std::vector<SweepRecord>{all[3], all[4]}));
-  EXPECT_TRUE(playback.sweeps(all.size(), 2).empty());
+  EXPECT_EQ(playback.sweeps(playback.state().model_version, 0, all.size() + 5), all);
+  EXPECT_EQ(playback.sweeps(playback.state().model_version, 3, 2),
+            (std::vector<SweepRecord>{all[3], all[4]}));
+  EXPECT_TRUE(playback.sweeps(playback.state().model_version, all.size(), 2).empty());
 }
 
 // two strokes at two places, the second of which is undone, done again and undone
@@ -261,8 +262,8 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   EXPECT_EQ(playback.state().removed_mm3.at(testing::kBone), gone_mm3);
   go_to(playback, recording->ticks.back());
   EXPECT_EQ(playback.state().sweeps, first.size());
-  ASSERT_EQ(playback.sweeps(0, 10000).size(), first.size());
-  EXPECT_EQ(playback.sweeps(0, 10000).back(), plain(first.back()));
+  ASSERT_EQ(playback.sweeps(playback.state().model_version, 0, 10000).size(), first.size());
+  EXPECT_EQ(playback.sweeps(playback.state().model_version, 0, 10000).back(), plain(first.back()));
   EXPECT_EQ(playback.set(StrokeRequest{}).error().kind, ErrorKind::kUsage);
 }
 

@@ -95,10 +95,11 @@ void Edits::hear(const RecordingEvent& event) {
   if (!is_sweep && event.kind != RecordingEvent::Kind::kModel) return;
   // versions only rise, whatever a file says
   last_version = std::max(last_version, event.number);
-  if (is_sweep && cuts.sweeps().size() < kMostSweeps) cuts.add(last_version, event.sweep);
+  const bool is_shown = cuts.sweeps().size() < kMostSweeps && cuts.changes().size() < kMostSweeps;
+  if (is_sweep && is_shown) cuts.add(last_version, event.sweep);
   if (is_sweep) return;
   if (event.change.is_of_tissue()) tissues.push_back(event.change);
-  if (event.change.is_of_stroke() && cuts.changes().size() < kMostSweeps)
+  if (event.change.is_of_stroke() && is_shown)
     cuts.add(last_version,
              event.change.tissue == ModelChange::kUndo ? StrokeAction::kUndo : StrokeAction::kRedo);
 }
@@ -179,6 +180,7 @@ class Playback final : public ViewerHost {
     state.passivity = shown_.switches & kSwitchPassivity;
     state.paused = shown_.switches & kSwitchPaused;
     state.motor = shown_.switches & kSwitchMotor;
+    state.motor_is_on = motor_was_on(model_->tool, shown_);
     state.max_force_N = shown_.max_force_N;
     state.rotation_wxyz = shown_.rotation_target_wxyz;
     state.model_version = shown_.model_version;
@@ -203,9 +205,10 @@ class Playback final : public ViewerHost {
     place_.stop();
   }
 
-  std::vector<SweepRecord> sweeps(std::uint64_t first, std::size_t most) const override {
+  std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
+                                  std::size_t most) const override {
     const std::lock_guard lock(mutex_);
-    return edits_.cuts.by(shown_.model_version, static_cast<std::size_t>(first), most);
+    return edits_.cuts.by(version, static_cast<std::size_t>(first), most);
   }
   Result<Grant> set(const StrokeRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const SettingsRequest& /*request*/) override { return is_a_recording(); }

@@ -275,6 +275,7 @@ ViewedState ViewedSession::state() const {
   state.passivity = now.passivity;
   state.paused = now.paused;
   state.motor = now.motor;
+  state.motor_is_on = loop ? motor_was_on(parts_.model->tool, loop->snapshot()) : false;
   {
     const std::lock_guard lock(stop_mutex_);
     state.stop = stop_that_holds();
@@ -471,10 +472,15 @@ std::ptrdiff_t ViewedSession::strokes_left(StrokeAction action) const {
   return left;
 }
 
-Result<void> ViewedSession::check(const StrokeRequest& request, const Parameters& now) const {
+Result<void> ViewedSession::check(const LastStrokeRequest& request, const Parameters& now) const {
   if (!parts_.model->tool.burr) return bad("the scene's tool does not cut", "", "");
-  if (now.motor || motor_was_on(parts_.model->tool, loop_.load()->snapshot()))
-    return refused("the motor runs, and the stroke is not over", "motor", "switch the motor off first");
+  const ServoLoop& loop = *loop_.load();
+  if (now.motor || motor_was_on(parts_.model->tool, loop.snapshot()))
+    return refused("the motor runs, and the stroke is not over", "motor",
+                   "switch the motor off, or let go of its pedal, first");
+  if (loop.strokes() != request.strokes)
+    return refused("another stroke was begun after that was asked for", "",
+                   "ask again, where that one is meant");
   if (strokes_left(request.action) > 0) return {};
   return request.action == StrokeAction::kUndo
              ? refused("there is no stroke that can be undone", "",
@@ -488,23 +494,26 @@ Result<Grant> ViewedSession::set(const StrokeRequest& request) {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   const std::lock_guard lock(mutex_);
-  if (auto fine = check(request, loop->parameters()); !fine) return fine.error();
+  const LastStrokeRequest wanted{request, loop->strokes()};
+  if (auto fine = check(wanted, loop->parameters()); !fine) return fine.error();
   if (wants_consent(true))
-    return ask(request, request.action == StrokeAction::kUndo
-                            ? "put back what was cut last: keep the burr out of it"
-                            : "take away again what was put back last");
-  if (auto applied = apply(request, asked_by(request.by)); !applied) return applied.error();
+    return ask(wanted, request.action == StrokeAction::kUndo
+                           ? "put back what was cut last: keep the burr out of it"
+                           : "take away again what was put back last");
+  if (auto applied = apply(wanted, asked_by(request.by)); !applied) return applied.error();
   return Grant::kDone;
 }
 
-Result<void> ViewedSession::apply(const StrokeRequest& request, AskedBy by) {
-  strokes_wanted_.push_back({request.action, by});
+Result<void> ViewedSession::apply(const LastStrokeRequest& request, AskedBy by) {
+  strokes_wanted_.push_back({request.action, by, request.strokes});
   return {};
 }
 
 void ViewedSession::change_stroke_by_script(StrokeAction action) {
+  ServoLoop* loop = loop_.load();
+  if (!loop || !parts_.model->tool.burr) return;
   const std::lock_guard lock(mutex_);
-  strokes_wanted_.push_back({action, {Asker::kScript}});
+  strokes_wanted_.push_back({action, {Asker::kScript}, loop->strokes()});
 }
 
 // all of it, or an exception and nothing of it
@@ -529,7 +538,7 @@ void ViewedSession::cut_along() {
       cuts.clear();
       if (stroke_is_over) change_strokes(loop);
     } catch (const std::exception&) {
-      // no memory for it now; the burr waits for it, and cuts no more meanwhile
+      // no memory for it now; the burr waits for it, and cuts no more meanwhile. A stroke is not undone
     }
 }
 
@@ -543,34 +552,38 @@ void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
   }
   const auto carving = carved_by(*before, cuts);
   const std::lock_guard lock(mutex_);
-  // first what may fail
+  // first what may fail, and may be done twice
   cuts_.reserve(cuts.size());
+  for (const Cut& cut : cuts) nearest_.see(cut.sweep);
+  removed_.add(cuts);
   auto next = carving->taken_from(*model_.felt);
   set_cut_model_told(loop, told_, cuts, next);
   model_.felt = std::move(next);
   for (const Cut& cut : cuts) cuts_.add(model_.felt->version, plain(cut));
-  for (const Cut& cut : cuts) nearest_.see(cut.sweep);
-  removed_.add(cuts);
 }
 
 // Here too, so that nothing is cut meanwhile.
 void ViewedSession::change_strokes(ServoLoop& loop) {
   const std::lock_guard lock(mutex_);
-  for (; !strokes_wanted_.empty(); strokes_wanted_.pop_front()) {
-    const auto& [action, by] = strokes_wanted_.front();
-    const ModelChange change = change_of_stroke(*model_.felt, action);
+  while (!strokes_wanted_.empty()) {
+    const WantedStroke wanted = strokes_wanted_.front();
+    strokes_wanted_.pop_front();
+    // one that has begun since is not what was meant
+    if (wanted.strokes != loop.strokes()) continue;
+    const ModelChange change = change_of_stroke(*model_.felt, wanted.action);
     cuts_.reserve(0);
     auto next = next_version(model_, change);
     if (!next) continue;
-    go_on_with(*std::move(next), change, by, loop);
-    cuts_.add(change.version, action);
+    go_on_with(*std::move(next), change, wanted.by, loop);
+    cuts_.add(change.version, wanted.action);
     follow(change, removed_);
   }
 }
 
-std::vector<SweepRecord> ViewedSession::sweeps(std::uint64_t first, std::size_t most) const {
+std::vector<SweepRecord> ViewedSession::sweeps(std::uint32_t version, std::uint64_t first,
+                                               std::size_t most) const {
   const std::lock_guard lock(mutex_);
-  return cuts_.by(model_.felt->version, static_cast<std::size_t>(first), most);
+  return cuts_.by(version, static_cast<std::size_t>(first), most);
 }
 
 void ViewedSession::emergency_stop(const ViewerIdentity& by) {

@@ -73,7 +73,8 @@ class ViewedSession final : public ViewerHost {
   TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override;
   ViewedHealth health() const override;
   ViewedState state() const override;
-  std::vector<SweepRecord> sweeps(std::uint64_t first, std::size_t most) const override;
+  std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
+                                  std::size_t most) const override;
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;
   /// Of a stroke, whose last sweeps are still to be cut, a moment later.
@@ -100,7 +101,7 @@ class ViewedSession final : public ViewerHost {
   /// The number of the stop that holds.
   std::optional<std::uint32_t> stop_that_holds() const;
   void next_method();
-  /// The motor is off, and where there is no such stroke nothing is done.
+  /// The motor is off. Where there is no such stroke, or the tool cuts nothing, nothing is done.
   void change_stroke_by_script(StrokeAction action);
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
   void follow_script();
@@ -122,9 +123,13 @@ class ViewedSession final : public ViewerHost {
   bool wants_consent(bool feels_more) const;
   template <class Request>
   Result<Grant> ask(const Request& request, std::string what);
-  Result<void> check(const StrokeRequest& request, const Parameters& now) const;
+  /// With how many strokes had begun when it was asked for: it is of those alone.
+  struct LastStrokeRequest : StrokeRequest {
+    std::uint32_t strokes = 0;
+  };
+  Result<void> check(const LastStrokeRequest& request, const Parameters& now) const;
   Result<void> apply(const SettingsRequest& request, AskedBy by);
-  Result<void> apply(const StrokeRequest& request, AskedBy by);
+  Result<void> apply(const LastStrokeRequest& request, AskedBy by);
   Result<void> apply(const TissueRequest& request, AskedBy by);
   Result<void> choose(ForceMethod method, AskedBy by, ServoLoop& loop);
   void make_fields();
@@ -163,6 +168,7 @@ class ViewedSession final : public ViewerHost {
   struct WantedStroke {
     StrokeAction action;
     AskedBy by;
+    std::uint32_t strokes = 0;  // that had begun when it was asked for
   };
   std::deque<WantedStroke> strokes_wanted_;  // to be undone or done again
   double highest_max_force_N_;

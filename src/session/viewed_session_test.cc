@@ -943,7 +943,8 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
       EXPECT_EQ(host.set(direct).error().where, "method");
       on = true;
     }
-    for (const SweepRecord& sweep : host.sweeps(shown.size(), 7)) shown.push_back(sweep);
+    const std::uint32_t version = host.state().model_version;
+    for (const SweepRecord& sweep : host.sweeps(version, shown.size(), 7)) shown.push_back(sweep);
     // a change of a tissue between two cuts
     if (!softened && shown.size() > 10) {
       TissueRequest softer;
@@ -971,6 +972,45 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
   }
   EXPECT_GE(sweeps, shown.size());
   expect_replays(recording);
+}
+
+TEST_F(ViewedExplore, AnUndoIsOfNoStrokeThatIsBegunAfterIt) {
+  loaded_ = testing::loaded_burr();
+  ExploreOptions options;
+  options.seconds = 60;
+  enum class At { kBefore, kFirst, kStopped, kSecond, kOver } at = At::kBefore;
+  std::chrono::steady_clock::time_point over;
+  bool stands = false;
+  const auto of_second = [](const SweepRecord& sweep) { return sweep.stroke == 2; };
+  run(options, kPressAndHold, [&](ViewerHost& host, int) {
+    std::array<double, kMaxDevices> felt{};
+    const TickRecord tick = host.snapshot(felt);
+    const ViewedState state = host.state();
+    const auto sweeps = host.sweeps(state.model_version, 0, 10000);
+    SettingsRequest motor;
+    if (at == At::kBefore && sent_N(tick) > 0.5) {
+      motor.motor = true;
+      at = At::kFirst;
+    } else if (at == At::kFirst && sweeps.size() > 20) {
+      EXPECT_TRUE(state.motor_is_on);
+      motor.motor = false;
+      at = At::kStopped;
+    } else if (at == At::kStopped && !state.motor_is_on) {
+      EXPECT_TRUE(host.set(StrokeRequest{StrokeAction::kUndo, {3, true}, 1}).ok());
+      motor.motor = true;
+      at = At::kSecond;
+    } else if (at == At::kSecond && std::ranges::any_of(sweeps, of_second)) {
+      motor.motor = false;
+      at = At::kOver;
+      over = std::chrono::steady_clock::now();
+    } else if (at == At::kOver && std::chrono::steady_clock::now() - over > std::chrono::milliseconds(200)) {
+      // by then it would be undone
+      stands = std::ranges::any_of(sweeps, of_second);
+      stop_.store(true);
+    }
+    if (motor.motor) ASSERT_TRUE(host.set(motor).ok());
+  });
+  EXPECT_TRUE(stands);
 }
 
 TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {

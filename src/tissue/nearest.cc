@@ -6,13 +6,10 @@
 namespace palpate {
 
 bool motor_was_on(const Tool& tool, const TickRecord& tick) {
-  if (!tool.burr) return false;
-  const int pedal = tool.burr->pedal;
-  const auto devices = std::span(tick.device).first(static_cast<std::size_t>(tick.devices));
-  return (tick.switches & kSwitchMotor) != 0 ||
-         (pedal >= 0 && std::ranges::any_of(devices, [&](const DeviceTick& device) {
-            return (device.buttons >> pedal & 1u) != 0;
-          }));
+  const bool switched_on = (tick.switches & kSwitchMotor) != 0;
+  return std::ranges::any_of(
+      std::span(tick.device).first(static_cast<std::size_t>(tick.devices)),
+      [&](const DeviceTick& device) { return tool.motor_is_on(switched_on, device.buttons); });
 }
 
 NearestMeter::NearestMeter(const Model& model) : tool_(model.tool), protected_(model.protected_structures) {}

@@ -2510,7 +2510,7 @@ class WithBurr(Viewer):
         self.switch(True)
         self.wait_for_strokes(1, 0)
         self.assertEqual(self.offered(), [False, False])
-        self.assertEqual(self.page.run("return ['undo-stroke', 'redo-stroke'].map((id) => document.getElementById(id).title)"), 2 * ["Switch the motor off first"])
+        self.assertEqual(self.page.run("return ['undo-stroke', 'redo-stroke'].map((id) => document.getElementById(id).title)"), 2 * ["Switch the motor off, or let go of its pedal, first"])
         once = changed(whole, "first")
         # grey where nothing is left but the scan
         self.assertLess(numpy.ptp(once["first"], 1).max(), 8)

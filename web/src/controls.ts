@@ -339,8 +339,8 @@ export class Controls {
     const { state } = this.session;
     for (const [id, count, title] of [["undo-stroke", state?.strokes.undo, "undoStrokeTitle"], ["redo-stroke", state?.strokes.redo, "redoStrokeTitle"]] as const) {
       const button = byId<HTMLButtonElement>(id);
-      button.disabled = !this.isAllowed || !count || state!.motor;
-      says(button, { title: this.isAllowed && state?.motor ? "motorOffFirst" : title });
+      button.disabled = !this.isAllowed || !count || state!.motor_is_on;
+      says(button, { title: this.isAllowed && state?.motor_is_on ? "motorOffFirst" : title });
     }
   }
 

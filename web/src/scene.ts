@@ -100,7 +100,8 @@ export interface State {
   viscosity: boolean;
   passivity: boolean;
   paused: boolean;
-  motor: boolean; // of a tool that cuts
+  motor: boolean; // of a tool that cuts: its switch
+  motor_is_on: boolean; // by its switch or a pedal
   strokes: { undo: number; redo: number }; // of it, from motor on to motor off: so many can be taken back, and brought again
   removed: { label: number; mm3: number }[]; // by it, of each structure
   nearest: { label: number; mm: number }[]; // its ball came so near to what is protected

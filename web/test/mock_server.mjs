@@ -140,7 +140,7 @@ const scene = (role) => ({
   recording: null,
 });
 const state = {
-  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
+  method: "proxy", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
     ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
 };
@@ -347,7 +347,7 @@ sockets.on("connection", (socket) => {
       undone.length = 0;
       changeStrokes(() => strokes.push(nextStroke()));
     }
-    if (type === "set") Object.assign(state, values);
+    if (type === "set") Object.assign(state, values, "motor" in values ? { motor_is_on: values.motor } : {});
     if (type === "undo") changeStrokes(() => undone.push(strokes.pop()));
     if (type === "redo") changeStrokes(() => strokes.push(undone.pop()));
     if (type === "tissue") {

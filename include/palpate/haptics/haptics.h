@@ -68,6 +68,12 @@ struct Tool {
   std::vector<ToolCapsule> capsules;                                ///< with the points at most kMaxToolParts
   /// Then it is one sphere at the origin and nothing else, and the proxy alone feels what it takes away.
   std::optional<BurrSettings> burr;
+
+  /// Whether a burr's motor is on. @param switched_on  by its switch  @param buttons  of the device that
+  /// holds it
+  bool motor_is_on(bool switched_on, std::uint32_t buttons) const {
+    return burr && (switched_on || (burr->pedal >= 0 && (buttons >> burr->pedal & 1u) != 0));
+  }
 };
 inline constexpr int kMaxToolParts = static_cast<int>(kMostToolSpheres);
 

@@ -123,7 +123,8 @@ struct ViewedState {
   /// Why the method that was asked for last could not be made ready, its name as the place.
   std::optional<Error> method_failure;
   bool friction = true, viscosity = true, passivity = true, paused = false;
-  bool motor = false;                    ///< of a tool that cuts
+  bool motor = false;                    ///< of a tool that cuts: its switch
+  bool motor_is_on = false;              ///< by its switch or a pedal
   std::uint64_t sweeps = 0;              ///< of a burr, that are taken from what the scene shows
   std::vector<std::uint64_t> undone_to;  ///< how many of them were left after each undo until now
   std::size_t strokes_to_undo = 0, strokes_to_redo = 0;
@@ -215,7 +216,11 @@ class ViewerHost {
   virtual ViewedHealth health() const = 0;
   virtual ViewedState state() const = 0;
   /// Of ViewedState::sweeps those from number `first` on, 0 the first, at most so many; in their order.
-  virtual std::vector<SweepRecord> sweeps(std::uint64_t /*first*/, std::size_t /*most*/) const { return {}; }
+  /// @param version  ViewedState::model_version; what is shown may be another one by now
+  virtual std::vector<SweepRecord> sweeps(std::uint32_t /*version*/, std::uint64_t /*first*/,
+                                          std::size_t /*most*/) const {
+    return {};
+  }
   /// All of what is asked, or an error that names the value and nothing of it.
   virtual Result<Grant> set(const SettingsRequest& request) = 0;
   virtual Result<Grant> set(const TissueRequest& request) = 0;

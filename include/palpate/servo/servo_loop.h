@@ -145,6 +145,8 @@ class ServoLoop {
   /// Every sweep that a burr has finished, for one consumer, which sets a model that is cut by it
   /// (Carving). It never runs full: a burr whose sweeps are not cut cuts no more.
   virtual SpscRing<SweepRecord>& sweeps() noexcept = 0;
+  /// How many strokes of a burr have begun until the latest tick, whose sweeps in the ring belong to them.
+  virtual std::uint32_t strokes() const noexcept = 0;
   virtual LoopHealth health() const = 0;
   /// Begins the figures of health() anew, with the next tick.
   virtual void reset_health() noexcept = 0;

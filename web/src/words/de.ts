@@ -144,7 +144,7 @@ export const de: Words = {
   undoStrokeTitle: "Was die Fräse zuletzt abtrug, von Motor an bis Motor aus, kommt wieder (U)",
   redoStroke: "Abtrag wieder",
   redoStrokeTitle: "Was zuletzt wiederkam, wird wieder abgetragen (Umschalt+U)",
-  motorOffFirst: "Erst den Motor ausschalten",
+  motorOffFirst: "Erst den Motor ausschalten oder sein Pedal loslassen",
   rearm: "Freigeben",
   rearmTitle: "Kraft nach einem Not-Halt wieder an, wo die Spitze nichts berührt",
   free: "frei",

@@ -143,7 +143,7 @@ export const en = {
   undoStrokeTitle: "What the burr took away last, from motor on to motor off, comes back (U)",
   redoStroke: "Redo stroke",
   redoStrokeTitle: "What came back last is taken away again (Shift+U)",
-  motorOffFirst: "Switch the motor off first",
+  motorOffFirst: "Switch the motor off, or let go of its pedal, first",
   rearm: "Rearm",
   rearmTitle: "Force back after an emergency stop, where the tip touches nothing",
   free: "free",
