@@ -2448,7 +2448,7 @@ class WithBurr(Viewer):
 
     def switch(self, on):
         self.page.click("#motor")
-        self.page.wait(f"palpateViewer.state.motor === {json.dumps(on)}")
+        self.page.wait(f"[palpateViewer.state.motor, palpateViewer.state.motor_is_on].every((is) => is === {json.dumps(on)})")
 
     def told(self, name):
         return self.page.run("return document.getElementById(arguments[0]).textContent", name)
@@ -3041,7 +3041,7 @@ class WithMilling(Viewer):
 
     def switch(self, on):
         self.page.click("#motor")
-        self.page.wait(f"palpateViewer.state.motor === {json.dumps(on)}")
+        self.page.wait(f"[palpateViewer.state.motor, palpateViewer.state.motor_is_on].every((is) => is === {json.dumps(on)})")
 
     def test_a_stroke_is_seen_undone_and_done_again(self):
         structure = next(structure for structure in self.scene["structures"] if structure["name"] == "patella")
