@@ -1008,7 +1008,9 @@ TEST_F(ViewedExplore, AnUndoIsOfNoStrokeThatIsBegunAfterIt) {
       stands = std::ranges::any_of(sweeps, of_second);
       stop_.store(true);
     }
-    if (motor.motor) ASSERT_TRUE(host.set(motor).ok());
+    if (motor.motor) {
+      ASSERT_TRUE(host.set(motor).ok());
+    }
   });
   EXPECT_TRUE(stands);
 }
