@@ -2266,6 +2266,8 @@ class WithShaft(Viewer):
     def judge_shaft(self, p):
         into = self.into if not self.is_perspective else (p - self.eye) / numpy.linalg.norm(p - self.eye)
         side = numpy.cross(self.axis, into)
+        if numpy.linalg.norm(side) < 0.05:
+            return  # end on it has no sides
         axis = p + numpy.arange(8, 34, 0.25)[:, None] * self.axis
         side = self.radius * side / numpy.linalg.norm(side)
         (at, own, _), *sides = self.drawn(axis, axis + side, axis - side)
@@ -2325,15 +2327,15 @@ class WithShaft(Viewer):
             # the plane glides to where the tool wants it, and stays
             self.page.run("for (let n = 0; n < 60; n++) palpateViewer.draw()")
             self.page.wait("palpateViewer.isVolumeSharp")
-            ray = self.page.run("return palpateViewer.volumeRay(0, 0)")
-            self.eye, self.into = numpy.array(ray["from"]), numpy.array(ray["into"])
             while places["shaft"] < (50 if is_perspective else 25):
                 p = numpy.zeros(3)
                 while self.label_at(p + 4 * (numpy.argwhere(numpy.ones((3, 3, 3))) - 1)).any():
                     p = numpy.array([generator.uniform(-40, 40), generator.uniform(-35, 45), generator.uniform(-35, 45)])
                 self.page.run("window.lead(arguments[0])", p.tolist())
                 self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, i) => x - %s[i])) < 0.01" % json.dumps(p.tolist()))
-                answer, self.plane = self.page.run("palpateViewer.draw(); return [palpateViewer.drawnOverVolume(), palpateViewer.plane('oblique')]")
+                # with the eye of that picture, wherever the camera is by now
+                answer, self.plane, ray = self.page.run("palpateViewer.draw(); return [palpateViewer.drawnOverVolume(), palpateViewer.plane('oblique'), palpateViewer.volumeRay(0, 0)]")
+                self.eye, self.into = numpy.array(ray["from"]), numpy.array(ray["into"])
                 over = numpy.frombuffer(base64.b64decode(answer["rgba"]), numpy.uint8).reshape(answer["height"], answer["width"], 4)
                 self.over = numpy.pad(over, ((3, 3), (3, 3), (0, 0)))
                 for kind, judge in judges.items():
