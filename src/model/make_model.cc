@@ -50,6 +50,10 @@ std::uint64_t content_hash(const Model& model) {
     hash_double(hash, burr->grip);
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr->spindle[axis]);
     hash_word(hash, static_cast<std::uint64_t>(burr->pedal));
+    if (burr->length_mm > 0) {
+      hash_double(hash, burr->length_mm);
+      hash_double(hash, burr->end_radius_mm);
+    }
     for (const Tissue& tissue : model.tissues) {
       hash_double(hash, tissue.cutting_energy_mJ_per_mm3);
       hash_word(hash, static_cast<std::uint64_t>(tissue.protection));

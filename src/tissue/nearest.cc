@@ -31,15 +31,10 @@ void NearestMeter::see(const TickRecord& tick) {
 }
 
 void NearestMeter::see(const Sweep& sweep) {
-  const double length_mm = (sweep.to - sweep.from).norm();
-  for (const ProtectedStructure& structure : protected_) {
-    const double spacing_mm = structure.surface->position().geometry().min_spacing_mm();
-    const int steps = 1 + static_cast<int>(length_mm / spacing_mm);
-    for (int n = 0; n <= steps; ++n) {
-      const double part = static_cast<double>(n) / steps;
-      see(sweep.from + (sweep.to - sweep.from) * part, sweep.radius_mm, structure);
-    }
-  }
+  for (const ProtectedStructure& structure : protected_)
+    for_balls_of(
+        sweep, structure.surface->position().geometry().min_spacing_mm(),
+        [&](const Point<Patient>& at, double radius_mm) { see(at, radius_mm, structure); });
 }
 
 void NearestMeter::see(const std::map<LabelId, double>& nearest_mm) {

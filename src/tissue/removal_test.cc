@@ -48,11 +48,11 @@ class LedBurr {
       felt.made = carved_.made();
       felt.short_mm = carved_.short_mm();
     }
-    settle_burr(felt_, burr_, count, proxy_, state_);
-    const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - state_.inset_mm};
+    settle_burr(felt_, burr_, ToolPose(tip_), count, proxy_, state_);
+    const ToolSphere head = burr_.head(state_.inset_mm);
     std::vector<SurfaceBefore> before;
     for (std::int16_t n = 0; n < static_cast<std::int16_t>(felt_.size()); ++n) before.push_back({n, false});
-    keep_proxy(felt_, {&ball, 1}, ToolPose(tip_), before, proxy_);
+    keep_proxy(felt_, {&head, 1}, ToolPose(tip_), before, proxy_);
   }
   /// What is beside something softer gives its stiffness in two layers.
   void in_two_layers() {
@@ -246,12 +246,12 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
       << "what is being carved grows no more";
   const Sweep next = burr.state_.pending()[static_cast<std::size_t>(count)];
   const std::uint64_t all = finished_sweeps(burr.state_);
-  settle_burr(burr.felt_, burr.burr_, count, burr.proxy_, burr.state_);
+  settle_burr(burr.felt_, burr.burr_, ToolPose(burr.tip_), count, burr.proxy_, burr.state_);
   EXPECT_EQ(burr.state_.first, count);
   EXPECT_EQ(burr.state_.pending().front().from, next.from);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
   // told again, nothing is lost
-  settle_burr(burr.felt_, burr.burr_, count, burr.proxy_, burr.state_);
+  settle_burr(burr.felt_, burr.burr_, ToolPose(burr.tip_), count, burr.proxy_, burr.state_);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
 }
 

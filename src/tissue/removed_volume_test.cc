@@ -104,7 +104,7 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
               X_PatientVoxel *
               Point<Voxel>(i + part(place_n & 3), j + part(place_n >> 2 & 3), k + part(place_n >> 4));
           if (std::ranges::any_of(cuts, [&](const Cut& cut) {
-                return distance_to_axis_mm(cut.sweep, at) < cut.sweep.radius_mm;
+                return SweptShape(cut.sweep).depth_mm(at) > 0;
               }))
             expected[label] += grid.spacing_mm.prod() / 64;
         }

@@ -130,10 +130,10 @@ class BurrHand {
     felt_.surface = carved_.surface();
     felt_.made = carved_.made();
     felt_.short_mm = carved_.short_mm();
-    settle_burr({&felt_, 1}, burr_, count, proxy_, burr_state_);
-    const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - burr_state_.inset_mm};
+    settle_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, burr_state_);
+    const ToolSphere head = burr_.head(burr_state_.inset_mm);
     const SurfaceBefore before{0, false};
-    keep_proxy({&felt_, 1}, {&ball, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+    keep_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
     taken_.held = taken_.held && proxy_.coupled;
     return true;
   }
@@ -145,6 +145,7 @@ class BurrHand {
       low = low.min(sweep.from.eigen().array().min(sweep.to.eigen().array()) - sweep.radius_mm);
       high = high.max(sweep.from.eigen().array().max(sweep.to.eigen().array()) + sweep.radius_mm);
     }
+    std::vector<SweptShape> shapes(sweeps_.begin(), sweeps_.end());
     // a place in every cell, at random there: no plane of the block meets a plane of places
     const Eigen::Array3i cells = ((high - low) / kCell_mm).ceil().cast<int>();
     const Eigen::Array3d size_mm = (high - low) / cells.cast<double>();
@@ -158,9 +159,8 @@ class BurrHand {
           const Point<Patient> place(Eigen::Vector3d(low + Eigen::Array3d(x, y, z) * size_mm));
           // its felt surface, which a sharp edge of labels moves
           if (carved_.made()->distance_mm(place) >= 0) continue;
-          taken += std::any_of(sweeps_.begin(), sweeps_.end(), [&](const Sweep& sweep) {
-            return distance_to_axis_mm(sweep, place) < sweep.radius_mm;
-          });
+          taken += std::any_of(shapes.begin(), shapes.end(),
+                               [&](const SweptShape& shape) { return shape.depth_mm(place) > 0; });
         }
     return size_mm.prod() * static_cast<double>(taken);
   }
