@@ -70,7 +70,8 @@ int row_steps(const ToolSphere& sphere) {
   if (sphere.along_mm == Vector<Patient>()) return 0;
   // the outline of two spheres dips by r - sqrt(r^2 - (pitch / 2)^2), which is below pitch^2 / 8 r * 1.04
   // here
-  const double thinnest_mm = std::min(sphere.radius_mm, sphere.radius_at_mm(1));
+  const double thinnest_mm = sphere.row_radius_mm > 0 ? sphere.row_radius_mm
+                                                     : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
   const double pitch_mm = std::max(kLeastPitch_mm, std::sqrt(7.5 * thinnest_mm * kRowDip_mm));
   return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
 }

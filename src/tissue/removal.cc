@@ -361,7 +361,9 @@ int innermost_touched(const ProxyState& proxy) {
 
 ToolSphere Burr::head(double inset_mm) const {
   if (!(length_mm > 0)) return {Vector<Patient>(), radius_mm - inset_mm};
-  return {Vector<Patient>(), radius_mm - inset_mm, axis * length_mm, end_radius_mm - radius_mm};
+  // a row of the same places however deep it has sunk in, or it would not fit where it has just been
+  return {Vector<Patient>(), radius_mm - inset_mm, axis * length_mm, end_radius_mm - radius_mm,
+          0.5 * thinnest_mm()};
 }
 double Burr::thinnest_mm() const {
   return length_mm > 0 ? std::min(radius_mm, end_radius_mm) : radius_mm;

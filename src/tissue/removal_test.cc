@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <random>
 #include <vector>
@@ -13,27 +16,46 @@
 namespace palpate {
 namespace {
 
+/// How a burr's head goes on from its first ball.
+struct Row {
+  double length_mm = 0, end_radius_mm = 0;
+  Vector<Patient> spindle = {1, 0, 0};  ///< as the tool is first held
+};
+const Row kLyingCylinder{5, 2, {1, 0, 0}}, kStandingCylinder{5, 2, {0, 0, 1}};
+const Row kLyingCone{5, 1.2, Vector<Patient>(5, 0, -0.8).normalized()};
+const Row kStandingCone{5, 2.8, {0, 0, 1}};
+
 /// A burr of 4 mm above a block of bone, led by a hand that no force moves.
 class LedBurr {
  public:
-  explicit LedBurr(double revolutions_per_s = 1000)
+  explicit LedBurr(double revolutions_per_s = 1000, const Row& row = {})
       : carved_(testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), testing::slab(-10, 0, 8))) {
     burr_.radius_mm = 2;
     burr_.revolutions_per_s = revolutions_per_s;
-    burr_.axis = Vector<Patient>(1, 0, 0);
+    burr_.axis = spindle_ = row.spindle;
+    burr_.length_mm = row.length_mm;
+    burr_.end_radius_mm = row.end_radius_mm;
     felt_[0].surface = carved_.surface();
     felt_[0].stiffness_N_per_mm = 2;
     felt_[0].cutting_energy_mJ_per_mm3 = 100;
     options_.friction = false;
   }
 
+  ToolPose pose() const { return ToolPose(tip_, attitude_); }
   /// From the last tip, evenly.
-  ProxyResult lead_to(const Point<Patient>& to, int ticks) {
+  ProxyResult lead_to(const Point<Patient>& to, int ticks) { return lead_to(to, attitude_, ticks); }
+  /// Likewise, while it turns.
+  ProxyResult lead_to(const Point<Patient>& to, const Eigen::Quaterniond& attitude, int ticks) {
     const Vector<Patient> step = (to - tip_) / ticks;
+    const Eigen::Quaterniond from = attitude_;
     ProxyResult felt;
     for (int n = 0; n < ticks; ++n) {
       tip_ += step;
-      felt = advance_burr(felt_, burr_, ToolPose(tip_), proxy_, state_, options_);
+      if (attitude.coeffs() != from.coeffs()) {
+        attitude_ = from.slerp((n + 1.0) / ticks, attitude);
+        burr_.axis = Vector<Patient>(attitude_ * spindle_.eigen());
+      }
+      felt = advance_burr(felt_, burr_, pose(), proxy_, state_, options_);
       if (state_.taken_mm3 > 0) {
         EXPECT_LE(state_.taken_mm3 * felt_[0].cutting_energy_mJ_per_mm3, state_.work_mJ + 1e-9);
       }
@@ -48,11 +70,11 @@ class LedBurr {
       felt.made = carved_.made();
       felt.short_mm = carved_.short_mm();
     }
-    settle_burr(felt_, burr_, ToolPose(tip_), count, proxy_, state_);
+    settle_burr(felt_, burr_, pose(), count, proxy_, state_);
     const ToolSphere head = burr_.head(state_.inset_mm);
     std::vector<SurfaceBefore> before;
     for (std::int16_t n = 0; n < static_cast<std::int16_t>(felt_.size()); ++n) before.push_back({n, false});
-    keep_proxy(felt_, {&head, 1}, ToolPose(tip_), before, proxy_);
+    keep_proxy(felt_, {&head, 1}, pose(), before, proxy_);
   }
   /// What is beside something softer gives its stiffness in two layers.
   void in_two_layers() {
@@ -72,6 +94,8 @@ class LedBurr {
   ProxyState proxy_;
   ProxyOptions options_;
   Point<Patient> tip_{0, 0, 3};
+  Eigen::Quaterniond attitude_ = Eigen::Quaterniond::Identity();
+  Vector<Patient> spindle_;  // while it is not turned
 };
 
 TEST(Removal, AMotorThatIsOffLeavesABall) {
@@ -214,6 +238,81 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
   EXPECT_GT(above, 20);
 }
 
+TEST(Removal, AHeadWhoseMotorIsOffIsACapsule) {
+  for (const Row& row : {kLyingCylinder, kStandingCylinder, kLyingCone, kStandingCone}) {
+    LedBurr off(0, row);
+    ProxyState head;
+    off.lead_to(Point<Patient>(0, 0, 2.6), 1);
+    (void)advance_proxy(off.felt_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
+    for (int n = 1; n <= 100; ++n) {
+      const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.002 * n, Eigen::Vector3d(1, 2, 3).normalized()));
+      const Point<Patient> tip(0.02 * n, 0.01 * n, 2.6 - 0.01 * n);
+      const ProxyResult is = off.lead_to(tip, turned, 1);
+      const ProxyResult expected =
+          advance_proxy(off.felt_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
+      ASSERT_EQ(is.force_N, expected.force_N);
+      ASSERT_EQ(off.proxy_.position, head.position);
+    }
+    EXPECT_GT(head.contacts, 0);
+    EXPECT_EQ(off.state_.taken_mm3, 0);
+  }
+}
+
+// of the block, by a lattice of places that no plane of it goes through
+double swept_mm3(const LedBurr& burr, const std::vector<SweptShape>& shapes) {
+  constexpr double kCell_mm = 0.15;
+  double taken_mm3 = 0;
+  for (double x = -9.93; x < 10; x += kCell_mm)
+    for (double y = -9.93; y < 10; y += kCell_mm)
+      for (double z = -8.03; z < 0.2; z += kCell_mm) {
+        const Point<Patient> at(x, y, z);
+        if (burr.carved_.made()->distance_mm(at) >= 0) continue;
+        if (std::any_of(shapes.begin(), shapes.end(),
+                        [&](const SweptShape& shape) { return shape.depth_mm(at) > 0; }))
+          taken_mm3 += kCell_mm * kCell_mm * kCell_mm;
+      }
+  return taken_mm3;
+}
+
+TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
+  struct Led {
+    const char* name;
+    Row row;
+    Vector<Patient> along;  // led so far
+    double turn_rad;        // about y
+  };
+  const Led ways[] = {{"ball", {}, {3, 0, -2}, 0},
+                      {"cylinder, pressed sideways", kLyingCylinder, {0, 0, -2}, 0},
+                      {"cylinder, milling sideways", kLyingCylinder, {0, 4, -2}, 0},
+                      {"cylinder, drilling", kStandingCylinder, {0, 0, -4}, 0},
+                      {"cylinder, milling by its side", kStandingCylinder, {4, 0, -3}, 0},
+                      {"cylinder, turning", kLyingCylinder, {0, 0, -1.5}, 0.3},
+                      {"cone, pressed sideways", kLyingCone, {0, 0, -2}, 0},
+                      {"cone, drilling", kStandingCone, {0, 0, -4}, 0},
+                      {"cone, turning", kStandingCone, {1, 0, -3}, 0.3}};
+  for (const Led& led : ways) {
+    SCOPED_TRACE(led.name);
+    LedBurr burr(1000, led.row);
+    burr.lead_to(Point<Patient>(-2, -2, 2.05), 50);
+    const Point<Patient> from = burr.tip_;
+    std::vector<SweptShape> shapes;
+    for (int n = 1; n <= 50; ++n) {
+      const Eigen::Quaterniond turned(
+          Eigen::AngleAxisd(led.turn_rad * 0.02 * n, Eigen::Vector3d::UnitY()));
+      burr.lead_to(from + led.along * (0.02 * n), turned, 20);
+      const auto finished = finished_from(burr.state_, burr.state_.first);
+      for (const Sweep& sweep : finished) shapes.emplace_back(sweep);
+      burr.carve();
+      ASSERT_TRUE(burr.proxy_.coupled) << n;
+    }
+    for (const Sweep& sweep : burr.state_.pending()) shapes.emplace_back(sweep);
+    const double swept = swept_mm3(burr, shapes);
+    std::printf("%-32s reckoned %7.2f swept %7.2f mm3, work %7.2f, sweeps %zu, force left %.2f N, off %.3f\n", led.name, burr.state_.taken_mm3, swept, burr.state_.work_mJ / 100, shapes.size(), burr.lead_to(burr.tip_, 1).force_N.norm(), (burr.proxy_.position - burr.tip_).norm());
+    EXPECT_NEAR(burr.state_.taken_mm3 / swept, 1, 0.08);
+    EXPECT_GT(swept, 3);
+  }
+}
+
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {
   // surfaces that are never made anew, of what is soft enough for a long way, on a spiral
   LedBurr burr;
@@ -246,12 +345,12 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
       << "what is being carved grows no more";
   const Sweep next = burr.state_.pending()[static_cast<std::size_t>(count)];
   const std::uint64_t all = finished_sweeps(burr.state_);
-  settle_burr(burr.felt_, burr.burr_, ToolPose(burr.tip_), count, burr.proxy_, burr.state_);
+  settle_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(burr.state_.first, count);
   EXPECT_EQ(burr.state_.pending().front().from, next.from);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
   // told again, nothing is lost
-  settle_burr(burr.felt_, burr.burr_, ToolPose(burr.tip_), count, burr.proxy_, burr.state_);
+  settle_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
 }
 

@@ -33,7 +33,7 @@ SweptShape::SweptShape(const Sweep& sweep)
   sine_ = std::abs(slope_) < 1 ? std::sqrt(1 - slope_ * slope_) : 0;
 
   // a way along the axis, or none, spans no plane with it
-  constexpr double kLeastSine = 1e-4;
+  constexpr double kLeastSine = 1e-6;
   const Vector<Patient> across = way_.cross(sweep.axis_mm);
   determinant_ = across.squared_norm();
   if (!(determinant_ > kLeastSine * kLeastSine * way_squared_ * axis_squared_)) return;

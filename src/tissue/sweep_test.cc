@@ -4,38 +4,36 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <random>
-#include <vector>
 
 #include "base/test_seed.h"
 
 namespace palpate {
 namespace {
 
-// the greatest over a lattice of (s, t), which is then made finer around the best place: the depth is concave
-// in them
-double searched_depth_mm(const Sweep& sweep, const Point<Patient>& at) {
-  constexpr int kPlaces = 16;
-  const auto depth_mm = [&](double s, double t) {
-    const Point<Patient> middle = sweep.from + (sweep.to - sweep.from) * s + sweep.axis_mm * t;
-    return sweep.radius_mm + t * (sweep.end_radius_mm - sweep.radius_mm) - (at - middle).norm();
-  };
-  double best_s = 0.5, best_t = 0.5, best_mm = -std::numeric_limits<double>::infinity();
-  for (double half = 0.5; half > 1e-9; half *= 0.4) {
-    const double around_s = best_s, around_t = best_t;
-    for (int m = -kPlaces; m <= kPlaces; ++m)
-      for (int n = -kPlaces; n <= kPlaces; ++n) {
-        const double s = std::clamp(around_s + half * m / kPlaces, 0.0, 1.0);
-        const double t = std::clamp(around_t + half * n / kPlaces, 0.0, 1.0);
-        if (const double mm = depth_mm(s, t); mm > best_mm) {
-          best_mm = mm;
-          best_s = s;
-          best_t = t;
-        }
-      }
+// the greatest of a concave function from 0 to 1, by thirds
+template <class F>
+double greatest(const F& concave) {
+  double low = 0, high = 1;
+  for (int n = 0; n < 60; ++n) {
+    const double a = low + (high - low) / 3, b = high - (high - low) / 3;
+    if (concave(a) < concave(b))
+      low = a;
+    else
+      high = b;
   }
-  return best_mm;
+  return std::max({concave(0.0), concave(low), concave(1.0)});
+}
+
+// over all balls of the row the greatest over their ways: of a function that is concave in both together that
+// over one is concave in the other
+double searched_depth_mm(const Sweep& sweep, const Point<Patient>& at) {
+  return greatest([&](double t) {
+    const Point<Patient> first = sweep.from + sweep.axis_mm * t;
+    const double radius_mm = sweep.radius_mm + t * (sweep.end_radius_mm - sweep.radius_mm);
+    return greatest(
+        [&](double s) { return radius_mm - (at - (first + (sweep.to - sweep.from) * s)).norm(); });
+  });
 }
 
 TEST(Sweep, ADepthIsTheGreatestOverAllBalls) {

@@ -78,6 +78,9 @@ struct ToolSphere {
   Vector<Patient> along_mm = {};
   /// Of a capsule: by so much its radius is greater at the other end; below 0: less. The radius stays above 0.
   double widens_mm = 0;
+  /// Of a capsule: the row of spheres that it is felt as is that of so thin a one. 0: as thin as it is. One
+  /// whose radii change is felt at the same places of its axis.
+  double row_radius_mm = 0;
 
   /// @param part  of the axis, 0 at offset_mm ... 1 at the other end
   double radius_at_mm(double part) const { return radius_mm + widens_mm * part; }
