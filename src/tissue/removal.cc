@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "palpate/base/check.h"
 
@@ -121,7 +122,7 @@ class Ahead {
     // what it swept last is what it stands in
     const std::span<const Sweep> pending = state.pending();
     for (auto sweep = pending.rbegin(); sweep != pending.rend(); ++sweep)
-      swept_[swept_count_++] = SweptShape(*sweep);
+      swept_[swept_count_++].emplace(*sweep);
   }
 
   Front along(const HeadWay& way) const {
@@ -205,7 +206,7 @@ class Ahead {
     }
     if (!(least_mm < 0)) return {};
     for (std::size_t n = 0; n < swept_count_; ++n) {
-      least_mm = std::max(least_mm, swept_[n].depth_mm(place));
+      least_mm = std::max(least_mm, swept_[n]->depth_mm(place));
       if (!(least_mm < 0)) return {};
     }
     double cut = 0, energy = 0;  // shares of what is not kept
@@ -233,7 +234,7 @@ class Ahead {
   const Point<Patient> at_;
   std::array<int, 8> near_{};
   std::size_t count_ = 0;
-  std::array<SweptShape, kMostSweeps> swept_;
+  std::array<std::optional<SweptShape>, kMostSweeps> swept_;
   std::size_t swept_count_ = 0;
 };
 

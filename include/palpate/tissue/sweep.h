@@ -39,8 +39,6 @@ struct Sweep {
 /// holds on a line.
 class SweptShape {
  public:
-  /// To be assigned.
-  SweptShape() = default;
   explicit SweptShape(const Sweep& sweep);
 
   /// mm; positive within, 0 on the outline. Outside it is the distance to the outline, with a minus.
@@ -55,7 +53,7 @@ class SweptShape {
   double head_depth_mm(const Vector<Patient>& from) const;
 
   Sweep sweep_;
-  Eigen::Array3d low_ = Eigen::Array3d::Zero(), high_ = Eigen::Array3d::Zero();
+  Eigen::Array3d low_, high_;
   Vector<Patient> way_;
   double way_squared_ = 0, axis_squared_ = 0;
   double widens_mm_ = 0;  // from the first ball to the last
