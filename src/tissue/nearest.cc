@@ -1,7 +1,10 @@
 #include "palpate/tissue/nearest.h"
 
 #include <algorithm>
+#include <array>
 #include <span>
+
+#include "tissue/swept_voxels.h"
 
 namespace palpate {
 
@@ -15,7 +18,8 @@ bool motor_was_on(const Tool& tool, const TickRecord& tick) {
           }));
 }
 
-NearestMeter::NearestMeter(const Model& model) : tool_(model.tool), protected_(model.protected_structures) {}
+NearestMeter::NearestMeter(const Model& model)
+    : tool_(model.tool), X_WorldPatient_(model.X_WorldPatient), protected_(model.protected_structures) {}
 
 void NearestMeter::see(const TickRecord& tick) {
   if (protected_.empty() || !motor_was_on(tool_, tick)) return;
@@ -26,8 +30,24 @@ void NearestMeter::see(const TickRecord& tick) {
     if ((device.flags & kStill) != 0 || device.age_s >= kMotorStops_s) continue;
     const Point<Patient> at(device.proxy_patient_mm[0], device.proxy_patient_mm[1],
                             device.proxy_patient_mm[2]);
-    for (const ProtectedStructure& structure : protected_) see(at, tool_.radius_mm, structure);
+    const Sweep head{at, at, tool_.radius_mm, 0, row_mm(tick, device), tool_.burr->end_radius_mm};
+    if (head.is_of_ball())
+      for (const ProtectedStructure& structure : protected_) see(at, tool_.radius_mm, structure);
+    else
+      see(head);
   }
+}
+
+// as the hand turned it, in the object as it was turned
+Vector<Patient> NearestMeter::row_mm(const TickRecord& tick, const DeviceTick& device) const {
+  const auto quaternion = [](const std::array<double, 4>& wxyz) {
+    return Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).normalized();
+  };
+  const BurrSettings& burr = *tool_.burr;
+  if (!(burr.length_mm > 0)) return {};
+  const Eigen::Vector3d in_world = quaternion(device.orientation_wxyz) * burr.spindle;
+  const Vector<World> unturned(quaternion(tick.rotation_felt_wxyz).conjugate() * in_world);
+  return X_WorldPatient_.inverse() * unturned * burr.length_mm;
 }
 
 void NearestMeter::see(const Sweep& sweep) {

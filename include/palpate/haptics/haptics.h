@@ -74,6 +74,11 @@ struct Tool {
 };
 inline constexpr int kMaxToolParts = static_cast<int>(kMostToolSpheres);
 
+/// "ball", "cylinder" or "cone"; empty: the tool is no burr.
+std::string burr_shape(const Tool& tool);
+/// In words, such as "burr: a cone of 2.3 mm, 1.2 mm at its tip, 8 mm long"; empty: the tool is no burr.
+std::string burr_in_words(const Tool& tool);
+
 /// Whose side a scan shows: of a limb, or of both (head, torso) where no side mark is needed.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
 
