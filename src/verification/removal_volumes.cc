@@ -115,6 +115,34 @@ std::vector<LedThrough> led_ways() {
           {"cone/by-its-side", cone, groove(0, -kMilled_mm), upright_mm3(cone, kMilled_mm, kWay_mm)}};
 }
 
+// A block below z = 0 whose distances are exact: one of labels is rounded at its edges, and its sides move by
+// up to half a voxel for that.
+std::shared_ptr<const Surface> exact_block(const BlockGrid& on) {
+  constexpr double kHalf_mm = 8, kDeep_mm = 9, kReach_mm = 4, kStep_mm = 1.0 / 2048, kSteepest = 1.05;
+  const int half = static_cast<int>(std::ceil(std::hypot(kHalf_mm, kHalf_mm, kDeep_mm) / on.voxel_mm));
+  GridGeometry grid;
+  grid.dims = {2 * half, 2 * half, 2 * half};
+  grid.spacing_mm = Eigen::Vector3d::Constant(on.voxel_mm);
+  grid.direction =
+      Eigen::AngleAxisd(on.turned_rad, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  const Eigen::Vector3d first = Eigen::Vector3d::Constant((0.5 - half) * on.voxel_mm);
+  grid.origin = Point<Patient>(Eigen::Vector3d(grid.direction * first));
+  Volume<std::int16_t> distances(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
+        const Eigen::Vector3d off = (p + Eigen::Vector3d(0, 0, kDeep_mm / 2)).cwiseAbs() -
+                                    Eigen::Vector3d(kHalf_mm, kHalf_mm, kDeep_mm / 2);
+        const double mm = off.cwiseMax(0).norm() + std::min(0.0, off.maxCoeff());
+        distances.at(i, j, k) =
+            static_cast<std::int16_t>(std::lround(std::clamp(mm, -kReach_mm, kReach_mm) / kStep_mm));
+      }
+  const SignedField field(distances, {kStep_mm, 0, static_cast<std::int16_t>(std::lround(kReach_mm / kStep_mm))});
+  return std::make_shared<const Surface>(field, field, kSteepest);
+}
+
 /// A burr whose tip goes where it is led, in bone that hardly holds it.
 class LedTip {
  public:
@@ -209,9 +237,7 @@ class LedTip {
 Result<std::vector<Figure>> led_volumes_figures(const LedVolumes& which, const Progress& progress) {
   std::vector<std::shared_ptr<const Surface>> blocks;
   for (const BlockGrid& grid : kBlockGrids) {
-    auto block = bone_block(grid, progress);
-    if (!block) return block.error();
-    blocks.push_back(*std::move(block));
+    blocks.push_back(exact_block(grid));
     if (!which.all) break;
   }
   std::vector<Figure> figures;
