@@ -13,7 +13,7 @@ namespace {
 
 // It looks for material so far before its surface. Half of that deep, an edge begins to count, so that beside
 // a pocket, where its surface comes out of the material, little counts that it does not touch.
-constexpr double kAhead_mm = 0.1;
+constexpr double kAhead_mm = 0.1, kCounts_mm = kAhead_mm / 2;
 // Directions ahead, spread evenly over the disc that a ball is from ahead.
 constexpr int kDirections = 64;
 // Places on the side of a cylinder or cone, all around; half of them are ahead.
@@ -132,9 +132,25 @@ class Ahead {
     for (std::size_t end = 0; end < (is_ball ? 1 : 2); ++end)
       if (way.part[end] > 0) add_end(end, way, sum);
     if (!is_ball) add_side(way, sum);
-    if (!(sum.area_mm2 > 0)) return {};
-    const double turns_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
-    return {sum.area_mm2, turns_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2};
+    return front_of(sum);
+  }
+
+  /// Where it leans on an edge, such as the rim of a groove, in which no place is deep enough to count: for
+  /// each contact as much as one place ahead is.
+  Front leant_on(const ProxyLayer& layer) const {
+    if (count_ == 0) return {};
+    Sum sum;
+    for (int n = 0; n < layer.contacts; ++n) {
+      const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
+      const Point<Patient> middle = at_ + head_.along_mm * contact.part;
+      // the normal is a broader one, which at an edge leads past it
+      const Surface& surface = *surfaces_[static_cast<std::size_t>(contact.surface)].surface;
+      const Vector<Patient> outward = sample_central_differences(surface.position(), middle).gradient;
+      const double radius_mm = head_.radius_at_mm(contact.part);
+      add(middle, -outward.normalized(), radius_mm, std::numbers::pi * radius_mm * radius_mm / kDirections, 0,
+          sum);
+    }
+    return front_of(sum);
   }
 
  private:
@@ -146,6 +162,12 @@ class Ahead {
     double part = 0;    // 0 ... 1, of an edge in that direction
     double energy = 0;  // mJ/mm3
   };
+
+  Front front_of(const Sum& sum) const {
+    if (!(sum.area_mm2 > 0)) return {};
+    const double turns_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
+    return {sum.area_mm2, turns_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2};
+  }
 
   // half a ball, but for what lies in the rest of the head
   void add_end(std::size_t end, const HeadWay& way, Sum& sum) const {
@@ -160,7 +182,7 @@ class Ahead {
           ahead * std::sqrt(1 - r * r) + side * (r * std::cos(turn)) + up * (r * std::sin(turn));
       // the end that reaches farther that way
       if ((head_.along_mm.dot(direction) + head_.widens_mm > 0) != (end == 1)) continue;
-      add(at_ + head_.along_mm * along_row, direction, radius_mm, share_mm2, sum);
+      add(at_ + head_.along_mm * along_row, direction, radius_mm, share_mm2, kCounts_mm, sum);
     }
   }
 
@@ -180,13 +202,14 @@ class Ahead {
       if (!(ahead > 0)) continue;
       const double radius_mm = head_.radius_at_mm(part);
       const double share_mm2 = 2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kSidePlaces;
-      add(at_ + head_.along_mm * part, direction, radius_mm, share_mm2 * ahead, sum);
+      add(at_ + head_.along_mm * part, direction, radius_mm, share_mm2 * ahead, kCounts_mm, sum);
     }
   }
 
-  void add(const Point<Patient>& middle, const Vector<Patient>& direction, double radius_mm,
-           double share_mm2, Sum& sum) const {
-    const Material material = before(middle + direction * (radius_mm + kAhead_mm));
+  // @param counts_mm  so deep in material a place begins to count
+  void add(const Point<Patient>& middle, const Vector<Patient>& direction, double radius_mm, double share_mm2,
+           double counts_mm, Sum& sum) const {
+    const Material material = before(middle + direction * (radius_mm + kAhead_mm), counts_mm);
     if (!(material.part > 0)) return;
     const double area_mm2 = share_mm2 * material.part;
     sum.area_mm2 += area_mm2;
@@ -194,7 +217,7 @@ class Ahead {
     sum.energy += area_mm2 * material.energy;
   }
 
-  Material before(const Point<Patient>& place) const {
+  Material before(const Point<Patient>& place, double counts_mm) const {
     double least_mm = std::numeric_limits<double>::infinity();
     int surface = -1;
     for (std::size_t n = 0; n < count_; ++n) {
@@ -217,7 +240,8 @@ class Ahead {
       energy += share.part * structure.cutting_energy_mJ_per_mm3;
     }
     if (!(cut > 0)) return {};
-    return {cut * std::clamp(-2 * least_mm / kAhead_mm - 1, 0.0, 1.0), energy / cut};
+    const double deep = counts_mm > 0 ? std::clamp(-least_mm / counts_mm - 1, 0.0, 1.0) : 1;
+    return {cut * deep, energy / cut};
   }
   static Vector<Patient> perpendicular(const Vector<Patient>& to) {
     const Eigen::Vector3d away = to.eigen().cwiseAbs();
@@ -470,9 +494,9 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
 
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
-  const Front front =
-      Ahead(surfaces, held, held.head(layer.attitude), layer, is_in, layer.position, state)
-          .along({push, push});
+  const Ahead ahead(surfaces, held, held.head(layer.attitude), layer, is_in, layer.position, state);
+  Front front = ahead.along({push, push});
+  if (!(front.area_mm2 > 0)) front = ahead.leant_on(layer);
   state.front_mm2 = front.area_mm2;
   state.edge_mm_per_s = front.edge_mm_per_s;
   state.energy_mJ_per_mm3 = front.energy_mJ_per_mm3;
