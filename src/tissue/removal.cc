@@ -144,11 +144,13 @@ class Ahead {
       const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
       const Point<Patient> middle = at_ + head_.along_mm * contact.part;
       // the normal is a broader one, which at an edge leads past it
-      const Surface& surface = *surfaces_[static_cast<std::size_t>(contact.surface)].surface;
-      const Vector<Patient> outward = sample_central_differences(surface.position(), middle).gradient;
+      const FeltSurface& felt = surfaces_[static_cast<std::size_t>(contact.surface)];
+      const Vector<Patient> outward =
+          sample_central_differences(felt.surface->position(), middle).gradient.normalized();
+      // between voxels the edge may be read nearer than it is
       const double radius_mm = head_.radius_at_mm(contact.part);
-      add(middle, -outward.normalized(), radius_mm, std::numbers::pi * radius_mm * radius_mm / kDirections, 0,
-          sum);
+      add(middle - outward * felt.short_mm, -outward, radius_mm,
+          std::numbers::pi * radius_mm * radius_mm / kDirections, 0, sum);
     }
     return front_of(sum);
   }
