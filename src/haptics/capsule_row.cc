@@ -70,8 +70,8 @@ int row_steps(const ToolSphere& sphere) {
   if (sphere.along_mm == Vector<Patient>()) return 0;
   // the outline of two spheres dips by r - sqrt(r^2 - (pitch / 2)^2), which is below pitch^2 / 8 r * 1.04
   // here
-  const double thinnest_mm = sphere.row_radius_mm > 0 ? sphere.row_radius_mm
-                                                     : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
+  const double thinnest_mm =
+      sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
   const double pitch_mm = std::max(kLeastPitch_mm, std::sqrt(7.5 * thinnest_mm * kRowDip_mm));
   return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
 }
@@ -92,8 +92,7 @@ NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const
   const int steps = row_steps(sphere);
   if (steps == 0) return {surface.distance_mm(centre), 0};
   int looks = 0;
-  const NearestInRow nearest =
-      nearest_in_row(surface, centre, sphere, steps, steps / 2, enough_mm, looks);
+  const NearestInRow nearest = nearest_in_row(surface, centre, sphere, steps, steps / 2, enough_mm, looks);
   return {nearest.distance_mm, static_cast<double>(nearest.step) / steps};
 }
 

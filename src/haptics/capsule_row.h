@@ -5,8 +5,8 @@
 
 /// A capsule as a row of spheres. They are so near to each other that a wall which lies across stands at most
 /// kRowDip_mm above the capsule's outline between two of them, even where it is as sharp as an edge; thin
-/// capsules and points are felt every kLeastPitch_mm. One that widens has all of them as near to each other as
-/// at its thin end.
+/// capsules and points are felt every kLeastPitch_mm. One that widens has all of them as near to each other
+/// as at its thin end.
 namespace palpate {
 
 inline constexpr double kRowDip_mm = 0.01, kLeastPitch_mm = 0.15;

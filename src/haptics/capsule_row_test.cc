@@ -87,8 +87,8 @@ TEST(CapsuleRow, TheMiddleOfWhatTouchesIsThatOfTheLyingPart) {
   const auto surfaces = ball_and_plate(random);
   // lies on the plate with all of it, or with none but its end
   const Point<Patient> on_plate(-5, 1, 1);
-  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {10, 0, 0}}, 40, 3, 0.02, looks), 0.5,
-              0.02);
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {10, 0, 0}}, 40, 3, 0.02, looks),
+              0.5, 0.02);
   EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {8, 0, 6}}, 40, 0, 0.02, looks), 0,
               1e-9);
   // on the ball where it is nearest, a third along

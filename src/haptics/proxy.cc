@@ -383,9 +383,8 @@ class Walk {
     std::optional<Friction>& known = friction_[near_.place_of(near)];
     if (!known) {
       known.emplace();
-      const Point<Patient> at =
-          proxy_ + near.offset_mm(walls_.step(wall)) -
-          walls_.half_space(wall).normal * near.radius_mm(walls_.step(wall));
+      const Point<Patient> at = proxy_ + near.offset_mm(walls_.step(wall)) -
+                                walls_.half_space(wall).normal * near.radius_mm(walls_.step(wall));
       const OwnerShares owners = owners_at(surfaces_, near.index, at);
       for (const OwnerShare& share : owners.all()) {
         const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];

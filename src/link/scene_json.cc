@@ -101,9 +101,10 @@ Json structures_json(const ViewedScene& scene) {
 Json capsules_json(const ViewedScene& scene) {
   Json capsules = Json::array();
   for (const ViewedScene::Capsule& capsule : scene.tool_capsules)
-    capsules.push_back(
-        {{"from_mm", capsule.from_mm}, {"to_mm", capsule.to_mm}, {"radius_mm", capsule.radius_mm},
-         {"end_radius_mm", capsule.end_radius_mm}});
+    capsules.push_back({{"from_mm", capsule.from_mm},
+                        {"to_mm", capsule.to_mm},
+                        {"radius_mm", capsule.radius_mm},
+                        {"end_radius_mm", capsule.end_radius_mm}});
   return capsules;
 }
 
@@ -164,12 +165,10 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["world_from_patient"] = scene.world_from_patient;
   json["structures"] = structures_json(scene);
   json["tissues"] = tissues_json(scene, state);
-  json["tool"] = {{"name", shown(scene.tool_name)},
-                  {"radius_mm", scene.tool_radius_mm},
-                  {"cuts", scene.tool_cuts},
-                  {"burr", scene.tool_burr.empty() ? Json() : Json(scene.tool_burr)},
-                  {"points_mm", scene.tool_points_mm},
-                  {"capsules", capsules_json(scene)}};
+  json["tool"] = {
+      {"name", shown(scene.tool_name)},    {"radius_mm", scene.tool_radius_mm},
+      {"cuts", scene.tool_cuts},           {"burr", scene.tool_burr.empty() ? Json() : Json(scene.tool_burr)},
+      {"points_mm", scene.tool_points_mm}, {"capsules", capsules_json(scene)}};
   json["methods"] = scene.methods;
   json["device"] = {{"name", shown(scene.device_name)},
                     {"simulated", scene.simulated},

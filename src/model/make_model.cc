@@ -80,10 +80,9 @@ Result<void> check_burr_size(const Tool& tool, const GridGeometry& grid) {
   const bool is_cone = tool.burr->length_mm > 0 && tool.burr->end_radius_mm != tool.radius_mm;
   const bool is_tip = is_cone && !tip_fits;
   char what[200];
-  std::snprintf(what, sizeof what,
-                "a burr of %g mm%s is too small for voxels of %.3g mm: it takes two of them across",
-                2 * (tip_fits ? tool.burr->end_radius_mm : tool.radius_mm), is_tip ? " at its tip" : "",
-                voxel_mm);
+  std::snprintf(
+      what, sizeof what, "a burr of %g mm%s is too small for voxels of %.3g mm: it takes two of them across",
+      2 * (tip_fits ? tool.burr->end_radius_mm : tool.radius_mm), is_tip ? " at its tip" : "", voxel_mm);
   return Error{ErrorKind::kBadInput, what, "",
                std::string("set a larger `") + (is_tip ? "tip_diameter" : "diameter") +
                    "` under [tool], or give labels with finer voxels"};

@@ -51,8 +51,8 @@ double deepest_mm(const Surface& surface, const Sweep& sweep) {
   double depth_mm = -std::numeric_limits<double>::infinity();
   for (int ball = 0; ball <= row; ++ball) {
     const double part = row > 0 ? static_cast<double>(ball) / row : 0.0;
-    const double radius_mm = row > 0 ? sweep.radius_mm + (sweep.end_radius_mm - sweep.radius_mm) * part
-                                     : sweep.radius_mm;
+    const double radius_mm =
+        row > 0 ? sweep.radius_mm + (sweep.end_radius_mm - sweep.radius_mm) * part : sweep.radius_mm;
     for (int n = 0; n <= steps; ++n) {
       const Point<Patient> at = sweep.from + way * (steps > 0 ? static_cast<double>(n) / steps : 0.0);
       depth_mm = std::max(depth_mm, radius_mm + depth_below_mm(surface, at + sweep.axis_mm * part));

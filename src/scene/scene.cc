@@ -171,9 +171,10 @@ void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings&
   // one end would hold the other, and it would be a ball
   const double widest_mm = std::max(first_mm, end_mm);
   if (*length_mm <= widest_mm) {
-    problems.add(reader.line("length"),
-                 "a " + shape + " of " + in_mm(widest_mm) + " that is " + in_mm(*length_mm) + " long",
-                 "with its round ends it is longer than wide: make `length` larger, or write shape = \"ball\"");
+    problems.add(
+        reader.line("length"),
+        "a " + shape + " of " + in_mm(widest_mm) + " that is " + in_mm(*length_mm) + " long",
+        "with its round ends it is longer than wide: make `length` larger, or write shape = \"ball\"");
     return;
   }
   tool.radius_mm = 0.5 * first_mm;

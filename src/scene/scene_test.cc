@@ -247,7 +247,8 @@ TEST(ParseScene, ABurrIsABallWithAMotor) {
 TEST(ParseScene, ABurrMayBeACylinderOrACone) {
   const auto tool_of = [](const std::string& keys) {
     const auto scene = parse_scene(
-        "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nkind = 'burr'\n" + keys, "t");
+        "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nkind = 'burr'\n" + keys,
+        "t");
     EXPECT_TRUE(scene.ok()) << scene.error().message();
     return scene.ok() ? scene->tool : Tool{};
   };

@@ -372,7 +372,6 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   const Point<Patient> tip = led.state.hands[0].proxy.position;
   const Surface &made = *led.model->surfaces[0].made, &now = *led.model->surfaces[0].surface;
   const Point<Patient> end = tip + axis;
-  std::printf("made tip %.3f end %.3f now tip %.3f end %.3f step %.3f taken %.2f\n", made.distance_mm(tip), made.distance_mm(end), now.distance_mm(tip), now.distance_mm(end), most_step_N, led.burr().taken_mm3);
   EXPECT_LT(made.distance_mm(end), kBurrRadius_mm - 0.1);
   EXPECT_GT(now.distance_mm(end), made.distance_mm(end) + 0.1);
   EXPECT_GT((end - tip).norm(), 2 * kBurrRadius_mm);

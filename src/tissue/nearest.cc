@@ -52,9 +52,8 @@ Vector<Patient> NearestMeter::row_mm(const TickRecord& tick, const DeviceTick& d
 
 void NearestMeter::see(const Sweep& sweep) {
   for (const ProtectedStructure& structure : protected_)
-    for_balls_of(
-        sweep, structure.surface->position().geometry().min_spacing_mm(),
-        [&](const Point<Patient>& at, double radius_mm) { see(at, radius_mm, structure); });
+    for_balls_of(sweep, structure.surface->position().geometry().min_spacing_mm(),
+                 [&](const Point<Patient>& at, double radius_mm) { see(at, radius_mm, structure); });
 }
 
 void NearestMeter::see(const std::map<LabelId, double>& nearest_mm) {

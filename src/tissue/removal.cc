@@ -52,8 +52,7 @@ class HeldBurr {
   /// A part of the way from one place to another. A ball is turned as it is in the end.
   HeadPose partway(const HeadPose& from, const HeadPose& to, double part) const {
     const bool turns = !is_ball() && part < 1 && from.attitude.coeffs() != to.attitude.coeffs();
-    return {from.at + (to.at - from.at) * part,
-            turns ? from.attitude.slerp(part, to.attitude) : to.attitude};
+    return {from.at + (to.at - from.at) * part, turns ? from.attitude.slerp(part, to.attitude) : to.attitude};
   }
 
  private:
@@ -79,9 +78,9 @@ bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Pati
 
 /// The way of both ends of a head's row.
 struct HeadWay {
-  double length_mm = 0;                           // of the one that goes farther
-  std::array<Vector<Patient>, 2> along;           // unit
-  std::array<double, 2> part{};                   // of the length
+  double length_mm = 0;                  // of the one that goes farther
+  std::array<Vector<Patient>, 2> along;  // unit
+  std::array<double, 2> part{};          // of the length
 
   HeadWay(const Vector<Patient>& first, const Vector<Patient>& last) {
     const std::array ways{first, last};
@@ -193,7 +192,8 @@ class Ahead {
     const double length_mm = head_.along_mm.norm(), slope = head_.widens_mm / length_mm;
     if (!(std::abs(slope) < 1)) return;
     const double cosine = std::sqrt(1 - slope * slope);
-    const Vector<Patient> axis = head_.along_mm / length_mm, side = perpendicular(axis), up = axis.cross(side);
+    const Vector<Patient> axis = head_.along_mm / length_mm, side = perpendicular(axis),
+                          up = axis.cross(side);
     const std::array ways{way.along[0] * way.part[0], way.along[1] * way.part[1]};
     for (int n = 0; n < kSidePlaces; ++n) {
       // a spiral again, evenly along the row and around it
@@ -305,7 +305,8 @@ double sunk_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr, cons
 
 // by how much it may not fit where something was taken, as the surfaces are read there: less towards what was
 // not, so that nothing jumps
-double short_of_room_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr, const ProxyState& proxy) {
+double short_of_room_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr,
+                        const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
   double most = 0;
   for (const FeltSurface& felt : surfaces) {
@@ -365,9 +366,8 @@ HeadPose beside_kept(const HeldBurr& burr, const HeadPose& from, const HeadPose&
       if (!structure.kept || is_known_beyond(kept, is, place, burr->widest_mm())) continue;
       const NearestPart nearest = nearest_part(kept, is, place, burr->radius_mm);
       if (nearest.distance_mm >= burr->radius_mm) continue;
-      const double least_mm =
-          std::min(burr->radius_mm,
-                   nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kRegained_mm);
+      const double least_mm = std::min(
+          burr->radius_mm, nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kRegained_mm);
       const double in_mm = least_mm - nearest.distance_mm;
       if (in_mm <= kTouching_mm) continue;
       clear = false;

@@ -270,10 +270,9 @@ double swept_mm3(const Surface& block, const std::vector<SweptShape>& shapes) {
     for (double y = low[1]; y < high[1]; y += kCell_mm)
       for (double x = low[0]; x < high[0]; x += kCell_mm) {
         const Point<Patient> at(x, y, z);
-        taken +=
-            block.distance_mm(at) < 0 && std::any_of(shapes.begin(), shapes.end(), [&](const auto& shape) {
-              return shape.depth_mm(at) > 0;
-            });
+        taken += block.distance_mm(at) < 0 &&
+                 std::any_of(shapes.begin(), shapes.end(),
+                             [&](const auto& shape) { return shape.depth_mm(at) > 0; });
       }
   return taken * kCell_mm * kCell_mm * kCell_mm;
 }
@@ -336,8 +335,7 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
       for (int n = 1; n <= 20; ++n) {
         burr.lead_to(from + way * (0.05 * n), was.slerp(0.05 * n, aim), 1);
         const ToolSphere head = burr.burr_.head(0);
-        const ToolSphere held =
-            TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        const ToolSphere held = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
         for (int m = 0; m < 40; ++m) {
           const double part = unit(random);
           const Vector<Patient> out(about(random), about(random), about(random));
@@ -416,6 +414,24 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
         if (is_mm > 0 && from_nerve_mm < 0.5) ++beside;
       }
   EXPECT_GT(beside, 20);
+}
+
+TEST(Removal, TheRimOfAGrooveGivesWay) {
+  // led beside a groove that is there, whose rim it meets from the side
+  LedBurr burr;
+  for (FeltSurface& felt : burr.felt_) felt.cutting_energy_mJ_per_mm3 = 2;
+  for (const double y : {-1.0, -0.5, 0.0, 0.5}) {
+    burr.lead_to(Point<Patient>(-2.5, y, 2.2), 50);
+    for (const Point<Patient> to : {Point<Patient>(-2.5, y, 0.5), Point<Patient>(2.5, y, 0.5)}) {
+      const Point<Patient> from = burr.tip_;
+      for (int n = 1; n <= 20; ++n) {
+        burr.lead_to(from + (to - from) * (0.05 * n), 20);
+        burr.carve();
+      }
+      EXPECT_LT((burr.proxy_.position - to).norm(), 0.1) << y;
+    }
+    burr.lead_to(burr.tip_ + Vector<Patient>(0, 0, 2), 50);
+  }
 }
 
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {

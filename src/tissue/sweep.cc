@@ -73,8 +73,7 @@ double SweptShape::depth_mm(const Point<Patient>& at) const {
     if (s >= 0 && s <= determinant_ && t >= 0 && t <= determinant_)
       return sweep_.radius_mm + gradient_.dot(from) - height_mm * plane_sine_;
   }
-  const double last_mm =
-      sweep_.end_radius_mm - to_way_mm(way_, way_squared_, from - sweep_.axis_mm);
+  const double last_mm = sweep_.end_radius_mm - to_way_mm(way_, way_squared_, from - sweep_.axis_mm);
   return std::max({first_mm, last_mm, head_depth_mm(from), head_depth_mm(from - way_)});
 }
 

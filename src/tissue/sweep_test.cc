@@ -70,11 +70,8 @@ TEST(Sweep, ADepthIsTheGreatestOverAllBalls) {
       inside += is_mm > 0;
       in_plane += m % 4 == 2;
       // no middle lies outside of its box
-      const double box_mm = (shape.low() - at.eigen().array())
-                                .max(at.eigen().array() - shape.high())
-                                .max(0.0)
-                                .matrix()
-                                .norm();
+      const double box_mm =
+          (shape.low() - at.eigen().array()).max(at.eigen().array() - shape.high()).max(0.0).matrix().norm();
       EXPECT_GE(shape.widest_mm() - box_mm, is_mm - 1e-9);
     }
   }

@@ -203,17 +203,18 @@ Result<SuiteReport> run_removal(const Progress& progress) {
   report.figures = *std::move(figures);
   report.figures.insert(report.figures.end(), volumes->begin(), volumes->end());
   report.figures.insert(report.figures.end(), plants->begin(), plants->end());
-  report.notes = {{"burr", "a ball of 4 mm at 60 000 revolutions a minute, on bone of 100 mJ/mm3 and 2 N/mm"},
-                  {"hand", "100 g with 10 N s/m that presses with 2 N for 0.6 s, milling at 12 mm/s"},
-                  {"plants",
-                   "simulated hands on their devices at 1 kHz, which explore a plane of bone at random "
-                   "for 20 s with the motor on, and press on it with 1 N for 4 s"},
-                  {"led",
-                   "burrs whose tips are led at 10 mm/s through bone of 2 mJ/mm3: balls of 4 mm, cylinders of "
-                   "3 mm and 8 mm long, cones of 1.8 to 3.5 mm and 7.65 mm long; volumes beside what geometry "
-                   "says"},
-                  {"surfaces", "from labels as a scene is prepared, carved every 20 ms"},
-                  {"rates", "500 Hz to 10 kHz; grids of 0.3 and 0.6 mm, along the block and turned"}};
+  report.notes = {
+      {"burr", "a ball of 4 mm at 60 000 revolutions a minute, on bone of 100 mJ/mm3 and 2 N/mm"},
+      {"hand", "100 g with 10 N s/m that presses with 2 N for 0.6 s, milling at 12 mm/s"},
+      {"plants",
+       "simulated hands on their devices at 1 kHz, which explore a plane of bone at random "
+       "for 20 s with the motor on, and press on it with 1 N for 4 s"},
+      {"led",
+       "burrs whose tips are led at 10 mm/s through bone of 2 mJ/mm3: balls of 4 mm, cylinders of "
+       "3 mm and 8 mm long, cones of 1.8 to 3.5 mm and 7.65 mm long; volumes beside what geometry "
+       "says"},
+      {"surfaces", "from labels as a scene is prepared, carved every 20 ms"},
+      {"rates", "500 Hz to 10 kHz; grids of 0.3 and 0.6 mm, along the block and turned"}};
   return report;
 }
 

@@ -72,7 +72,9 @@ double passes_mm3(double radius_mm, double above_mm, double way_mm, int passes, 
 double upright_mm3(const LedHead& head, double deep_mm, double way_mm) {
   const double slope = (head.end_mm - head.tip_mm) / head.row_mm, cosine = std::sqrt(1 - slope * slope);
   const double touches_mm = -slope * head.tip_mm;
-  const auto slice_mm2 = [&](double radius_mm) { return kPi * radius_mm * radius_mm + 2 * radius_mm * way_mm; };
+  const auto slice_mm2 = [&](double radius_mm) {
+    return kPi * radius_mm * radius_mm + 2 * radius_mm * way_mm;
+  };
   // by the angle from the bottom, where the radius has no steep end
   const double ball_mm3 = integral(0, std::acos(slope), [&](double angle) {
     return slice_mm2(head.tip_mm * std::sin(angle)) * head.tip_mm * std::sin(angle);
@@ -106,16 +108,17 @@ std::vector<LedThrough> led_ways() {
     return corners;
   };
   const double r = lying.tip_mm, row = lying.row_mm;
-  return {{"ball/groove", ball, groove(0, 0), half_way_mm3(ball.tip_mm, kWay_mm), 2},
-          {"ball/plane", ball, plane, passes_mm3(ball.tip_mm, kAbove_mm, kWay_mm, kPasses, kApart_mm), 1},
-          {"cylinder/across", athwart, beside(groove(0, 0), across * (-row / 2)),
-           row * (kPi * r * r / 2 + kWay_mm * r) + half_way_mm3(r, kWay_mm), 2},
-          {"cylinder/along", lying, beside(groove(0, 0), along * (-row / 2)), half_way_mm3(r, kWay_mm + row), 3},
-          {"cylinder/drilling", standing, hole, upright_mm3(standing, kDrilled_mm, 0), 4.5},
-          {"cylinder/by-its-side", standing, groove(0, -kMilled_mm),
-           upright_mm3(standing, kMilled_mm, kWay_mm), 2.5},
-          {"cone/drilling", cone, hole, upright_mm3(cone, kDrilled_mm, 0), 5.5},
-          {"cone/by-its-side", cone, groove(0, -kMilled_mm), upright_mm3(cone, kMilled_mm, kWay_mm), 2}};
+  return {
+      {"ball/groove", ball, groove(0, 0), half_way_mm3(ball.tip_mm, kWay_mm), 2},
+      {"ball/plane", ball, plane, passes_mm3(ball.tip_mm, kAbove_mm, kWay_mm, kPasses, kApart_mm), 1},
+      {"cylinder/across", athwart, beside(groove(0, 0), across * (-row / 2)),
+       row * (kPi * r * r / 2 + kWay_mm * r) + half_way_mm3(r, kWay_mm), 2},
+      {"cylinder/along", lying, beside(groove(0, 0), along * (-row / 2)), half_way_mm3(r, kWay_mm + row), 3},
+      {"cylinder/drilling", standing, hole, upright_mm3(standing, kDrilled_mm, 0), 4.5},
+      {"cylinder/by-its-side", standing, groove(0, -kMilled_mm), upright_mm3(standing, kMilled_mm, kWay_mm),
+       2.5},
+      {"cone/drilling", cone, hole, upright_mm3(cone, kDrilled_mm, 0), 5.5},
+      {"cone/by-its-side", cone, groove(0, -kMilled_mm), upright_mm3(cone, kMilled_mm, kWay_mm), 2}};
 }
 
 // A block below z = 0 whose distances are exact: one of labels is rounded at its edges, and its sides move by
@@ -126,8 +129,7 @@ std::shared_ptr<const Surface> exact_block(const BlockGrid& on) {
   GridGeometry grid;
   grid.dims = {2 * half, 2 * half, 2 * half};
   grid.spacing_mm = Eigen::Vector3d::Constant(on.voxel_mm);
-  grid.direction =
-      Eigen::AngleAxisd(on.turned_rad, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  grid.direction = Eigen::AngleAxisd(on.turned_rad, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
   const Eigen::Vector3d first = Eigen::Vector3d::Constant((0.5 - half) * on.voxel_mm);
   grid.origin = Point<Patient>(Eigen::Vector3d(grid.direction * first));
   Volume<std::int16_t> distances(grid);
@@ -142,7 +144,8 @@ std::shared_ptr<const Surface> exact_block(const BlockGrid& on) {
         distances.at(i, j, k) =
             static_cast<std::int16_t>(std::lround(std::clamp(mm, -kReach_mm, kReach_mm) / kStep_mm));
       }
-  const SignedField field(distances, {kStep_mm, 0, static_cast<std::int16_t>(std::lround(kReach_mm / kStep_mm))});
+  const SignedField field(distances,
+                          {kStep_mm, 0, static_cast<std::int16_t>(std::lround(kReach_mm / kStep_mm))});
   return std::make_shared<const Surface>(field, field, kSteepest);
 }
 
@@ -171,7 +174,8 @@ class LedTip {
       const Vector<Patient> way = corner - tip_;
       const long ticks = std::lround(way.norm() / kSpeed_mm_s / options_.dt_s);
       const Point<Patient> from = tip_;
-      for (long n = 1; n <= ticks; ++n) tick_at(from + way * (static_cast<double>(n) / static_cast<double>(ticks)));
+      for (long n = 1; n <= ticks; ++n)
+        tick_at(from + way * (static_cast<double>(n) / static_cast<double>(ticks)));
       // where it turns it lags behind no more
       for (long n = 0; n < std::lround(kRests_s / options_.dt_s); ++n) tick_at(corner);
     }
@@ -263,7 +267,8 @@ Result<std::vector<Figure>> led_volumes_figures(const LedVolumes& which, const P
       if (which.all) take(block, 1000, grids);
     }
     const std::string of = "removal/" + name;
-    figures.push_back({of + "/off-geometry", off_percent, "percent", rates.count() + grids.count(), led.most_off_percent});
+    figures.push_back(
+        {of + "/off-geometry", off_percent, "percent", rates.count() + grids.count(), led.most_off_percent});
     figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 2});
     if (which.all) figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 4});
   }

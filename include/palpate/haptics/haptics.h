@@ -56,7 +56,7 @@ struct BurrSettings {
   double revolutions_per_s = 1000;      ///< while its motor runs; above 0
   double grip = 0.5;                    ///< Burr::grip
   Eigen::Vector3d spindle = {0, 0, 1};  ///< its axis, unit, in the tip's frame
-  int pedal = -1;  ///< the device's button that runs the motor while it is held; -1: none does
+  int pedal = -1;            ///< the device's button that runs the motor while it is held; -1: none does
   double length_mm = 0;      ///< Burr::length_mm: of the row, from middle to middle; 0: a ball
   double end_radius_mm = 0;  ///< Burr::end_radius_mm
 };

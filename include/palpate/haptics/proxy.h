@@ -76,7 +76,8 @@ struct ToolSphere {
   double radius_mm = 0;
   /// Of a capsule: from offset_mm, one end of its axis, to the other end. 0: a sphere.
   Vector<Patient> along_mm = {};
-  /// Of a capsule: by so much its radius is greater at the other end; below 0: less. The radius stays above 0.
+  /// Of a capsule: by so much its radius is greater at the other end; below 0: less. The radius stays above
+  /// 0.
   double widens_mm = 0;
   /// Of a capsule: the row of spheres that it is felt as is that of so thin a one. 0: as thin as it is. One
   /// whose radii change is felt at the same places of its axis.

@@ -12,8 +12,8 @@
 /// A burr that takes bone away, felt in the tick in which it does. Positions in the patient frame.
 namespace palpate {
 
-/// A head that turns: a ball, or a row of balls along the spindle that is a cylinder or a cone with round ends
-/// (Sweep). The first ball's middle is at the tip.
+/// A head that turns: a ball, or a row of balls along the spindle that is a cylinder or a cone with round
+/// ends (Sweep). The first ball's middle is at the tip.
 struct Burr {
   double radius_mm = 1.5;  ///< of the first ball; of a ball half of what its maker calls its size
   double revolutions_per_s = 0;
@@ -44,20 +44,20 @@ inline constexpr int kMostSweeps = 64;
 struct BurrState {
   /// So much less than its radii it is held out by: as deep as it has sunk in since the surfaces were made.
   double inset_mm = 0;
-  double sunk_mm = 0;            ///< how deep it lies in the surfaces, of that
-  double spare_mJ = 0;           ///< that the motor has worked and the burr has not used yet
-  double pressed_N = 0;          ///< by the hand in the last tick
-  double edge_mm_per_s = 0;      ///< mean speed of the edges in the material, then
-  double front_mm2 = 0;          ///< area of the material ahead, seen along the way it is pressed
-  double energy_mJ_per_mm3 = 0;  ///< of the material there
-  double work_mJ = 0;            ///< of the motor, since the start
-  double taken_mm3 = 0;          ///< since the start, as the law reckons it
-  int layer = -1;                ///< of the proxy's, in which it cuts; -1: none
-  bool closed = false;           ///< the last sweep grows no more, as that of a burr that stands still
+  double sunk_mm = 0;             ///< how deep it lies in the surfaces, of that
+  double spare_mJ = 0;            ///< that the motor has worked and the burr has not used yet
+  double pressed_N = 0;           ///< by the hand in the last tick
+  double edge_mm_per_s = 0;       ///< mean speed of the edges in the material, then
+  double front_mm2 = 0;           ///< area of the material ahead, seen along the way it is pressed
+  double energy_mJ_per_mm3 = 0;   ///< of the material there
+  double work_mJ = 0;             ///< of the motor, since the start
+  double taken_mm3 = 0;           ///< since the start, as the law reckons it
+  int layer = -1;                 ///< of the proxy's, in which it cuts; -1: none
+  bool closed = false;            ///< the last sweep grows no more, as that of a burr that stands still
   Vector<Patient> began_axis_mm;  ///< of the last sweep: how the head was turned when that began
-  double open_s = 0;             ///< since it began
-  bool full = false;             ///< no room for what it sweeps: it cuts nothing until the surfaces are made
-  std::uint64_t first = 0;       ///< number of the first of the sweeps here, counted from the start
+  double open_s = 0;              ///< since it began
+  bool full = false;              ///< no room for what it sweeps: it cuts nothing until the surfaces are made
+  std::uint64_t first = 0;        ///< number of the first of the sweeps here, counted from the start
   int sweeps = 0;
   std::array<Sweep, kMostSweeps> sweep;
 
