@@ -422,7 +422,7 @@ TEST(Removal, TheRimOfAGrooveGivesWay) {
   for (FeltSurface& felt : burr.felt_) felt.cutting_energy_mJ_per_mm3 = 2;
   for (const double y : {-1.0, -0.5, 0.0, 0.5}) {
     burr.lead_to(Point<Patient>(-2.5, y, 2.2), 50);
-    for (const Point<Patient> to : {Point<Patient>(-2.5, y, 0.5), Point<Patient>(2.5, y, 0.5)}) {
+    for (const Point<Patient>& to : {Point<Patient>(-2.5, y, 0.5), Point<Patient>(2.5, y, 0.5)}) {
       const Point<Patient> from = burr.tip_;
       for (int n = 1; n <= 20; ++n) {
         burr.lead_to(from + (to - from) * (0.05 * n), 20);

@@ -124,8 +124,8 @@ std::vector<LedThrough> led_ways() {
 // A block below z = 0 whose distances are exact: one of labels is rounded at its edges, and its sides move by
 // up to half a voxel for that.
 std::shared_ptr<const Surface> exact_block(const BlockGrid& on) {
-  constexpr double kHalf_mm = 8, kDeep_mm = 9, kReach_mm = 4, kStep_mm = 1.0 / 2048, kSteepest = 1.05;
-  const int half = static_cast<int>(std::ceil(std::hypot(kHalf_mm, kHalf_mm, kDeep_mm) / on.voxel_mm));
+  constexpr double kHalf_mm = 8, kBlockDeep_mm = 9, kReach_mm = 4, kStep_mm = 1.0 / 2048, kSteepest = 1.05;
+  const int half = static_cast<int>(std::ceil(std::hypot(kHalf_mm, kHalf_mm, kBlockDeep_mm) / on.voxel_mm));
   GridGeometry grid;
   grid.dims = {2 * half, 2 * half, 2 * half};
   grid.spacing_mm = Eigen::Vector3d::Constant(on.voxel_mm);
@@ -138,8 +138,8 @@ std::shared_ptr<const Surface> exact_block(const BlockGrid& on) {
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
-        const Eigen::Vector3d off = (p + Eigen::Vector3d(0, 0, kDeep_mm / 2)).cwiseAbs() -
-                                    Eigen::Vector3d(kHalf_mm, kHalf_mm, kDeep_mm / 2);
+        const Eigen::Vector3d off = (p + Eigen::Vector3d(0, 0, kBlockDeep_mm / 2)).cwiseAbs() -
+                                    Eigen::Vector3d(kHalf_mm, kHalf_mm, kBlockDeep_mm / 2);
         const double mm = off.cwiseMax(0).norm() + std::min(0.0, off.maxCoeff());
         distances.at(i, j, k) =
             static_cast<std::int16_t>(std::lround(std::clamp(mm, -kReach_mm, kReach_mm) / kStep_mm));
