@@ -413,9 +413,12 @@ int run_check(const std::string& file, Console& console) {
   std::printf("side       %s\n", side_text(*scene, *data).c_str());
   print_preparation(scene->preparation, *width_mm);
   std::printf("force      %s\n", std::string(name_of(scene->force.method)).c_str());
-  std::printf("tool       %s, %zu point%s", scene->tool.name.c_str(), scene->tool.points_mm.size(),
-              scene->tool.points_mm.size() == 1 ? "" : "s");
-  if (scene->tool.radius_mm > 0) std::printf(", radius %g mm", scene->tool.radius_mm);
+  std::printf("tool       %s, ", scene->tool.name.c_str());
+  if (scene->tool.burr)
+    std::printf("%s", burr_in_words(scene->tool).c_str());
+  else
+    std::printf("%zu point%s", scene->tool.points_mm.size(), scene->tool.points_mm.size() == 1 ? "" : "s");
+  if (!scene->tool.burr && scene->tool.radius_mm > 0) std::printf(", radius %g mm", scene->tool.radius_mm);
   for (const ToolCapsule& capsule : scene->tool.capsules)
     std::printf(", capsule of %g mm, radius %g mm", (capsule.to_mm - capsule.from_mm).norm(),
                 capsule.radius_mm);

@@ -2,24 +2,32 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace palpate {
 namespace {
 
-Point<Patient> place_of_step(const Point<Patient>& centre, const Vector<Patient>& along_mm, int steps,
-                             int step) {
-  return centre + along_mm * (static_cast<double>(step) / steps);
+// less what the sphere of that step is wider than the first one
+double distance_of_step(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+                        int steps, int step) {
+  const double part = static_cast<double>(step) / steps;
+  return surface.distance_mm(centre + shape.along_mm * part) - shape.widens_mm * part;
 }
 
 class RowSearch {
  public:
-  RowSearch(const Surface& surface, const Point<Patient>& centre, const Vector<Patient>& along_mm, int steps,
+  RowSearch(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape, int steps,
             double enough_mm)
-      : surface_(surface), centre_(centre), along_mm_(along_mm), steps_(steps), enough_mm_(enough_mm) {}
+      : surface_(surface),
+        centre_(centre),
+        shape_(shape),
+        steps_(steps),
+        rise_mm_((surface.steepest() * shape.along_mm.norm() + std::abs(shape.widens_mm)) / steps),
+        enough_mm_(enough_mm) {}
 
   double look(int step) {
     ++looks_;
-    const double distance_mm = surface_.distance_mm(place_of_step(centre_, along_mm_, steps_, step));
+    const double distance_mm = distance_of_step(surface_, centre_, shape_, steps_, step);
     if (distance_mm < nearest_.distance_mm) nearest_ = {distance_mm, step};
     return distance_mm;
   }
@@ -28,8 +36,8 @@ class RowSearch {
   void search(int first, int last) {
     if (first > last) return;
     const int middle = (first + last) / 2;
-    const double distance_mm = look(middle), rise_mm = surface_.steepest() * along_mm_.norm() / steps_;
-    const double least_mm = distance_mm - rise_mm * (last - middle);
+    const double distance_mm = look(middle);
+    const double least_mm = distance_mm - rise_mm_ * (last - middle);
     if (least_mm > std::min(enough_mm_, nearest_.distance_mm)) {
       if (last > first) left_out_mm_ = std::min(left_out_mm_, least_mm);
       return;
@@ -47,8 +55,9 @@ class RowSearch {
  private:
   const Surface& surface_;
   const Point<Patient>& centre_;
-  const Vector<Patient>& along_mm_;
+  const ToolSphere& shape_;
   const int steps_;
+  const double rise_mm_;  // from one step to the next, at most
   const double enough_mm_;
   NearestInRow nearest_{std::numeric_limits<double>::infinity(), 0};
   double left_out_mm_ = std::numeric_limits<double>::infinity();
@@ -61,14 +70,15 @@ int row_steps(const ToolSphere& sphere) {
   if (sphere.along_mm == Vector<Patient>()) return 0;
   // the outline of two spheres dips by r - sqrt(r^2 - (pitch / 2)^2), which is below pitch^2 / 8 r * 1.04
   // here
-  const double pitch_mm = std::max(kLeastPitch_mm, std::sqrt(7.5 * sphere.radius_mm * kRowDip_mm));
+  const double thinnest_mm =
+      sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
+  const double pitch_mm = std::max(kLeastPitch_mm, std::sqrt(7.5 * thinnest_mm * kRowDip_mm));
   return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
 }
 
-NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre,
-                            const Vector<Patient>& along_mm, int steps, int begin, double enough_mm,
-                            int& looks) {
-  RowSearch row(surface, centre, along_mm, steps, enough_mm);
+NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+                            int steps, int begin, double enough_mm, int& looks) {
+  RowSearch row(surface, centre, shape, steps, enough_mm);
   row.look(begin);
   row.search(0, begin - 1);
   row.search(begin + 1, steps);
@@ -76,12 +86,21 @@ NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre
   return row.nearest();
 }
 
-double middle_of_touching(const Surface& surface, const Point<Patient>& centre,
-                          const Vector<Patient>& along_mm, int steps, int step, double beside_mm,
-                          int& looks) {
+NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
+                         double enough_mm) {
+  const Point<Patient> centre = at + sphere.offset_mm;
+  const int steps = row_steps(sphere);
+  if (steps == 0) return {surface.distance_mm(centre), 0};
+  int looks = 0;
+  const NearestInRow nearest = nearest_in_row(surface, centre, sphere, steps, steps / 2, enough_mm, looks);
+  return {nearest.distance_mm, static_cast<double>(nearest.step) / steps};
+}
+
+double middle_of_touching(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+                          int steps, int step, double beside_mm, int& looks) {
   const auto distance_mm = [&](int at) {
     ++looks;
-    return surface.distance_mm(place_of_step(centre, along_mm, steps, at));
+    return distance_of_step(surface, centre, shape, steps, at);
   };
   const double least_mm = distance_mm(step);
   double all = 1, sum = step;

@@ -53,16 +53,20 @@ TEST(CapsuleRow, TheNearestIsThatOfAllItsSpheres) {
     // every tenth lies along the plate
     Vector<Patient> along_mm = random_direction(random) * (0.1 + 7 * unit(random));
     if (n % 20 == 1) along_mm = {along_mm.x(), along_mm.y(), 0};
-    const int steps = row_steps({{}, 2 * unit(random), along_mm});
+    ToolSphere shape{{}, 0.01 + 2 * unit(random), along_mm};
+    // every third widens or narrows
+    if (n % 3 == 2) shape.widens_mm = 2 * unit(random) - shape.radius_mm;
+    const int steps = row_steps(shape);
     const double enough_mm = n % 3 == 0 ? std::numeric_limits<double>::infinity() : 3 * unit(random);
     const int begin = static_cast<int>(unit(random) * steps);
 
     double least_mm = std::numeric_limits<double>::infinity();
     const auto at_step = [&](int step) {
-      return surface.distance_mm(centre + along_mm * (static_cast<double>(step) / steps));
+      const double part = static_cast<double>(step) / steps;
+      return surface.distance_mm(centre + along_mm * part) - shape.widens_mm * part;
     };
     for (int step = 0; step <= steps; ++step) least_mm = std::min(least_mm, at_step(step));
-    const NearestInRow nearest = nearest_in_row(surface, centre, along_mm, steps, begin, enough_mm, looks);
+    const NearestInRow nearest = nearest_in_row(surface, centre, shape, steps, begin, enough_mm, looks);
     all += steps + 1;
     if (nearest.distance_mm <= enough_mm) {
       ASSERT_EQ(nearest.distance_mm, least_mm);
@@ -83,11 +87,16 @@ TEST(CapsuleRow, TheMiddleOfWhatTouchesIsThatOfTheLyingPart) {
   const auto surfaces = ball_and_plate(random);
   // lies on the plate with all of it, or with none but its end
   const Point<Patient> on_plate(-5, 1, 1);
-  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {10, 0, 0}, 40, 3, 0.02, looks), 0.5, 0.02);
-  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {8, 0, 6}, 40, 0, 0.02, looks), 0, 1e-9);
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {10, 0, 0}}, 40, 3, 0.02, looks),
+              0.5, 0.02);
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {8, 0, 6}}, 40, 0, 0.02, looks), 0,
+              1e-9);
   // on the ball where it is nearest, a third along
-  EXPECT_NEAR(middle_of_touching(*surfaces[0].surface, {-3, 0, 7}, {9, 0, 0}, 30, 10, 0.02, looks), 1.0 / 3,
-              0.03);
+  EXPECT_NEAR(middle_of_touching(*surfaces[0].surface, {-3, 0, 7}, {{}, 1, {9, 0, 0}}, 30, 10, 0.02, looks),
+              1.0 / 3, 0.03);
+  // a cone whose side lies along the plate, with its axis at an angle to it
+  const ToolSphere cone{{}, 1, Vector<Patient>(std::sqrt(99.0), 0, 1), 1};
+  EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, cone, 40, 3, 0.02, looks), 0.5, 0.02);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstdio>
 
 #include "palpate/haptics/haptics.h"
 
@@ -24,6 +25,27 @@ const Segment* Model::find(LabelId id) const {
 std::string Model::name_of(LabelId id) const {
   const Segment* segment = find(id);
   return segment && !segment->name.empty() ? segment->name : "label " + std::to_string(id);
+}
+
+std::string burr_shape(const Tool& tool) {
+  if (!tool.burr) return "";
+  if (!(tool.burr->length_mm > 0)) return "ball";
+  return tool.burr->end_radius_mm == tool.radius_mm ? "cylinder" : "cone";
+}
+
+std::string burr_in_words(const Tool& tool) {
+  if (!tool.burr) return "";
+  const BurrSettings& burr = *tool.burr;
+  const bool is_row = burr.length_mm > 0;
+  char text[160];
+  int end = std::snprintf(text, sizeof text, "burr: a %s of %g mm", burr_shape(tool).c_str(),
+                          2 * (is_row ? burr.end_radius_mm : tool.radius_mm));
+  const auto add = [&](const char* format, double value) {
+    end += std::snprintf(text + end, sizeof text - static_cast<std::size_t>(end), format, value);
+  };
+  if (is_row && burr.end_radius_mm != tool.radius_mm) add(", %g mm at its tip", 2 * tool.radius_mm);
+  if (is_row) add(", %g mm long", burr.length_mm + tool.radius_mm + burr.end_radius_mm);
+  return text;
 }
 
 double Model::greatest_stiffness_N_per_mm() const {

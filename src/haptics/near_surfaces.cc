@@ -38,7 +38,7 @@ void NearSurfaces::gather(std::span<const FeltSurface> surfaces, std::span<const
     const AxisBox box(at, sphere);
     tool.low = tool.low.min(box.low);
     tool.high = tool.high.max(box.high);
-    widest_mm = std::max(widest_mm, sphere.radius_mm);
+    widest_mm = std::max({widest_mm, sphere.radius_mm, sphere.radius_at_mm(1)});
   }
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!is_there(surfaces, layer, punctured, s)) continue;
@@ -104,8 +104,8 @@ double NearSurfaces::clearance(std::size_t n, const Point<Patient>& proxy, doubl
 double NearSurfaces::middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step) {
   const Near& near = near_[n];
   if (near.steps == 0) return 0;
-  return palpate::middle_of_touching(*near.surface, proxy + near.shape.offset_mm, near.shape.along_mm,
-                                     near.steps, step, kBeside_mm, looks_);
+  return palpate::middle_of_touching(*near.surface, proxy + near.shape.offset_mm, near.shape, near.steps,
+                                     step, kBeside_mm, looks_);
 }
 
 void NearSurfaces::turn(std::span<const ToolSphere> spheres) {

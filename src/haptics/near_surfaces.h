@@ -46,6 +46,7 @@ struct Near {
   double part(int step) const { return steps == 0 ? 0 : static_cast<double>(step) / steps; }
   /// From the tip to the centre of a step's sphere.
   Vector<Patient> offset_mm(int step) const { return shape.offset_mm + shape.along_mm * part(step); }
+  double radius_mm(int step) const { return shape.radius_at_mm(part(step)); }
 
   struct Clearance {
     double mm;  ///< negative: below the surface; in the surface's own measure of distance
@@ -59,7 +60,7 @@ struct Near {
       return {surface->distance_mm(centre) - shape.radius_mm, 0};
     }
     const NearestInRow nearest =
-        nearest_in_row(*surface, centre, shape.along_mm, steps, begin, enough_mm + shape.radius_mm, looks);
+        nearest_in_row(*surface, centre, shape, steps, begin, enough_mm + shape.radius_mm, looks);
     return {nearest.distance_mm - shape.radius_mm, nearest.step};
   }
 };

@@ -45,7 +45,8 @@ int layers_of(std::span<const FeltSurface> surfaces) {
 
 // from the tip to where a contact acts
 Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
-  return sphere.offset_mm + sphere.along_mm * contact.part - contact.normal * sphere.radius_mm;
+  return sphere.offset_mm + sphere.along_mm * contact.part -
+         contact.normal * sphere.radius_at_mm(contact.part);
 }
 
 bool has_capsules(std::span<const ToolSphere> spheres) {
@@ -382,8 +383,8 @@ class Walk {
     std::optional<Friction>& known = friction_[near_.place_of(near)];
     if (!known) {
       known.emplace();
-      const Point<Patient> at =
-          proxy_ + near.offset_mm(walls_.step(wall)) - walls_.half_space(wall).normal * near.shape.radius_mm;
+      const Point<Patient> at = proxy_ + near.offset_mm(walls_.step(wall)) -
+                                walls_.half_space(wall).normal * near.radius_mm(walls_.step(wall));
       const OwnerShares owners = owners_at(surfaces_, near.index, at);
       for (const OwnerShare& share : owners.all()) {
         const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];

@@ -104,7 +104,7 @@ Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
                         std::span<const ToolSphere> spheres) {
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
   return layer.position + sphere.offset_mm + sphere.along_mm * contact.part -
-         contact.normal * sphere.radius_mm;
+         contact.normal * sphere.radius_at_mm(contact.part);
 }
 
 // how a layer's contacts share its force: each along its own normal, together the spring's

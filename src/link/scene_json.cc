@@ -101,8 +101,10 @@ Json structures_json(const ViewedScene& scene) {
 Json capsules_json(const ViewedScene& scene) {
   Json capsules = Json::array();
   for (const ViewedScene::Capsule& capsule : scene.tool_capsules)
-    capsules.push_back(
-        {{"from_mm", capsule.from_mm}, {"to_mm", capsule.to_mm}, {"radius_mm", capsule.radius_mm}});
+    capsules.push_back({{"from_mm", capsule.from_mm},
+                        {"to_mm", capsule.to_mm},
+                        {"radius_mm", capsule.radius_mm},
+                        {"end_radius_mm", capsule.end_radius_mm}});
   return capsules;
 }
 
@@ -163,11 +165,10 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["world_from_patient"] = scene.world_from_patient;
   json["structures"] = structures_json(scene);
   json["tissues"] = tissues_json(scene, state);
-  json["tool"] = {{"name", shown(scene.tool_name)},
-                  {"radius_mm", scene.tool_radius_mm},
-                  {"cuts", scene.tool_cuts},
-                  {"points_mm", scene.tool_points_mm},
-                  {"capsules", capsules_json(scene)}};
+  json["tool"] = {
+      {"name", shown(scene.tool_name)},    {"radius_mm", scene.tool_radius_mm},
+      {"cuts", scene.tool_cuts},           {"burr", scene.tool_burr.empty() ? Json() : Json(scene.tool_burr)},
+      {"points_mm", scene.tool_points_mm}, {"capsules", capsules_json(scene)}};
   json["methods"] = scene.methods;
   json["device"] = {{"name", shown(scene.device_name)},
                     {"simulated", scene.simulated},
@@ -230,6 +231,10 @@ std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps
     Json row = sweep.from_mm;
     for (const double mm : sweep.to_mm) row.push_back(mm);
     row.push_back(sweep.radius_mm);
+    if (sweep.axis_mm != std::array<double, 3>{}) {
+      for (const double mm : sweep.axis_mm) row.push_back(mm);
+      row.push_back(sweep.end_radius_mm);
+    }
     json["sweeps"].push_back(std::move(row));
   }
   return text_of(json);

@@ -39,8 +39,8 @@ TEST(SceneJson, HasTheDocumentsKeys) {
      "static_friction": 0.0, "dynamic_friction": 0.0, "viscosity_N_s_per_mm": 0.0, "rests_on": [0]}])"));
   EXPECT_EQ(json["tool"],
             Json::parse(R"({"name": "point", "radius_mm": 0.0, "cuts": false, "points_mm": [[0, 0, 0]],
-                                          "capsules": [{"from_mm": [0, 0, 0], "to_mm": [0, 0, 40],
-                                                        "radius_mm": 1.5}]})"));
+                                          "burr": "cone", "capsules": [{"from_mm": [0, 0, 0], "to_mm": [0, 0, 40],
+                                                        "radius_mm": 1.5, "end_radius_mm": 2.0}]})"));
   EXPECT_EQ(json["methods"], Json::parse(R"(["proxy", "trilinear"])"));
   EXPECT_EQ(json["device"]["input"], "script");
   EXPECT_EQ(json["limits"]["max_force_N"], 1.4);

@@ -37,7 +37,8 @@ class FakeHost : public ViewerHost {
     scene_.tissues = {{"bone", true, {240, 220, 190}, 1, {}}, {"skin", false, {1, 2, 3}, 0.25, {0}}};
     scene_.tool_name = "point";
     scene_.tool_points_mm = {{0, 0, 0}};
-    scene_.tool_capsules = {{{0, 0, 0}, {0, 0, 40}, 1.5}};
+    scene_.tool_capsules = {{{0, 0, 0}, {0, 0, 40}, 1.5, 2}};
+    scene_.tool_burr = "cone";
     scene_.methods = {"proxy", "trilinear"};
     scene_.device_name = "simulated";
     state_.method = "proxy";

@@ -173,6 +173,18 @@ TEST(BuildModel, ABurrTakesTwoVoxels) {
   EXPECT_EQ(model.error().kind, ErrorKind::kBadInput);
   EXPECT_NE(model.error().message().find("2 mm is too small for voxels of 1.1 mm"), std::string::npos)
       << model.error().message();
+  // of a cone the thin end does
+  for (const bool tip : {true, false}) {
+    const auto cone =
+        build_model(scene_of(scene + "shape = 'cone'\nlength = 8\ntip_diameter = " + (tip ? "1.8\n" : "3\n")),
+                    tip ? &fine : &coarse, nullptr);
+    ASSERT_FALSE(cone.ok());
+    const std::string message = cone.error().message();
+    EXPECT_NE(message.find(tip ? "1.8 mm at its tip is too small" : "2 mm is too small"), std::string::npos)
+        << message;
+    EXPECT_NE(message.find(tip ? "a larger `tip_diameter`" : "a larger `diameter`"), std::string::npos)
+        << message;
+  }
 }
 
 TEST(BuildModel, AbsentLabelsAreErrorsWithTheirLine) {

@@ -50,6 +50,10 @@ std::uint64_t content_hash(const Model& model) {
     hash_double(hash, burr->grip);
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr->spindle[axis]);
     hash_word(hash, static_cast<std::uint64_t>(burr->pedal));
+    if (burr->length_mm > 0) {
+      hash_double(hash, burr->length_mm);
+      hash_double(hash, burr->end_radius_mm);
+    }
     for (const Tissue& tissue : model.tissues) {
       hash_double(hash, tissue.cutting_energy_mJ_per_mm3);
       hash_word(hash, static_cast<std::uint64_t>(tissue.protection));
@@ -68,14 +72,20 @@ constexpr double kLeastBurrVoxels = 2;
 
 Result<void> check_burr_size(const Tool& tool, const GridGeometry& grid) {
   if (!tool.burr) return {};
-  const double diameter_mm = 2 * tool.radius_mm, voxel_mm = grid.spacing_mm.maxCoeff();
-  if (diameter_mm >= kLeastBurrVoxels * voxel_mm * (1 - 1e-6)) return {};
-  char what[160];
-  std::snprintf(what, sizeof what,
-                "a burr of %g mm is too small for voxels of %.3g mm: it takes two of them across",
-                diameter_mm, voxel_mm);
+  const double voxel_mm = grid.spacing_mm.maxCoeff(), least_mm = kLeastBurrVoxels * voxel_mm * (1 - 1e-6);
+  const bool tip_fits = 2 * tool.radius_mm >= least_mm;
+  const bool end_fits = tool.burr->length_mm <= 0 || 2 * tool.burr->end_radius_mm >= least_mm;
+  if (tip_fits && end_fits) return {};
+  // of a cone the thin end is at fault
+  const bool is_cone = tool.burr->length_mm > 0 && tool.burr->end_radius_mm != tool.radius_mm;
+  const bool is_tip = is_cone && !tip_fits;
+  char what[200];
+  std::snprintf(
+      what, sizeof what, "a burr of %g mm%s is too small for voxels of %.3g mm: it takes two of them across",
+      2 * (tip_fits ? tool.burr->end_radius_mm : tool.radius_mm), is_tip ? " at its tip" : "", voxel_mm);
   return Error{ErrorKind::kBadInput, what, "",
-               "set a larger `diameter` under [tool], or give labels with finer voxels"};
+               std::string("set a larger `") + (is_tip ? "tip_diameter" : "diameter") +
+                   "` under [tool], or give labels with finer voxels"};
 }
 
 // what a label's place in the field is when the stiffest tissue's is 1

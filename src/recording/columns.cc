@@ -78,13 +78,21 @@ constexpr std::array kEventColumns{
     Column{"device", kU32, 1, PALPATE_EVENT(sweep.device), "1", "-", "sweep: whose burr it was, from 0",
            nullptr, kWithinFormat},
     Column{"from_patient_mm", kF64, 3, PALPATE_EVENT(sweep.from_mm), "mm", "Patient",
-           "sweep: where the burr's centre was first", nullptr, kWithinFormat},
+           "sweep: where the middle of the burr's ball was first, of a cylinder or cone of that at its tip",
+           nullptr, kWithinFormat},
     Column{"to_patient_mm", kF64, 3, PALPATE_EVENT(sweep.to_mm), "mm", "Patient",
            "sweep: where it went from there, in a straight line", nullptr, kWithinFormat},
-    Column{"radius_mm", kF64, 1, PALPATE_EVENT(sweep.radius_mm), "mm", "-", "sweep: of the burr", nullptr,
+    Column{"radius_mm", kF64, 1, PALPATE_EVENT(sweep.radius_mm), "mm", "-", "sweep: of that ball", nullptr,
            kWithinFormat},
     Column{"stroke", kU32, 1, PALPATE_EVENT(sweep.stroke), "1", "-",
            "sweep: of which stroke it is, counted from the motor's first start", nullptr, kWithinFormat},
+    Column{
+        "axis_patient_mm", kF64, 3, PALPATE_EVENT(sweep.axis_mm), "mm", "Patient",
+        "sweep: of a cylinder or cone, from the middle of the ball at its tip to that of the one at its far "
+        "end; 0: a ball",
+        nullptr, kWithinFormat},
+    Column{"end_radius_mm", kF64, 1, PALPATE_EVENT(sweep.end_radius_mm), "mm", "-",
+           "sweep: of the ball at the far end of a cylinder or cone", nullptr, kWithinFormat},
 };
 
 constexpr std::array kDeviceColumns{

@@ -205,6 +205,59 @@ TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
   EXPECT_EQ(read.error().remedy, "record it again");
 }
 
+TEST_F(Hostile, SweepsFromBeforeThereWereOthersAreOfBalls) {
+  const auto ticks = test::example_ticks(kTicks, 1, 8);
+  const SweepRecord ball{0, {1, 2, 3}, {1, 2, 3.2}, 2, 1};
+  SweepRecord cone = ball;
+  cone.axis_mm = {0, -4, 3};
+  cone.end_radius_mm = 1.25;
+  const auto written = [&](const std::vector<SweepRecord>& sweeps) {
+    std::vector<RecordingEvent> events;
+    for (const SweepRecord& sweep : sweeps) {
+      RecordingEvent& event = events.emplace_back();
+      event.kind = RecordingEvent::Kind::kSweep;
+      event.tick = 1;
+      event.number = 2;
+      event.sweep = sweep;
+    }
+    auto writer = RecordingWriter::create(file_, test::example_header(1, 8));
+    ASSERT_TRUE(writer);
+    ASSERT_TRUE((*writer)->append(ticks, events));
+    ASSERT_TRUE((*writer)->finish(test::example_summary(kTicks)));
+  };
+  const auto read_sweeps = [&] {
+    const auto read = read_recording(file_);
+    EXPECT_TRUE(read) << read.error().message();
+    std::vector<SweepRecord> sweeps;
+    if (read)
+      for (const RecordingEvent& event : read->events) sweeps.push_back(event.sweep);
+    return sweeps;
+  };
+  written({ball, cone});
+  EXPECT_EQ(read_sweeps(), (std::vector<SweepRecord>{ball, cone}));
+  {
+    // as format 4.5 has them
+    const internal::Hdf5Section section;
+    const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
+    for (const char* later : {"events/axis_patient_mm", "events/end_radius_mm"})
+      ASSERT_GE(H5Ldelete(file.get(), later, H5P_DEFAULT), 0);
+  }
+  EXPECT_EQ(read_sweeps(), (std::vector<SweepRecord>{ball, ball}));
+
+  // what no burr leaves
+  SweepRecord endless = cone, pointed = cone, unknown = cone, twofold = ball;
+  endless.axis_mm[0] = 1e5;
+  pointed.end_radius_mm = 0;
+  unknown.axis_mm[2] = kNotKnown;
+  twofold.end_radius_mm = 1;
+  for (const SweepRecord& none : {endless, pointed, unknown, twofold}) {
+    written({none});
+    const auto read = read_recording(file_);
+    ASSERT_FALSE(read);
+    EXPECT_THAT(read.error().what, HasSubstr("none that a burr leaves"));
+  }
+}
+
 // a file of format 3.1: no events, and how the model changed at its end
 void become_format_3(hid_t file, const std::vector<std::array<double, 6>>& changes) {
   const std::uint32_t major = 3;

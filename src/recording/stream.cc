@@ -127,9 +127,15 @@ void receive_ticks(Receiver& in, int devices, std::span<TickRecord> ticks, std::
 bool is_sweep(const SweepRecord& sweep) {
   constexpr double kFarthest_mm = 1e6, kLargest_mm = 10;
   const auto place = [](double mm) { return std::abs(mm) <= kFarthest_mm; };
+  constexpr double kLongest_mm = 30;
+  const auto along = [](double mm) { return std::abs(mm) <= kLongest_mm; };
   double way_mm = 0;
   for (std::size_t axis = 0; axis < 3; ++axis)
     way_mm = std::max(way_mm, std::abs(sweep.to_mm[axis] - sweep.from_mm[axis]));
+  const bool is_row = std::ranges::any_of(sweep.axis_mm, [](double mm) { return mm != 0; });
+  if (!std::ranges::all_of(sweep.axis_mm, along) || !(sweep.end_radius_mm <= kLargest_mm) ||
+      !(is_row ? sweep.end_radius_mm > 0 : sweep.end_radius_mm == 0))
+    return false;
   return sweep.device < kMaxDevices && std::ranges::all_of(sweep.from_mm, place) &&
          std::ranges::all_of(sweep.to_mm, place) && sweep.radius_mm > 0 && sweep.radius_mm <= kLargest_mm &&
          way_mm <= kLargest_mm;

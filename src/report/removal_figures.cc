@@ -47,10 +47,16 @@ const Surface* surface_of(const Model& model, LabelId label, const Point<Patient
 double deepest_mm(const Surface& surface, const Sweep& sweep) {
   const Vector<Patient> way = sweep.to - sweep.from;
   const int steps = static_cast<int>(std::ceil(way.norm() / kAlongAxis_mm));
+  const int row = static_cast<int>(std::ceil(sweep.axis_mm.norm() / kAlongAxis_mm));
   double depth_mm = -std::numeric_limits<double>::infinity();
-  for (int n = 0; n <= steps; ++n) {
-    const Point<Patient> at = sweep.from + way * (steps > 0 ? static_cast<double>(n) / steps : 0.0);
-    depth_mm = std::max(depth_mm, sweep.radius_mm + depth_below_mm(surface, at));
+  for (int ball = 0; ball <= row; ++ball) {
+    const double part = row > 0 ? static_cast<double>(ball) / row : 0.0;
+    const double radius_mm =
+        row > 0 ? sweep.radius_mm + (sweep.end_radius_mm - sweep.radius_mm) * part : sweep.radius_mm;
+    for (int n = 0; n <= steps; ++n) {
+      const Point<Patient> at = sweep.from + way * (steps > 0 ? static_cast<double>(n) / steps : 0.0);
+      depth_mm = std::max(depth_mm, radius_mm + depth_below_mm(surface, at + sweep.axis_mm * part));
+    }
   }
   return depth_mm;
 }

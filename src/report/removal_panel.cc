@@ -71,6 +71,7 @@ std::string removal_html(const Run& run) {
   std::string html =
       "<section class=\"card\" aria-labelledby=\"removal-title\"><h2 id=\"removal-title\">What was "
       "removed</h2>\n<dl class=\"provenance\">\n";
+  html += entry("Tool", burr_in_words(run.model.tool));
   html += entry("Motor switched on", number(removal.motor_s, 2) + " s");
   if (removal.undone > 0)
     html += entry("Strokes", std::to_string(removal.strokes) + ", of which " +

@@ -141,14 +141,61 @@ void read_capsule(const TomlTable& table, Tool& tool, Problems& problems) {
   tool.capsules.push_back({*from, *to, reader.number("radius").value_or(tool.radius_mm)});
 }
 
+// millimetres as a message says them
+std::string in_mm(double mm) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g mm", mm);
+  return text;
+}
+
+// what a cylinder or cone has besides its `diameter`: the row of balls from its tip to its far end
+void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings& burr, Problems& problems) {
+  const std::string shape = is_cone ? "cone" : "cylinder";
+  const auto length_mm = reader.number("length"), tip_mm = reader.number("tip_diameter");
+  if (!reader.has("length"))
+    problems.add_missing(reader.line("shape"), "a " + shape + " without `length`",
+                         "add: length = 8, in millimetres from its tip to its far end");
+  if (is_cone && !reader.has("tip_diameter"))
+    problems.add_missing(reader.line("shape"), "a cone without `tip_diameter`",
+                         "add: tip_diameter = 1.2, in millimetres; `diameter` is that of its far end");
+  if (!is_cone && reader.has("tip_diameter"))
+    problems.add(reader.line("tip_diameter"), "a cylinder has no `tip_diameter`",
+                 "it is as wide at its tip: leave this out, or write shape = \"cone\"");
+  if (!length_mm || (is_cone && !tip_mm)) return;
+  const double end_mm = 2 * tool.radius_mm, first_mm = is_cone ? *tip_mm : end_mm;
+  if (is_cone && first_mm == end_mm) {
+    problems.add(reader.line("tip_diameter"), "a cone as wide at its tip as at its far end",
+                 "write shape = \"cylinder\" and leave `tip_diameter` out, or change one of them");
+    return;
+  }
+  // one end would hold the other, and it would be a ball
+  const double widest_mm = std::max(first_mm, end_mm);
+  if (*length_mm <= widest_mm) {
+    problems.add(
+        reader.line("length"),
+        "a " + shape + " of " + in_mm(widest_mm) + " that is " + in_mm(*length_mm) + " long",
+        "with its round ends it is longer than wide: make `length` larger, or write shape = \"ball\"");
+    return;
+  }
+  tool.radius_mm = 0.5 * first_mm;
+  burr.end_radius_mm = 0.5 * end_mm;
+  burr.length_mm = *length_mm - 0.5 * (first_mm + end_mm);
+}
+
 void read_burr(const TableReader& reader, Tool& tool, Problems& problems) {
   BurrSettings burr;
   constexpr double kSecondsPerMinute = 60;
   for (const char* key : {"points", "radius", "capsule"})
     if (reader.has(key))
       problems.add(reader.line(key), std::string("a burr has no `") + key + "`",
-                   "it is a ball: say its diameter, and leave this out");
+                   "its head is all of it: say its diameter, and leave this out");
   tool.radius_mm = 0.5 * reader.number("diameter").value_or(4);
+  const std::string shape = std::string(reader.choice("shape").value_or("ball"));
+  if (shape != "ball") read_row(reader, shape == "cone", tool, burr, problems);
+  for (const char* key : {"length", "tip_diameter"})
+    if (shape == "ball" && reader.has(key))
+      problems.add(reader.line(key), std::string("a ball has no `") + key + "`",
+                   "leave this out, or write shape = \"cylinder\" or shape = \"cone\"");
   if (const auto speed = reader.number("speed")) burr.revolutions_per_s = *speed / kSecondsPerMinute;
   burr.grip = reader.number("grip").value_or(burr.grip);
   if (const auto pedal = reader.whole("pedal")) burr.pedal = static_cast<int>(*pedal);
@@ -166,7 +213,7 @@ void read_burr(const TableReader& reader, Tool& tool, Problems& problems) {
 void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
   tool.name = reader.text("name").value_or(tool.name);
   if (reader.choice("kind") == "burr") return read_burr(reader, tool, problems);
-  for (const char* key : {"diameter", "speed", "spindle", "grip", "pedal"})
+  for (const char* key : {"shape", "diameter", "length", "tip_diameter", "speed", "spindle", "grip", "pedal"})
     if (reader.has(key))
       problems.add(reader.line(key), std::string("`") + key + "` is a burr's",
                    "add kind = \"burr\", or leave this out");

@@ -244,6 +244,32 @@ TEST(ParseScene, ABurrIsABallWithAMotor) {
   EXPECT_EQ(scene->tool.burr->pedal, 1);
 }
 
+TEST(ParseScene, ABurrMayBeACylinderOrACone) {
+  const auto tool_of = [](const std::string& keys) {
+    const auto scene = parse_scene(
+        "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nkind = 'burr'\n" + keys,
+        "t");
+    EXPECT_TRUE(scene.ok()) << scene.error().message();
+    return scene.ok() ? scene->tool : Tool{};
+  };
+  const Tool cylinder = tool_of("shape = 'cylinder'\ndiameter = 3\nlength = 8\n");
+  EXPECT_EQ(cylinder.radius_mm, 1.5);
+  EXPECT_EQ(cylinder.burr->length_mm, 5);
+  EXPECT_EQ(cylinder.burr->end_radius_mm, 1.5);
+  EXPECT_EQ(burr_in_words(cylinder), "burr: a cylinder of 3 mm, 8 mm long");
+  const Tool cone = tool_of("shape = 'cone'\ndiameter = 3\nlength = 8\ntip_diameter = 1.5\n");
+  EXPECT_EQ(cone.radius_mm, 0.75);
+  EXPECT_EQ(cone.burr->length_mm, 8 - 0.75 - 1.5);
+  EXPECT_EQ(cone.burr->end_radius_mm, 1.5);
+  EXPECT_EQ(burr_in_words(cone), "burr: a cone of 3 mm, 1.5 mm at its tip, 8 mm long");
+  // wider at its tip
+  EXPECT_EQ(burr_shape(tool_of("shape = 'cone'\ndiameter = 2\nlength = 5\ntip_diameter = 4\n")), "cone");
+  const Tool ball = tool_of("shape = 'ball'\ndiameter = 3\n");
+  EXPECT_EQ(ball.burr->length_mm, 0);
+  EXPECT_EQ(burr_in_words(ball), "burr: a ball of 3 mm");
+  EXPECT_EQ(burr_shape(Tool{}), "");
+}
+
 TEST(ParseScene, TheKeysOfABurrSayItsDefaults) {
   const auto scene =
       parse_scene("[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nkind = 'burr'\n",
@@ -290,6 +316,21 @@ INSTANTIATE_TEST_SUITE_P(
     Keys, ParseSceneError,
     testing::Values(
         BadScene{TISSUE "[tool]\nkind = 'burr'\nradius = 2\n", 6, "a burr has no `radius`", "diameter"},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nshape = 'cylinder'\n", 6, "a cylinder without `length`",
+                 "add: length = 8"},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nlength = 8\n", 6, "a ball has no `length`",
+                 "shape = \"cylinder\""},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nshape = 'cylinder'\ndiameter = 4\nlength = 3\n", 8,
+                 "a cylinder of 4 mm that is 3 mm long", "make `length` larger"},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nshape = 'cylinder'\nlength = 8\ntip_diameter = 2\n", 8,
+                 "a cylinder has no `tip_diameter`", "shape = \"cone\""},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nshape = 'cone'\nlength = 8\n", 6,
+                 "a cone without `tip_diameter`", "add: tip_diameter"},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nshape = 'cone'\nlength = 4\ntip_diameter = 5\ndiameter = 2\n",
+                 7, "a cone of 5 mm that is 4 mm long", "make `length` larger"},
+        BadScene{TISSUE "[tool]\nkind = 'burr'\nshape = 'cone'\nlength = 8\ntip_diameter = 4\n", 8,
+                 "as wide at its tip as at its far end", "shape = \"cylinder\""},
+        BadScene{TISSUE "[tool]\nshape = 'cone'\n", 5, "`shape` is a burr's", "kind = \"burr\""},
         BadScene{TISSUE "[tool]\ndiameter = 2\n", 5, "`diameter` is a burr's", "kind = \"burr\""},
         BadScene{TISSUE "[tool]\nkind = 'burr'\nspindle = [0, 0, 0]\n", 6, "without direction", "[0, 0, 1]"},
         BadScene{TISSUE "[tool]\nkind = 'burr'\n[force]\nmethod = 'trilinear'\n", 5,

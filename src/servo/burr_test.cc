@@ -339,5 +339,43 @@ TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
   EXPECT_NEAR(taken_mm3[1] / taken_mm3[0], 1, 0.05);
 }
 
+TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
+  LedSession led;
+  Model with_row = *led.model;
+  // towards the handle, which is turned over to the side
+  with_row.tool.burr->spindle = Eigen::Vector3d(0, 0, 1);
+  with_row.tool.burr->length_mm = 5;
+  with_row.tool.burr->end_radius_mm = kBurrRadius_mm;
+  led.model = std::make_shared<const Model>(with_row);
+  led.carving = std::make_shared<const Carving>(with_row);
+  led.lead_to(led.above(0.2), 50);
+  led.lead_to(led.above(-0.5), 100);
+  // lies down beside its tip's pocket, and is carved all along
+  const Point<World> at = led.device.tip;
+  double turned_rad = 0, last_N = led.wrench.force_N.norm(), most_step_N = 0;
+  for (int n = 0; n < 600; ++n) {
+    if (n % 20 == 0) led.carve();
+    turned_rad = std::min(1.5, turned_rad + 0.003);
+    led.device.R_WorldTool = Eigen::AngleAxisd(turned_rad, Eigen::Vector3d::UnitX());
+    led.device.tip = at;
+    led.tick_once();
+    EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u) << n;
+    most_step_N = std::max(most_step_N, std::abs(led.wrench.force_N.norm() - last_N));
+    last_N = led.wrench.force_N.norm();
+  }
+  led.carve();
+  EXPECT_LT(most_step_N, 0.3);
+  EXPECT_GT(led.burr().taken_mm3, 3);
+  // its far end has gone through bone that its tip never was near
+  const Vector<Patient> axis = (led.model->X_WorldPatient.inverse() *
+                                Vector<World>(led.device.R_WorldTool * Eigen::Vector3d(0, 0, 5)));
+  const Point<Patient> tip = led.state.hands[0].proxy.position;
+  const Surface &made = *led.model->surfaces[0].made, &now = *led.model->surfaces[0].surface;
+  const Point<Patient> end = tip + axis;
+  EXPECT_LT(made.distance_mm(end), kBurrRadius_mm - 0.1);
+  EXPECT_GT(now.distance_mm(end), made.distance_mm(end) + 0.1);
+  EXPECT_GT((end - tip).norm(), 2 * kBurrRadius_mm);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -162,10 +162,14 @@ class Exercise {
 // a burr that is led through bone, with versions that others carved from it
 class BurrExercise {
  public:
-  BurrExercise() {
+  explicit BurrExercise(bool cone = false) {
     Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
     model.tool.radius_mm = 2;
     model.tool.burr = BurrSettings{};
+    if (cone) {
+      model.tool.burr->length_mm = 5;
+      model.tool.burr->end_radius_mm = 2.6;
+    }
     parameters_.method = ForceMethod::kProxy;
     parameters_.motor = true;
     state_.hands[0].output.gain = 1;
@@ -335,16 +339,19 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
 }
 
 TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {
-  BurrExercise exercise;
-  const long allocated = allocations + frees, locked = locks;
-  exercise.run(2000);
-  const long allocated_after = allocations + frees, locked_after = locks;
-  EXPECT_EQ(allocated_after - allocated, 0);
-  EXPECT_EQ(locked_after - locked, 0);
-  EXPECT_EQ(exercise.taken_mm3(), exercise.first_taken_mm3());
-  EXPECT_GT(exercise.taken_mm3(), 2);
-  BurrExercise again;
-  EXPECT_TRUE(runs_without_system_calls([&] { again.run(2000); }));
+  for (const bool cone : {false, true}) {
+    SCOPED_TRACE(cone);
+    BurrExercise exercise(cone);
+    const long allocated = allocations + frees, locked = locks;
+    exercise.run(2000);
+    const long allocated_after = allocations + frees, locked_after = locks;
+    EXPECT_EQ(allocated_after - allocated, 0);
+    EXPECT_EQ(locked_after - locked, 0);
+    EXPECT_EQ(exercise.taken_mm3(), exercise.first_taken_mm3());
+    EXPECT_GT(exercise.taken_mm3(), 2);
+    BurrExercise again(cone);
+    EXPECT_TRUE(runs_without_system_calls([&] { again.run(2000); }));
+  }
 }
 
 TEST(Realtime, TenThousandTicksMakeNoSystemCall) {

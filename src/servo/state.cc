@@ -47,6 +47,8 @@ void hash_burr(std::uint64_t& hash, const BurrState& burr) {
     hash_double(hash, value);
   hash_word(hash, static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.closed) << 1 |
                       static_cast<std::uint64_t>(burr.full));
+  if (burr.began_axis_mm != Vector<Patient>())
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr.began_axis_mm[axis]);
   hash_word(hash, burr.first);
   for (const Sweep& sweep : burr.pending()) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -55,6 +57,9 @@ void hash_burr(std::uint64_t& hash, const BurrState& burr) {
     }
     hash_double(hash, sweep.radius_mm);
     hash_word(hash, sweep.stroke);
+    if (sweep.is_of_ball()) continue;
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, sweep.axis_mm[axis]);
+    hash_double(hash, sweep.end_radius_mm);
   }
 }
 

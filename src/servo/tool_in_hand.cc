@@ -14,7 +14,9 @@ std::optional<Burr> burr_of(const TickContext& tick, const HandContext& hand, co
               tool.burr->grip,
               motor.most_press_N,
               tick.model.protected_structures,
-              motor.stroke};
+              motor.stroke,
+              tool.burr->length_mm,
+              tool.burr->end_radius_mm};
 }
 
 // a bit for each layer that has a proxy
@@ -33,8 +35,8 @@ ToolContact advance_tool(const TickContext& tick, const HandContext& context, co
   ProxyState& proxy = hand.proxy;
   const std::optional<Burr> burr = burr_of(tick, context, motor);
   if (burr) {
-    if (change.surfaces) settle_burr(surfaces, *burr, change.carved, proxy, hand.burr);
-    held.set_radius_mm(burr->radius_mm - hand.burr.inset_mm);
+    if (change.surfaces) settle_burr(surfaces, *burr, held.pose(), change.carved, proxy, hand.burr);
+    held.set_first(burr->head(hand.burr.inset_mm));
   }
   const unsigned coupled_before = coupled_layers(proxy);
   if (change.surfaces) keep_proxy(surfaces, held.spheres(), held.pose(), change.before, proxy);
@@ -43,7 +45,7 @@ ToolContact advance_tool(const TickContext& tick, const HandContext& context, co
   const ProxyOptions options = proxy_options(tick, context);
   const ProxyResult result = burr ? advance_burr(surfaces, *burr, held.pose(), proxy, hand.burr, options)
                                   : advance_proxy(surfaces, held.spheres(), held.pose(), proxy, options);
-  if (burr) held.set_radius_mm(burr->radius_mm - hand.burr.sunk_mm);
+  if (burr) held.set_first(burr->head(hand.burr.sunk_mm));
   ToolContact contact = touch_by_proxy(tick, context, held, proxy, result, hand.coupling);
   contact.let_go = let_go;
   return contact;

@@ -109,6 +109,47 @@ TEST_F(BurrRun, ReplaysToTheSameHash) {
   EXPECT_EQ(result->run_hash, run_hash_);
 }
 
+TEST(BurrScene, AConeIsRecordedReplayedShownAndExported) {
+  const test::TemporaryFolder folder;
+  LoadedScene loaded = testing::loaded_burr();
+  Model model = *loaded.model;
+  model.tool.burr->length_mm = 5;
+  model.tool.burr->end_radius_mm = 3;
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  const auto simulated = simulate(loaded, milling(), {}, folder / "run.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  const auto recording = read_recording(folder / "run.h5");
+  ASSERT_TRUE(recording.ok()) << recording.error().message();
+  const auto result = replay(*recording, loaded.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+  EXPECT_EQ(result->run_hash, simulated->summary.run_hash);
+  std::vector<SweepRecord> sweeps;
+  RemovedVolume removed(*loaded.model);
+  for (const RecordingEvent& event : recording->events)
+    if (event.kind == EventKind::kSweep) {
+      sweeps.push_back(event.sweep);
+      removed.add(std::vector<Cut>{cut_of(event.sweep)});
+      EXPECT_NEAR(std::hypot(event.sweep.axis_mm[0], event.sweep.axis_mm[1], event.sweep.axis_mm[2]), 5,
+                  1e-9);
+      EXPECT_EQ(event.sweep.end_radius_mm, 3);
+    }
+  ASSERT_GT(sweeps.size(), 3u);
+  const auto left = labels_left(*recording, *loaded.model);
+  ASSERT_TRUE(left.ok()) << left.error().message();
+  ASSERT_EQ(left->removed.size(), 1u);
+  EXPECT_NEAR(left->removed[0].volume_mm3, removed.by_label_mm3().begin()->second, 1e-6);
+  const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
+  ASSERT_TRUE(opened.ok()) << opened.error().message();
+  go_to(**opened, recording->ticks.back());
+  EXPECT_EQ((*opened)->sweeps(0, sweeps.size() + 5), sweeps);
+  const ViewedScene scene = (*opened)->scene();
+  EXPECT_EQ(scene.tool_burr, "cone");
+  ASSERT_EQ(scene.tool_capsules.size(), 1u);
+  EXPECT_EQ(scene.tool_capsules[0].to_mm, (std::array<double, 3>{5, 0, 0}));
+  EXPECT_EQ(scene.tool_capsules[0].end_radius_mm, 3);
+}
+
 TEST_F(BurrRun, ReplaysAsFarAsItWasWritten) {
   const std::size_t all = recording_.ticks.size();
   recording_.summary.reset();

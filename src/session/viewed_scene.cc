@@ -87,10 +87,14 @@ ViewedScene viewed_scene(const Model& model, Modality said) {
   scene.tool_cuts = model.tool.burr.has_value();
   for (const Eigen::Vector3d& point : model.tool.points_mm)
     scene.tool_points_mm.push_back({point.x(), point.y(), point.z()});
+  const auto numbers = [](const Eigen::Vector3d& p) { return std::array{p.x(), p.y(), p.z()}; };
   for (const ToolCapsule& capsule : model.tool.capsules)
-    scene.tool_capsules.push_back({{capsule.from_mm.x(), capsule.from_mm.y(), capsule.from_mm.z()},
-                                   {capsule.to_mm.x(), capsule.to_mm.y(), capsule.to_mm.z()},
-                                   capsule.radius_mm});
+    scene.tool_capsules.push_back(
+        {numbers(capsule.from_mm), numbers(capsule.to_mm), capsule.radius_mm, capsule.radius_mm});
+  scene.tool_burr = burr_shape(model.tool);
+  if (const auto& burr = model.tool.burr; burr && burr->length_mm > 0)
+    scene.tool_capsules.push_back(
+        {{}, numbers(burr->spindle * burr->length_mm), model.tool.radius_mm, burr->end_radius_mm});
   return scene;
 }
 

@@ -12,10 +12,11 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
                                                const Sweep& sweep, const std::vector<bool>& is_cut) {
   const GridGeometry& grid = labels->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
-  PatchOf<LabelId> patch{voxels_around(sweep, sweep.radius_mm, grid), {}};
+  PatchOf<LabelId> patch{voxels_around(sweep, sweep.widest_mm(), grid), {}};
   const VoxelBox& box = patch.box;
   if (box.voxel_count() == 0) return labels;
   patch.values.resize(box.voxel_count());
+  const SweptShape shape(sweep);
   bool differs = false;
   auto value = patch.values.begin();
   for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)
@@ -23,7 +24,7 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
       labels->copy_row(box.first[0], j, k, box.size[0], &*value);
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
         if (!is_cut[*value]) continue;
-        if (distance_to_axis_mm(sweep, X_PatientVoxel * Point<Voxel>(i, j, k)) >= sweep.radius_mm) continue;
+        if (!(shape.depth_mm(X_PatientVoxel * Point<Voxel>(i, j, k)) > 0)) continue;
         *value = 0;
         differs = true;
       }
@@ -35,12 +36,17 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
 
 Cut cut_of(const SweepRecord& sweep) {
   const auto point = [](const std::array<double, 3>& p) { return Point<Patient>(p[0], p[1], p[2]); };
-  return {sweep.device, {point(sweep.from_mm), point(sweep.to_mm), sweep.radius_mm, sweep.stroke}};
+  const Vector<Patient> axis_mm(sweep.axis_mm[0], sweep.axis_mm[1], sweep.axis_mm[2]);
+  return {sweep.device,
+          {point(sweep.from_mm), point(sweep.to_mm), sweep.radius_mm, sweep.stroke, axis_mm,
+           sweep.end_radius_mm}};
 }
 
 SweepRecord plain(const Cut& cut) {
-  const auto numbers = [](const Point<Patient>& p) { return std::array{p.x(), p.y(), p.z()}; };
-  return {cut.device, numbers(cut.sweep.from), numbers(cut.sweep.to), cut.sweep.radius_mm, cut.sweep.stroke};
+  const auto numbers = [](const auto& p) { return std::array{p.x(), p.y(), p.z()}; };
+  const Sweep& sweep = cut.sweep;
+  return {cut.device,   numbers(sweep.from),    numbers(sweep.to),  sweep.radius_mm,
+          sweep.stroke, numbers(sweep.axis_mm), sweep.end_radius_mm};
 }
 
 Carving::Carving(const Model& model)
@@ -85,10 +91,14 @@ void Carving::take(std::span<const Cut> cuts) {
       hash_double(hash, sweep.to[axis]);
     }
     hash_double(hash, sweep.radius_mm);
+    if (!sweep.is_of_ball()) {
+      for (int axis = 0; axis < 3; ++axis) hash_double(hash, sweep.axis_mm[axis]);
+      hash_double(hash, sweep.end_radius_mm);
+    }
     left_.labels = without(left_.labels, sweep, is_cut_);
-    const Eigen::Array3d from = sweep.from.eigen().array(), to = sweep.to.eigen().array();
-    low = low.min(from.min(to) - sweep.radius_mm);
-    high = high.max(from.max(to) + sweep.radius_mm);
+    const SweptShape shape(sweep);
+    low = low.min(shape.low() - shape.widest_mm());
+    high = high.max(shape.high() + shape.widest_mm());
   }
   left_.hash = hash;
   for (std::size_t s = 0; s < made_.size(); ++s) {

@@ -232,7 +232,7 @@ TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {
       for (int i = 0; i < dims[0]; ++i) {
         const Point<Patient> centre = X_PatientVoxel * Point<Voxel>(i, j, k);
         const bool swept =
-            distance_to_axis_mm(cuts[0].sweep, centre) < 2 || distance_to_axis_mm(cuts[1].sweep, centre) < 2;
+            SweptShape(cuts[0].sweep).depth_mm(centre) > 0 || SweptShape(cuts[1].sweep).depth_mm(centre) > 0;
         const LabelId was = model.labels->at(i, j, k);
         const bool cut = swept && model.is_felt(was);
         ASSERT_EQ(next->labels->at(i, j, k), cut ? LabelId{0} : was) << i << " " << j << " " << k;

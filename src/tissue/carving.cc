@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "palpate/base/check.h"
+#include "tissue/swept_voxels.h"
 
 namespace palpate {
 namespace {
@@ -51,16 +52,15 @@ std::vector<Steps> read(const Bricks<Steps>& bricks, const Box& box) {
   return values;
 }
 
-// voxels within so many mm of a sweep's axis
+// voxels within so many mm of where a sweep's balls have their middles
 Box around(const Sweep& sweep, double within_mm, const GridGeometry& grid,
            const Transform<Voxel, Patient>& X_VoxelPatient) {
-  const Eigen::Array3d a = (X_VoxelPatient * sweep.from).eigen().array();
-  const Eigen::Array3d b = (X_VoxelPatient * sweep.to).eigen().array();
+  const auto [least, greatest] = middles_of(sweep, X_VoxelPatient);
   const Eigen::Array3d reach = within_mm / grid.spacing_mm.array();
   // a path from far outside is as good as one from just outside
   const Eigen::Array3d most = Eigen::Array3d(grid.dims[0], grid.dims[1], grid.dims[2]) + 1;
-  const Eigen::Array3d low = (a.min(b) - reach).floor().max(-1).min(most);
-  const Eigen::Array3d high = (a.max(b) + reach).ceil().max(-1).min(most) + 1;
+  const Eigen::Array3d low = (least - reach).floor().max(-1).min(most);
+  const Eigen::Array3d high = (greatest + reach).ceil().max(-1).min(most) + 1;
   return {low.cast<int>(), high.cast<int>()};
 }
 
@@ -176,7 +176,7 @@ class Carved {
   Box reached(const SignedField& made, std::span<const Sweep> sweeps) const {
     Index low = Index::Constant(std::numeric_limits<int>::max()), high = -low;
     for (const Sweep& sweep : sweeps) {
-      const double within_mm = sweep.radius_mm + reach_mm() + band_mm_;
+      const double within_mm = sweep.widest_mm() + reach_mm() + band_mm_;
       const Box box = around(sweep, within_mm, grid_, made.X_VoxelPatient());
       low = low.min(box.low());
       high = high.max(box.high());
@@ -193,14 +193,15 @@ class Carved {
   }
 
   void take(const Sweep& sweep, const Transform<Voxel, Patient>& X_VoxelPatient) {
-    const Box box = around(sweep, sweep.radius_mm + reach_mm(), grid_, X_VoxelPatient).clipped(read_);
+    const Box box = around(sweep, sweep.widest_mm() + reach_mm(), grid_, X_VoxelPatient).clipped(read_);
+    const SweptShape shape(sweep);
     const double reach = far_;
     for (int k = box.low()[2]; k < box.high()[2]; ++k) {
       for (int j = box.low()[1]; j < box.high()[1]; ++j) {
         Steps* const row = &cut_[read_.offset(box.low()[0], j, k)];
         for (int i = box.low()[0]; i < box.high()[0]; ++i) {
           const Point<Patient> at = X_PatientVoxel_ * Point<Voxel>(i, j, k);
-          const double steps = (sweep.radius_mm - distance_to_axis_mm(sweep, at)) / step_mm_;
+          const double steps = shape.depth_mm(at) / step_mm_;
           Steps& depth = row[i - box.low()[0]];
           depth = std::max(depth, static_cast<Steps>(std::lround(std::clamp(steps, -reach, reach))));
         }
@@ -442,27 +443,18 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
   return patch;
 }
 
-// by how much a ball does not fit where it was swept, where it took something
+// by how much a head does not fit where it was swept, where it took something
 double short_of(const Surface& made, const Surface& now, const Sweep& sweep) {
-  const double length_mm = (sweep.to - sweep.from).norm();
-  const int steps = 1 + static_cast<int>(2 * length_mm / made.position().geometry().min_spacing_mm());
   double short_mm = 0;
-  for (int n = 0; n <= steps; ++n) {
-    const Point<Patient> at = sweep.from + (sweep.to - sweep.from) * (static_cast<double>(n) / steps);
-    if (made.distance_mm(at) < sweep.radius_mm)
-      short_mm = std::max(short_mm, sweep.radius_mm - now.distance_mm(at));
-  }
+  for_balls_of(sweep, 0.5 * made.position().geometry().min_spacing_mm(),
+               [&](const Point<Patient>& at, double radius_mm) {
+                 if (made.distance_mm(at) < radius_mm)
+                   short_mm = std::max(short_mm, radius_mm - now.distance_mm(at));
+               });
   return short_mm;
 }
 
 }  // namespace
-
-double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x) {
-  const Vector<Patient> way = sweep.to - sweep.from, from = x - sweep.from;
-  const double square = way.squared_norm();
-  const double part = square > 0 ? std::clamp(from.dot(way) / square, 0.0, 1.0) : 0.0;
-  return (from - way * part).norm();
-}
 
 CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made,
                              std::vector<std::shared_ptr<const Surface>> kept)

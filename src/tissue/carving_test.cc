@@ -31,6 +31,11 @@ std::vector<Sweep> random_sweeps(std::mt19937& random, int count) {
     sweep.to = sweep.from;
     if (n % 3 != 0) sweep.to += Vector<Patient>(step(random), step(random), step(random));
     sweep.radius_mm = radius(random);
+    // and some are of cylinders and cones
+    if (n % 2 != 0) {
+      sweep.axis_mm = {step(random), step(random), 2 * step(random)};
+      sweep.end_radius_mm = n % 4 == 1 ? sweep.radius_mm : radius(random);
+    }
     sweeps.push_back(sweep);
   }
   return sweeps;
@@ -48,6 +53,11 @@ class CarvingOracle {
           const Eigen::Vector3d at = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
           double depth_mm = -kReach_mm;
           for (const Sweep& sweep : sweeps) {
+            // of which sweep_test.cc has an oracle
+            if (!sweep.is_of_ball()) {
+              depth_mm = std::max(depth_mm, SweptShape(sweep).depth_mm(Point<Patient>(at)));
+              continue;
+            }
             const Eigen::Vector3d way = sweep.to.eigen() - sweep.from.eigen(), from = at - sweep.from.eigen();
             const double part =
                 way.norm() > 0 ? std::clamp(from.dot(way) / way.squaredNorm(), 0.0, 1.0) : 0.0;

@@ -1,7 +1,10 @@
 #include "palpate/tissue/nearest.h"
 
 #include <algorithm>
+#include <array>
 #include <span>
+
+#include "tissue/swept_voxels.h"
 
 namespace palpate {
 
@@ -12,7 +15,8 @@ bool motor_was_on(const Tool& tool, const TickRecord& tick) {
       [&](const DeviceTick& device) { return tool.motor_is_on(switched_on, device.buttons); });
 }
 
-NearestMeter::NearestMeter(const Model& model) : tool_(model.tool), protected_(model.protected_structures) {}
+NearestMeter::NearestMeter(const Model& model)
+    : tool_(model.tool), X_WorldPatient_(model.X_WorldPatient), protected_(model.protected_structures) {}
 
 void NearestMeter::see(const TickRecord& tick) {
   if (protected_.empty() || !motor_was_on(tool_, tick)) return;
@@ -23,20 +27,30 @@ void NearestMeter::see(const TickRecord& tick) {
     if ((device.flags & kStill) != 0 || device.age_s >= kMotorStops_s) continue;
     const Point<Patient> at(device.proxy_patient_mm[0], device.proxy_patient_mm[1],
                             device.proxy_patient_mm[2]);
-    for (const ProtectedStructure& structure : protected_) see(at, tool_.radius_mm, structure);
+    const Sweep head{at, at, tool_.radius_mm, 0, row_mm(tick, device), tool_.burr->end_radius_mm};
+    if (head.is_of_ball())
+      for (const ProtectedStructure& structure : protected_) see(at, tool_.radius_mm, structure);
+    else
+      see(head);
   }
 }
 
+// as the hand turned it, in the object as it was turned
+Vector<Patient> NearestMeter::row_mm(const TickRecord& tick, const DeviceTick& device) const {
+  const auto quaternion = [](const std::array<double, 4>& wxyz) {
+    return Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).normalized();
+  };
+  const BurrSettings& burr = *tool_.burr;
+  if (!(burr.length_mm > 0)) return {};
+  const Eigen::Vector3d in_world = quaternion(device.orientation_wxyz) * burr.spindle;
+  const Vector<World> unturned(quaternion(tick.rotation_felt_wxyz).conjugate() * in_world);
+  return X_WorldPatient_.inverse() * unturned * burr.length_mm;
+}
+
 void NearestMeter::see(const Sweep& sweep) {
-  const double length_mm = (sweep.to - sweep.from).norm();
-  for (const ProtectedStructure& structure : protected_) {
-    const double spacing_mm = structure.surface->position().geometry().min_spacing_mm();
-    const int steps = 1 + static_cast<int>(length_mm / spacing_mm);
-    for (int n = 0; n <= steps; ++n) {
-      const double part = static_cast<double>(n) / steps;
-      see(sweep.from + (sweep.to - sweep.from) * part, sweep.radius_mm, structure);
-    }
-  }
+  for (const ProtectedStructure& structure : protected_)
+    for_balls_of(sweep, structure.surface->position().geometry().min_spacing_mm(),
+                 [&](const Point<Patient>& at, double radius_mm) { see(at, radius_mm, structure); });
 }
 
 void NearestMeter::see(const std::map<LabelId, double>& nearest_mm) {

@@ -59,6 +59,26 @@ TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
   EXPECT_EQ(other.nearest_mm(), meter.nearest_mm());
 }
 
+TEST(NearestMeter, CountsAllOfACylinder) {
+  Model model = spared_below();
+  model.tool.burr->spindle = Eigen::Vector3d(0, 0, 1);
+  model.tool.burr->length_mm = 5;
+  model.tool.burr->end_radius_mm = 1;
+  NearestMeter meter(model);
+  TickRecord tick = held_at(7.5);
+  // with its far end down, in the patient, however the object is turned
+  const Eigen::Quaterniond object(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
+  const Vector<World> down = model.X_WorldPatient * Vector<Patient>(0, 0, -1);
+  const Eigen::Quaterniond held =
+      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), object * down.eigen());
+  tick.rotation_felt_wxyz = {object.w(), object.x(), object.y(), object.z()};
+  tick.device[0].orientation_wxyz = {held.w(), held.x(), held.y(), held.z()};
+  meter.see(tick);
+  EXPECT_NEAR(meter.nearest_mm().at(kBone), 7.5 - 5 - 1, 0.02);
+  meter.see(Sweep{{0, 0, 6}, {1, 0, 6}, 2, 0, {0, 0, -5}, 0.5});
+  EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.5, 0.02);
+}
+
 TEST(NearestMeter, CountsOnlyABurrThatTurns) {
   const Model model = spared_below();
   NearestMeter meter(model);

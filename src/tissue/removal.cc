@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "palpate/base/check.h"
 
@@ -12,15 +13,86 @@ namespace {
 
 // It looks for material so far before its surface. Half of that deep, an edge begins to count, so that beside
 // a pocket, where its surface comes out of the material, little counts that it does not touch.
-constexpr double kAhead_mm = 0.1;
-// Directions ahead, spread evenly over the disc that the burr is from ahead.
+constexpr double kAhead_mm = 0.1, kCounts_mm = kAhead_mm / 2;
+// Directions ahead, spread evenly over the disc that a ball is from ahead.
 constexpr int kDirections = 64;
-// It sinks in by no more in a tick, and while the surfaces are not made by no more than a part of its radius.
+// Places on the side of a cylinder or cone, all around; half of them are ahead.
+constexpr int kSidePlaces = 128;
+// It sinks in by no more in a tick, and while the surfaces are not made by no more than a part of its least
+// radius.
 constexpr double kMostFeed_mm = 0.1, kMostInsetPart = 0.8;
-// Ways that bend by less, and are no longer, are one sweep.
-constexpr double kStraight_mm = 0.002, kLongest_mm = 0.25;
+// Ways that bend by less, and are no longer, are one sweep, if the far end is turned aside by no more than
+// kTurned_mm: what the head is turned by is taken as its end has it. The end before it was so turned as the
+// next one begins, so that what is between them and in neither is thinner by far.
+constexpr double kStraight_mm = 0.002, kLongest_mm = 0.25, kTurned_mm = 0.05;
 // Less of a way is none.
 constexpr double kStill_mm = 1e-6;
+
+/// Where a layer holds the burr.
+struct HeadPose {
+  Point<Patient> at;
+  Eigen::Quaterniond attitude;
+};
+
+/// A burr as a hand turns it, and as layers hold it.
+class HeldBurr {
+ public:
+  HeldBurr(const Burr& burr, const ToolPose& hand) : burr_(burr), hand_(hand), head_(burr.head(0)) {}
+
+  const Burr& operator*() const { return burr_; }
+  const Burr* operator->() const { return &burr_; }
+  bool is_ball() const { return !(burr_.length_mm > 0); }
+  ToolSphere head(const Eigen::Quaterniond& attitude) const {
+    return TurnedTool({&head_, 1}, hand_.attitude, attitude).spheres()[0];
+  }
+  /// Its spindle, unit.
+  Vector<Patient> spindle(const ToolSphere& head) const {
+    return is_ball() ? burr_.axis : head.along_mm / burr_.length_mm;
+  }
+  /// A part of the way from one place to another. A ball is turned as it is in the end.
+  HeadPose partway(const HeadPose& from, const HeadPose& to, double part) const {
+    const bool turns = !is_ball() && part < 1 && from.attitude.coeffs() != to.attitude.coeffs();
+    return {from.at + (to.at - from.at) * part, turns ? from.attitude.slerp(part, to.attitude) : to.attitude};
+  }
+
+ private:
+  const Burr& burr_;
+  const ToolPose& hand_;
+  ToolSphere head_;
+};
+
+// whether a surface's bounds say that none of a head comes within so many mm, its radii aside
+bool is_known_beyond(const Surface& surface, const ToolSphere& head, const Point<Patient>& at,
+                     double within_mm) {
+  if (head.along_mm == Vector<Patient>()) return surface.is_beyond(at, within_mm);
+  const Eigen::Array3d begin = at.eigen().array(), end = (at + head.along_mm).eigen().array();
+  return surface.is_beyond(begin.min(end), begin.max(end), within_mm);
+}
+
+// whether no ball's middle, as if all were of the first one's radius, comes as near as this
+bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Patient>& at, double mm) {
+  const double wider_mm = std::max(0.0, head.widens_mm);
+  const double beside_mm = 0.5 * head.along_mm.norm() * surface.steepest();
+  return surface.at_least_mm(at + head.along_mm * 0.5) >= mm + wider_mm + beside_mm;
+}
+
+/// The way of both ends of a head's row.
+struct HeadWay {
+  double length_mm = 0;                  // of the one that goes farther
+  std::array<Vector<Patient>, 2> along;  // unit
+  std::array<double, 2> part{};          // of the length
+
+  HeadWay(const Vector<Patient>& first, const Vector<Patient>& last) {
+    const std::array ways{first, last};
+    const std::array lengths{first.norm(), last.norm()};
+    length_mm = std::max(lengths[0], lengths[1]);
+    for (std::size_t end = 0; end < 2; ++end) {
+      if (!(lengths[end] > 0)) continue;
+      along[end] = ways[end] / lengths[end];
+      part[end] = lengths[end] / length_mm;
+    }
+  }
+};
 
 /// The material right before a burr, as seen along a way.
 struct Front {
@@ -31,54 +103,123 @@ struct Front {
 
 class Ahead {
  public:
-  /// @param at  of the burr, in a layer
-  Ahead(std::span<const FeltSurface> surfaces, const Burr& burr, const ProxyLayer& layer, int number,
-        const Point<Patient>& at, const BurrState& state)
-      : surfaces_(surfaces), burr_(burr), at_(at), state_(state) {
-    const double near_mm = burr.radius_mm + kAhead_mm;
+  /// @param head  as a layer holds it
+  /// @param at    in that layer
+  Ahead(std::span<const FeltSurface> surfaces, const HeldBurr& burr, const ToolSphere& head,
+        const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state)
+      : surfaces_(surfaces), burr_(*burr), spindle_(burr.spindle(head)), head_(head), at_(at) {
+    const double near_mm = burr_.widest_mm() + kAhead_mm;
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
       const FeltSurface& felt = surfaces[s];
       const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
       if (felt.layer != number || felt.surface == nullptr || layer.punctured[s] || covered) continue;
-      if (felt.surface->is_beyond(at_, near_mm) && felt.surface->outside_mm() > 0) continue;
-      if (felt.surface->at_least_mm(at_) > near_mm) continue;
+      if (is_known_beyond(*felt.surface, head, at_, near_mm) && felt.surface->outside_mm() > 0) continue;
+      if (is_farther(*felt.surface, head, at_, burr_.radius_mm + kAhead_mm)) continue;
       near_[count_++] = static_cast<int>(s);
     }
+    if (count_ == 0) return;
+    // what it swept last is what it stands in
+    const std::span<const Sweep> pending = state.pending();
+    for (auto sweep = pending.rbegin(); sweep != pending.rend(); ++sweep)
+      swept_[swept_count_++].emplace(*sweep);
   }
 
-  /// @param way  unit
-  Front along(const Vector<Patient>& way) const {
-    Front front;
-    if (count_ == 0) return front;
-    const Vector<Patient> side = perpendicular(way), up = way.cross(side);
-    const double share_mm2 = std::numbers::pi * burr_.radius_mm * burr_.radius_mm / kDirections;
-    double speed = 0, energy = 0;
-    for (int n = 0; n < kDirections; ++n) {
-      // Vogel's spiral: so many places, evenly over a disc
-      const double r = std::sqrt((n + 0.5) / kDirections), turn = n * kGoldenAngle;
-      const Vector<Patient> direction =
-          way * std::sqrt(1 - r * r) + side * (r * std::cos(turn)) + up * (r * std::sin(turn));
-      const Material material = before(direction);
-      if (!(material.part > 0)) continue;
-      const double area_mm2 = share_mm2 * material.part;
-      front.area_mm2 += area_mm2;
-      speed += area_mm2 * burr_.axis.cross(direction).norm();
-      energy += area_mm2 * material.energy;
+  Front along(const HeadWay& way) const {
+    if (count_ == 0) return {};
+    Sum sum;
+    const bool is_ball = head_.along_mm == Vector<Patient>();
+    for (std::size_t end = 0; end < (is_ball ? 1 : 2); ++end)
+      if (way.part[end] > 0) add_end(end, way, sum);
+    if (!is_ball) add_side(way, sum);
+    return front_of(sum);
+  }
+
+  /// Where it leans on an edge, such as the rim of a groove, in which no place is deep enough to count: for
+  /// each contact as much as one place ahead is.
+  Front leant_on(const ProxyLayer& layer) const {
+    if (count_ == 0) return {};
+    Sum sum;
+    for (int n = 0; n < layer.contacts; ++n) {
+      const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
+      const Point<Patient> middle = at_ + head_.along_mm * contact.part;
+      // the normal is a broader one, which at an edge leads past it
+      const FeltSurface& felt = surfaces_[static_cast<std::size_t>(contact.surface)];
+      const Vector<Patient> outward =
+          sample_central_differences(felt.surface->position(), middle).gradient.normalized();
+      // between voxels the edge may be read nearer than it is
+      const double radius_mm = head_.radius_at_mm(contact.part);
+      add(middle - outward * felt.short_mm, -outward, radius_mm,
+          std::numbers::pi * radius_mm * radius_mm / kDirections, 0, sum);
     }
-    if (!(front.area_mm2 > 0)) return {};
-    const double turns_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
-    front.edge_mm_per_s = turns_mm_per_s * speed / front.area_mm2;
-    front.energy_mJ_per_mm3 = energy / front.area_mm2;
-    return front;
+    return front_of(sum);
   }
 
  private:
+  // over places on the head: what they are of the front, and that times what is to be told of it
+  struct Sum {
+    double area_mm2 = 0, speed = 0, energy = 0;
+  };
   struct Material {
     double part = 0;    // 0 ... 1, of an edge in that direction
     double energy = 0;  // mJ/mm3
   };
-  Material before(const Vector<Patient>& direction) const {
-    const Point<Patient> place = at_ + direction * (burr_.radius_mm + kAhead_mm);
+
+  Front front_of(const Sum& sum) const {
+    if (!(sum.area_mm2 > 0)) return {};
+    const double turns_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
+    return {sum.area_mm2, turns_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2};
+  }
+
+  // half a ball, but for what lies in the rest of the head
+  void add_end(std::size_t end, const HeadWay& way, Sum& sum) const {
+    const double along_row = end == 0 ? 0 : 1, radius_mm = head_.radius_at_mm(along_row);
+    const Vector<Patient>& ahead = way.along[end];
+    const Vector<Patient> side = perpendicular(ahead), up = ahead.cross(side);
+    const double share_mm2 = std::numbers::pi * radius_mm * radius_mm / kDirections * way.part[end];
+    for (int n = 0; n < kDirections; ++n) {
+      // Vogel's spiral: so many places, evenly over a disc
+      const double r = std::sqrt((n + 0.5) / kDirections), turn = n * kGoldenAngle;
+      const Vector<Patient> direction =
+          ahead * std::sqrt(1 - r * r) + side * (r * std::cos(turn)) + up * (r * std::sin(turn));
+      // the end that reaches farther that way
+      if ((head_.along_mm.dot(direction) + head_.widens_mm > 0) != (end == 1)) continue;
+      add(at_ + head_.along_mm * along_row, direction, radius_mm, share_mm2, kCounts_mm, sum);
+    }
+  }
+
+  // the lateral surface, which is straight along the row
+  void add_side(const HeadWay& way, Sum& sum) const {
+    const double length_mm = head_.along_mm.norm(), slope = head_.widens_mm / length_mm;
+    if (!(std::abs(slope) < 1)) return;
+    const double cosine = std::sqrt(1 - slope * slope);
+    const Vector<Patient> axis = head_.along_mm / length_mm, side = perpendicular(axis),
+                          up = axis.cross(side);
+    const std::array ways{way.along[0] * way.part[0], way.along[1] * way.part[1]};
+    for (int n = 0; n < kSidePlaces; ++n) {
+      // a spiral again, evenly along the row and around it
+      const double part = (n + 0.5) / kSidePlaces, turn = n * kGoldenAngle;
+      const Vector<Patient> direction =
+          axis * -slope + (side * std::cos(turn) + up * std::sin(turn)) * cosine;
+      const double ahead = direction.dot(ways[0] * (1 - part) + ways[1] * part);
+      if (!(ahead > 0)) continue;
+      const double radius_mm = head_.radius_at_mm(part);
+      const double share_mm2 = 2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kSidePlaces;
+      add(at_ + head_.along_mm * part, direction, radius_mm, share_mm2 * ahead, kCounts_mm, sum);
+    }
+  }
+
+  // @param counts_mm  so deep in material a place begins to count
+  void add(const Point<Patient>& middle, const Vector<Patient>& direction, double radius_mm, double share_mm2,
+           double counts_mm, Sum& sum) const {
+    const Material material = before(middle + direction * (radius_mm + kAhead_mm), counts_mm);
+    if (!(material.part > 0)) return;
+    const double area_mm2 = share_mm2 * material.part;
+    sum.area_mm2 += area_mm2;
+    sum.speed += area_mm2 * spindle_.cross(direction).norm() * (radius_mm / burr_.radius_mm);
+    sum.energy += area_mm2 * material.energy;
+  }
+
+  Material before(const Point<Patient>& place, double counts_mm) const {
     double least_mm = std::numeric_limits<double>::infinity();
     int surface = -1;
     for (std::size_t n = 0; n < count_; ++n) {
@@ -89,9 +230,10 @@ class Ahead {
       }
     }
     if (!(least_mm < 0)) return {};
-    for (const Sweep& sweep : state_.pending())
-      least_mm = std::max(least_mm, sweep.radius_mm - distance_to_axis_mm(sweep, place));
-    if (!(least_mm < 0)) return {};
+    for (std::size_t n = 0; n < swept_count_; ++n) {
+      least_mm = std::max(least_mm, swept_[n]->depth_mm(place));
+      if (!(least_mm < 0)) return {};
+    }
     double cut = 0, energy = 0;  // shares of what is not kept
     for (const OwnerShare& share : owners_at(surfaces_, surface, place).all()) {
       const FeltSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
@@ -100,7 +242,8 @@ class Ahead {
       energy += share.part * structure.cutting_energy_mJ_per_mm3;
     }
     if (!(cut > 0)) return {};
-    return {cut * std::clamp(-2 * least_mm / kAhead_mm - 1, 0.0, 1.0), energy / cut};
+    const double deep = counts_mm > 0 ? std::clamp(-least_mm / counts_mm - 1, 0.0, 1.0) : 1;
+    return {cut * deep, energy / cut};
   }
   static Vector<Patient> perpendicular(const Vector<Patient>& to) {
     const Eigen::Vector3d away = to.eigen().cwiseAbs();
@@ -112,53 +255,67 @@ class Ahead {
   static constexpr double kGoldenAngle = 2 * std::numbers::pi * (2 - std::numbers::phi);
   std::span<const FeltSurface> surfaces_;
   const Burr& burr_;
+  const Vector<Patient> spindle_;
+  const ToolSphere head_;
   const Point<Patient> at_;
-  const BurrState& state_;
   std::array<int, 8> near_{};
   std::size_t count_ = 0;
+  std::array<std::optional<SweptShape>, kMostSweeps> swept_;
+  std::size_t swept_count_ = 0;
 };
 
 // adds a way to what was swept; false where there is no room
-bool sweep(const Point<Patient>& from, const Point<Patient>& to, const Burr& burr, BurrState& state) {
+bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrState& state) {
+  const Vector<Patient> axis_mm = burr.head(to.attitude).along_mm;
   if (state.sweeps > 0 && !state.closed) {
     Sweep& last = state.sweep[static_cast<std::size_t>(state.sweeps - 1)];
-    const Sweep longer{last.from, to, burr.radius_mm, burr.stroke};
-    if (last.stroke == burr.stroke && (from - last.to).norm() <= kStraight_mm &&
-        (to - last.from).norm() <= kLongest_mm && distance_to_axis_mm(longer, last.to) <= kStraight_mm) {
+    const Sweep longer{last.from, to.at, burr->radius_mm, burr->stroke, axis_mm, last.end_radius_mm};
+    if (last.stroke == burr->stroke && (from.at - last.to).norm() <= kStraight_mm &&
+        (to.at - last.from).norm() <= kLongest_mm && distance_to_way_mm(longer, last.to) <= kStraight_mm &&
+        (axis_mm - state.began_axis_mm).norm() <= kTurned_mm) {
       last = longer;
       return true;
     }
   }
-  if (state.sweeps == static_cast<int>(state.sweep.size())) return false;
-  state.sweep[static_cast<std::size_t>(state.sweeps++)] = {from, to, burr.radius_mm, burr.stroke};
+  if (state.sweeps == kMostSweeps) return false;
+  state.began_axis_mm = burr.head(from.attitude).along_mm;
+  state.sweep[static_cast<std::size_t>(state.sweeps++)] = {
+      from.at, to.at, burr->radius_mm, burr->stroke, axis_mm, burr.is_ball() ? 0 : burr->end_radius_mm};
   state.closed = false;
   state.open_s = 0;
   return true;
 }
 
-// how far a burr of its whole radius lies in what its proxies lean on
-double sunk_mm(std::span<const FeltSurface> surfaces, double radius_mm, const ProxyState& proxy) {
+// how far a burr of its whole radii lies in what its proxies lean on
+double sunk_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr, const ProxyState& proxy) {
+  const double radius_mm = burr->radius_mm;
   double sunk = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     const FeltSurface& felt = surfaces[s];
     const ProxyLayer& layer = proxy.layer(felt.layer);
     const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
     if (felt.surface == nullptr || !layer.coupled || layer.punctured[s] || covered) continue;
-    if (felt.surface->at_least_mm(layer.position) >= radius_mm) continue;
-    sunk = std::max(sunk, radius_mm - felt.surface->distance_mm(layer.position));
+    const ToolSphere head = burr.head(layer.attitude);
+    if (is_farther(*felt.surface, head, layer.position, radius_mm)) continue;
+    const NearestPart nearest = nearest_part(*felt.surface, head, layer.position, radius_mm);
+    sunk = std::max(sunk, radius_mm - nearest.distance_mm);
   }
   return sunk;
 }
 
 // by how much it may not fit where something was taken, as the surfaces are read there: less towards what was
 // not, so that nothing jumps
-double short_mm(std::span<const FeltSurface> surfaces, double radius_mm, const ProxyState& proxy) {
+double short_of_room_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr,
+                        const ProxyState& proxy) {
+  const double radius_mm = burr->radius_mm;
   double most = 0;
   for (const FeltSurface& felt : surfaces) {
     if (felt.made == nullptr || felt.short_mm <= most || !proxy.layer(felt.layer).coupled) continue;
     const Point<Patient>& at = proxy.layer(felt.layer).position;
-    if (felt.made->at_least_mm(at) >= radius_mm - most) continue;
-    most = std::max(most, std::min(felt.short_mm, radius_mm - felt.made->distance_mm(at)));
+    const ToolSphere head = burr.head(proxy.layer(felt.layer).attitude);
+    if (is_farther(*felt.made, head, at, radius_mm - most)) continue;
+    const NearestPart nearest = nearest_part(*felt.made, head, at, radius_mm - most);
+    most = std::max(most, std::min(felt.short_mm, radius_mm - nearest.distance_mm));
   }
   return most;
 }
@@ -180,10 +337,11 @@ class Sinking {
 };
 
 // puts a layer's proxy elsewhere
-void move_to(const Point<Patient>& place, const Point<Patient>& tip, ProxyLayer& layer, ProxyForce& force,
+void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer, ProxyForce& force,
              ProxyResult& result) {
-  const Vector<Patient> more_N = (place - layer.position) * (layer.part * force.stiffness_N_per_mm);
-  layer.position = place;
+  const Vector<Patient> more_N = (pose.at - layer.position) * (layer.part * force.stiffness_N_per_mm);
+  layer.position = pose.at;
+  layer.attitude = pose.attitude;
   const Vector<Patient> stretched_mm = (layer.position - tip) * layer.part;
   const double stored_mJ = 0.5 * force.stiffness_N_per_mm * stretched_mm.squared_norm();
   result.force_N += more_N;
@@ -192,27 +350,32 @@ void move_to(const Point<Patient>& place, const Point<Patient>& tip, ProxyLayer&
   force.stored_mJ = stored_mJ;
 }
 
-// Where a ball that has gone from one place to another is put so that it comes no deeper into what is kept
+// Where a head that has gone from one place to another is put so that it comes no deeper into what is kept
 // than it was: beside it, so that it slides, or where it was. One that lies in it a little, because surfaces
 // are not the same to a hair, comes out slowly.
-Point<Patient> beside_kept(const Burr& burr, const Point<Patient>& from, const Point<Patient>& to) {
+HeadPose beside_kept(const HeldBurr& burr, const HeadPose& from, const HeadPose& to) {
   constexpr int kMostTries = 4;
   constexpr double kTouching_mm = 1e-4, kRegained_mm = 1e-3;
-  Point<Patient> place = to;
+  if (burr->spared.empty()) return to;
+  const ToolSphere was = burr.head(from.attitude), is = burr.head(to.attitude);
+  Point<Patient> place = to.at;
   for (int n = 0; n < kMostTries; ++n) {
     bool clear = true;
-    for (const ProtectedStructure& structure : burr.spared) {
+    for (const ProtectedStructure& structure : burr->spared) {
       const Surface& kept = *structure.surface;
-      if (!structure.kept || kept.is_beyond(place, burr.radius_mm)) continue;
-      const double least_mm = std::min(burr.radius_mm, kept.distance_mm(from) + kRegained_mm);
-      const double in_mm = least_mm - kept.distance_mm(place);
+      if (!structure.kept || is_known_beyond(kept, is, place, burr->widest_mm())) continue;
+      const NearestPart nearest = nearest_part(kept, is, place, burr->radius_mm);
+      if (nearest.distance_mm >= burr->radius_mm) continue;
+      const double least_mm = std::min(
+          burr->radius_mm, nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kRegained_mm);
+      const double in_mm = least_mm - nearest.distance_mm;
       if (in_mm <= kTouching_mm) continue;
       clear = false;
-      place += kept.outward(place) * in_mm;
+      place += kept.outward(place + is.along_mm * nearest.part) * in_mm;
     }
-    if (clear) return place;
+    if (clear) return {place, to.attitude};
   }
-  return from;
+  return {from.at, burr.is_ball() ? to.attitude : from.attitude};
 }
 
 int innermost_touched(const ProxyState& proxy) {
@@ -223,8 +386,22 @@ int innermost_touched(const ProxyState& proxy) {
 
 }  // namespace
 
+ToolSphere Burr::head(double inset_mm) const {
+  if (!(length_mm > 0)) return {Vector<Patient>(), radius_mm - inset_mm};
+  // a row of the same places however deep it has sunk in, or it would not fit where it has just been
+  return {Vector<Patient>(), radius_mm - inset_mm, axis * length_mm, end_radius_mm - radius_mm,
+          0.5 * thinnest_mm()};
+}
+double Burr::thinnest_mm() const {
+  return length_mm > 0 ? std::min(radius_mm, end_radius_mm) : radius_mm;
+}
+double Burr::widest_mm() const {
+  return length_mm > 0 ? std::max(radius_mm, end_radius_mm) : radius_mm;
+}
+
 ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options) {
+  const HeldBurr held(burr, hand);
   state.open_s += options.dt_s;
   if (state.open_s >= kLongestSweep_s) state.closed = true;
   // a proxy that was let go comes anew: what the burr has swept is still to be carved, and no more of it goes
@@ -237,35 +414,36 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   // how far the burr may sink in by what the motor works in this tick, as far as is known before it
   const bool cuts = burr.revolutions_per_s > 0 && !state.full;
   const bool in_material = cuts && state.front_mm2 > 0 && std::isfinite(state.energy_mJ_per_mm3);
-  const Sinking sinking(state.front_mm2, burr.radius_mm);
+  const Sinking sinking(state.front_mm2, burr.widest_mm());
   const double mJ_per_N = in_material ? burr.grip * state.edge_mm_per_s * options.dt_s : 0;
   const double pressed_N = state.pressed_N, energy = state.energy_mJ_per_mm3;
   state.inset_mm = state.sunk_mm;
   if (in_material) {
     const double feed_mm = sinking.feed_mm((state.spare_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
     state.inset_mm = std::min(state.sunk_mm + std::min(feed_mm, kMostFeed_mm),
-                              std::max(state.sunk_mm, kMostInsetPart * burr.radius_mm));
+                              std::max(state.sunk_mm, kMostInsetPart * burr.thinnest_mm()));
   }
   // a burr that cuts makes its way; one that does not is to come out where it went in
-  if (!cuts) state.inset_mm = std::max(state.inset_mm, short_mm(surfaces, burr.radius_mm, proxy));
+  if (!cuts) state.inset_mm = std::max(state.inset_mm, short_of_room_mm(surfaces, held, proxy));
   if (!(burr.revolutions_per_s > 0)) state.closed = true;
 
   const int was_in = state.layer;
-  std::array<Point<Patient>, kMostLayers> before;
+  std::array<HeadPose, kMostLayers> before;
   std::array<bool, kMostLayers> was_coupled{};
   for (int n = 0; n < kMostLayers; ++n) {
-    before[static_cast<std::size_t>(n)] = proxy.layer(n).position;
+    before[static_cast<std::size_t>(n)] = {proxy.layer(n).position, proxy.layer(n).attitude};
     was_coupled[static_cast<std::size_t>(n)] = proxy.layer(n).coupled;
   }
-  const ToolSphere ball{Vector<Patient>(), burr.radius_mm - state.inset_mm};
-  ProxyResult result = advance_proxy(surfaces, {&ball, 1}, hand, proxy, options);
+  const ToolSphere head = burr.head(state.inset_mm);
+  ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, options);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
     if (burr.spared.empty() || !layer.coupled || !was_coupled[n]) continue;
-    const Point<Patient> place = beside_kept(burr, before[n], layer.position);
-    if (place != layer.position) move_to(place, hand.tip, layer, result.of_layer[n], result);
+    const HeadPose pose = beside_kept(held, before[n], {layer.position, layer.attitude});
+    const bool same = pose.at == layer.position && pose.attitude.coeffs() == layer.attitude.coeffs();
+    if (!same) move_to(pose, hand.tip, layer, result.of_layer[n], result);
   }
-  state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, burr.radius_mm, proxy));
+  state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, held, proxy));
   // where it has sunk in it is in material, pressed or not
   const int touched = innermost_touched(proxy);
   if (touched >= 0 || !(state.sunk_mm > 0)) state.layer = touched;
@@ -287,44 +465,48 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     state.spare_mJ = std::max(state.spare_mJ, spare_mJ);
   }
   const ProxyLayer& layer = proxy.layer(is_in);
-  const Point<Patient> from = before[static_cast<std::size_t>(is_in)];
-  const Vector<Patient> moved = layer.position - from;
-  const double way_mm = moved.norm();
-  if (was_in == is_in && way_mm > kStill_mm) {
-    const Front swept = Ahead(surfaces, burr, layer, is_in, from + moved * 0.5, state).along(moved / way_mm);
-    const double cost_mJ = swept.area_mm2 * way_mm * swept.energy_mJ_per_mm3;
+  const HeadPose from = before[static_cast<std::size_t>(is_in)], to{layer.position, layer.attitude};
+  const Vector<Patient> moved = to.at - from.at;
+  const Vector<Patient> turned = held.head(to.attitude).along_mm - held.head(from.attitude).along_mm;
+  const HeadWay way(moved, moved + turned);
+  if (was_in == is_in && way.length_mm > kStill_mm) {
+    const HeadPose middle = held.partway(from, to, 0.5);
+    const Front swept =
+        Ahead(surfaces, held, held.head(middle.attitude), layer, is_in, middle.at, state).along(way);
+    const double cost_mJ = swept.area_mm2 * way.length_mm * swept.energy_mJ_per_mm3;
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
       // through material it comes no farther than the motor has worked for, and than can be remembered
       double part = std::min(1.0, state.spare_mJ / cost_mJ);
-      const Point<Patient> to = beside_kept(burr, from, from + moved * part);
-      state.full = part > 0 && !sweep(from, to, burr, state);
+      const HeadPose there = beside_kept(held, from, held.partway(from, to, part));
+      state.full = part > 0 && !sweep(held, from, there, state);
       if (state.full) part = 0;
       // the layers are one burr: none goes ahead of the one that cuts
       for (std::size_t n = 0; n < before.size(); ++n) {
-        ProxyLayer& held = proxy.layer(static_cast<int>(n));
-        if (!held.coupled || held.contacts == 0) continue;
-        const Point<Patient> place = before[n] + (held.position - before[n]) * part;
-        move_to(beside_kept(burr, before[n], place), hand.tip, held, result.of_layer[n], result);
+        ProxyLayer& layered = proxy.layer(static_cast<int>(n));
+        if (!layered.coupled || layered.contacts == 0) continue;
+        const HeadPose pose = held.partway(before[n], {layered.position, layered.attitude}, part);
+        move_to(beside_kept(held, before[n], pose), hand.tip, layered, result.of_layer[n], result);
       }
-      state.taken_mm3 += swept.area_mm2 * way_mm * part;
+      state.taken_mm3 += swept.area_mm2 * way.length_mm * part;
       state.spare_mJ -= cost_mJ * part;
     }
   }
   state.pressed_N = std::min(result.force_N.norm(), burr.most_press_N);
-  state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, burr.radius_mm, proxy));
+  state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, held, proxy));
 
-  const Ahead ahead(surfaces, burr, layer, is_in, layer.position, state);
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
-  const Front front = ahead.along(push.normalized());
+  const Ahead ahead(surfaces, held, held.head(layer.attitude), layer, is_in, layer.position, state);
+  Front front = ahead.along({push, push});
+  if (!(front.area_mm2 > 0)) front = ahead.leant_on(layer);
   state.front_mm2 = front.area_mm2;
   state.edge_mm_per_s = front.edge_mm_per_s;
   state.energy_mJ_per_mm3 = front.energy_mJ_per_mm3;
   return result;
 }
 
-void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::uint64_t carved,
-                 const ProxyState& proxy, BurrState& state) {
+void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
+                 std::uint64_t carved, const ProxyState& proxy, BurrState& state) {
   const auto gone = static_cast<int>(
       std::min<std::uint64_t>(carved > state.first ? carved - state.first : 0, state.sweeps));
   std::move(state.sweep.begin() + gone, state.sweep.begin() + state.sweeps, state.sweep.begin());
@@ -333,8 +515,8 @@ void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, std::u
   if (gone > 0) state.full = false;
   // a surface is read from between its voxels: it may be a little nearer than it was cut
   constexpr double kRounding_mm = 1e-4;
-  const double sunk = sunk_mm(surfaces, burr.radius_mm, proxy);
-  const bool fits = sunk > 0 && sunk + kRounding_mm < burr.radius_mm;
+  const double sunk = sunk_mm(surfaces, HeldBurr(burr, hand), proxy);
+  const bool fits = sunk > 0 && sunk + kRounding_mm < burr.thinnest_mm();
   state.sunk_mm = state.inset_mm = fits ? sunk + kRounding_mm : 0;
 }
 

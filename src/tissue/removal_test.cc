@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -13,27 +15,46 @@
 namespace palpate {
 namespace {
 
+/// How a burr's head goes on from its first ball.
+struct Row {
+  double length_mm = 0, end_radius_mm = 0;
+  Vector<Patient> spindle = {1, 0, 0};  ///< as the tool is first held
+};
+const Row kLyingCylinder{5, 2, {1, 0, 0}}, kStandingCylinder{5, 2, {0, 0, 1}};
+const Row kLyingCone{5, 1.2, Vector<Patient>(5, 0, -0.8).normalized()};
+const Row kStandingCone{5, 2.8, {0, 0, 1}};
+
 /// A burr of 4 mm above a block of bone, led by a hand that no force moves.
 class LedBurr {
  public:
-  explicit LedBurr(double revolutions_per_s = 1000)
+  explicit LedBurr(double revolutions_per_s = 1000, const Row& row = {})
       : carved_(testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), testing::slab(-10, 0, 8))) {
     burr_.radius_mm = 2;
     burr_.revolutions_per_s = revolutions_per_s;
-    burr_.axis = Vector<Patient>(1, 0, 0);
+    burr_.axis = spindle_ = row.spindle;
+    burr_.length_mm = row.length_mm;
+    burr_.end_radius_mm = row.end_radius_mm;
     felt_[0].surface = carved_.surface();
     felt_[0].stiffness_N_per_mm = 2;
     felt_[0].cutting_energy_mJ_per_mm3 = 100;
     options_.friction = false;
   }
 
+  ToolPose pose() const { return ToolPose(tip_, attitude_); }
   /// From the last tip, evenly.
-  ProxyResult lead_to(const Point<Patient>& to, int ticks) {
+  ProxyResult lead_to(const Point<Patient>& to, int ticks) { return lead_to(to, attitude_, ticks); }
+  /// Likewise, while it turns.
+  ProxyResult lead_to(const Point<Patient>& to, const Eigen::Quaterniond& attitude, int ticks) {
     const Vector<Patient> step = (to - tip_) / ticks;
+    const Eigen::Quaterniond from = attitude_;
     ProxyResult felt;
     for (int n = 0; n < ticks; ++n) {
       tip_ += step;
-      felt = advance_burr(felt_, burr_, ToolPose(tip_), proxy_, state_, options_);
+      if (attitude.coeffs() != from.coeffs()) {
+        attitude_ = from.slerp((n + 1.0) / ticks, attitude);
+        burr_.axis = Vector<Patient>(attitude_ * spindle_.eigen());
+      }
+      felt = advance_burr(felt_, burr_, pose(), proxy_, state_, options_);
       if (state_.taken_mm3 > 0) {
         EXPECT_LE(state_.taken_mm3 * felt_[0].cutting_energy_mJ_per_mm3, state_.work_mJ + 1e-9);
       }
@@ -48,11 +69,11 @@ class LedBurr {
       felt.made = carved_.made();
       felt.short_mm = carved_.short_mm();
     }
-    settle_burr(felt_, burr_, count, proxy_, state_);
-    const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - state_.inset_mm};
+    settle_burr(felt_, burr_, pose(), count, proxy_, state_);
+    const ToolSphere head = burr_.head(state_.inset_mm);
     std::vector<SurfaceBefore> before;
     for (std::int16_t n = 0; n < static_cast<std::int16_t>(felt_.size()); ++n) before.push_back({n, false});
-    keep_proxy(felt_, {&ball, 1}, ToolPose(tip_), before, proxy_);
+    keep_proxy(felt_, {&head, 1}, pose(), before, proxy_);
   }
   /// What is beside something softer gives its stiffness in two layers.
   void in_two_layers() {
@@ -72,6 +93,8 @@ class LedBurr {
   ProxyState proxy_;
   ProxyOptions options_;
   Point<Patient> tip_{0, 0, 3};
+  Eigen::Quaterniond attitude_ = Eigen::Quaterniond::Identity();
+  Vector<Patient> spindle_;  // while it is not turned
 };
 
 TEST(Removal, AMotorThatIsOffLeavesABall) {
@@ -214,6 +237,203 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
   EXPECT_GT(above, 20);
 }
 
+TEST(Removal, AHeadWhoseMotorIsOffIsACapsule) {
+  for (const Row& row : {kLyingCylinder, kStandingCylinder, kLyingCone, kStandingCone}) {
+    LedBurr off(0, row);
+    ProxyState head;
+    off.lead_to(Point<Patient>(0, 0, 2.6), 1);
+    (void)advance_proxy(off.felt_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
+    for (int n = 1; n <= 100; ++n) {
+      const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.002 * n, Eigen::Vector3d(1, 2, 3).normalized()));
+      const Point<Patient> tip(0.02 * n, 0.01 * n, 2.6 - 0.01 * n);
+      const ProxyResult is = off.lead_to(tip, turned, 1);
+      const ProxyResult expected =
+          advance_proxy(off.felt_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
+      ASSERT_EQ(is.force_N, expected.force_N);
+      ASSERT_EQ(off.proxy_.position, head.position);
+    }
+    EXPECT_GT(head.contacts, 0);
+    EXPECT_EQ(off.state_.taken_mm3, 0);
+  }
+}
+
+// of the block, by a lattice of places that no plane of it goes through
+double swept_mm3(const Surface& block, const std::vector<SweptShape>& shapes) {
+  constexpr double kCell_mm = 0.2;
+  Eigen::Array3d low = Eigen::Array3d::Constant(1e9), high = -low;
+  for (const SweptShape& shape : shapes) {
+    low = low.min(shape.low() - shape.widest_mm());
+    high = high.max(shape.high() + shape.widest_mm());
+  }
+  int taken = 0;
+  for (double z = low[2]; z < std::min(high[2], 0.1); z += kCell_mm)
+    for (double y = low[1]; y < high[1]; y += kCell_mm)
+      for (double x = low[0]; x < high[0]; x += kCell_mm) {
+        const Point<Patient> at(x, y, z);
+        taken += block.distance_mm(at) < 0 &&
+                 std::any_of(shapes.begin(), shapes.end(),
+                             [&](const auto& shape) { return shape.depth_mm(at) > 0; });
+      }
+  return taken * kCell_mm * kCell_mm * kCell_mm;
+}
+
+// how a head is led, carved all along, and what comes of it
+struct LedWay {
+  const char* name;
+  Row row;
+  Vector<Patient> along;  // from above the block
+  double turn_rad = 0;    // about y, meanwhile
+};
+
+TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
+  const LedWay ways[] = {{"cylinder, milling sideways", kLyingCylinder, {0, 3, -2}},
+                         {"cylinder, drilling", kStandingCylinder, {0, 0, -3}},
+                         {"cylinder, turning", kLyingCylinder, {0, 0, -1.5}, 0.3},
+                         {"cone, pressed sideways", kLyingCone, {0, 0, -2}},
+                         {"cone, drilling and turning", kStandingCone, {1, 0, -3}, 0.3}};
+  for (const LedWay& led : ways) {
+    SCOPED_TRACE(led.name);
+    LedBurr burr(1000, led.row);
+    burr.lead_to(Point<Patient>(-2, -2, 2.05), 50);
+    const Point<Patient> from = burr.tip_;
+    std::vector<SweptShape> shapes;
+    constexpr int kVersions = 30;
+    for (int n = 1; n <= kVersions; ++n) {
+      const double part = static_cast<double>(n) / kVersions;
+      const Eigen::Quaterniond turned(Eigen::AngleAxisd(led.turn_rad * part, Eigen::Vector3d::UnitY()));
+      burr.lead_to(from + led.along * part, turned, 20);
+      for (const Sweep& sweep : finished_from(burr.state_, burr.state_.first)) shapes.emplace_back(sweep);
+      burr.carve();
+      ASSERT_TRUE(burr.proxy_.coupled) << n;
+    }
+    for (const Sweep& sweep : burr.state_.pending()) shapes.emplace_back(sweep);
+    const double swept = swept_mm3(*burr.carved_.made(), shapes);
+    // of what it just grazes it counts little
+    EXPECT_NEAR(burr.state_.taken_mm3 / swept, 1, 0.1);
+    EXPECT_GT(swept, 10);
+  }
+}
+
+TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
+  const unsigned seed = test::test_seed();
+  std::mt19937 random(seed);
+  SCOPED_TRACE(seed);
+  std::uniform_real_distribution<double> about(-1, 1), unit(0, 1);
+  for (const Row& row : {kLyingCylinder, kStandingCone}) {
+    LedBurr burr(1000, row);
+    // soft, so that it comes along
+    burr.felt_[0].cutting_energy_mJ_per_mm3 = 5;
+    burr.lead_to(Point<Patient>(-2, 0, 1.9), 50);
+    std::vector<Point<Patient>> been;
+    std::vector<SweptShape> shapes;
+    for (int leg = 0; leg < 12; ++leg) {
+      const Eigen::Vector3d axis(about(random), about(random), about(random));
+      const Eigen::Quaterniond aim = burr.attitude_ * Eigen::AngleAxisd(0.15, axis.normalized());
+      const Vector<Patient> way(0.5 * about(random), 0.5 * about(random), -0.2);
+      const Point<Patient> from = burr.tip_;
+      const Eigen::Quaterniond was = burr.attitude_;
+      for (int n = 1; n <= 20; ++n) {
+        burr.lead_to(from + way * (0.05 * n), was.slerp(0.05 * n, aim), 1);
+        const ToolSphere head = burr.burr_.head(0);
+        const ToolSphere held = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        for (int m = 0; m < 40; ++m) {
+          const double part = unit(random);
+          const Vector<Patient> out(about(random), about(random), about(random));
+          // nearly on its outline
+          const Point<Patient> at = burr.proxy_.position + held.along_mm * part +
+                                    out.normalized() * (held.radius_at_mm(part) - 0.02);
+          if (burr.carved_.made()->distance_mm(at) < -0.02) been.push_back(at);
+        }
+      }
+      for (const Sweep& sweep : finished_from(burr.state_, burr.state_.first)) shapes.emplace_back(sweep);
+      burr.carve();
+      ASSERT_TRUE(burr.proxy_.coupled) << leg;
+    }
+    for (const Sweep& sweep : burr.state_.pending()) shapes.emplace_back(sweep);
+    int lost = 0;
+    for (const Point<Patient>& at : been)
+      lost += std::none_of(shapes.begin(), shapes.end(),
+                           [&](const SweptShape& shape) { return shape.depth_mm(at) > 0; });
+    EXPECT_EQ(lost, 0);
+    EXPECT_GT(been.size(), 400u);
+  }
+}
+
+TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
+  const unsigned seed = test::test_seed();
+  std::mt19937 random(seed);
+  SCOPED_TRACE(seed);
+  // a nerve of 3 mm that runs down half a millimetre beside the head
+  const auto nerve = [](const Eigen::Vector3d& p) { return std::hypot(p.x() - 4, p.y()) - 1.5; };
+  LedBurr burr(1000, kStandingCylinder);
+  const ProtectedStructure structure{2, testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), nerve),
+                                     true};
+  burr.burr_.spared = {&structure, 1};
+  burr.carved_ = CarvedSurface(burr.carved_.made(), {structure.surface});
+  std::uniform_real_distribution<double> about(-1, 1);
+  double nearest_mm = 10, deepest_mm = 0;
+  const auto lead = [&](const Vector<Patient>& aim_mm, const Eigen::Quaterniond& aim) {
+    const Point<Patient> from = burr.tip_;
+    const Eigen::Quaterniond was = burr.attitude_;
+    for (int n = 1; n <= 10; ++n) {
+      for (int tick = 1; tick <= 20; ++tick) {
+        const double part = (n - 1 + 0.05 * tick) / 10;
+        burr.lead_to(from + aim_mm * part, was.slerp(part, aim), 1);
+        const ToolSphere head = burr.burr_.head(0);
+        const ToolSphere held = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        const double gap_mm =
+            nearest_part(*structure.surface, held, burr.proxy_.position).distance_mm - burr.burr_.radius_mm;
+        nearest_mm = std::min(nearest_mm, gap_mm);
+        deepest_mm = std::max(deepest_mm, -gap_mm);
+      }
+      burr.carve();
+      ASSERT_TRUE(burr.proxy_.coupled);
+    }
+  };
+  lead(Vector<Patient>(0, 0, -7), burr.attitude_);
+  for (int stroke = 0; stroke < 25; ++stroke) {
+    // with 5 N from where it is held, and turned as a hand would
+    const Vector<Patient> way =
+        Vector<Patient>(about(random) + 0.5, about(random), 0.5 * about(random)).normalized() * 2.5;
+    const Eigen::Vector3d axis(about(random), about(random), about(random));
+    lead(burr.proxy_.position + way - burr.tip_,
+         Eigen::Quaterniond(Eigen::AngleAxisd(0.2 * about(random), axis.normalized())));
+  }
+  EXPECT_LT(nearest_mm, 0.01) << "it was met";
+  EXPECT_LT(deepest_mm, 0.01);
+  EXPECT_GT(burr.state_.taken_mm3, 50);
+  int beside = 0;
+  for (double x = 0; x <= 8; x += 0.1)
+    for (double y = -4; y <= 4; y += 0.2)
+      for (double z = -8; z <= -0.3; z += 0.2) {
+        const double is_mm = burr.carved_.surface()->distance_mm(Point<Patient>(x, y, z));
+        const double from_nerve_mm = nerve(Eigen::Vector3d(x, y, z));
+        if (from_nerve_mm < -0.05) {
+          ASSERT_LT(is_mm, 0) << x << " " << y << " " << z;
+        }
+        if (is_mm > 0 && from_nerve_mm < 0.5) ++beside;
+      }
+  EXPECT_GT(beside, 20);
+}
+
+TEST(Removal, TheRimOfAGrooveGivesWay) {
+  // led beside a groove that is there, whose rim it meets from the side
+  LedBurr burr;
+  for (FeltSurface& felt : burr.felt_) felt.cutting_energy_mJ_per_mm3 = 2;
+  for (const double y : {-1.0, -0.5, 0.0, 0.5}) {
+    burr.lead_to(Point<Patient>(-2.5, y, 2.2), 50);
+    for (const Point<Patient>& to : {Point<Patient>(-2.5, y, 0.5), Point<Patient>(2.5, y, 0.5)}) {
+      const Point<Patient> from = burr.tip_;
+      for (int n = 1; n <= 20; ++n) {
+        burr.lead_to(from + (to - from) * (0.05 * n), 20);
+        burr.carve();
+      }
+      EXPECT_LT((burr.proxy_.position - to).norm(), 0.1) << y;
+    }
+    burr.lead_to(burr.tip_ + Vector<Patient>(0, 0, 2), 50);
+  }
+}
+
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {
   // surfaces that are never made anew, of what is soft enough for a long way, on a spiral
   LedBurr burr;
@@ -246,12 +466,12 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
       << "what is being carved grows no more";
   const Sweep next = burr.state_.pending()[static_cast<std::size_t>(count)];
   const std::uint64_t all = finished_sweeps(burr.state_);
-  settle_burr(burr.felt_, burr.burr_, count, burr.proxy_, burr.state_);
+  settle_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(burr.state_.first, count);
   EXPECT_EQ(burr.state_.pending().front().from, next.from);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
   // told again, nothing is lost
-  settle_burr(burr.felt_, burr.burr_, count, burr.proxy_, burr.state_);
+  settle_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
 }
 

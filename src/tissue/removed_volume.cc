@@ -61,25 +61,25 @@ void RemovedVolume::add(const Sweep& sweep, Stroke& stroke) {
                 static_cast<std::size_t>(grid.dims[1]) * static_cast<std::size_t>(k));
   };
   const double half_diagonal_mm = 0.5 * grid.spacing_mm.norm();
-  const VoxelBox box = voxels_around(sweep, sweep.radius_mm + half_diagonal_mm, grid);
+  const VoxelBox box = voxels_around(sweep, sweep.widest_mm() + half_diagonal_mm, grid);
+  const SweptShape shape(sweep);
   for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)
     for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j)
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i) {
         const LabelId label = labels_->at(i, j, k);
         if (!is_cut_[label]) continue;
-        const double centre_mm = distance_to_axis_mm(sweep, X_PatientVoxel * Point<Voxel>(i, j, k));
-        if (centre_mm >= sweep.radius_mm + half_diagonal_mm) continue;
+        const double depth_mm = shape.depth_mm(X_PatientVoxel * Point<Voxel>(i, j, k));
+        if (depth_mm <= -half_diagonal_mm) continue;
         std::uint64_t& swept = swept_[index(i, j, k)];
         if (swept == kAll) continue;
         std::uint64_t now = kAll;
-        if (centre_mm > sweep.radius_mm - half_diagonal_mm) {
+        if (depth_mm < half_diagonal_mm) {
           now = 0;
           const auto along = [](int voxel, int place) { return voxel + (place + 0.5) / kPlaces - 0.5; };
           for (int place = 0; place < kPlaces * kPlaces * kPlaces; ++place) {
             const Point<Voxel> at(along(i, place % kPlaces), along(j, place / kPlaces % kPlaces),
                                   along(k, place / (kPlaces * kPlaces)));
-            if (distance_to_axis_mm(sweep, X_PatientVoxel * at) < sweep.radius_mm)
-              now |= std::uint64_t{1} << place;
+            if (shape.depth_mm(X_PatientVoxel * at) > 0) now |= std::uint64_t{1} << place;
           }
         }
         now &= ~swept;

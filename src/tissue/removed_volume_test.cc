@@ -81,6 +81,11 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
   for (int n = 0; n < 30; ++n) {
     const Point<Patient> from(place(random), place(random), place(random));
     cuts.push_back({0, {from, from + Vector<Patient>(0.2, 0.1, 0), 0.5 + 0.05 * n}});
+    // every third of a cone
+    if (n % 3 == 0) {
+      cuts.back().sweep.axis_mm = {1, -2, 3};
+      cuts.back().sweep.end_radius_mm = 0.5 + 0.1 * n;
+    }
   }
   RemovedVolume once(model), again(model);
   once.add(cuts);
@@ -103,9 +108,8 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
           const Point<Patient> at =
               X_PatientVoxel *
               Point<Voxel>(i + part(place_n & 3), j + part(place_n >> 2 & 3), k + part(place_n >> 4));
-          if (std::ranges::any_of(cuts, [&](const Cut& cut) {
-                return distance_to_axis_mm(cut.sweep, at) < cut.sweep.radius_mm;
-              }))
+          if (std::ranges::any_of(cuts,
+                                  [&](const Cut& cut) { return SweptShape(cut.sweep).depth_mm(at) > 0; }))
             expected[label] += grid.spacing_mm.prod() / 64;
         }
       }

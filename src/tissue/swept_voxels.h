@@ -7,19 +7,50 @@
 
 #include "palpate/tissue/carving.h"
 
-/// Which voxels a sweep can concern.
+/// Which places and voxels a sweep can concern.
 namespace palpate {
 
-/// Those whose centres lie within so many mm of its axis, at least; none outside the grid.
+/// Where the middles of a sweep's balls are, in voxels: the least and the greatest indices.
+struct MiddlesOfSweep {
+  Eigen::Array3d least, greatest;
+};
+inline MiddlesOfSweep middles_of(const Sweep& sweep, const Transform<Voxel, Patient>& X_VoxelPatient) {
+  const Eigen::Array3d from = (X_VoxelPatient * sweep.from).eigen().array();
+  const Eigen::Array3d to = (X_VoxelPatient * sweep.to).eigen().array();
+  MiddlesOfSweep middles{from.min(to), from.max(to)};
+  if (sweep.is_of_ball()) return middles;
+  for (const Point<Patient>& begin : {sweep.from, sweep.to}) {
+    const Eigen::Array3d end = (X_VoxelPatient * (begin + sweep.axis_mm)).eigen().array();
+    middles = {middles.least.min(end), middles.greatest.max(end)};
+  }
+  return middles;
+}
+
+/// Runs at balls of a sweep: their middles and radii, not farther apart than so many mm.
+template <class F>
+void for_balls_of(const Sweep& sweep, double apart_mm, const F& run) {
+  const Vector<Patient> way = sweep.to - sweep.from;
+  const int steps = 1 + static_cast<int>(way.norm() / apart_mm);
+  const int along = sweep.is_of_ball() ? 0 : 1 + static_cast<int>(sweep.axis_mm.norm() / apart_mm);
+  for (int m = 0; m <= along; ++m) {
+    const double part = along > 0 ? static_cast<double>(m) / along : 0;
+    const double wider_mm = along > 0 ? (sweep.end_radius_mm - sweep.radius_mm) * part : 0;
+    for (int n = 0; n <= steps; ++n) {
+      const Point<Patient> at = sweep.from + way * (static_cast<double>(n) / steps);
+      run(at + sweep.axis_mm * part, sweep.radius_mm + wider_mm);
+    }
+  }
+}
+
+/// Those whose centres lie within so many mm of the middles of its balls, at least; none outside the grid.
 inline VoxelBox voxels_around(const Sweep& sweep, double within_mm, const GridGeometry& grid) {
-  const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
-  const Point<Voxel> from = X_VoxelPatient * sweep.from, to = X_VoxelPatient * sweep.to;
+  const auto [least, greatest] = middles_of(sweep, grid.X_PatientVoxel().inverse());
   VoxelBox box;
   for (std::size_t a = 0; a < 3; ++a) {
     const int axis = static_cast<int>(a);
     const double reach = within_mm / grid.spacing_mm[axis], last = grid.dims[a] - 1;
-    const double low = std::clamp(std::ceil(std::min(from[axis], to[axis]) - reach), 0.0, last + 1);
-    const double high = std::clamp(std::floor(std::max(from[axis], to[axis]) + reach), -1.0, last);
+    const double low = std::clamp(std::ceil(least[axis] - reach), 0.0, last + 1);
+    const double high = std::clamp(std::floor(greatest[axis] + reach), -1.0, last);
     box.first[a] = static_cast<int>(low);
     box.size[a] = std::max(0, static_cast<int>(high) - box.first[a] + 1);
   }

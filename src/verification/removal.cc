@@ -4,57 +4,21 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/surfaces/surfaces.h"
 #include "palpate/tissue/removal.h"
 #include "verification/accuracy_random.h"
+#include "verification/removal_block.h"
 #include "verification/removal_plants.h"
+#include "verification/removal_volumes.h"
 
 namespace palpate {
 namespace {
 
 constexpr std::uint64_t kRemovalSeed = 21;
-// of a block below z = 0: even numbers of voxels, where these are not turned
-constexpr double kHalfBlock_mm = 10.2, kDepth_mm = 8.4;
 constexpr double kBurrRadius_mm = 2, kBurrTurns_per_s = 1000, kBoneEnergy_mJ_per_mm3 = 100;
 constexpr double kBoneStiffness_N_per_mm = 2;
 constexpr double kCarvedEvery_s = 0.02;
-constexpr double kTickRates_Hz[] = {500, 1000, 2000, 4000, 10000};
 // of which a place each says whether it was swept
 constexpr double kCell_mm = 0.12;
-
-struct BlockGrid {
-  double voxel_mm, turned_rad;
-};
-constexpr BlockGrid kBlockGrids[] = {{0.6, 0}, {0.6, 0.5}, {0.3, 0}, {0.3, 0.5}};
-
-/// A block of labels on a grid that stands at an angle to it.
-Result<std::shared_ptr<const Surface>> bone_block(const BlockGrid& on, const Progress& progress) {
-  const Eigen::Matrix3d direction =
-      Eigen::AngleAxisd(on.turned_rad, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
-  // a corner of it, from its middle, and a millimetre
-  const double half_mm = std::hypot(kHalfBlock_mm, kHalfBlock_mm, 0.5 * kDepth_mm) + 1;
-  const int half = static_cast<int>(half_mm / on.voxel_mm);
-  GridGeometry grid;
-  grid.dims = {2 * half, 2 * half, 2 * half};
-  grid.spacing_mm = Eigen::Vector3d::Constant(on.voxel_mm);
-  grid.direction = direction;
-  // the block has the middle between eight voxels
-  const Eigen::Vector3d first = Eigen::Vector3d::Constant((0.5 - half) * on.voxel_mm);
-  grid.origin = Point<Patient>(Eigen::Vector3d(direction * first) + Eigen::Vector3d(0, 0, -0.5 * kDepth_mm));
-  Volume<LabelId> labels(grid);
-  const auto X_PatientVoxel = grid.X_PatientVoxel();
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i) {
-        const Point<Patient> p = X_PatientVoxel * Point<Voxel>(i, j, k);
-        if (std::abs(p.x()) < kHalfBlock_mm && std::abs(p.y()) < kHalfBlock_mm && p.z() < 0 &&
-            p.z() > -kDepth_mm)
-          labels.at(i, j, k) = 1;
-      }
-  auto prepared = prepare_surfaces(*label_bricks(labels), {1}, {}, progress);
-  if (!prepared) return prepared.error();
-  return std::make_shared<const Surface>(std::move(prepared->front().surface));
-}
 
 /// What a hand does with a burr.
 struct BurrStroke {
@@ -130,10 +94,10 @@ class BurrHand {
     felt_.surface = carved_.surface();
     felt_.made = carved_.made();
     felt_.short_mm = carved_.short_mm();
-    settle_burr({&felt_, 1}, burr_, count, proxy_, burr_state_);
-    const ToolSphere ball{Vector<Patient>(), burr_.radius_mm - burr_state_.inset_mm};
+    settle_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, burr_state_);
+    const ToolSphere head = burr_.head(burr_state_.inset_mm);
     const SurfaceBefore before{0, false};
-    keep_proxy({&felt_, 1}, {&ball, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+    keep_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
     taken_.held = taken_.held && proxy_.coupled;
     return true;
   }
@@ -145,6 +109,7 @@ class BurrHand {
       low = low.min(sweep.from.eigen().array().min(sweep.to.eigen().array()) - sweep.radius_mm);
       high = high.max(sweep.from.eigen().array().max(sweep.to.eigen().array()) + sweep.radius_mm);
     }
+    std::vector<SweptShape> shapes(sweeps_.begin(), sweeps_.end());
     // a place in every cell, at random there: no plane of the block meets a plane of places
     const Eigen::Array3i cells = ((high - low) / kCell_mm).ceil().cast<int>();
     const Eigen::Array3d size_mm = (high - low) / cells.cast<double>();
@@ -158,9 +123,8 @@ class BurrHand {
           const Point<Patient> place(Eigen::Vector3d(low + Eigen::Array3d(x, y, z) * size_mm));
           // its felt surface, which a sharp edge of labels moves
           if (carved_.made()->distance_mm(place) >= 0) continue;
-          taken += std::any_of(sweeps_.begin(), sweeps_.end(), [&](const Sweep& sweep) {
-            return distance_to_axis_mm(sweep, place) < sweep.radius_mm;
-          });
+          taken += std::any_of(shapes.begin(), shapes.end(),
+                               [&](const SweptShape& shape) { return shape.depth_mm(place) > 0; });
         }
     return size_mm.prod() * static_cast<double>(taken);
   }
@@ -176,23 +140,6 @@ class BurrHand {
   Vector<Patient> velocity_, last_N_;
   std::vector<Sweep> sweeps_;
   Taken taken_;
-};
-
-/// Greatest difference of some values, of their mean.
-class Spread {
- public:
-  void add(double value) {
-    least_ = std::min(least_, value);
-    most_ = std::max(most_, value);
-    sum_ += value;
-    ++count_;
-  }
-  double percent() const { return 100 * (most_ - least_) * count_ / sum_; }
-  std::uint64_t count() const { return static_cast<std::uint64_t>(count_); }
-
- private:
-  double least_ = std::numeric_limits<double>::infinity(), most_ = 0, sum_ = 0;
-  int count_ = 0;
 };
 
 }  // namespace
@@ -248,18 +195,26 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
 Result<SuiteReport> run_removal(const Progress& progress) {
   auto figures = removal_figures(progress);
   if (!figures) return figures.error();
+  const auto volumes = led_volumes_figures({}, progress);
+  if (!volumes) return volumes.error();
   const auto plants = cutting_plants_figures({}, progress);
   if (!plants) return plants.error();
   SuiteReport report;
   report.figures = *std::move(figures);
+  report.figures.insert(report.figures.end(), volumes->begin(), volumes->end());
   report.figures.insert(report.figures.end(), plants->begin(), plants->end());
-  report.notes = {{"burr", "a ball of 4 mm at 60 000 revolutions a minute, on bone of 100 mJ/mm3 and 2 N/mm"},
-                  {"hand", "100 g with 10 N s/m that presses with 2 N for 0.6 s, milling at 12 mm/s"},
-                  {"plants",
-                   "simulated hands on their devices at 1 kHz, which explore a plane of bone at random "
-                   "for 20 s with the motor on, and press on it with 1 N for 4 s"},
-                  {"surfaces", "from labels as a scene is prepared, carved every 20 ms"},
-                  {"rates", "500 Hz to 10 kHz; grids of 0.3 and 0.6 mm, along the block and turned"}};
+  report.notes = {
+      {"burr", "a ball of 4 mm at 60 000 revolutions a minute, on bone of 100 mJ/mm3 and 2 N/mm"},
+      {"hand", "100 g with 10 N s/m that presses with 2 N for 0.6 s, milling at 12 mm/s"},
+      {"plants",
+       "simulated hands on their devices at 1 kHz, which explore a plane of bone at random "
+       "for 20 s with the motor on, and press on it with 1 N for 4 s"},
+      {"led",
+       "burrs whose tips are led at 10 mm/s through bone of 2 mJ/mm3: balls of 4 mm, cylinders of "
+       "3 mm and 8 mm long, cones of 1.8 to 3.5 mm and 7.65 mm long; volumes beside what geometry "
+       "says"},
+      {"surfaces", "from labels as a scene is prepared, carved every 20 ms"},
+      {"rates", "500 Hz to 10 kHz; grids of 0.3 and 0.6 mm, along the block and turned"}};
   return report;
 }
 

@@ -5,6 +5,7 @@
 #include <atomic>
 
 #include "verification/removal_plants.h"
+#include "verification/removal_volumes.h"
 
 namespace palpate {
 namespace {
@@ -21,6 +22,16 @@ TEST(RemovalFigures, KeepTheirLimits) {
 }
 
 // palpate verify removal does all of it
+TEST(LedVolumes, AreThoseOfGeometry) {
+  const auto figures = led_volumes_figures({.all = false}, {});
+  ASSERT_TRUE(figures.ok());
+  EXPECT_EQ(figures->size(), 4);
+  for (const Figure& figure : *figures)
+    EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
+                             << *figure.limit;
+}
+
+// likewise
 TEST(CuttingPlants, GiveNothingOutAndDoNotSwing) {
   const auto figures = cutting_plants_figures({.explored_s = 2.5, .pressed_s = 2}, {});
   ASSERT_TRUE(figures.ok());

@@ -2432,8 +2432,8 @@ class WithShaft(Viewer):
 class WithBurr(Viewer):
     """The mock's with a tool that cuts away 3 mm around the middle of the first structure when its motor is switched on, and 7 mm above the next time."""
 
-    def serve(self, source):
-        super().serve(source, extra=["--tool", "burr"])
+    def serve(self, source, burr="ball"):
+        super().serve(source, extra=["--tool", "burr", "--burr", burr])
 
     def setUp(self):
         self.serve("pointer")
@@ -2483,6 +2483,21 @@ class WithBurr(Viewer):
         self.page.wait("!window.isLeft && window.palpateViewer && palpateViewer.isLoaded")
         self.wait_until_cut(self.place, True)
         self.assertEqual(found(), {"middle": False, "edge": False, "beyond": True})
+
+    def test_a_cone_takes_what_is_in_its_row_of_balls_and_is_drawn(self):
+        self.assertIn("ball burr", self.told("device"))
+        self.serve("pointer", "cone")
+        self.open_page()
+        self.assertIn("conical burr", self.told("device"))
+        # 1 mm around the middle, and 6 mm above 2.5 mm
+        places = {"tip": (0, 0), "beside the tip": (1.8, 0), "end": (1.8, 6), "beside the end": (3.4, 6)}
+        at = {name: [self.place[0] + 1, self.place[1] + aside, self.place[2] + up] for name, (aside, up) in places.items()}
+        found = lambda: {name: self.page.run("return palpateViewer.structureAt(arguments[0])", where) is not None for name, where in at.items()}
+        was = found()
+        self.switch(True)
+        self.wait_until_cut(self.place, True)
+        self.assertEqual(found(), {"tip": False, "beside the tip": was["beside the tip"], "end": False, "beside the end": was["beside the end"]})
+        self.assertTrue(was["tip"] and was["beside the tip"])
 
     def test_strokes_are_undone_and_done_again(self):
         # a plane through the middle, and places in it within both strokes, and off them

@@ -266,7 +266,7 @@ export class Controls {
     document.title = words.title(words.sideInTitle[scene.side]);
     write(byId("side"), words.side[scene.side]);
     write(byId("modality"), words.modality[scene.modality] + (scene.oriented ? "" : ` · ${words.orientationUnknown}`));
-    write(byId("device"), `${scene.device.name} · ${words.mover[scene.device.input]} · ${words.toolNamed(scene.tool.name)}`);
+    write(byId("device"), `${scene.device.name} · ${words.mover[scene.device.input]} · ${words.toolNamed(scene.tool.name)}${scene.tool.burr ? ` · ${words.burr[scene.tool.burr]}` : ""}`);
     write(byId("scan-steps"), scene.volume.scan ? stepsText(scene.volume.scan.scale) : "");
     const presets: Preset[] = ["percentiles", "all", ...(scene.modality === "ct" ? (Object.keys(CT_PRESETS) as Preset[]) : [])];
     offer("preset", presets, words.presets);

@@ -1,18 +1,22 @@
 // What a burr took away: the sweeps that the session tells of become voxels that hold nothing.
 
-import { apply, type Vec3 } from "./geometry.js";
+import { add, apply, cross, dot, length, scale, sub, type Vec3 } from "./geometry.js";
 import type { Volumes } from "./scene.js";
 
-/** From where the burr's centre was first to where it went, patient, and its radius; mm. */
-export type Sweep = [number, number, number, number, number, number, number];
+/**
+ * From where the middle of the burr's ball was first to where it went, patient, and its radius; mm. Of a cylinder or cone that of the ball
+ * at its tip, and besides from that middle to the one of the ball at its far end, and that one's radius.
+ */
+export type Sweep = [number, number, number, number, number, number, number, ...([] | [number, number, number, number])];
 export interface VoxelBox { lo: Vec3; size: Vec3 }
 
 /** The voxels whose centres lie within a sweep's reach, and more. */
-function around(volumes: Volumes, [ax, ay, az, bx, by, bz, radius]: Sweep): VoxelBox {
+function around(volumes: Volumes, [ax, ay, az, bx, by, bz, begin, ex = 0, ey = 0, ez = 0, end = begin]: Sweep): VoxelBox {
   const lo: Vec3 = [Infinity, Infinity, Infinity], hi: Vec3 = [-Infinity, -Infinity, -Infinity];
-  for (const x of [Math.min(ax, bx) - radius, Math.max(ax, bx) + radius]) {
-    for (const y of [Math.min(ay, by) - radius, Math.max(ay, by) + radius]) {
-      for (const z of [Math.min(az, bz) - radius, Math.max(az, bz) + radius]) {
+  const radius = Math.max(begin, end);
+  for (const x of [Math.min(ax, bx, ax + ex, bx + ex) - radius, Math.max(ax, bx, ax + ex, bx + ex) + radius]) {
+    for (const y of [Math.min(ay, by, ay + ey, by + ey) - radius, Math.max(ay, by, ay + ey, by + ey) + radius]) {
+      for (const z of [Math.min(az, bz, az + ez, bz + ez) - radius, Math.max(az, bz, az + ez, bz + ez) + radius]) {
         apply(volumes.voxelFromPatient, [x, y, z]).forEach((v, axis) => {
           lo[axis] = Math.min(lo[axis]!, v);
           hi[axis] = Math.max(hi[axis]!, v);
@@ -24,12 +28,46 @@ function around(volumes: Volumes, [ax, ay, az, bx, by, bz, radius]: Sweep): Voxe
   return { lo: first, size: hi.map((v, axis) => Math.max(0, Math.min(volumes.dims[axis]! - 1, Math.floor(v)) - first[axis]! + 1)) as Vec3 };
 }
 
-/** Squared, from a sweep's way. */
-function squaredAside([ax, ay, az, bx, by, bz]: Sweep, [x, y, z]: Vec3): number {
-  const along = [bx - ax, by - ay, bz - az] as const, from = [x - ax, y - ay, z - az] as const;
-  const length = along[0] ** 2 + along[1] ** 2 + along[2] ** 2;
-  const part = length > 0 ? Math.max(0, Math.min(1, (from[0] * along[0] + from[1] * along[1] + from[2] * along[2]) / length)) : 0;
-  return (from[0] - part * along[0]) ** 2 + (from[1] - part * along[1]) ** 2 + (from[2] - part * along[2]) ** 2;
+const within01 = (x: number): number => Math.max(0, Math.min(1, x));
+
+/** Squared, from a way; `from` goes from where that begins to a place. */
+function squaredAside(way: Vec3, from: Vec3): number {
+  const length = way[0] ** 2 + way[1] ** 2 + way[2] ** 2;
+  const part = length > 0 ? within01((from[0] * way[0] + from[1] * way[1] + from[2] * way[2]) / length) : 0;
+  return (from[0] - part * way[0]) ** 2 + (from[1] - part * way[1]) ** 2 + (from[2] - part * way[2]) ** 2;
+}
+
+/** Whether a place was swept: the session's law (palpate/tissue/sweep.h says how it comes about). */
+function isIn(sweep: Sweep): (at: Vec3) => boolean {
+  const [ax, ay, az, bx, by, bz, radius, ex, ey, ez, last] = sweep;
+  const begin: Vec3 = [ax, ay, az], way: Vec3 = [bx - ax, by - ay, bz - az];
+  if (ex === undefined || (ex === 0 && ey === 0 && ez === 0)) return (at) => squaredAside(way, sub(at, begin)) < radius ** 2;
+
+  // of the head: how fast its radius changes along the axis
+  const axis: Vec3 = [ex, ey!, ez!], widens = last! - radius, axis2 = dot(axis, axis), long = Math.sqrt(axis2);
+  const slope = widens / long, sine = Math.abs(slope) < 1 ? Math.sqrt(1 - slope * slope) : 0;
+  const headDepth = (from: Vec3): number => {
+    const foot = dot(from, axis) / axis2;
+    const part = sine > 0 ? within01(foot + (slope * length(sub(from, scale(axis, foot)))) / (sine * long)) : slope > 0 ? 1 : 0;
+    return radius + widens * part - length(sub(from, scale(axis, part)));
+  };
+  // of the plane of way and axis: the gradient of the radius in it
+  const across = cross(way, axis), determinant = dot(across, across), way2 = dot(way, way), mixed = dot(way, axis);
+  const isPlane = determinant > 1e-12 * way2 * axis2;
+  const normal = isPlane ? scale(across, 1 / Math.sqrt(determinant)) : across;
+  const offWay = isPlane ? sub(axis, scale(way, mixed / way2)) : axis;
+  const gradient = scale(offWay, widens / dot(offWay, offWay)), gradient2 = dot(gradient, gradient);
+  const planeSine = Math.sqrt(1 - gradient2);
+  return (at) => {
+    const from = sub(at, begin);
+    if (isPlane && gradient2 < 1) {
+      const height = Math.abs(dot(from, normal));
+      const best = add(from, scale(gradient, height / planeSine)), byWay = dot(best, way), byAxis = dot(best, axis);
+      const s = byWay * axis2 - byAxis * mixed, t = byAxis * way2 - byWay * mixed;
+      if (s >= 0 && s <= determinant && t >= 0 && t <= determinant) return radius + dot(gradient, from) - height * planeSine > 0;
+    }
+    return squaredAside(way, from) < radius ** 2 || squaredAside(way, sub(from, axis)) < last! ** 2 || headDepth(from) > 0 || headDepth(sub(from, way)) > 0;
+  };
 }
 
 function joined(a: VoxelBox | null, b: VoxelBox): VoxelBox {
@@ -97,14 +135,14 @@ export class Cuts {
 
   private take(volumes: Volumes, sweep: Sweep, isCut: readonly boolean[]): VoxelBox | null {
     const box = around(volumes, sweep);
-    const { lo, size } = box;
+    const { lo, size } = box, isSwept = isIn(sweep);
     let changes = false;
     for (let k = lo[2]; k < lo[2] + size[2]; k++) {
       for (let j = lo[1]; j < lo[1] + size[1]; j++) {
         for (let i = lo[0]; i < lo[0] + size[0]; i++) {
           const index = i + volumes.dims[0] * (j + volumes.dims[1] * k);
           const structure = volumes.structure[index]!;
-          if (!isCut[structure] || squaredAside(sweep, apply(volumes.patientFromVoxel, [i, j, k])) >= sweep[6] ** 2) continue;
+          if (!isCut[structure] || !isSwept(apply(volumes.patientFromVoxel, [i, j, k]))) continue;
           this.at.push(index);
           this.was.push(structure);
           volumes.structure[index] = 0;

@@ -1,7 +1,7 @@
 // What is drawn over a picture of the volume as if it were in it: dashed where something solid is in front.
 
 import { quantity } from "./figures.js";
-import { add, apply, besides, dot, normalOf, scale, sub, type Plane, type Vec3 } from "./geometry.js";
+import { add, apply, besides, dot, length, normalOf, scale, sub, type Plane, type Vec3 } from "./geometry.js";
 import { line, text, type Frame } from "./overlay.js";
 import type { Volumes } from "./scene.js";
 
@@ -39,13 +39,15 @@ function drawLine(frame: Frame, seen: InVolume, a: Vec3, b: Vec3, thick: number,
 }
 
 /** A part of the tool: its sides, filled where it is seen, dashed where something is in front. */
-export function drawShaft(frame: Frame, seen: InVolume, from: Vec3, to: Vec3, radius_mm: number, colour: string, slack_mm: number): void {
+export function drawShaft(frame: Frame, seen: InVolume, from: Vec3, to: Vec3, radii_mm: readonly [number, number], colour: string, slack_mm: number): void {
   const { context, ratio } = frame;
-  for (const run of runs(from, to, piecesOf(frame, seen.pixel(from), seen.pixel(to)), (p) => seen.hides(p, slack_mm + radius_mm))) {
+  const long = length(sub(to, from));
+  const radiusAt = (p: Vec3): number => radii_mm[0] + (radii_mm[1] - radii_mm[0]) * (long > 0 ? length(sub(p, from)) / long : 0);
+  for (const run of runs(from, to, piecesOf(frame, seen.pixel(from), seen.pixel(to)), (p) => seen.hides(p, slack_mm + radiusAt(p)))) {
     const [a, b] = [seen.pixel(run.from), seen.pixel(run.to)];
     const towards = Math.atan2(b[1] - a[1], b[0] - a[0]) + Math.PI / 2;
     const side = (at: [number, number], p: Vec3, sign: number): [number, number] => {
-      const wide = sign * Math.max(1.5 * ratio, radius_mm * seen.pixelsPerMm(p));
+      const wide = sign * Math.max(1.5 * ratio, radiusAt(p) * seen.pixelsPerMm(p));
       return [at[0] + wide * Math.cos(towards), at[1] + wide * Math.sin(towards)];
     };
     const [left, right] = [1, -1].map((sign) => [side(a, run.from, sign), side(b, run.to, sign)] as const) as [readonly [[number, number], [number, number]], readonly [[number, number], [number, number]]];
@@ -72,7 +74,7 @@ export function drawShaft(frame: Frame, seen: InVolume, from: Vec3, to: Vec3, ra
       const [x, y] = seen.pixel(end);
       context.setLineDash(run.isHidden ? [3 * ratio, 4 * ratio] : []);
       context.beginPath();
-      context.arc(x, y, Math.max(1.5 * ratio, radius_mm * seen.pixelsPerMm(end)), towards + way, towards + way + Math.PI);
+      context.arc(x, y, Math.max(1.5 * ratio, radiusAt(end) * seen.pixelsPerMm(end)), towards + way, towards + way + Math.PI);
       context.lineWidth = 1.3 * ratio;
       context.strokeStyle = colour;
       context.stroke();

@@ -80,7 +80,7 @@ export interface Projection {
   /** 0 ... 1: how clearly to draw what is at `p` */
   clearness(p: Vec3): number;
   /** Draws a long part of the tool, where that is more than its outline on a plane. */
-  capsule?(from: Vec3, to: Vec3, radius_mm: number, colour: string): void;
+  capsule?(from: Vec3, to: Vec3, radii_mm: readonly [number, number], colour: string): void;
 }
 
 export function line(frame: Frame, from: [number, number], to: [number, number], thick: number, colour: string, dash: number[] = []): void {
@@ -118,12 +118,14 @@ export function drawTrail(frame: Frame, session: Session, projection: Projection
 }
 
 /** The outline of what is round at both ends: of all places that are so near to a line. */
-function stadium(frame: Frame, a: [number, number], b: [number, number], radius: number, thick: number, stroke: string): void {
+function stadium(frame: Frame, a: [number, number], b: [number, number], [first, last]: readonly [number, number], thick: number, stroke: string): void {
   const { context, ratio } = frame;
-  const towards = Math.atan2(b[1] - a[1], b[0] - a[0]);
+  const towards = Math.atan2(b[1] - a[1], b[0] - a[0]), apart = Math.hypot(b[0] - a[0], b[1] - a[1]);
+  // where the sides touch both circles; seen end-on, one circle holds the other
+  const quarter = Math.acos(Math.max(-1, Math.min(1, (first - last) / Math.max(apart, 1e-9))));
   context.beginPath();
-  context.arc(...a, radius, towards + Math.PI / 2, towards - Math.PI / 2);
-  context.arc(...b, radius, towards - Math.PI / 2, towards + Math.PI / 2);
+  context.arc(...a, first, towards + quarter, towards - quarter);
+  context.arc(...b, last, towards - quarter, towards + quarter);
   context.closePath();
   context.lineWidth = thick * ratio;
   context.strokeStyle = stroke;
@@ -148,14 +150,14 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     ring(frame, hand, 3.5 * ratio, 3, "rgba(6, 9, 11, 0.6)");
     ring(frame, hand, 3.5 * ratio, 1.3, "rgba(238, 243, 245, 0.75)");
   }
-  for (const { from_mm, to_mm, radius_mm } of session.scene?.tool.capsules ?? []) {
+  for (const { from_mm, to_mm, radius_mm, end_radius_mm } of session.scene?.tool.capsules ?? []) {
     const place = (end: Vec3) => add(shown, session.toPatient(pose, rotate(device.orientation, end)));
     if (projection.capsule) {
-      projection.capsule(place(from_mm), place(to_mm), radius_mm, colour);
+      projection.capsule(place(from_mm), place(to_mm), [radius_mm, end_radius_mm], colour);
       continue;
     }
     const at = (end: Vec3) => projection.pixel(place(end));
-    const wide = Math.max(1.5 * ratio, radius_mm * projection.pixelsPerMm(shown));
+    const wide = [radius_mm, end_radius_mm].map((mm) => Math.max(1.5 * ratio, mm * projection.pixelsPerMm(shown))) as [number, number];
     stadium(frame, at(from_mm), at(to_mm), wide, 3, "rgba(6, 9, 11, 0.6)");
     stadium(frame, at(from_mm), at(to_mm), wide, 1.3, colour);
   }

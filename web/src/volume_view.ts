@@ -217,7 +217,7 @@ export class VolumeView {
     drawTool(frame, session, device, {
       ...projection,
       clearness: () => (projection.hides(tool, this.slack_mm) ? 0.45 : 1),
-      capsule: (from, to, wide_mm, colour) => drawShaft(frame, projection, from, to, wide_mm, colour, 1.5 * session.volumes!.voxelSize),
+      capsule: (from, to, radii_mm, colour) => drawShaft(frame, projection, from, to, radii_mm, colour, 1.5 * session.volumes!.voxelSize),
     });
   }
 

@@ -15,7 +15,29 @@ function volumes(): Volumes {
   return new Volumes("hash", 1, DIMS, GRID, null, structure, 1, 0);
 }
 const IS_FELT = [false, true, false];
-const SWEEPS: Sweep[] = [[-4, -3, -1, -1, -2, 0.5, 2], [-1, -2, 0.5, -1, -2, 0.5, 2], [200, 0, 0, 201, 0, 0, 2], [-9, -9, -6, -8, -9, -6, 1.4]];
+const SWEEPS: Sweep[] = [[-4, -3, -1, -1, -2, 0.5, 2], [-1, -2, 0.5, -1, -2, 0.5, 2], [200, 0, 0, 201, 0, 0, 2], [-9, -9, -6, -8, -9, -6, 1.4],
+  [2, 1, -2, 2.2, 1.1, -2, 1, 3, -1, 2, 1], [-5, 4, -1, -5, 4, -1, 0.7, 1, 1, 4, 2.2]];
+
+/** The greatest of a concave function from 0 to 1, by thirds. */
+function greatest(concave: (part: number) => number): number {
+  let [lo, hi] = [0, 1];
+  for (let n = 0; n < 45; n++) {
+    const [a, b] = [lo + (hi - lo) / 3, hi - (hi - lo) / 3];
+    if (concave(a) < concave(b)) lo = a;
+    else hi = b;
+  }
+  return Math.max(concave(0), concave(lo), concave(1));
+}
+
+/** How deep a place lies in what a sweep took: of a cylinder or cone in any of the balls in its row, looked for. */
+function depth(sweep: Sweep, at: Vec3): number {
+  const [ax, ay, az, bx, by, bz, radius, ex, ey, ez, last] = sweep;
+  if (ex === undefined) return radius - aside(sweep, at);
+  // nearly all places lie far away
+  const reach = Math.hypot(bx - ax, by - ay, bz - az) + Math.hypot(ex, ey!, ez!) + Math.max(radius, last!);
+  if (length(sub(at, [ax, ay, az])) > reach) return -1;
+  return greatest((t) => radius + t * (last! - radius) - aside([ax + t * ex, ay + t * ey!, az + t * ez!, bx + t * ex, by + t * ey!, bz + t * ez!, 0], at));
+}
 
 /** From a sweep's way: by its ends, or by the area between it and the place. */
 function aside([ax, ay, az, bx, by, bz]: Sweep, at: Vec3): number {
@@ -26,7 +48,7 @@ function aside([ax, ay, az, bx, by, bz]: Sweep, at: Vec3): number {
 }
 const voxelOf = (n: number): Vec3 => [n % 40, Math.floor(n / 40) % 30, Math.floor(n / 1200)];
 const PLACES = Array.from({ length: DIMS[0] * DIMS[1] * DIMS[2] }, (_, n) => apply(GRID, voxelOf(n)));
-const isSwept = (n: number, sweeps: Sweep[]): boolean => sweeps.some((sweep) => aside(sweep, PLACES[n]!) < sweep[6]);
+const isSwept = (n: number, sweeps: Sweep[]): boolean => sweeps.some((sweep) => depth(sweep, PLACES[n]!) > 0);
 const isInside = (n: number, { lo, size }: VoxelBox): boolean => voxelOf(n).every((v, axis) => v >= lo[axis]! && v < lo[axis]! + size[axis]!);
 
 /** What is whole, one voxel after the other, without what is swept. */
@@ -78,7 +100,10 @@ test("what sweeps took that are not any more comes back, and nothing else change
   // many reach where others have been, some reach nothing
   const sweep = (): Sweep => {
     const at = place();
-    return [...at, ...(random() < 0.2 ? at : (at.map((x) => x + 6 * random() - 3) as Vec3)), 0.4 + 2.5 * random()];
+    const way: Sweep = [...at, ...(random() < 0.2 ? at : (at.map((x) => x + 6 * random() - 3) as Vec3)), 0.4 + 2.5 * random()];
+    // cylinders, and cones that may be so short that one end holds the other
+    const radius = way[6], some = (): number => 4 * random() - 2;
+    return random() < 0.6 ? way : [...(way as [number, number, number, number, number, number, number]), some(), some(), some(), random() < 0.4 ? radius : 0.4 + 2.5 * random()];
   };
   const done = { back: 0, gone: 0, kept: 0 };
   for (const isCut of [IS_FELT, [false, false, true], [false, true, true], [false, false, false]]) {

@@ -3,13 +3,14 @@
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 //                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1] [--hold no]
-//                                    [--shaft no] [--tool probe]
+//                                    [--shaft no] [--tool probe] [--burr ball]
 //
 // --protocol is another version of what is spoken, --refuse the answer to all of /api/ and /ws.
 // "ramp" is a scan of 16 bits without a sign, most of whose values lie in 1/256 of them, on a grid whose axes are swapped, mirrored and tilted.
 // "sphere" is one of 20 mm, of voxels of 0.5 mm.
 // --shaft yes gives the tool one of 40 mm, as it has with the ramp. --tool burr gives it a motor: each time that is
-// switched on, a stroke cuts away 3 mm around a way of 2 mm, the first from the middle of the first structure, the next 7 mm above it.
+// switched on, a stroke cuts away 3 mm around a way of 2 mm, the first from the middle of the first structure, the next 7 mm above it;
+// with --burr cylinder or cone 1 mm there, and up from it 6 mm of that, or up to 2.5 mm.
 // --more 108 adds so many structures to the list, which have no voxel.
 // --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
 // when each stop came, in ms since 1970. --hold yes: volumes come when somebody has asked for /mock/release.
@@ -21,7 +22,7 @@ import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe" };
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe", burr: "ball" };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
@@ -48,6 +49,8 @@ const structures = [
   { label: 8, name: "tibial_cartilage", colour: [120, 200, 150], tissue: 1, shape: ellipsoid([0, 2, -15], [33, 22, 12.4]) },
 ];
 const more = Array.from({ length: Number(options.more) }, (_, n) => ({ label: structures.length + n + 1, name: `structure_${n + 1}`, colour: [n, 128, 255 - n], tissue: n % 3 }));
+// of a burr that is no ball: from the middle of the ball at its tip to that at its far end, and that one's radius
+const HEAD = [0, 0, 6], END_RADIUS = options.burr === "cone" ? 2.5 : 1;
 const isRamp = options.scan === "ramp";
 const isSphere = options.scan === "sphere";
 const dims = isRamp ? [60, 48, 44] : isSphere ? [52, 53, 54] : [100, 100, 120];
@@ -131,7 +134,7 @@ const scene = (role) => ({
   world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
   structures: [...structures.map(({ shape, ...seen }) => seen), ...more],
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
-  tool: { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3 }] : [] },
+  tool: { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", burr: options.tool === "burr" ? options.burr : null, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3, end_radius_mm: 3 }] : options.tool === "burr" && options.burr !== "ball" ? [{ from_mm: [0, 0, 0], to_mm: HEAD, radius_mm: 1, end_radius_mm: END_RADIUS }] : [] },
   methods: ["proxy", "trilinear"],
   device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
             peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
@@ -380,7 +383,8 @@ const undone = [];
 function nextStroke() {
   const [x, y, z] = middle(structures[0].label);
   const up = z + 7 * strokes.length;
-  return [[x, y, up, x + 1, y, up, 3], [x + 1, y, up, x + 2, y, up, 3]];
+  const head = options.burr === "ball" ? [3] : [1, ...HEAD, END_RADIUS];
+  return [[x, y, up, x + 1, y, up, ...head], [x + 1, y, up, x + 2, y, up, ...head]];
 }
 const cutFrom = (first) => JSON.stringify({ type: "cut", first, sweeps: strokes.flat().slice(first) });
 /** Tells of what is another from where it begins. */

@@ -58,12 +58,15 @@ enum TickSwitch : std::uint8_t {
   kSwitchMotor = 1u << 5,
 };
 
-/// What a burr took with it on a short straight way, in the patient (palpate/tissue/carving.h).
+/// What a burr took with it on a short straight way, in the patient (Sweep, palpate/tissue/sweep.h).
 struct SweepRecord {
   std::uint32_t device = 0;  ///< whose burr it was
   std::array<double, 3> from_mm{}, to_mm{};
   double radius_mm = 0;
   std::uint32_t stroke = 0;  ///< counted from the motor's first start
+  /// Of a cylinder or cone, and its last ball's; 0: a ball.
+  std::array<double, 3> axis_mm{};
+  double end_radius_mm = 0;
 
   friend bool operator==(const SweepRecord&, const SweepRecord&) = default;
 };

@@ -50,13 +50,15 @@ struct ToolCapsule {
   double radius_mm = 0;
 };
 
-/// What makes the tool's sphere a burr (palpate/tissue/removal.h): a ball that turns and takes away what it
-/// touches.
+/// What makes the tool's sphere a burr (palpate/tissue/removal.h): a head that turns and takes away what it
+/// touches. The tool's sphere is a ball, or the first of a row of balls.
 struct BurrSettings {
   double revolutions_per_s = 1000;      ///< while its motor runs; above 0
   double grip = 0.5;                    ///< Burr::grip
   Eigen::Vector3d spindle = {0, 0, 1};  ///< its axis, unit, in the tip's frame
-  int pedal = -1;  ///< the device's button that runs the motor while it is held; -1: none does
+  int pedal = -1;            ///< the device's button that runs the motor while it is held; -1: none does
+  double length_mm = 0;      ///< Burr::length_mm: of the row, from middle to middle; 0: a ball
+  double end_radius_mm = 0;  ///< Burr::end_radius_mm
 };
 
 /// The instrument: spheres and capsules fixed to the tip's frame (a point tool has one sphere of radius 0, at
@@ -66,7 +68,8 @@ struct Tool {
   std::vector<Eigen::Vector3d> points_mm{Eigen::Vector3d::Zero()};  ///< 1 ... kMaxToolParts
   double radius_mm = 0;                                             ///< of every one
   std::vector<ToolCapsule> capsules;                                ///< with the points at most kMaxToolParts
-  /// Then it is one sphere at the origin and nothing else, and the proxy alone feels what it takes away.
+  /// Then it has one sphere at the origin, from which the burr's row goes on, and nothing else, and the proxy
+  /// alone feels what it takes away.
   std::optional<BurrSettings> burr;
 
   /// Whether a burr's motor is on. @param switched_on  by its switch  @param buttons  of the device that
@@ -76,6 +79,11 @@ struct Tool {
   }
 };
 inline constexpr int kMaxToolParts = static_cast<int>(kMostToolSpheres);
+
+/// "ball", "cylinder" or "cone"; empty: the tool is no burr.
+std::string burr_shape(const Tool& tool);
+/// In words, such as "burr: a cone of 2.3 mm, 1.2 mm at its tip, 8 mm long"; empty: the tool is no burr.
+std::string burr_in_words(const Tool& tool);
 
 /// Whose side a scan shows: of a limb, or of both (head, torso) where no side mark is needed.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };

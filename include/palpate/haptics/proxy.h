@@ -69,15 +69,38 @@ OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Po
 inline constexpr std::size_t kMostSurfaces = 256;
 using SurfaceSet = std::bitset<kMostSurfaces>;
 
-/// A part of the tool: a sphere, or a capsule, which is a sphere swept along a line. A point is the smallest
-/// sphere there is.
+/// A part of the tool: a sphere, or a capsule, which is a sphere swept along a line, on which it may widen
+/// evenly. A point is the smallest sphere there is.
 struct ToolSphere {
   Vector<Patient> offset_mm;  ///< from the tip, as the tool is turned now
   double radius_mm = 0;
   /// Of a capsule: from offset_mm, one end of its axis, to the other end. 0: a sphere.
   Vector<Patient> along_mm = {};
+  /// Of a capsule: by so much its radius is greater at the other end; below 0: less. The radius stays above
+  /// 0.
+  double widens_mm = 0;
+  /// Of a capsule: the row of spheres that it is felt as is that of so thin a one. 0: as thin as it is. One
+  /// whose radii change is felt at the same places of its axis.
+  double row_radius_mm = 0;
+
+  /// @param part  of the axis, 0 at offset_mm ... 1 at the other end
+  double radius_at_mm(double part) const { return radius_mm + widens_mm * part; }
 };
 inline constexpr std::size_t kMostToolSpheres = 4;
+
+/// Where a part of the tool lies nearest to a surface.
+struct NearestPart {
+  /// Of the sphere's centre there, in the surface's own measure, less what the capsule has widened by: with
+  /// radius_mm taken off it is the clearance.
+  double distance_mm = 0;
+  double part = 0;  ///< of the axis, 0 ... 1
+};
+/// Found as a proxy finds it, on the row of spheres that a capsule is felt as. Allocates, locks and throws
+/// nothing.
+/// @param at         the tip
+/// @param enough_mm  of a capsule that is nowhere nearer a lower bound above that
+NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
+                         double enough_mm = std::numeric_limits<double>::infinity());
 
 /// Where the hand holds the tool.
 struct ToolPose {

@@ -89,8 +89,8 @@ class HeldTool {
   HeldTool(const TickContext& tick, const HandContext& hand);
   const ToolPose& pose() const { return pose_; }
   std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
-  /// Of the first sphere, which a burr is.
-  void set_radius_mm(double radius_mm) { spheres_[0].radius_mm = radius_mm; }
+  /// In place of the first sphere, which a burr is.
+  void set_first(const ToolSphere& sphere) { spheres_[0] = sphere; }
 
  private:
   std::array<ToolSphere, kMostToolSpheres> spheres_;

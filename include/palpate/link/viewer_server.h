@@ -81,13 +81,14 @@ struct ViewedScene {
   std::string tool_name;
   double tool_radius_mm = 0;
   bool tool_cuts = false;  ///< it has a motor
+  std::string tool_burr;   ///< the shape of its head: "ball", "cylinder", "cone"; empty: it is no burr
   std::vector<std::array<double, 3>> tool_points_mm;
   struct Capsule {
-    std::array<double, 3> from_mm, to_mm;  ///< ends of its axis, in the tip's frame
-    double radius_mm = 0;
+    std::array<double, 3> from_mm, to_mm;     ///< ends of its axis, in the tip's frame
+    double radius_mm = 0, end_radius_mm = 0;  ///< where it begins and ends; between them it changes evenly
   };
-  std::vector<Capsule> tool_capsules;
-  std::vector<std::string> methods;  ///< that can be chosen
+  std::vector<Capsule> tool_capsules;  ///< the head of a burr that is no ball is one
+  std::vector<std::string> methods;    ///< that can be chosen
   std::string device_name;
   bool simulated = true;
   std::string input = "script";  ///< who moves the tip: "script", "pointer", "device", "recording"

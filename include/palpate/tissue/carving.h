@@ -10,26 +10,17 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/tissue/stroke_history.h"
+#include "palpate/tissue/sweep.h"
 
 /// Tissue that is taken away by a tool. A surface is carved as it was prepared and never smoothed anew: what
-/// a ball swept is subtracted from it, and distances around follow.
+/// the tool's head swept is subtracted from it, and distances around follow.
 namespace palpate {
-
-/// What a ball takes with it on a straight way.
-struct Sweep {
-  Point<Patient> from, to;
-  double radius_mm = 0;  ///< above 0
-  /// By which it can be undone, counted from the motor's first start (StrokeHistory). No part of its shape.
-  std::uint32_t stroke = 0;
-};
-/// mm, at least 0.
-double distance_to_axis_mm(const Sweep& sweep, const Point<Patient>& x);
 
 /// A surface with all that was ever taken from it. A version is a value: with() makes the next one, which
 /// shares everything that did not change; undoing is going back to one that was kept.
 ///
-/// With S the signed distance as prepared and C the depth within the union of all sweeps (for one sweep: its
-/// radius less the distance to its axis; for many the greatest), at every voxel of the position's grid:
+/// With S the signed distance as prepared and C the depth within the union of all sweeps (SweptShape; for
+/// many the greatest), at every voxel of the position's grid:
 ///
 ///     inside and beside the surface   max(S, C)
 ///     free, and free when prepared    S, and by how much the nearest material is farther away now
@@ -63,7 +54,7 @@ class CarvedSurface {
   const std::shared_ptr<const Surface>& surface() const { return now_; }
   /// As it was prepared.
   const std::shared_ptr<const Surface>& made() const { return made_; }
-  /// By so much a ball does not fit at most where it has just been, as the surface is read between voxels:
+  /// By so much a head does not fit at most where it has just been, as the surface is read between voxels:
   /// the axis of a hole lies on a ridge of the distance, which trilinear interpolation cuts off.
   double short_mm() const { return short_mm_; }
 

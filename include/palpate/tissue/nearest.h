@@ -15,9 +15,10 @@ bool motor_was_on(const Tool& tool, const TickRecord& tick);
 /// A motor stands still while the pose is so old or older.
 inline constexpr double kMotorStops_s = 10e-3;
 
-/// How near a burr came to each structure that is protected, while it turned: from its ball to the
+/// How near a burr came to each structure that is protected, while it turned: from its head to the
 /// structure as prepared, 0 where it touched that or cut it. What was undone counts too. A structure has no
-/// figure while the ball stayed beyond the reach of its distances, in a session 10 mm from the ball's middle.
+/// figure while the head stayed beyond the reach of its distances, in a session 10 mm from the middle of a
+/// ball, of a cylinder or cone from its axis.
 class NearestMeter {
  public:
   /// @param model  with nothing taken from it; its protected structures prepared (ready_for)
@@ -34,8 +35,10 @@ class NearestMeter {
 
  private:
   void see(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure);
+  Vector<Patient> row_mm(const TickRecord& tick, const DeviceTick& device) const;
 
   Tool tool_;
+  Transform<World, Patient> X_WorldPatient_;
   std::vector<ProtectedStructure> protected_;
   std::map<LabelId, double> nearest_mm_;
 };

@@ -15,6 +15,7 @@ export const de: Words = {
   orientationUnknown: "Orientierung unbekannt",
   mover: { script: "simulierte Hand", pointer: "vom Zeiger eines Betrachters geführt", device: "in einer Hand", recording: "eine Aufzeichnung" },
   toolNamed: (name) => `Instrument ${name}`,
+  burr: { ball: "Kugelfräse", cylinder: "Zylinderfräse", cone: "Kegelfräse" },
   language: "Sprache",
   helpTitle: "Alle Gesten und Tasten (?)",
   themeSystem: "Farben: System",

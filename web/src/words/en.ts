@@ -14,6 +14,7 @@ export const en = {
   orientationUnknown: "orientation unknown",
   mover: { script: "simulated hand", pointer: "moved by a viewer's pointer", device: "in a hand", recording: "a recording" },
   toolNamed: (name: string) => `${name} tool`,
+  burr: { ball: "ball burr", cylinder: "cylindrical burr", cone: "conical burr" },
   language: "Language",
   helpTitle: "Every gesture and key (?)",
   themeSystem: "Theme: system",

@@ -1,0 +1,85 @@
+#include "palpate/tissue/sweep.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// of a ball on a straight way: from its middle's way to a place, which is given from where the way begins
+double to_way_mm(const Vector<Patient>& way, double squared, const Vector<Patient>& from) {
+  const double part = squared > 0 ? std::clamp(from.dot(way) / squared, 0.0, 1.0) : 0.0;
+  return (from - way * part).norm();
+}
+
+}  // namespace
+
+double Sweep::widest_mm() const {
+  return is_of_ball() ? radius_mm : std::max(radius_mm, end_radius_mm);
+}
+
+SweptShape::SweptShape(const Sweep& sweep)
+    : sweep_(sweep), way_(sweep.to - sweep.from), way_squared_(way_.squared_norm()) {
+  const Eigen::Array3d from = sweep.from.eigen().array(), to = sweep.to.eigen().array();
+  low_ = from.min(to);
+  high_ = from.max(to);
+  if (sweep.is_of_ball()) return;
+  const Eigen::Array3d axis = sweep.axis_mm.eigen().array();
+  low_ = low_.min(low_ + axis);
+  high_ = high_.max(high_ + axis);
+  widens_mm_ = sweep.end_radius_mm - sweep.radius_mm;
+  axis_squared_ = sweep.axis_mm.squared_norm();
+  slope_ = widens_mm_ / std::sqrt(axis_squared_);
+  sine_ = std::abs(slope_) < 1 ? std::sqrt(1 - slope_ * slope_) : 0;
+
+  // a way along the axis, or none, spans no plane with it
+  constexpr double kLeastSine = 1e-6;
+  const Vector<Patient> across = way_.cross(sweep.axis_mm);
+  determinant_ = across.squared_norm();
+  if (!(determinant_ > kLeastSine * kLeastSine * way_squared_ * axis_squared_)) return;
+  normal_ = across / std::sqrt(determinant_);
+  dot_ = way_.dot(sweep.axis_mm);
+  // the radius does not change along the way
+  const Vector<Patient> off_way = sweep.axis_mm - way_ * (dot_ / way_squared_);
+  gradient_ = off_way * (widens_mm_ / off_way.squared_norm());
+  const double squared = gradient_.squared_norm();
+  has_inside_ = squared < 1;
+  if (has_inside_) plane_sine_ = std::sqrt(1 - squared);
+}
+
+double SweptShape::head_depth_mm(const Vector<Patient>& from) const {
+  double part = 0;
+  if (sine_ > 0) {
+    const double foot = from.dot(sweep_.axis_mm) / axis_squared_;
+    const double height_mm = (from - sweep_.axis_mm * foot).norm();
+    part = std::clamp(foot + slope_ * height_mm / (sine_ * std::sqrt(axis_squared_)), 0.0, 1.0);
+  } else {
+    // one ball holds the other
+    part = slope_ > 0 ? 1 : 0;
+  }
+  return sweep_.radius_mm + widens_mm_ * part - (from - sweep_.axis_mm * part).norm();
+}
+
+double SweptShape::depth_mm(const Point<Patient>& at) const {
+  const Vector<Patient> from = at - sweep_.from;
+  const double first_mm = sweep_.radius_mm - to_way_mm(way_, way_squared_, from);
+  if (sweep_.is_of_ball()) return first_mm;
+  if (has_inside_) {
+    const double height_mm = std::abs(from.dot(normal_));
+    const Vector<Patient> best = from + gradient_ * (height_mm / plane_sine_);
+    // its share of way and axis, by Cramer's rule
+    const double by_way = best.dot(way_), by_axis = best.dot(sweep_.axis_mm);
+    const double s = by_way * axis_squared_ - by_axis * dot_, t = by_axis * way_squared_ - by_way * dot_;
+    if (s >= 0 && s <= determinant_ && t >= 0 && t <= determinant_)
+      return sweep_.radius_mm + gradient_.dot(from) - height_mm * plane_sine_;
+  }
+  const double last_mm = sweep_.end_radius_mm - to_way_mm(way_, way_squared_, from - sweep_.axis_mm);
+  return std::max({first_mm, last_mm, head_depth_mm(from), head_depth_mm(from - way_)});
+}
+
+double distance_to_way_mm(const Sweep& sweep, const Point<Patient>& at) {
+  const Vector<Patient> way = sweep.to - sweep.from;
+  return to_way_mm(way, way.squared_norm(), at - sweep.from);
+}
+
+}  // namespace palpate

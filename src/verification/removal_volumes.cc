@@ -1,0 +1,278 @@
+#include "verification/removal_volumes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "palpate/tissue/removal.h"
+#include "palpate/volume/volume.h"
+#include "verification/accuracy_random.h"
+#include "verification/removal_block.h"
+
+/// The volumes that geometry says, of heads that are led through the half-space below z = 0. All ways begin
+/// above, and nowhere is the head wider lower down, so that the way in takes nothing more.
+namespace palpate {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+/// A head, in the order in which a burr has it.
+struct LedHead {
+  double tip_mm, end_mm, row_mm;  // radii, and from middle to middle
+  Vector<Patient> spindle;
+};
+
+/// What a tip is led through, and what is gone then.
+struct LedThrough {
+  const char* name;
+  LedHead head;
+  std::vector<Point<Patient>> corners;
+  double expected_mm3;
+  double most_off_percent;
+};
+
+// a ball whose middle goes along in the surface: half of its way
+double half_way_mm3(double radius_mm, double way_mm) {
+  return kPi * radius_mm * radius_mm / 2 * way_mm + 2.0 / 3 * kPi * std::pow(radius_mm, 3);
+}
+
+// of a circle, beyond a chord that is so far from its middle
+double segment_mm2(double radius_mm, double chord_mm) {
+  return radius_mm * radius_mm * std::acos(chord_mm / radius_mm) -
+         chord_mm * std::sqrt(radius_mm * radius_mm - chord_mm * chord_mm);
+}
+
+// by Simpson's rule
+template <class F>
+double integral(double from, double to, const F& f) {
+  constexpr int kSteps = 400;
+  const double step = (to - from) / kSteps;
+  double sum = f(from) + f(to);
+  for (int n = 1; n < kSteps; ++n) sum += f(from + step * n) * (n % 2 == 1 ? 4 : 2);
+  return sum * step / 3;
+}
+
+// a ball's passes side by side, its middle so high above the surface
+double passes_mm3(double radius_mm, double above_mm, double way_mm, int passes, double apart_mm) {
+  // across the passes, the deepest of them
+  const double cap_mm3 = kPi * std::pow(radius_mm - above_mm, 2) * (2 * radius_mm + above_mm) / 3;
+  const double gap_mm2 = integral(-apart_mm / 2, apart_mm / 2, [&](double y) {
+    return std::sqrt(radius_mm * radius_mm - y * y) - above_mm;
+  });
+  const double gap_mm3 = integral(-apart_mm / 2, apart_mm / 2, [&](double y) {
+    return segment_mm2(std::sqrt(radius_mm * radius_mm - y * y), above_mm);
+  });
+  return way_mm * (segment_mm2(radius_mm, above_mm) + (passes - 1) * gap_mm2) + cap_mm3 +
+         (passes - 1) * gap_mm3;
+}
+
+// A head that stands upright, its first middle so deep, and then goes aside: at every height a disc, or its
+// way. Up to where the ball at its tip touches the cone that ball, then the cone.
+double upright_mm3(const LedHead& head, double deep_mm, double way_mm) {
+  const double slope = (head.end_mm - head.tip_mm) / head.row_mm, cosine = std::sqrt(1 - slope * slope);
+  const double touches_mm = -slope * head.tip_mm;
+  const auto slice_mm2 = [&](double radius_mm) {
+    return kPi * radius_mm * radius_mm + 2 * radius_mm * way_mm;
+  };
+  // by the angle from the bottom, where the radius has no steep end
+  const double ball_mm3 = integral(0, std::acos(slope), [&](double angle) {
+    return slice_mm2(head.tip_mm * std::sin(angle)) * head.tip_mm * std::sin(angle);
+  });
+  return ball_mm3 + integral(touches_mm, deep_mm, [&](double height_mm) {
+           return slice_mm2(head.tip_mm * cosine + (height_mm - touches_mm) * slope / cosine);
+         });
+}
+
+std::vector<LedThrough> led_ways() {
+  const Vector<Patient> up(0, 0, 1), along(1, 0, 0), across(0, 1, 0);
+  const LedHead ball{2, 0, 0, along};
+  const LedHead lying{1.5, 1.5, 5, along}, athwart{1.5, 1.5, 5, across}, standing{1.5, 1.5, 5, up};
+  const LedHead cone{0.9, 1.75, 5, up};
+  constexpr double kWay_mm = 5, kDrilled_mm = 3, kMilled_mm = 2, kAbove_mm = 0.5, kApart_mm = 0.5;
+  constexpr int kPasses = 5;
+  const auto groove = [&](double y_mm, double z_mm) {
+    return std::vector<Point<Patient>>{
+        {-kWay_mm / 2, y_mm, 2.2}, {-kWay_mm / 2, y_mm, z_mm}, {kWay_mm / 2, y_mm, z_mm}};
+  };
+  const std::vector<Point<Patient>> hole{{0, 0, 2.2}, {0, 0, -kDrilled_mm}};
+  std::vector<Point<Patient>> plane;
+  for (int n = 0; n < kPasses; ++n) {
+    const auto pass = groove((n - (kPasses - 1) / 2.0) * kApart_mm, kAbove_mm);
+    plane.insert(plane.end(), pass.begin(), pass.end());
+    plane.push_back(pass.back() + up * 2);
+  }
+  // a head that lies across its way, from the middle
+  const auto beside = [](std::vector<Point<Patient>> corners, const Vector<Patient>& by) {
+    for (Point<Patient>& corner : corners) corner += by;
+    return corners;
+  };
+  const double r = lying.tip_mm, row = lying.row_mm;
+  return {
+      {"ball/groove", ball, groove(0, 0), half_way_mm3(ball.tip_mm, kWay_mm), 2},
+      {"ball/plane", ball, plane, passes_mm3(ball.tip_mm, kAbove_mm, kWay_mm, kPasses, kApart_mm), 1},
+      {"cylinder/across", athwart, beside(groove(0, 0), across * (-row / 2)),
+       row * (kPi * r * r / 2 + kWay_mm * r) + half_way_mm3(r, kWay_mm), 2},
+      {"cylinder/along", lying, beside(groove(0, 0), along * (-row / 2)), half_way_mm3(r, kWay_mm + row), 3},
+      {"cylinder/drilling", standing, hole, upright_mm3(standing, kDrilled_mm, 0), 4.5},
+      {"cylinder/by-its-side", standing, groove(0, -kMilled_mm), upright_mm3(standing, kMilled_mm, kWay_mm),
+       2.5},
+      {"cone/drilling", cone, hole, upright_mm3(cone, kDrilled_mm, 0), 5.5},
+      {"cone/by-its-side", cone, groove(0, -kMilled_mm), upright_mm3(cone, kMilled_mm, kWay_mm), 2}};
+}
+
+// A block below z = 0 whose distances are exact: one of labels is rounded at its edges, and its sides move by
+// up to half a voxel for that.
+std::shared_ptr<const Surface> exact_block(const BlockGrid& on) {
+  constexpr double kHalf_mm = 8, kBlockDeep_mm = 9, kReach_mm = 4, kStep_mm = 1.0 / 2048, kSteepest = 1.05;
+  const int half = static_cast<int>(std::ceil(std::hypot(kHalf_mm, kHalf_mm, kBlockDeep_mm) / on.voxel_mm));
+  GridGeometry grid;
+  grid.dims = {2 * half, 2 * half, 2 * half};
+  grid.spacing_mm = Eigen::Vector3d::Constant(on.voxel_mm);
+  grid.direction = Eigen::AngleAxisd(on.turned_rad, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  const Eigen::Vector3d first = Eigen::Vector3d::Constant((0.5 - half) * on.voxel_mm);
+  grid.origin = Point<Patient>(Eigen::Vector3d(grid.direction * first));
+  Volume<std::int16_t> distances(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
+        const Eigen::Vector3d off = (p + Eigen::Vector3d(0, 0, kBlockDeep_mm / 2)).cwiseAbs() -
+                                    Eigen::Vector3d(kHalf_mm, kHalf_mm, kBlockDeep_mm / 2);
+        const double mm = off.cwiseMax(0).norm() + std::min(0.0, off.maxCoeff());
+        distances.at(i, j, k) =
+            static_cast<std::int16_t>(std::lround(std::clamp(mm, -kReach_mm, kReach_mm) / kStep_mm));
+      }
+  const SignedField field(distances,
+                          {kStep_mm, 0, static_cast<std::int16_t>(std::lround(kReach_mm / kStep_mm))});
+  return std::make_shared<const Surface>(field, field, kSteepest);
+}
+
+/// A burr whose tip goes where it is led, in bone that hardly holds it.
+class LedTip {
+ public:
+  LedTip(std::shared_ptr<const Surface> block, const LedThrough& led, double rate_hz)
+      : carved_(std::move(block)), tip_(led.corners.front()) {
+    constexpr double kEnergy_mJ_per_mm3 = 2, kStiffness_N_per_mm = 2;
+    options_.dt_s = 1 / rate_hz;
+    options_.friction = false;
+    felt_.surface = carved_.surface();
+    felt_.stiffness_N_per_mm = kStiffness_N_per_mm;
+    felt_.cutting_energy_mJ_per_mm3 = kEnergy_mJ_per_mm3;
+    burr_.radius_mm = led.head.tip_mm;
+    burr_.end_radius_mm = led.head.end_mm;
+    burr_.length_mm = led.head.row_mm;
+    burr_.axis = led.head.spindle;
+    burr_.revolutions_per_s = 1000;
+  }
+
+  // what is gone then, of the surface
+  double go(const std::vector<Point<Patient>>& corners) {
+    constexpr double kSpeed_mm_s = 10, kRests_s = 0.1;
+    for (const Point<Patient>& corner : corners) {
+      const Vector<Patient> way = corner - tip_;
+      const long ticks = std::lround(way.norm() / kSpeed_mm_s / options_.dt_s);
+      const Point<Patient> from = tip_;
+      for (long n = 1; n <= ticks; ++n)
+        tick_at(from + way * (static_cast<double>(n) / static_cast<double>(ticks)));
+      // where it turns it lags behind no more
+      for (long n = 0; n < std::lround(kRests_s / options_.dt_s); ++n) tick_at(corner);
+    }
+    carve();
+    return gone_mm3();
+  }
+
+ private:
+  void tick_at(const Point<Patient>& at) {
+    tip_ = at;
+    if (ticks_++ % std::lround(kCarvedEvery_s / options_.dt_s) == 0) carve();
+    (void)advance_burr({&felt_, 1}, burr_, ToolPose(tip_), proxy_, state_, options_);
+  }
+
+  void carve() {
+    const std::uint64_t count = finished_sweeps(state_);
+    const std::span<const Sweep> finished = finished_from(state_, state_.first);
+    if (finished.empty()) return;
+    for (const Sweep& sweep : finished) {
+      const SweptShape shape(sweep);
+      low_ = low_.min(shape.low() - shape.widest_mm());
+      high_ = high_.max(shape.high() + shape.widest_mm());
+    }
+    carved_ = carved_.with(finished);
+    felt_.surface = carved_.surface();
+    felt_.made = carved_.made();
+    felt_.short_mm = carved_.short_mm();
+    settle_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, state_);
+    const ToolSphere head = burr_.head(state_.inset_mm);
+    const SurfaceBefore before{0, false};
+    keep_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+  }
+
+  double gone_mm3() const {
+    constexpr double kPlace_mm = 0.1;
+    const Eigen::Array3d to = high_.min(Eigen::Array3d(high_[0], high_[1], 0.3));
+    const Eigen::Array3i cells = ((to - low_) / kPlace_mm).ceil().max(0).cast<int>();
+    const Eigen::Array3d size_mm = (to - low_) / cells.cast<double>();
+    AccuracyRandom random(23);
+    long gone = 0;
+    for (int k = 0; k < cells[2]; ++k)
+      for (int j = 0; j < cells[1]; ++j)
+        for (int i = 0; i < cells[0]; ++i) {
+          // at random in every cell: no plane of the block meets a plane of places
+          const double x = i + random.between(0, 1), y = j + random.between(0, 1),
+                       z = k + random.between(0, 1);
+          const Point<Patient> place(Eigen::Vector3d(low_ + Eigen::Array3d(x, y, z) * size_mm));
+          gone += carved_.made()->distance_mm(place) < 0 && carved_.surface()->distance_mm(place) > 0;
+        }
+    return size_mm.prod() * static_cast<double>(gone);
+  }
+
+  CarvedSurface carved_;
+  FeltSurface felt_;
+  Burr burr_;
+  BurrState state_;
+  ProxyState proxy_;
+  ProxyOptions options_;
+  Point<Patient> tip_;
+  long ticks_ = 0;
+  Eigen::Array3d low_ = Eigen::Array3d::Constant(1e9), high_ = -low_;
+};
+
+}  // namespace
+
+Result<std::vector<Figure>> led_volumes_figures(const LedVolumes& which, const Progress& progress) {
+  std::vector<std::shared_ptr<const Surface>> blocks;
+  for (const BlockGrid& grid : kBlockGrids) {
+    blocks.push_back(exact_block(grid));
+    if (!which.all) break;
+  }
+  std::vector<Figure> figures;
+  for (const LedThrough& led : led_ways()) {
+    const std::string name = led.name;
+    if (!which.all && name != "cylinder/across" && name != "cone/drilling") continue;
+    Spread rates, grids;
+    double off_percent = 0;
+    const auto take = [&](std::size_t block, double rate_hz, Spread& of) {
+      const double gone_mm3 = LedTip(blocks[block], led, rate_hz).go(led.corners);
+      off_percent = std::max(off_percent, 100 * std::abs(gone_mm3 / led.expected_mm3 - 1));
+      of.add(gone_mm3);
+    };
+    for (const double rate_hz : kTickRates_Hz) {
+      if (progress.stopped()) return Progress::interrupted();
+      if (which.all || rate_hz == 1000 || rate_hz == 4000) take(0, rate_hz, rates);
+    }
+    for (std::size_t block = 0; block < blocks.size(); ++block) {
+      if (progress.stopped()) return Progress::interrupted();
+      if (which.all) take(block, 1000, grids);
+    }
+    const std::string of = "removal/" + name;
+    figures.push_back(
+        {of + "/off-geometry", off_percent, "percent", rates.count() + grids.count(), led.most_off_percent});
+    figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 2});
+    if (which.all) figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 4});
+  }
+  return figures;
+}
+
+}  // namespace palpate
