@@ -142,7 +142,7 @@ TEST(BurrScene, AConeIsRecordedReplayedShownAndExported) {
   const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
   ASSERT_TRUE(opened.ok()) << opened.error().message();
   go_to(**opened, recording->ticks.back());
-  EXPECT_EQ((*opened)->sweeps(0, sweeps.size() + 5), sweeps);
+  EXPECT_EQ((*opened)->sweeps((*opened)->state().model_version, 0, sweeps.size() + 5), sweeps);
   const ViewedScene scene = (*opened)->scene();
   EXPECT_EQ(scene.tool_burr, "cone");
   ASSERT_EQ(scene.tool_capsules.size(), 1u);

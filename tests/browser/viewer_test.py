@@ -1482,6 +1482,11 @@ class WithRamp(Viewer):
         self.assertTrue(self.page.run("return document.getElementById('bookmark-form').closest('details').open"))
         self.page.wait("Number(document.getElementById('width').value) > 60000")
         assert_seen_again()
+        # one in which the volume was not seen before
+        self.page.click("[data-layout=section]")
+        self.open_page(keeps=True)
+        self.assertEqual(self.page.run(layout), "section")
+        assert_seen_again()
         self.page.run("document.querySelector('#bookmarks button:last-child').click()")
         self.assertEqual(self.page.run("return document.querySelectorAll('#bookmarks li').length"), 0)
 
@@ -2266,8 +2271,6 @@ class WithShaft(Viewer):
     def judge_shaft(self, p):
         into = self.into if not self.is_perspective else (p - self.eye) / numpy.linalg.norm(p - self.eye)
         side = numpy.cross(self.axis, into)
-        if numpy.linalg.norm(side) < 0.05:
-            return  # end on it has no sides
         axis = p + numpy.arange(8, 34, 0.25)[:, None] * self.axis
         side = self.radius * side / numpy.linalg.norm(side)
         (at, own, _), *sides = self.drawn(axis, axis + side, axis - side)

@@ -105,6 +105,8 @@ export function openToTests(page: Page): void {
     pixelsOverVolume: (points: Vec3[]) => points.map((p) => volume.pixelOf(p)),
     /** Turns the volume's camera from anterior by so many pixels of a drag, which then is where it is for a while. */
     lookFrom(dx: number, dy: number, isPerspective: boolean) {
+      // its first picture puts the camera
+      volume.draw(performance.now());
       volume.reset();
       volume.camera.orbit(dx, dy);
       volume.camera.isPerspective = isPerspective;

@@ -46,7 +46,7 @@ export class VolumeView {
   private rotation: Quaternion | null = null; // that is asked for
   private rotationSent: Quaternion | null = null;
   private gesture = 0; // that turns the object or moves the camera
-  private isOpen = false; // the camera has been put before the object as it stands
+  private isOpen = false; // the camera has been put before the object as it stands, or where somebody wants it
   private held: Vec3 | null = null;
   private readonly pointers = new Map<number, [number, number]>();
 
@@ -104,6 +104,7 @@ export class VolumeView {
   }
   /** @param gesture  what is done by one thing in one gesture is one step to be undone */
   private moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
+    this.isOpen = true;
     this.history.change(by, move, gesture);
     this.session.touch();
   }
@@ -113,6 +114,7 @@ export class VolumeView {
     return { right, up, focus, across_mm };
   }
   set stand({ right, up, focus, across_mm }: Stand) {
+    this.isOpen = true;
     Object.assign(this.camera, { right, up, focus });
     this.across_mm = across_mm;
     this.session.touch();
