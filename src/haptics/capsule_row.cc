@@ -72,7 +72,8 @@ int row_steps(const ToolSphere& sphere) {
   // here
   const double thinnest_mm =
       sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
-  const double pitch_mm = std::max(kLeastPitch_mm, std::sqrt(7.5 * thinnest_mm * kRowDip_mm));
+  const double pitch_mm =
+      std::max(kProxyFeel.least_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxyFeel.row_dip_mm));
   return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
 }
 

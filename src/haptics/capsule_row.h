@@ -4,12 +4,10 @@
 #include "palpate/sampling/surface.h"
 
 /// A capsule as a row of spheres. They are so near to each other that a wall which lies across stands at most
-/// kRowDip_mm above the capsule's outline between two of them, even where it is as sharp as an edge; thin
-/// capsules and points are felt every kLeastPitch_mm. One that widens has all of them as near to each other
-/// as at its thin end.
+/// ProxyFeel::row_dip_mm above the capsule's outline between two of them, even where it is as sharp as an
+/// edge; thin capsules and points are felt every ProxyFeel::least_pitch_mm. One that widens has all of them
+/// as near to each other as at its thin end.
 namespace palpate {
-
-inline constexpr double kRowDip_mm = 0.01, kLeastPitch_mm = 0.15;
 
 /// From one sphere to the next there are so many steps; 0 of a sphere alone.
 int row_steps(const ToolSphere& sphere);

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "palpate/haptics/feel.h"
 #include "palpate/haptics/haptics.h"
 
 namespace palpate {
@@ -97,9 +98,6 @@ class LabelWalk {
   int steps_;
 };
 
-// where the viscosity of ramps is whole
-constexpr double kInside_mm = 1;
-
 // the signed way from x to where the field crosses `level`, positive when x is beyond it; the field's value
 // at x tells which way to look, and the crossing is interpolated linearly within a step
 double depth_of_level(const Model& model, const Point<Patient>& x, const Vector<Patient>& outward,
@@ -140,7 +138,7 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
 
   // ramps begin at the surface of the structure's own voxels
   if (model.ramp_width_mm > 0) {
-    site.level *= std::min(1.0, kInside_mm / model.ramp_width_mm);
+    site.level *= std::min(1.0, kTouchFeel.whole_viscosity_mm / model.ramp_width_mm);
     site.depth_mm =
         has_direction ? walk.depth_in(site.label, outward) : std::numeric_limits<double>::quiet_NaN();
     return site;

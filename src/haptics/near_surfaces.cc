@@ -44,7 +44,7 @@ void NearSurfaces::gather(std::span<const FeltSurface> surfaces, std::span<const
     if (!is_there(surfaces, layer, punctured, s)) continue;
     const Surface& surface = *surfaces[s].surface;
     // what the way does not come to, and most are that, costs a look at its box
-    const bool known_free = surface.outside_mm() > widest_mm + kSkin_mm;
+    const bool known_free = surface.outside_mm() > widest_mm + kProxyFeel.skin_mm;
     if (known_free && surface.is_beyond(tool.low, tool.high, reach_mm)) continue;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
@@ -68,9 +68,10 @@ bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> 
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
       const Near near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
-      const double least_mm = sphere.radius_mm - kOutside_mm;
+      const double least_mm = sphere.radius_mm - kProxyFeel.outside_mm;
       if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= least_mm) continue;
-      if (near.clearance(at, -kOutside_mm, near.steps / 2, looks).mm < -kOutside_mm) return false;
+      if (near.clearance(at, -kProxyFeel.outside_mm, near.steps / 2, looks).mm < -kProxyFeel.outside_mm)
+        return false;
     }
   }
   return true;
@@ -105,7 +106,7 @@ double NearSurfaces::middle_of_touching(std::size_t n, const Point<Patient>& pro
   const Near& near = near_[n];
   if (near.steps == 0) return 0;
   return palpate::middle_of_touching(*near.surface, proxy + near.shape.offset_mm, near.shape, near.steps,
-                                     step, kBeside_mm, looks_);
+                                     step, kProxyFeel.beside_mm, looks_);
 }
 
 void NearSurfaces::turn(std::span<const ToolSphere> spheres) {
@@ -154,8 +155,8 @@ bool Walls::add(const Near& near, int step, const Point<Patient>& at, double cle
 // one that does the same work and leaves more room, or none
 std::size_t Walls::place_of_weaker(const HalfSpace& wall) const {
   std::size_t n = 0;
-  while (n < kMostHalfSpaces &&
-         !(half_spaces_[n].normal.dot(wall.normal) > kParallel && half_spaces_[n].offset < wall.offset))
+  while (n < kMostHalfSpaces && !(half_spaces_[n].normal.dot(wall.normal) > kProxyFeel.parallel &&
+                                  half_spaces_[n].offset < wall.offset))
     ++n;
   return n;
 }
@@ -171,7 +172,7 @@ bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Pa
       deepest_mm = std::min(deepest_mm, clearance_mm);
       if (clearance_mm < 0) walls.add(near[i], near.step(i), outside, clearance_mm);
     }
-    if (deepest_mm > -kOutside_mm) {
+    if (deepest_mm > -kProxyFeel.outside_mm) {
       proxy = outside;
       return true;
     }

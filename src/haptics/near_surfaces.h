@@ -11,18 +11,6 @@
 /// What the tool can meet in a tick, and how it is kept outside of that.
 namespace palpate {
 
-/// Nearer than this a surface is a wall: then it has a half-space, before it a clearance.
-inline constexpr double kSkin_mm = 0.05;
-/// What a stride along surfaces may end below one, before it is put back onto it.
-inline constexpr double kDip_mm = 0.008;
-/// A stride along surfaces. Between two ends that lie at most kDip_mm below, a surface as steep as a distance
-/// can rise by half a stride.
-inline constexpr double kStride_mm = 2 * (kMostDip_mm - kDip_mm) - 0.004;
-/// Walls that hold the proxy together lie so near to each other.
-inline constexpr double kBeside_mm = 0.02;
-/// So little below is outside.
-inline constexpr double kOutside_mm = 1e-5;
-inline constexpr int kMostCorrections = 8;
 /// Pairs of a sphere or capsule and a surface that are looked at; where more are near at once the proxy goes
 /// no farther than the others allow.
 inline constexpr std::size_t kMostNear = 32;
@@ -87,7 +75,7 @@ class NearSurfaces {
   /// The greatest slope of any of them, at least 1.
   double steepest() const;
   /// Whether a sphere lay in a surface where they were gathered.
-  bool is_in_one() const { return count_ > 0 && clearances_mm_[0] <= -kOutside_mm; }
+  bool is_in_one() const { return count_ > 0 && clearances_mm_[0] <= -kProxyFeel.outside_mm; }
 
   /// The clearance of pair n, or, where that is cheaper to know, a lower bound of it above `enough_mm`.
   double clearance(std::size_t n, const Point<Patient>& proxy,
@@ -153,8 +141,6 @@ class Walls {
   std::array<int, kMostHalfSpaces> step_{};
   std::size_t count_ = 0;
 };
-/// Walls whose normals are as near as this do the same work.
-inline constexpr double kParallel = 0.999;
 
 /// Puts a place back outside every surface that it lies a little below, in steps of so much at most: walls
 /// that nearly face each other would send it far away. False where there is no such place near.

@@ -180,8 +180,8 @@ TEST(NearSurfaces, FreeIsWhatAskingAllSays) {
     bool expected = true;
     for (std::size_t s = 0; s < surfaces.size(); ++s)
       for (const ToolSphere& sphere : spheres)
-        expected =
-            expected && (s == 12 || but[s] || least_of_row(*surfaces[s].surface, sphere, at) >= -kOutside_mm);
+        expected = expected && (s == 12 || but[s] ||
+                                least_of_row(*surfaces[s].surface, sphere, at) >= -kProxyFeel.outside_mm);
     ASSERT_EQ(is_free(surfaces, spheres, 0, {}, but, at), expected);
     free += expected;
   }

@@ -1,4 +1,5 @@
 #include "palpate/haptics/passivity.h"
+#include "palpate/haptics/feel.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,35 +7,21 @@
 namespace palpate {
 namespace {
 
-// A way of one step tells no speed: it may be the encoder's own. One for which the tip needs longer is rest.
-constexpr double kTellingSteps = 1.5, kLongestUntold_s = 0.007;
-// what stays covered: as much as the encoder hides (F 2 steps, methods of Hannaford & Ryu with quantisation)
-constexpr double kReserveSteps = 2;
-// Slower than a speed is told the tip still has a direction: it turns where it has gone back so far, which is
-// less than one step and more than what a turning object adds to none.
-constexpr double kTurnSteps = 0.8;
-// so much of the force is taken off at most on the way out, besides an encoder step's worth
-constexpr double kMostHysteresis = 0.5;
-// While energy is owed a step of the encoder makes no more force than this: less than what friction a device
-// with coarse encoders has, so that the tip does not bounce within a step, of which the encoder tells
-// nothing.
-constexpr double kOwingStep_N = 0.15;
-
 // speed along the force, from the shortest way that tells one; none after a turn
 void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& state) {
   if (along_mm * state.speed_mm_s < 0 && std::abs(along_mm) > 0.5 * step_mm)
     state.speed_mm_s = state.way_mm = state.time_s = 0;
   state.way_mm += along_mm;
   state.time_s += dt_s;
-  const bool told = std::abs(state.way_mm) >= kTellingSteps * step_mm;
-  if (!told && state.time_s < kLongestUntold_s) return;
+  const bool told = std::abs(state.way_mm) >= kPassivityFeel.telling_steps * step_mm;
+  if (!told && state.time_s < kPassivityFeel.longest_untold_s) return;
   state.speed_mm_s = told ? state.way_mm / state.time_s : 0;
   state.way_mm = state.time_s = 0;
 }
 
 // where the tip has gone last along the force, however slowly
 void follow_direction(double along_mm, double step_mm, PassivityState& state) {
-  const double half_mm = 0.5 * kTurnSteps * step_mm;
+  const double half_mm = 0.5 * kPassivityFeel.turn_steps * step_mm;
   state.play_mm += along_mm;
   if (std::abs(state.play_mm) < half_mm) return;
   state.gives_way = state.play_mm > 0;
@@ -44,8 +31,8 @@ void follow_direction(double along_mm, double step_mm, PassivityState& state) {
 // The part that is left of a wall's stiffness while energy is owed.
 double softened(const PassivityInput& input, double step_mm, const PassivityState& state) {
   const double step_N = input.stiffness_N_per_mm * step_mm;
-  if (state.energy_mJ >= 0 || step_N <= kOwingStep_N) return 1;
-  return std::max(kOwingStep_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
+  if (state.energy_mJ >= 0 || step_N <= kPassivityFeel.owing_step_N) return 1;
+  return std::max(kPassivityFeel.owing_step_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
 }
 
 // The part of the force that is left to a damper that takes off what is not covered within the tick, as far
@@ -55,11 +42,11 @@ double damped(const PassivityInput& input, double force_N, double step_mm, const
   if (state.speed_mm_s <= 0) return 1;
   constexpr double kMillimetresPerMetre = 1e3;
   const double way_mm = state.speed_mm_s * input.dt_s;
-  const double missing_mJ = force_N * (way_mm + kReserveSteps * step_mm) +
+  const double missing_mJ = force_N * (way_mm + kPassivityFeel.reserve_steps * step_mm) +
                             std::max(0.0, input.pending_N_s) * state.speed_mm_s - state.energy_mJ;
   if (missing_mJ <= 0) return 1;
-  damping_N_s_per_m =
-      std::min(kMostDamping_N_s_per_m, missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
+  damping_N_s_per_m = std::min(kPassivityFeel.most_damping_N_s_per_m,
+                               missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
   return std::max(0.0, 1 - damping_N_s_per_m * state.speed_mm_s / (kMillimetresPerMetre * force_N));
 }
 
@@ -69,8 +56,9 @@ double damped(const PassivityInput& input, double force_N, double step_mm, const
 double less_on_the_way_out(double force_N, double stiffness_N_per_mm, double step_mm,
                            const PassivityState& state) {
   if (!state.gives_way) return 1;
-  const double missing = std::max(0.0, 1 - state.energy_mJ / (force_N * kReserveSteps * step_mm));
-  return 1 - std::min({missing, kMostHysteresis, stiffness_N_per_mm * step_mm / force_N});
+  const double missing =
+      std::max(0.0, 1 - state.energy_mJ / (force_N * kPassivityFeel.reserve_steps * step_mm));
+  return 1 - std::min({missing, kPassivityFeel.most_hysteresis, stiffness_N_per_mm * step_mm / force_N});
 }
 
 }  // namespace
@@ -88,7 +76,7 @@ PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivitySta
     return {};
   }
 
-  const double step_mm = input.step_mm > 0 ? input.step_mm : kCoarseStep_mm;
+  const double step_mm = input.step_mm > 0 ? input.step_mm : kPassivityFeel.coarse_step_mm;
   const double along_mm = input.way_mm.dot(input.force_N) / force_N;
   follow_speed(along_mm, step_mm, input.dt_s, state);
   follow_direction(along_mm, step_mm, state);

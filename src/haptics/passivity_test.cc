@@ -7,6 +7,7 @@
 #include <random>
 
 #include "palpate/device/telemetry.h"
+#include "palpate/haptics/feel.h"
 
 namespace palpate {
 namespace {
@@ -78,7 +79,7 @@ TEST(Passivity, OnlyPushesThatFollowTheTipAreDampedAndNoneIsTurnedRound) {
     const PassivityOutput out = led.go(way_mm, force_N);
     EXPECT_GE(out.factor, 0);
     EXPECT_LE(out.factor, 1);
-    EXPECT_LE(out.damping_N_s_per_m, kMostDamping_N_s_per_m);
+    EXPECT_LE(out.damping_N_s_per_m, kPassivityFeel.most_damping_N_s_per_m);
     EXPECT_TRUE(out.damping_N_s_per_m == 0 || out.factor < 1);
     acted += out.factor < 1;
     const bool against = way_mm.dot(force_N) < -2 * kStep_mm * force_N.norm();

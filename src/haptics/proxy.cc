@@ -12,30 +12,8 @@
 namespace palpate {
 namespace {
 
-// a shorter way counts as standing still
-constexpr double kStill_mm = 2e-5;
-constexpr int kMostStrides = 48, kMostTries = 4, kMostHalvings = 8;
-// no stride begins after so many looks at surfaces beyond the first gathering's, which are what strides of
-// several spheres among many walls cost; a capsule is looked at in many places
-constexpr int kMostLooks = 150, kMostLooksOfCapsules = 1000;
-// how far the proxy goes along surfaces in a tick, and beyond the tip's own way
-constexpr double kMostWay_mm = 3, kSlack_mm = 0.2;
-// of which so much is looked at together
-constexpr double kPart_mm = 0.5;
 // how far surfaces that another tool lies in push it
-constexpr double kMostPush_mm = kMostCorrections * kStride_mm;
-// A stride that leads away from the tip by more than this part of itself is not taken: normals that are
-// smoother than the surface ask for less. What it leads away is energy that nobody put in: a tenth kept a
-// light grip swinging over an edge.
-constexpr double kAway = 0.02;
-// so near to the tip the proxy is where it wants to be
-constexpr double kArrived_mm = 1e-3;
-// so far from a tip that has been free for so long it does not come back to it
-constexpr double kLost_mm = 2, kLost_s = 0.25;
-// how often in a tick a way is felt for that no normal shows
-constexpr int kMostFeelings = 4;
-// a tool that has gone through a surface is out of it when it has left it by so much
-constexpr double kSealed_mm = 0.2;
+constexpr double kMostPush_mm = kProxyFeel.most_corrections * kProxyFeel.stride_mm();
 
 int layers_of(std::span<const FeltSurface> surfaces) {
   int most = 0;
@@ -95,20 +73,22 @@ class Walk {
       return false;
     }
     note(proxy_);
-    most_looks_ = near_.looks() + (has_capsules(spheres_) ? kMostLooksOfCapsules : kMostLooks);
+    most_looks_ =
+        near_.looks() + (has_capsules(spheres_) ? kProxyFeel.most_looks_of_capsules : kProxyFeel.most_looks);
     int stride = 0;
     bool moves = true;
     state_.part = 1;
     for (int felt = 0;; ++felt) {
-      while (moves && stride < kMostStrides && near_.looks() < most_looks_ && left_mm_ > kStill_mm) {
+      while (moves && stride < kProxyFeel.most_strides && near_.looks() < most_looks_ &&
+             left_mm_ > kProxyFeel.still_mm) {
         moves = step(result);
         stride += moves;
-        if (moves && left_mm_ <= kStill_mm) look_around();
+        if (moves && left_mm_ <= kProxyFeel.still_mm) look_around();
       }
       if (moves || result.wedged || !is_held_by_nothing()) break;
-      moves = felt < kMostFeelings && feel_for_a_way();
+      moves = felt < kProxyFeel.most_feelings && feel_for_a_way();
       if (!moves) break;
-      if (left_mm_ <= kStill_mm) look_around();
+      if (left_mm_ <= kProxyFeel.still_mm) look_around();
     }
     // also where it has not arrived: a tick without force would be felt
     if (!result.wedged && is_held_by_nothing()) lean_on_what_is_nearest();
@@ -123,8 +103,8 @@ class Walk {
   // Gathers what the next part of the way may meet. From free space that is all of it; on surfaces the proxy
   // mostly goes little of the way to the tip, and less of it has less to look at.
   void look_around() {
-    const double part_mm = state_.contacts == 0 ? to_go_mm_ : std::min(to_go_mm_, kPart_mm);
-    near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, part_mm + kStride_mm);
+    const double part_mm = state_.contacts == 0 ? to_go_mm_ : std::min(to_go_mm_, kProxyFeel.part_mm);
+    near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, part_mm + kProxyFeel.stride_mm());
     friction_ = {};
     steepest_ = near_.steepest();
     left_mm_ = std::min(part_mm, near_.reach_mm());
@@ -135,7 +115,7 @@ class Walk {
   bool leave() {
     near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, kMostPush_mm);
     steepest_ = near_.steepest();
-    if (!leave_surfaces(near_, kMostCorrections, stride_mm(), proxy_)) return false;
+    if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), proxy_)) return false;
     to_go_mm_ += left_mm_;
     look_around();
     return true;
@@ -146,7 +126,7 @@ class Walk {
     const double free_mm = touch_what_is_near();
     // a try that fails has let nothing go: the next one is held as the proxy was before
     const bool sticking = state_.sticking, anchored = anchored_;
-    for (int attempt = 0; attempt < kMostTries; ++attempt) {
+    for (int attempt = 0; attempt < kProxyFeel.most_tries; ++attempt) {
       state_.sticking = sticking;
       anchored_ = anchored;
       const auto nearest = closest_point(tip_, walls_.half_spaces());
@@ -156,7 +136,7 @@ class Walk {
       }
       const Point<Patient> goal = with_friction(*nearest);
       remember(*nearest);
-      if ((goal - proxy_).norm() <= kStill_mm) return false;
+      if ((goal - proxy_).norm() <= kProxyFeel.still_mm) return false;
       const Point<Patient> end = towards(goal, walls_.count() == 0 ? free_mm : stride_mm());
       // a wall that was not seen from here holds from now on
       if (add_walls_below(end)) continue;
@@ -167,7 +147,7 @@ class Walk {
     return creep();
   }
 
-  double stride_mm() const { return kStride_mm / steepest_; }
+  double stride_mm() const { return kProxyFeel.stride_mm() / steepest_; }
 
   // The goal, or as far towards it as a stride may go; half of it where the last one went the other way, as
   // it does where the surface is hollow and bends more than the tip is deep.
@@ -183,17 +163,17 @@ class Walk {
   // rest where walls bend within a stride.
   bool go_to(const Point<Patient>& end) {
     Point<Patient> there = end;
-    if (!leave_surfaces(near_, kMostCorrections, stride_mm(), there)) return false;
+    if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
     // what comes in several steps is no way whose ends bound what lies between
     if ((there - end).norm() > stride_mm()) return false;
     const Vector<Patient> way = there - proxy_;
-    if ((tip_ - there).norm() > (tip_ - proxy_).norm() + kAway * way.norm()) return false;
+    if ((tip_ - there).norm() > (tip_ - proxy_).norm() + kProxyFeel.away * way.norm()) return false;
     left_mm_ -= std::max((end - proxy_).norm(), way.norm());
     proxy_ = there;
     last_way_ = way;
     note(end);
     note(there);
-    return way.norm() > kStill_mm;
+    return way.norm() > kProxyFeel.still_mm;
   }
 
   void note(const Point<Patient>& corner) {
@@ -205,7 +185,7 @@ class Walk {
     const auto nearest = closest_point(tip_, walls_.half_spaces());
     if (!nearest) return false;
     Vector<Patient> stride = towards(with_friction(*nearest), stride_mm()) - proxy_;
-    for (int halving = 0; halving < kMostHalvings; ++halving) {
+    for (int halving = 0; halving < kProxyFeel.most_halvings; ++halving) {
       stride = stride * 0.5;
       const Point<Patient> end = proxy_ + stride;
       if (!is_below(end)) return go_to(end);
@@ -215,7 +195,9 @@ class Walk {
 
   // It rests although the tip is elsewhere, and no wall says why: where a slit closes, or thin tissue lies in
   // a gap, normals may lead to the tip through the surface.
-  bool is_held_by_nothing() const { return state_.contacts == 0 && (tip_ - proxy_).norm() > kArrived_mm; }
+  bool is_held_by_nothing() const {
+    return state_.contacts == 0 && (tip_ - proxy_).norm() > kProxyFeel.arrived_mm;
+  }
 
   // A stride that leads nearer to the tip and stays outside, by trying: straight on, then farther and farther
   // aside. False where there is none.
@@ -223,7 +205,8 @@ class Walk {
     const Eigen::Vector3d ahead = (tip_ - proxy_).normalized().eigen();
     const Eigen::Vector3d right = ahead.unitOrthogonal(), up = ahead.cross(right);
     constexpr int kRings = 4, kAround = 8;
-    for (double length_mm = std::min(stride_mm(), left_mm_); length_mm > kStride_mm / 5; length_mm *= 0.5)
+    for (double length_mm = std::min(stride_mm(), left_mm_); length_mm > kProxyFeel.stride_mm() / 5;
+         length_mm *= 0.5)
       for (int ring = 0; ring < kRings; ++ring)
         for (int n = 0; n < (ring == 0 ? 1 : kAround); ++n) {
           const double aside = ring * 0.47, around = (n + 0.5 * (ring & 1)) * 0.7853981633974483;
@@ -250,7 +233,7 @@ class Walk {
       if (clearance_mm < least_mm) nearest = n;
       least_mm = std::min(least_mm, clearance_mm);
     }
-    if (least_mm > kSkin_mm || deepest_mm <= 0) return;
+    if (least_mm > kProxyFeel.skin_mm || deepest_mm <= 0) return;
     const Vector<Patient> away = proxy_ - tip_;
     const double pull_mm = std::min(away.norm(), deepest_mm);
     state_.contacts = 0;
@@ -272,8 +255,8 @@ class Walk {
     walls_.clear();
     double free_mm = std::numeric_limits<double>::infinity();
     for (std::size_t n = 0; n < near_.count(); ++n) {
-      const double clearance_mm = near_.clearance(n, proxy_, kSkin_mm);
-      if (clearance_mm <= kSkin_mm) walls_.add(near_[n], near_.step(n), proxy_, clearance_mm);
+      const double clearance_mm = near_.clearance(n, proxy_, kProxyFeel.skin_mm);
+      if (clearance_mm <= kProxyFeel.skin_mm) walls_.add(near_[n], near_.step(n), proxy_, clearance_mm);
     }
     if (walls_.count() == 0) free_mm = free_way_mm();
     if (walls_.count() > 0 && !anchored_) {
@@ -290,7 +273,7 @@ class Walk {
     for (std::size_t n = 0; n < near_.count(); ++n) {
       // of one that is touched where it has no direction, half of what is left
       const double clearance_mm = near_.clearance(n, proxy_);
-      const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kSkin_mm, 0.5 * clearance_mm});
+      const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kProxyFeel.skin_mm, 0.5 * clearance_mm});
       free_mm = std::min(free_mm, leaves_mm / near_[n].surface->steepest());
     }
     return free_mm;
@@ -298,7 +281,7 @@ class Walk {
 
   bool is_below(const Point<Patient>& end) {
     for (std::size_t n = 0; n < near_.count(); ++n)
-      if (near_.clearance(n, end, -kDip_mm) < -kDip_mm) return true;
+      if (near_.clearance(n, end, -kProxyFeel.dip_mm) < -kProxyFeel.dip_mm) return true;
     return false;
   }
 
@@ -306,8 +289,8 @@ class Walk {
   bool add_walls_below(const Point<Patient>& end) {
     bool below = false;
     for (std::size_t n = 0; n < near_.count(); ++n) {
-      const double clearance_mm = near_.clearance(n, end, -kDip_mm);
-      if (clearance_mm >= -kDip_mm) continue;
+      const double clearance_mm = near_.clearance(n, end, -kProxyFeel.dip_mm);
+      if (clearance_mm >= -kProxyFeel.dip_mm) continue;
       walls_.add(near_[n], near_.step(n), end, clearance_mm);
       below = true;
     }
@@ -360,8 +343,9 @@ class Walk {
       for (std::size_t w = 0; w < walls_.count(); ++w) {
         const HalfSpace& wall = walls_.half_space(w);
         const double clearance_mm = wall.clearance(nearest.point);
-        if (wall.normal.dot(held.normal) < kParallel || clearance_mm >= kBeside_mm) continue;
-        all += weight[w] = 1 - std::max(0.0, clearance_mm) / kBeside_mm;
+        if (wall.normal.dot(held.normal) < kProxyFeel.parallel || clearance_mm >= kProxyFeel.beside_mm)
+          continue;
+        all += weight[w] = 1 - std::max(0.0, clearance_mm) / kProxyFeel.beside_mm;
       }
       for (std::size_t w = 0; w < walls_.count(); ++w)
         if (weight[w] > 0)
@@ -434,7 +418,7 @@ SurfaceSet still_open(std::span<const FeltSurface> surfaces, std::span<const Too
       return std::all_of(tool.begin(), tool.end(), [&](const ToolSphere& sphere) {
         const Near near{surfaces[s].surface.get(), 0, 0, sphere, row_steps(sphere)};
         int looks = 0;
-        return near.clearance(at, kSealed_mm, near.steps / 2, looks).mm > kSealed_mm;
+        return near.clearance(at, kProxyFeel.sealed_mm, near.steps / 2, looks).mm > kProxyFeel.sealed_mm;
       });
     };
     if (has_left(spheres, hand.tip) && has_left(held.spheres(), state.position)) punctured[s] = false;
@@ -522,7 +506,7 @@ class WayIn {
   static void keep_most(std::span<FeltPart> parts, double all_N, ProxyResult& result) {
     std::array<double, kMostOwners> shares{};
     for (std::size_t n = 0; n < parts.size(); ++n) shares[n] = parts[n].share /= all_N;
-    double least = kLeastShare;
+    double least = kTouchFeel.least_share;
     if (parts.size() > kMostFeltParts) {
       std::nth_element(shares.begin(), shares.begin() + kMostFeltParts - 1,
                        shares.begin() + static_cast<std::ptrdiff_t>(parts.size()), std::greater<>());
@@ -643,16 +627,16 @@ ProxyResult walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphe
   const TurnedTool held(spheres, hand.attitude, state.attitude);
 
   // from free space it comes as far as the tip went; on a surface it is not led farther than a hand goes
-  const double to_tip_mm = (tip - state.position).norm() + kSlack_mm;
-  const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kMostWay_mm);
+  const double to_tip_mm = (tip - state.position).norm() + kProxyFeel.slack_mm;
+  const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.most_way_mm);
   const bool in_walls = !Walk(surfaces, held.spheres(), layer, most_mm, tip, state, options, way).go(result);
   // one that lies in walls, or was left behind where no wall showed the way, is found again where the hand is
   // free
-  const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kLost_mm;
+  const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kProxyFeel.lost_mm;
   const bool lost =
       state.contacts == 0 && (in_walls || far) && is_free(surfaces, spheres, layer, state.punctured, {}, tip);
   state.lost_s = lost ? state.lost_s + options.dt_s : 0;
-  if (lost && (in_walls || state.lost_s > kLost_s)) {
+  if (lost && (in_walls || state.lost_s > kProxyFeel.lost_s)) {
     state.position = tip;
     state.attitude = hand.attitude;
   }

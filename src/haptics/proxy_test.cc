@@ -89,7 +89,7 @@ TEST(Proxy, PressesBackWithTheStiffnessFromAnyRadius) {
       ASSERT_EQ(run.state.contacts, 1);
       EXPECT_EQ(run.state.contact[0].surface, 0);
     }
-    EXPECT_LT(run.deepest_mm, kMostDip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
   }
 }
 
@@ -126,7 +126,7 @@ TEST(Proxy, NeverPassesAThinPlateHoweverFastTheTip) {
     for (int settle = 0; settle < 10; ++settle) run.at(Point<Patient>() - across * 3);
     EXPECT_GT(run.state.position.eigen().dot(across.eigen()), 0);
     EXPECT_GE(run.state.contacts, 1);
-    EXPECT_LT(run.deepest_mm, kMostDip_mm) << n;
+    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm) << n;
   }
 }
 
@@ -149,7 +149,7 @@ TEST(Proxy, HoldsInACornerAndInAnAcuteWedge) {
     EXPECT_NEAR(run.state.position.z(), radius_mm / std::sin(half), 0.35);
     // where the field of a notch is narrower than its voxels, as one
     EXPECT_GE(run.state.contacts, 1);
-    EXPECT_LT(run.deepest_mm, kMostDip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
     // and stays where it is
     const Point<Patient> before = run.state.position;
     for (int n = 0; n < 100; ++n) run.at({0.2, 0, -2});
@@ -189,7 +189,7 @@ TEST(Proxy, FourSpheresInACornerLeanOnAllThreeWalls) {
     pull_mm += run.state.contact[static_cast<std::size_t>(n)].normal *
                run.state.contact[static_cast<std::size_t>(n)].pull_mm;
   EXPECT_LT((pull_mm - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3) << "and the walls give all of it";
-  EXPECT_LT(run.deepest_mm, kMostDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 }
 
 TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
@@ -206,7 +206,7 @@ TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
   // where the centres of tool and balls are 5.5 mm apart
   EXPECT_NEAR(run.state.position.z(), std::sqrt(5.5 * 5.5 - 4.75 * 4.75), 0.08);
   EXPECT_GT(run.result.force_N.z(), 0);
-  EXPECT_LT(run.deepest_mm, kMostDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 }
 
 TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
@@ -230,7 +230,7 @@ TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
   run.at({0, 0, 1});
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, Point<Patient>(0, 0, 1));
-  EXPECT_LT(run.deepest_mm, kMostDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 }
 
 TEST(Proxy, SpheresThatATurnPutsALittleBelowAreTakenBackWithoutMeetingAnotherWall) {
@@ -246,7 +246,7 @@ TEST(Proxy, SpheresThatATurnPutsALittleBelowAreTakenBackWithoutMeetingAnotherWal
     run.spheres[1].offset_mm = Vector<Patient>(-2, 0, 0.01 * n);
     run.at({0, 0, 0.7});
     ASSERT_FALSE(run.result.wedged) << n;
-    ASSERT_LT(run.deepest_mm, kMostDip_mm) << n;
+    ASSERT_LT(run.deepest_mm, kProxyFeel.most_dip_mm) << n;
   }
 }
 
@@ -319,7 +319,7 @@ TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
         all += result.felt[static_cast<std::size_t>(n)].share;
         all_mm += result.felt[static_cast<std::size_t>(n)].depth_mm;
       }
-      EXPECT_NEAR(all, 1, kLeastShare) << x;
+      EXPECT_NEAR(all, 1, kTouchFeel.least_share) << x;
       EXPECT_NEAR(all_mm, (run.state.position - Point<Patient>(x, 0, radius_mm - 1)).norm(), 0.02) << x;
       EXPECT_GT(result.felt_parts, 0) << x;
       before_N = result.force_N.norm();
@@ -328,7 +328,7 @@ TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
     ASSERT_EQ(run.result.felt_parts, 1);
     EXPECT_EQ(run.result.felt[0].structure, 1);
     EXPECT_NEAR(-run.result.force_N.x(), 0.04, 0.002);
-    EXPECT_LT(run.deepest_mm, kMostDip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
   }
 }
 
@@ -407,7 +407,7 @@ TEST(ProxyLayers, GiveTheStiffnessSummedUpAlongTheWayIn) {
                     depth_mm > -0.01 && depth_mm < 0.01 ? 2 : 1e-9)
             << depth_mm;
       }
-      EXPECT_LT(run.deepest_mm, kMostDip_mm);
+      EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
       run.lead({0.1, 0.2, radius_mm - c.thick_mm - 5}, {0.1, 0.2, radius_mm + 1}, 0.05);
       EXPECT_EQ(run.result.force_N, Vector<Patient>());
     }
@@ -838,7 +838,7 @@ TEST(Proxy, ACapsuleThatLiesOnAPlaneLeansOnItsMiddleAndATiltedOneOnItsEnd) {
   EXPECT_NEAR(run.result.force_N.z(), 2 * (2 + low_mm), 2e-3);
   EXPECT_EQ(run.state.contact[0].part, 1);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -4 * std::cos(0.3) * run.result.force_N.z(), 1e-2);
-  EXPECT_LT(run.deepest_mm, kMostDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 }
 
 // between two balls of one surface, one beside each of its ends: either alone would let it slide off
@@ -852,7 +852,7 @@ TEST(Proxy, ACapsuleAcrossTwoBallsLiesBetweenThem) {
   run.spheres = {{Vector<Patient>(-7, 0, 0), 1, Vector<Patient>(14, 0, 0)}};
   run.at({0, 0.3, 6});
   run.lead({0, 0.3, 6}, {0, 0, -1}, 0.02);
-  EXPECT_LT(run.deepest_mm, kMostDip_mm + kRowDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm + kProxyFeel.row_dip_mm);
   // its axis is 3 mm from both centres
   const double up_mm = std::sqrt(9.0 - 1.0);
   EXPECT_NEAR(run.state.position.y(), 0, 0.03);
@@ -899,7 +899,7 @@ TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
     run.at(Point<Patient>() + side * 8);
     run.lead(run.state.position, Point<Patient>() - side * 2, 0.4);
     for (int settle = 0; settle < 30; ++settle) run.at(Point<Patient>() - side * 2);
-    ASSERT_LT(run.deepest_mm, kMostDip_mm);
+    ASSERT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
     EXPECT_GT(run.result.force_N.norm(), 1);
   }
 }
@@ -939,7 +939,7 @@ TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
       tip += velocity_mm;
       run.at(tip);
       ASSERT_TRUE(run.result.force_N.all_finite());
-      ASSERT_LT(run.deepest_mm, kMostDip_mm) << "scene " << scene << ", tick " << n;
+      ASSERT_LT(run.deepest_mm, kProxyFeel.most_dip_mm) << "scene " << scene << ", tick " << n;
     }
   }
 }

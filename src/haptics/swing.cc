@@ -1,4 +1,5 @@
 #include "palpate/haptics/swing.h"
+#include "palpate/haptics/feel.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,23 +7,17 @@
 namespace palpate {
 namespace {
 
-constexpr double kLongestHalf_s = 0.075, kLeastSpeed_mm_s = 15;
-constexpr double kLeastSteps = 5;      // of the encoder: a swing and no flicker
-constexpr double kSwingTurnSteps = 2;  // so far back it has turned
-constexpr double kKept = 0.75;         // of the half before: less, and it dies down
-constexpr int kSwings = 3;
-// out of contact for so long, and nothing is left of it
-constexpr double kForgotten_s = 0.1;
-
 // one half of a swing is over: from the turn before to the place farthest from it
 void end_half(double step_mm, SwingState& state) {
   const double length_mm = std::abs(state.farthest_mm), time_s = state.farthest_s;
-  const bool by_itself = length_mm >= std::max(kLeastSwing_mm, kLeastSteps * step_mm) &&
-                         time_s <= kLongestHalf_s && length_mm >= kLeastSpeed_mm_s * time_s &&
+  const bool by_itself = length_mm >= std::max(kSwingFeel.least_mm, kSwingFeel.least_steps * step_mm) &&
+                         time_s <= kSwingFeel.longest_half_s &&
+                         length_mm >= kSwingFeel.least_speed_mm_s * time_s &&
                          state.aside_mm.norm() <= length_mm;
-  const bool as_large = length_mm >= kKept * state.before_mm;
+  const bool as_large = length_mm >= kSwingFeel.kept * state.before_mm;
   state.halves = !by_itself ? 0 : as_large ? state.halves + 1 : 1;
-  if (state.halves >= kSwings) state.later_s = std::min(kMostLater_s, state.later_s + kLater_s);
+  if (state.halves >= kSwingFeel.halves)
+    state.later_s = std::min(kSwingFeel.most_later_s, state.later_s + kSwingFeel.later_s);
   state.before_mm = length_mm;
 }
 
@@ -30,15 +25,15 @@ void end_half(double step_mm, SwingState& state) {
 
 void look_for_swing(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
                     SwingState& state) {
-  state.later_s = std::max(0.0, state.later_s - kForgetLater * dt_s);
+  state.later_s = std::max(0.0, state.later_s - kSwingFeel.forget_later * dt_s);
   const double force = force_N.norm();
   state.free_s = force > 0 ? 0 : state.free_s + dt_s;
   if (force > 0) state.axis = force_N / force;
-  if (state.free_s > kForgotten_s) {
+  if (state.free_s > kSwingFeel.forgotten_s) {
     const double later_s = state.later_s;
     state = {};
     state.later_s = later_s;
-    state.free_s = kForgotten_s;
+    state.free_s = kSwingFeel.forgotten_s;
     return;
   }
 
@@ -51,7 +46,7 @@ void look_for_swing(const Vector<World>& force_N, const Vector<World>& way_mm, d
     state.farthest_s = state.time_s;
     return;
   }
-  if (std::abs(state.farthest_mm - state.way_mm) < kSwingTurnSteps * step_mm) return;
+  if (std::abs(state.farthest_mm - state.way_mm) < kSwingFeel.turn_steps * step_mm) return;
   end_half(step_mm, state);
   // the next one began where this one was farthest
   state.way_mm -= state.farthest_mm;

@@ -1,4 +1,5 @@
 #include "palpate/haptics/swing.h"
+#include "palpate/haptics/feel.h"
 
 #include <gtest/gtest.h>
 
@@ -61,7 +62,7 @@ TEST(Swing, ALimitCycleIsFoundWithinAHundredMillisecondsOrThreeHalves) {
       EXPECT_GT(seen.found_s, 0);
       // the first quarter is no half, and a turn shows when the tip has gone back
       EXPECT_LT(seen.found_s, std::max(0.1, 1.9 / frequency_hz) + 0.01);
-      EXPECT_GT(seen.later_s, kMostLater_s - kLater_s) << "as long as it goes on";
+      EXPECT_GT(seen.later_s, kSwingFeel.most_later_s - kSwingFeel.later_s) << "as long as it goes on";
     }
 }
 

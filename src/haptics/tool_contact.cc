@@ -1,4 +1,5 @@
 #include "palpate/haptics/tool_contact.h"
+#include "palpate/haptics/feel.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,9 +7,6 @@
 
 namespace palpate {
 namespace {
-
-// below this the halo of a smoothed structure is not called a touch
-constexpr double kTouch_N = 0.02;
 
 /// What a point of the tool meets, and how hard it is pushed along the normal.
 struct PointForce {
@@ -40,9 +38,6 @@ PointForce touch(const TickContext& tick, double full_force_N, double most_N_s_p
         viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, most_N_s_per_mm);
   return met;
 }
-
-// viscosity is whole from this far inside
-constexpr double kWholeViscosity_mm = 1;
 
 // of the voxel there; 0 outside the volume
 LabelId label_at(const Model& model, const Point<Patient>& at) {
@@ -176,7 +171,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double 
     return 1;
   }
   double& felt = state.stiffness_N_per_mm;
-  felt = felt > 0 ? felt + (stiffness - felt) * -std::expm1(-dt_s / kSeam_s) : stiffness;
+  felt = felt > 0 ? felt + (stiffness - felt) * -std::expm1(-dt_s / kTouchFeel.seam_s) : stiffness;
   const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(pull_mm) / length_mm;
   const double force_N = felt * length_mm + damping_N_s_per_mm * speed_mm_s;
   return std::max(0.0, force_N) / (stiffness * length_mm);
@@ -186,7 +181,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double 
 
 bool PointContact::is_touch() const {
   const bool inside = sample.value >= 0.5 * site.level;
-  return site.label != 0 && (inside || force_N.norm() >= kTouch_N);
+  return site.label != 0 && (inside || force_N.norm() >= kTouchFeel.least_N);
 }
 
 double HandContext::most_stiffness_N_per_mm() const {
@@ -273,11 +268,11 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
                                 result.force_N - outermost.force_N * less);
   ContactSite& site = tool.strongest.site;
   if (site.tissue < 0 && proxy.punctured.any())
-    site = site_of(model, label_at(model, hand.tip), kWholeViscosity_mm);
+    site = site_of(model, label_at(model, hand.tip), kTouchFeel.whole_viscosity_mm);
   if (tick.viscosity && site.tissue >= 0)
     tool.strongest.force_N +=
         viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
-                      site.depth_mm / kWholeViscosity_mm, most_N_s_per_mm - damping_N_s_per_mm);
+                      site.depth_mm / kTouchFeel.whole_viscosity_mm, most_N_s_per_mm - damping_N_s_per_mm);
   tool.felt = felt_by_proxy(model, result, tool.strongest);
   tool.asked.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
   tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *

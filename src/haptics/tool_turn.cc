@@ -17,18 +17,13 @@
 ///
 ///     (L (a r + p) - clearance) / 2
 ///
-/// above a sphere in between: a step is taken where that is at most kStride_mm / 2, which is below
-/// kMostDip_mm, and tried again with half of the angle where it is not.
+/// above a sphere in between: a step is taken where that is at most half a stride, which is below
+/// ProxyFeel::most_dip_mm, and tried again with half of the angle where it is not.
 namespace palpate {
 namespace {
 
 // the push of a wall that is met at a right angle is as long as the arc
-constexpr double kArc_mm = 0.45 * kStride_mm;
-constexpr int kMostTurnSteps = 48, kMostTurnHalvings = 4;
-// Surfaces are gathered for so long an arc of the sphere that goes farthest, with room for being pushed, and
-// then anew: of a longer one too many would be near.
-constexpr double kLeg_mm = 2, kRoom = 2.2;
-constexpr int kMostLegs = 8;
+constexpr double kArc_mm = kToolTurnFeel.arc_strides * kProxyFeel.stride_mm();
 
 class Turn {
  public:
@@ -43,7 +38,7 @@ class Turn {
 
   ToolTurn go() {
     note();
-    for (int leg = 0; leg < kMostLegs && left_steps_ > 0; ++leg)
+    for (int leg = 0; leg < kToolTurnFeel.most_legs && left_steps_ > 0; ++leg)
       if (!go_leg()) return result_;
     result_.lagging = true;
     return result_;
@@ -64,15 +59,16 @@ class Turn {
       farthest_mm_ = std::max(farthest_mm_, radius_mm_[k]);
     }
     const double whole_mm = rest.angle() * farthest_mm_;
-    if (whole_mm <= kOutside_mm) return arrive();
+    if (whole_mm <= kProxyFeel.outside_mm) return arrive();
 
-    const double leg_rad = whole_mm > kLeg_mm ? kLeg_mm / farthest_mm_ : rest.angle();
+    const double leg_rad =
+        whole_mm > kToolTurnFeel.leg_mm ? kToolTurnFeel.leg_mm / farthest_mm_ : rest.angle();
     NearSurfaces near(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
-                      kRoom * leg_rad * farthest_mm_ + kStride_mm);
+                      kToolTurnFeel.room * leg_rad * farthest_mm_ + kProxyFeel.stride_mm());
     // a step's push is at most a stride: it comes on top
-    room_mm_ = near.reach_mm() - kStride_mm;
+    room_mm_ = near.reach_mm() - kProxyFeel.stride_mm();
     double done_rad = 0;
-    while (left_steps_ > 0 && done_rad < leg_rad && room_mm_ > kOutside_mm) {
+    while (left_steps_ > 0 && done_rad < leg_rad && room_mm_ > kProxyFeel.outside_mm) {
       --left_steps_;
       const double step_rad = step(near, rest, begun, done_rad, leg_rad - done_rad);
       if (!(step_rad > 0)) {
@@ -99,16 +95,16 @@ class Turn {
     for (std::size_t n = 0; n < near.count(); ++n) {
       const double slope = near[n].surface->steepest() * radius_mm_[static_cast<std::size_t>(near[n].sphere)];
       clearance_mm_[n] =
-          std::max(0.0, near.clearance(n, state_.position, std::max(kSkin_mm, slope * angle_rad)));
+          std::max(0.0, near.clearance(n, state_.position, std::max(kProxyFeel.skin_mm, slope * angle_rad)));
       if (slope * angle_rad > clearance_mm_[n] + kArc_mm) angle_rad = (clearance_mm_[n] + kArc_mm) / slope;
     }
-    const double stride_mm = kStride_mm / near.steepest();
-    for (int tries = 0; tries <= kMostTurnHalvings; ++tries, angle_rad *= 0.5) {
+    const double stride_mm = kProxyFeel.stride_mm() / near.steepest();
+    for (int tries = 0; tries <= kToolTurnFeel.most_halvings; ++tries, angle_rad *= 0.5) {
       const Eigen::Quaterniond turned =
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
       near.turn(TurnedTool(spheres_, attitude_, turned).spheres());
       Point<Patient> there = state_.position;
-      if (!leave_surfaces(near, kMostCorrections, stride_mm, there)) continue;
+      if (!leave_surfaces(near, kProxyFeel.most_corrections, stride_mm, there)) continue;
       const double push_mm = (there - state_.position).norm();
       if (!is_safe(near, angle_rad, push_mm)) continue;
       room_mm_ -= angle_rad * farthest_mm_ + push_mm;
@@ -124,7 +120,7 @@ class Turn {
   bool is_safe(const NearSurfaces& near, double angle_rad, double push_mm) const {
     for (std::size_t n = 0; n < near.count(); ++n) {
       const double way_mm = angle_rad * radius_mm_[static_cast<std::size_t>(near[n].sphere)] + push_mm;
-      if (near[n].surface->steepest() * way_mm > clearance_mm_[n] + kStride_mm) return false;
+      if (near[n].surface->steepest() * way_mm > clearance_mm_[n] + kProxyFeel.stride_mm()) return false;
     }
     return true;
   }
@@ -144,7 +140,7 @@ class Turn {
   double farthest_mm_ = 0;                            // the greatest of them
   double room_mm_ = 0;                                // that the gathered surfaces allow any sphere
   std::array<double, kMostNear> clearance_mm_{};
-  int left_steps_ = kMostTurnSteps;
+  int left_steps_ = kToolTurnFeel.most_steps;
 };
 
 }  // namespace

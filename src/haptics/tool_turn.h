@@ -15,8 +15,8 @@ struct ToolTurn {
 
 /// Turns a layer's proxy with its tool about the tip from its attitude towards another, along the shorter
 /// arc, and puts the proxy back outside of what the tool turns into: the attitude is the hand's, the place
-/// yields. In steps, between whose ends no sphere lies deeper than kMostDip_mm. Where the place cannot yield,
-/// the attitude stays behind. Bounded work; allocates, locks and throws nothing.
+/// yields. In steps, between whose ends no sphere lies deeper than ProxyFeel::most_dip_mm. Where the place
+/// cannot yield, the attitude stays behind. Bounded work; allocates, locks and throws nothing.
 /// @param spheres  as `attitude` turns them
 /// @param way      gets the end of every step; may be null
 ToolTurn turn_tool(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,

@@ -55,7 +55,7 @@ TEST(ToolTurn, ALeverPassesNoPlateAndIsFelt) {
       run.at(tip, about_y(angle));
     for (int n = 0; n < 40; ++n) run.at(tip, about_y(end_rad));
     EXPECT_FALSE(run.result.lagging);
-    EXPECT_LT(run.deepest_mm, kMostDip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 
     // the sphere lies on the plate, turned as the hand turns it, and the tip is pushed up by what is missing
     const double pushed_mm = 3.25 + 1 + turned.radius_mm;
@@ -113,7 +113,7 @@ TEST(ToolTurn, WhereThePlaceCannotYieldTheAttitudeStaysBehind) {
   for (double angle = 0; angle < 1.4; angle += 0.02) run.at(tip, about_y(angle));
   EXPECT_TRUE(run.result.wedged);
   EXPECT_NEAR(run.state.attitude.angularDistance(about_y(0)), most_rad, 0.01);
-  EXPECT_LT(run.deepest_mm, kMostDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
   // though the hand's own tool is free there, the proxy's does not jump out of the gap
   for (int n = 0; n < 20; ++n) run.at({0, 0, 30}, about_y(1.4));
   EXPECT_LT(run.state.position.z(), 2);
@@ -122,7 +122,7 @@ TEST(ToolTurn, WhereThePlaceCannotYieldTheAttitudeStaysBehind) {
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, tip);
   EXPECT_EQ(run.state.attitude.angularDistance(about_y(0)), 0);
-  EXPECT_LT(run.deepest_mm, kMostDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 }
 
 TEST(ToolTurn, APointToolFeelsNoTurn) {
@@ -155,7 +155,7 @@ TEST(ToolTurn, AShaftMeetsWhatItsEndsMiss) {
   for (double angle = 0; angle < end_rad; angle += 0.01) run.at(tip, about_y(angle));
   for (int n = 0; n < 60; ++n) run.at(tip, about_y(end_rad));
   EXPECT_FALSE(run.result.lagging);
-  EXPECT_LT(run.deepest_mm, kMostDip_mm + kRowDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm + kProxyFeel.row_dip_mm);
   EXPECT_EQ(run.state.attitude.coeffs(), about_y(end_rad).normalized().coeffs());
 
   // it leans on the ball from above with its radius between them, and is pushed along its own normal
@@ -180,7 +180,7 @@ TEST(ToolTurn, AShaftMeetsWhatItsEndsMiss) {
   run.lead(tip, {-20, 0, -5}, 0.05);
   EXPECT_NEAR(run.state.position.z(), 3, 0.02);
   EXPECT_NEAR(run.result.force_N.z(), 2 * 8, 0.1);
-  EXPECT_LT(run.deepest_mm, kMostDip_mm + kRowDip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm + kProxyFeel.row_dip_mm);
 }
 
 // whatever is met on the arcs of one to four spheres
@@ -230,7 +230,8 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
       attitude = (Eigen::AngleAxisd(angle, spin_rad.normalized().eigen()) * attitude).normalized();
       run.at(middle - Vector<Patient>(lever_mm, 0, 0), attitude);
       ASSERT_TRUE(run.result.force_N.all_finite());
-      const double most_mm = scene < kWithoutCapsules ? kMostDip_mm : kMostDip_mm + kRowDip_mm;
+      const double most_mm =
+          scene < kWithoutCapsules ? kProxyFeel.most_dip_mm : kProxyFeel.most_dip_mm + kProxyFeel.row_dip_mm;
       ASSERT_LT(run.deepest_mm, most_mm) << "scene " << scene << ", tick " << n;
       in_contact += run.state.contacts > 0;
       blocked += run.result.wedged;

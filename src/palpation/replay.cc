@@ -5,12 +5,14 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/base/printable.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/palpation/told_loop.h"
+#include "palpate/servo/feel.h"
 
 namespace palpate {
 namespace {
@@ -228,7 +230,12 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
         return replayer.differs() ? Result<void>(enough) : Result<void>();
       },
       progress);
-  if (replayer.differs()) return result;
+  if (replayer.differs()) {
+    const std::string other = head.header.feel.empty() ? "" : first_other_feel(head.header.feel);
+    if (!other.empty())
+      result.difference += "; it was recorded with other settings: " + printable_name(other);
+    return result;
+  }
   if (!read) return read.error();
   progress.report("replaying", 1);
   // a complete recording also carries the hash of the whole run

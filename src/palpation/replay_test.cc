@@ -78,6 +78,21 @@ TEST_F(ReplayTest, NamesTheFirstTickThatDiffers) {
   EXPECT_FALSE(result->identical);
   EXPECT_EQ(result->first_difference, 777u);
   EXPECT_FALSE(result->difference.empty());
+  EXPECT_EQ(result->difference.find("other settings"), std::string::npos) << result->difference;
+}
+
+TEST_F(ReplayTest, SettingsThatWereOthersAreNamedWhereItDiffers) {
+  const std::string here = feel_text();
+  EXPECT_EQ(recording_.header.feel, here);
+  recording_.header.feel.replace(here.find("output.ramp_in_s 0.5"), 20, "output.ramp_in_s 0.4");
+  // as it feels the same, they made no difference
+  const auto same = replay(recording_, loaded_.model);
+  ASSERT_TRUE(same.ok());
+  EXPECT_TRUE(same->identical);
+  recording_.ticks[777].device[0].force_N[0] += 1;
+  const auto result = replay(recording_, loaded_.model);
+  ASSERT_TRUE(result.ok());
+  EXPECT_THAT(result->difference, HasSubstr("recorded with other settings: output.ramp_in_s 0.4, here 0.5"));
 }
 
 TEST_F(ReplayTest, EveryInputOfATickMatters) {

@@ -6,6 +6,7 @@
 #include "palpate/device/pointer_driver.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
+#include "palpate/servo/feel.h"
 #include "palpate/stability/held_stiffness.h"
 #include "palpate/volume/simd_targets.h"
 #include "palpate_version.h"
@@ -138,6 +139,7 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   header.compiler = PALPATE_COMPILER;
   const auto targets = simd_targets();
   header.simd_target = targets.empty() ? "" : targets.front();
+  header.feel = feel_text();
   header.started_utc = utc_now();
   header.data_set = loaded.data_set;
   header.scene_title = model.title;

@@ -518,12 +518,12 @@ bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& felt, doubl
   turning_ = true;
 
   // a command every tenth of a second, as a second person at a viewer would send
-  const double commanded_s = std::floor(turned_s_ / kRotationInterval_s + 1e-9) * kRotationInterval_s;
+  const double commanded_s = std::floor(turned_s_ / kTurningFeel.interval_s + 1e-9) * kTurningFeel.interval_s;
   const double part = std::min(1.0, commanded_s / action.seconds);
   const double radians = action.degrees * std::numbers::pi / 180 * part;
   target = Eigen::Quaterniond(Eigen::AngleAxisd(radians, action.axis_world.normalized())) * rotation_start_;
   turned_s_ += dt_s;
-  if (turned_s_ < action.seconds + kRotationInterval_s) return false;
+  if (turned_s_ < action.seconds + kTurningFeel.interval_s) return false;
   const auto badly = touching_ ? kept_badly(turned_s_) : std::nullopt;
   return badly ? fail(step, felt, *badly) : true;
 }

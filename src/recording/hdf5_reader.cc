@@ -277,7 +277,10 @@ void read_structures(hid_t file, Unpacking& unpacking, std::vector<RecordingHead
 RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
   RecordingHeader header;
   const Handle group = open_group(file, "header");
-  visit_header(header, [&](const char* name, auto& value) { read(Attribute(group.get(), name), value); });
+  visit_header(header, [&](const char* name, auto& value) {
+    if (std::string_view(name) == kFeelField && H5Aexists(group.get(), name) == 0) return;
+    read(Attribute(group.get(), name), value);
+  });
   require(header.devices >= 1, "it names 0 devices");
   const DataSet script(group.get(), "header", "script");
   script.require_shape(0);

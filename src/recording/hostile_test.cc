@@ -205,6 +205,16 @@ TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
   EXPECT_EQ(read.error().remedy, "record it again");
 }
 
+TEST_F(Hostile, RecordingsFromBeforeSettingsWereToldAreRead) {
+  EXPECT_EQ(error_after([](hid_t f) { H5Adelete_by_name(f, "header", "feel", H5P_DEFAULT); }), "no error");
+  const auto read = read_recording(file_);
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->header.feel, "");
+  const std::int32_t number = 1;
+  EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "feel", H5T_NATIVE_INT32, &number); }),
+              HasSubstr("feel"));
+}
+
 TEST_F(Hostile, SweepsFromBeforeThereWereOthersAreOfBalls) {
   const auto ticks = test::example_ticks(kTicks, 1, 8);
   const SweepRecord ball{0, {1, 2, 3}, {1, 2, 3.2}, 2, 1};

@@ -169,8 +169,8 @@ const std::vector<std::string>& data_set_names() {
 }
 
 void rebuild(Input& input) {
-  static const std::array header{"palpate_version", "scene_title", "model_hash", "rate_hz",  "seed",
-                                 "simulated",       "devices",     "clock",      "scheduler"};
+  static const std::array header{"palpate_version", "scene_title", "model_hash", "rate_hz",   "seed",
+                                 "simulated",       "devices",     "clock",      "scheduler", "feel"};
   static const std::array root{"format", "format_major"};
   static const std::array groups{"ticks", "device0", "header", "structures", "summary", "events"};
   const test::TemporaryFolder folder;

@@ -456,9 +456,10 @@ TEST(Recording, RefusesHeadersThatWouldNotComeBack) {
 TEST(Recording, HoldsTheLongestHeaderAndTheEmptiest) {
   const test::TemporaryFolder folder;
   RecordingHeader longest = test::example_header(4);
-  for (std::string* text : {&longest.palpate_version, &longest.commit, &longest.build_type, &longest.compiler,
-                            &longest.simd_target, &longest.started_utc, &longest.data_set,
-                            &longest.scene_title, &longest.device, &longest.hand, &longest.scheduler})
+  for (std::string* text :
+       {&longest.palpate_version, &longest.commit, &longest.build_type, &longest.compiler,
+        &longest.simd_target, &longest.started_utc, &longest.data_set, &longest.scene_title, &longest.device,
+        &longest.hand, &longest.scheduler, &longest.feel})
     *text = std::string(4096, 'w');
   longest.script_text = std::string(3'000'000, 's');
   for (int i = 0; i < 500; ++i)

@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "palpate/base/hash.h"
 #include "report/html.h"
 #include "report/parts.h"
 
@@ -87,6 +88,11 @@ std::string provenance_html(const Run& run) {
   html += entry("Rate", json_number(header.rate_hz, 1) + " Hz, " + header.clock + " clock") +
           entry("Seed", std::to_string(header.seed));
   html += entry("Model", hex(header.model_hash), true);
+  if (!header.feel.empty()) {
+    std::uint64_t hash = kHashSeed;
+    hash_bytes(hash, header.feel.data(), header.feel.size());
+    html += entry("Settings of feel", hex(hash_finish(hash)), true);
+  }
   html +=
       entry("Run", run.recording.summary ? hex(run.recording.summary->run_hash) : "none: cut short", true);
   html += "</dl>\n";

@@ -9,11 +9,8 @@
 
 namespace palpate {
 
-static_assert(kStale_s == kMotorStops_s);
+static_assert(kOutputFeel.stale_s == kCuttingFeel.motor_stops_s);
 namespace {
-
-// a tick that took longer warms and cools no more, and moves the force no farther
-constexpr double kLongest_s = 0.1;
 
 Wrench scaled(const Wrench& w, double factor) {
   return {w.force_N * factor, w.torque_Nmm * factor, w.gripper_N * factor};
@@ -47,11 +44,12 @@ double least_limit_N(const OutputLimits& limits, double max_force_N) {
 }
 
 // Motors warm with the square of the force: heat follows (F / continuous)^2 with the time constant
-// kThermal_s, and 1 is what they bear for ever. What is left of the budget may be spent within
-// kThermalTaper_s, so that heat never passes 1 and the limit comes down to the continuous force.
+// thermal_s, and 1 is what they bear for ever. What is left of the budget may be spent within
+// thermal_taper_s, so that heat never passes 1 and the limit comes down to the continuous force.
 double thermal_limit_N(const OutputLimits& limits, double heat, double dt_s) {
   if (std::isnan(limits.continuous_force_N)) return std::numeric_limits<double>::infinity();
-  const double power = heat + (1 - heat) * kThermal_s / std::max(dt_s, kThermalTaper_s);
+  const double power =
+      heat + (1 - heat) * kOutputFeel.thermal_s / std::max(dt_s, kOutputFeel.thermal_taper_s);
   return allowed(limits.continuous_force_N) * std::sqrt(power);
 }
 
@@ -59,19 +57,19 @@ double warmed(const OutputLimits& limits, double heat, double force_N, double dt
   const double continuous_N = allowed(limits.continuous_force_N);
   if (continuous_N == 0) return heat;
   const double power = force_N / continuous_N * (force_N / continuous_N);
-  return std::min(1.0, heat + (power - heat) * std::min(1.0, dt_s / kThermal_s));
+  return std::min(1.0, heat + (power - heat) * std::min(1.0, dt_s / kOutputFeel.thermal_s));
 }
 
 double freshness_at(double age_s) {
-  if (!(age_s >= -kClockJitter_s)) return 0;
-  return std::clamp((kStale_s - age_s) / (kStale_s - kFresh_s), 0.0, 1.0);
+  if (!(age_s >= -kOutputFeel.clock_jitter_s)) return 0;
+  return std::clamp((kOutputFeel.stale_s - age_s) / (kOutputFeel.stale_s - kOutputFeel.fresh_s), 0.0, 1.0);
 }
 
 // the part of the way to `wanted` that one tick may take
 double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& limits, double slew_N_per_s,
                  double dt_s) {
   const auto part = [](double way, double most) { return way > most ? most / way : 1.0; };
-  const double swing = dt_s / kFullSwing_s;
+  const double swing = dt_s / kOutputFeel.full_swing_s;
   return std::min(
       {part(magnitude(wanted.force_N - sent.force_N), slew_N_per_s * dt_s),
        part(magnitude(wanted.torque_Nmm - sent.torque_Nmm), allowed(limits.peak_torque_Nmm) * swing),
@@ -81,8 +79,9 @@ double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& l
 // What an old pose or a fault takes away, and how it comes back. A pause, which fades, is not kept waiting
 // for.
 void lose(const OutputRequest& request, std::uint32_t faults, OutputState& state) {
-  const bool is_short = request.age_s <= kShortDropout_s && (state.away || state.whole_s >= kRampIn_s);
-  state.away = faults == 0 && !request.off && request.age_s >= kStale_s && is_short;
+  const bool is_short =
+      request.age_s <= kOutputFeel.short_dropout_s && (state.away || state.whole_s >= kOutputFeel.ramp_in_s);
+  state.away = faults == 0 && !request.off && request.age_s >= kOutputFeel.stale_s && is_short;
   if (!state.away) state.gain = 0;
   state.sent = {};
   state.whole_s = 0;
@@ -92,12 +91,12 @@ void lose(const OutputRequest& request, std::uint32_t faults, OutputState& state
 // The slew that holds now: a slow one where the force grows and has come back from a dropout.
 double slew_now_N_per_s(const OutputLimits& limits, const Vector<World>& wanted_N, double dt_s,
                         OutputState& state) {
-  state.returning = state.away || (state.returning && state.whole_s < kReturn_s);
+  state.returning = state.away || (state.returning && state.whole_s < kOutputFeel.return_s);
   state.away = false;
-  state.whole_s = std::min(kRampIn_s, state.whole_s + dt_s);
+  state.whole_s = std::min(kOutputFeel.ramp_in_s, state.whole_s + dt_s);
   const double slew_N_per_s = limits.slew_N_per_s > 0 ? limits.slew_N_per_s : OutputLimits{}.slew_N_per_s;
   const bool grows = magnitude(wanted_N) > magnitude(state.sent.force_N);
-  return state.returning && grows ? std::min(slew_N_per_s, kReturn_N_per_s) : slew_N_per_s;
+  return state.returning && grows ? std::min(slew_N_per_s, kOutputFeel.return_N_per_s) : slew_N_per_s;
 }
 
 Wrench between(const Wrench& from, const Wrench& to, double part) {
@@ -126,7 +125,7 @@ Wrench within_reach_of(const OutputLimits& limits, Wrench w) {
 
 Output make_output(const OutputRequest& request, const OutputLimits& limits, double max_force_N, double dt_s,
                    OutputState& state) {
-  dt_s = dt_s > 0 ? std::min(dt_s, kLongest_s) : 0;
+  dt_s = dt_s > 0 ? std::min(dt_s, kOutputFeel.longest_tick_s) : 0;
   Output out;
   out.flags = request.faults & kFaultFlags;
   if (!all_finite(request.asked)) out.flags |= kFlagNotFinite;
@@ -151,8 +150,8 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
     out.flags |= kFlagClamped;
 
   // ramp, then slew
-  state.gain = request.off ? std::max(0.0, state.gain - dt_s / kRampOut_s)
-                           : std::min(1.0, state.gain + dt_s / kRampIn_s);
+  state.gain = request.off ? std::max(0.0, state.gain - dt_s / kOutputFeel.ramp_out_s)
+                           : std::min(1.0, state.gain + dt_s / kOutputFeel.ramp_in_s);
   if (state.gain < 1) out.flags |= kFlagRamp;
   const Wrench wanted = scaled(kept, state.gain);
   const double part =

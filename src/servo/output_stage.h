@@ -7,27 +7,9 @@
 /// The last stage before a device, and the only way to it.
 namespace palpate {
 
-inline constexpr double kFresh_s = 5e-3;   ///< a state of up to this age is acted on in full
-inline constexpr double kStale_s = 10e-3;  ///< one of this age gets nothing
-/// A dropout: poses that have been no older than this come back faster than by the ramp.
-inline constexpr double kShortDropout_s = 20e-3;
-/// So fast the force grows then, and no faster for so long: 0.2 N in a tick of 1 kHz is no kick. 9 N, more
-/// than any known device has, are back in 50 ms; the rest is for the hand's rebound. A hand that lost its
-/// support sinks the less the faster it comes back.
-inline constexpr double kReturn_N_per_s = 180, kReturn_s = 100e-3;
-/// A state from the future comes from another clock; by so much, it is one that is set to ours.
-inline constexpr double kClockJitter_s = 1e-3;
-/// Time constant of the motors' warming. An assumption: the makers give a continuous force and a peak, and
-/// the windings of small ironless motors warm within some ten seconds (docs/decisions/0008).
-inline constexpr double kThermal_s = 10;
-/// The last of the budget is spent over this time, so that the limit sinks and does not drop.
-inline constexpr double kThermalTaper_s = 0.2;
-/// Torque and gripper may change by their whole range in this time.
-inline constexpr double kFullSwing_s = 10e-3;
-
 struct OutputRequest {
-  Wrench asked;      ///< already multiplied by the gains
-  double age_s = 0;  ///< of the state it answers; not finite or below -kClockJitter_s: no state at all
+  Wrench asked;              ///< already multiplied by the gains
+  double age_s = 0;          ///< of its state; not finite or below -clock_jitter_s: no state at all
   std::uint32_t faults = 0;  ///< TickFlag bits out of kFaultFlags
   bool off = false;          ///< fade out: paused, clutched
   double unclamped_N = 0;    ///< what was asked before anything was taken off, for the record

@@ -50,14 +50,14 @@ TEST(OutputStage, RampsInOverHalfASecondAndOutOverATenth) {
   double previous_N = 0;
   for (int n = 1; n <= 500; ++n) {
     const Output out = stage.step(asked);
-    ASSERT_NEAR(out.wrench.force_N.y(), n * kTick_s / kRampIn_s, 1e-9);
+    ASSERT_NEAR(out.wrench.force_N.y(), n * kTick_s / kOutputFeel.ramp_in_s, 1e-9);
     ASSERT_EQ((out.flags & kFlagRamp) != 0, n < 500) << n;
     ASSERT_GT(out.wrench.force_N.y(), previous_N);
     previous_N = out.wrench.force_N.y();
   }
   for (int n = 1; n <= 100; ++n) {
     const Output out = stage.step({{asked, {}}, 0, 0, true});
-    ASSERT_NEAR(out.wrench.force_N.y(), 1 - n * kTick_s / kRampOut_s, 1e-9);
+    ASSERT_NEAR(out.wrench.force_N.y(), 1 - n * kTick_s / kOutputFeel.ramp_out_s, 1e-9);
   }
   EXPECT_EQ(stage.step({{asked, {}}, 0, 0, true}).wrench.force_N, Vector<World>()) << "off while paused";
 }
@@ -124,7 +124,8 @@ TEST(OutputStage, FaultsAreOffAtOnceAndComeBackByTheRamp) {
     const Output out = stage.step({{Vector<World>(0, 2, 0), {}}, 0, fault});
     EXPECT_EQ(out.wrench.force_N, Vector<World>()) << "past the slew";
     EXPECT_EQ(out.flags, fault);
-    EXPECT_NEAR(stage.step(Vector<World>(0, 2, 0)).wrench.force_N.y(), 2 * kTick_s / kRampIn_s, 1e-12);
+    EXPECT_NEAR(stage.step(Vector<World>(0, 2, 0)).wrench.force_N.y(), 2 * kTick_s / kOutputFeel.ramp_in_s,
+                1e-12);
   }
 }
 
@@ -204,7 +205,7 @@ TEST(OutputStage, WhatIsNoShortDropoutComesBackByTheRamp) {
   const Vector<World> asked(0, 2, 0);
   const auto comes_back = [&](Stage& stage) {
     for (int n = 1; n < 500; ++n)
-      ASSERT_LE(stage.step(asked).wrench.force_N.y(), 2 * n * kTick_s / kRampIn_s + 1e-9) << n;
+      ASSERT_LE(stage.step(asked).wrench.force_N.y(), 2 * n * kTick_s / kOutputFeel.ramp_in_s + 1e-9) << n;
     EXPECT_NEAR(stage.step(asked).wrench.force_N.y(), 2, 1e-9);
   };
   {
@@ -295,11 +296,12 @@ TEST(OutputStage, ThermalBudgetEndsAtTheContinuousForce) {
       excess_s += (force_N * force_N / (1.4 * 1.4) - 1) / rate_hz;
     }
     EXPECT_NEAR(previous_N, 1.4, 1e-3) << rate_hz;
-    // the work above the continuous rating is the budget: kThermal_s of it, less what cooled on the way
-    EXPECT_LE(excess_s, kThermal_s);
-    EXPECT_GT(excess_s, 0.9 * kThermal_s);
+    // the work above the continuous rating is the budget: kOutputFeel.thermal_s of it, less what cooled on
+    // the way
+    EXPECT_LE(excess_s, kOutputFeel.thermal_s);
+    EXPECT_GT(excess_s, 0.9 * kOutputFeel.thermal_s);
     // rest cools it: after one time constant the heat is 1/e
-    for (int n = 0; n < kThermal_s * rate_hz; ++n) stage.step(Vector<World>(), 1 / rate_hz);
+    for (int n = 0; n < kOutputFeel.thermal_s * rate_hz; ++n) stage.step(Vector<World>(), 1 / rate_hz);
     EXPECT_NEAR(stage.state.heat, std::exp(-1), 1e-3);
   }
 }
@@ -393,7 +395,8 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
     ASSERT_LE(stage.state.heat, 1) << n;
 
     // zero at once, whatever the slew, for faults and for states that are too old
-    const bool no_state = !(request.age_s >= -kClockJitter_s && request.age_s < kStale_s);
+    const bool no_state =
+        !(request.age_s >= -kOutputFeel.clock_jitter_s && request.age_s < kOutputFeel.stale_s);
     if (no_state || request.faults != 0 || (out.flags & kFaultFlags) != 0) {
       ASSERT_EQ(force_N, 0) << n;
       ++silent;
@@ -407,7 +410,7 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
     const double way_N = (out.wrench.force_N - before.sent.force_N).norm();
     const double slew_N =
         (stage.limits.slew_N_per_s > 0 ? stage.limits.slew_N_per_s : OutputLimits{}.slew_N_per_s) * dt_s;
-    const bool taken_away = before.sent.force_N.norm() > out.limit_N || request.age_s > kFresh_s ||
+    const bool taken_away = before.sent.force_N.norm() > out.limit_N || request.age_s > kOutputFeel.fresh_s ||
                             before.sent.torque_Nmm.norm() > at_most(stage.limits.peak_torque_Nmm);
     if (dt_s == kTick_s && !taken_away) {
       ASSERT_LE(way_N, slew_N * (1 + 1e-9) + 1e-12) << n;

@@ -15,14 +15,11 @@
 namespace palpate {
 namespace {
 
-// no hand moves a device farther than this in one tick, and none faster
-constexpr double kJump_mm = 10, kJump_mm_s = 10e3;
-
 // what is wrong with a device's state (kFaultFlags)
 std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters, double scale, double dt_s,
                         const SessionState::Hand& hand) {
   std::uint32_t faults = 0;
-  const double jump_mm = std::max(kJump_mm, kJump_mm_s * dt_s) * scale;
+  const double jump_mm = std::max(kOutputFeel.jump_mm, kOutputFeel.jump_mm_s * dt_s) * scale;
   if (!device.tip.all_finite() || !device.R_WorldTool.coeffs().allFinite() ||
       !is_rotation(device.R_WorldTool))
     faults |= kFlagNotFinite;
@@ -58,11 +55,11 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
   }
   // It falls from the first tick on: changes that come faster than they are blended make the force lag, and
   // never hold it. A tick that comes late does not end it at once.
-  const double on_s = changed ? std::min(dt_s, 0.1 * kBlend_s) : dt_s;
-  hand.blend_elapsed_s = std::min(kBlend_s, hand.blend_elapsed_s + on_s);
+  const double on_s = changed ? std::min(dt_s, 0.1 * kOutputFeel.blend_s) : dt_s;
+  hand.blend_elapsed_s = std::min(kOutputFeel.blend_s, hand.blend_elapsed_s + on_s);
   hand.asked = asked;
-  if (hand.blend_elapsed_s >= kBlend_s) return asked;
-  const double rest = 1 - hand.blend_elapsed_s / kBlend_s;
+  if (hand.blend_elapsed_s >= kOutputFeel.blend_s) return asked;
+  const double rest = 1 - hand.blend_elapsed_s / kOutputFeel.blend_s;
   const double left = rest * std::sqrt(rest);  // 1 to 0 with a level end
   hand.asked.force_N += hand.difference.force_N * left;
   hand.asked.torque_Nmm += hand.difference.torque_Nmm * left;
@@ -90,7 +87,7 @@ ProxyChange begin_contact_anew(const Model& model, std::size_t device, std::span
 void hold_energy(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
                  const Vector<World>& way_mm, double max_force_N, double dt_s, SessionState::Hand& hand,
                  OutputRequest& request, DeviceTick& out) {
-  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kCoarseStep_mm;
+  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.coarse_step_mm;
   look_for_swing(request.asked.force_N, way_mm / own.scale, step_mm, dt_s, hand.swing);
   const double delay_s = own.delay_s + hand.swing.later_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
@@ -203,7 +200,7 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     hold_energy(tool, parameters, own, tick.X_WorldPatient * way_mm, max_force_N, tick.dt_s, hand, request,
                 out);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
-    if (hand.blend_elapsed_s < kBlend_s) out.flags |= kFlagBlend;
+    if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
   }
 
   // the only way out

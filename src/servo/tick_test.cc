@@ -346,7 +346,8 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
     }
     ASSERT_GT(apart_N, 0.02) << change.name << " must change something";
     // a smooth step of that height over 0.1 s: 1.5 times the even slope at its steepest
-    EXPECT_LT(largest_step_N, 1.2 * undisturbed_N + 1.6 * apart_N * kMillisecond_s / kBlend_s) << change.name;
+    EXPECT_LT(largest_step_N, 1.2 * undisturbed_N + 1.6 * apart_N * kMillisecond_s / kOutputFeel.blend_s)
+        << change.name;
 
     // and what comes out in the end is what the change alone would give
     TickedLoop from_the_start;
@@ -384,7 +385,8 @@ TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
         largest_step_N = std::max(largest_step_N, (loop.wrench.force_N - previous).norm());
         previous = loop.wrench.force_N;
       }
-      EXPECT_LE(largest_step_N, 1.6 * (previous - before).norm() * kMillisecond_s / kBlend_s + 1e-12);
+      EXPECT_LE(largest_step_N,
+                1.6 * (previous - before).norm() * kMillisecond_s / kOutputFeel.blend_s + 1e-12);
       // as if it had been felt by that method from the start
       TickedLoop fresh;
       fresh.model = model;
@@ -576,7 +578,7 @@ TEST(Tick, FromADirectMethodToTheProxyTheForceIsNoStep) {
     previous_N = loop.wrench.force_N.norm();
   }
   EXPECT_EQ(previous_N, 0) << "the surface is not reached yet";
-  EXPECT_LE(largest_step_N, 1.6 * before_N * kMillisecond_s / kBlend_s);
+  EXPECT_LE(largest_step_N, 1.6 * before_N * kMillisecond_s / kOutputFeel.blend_s);
 }
 
 // pressed and let go at a speed, again and again: the work that the force did on the tip
@@ -626,7 +628,7 @@ TEST(Tick, ATurningObjectIsNoActivity) {
   loop.parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()));
   for (int n = 0; n < 100; ++n) {
     // where the turn of this tick will put it
-    const double part = std::min(1.0, (n + 1) * kMillisecond_s / kRotationInterval_s);
+    const double part = std::min(1.0, (n + 1) * kMillisecond_s / kTurningFeel.interval_s);
     const auto turn = Rotation<World, World>::about(Eigen::Vector3d::UnitZ(), 0.3 * part);
     loop.at(Point<World>((turn * Vector<World>(kBoneRadius_mm - 1, 0, 0)).eigen()));
   }

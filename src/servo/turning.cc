@@ -6,13 +6,8 @@
 namespace palpate {
 namespace {
 
-// what one tick may spend does not grow with its lateness
-constexpr double kLongestTick_s = 0.01;
-// the turn of a tick is that small that its way is nearly straight: tries until it is within the limits
-constexpr int kTries = 6;
-
 Eigen::Quaterniond felt_after(const SessionState& state, double elapsed_s) {
-  const double part = std::min(1.0, elapsed_s / kRotationInterval_s);
+  const double part = std::min(1.0, elapsed_s / kTurningFeel.interval_s);
   return Rotation<World, World>(state.rotation_start)
       .slerp(part, Rotation<World, World>(state.rotation_target))
       .quaternion();
@@ -47,8 +42,8 @@ Vector<World> way_of(const Held& held, const Eigen::Quaterniond& from, const Eig
 // The part of a way that keeps both limits. Against a spring the force grows on the way: F s + K s^2 / 2.
 double allowed_part(const Held& held, const Vector<World>& way_mm, double dt_s) {
   const double length_mm = way_mm.norm(), force_N = held.sent_N.norm();
-  const double most_mJ = kMostTurnPower_mW * dt_s;
-  double part = std::min(1.0, kMostTurnSpeed_mm_s * dt_s / std::max(length_mm, 1e-12));
+  const double most_mJ = kTurningFeel.most_power_mW * dt_s;
+  double part = std::min(1.0, kTurningFeel.most_speed_mm_s * dt_s / std::max(length_mm, 1e-12));
   if (!(force_N > 0)) return part;
   const double along_mm = held.sent_N.dot(way_mm) / force_N;
   if (along_mm == 0) return part;
@@ -73,18 +68,18 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
     state.rotation_target = target;
     state.rotation_elapsed_s = 0;
   }
-  if (state.rotation_elapsed_s >= kRotationInterval_s || !(dt_s > 0)) return 0;
+  if (state.rotation_elapsed_s >= kTurningFeel.interval_s || !(dt_s > 0)) return 0;
 
   // as far as every hand allows
   std::array<Held, kMaxDevices> held;
   for (std::size_t d = 0; d < devices.size(); ++d)
     held[d] = held_by(model, parameters.device[d], devices[d], state.hands[d]);
   const Eigen::Quaterniond before = state.rotation_felt;
-  const double within_s = std::min(dt_s, kLongestTick_s);
+  const double within_s = std::min(dt_s, kTurningFeel.longest_tick_s);
   std::uint32_t holding = 0;
   double step_s = dt_s;
   Eigen::Quaterniond felt = felt_after(state, state.rotation_elapsed_s + step_s);
-  for (int tries = 0; tries < kTries; ++tries) {
+  for (int tries = 0; tries < kTurningFeel.tries; ++tries) {
     double part = 1;
     for (std::size_t d = 0; d < devices.size(); ++d) {
       if (!held[d].pushed) continue;

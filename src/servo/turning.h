@@ -15,16 +15,9 @@
 /// Passivity counts the first, this the second.
 namespace palpate {
 
-/// A turning object does no more work on a hand, and takes no more from it: 1 N leads it 1 mm in the 0.2 s
-/// that a person needs to react.
-inline constexpr double kMostTurnPower_mW = 5;
-/// What lies under a tip to which a force is sent moves no faster, mm of the device: a surface that meets a
-/// tip comes as a slow hand would.
-inline constexpr double kMostTurnSpeed_mm_s = 100;
-
-/// Turns the object towards the commanded rotation, kRotationInterval_s after the command at the earliest,
-/// and slower where the limits ask for it. Counts the work in each hand's `turned_mJ`. A command that is no
-/// rotation is left alone.
+/// Turns the object towards the commanded rotation, kTurningFeel.interval_s after the command at the
+/// earliest, and slower where the limits ask for it. Counts the work in each hand's `turned_mJ`. A command
+/// that is no rotation is left alone.
 /// @param devices  as they are in this tick; the work is that of what they were sent in the last one
 /// @return bit d is set where device d held the object back
 std::uint32_t turn_object(const Model& model, const Parameters& parameters,

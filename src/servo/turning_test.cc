@@ -76,14 +76,14 @@ TEST(Turning, UnderAHandOfIronTheForceGrowsAsASpringThatIsFedItsPower) {
     wall.turn_to(0.3);
     for (int n = 1; n <= 400; ++n) {
       wall.at(resting);
-      const double fed_mJ = kMostTurnPower_mW * n * kTurnTick_s;
+      const double fed_mJ = kTurningFeel.most_power_mW * n * kTurnTick_s;
       const double expected_N = std::sqrt(begins_N * begins_N + 2 * kWall_N_per_mm * fed_mJ);
       // a wall that stands at an angle of 0.1 pushes aside, too
       ASSERT_NEAR(wall.force(), expected_N, 0.01 * expected_N) << n;
       ASSERT_LE(wall.record.device[0].turned_mJ, fed_mJ * (1 + 1e-3)) << n;
       ASSERT_TRUE(wall.record.device[0].flags & kFlagTurnHeld) << n;
     }
-    EXPECT_NEAR(wall.record.device[0].turned_mJ, kMostTurnPower_mW * 0.4, 0.05);
+    EXPECT_NEAR(wall.record.device[0].turned_mJ, kTurningFeel.most_power_mW * 0.4, 0.05);
     // the contact's own observer stays relative to the object: the spring holds what both put in
     const double held_mJ = 0.5 * (wall.force() * wall.force() - begins_N * begins_N) / kWall_N_per_mm;
     EXPECT_NEAR(wall.record.device[0].energy_mJ - energy_mJ, held_mJ, 0.05 * held_mJ);
@@ -98,7 +98,8 @@ TEST(Turning, AWallThatTurnsAwayTakesItsForceAsSlowly) {
   wall.turn_to(-0.3);
   for (int n = 1; n <= 60; ++n) {
     wall.at(resting);
-    EXPECT_NEAR(wall.force(), std::sqrt(1 - 2 * kWall_N_per_mm * kMostTurnPower_mW * n * kTurnTick_s), 0.03)
+    EXPECT_NEAR(wall.force(),
+                std::sqrt(1 - 2 * kWall_N_per_mm * kTurningFeel.most_power_mW * n * kTurnTick_s), 0.03)
         << n;
   }
 }
@@ -117,7 +118,7 @@ TEST(Turning, AHandThatGivesWayIsLedNoFasterThanThePowerOverItsForce) {
     ASSERT_LT(wall.force(), 1.05 * kHand_N);
   }
   const double way_mm = height_mm + kHand_N / kWall_N_per_mm;
-  EXPECT_NEAR(way_mm, kMostTurnPower_mW * kTicks * kTurnTick_s / kHand_N, 0.1);
+  EXPECT_NEAR(way_mm, kTurningFeel.most_power_mW * kTicks * kTurnTick_s / kHand_N, 0.1);
 }
 
 // what an attacker did: 25 degrees to and fro at 6.7 Hz, 1.4 N a tick
@@ -130,7 +131,8 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
     if (n % 75 == 0) wall.turn_to(n / 75 % 2 == 0 ? 0.436 : -0.436);
     wall.at(resting);
     const DeviceTick& device = wall.record.device[0];
-    EXPECT_LE(std::abs(device.turned_mJ - before_mJ), kMostTurnPower_mW * kTurnTick_s * (1 + 1e-6)) << n;
+    EXPECT_LE(std::abs(device.turned_mJ - before_mJ), kTurningFeel.most_power_mW * kTurnTick_s * (1 + 1e-6))
+        << n;
     largest_step_N = std::max(largest_step_N, std::abs(wall.force() - before_N));
     least_N = std::min(least_N, wall.force());
     most_N = std::max(most_N, wall.force());
@@ -138,9 +140,9 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
     before_mJ = device.turned_mJ;
   }
   // K v T of a wall that comes, and the first step of F^2 = 2 K P t
-  EXPECT_LE(largest_step_N, kWall_N_per_mm * kMostTurnSpeed_mm_s * kTurnTick_s * 1.01);
+  EXPECT_LE(largest_step_N, kWall_N_per_mm * kTurningFeel.most_speed_mm_s * kTurnTick_s * 1.01);
   // half a period's worth
-  EXPECT_LE(most_N, std::sqrt(1 + 2 * kWall_N_per_mm * kMostTurnPower_mW * 0.075) + 0.05);
+  EXPECT_LE(most_N, std::sqrt(1 + 2 * kWall_N_per_mm * kTurningFeel.most_power_mW * 0.075) + 0.05);
   EXPECT_GE(least_N, 0);
 }
 
@@ -153,8 +155,9 @@ TEST(Turning, AWallThatMeetsATipComesAsASlowHandWould) {
   for (int n = 0; n < 100; ++n) {
     wall.at(above);
     EXPECT_LE((wall.turned() - before) * std::hypot(kLever_mm, 2),
-              kMostTurnSpeed_mm_s * kTurnTick_s * (1 + 1e-3));
-    EXPECT_LE(wall.force() - before_N, kWall_N_per_mm * kMostTurnSpeed_mm_s * kTurnTick_s * 1.01) << n;
+              kTurningFeel.most_speed_mm_s * kTurnTick_s * (1 + 1e-3));
+    EXPECT_LE(wall.force() - before_N, kWall_N_per_mm * kTurningFeel.most_speed_mm_s * kTurnTick_s * 1.01)
+        << n;
     before = wall.turned();
     before_N = wall.force();
   }
@@ -200,7 +203,8 @@ TEST(Turning, EveryHandHoldsItAndIsCountedForItself) {
   }
   EXPECT_LT(both.turned(), 0.6 * one.turned());
   EXPECT_TRUE(both.record.device[1].flags & kFlagTurnHeld);
-  EXPECT_LT(both.record.device[1].turned_mJ, -0.9 * kMostTurnPower_mW * 0.02) << "the hand on the object";
+  EXPECT_LT(both.record.device[1].turned_mJ, -0.9 * kTurningFeel.most_power_mW * 0.02)
+      << "the hand on the object";
   EXPECT_GT(both.record.device[0].turned_mJ, 0);
 }
 
@@ -215,7 +219,7 @@ TEST(Turning, TheLimitsAreThoseOfTheDevice) {
   wall.turn_to(0.3);
   for (int n = 1; n <= 100; ++n) wall.at(TurningWall::tip_at(-2));
   // a device's millimetre is four of the patient: 3 N/mm
-  EXPECT_NEAR(wall.force(), std::sqrt(begins_N * begins_N + 2 * 3 * kMostTurnPower_mW * 0.1), 0.01);
+  EXPECT_NEAR(wall.force(), std::sqrt(begins_N * begins_N + 2 * 3 * kTurningFeel.most_power_mW * 0.1), 0.01);
 }
 
 // the work as anybody can count it from the records
@@ -243,7 +247,7 @@ TEST(Turning, WhateverHappensNoTickDoesMoreWork) {
     const Eigen::Vector3d way_mm = wall.state.rotation_felt * lever - from * lever;
     const double work_mJ = before.seen ? before.output.sent.force_N.eigen().dot(way_mm) : 0;
     counted_mJ += work_mJ;
-    EXPECT_LE(std::abs(work_mJ), kMostTurnPower_mW * dt_s * (1 + 1e-3)) << n;
+    EXPECT_LE(std::abs(work_mJ), kTurningFeel.most_power_mW * dt_s * (1 + 1e-3)) << n;
     held += (wall.record.device[0].flags & kFlagTurnHeld) != 0;
   }
   EXPECT_NEAR(wall.record.device[0].turned_mJ, counted_mJ, 1e-9);

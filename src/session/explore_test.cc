@@ -155,14 +155,14 @@ double expect_fading(const std::vector<TickRecord>& ticks, double limit_N) {
     const DeviceTick& now = tick->device[0];
     const DeviceTick& before = (tick - 1)->device[0];
     faded_s += tick->dt_s;
-    const double left = std::max(0.0, 1 - faded_s / kRampOut_s);
+    const double left = std::max(0.0, 1 - faded_s / kOutputFeel.ramp_out_s);
     EXPECT_LE(force_N(*tick), left * now.unclamped_force_N + 1e-9);
     EXPECT_LE(force_N(*tick), limit_N);
     // a machine that stands still gets nothing at once, and what it comes back from is another step, as what
     // the passivity controller holds back for a tick
     constexpr std::uint32_t kWithheld = kFaultFlags | kFlagStale | kFlagSlew | kFlagPassivity;
     if (((now.flags | before.flags) & kWithheld) != 0) continue;
-    const double ramp_N = tick->dt_s / kRampOut_s * before.unclamped_force_N;
+    const double ramp_N = tick->dt_s / kOutputFeel.ramp_out_s * before.unclamped_force_N;
     const double asked_N = std::abs(now.unclamped_force_N - before.unclamped_force_N);
     EXPECT_LE(std::abs(force_N(*tick) - force_N(*(tick - 1))), ramp_N + asked_N + 1e-9);
   }

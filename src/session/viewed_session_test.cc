@@ -348,7 +348,7 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   const auto felt = ticks();
   for (std::size_t t = 1; t < felt.size(); ++t) {
     // 1.3 N at most come as those of a seam do; a thread without a processor gives none
-    const double most_N = 1.3 * felt[t].dt_s * (1 / kSeam_s + 1.5 / kBlend_s) + 0.005;
+    const double most_N = 1.3 * felt[t].dt_s * (1 / kTouchFeel.seam_s + 1.5 / kOutputFeel.blend_s) + 0.005;
     const std::uint32_t flags = felt[t].device[0].flags | felt[t - 1].device[0].flags;
     if ((flags & (kFaultFlags | kFlagStale | kFlagRamp | kFlagSlew)) != 0) continue;
     EXPECT_LE(std::abs(sent_N(felt[t]) - sent_N(felt[t - 1])), most_N) << felt[t].tick;

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "palpate/base/check.h"
+#include "palpate/tissue/feel.h"
 #include "tissue/swept_voxels.h"
 
 namespace palpate {
@@ -403,9 +404,6 @@ PatchOf<Steps> cropped(const PatchOf<Steps>& patch, const Bricks<Steps>& before)
   return crop;
 }
 
-// Where a position moved by this much, the normal is all its own: the prepared one is of what is gone.
-constexpr double kMoved_mm = 0.25;
-
 /// The normal where a box of the position has changed.
 PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const VoxelBox& changed) {
   const SignedField& normal = made.normal();
@@ -432,7 +430,7 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
       for (int i = box.low()[0]; i < box.high()[0]; ++i, ++n) {
         const Point<Patient> at = X_PatientNormal * Point<Voxel>(i, j, k);
         const double now = sample_value(position, at), moved = now - sample_value(made.position(), at);
-        const double part = std::min(1.0, std::abs(moved) / kMoved_mm);
+        const double part = std::min(1.0, std::abs(moved) / kCuttingFeel.moved_mm);
         const double was = normal.steps().offset + normal.steps().scale * prepared[n];
         const double steps = (was + part * (now - was) - normal.steps().offset) / normal.steps().scale;
         patch.values.push_back(

@@ -4,6 +4,7 @@
 #include <array>
 #include <span>
 
+#include "palpate/tissue/feel.h"
 #include "tissue/swept_voxels.h"
 
 namespace palpate {
@@ -24,7 +25,7 @@ void NearestMeter::see(const TickRecord& tick) {
   constexpr std::uint32_t kStill = kFaultFlags | kFlagPaused | kFlagClutched | kFlagRamp | kFlagInside;
   for (int d = 0; d < tick.devices; ++d) {
     const DeviceTick& device = tick.device[static_cast<std::size_t>(d)];
-    if ((device.flags & kStill) != 0 || device.age_s >= kMotorStops_s) continue;
+    if ((device.flags & kStill) != 0 || device.age_s >= kCuttingFeel.motor_stops_s) continue;
     const Point<Patient> at(device.proxy_patient_mm[0], device.proxy_patient_mm[1],
                             device.proxy_patient_mm[2]);
     const Sweep head{at, at, tool_.radius_mm, 0, row_mm(tick, device), tool_.burr->end_radius_mm};

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "haptics/test_model.h"
+#include "palpate/tissue/feel.h"
 #include "tissue/test_surfaces.h"
 
 namespace palpate {
@@ -92,12 +93,12 @@ TEST(NearestMeter, CountsOnlyABurrThatTurns) {
     meter.see(tick);
   }
   tick = held_at(2);
-  tick.device[0].age_s = kMotorStops_s;
+  tick.device[0].age_s = kCuttingFeel.motor_stops_s;
   meter.see(tick);
   EXPECT_TRUE(meter.nearest_mm().empty());
   // its pose is old, and it turns on
   NearestMeter late(model);
-  tick.device[0].age_s = 0.9 * kMotorStops_s;
+  tick.device[0].age_s = 0.9 * kCuttingFeel.motor_stops_s;
   tick.device[0].flags = kFlagStale;
   late.see(tick);
   EXPECT_NEAR(late.nearest_mm().at(kBone), 0, 0.01);

@@ -7,26 +7,14 @@
 #include <optional>
 
 #include "palpate/base/check.h"
+#include "palpate/tissue/feel.h"
 
 namespace palpate {
 namespace {
 
 // It looks for material so far before its surface. Half of that deep, an edge begins to count, so that beside
 // a pocket, where its surface comes out of the material, little counts that it does not touch.
-constexpr double kAhead_mm = 0.1, kCounts_mm = kAhead_mm / 2;
-// Directions ahead, spread evenly over the disc that a ball is from ahead.
-constexpr int kDirections = 64;
-// Places on the side of a cylinder or cone, all around; half of them are ahead.
-constexpr int kSidePlaces = 128;
-// It sinks in by no more in a tick, and while the surfaces are not made by no more than a part of its least
-// radius.
-constexpr double kMostFeed_mm = 0.1, kMostInsetPart = 0.8;
-// Ways that bend by less, and are no longer, are one sweep, if the far end is turned aside by no more than
-// kTurned_mm: what the head is turned by is taken as its end has it. The end before it was so turned as the
-// next one begins, so that what is between them and in neither is thinner by far.
-constexpr double kStraight_mm = 0.002, kLongest_mm = 0.25, kTurned_mm = 0.05;
-// Less of a way is none.
-constexpr double kStill_mm = 1e-6;
+constexpr double kCounts_mm = kCuttingFeel.ahead_mm / 2;
 
 /// Where a layer holds the burr.
 struct HeadPose {
@@ -108,13 +96,13 @@ class Ahead {
   Ahead(std::span<const FeltSurface> surfaces, const HeldBurr& burr, const ToolSphere& head,
         const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state)
       : surfaces_(surfaces), burr_(*burr), spindle_(burr.spindle(head)), head_(head), at_(at) {
-    const double near_mm = burr_.widest_mm() + kAhead_mm;
+    const double near_mm = burr_.widest_mm() + kCuttingFeel.ahead_mm;
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
       const FeltSurface& felt = surfaces[s];
       const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
       if (felt.layer != number || felt.surface == nullptr || layer.punctured[s] || covered) continue;
       if (is_known_beyond(*felt.surface, head, at_, near_mm) && felt.surface->outside_mm() > 0) continue;
-      if (is_farther(*felt.surface, head, at_, burr_.radius_mm + kAhead_mm)) continue;
+      if (is_farther(*felt.surface, head, at_, burr_.radius_mm + kCuttingFeel.ahead_mm)) continue;
       near_[count_++] = static_cast<int>(s);
     }
     if (count_ == 0) return;
@@ -149,7 +137,7 @@ class Ahead {
       // between voxels the edge may be read nearer than it is
       const double radius_mm = head_.radius_at_mm(contact.part);
       add(middle - outward * felt.short_mm, -outward, radius_mm,
-          std::numbers::pi * radius_mm * radius_mm / kDirections, 0, sum);
+          std::numbers::pi * radius_mm * radius_mm / kCuttingFeel.directions, 0, sum);
     }
     return front_of(sum);
   }
@@ -175,10 +163,11 @@ class Ahead {
     const double along_row = end == 0 ? 0 : 1, radius_mm = head_.radius_at_mm(along_row);
     const Vector<Patient>& ahead = way.along[end];
     const Vector<Patient> side = perpendicular(ahead), up = ahead.cross(side);
-    const double share_mm2 = std::numbers::pi * radius_mm * radius_mm / kDirections * way.part[end];
-    for (int n = 0; n < kDirections; ++n) {
+    const double share_mm2 =
+        std::numbers::pi * radius_mm * radius_mm / kCuttingFeel.directions * way.part[end];
+    for (int n = 0; n < kCuttingFeel.directions; ++n) {
       // Vogel's spiral: so many places, evenly over a disc
-      const double r = std::sqrt((n + 0.5) / kDirections), turn = n * kGoldenAngle;
+      const double r = std::sqrt((n + 0.5) / kCuttingFeel.directions), turn = n * kGoldenAngle;
       const Vector<Patient> direction =
           ahead * std::sqrt(1 - r * r) + side * (r * std::cos(turn)) + up * (r * std::sin(turn));
       // the end that reaches farther that way
@@ -195,15 +184,16 @@ class Ahead {
     const Vector<Patient> axis = head_.along_mm / length_mm, side = perpendicular(axis),
                           up = axis.cross(side);
     const std::array ways{way.along[0] * way.part[0], way.along[1] * way.part[1]};
-    for (int n = 0; n < kSidePlaces; ++n) {
+    for (int n = 0; n < kCuttingFeel.side_places; ++n) {
       // a spiral again, evenly along the row and around it
-      const double part = (n + 0.5) / kSidePlaces, turn = n * kGoldenAngle;
+      const double part = (n + 0.5) / kCuttingFeel.side_places, turn = n * kGoldenAngle;
       const Vector<Patient> direction =
           axis * -slope + (side * std::cos(turn) + up * std::sin(turn)) * cosine;
       const double ahead = direction.dot(ways[0] * (1 - part) + ways[1] * part);
       if (!(ahead > 0)) continue;
       const double radius_mm = head_.radius_at_mm(part);
-      const double share_mm2 = 2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kSidePlaces;
+      const double share_mm2 =
+          2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kCuttingFeel.side_places;
       add(at_ + head_.along_mm * part, direction, radius_mm, share_mm2 * ahead, kCounts_mm, sum);
     }
   }
@@ -211,7 +201,7 @@ class Ahead {
   // @param counts_mm  so deep in material a place begins to count
   void add(const Point<Patient>& middle, const Vector<Patient>& direction, double radius_mm, double share_mm2,
            double counts_mm, Sum& sum) const {
-    const Material material = before(middle + direction * (radius_mm + kAhead_mm), counts_mm);
+    const Material material = before(middle + direction * (radius_mm + kCuttingFeel.ahead_mm), counts_mm);
     if (!(material.part > 0)) return;
     const double area_mm2 = share_mm2 * material.part;
     sum.area_mm2 += area_mm2;
@@ -270,9 +260,10 @@ bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrS
   if (state.sweeps > 0 && !state.closed) {
     Sweep& last = state.sweep[static_cast<std::size_t>(state.sweeps - 1)];
     const Sweep longer{last.from, to.at, burr->radius_mm, burr->stroke, axis_mm, last.end_radius_mm};
-    if (last.stroke == burr->stroke && (from.at - last.to).norm() <= kStraight_mm &&
-        (to.at - last.from).norm() <= kLongest_mm && distance_to_way_mm(longer, last.to) <= kStraight_mm &&
-        (axis_mm - state.began_axis_mm).norm() <= kTurned_mm) {
+    if (last.stroke == burr->stroke && (from.at - last.to).norm() <= kCuttingFeel.straight_mm &&
+        (to.at - last.from).norm() <= kCuttingFeel.longest_mm &&
+        distance_to_way_mm(longer, last.to) <= kCuttingFeel.straight_mm &&
+        (axis_mm - state.began_axis_mm).norm() <= kCuttingFeel.turned_mm) {
       last = longer;
       return true;
     }
@@ -354,22 +345,21 @@ void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer,
 // than it was: beside it, so that it slides, or where it was. One that lies in it a little, because surfaces
 // are not the same to a hair, comes out slowly.
 HeadPose beside_kept(const HeldBurr& burr, const HeadPose& from, const HeadPose& to) {
-  constexpr int kMostTries = 4;
-  constexpr double kTouching_mm = 1e-4, kRegained_mm = 1e-3;
   if (burr->spared.empty()) return to;
   const ToolSphere was = burr.head(from.attitude), is = burr.head(to.attitude);
   Point<Patient> place = to.at;
-  for (int n = 0; n < kMostTries; ++n) {
+  for (int n = 0; n < kCuttingFeel.most_tries; ++n) {
     bool clear = true;
     for (const ProtectedStructure& structure : burr->spared) {
       const Surface& kept = *structure.surface;
       if (!structure.kept || is_known_beyond(kept, is, place, burr->widest_mm())) continue;
       const NearestPart nearest = nearest_part(kept, is, place, burr->radius_mm);
       if (nearest.distance_mm >= burr->radius_mm) continue;
-      const double least_mm = std::min(
-          burr->radius_mm, nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kRegained_mm);
+      const double least_mm =
+          std::min(burr->radius_mm,
+                   nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kCuttingFeel.regained_mm);
       const double in_mm = least_mm - nearest.distance_mm;
-      if (in_mm <= kTouching_mm) continue;
+      if (in_mm <= kCuttingFeel.touching_mm) continue;
       clear = false;
       place += kept.outward(place + is.along_mm * nearest.part) * in_mm;
     }
@@ -403,7 +393,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options) {
   const HeldBurr held(burr, hand);
   state.open_s += options.dt_s;
-  if (state.open_s >= kLongestSweep_s) state.closed = true;
+  if (state.open_s >= kCuttingFeel.longest_sweep_s) state.closed = true;
   // a proxy that was let go comes anew: what the burr has swept is still to be carved, and no more of it goes
   // on
   if (!proxy.layer(std::max(state.layer, 0)).coupled) {
@@ -420,8 +410,8 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   state.inset_mm = state.sunk_mm;
   if (in_material) {
     const double feed_mm = sinking.feed_mm((state.spare_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
-    state.inset_mm = std::min(state.sunk_mm + std::min(feed_mm, kMostFeed_mm),
-                              std::max(state.sunk_mm, kMostInsetPart * burr.thinnest_mm()));
+    state.inset_mm = std::min(state.sunk_mm + std::min(feed_mm, kCuttingFeel.most_feed_mm),
+                              std::max(state.sunk_mm, kCuttingFeel.most_inset_part * burr.thinnest_mm()));
   }
   // a burr that cuts makes its way; one that does not is to come out where it went in
   if (!cuts) state.inset_mm = std::max(state.inset_mm, short_of_room_mm(surfaces, held, proxy));
@@ -460,7 +450,8 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   if (in_material) {
     const double now_N = std::min(result.force_N.norm(), burr.most_press_N);
     const double work_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
-    const double spare_mJ = std::min(state.spare_mJ + work_mJ, energy * sinking.volume_mm3(kMostFeed_mm));
+    const double spare_mJ =
+        std::min(state.spare_mJ + work_mJ, energy * sinking.volume_mm3(kCuttingFeel.most_feed_mm));
     state.work_mJ += std::max(0.0, spare_mJ - state.spare_mJ);
     state.spare_mJ = std::max(state.spare_mJ, spare_mJ);
   }
@@ -469,7 +460,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   const Vector<Patient> moved = to.at - from.at;
   const Vector<Patient> turned = held.head(to.attitude).along_mm - held.head(from.attitude).along_mm;
   const HeadWay way(moved, moved + turned);
-  if (was_in == is_in && way.length_mm > kStill_mm) {
+  if (was_in == is_in && way.length_mm > kCuttingFeel.still_mm) {
     const HeadPose middle = held.partway(from, to, 0.5);
     const Front swept =
         Ahead(surfaces, held, held.head(middle.attitude), layer, is_in, middle.at, state).along(way);
@@ -513,11 +504,9 @@ void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const 
   state.first += static_cast<std::uint64_t>(gone);
   state.sweeps -= gone;
   if (gone > 0) state.full = false;
-  // a surface is read from between its voxels: it may be a little nearer than it was cut
-  constexpr double kRounding_mm = 1e-4;
   const double sunk = sunk_mm(surfaces, HeldBurr(burr, hand), proxy);
-  const bool fits = sunk > 0 && sunk + kRounding_mm < burr.thinnest_mm();
-  state.sunk_mm = state.inset_mm = fits ? sunk + kRounding_mm : 0;
+  const bool fits = sunk > 0 && sunk + kCuttingFeel.rounding_mm < burr.thinnest_mm();
+  state.sunk_mm = state.inset_mm = fits ? sunk + kCuttingFeel.rounding_mm : 0;
 }
 
 std::uint64_t finished_sweeps(const BurrState& state) {

@@ -321,11 +321,11 @@ void expect_no_pop_through(const std::string& name) {
                 counted.presses, 100.0 * counted.touched / counted.presses, counted.ticks,
                 counted.deepest_mm);
     std::fflush(stdout);
-    EXPECT_LE(counted.deepest_mm, kMostDip_mm);
+    EXPECT_LE(counted.deepest_mm, kProxyFeel.most_dip_mm);
     // of a few presses under a sanitizer one is many percent: there their sum tells
     EXPECT_TRUE(counted.touched >= 0.9 * counted.presses || counted.presses < 1000);
     all.add(counted);
-    EXPECT_LE(tools.shafts.deepest_mm, kMostDip_mm + kShaftDip_mm);
+    EXPECT_LE(tools.shafts.deepest_mm, kProxyFeel.most_dip_mm + kShaftDip_mm);
     shafts.add(tools.shafts);
   }
   EXPECT_EQ(structures, kStructures);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
+#include "palpate/haptics/feel.h"
 #include "palpate/haptics/force_field.h"
 #include "palpate/haptics/proxy.h"
 #include "palpate/volume/bricks.h"
@@ -204,7 +205,8 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
 class VelocityWindow {
  public:
   static constexpr int kCapacity = 128;  ///< holds 0.01 s at up to 10 kHz with room to spare
-  void push(const Vector<Patient>& displacement_mm, double dt_s, double window_s = 0.01);
+  void push(const Vector<Patient>& displacement_mm, double dt_s,
+            double window_s = kTouchFeel.velocity_window_s);
   /// mm/s; zero before the first push.
   Vector<Patient> velocity_mm_s() const;
   void clear() { *this = {}; }

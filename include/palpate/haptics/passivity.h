@@ -46,9 +46,4 @@ struct PassivityOutput {
 /// @param act  false: observes only
 PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state);
 
-/// An encoder without a known step counts as one that is coarse among those that are known.
-inline constexpr double kCoarseStep_mm = 0.06;
-/// More damping than this makes a firmly held tip swing by itself.
-inline constexpr double kMostDamping_N_s_per_m = 20;
-
 }  // namespace palpate

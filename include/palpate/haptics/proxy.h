@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "palpate/haptics/feel.h"
 #include "palpate/haptics/owners.h"
 #include "palpate/sampling/surface.h"
 
@@ -191,8 +192,6 @@ struct FeltPart {
   double depth_mm = 0;
   double share = 0;  ///< of the force, 0 ... 1
 };
-/// What gives less than this is not told.
-inline constexpr double kLeastShare = 0.01;
 inline constexpr std::size_t kMostFeltParts = 6;
 
 struct ProxyResult : ProxyForce {                ///< of all layers
@@ -214,8 +213,8 @@ struct ProxyResult : ProxyForce {                ///< of all layers
 
 /// One tick: the proxy turns from its attitude to the hand's and goes from where it was towards the tip,
 /// along surfaces and never through them. The whole way is looked at, in steps that the clearance allows: at
-/// no place of it does a sphere lie deeper than kMostDip_mm below a surface. Then the spring. Bounded work;
-/// allocates, locks and throws nothing.
+/// no place of it does a sphere lie deeper than ProxyFeel::most_dip_mm below a surface. Then the spring.
+/// Bounded work; allocates, locks and throws nothing.
 ///
 /// - A capsule is felt as a row of spheres, so close that their outline is at most 0.01 mm within its own, or
 ///   0.15 mm apart where it is thin (docs/decisions/0023). It leans where it touches, and in the middle of
@@ -238,7 +237,6 @@ struct ProxyResult : ProxyForce {                ///< of all layers
 /// @param hand      the attitude by which `spheres` are turned
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options = {});
-inline constexpr double kMostDip_mm = 0.05;
 
 /// Which of the surfaces before a change one of those after it was.
 struct SurfaceBefore {

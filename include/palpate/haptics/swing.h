@@ -21,16 +21,13 @@ struct SwingState {
 /// see.
 ///
 /// A swing by itself goes to and fro along the force, three times running and not less each time, faster
-/// than 6.7 Hz, by at least kLeastSwing_mm and 15 mm/s in the mean, and not farther aside than to and fro. A
-/// finger taps more slowly, a tremor of 8 to 12 Hz moves by less, and whoever slides over ribs goes aside.
+/// than 6.7 Hz, by at least SwingFeel::least_mm and 15 mm/s in the mean, and not farther aside than to and
+/// fro. A finger taps more slowly, a tremor of 8 to 12 Hz moves by less, and whoever slides over ribs goes
+/// aside.
 /// @param force_N  asked; zero in free space
 /// @param way_mm   of the tip since the last tick, relative to the object, mm of the device
 /// @param step_mm  of the encoders
 void look_for_swing(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
                     SwingState& state);
-
-inline constexpr double kLeastSwing_mm = 0.2;
-/// What is added each time, most, and how fast it is forgotten.
-inline constexpr double kLater_s = 1e-3, kMostLater_s = 5e-3, kForgetLater = 1e-4;
 
 }  // namespace palpate

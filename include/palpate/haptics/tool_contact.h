@@ -104,8 +104,6 @@ struct CouplingState {
   Vector<Patient> pull_mm;        ///< from the tip to the proxy
   VelocityWindow pull_velocity;   ///< of its change, free space included; empty without damping
 };
-/// Time constant with which the stiffness that is felt follows that of the surfaces touched.
-inline constexpr double kSeam_s = 0.015;
 
 /// With what a proxy is advanced for a hand.
 ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand);

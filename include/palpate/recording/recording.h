@@ -40,7 +40,8 @@ struct RecordingHeader {
   int devices = 1;
   std::string clock = "virtual";  ///< or "real"
   std::string scheduler;          ///< what the servo thread got; empty on the virtual clock
-  std::string script_text;        ///< the script as run
+  std::string feel;         ///< feel_text() (palpate/servo/feel.h); empty in files from before it was told
+  std::string script_text;  ///< the script as run
   struct Structure {
     LabelId label;
     std::string name, tissue;

@@ -14,13 +14,14 @@
 #include "palpate/haptics/passivity.h"
 #include "palpate/haptics/swing.h"
 #include "palpate/haptics/tool_contact.h"
+#include "palpate/servo/feel.h"
 #include "palpate/tissue/removal.h"
 
 /// The tick: (Model, SessionState, DeviceStates, Parameters, dt) -> (SessionState, Wrenches).
 namespace palpate {
 
 /// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is felt as a
-/// blend over kBlend_s, not as a step.
+/// blend over kOutputFeel.blend_s, not as a step.
 struct Parameters {
   /// Trilinear where the model is not prepared for it (kFlagMethodMissing).
   ForceMethod method = ForceMethod::kTrilinear;
@@ -38,11 +39,6 @@ struct Parameters {
 
 /// TickSwitch bits.
 std::uint8_t switches_of(const Parameters& parameters);
-
-/// A change of model, method or parameters is spread over this time.
-inline constexpr double kBlend_s = 0.1;
-inline constexpr double kRampIn_s = 0.5;   ///< from nothing to full force, at the start and after every fault
-inline constexpr double kRampOut_s = 0.1;  ///< from full force to nothing, before a pause or the end
 
 /// What the output stage remembers of one device.
 struct OutputState {
@@ -69,7 +65,7 @@ struct SessionState {
     // what the force was last, and what is left of the difference to what made it
     Wrench asked;
     Wrench difference;
-    double blend_elapsed_s = kBlend_s;
+    double blend_elapsed_s = kOutputFeel.blend_s;
     PassivityState passivity;
     SwingState swing;
     DelayLine delay;
@@ -103,7 +99,6 @@ struct SessionState {
   /// 64-bit hash of the state, equal for equal states on every build.
   std::uint64_t hash(int devices) const;
 };
-inline constexpr double kRotationInterval_s = 0.1;
 
 /// One servo tick. Allocates, locks, logs, throws nothing and makes no system call.
 /// @param devices  1 ... kMaxDevices states; `wrenches` has the same length

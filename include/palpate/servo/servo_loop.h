@@ -115,7 +115,7 @@ class ServoLoop {
   /// from 1: ticks have felt it when TickRecord::settings_number is not below it.
   virtual std::uint32_t change(const std::function<void(Parameters&)>& edit) = 0;
   virtual Parameters parameters() const = 0;
-  /// From the next tick on; the force turns into the new one over kBlend_s, but for a local edit
+  /// From the next tick on; the force turns into the new one over kOutputFeel.blend_s, but for a local edit
   /// (Model::edits), which is felt as it is. A model whose version is not
   /// above the last one's is a bug. The old one is freed by a later call of set_model() or collect(), never
   /// on the servo thread.

@@ -12,9 +12,6 @@ namespace palpate {
 /// Whether the motor of a burr was switched on in a tick, by its switch or a pedal. Of another tool: no.
 bool motor_was_on(const Tool& tool, const TickRecord& tick);
 
-/// A motor stands still while the pose is so old or older.
-inline constexpr double kMotorStops_s = 10e-3;
-
 /// How near a burr came to each structure that is protected, while it turned: from its head to the
 /// structure as prepared, 0 where it touched that or cut it. What was undone counts too. A structure has no
 /// figure while the head stayed beyond the reach of its distances, in a session 10 mm from the middle of a

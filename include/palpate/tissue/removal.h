@@ -104,7 +104,5 @@ std::uint64_t finished_sweeps(const BurrState& state);
 std::span<const Sweep> finished_from(const BurrState& state, std::uint64_t number);
 /// All of them that are still here, as a session cuts by them.
 std::vector<Cut> finished_cuts(const BurrState& state, std::uint32_t device);
-/// A sweep is finished after so long at the latest.
-inline constexpr double kLongestSweep_s = 0.01;
 
 }  // namespace palpate

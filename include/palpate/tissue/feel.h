@@ -1,0 +1,63 @@
+#pragma once
+
+#include "palpate/haptics/feel.h"
+
+namespace palpate {
+
+/// What decides how a burr cuts and feels besides the scene, the same in every run of one version of palpate:
+/// recordings tell it (docs/feel.md). docs/decisions/0029 has the choices; mm in the patient.
+struct CuttingFeel {
+  /// It looks for material so far before its surface. Half of that deep, an edge begins to count, so that
+  /// beside a pocket, where its surface comes out of the material, little counts that it does not touch.
+  double ahead_mm = 0.1;
+  /// It sinks in by no more in a tick, and while the surfaces are not made by no more than a part of its
+  /// least radius.
+  double most_feed_mm = 0.1, most_inset_part = 0.8;
+  /// Ways that bend by less, and are no longer, are one sweep, if the far end is turned aside by no more than
+  /// turned_mm: what the head is turned by is taken as its end has it. The end before it was so turned as the
+  /// next one begins, so that what is between them and in neither is thinner by far.
+  double straight_mm = 0.002, longest_mm = 0.25, turned_mm = 0.05;
+  /// A sweep is finished after so long at the latest.
+  double longest_sweep_s = 0.01;
+  /// Less of a way is none.
+  double still_mm = 1e-6;
+  /// A head touches what is kept from so near on, and comes out of it, where it lies in it a little, so fast
+  /// in a tick.
+  double touching_mm = 1e-4, regained_mm = 1e-3;
+  /// A surface is read from between its voxels: it may be so much nearer than it was cut.
+  double rounding_mm = 1e-4;
+  /// Where a surface moved by this much its normal is all its own: the prepared one is of what is gone.
+  double moved_mm = 0.25;
+  /// A motor stands still while the pose is so old or older.
+  double motor_stops_s = 10e-3;
+  /// Directions ahead, spread evenly over the disc that a ball is from ahead.
+  int directions = 64;
+  /// Places on the side of a cylinder or cone, all around; half of them are ahead.
+  int side_places = 128;
+  /// Tries of a tick to put the head beside what is kept, at most.
+  int most_tries = 4;
+
+  template <class Visit>
+  constexpr void visit(Visit&& of) const {
+    of("ahead_mm", ahead_mm);
+    of("most_feed_mm", most_feed_mm);
+    of("most_inset_part", most_inset_part);
+    of("straight_mm", straight_mm);
+    of("longest_mm", longest_mm);
+    of("turned_mm", turned_mm);
+    of("longest_sweep_s", longest_sweep_s);
+    of("still_mm", still_mm);
+    of("touching_mm", touching_mm);
+    of("regained_mm", regained_mm);
+    of("rounding_mm", rounding_mm);
+    of("moved_mm", moved_mm);
+    of("motor_stops_s", motor_stops_s);
+    of("directions", directions);
+    of("side_places", side_places);
+    of("most_tries", most_tries);
+  }
+};
+inline constexpr CuttingFeel kCuttingFeel;
+static_assert(names_every_member<CuttingFeel>());
+
+}  // namespace palpate
