@@ -57,6 +57,28 @@ void get_voxels(FieldReader& in, Volume<T>& volume) {
   in.get_values(std::span<T>(volume.voxels()));
 }
 
+// the same of bricks, slice after slice
+template <class T>
+void put_bricks(const Bricks<T>& bricks, FieldWriter& out) {
+  const std::array<int, 3>& dims = bricks.geometry().dims;
+  std::vector<T> slice(static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]));
+  for (int k = 0; k < dims[2]; ++k) {
+    for (int j = 0; j < dims[1]; ++j)
+      bricks.copy_row(0, j, k, dims[0], slice.data() + static_cast<std::ptrdiff_t>(j) * dims[0]);
+    out.put_values(std::span<const T>(slice));
+  }
+}
+template <class T>
+Bricks<T> get_bricks(FieldReader& in, const GridGeometry& grid, T outside) {
+  BricksBySlices<T> bricks(grid, outside);
+  std::vector<T> slice(static_cast<std::size_t>(grid.dims[0]) * static_cast<std::size_t>(grid.dims[1]));
+  for (int k = 0; k < grid.dims[2]; ++k) {
+    in.get_values(std::span<T>(slice));
+    bricks.add(1, slice.data());
+  }
+  return bricks.take();
+}
+
 // What is not there, not whole or not what it should be counts as not prepared.
 // @param read  makes a result of the payload; nothing where it is none
 template <class Kept, class Read>
@@ -107,7 +129,7 @@ std::optional<cache::Digest> key_of_ramps(const std::optional<cache::Digest>& of
 }
 
 void put_ramps(const Ramps& ramps, FieldWriter& out) {
-  put_voxels(ramps.field, out);
+  put_bricks(ramps.field, out);
   out.put(ramps.full_force_N);
   out.put(static_cast<std::uint32_t>(ramps.structures.size()));
   for (const RampFigures& figures : ramps.structures) {
@@ -120,8 +142,7 @@ void put_ramps(const Ramps& ramps, FieldWriter& out) {
 std::optional<Ramps> get_ramps(FieldReader& in, const Bricks<LabelId>& labels,
                                const std::vector<RampStructure>& structures) {
   Ramps ramps;
-  ramps.field = Volume<std::uint16_t>(labels.geometry());
-  get_voxels(in, ramps.field);
+  ramps.field = get_bricks<std::uint16_t>(in, labels.geometry(), 0);
   in.get(ramps.full_force_N);
   std::uint32_t count = 0;
   in.get(count);
@@ -188,7 +209,7 @@ void put_field(const SignedField& field, FieldWriter& out) {
   out.put(field.steps().scale);
   out.put(field.steps().offset);
   out.put(field.steps().outside);
-  put_voxels(field.bricks().dense(), out);
+  put_bricks(field.bricks(), out);
 }
 
 std::optional<SignedField> get_field(FieldReader& in) {
@@ -198,10 +219,10 @@ std::optional<SignedField> get_field(FieldReader& in) {
   in.get(steps.scale);
   in.get(steps.offset);
   in.get(steps.outside);
-  Volume<std::int16_t> voxels(*grid);
-  get_voxels(in, voxels);
   if (!in.ok() || !std::isfinite(steps.scale) || !std::isfinite(steps.offset)) return std::nullopt;
-  return SignedField(voxels, steps);
+  auto voxels = get_bricks(in, *grid, steps.outside);
+  if (!in.ok()) return std::nullopt;
+  return SignedField(std::move(voxels), steps);
 }
 
 void put_surface(const Surface& surface, FieldWriter& out) {

@@ -449,7 +449,7 @@ TEST_F(KeptPreparation, ForgedEntriesAreBelievedNothing) {
     const auto surfaces = kept_parts.outer_surfaces(labels, {structures}, {.reach_mm = 1}, {});
     const auto smooth = kept_smooth(Volume<std::uint8_t>(labels.geometry(), 5), {}, {});
     PALPATE_CHECK(field.ok() && touching.ok() && surfaces.ok() && smooth.ok());
-    EXPECT_EQ(field->field.voxels().size(), labels.geometry().voxel_count());
+    EXPECT_EQ(field->field.geometry().voxel_count(), labels.geometry().voxel_count());
     EXPECT_LE(field->structures.size(), ramps.size());
     for (const auto& [a, b] : *touching) EXPECT_TRUE(a >= 1 && a <= 3 && b >= 1 && b <= 3);
     EXPECT_EQ(smooth->voxels().size(), labels.geometry().voxel_count());

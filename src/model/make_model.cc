@@ -100,8 +100,8 @@ void set_levels(Model& model) {
 }
 
 template <class T>
-std::shared_ptr<const Field> field_of(Volume<T> volume) {
-  return std::make_shared<const Field>(std::move(volume));
+std::shared_ptr<const Field> field_of(Bricks<T> voxels) {
+  return std::make_shared<const Field>(std::move(voxels));
 }
 
 Result<std::shared_ptr<const Field>> ramp_field(const Model& model, bool eight_bits,
@@ -110,7 +110,7 @@ Result<std::shared_ptr<const Field>> ramp_field(const Model& model, bool eight_b
   const GridGeometry& grid = model.labels->geometry();
   const std::vector<RampStructure> structures = ramp_structures(model, *model.labels);
   if (structures.empty())
-    return eight_bits ? field_of(Volume<std::uint8_t>(grid)) : field_of(Volume<std::uint16_t>(grid));
+    return eight_bits ? field_of(Bricks<std::uint8_t>(grid, 0)) : field_of(Bricks<std::uint16_t>(grid, 0));
   auto ramps = preparing.ramps(
       *model.labels, structures,
       {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);

@@ -50,11 +50,19 @@ Volume<float> to_values(const Bricks<T>& voxels, const internal::SamplingMap& ma
 
 }  // namespace
 
-Field::Field(const Volume<std::uint8_t>& volume)
-    : voxels_(Bricks<std::uint8_t>(volume, 0)), map_(ramp_map<std::uint8_t>(volume.geometry())) {}
+Field::Field(const Volume<std::uint8_t>& volume) : Field(Bricks<std::uint8_t>(volume, 0)) {}
 
-Field::Field(const Volume<std::uint16_t>& volume)
-    : voxels_(Bricks<std::uint16_t>(volume, 0)), map_(ramp_map<std::uint16_t>(volume.geometry())) {}
+Field::Field(const Volume<std::uint16_t>& volume) : Field(Bricks<std::uint16_t>(volume, 0)) {}
+
+Field::Field(Bricks<std::uint8_t> voxels) : map_(ramp_map<std::uint8_t>(voxels.geometry())) {
+  PALPATE_CHECK(voxels.outside() == 0);
+  voxels_ = std::move(voxels);
+}
+
+Field::Field(Bricks<std::uint16_t> voxels) : map_(ramp_map<std::uint16_t>(voxels.geometry())) {
+  PALPATE_CHECK(voxels.outside() == 0);
+  voxels_ = std::move(voxels);
+}
 
 const GridGeometry& Field::geometry() const {
   return std::visit([](const auto& voxels) -> const GridGeometry& { return voxels.geometry(); }, voxels_);
@@ -73,10 +81,15 @@ Volume<float> Field::values() const {
 }
 
 SignedField::SignedField(const Volume<std::int16_t>& volume, const SignedSteps& steps)
+    : SignedField(Bricks<std::int16_t>(volume, steps.outside), steps) {}
+
+SignedField::SignedField(Bricks<std::int16_t> voxels, const SignedSteps& steps)
     : steps_(steps),
-      voxels_(volume, steps.outside),
-      map_(volume.geometry(), steps.scale, steps.offset, steps.offset + steps.scale * steps.outside, kReach,
-           kHalf) {}
+      voxels_(std::move(voxels)),
+      map_(voxels_.geometry(), steps.scale, steps.offset, steps.offset + steps.scale * steps.outside, kReach,
+           kHalf) {
+  PALPATE_CHECK(voxels_.outside() == steps.outside);
+}
 
 SignedField SignedField::with(const PatchOf<std::int16_t>& patch) const {
   SignedField changed = *this;

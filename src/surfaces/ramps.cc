@@ -5,6 +5,7 @@
 #include <new>
 #include <sstream>
 
+#include "surfaces/raised_field.h"
 #include "surfaces/ramps_depth.h"
 #include "surfaces/surface_components.h"
 #include "surfaces/touching.h"
@@ -13,7 +14,6 @@ namespace palpate {
 
 namespace {
 
-using internal::Block;
 using internal::DepthOptions;
 using internal::Index3;
 using internal::ProgressSpan;
@@ -85,14 +85,15 @@ class ChainWalk {
  public:
   ChainWalk(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
             const std::vector<Span3>& spans, const Touching& touching, const RampOptions& options,
-            const Progress& progress, Ramps& ramps)
+            const Progress& progress, double full_force_N, internal::RaisedField& field)
       : labels_(labels),
         structures_(structures),
         spans_(spans),
         touching_(touching),
         options_(options),
         progress_(progress),
-        ramps_(ramps) {}
+        full_force_N_(full_force_N),
+        field_(field) {}
 
   Result<void> from(std::size_t root, const ProgressSpan& stage) {
     auto half_mm =
@@ -111,7 +112,8 @@ class ChainWalk {
   struct Link {
     std::size_t structure;
     int deepest;  ///< in steps
-    Block<std::int16_t> position;
+    Span3 box;
+    Bricks<std::int16_t> position;  ///< over the box
   };
 
   const Span3& span_of(std::size_t structure) const { return spans_[structures_[structure].label]; }
@@ -143,16 +145,16 @@ class ChainWalk {
       return bad_input(
           text_of("more than ", kMostRampChains, " chains of structures that rest on each other"),
           "let fewer rest on each other (rests_on), or prepare by method = \"union-gaussian\"");
-    const DepthOptions depth{std::min(ramps_.full_force_N / stiffness(structure), kDeepestRamp_mm), sigma_mm_,
+    const DepthOptions depth{std::min(full_force_N_ / stiffness(structure), kDeepestRamp_mm), sigma_mm_,
                              options_.threads};
-    chain_.push_back({structure, static_cast<int>(depth.reach_mm / kSurfaceStep_mm),
-                      Block<std::int16_t>(box_of(structure, depth))});
-    std::vector<LabelId> set;
+    const Span3 box = box_of(structure, depth);
+    std::vector<LabelId> set{structures_[structure].label};
     for (const Link& link : chain_) set.push_back(structures_[link.structure].label);
-    auto done =
-        internal::set_position(labels_, set, depth, progress_, stage.part(0, 0.4), chain_.back().position);
-    if (!done) return done;
-    done = raise_field(stage.part(0.4, 0.5));
+    auto position = internal::set_position(labels_, set, depth, progress_, stage.part(0, 0.4), box);
+    if (!position) return position.error();
+    chain_.push_back(
+        {structure, static_cast<int>(depth.reach_mm / kSurfaceStep_mm), box, *std::move(position)});
+    auto done = raise_field(stage.part(0.4, 0.5));
     std::vector<std::size_t> onward;
     for (std::size_t next = 0; next < structures_.size(); ++next)
       if (rests_on_top(next)) onward.push_back(next);
@@ -166,30 +168,39 @@ class ChainWalk {
 
   // the field to at least what the chain says
   Result<void> raise_field(const ProgressSpan& stage) {
-    const Span3 span = chain_.back().position.span();
+    const Span3 span = chain_.back().box;
     const int workers = worker_count(options_.threads, span.size(2));
     const auto length = static_cast<std::size_t>(span.size(0));
     std::vector<float> per_step;
     for (std::size_t m = 0; m < chain_.size(); ++m) {
       const double above = m + 1 < chain_.size() ? stiffness(chain_[m + 1].structure) : 0;
       per_step.push_back(static_cast<float>((stiffness(chain_[m].structure) - above) * kSurfaceStep_mm *
-                                            kFullScale / ramps_.full_force_N));
+                                            kFullScale / full_force_N_));
     }
-    std::vector<std::vector<float>> depth(static_cast<std::size_t>(workers), std::vector<float>(length)),
-        sum = depth;
+    struct Scratch {
+      std::vector<float> depth, sum;
+      std::vector<std::int16_t> position;
+      std::vector<std::uint16_t> raised;  // a slice
+    };
+    std::vector<Scratch> of_worker(
+        static_cast<std::size_t>(workers),
+        {std::vector<float>(length), std::vector<float>(length), std::vector<std::int16_t>(length),
+         std::vector<std::uint16_t>(length * static_cast<std::size_t>(span.size(1)))});
     const auto slice = [&](int worker, int n) {
-      std::vector<float>& d = depth[static_cast<std::size_t>(worker)];
-      std::vector<float>& v = sum[static_cast<std::size_t>(worker)];
+      Scratch& scratch = of_worker[static_cast<std::size_t>(worker)];
+      std::vector<float>&d = scratch.depth, &v = scratch.sum;
       const int k = span.low[2] + n;
       for (int j = span.low[1]; j < span.high[1]; ++j) {
         std::fill(d.begin(), d.end(), 0.0f);
         std::fill(v.begin(), v.end(), 0.0f);
         for (std::size_t m = 0; m < chain_.size(); ++m) {
           // beyond a link's box the depth is that of the links below
-          const Block<std::int16_t>& position = chain_[m].position;
-          const Span3 row = Span3{{span.low[0], j, k}, {span.high[0], j + 1, k + 1}}.clipped(position.span());
+          const Span3& box = chain_[m].box;
+          const Span3 row = Span3{{span.low[0], j, k}, {span.high[0], j + 1, k + 1}}.clipped(box);
           if (!row.empty()) {
-            const std::int16_t* from = position.row(j, k) + (row.low[0] - position.span().low[0]);
+            std::int16_t* const from = scratch.position.data();
+            chain_[m].position.copy_row(row.low[0] - box.low[0], j - box.low[1], k - box.low[2], row.size(0),
+                                        from);
             float* to = d.data() + (row.low[0] - span.low[0]);
             const int deepest = chain_[m].deepest;
             for (int i = 0; i < row.size(0); ++i)
@@ -197,13 +208,14 @@ class ChainWalk {
           }
           for (std::size_t i = 0; i < length; ++i) v[i] += per_step[m] * d[i];
         }
-        std::uint16_t* out = ramps_.field.voxels().data() + labels_.geometry().offset(span.low[0], j, k);
+        std::uint16_t* out = scratch.raised.data() + length * static_cast<std::size_t>(j - span.low[1]);
         for (std::size_t i = 0; i < length; ++i) {
           const float inside = d[i] > 0 ? 1.0f : 0.0f;
           const float value = std::clamp(v[i] + 0.5f, inside, kFullScale);
-          out[i] = std::max(out[i], static_cast<std::uint16_t>(static_cast<int>(value) * (d[i] > 0 ? 1 : 0)));
+          out[i] = static_cast<std::uint16_t>(static_cast<int>(value) * (d[i] > 0 ? 1 : 0));
         }
       }
+      field_.raise(k, span, scratch.raised.data());
     };
     return internal::for_each_slice(span.size(2), workers, progress_, stage, slice);
   }
@@ -214,7 +226,8 @@ class ChainWalk {
   const Touching& touching_;
   const RampOptions& options_;
   const Progress& progress_;
-  Ramps& ramps_;
+  double full_force_N_;
+  internal::RaisedField& field_;
   double sigma_mm_ = 0;
   int chains_ = 0;
   std::vector<Link> chain_;
@@ -223,7 +236,7 @@ class ChainWalk {
 /// The greatest value of every structure.
 Result<std::vector<std::uint16_t>> greatest_values(const Bricks<LabelId>& labels,
                                                    const std::vector<int>& index, std::size_t structures,
-                                                   const Volume<std::uint16_t>& field, int threads,
+                                                   const Bricks<std::uint16_t>& field, int threads,
                                                    const Progress& progress, const ProgressSpan& stage) {
   const GridGeometry& grid = labels.geometry();
   const int workers = worker_count(threads, grid.dims[2]);
@@ -233,7 +246,8 @@ Result<std::vector<std::uint16_t>> greatest_values(const Bricks<LabelId>& labels
   const auto done = internal::for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
     std::vector<std::uint16_t>& mine = greatest[static_cast<std::size_t>(worker)];
     const auto look = [&](const RowPiece<LabelId>& piece) {
-      const std::uint16_t* const value = &field.at(piece.i, piece.j, k);
+      // the same grid, and so the same pieces
+      const std::uint16_t* const value = field.view().cell(piece.i, piece.j, k);
       for (int i = 0; i < piece.count; ++i) {
         if (value[i] == 0) continue;
         std::uint16_t& most = mine[static_cast<std::size_t>(index[piece.voxels[i]])];
@@ -251,7 +265,6 @@ Result<std::vector<std::uint16_t>> greatest_values(const Bricks<LabelId>& labels
 Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                       const RampOptions& options, const Progress& progress) {
   Ramps ramps;
-  ramps.field = Volume<std::uint16_t>(labels.geometry());
   ramps.full_force_N = options.stiffest_N_per_mm * options.width_mm;
   for (const RampStructure& s : structures)
     ramps.full_force_N = std::max(ramps.full_force_N, s.stiffness_N_per_mm * options.width_mm);
@@ -262,7 +275,8 @@ Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStruc
                                                 options.threads, progress, work.part(0, 0.05));
   if (!touching) return touching.error();
   const std::vector<Span3> spans = internal::label_spans(labels);
-  ChainWalk walk(labels, structures, spans, *touching, options, progress, ramps);
+  internal::RaisedField field(labels.geometry());
+  ChainWalk walk(labels, structures, spans, *touching, options, progress, ramps.full_force_N, field);
   const auto count = static_cast<double>(structures.size());
   for (std::size_t s = 0; s < structures.size(); ++s) {
     if (spans[structures[s].label].empty()) continue;
@@ -271,6 +285,7 @@ Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStruc
     if (!done) return done.error();
     ramps.structures.push_back({structures[s].label, 0, walk.half_thickness_mm});
   }
+  ramps.field = field.take();
   const auto greatest = greatest_values(labels, index, structures.size(), ramps.field, options.threads,
                                         progress, work.part(0.95, 1));
   if (!greatest) return greatest.error();
@@ -306,12 +321,11 @@ Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry&
                     " mm; give method = \"union-gaussian\""));
 }
 
-Volume<std::uint8_t> in_eight_bits(const Volume<std::uint16_t>& ramp) {
-  Volume<std::uint8_t> eight(ramp.geometry());
-  std::transform(ramp.voxels().begin(), ramp.voxels().end(), eight.voxels().begin(), [](std::uint16_t v) {
-    return static_cast<std::uint8_t>(v == 0 ? 0 : std::max(1, (v + 128) / 257));
-  });
-  return eight;
+Bricks<std::uint8_t> in_eight_bits(const Bricks<std::uint16_t>& ramp) {
+  std::vector<std::uint8_t> eight(std::size_t{65536});
+  for (std::size_t v = 1; v < eight.size(); ++v)
+    eight[v] = static_cast<std::uint8_t>(std::max<std::size_t>(1, (v + 128) / 257));
+  return Bricks<std::uint8_t>::of_labels(ramp, eight);
 }
 
 }  // namespace palpate

@@ -74,24 +74,40 @@ Index3 position_window(const Eigen::Vector3d& spacing_mm, const DepthOptions& op
   return {near[0] + far[0], near[1] + far[1], near[2] + far[2]};
 }
 
-Result<void> set_position(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
-                          const DepthOptions& options, const Progress& progress, const ProgressSpan& stage,
-                          Block<std::int16_t>& position) {
-  const Eigen::Vector3d& spacing_mm = labels.geometry().spacing_mm;
-  const PositionFilter filter(spacing_mm, options.sigma_mm);
+Result<Bricks<std::int16_t>> set_position(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
+                                          const DepthOptions& options, const Progress& progress,
+                                          const ProgressSpan& stage, const Span3& span) {
+  GridGeometry grid = labels.geometry();
+  grid.dims = {span.size(0), span.size(1), span.size(2)};
+  const PositionFilter filter(grid.spacing_mm, options.sigma_mm);
   const double inside_mm = inside_reach_mm(options), outside_mm = outside_reach_mm(options);
-  const Index3 window = distance_window(spacing_mm, inside_mm);
-  return by_slabs(position.span(), options.threads, progress, stage, [&](int, const Span3& slab) {
-    const Span3 around = slab.grown(filter.reach());
-    Block<float> distance(around);
-    const Block<std::uint8_t> mask = mask_of(labels, set, around.grown(window));
-    distance_to_class(mask, 0, spacing_mm, inside_mm, distance);
-    distance_to_class(mask, 1, spacing_mm, outside_mm, distance);
-    Block<std::int16_t> part(slab);
-    filter.apply(distance, part);
-    const auto length = static_cast<std::size_t>(slab.size(0));
-    for_each_row(slab, [&](int j, int k) { std::copy_n(part.row(j, k), length, position.row(j, k)); });
-  });
+  const Index3 window = distance_window(grid.spacing_mm, inside_mm);
+  BricksBySlices<std::int16_t> position(grid, 0);
+  // some slabs for every thread, and then bricks
+  const int slices = 2 * kSlabSlices * worker_count(options.threads, span.size(2));
+  Span3 part = span;
+  for (int k = span.low[2]; k < span.high[2]; k = part.high[2]) {
+    part.low[2] = k;
+    part.high[2] = std::min(span.high[2], k + slices);
+    Block<std::int16_t> here(part);
+    const auto at = [&](int slice) { return static_cast<double>(slice - span.low[2]) / span.size(2); };
+    const auto work = [&](int, const Span3& slab) {
+      const Span3 around = slab.grown(filter.reach());
+      Block<float> distance(around);
+      const Block<std::uint8_t> mask = mask_of(labels, set, around.grown(window));
+      distance_to_class(mask, 0, grid.spacing_mm, inside_mm, distance);
+      distance_to_class(mask, 1, grid.spacing_mm, outside_mm, distance);
+      Block<std::int16_t> made(slab);
+      filter.apply(distance, made);
+      const auto length = static_cast<std::size_t>(slab.size(0));
+      for_each_row(slab, [&](int j, int l) { std::copy_n(made.row(j, l), length, here.row(j, l)); });
+    };
+    const auto done =
+        by_slabs(part, options.threads, progress, stage.part(at(part.low[2]), at(part.high[2])), work);
+    if (!done) return done.error();
+    position.add(part.size(2), here.values().data());
+  }
+  return position.take();
 }
 
 Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId label, const Span3& span,

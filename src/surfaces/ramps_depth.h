@@ -17,10 +17,11 @@ struct DepthOptions {
 
 /// The smoothed signed distance of a set over a box, in steps of kSurfaceStep_mm: negative inside, its sign
 /// the mask. Outside it is cut off nearer to the set than the reach, which no depth sees.
+/// @param span  the box; its first voxel is voxel (0, 0, 0) of the bricks, what is around them means nothing
 /// Errors: kBadInput when memory is short, kInterrupted.
-Result<void> set_position(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
-                          const DepthOptions& options, const Progress& progress, const ProgressSpan& stage,
-                          Block<std::int16_t>& position);
+Result<Bricks<std::int16_t>> set_position(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
+                                          const DepthOptions& options, const Progress& progress,
+                                          const ProgressSpan& stage, const Span3& span);
 
 /// How far around a set's voxels its position can depend on them.
 Index3 position_window(const Eigen::Vector3d& spacing_mm, const DepthOptions& options);

@@ -43,10 +43,11 @@ double force_N(const Ramps& ramps, int i, int j, int k) {
 }
 
 void expect_nothing_outside_and_something_inside(const Volume<LabelId>& labels, const Ramps& ramps) {
+  const std::vector<std::uint16_t> field = ramps.field.dense().voxels();
   std::size_t outside = 0, inside = 0;
   for (std::size_t v = 0; v < labels.voxels().size(); ++v) {
-    outside += labels.voxels()[v] == 0 && ramps.field.voxels()[v] != 0 ? 1 : 0;
-    inside += labels.voxels()[v] != 0 && ramps.field.voxels()[v] == 0 ? 1 : 0;
+    outside += labels.voxels()[v] == 0 && field[v] != 0 ? 1 : 0;
+    inside += labels.voxels()[v] != 0 && field[v] == 0 ? 1 : 0;
   }
   EXPECT_EQ(outside, 0u);
   EXPECT_EQ(inside, 0u);
@@ -363,9 +364,10 @@ TEST(Ramps, NeverExceedTheLeastOverPathsFromFreeSpace) {
     const Ramps ramps = prepared(labels);
     const auto most =
         least_over_paths(labels, {kBoneLabel, kCartilageLabel}, {kBone_N_per_mm, kCartilage_N_per_mm});
+    const std::vector<std::uint16_t> field = ramps.field.dense().voxels();
     for (std::size_t v = 0; v < most.size(); ++v) {
       if (labels.voxels()[v] != kBoneLabel && labels.voxels()[v] != kCartilageLabel) continue;
-      EXPECT_LE(ramps.full_force_N * ramps.field.voxels()[v] / 65535, most[v] + 1e-3);
+      EXPECT_LE(ramps.full_force_N * field[v] / 65535, most[v] + 1e-3);
     }
   }
 }
@@ -387,11 +389,12 @@ TEST(Ramps, HaveTheSameBitsWithAnyThreadsTargetAndDirectionOfTheGrid) {
   Volume<LabelId> labels = lumps(random);
   const Ramps one = prepared(labels, knee(), {.threads = 1});
   for (const int threads : {2, 3, 8})
-    EXPECT_TRUE(prepared(labels, knee(), {.threads = threads}).field.voxels() == one.field.voxels());
+    EXPECT_TRUE(prepared(labels, knee(), {.threads = threads}).field.dense().voxels() ==
+                one.field.dense().voxels());
   for (const std::int64_t target : test::all_targets()) {
     SCOPED_TRACE(test::target_name(target));
     const test::OnlyTargets only(target);
-    EXPECT_TRUE(prepared(labels).field.voxels() == one.field.voxels());
+    EXPECT_TRUE(prepared(labels).field.dense().voxels() == one.field.dense().voxels());
   }
   GridGeometry turned = labels.geometry();
   turned.direction << 0.6, -0.8, 0, 0.8, 0.6, 0, 0, 0, -1;
@@ -400,13 +403,14 @@ TEST(Ramps, HaveTheSameBitsWithAnyThreadsTargetAndDirectionOfTheGrid) {
     copy.voxels() = labels.voxels();
     return copy;
   }();
-  EXPECT_TRUE(prepared(oblique).field.voxels() == one.field.voxels());
+  EXPECT_TRUE(prepared(oblique).field.dense().voxels() == one.field.dense().voxels());
 }
 
 TEST(Ramps, InEightBitsKeepWhatIsFelt) {
   Volume<std::uint16_t> ramp(test::surface_grid({4, 1, 1}, {1, 1, 1}));
   ramp.voxels() = {0, 1, 30000, 65535};
-  EXPECT_EQ(in_eight_bits(ramp).voxels(), (std::vector<std::uint8_t>{0, 1, 117, 255}));
+  EXPECT_EQ(in_eight_bits(Bricks<std::uint16_t>(ramp, 0)).dense().voxels(),
+            (std::vector<std::uint8_t>{0, 1, 117, 255}));
 }
 
 TEST(Ramps, WhatCannotBePreparedIsAnError) {

@@ -73,6 +73,22 @@ SurfaceNet make_net(const FieldRow& field, const Span3& cells, const Eigen::Vect
   return net;
 }
 
+SurfaceNet no_net(const Span3& cells, const GridGeometry& grid) {
+  SurfaceNet net;
+  net.cells = cells;
+  net.spacing_mm = grid.spacing_mm.cast<float>();
+  net.row_begin.push_back(0);
+  return net;
+}
+
+void append_net(const SurfaceNet& part, SurfaceNet& net) {
+  const auto before = static_cast<std::uint32_t>(net.size());
+  for (std::size_t r = 1; r < part.row_begin.size(); ++r) net.row_begin.push_back(before + part.row_begin[r]);
+  net.column.insert(net.column.end(), part.column.begin(), part.column.end());
+  net.classes.insert(net.classes.end(), part.classes.begin(), part.classes.end());
+  net.place.insert(net.place.end(), part.place.begin(), part.place.end());
+}
+
 void for_each_difference(const SurfaceNet& a, const SurfaceNet& b, const Span3& cells,
                          const std::function<void(const Index3& cell)>& visit) {
   for_each_row(cells, [&](int j, int k) {

@@ -51,6 +51,12 @@ using FieldRow = std::function<const std::int16_t*(int j, int k)>;
 /// edges. The field covers the cells' corners.
 SurfaceNet make_net(const FieldRow& field, const Span3& cells, const Eigen::Vector3d& spacing_mm);
 
+/// One without a node, to whose last slices of cells others are appended.
+SurfaceNet no_net(const Span3& cells, const GridGeometry& grid);
+/// Nodes of the next slices of a net's cells: as if they had been made together.
+/// @param part  of all cells of those slices
+void append_net(const SurfaceNet& part, SurfaceNet& net);
+
 /// Makes a net as smooth as its cells allow and no smaller (docs/decisions/0017-surface-nets.md). The same
 /// bit for bit with any number of threads.
 /// Errors: kInterrupted.

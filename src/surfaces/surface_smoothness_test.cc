@@ -47,7 +47,9 @@ Surface filtered_surface(const PreparedSurface& s, const Volume<LabelId>& labels
   const internal::Span3 coarse = internal::whole(broad.geometry());
   run(stages.crossings(distance, {position.voxels().data(), internal::whole(plan.fine)}));
   run(stages.broad(distance, {broad.voxels().data(), coarse}));
-  run(stages.normal(StepsSource::of(broad), StepsSource::of(position), {normal.voxels().data(), coarse}));
+  const Bricks<std::int16_t> in_bricks[]{{broad, 0}, {position, 0}};
+  run(stages.normal(StepsSource::of(in_bricks[0]), StepsSource::of(in_bricks[1]),
+                    {normal.voxels().data(), coarse}));
   const auto field = [](const Volume<std::int16_t>& steps, double outside_mm) {
     return SignedField(steps,
                        {.scale = kSurfaceStep_mm, .offset = 0, .outside = internal::to_steps(outside_mm)});

@@ -108,16 +108,11 @@ Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const 
       }
     });
   };
-  if (source.bricks != nullptr) {
-    std::vector<std::int16_t> row(static_cast<std::size_t>(source.bricks->geometry().dims[0]));
-    copy(whole(source.bricks->geometry()), [&](int i, int j, int k, int count) {
-      source.bricks->copy_row(i, j, k, count, row.data());
-      return row.data();
-    });
-  } else {
-    copy(whole(source.volume->geometry()),
-         [&](int i, int j, int k, int) { return &source.volume->at(i, j, k); });
-  }
+  std::vector<std::int16_t> row(static_cast<std::size_t>(source.bricks->geometry().dims[0]));
+  copy(whole(source.bricks->geometry()), [&](int i, int j, int k, int count) {
+    source.bricks->copy_row(i, j, k, count, row.data());
+    return row.data();
+  });
   if (source.over != nullptr) {
     const auto& [box, values] = *source.over;
     // named, since clang 14 captures no structured bindings by reference

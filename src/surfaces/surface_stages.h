@@ -20,11 +20,9 @@ inline std::int16_t to_steps(double mm) {
 
 /// Where steps are read: a whole grid's, and over them those of a part that was made anew.
 struct StepsSource {
-  const Volume<std::int16_t>* volume = nullptr;  ///< these or those
   const Bricks<std::int16_t>* bricks = nullptr;
   const PatchOf<std::int16_t>* over = nullptr;
 
-  static StepsSource of(const Volume<std::int16_t>& volume) { return {.volume = &volume}; }
   static StepsSource of(const Bricks<std::int16_t>& bricks) { return {.bricks = &bricks}; }
   StepsSource with(const PatchOf<std::int16_t>& patch) const {
     StepsSource s = *this;

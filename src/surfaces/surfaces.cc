@@ -108,63 +108,135 @@ Sorted sort_components(const Components& components, const GridGeometry& grid,
   return sorted;
 }
 
-SignedField to_field(const Volume<std::int16_t>& steps, double outside_mm) {
-  return {steps, {.scale = kSurfaceStep_mm, .offset = 0, .outside = internal::to_steps(outside_mm)}};
+SignedField to_field(Bricks<std::int16_t> steps, double outside_mm) {
+  return {std::move(steps),
+          {.scale = kSurfaceStep_mm, .offset = 0, .outside = internal::to_steps(outside_mm)}};
 }
 
-Bricks<std::int16_t> in_bricks(const Volume<std::int16_t>& steps, double outside_mm) {
-  return {steps, internal::to_steps(outside_mm)};
-}
+/// All stages over a structure's whole box, none of whose fields is ever held densely.
+class WholeSurface {
+ public:
+  WholeSurface(const SurfacePlan& plan, const Progress& progress, const ProgressSpan& span)
+      : plan_(plan), progress_(progress), span_(span) {}
 
-/// All stages over a structure's whole box.
-Result<void> build(const Bricks<LabelId>& labels, const std::vector<LabelRun>& without,
-                   const Progress& progress, const ProgressSpan& span, PreparedSurface& prepared) {
-  const SurfacePlan plan(labels.geometry(), prepared.box, prepared.options);
-  const SurfaceStages stages{plan};
-  const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
-  SurfaceWorkings& w = prepared.workings;
-  Volume<std::int16_t> distance(plan.fine), position(plan.fine);
-  const Span3 stretches = internal::stretches(plan.fine);
-  w.slopes.resize(stretches.count());
+  Result<void> build(const Bricks<LabelId>& labels, const std::vector<LabelRun>& without,
+                     PreparedSurface& prepared) {
+    using Target = internal::Target<std::int16_t>;
+    const Span3 fine = whole(plan_.fine);
+    SurfaceWorkings& w = prepared.workings;
 
-  const auto run = [&](const SurfaceStage& stage, double from, double to) {
-    return stages.run({&stage, 1}, kSlabSlices, progress, span.part(from, to));
-  };
-  auto done = run(stages.distance(labels, prepared.label, without, {distance.voxels().data(), fine}), 0, 0.1);
-  if (!done) return done;
-  const auto source = StepsSource::of(position);
-
-  // from what filters make of the labels, which is not kept, to the net
-  done = run(stages.crossings(StepsSource::of(distance), {position.voxels().data(), fine}), 0.1, 0.2);
-  if (!done) return done;
-  auto net = std::make_shared<internal::SurfaceNet>(internal::make_net(
-      [&](int j, int k) { return &position.at(0, j, k); }, internal::cells_of(fine), plan.fine.spacing_mm));
-  done = internal::relax_net(*net, plan.threads, progress, span.part(0.2, 0.7));
-  if (!done) return done;
-  w.net = net;
-  {
-    const internal::NetTriangles triangles(*net, net->cells);
-    done = run(stages.position(triangles, StepsSource::of(distance), {position.voxels().data(), fine}), 0.7,
-               0.9);
+    auto done = make_bricks(
+        plan_.fine, plan_.reach_mm,
+        [&](const Target& out) { return stages_.distance(labels, prepared.label, without, out); }, 0, 0.1,
+        w.distance);
     if (!done) return done;
+    const auto distance = StepsSource::of(w.distance);
+
+    // from what filters make of the labels, which is not kept, to the net
+    auto net = std::make_shared<internal::SurfaceNet>(internal::no_net(internal::cells_of(fine), plan_.fine));
+    done = make_net(distance, *net);
+    if (!done) return done;
+    done = internal::relax_net(*net, plan_.threads, progress_, span_.part(0.2, 0.7));
+    if (!done) return done;
+    w.net = net;
+
+    Bricks<std::int16_t> position;
+    {
+      const internal::NetTriangles triangles(*net, net->cells);
+      done = make_bricks(
+          plan_.fine, plan_.reach_mm,
+          [&](const Target& out) { return stages_.position(triangles, distance, out); }, 0.7, 0.9, position);
+      if (!done) return done;
+    }
+    const auto source = StepsSource::of(position);
+
+    const GridGeometry& normal_grid = plan_.normal.geometry;
+    done = make_bricks(
+        normal_grid, plan_.broad_reach_mm, [&](const Target& out) { return stages_.broad(source, out); }, 0.9,
+        0.94, w.broad);
+    if (!done) return done;
+    Bricks<std::int16_t> normal;
+    done = make_bricks(
+        normal_grid, plan_.broad_reach_mm,
+        [&](const Target& out) { return stages_.normal(StepsSource::of(w.broad), source, out); }, 0.94, 0.98,
+        normal);
+    if (!done) return done;
+
+    const Span3 stretches = internal::stretches(plan_.fine);
+    w.slopes.resize(stretches.count());
+    const SurfaceStage slopes = stages_.slopes(source, {w.slopes.data(), stretches});
+    done = stages_.run({&slopes, 1}, kSlabSlices, progress_, span_.part(0.98, 1));
+    if (!done) return done;
+
+    prepared.surface = Surface(to_field(std::move(position), plan_.reach_mm),
+                               to_field(std::move(normal), plan_.broad_reach_mm),
+                               internal::steepest_of(internal::greatest(w.slopes)));
+    return {};
   }
 
-  w.distance = in_bricks(distance, plan.reach_mm);
-  distance = {};
+ private:
+  /// Runs a stage over a grid's slices, so many at a time that every thread has two slabs of them.
+  /// @param stage_of  the stage that writes to a target
+  /// @param take      of the values there are then, in order
+  template <class StageOf, class Take>
+  Result<void> by_slices(const Span3& all, const StageOf& stage_of, double from, double to,
+                         const Take& take) {
+    const int slices = 2 * kSlabSlices * worker_count(plan_.threads, all.size(2));
+    Span3 part = all;
+    for (int k = all.low[2]; k < all.high[2]; k = part.high[2]) {
+      part.low[2] = k;
+      part.high[2] = std::min(all.high[2], k + slices);
+      values_.resize(part.count());
+      const SurfaceStage stage = stage_of(internal::Target<std::int16_t>{values_.data(), part});
+      const auto at = [&](int slice) { return from + (to - from) * (slice - all.low[2]) / all.size(2); };
+      const auto done =
+          stages_.run({&stage, 1}, kSlabSlices, progress_, span_.part(at(part.low[2]), at(part.high[2])));
+      if (!done) return done;
+      take(part);
+    }
+    return {};
+  }
 
-  Volume<std::int16_t> broad(plan.normal.geometry), normal(plan.normal.geometry);
-  done = run(stages.broad(source, {broad.voxels().data(), coarse}), 0.9, 0.94);
-  if (!done) return done;
-  w.broad = in_bricks(broad, plan.broad_reach_mm);
-  done = run(stages.normal(StepsSource::of(broad), source, {normal.voxels().data(), coarse}), 0.94, 0.98);
-  if (!done) return done;
-  done = run(stages.slopes(source, {w.slopes.data(), stretches}), 0.98, 1);
-  if (!done) return done;
+  template <class StageOf>
+  Result<void> make_bricks(const GridGeometry& grid, double outside_mm, const StageOf& stage_of, double from,
+                           double to, Bricks<std::int16_t>& made) {
+    BricksBySlices<std::int16_t> bricks(grid, internal::to_steps(outside_mm));
+    const auto done = by_slices(whole(grid), stage_of, from, to,
+                                [&](const Span3& part) { bricks.add(part.size(2), values_.data()); });
+    if (!done) return done;
+    made = bricks.take();
+    return {};
+  }
 
-  prepared.surface = Surface(to_field(position, plan.reach_mm), to_field(normal, plan.broad_reach_mm),
-                             internal::steepest_of(internal::greatest(w.slopes)));
-  return {};
-}
+  /// The net's cells between two slices need both.
+  Result<void> make_net(const StepsSource& distance, internal::SurfaceNet& net) {
+    const Span3 fine = whole(plan_.fine);
+    const auto row = static_cast<std::size_t>(fine.size(0)),
+               slice = row * static_cast<std::size_t>(fine.size(1));
+    std::vector<std::int16_t> last;
+    const auto add = [&](const Span3& part) {
+      const auto row_at = [&](int j, int k) {
+        const std::size_t at = row * static_cast<std::size_t>(j);
+        return k < part.low[2] ? last.data() + at
+                               : values_.data() + slice * static_cast<std::size_t>(k - part.low[2]) + at;
+      };
+      Span3 voxels = part;
+      if (!last.empty()) --voxels.low[2];
+      internal::append_net(internal::make_net(row_at, internal::cells_of(voxels), plan_.fine.spacing_mm),
+                           net);
+      last.assign(values_.end() - static_cast<std::ptrdiff_t>(slice), values_.end());
+    };
+    return by_slices(
+        fine, [&](const internal::Target<std::int16_t>& out) { return stages_.crossings(distance, out); },
+        0.1, 0.2, add);
+  }
+
+  const SurfacePlan& plan_;
+  SurfaceStages stages_{plan_};
+  const Progress& progress_;
+  ProgressSpan span_;
+  std::vector<std::int16_t> values_;
+};
 
 Result<PreparedSurface> prepare(const Bricks<LabelId>& labels, LabelId label, const Span3& span_of_label,
                                 const SurfaceOptions& options, const Progress& progress,
@@ -183,7 +255,8 @@ Result<PreparedSurface> prepare(const Bricks<LabelId>& labels, LabelId label, co
   prepared.workings.extent = to_box(sorted.extent);
   prepared.box = to_box(sorted.extent.grown(SurfacePlan::margin(grid, options)));
   try {
-    const auto done = build(labels, sorted.dropped, progress, span, prepared);
+    const SurfacePlan plan(grid, prepared.box, options);
+    const auto done = WholeSurface(plan, progress, span).build(labels, sorted.dropped, prepared);
     if (!done) return done.error();
   } catch (const std::bad_alloc&) {
     return Error{ErrorKind::kBadInput, "not enough memory for the surface of label " + std::to_string(label),

@@ -117,24 +117,56 @@ Bricks<T>::Bricks(const GridGeometry& grid, T outside, Unfilled) : geometry_(gri
   table_.resize(bricks);
 }
 
+/// What fills the places of bricks, in the order of their numbers.
 template <class T>
-template <class BrickAt>
-void Bricks<T>::fill(const BrickAt& brick_at) {
-  std::vector<Page> pages((table_.size() + kPage - 1) / kPage);
-  std::size_t number = 0;
-  for (int c = 0; c < counts_[2]; ++c) {
-    for (int b = 0; b < counts_[1]; ++b) {
-      for (int a = 0; a < counts_[0]; ++a, ++number) {
-        Shared& kept = pages[number / kPage][number % kPage];
-        kept = brick_at({a, b, c});
-        count_place(*kept);
-        table_[number] = kept->voxels();
-        hash_ += hash_at(kept->hash, number);
+class Bricks<T>::Filling {
+ public:
+  explicit Filling(Bricks& bricks)
+      : bricks_(bricks),
+        pages_((bricks.table_.size() + kPage - 1) / kPage),
+        brick_(std::make_unique<Brick>()) {}
+
+  void put(Shared kept) {
+    bricks_.count_place(*kept);
+    bricks_.table_[number_] = kept->voxels();
+    bricks_.hash_ += hash_at(kept->hash, number_);
+    pages_[number_ / kPage][number_ % kPage] = std::move(kept);
+    ++number_;
+  }
+  /// A layer of bricks, of what a box of voxels has of them.
+  void put_layer(int c, const std::array<int, 3>& low, const std::array<int, 3>& high, const T* voxels) {
+    for (int b = 0; b < bricks_.counts_[1]; ++b) {
+      for (int a = 0; a < bricks_.counts_[0]; ++a) {
+        std::fill_n(brick_->voxels(), kStored, bricks_.outside_);
+        put_into({a, b, c}, low, high, voxels, brick_->voxels());
+        const Shared kept = bricks_.keep(*brick_);
+        const auto [first, is_new] = made_.try_emplace(kept->hash, kept);
+        put(!is_new && same_voxels(first->second->voxels(), kept->voxels()) ? first->second : kept);
       }
     }
   }
-  pages_.reserve(pages.size());
-  for (Page& page : pages) pages_.push_back(std::make_shared<const Page>(std::move(page)));
+  /// After the last place.
+  void end() {
+    PALPATE_CHECK(number_ == bricks_.table_.size());
+    bricks_.pages_.reserve(pages_.size());
+    for (Page& page : pages_) bricks_.pages_.push_back(std::make_shared<const Page>(std::move(page)));
+  }
+
+ private:
+  Bricks& bricks_;
+  std::vector<Page> pages_;
+  std::size_t number_ = 0;
+  std::unique_ptr<Brick> brick_;
+  // what is thinner than a brick, a slice or a rod, is made of equal ones
+  std::unordered_map<std::uint64_t, Shared> made_;
+};
+
+template <class T>
+template <class BrickAt>
+void Bricks<T>::fill(const BrickAt& brick_at) {
+  Filling filling(*this);
+  for (std::size_t number = 0; number < table_.size(); ++number) filling.put(brick_at(number));
+  filling.end();
 }
 
 template <class T>
@@ -142,7 +174,7 @@ Bricks<T>::Bricks(const GridGeometry& grid, T value) : Bricks(grid, value, Unfil
   const auto brick = std::make_unique<Brick>();
   std::fill_n(brick->voxels(), kStored, value);
   const Shared one = keep(*brick);
-  fill([&](const std::array<int, 3>&) { return one; });
+  fill([&](std::size_t) { return one; });
 }
 
 template <class T>
@@ -154,16 +186,9 @@ Bricks<T>::Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin,
     low[axis] = -margin;
     high[axis] = grid.dims[axis] + margin;
   }
-  const auto brick = std::make_unique<Brick>();
-  // what is thinner than a brick, a slice or a rod, is made of equal ones
-  std::unordered_map<std::uint64_t, Shared> made;
-  fill([&](const std::array<int, 3>& at) {
-    std::fill_n(brick->voxels(), kStored, outside);
-    put_into(at, low, high, voxels.voxels().data(), brick->voxels());
-    const Shared kept = keep(*brick);
-    const auto [first, is_new] = made.try_emplace(kept->hash, kept);
-    return !is_new && same_voxels(first->second->voxels(), kept->voxels()) ? first->second : kept;
-  });
+  Filling filling(*this);
+  for (int c = 0; c < counts_[2]; ++c) filling.put_layer(c, low, high, voxels.voxels().data());
+  filling.end();
 }
 
 template <class T>
@@ -172,9 +197,8 @@ Bricks<T> Bricks<T>::of_labels(const Bricks<LabelId>& labels, std::span<const T>
   Bricks values(labels.geometry(), value_of[labels.outside()], Unfilled{});
   const auto brick = std::make_unique<Brick>();
   std::unordered_map<const LabelId*, Shared> made;
-  std::size_t number = 0;
-  values.fill([&](const std::array<int, 3>&) {
-    const LabelId* const here = labels.brick(number++);
+  values.fill([&](std::size_t number) {
+    const LabelId* const here = labels.brick(number);
     Shared& kept = made[here];
     if (kept == nullptr) {
       std::transform(here, here + kStored, brick->voxels(), [&](LabelId label) { return value_of[label]; });
@@ -254,6 +278,40 @@ std::size_t Bricks<T>::bytes() const {
   return distinct.size() * sizeof(Brick) + table_.size() * sizeof table_[0] + pages_.size() * sizeof(Page);
 }
 
+template <class T>
+BricksBySlices<T>::BricksBySlices(const GridGeometry& grid, T outside)
+    : bricks_(grid, outside, typename Bricks<T>::Unfilled{}),
+      filling_(std::make_unique<typename Bricks<T>::Filling>(bricks_)) {}
+
+template <class T>
+BricksBySlices<T>::~BricksBySlices() = default;
+
+template <class T>
+void BricksBySlices<T>::add(int slices, const T* voxels) {
+  const std::array<int, 3>& dims = bricks_.geometry().dims;
+  const auto slice = static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]);
+  held_.insert(held_.end(), voxels, voxels + slice * static_cast<std::size_t>(slices));
+  const int end = first_ + (slice == 0 ? 0 : static_cast<int>(held_.size() / slice));
+  PALPATE_CHECK(end <= dims[2]);
+  for (; layer_ < bricks_.counts()[2]; ++layer_) {
+    const int first = std::clamp(first_stored(layer_), 0, end);
+    if (end < dims[2] && end < first_stored(layer_) + L::kVoxels) break;
+    filling_->put_layer(layer_, {0, 0, first}, {dims[0], dims[1], end},
+                        held_.data() + slice * static_cast<std::size_t>(first - first_));
+  }
+  const int kept = std::clamp(first_stored(layer_), first_, end);
+  held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(slice) * (kept - first_));
+  first_ = kept;
+}
+
+template <class T>
+Bricks<T> BricksBySlices<T>::take() {
+  // of a grid without voxels nothing was added
+  add(0, nullptr);
+  filling_->end();
+  return std::move(bricks_);
+}
+
 std::shared_ptr<const Bricks<LabelId>> label_bricks(const Volume<LabelId>& labels) {
   return std::make_shared<const Bricks<LabelId>>(labels, LabelId{0});
 }
@@ -273,5 +331,9 @@ template class Bricks<std::uint8_t>;
 template class Bricks<std::uint16_t>;
 template class Bricks<std::int16_t>;
 template class Bricks<float>;
+template class BricksBySlices<std::uint8_t>;
+template class BricksBySlices<std::uint16_t>;
+template class BricksBySlices<std::int16_t>;
+template class BricksBySlices<float>;
 
 }  // namespace palpate

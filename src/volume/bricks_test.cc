@@ -267,6 +267,30 @@ TEST(Bricks, PiecesAreThoseOfTheVolume) {
   EXPECT_GT(uniform, 0);
 }
 
+TEST(Bricks, SlicesMakeTheSameAsAVolume) {
+  std::mt19937 random(5);
+  for (int n = 0; n < 40; ++n) {
+    const GridGeometry grid = any_grid(random);
+    const auto volume = any_volume<std::int16_t>(grid, random);
+    const Bricks<std::int16_t> whole(volume, 7);
+    BricksBySlices<std::int16_t> slices(grid, 7);
+    const int most = std::uniform_int_distribution<int>(1, 45)(random);
+    for (int k = 0; k < grid.dims[2];) {
+      const int count = std::uniform_int_distribution<int>(0, std::min(most, grid.dims[2] - k))(random);
+      if (count > 0) slices.add(count, &volume.at(0, 0, k));
+      k += count;
+    }
+    const Bricks<std::int16_t> made = slices.take();
+    expect_holds(made, volume);
+    EXPECT_EQ(made.content_hash(), whole.content_hash());
+    EXPECT_EQ(made.bytes(), whole.bytes());
+    EXPECT_EQ(made.outside(), 7);
+  }
+  const GridGeometry none;
+  EXPECT_EQ(BricksBySlices<float>(none, 2).take().content_hash(),
+            Bricks<float>(Volume<float>(none), 2).content_hash());
+}
+
 TEST(Bricks, AnyVoxelAtAllCanBeAskedFor) {
   std::mt19937 random(9);
   const auto volume = any_volume<std::int16_t>(any_grid(random), random);

@@ -55,6 +55,9 @@ class Field {
   Field() = default;
   explicit Field(const Volume<std::uint8_t>& volume);
   explicit Field(const Volume<std::uint16_t>& volume);
+  /// @param voxels  with 0 around them
+  explicit Field(Bricks<std::uint8_t> voxels);
+  explicit Field(Bricks<std::uint16_t> voxels);
 
   const GridGeometry& geometry() const;
   int bytes_per_voxel() const { return voxels_.index() == 0 ? 1 : 2; }
@@ -87,6 +90,8 @@ class SignedField {
  public:
   SignedField() = default;
   SignedField(const Volume<std::int16_t>& volume, const SignedSteps& steps);
+  /// @param voxels  with steps.outside around them
+  SignedField(Bricks<std::int16_t> voxels, const SignedSteps& steps);
   /// The same but for a box of its voxels, which must lie in the grid; what is stored, in steps. Everything
   /// else is shared with this one.
   SignedField with(const PatchOf<std::int16_t>& patch) const;

@@ -57,7 +57,7 @@ struct RampFigures {
 };
 
 struct Ramps {
-  Volume<std::uint16_t> field;          ///< v / full_force_N of 65535; 0 outside, at least 1 inside
+  Bricks<std::uint16_t> field;          ///< v / full_force_N of 65535; 0 outside, at least 1 inside
   double full_force_N = 0;              ///< K_greatest * width
   std::vector<RampFigures> structures;  ///< in the order given, those that have voxels
 };
@@ -78,6 +78,6 @@ Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry&
 inline constexpr double kUsualRampWidth_mm = 4;
 
 /// The same in 8 bits: 0 stays 0, and what was above 0 is at least 1.
-Volume<std::uint8_t> in_eight_bits(const Volume<std::uint16_t>& ramp);
+Bricks<std::uint8_t> in_eight_bits(const Bricks<std::uint16_t>& ramp);
 
 }  // namespace palpate

@@ -82,6 +82,9 @@ struct RowPiece {
   bool uniform;     ///< these and all within BrickLayout::kBefore and kAfter of them have one value
 };
 
+template <class T>
+class BricksBySlices;
+
 /// Voxels on a grid, in bricks that versions share. Never edited: `with` makes a version that differs in a
 /// box and holds every other brick together with the one it was made from. A brick all of whose voxels are
 /// equal is held once, however often it occurs, and so is any that occurs again in the volume that bricks are
@@ -170,6 +173,8 @@ class Bricks : public BrickLayout {
     std::size_t places = 0;
   };
 
+  friend BricksBySlices<T>;
+  class Filling;
   struct Unfilled {};
   /// As many bricks as the grid takes, none of them there yet.
   Bricks(const GridGeometry& grid, T outside, Unfilled);
@@ -185,7 +190,7 @@ class Bricks : public BrickLayout {
   /// Says that a brick stands at one more place, or at one less.
   void count_place(const Brick& brick);
   void discount_place(const Brick& brick);
-  /// Bricks for all places. @param brick_at  shared brick of (a, b, c), to be called in the order of numbers
+  /// Bricks for all places. @param brick_at  shared brick of a number, to be called in their order
   template <class BrickAt>
   void fill(const BrickAt& brick_at);
 
@@ -198,6 +203,27 @@ class Bricks : public BrickLayout {
   std::uint64_t hash_ = 0;  ///< sum of the bricks' hashes, each mixed with its number
 };
 
+/// Bricks of voxels that come slice after slice, for whoever has no room for all of them at a time: a layer
+/// of bricks is made as soon as its slices are there. The same bit for bit as of a whole volume.
+template <class T>
+class BricksBySlices {
+ public:
+  BricksBySlices(const GridGeometry& grid, T outside);
+  ~BricksBySlices();
+
+  /// The next slices of the grid. @param voxels  all of them, i fastest
+  void add(int slices, const T* voxels);
+  /// After the last slice.
+  Bricks<T> take();
+
+ private:
+  Bricks<T> bricks_;
+  std::unique_ptr<typename Bricks<T>::Filling> filling_;
+  int layer_ = 0;  ///< the next one to be made
+  int first_ = 0;  ///< slice that is held
+  std::vector<T> held_;
+};
+
 /// The labels in bricks, background around them.
 std::shared_ptr<const Bricks<LabelId>> label_bricks(const Volume<LabelId>& labels);
 
@@ -208,5 +234,9 @@ extern template class Bricks<std::uint8_t>;
 extern template class Bricks<std::uint16_t>;
 extern template class Bricks<std::int16_t>;
 extern template class Bricks<float>;
+extern template class BricksBySlices<std::uint8_t>;
+extern template class BricksBySlices<std::uint16_t>;
+extern template class BricksBySlices<std::int16_t>;
+extern template class BricksBySlices<float>;
 
 }  // namespace palpate

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "surfaces/surface_block.h"
+
+namespace palpate::internal {
+
+/// A field that is raised from 0, a slice of a box at a time, and is of one value in most places: tiles of
+/// such take no voxels.
+class RaisedField {
+ public:
+  explicit RaisedField(const GridGeometry& grid);
+
+  /// Raises a slice to at least `values` in a box's rows and columns. Threads may raise slices of their own
+  /// at the same time.
+  /// @param values  of the box's slice, i fastest
+  void raise(int k, const Span3& box, const std::uint16_t* values);
+  /// In bricks; nothing is left here, so that both are never there as a whole.
+  Bricks<std::uint16_t> take();
+
+ private:
+  static constexpr int kWidth = 64, kHeight = 16;
+  struct Tile {
+    std::uint16_t value = 0;  ///< of all of it, where it has no voxels
+    std::unique_ptr<std::array<std::uint16_t, std::size_t{kWidth} * kHeight>> voxels;
+  };
+  Tile& tile(int a, int b, int k) {
+    return tiles_[static_cast<std::size_t>(a) +
+                  static_cast<std::size_t>(across_) *
+                      (static_cast<std::size_t>(b) +
+                       static_cast<std::size_t>(down_) * static_cast<std::size_t>(k))];
+  }
+
+  GridGeometry grid_;
+  int across_, down_;  ///< tiles of a slice
+  std::vector<Tile> tiles_;
+};
+
+}  // namespace palpate::internal
