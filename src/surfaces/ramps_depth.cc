@@ -5,6 +5,7 @@
 #include <cmath>
 #include <new>
 
+#include "surfaces/pieces.h"
 #include "surfaces/signed_distance.h"
 
 namespace palpate::internal {
@@ -15,24 +16,19 @@ namespace {
 /// more than they.
 constexpr int kSlabSlices = 24;
 
-/// Calls work(worker, slab) for slabs of a box, on several threads.
-Result<void> by_slabs(const Span3& span, int threads, const Progress& progress, const ProgressSpan& stage,
-                      const std::function<void(int worker, const Span3& slab)>& work) {
-  if (span.empty()) return {};
-  const int slabs = (span.size(2) + kSlabSlices - 1) / kSlabSlices;
+/// Calls work(worker, piece) for all pieces.
+Result<void> by_pieces(const Pieces& pieces, const Progress& progress, const ProgressSpan& stage,
+                       const std::function<void(int worker, const Span3& piece)>& work) {
   std::atomic<bool> no_memory{false};
-  const auto done =
-      for_each_slice(slabs, worker_count(threads, slabs), progress, stage, [&](int worker, int n) {
-        Span3 slab = span;
-        slab.low[2] = span.low[2] + n * kSlabSlices;
-        slab.high[2] = std::min(span.high[2], slab.low[2] + kSlabSlices);
-        try {
-          work(worker, slab);
-        } catch (const std::bad_alloc&) {
-          no_memory = true;
-        }
-      });
-  if (!done) return done.error();
+  const auto done = for_each_slice(static_cast<int>(pieces.all.size()), pieces.workers, progress, stage,
+                                   [&](int worker, int n) {
+                                     try {
+                                       work(worker, pieces.all[static_cast<std::size_t>(n)]);
+                                     } catch (const std::bad_alloc&) {
+                                       no_memory = true;
+                                     }
+                                   });
+  if (!done) return done;
   if (no_memory) {
     return Error{ErrorKind::kBadInput, "not enough memory to prepare the ramps", "",
                  "close other programs, or crop the volume"};
@@ -81,7 +77,8 @@ Result<Bricks<std::int16_t>> set_position(const Bricks<LabelId>& labels, const s
   grid.dims = {span.size(0), span.size(1), span.size(2)};
   const PositionFilter filter(grid.spacing_mm, options.sigma_mm);
   const double inside_mm = inside_reach_mm(options), outside_mm = outside_reach_mm(options);
-  const Index3 window = distance_window(grid.spacing_mm, inside_mm);
+  const Index3 window = distance_window(grid.spacing_mm, inside_mm),
+               margin = position_window(grid.spacing_mm, options);
   BricksBySlices<std::int16_t> position(grid, 0);
   // some slabs for every thread, and then bricks
   const int slices = 2 * kSlabSlices * worker_count(options.threads, span.size(2));
@@ -102,8 +99,8 @@ Result<Bricks<std::int16_t>> set_position(const Bricks<LabelId>& labels, const s
       const auto length = static_cast<std::size_t>(slab.size(0));
       for_each_row(slab, [&](int j, int l) { std::copy_n(made.row(j, l), length, here.row(j, l)); });
     };
-    const auto done =
-        by_slabs(part, options.threads, progress, stage.part(at(part.low[2]), at(part.high[2])), work);
+    const auto done = by_pieces(cut_into_pieces(part, kSlabSlices, margin, options.threads), progress,
+                                stage.part(at(part.low[2]), at(part.high[2])), work);
     if (!done) return done.error();
     position.add(part.size(2), here.values().data());
   }
@@ -118,8 +115,9 @@ Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId l
   // counts of distances, in thousandths of the reach
   constexpr int kBins = 1000;
   using Counts = std::array<std::size_t, kBins + 1>;
-  std::vector<Counts> counts(static_cast<std::size_t>(worker_count(threads, span.size(2))), Counts{});
-  const auto done = by_slabs(span, threads, progress, stage, [&](int worker, const Span3& slab) {
+  const Pieces pieces = cut_into_pieces(span, kSlabSlices, window, threads);
+  std::vector<Counts> counts(static_cast<std::size_t>(pieces.workers), Counts{});
+  const auto done = by_pieces(pieces, progress, stage, [&](int worker, const Span3& slab) {
     Counts& mine = counts[static_cast<std::size_t>(worker)];
     const Span3 around = slab.grown({1, 1, 1});
     Block<float> distance(around, 0);

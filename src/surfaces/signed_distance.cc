@@ -1,6 +1,8 @@
 #include "surfaces/signed_distance.h"
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "surfaces/signed_distance_rows.h"
 #include "surfaces/surface_filter.h"
@@ -20,6 +22,41 @@ AxisKernel squares(double spacing_mm, int count) {
   return kernel;
 }
 
+/// The square of the distance along k to the nearest voxel of class `other`, at most `far`. Of all axes the
+/// first, along which the mask itself says it: counted up from below and from above.
+/// @param mask  covers `squared` and what is within reach along k; may go on beyond
+void nearest_along_k(const Block<std::uint8_t>& mask, std::uint8_t other, const AxisKernel& squares_mm2,
+                     float far, Block<float>& squared) {
+  const Span3& span = squared.span();
+  const int window = squares_mm2.radius(), length = span.size(0);
+  std::vector<float> of_steps(squares_mm2.weights);
+  for (float& one : of_steps) one = std::min(one, far);
+  of_steps.push_back(far);
+  const auto most = static_cast<float>(window + 1);
+  // steps to the last one that was met, of every column
+  const auto rows = static_cast<std::size_t>(span.size(1)), columns = static_cast<std::size_t>(length);
+  std::vector<float> steps(rows * columns, most);
+  const auto follow = [&](int j, int k) {
+    const std::uint8_t* m = mask.row(j, k) + (span.low[0] - mask.span().low[0]);
+    float* const here = steps.data() + columns * static_cast<std::size_t>(j - span.low[1]);
+    for (int i = 0; i < length; ++i) here[i] = m[i] == other ? 0.0f : std::min(here[i] + 1, most);
+    return here;
+  };
+  for (int k = span.low[2] - window; k < span.high[2]; ++k)
+    for (int j = span.low[1]; j < span.high[1]; ++j) {
+      const float* const here = follow(j, k);
+      if (k >= span.low[2]) std::copy_n(here, length, squared.row(j, k));
+    }
+  std::fill(steps.begin(), steps.end(), most);
+  for (int k = span.high[2] - 1 + window; k >= span.low[2]; --k)
+    for (int j = span.low[1]; j < span.high[1]; ++j) {
+      const float* const here = follow(j, k);
+      if (k >= span.high[2]) continue;
+      float* const to = squared.row(j, k);
+      for (int i = 0; i < length; ++i) to[i] = of_steps[static_cast<std::size_t>(std::min(to[i], here[i]))];
+    }
+}
+
 }  // namespace
 
 Index3 distance_window(const Eigen::Vector3d& spacing_mm, double reach_mm) {
@@ -35,17 +72,10 @@ void distance_to_class(const Block<std::uint8_t>& mask, std::uint8_t other, cons
   for (int a = 0; a < 3; ++a) kernel.axis[a] = squares(spacing_mm[a], window[a]);
   const auto far = static_cast<float>(reach_mm * reach_mm);
 
-  // squared distance to the nearest voxel of class `other`; the mask may reach farther than is looked at
   const Span3& span = distance.span();
-  const Span3 seen = span.grown(window);
-  Block<float> start(seen), squared(span);
-  const auto seen_length = static_cast<std::size_t>(seen.size(0));
-  for_each_row(seen, [&](int j, int k) {
-    const std::uint8_t* m = mask.row(j, k) + (seen.low[0] - mask.span().low[0]);
-    std::transform(m, m + seen_length, start.row(j, k),
-                   [=](std::uint8_t here) { return here == other ? 0.0f : far; });
-  });
-  filter_block(start, kernel, least_of_rows, squared);
+  Block<float> nearest(span.grown({window[0], window[1], 0})), squared(span);
+  nearest_along_k(mask, other, kernel.axis[2], far, nearest);
+  filter_slices(nearest, kernel, least_of_rows, squared);
 
   const auto mine = static_cast<std::uint8_t>(1 - other);
   const auto length = static_cast<std::size_t>(span.size(0));

@@ -15,10 +15,10 @@ namespace palpate::internal {
 /// random its zero is the plane; what it says some voxels away is up to half a voxel too far where the
 /// surface is parallel to a plane of voxels, and right elsewhere.
 ///
-/// Separable: the least of squares along k, then j, then i, each over the voxels within reach. For a reach of
-/// some ten voxels that is faster in vectors than lower envelopes of parabolas (Felzenszwalb and
-/// Huttenlocher, Distance transforms of sampled functions, Theory of Computing 8, 2012), with the same
-/// result.
+/// Separable: the least of squares along k, which counting tells, then j, then i, each over the voxels within
+/// reach. For a reach of some ten voxels that is faster in vectors than lower envelopes of parabolas
+/// (Felzenszwalb and Huttenlocher, Distance transforms of sampled functions, Theory of Computing 8, 2012),
+/// with the same result.
 /// @param mask      0 or 1; covers `distance` and distance_window() around it
 Index3 distance_window(const Eigen::Vector3d& spacing_mm, double reach_mm);
 void signed_distance(const Block<std::uint8_t>& mask, const Eigen::Vector3d& spacing_mm, double reach_mm,

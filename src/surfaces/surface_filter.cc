@@ -132,6 +132,16 @@ void filter_axis(const Block<float>& in, const EvenRows& even_in, int axis, cons
   }
 }
 
+/// The last two axes.
+void filter_slices(const Block<float>& in, const EvenRows& even_in, const BlockKernel& kernel,
+                   RowOperation operation, Block<float>& out) {
+  Block<float> along_j(out.span().grown({kernel.reach()[0], 0, 0}));
+  EvenRows even_j(along_j.span());
+  filter_axis(in, even_in, 1, kernel.axis[1], operation, along_j, even_j);
+  EvenRows even_i(out.span());
+  filter_axis(along_j, even_j, 0, kernel.axis[0], operation, out, even_i);
+}
+
 }  // namespace
 
 BlockKernel gaussian_block_kernel(const Eigen::Vector3d& spacing_mm, double sigma_mm) {
@@ -149,11 +159,12 @@ void filter_block(const Block<float>& in, const BlockKernel& kernel, RowOperatio
   Block<float> along_k(out.span().grown({reach[0], reach[1], 0}));
   EvenRows even_k(along_k.span());
   filter_axis(in, even_in, 2, kernel.axis[2], operation, along_k, even_k);
-  Block<float> along_j(out.span().grown({reach[0], 0, 0}));
-  EvenRows even_j(along_j.span());
-  filter_axis(along_k, even_k, 1, kernel.axis[1], operation, along_j, even_j);
-  EvenRows even_i(out.span());
-  filter_axis(along_j, even_j, 0, kernel.axis[0], operation, out, even_i);
+  filter_slices(along_k, even_k, kernel, operation, out);
+}
+
+void filter_slices(const Block<float>& in, const BlockKernel& kernel, RowOperation operation,
+                   Block<float>& out) {
+  filter_slices(in, EvenRows(in), kernel, operation, out);
 }
 
 void filter_block(const Block<float>& in, const BlockKernel& kernel, Block<float>& out) {

@@ -28,6 +28,9 @@ using RowOperation = void (*)(const WeightedRows<float>& rows, std::size_t lengt
 /// where the blocks begin and end.
 void filter_block(const Block<float>& in, const BlockKernel& kernel, RowOperation operation,
                   Block<float>& out);
+/// The operation along j, then i alone: of what has been filtered along k.
+void filter_slices(const Block<float>& in, const BlockKernel& kernel, RowOperation operation,
+                   Block<float>& out);
 /// The convolution.
 void filter_block(const Block<float>& in, const BlockKernel& kernel, Block<float>& out);
 

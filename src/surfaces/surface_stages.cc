@@ -4,6 +4,7 @@
 #include <cmath>
 #include <new>
 
+#include "surfaces/pieces.h"
 #include "surfaces/signed_distance.h"
 #include "surfaces/surface_rows.h"
 #include "surfaces/surface_slopes.h"
@@ -193,12 +194,18 @@ Result<void> SurfaceStages::run(std::span<const SurfaceStage> stages, int thickn
     Span3 span;
   };
   std::vector<Slab> slabs;
-  const int workers = worker_count(plan.threads, slices);
+  int workers = worker_count(plan.threads, slices);
   const std::vector<int> counts = balanced_slab_counts(stages, workers);
   for (std::size_t n = 0; n < stages.size(); ++n) {
     const Span3& part = stages[n].part;
     if (part.empty()) continue;
-    const int thick = thickness > 0 ? thickness : (part.size(2) + counts[n] - 1) / counts[n];
+    if (thickness > 0) {
+      const Pieces pieces = cut_into_pieces(part, thickness, stages[n].margin, plan.threads);
+      for (const Span3& piece : pieces.all) slabs.push_back({&stages[n], piece});
+      workers = std::min(workers, pieces.workers);
+      continue;
+    }
+    const int thick = (part.size(2) + counts[n] - 1) / counts[n];
     for (int k = part.low[2]; k < part.high[2]; k += thick) {
       Slab slab{&stages[n], part};
       slab.span.low[2] = k;
@@ -227,23 +234,27 @@ Result<void> SurfaceStages::run(std::span<const SurfaceStage> stages, int thickn
 SurfaceStage SurfaceStages::distance(const Bricks<LabelId>& labels, LabelId label,
                                      const std::vector<LabelRun>& without,
                                      const Target<std::int16_t>& out) const {
-  return {out.span, [&labels, label, &without, out, this](const Span3& slab) {
+  return {out.span,
+          [&labels, label, &without, out, this](const Span3& slab) {
             Block<float> mm(slab);
             signed_distance(mask_of(labels, label, without, slab.grown(plan.window), plan.box),
                             plan.fine.spacing_mm, plan.reach_mm, mm);
             Block<std::int16_t> steps(slab);
             mm_to_steps(mm.values().data(), mm.values().size(), steps.values().data());
             put(steps, out);
-          }};
+          },
+          plan.window};
 }
 
 SurfaceStage SurfaceStages::crossings(const StepsSource& distance, const Target<std::int16_t>& out) const {
-  return {out.span, [distance, out, this](const Span3& slab) {
+  return {out.span,
+          [distance, out, this](const Span3& slab) {
             Block<std::int16_t> steps(slab);
             plan.position_filter.apply(
                 gather_mm(distance, kEvery, slab.grown(plan.position_filter.reach()), plan.reach_mm), steps);
             put(steps, out);
-          }};
+          },
+          plan.position_filter.reach()};
 }
 
 SurfaceStage SurfaceStages::position(const NetTriangles& net, const StepsSource& distance,
@@ -284,24 +295,28 @@ SurfaceStage SurfaceStages::position_again(const NetTriangles& net, const StepsS
 }
 
 SurfaceStage SurfaceStages::broad(const StepsSource& position, const Target<std::int16_t>& out) const {
-  return {out.span, [position, out, this](const Span3& slab) {
+  return {out.span,
+          [position, out, this](const Span3& slab) {
             Block<std::int16_t> steps(slab);
             plan.broad_filter.apply(gather_mm(position, plan.normal.step,
                                               slab.grown(plan.broad_filter.reach()), plan.broad_reach_mm),
                                     steps);
             put(steps, out);
-          }};
+          },
+          plan.broad_filter.reach()};
 }
 
 SurfaceStage SurfaceStages::normal(const StepsSource& broad, const StepsSource& position,
                                    const Target<std::int16_t>& out) const {
-  return {out.span, [broad, position, out, this](const Span3& slab) {
+  return {out.span,
+          [broad, position, out, this](const Span3& slab) {
             const Span3 around = slab.grown(plan.normal_filter.reach());
             Block<std::int16_t> steps(slab);
             plan.normal_filter.apply(gather_mm(broad, kEvery, around, plan.broad_reach_mm),
                                      gather_mm(position, plan.normal.step, around, plan.reach_mm), steps);
             put(steps, out);
-          }};
+          },
+          plan.normal_filter.reach()};
 }
 
 SurfaceStage SurfaceStages::slopes(const StepsSource& position, const Target<float>& out) const {
@@ -316,6 +331,7 @@ SurfaceStage SurfaceStages::slopes(const StepsSource& position, const Target<flo
             bound_slopes(plan.fine, gather(position, kEvery, voxels, 0), squares);
             put(squares, out);
           },
+          {0, 0, 0},
           kStretch * kSlopeCost};
 }
 

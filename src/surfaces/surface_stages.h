@@ -70,7 +70,8 @@ struct SurfacePlan {
 struct SurfaceStage {
   Span3 part;
   std::function<void(const Span3& slab)> work;
-  double cost = 1;  ///< of an item of the part, where a filtered voxel's is 1
+  Index3 margin{0, 0, 0};  ///< what is seen around a slab
+  double cost = 1;         ///< of an item of the part, where a filtered voxel's is 1
 
   double total_cost() const { return cost * static_cast<double>(part.count()); }
 };
@@ -98,7 +99,9 @@ struct SurfaceStages {
   SurfaceStage slopes(const StepsSource& position, const Target<float>& out) const;
 
   /// Stages that do not need each other, by slabs on the plan's threads.
-  /// @param thickness  of a slab; 0: as thick as lets the threads end together
+  /// @param thickness  of a slab, which is cut into strips where it takes too much memory; 0: as thick as
+  /// lets
+  ///                   the threads end together, and whole
   /// Errors: kBadInput when memory is short, kInterrupted.
   Result<void> run(std::span<const SurfaceStage> stages, int thickness, const Progress& progress,
                    const ProgressSpan& span) const;
