@@ -93,8 +93,23 @@ LabelFigures figures_of(const Bricks<LabelId>& labels) {
 // some structures together
 struct Body {
   double volume_mm3 = 0, surface_mm2 = 0;
-  double box_voxels = 0;  // with a margin
+  std::array<double, 3> box{};  // voxels along each axis, with a margin
+  double box_voxels() const { return box[0] * box[1] * box[2]; }
 };
+
+// What is at hand of a box while threads make it by slices (surfaces/pieces.h): slices that are not in bricks
+// yet, and what each thread sees around its piece.
+double making_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double margin_mm) {
+  constexpr double kSlices = 24, kSeen_bytes = 10, kMostSeen_bytes = 1300 << 20;
+  const double threads = processors();
+  const auto around = [&](int a, double voxels) {
+    return std::min(body.box[static_cast<std::size_t>(a)], voxels) + 2 * margin_mm / spacing_mm[a];
+  };
+  const double seen = kSeen_bytes * around(0, body.box[0]) * around(1, body.box[1]) * around(2, kSlices);
+  const double slices = std::min(body.box[2], 2 * kSlices * threads);
+  return slices * body.box[0] * body.box[1] * sizeof(std::int16_t) +
+         std::min(threads * seen, kMostSeen_bytes);
+}
 
 // The program by itself, and what malloc keeps of what was freed: measured.
 double with_heap(double bytes) {
@@ -120,9 +135,8 @@ class Estimate {
     }
     for (const auto& [pair, area] : figures_.faces_mm2)
       if (in[pair.first] != in[pair.second]) body.surface_mm2 += area / kFacesPerSurface;
-    body.box_voxels = 1;
     for (std::size_t a = 0; a < 3; ++a)
-      body.box_voxels *=
+      body.box[a] =
           std::max(0, box.high[a] - box.low[a] + 1) + 2 * margin_mm / grid_.spacing_mm[static_cast<int>(a)];
     return body;
   }
@@ -160,18 +174,17 @@ SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>&
   // of every n-th voxel, about so far apart
   constexpr double kNormal_mm = 0.6, kBroad_mm = 2;
   const Eigen::Vector3d coarse_mm = mm.array() * (kNormal_mm / mm.array()).round().max(1);
-  const double coarse_voxels = body.box_voxels * mm.prod() / coarse_mm.prod();
+  const double coarse_voxels = body.box_voxels() * mm.prod() / coarse_mm.prod();
   const double fine =
-      estimate.band_bytes(body, body.box_voxels, mm, options.reach_mm, options.reach_mm, kLeast_bytes);
+      estimate.band_bytes(body, body.box_voxels(), mm, options.reach_mm, options.reach_mm, kLeast_bytes);
   const double coarse = estimate.band_bytes(body, coarse_voxels, coarse_mm, kBroad_mm, kBroad_mm, 0);
   // a node of the net, its links and triangles; of what is common a voxel and its owner
   constexpr double kNode_bytes = 240, kOwned_bytes = 16;
   const double cells = kFacesPerSurface * body.surface_mm2 / std::pow(mm.prod(), 2.0 / 3);
   SurfaceBytes bytes;
   bytes.stays = fine + coarse + (group.size() > 1 ? cells * kOwned_bytes : 0);
-  const double dense = body.box_voxels * sizeof(std::int16_t), net = cells * kNode_bytes;
-  // distance and position side by side; then that in bricks, and the position in bricks too
-  bytes.makes = net + std::max(2 * dense, dense + 2 * fine);
+  // the distance in bricks with the net, and then the position
+  bytes.makes = cells * kNode_bytes + 2 * fine + making_bytes(body, mm, options.reach_mm);
   return bytes;
 }
 
@@ -194,23 +207,24 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   const double full_N =
       model.greatest_stiffness_N_per_mm() * parts.ramp_width_mm.value_or(kUsualRampWidth_mm);
   std::vector<LabelId> felt;
-  double rising_mm3 = 0, position_voxels = 0;
+  double rising_mm3 = 0, position = 0;
   for (const RampStructure& structure : structures) {
     felt.push_back(structure.label);
     const Body body = estimate.body({structure.label}, 0);
-    rising_mm3 += std::min(
-        body.volume_mm3, body.surface_mm2 * std::min(full_N / structure.stiffness_N_per_mm, kDeepestRamp_mm));
-    position_voxels = std::max(position_voxels, body.box_voxels);
+    const double depth_mm = std::min(full_N / structure.stiffness_N_per_mm, kDeepestRamp_mm);
+    rising_mm3 += std::min(body.volume_mm3, body.surface_mm2 * depth_mm);
+    // what filters see beyond that
+    constexpr double kBeyond_mm = 8;
+    position =
+        std::max(position, making_bytes(body, grid.spacing_mm, depth_mm + kBeyond_mm) +
+                               estimate.band_bytes(body, body.box_voxels(), grid.spacing_mm, depth_mm, 0, 0));
   }
   Body all = estimate.body(felt, 0);
   all.volume_mm3 = rising_mm3;
   const double reach_mm = all.surface_mm2 > 0 ? rising_mm3 / all.surface_mm2 : 0;
   const double field = estimate.band_bytes(all, voxels, grid.spacing_mm, reach_mm, 0, 0);
-  const double dense = voxels * sizeof(std::uint16_t);
-  // a structure's depth and that of what rests on it; slabs of both, on every thread
-  const double slab = 12.0 * 48 * grid.dims[0] * grid.dims[1] * processors();
-  double peak =
-      dense + std::max(field, 3 * sizeof(std::int16_t) * position_voxels + std::min(slab, 8 * voxels));
+  // raised tile by tile, with a structure's depth and that of what rests on it beside it; then put in bricks
+  double peak = field + std::max(field, position);
 
   MemoryForecast forecast;
   forecast.making_field = static_cast<std::uint64_t>(with_heap(peak));

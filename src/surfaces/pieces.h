@@ -8,28 +8,45 @@
 
 namespace palpate::internal {
 
+/// What is needed around a piece of a box to make it.
+struct PieceMargins {
+  Index3 filtered{0, 0, 0};  ///< voxels that are made, too, for a filter of the piece
+  Index3 seen{0, 0, 0};      ///< and around those what they are made of
+};
+
+/// As many slices as a piece has: few enough for the memory, enough for its margins not to cost more than
+/// they.
+inline int slices_of_piece(const PieceMargins& margins) {
+  return std::clamp(3 * margins.filtered[2] / 2, 24, 64);
+}
+
 /// What threads work on: parts of a box, one at a time each.
 struct Pieces {
   std::vector<Span3> all;  ///< in memory's order of their first voxels
   int workers = 1;
 };
 
-/// Cuts a box into slabs of so many slices; and those into strips of rows where one, with all that is seen
-/// around it, takes more than a thread should have. Where the strips cannot be that narrow fewer threads
-/// work.
-/// @param margin   voxels that are seen around a piece
+/// Cuts a box into slabs; and those into strips of rows where one takes more than a thread should have. Where
+/// strips cannot be that narrow, for their margins' sake, fewer threads work.
 /// @param threads  0: as many as the machine has
-inline Pieces cut_into_pieces(const Span3& box, int slices, const Index3& margin, int threads) {
+inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int threads) {
   Pieces pieces;
   if (box.empty()) return pieces;
-  // what filters hold of a voxel, four numbers of 4 bytes; margins of strips that are narrower cost too much
-  constexpr double kVoxel_bytes = 16, kPiece_bytes = 768 << 20, kAll_bytes = 2048.0 * (1 << 20);
+  constexpr double kPiece_bytes = 1 << 30, kAll_bytes = 2.0 * (1 << 30);
   constexpr int kLeastRows = 64;
-  const double row_bytes =
-      kVoxel_bytes * (std::min(slices, box.size(2)) + 2.0 * margin[2]) * (box.size(0) + 2.0 * margin[0]);
-  const auto most = static_cast<int>(std::min(1e6, kPiece_bytes / row_bytes)) - 2 * margin[1];
-  const int strips = (box.size(1) + std::max(kLeastRows, most) - 1) / std::max(kLeastRows, most);
-  const int rows = (box.size(1) + strips - 1) / strips;
+  // a byte for what is seen, and of what is filtered along k 4 from there; 16 for what is filtered
+  const int slices = std::min(slices_of_piece(margins), box.size(2));
+  const auto with = [](int voxels, int margin) { return voxels + 2.0 * margin; };
+  const Index3& f = margins.filtered;
+  const Index3 s{f[0] + margins.seen[0], f[1] + margins.seen[1], f[2] + margins.seen[2]};
+  const double seen_bytes = with(box.size(0), s[0]) * (with(slices, s[2]) + 4 * with(slices, f[2]));
+  const double filtered_bytes = 16 * with(box.size(0), f[0]) * with(slices, f[2]);
+  const auto bytes = [&](int rows) {
+    return seen_bytes * with(rows, s[1]) + filtered_bytes * with(rows, f[1]);
+  };
+  const double most = (kPiece_bytes - bytes(0)) / (seen_bytes + filtered_bytes);
+  const int at_most = std::max(kLeastRows, static_cast<int>(std::min(1e6, most)));
+  const int strips = (box.size(1) + at_most - 1) / at_most, rows = (box.size(1) + strips - 1) / strips;
   for (int k = box.low[2]; k < box.high[2]; k += slices) {
     for (int j = box.low[1]; j < box.high[1]; j += rows) {
       Span3& piece = pieces.all.emplace_back(box);
@@ -39,9 +56,14 @@ inline Pieces cut_into_pieces(const Span3& box, int slices, const Index3& margin
       piece.high[2] = std::min(box.high[2], k + slices);
     }
   }
-  const auto fit = static_cast<int>(std::min(1e6, kAll_bytes / (row_bytes * (rows + 2.0 * margin[1]))));
+  const auto fit = static_cast<int>(std::min(1e6, kAll_bytes / bytes(rows)));
   pieces.workers = std::min(worker_count(threads, static_cast<int>(pieces.all.size())), std::max(2, fit));
   return pieces;
+}
+
+/// So many slices of a box are made before they are put in bricks: some pieces for every thread.
+inline int slices_at_a_time(const Span3& box, const PieceMargins& margins, int threads) {
+  return worker_count(threads, box.size(2)) * std::max(48, slices_of_piece(margins));
 }
 
 }  // namespace palpate::internal

@@ -12,10 +12,6 @@ namespace palpate::internal {
 
 namespace {
 
-/// As many slices as are prepared at a time: few enough for the memory, enough for their margins not to cost
-/// more than they.
-constexpr int kSlabSlices = 24;
-
 /// Calls work(worker, piece) for all pieces.
 Result<void> by_pieces(const Pieces& pieces, const Progress& progress, const ProgressSpan& stage,
                        const std::function<void(int worker, const Span3& piece)>& work) {
@@ -77,11 +73,10 @@ Result<Bricks<std::int16_t>> set_position(const Bricks<LabelId>& labels, const s
   grid.dims = {span.size(0), span.size(1), span.size(2)};
   const PositionFilter filter(grid.spacing_mm, options.sigma_mm);
   const double inside_mm = inside_reach_mm(options), outside_mm = outside_reach_mm(options);
-  const Index3 window = distance_window(grid.spacing_mm, inside_mm),
-               margin = position_window(grid.spacing_mm, options);
+  const Index3 window = distance_window(grid.spacing_mm, inside_mm);
+  const PieceMargins margins{filter.reach(), window};
   BricksBySlices<std::int16_t> position(grid, 0);
-  // some slabs for every thread, and then bricks
-  const int slices = 2 * kSlabSlices * worker_count(options.threads, span.size(2));
+  const int slices = slices_at_a_time(span, margins, options.threads);
   Span3 part = span;
   for (int k = span.low[2]; k < span.high[2]; k = part.high[2]) {
     part.low[2] = k;
@@ -99,7 +94,7 @@ Result<Bricks<std::int16_t>> set_position(const Bricks<LabelId>& labels, const s
       const auto length = static_cast<std::size_t>(slab.size(0));
       for_each_row(slab, [&](int j, int l) { std::copy_n(made.row(j, l), length, here.row(j, l)); });
     };
-    const auto done = by_pieces(cut_into_pieces(part, kSlabSlices, margin, options.threads), progress,
+    const auto done = by_pieces(cut_into_pieces(part, margins, options.threads), progress,
                                 stage.part(at(part.low[2]), at(part.high[2])), work);
     if (!done) return done.error();
     position.add(part.size(2), here.values().data());
@@ -115,7 +110,7 @@ Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId l
   // counts of distances, in thousandths of the reach
   constexpr int kBins = 1000;
   using Counts = std::array<std::size_t, kBins + 1>;
-  const Pieces pieces = cut_into_pieces(span, kSlabSlices, window, threads);
+  const Pieces pieces = cut_into_pieces(span, {{1, 1, 1}, window}, threads);
   std::vector<Counts> counts(static_cast<std::size_t>(pieces.workers), Counts{});
   const auto done = by_pieces(pieces, progress, stage, [&](int worker, const Span3& slab) {
     Counts& mine = counts[static_cast<std::size_t>(worker)];

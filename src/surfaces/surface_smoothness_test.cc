@@ -41,7 +41,7 @@ Surface filtered_surface(const PreparedSurface& s, const Volume<LabelId>& labels
   const internal::SurfaceStages stages{plan};
   Volume<std::int16_t> position(plan.fine), broad(plan.normal.geometry), normal(plan.normal.geometry);
   const auto run = [&](const internal::SurfaceStage& stage) {
-    EXPECT_TRUE(stages.run({&stage, 1}, 0, {}, {"filtering"}).ok());
+    EXPECT_TRUE(stages.run({&stage, 1}, {}, {"filtering"}).ok());
   };
   const auto distance = StepsSource::of(s.workings.distance);
   const internal::Span3 coarse = internal::whole(broad.geometry());

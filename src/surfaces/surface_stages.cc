@@ -4,7 +4,6 @@
 #include <cmath>
 #include <new>
 
-#include "surfaces/pieces.h"
 #include "surfaces/signed_distance.h"
 #include "surfaces/surface_rows.h"
 #include "surfaces/surface_slopes.h"
@@ -182,37 +181,15 @@ std::vector<int> balanced_slab_counts(std::span<const SurfaceStage> stages, int 
 
 }  // namespace
 
-Result<void> SurfaceStages::run(std::span<const SurfaceStage> stages, int thickness, const Progress& progress,
-                                const ProgressSpan& span) const {
-  int slices = 0;
-  for (const SurfaceStage& stage : stages) {
-    if (!stage.part.empty()) slices = std::max(slices, stage.part.size(2));
-  }
-  if (slices == 0) return {};
-  struct Slab {
-    const SurfaceStage* stage;
-    Span3 span;
-  };
-  std::vector<Slab> slabs;
-  int workers = worker_count(plan.threads, slices);
-  const std::vector<int> counts = balanced_slab_counts(stages, workers);
-  for (std::size_t n = 0; n < stages.size(); ++n) {
-    const Span3& part = stages[n].part;
-    if (part.empty()) continue;
-    if (thickness > 0) {
-      const Pieces pieces = cut_into_pieces(part, thickness, stages[n].margin, plan.threads);
-      for (const Span3& piece : pieces.all) slabs.push_back({&stages[n], piece});
-      workers = std::min(workers, pieces.workers);
-      continue;
-    }
-    const int thick = (part.size(2) + counts[n] - 1) / counts[n];
-    for (int k = part.low[2]; k < part.high[2]; k += thick) {
-      Slab slab{&stages[n], part};
-      slab.span.low[2] = k;
-      slab.span.high[2] = std::min(part.high[2], k + thick);
-      slabs.push_back(slab);
-    }
-  }
+namespace {
+
+struct Slab {
+  const SurfaceStage* stage;
+  Span3 span;
+};
+
+Result<void> work_on(const std::vector<Slab>& slabs, int workers, const Progress& progress,
+                     const ProgressSpan& span) {
   std::atomic<bool> no_memory{false};
   const auto count = static_cast<int>(slabs.size());
   const auto done = for_each_slice(count, std::min(workers, count), progress, span, [&](int, int n) {
@@ -231,6 +208,40 @@ Result<void> SurfaceStages::run(std::span<const SurfaceStage> stages, int thickn
   return {};
 }
 
+}  // namespace
+
+Result<void> SurfaceStages::run(std::span<const SurfaceStage> stages, const Progress& progress,
+                                const ProgressSpan& span) const {
+  int slices = 0;
+  for (const SurfaceStage& stage : stages) {
+    if (!stage.part.empty()) slices = std::max(slices, stage.part.size(2));
+  }
+  if (slices == 0) return {};
+  std::vector<Slab> slabs;
+  const int workers = worker_count(plan.threads, slices);
+  const std::vector<int> counts = balanced_slab_counts(stages, workers);
+  for (std::size_t n = 0; n < stages.size(); ++n) {
+    const Span3& part = stages[n].part;
+    if (part.empty()) continue;
+    const int thick = (part.size(2) + counts[n] - 1) / counts[n];
+    for (int k = part.low[2]; k < part.high[2]; k += thick) {
+      Slab slab{&stages[n], part};
+      slab.span.low[2] = k;
+      slab.span.high[2] = std::min(part.high[2], k + thick);
+      slabs.push_back(slab);
+    }
+  }
+  return work_on(slabs, workers, progress, span);
+}
+
+Result<void> SurfaceStages::run_in_pieces(const SurfaceStage& stage, const Progress& progress,
+                                          const ProgressSpan& span) const {
+  const Pieces pieces = cut_into_pieces(stage.part, stage.margins, plan.threads);
+  std::vector<Slab> slabs;
+  for (const Span3& piece : pieces.all) slabs.push_back({&stage, piece});
+  return slabs.empty() ? Result<void>() : work_on(slabs, pieces.workers, progress, span);
+}
+
 SurfaceStage SurfaceStages::distance(const Bricks<LabelId>& labels, LabelId label,
                                      const std::vector<LabelRun>& without,
                                      const Target<std::int16_t>& out) const {
@@ -243,7 +254,7 @@ SurfaceStage SurfaceStages::distance(const Bricks<LabelId>& labels, LabelId labe
             mm_to_steps(mm.values().data(), mm.values().size(), steps.values().data());
             put(steps, out);
           },
-          plan.window};
+          {{0, 0, 0}, plan.window}};
 }
 
 SurfaceStage SurfaceStages::crossings(const StepsSource& distance, const Target<std::int16_t>& out) const {
@@ -254,7 +265,7 @@ SurfaceStage SurfaceStages::crossings(const StepsSource& distance, const Target<
                 gather_mm(distance, kEvery, slab.grown(plan.position_filter.reach()), plan.reach_mm), steps);
             put(steps, out);
           },
-          plan.position_filter.reach()};
+          {plan.position_filter.reach(), {0, 0, 0}}};
 }
 
 SurfaceStage SurfaceStages::position(const NetTriangles& net, const StepsSource& distance,
@@ -303,7 +314,7 @@ SurfaceStage SurfaceStages::broad(const StepsSource& position, const Target<std:
                                     steps);
             put(steps, out);
           },
-          plan.broad_filter.reach()};
+          {plan.broad_filter.reach(), {0, 0, 0}}};
 }
 
 SurfaceStage SurfaceStages::normal(const StepsSource& broad, const StepsSource& position,
@@ -316,7 +327,7 @@ SurfaceStage SurfaceStages::normal(const StepsSource& broad, const StepsSource& 
                                      gather_mm(position, plan.normal.step, around, plan.reach_mm), steps);
             put(steps, out);
           },
-          plan.normal_filter.reach()};
+          {plan.normal_filter.reach(), {0, 0, 0}}};
 }
 
 SurfaceStage SurfaceStages::slopes(const StepsSource& position, const Target<float>& out) const {
@@ -331,7 +342,7 @@ SurfaceStage SurfaceStages::slopes(const StepsSource& position, const Target<flo
             bound_slopes(plan.fine, gather(position, kEvery, voxels, 0), squares);
             put(squares, out);
           },
-          {0, 0, 0},
+          {},
           kStretch * kSlopeCost};
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "palpate/volume/slices.h"
+#include "surfaces/pieces.h"
 #include "surfaces/surface_components.h"
 #include "surfaces/surface_net_distance.h"
 #include "surfaces/surface_normal.h"
@@ -70,8 +71,8 @@ struct SurfacePlan {
 struct SurfaceStage {
   Span3 part;
   std::function<void(const Span3& slab)> work;
-  Index3 margin{0, 0, 0};  ///< what is seen around a slab
-  double cost = 1;         ///< of an item of the part, where a filtered voxel's is 1
+  PieceMargins margins{};
+  double cost = 1;  ///< of an item of the part, where a filtered voxel's is 1
 
   double total_cost() const { return cost * static_cast<double>(part.count()); }
 };
@@ -98,13 +99,14 @@ struct SurfaceStages {
                       const Target<std::int16_t>& out) const;
   SurfaceStage slopes(const StepsSource& position, const Target<float>& out) const;
 
-  /// Stages that do not need each other, by slabs on the plan's threads.
-  /// @param thickness  of a slab, which is cut into strips where it takes too much memory; 0: as thick as
-  /// lets
-  ///                   the threads end together, and whole
+  /// Stages that do not need each other, by slabs on the plan's threads: as thick as lets the threads end
+  /// together.
   /// Errors: kBadInput when memory is short, kInterrupted.
-  Result<void> run(std::span<const SurfaceStage> stages, int thickness, const Progress& progress,
+  Result<void> run(std::span<const SurfaceStage> stages, const Progress& progress,
                    const ProgressSpan& span) const;
+  /// A stage, in pieces that take little memory (pieces.h). Errors: likewise.
+  Result<void> run_in_pieces(const SurfaceStage& stage, const Progress& progress,
+                             const ProgressSpan& span) const;
 };
 
 }  // namespace palpate::internal

@@ -19,6 +19,7 @@ namespace {
 using internal::Component;
 using internal::Components;
 using internal::LabelRun;
+using internal::PieceMargins;
 using internal::ProgressSpan;
 using internal::Span3;
 using internal::StepsSource;
@@ -28,10 +29,6 @@ using internal::SurfaceStages;
 using internal::to_box;
 using internal::to_span;
 using internal::whole;
-
-/// As many slices as are prepared at a time: few enough for the memory, enough for their margins not to cost
-/// more than they.
-constexpr int kSlabSlices = 24;
 
 Error out_of_range(const char* name, double value, const char* range) {
   std::ostringstream what;
@@ -165,7 +162,7 @@ class WholeSurface {
     const Span3 stretches = internal::stretches(plan_.fine);
     w.slopes.resize(stretches.count());
     const SurfaceStage slopes = stages_.slopes(source, {w.slopes.data(), stretches});
-    done = stages_.run({&slopes, 1}, kSlabSlices, progress_, span_.part(0.98, 1));
+    done = stages_.run_in_pieces(slopes, progress_, span_.part(0.98, 1));
     if (!done) return done;
 
     prepared.surface = Surface(to_field(std::move(position), plan_.reach_mm),
@@ -175,22 +172,24 @@ class WholeSurface {
   }
 
  private:
-  /// Runs a stage over a grid's slices, so many at a time that every thread has two slabs of them.
+  /// Runs a stage over a grid's slices, some at a time.
   /// @param stage_of  the stage that writes to a target
   /// @param take      of the values there are then, in order
   template <class StageOf, class Take>
   Result<void> by_slices(const Span3& all, const StageOf& stage_of, double from, double to,
                          const Take& take) {
-    const int slices = 2 * kSlabSlices * worker_count(plan_.threads, all.size(2));
+    if (all.empty()) return {};
     Span3 part = all;
     for (int k = all.low[2]; k < all.high[2]; k = part.high[2]) {
       part.low[2] = k;
-      part.high[2] = std::min(all.high[2], k + slices);
+      part.high[2] = all.high[2];
+      // what is seen around does not depend on where it writes to
+      const PieceMargins margins = stage_of(internal::Target<std::int16_t>{nullptr, part}).margins;
+      part.high[2] = std::min(all.high[2], k + internal::slices_at_a_time(all, margins, plan_.threads));
       values_.resize(part.count());
-      const SurfaceStage stage = stage_of(internal::Target<std::int16_t>{values_.data(), part});
       const auto at = [&](int slice) { return from + (to - from) * (slice - all.low[2]) / all.size(2); };
-      const auto done =
-          stages_.run({&stage, 1}, kSlabSlices, progress_, span_.part(at(part.low[2]), at(part.high[2])));
+      const auto done = stages_.run_in_pieces(stage_of(internal::Target<std::int16_t>{values_.data(), part}),
+                                              progress_, span_.part(at(part.low[2]), at(part.high[2])));
       if (!done) return done;
       take(part);
     }
@@ -502,7 +501,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   const SurfacePlan plan(labels.geometry(), old.box, old.options);
   const SurfaceStages stages{plan};
   const auto run = [&](std::initializer_list<SurfaceStage> together) {
-    patch.local = patch.local && stages.run(together, 0, {}, {"preparing surfaces"}).ok();
+    patch.local = patch.local && stages.run(together, {}, {"preparing surfaces"}).ok();
   };
   const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
   const Bricks<std::int16_t>& was = old.surface.position().bricks();
