@@ -100,7 +100,7 @@ struct Body {
 // What is at hand of a box while threads make it by slices (surfaces/pieces.h): slices that are not in bricks
 // yet, and what each thread sees around its piece.
 double making_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double margin_mm) {
-  constexpr double kSlices = 24, kSeen_bytes = 10, kMostSeen_bytes = 1300 << 20;
+  constexpr double kSlices = 24, kSeen_bytes = 6, kMostSeen_bytes = 1300 << 20;
   const double threads = processors();
   const auto around = [&](int a, double voxels) {
     return std::min(body.box[static_cast<std::size_t>(a)], voxels) + 2 * margin_mm / spacing_mm[a];
