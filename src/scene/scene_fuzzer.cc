@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   PALPATE_CHECK(!scene->tissues.empty() && scene->tissues.size() <= palpate::kMaxTissues);
-  PALPATE_CHECK(!scene->tool.points_mm.empty());
+  PALPATE_CHECK(!scene->tools.at(0).points_mm.empty());
   const auto& workspace = scene->workspace;
   PALPATE_CHECK(workspace.scale >= palpate::kLowestScale && workspace.scale <= palpate::kHighestScale);
   PALPATE_CHECK(workspace.force_gain >= palpate::kLowestScale &&

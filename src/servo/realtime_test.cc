@@ -123,8 +123,8 @@ Model crowded_model() {
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
     model.surfaces.back().structure = 0;
   }
-  model.tool.points_mm = {{0, 0, 0}, {5, 0, 0}};
-  model.tool.capsules = {{{0, 5, 0}, {0, 5, 20}, 1}, {{0, 0, 0}, {0, 0, 40}, 0.5}};
+  model.tools[0].points_mm = {{0, 0, 0}, {5, 0, 0}};
+  model.tools[0].capsules = {{{0, 5, 0}, {0, 5, 20}, 1}, {{0, 0, 0}, {0, 0, 40}, 0.5}};
   return model;
 }
 
@@ -164,11 +164,11 @@ class BurrExercise {
  public:
   explicit BurrExercise(bool cone = false) {
     Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
-    model.tool.radius_mm = 2;
-    model.tool.burr = BurrSettings{};
+    model.tools[0].radius_mm = 2;
+    model.tools[0].burr = BurrSettings{};
     if (cone) {
-      model.tool.burr->length_mm = 5;
-      model.tool.burr->end_radius_mm = 2.6;
+      model.tools[0].burr->length_mm = 5;
+      model.tools[0].burr->end_radius_mm = 2.6;
     }
     parameters_.method = ForceMethod::kProxy;
     parameters_.motor = true;

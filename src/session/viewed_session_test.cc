@@ -214,7 +214,7 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   EXPECT_EQ(X[1], (std::array{0.0, 0.0, 1.0, X[1][3]}));
   EXPECT_EQ(X[2], (std::array{0.0, -1.0, 0.0, X[2][3]}));
 
-  std::string words = scene.side + scene.modality + scene.tool_name + scene.device_name + scene.input;
+  std::string words = scene.side + scene.modality + scene.tools[0].name + scene.device_name + scene.input;
   for (const auto& structure : scene.structures) words += structure.name;
   for (const auto& tissue : scene.tissues) words += tissue.name;
   EXPECT_THAT(words, ::testing::Not(HasSubstr("CANARY")));

@@ -18,8 +18,8 @@ Model spared_below() {
   const auto above = [](const Eigen::Vector3d& p) { return p.z(); };
   model.protected_structures = {
       {kBone, testing::surface_to_carve(11, Eigen::Vector3d::Constant(0.5), above), false}};
-  model.tool.radius_mm = 2;
-  model.tool.burr = BurrSettings{.pedal = 3};
+  model.tools[0].radius_mm = 2;
+  model.tools[0].burr = BurrSettings{.pedal = 3};
   return model;
 }
 
@@ -61,9 +61,9 @@ TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
 
 TEST(NearestMeter, CountsAllOfACylinder) {
   Model model = spared_below();
-  model.tool.burr->spindle = Eigen::Vector3d(0, 0, 1);
-  model.tool.burr->length_mm = 5;
-  model.tool.burr->end_radius_mm = 1;
+  model.tools[0].burr->spindle = Eigen::Vector3d(0, 0, 1);
+  model.tools[0].burr->length_mm = 5;
+  model.tools[0].burr->end_radius_mm = 1;
   NearestMeter meter(model);
   TickRecord tick = held_at(7.5);
   // with its far end down, in the patient, however the object is turned
@@ -104,10 +104,10 @@ TEST(NearestMeter, CountsOnlyABurrThatTurns) {
   tick = held_at(2);
   tick.switches = 0;
   tick.device[0].buttons = 1u << 3;
-  EXPECT_TRUE(motor_was_on(model.tool, tick)) << "by its pedal";
+  EXPECT_TRUE(motor_was_on(model, tick)) << "by its pedal";
   meter.see(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0, 0.01);
-  EXPECT_FALSE(motor_was_on(Tool{}, held_at(2))) << "a tool without a motor";
+  EXPECT_FALSE(motor_was_on(Model(), held_at(2))) << "a tool without a motor";
 }
 
 }  // namespace
