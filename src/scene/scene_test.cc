@@ -288,6 +288,65 @@ TEST(ParseScene, TheKeysOfABurrSayItsDefaults) {
             std::stod(std::string(scene_key_tables().tissue.find("cutting_energy")->default_text)));
 }
 
+constexpr const char* kSceneOfTwoTools =
+    "[[tissue]]\nname = 'a'\nlabels = [1]\n"
+    "[tool]\nkind = 'burr'\nname = 'drill'\ndiameter = 3\npedal = 1\n"
+    "[second_tool]\nname = 'hook'\nradius = 1.5\n[[second_tool.capsule]]\nfrom = [0, 0, 0]\nto = [0, 0, "
+    "40]\n";
+
+TEST(ParseScene, TheSecondDeviceMayHoldAToolOfItsOwn) {
+  const auto scene = parse_scene(kSceneOfTwoTools, "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  ASSERT_EQ(scene->tools.size(), 2u);
+  EXPECT_EQ(scene->tools[0].name, "drill");
+  EXPECT_EQ(scene->tools[0].burr->pedal, 1);
+  EXPECT_EQ(scene->tools[1].name, "hook");
+  EXPECT_EQ(scene->tools[1].radius_mm, 1.5);
+  EXPECT_FALSE(scene->tools[1].burr);
+  ASSERT_EQ(scene->tools[1].capsules.size(), 1u);
+  EXPECT_EQ(scene->tools[1].capsules[0].radius_mm, 1.5) << "its own tool's";
+  // the defaults of [tool], and nothing of what stands there
+  const auto plain = parse_scene(
+      "[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\n[tool]\nname = 'ball'\nradius = 2\n", "t");
+  ASSERT_TRUE(plain.ok()) << plain.error().message();
+  ASSERT_EQ(plain->tools.size(), 2u);
+  EXPECT_EQ(plain->tools[0].radius_mm, 2);
+  EXPECT_EQ(plain->tools[1].name, "point");
+  EXPECT_EQ(plain->tools[1].radius_mm, 0);
+  // a burr is felt by the proxy alone, in whichever hand
+  const auto burrs =
+      parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\nkind = 'burr'\ndiameter = 2\n", "t");
+  ASSERT_TRUE(burrs.ok()) << burrs.error().message();
+  EXPECT_FALSE(burrs->tools[0].burr);
+  EXPECT_EQ(burrs->tools[1].radius_mm, 1);
+}
+
+TEST(ParseScene, WhatIsWrongWithTheSecondToolNamesItsTable) {
+  const auto fault = [](const std::string& keys) {
+    const auto scene = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\n" + keys, "t");
+    return scene.ok() ? std::string("nothing") : scene.error().message();
+  };
+  EXPECT_THAT(fault("radius = 9\n"), HasSubstr("t:5: [second_tool]: radius = 9 is outside 0 ... 3 mm"));
+  EXPECT_THAT(fault("diamter = 9\n"), HasSubstr("t:5: unknown key \"diamter\" in [second_tool]"));
+  EXPECT_THAT(fault("diameter = 3\n"), HasSubstr("t:5: [second_tool]: `diameter` is a burr's"));
+  EXPECT_THAT(fault("kind = 'burr'\nshape = 'cone'\n"),
+              HasSubstr("t:6: [second_tool]: a cone without `length`"));
+  EXPECT_THAT(fault("kind = 'burr'\n[force]\nmethod = 'trilinear'\n"),
+              HasSubstr("t:5: [second_tool]: a burr is felt by the proxy alone"));
+  EXPECT_THAT(fault("points = []\n"), HasSubstr("t:5: [second_tool]: "));
+  EXPECT_THAT(fault("name = 3\n"), HasSubstr("t:5: [second_tool]: "));
+  EXPECT_THAT(fault("capsule = 3\n"), HasSubstr("write [[second_tool.capsule]]"));
+  EXPECT_THAT(fault("[[second_tool.capsule]]\nfrom = [0, 0, 0]\n"),
+              HasSubstr("t:5: [second_tool]: a capsule without `to`"));
+  EXPECT_THAT(fault("[[second_tool.capsule]]\nform = [0, 0, 0]\n"), HasSubstr("[[second_tool.capsule]]"));
+  EXPECT_THAT(fault("second_tool = 3\n"), HasSubstr("unknown key \"second_tool\" in [second_tool]"));
+  // of two faults the first one is told
+  EXPECT_THAT(fault("radius = 9\n[tool]\nradius = 8\n"), HasSubstr("radius = 9"));
+  const auto twice = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[[second_tool]]\nradius = 1\n", "t");
+  ASSERT_FALSE(twice.ok());
+  EXPECT_THAT(twice.error().message(), HasSubstr("second_tool"));
+}
+
 struct BadScene {
   const char* text;
   int line;

@@ -47,7 +47,7 @@ TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
   TickRecord tick = held_at(3);
   meter.see(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 1, 0.01);
-  // every device has a burr, where there are several
+  // every device has the burr, where there are several
   tick = held_at(3.5);
   tick.devices = 2;
   tick.device[1].proxy_patient_mm = {0, 0, 2.25};
@@ -57,6 +57,36 @@ TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
   other.see(meter.nearest_mm());
   other.see(held_at(3));
   EXPECT_EQ(other.nearest_mm(), meter.nearest_mm());
+}
+
+TEST(NearestMeter, CountsDevicesWhoseToolCutsAndWhoseMotorIsOn) {
+  Model model = spared_below();
+  Tool& second = model.tools.emplace_back();
+  second.radius_mm = 2;
+  TickRecord tick = held_at(3.5);
+  tick.devices = 2;
+  tick.device[1].proxy_patient_mm = {0, 0, 2.25};
+  NearestMeter beside_probe(model);
+  beside_probe.see(tick);
+  EXPECT_NEAR(beside_probe.nearest_mm().at(kBone), 1.5, 0.01) << "a probe comes as near as it likes";
+  // each with its own head and its own pedal
+  second.burr = BurrSettings{.pedal = 5};
+  second.radius_mm = 1;
+  NearestMeter beside_burr(model);
+  tick.switches = 0;
+  tick.device[0].buttons = 1u << 3;
+  EXPECT_TRUE(motor_was_on(model, tick));
+  beside_burr.see(tick);
+  EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.5, 0.01);
+  tick.device[1].buttons = 1u << 3;
+  beside_burr.see(tick);
+  EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.5, 0.01) << "the first one's pedal is not its own";
+  tick.device[0].buttons = 0;
+  EXPECT_FALSE(motor_was_on(model, tick));
+  tick.device[1].buttons = 1u << 5;
+  EXPECT_TRUE(motor_was_on(model, tick));
+  beside_burr.see(tick);
+  EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.25, 0.01);
 }
 
 TEST(NearestMeter, CountsAllOfACylinder) {
