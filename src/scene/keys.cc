@@ -668,7 +668,7 @@ const ScriptKeys& script_key_tables() {
              .max = 200,
              .meaning = "Of the withdrawal."}}},
           {"motor",
-           "Switches the motor of a tool that cuts on or off, wherever the hand is.",
+           "Switches the motor of the tools that cut on or off, wherever the hand is.",
            {{.name = "motor", .type = kFlag, .meaning = "`true`: on."}}},
           {"stroke",
            "Undoes the last stroke of a tool that cuts, or does the last one again that was undone, wherever "
