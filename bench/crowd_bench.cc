@@ -122,7 +122,7 @@ std::vector<Tool> tools() {
 }
 
 nlohmann::json felt_by(Model model, const Tool& tool, const std::vector<DeviceState>& path, int repeats) {
-  model.tool = tool;
+  model.tools = {tool};
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
   std::vector<double> least_us(path.size(), 1e9), p50_us, p99_us;

@@ -69,7 +69,7 @@ GridGeometry resized(const GridGeometry& grid, double voxels) {
 Result<Knee> knee_of(const std::string& what, LabelMap labels, ForceMethod method, double radius_mm) {
   auto scene = parse_scene(*embedded_scene("knee"), "embedded scene");
   if (!scene) return scene.error();
-  scene->tool.radius_mm = radius_mm;
+  scene->tools[0].radius_mm = radius_mm;
   const std::string title = title_of(what, labels.geometry());
   auto model = build_model(*scene, {std::move(labels), nullptr, true});
   if (!model) return model.error();

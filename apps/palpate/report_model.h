@@ -12,7 +12,7 @@ namespace palpate::app {
 /// on. Errors: those of ready_for.
 inline Result<std::shared_ptr<const Model>> report_model(std::shared_ptr<const Model> model,
                                                          const Progress& progress) {
-  if (!model->tool.burr) return model;
+  if (!model->cuts()) return model;
   constexpr std::array kProxyAlone = {ForceMethod::kProxy};
   return ready_for(std::move(model), kProxyAlone, progress);
 }

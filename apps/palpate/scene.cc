@@ -322,6 +322,19 @@ void print_preparation(const PreparationSettings& preparation, double width_mm) 
 }
 
 /// How the device's reach lies in the patient, where the scene says anything of it.
+void print_tool(const char* what, const Tool& tool) {
+  std::printf("%-10s %s, ", what, tool.name.c_str());
+  if (tool.burr)
+    std::printf("%s", burr_in_words(tool).c_str());
+  else
+    std::printf("%zu point%s", tool.points_mm.size(), tool.points_mm.size() == 1 ? "" : "s");
+  if (!tool.burr && tool.radius_mm > 0) std::printf(", radius %g mm", tool.radius_mm);
+  for (const ToolCapsule& capsule : tool.capsules)
+    std::printf(", capsule of %g mm, radius %g mm", (capsule.to_mm - capsule.from_mm).norm(),
+                capsule.radius_mm);
+  std::printf("\n");
+}
+
 void print_workspace(const WorkspaceSettings& workspace) {
   const WorkspaceSettings usual;
   if (workspace.scale != usual.scale || workspace.force_gain != usual.force_gain ||
@@ -413,16 +426,8 @@ int run_check(const std::string& file, Console& console) {
   std::printf("side       %s\n", side_text(*scene, *data).c_str());
   print_preparation(scene->preparation, *width_mm);
   std::printf("force      %s\n", std::string(name_of(scene->force.method)).c_str());
-  std::printf("tool       %s, ", scene->tool.name.c_str());
-  if (scene->tool.burr)
-    std::printf("%s", burr_in_words(scene->tool).c_str());
-  else
-    std::printf("%zu point%s", scene->tool.points_mm.size(), scene->tool.points_mm.size() == 1 ? "" : "s");
-  if (!scene->tool.burr && scene->tool.radius_mm > 0) std::printf(", radius %g mm", scene->tool.radius_mm);
-  for (const ToolCapsule& capsule : scene->tool.capsules)
-    std::printf(", capsule of %g mm, radius %g mm", (capsule.to_mm - capsule.from_mm).norm(),
-                capsule.radius_mm);
-  std::printf("\n");
+  print_tool("tool", scene->tools[0]);
+  if (scene->tools.size() > 1) print_tool("2nd tool", scene->tools[1]);
   print_workspace(scene->workspace);
   if (scene->max_force_N) std::printf("limit      %g N\n", *scene->max_force_N);
   print_tissues(*scene, ids, grid);

@@ -59,7 +59,7 @@ class ToolRun {
     for (int n = 0; n <= kTicks; ++n) {
       const TickContext tick{model_, ForceMethod::kProxy, false, false, 1e-3, {}, {}};
       const HandContext hand{
-          model_.tool, device_, Eigen::Matrix3d::Identity(), from + (to - from) * n / kTicks, {}};
+          model_.tools[0], device_, Eigen::Matrix3d::Identity(), from + (to - from) * n / kTicks, {}};
       const HeldTool held(tick, hand);
       const ProxyResult result =
           advance_proxy(model_.surfaces, held.spheres(), held.pose(), proxy_, proxy_options(tick, hand));
@@ -101,8 +101,8 @@ TEST(ToolContact, ANotchIsTwoContactsTheStrongestFirst) {
 
 TEST(ToolContact, EachPartOfTheToolSaysWhereItLeans) {
   Model model = notch();
-  model.tool.points_mm = {{0, 0, 0}, {4, 2, 0}};
-  model.tool.radius_mm = 0.5;
+  model.tools[0].points_mm = {{0, 0, 0}, {4, 2, 0}};
+  model.tools[0].radius_mm = 0.5;
   ToolRun run(model);
   // the first sphere at the wall, both on the floor
   const ToolContact contact = run.lead({3, 0, 3}, {0.2, 0, 0.1});
@@ -153,10 +153,11 @@ TEST(ToolContact, WhatLiesBeneathComesAfterTheOutermost) {
 
 TEST(ToolContact, OfTheDirectMethodsEveryPointInsideIsOne) {
   Model model = testing::with_ramps(testing::ball_model(), 4);
-  model.tool.points_mm = {{0, 0, 0}, {0, 0, -1}, {0, 0, 5}};
+  model.tools[0].points_mm = {{0, 0, 0}, {0, 0, -1}, {0, 0, 5}};
   const TickContext tick{model, ForceMethod::kTrilinear, false, false, 1e-3, {}, {}};
   const DeviceParameters device;
-  const HandContext hand{model.tool, device, Eigen::Matrix3d::Identity(), {0, 0, kBoneRadius_mm - 0.5}, {}};
+  const HandContext hand{
+      model.tools[0], device, Eigen::Matrix3d::Identity(), {0, 0, kBoneRadius_mm - 0.5}, {}};
   const ToolContact contact = touch_directly(tick, hand);
   ASSERT_EQ(count(contact), 2);
   EXPECT_EQ(contact.contacts[0].part, 1);

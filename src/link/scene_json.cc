@@ -98,14 +98,20 @@ Json structures_json(const ViewedScene& scene) {
   return structures;
 }
 
-Json capsules_json(const ViewedScene& scene) {
+Json capsules_json(const ViewedTool& tool) {
   Json capsules = Json::array();
-  for (const ViewedScene::Capsule& capsule : scene.tool_capsules)
+  for (const ViewedTool::Capsule& capsule : tool.capsules)
     capsules.push_back({{"from_mm", capsule.from_mm},
                         {"to_mm", capsule.to_mm},
                         {"radius_mm", capsule.radius_mm},
                         {"end_radius_mm", capsule.end_radius_mm}});
   return capsules;
+}
+
+Json tool_json(const ViewedTool& tool) {
+  return {{"name", shown(tool.name)},    {"radius_mm", tool.radius_mm},
+          {"cuts", tool.cuts},           {"burr", tool.burr.empty() ? Json() : Json(tool.burr)},
+          {"points_mm", tool.points_mm}, {"capsules", capsules_json(tool)}};
 }
 
 Json error_json(const Error& error) {
@@ -165,10 +171,10 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["world_from_patient"] = scene.world_from_patient;
   json["structures"] = structures_json(scene);
   json["tissues"] = tissues_json(scene, state);
-  json["tool"] = {
-      {"name", shown(scene.tool_name)},    {"radius_mm", scene.tool_radius_mm},
-      {"cuts", scene.tool_cuts},           {"burr", scene.tool_burr.empty() ? Json() : Json(scene.tool_burr)},
-      {"points_mm", scene.tool_points_mm}, {"capsules", capsules_json(scene)}};
+  json["tools"] = Json::array();
+  for (const ViewedTool& tool : scene.tools) json["tools"].push_back(tool_json(tool));
+  // for viewers that know of one tool alone
+  json["tool"] = json["tools"].front();
   json["methods"] = scene.methods;
   json["device"] = {{"name", shown(scene.device_name)},
                     {"simulated", scene.simulated},

@@ -41,11 +41,15 @@ TEST(SceneJson, HasTheDocumentsKeys) {
             Json::parse(R"({"name": "point", "radius_mm": 0.0, "cuts": false, "points_mm": [[0, 0, 0]],
                                           "burr": "cone", "capsules": [{"from_mm": [0, 0, 0], "to_mm": [0, 0, 40],
                                                         "radius_mm": 1.5, "end_radius_mm": 2.0}]})"));
+  EXPECT_EQ(json["tools"][0], json["tool"]);
+  EXPECT_EQ(json["tools"][1], Json::parse(R"({"name": "drill", "radius_mm": 2.0, "cuts": true, "burr": "ball",
+                                              "points_mm": [[0, 0, 0]], "capsules": []})"));
+  EXPECT_EQ(json["tools"].size(), 2u) << "one for each device";
   EXPECT_EQ(json["methods"], Json::parse(R"(["proxy", "trilinear"])"));
   EXPECT_EQ(json["device"]["input"], "script");
   EXPECT_EQ(json["limits"]["max_force_N"], 1.4);
   EXPECT_EQ(json["rate_hz"], 1000);
-  EXPECT_EQ(json.size(), 16u);
+  EXPECT_EQ(json.size(), 17u);
   EXPECT_TRUE(json["recording"].is_null());
 }
 

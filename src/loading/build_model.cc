@@ -224,7 +224,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   parts.title = scene.title;
   parts.sigma_mm = scene.preparation.sigma_mm;
   parts.method_settings = scene.force.settings;
-  parts.tool = scene.tool;
+  parts.tools = scene.tools;
   if (scene.max_force_N) parts.max_force_N = *scene.max_force_N;
   parts.ramp_width_mm = scene.preparation.ramp_width_mm;
   parts.eight_bits = scene.preparation.storage == FieldStorage::k8Bit;

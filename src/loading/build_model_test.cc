@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
 
 #include "base/test_files.h"
 #include "palpate/loading/loading.h"
@@ -134,6 +136,46 @@ TEST(BuildModel, HashFollowsWhatIsFeltAndNothingElse) {
   EXPECT_NE(hash_of(text), (*build_model(scene_of(text), &other, nullptr))->content_hash);
 }
 
+TEST(BuildModel, HashFollowsEveryTool) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto hash_with = [&](const std::string& tools) {
+    const auto model =
+        build_model(scene_of("[[tissue]]\nname = 'bone'\nlabels = [1]\n" + tools), &labels, nullptr);
+    PALPATE_CHECK(model.ok());
+    return (*model)->content_hash;
+  };
+  std::vector<std::uint64_t> hashes;
+  for (const char* tools :
+       {"", "[tool]\nradius = 1\n", "[second_tool]\n", "[second_tool]\nradius = 1\n",
+        "[tool]\nradius = 1\n[second_tool]\n", "[tool]\npoints = [[0, 0, 0], [0, 0, 0]]\n",
+        "[tool]\nkind = 'burr'\n", "[second_tool]\nkind = 'burr'\n",
+        "[tool]\nkind = 'burr'\n[second_tool]\nkind = 'burr'\npedal = 2\n"})
+    hashes.push_back(hash_with(tools));
+  std::ranges::sort(hashes);
+  EXPECT_EQ(std::ranges::adjacent_find(hashes), hashes.end());
+  // what a burr meets counts in whichever hand it is
+  const auto with_energy = [&](const std::string& table) {
+    return hash_with("cutting_energy = 50\n[" + table + "]\nkind = 'burr'\n");
+  };
+  EXPECT_NE(with_energy("second_tool"), hash_with("[second_tool]\nkind = 'burr'\n"));
+  EXPECT_EQ(hash_with("cutting_energy = 50\n[second_tool]\n"), hash_with("[second_tool]\n"));
+}
+
+TEST(BuildModel, WhatABurrIsToSpareIsThereWhicheverHandHoldsIt) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto spared = [&](const std::string& tools) {
+    const auto model = build_model(
+        scene_of("[[tissue]]\nname = 'bone'\nlabels = [1]\nprotection = 'keep'\n" + tools), &labels, nullptr);
+    PALPATE_CHECK(model.ok());
+    const auto ready = ready_for(*model, std::array{ForceMethod::kProxy});
+    PALPATE_CHECK(ready.ok());
+    return std::pair((*ready)->protected_structures.size(), (*ready)->surfaces.at(0).kept);
+  };
+  EXPECT_EQ(spared("[tool]\nkind = 'burr'\n"), (std::pair<std::size_t, bool>(1, true)));
+  EXPECT_EQ(spared("[second_tool]\nkind = 'burr'\n"), (std::pair<std::size_t, bool>(1, true)));
+  EXPECT_EQ(spared("[second_tool]\n"), (std::pair<std::size_t, bool>(0, false)));
+}
+
 TEST(BuildModel, IsReadyForTheScenesMethodAndItsSettingsAreHashed) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto hash_with = [&](const std::string& force) {
@@ -185,6 +227,16 @@ TEST(BuildModel, ABurrTakesTwoVoxels) {
     EXPECT_NE(message.find(tip ? "a larger `tip_diameter`" : "a larger `diameter`"), std::string::npos)
         << message;
   }
+}
+
+TEST(BuildModel, TheSecondToolsBurrTakesTwoVoxelsToo) {
+  const LabelMap coarse = blocks(grid_of(1.1, 30));
+  const auto model = build_model(
+      scene_of("[[tissue]]\nname = 'bone'\nlabels = [1]\n[second_tool]\nkind = 'burr'\ndiameter = 2\n"),
+      &coarse, nullptr);
+  ASSERT_FALSE(model.ok());
+  EXPECT_NE(model.error().message().find("a larger `diameter` under [second_tool]"), std::string::npos)
+      << model.error().message();
 }
 
 TEST(BuildModel, AbsentLabelsAreErrorsWithTheirLine) {

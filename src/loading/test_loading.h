@@ -23,8 +23,8 @@ inline LoadedScene loaded_burr() {
   LoadedScene loaded = loaded_ball();
   loaded.scene.force.method = ForceMethod::kProxy;
   Model model = *loaded.model;
-  model.tool.radius_mm = 2;
-  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
+  model.tools[0].radius_mm = 2;
+  model.tools[0].burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
   loaded.model = std::make_shared<const Model>(std::move(model));
   return loaded;
 }

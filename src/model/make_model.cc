@@ -22,6 +22,29 @@ void hash_voxels(std::uint64_t& hash, const Bricks<T>& voxels) {
   pieces.finish();
 }
 
+void hash_tool(std::uint64_t& hash, const Tool& tool) {
+  for (const Eigen::Vector3d& point : tool.points_mm)
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
+  hash_double(hash, tool.radius_mm);
+  for (const ToolCapsule& capsule : tool.capsules) {
+    for (int axis = 0; axis < 3; ++axis) {
+      hash_double(hash, capsule.from_mm[axis]);
+      hash_double(hash, capsule.to_mm[axis]);
+    }
+    hash_double(hash, capsule.radius_mm);
+  }
+  if (const auto& burr = tool.burr) {
+    hash_double(hash, burr->revolutions_per_s);
+    hash_double(hash, burr->grip);
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr->spindle[axis]);
+    hash_word(hash, static_cast<std::uint64_t>(burr->pedal));
+    if (burr->length_mm > 0) {
+      hash_double(hash, burr->length_mm);
+      hash_double(hash, burr->end_radius_mm);
+    }
+  }
+}
+
 std::uint64_t content_hash(const Model& model) {
   std::uint64_t hash = kHashSeed;
   std::visit([&](const auto& voxels) { hash_voxels(hash, voxels); }, model.field->bricks());
@@ -35,30 +58,19 @@ std::uint64_t content_hash(const Model& model) {
           t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
       hash_double(hash, value);
   for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
-  for (const Eigen::Vector3d& point : model.tool.points_mm)
-    for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
-  hash_double(hash, model.tool.radius_mm);
-  for (const ToolCapsule& capsule : model.tool.capsules) {
-    for (int axis = 0; axis < 3; ++axis) {
-      hash_double(hash, capsule.from_mm[axis]);
-      hash_double(hash, capsule.to_mm[axis]);
-    }
-    hash_double(hash, capsule.radius_mm);
+  for (const Tool& tool : model.tools) {
+    // where one ends and the next begins; of one alone the hash is what it was before there could be more
+    if (model.tools.size() > 1)
+      for (const std::size_t count :
+           {tool.points_mm.size(), tool.capsules.size(), std::size_t{tool.burr.has_value()}})
+        hash_word(hash, count);
+    hash_tool(hash, tool);
   }
-  if (const auto& burr = model.tool.burr) {
-    hash_double(hash, burr->revolutions_per_s);
-    hash_double(hash, burr->grip);
-    for (int axis = 0; axis < 3; ++axis) hash_double(hash, burr->spindle[axis]);
-    hash_word(hash, static_cast<std::uint64_t>(burr->pedal));
-    if (burr->length_mm > 0) {
-      hash_double(hash, burr->length_mm);
-      hash_double(hash, burr->end_radius_mm);
-    }
+  if (model.cuts())
     for (const Tissue& tissue : model.tissues) {
       hash_double(hash, tissue.cutting_energy_mJ_per_mm3);
       hash_word(hash, static_cast<std::uint64_t>(tissue.protection));
     }
-  }
   for (const double value :
        {model.sigma_mm, model.ramp_width_mm, model.reach_mm, model.scene_max_force_N,
         model.method_settings.sphere_sigma_voxels, model.method_settings.coupling_damping_N_s_per_mm})
@@ -70,7 +82,7 @@ std::uint64_t content_hash(const Model& model) {
 // the pocket of a burr that is smaller than this would lie between the voxels, and it would not sink in
 constexpr double kLeastBurrVoxels = 2;
 
-Result<void> check_burr_size(const Tool& tool, const GridGeometry& grid) {
+Result<void> check_burr_size(const Tool& tool, std::size_t number, const GridGeometry& grid) {
   if (!tool.burr) return {};
   const double voxel_mm = grid.spacing_mm.maxCoeff(), least_mm = kLeastBurrVoxels * voxel_mm * (1 - 1e-6);
   const bool tip_fits = 2 * tool.radius_mm >= least_mm;
@@ -84,8 +96,8 @@ Result<void> check_burr_size(const Tool& tool, const GridGeometry& grid) {
       what, sizeof what, "a burr of %g mm%s is too small for voxels of %.3g mm: it takes two of them across",
       2 * (tip_fits ? tool.burr->end_radius_mm : tool.radius_mm), is_tip ? " at its tip" : "", voxel_mm);
   return Error{ErrorKind::kBadInput, what, "",
-               std::string("set a larger `") + (is_tip ? "tip_diameter" : "diameter") +
-                   "` under [tool], or give labels with finer voxels"};
+               std::string("set a larger `") + (is_tip ? "tip_diameter" : "diameter") + "` under [" +
+                   (number == 0 ? "tool" : "second_tool") + "], or give labels with finer voxels"};
 }
 
 // what a label's place in the field is when the stiffest tissue's is 1
@@ -124,7 +136,9 @@ Result<std::shared_ptr<const Field>> ramp_field(const Model& model, bool eight_b
 
 Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const Progress& progress) {
   const GridGeometry& grid = parts.labels->geometry();
-  if (auto fine = check_burr_size(parts.tool, grid); !fine) return fine.error();
+  PALPATE_CHECK(!parts.tools.empty());
+  for (std::size_t number = 0; number < parts.tools.size(); ++number)
+    if (auto fine = check_burr_size(parts.tools[number], number, grid); !fine) return fine.error();
 
   auto model = std::make_shared<Model>();
   model->title = std::move(parts.title);
@@ -132,7 +146,7 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   model->segments = std::move(parts.segments);
   model->tissues = std::move(parts.tissues);
   model->tissue_of_label = std::move(parts.tissue_of_label);
-  model->tool = std::move(parts.tool);
+  model->tools = std::move(parts.tools);
   model->method_settings = parts.method_settings;
   model->sigma_mm = parts.sigma_mm;
   model->scene_max_force_N = parts.max_force_N;

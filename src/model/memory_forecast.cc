@@ -196,7 +196,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   model.labels = parts.labels;
   model.tissues = parts.tissues;
   model.tissue_of_label = parts.tissue_of_label;
-  model.tool = parts.tool;
+  model.tools = parts.tools;
   const GridGeometry& grid = parts.labels->geometry();
   const Estimate estimate(grid, figures_of(*parts.labels));
   const double voxels = static_cast<double>(grid.voxel_count());

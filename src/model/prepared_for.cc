@@ -69,7 +69,7 @@ class SurfacesNeeded {
       structure.dynamic_friction = tissue.friction_coefficient;
       structure.puncture_N = tissue.puncture_N;
       structure.cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
-      structure.kept = model.tool.burr && tissue.protection == Protection::kKeep;
+      structure.kept = model.cuts() && tissue.protection == Protection::kKeep;
       surfaces_.push_back(structure);
     }
     for (const std::vector<LabelId>& group : touching_groups(felt, touching)) {
@@ -213,7 +213,7 @@ Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
                                                              const Preparing& preparing,
                                                              const Progress& progress) {
   std::vector<ProtectedStructure> structures;
-  if (!model.tool.burr) return structures;
+  if (!model.cuts()) return structures;
   std::vector<std::vector<LabelId>> alone;
   for (const LabelId label : felt) {
     const Protection protection = model.tissue_of(label)->protection;

@@ -93,7 +93,7 @@ GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std
   constexpr std::uint64_t kCutEvery = 20;
   Parameters parameters;
   parameters.method = method;
-  parameters.motor = model->tool.burr.has_value();
+  parameters.motor = model->tools[0].burr.has_value();
   SessionState state;
   DeviceState device;
   Wrench wrench;
@@ -163,8 +163,8 @@ TEST(GoldenRun, ByTheTrilinearMethod) {
 
 TEST(GoldenRun, OfABurrThatCuts) {
   ModelParts parts = golden_parts();
-  parts.tool.radius_mm = 1.5;
-  parts.tool.burr = BurrSettings{};
+  parts.tools[0].radius_mm = 1.5;
+  parts.tools[0].burr = BurrSettings{};
   constexpr std::array<Leg, 4> kGroove{
       {{{1, 2, 10.5}, 600}, {{1, 2, 7.5}, 100}, {{4, 2, 6.5}, 200}, {{4, 2, 12}, 50}}};
   const GoldenRun run =

@@ -63,11 +63,11 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
 
 // what the direct methods read knows nothing of what is cut away
 Result<void> check_burr(const Model& model, const RunSetup& setup) {
-  if (!model.tool.burr) return {};
+  if (!model.cuts()) return {};
   for (const ForceMethod method : methods_of(setup))
     if (method != ForceMethod::kProxy)
       return Error{ErrorKind::kUsage,
-                   "the scene's tool is a burr, and " + std::string(name_of(method)) +
+                   "a tool of the scene is a burr, and " + std::string(name_of(method)) +
                        " does not feel what it takes away",
                    "", "use the proxy: leave --method and the script's method steps out"};
   return {};

@@ -202,8 +202,8 @@ ScriptedHand::ScriptedHand(const Model& model, const Script& script, const Plant
     : model_(&model),
       device_(device),
       hand_(hand),
-      free_space_(model, tool_reach_mm(model.tool)),
-      tool_reach_mm_(tool_reach_mm(model.tool)) {
+      free_space_(model, tool_reach_mm(model.tool_of(0))),
+      tool_reach_mm_(tool_reach_mm(model.tool_of(0))) {
   // in the air, a hand's breadth in front of the patient
   const GridGeometry& grid = model.labels->geometry();
   double most_anterior_mm = grid.centre().y();
@@ -401,7 +401,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double
       felt_normal_ = X * normal;
     }
     const Point<Patient> at = point<Patient>(device.proxy_patient_mm);
-    const double above_mm = felt_by_proxy(felt)              ? -model_->tool.radius_mm
+    const double above_mm = felt_by_proxy(felt)              ? -model_->tool_of(0).radius_mm
                             : std::isfinite(device.depth_mm) ? device.depth_mm
                                                              : 0;
     touches_.push_back({step.line, model_->name_of(device.label), device.label, at + normal * above_mm});
@@ -577,7 +577,7 @@ double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& fel
   if (!(most > 0)) return own;
   if (felt_by_proxy(felt)) return std::min(own, most);
   const double all =
-      model_->greatest_stiffness_N_per_mm() * static_cast<double>(model_->tool.points_mm.size());
+      model_->greatest_stiffness_N_per_mm() * static_cast<double>(model_->tool_of(0).points_mm.size());
   return own * std::min(1.0, most / all);
 }
 

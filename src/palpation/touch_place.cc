@@ -48,7 +48,7 @@ class Stretch {
         free_space_(free_space),
         structure_(structure),
         clearance_mm_(clearance_mm),
-        reach_mm_(tool_reach_mm(model.tool)) {}
+        reach_mm_(tool_reach_mm(model.tool_of(0))) {}
 
   // From where it begins at most as far off as asked and can be got to, or else as near as that can be.
   std::optional<TouchPlace> along(const SurfacePoint& surface, const Vector<Patient>& from) const {

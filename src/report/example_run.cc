@@ -278,9 +278,9 @@ Recording real_recording(const Model& model) {
 }
 
 Model with_burr(Model model) {
-  model.tool.name = "burr";
-  model.tool.radius_mm = 2;
-  model.tool.burr = BurrSettings{};
+  model.tools[0].name = "burr";
+  model.tools[0].radius_mm = 2;
+  model.tools[0].burr = BurrSettings{};
   return model;
 }
 
@@ -298,7 +298,7 @@ Recording milled_recording(const Model& model) {
       sweep.tick = i;
       sweep.number = ++version;
       sweep.sweep = {0, recording.ticks[i + 1 - kVersion].device[0].tip_patient_mm,
-                     recording.ticks[i].device[0].tip_patient_mm, model.tool.radius_mm};
+                     recording.ticks[i].device[0].tip_patient_mm, model.tools[0].radius_mm};
       RecordingEvent cut;
       cut.tick = i;
       cut.number = cut.change.version = version;

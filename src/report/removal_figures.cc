@@ -130,7 +130,7 @@ void RemovalMeter::see(const TimedTick& now) {
   for (; !heard_.empty() && heard_.front().tick <= now.tick.tick; heard_.pop_front())
     hear(heard_.front(), now.begin_s);
   nearest_.see(now.tick);
-  if (motor_was_on(model_.tool, now.tick)) figures_.motor_s += now.end_s - now.begin_s;
+  if (motor_was_on(model_, now.tick)) figures_.motor_s += now.end_s - now.begin_s;
 }
 
 void RemovalMeter::take_away(double time_s) {

@@ -34,7 +34,7 @@ Model bone_below() {
                                                     [](const Eigen::Vector3d& p) { return p.z() - kTop_mm; });
   model.surfaces = {bone};
   model.label_of_surface = {kBone};
-  model.tool.burr = BurrSettings{};
+  model.tools[0].burr = BurrSettings{};
   return model;
 }
 
@@ -100,7 +100,7 @@ TEST(Removal, OfABallThroughASlabIsKnown) {
 
 TEST(Removal, TellsHowNearTheBurrCameToWhatItWasToSpare) {
   Model model = bone_below();
-  model.tool.radius_mm = 2;
+  model.tools[0].radius_mm = 2;
   model.protected_structures = {{kBone, model.surfaces[0].surface, true},
                                 {7, model.surfaces[0].surface, false}};
   // it only leans, 0.4 mm away, in one tick
@@ -212,9 +212,9 @@ TEST(Removal, MotorRunsBySwitchOrPedal) {
   for (std::size_t i = 5; i < 25; ++i) recording.ticks[i].switches = kSwitchMotor;
   for (std::size_t i = 20; i < 30; ++i) recording.ticks[i].device[0].buttons = 1u << 2;
   EXPECT_NEAR(figures_of(recording, model).motor_s, 0.020, 1e-9);
-  model.tool.burr->pedal = 2;
+  model.tools[0].burr->pedal = 2;
   EXPECT_NEAR(figures_of(recording, model).motor_s, 0.025, 1e-9);
-  model.tool.burr->pedal = 3;
+  model.tools[0].burr->pedal = 3;
   EXPECT_NEAR(figures_of(recording, model).motor_s, 0.020, 1e-9);
   EXPECT_TRUE(figures_of(recording, model).structures.empty());
 }

@@ -71,7 +71,10 @@ std::string removal_html(const Run& run) {
   std::string html =
       "<section class=\"card\" aria-labelledby=\"removal-title\"><h2 id=\"removal-title\">What was "
       "removed</h2>\n<dl class=\"provenance\">\n";
-  html += entry("Tool", burr_in_words(run.model.tool));
+  for (int d = 0; d < run.devices; ++d)
+    if (const Tool& tool = run.model.tool_of(static_cast<std::size_t>(d)); tool.burr)
+      html +=
+          entry(run.devices > 1 ? "Tool of device " + std::to_string(d + 1) : "Tool", burr_in_words(tool));
   html += entry("Motor switched on", number(removal.motor_s, 2) + " s");
   if (removal.undone > 0)
     html += entry("Strokes", std::to_string(removal.strokes) + ", of which " +

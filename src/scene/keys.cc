@@ -92,8 +92,11 @@ const KeySpec* TableSpec::find(std::string_view key) const {
   return found == keys.end() ? nullptr : &*found;
 }
 
-const SceneKeys& scene_key_tables() {
-  static const SceneKeys keys{
+namespace {
+
+// the keys of one tool
+SceneKeys declared_keys() {
+  return {
       .top =
           {"top level",
            "What the scene is, and its parts.",
@@ -118,7 +121,12 @@ const SceneKeys& scene_key_tables() {
             {.name = "tissue", .type = kTables, .meaning = "What is felt and how: 1 to 64 of them."},
             {.name = "preparation", .type = kTable, .meaning = "How labels become the field that is felt."},
             {.name = "force", .type = kTable, .meaning = "By which method the force is computed."},
-            {.name = "tool", .type = kTable, .meaning = "The instrument."},
+            {.name = "tool", .type = kTable, .meaning = "The instrument that every device holds."},
+            {.name = "second_tool",
+             .type = kTable,
+             .meaning =
+                 "What the second device holds instead: a table with the keys of `[tool]` and the "
+                 "defaults that they have there. Without it that device holds the same as the others."},
             {.name = "workspace", .type = kTable, .meaning = "How the device's reach lies in the patient."},
             {.name = "limits", .type = kTable, .meaning = "What the hand is never given more of."}}},
       .data =
@@ -469,6 +477,22 @@ const SceneKeys& scene_key_tables() {
             .meaning = "The force is never larger. It can only lower the limit that device and user set: "
                        "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
                        "`premium-1.5`) and 3 N."}}}};
+}
+
+SceneKeys with_second_tool(SceneKeys keys) {
+  keys.second_tool = keys.tool;
+  keys.second_tool.heading = "[second_tool]";
+  for (KeySpec& key : keys.second_tool.keys)
+    if (key.type == kTables) key.under = "second_tool.";
+  keys.second_capsule = keys.capsule;
+  keys.second_capsule.heading = "[[second_tool.capsule]]";
+  return keys;
+}
+
+}  // namespace
+
+const SceneKeys& scene_key_tables() {
+  static const SceneKeys keys = with_second_tool(declared_keys());
   return keys;
 }
 
@@ -644,7 +668,7 @@ const ScriptKeys& script_key_tables() {
              .max = 200,
              .meaning = "Of the withdrawal."}}},
           {"motor",
-           "Switches the motor of a tool that cuts on or off, wherever the hand is.",
+           "Switches the motor of the tools that cut on or off, wherever the hand is.",
            {{.name = "motor", .type = kFlag, .meaning = "`true`: on."}}},
           {"stroke",
            "Undoes the last stroke of a tool that cuts, or does the last one again that was undone, wherever "

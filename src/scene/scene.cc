@@ -124,8 +124,8 @@ void read_force(const TableReader& reader, ForceSettings& force) {
       reader.number("coupling_damping").value_or(force.settings.coupling_damping_N_s_per_mm);
 }
 
-void read_capsule(const TomlTable& table, Tool& tool, Problems& problems) {
-  const TableReader reader(&table, scene_key_tables().capsule, problems);
+void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {
+  const TableReader reader(&table, keys, problems);
   const auto from = reader.point("from"), to = reader.point("to");
   for (const char* end : {"from", "to"})
     if (!reader.has(end))
@@ -210,9 +210,7 @@ void read_burr(const TableReader& reader, Tool& tool, Problems& problems) {
   tool.burr = burr;
 }
 
-void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
-  tool.name = reader.text("name").value_or(tool.name);
-  if (reader.choice("kind") == "burr") return read_burr(reader, tool, problems);
+void read_parts(const TableReader& reader, const TableSpec& capsule, Tool& tool, Problems& problems) {
   for (const char* key : {"shape", "diameter", "length", "tip_diameter", "speed", "spindle", "grip", "pedal"})
     if (reader.has(key))
       problems.add(reader.line(key), std::string("`") + key + "` is a burr's",
@@ -224,11 +222,37 @@ void read_tool(const TableReader& reader, Tool& tool, Problems& problems) {
                  "a tool has 1 to " + std::to_string(kMaxToolParts) + " points");
     return;
   }
-  for (const TomlTable* table : reader.tables("capsule")) read_capsule(*table, tool, problems);
+  for (const TomlTable* table : reader.tables("capsule")) read_capsule(*table, capsule, tool, problems);
   if (const std::size_t parts = tool.points_mm.size() + tool.capsules.size(); parts > kMaxToolParts)
     problems.add(
         reader.line("capsule"), "the tool has " + std::to_string(parts) + " points and capsules",
         "together they may be " + std::to_string(kMaxToolParts) + "; without `points` the tip is one point");
+}
+
+// what a device holds; without a table a point
+Tool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpec& capsule, ForceMethod method,
+               Problems& problems) {
+  Tool tool;
+  const TableReader reader(table, keys, problems);
+  tool.name = reader.text("name").value_or(tool.name);
+  if (reader.choice("kind") == "burr")
+    read_burr(reader, tool, problems);
+  else
+    read_parts(reader, capsule, tool, problems);
+  if (tool.burr && method != ForceMethod::kProxy)
+    problems.add(reader.line("kind"), "a burr is felt by the proxy alone",
+                 "set [force] method = \"proxy\", or leave method out");
+  return tool;
+}
+
+void read_tools(const TableReader& top, Scene& scene, Problems& problems) {
+  const SceneKeys& keys = scene_key_tables();
+  scene.tools = {read_tool(top.table("tool"), keys.tool, keys.capsule, scene.force.method, problems)};
+  if (!top.has("second_tool")) return;
+  Problems of_second(scene.source);
+  scene.tools.push_back(read_tool(top.table("second_tool"), keys.second_tool, keys.second_capsule,
+                                  scene.force.method, of_second));
+  problems.add_from(of_second, keys.second_tool.heading);
 }
 
 void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
@@ -410,11 +434,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,
                    problems);
   read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
-  const TableReader tool(top.table("tool"), keys.tool, problems);
-  read_tool(tool, scene.tool, problems);
-  if (scene.tool.burr && scene.force.method != ForceMethod::kProxy)
-    problems.add(tool.line("kind"), "a burr is felt by the proxy alone",
-                 "set [force] method = \"proxy\", or leave method out");
+  read_tools(top, scene, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");
   if (problems.any()) return problems.first();

@@ -11,7 +11,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   PALPATE_CHECK(!scene->tissues.empty() && scene->tissues.size() <= palpate::kMaxTissues);
-  PALPATE_CHECK(!scene->tool.points_mm.empty());
+  PALPATE_CHECK(!scene->tools.empty() && scene->tools.size() <= 2);
+  for (const auto& tool : scene->tools)
+    PALPATE_CHECK(!tool.points_mm.empty() &&
+                  tool.points_mm.size() + tool.capsules.size() <= palpate::kMaxToolParts);
   const auto& workspace = scene->workspace;
   PALPATE_CHECK(workspace.scale >= palpate::kLowestScale && workspace.scale <= palpate::kHighestScale);
   PALPATE_CHECK(workspace.force_gain >= palpate::kLowestScale &&

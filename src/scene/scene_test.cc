@@ -116,10 +116,10 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_EQ(scene.force.settings.sphere_sigma_voxels, 1.5);
   EXPECT_EQ(scene.force.settings.normals, NormalEncoding::kOctahedral24);
   EXPECT_EQ(scene.force.settings.coupling_damping_N_s_per_mm, 0.004);
-  EXPECT_EQ(scene.tool.name, "probe");
-  EXPECT_EQ(scene.tool.radius_mm, 1.5);
-  ASSERT_EQ(scene.tool.points_mm.size(), 2u);
-  EXPECT_EQ(scene.tool.points_mm[1], Eigen::Vector3d(1, 0.5, -2));
+  EXPECT_EQ(scene.tools[0].name, "probe");
+  EXPECT_EQ(scene.tools[0].radius_mm, 1.5);
+  ASSERT_EQ(scene.tools[0].points_mm.size(), 2u);
+  EXPECT_EQ(scene.tools[0].points_mm[1], Eigen::Vector3d(1, 0.5, -2));
   EXPECT_EQ(scene.workspace.scale, 2);
   EXPECT_EQ(scene.workspace.force_gain, 0.25);
   EXPECT_EQ(scene.workspace.yaw_deg, -90);
@@ -175,9 +175,9 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(scene->force.settings.normals, NormalEncoding::kBytes);
   EXPECT_EQ(keys.force.find("normals")->default_text, "\"bytes\"");
   EXPECT_EQ(scene->force.settings.coupling_damping_N_s_per_mm, default_of(keys.force, "coupling_damping"));
-  EXPECT_EQ(keys.tool.find("name")->default_text, "\"" + scene->tool.name + "\"");
-  ASSERT_EQ(scene->tool.points_mm.size(), 1u);
-  EXPECT_EQ(scene->tool.points_mm[0], Eigen::Vector3d::Zero());
+  EXPECT_EQ(keys.tool.find("name")->default_text, "\"" + scene->tools[0].name + "\"");
+  ASSERT_EQ(scene->tools[0].points_mm.size(), 1u);
+  EXPECT_EQ(scene->tools[0].points_mm[0], Eigen::Vector3d::Zero());
   EXPECT_EQ(keys.tool.find("points")->default_text, "[[0, 0, 0]]");
   EXPECT_EQ(scene->workspace.scale, default_of(keys.workspace, "scale"));
   EXPECT_EQ(scene->workspace.force_gain, default_of(keys.workspace, "force_gain"));
@@ -197,12 +197,12 @@ TEST(ParseScene, AToolHasCapsules) {
       "[[tool.capsule]]\nfrom = [0, 0, 0]\nto = [3, 0, 0]\n",
       "t");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
-  EXPECT_EQ(scene->tool.points_mm.size(), 1u) << "the tip";
-  ASSERT_EQ(scene->tool.capsules.size(), 2u);
-  EXPECT_EQ(scene->tool.capsules[0].to_mm, Eigen::Vector3d(0, 0, 120.5));
-  EXPECT_EQ(scene->tool.capsules[0].radius_mm, 2);
-  EXPECT_EQ(scene->tool.capsules[1].to_mm, Eigen::Vector3d(3, 0, 0));
-  EXPECT_EQ(scene->tool.capsules[1].radius_mm, 0.5) << "the tool's";
+  EXPECT_EQ(scene->tools[0].points_mm.size(), 1u) << "the tip";
+  ASSERT_EQ(scene->tools[0].capsules.size(), 2u);
+  EXPECT_EQ(scene->tools[0].capsules[0].to_mm, Eigen::Vector3d(0, 0, 120.5));
+  EXPECT_EQ(scene->tools[0].capsules[0].radius_mm, 2);
+  EXPECT_EQ(scene->tools[0].capsules[1].to_mm, Eigen::Vector3d(3, 0, 0));
+  EXPECT_EQ(scene->tools[0].capsules[1].radius_mm, 0.5) << "the tool's";
 }
 
 TEST(ParseScene, WorkspaceTakesItsWholeRange) {
@@ -235,13 +235,13 @@ TEST(ParseScene, ABurrIsABallWithAMotor) {
   ASSERT_TRUE(scene.ok()) << scene.error().message();
   EXPECT_EQ(scene->tissues[0].cutting_energy_mJ_per_mm3, 60);
   EXPECT_EQ(scene->tissues[0].protection, Protection::kKeep);
-  EXPECT_EQ(scene->tool.radius_mm, 1.5);
-  ASSERT_EQ(scene->tool.points_mm.size(), 1u);
-  ASSERT_TRUE(scene->tool.burr);
-  EXPECT_EQ(scene->tool.burr->revolutions_per_s, 500);
-  EXPECT_EQ(scene->tool.burr->spindle, Eigen::Vector3d(0, 1, 0));
-  EXPECT_EQ(scene->tool.burr->grip, 0.4);
-  EXPECT_EQ(scene->tool.burr->pedal, 1);
+  EXPECT_EQ(scene->tools[0].radius_mm, 1.5);
+  ASSERT_EQ(scene->tools[0].points_mm.size(), 1u);
+  ASSERT_TRUE(scene->tools[0].burr);
+  EXPECT_EQ(scene->tools[0].burr->revolutions_per_s, 500);
+  EXPECT_EQ(scene->tools[0].burr->spindle, Eigen::Vector3d(0, 1, 0));
+  EXPECT_EQ(scene->tools[0].burr->grip, 0.4);
+  EXPECT_EQ(scene->tools[0].burr->pedal, 1);
 }
 
 TEST(ParseScene, ABurrMayBeACylinderOrACone) {
@@ -250,7 +250,7 @@ TEST(ParseScene, ABurrMayBeACylinderOrACone) {
         "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nkind = 'burr'\n" + keys,
         "t");
     EXPECT_TRUE(scene.ok()) << scene.error().message();
-    return scene.ok() ? scene->tool : Tool{};
+    return scene.ok() ? scene->tools[0] : Tool{};
   };
   const Tool cylinder = tool_of("shape = 'cylinder'\ndiameter = 3\nlength = 8\n");
   EXPECT_EQ(cylinder.radius_mm, 1.5);
@@ -279,13 +279,72 @@ TEST(ParseScene, TheKeysOfABurrSayItsDefaults) {
   const auto default_of = [&](const char* key) {
     return std::stod(std::string(tool.find(key)->default_text));
   };
-  EXPECT_EQ(2 * scene->tool.radius_mm, default_of("diameter"));
-  EXPECT_EQ(60 * scene->tool.burr->revolutions_per_s, default_of("speed"));
-  EXPECT_EQ(scene->tool.burr->grip, default_of("grip"));
-  EXPECT_EQ(scene->tool.burr->spindle, Eigen::Vector3d(0, 0, 1));
-  EXPECT_EQ(scene->tool.burr->pedal, -1);
+  EXPECT_EQ(2 * scene->tools[0].radius_mm, default_of("diameter"));
+  EXPECT_EQ(60 * scene->tools[0].burr->revolutions_per_s, default_of("speed"));
+  EXPECT_EQ(scene->tools[0].burr->grip, default_of("grip"));
+  EXPECT_EQ(scene->tools[0].burr->spindle, Eigen::Vector3d(0, 0, 1));
+  EXPECT_EQ(scene->tools[0].burr->pedal, -1);
   EXPECT_EQ(scene->tissues[0].cutting_energy_mJ_per_mm3,
             std::stod(std::string(scene_key_tables().tissue.find("cutting_energy")->default_text)));
+}
+
+constexpr const char* kSceneOfTwoTools =
+    "[[tissue]]\nname = 'a'\nlabels = [1]\n"
+    "[tool]\nkind = 'burr'\nname = 'drill'\ndiameter = 3\npedal = 1\n"
+    "[second_tool]\nname = 'hook'\nradius = 1.5\n[[second_tool.capsule]]\nfrom = [0, 0, 0]\nto = [0, 0, "
+    "40]\n";
+
+TEST(ParseScene, TheSecondDeviceMayHoldAToolOfItsOwn) {
+  const auto scene = parse_scene(kSceneOfTwoTools, "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  ASSERT_EQ(scene->tools.size(), 2u);
+  EXPECT_EQ(scene->tools[0].name, "drill");
+  EXPECT_EQ(scene->tools[0].burr->pedal, 1);
+  EXPECT_EQ(scene->tools[1].name, "hook");
+  EXPECT_EQ(scene->tools[1].radius_mm, 1.5);
+  EXPECT_FALSE(scene->tools[1].burr);
+  ASSERT_EQ(scene->tools[1].capsules.size(), 1u);
+  EXPECT_EQ(scene->tools[1].capsules[0].radius_mm, 1.5) << "its own tool's";
+  // the defaults of [tool], and nothing of what stands there
+  const auto plain = parse_scene(
+      "[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\n[tool]\nname = 'ball'\nradius = 2\n", "t");
+  ASSERT_TRUE(plain.ok()) << plain.error().message();
+  ASSERT_EQ(plain->tools.size(), 2u);
+  EXPECT_EQ(plain->tools[0].radius_mm, 2);
+  EXPECT_EQ(plain->tools[1].name, "point");
+  EXPECT_EQ(plain->tools[1].radius_mm, 0);
+  // a burr is felt by the proxy alone, in whichever hand
+  const auto burrs =
+      parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\nkind = 'burr'\ndiameter = 2\n", "t");
+  ASSERT_TRUE(burrs.ok()) << burrs.error().message();
+  EXPECT_FALSE(burrs->tools[0].burr);
+  EXPECT_EQ(burrs->tools[1].radius_mm, 1);
+}
+
+TEST(ParseScene, WhatIsWrongWithTheSecondToolNamesItsTable) {
+  const auto fault = [](const std::string& keys) {
+    const auto scene = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\n" + keys, "t");
+    return scene.ok() ? std::string("nothing") : scene.error().message();
+  };
+  EXPECT_THAT(fault("radius = 9\n"), HasSubstr("t:5: [second_tool]: radius = 9 is outside 0 ... 3 mm"));
+  EXPECT_THAT(fault("diamter = 9\n"), HasSubstr("t:5: unknown key \"diamter\" in [second_tool]"));
+  EXPECT_THAT(fault("diameter = 3\n"), HasSubstr("t:5: [second_tool]: `diameter` is a burr's"));
+  EXPECT_THAT(fault("kind = 'burr'\nshape = 'cone'\n"),
+              HasSubstr("t:6: [second_tool]: a cone without `length`"));
+  EXPECT_THAT(fault("kind = 'burr'\n[force]\nmethod = 'trilinear'\n"),
+              HasSubstr("t:5: [second_tool]: a burr is felt by the proxy alone"));
+  EXPECT_THAT(fault("points = []\n"), HasSubstr("t:5: [second_tool]: "));
+  EXPECT_THAT(fault("name = 3\n"), HasSubstr("t:5: [second_tool]: "));
+  EXPECT_THAT(fault("capsule = 3\n"), HasSubstr("write [[second_tool.capsule]]"));
+  EXPECT_THAT(fault("[[second_tool.capsule]]\nfrom = [0, 0, 0]\n"),
+              HasSubstr("t:5: [second_tool]: a capsule without `to`"));
+  EXPECT_THAT(fault("[[second_tool.capsule]]\nform = [0, 0, 0]\n"), HasSubstr("[[second_tool.capsule]]"));
+  EXPECT_THAT(fault("second_tool = 3\n"), HasSubstr("unknown key \"second_tool\" in [second_tool]"));
+  // of two faults the first one is told
+  EXPECT_THAT(fault("radius = 9\n[tool]\nradius = 8\n"), HasSubstr("radius = 9"));
+  const auto twice = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[[second_tool]]\nradius = 1\n", "t");
+  ASSERT_FALSE(twice.ok());
+  EXPECT_THAT(twice.error().message(), HasSubstr("second_tool"));
 }
 
 struct BadScene {

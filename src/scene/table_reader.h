@@ -21,6 +21,8 @@ class Problems {
 
   void add(int line, std::string what, std::string remedy);
   void add_missing(int line, std::string what, std::string remedy);
+  /// Those of a part that has keys of another one's names: each tells its table.
+  void add_from(const Problems& part, std::string_view heading);
   bool any() const { return wrong_.has_value() || missing_.has_value(); }
   /// The first one; only when any().
   const Error& first() const { return wrong_ ? wrong_->error : missing_->error; }

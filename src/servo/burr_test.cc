@@ -21,8 +21,8 @@ constexpr double kBurrRadius_mm = 2, kBurrTick_s = 1e-3;
 
 Model burr_model() {
   Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
-  model.tool.radius_mm = kBurrRadius_mm;
-  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
+  model.tools[0].radius_mm = kBurrRadius_mm;
+  model.tools[0].burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
   return model;
 }
 
@@ -73,7 +73,7 @@ TEST(BurrTick, AMotorThatIsOffLeavesABall) {
   LedSession off, ball;
   off.parameters.motor = false;
   Model without = *ball.model;
-  without.tool.burr.reset();
+  without.tools[0].burr.reset();
   ball.model = std::make_shared<const Model>(without);
   for (int n = 0; n < 200; ++n) {
     const Point<World> to = off.above(1 - 0.02 * n, 0.01 * n);
@@ -195,7 +195,7 @@ TEST(BurrTick, ThePedalRunsTheMotorAndNothingRunsItWithoutForce) {
   };
   LedSession pedal;
   Model trodden = *pedal.model;
-  trodden.tool.burr->pedal = 2;
+  trodden.tools[0].burr->pedal = 2;
   pedal.model = std::make_shared<const Model>(trodden);
   pedal.parameters.motor = false;
   EXPECT_FALSE(cuts(pedal));
@@ -343,9 +343,9 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   LedSession led;
   Model with_row = *led.model;
   // towards the handle, which is turned over to the side
-  with_row.tool.burr->spindle = Eigen::Vector3d(0, 0, 1);
-  with_row.tool.burr->length_mm = 5;
-  with_row.tool.burr->end_radius_mm = kBurrRadius_mm;
+  with_row.tools[0].burr->spindle = Eigen::Vector3d(0, 0, 1);
+  with_row.tools[0].burr->length_mm = 5;
+  with_row.tools[0].burr->end_radius_mm = kBurrRadius_mm;
   led.model = std::make_shared<const Model>(with_row);
   led.carving = std::make_shared<const Carving>(with_row);
   led.lead_to(led.above(0.2), 50);

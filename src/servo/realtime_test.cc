@@ -123,8 +123,8 @@ Model crowded_model() {
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
     model.surfaces.back().structure = 0;
   }
-  model.tool.points_mm = {{0, 0, 0}, {5, 0, 0}};
-  model.tool.capsules = {{{0, 5, 0}, {0, 5, 20}, 1}, {{0, 0, 0}, {0, 0, 40}, 0.5}};
+  model.tools[0].points_mm = {{0, 0, 0}, {5, 0, 0}};
+  model.tools[0].capsules = {{{0, 5, 0}, {0, 5, 20}, 1}, {{0, 0, 0}, {0, 0, 40}, 0.5}};
   return model;
 }
 
@@ -159,20 +159,23 @@ class Exercise {
   std::array<Wrench, 2> wrenches_;
 };
 
-// a burr that is led through bone, with versions that others carved from it
+// a burr that is led through bone beside another device's probe, with versions that others carved from it
 class BurrExercise {
  public:
   explicit BurrExercise(bool cone = false) {
     Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
-    model.tool.radius_mm = 2;
-    model.tool.burr = BurrSettings{};
+    model.tools[0].radius_mm = 2;
+    model.tools[0].burr = BurrSettings{};
     if (cone) {
-      model.tool.burr->length_mm = 5;
-      model.tool.burr->end_radius_mm = 2.6;
+      model.tools[0].burr->length_mm = 5;
+      model.tools[0].burr->end_radius_mm = 2.6;
     }
+    Tool& probe = model.tools.emplace_back();
+    probe.points_mm = {{0, 0, 0}, {3, 0, 0}};
+    probe.capsules = {{{0, 0, 0}, {0, 0, 40}, 1.5}};
     parameters_.method = ForceMethod::kProxy;
     parameters_.motor = true;
-    state_.hands[0].output.gain = 1;
+    state_.hands[0].output.gain = state_.hands[1].output.gain = 1;
     models_.push_back(std::make_shared<const Model>(model));
     auto carving = std::make_shared<const Carving>(model);
     while (models_.size() < 20) {
@@ -187,8 +190,9 @@ class BurrExercise {
     run(100);
     taken_mm3_ = state_.hands[0].burr.taken_mm3;
     state_ = {};
-    state_.hands[0].output.gain = 1;
+    state_.hands[0].output.gain = state_.hands[1].output.gain = 1;
     ticks_ = 0;
+    pressed_N_ = 0;
   }
   // the same again
   void run(int ticks) {
@@ -196,12 +200,17 @@ class BurrExercise {
       const std::size_t version =
           std::min<std::size_t>(static_cast<std::size_t>(ticks_ / 100), models_.size() - 1);
       const double turn = 2e-3 * ticks_;
-      device_.tip = models_[0]->X_WorldPatient *
-                    Point<Patient>(6 * std::sin(turn), 6 * std::cos(turn) - 6, 17.5 - 3e-3 * ticks_);
-      tick(*models_[version], parameters_, {&device_, 1}, 1e-3, state_, {&wrench_, 1}, record_);
+      devices_[0].tip = models_[0]->X_WorldPatient *
+                        Point<Patient>(6 * std::sin(turn), 6 * std::cos(turn) - 6, 17.5 - 3e-3 * ticks_);
+      devices_[1].tip =
+          models_[0]->X_WorldPatient * Point<Patient>(3 * std::sin(turn), -15.5 - 1.5 * std::cos(turn), 2);
+      tick(*models_[version], parameters_, devices_, 1e-3, state_, wrenches_, record_);
+      pressed_N_ = std::max(pressed_N_, wrenches_[1].force_N.norm());
     }
   }
   double taken_mm3() const { return state_.hands[0].burr.taken_mm3; }
+  /// The most that the probe was pressed with.
+  double pressed_N() const { return pressed_N_; }
   /// When its versions were made.
   double first_taken_mm3() const { return taken_mm3_; }
 
@@ -210,9 +219,10 @@ class BurrExercise {
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  DeviceState device_;
-  Wrench wrench_;
+  std::array<DeviceState, 2> devices_;
+  std::array<Wrench, 2> wrenches_;
   int ticks_ = 0;
+  double pressed_N_ = 0;
   double taken_mm3_ = 0;
 };
 
@@ -349,6 +359,7 @@ TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {
     EXPECT_EQ(locked_after - locked, 0);
     EXPECT_EQ(exercise.taken_mm3(), exercise.first_taken_mm3());
     EXPECT_GT(exercise.taken_mm3(), 2);
+    EXPECT_GT(exercise.pressed_N(), 0.5);
     BurrExercise again(cone);
     EXPECT_TRUE(runs_without_system_calls([&] { again.run(2000); }));
   }

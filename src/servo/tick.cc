@@ -134,9 +134,9 @@ MotorState motor_of(const TickContext& tick, const HandContext& context, bool sw
 // a stroke is from the first motor's start to the last one's stop
 void count_strokes(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices,
                    SessionState& state) {
-  const bool on = std::any_of(devices.begin(), devices.end(), [&](const DeviceState& device) {
-    return model.tool.motor_is_on(parameters.motor, device.buttons);
-  });
+  bool on = false;
+  for (std::size_t d = 0; d < devices.size(); ++d)
+    on = on || model.tool_of(d).motor_is_on(parameters.motor, devices[d].buttons);
   if (on && !state.motor_on) ++state.strokes;
   state.motor_on = on;
 }
@@ -168,7 +168,7 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     hand.asked = {};
     hand.proxy = {};
     // its stroke may end in this tick
-    if (model.tool.burr) hand.burr.closed = true;
+    if (model.tool_of(number).burr) hand.burr.closed = true;
     hand.held_directly = false;
     hand.coupling = {};
     hand.passivity = {};
@@ -178,8 +178,8 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     const Point<Patient> tip = tick.X_PatientWorld * device.tip;
     const Vector<Patient> way_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
     const bool jumped = (request.faults & kFlagJump) != 0;
-    const HandContext context{model.tool, own, device.R_WorldTool.normalized().toRotationMatrix(), tip,
-                              follow_tip(device, tip, tick.dt_s, jumped, hand)};
+    const HandContext context{model.tool_of(number), own, device.R_WorldTool.normalized().toRotationMatrix(),
+                              tip, follow_tip(device, tip, tick.dt_s, jumped, hand)};
     if (tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
       const ProxyChange change = begin_contact_anew(model, number, before, request, hand);
       const MotorState motor =

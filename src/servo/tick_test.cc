@@ -287,7 +287,7 @@ TEST(Tick, GainsMultiplyWhatTheDeviceIsSentAndTheLimitHoldsForIt) {
   one.parameters.max_force_N = two.parameters.max_force_N = 2;
   two.parameters.device[0].force_gain = 2;
   two.parameters.device[0].scale = 4;
-  one.model.tool.points_mm = two.model.tool.points_mm = {{0, 3, 0}};
+  one.model.tools[0].points_mm = two.model.tools[0].points_mm = {{0, 3, 0}};
   one.at(Point<World>(kBoneRadius_mm, -3, 0));
   two.at(Point<World>(kBoneRadius_mm, -3, 0));
   ASSERT_GT(one.wrench.torque_Nmm.norm(), 0.1);
@@ -1177,7 +1177,7 @@ TEST(Tick, ViscosityActsDeepInsideWhereTheNormalVanishes) {
 TEST(Tick, SeveralPointsGiveATorqueAboutTheTip) {
   TickedLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
-  loop.model.tool.points_mm = {{0, 0, 0}, {10, 0, 0}};
+  loop.model.tools[0].points_mm = {{0, 0, 0}, {10, 0, 0}};
   DeviceState device;
   // the second point, turned towards +y, touches the ball's top; the tip hangs free
   device.tip = Point<World>(0, kBoneRadius_mm + 10, 0);

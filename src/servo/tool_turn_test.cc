@@ -30,7 +30,7 @@ struct TurnedLoop {
     parameters.max_force_N = 1000;
     parameters.device[0].limits.slew_N_per_s = std::numeric_limits<double>::infinity();
     parameters.device[0].limits.peak_torque_Nmm = 1e6;
-    model.tool.points_mm = {{-kToolLever_mm, 0, 0}};
+    model.tools[0].points_mm = {{-kToolLever_mm, 0, 0}};
   }
   // turned so that the lever's end goes down
   void at(const Point<World>& tip, double angle_rad) {

@@ -113,8 +113,8 @@ TEST(BurrScene, AConeIsRecordedReplayedShownAndExported) {
   const test::TemporaryFolder folder;
   LoadedScene loaded = testing::loaded_burr();
   Model model = *loaded.model;
-  model.tool.burr->length_mm = 5;
-  model.tool.burr->end_radius_mm = 3;
+  model.tools[0].burr->length_mm = 5;
+  model.tools[0].burr->end_radius_mm = 3;
   loaded.model = std::make_shared<const Model>(std::move(model));
   const auto simulated = simulate(loaded, milling(), {}, folder / "run.h5");
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
@@ -144,10 +144,10 @@ TEST(BurrScene, AConeIsRecordedReplayedShownAndExported) {
   go_to(**opened, recording->ticks.back());
   EXPECT_EQ((*opened)->sweeps((*opened)->state().model_version, 0, sweeps.size() + 5), sweeps);
   const ViewedScene scene = (*opened)->scene();
-  EXPECT_EQ(scene.tool_burr, "cone");
-  ASSERT_EQ(scene.tool_capsules.size(), 1u);
-  EXPECT_EQ(scene.tool_capsules[0].to_mm, (std::array<double, 3>{5, 0, 0}));
-  EXPECT_EQ(scene.tool_capsules[0].end_radius_mm, 3);
+  EXPECT_EQ(scene.tools[0].burr, "cone");
+  ASSERT_EQ(scene.tools[0].capsules.size(), 1u);
+  EXPECT_EQ(scene.tools[0].capsules[0].to_mm, (std::array<double, 3>{5, 0, 0}));
+  EXPECT_EQ(scene.tools[0].capsules[0].end_radius_mm, 3);
 }
 
 TEST_F(BurrRun, ReplaysAsFarAsItWasWritten) {

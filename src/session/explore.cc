@@ -157,7 +157,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
 // passed over.
 Result<void> with_what_can_be_chosen(std::shared_ptr<const Model>& model, const Progress& progress) {
   for (const ForceMethodInfo& info : kForceMethods) {
-    if (model->tool.burr && info.method != ForceMethod::kProxy) continue;
+    if (model->cuts() && info.method != ForceMethod::kProxy) continue;
     auto ready = ready_for(model, {&info.method, 1}, progress);
     if (!ready && ready.error().kind == ErrorKind::kInterrupted) return ready.error();
     if (ready) model = *std::move(ready);

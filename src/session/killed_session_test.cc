@@ -124,7 +124,7 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
       kills, ticks, events, versions, strokes);
   EXPECT_GT(events, 0u);
   EXPECT_GT(versions, 0u);
-  EXPECT_EQ(sweeps > 0, loaded.model->tool.burr.has_value());
+  EXPECT_EQ(sweeps > 0, loaded.model->cuts());
 }
 
 // PALPATE_TEST_KILLS=50 is the whole campaign, of each

@@ -180,7 +180,7 @@ class Playback final : public ViewerHost {
     state.passivity = shown_.switches & kSwitchPassivity;
     state.paused = shown_.switches & kSwitchPaused;
     state.motor = shown_.switches & kSwitchMotor;
-    state.motor_is_on = motor_was_on(model_->tool, shown_);
+    state.motor_is_on = motor_was_on(*model_, shown_);
     state.max_force_N = shown_.max_force_N;
     state.rotation_wxyz = shown_.rotation_target_wxyz;
     state.model_version = shown_.model_version;
@@ -282,7 +282,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
 
   if (auto reckoned = reckon_gone(*model, progress, edits); !reckoned) return reckoned.error();
 
-  ViewedScene scene = viewed_scene(*model, modality);
+  ViewedScene scene = viewed_scene(*model, static_cast<std::size_t>(head.header.devices), modality);
   scene.recording = line.take();
   scene.device_name = head.header.device.empty() ? "recorded" : head.header.device;
   scene.input = "recording";

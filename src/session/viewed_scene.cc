@@ -58,9 +58,22 @@ const char* name_of(Protection protection) {
   return protection == Protection::kKeep ? "keep" : protection == Protection::kAlarm ? "alarm" : "none";
 }
 
+ViewedTool viewed_tool(const Tool& tool) {
+  const auto numbers = [](const Eigen::Vector3d& p) { return std::array{p.x(), p.y(), p.z()}; };
+  ViewedTool viewed{tool.name, tool.radius_mm, tool.burr.has_value(), burr_shape(tool), {}, {}};
+  for (const Eigen::Vector3d& point : tool.points_mm) viewed.points_mm.push_back(numbers(point));
+  for (const ToolCapsule& capsule : tool.capsules)
+    viewed.capsules.push_back(
+        {numbers(capsule.from_mm), numbers(capsule.to_mm), capsule.radius_mm, capsule.radius_mm});
+  if (const auto& burr = tool.burr; burr && burr->length_mm > 0)
+    viewed.capsules.push_back(
+        {{}, numbers(burr->spindle * burr->length_mm), tool.radius_mm, burr->end_radius_mm});
+  return viewed;
+}
+
 }  // namespace
 
-ViewedScene viewed_scene(const Model& model, Modality said) {
+ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said) {
   ViewedScene scene;
   scene.side = name_of(model.side, kSides);
   scene.oriented = model.oriented;
@@ -82,19 +95,7 @@ ViewedScene viewed_scene(const Model& model, Modality said) {
     scene.tissues.push_back({tissue.name, tissue.felt, colour_of(model, t), tissue.opacity, tissue.rests_on,
                              name_of(tissue.protection)});
   }
-  scene.tool_name = model.tool.name;
-  scene.tool_radius_mm = model.tool.radius_mm;
-  scene.tool_cuts = model.tool.burr.has_value();
-  for (const Eigen::Vector3d& point : model.tool.points_mm)
-    scene.tool_points_mm.push_back({point.x(), point.y(), point.z()});
-  const auto numbers = [](const Eigen::Vector3d& p) { return std::array{p.x(), p.y(), p.z()}; };
-  for (const ToolCapsule& capsule : model.tool.capsules)
-    scene.tool_capsules.push_back(
-        {numbers(capsule.from_mm), numbers(capsule.to_mm), capsule.radius_mm, capsule.radius_mm});
-  scene.tool_burr = burr_shape(model.tool);
-  if (const auto& burr = model.tool.burr; burr && burr->length_mm > 0)
-    scene.tool_capsules.push_back(
-        {{}, numbers(burr->spindle * burr->length_mm), model.tool.radius_mm, burr->end_radius_mm});
+  for (std::size_t d = 0; d < devices; ++d) scene.tools.push_back(viewed_tool(model.tool_of(d)));
   return scene;
 }
 

@@ -6,10 +6,11 @@
 
 namespace palpate {
 
-/// What a viewer shows of a model: volumes, structures, tissues, tool. What holds of a device and of what may
-/// be changed is left as it is by default.
+/// What a viewer shows of a model: volumes, structures, tissues, tools. What holds of a device and of what
+/// may be changed is left as it is by default.
+/// @param devices  of the session, at least one: each has its tool
 /// @param said  as the scene says it; unknown: what the scan's values tell
-ViewedScene viewed_scene(const Model& model, Modality said);
+ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said);
 
 /// The tissues as a model has them.
 std::vector<ViewedTissueState> viewed_tissues(const Model& model);

@@ -176,7 +176,7 @@ void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   loop_.store(&loop);
   const std::lock_guard lock(stop_mutex_);
   if (stopped_early_.load()) stop_told(loop, told_, stopped_by_);
-  if (parts_.model->tool.burr) cutter_ = std::thread([this] { cut_along(); });
+  if (parts_.model->cuts()) cutter_ = std::thread([this] { cut_along(); });
 }
 
 // ---- what viewers are told
@@ -188,10 +188,10 @@ const ViewedScene& ViewedSession::scene() const {
 
 ViewedScene ViewedSession::make_scene() const {
   const Model& model = *parts_.model;
-  ViewedScene scene = viewed_scene(model, parts_.modality);
+  ViewedScene scene = viewed_scene(model, parts_.devices.size(), parts_.modality);
   // what can be chosen, and how far
   for (const ForceMethodInfo& info : kForceMethods)
-    if (model.has(info.method) && !(model.tool.burr && info.method != ForceMethod::kProxy))
+    if (model.has(info.method) && !(model.cuts() && info.method != ForceMethod::kProxy))
       scene.methods.emplace_back(info.name);
   const DeviceInfo& device = parts_.devices.front();
   scene.device_name = device.name;
@@ -221,7 +221,9 @@ double ViewedSession::most_force_N() const {
 }
 
 // of what the tick felt: each tissue for itself by the proxy, all softer by one factor by the others
-double ViewedSession::felt_stiffness_N_per_mm(const DeviceTick& device, ForceMethod method) const {
+double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const {
+  const DeviceTick& device = tick.device[number];
+  const auto method = static_cast<ForceMethod>(tick.method);
   const Model &felt = *model_.felt, &made = *model_.made;
   const Tissue* tissue = felt.tissue_of(device.label);
   if (device.label == 0 || !tissue) return 0;
@@ -233,7 +235,7 @@ double ViewedSession::felt_stiffness_N_per_mm(const DeviceTick& device, ForceMet
   const double stiffest = felt.greatest_stiffness_N_per_mm();
   const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
   const double left = std::min(1.0, stiffest / made.greatest_stiffness_N_per_mm());
-  const double all_points = factor * stiffest * static_cast<double>(felt.tool.points_mm.size());
+  const double all_points = factor * stiffest * static_cast<double>(felt.tool_of(number).points_mm.size());
   return factor * own * left * std::min(1.0, most / all_points);
 }
 
@@ -243,9 +245,8 @@ TickRecord ViewedSession::snapshot(std::array<double, kMaxDevices>& stiffness_N_
   if (!loop) return {};
   const TickRecord tick = loop->snapshot();
   const std::lock_guard lock(mutex_);
-  for (int d = 0; d < tick.devices; ++d)
-    stiffness_N_per_mm[static_cast<std::size_t>(d)] = felt_stiffness_N_per_mm(
-        tick.device[static_cast<std::size_t>(d)], static_cast<ForceMethod>(tick.method));
+  for (std::size_t d = 0; d < static_cast<std::size_t>(tick.devices); ++d)
+    stiffness_N_per_mm[d] = felt_stiffness_N_per_mm(tick, d);
   return tick;
 }
 
@@ -275,7 +276,7 @@ ViewedState ViewedSession::state() const {
   state.passivity = now.passivity;
   state.paused = now.paused;
   state.motor = now.motor;
-  state.motor_is_on = loop ? motor_was_on(parts_.model->tool, loop->snapshot()) : false;
+  state.motor_is_on = loop ? motor_was_on(*parts_.model, loop->snapshot()) : false;
   {
     const std::lock_guard lock(stop_mutex_);
     state.stop = stop_that_holds();
@@ -317,19 +318,22 @@ double ViewedSession::highest_max_force_N() const {
 
 // ---- what is asked
 
+bool ViewedSession::cuts() const {
+  return std::ranges::any_of(scene().tools, &ViewedTool::cuts);
+}
+
 bool ViewedSession::can_feel(ForceMethod method) const {
   // what the direct methods read knows nothing of what a burr takes away
-  if (parts_.model->tool.burr && method != ForceMethod::kProxy) return false;
+  if (parts_.model->cuts() && method != ForceMethod::kProxy) return false;
   return model_.felt->has(method) &&
          (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
 }
 
 Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& /*now*/) const {
-  if (request.motor && !parts_.model->tool.burr) return bad("the scene's tool has no motor", "motor", "");
+  if (request.motor && !cuts()) return bad("no device has a tool with a motor", "motor", "");
   if (request.method) {
     const auto method = find_force_method(*request.method);
-    const bool burr = parts_.model->tool.burr.has_value();
-    if (!method || !parts_.model->has(*method) || (burr && *method != ForceMethod::kProxy))
+    if (!method || !parts_.model->has(*method) || (parts_.model->cuts() && *method != ForceMethod::kProxy))
       return bad("this session has no force method of that name", "method",
                  "the scene lists those that can be chosen");
     if (!can_feel(*method) && !can_make_fields(*model_.felt)) return made_for_others();
@@ -473,9 +477,9 @@ std::ptrdiff_t ViewedSession::strokes_left(StrokeAction action) const {
 }
 
 Result<void> ViewedSession::check(const LastStrokeRequest& request, const Parameters& now) const {
-  if (!parts_.model->tool.burr) return bad("the scene's tool does not cut", "", "");
+  if (!cuts()) return bad("no device has a tool that cuts", "", "");
   const ServoLoop& loop = *loop_.load();
-  if (now.motor || motor_was_on(parts_.model->tool, loop.snapshot()))
+  if (now.motor || motor_was_on(*parts_.model, loop.snapshot()))
     return refused("the motor runs, and the stroke is not over", "motor",
                    "switch the motor off, or let go of its pedal, first");
   if (loop.strokes() != request.strokes)
@@ -511,7 +515,7 @@ Result<void> ViewedSession::apply(const LastStrokeRequest& request, AskedBy by) 
 
 void ViewedSession::change_stroke_by_script(StrokeAction action) {
   ServoLoop* loop = loop_.load();
-  if (!loop || !parts_.model->tool.burr) return;
+  if (!loop || !parts_.model->cuts()) return;
   const std::lock_guard lock(mutex_);
   strokes_wanted_.push_back({action, {Asker::kScript}, loop->strokes()});
 }
@@ -531,7 +535,7 @@ void ViewedSession::cut_along() {
   while (!ending_.load()) try {
       std::this_thread::sleep_for(kCutPoll);
       // before what was swept is taken: of a stroke that was over by then that is all
-      const bool stroke_is_over = !motor_was_on(parts_.model->tool, loop.snapshot());
+      const bool stroke_is_over = !motor_was_on(*parts_.model, loop.snapshot());
       for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
         for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
       if (!cuts.empty()) cut(cuts, loop);
@@ -655,7 +659,7 @@ void ViewedSession::next_method() {
   const std::lock_guard lock(mutex_);
   const ForceMethod now = awaited_.value_or(loop->parameters().method);
   const auto possible = [&](ForceMethod method) {
-    if (parts_.model->tool.burr && method != ForceMethod::kProxy) return false;
+    if (parts_.model->cuts() && method != ForceMethod::kProxy) return false;
     return parts_.model->has(method) && (can_feel(method) || can_make_fields(*model_.felt));
   };
   ForceMethod next = next_of(now);

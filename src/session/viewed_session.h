@@ -146,7 +146,8 @@ class ViewedSession final : public ViewerHost {
   void stop(AskedBy by);
   Result<void> rearm(std::uint32_t stop, AskedBy by);
   Result<void> check_stiffness_change(double from_N_per_mm, double to_N_per_mm, ForceMethod method) const;
-  double felt_stiffness_N_per_mm(const DeviceTick& device, ForceMethod method) const;
+  bool cuts() const;
+  double felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const;
 
   const ViewedParts parts_;
   mutable std::once_flag scene_made_;

@@ -78,6 +78,7 @@ class Viewed : public ::testing::Test {
     model.title = "DOE^CANARY";
     model.side = Side::kLeft;
     model.scene_max_force_N = 5;
+    model.tools = tools_;
     model_ = std::make_shared<const Model>(std::move(model));
     workspace_ = workspace;
     driver_.emplace(simulated);
@@ -181,6 +182,7 @@ class Viewed : public ::testing::Test {
   bool asks_here_ = true;
   std::list<RecordingEvent> told_;
   decltype(ViewedParts::new_fields) new_fields_ = with_new_fields;
+  std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;
   WorkspaceSettings workspace_;
   std::optional<HeldDriver> driver_;
@@ -214,10 +216,22 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   EXPECT_EQ(X[1], (std::array{0.0, 0.0, 1.0, X[1][3]}));
   EXPECT_EQ(X[2], (std::array{0.0, -1.0, 0.0, X[2][3]}));
 
-  std::string words = scene.side + scene.modality + scene.tool_name + scene.device_name + scene.input;
+  std::string words = scene.side + scene.modality + scene.tools[0].name + scene.device_name + scene.input;
   for (const auto& structure : scene.structures) words += structure.name;
   for (const auto& tissue : scene.tissues) words += tissue.name;
   EXPECT_THAT(words, ::testing::Not(HasSubstr("CANARY")));
+}
+
+TEST_F(Viewed, ABurrThatNoDeviceHoldsHasNoMotor) {
+  tools_.emplace_back().burr = BurrSettings{};
+  start();
+  ASSERT_EQ(viewed_->scene().tools.size(), 1u) << "there is one device";
+  EXPECT_FALSE(viewed_->scene().tools[0].cuts);
+  SettingsRequest motor;
+  motor.motor = true;
+  const auto granted = viewed_->set(motor);
+  ASSERT_FALSE(granted.ok());
+  EXPECT_EQ(granted.error().where, "motor");
 }
 
 TEST_F(Viewed, OtherVoxelsAreAnotherHashAndAirIsCt) {

@@ -45,7 +45,7 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
                                      double delay_s, const Progress& progress) {
   const Tissue& stiffest = stiffest_of(model);
   const double one_point = felt_stiffness_N_per_mm(workspace, stiffest.stiffness_N_per_mm);
-  const double all_points = one_point * static_cast<double>(model.tool.points_mm.size());
+  const double all_points = one_point * static_cast<double>(model.tool_of(0).points_mm.size());
   HeldStiffness held;
   held.asked_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
   const double vouched = vouched_stiffness_N_per_mm(SimulatedDevice(device, PlantHand{}).info());

@@ -44,7 +44,7 @@ TEST(HeldStiffness, IsTheRecommendedOneWhereMoreIsAskedAndSaysSoWithTheNumbers) 
 TEST(HeldStiffness, PointsThatTouchTogetherAddUpButNotForTheProxy) {
   const PlantDevice premium = *find_plant_device("premium-1.5");
   Model model = *ball_of(1.5).model;
-  model.tool.points_mm.assign(4, Eigen::Vector3d::Zero());
+  model.tools[0].points_mm.assign(4, Eigen::Vector3d::Zero());
   const auto directly = held_stiffness(model, {}, ForceMethod::kTrilinear, premium, 1000, 0);
   const auto by_proxy = held_stiffness(model, {}, ForceMethod::kProxy, premium, 1000, 0);
   ASSERT_TRUE(directly.ok() && by_proxy.ok());

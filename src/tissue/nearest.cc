@@ -1,47 +1,50 @@
 #include "palpate/tissue/nearest.h"
 
 #include <algorithm>
-#include <array>
-#include <span>
 
 #include "palpate/tissue/feel.h"
 #include "tissue/swept_voxels.h"
 
 namespace palpate {
 
-bool motor_was_on(const Tool& tool, const TickRecord& tick) {
+bool motor_was_on(const Model& model, const TickRecord& tick) {
   const bool switched_on = (tick.switches & kSwitchMotor) != 0;
-  return std::ranges::any_of(
-      std::span(tick.device).first(static_cast<std::size_t>(tick.devices)),
-      [&](const DeviceTick& device) { return tool.motor_is_on(switched_on, device.buttons); });
+  for (std::size_t d = 0; d < static_cast<std::size_t>(tick.devices); ++d)
+    if (model.tool_of(d).motor_is_on(switched_on, tick.device[d].buttons)) return true;
+  return false;
 }
 
 NearestMeter::NearestMeter(const Model& model)
-    : tool_(model.tool), X_WorldPatient_(model.X_WorldPatient), protected_(model.protected_structures) {}
+    : X_WorldPatient_(model.X_WorldPatient), protected_(model.protected_structures) {
+  for (std::size_t d = 0; d < kMaxDevices; ++d) tools_[d] = model.tool_of(d);
+}
 
 void NearestMeter::see(const TickRecord& tick) {
-  if (protected_.empty() || !motor_was_on(tool_, tick)) return;
+  if (protected_.empty()) return;
+  const bool switched_on = (tick.switches & kSwitchMotor) != 0;
   // without force it stands still, and where no proxy is held nobody knows where it would be
   constexpr std::uint32_t kStill = kFaultFlags | kFlagPaused | kFlagClutched | kFlagRamp | kFlagInside;
-  for (int d = 0; d < tick.devices; ++d) {
-    const DeviceTick& device = tick.device[static_cast<std::size_t>(d)];
+  for (std::size_t d = 0; d < static_cast<std::size_t>(tick.devices); ++d) {
+    const DeviceTick& device = tick.device[d];
+    const Tool& tool = tools_[d];
+    if (!tool.motor_is_on(switched_on, device.buttons)) continue;
     if ((device.flags & kStill) != 0 || device.age_s >= kCuttingFeel.motor_stops_s) continue;
     const Point<Patient> at(device.proxy_patient_mm[0], device.proxy_patient_mm[1],
                             device.proxy_patient_mm[2]);
-    const Sweep head{at, at, tool_.radius_mm, 0, row_mm(tick, device), tool_.burr->end_radius_mm};
+    const Sweep head{at, at, tool.radius_mm, 0, row_mm(*tool.burr, tick, device), tool.burr->end_radius_mm};
     if (head.is_of_ball())
-      for (const ProtectedStructure& structure : protected_) see(at, tool_.radius_mm, structure);
+      for (const ProtectedStructure& structure : protected_) see(at, tool.radius_mm, structure);
     else
       see(head);
   }
 }
 
 // as the hand turned it, in the object as it was turned
-Vector<Patient> NearestMeter::row_mm(const TickRecord& tick, const DeviceTick& device) const {
+Vector<Patient> NearestMeter::row_mm(const BurrSettings& burr, const TickRecord& tick,
+                                     const DeviceTick& device) const {
   const auto quaternion = [](const std::array<double, 4>& wxyz) {
     return Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).normalized();
   };
-  const BurrSettings& burr = *tool_.burr;
   if (!(burr.length_mm > 0)) return {};
   const Eigen::Vector3d in_world = quaternion(device.orientation_wxyz) * burr.spindle;
   const Vector<World> unturned(quaternion(tick.rotation_felt_wxyz).conjugate() * in_world);

@@ -19,8 +19,8 @@ Model spared_below() {
   const auto above = [](const Eigen::Vector3d& p) { return p.z(); };
   model.protected_structures = {
       {kBone, testing::surface_to_carve(11, Eigen::Vector3d::Constant(0.5), above), false}};
-  model.tool.radius_mm = 2;
-  model.tool.burr = BurrSettings{.pedal = 3};
+  model.tools[0].radius_mm = 2;
+  model.tools[0].burr = BurrSettings{.pedal = 3};
   return model;
 }
 
@@ -48,7 +48,7 @@ TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
   TickRecord tick = held_at(3);
   meter.see(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 1, 0.01);
-  // every device has a burr, where there are several
+  // every device has the burr, where there are several
   tick = held_at(3.5);
   tick.devices = 2;
   tick.device[1].proxy_patient_mm = {0, 0, 2.25};
@@ -60,11 +60,41 @@ TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
   EXPECT_EQ(other.nearest_mm(), meter.nearest_mm());
 }
 
+TEST(NearestMeter, CountsDevicesWhoseToolCutsAndWhoseMotorIsOn) {
+  Model model = spared_below();
+  Tool& second = model.tools.emplace_back();
+  second.radius_mm = 2;
+  TickRecord tick = held_at(3.5);
+  tick.devices = 2;
+  tick.device[1].proxy_patient_mm = {0, 0, 2.25};
+  NearestMeter beside_probe(model);
+  beside_probe.see(tick);
+  EXPECT_NEAR(beside_probe.nearest_mm().at(kBone), 1.5, 0.01) << "a probe comes as near as it likes";
+  // each with its own head and its own pedal
+  second.burr = BurrSettings{.pedal = 5};
+  second.radius_mm = 1;
+  NearestMeter beside_burr(model);
+  tick.switches = 0;
+  tick.device[0].buttons = 1u << 3;
+  EXPECT_TRUE(motor_was_on(model, tick));
+  beside_burr.see(tick);
+  EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.5, 0.01);
+  tick.device[1].buttons = 1u << 3;
+  beside_burr.see(tick);
+  EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.5, 0.01) << "the first one's pedal is not its own";
+  tick.device[0].buttons = 0;
+  EXPECT_FALSE(motor_was_on(model, tick));
+  tick.device[1].buttons = 1u << 5;
+  EXPECT_TRUE(motor_was_on(model, tick));
+  beside_burr.see(tick);
+  EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.25, 0.01);
+}
+
 TEST(NearestMeter, CountsAllOfACylinder) {
   Model model = spared_below();
-  model.tool.burr->spindle = Eigen::Vector3d(0, 0, 1);
-  model.tool.burr->length_mm = 5;
-  model.tool.burr->end_radius_mm = 1;
+  model.tools[0].burr->spindle = Eigen::Vector3d(0, 0, 1);
+  model.tools[0].burr->length_mm = 5;
+  model.tools[0].burr->end_radius_mm = 1;
   NearestMeter meter(model);
   TickRecord tick = held_at(7.5);
   // with its far end down, in the patient, however the object is turned
@@ -105,10 +135,10 @@ TEST(NearestMeter, CountsOnlyABurrThatTurns) {
   tick = held_at(2);
   tick.switches = 0;
   tick.device[0].buttons = 1u << 3;
-  EXPECT_TRUE(motor_was_on(model.tool, tick)) << "by its pedal";
+  EXPECT_TRUE(motor_was_on(model, tick)) << "by its pedal";
   meter.see(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0, 0.01);
-  EXPECT_FALSE(motor_was_on(Tool{}, held_at(2))) << "a tool without a motor";
+  EXPECT_FALSE(motor_was_on(Model(), held_at(2))) << "a tool without a motor";
 }
 
 }  // namespace

@@ -22,8 +22,8 @@ Result<Model> wall_for_burr(const Progress& progress) {
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
   Model model = **wall;
-  model.tool.radius_mm = kPlantsBurr_mm;
-  model.tool.burr = BurrSettings{.spindle = Eigen::Vector3d(0, 1, 0)};
+  model.tools[0].radius_mm = kPlantsBurr_mm;
+  model.tools[0].burr = BurrSettings{.spindle = Eigen::Vector3d(0, 1, 0)};
   return model;
 }
 

@@ -164,7 +164,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   RandomHand random_hand(exploration.seed, exploration.flat);
   PressingHand pressing_hand(
       kPressed_N * (1 / exploration.stiffness_N_per_mm + 1e3 / exploration.hand.stiffness_N_per_m) -
-      ball.tool.radius_mm);
+      ball.tools[0].radius_mm);
   std::mt19937_64 unpunctual(exploration.seed + 2);
   std::mt19937_64 random(exploration.seed + 1);
   const auto on_device = [&](const Point<Patient>& at) {

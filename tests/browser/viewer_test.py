@@ -2432,6 +2432,42 @@ class WithShaft(Viewer):
         self.assertGreater(points["seen"], 200)
 
 
+class WithTwoTools(Viewer):
+    """The mock's with a second device, which holds a ball of 4 mm radius on a shaft of 30 mm still."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("script", extra=["--second", "yes"]).__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.scene = cls.server.scene()
+        cls.open_browser()
+
+    def test_each_device_is_drawn_with_its_own_tool(self):
+        self.assertEqual(self.scene["tools"][0], self.scene["tool"])
+        self.assertEqual(self.page.run("return palpateViewer.pose.devices.map(({ number }) => number)"), [0, 1])
+        told = self.page.run("return document.getElementById('device').textContent")
+        self.assertIn("probe tool · ball tool", told)
+        # where the first one, its force and its trail are not
+        drawn = self.page.run("""
+            palpateViewer.draw();
+            const [first, second] = palpateViewer.pose.devices, { right, down } = palpateViewer.plane("oblique");
+            const sum = (...parts) => [0, 1, 2].map((i) => parts.reduce((all, [share, v]) => all + share * v[i], 0));
+            const around = (mm) => Array.from({ length: 24 }, (_, n) => (n * Math.PI) / 12)
+              .map((turn) => sum([1, second.tip], [mm * Math.cos(turn), right], [mm * Math.sin(turn), down]));
+            const [from, to] = palpateViewer.pixelsOverVolume([second.tip, sum([1, second.tip], [30, arguments[0]])]);
+            const drawn = palpateViewer.drawnOver("oblique", [...around(4), ...around(7)]);
+            return { at: second.tip, ring: drawn.slice(0, 24), farther: drawn.slice(24), shaft: [from, to], over: palpateViewer.drawnOverVolume() };
+            """, numpy.array(self.scene["world_from_patient"])[2, :3].tolist())
+        self.assertEqual(drawn["at"], [20, -52, 20])
+        self.assertGreater(min(drawn["ring"]), 60, drawn["ring"])
+        # a shaft, and what the first one has left behind it, and no ring
+        self.assertLess(sorted(drawn["farther"])[6], 60, drawn["farther"])
+        over = drawn["over"]
+        alpha = numpy.frombuffer(base64.b64decode(over["rgba"]), numpy.uint8).reshape(over["height"], over["width"], 4)[..., 3]
+        x, y = numpy.mean(drawn["shaft"], 0).astype(int)
+        self.assertGreater(alpha[y - 3:y + 4, x - 3:x + 4].max(), 60, "its shaft in the volume")
+
+
 class WithBurr(Viewer):
     """The mock's with a tool that cuts away 3 mm around the middle of the first structure when its motor is switched on, and 7 mm above the next time."""
 

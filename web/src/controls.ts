@@ -10,7 +10,7 @@ import { keep, recall } from "./kept.js";
 import { onLanguage } from "./language.js";
 import { Plot } from "./plots.js";
 import { refusalText, type Requests } from "./requests.js";
-import { CT_PRESETS, type Scene, type State } from "./scene.js";
+import { CT_PRESETS, type HeldTool, type Scene, type State } from "./scene.js";
 import { readable, PAGE_KEY, type KeptPage, type Layout, type Session, type Slab, type Tool, type Window } from "./session.js";
 import { StructuresPanel } from "./structures_panel.js";
 import { nextTheme } from "./theme.js";
@@ -266,7 +266,7 @@ export class Controls {
     document.title = words.title(words.sideInTitle[scene.side]);
     write(byId("side"), words.side[scene.side]);
     write(byId("modality"), words.modality[scene.modality] + (scene.oriented ? "" : ` · ${words.orientationUnknown}`));
-    write(byId("device"), `${scene.device.name} · ${words.mover[scene.device.input]} · ${words.toolNamed(scene.tool.name)}${scene.tool.burr ? ` · ${words.burr[scene.tool.burr]}` : ""}`);
+    write(byId("device"), `${scene.device.name} · ${words.mover[scene.device.input]} · ${[...new Set(scene.tools.map(toolText))].join(" · ")}`);
     write(byId("scan-steps"), scene.volume.scan ? stepsText(scene.volume.scan.scale) : "");
     const presets: Preset[] = ["percentiles", "all", ...(scene.modality === "ct" ? (Object.keys(CT_PRESETS) as Preset[]) : [])];
     offer("preset", presets, words.presets);
@@ -276,7 +276,7 @@ export class Controls {
   showScene(scene: Scene): void {
     this.nameScene(scene);
     byId("side").classList.toggle("warn", scene.side === "unknown");
-    byId("motor").hidden = byId("strokes").hidden = !scene.tool.cuts;
+    byId("motor").hidden = byId("strokes").hidden = !scene.tools.some(({ cuts }) => cuts);
     write(byId("version"), `palpate ${scene.palpate}`);
     byId<HTMLSelectElement>("method").replaceChildren(...scene.methods.map((name) => new Option(readable(name), name)));
     const limit = byId<HTMLInputElement>("limit");
@@ -475,6 +475,8 @@ export const complain = (error: unknown): void => toast((error as Error).message
 const withKeys = (text: string): (Node | string)[] => text.split("`").map((part, n) => (n % 2 === 1 ? element("kbd", {}, part) : part));
 
 /** The same choice in other words, or other choices. */
+const toolText = ({ name, burr }: HeldTool): string => words.toolNamed(name) + (burr ? ` · ${words.burr[burr]}` : "");
+
 function offer<Name extends string>(id: string, names: Name[], said: Record<Name, string>): void {
   const select = byId<HTMLSelectElement>(id);
   const chosen = select.value;

@@ -137,8 +137,9 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
   const { context, ratio } = frame;
   const pose = session.pose!;
   const shown = session.toolAt(device);
+  const { radius_mm: tip_mm, capsules } = session.heldBy(device);
   const [tool, hand] = [projection.pixel(shown), projection.pixel(device.tip)];
-  const radius = Math.max(5 * ratio, (session.scene?.tool.radius_mm ?? 0) * projection.pixelsPerMm(shown));
+  const radius = Math.max(5 * ratio, tip_mm * projection.pixelsPerMm(shown));
   const colour = session.isFresh ? TOOL : GREY;
   context.save();
   context.globalAlpha = 0.35 + 0.65 * projection.clearness(shown);
@@ -150,7 +151,7 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     ring(frame, hand, 3.5 * ratio, 3, "rgba(6, 9, 11, 0.6)");
     ring(frame, hand, 3.5 * ratio, 1.3, "rgba(238, 243, 245, 0.75)");
   }
-  for (const { from_mm, to_mm, radius_mm, end_radius_mm } of session.scene?.tool.capsules ?? []) {
+  for (const { from_mm, to_mm, radius_mm, end_radius_mm } of capsules) {
     const place = (end: Vec3) => add(shown, session.toPatient(pose, rotate(device.orientation, end)));
     if (projection.capsule) {
       projection.capsule(place(from_mm), place(to_mm), [radius_mm, end_radius_mm], colour);

@@ -23,6 +23,8 @@ export interface Tissue {
 }
 /** A long part of the tool: from one end of its axis to the other, in the tool's own frame, and its radii there. */
 export interface Capsule { from_mm: Vec3; to_mm: Vec3; radius_mm: number; end_radius_mm: number }
+/** What a device holds. */
+export interface HeldTool { name: string; radius_mm: number; cuts: boolean; burr: "ball" | "cylinder" | "cone" | null; points_mm: Vec3[]; capsules: Capsule[] }
 export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "dynamic_friction" | "viscosity_N_s_per_mm">;
 
 export interface Scene {
@@ -42,7 +44,7 @@ export interface Scene {
   world_from_patient: Affine;
   structures: Structure[];
   tissues: Tissue[];
-  tool: { name: string; radius_mm: number; cuts: boolean; burr: "ball" | "cylinder" | "cone" | null; points_mm: Vec3[]; capsules: Capsule[] };
+  tools: HeldTool[]; // of each device
   methods: string[];
   device: {
     name: string;

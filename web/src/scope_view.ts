@@ -173,16 +173,18 @@ export class ScopeView {
       context.fill();
     }
     context.clip();
-    if (device && (scope.isFree || scope.back_mm > 0)) {
+    for (const each of session.drawn) {
+      // the camera is at the first one's tip
+      if (each.number === 0 && !scope.isFree && scope.back_mm === 0) continue;
       const depth = (p: Vec3) => Math.max(dot(sub(p, eye), forward), 0.01);
       const pixelsPerMm = (p: Vec3) => radius / TANGENT / depth(p);
-      const tool = session.toolAt(device);
+      const tool = session.toolAt(each);
       if (dot(sub(tool, eye), forward) > NEAREST_MM) {
-        drawTool(frame, session, device, {
+        drawTool(frame, session, each, {
           pixel: (p) => [x + dot(sub(p, eye), right) * pixelsPerMm(p), y - dot(sub(p, eye), up) * pixelsPerMm(p)],
           direction: (v) => [dot(v, right), -dot(v, up)],
           pixelsPerMm,
-          clearness: (p) => (seen.found.hides(p, session.scene!.tool.radius_mm + 1.5 * session.volumes!.voxelSize) ? 0.45 : 1),
+          clearness: (p) => (seen.found.hides(p, session.heldBy(each).radius_mm + 1.5 * session.volumes!.voxelSize) ? 0.45 : 1),
         });
       }
     }

@@ -208,7 +208,7 @@ export class SectionView {
     };
     if (device) {
       drawTrail(frame, session, projection);
-      drawTool(frame, session, device, projection);
+      for (const each of session.drawn) drawTool(frame, session, each, projection);
       if (this.kind === "oblique") {
         say(touchedText(session, device), session.isFresh ? "#eef3f5" : "#a4adb3");
         if (session.scene.device.input === "pointer") drawForceBar(frame, session, device);

@@ -4,7 +4,7 @@ import { rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from 
 import type { Bookmark } from "./bookmarks.js";
 import { keep, recall, recallScene } from "./kept.js";
 import { looksOf, restored, type KeptLooks } from "./looks.js";
-import { showsTheSame, type Rgb, type Scene, type State, type Volumes } from "./scene.js";
+import { showsTheSame, type HeldTool, type Rgb, type Scene, type State, type Volumes } from "./scene.js";
 import type { DevicePose, Pose } from "./wire.js";
 import { Flag } from "./wire.js";
 import { words } from "./words.js";
@@ -112,6 +112,14 @@ export class Session {
   /** Where the tool is drawn: held at the surface while it touches. */
   toolAt(device: DevicePose): Vec3 {
     return device.flags & Flag.contact && !(device.flags & Flag.inside) ? device.proxy : device.tip;
+  }
+  /** The devices of the pose as they are drawn: the first one over the others. */
+  get drawn(): DevicePose[] {
+    return [...(this.pose?.devices ?? [])].reverse();
+  }
+  /** What a device holds. */
+  heldBy({ number }: DevicePose): HeldTool {
+    return this.scene!.tools[number]!;
   }
   /** What the pose says of World, in the patient as the object stands in that pose. */
   toPatient(pose: Pose, world: Vec3): Vec3 {

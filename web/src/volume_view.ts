@@ -198,10 +198,6 @@ export class VolumeView {
   pixelOf(p: Vec3): [number, number] {
     return this.projection().pixel(p);
   }
-  /** The tool lies at surfaces, and those of the picture are smooth. */
-  private get slack_mm(): number {
-    return this.session.scene!.tool.radius_mm + 1.5 * this.session.volumes!.voxelSize;
-  }
   private readonly isFelt = (p: Vec3): boolean => {
     const { scene, volumes } = this.session;
     const place = volumes!.structureAt(p);
@@ -213,12 +209,14 @@ export class VolumeView {
     const { session } = this;
     const frame = this.picture.frame();
     const tool = session.toolAt(device);
-    const { radius_mm } = session.scene!.tool;
+    const { radius_mm } = session.heldBy(device);
+    // it lies at surfaces, and those of the picture are smooth
+    const slack_mm = radius_mm + 1.5 * session.volumes!.voxelSize;
     const ground = device.flags & (Flag.contact | Flag.inside) ? null : this.ground!.below(tool, this.isFelt);
     if (ground && ground.height_mm > radius_mm) drawHeight(frame, projection, tool, ground, radius_mm);
     drawTool(frame, session, device, {
       ...projection,
-      clearness: () => (projection.hides(tool, this.slack_mm) ? 0.45 : 1),
+      clearness: () => (projection.hides(tool, slack_mm) ? 0.45 : 1),
       capsule: (from, to, radii_mm, colour) => drawShaft(frame, projection, from, to, radii_mm, colour, 1.5 * session.volumes!.voxelSize),
     });
   }
@@ -232,7 +230,7 @@ export class VolumeView {
     if (device) {
       for (const { plane, colour } of this.showsPlanes ? this.planes() : []) drawPlane(frame, projection, boxSection(plane, session.volumes!), colour);
       drawTrail(frame, session, projection);
-      this.drawToolIn(projection, device);
+      for (const each of session.drawn) this.drawToolIn(projection, each);
       text(frame, touchedText(session, device), 12 * frame.ratio, 40 * frame.ratio, 12, session.isFresh ? "#eef3f5" : "#a4adb3", "left", "top");
       if (session.scene!.device.input === "pointer") drawForceBar(frame, session, device);
     }

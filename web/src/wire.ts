@@ -48,6 +48,7 @@ export interface Contact {
 }
 
 export interface DevicePose {
+  number: number; // of the session's devices, 0 the first
   tip: Vec3; // patient
   proxy: Vec3; // patient; the tip by a direct method
   normal: Vec3; // patient, outward; zero in free space
@@ -111,6 +112,7 @@ export function decodePose(message: ArrayBuffer): Pose {
   for (let i = 0; i < count; i++) {
     const at = HEAD_BYTES + i * DEVICE_BYTES;
     devices.push({
+      number: i,
       tip: vec3(at),
       proxy: vec3(at + 12),
       normal: vec3(at + 24),

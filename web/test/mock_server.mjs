@@ -3,7 +3,7 @@
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 //                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1] [--hold no]
-//                                    [--shaft no] [--tool probe] [--burr ball]
+//                                    [--shaft no] [--tool probe] [--burr ball] [--second no]
 //
 // --protocol is another version of what is spoken, --refuse the answer to all of /api/ and /ws.
 // "ramp" is a scan of 16 bits without a sign, most of whose values lie in 1/256 of them, on a grid whose axes are swapped, mirrored and tilted.
@@ -11,6 +11,7 @@
 // --shaft yes gives the tool one of 40 mm, as it has with the ramp. --tool burr gives it a motor: each time that is
 // switched on, a stroke cuts away 3 mm around a way of 2 mm, the first from the middle of the first structure, the next 7 mm above it;
 // with --burr cylinder or cone 1 mm there, and up from it 6 mm of that, or up to 2.5 mm.
+// --second yes gives a second device, which holds a ball of 4 mm radius on a shaft still, 20 mm to the left of where the first begins.
 // --more 108 adds so many structures to the list, which have no voxel.
 // --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
 // when each stop came, in ms since 1970. --hold yes: volumes come when somebody has asked for /mock/release.
@@ -22,7 +23,7 @@ import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe", burr: "ball" };
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe", burr: "ball", second: "no" };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
@@ -127,6 +128,8 @@ const tissues = [
   { name: "cartilage", felt: true, protection: "none", colour: [96, 178, 214], opacity: 1, ...feel(0.8), rests_on: [0] },
   { name: "meniscus", felt: true, protection: "none", colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
 ];
+const tool = { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", burr: options.tool === "burr" ? options.burr : null, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3, end_radius_mm: 3 }] : options.tool === "burr" && options.burr !== "ball" ? [{ from_mm: [0, 0, 0], to_mm: HEAD, radius_mm: 1, end_radius_mm: END_RADIUS }] : [] };
+const second = options.second === "yes" ? [{ name: "ball", radius_mm: 4, cuts: false, burr: null, points_mm: [[0, 0, 0]], capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 30], radius_mm: 2, end_radius_mm: 2 }], tip: [20, -52, 20] }] : [];
 const scene = (role) => ({
   protocol, palpate: "0.0.0-mock", role, side: "left", oriented: true, modality: "mr",
   volume: { hash, dims: servedDims, patient_from_voxel: X_PatientServed, scan: isRamp ? { scale: 1, offset: 32768, window: [1000, 1255], range: [0, 65535] } : { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] }, labels: { type: "uint8" } },
@@ -134,7 +137,7 @@ const scene = (role) => ({
   world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
   structures: [...structures.map(({ shape, ...seen }) => seen), ...more],
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
-  tool: { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", burr: options.tool === "burr" ? options.burr : null, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3, end_radius_mm: 3 }] : options.tool === "burr" && options.burr !== "ball" ? [{ from_mm: [0, 0, 0], to_mm: HEAD, radius_mm: 1, end_radius_mm: END_RADIUS }] : [] },
+  tool, tools: [tool, ...second.map(({ tip, ...held }) => held)],
   methods: ["proxy", "trilinear"],
   device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
             peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
@@ -253,7 +256,7 @@ function pose() {
   const speed = Math.hypot(...sub(tip, before)) * 60;
   before = tip;
 
-  const bytes = Buffer.alloc(96 + 296);
+  const bytes = Buffer.alloc(96 + 296 * (1 + second.length));
   bytes.write("PLPT", 0);
   bytes.writeUInt16LE(protocol, 4);
   bytes.writeUInt16LE(bytes.length, 6);
@@ -264,7 +267,7 @@ function pose() {
   bytes.writeUInt32LE(state.model_version, 40);
   bytes[44] = state.method === "proxy" ? 5 : 0;
   bytes[45] = (state.friction ? 1 : 0) | (state.viscosity ? 2 : 0) | (state.paused ? 4 : 0) | (state.emergency_stop ? 8 : 0) | (state.passivity ? 16 : 0);
-  bytes[46] = 1;
+  bytes[46] = 1 + second.length;
   const floats = (at, values) => values.forEach((value, i) => bytes.writeFloatLE(value, at + 4 * i));
   floats(48, felt);
   floats(64, [999.6 + Math.random(), 18 + 3 * Math.random(), 44 + 12 * Math.random(), 190, 0.8]);
@@ -277,6 +280,7 @@ function pose() {
     bytes.writeUInt16LE(label, 96 + 176);
     floats(96 + 180, [...(out?.q ?? tip), asked]);
   }
+  second.forEach((held, n) => floats(96 + 296 * (n + 1), [...held.tip, ...held.tip, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, limit, 0, NaN, 0, 0]));
   return bytes;
 }
 

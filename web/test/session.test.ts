@@ -31,6 +31,18 @@ test("what is touched is felt as long as there is a force, or nothing withholds 
   assert.deepEqual(contact(-9, 0, Flag.outside), { label: 0, words: "outside the volume" });
 });
 
+test("each device has its own tool, and the first is drawn over the others", () => {
+  const made = session();
+  const [ball, burr] = [{ name: "ball", cuts: false }, { name: "drill", cuts: true }];
+  made.scene = { ...made.scene!, tools: [ball, burr] } as Scene;
+  const devices = [0, 1].map((number) => ({ ...device(number, 0, 0, [0, 0, 0]), number }));
+  assert.deepEqual(made.drawn, [], "without a pose");
+  made.setPose({ time: 1, devices } as unknown as Pose);
+  assert.deepEqual(made.drawn.map(({ number }) => number), [1, 0]);
+  assert.deepEqual(devices.map((one) => made.heldBy(one)), [ball, burr]);
+  assert.deepEqual(made.pose!.devices, devices, "which stay in their order");
+});
+
 test("a recording that rests leaves no trail", () => {
   const made = session();
   const at = (time: number) => made.setPose({ time, devices: [device(3, 0, 0, [0, 0, 0])] } as unknown as Pose);

@@ -5,7 +5,7 @@ import { whyText } from "../src/why.js";
 
 /** Half a millimetre deep in a wall of 2 N/mm that faces up. */
 const pressed = (other: Partial<DevicePose> = {}): DevicePose => ({
-  tip: [0, 0, -0.5], proxy: [0, 0, 0], normal: [0, 0, 1], orientation: [1, 0, 0, 0], force: [0, 0, 1], askedForce: 1, forceLimit: 3,
+  number: 0, tip: [0, 0, -0.5], proxy: [0, 0, 0], normal: [0, 0, 1], orientation: [1, 0, 0, 0], force: [0, 0, 1], askedForce: 1, forceLimit: 3,
   heat: 0, depth: 0.5, speed: 0, stiffness: 2, flags: Flag.contact, buttons: 0, label: 1,
   felt: [{ label: 1, depth: 0.5, share: 1 }], contacts: [], ...other,
 });

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -98,7 +99,7 @@ struct Model {
   /// So many of the versions up to this one were local edits, which took away or put back and changed nothing
   /// else: their forces are not blended in, and what they left alone is felt on as if there had been none.
   std::uint32_t edits = 0;
-  std::uint64_t content_hash = 0;  ///< of field, labels, tissues, tool, limits and the methods' settings
+  std::uint64_t content_hash = 0;  ///< of field, labels, tissues, tools, limits and the methods' settings
   std::uint64_t uncut_hash = 0;    ///< what it would be with nothing taken away
   std::string title;
   Side side = Side::kUnknown;
@@ -136,13 +137,21 @@ struct Model {
   /// How far to look for the structure that is felt at a place, and for its surface: a smoothed field is felt
   /// that far from it, ramps only inside, at most that deep.
   double reach_mm = 5.0;
-  Tool tool;
+  /// What the first device of a session holds, what the second holds, and so on: at least one.
+  std::vector<Tool> tools{Tool()};
   double scene_max_force_N = std::numeric_limits<double>::infinity();  ///< infinite: the scene sets none
   /// Where the patient lies in the workspace when the object is not rotated: the volume's centre at
   /// World's origin, patient supine, seen from the feet (right = patient's left, forward = superior,
   /// up = anterior).
   Transform<World, Patient> X_WorldPatient;
 
+  /// What a device of a session holds, 0 the first. Beyond the last of the tools it holds what the first
+  /// does.
+  const Tool& tool_of(std::size_t device) const { return tools[device < tools.size() ? device : 0]; }
+  /// Whether any of the tools takes tissue away.
+  bool cuts() const {
+    return std::any_of(tools.begin(), tools.end(), [](const Tool& tool) { return tool.burr.has_value(); });
+  }
   const Segment* find(const std::string& name) const;
   const Segment* find(LabelId id) const;
   /// The tissue of a label, or nullptr when it belongs to none.

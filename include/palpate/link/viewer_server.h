@@ -66,6 +66,20 @@ struct ViewedRecording {
   std::vector<double> force_N;  ///< greatest force of any device in each of equally many ticks
 };
 
+/// What a device holds.
+struct ViewedTool {
+  std::string name;
+  double radius_mm = 0;
+  bool cuts = false;  ///< it has a motor
+  std::string burr;   ///< the shape of its head: "ball", "cylinder", "cone"; empty: it is no burr
+  std::vector<std::array<double, 3>> points_mm;
+  struct Capsule {
+    std::array<double, 3> from_mm, to_mm;     ///< ends of its axis, in the tip's frame
+    double radius_mm = 0, end_radius_mm = 0;  ///< where it begins and ends; between them it changes evenly
+  };
+  std::vector<Capsule> capsules;  ///< the head of a burr that is no ball is one
+};
+
 struct ViewedScene {
   std::string side = "unknown";  ///< "left", "right", "both", "unknown"
   bool oriented = true;
@@ -78,17 +92,8 @@ struct ViewedScene {
   std::array<std::array<double, 4>, 4> world_from_patient{};
   std::vector<ViewedStructure> structures;
   std::vector<ViewedTissue> tissues;
-  std::string tool_name;
-  double tool_radius_mm = 0;
-  bool tool_cuts = false;  ///< it has a motor
-  std::string tool_burr;   ///< the shape of its head: "ball", "cylinder", "cone"; empty: it is no burr
-  std::vector<std::array<double, 3>> tool_points_mm;
-  struct Capsule {
-    std::array<double, 3> from_mm, to_mm;     ///< ends of its axis, in the tip's frame
-    double radius_mm = 0, end_radius_mm = 0;  ///< where it begins and ends; between them it changes evenly
-  };
-  std::vector<Capsule> tool_capsules;  ///< the head of a burr that is no ball is one
-  std::vector<std::string> methods;    ///< that can be chosen
+  std::vector<ViewedTool> tools;     ///< of each device, never none
+  std::vector<std::string> methods;  ///< that can be chosen
   std::string device_name;
   bool simulated = true;
   std::string input = "script";  ///< who moves the tip: "script", "pointer", "device", "recording"
@@ -124,7 +129,7 @@ struct ViewedState {
   /// Why the method that was asked for last could not be made ready, its name as the place.
   std::optional<Error> method_failure;
   bool friction = true, viscosity = true, passivity = true, paused = false;
-  bool motor = false;                    ///< of a tool that cuts: its switch
+  bool motor = false;                    ///< of the tools that cut: their switch
   bool motor_is_on = false;              ///< by its switch or a pedal
   std::uint64_t sweeps = 0;              ///< of a burr, that are taken from what the scene shows
   std::vector<std::uint64_t> undone_to;  ///< how many of them were left after each undo until now

@@ -23,7 +23,7 @@ struct ModelParts {
   std::vector<Segment> segments;                  ///< names and colours by id, ascending
   std::vector<Tissue> tissues;
   std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1 and beyond the table: of no tissue
-  Tool tool;
+  std::vector<Tool> tools{Tool()};            ///< Model::tools
   MethodSettings method_settings;
   double sigma_mm = 1;  ///< of the smooth sphere, and of a smoothed field
   double max_force_N =

@@ -110,8 +110,8 @@ struct Scene {
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
   ForceSettings force;
-  Tool tool;
-  WorkspaceSettings workspace;  ///< of every device; no part of the model
+  std::vector<Tool> tools{Tool()};  ///< Model::tools: [tool], then [second_tool] where the scene has it
+  WorkspaceSettings workspace;      ///< of every device; no part of the model
   std::optional<double> max_force_N;
   std::filesystem::path folder;  ///< where the scene file stands
   std::string source;            ///< its name, for errors

@@ -10,7 +10,7 @@
 
 namespace palpate {
 
-/// What a hand holds with a device, and what a scene asks of it. N/mm of the device.
+/// What a hand holds with the first device of a session, and what a scene asks of it. N/mm of the device.
 struct HeldStiffness {
   /// By the stiffest tissue, scale and gain of the workspace included; by a direct method of all points of
   /// the tool together.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <map>
 #include <vector>
 
@@ -9,10 +10,11 @@
 
 namespace palpate {
 
-/// Whether the motor of a burr was switched on in a tick, by its switch or a pedal. Of another tool: no.
-bool motor_was_on(const Tool& tool, const TickRecord& tick);
+/// Whether the motor of any device's burr was switched on in a tick, by its switch or a pedal. Of other
+/// tools: no.
+bool motor_was_on(const Model& model, const TickRecord& tick);
 
-/// How near a burr came to each structure that is protected, while it turned: from its head to the
+/// How near any device's burr came to each structure that is protected, while it turned: from its head to the
 /// structure as prepared, 0 where it touched that or cut it. What was undone counts too. A structure has no
 /// figure while the head stayed beyond the reach of its distances, in a session 10 mm from the middle of a
 /// ball, of a cylinder or cone from its axis.
@@ -32,9 +34,9 @@ class NearestMeter {
 
  private:
   void see(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure);
-  Vector<Patient> row_mm(const TickRecord& tick, const DeviceTick& device) const;
+  Vector<Patient> row_mm(const BurrSettings& burr, const TickRecord& tick, const DeviceTick& device) const;
 
-  Tool tool_;
+  std::array<Tool, kMaxDevices> tools_;  // that the devices hold
   Transform<World, Patient> X_WorldPatient_;
   std::vector<ProtectedStructure> protected_;
   std::map<LabelId, double> nearest_mm_;
