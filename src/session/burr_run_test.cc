@@ -10,6 +10,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/session/playback.h"
 #include "palpate/tissue/carving.h"
+#include "palpate/tissue/nearest.h"
 #include "palpate/tissue/removed_volume.h"
 
 /// A scripted hand with a burr, its recording, and the same again.
@@ -226,6 +227,52 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
   EXPECT_EQ(playback.sweeps(playback.state().model_version, 3, 2),
             (std::vector<SweepRecord>{all[3], all[4]}));
   EXPECT_TRUE(playback.sweeps(playback.state().model_version, all.size(), 2).empty());
+}
+
+TEST(BurrScene, PlaybackTellsHowNearTheBurrHadComeAnywhere) {
+  LoadedScene loaded = testing::loaded_burr();
+  Model model = *loaded.model;
+  for (Tissue& tissue : model.tissues) tissue.protection = Protection::kAlarm;
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  const test::TemporaryFolder folder;
+  const auto simulated = simulate(loaded, milling(), {}, folder / "run.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  const auto recording = read_recording(folder / "run.h5");
+  ASSERT_TRUE(recording.ok()) << recording.error().message();
+  constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+  const auto ready = ready_for(loaded.model, kProxyAlone);
+  ASSERT_TRUE(ready.ok());
+
+  const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
+  ASSERT_TRUE(opened.ok()) << opened.error().message();
+  NearestMeter meter(**ready);
+  auto event = recording->events.begin();
+  std::size_t told = 0, between = 0;
+  double before_mm = 1e9;
+  for (std::size_t n = 0; n < recording->ticks.size(); ++n) {
+    const TickRecord& tick = recording->ticks[n];
+    for (; event != recording->events.end() && event->tick <= tick.tick; ++event)
+      if (event->kind == EventKind::kSweep) meter.see(cut_of(event->sweep).sweep);
+    meter.see(tick);
+    // all along, and more often while it comes near
+    const auto nearest = meter.nearest_mm().begin();
+    const bool comes_near = nearest != meter.nearest_mm().end() && nearest->second > 0;
+    if (n % (recording->ticks.size() / 23) != 0 && !(comes_near && n % 10 == 0)) continue;
+    go_to(**opened, tick);
+    const std::map<LabelId, double> shown = (*opened)->state().nearest_mm;
+    ASSERT_EQ(shown.size(), meter.nearest_mm().size()) << n;
+    for (const auto& [label, mm] : meter.nearest_mm()) {
+      EXPECT_NEAR(shown.at(label), mm, 0.0101) << n;
+      EXPECT_GE(shown.at(label), mm) << n;
+      EXPECT_LE(mm, before_mm);
+      before_mm = mm;
+      ++told;
+      between += mm > 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(told, 10u);
+  EXPECT_GT(between, 0u);
+  EXPECT_EQ(before_mm, 0);
 }
 
 // two strokes at two places, the second of which is undone, done again and undone

@@ -11,9 +11,11 @@
 
 #include "palpate/base/force_method.h"
 #include "palpate/haptics/haptics.h"
+#include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/cut_list.h"
+#include "session/nearest_line.h"
 #include "session/recording_line.h"
 #include "session/tick_blocks.h"
 #include "session/viewed_scene.h"
@@ -131,11 +133,12 @@ Result<void> reckon_gone(const Model& model, const Progress& progress, Edits& ed
 class Playback final : public ViewerHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
-           const TickRecord& first, std::vector<double> begins_s, Edits edits)
+           const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
         edits_(std::move(edits)),
+        nearest_(std::move(nearest)),
         place_(scene_.recording->begin_s, scene_.recording->end_s),
         shown_(first),
         blocks_(
@@ -190,6 +193,7 @@ class Playback final : public ViewerHost {
     // the last version that was cut up to this one
     const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
     if (later != edits_.gone.begin()) state.removed_mm3 = std::prev(later)->removed_mm3;
+    state.nearest_mm = nearest_.at(shown_.time_s);
     state.playback = {place_.playing(), place_.speed(), blocks_.failure()};
     return state;
   }
@@ -236,6 +240,7 @@ class Playback final : public ViewerHost {
   const std::shared_ptr<const Model> model_;
   const ViewedScene scene_;
   const Edits edits_;
+  const NearestLine nearest_;
 
   mutable std::mutex mutex_;  // of what follows
   mutable Place place_;
@@ -257,7 +262,16 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                  "the recording's clock does not rise, so that there is no time to look at", "",
                  "palpate replay without --view compares its ticks"};
 
+  // how near a burr came is told of what is prepared for the proxy
+  if (model->cuts()) {
+    constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+    auto ready = ready_for(std::move(model), kProxyAlone, progress);
+    if (!ready) return ready.error();
+    model = *std::move(ready);
+  }
+
   RecordingLine line(head);
+  NearestLine nearest(*model);
   TickRecord first;
   std::vector<double> begins_s;
   Edits edits;
@@ -267,6 +281,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
         progress.report("looking through the recording",
                         static_cast<double>(row) / static_cast<double>(head.ticks));
         line.see(part);
+        nearest.see(part.ticks, part.events);
         for (const RecordingEvent& event : part.events) {
           edits.hear(event);
         }
@@ -290,9 +305,9 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   for (const RecordingHead::FeltMethod& felt : head.methods)
     if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
   try {
-    return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(std::move(recording), std::move(model),
-                                                                  std::move(scene), first,
-                                                                  std::move(begins_s), std::move(edits)));
+    return std::unique_ptr<ViewerHost>(
+        std::make_unique<Playback>(std::move(recording), std::move(model), std::move(scene), first,
+                                   std::move(begins_s), std::move(edits), std::move(nearest)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
                  "end other programs"};

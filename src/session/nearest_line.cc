@@ -1,0 +1,30 @@
+#include "session/nearest_line.h"
+
+namespace palpate {
+
+void NearestLine::see(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events) {
+  auto event = events.begin();
+  for (const TickRecord& tick : ticks) {
+    for (; event != events.end() && event->tick <= tick.tick; ++event)
+      if (event->kind == RecordingEvent::Kind::kSweep) meter_.see(cut_of(event->sweep).sweep);
+    meter_.see(tick);
+    for (const auto& [label, mm] : meter_.nearest_mm()) {
+      double& told_mm = told_mm_.try_emplace(label, std::numeric_limits<double>::infinity()).first->second;
+      const bool touches = mm == 0 && told_mm > 0;
+      if (!touches && !(mm <= told_mm - kStep_mm)) continue;
+      told_mm = mm;
+      nearer_.push_back({tick.time_s, label, mm});
+    }
+  }
+}
+
+std::map<LabelId, double> NearestLine::at(double time_s) const {
+  std::map<LabelId, double> nearest_mm;
+  for (const Nearer& one : nearer_) {
+    if (one.time_s > time_s) break;
+    nearest_mm[one.label] = one.mm;
+  }
+  return nearest_mm;
+}
+
+}  // namespace palpate
