@@ -110,6 +110,12 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
         return ExploreRequest::kPause;
       case 'm':
         return ExploreRequest::kNextMethod;
+      case 'b':
+        return ExploreRequest::kMotor;
+      case 'u':
+        return ExploreRequest::kUndoStroke;
+      case 'd':
+        return ExploreRequest::kRedoStroke;
       default:
         return ExploreRequest::kNone;
     }
@@ -402,7 +408,8 @@ void add_explore(CLI::App& app, Run& run) {
       "second (median/99th percentile/largest), the force and its limit, and the structure touched.\n"
       "Keys: space is the emergency stop and never anything else; r brings the force back, where the tip\n"
       "touches nothing (a pointer's: Rearm in the page); p pauses and goes on; m feels by the next force\n"
-      "method (docs/methods.md). While a device may push, a viewer's wish to change something is shown\n"
+      "method (docs/methods.md). Of a burr b switches the motor, u puts back what was cut last and d does\n"
+      "it again (docs/burr.md). While a device may push, a viewer's wish to change something is shown\n"
       "instead of the line: y agrees, n declines.\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
       "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"

@@ -110,13 +110,14 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
 }
 
 void grant(ExploreRequest request, const Session& session, Shown& shown) {
+  const auto tell = [&](const Result<void>& done) {
+    if (!done) shown.refusal = done.error();
+  };
   switch (request) {
     case ExploreRequest::kEmergencyStop:
       return session.viewed.stop_here();
     case ExploreRequest::kRearm:
-      if (const auto rearmed = session.viewed.rearm_here(shown.stop); !rearmed)
-        shown.refusal = rearmed.error();
-      return;
+      return tell(session.viewed.rearm_here(shown.stop));
     case ExploreRequest::kAgree:
     case ExploreRequest::kDecline:
       return session.viewed.answer_here(shown.question, request == ExploreRequest::kAgree);
@@ -124,6 +125,12 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
       return session.viewed.pause_here();
     case ExploreRequest::kNextMethod:
       return session.viewed.next_method();
+    case ExploreRequest::kMotor:
+      return tell(session.viewed.motor_here());
+    case ExploreRequest::kUndoStroke:
+      return tell(session.viewed.stroke_here(StrokeAction::kUndo));
+    case ExploreRequest::kRedoStroke:
+      return tell(session.viewed.stroke_here(StrokeAction::kRedo));
     case ExploreRequest::kNone:
       return;
   }

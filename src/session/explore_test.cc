@@ -120,6 +120,69 @@ TEST_F(Explore, FeelsTheBallInRealTimeAndReplays) {
   EXPECT_NEAR(2 * std::acos(turned[0]) * 180 / M_PI, 4, 1e-6);
 }
 
+TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
+  loaded_ = testing::loaded_burr();
+  ExploreOptions options;
+  options.seconds = kPatience_s;
+  // what it pressed on may be gone
+  options.repeat = true;
+  // each when the one before was not refused and some time has gone by
+  const ExploreRequest wanted[] = {ExploreRequest::kUndoStroke, ExploreRequest::kMotor,
+                                   ExploreRequest::kMotor,      ExploreRequest::kUndoStroke,
+                                   ExploreRequest::kRedoStroke, ExploreRequest::kNone};
+  std::size_t at = 0;
+  bool touched = false, ask = false;
+  double asked_s = 0;
+  std::vector<std::string> refused;
+  options.request = [&] { return std::exchange(ask, false) ? wanted[at++] : ExploreRequest::kNone; };
+  const auto result = run(script_of(kPress), options, [&](const ExploreStatus& status) {
+    touched = touched || status.structure == "ball";
+    if (status.refusal) {
+      refused.push_back(status.refusal->what);
+      // the first is before there is a stroke; what was cut may be on its way yet
+      if (at > 1) --at;
+    }
+    if (!touched || status.time_s < asked_s + 0.6) return;
+    asked_s = status.time_s;
+    ask = at < std::size(wanted);
+    if (at == std::size(wanted)) stop_.store(true);
+  });
+  EXPECT_TRUE(result.stopped_by_user);
+  ASSERT_GE(refused.size(), 1u);
+  EXPECT_EQ(refused[0], "there is no stroke that can be undone");
+  std::vector<std::uint32_t> strokes;
+  std::vector<bool> motor;
+  std::size_t sweeps = 0;
+  for (const RecordingEvent& event : recording_.events) {
+    sweeps += event.kind == RecordingEvent::Kind::kSweep ? 1 : 0;
+    if (event.kind == RecordingEvent::Kind::kModel && event.change.is_of_stroke()) {
+      EXPECT_EQ(event.by.asker, Asker::kKey);
+      strokes.push_back(event.change.tissue);
+    }
+    if (event.by.asker == Asker::kKey && event.kind == RecordingEvent::Kind::kMotor)
+      motor.push_back((event.switches & kSwitchMotor) != 0);
+  }
+  EXPECT_GT(sweeps, 0u);
+  EXPECT_THAT(motor, ::testing::ElementsAre(true, false));
+  EXPECT_THAT(strokes,
+              ::testing::ElementsAre(std::uint32_t{ModelChange::kUndo}, std::uint32_t{ModelChange::kRedo}));
+}
+
+TEST_F(Explore, AProbeHasNoMotor) {
+  ExploreOptions options;
+  options.seconds = kPatience_s;
+  int asked = 0;
+  options.request = [&] {
+    ++asked;
+    return asked == 2 ? ExploreRequest::kMotor : ExploreRequest::kNone;
+  };
+  std::string refused;
+  run(script_of(kPass), options, [&](const ExploreStatus& status) {
+    if (status.refusal) refused = status.refusal->what;
+  });
+  EXPECT_EQ(refused, "no device has a tool with a motor");
+}
+
 TEST_F(Explore, TheMethodChangesWhenAskedInACircle) {
   ExploreOptions options;
   options.seconds = kPatience_s;

@@ -667,6 +667,24 @@ void ViewedSession::next_method() {
   if (auto chosen = choose(next, {Asker::kKey}, *loop); !chosen) give_up(next, chosen.error());
 }
 
+Result<void> ViewedSession::motor_here() {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return not_running();
+  if (!cuts()) return bad("no device has a tool with a motor", "", "");
+  change_told(*loop, told_, {Asker::kKey},
+              [](Parameters& parameters) { parameters.motor = !parameters.motor; });
+  return {};
+}
+
+Result<void> ViewedSession::stroke_here(StrokeAction action) {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return not_running();
+  const std::lock_guard lock(mutex_);
+  const LastStrokeRequest wanted{{action, {}, 0}, loop->strokes()};
+  if (auto fine = check(wanted, loop->parameters()); !fine) return fine.error();
+  return apply(wanted, {Asker::kKey});
+}
+
 void ViewedSession::follow_script() {
   ServoLoop* loop = loop_.load();
   if (!loop) return;

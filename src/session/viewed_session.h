@@ -101,6 +101,10 @@ class ViewedSession final : public ViewerHost {
   /// The number of the stop that holds.
   std::optional<std::uint32_t> stop_that_holds() const;
   void next_method();
+  /// On or off. Errors: kUsage where no device's tool has one.
+  Result<void> motor_here();
+  /// Errors: those of a viewer's StrokeRequest.
+  Result<void> stroke_here(StrokeAction action);
   /// The motor is off. Where there is no such stroke, or the tool cuts nothing, nothing is done.
   void change_stroke_by_script(StrokeAction action);
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.

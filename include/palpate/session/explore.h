@@ -31,6 +31,9 @@ enum class ExploreRequest : std::uint8_t {
   kDecline,
   kPause,       ///< forces fade out; asked for again: in
   kNextMethod,  ///< feel by the next force method, in a circle
+  kMotor,       ///< of the burrs: on; asked for again: off
+  kUndoStroke,  ///< what was cut last is put back
+  kRedoStroke,  ///< what was put back last is taken away again
 };
 
 /// A viewer wants to change something while a physical device may push: "viewer 3 wants to turn the object by
