@@ -3221,7 +3221,7 @@ def decode_png(data):
 if __name__ == "__main__":
     if len(sys.argv) >= 3 and sys.argv[1] == "palpate":
         command = palpate_command(sys.argv[2])
-        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithShaft, WithBurr, WithSphere, WithManyVoxels
+        del sys.argv[1:3], WithDevice, WithRamp, WithTrouble, WithLoading, WithFinger, WithShaft, WithTwoTools, WithBurr, WithSphere, WithManyVoxels
     elif len(sys.argv) >= 5 and sys.argv[1] == "mock":
         command = mock_command(*sys.argv[2:5])
         del sys.argv[1:5]
