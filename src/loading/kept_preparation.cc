@@ -68,12 +68,14 @@ void put_bricks(const Bricks<T>& bricks, FieldWriter& out) {
     out.put_values(std::span<const T>(slice));
   }
 }
+// nothing where the reader is not ok() after it
 template <class T>
 Bricks<T> get_bricks(FieldReader& in, const GridGeometry& grid, T outside) {
   BricksBySlices<T> bricks(grid, outside);
   std::vector<T> slice(static_cast<std::size_t>(grid.dims[0]) * static_cast<std::size_t>(grid.dims[1]));
   for (int k = 0; k < grid.dims[2]; ++k) {
     in.get_values(std::span<T>(slice));
+    if (!in.ok()) return {};
     bricks.add(1, slice.data());
   }
   return bricks.take();
