@@ -190,10 +190,10 @@ void rebuild(Input& input) {
       } else if (what == 6 && which % 2 == 0) {
         replace_attribute(file.get(), root[which / 2 % root.size()], input);
       } else if (what == 6) {
-        // the earlier format, which has no events
-        const std::uint32_t earlier = 3;
+        // the earlier format, which has no events; one that was replaced may have two of them
+        const std::array<std::uint32_t, 2> earlier{3, 3};
         const Handle major(H5Aopen(file.get(), "format_major", H5P_DEFAULT), H5Aclose);
-        if (major.ok()) H5Awrite(major.get(), H5T_STD_U32LE, &earlier);
+        if (major.ok()) H5Awrite(major.get(), H5T_STD_U32LE, earlier.data());
       } else {
         const char* name = groups[which % groups.size()];
         H5Ldelete(file.get(), name, H5P_DEFAULT);
