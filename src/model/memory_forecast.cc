@@ -98,7 +98,8 @@ struct Body {
 };
 
 // What is at hand of a box while threads make it by slices (surfaces/pieces.h): slices that are not in bricks
-// yet, and what each thread sees around its piece.
+// yet, and what each thread sees around its piece; how much of that there is at a time is measured, on knees
+// of 1.5 to 1007 million voxels with two threads.
 double making_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double margin_mm) {
   constexpr double kSlices = 24, kSeen_bytes = 6, kMostSeen_bytes = 1300 << 20;
   const double threads = processors();

@@ -1,12 +1,15 @@
 #include "session/nearest_line.h"
 
+#include <limits>
+
 namespace palpate {
 
 void NearestLine::see(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events) {
-  auto event = events.begin();
+  for (const RecordingEvent& event : events)
+    if (event.kind == RecordingEvent::Kind::kSweep) waiting_.push_back(event);
   for (const TickRecord& tick : ticks) {
-    for (; event != events.end() && event->tick <= tick.tick; ++event)
-      if (event->kind == RecordingEvent::Kind::kSweep) meter_.see(cut_of(event->sweep).sweep);
+    for (; !waiting_.empty() && waiting_.front().tick <= tick.tick; waiting_.pop_front())
+      meter_.see(cut_of(waiting_.front().sweep).sweep);
     meter_.see(tick);
     for (const auto& [label, mm] : meter_.nearest_mm()) {
       double& told_mm = told_mm_.try_emplace(label, std::numeric_limits<double>::infinity()).first->second;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <limits>
+#include <deque>
 #include <map>
 #include <span>
 #include <vector>
@@ -16,7 +16,7 @@ class NearestLine {
   /// @param model  as NearestMeter takes it
   explicit NearestLine(const Model& model) : meter_(model) {}
 
-  /// The next ticks, and what was heard of by them.
+  /// The next ticks, and what was told up to them, as the parts of a recording have it: either may be empty.
   void see(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events);
 
   /// By label; right to kStep_mm, never too small.
@@ -31,6 +31,7 @@ class NearestLine {
     double mm;
   };
   NearestMeter meter_;
+  std::deque<RecordingEvent> waiting_;  // of which no tick has heard yet
   std::map<LabelId, double> told_mm_;
   std::vector<Nearer> nearer_;
 };

@@ -101,7 +101,7 @@ class ViewedSession final : public ViewerHost {
   /// The number of the stop that holds.
   std::optional<std::uint32_t> stop_that_holds() const;
   void next_method();
-  /// On or off. Errors: kUsage where no device's tool has one.
+  /// On or off. Errors: kBadInput where no device's tool has one.
   Result<void> motor_here();
   /// Errors: those of a viewer's StrokeRequest.
   Result<void> stroke_here(StrokeAction action);

@@ -179,10 +179,6 @@ std::vector<int> balanced_slab_counts(std::span<const SurfaceStage> stages, int 
   return best;
 }
 
-}  // namespace
-
-namespace {
-
 struct Slab {
   const SurfaceStage* stage;
   Span3 span;
