@@ -43,15 +43,42 @@ struct Friction {
   double still = 0, sliding = 0;
 };
 
+/// Where a proxy may go in one tick: its spring changes by no more than the tip's own way and what may slip.
+struct Leash {
+  Point<Patient> middle;  ///< where the proxy would be, had it gone with the tip
+  double length_mm = std::numeric_limits<double>::infinity();
+
+  bool holds(const Point<Patient>& at) const { return (at - middle).norm() > length_mm; }
+  bool is_taut(const Point<Patient>& at) const {
+    return (at - middle).norm() > length_mm - kProxyFeel.still_mm;
+  }
+  // of a way the part until it holds
+  double free_part(const Point<Patient>& from, const Vector<Patient>& way) const {
+    if (!holds(from + way)) return 1;
+    const Vector<Patient> out = from - middle;
+    const double along = out.dot(way), square = way.squared_norm();
+    if (!(square > 0)) return 0;
+    const double beyond = length_mm * length_mm - out.squared_norm();
+    const double root = std::sqrt(std::max(0.0, along * along + square * beyond));
+    return std::clamp((root - along) / square, 0.0, 1.0);
+  }
+};
+
 /// The proxy's way in one tick.
 class Walk {
  public:
   /// @param spheres  as the proxy's attitude turns them
-  /// @param most_mm  how far it goes
-  /// @param way      gets every corner of it; may be null
+  /// @param most_mm    how far it goes
+  /// @param stretched  its spring before, from the tip, mm
+  /// @param way        gets every corner of it; may be null
   Walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer, double most_mm,
-       const Point<Patient>& tip, ProxyLayer& state, const ProxyOptions& options, ProxyWay* way)
+       const Leash& leash, const Vector<Patient>& stretched, const Point<Patient>& tip, ProxyLayer& state,
+       const ProxyOptions& options, ProxyWay* way)
       : surfaces_(surfaces),
+        leash_(leash),
+        leash_mm_(leash.length_mm),
+        leant_on_(state.contact[0]),
+        stretched_(stretched),
         options_(options),
         spheres_(spheres),
         layer_(layer),
@@ -85,15 +112,17 @@ class Walk {
         stride += moves;
         if (moves && left_mm_ <= kProxyFeel.still_mm) look_around();
       }
-      if (moves || result.wedged || !is_held_by_nothing()) break;
+      if (moves || result.wedged || slips() || !is_held_by_nothing()) break;
       moves = felt < kProxyFeel.most_feelings && feel_for_a_way();
       if (!moves) break;
       if (left_mm_ <= kProxyFeel.still_mm) look_around();
     }
     // also where it has not arrived: a tick without force would be felt
-    if (!result.wedged && is_held_by_nothing()) lean_on_what_is_nearest();
+    const bool through_free_space = slips() && is_held_by_nothing();
+    if (!result.wedged && !through_free_space && is_held_by_nothing()) lean_on_what_is_nearest();
     settle_along_capsules();
-    result.lagging = moves;
+    let_go_slowly(through_free_space);
+    result.lagging = moves || slips();
     state_.position = proxy_;
     state_.last_way = last_way_;
     return true;
@@ -121,9 +150,13 @@ class Walk {
     return true;
   }
 
+  // on its way to another place, as far as its spring lets go in this tick
+  bool slips() const { return leashed_ && leash_.is_taut(proxy_); }
+
   // one stride; false when the proxy has come to rest
   bool step(ProxyResult& result) {
     const double free_mm = touch_what_is_near();
+    leashed_ = false;
     // a try that fails has let nothing go: the next one is held as the proxy was before
     const bool sticking = state_.sticking, anchored = anchored_;
     for (int attempt = 0; attempt < kProxyFeel.most_tries; ++attempt) {
@@ -151,19 +184,29 @@ class Walk {
 
   // The goal, or as far towards it as a stride may go; half of it where the last one went the other way, as
   // it does where the surface is hollow and bends more than the tip is deep.
-  Point<Patient> towards(const Point<Patient>& goal, double most_mm) const {
+  Point<Patient> towards(const Point<Patient>& goal, double most_mm) {
     const Vector<Patient> way = goal - proxy_;
     const double length_mm = way.norm();
     double part = std::min(1.0, std::min(most_mm, left_mm_) / length_mm);
     if (walls_.count() > 0 && way.dot(last_way_) < 0) part *= 0.5;
+    const double free_part = leash_.free_part(proxy_, way);
+    leashed_ = free_part < part;
+    part = std::min(part, free_part);
     return part < 1 ? proxy_ + way * part : goal;
   }
 
   // There, and back onto surfaces. A stride that leads away from the tip is not taken: so the proxy comes to
   // rest where walls bend within a stride.
-  bool go_to(const Point<Patient>& end) {
-    Point<Patient> there = end;
+  bool go_to(const Point<Patient>& asked) {
+    Point<Patient> end = asked, there = end;
     if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
+    // put back, it may have come farther than its spring lets go
+    if (leash_.holds(there)) {
+      end = proxy_ + (end - proxy_) * leash_.free_part(proxy_, there - proxy_);
+      there = end;
+      if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
+      leashed_ = true;
+    }
     // what comes in several steps is no way whose ends bound what lies between
     if ((there - end).norm() > stride_mm()) return false;
     const Vector<Patient> way = there - proxy_;
@@ -215,7 +258,7 @@ class Walk {
                                      std::sin(aside) * (std::cos(around) * right + std::sin(around) * up)));
           const Point<Patient> end = proxy_ + way;
           if (near_.looks() >= most_looks_) return false;
-          if (is_below(end) || (tip_ - end).norm() >= (tip_ - proxy_).norm()) continue;
+          if (leash_.holds(end) || is_below(end) || (tip_ - end).norm() >= (tip_ - proxy_).norm()) continue;
           if (go_to(end)) return true;
         }
     return false;
@@ -239,6 +282,33 @@ class Walk {
     state_.contacts = 0;
     add_contact(nearest, near_.step(nearest), away.normalized(), pull_mm);
     state_.part = pull_mm / away.norm();
+  }
+
+  // What the spring is stretched by goes over into what is wanted no faster than it may, also where that is
+  // less than the way to the proxy, or nothing.
+  void let_go_slowly(bool through_free_space) {
+    const Vector<Patient> away = proxy_ - tip_;
+    const double away_mm = away.norm();
+    if (!std::isfinite(leash_.length_mm) || away_mm <= kProxyFeel.arrived_mm) return;
+    const double wanted_mm = through_free_space || state_.contacts > 0 ? state_.part * away_mm : 0;
+    // along the new way to the proxy, as far from what it was as the leash is long
+    const double before_mm = stretched_.dot(away) / away_mm;
+    const double turned_squared = stretched_.squared_norm() - before_mm * before_mm;
+    const double change_mm = std::sqrt(std::max(0.0, leash_.length_mm * leash_.length_mm - turned_squared));
+    const double now_mm =
+        std::min(std::clamp(wanted_mm, before_mm - change_mm, before_mm + change_mm), away_mm);
+    if (now_mm <= 0) {
+      state_.contacts = 0;
+      return;
+    }
+    state_.part = now_mm / away_mm;
+    for (int n = 0; n < state_.contacts; ++n)
+      state_.contact[static_cast<std::size_t>(n)].pull_mm *= now_mm / wanted_mm;
+    if (state_.contacts > 0) return;
+    state_.contacts = 1;
+    state_.contact[0] = leant_on_;
+    state_.contact[0].normal = away.normalized();
+    state_.contact[0].pull_mm = now_mm;
   }
 
   // A capsule that lies along a surface leans on the middle of what touches, which does not wander with the
@@ -318,7 +388,10 @@ class Walk {
     const double depth_mm = (nearest.point - tip_).norm();
     const Vector<Patient> behind = along_walls(anchor_ - nearest.point, nearest);
     const double behind_mm = behind.norm();
-    state_.sticking = behind_mm <= (state_.sticking ? still : sliding) / all_mm * depth_mm;
+    const bool stuck = state_.sticking;
+    state_.sticking = behind_mm <= (stuck ? still : sliding) / all_mm * depth_mm;
+    // what friction lets go it lets go at once
+    if (stuck && !state_.sticking) leash_.length_mm = leash_mm_ + (still - sliding) / all_mm * depth_mm;
     if (state_.sticking) return nearest.point + behind;
     return nearest.point + behind * (sliding / all_mm * depth_mm / behind_mm);
   }
@@ -380,6 +453,11 @@ class Walk {
   }
 
   std::span<const FeltSurface> surfaces_;
+  Leash leash_;
+  const double leash_mm_;            // without what friction lets go
+  bool leashed_ = false;             // its last stride was
+  const ProxyContact leant_on_;      // before, if it leant on anything
+  const Vector<Patient> stretched_;  // its spring before
   const ProxyOptions options_;
   std::span<const ToolSphere> spheres_;
   const int layer_;
@@ -609,9 +687,37 @@ void open(std::span<const FeltSurface> surfaces, int structure, ProxyState& stat
   }
 }
 
+// Free from what it leans on, or from all that was gone through, a proxy goes where it will.
+bool is_let_go(const ProxyLayer& state) {
+  const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
+  return std::any_of(contacts.begin(), contacts.end(), [&](const ProxyContact& contact) {
+    return state.punctured[static_cast<std::size_t>(contact.surface)];
+  });
+}
+
+// how far a turn carries what is farthest from the tip
+double arc_of_turn_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+                      const Eigen::Quaterniond& to) {
+  if (from.coeffs() == to.coeffs()) return 0;
+  double farthest_mm = 0;
+  for (const ToolSphere& sphere : spheres)
+    farthest_mm =
+        std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.along_mm).norm()});
+  return farthest_mm * from.angularDistance(to);
+}
+
+/// @param state       after its turn, which has pushed it as far as was asked for
+/// @param turned_mm   by that turn
+Leash leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double turned_mm,
+               double most_slip_mm) {
+  if (state.contacts == 0 || is_let_go(state)) return {};
+  return {state.position + tip_moved, tip_moved.norm() + turned_mm + most_slip_mm};
+}
+
 // one layer's proxy turns and goes its way
 ProxyResult walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                 const ToolPose& hand, ProxyLayer& state, const ProxyOptions& options, ProxyWay* way) {
+                 const ToolPose& hand, const Vector<Patient>& tip_moved, double most_slip_mm,
+                 ProxyLayer& state, const ProxyOptions& options, ProxyWay* way) {
   const Point<Patient>& tip = hand.tip;
   ProxyResult result;
   if (!state.coupled) {
@@ -623,13 +729,18 @@ ProxyResult walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphe
   }
   state.punctured = still_open(surfaces, spheres, hand, state);
 
+  const Eigen::Quaterniond attitude_before = state.attitude;
+  const Vector<Patient> stretched = (state.position - (tip - tip_moved)) * state.part;
   const ToolTurn turn = turn_tool(surfaces, spheres, layer, hand.attitude, state, way);
   const TurnedTool held(spheres, hand.attitude, state.attitude);
 
   // from free space it comes as far as the tip went; on a surface it is not led farther than a hand goes
   const double to_tip_mm = (tip - state.position).norm() + kProxyFeel.slack_mm;
   const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.most_way_mm);
-  const bool in_walls = !Walk(surfaces, held.spheres(), layer, most_mm, tip, state, options, way).go(result);
+  const double turned_mm = arc_of_turn_mm(spheres, attitude_before, state.attitude);
+  const Leash leash = leash_of(state, tip_moved, turned_mm, most_slip_mm);
+  const bool in_walls =
+      !Walk(surfaces, held.spheres(), layer, most_mm, leash, stretched, tip, state, options, way).go(result);
   // one that lies in walls, or was left behind where no wall showed the way, is found again where the hand is
   // free
   const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kProxyFeel.lost_mm;
@@ -725,9 +836,14 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
   ProxyResult result;
   Springs springs(surfaces, hand.tip, options);
+  const double most_slip_mm = options.most_slip_N_per_s * options.dt_s / state.stiffness_N_per_mm;
+  const Vector<Patient> tip_moved = hand.tip - state.tip;
+  state.tip = hand.tip;
+  state.stiffness_N_per_mm = 0;
   for (int n = 0; n < layers_of(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
-    const ProxyResult walked = walk(surfaces, spheres, n, hand, layer, options, n == 0 ? way : nullptr);
+    const ProxyResult walked =
+        walk(surfaces, spheres, n, hand, tip_moved, most_slip_mm, layer, options, n == 0 ? way : nullptr);
     result.wedged = result.wedged || walked.wedged;
     result.lagging = result.lagging || walked.lagging;
     if (!state.coupled) {
@@ -743,6 +859,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     result.stiffness_N_per_mm += force.stiffness_N_per_mm;
     result.stored_mJ += force.stored_mJ;
   }
+  state.stiffness_N_per_mm = result.stiffness_N_per_mm;
   result.normal = springs.normal();
   result.friction = springs.friction();
   springs.way_in().tell(result);

@@ -617,6 +617,61 @@ void expect_even(ProxyRun& run, const std::function<Point<Patient>(double)>& tip
   EXPECT_LT(most_N, 0.01 * 2) << "N, at 2 N/mm";
 }
 
+// A tip that is led off the edge of a block: the nearest place falls from its top to its side at once.
+struct Slip {
+  double largest_N = 0;  // change of force in a tick beyond what the way explains
+  double half_s = 0;     // until half of the force is gone
+  double left_N = 0;     // half a second later
+  double deepest_mm = 0;
+};
+Slip slip_off_an_edge(double dt_s, double stiffness_N_per_mm, double radius_mm, double speed_mm_s) {
+  ProxyRun run;
+  run.dt_s = dt_s;
+  run.spheres = {{{}, radius_mm}};
+  // a block, its edge rounded by half a millimetre
+  run.surfaces = {felt_surface(cube_grid(8, {0.25, 0.25, 0.25}), [](const Eigen::Vector3d& p) {
+    const double x = p.x() + 0.5, z = p.z() + 0.5;
+    return std::hypot(std::max(x, 0.0), std::max(z, 0.0)) + std::min(std::max(x, z), 0.0) - 0.5;
+  })};
+  run.surfaces[0].stiffness_N_per_mm = stiffness_N_per_mm;
+  const double deep_mm = 1 / stiffness_N_per_mm, step_mm = speed_mm_s * dt_s;
+  run.lead({-3, 0, 2}, {-3, 0, radius_mm - deep_mm}, step_mm);
+  Slip found;
+  double slips_s = 0;
+  Vector<Patient> before_N = run.result.force_N;
+  const double far_mm = radius_mm + 0.3;
+  for (double way_mm = 0, waited_s = 0; waited_s < 0.5;) {
+    if (-3 + way_mm < far_mm)
+      way_mm += step_mm;
+    else
+      waited_s += dt_s;
+    run.at({-3 + way_mm, 0, radius_mm - deep_mm});
+    const double moved_mm = waited_s > 0 ? 0 : step_mm;
+    const double jump_N = (run.result.force_N - before_N).norm() - stiffness_N_per_mm * moved_mm;
+    found.largest_N = std::max(found.largest_N, jump_N);
+    before_N = run.result.force_N;
+    found.left_N = before_N.norm();
+    if (found.left_N < 0.95) slips_s += dt_s;
+    if (found.half_s == 0 && found.left_N < 0.5) found.half_s = slips_s;
+  }
+  found.deepest_mm = run.deepest_mm;
+  return found;
+}
+
+TEST(Proxy, SlipsOffAnEdgeNoFasterThanItsSpringMayLetGo) {
+  for (const double radius_mm : {0.0, 1.0})
+    for (const double stiffness : {0.5, 2.0})
+      for (const double dt_s : {0.004, 0.001, 0.0001}) {
+        SCOPED_TRACE(::testing::PrintToString(std::array{radius_mm, stiffness, dt_s}));
+        const Slip slip = slip_off_an_edge(dt_s, stiffness, radius_mm, 20);
+        EXPECT_LT(slip.largest_N, 20 * dt_s);
+        EXPECT_LT(slip.left_N, 0.01);
+        EXPECT_LT(slip.deepest_mm, kProxyFeel.most_dip_mm);
+        // the way alone would take as long as the hand needs for it
+        EXPECT_NEAR(slip.half_s, 0.45 / kProxyFeel.most_slip_N_per_s, 0.012);
+      }
+}
+
 TEST(Proxy, SlidesEvenlyUnderASlowTip) {
   const auto run_on = [](const testing::Distance& distance_mm) {
     ProxyRun run;

@@ -238,7 +238,8 @@ HeldTool::HeldTool(const TickContext& tick, const HandContext& hand)
 }
 
 ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
-  return {tick.friction, hand.most_stiffness_N_per_mm(), tick.dt_s};
+  return {tick.friction, hand.most_stiffness_N_per_mm(), tick.dt_s,
+          kProxyFeel.most_slip_N_per_s / hand.device.force_gain};
 }
 
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,

@@ -84,6 +84,11 @@ std::uint64_t SessionState::hash(int devices) const {
     }
     hands[d].velocity.hash_into(hash);
     for (int n = 0; n < kMostLayers; ++n) hash_layer(hash, hands[d].proxy.layer(n));
+    // of a proxy that touches nothing it does not matter
+    if (const ProxyState& proxy = hands[d].proxy; proxy.stiffness_N_per_mm > 0) {
+      for (int axis = 0; axis < 3; ++axis) hash_double(hash, proxy.tip[axis]);
+      hash_double(hash, proxy.stiffness_N_per_mm);
+    }
     hash_word(hash, hands[d].proxy_version);
     hash_word(hash, hands[d].held_directly);
     const CouplingState& coupling = hands[d].coupling;

@@ -425,7 +425,10 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     was_coupled[static_cast<std::size_t>(n)] = proxy.layer(n).coupled;
   }
   const ToolSphere head = burr.head(state.inset_mm);
-  ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, options);
+  // what the motor cuts sets its pace, and no slip
+  ProxyOptions at_once = options;
+  at_once.most_slip_N_per_s = std::numeric_limits<double>::infinity();
+  ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, at_once);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
     if (burr.spared.empty() || !layer.coupled || !was_coupled[n]) continue;

@@ -49,6 +49,9 @@ struct ProxyFeel {
   /// A wall that lies across a capsule stands at most so far above its outline between two of the spheres as
   /// which it is felt, which are so far apart at least.
   double row_dip_mm = 0.01, least_pitch_mm = 0.15;
+  /// A proxy that slips, off an edge or over a ridge, lets its springs go by no more than this in a second
+  /// beyond what the tip's own way changes them by: 20 mN in a millisecond are not felt as a click.
+  double most_slip_N_per_s = 19;
   /// Work of one tick, at most: strides, tries of each, halvings of a try, corrections that put the tool back
   /// outside, and ways that are felt for where no normal shows one.
   int most_strides = 48, most_tries = 4, most_halvings = 8, most_corrections = 8, most_feelings = 4;
@@ -79,6 +82,7 @@ struct ProxyFeel {
     of("sealed_mm", sealed_mm);
     of("row_dip_mm", row_dip_mm);
     of("least_pitch_mm", least_pitch_mm);
+    of("most_slip_N_per_s", most_slip_N_per_s);
     of("most_strides", most_strides);
     of("most_tries", most_tries);
     of("most_halvings", most_halvings);

@@ -163,6 +163,8 @@ struct ProxyLayer {
 /// pointers.
 struct ProxyState : ProxyLayer {
   std::array<ProxyLayer, kMostLayers - 1> within;
+  Point<Patient> tip;             ///< where it was
+  double stiffness_N_per_mm = 0;  ///< of all springs then; 0: nothing was touched
 
   const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
   ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
@@ -173,6 +175,8 @@ struct ProxyOptions {
   /// Stiffer surfaces are felt as this stiff: the most that a hand holds with the device.
   double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   double dt_s = 0.001;  ///< since the last call
+  /// On the tip: so fast springs let go where the proxy slips.
+  double most_slip_N_per_s = kProxyFeel.most_slip_N_per_s;
 };
 
 /// What the springs from the tip to the proxies give.
@@ -224,6 +228,9 @@ struct ProxyResult : ProxyForce {                ///< of all layers
 /// - Free space is crossed in strides of the clearance (sphere tracing, Hart 1996).
 /// - On surfaces the goal is the point nearest to the tip in the half-spaces of all that is touched, by
 ///   active set; so corners, gaps and both walls of a notch hold.
+/// - A proxy that slips, where the nearest place is suddenly another, goes there no faster than its springs
+///   may let go (most_slip_N_per_s), through free space too; what was gone through lets go at once
+///   (docs/decisions/0033).
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are those of the structures touched, weighted by their pulls, and on a common
