@@ -515,7 +515,6 @@ Result<void> ViewedSession::apply(const LastStrokeRequest& request, AskedBy by) 
 
 void ViewedSession::change_stroke_by_script(StrokeAction action) {
   ServoLoop* loop = loop_.load();
-  if (!loop || !parts_.model->cuts()) return;
   const std::lock_guard lock(mutex_);
   strokes_wanted_.push_back({action, {Asker::kScript}, loop->strokes()});
 }
@@ -537,7 +536,15 @@ void ViewedSession::cut_along() {
       // before what was swept is taken: of a stroke that was over by then that is all
       const bool stroke_is_over = !motor_was_on(*parts_.model, loop.snapshot());
       for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
+  script_stroke_led_to_ = 0;
+  if (!loop || !parts_.model->cuts()) return;
         for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
+  script_stroke_led_to_.reset();
+}
+
+std::optional<std::uint32_t> ViewedSession::script_stroke_led_to() const {
+  const std::lock_guard lock(mutex_);
+  return script_stroke_led_to_;
       if (!cuts.empty()) cut(cuts, loop);
       cuts.clear();
       if (stroke_is_over) change_strokes(loop);
@@ -592,6 +599,8 @@ std::vector<SweepRecord> ViewedSession::sweeps(std::uint32_t version, std::uint6
 
 void ViewedSession::emergency_stop(const ViewerIdentity& by) {
   stop(asked_by(by));
+    const bool by_script = wanted.by.asker == Asker::kScript;
+    if (by_script) script_stroke_led_to_ = 0;
 }
 
 void ViewedSession::stop_here() {
@@ -599,6 +608,7 @@ void ViewedSession::stop_here() {
 }
 
 void ViewedSession::stop(AskedBy by) {
+    if (by_script) script_stroke_led_to_ = change.version;
   const std::lock_guard lock(stop_mutex_);
   stopped_by_ = by;
   if (ServoLoop* loop = loop_.load()) return stop_told(*loop, told_, by);

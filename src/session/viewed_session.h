@@ -115,6 +115,8 @@ class ViewedSession final : public ViewerHost {
   /// What the loop is told, from begin() on.
   EventLog& told() { return told_; }
   /// The user's limit of the force, where it stood highest.
+  /// HandCommands::stroke_led_to, of the last of them.
+  std::optional<std::uint32_t> script_stroke_led_to() const;
   double highest_max_force_N() const;
 
  private:
@@ -189,6 +191,7 @@ class ViewedSession final : public ViewerHost {
 
   mutable std::mutex health_mutex_;
   mutable RateMeter rate_;
+  std::optional<std::uint32_t> script_stroke_led_to_;
   mutable std::chrono::steady_clock::time_point health_until_{};
   mutable ViewedHealth health_;
 };
