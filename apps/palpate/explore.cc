@@ -200,6 +200,7 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
   };
   if (status.heat >= 0.005) add(" heat " + std::to_string(std::lround(100 * status.heat)) + "%");
   if (status.method != ForceMethod::kProxy) add(" " + std::string(name_of(status.method)));
+  if (status.method_awaited) add(" (making " + std::string(name_of(*status.method_awaited)) + ")");
   if (status.skipped > 0) add(" skip " + std::to_string(status.skipped));
   if (status.dropped > 0) add(" drop " + std::to_string(status.dropped));
   std::string line;

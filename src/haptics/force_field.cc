@@ -12,6 +12,21 @@ namespace {
 // from one voxel to the next, is some ten times as steep. Their direction would get the full force.
 constexpr double kFlat_per_mm = 1e-6;
 
+Error nothing_felt() {
+  return {ErrorKind::kBadInput, "no structure is felt, so there is nothing for its spheres to meet", "",
+          "set felt = true on a tissue"};
+}
+
+Result<GaussianSphere> gaussian_of(const Model& model, LabelVoxels voxels) {
+  return GaussianSphere::make(std::move(voxels), model.method_settings.sphere_sigma_voxels);
+}
+
+Result<SmoothSphere> smooth_of(const Model& model, LabelVoxels voxels) {
+  // a field that is not smoothed at all still has spheres of the least radius
+  constexpr double kLeastSigma_mm = 1e-6;
+  return SmoothSphere::make(std::move(voxels), std::max(model.sigma_mm, kLeastSigma_mm));
+}
+
 // felt labels by how much of the full scale they are
 std::map<double, LabelSet> labels_by_level(const Model& model) {
   std::map<double, LabelSet> by_level;
@@ -38,9 +53,7 @@ Result<LevelledSphere<Sphere>> make_levelled(const Model& model, const Make& mak
     parts.push_back({level->first - below, *std::move(sphere)});
     below = level->first;
   }
-  if (parts.empty())
-    return Error{ErrorKind::kBadInput, "no structure is felt, so there is nothing for its spheres to meet",
-                 "", "set felt = true on a tissue"};
+  if (parts.empty()) return nothing_felt();
   return LevelledSphere<Sphere>(std::move(parts));
 }
 
@@ -49,22 +62,18 @@ std::shared_ptr<const ForceField> force_field(ForceField::Source source, double 
 }
 
 Result<std::shared_ptr<const ForceField>> make_gaussian(const Model& model) {
-  const double sigma_voxels = model.method_settings.sphere_sigma_voxels;
   auto sphere = make_levelled<GaussianSphere>(
-      model, [&](LabelVoxels voxels) { return GaussianSphere::make(std::move(voxels), sigma_voxels); });
+      model, [&](LabelVoxels voxels) { return gaussian_of(model, std::move(voxels)); });
   if (!sphere) return sphere.error();
   // its sigma is in voxels: steepest across the narrow side of one
   const GridGeometry& grid = model.labels->geometry();
-  const double ramp = ramp_mm(sigma_voxels * grid.min_spacing_mm(), grid);
+  const double ramp = ramp_mm(model.method_settings.sphere_sigma_voxels * grid.min_spacing_mm(), grid);
   return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
 }
 
 Result<std::shared_ptr<const ForceField>> make_smooth(const Model& model) {
-  // a field that is not smoothed at all still has spheres of the least radius
-  constexpr double kLeastSigma_mm = 1e-6;
-  const double sigma_mm = std::max(model.sigma_mm, kLeastSigma_mm);
   auto sphere = make_levelled<SmoothSphere>(
-      model, [&](LabelVoxels voxels) { return SmoothSphere::make(std::move(voxels), sigma_mm); });
+      model, [&](LabelVoxels voxels) { return smooth_of(model, std::move(voxels)); });
   if (!sphere) return sphere.error();
   const double ramp = ramp_mm(sphere->parts().front().sphere.least_sigma_mm(), model.labels->geometry());
   return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
@@ -147,6 +156,34 @@ Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, F
       break;
     case ForceMethod::kStoredNormals:
       return force_field(stored_normals_of(*model.field, model.method_settings.normals), of_field_N);
+  }
+  PALPATE_CHECK(false);
+}
+
+Result<void> check_force_field(const Model& model, ForceMethod method) {
+  if (method != ForceMethod::kGaussianSphere && method != ForceMethod::kSmoothSphere) return {};
+  if (labels_by_level(model).empty()) return nothing_felt();
+  const auto fits = [](const auto& sphere) { return sphere ? Result<void>() : Result<void>(sphere.error()); };
+  LabelVoxels any(model.labels, LabelSet{1});
+  return method == ForceMethod::kGaussianSphere ? fits(gaussian_of(model, std::move(any)))
+                                                : fits(smooth_of(model, std::move(any)));
+}
+
+std::uint64_t memory_of_force_field(const Model& model, ForceMethod method) {
+  const std::uint64_t voxels = model.labels->geometry().voxel_count();
+  switch (method) {
+    case ForceMethod::kTrilinear:
+    case ForceMethod::kProxy:
+      return 0;
+    case ForceMethod::kSpline:
+      // numbers twice, and their steps twice
+      return 12 * voxels;
+    case ForceMethod::kGaussianSphere:
+    case ForceMethod::kSmoothSphere:
+      // a mask of a byte a voxel for every level at most
+      return labels_by_level(model).size() * model.labels->bytes() / sizeof(LabelId);
+    case ForceMethod::kStoredNormals:
+      return (static_cast<std::uint64_t>(model.field->bytes_per_voxel()) + 4) * voxels;
   }
   PALPATE_CHECK(false);
 }

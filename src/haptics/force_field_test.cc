@@ -230,6 +230,13 @@ TEST(WithMethods, RefusesASphereThatReachesTooFarAndStopsWhenTold) {
   const auto refused = with_methods(std::make_shared<const Model>(wide), smooth);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
+  EXPECT_EQ(check_force_field(wide, ForceMethod::kSmoothSphere).error().what, refused.error().what);
+  EXPECT_TRUE(check_force_field(wide, ForceMethod::kGaussianSphere).ok());
+  EXPECT_TRUE(check_force_field(wide, ForceMethod::kSpline).ok());
+  EXPECT_GE(memory_of_force_field(wide, ForceMethod::kSpline), 8 * wide.labels->geometry().voxel_count());
+  EXPECT_EQ(memory_of_force_field(wide, ForceMethod::kTrilinear), 0u);
+  std::fill(wide.level_of_label.begin(), wide.level_of_label.end(), 0.f);
+  EXPECT_FALSE(check_force_field(wide, ForceMethod::kGaussianSphere).ok()) << "nothing is felt";
   const std::atomic<bool> stop{true};
   const auto stopped =
       with_methods(std::make_shared<const Model>(ball_model({1, 1, 1})), smooth, Progress({}, &stop));

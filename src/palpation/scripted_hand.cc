@@ -543,7 +543,7 @@ bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, 
   return true;
 }
 
-// The last of the stroke is carved meanwhile, and a version after that is the one that is asked for.
+// The last of the stroke is carved before it is asked for.
 bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s,
                                  HandCommands& commands) {
   constexpr double kCarved_s = 0.2, kLongest_s = 2;
@@ -551,12 +551,12 @@ bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& felt
   if (cutting_) return fail(step, felt, "the motor runs");
   const double now_s = step_time_s_ + dt_s;
   if (step_time_s_ < kCarved_s) {
-    version_before_ = felt.model_version;
     if (now_s >= kCarved_s) commands.stroke = std::get<StrokeStep>(step.action).action;
     return false;
   }
-  if (felt.model_version != version_before_) return true;
-  return now_s >= kLongest_s && fail(step, felt, "there is none");
+  if (commands.stroke_led_to == 0u) return fail(step, felt, "there is none");
+  if (commands.stroke_led_to && felt.model_version >= *commands.stroke_led_to) return true;
+  return now_s >= kLongest_s && fail(step, felt, "it was not done in time");
 }
 
 bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double dt_s) {

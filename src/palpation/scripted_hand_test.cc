@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
+#include <string>
+#include <utility>
+
 #include "loading/test_loading.h"
 
 namespace palpate {
@@ -113,6 +117,42 @@ TEST(Simulate, ARotatedObjectIsStillHeld) {
   const auto result = simulate(loaded_ball(), *script, {}, "");
   ASSERT_TRUE(result.ok());
   EXPECT_GE(result->holds[0].held_s, 1.5);
+}
+
+TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
+  const LoadedScene loaded = testing::loaded_burr();
+  const Script script =
+      parse_script("[[step]]\nstroke = \"undo\"\n[[step]]\nstroke = \"redo\"\n", "undoing script").value();
+  auto hand = ScriptedHand::create(*loaded.model, script);
+  ASSERT_TRUE(hand.ok()) << hand.error().message();
+  TickRecord felt;
+  felt.model_version = 4;
+  HandCommands commands;
+  const auto ticks_until_asked = [&] {
+    for (int n = 1; n < 1000; ++n) {
+      (void)hand->next(felt, 1e-3, commands);
+      if (std::exchange(commands.stroke, std::nullopt)) return n;
+    }
+    return 0;
+  };
+  ASSERT_GT(ticks_until_asked(), 0);
+  // somebody changes a tissue, and something else is cut
+  commands.stroke_led_to.reset();
+  for (; felt.model_version < 7; ++felt.model_version) (void)hand->next(felt, 1e-3, commands);
+  EXPECT_EQ(hand->progress(), 0);
+  commands.stroke_led_to = 8;
+  (void)hand->next(felt, 1e-3, commands);
+  EXPECT_EQ(hand->progress(), 0) << "which is not felt yet";
+  felt.model_version = 8;
+  (void)hand->next(felt, 1e-3, commands);
+  EXPECT_EQ(hand->progress(), 0.5);
+  // one that there is not
+  ASSERT_GT(ticks_until_asked(), 0);
+  commands.stroke_led_to = 0;
+  felt.model_version = 9;
+  (void)hand->next(felt, 1e-3, commands);
+  ASSERT_EQ(hand->trouble().size(), 1u);
+  EXPECT_NE(hand->trouble()[0].find("there is none"), std::string::npos) << hand->trouble()[0];
 }
 
 TEST(Simulate, InterruptedItLeavesARecordingThatReopens) {

@@ -54,7 +54,7 @@ void VirtualRun::cut_what_was_swept() {
 void VirtualRun::change_stroke(StrokeAction action) {
   const ModelChange change = change_of_stroke(*model_, action);
   const auto carving = other_stroke(model_->carving.get(), change);
-  // the step will fail
+  stroke_led_to_ = carving != nullptr ? change.version : 0;
   if (carving == nullptr) return;
   model_ = carving->taken_from(*model_);
   RecordingEvent& event = told_.emplace_back();
@@ -65,10 +65,13 @@ void VirtualRun::change_stroke(StrokeAction action) {
 }
 
 bool VirtualRun::act() {
-  HandCommands commands{parameters_.rotation_target, {}, {}, {}};
+  HandCommands commands{parameters_.rotation_target, {}, {}, {}, stroke_led_to_};
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
-  if (commands.stroke) stroke_ = commands.stroke;
+  if (commands.stroke) {
+    stroke_ = commands.stroke;
+    stroke_led_to_.reset();
+  }
   const bool turned = commands.rotation_target.coeffs() != parameters_.rotation_target.coeffs();
   if (turned || commands.method || commands.motor) {
     const Parameters before = parameters_;

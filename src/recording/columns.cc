@@ -155,7 +155,8 @@ constexpr std::array kDeviceColumns{
            4},
     Column{"tip_patient_mm", kF64, 3, PALPATE_DEVICE(tip_patient_mm), "mm", "Patient", "position of the tip"},
     Column{"proxy_patient_mm", kF64, 3, PALPATE_DEVICE(proxy_patient_mm), "mm", "Patient",
-           "position of the proxy; by a direct method, that of the tip"},
+           "position of the proxy; of a burr in the layer in which it cuts; by a direct method, that of the "
+           "tip"},
     Column{"normal_patient", kF64, 3, PALPATE_DEVICE(normal_patient), "1", "Patient",
            "outward unit normal, zero in free space"},
     Column{"velocity_patient_mm_s", kF64, 3, PALPATE_DEVICE(velocity_patient_mm_s), "mm/s", "Patient",

@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -9,6 +11,7 @@
 #include "haptics/test_model.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/carving.h"
+#include "palpate/tissue/nearest.h"
 
 /// A burr in the whole tick.
 namespace palpate {
@@ -337,6 +340,48 @@ TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
     taken_mm3[n] = led.burr().taken_mm3;
   }
   EXPECT_NEAR(taken_mm3[1] / taken_mm3[0], 1, 0.05);
+}
+
+TEST(BurrTick, InLayersItIsToldWhereItCuts) {
+  constexpr double kShell_mm = 2;
+  for (const bool cuts : {false, true}) {
+    SCOPED_TRACE(cuts);
+    LedSession led;
+    Model layered = testing::as_one_body(testing::ball_model({1, 1, 1}, 1, kShell_mm), kShell_mm);
+    layered.tools = led.model->tools;
+    for (FeltSurface& felt : layered.surfaces)
+      felt.cutting_energy_mJ_per_mm3 = cuts ? 100 : std::numeric_limits<double>::infinity();
+    layered.protected_structures = {{kBone, layered.surfaces[0].surface, false}};
+    led.model = std::make_shared<const Model>(layered);
+    led.carving = std::make_shared<const Carving>(layered);
+    led.state = {};
+    led.state.hands[0].output.gain = 1;
+    led.tick_once();
+    led.lead_to(led.above(kShell_mm + 0.2, -3), 50);
+    // through the shell, by whose surface it is held two millimetres higher up
+    NearestMeter meter(layered);
+    double apart_mm = 0;
+    int swept = 0;
+    for (int n = 1; n <= 400; ++n) {
+      if (n % 20 == 0) led.carve();
+      const double before_mm3 = led.burr().taken_mm3;
+      led.lead_to(led.above(std::max(-1.0, kShell_mm - 0.02 * n), -3), 1);
+      meter.see(led.record);
+      const int layer = led.burr().layer;
+      if (layer < 0) continue;
+      const ProxyState& proxy = led.state.hands[0].proxy;
+      const Point<Patient> head = proxy.layer(layer).position;
+      EXPECT_EQ(led.record.device[0].proxy_patient_mm, (std::array{head.x(), head.y(), head.z()})) << n;
+      if (led.burr().taken_mm3 > before_mm3) {
+        ++swept;
+        EXPECT_LT((led.burr().pending().back().to - head).norm(), 1e-9) << n;
+      }
+      if (layer == 1) apart_mm = std::max(apart_mm, (proxy.position - head).norm());
+    }
+    EXPECT_EQ(swept > 20, cuts);
+    EXPECT_GT(apart_mm, cuts ? 0.2 : 1.5) << "else the test is about nothing";
+    EXPECT_NEAR(meter.nearest_mm().at(kBone), 0, 0.06);
+  }
 }
 
 TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {

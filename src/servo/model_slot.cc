@@ -20,7 +20,7 @@ ModelSlot::ModelSlot(std::shared_ptr<const Model> model) : current_(model.get())
 void ModelSlot::set(std::shared_ptr<const Model> model) {
   const std::lock_guard lock(mutex_);
   PALPATE_CHECK(model != nullptr);
-  PALPATE_CHECK(model->version > held_.back().model->version);
+  PALPATE_CHECK(model->version >= held_.back().model->version);
   const Model* next = model.get();
   // first, as memory may be short: what the servo reads is always held
   held_.push_back({std::move(model), kNever});

@@ -31,7 +31,7 @@ class ModelSlot {
   void end_tick() noexcept { done_.fetch_add(1); }
 
   // ---- every other thread
-  /// A model whose version is not above the last one's is a bug.
+  /// A model whose version is below the last one's is a bug.
   void set(std::shared_ptr<const Model> model);
   /// Frees what no tick uses; how many models are still held, the current one included.
   std::size_t collect();

@@ -67,9 +67,10 @@ TEST(ModelSlot, NoTickEverSeesAFreedModel) {
   EXPECT_EQ(slot.collect(), 1u);
 }
 
-TEST(ModelSlotDeathTest, AVersionThatIsNotAboveTheLastIsABug) {
+TEST(ModelSlotDeathTest, AVersionBelowTheLastIsABug) {
   ModelSlot slot(model(2));
-  EXPECT_DEATH(slot.set(model(2)), "version");
+  // ready for more
+  slot.set(model(2));
   EXPECT_DEATH(slot.set(model(1)), "version");
 }
 

@@ -48,6 +48,9 @@ ToolContact advance_tool(const TickContext& tick, const HandContext& context, co
   if (burr) held.set_first(burr->head(hand.burr.sunk_mm));
   ToolContact contact = touch_by_proxy(tick, context, held, proxy, result, hand.coupling);
   contact.let_go = let_go;
+  // the head is where it cuts, or leans on the innermost of what it leans on
+  if (burr && hand.burr.layer >= 0 && proxy.layer(hand.burr.layer).coupled)
+    contact.strongest.proxy = proxy.layer(hand.burr.layer).position;
   return contact;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 
 #include "base/test_wait.h"
 #include "loading/test_loading.h"
@@ -273,6 +274,35 @@ TEST(BurrScene, PlaybackTellsHowNearTheBurrHadComeAnywhere) {
   EXPECT_GT(told, 10u);
   EXPECT_GT(between, 0u);
   EXPECT_EQ(before_mm, 0);
+}
+
+TEST(BurrScene, InLayersItTellsHowNearTheHeadItselfCame) {
+  // what a shell of 2 mm yields, its own surface does not: there the proxy of the outer layer stays
+  LoadedScene loaded = testing::loaded_ball(2);
+  loaded.scene.force.method = ForceMethod::kProxy;
+  Model model = *loaded.model;
+  model.tools = testing::loaded_burr().model->tools;
+  for (Tissue& tissue : model.tissues)
+    tissue.cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
+  model.tissues[0].protection = Protection::kAlarm;
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  const Script script = parse_script(
+                            "[[step]]\napproach = \"shell\"\n[[step]]\nmotor = true\n[[step]]\npress = "
+                            "2.5\n[[step]]\nhold = 0.2\n[[step]]\nleave = true\n",
+                            "leaning script")
+                            .value();
+  const test::TemporaryFolder folder;
+  const auto simulated = simulate(loaded, script, {}, folder / "run.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  EXPECT_EQ(simulated->failed_steps, 0u);
+  ASSERT_EQ(simulated->spared.size(), 1u);
+  EXPECT_NEAR(simulated->spared[0].nearest_mm.value_or(9), 0, 0.1);
+  const auto recording = read_recording(folder / "run.h5");
+  ASSERT_TRUE(recording.ok()) << recording.error().message();
+  const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
+  ASSERT_TRUE(opened.ok()) << opened.error().message();
+  go_to(**opened, recording->ticks.back());
+  EXPECT_NEAR((*opened)->state().nearest_mm.at(testing::kBone), 0, 0.11);
 }
 
 // two strokes at two places, the second of which is undone, done again and undone

@@ -99,6 +99,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.stalls = health.stalls;
   status.progress = session.tip.progress();
   status.recording_failure = session.recorder.failure();
+  status.method_awaited = session.viewed.method_awaited();
   status.method_failure = session.viewed.method_failure();
   status.stop = session.viewed.stop_that_holds();
   status.rearmed_in_page = session.tip.pointer() != nullptr;
@@ -160,15 +161,14 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
   }
 }
 
-// Whoever explores may choose any method. One that does not suit the volume and that nobody asked for is
-// passed over.
-Result<void> with_what_can_be_chosen(std::shared_ptr<const Model>& model, const Progress& progress) {
-  for (const ForceMethodInfo& info : kForceMethods) {
-    if (model->cuts() && info.method != ForceMethod::kProxy) continue;
-    auto ready = ready_for(model, {&info.method, 1}, progress);
-    if (!ready && ready.error().kind == ErrorKind::kInterrupted) return ready.error();
-    if (ready) model = *std::move(ready);
-  }
+// Whoever explores may choose any method; the direct ones are made ready when they are chosen. Surfaces are a
+// part of what every version of the model follows from, so that they come before the first. Where they do
+// not suit the scene and nobody asked for them, they are passed over.
+Result<void> with_surfaces(std::shared_ptr<const Model>& model, const Progress& progress) {
+  constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+  auto ready = ready_for(model, kProxyAlone, progress);
+  if (!ready && ready.error().kind == ErrorKind::kInterrupted) return ready.error();
+  if (ready) model = *std::move(ready);
   return {};
 }
 
@@ -270,7 +270,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   auto setup = options.device == ExploreDevice::kPointer ? set_up_pointer_run(loaded, run, progress)
                                                          : set_up_run(loaded, script, run, progress);
   if (!setup) return setup.error();
-  if (auto ready = with_what_can_be_chosen(setup->model, progress); !ready) return ready.error();
+  if (auto ready = with_surfaces(setup->model, progress); !ready) return ready.error();
   auto tip = tip_source_of(*setup, options, progress);
   if (!tip) return tip.error();
   if (progress.stopped()) return Progress::interrupted();
@@ -316,8 +316,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
     }
   } const end_of_viewing{viewers, viewed, **tip};
   viewed.begin(**loop, watch);
-  const auto change_stroke = [&viewed](StrokeAction action) { viewed.change_stroke_by_script(action); };
-  if (auto begun = (*tip)->begin(**loop, viewed.told(), change_stroke); !begun) return begun.error();
+  const ScriptStrokes strokes{[&viewed](StrokeAction action) { viewed.change_stroke_by_script(action); },
+                              [&viewed] { return viewed.script_stroke_led_to(); }};
+  if (auto begun = (*tip)->begin(**loop, viewed.told(), strokes); !begun) return begun.error();
   const Session session{model, **loop, **recorder, **tip, watch, viewed, supervisor->get()};
   ExploreResult result;
   result.trouble = setup->trouble;

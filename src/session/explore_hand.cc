@@ -23,14 +23,13 @@ constexpr double kAwayFromAll_mm = 3;
 }  // namespace
 
 HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver,
-                       ServoLoop& loop, EventLog& told, std::function<void(StrokeAction)> change_stroke,
-                       bool repeat)
+                       ServoLoop& loop, EventLog& told, ScriptStrokes strokes, bool repeat)
     : hand_(std::move(hand)),
       mapping_(driver.devices()[0], workspace),
       driver_(driver),
       loop_(loop),
       told_(told),
-      change_stroke_(std::move(change_stroke)),
+      strokes_(std::move(strokes)),
       repeat_(repeat) {}
 
 Result<void> HandThread::begin() try {
@@ -70,7 +69,7 @@ void HandThread::move(double dt_s) {
 
   // viewers turn the object too
   const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
-  HandCommands commands{rotation_target, {}, {}, {}};
+  HandCommands commands{rotation_target, {}, {}, {}, strokes_.led_to()};
   const auto intention = hand_.next(felt, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {
@@ -82,7 +81,7 @@ void HandThread::move(double dt_s) {
   }
   wanted_ = *intention;
   intend(*intention);
-  if (commands.stroke) change_stroke_(*commands.stroke);
+  if (commands.stroke) strokes_.change(*commands.stroke);
   const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
   if (!turned && !commands.method && !commands.motor) return;
   change_told(loop_, told_, {Asker::kScript}, [&](Parameters& parameters) {

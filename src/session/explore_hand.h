@@ -15,6 +15,13 @@
 
 namespace palpate {
 
+/// What a script does of strokes; on the hand's thread.
+struct ScriptStrokes {
+  std::function<void(StrokeAction)> change;
+  /// HandCommands::stroke_led_to, of the last change.
+  std::function<std::optional<std::uint32_t>()> led_to;
+};
+
 /// A scripted hand on a thread of its own, as slow as a person beside the servo: it feels the latest tick and
 /// says where it wants to be a little later. It rests while the force is off or still coming in, as somebody
 /// does who feels it go, and does not catch up on time in which its thread did not run. Of an emergency stop
@@ -22,10 +29,9 @@ namespace palpate {
 class HandThread {
  public:
   /// @param told  what the loop is told by the script; outlives the hand
-  /// @param change_stroke  does what the script asks of a stroke; called on the hand's thread
   /// @param repeat  begin again when the script has ended
   HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver, ServoLoop& loop,
-             EventLog& told, std::function<void(StrokeAction)> change_stroke, bool repeat);
+             EventLog& told, ScriptStrokes strokes, bool repeat);
   ~HandThread() { end(); }
   HandThread(const HandThread&) = delete;
   HandThread& operator=(const HandThread&) = delete;
@@ -54,7 +60,7 @@ class HandThread {
   SimulatedDriver& driver_;
   ServoLoop& loop_;
   EventLog& told_;
-  const std::function<void(StrokeAction)> change_stroke_;
+  const ScriptStrokes strokes_;
   const bool repeat_;
   // where the script wants it, where it is led, and the way out of what it touches
   std::optional<Point<World>> wanted_, led_;

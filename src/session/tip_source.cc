@@ -19,9 +19,8 @@ class ScriptSource final : public TipSource {
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "script"; }
   std::vector<HoldAsked> asked() const override { return asked_; }
-  Result<void> begin(ServoLoop& loop, EventLog& told,
-                     std::function<void(StrokeAction)> change_stroke) override {
-    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, std::move(change_stroke), repeat_);
+  Result<void> begin(ServoLoop& loop, EventLog& told, ScriptStrokes strokes) override {
+    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, std::move(strokes), repeat_);
     return hand_->begin();
   }
   bool done() const override { return hand_->done(); }
@@ -57,8 +56,7 @@ class PointerSource final : public TipSource {
   const char* name() const override { return "pointer"; }
   std::vector<HoldAsked> asked() const override { return asked_; }
   PointerDriver* pointer() override { return &driver_; }
-  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/,
-                     std::function<void(StrokeAction)> /*change_stroke*/) override {
+  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/, ScriptStrokes /*strokes*/) override {
     return {};
   }
   bool done() const override { return false; }

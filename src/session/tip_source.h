@@ -1,6 +1,5 @@
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,10 +23,8 @@ class TipSource {
   virtual PointerDriver* pointer() { return nullptr; }
 
   /// The loop runs. @param told  what it is told, by a script for example; outlives the tip
-  /// @param change_stroke  what a script wants of a stroke; on a thread of the tip's. Errors: those of
-  /// HandThread::begin().
-  virtual Result<void> begin(ServoLoop& loop, EventLog& told,
-                             std::function<void(StrokeAction)> change_stroke) = 0;
+  /// Errors: those of HandThread::begin().
+  virtual Result<void> begin(ServoLoop& loop, EventLog& told, ScriptStrokes strokes) = 0;
   virtual bool done() const = 0;
   virtual double progress() const = 0;
   /// The tip stays where it is.

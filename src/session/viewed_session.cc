@@ -11,6 +11,7 @@
 #include <numbers>
 #include <system_error>
 
+#include "palpate/base/reading.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/told_loop.h"
 #include "session/viewed_scene.h"
@@ -80,6 +81,16 @@ Error not_made(const std::exception& why) {
   return {ErrorKind::kUnavailable,
           std::string("the fields of the direct methods could not be made: ") + why.what(), "",
           "go on by the proxy, or end other programs for their memory"};
+}
+
+// which may be chosen, by index: one that does not suit the volume is left out
+std::array<bool, kForceMethods.size()> choosable_methods(const Model& model) {
+  std::array<bool, kForceMethods.size()> choosable{};
+  // what the direct methods read knows nothing of what a burr takes away
+  for (const ForceMethodInfo& info : kDirectMethods)
+    choosable[index_of(info.method)] = !model.cuts() && check_force_field(model, info.method).ok();
+  choosable[index_of(ForceMethod::kProxy)] = model.has(ForceMethod::kProxy);
+  return choosable;
 }
 
 // what of a request would change something
@@ -166,6 +177,7 @@ std::string words_for(const std::string& tissue, const ModelChange& before, cons
 
 ViewedSession::ViewedSession(ViewedParts parts)
     : parts_(std::move(parts)),
+      choosable_(choosable_methods(*parts_.model)),
       model_{parts_.model, parts_.model},
       removed_(*parts_.model),
       nearest_(*parts_.model),
@@ -191,8 +203,7 @@ ViewedScene ViewedSession::make_scene() const {
   ViewedScene scene = viewed_scene(model, parts_.devices.size(), parts_.modality);
   // what can be chosen, and how far
   for (const ForceMethodInfo& info : kForceMethods)
-    if (model.has(info.method) && !(model.cuts() && info.method != ForceMethod::kProxy))
-      scene.methods.emplace_back(info.name);
+    if (can_be_chosen(info.method)) scene.methods.emplace_back(info.name);
   const DeviceInfo& device = parts_.devices.front();
   scene.device_name = device.name;
   scene.simulated = !physical();
@@ -306,6 +317,11 @@ ViewedState ViewedSession::state() const {
   return state;
 }
 
+std::optional<ForceMethod> ViewedSession::method_awaited() const {
+  const std::lock_guard lock(mutex_);
+  return awaited_;
+}
+
 std::optional<Error> ViewedSession::method_failure() const {
   const std::lock_guard lock(mutex_);
   return method_failure_;
@@ -323,20 +339,24 @@ bool ViewedSession::cuts() const {
 }
 
 bool ViewedSession::can_feel(ForceMethod method) const {
-  // what the direct methods read knows nothing of what a burr takes away
-  if (parts_.model->cuts() && method != ForceMethod::kProxy) return false;
+  if (!can_be_chosen(method)) return false;
   return model_.felt->has(method) &&
          (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
+}
+
+// if it is not there already
+bool ViewedSession::can_be_made(ForceMethod method) const {
+  return can_feel(method) || fields_suit(*model_.felt, *model_.made) || can_make_fields(*model_.felt);
 }
 
 Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& /*now*/) const {
   if (request.motor && !cuts()) return bad("no device has a tool with a motor", "motor", "");
   if (request.method) {
     const auto method = find_force_method(*request.method);
-    if (!method || !parts_.model->has(*method) || (parts_.model->cuts() && *method != ForceMethod::kProxy))
+    if (!method || !can_be_chosen(*method))
       return bad("this session has no force method of that name", "method",
                  "the scene lists those that can be chosen");
-    if (!can_feel(*method) && !can_make_fields(*model_.felt)) return made_for_others();
+    if (!can_be_made(*method)) return made_for_others();
   }
   if (request.max_force_N) {
     const double asked_N = *request.max_force_N, least_N = max_force_range_N()[0];
@@ -515,9 +535,16 @@ Result<void> ViewedSession::apply(const LastStrokeRequest& request, AskedBy by) 
 
 void ViewedSession::change_stroke_by_script(StrokeAction action) {
   ServoLoop* loop = loop_.load();
-  if (!loop || !parts_.model->cuts()) return;
   const std::lock_guard lock(mutex_);
+  script_stroke_led_to_ = 0;
+  if (!loop || !parts_.model->cuts()) return;
   strokes_wanted_.push_back({action, {Asker::kScript}, loop->strokes()});
+  script_stroke_led_to_.reset();
+}
+
+std::optional<std::uint32_t> ViewedSession::script_stroke_led_to() const {
+  const std::lock_guard lock(mutex_);
+  return script_stroke_led_to_;
 }
 
 // all of it, or an exception and nothing of it
@@ -572,6 +599,8 @@ void ViewedSession::change_strokes(ServoLoop& loop) {
   while (!strokes_wanted_.empty()) {
     const WantedStroke wanted = strokes_wanted_.front();
     strokes_wanted_.pop_front();
+    const bool by_script = wanted.by.asker == Asker::kScript;
+    if (by_script) script_stroke_led_to_ = 0;
     // one that has begun since is not what was meant
     if (wanted.strokes != loop.strokes()) continue;
     const ModelChange change = change_of_stroke(*model_.felt, wanted.action);
@@ -579,6 +608,7 @@ void ViewedSession::change_strokes(ServoLoop& loop) {
     auto next = next_version(model_, change);
     if (!next) continue;
     go_on_with(*std::move(next), change, wanted.by, loop);
+    if (by_script) script_stroke_led_to_ = change.version;
     cuts_.add(change.version, wanted.action);
     follow(change, removed_);
   }
@@ -658,10 +688,7 @@ void ViewedSession::next_method() {
   if (!loop) return;
   const std::lock_guard lock(mutex_);
   const ForceMethod now = awaited_.value_or(loop->parameters().method);
-  const auto possible = [&](ForceMethod method) {
-    if (parts_.model->cuts() && method != ForceMethod::kProxy) return false;
-    return parts_.model->has(method) && (can_feel(method) || can_make_fields(*model_.felt));
-  };
+  const auto possible = [&](ForceMethod method) { return can_be_chosen(method) && can_be_made(method); };
   ForceMethod next = next_of(now);
   while (next != now && !possible(next)) next = next_of(next);
   if (auto chosen = choose(next, {Asker::kKey}, *loop); !chosen) give_up(next, chosen.error());
@@ -692,7 +719,7 @@ void ViewedSession::follow_script() {
   // another thread may be looking: the next call comes soon
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock || awaited_ || can_feel(method) || !parts_.model->has(method)) return;
-  if (!can_make_fields(*model_.felt))
+  if (!can_be_made(method))
     give_up(method, made_for_others());
   else if (method_failure_ && given_up_ == model_.felt->version)
     give_up(method, *method_failure_);
@@ -730,18 +757,19 @@ void ViewedSession::make_fields() {
       wanted_.wait(lock, [this] { return ending_ || awaited_; });
       if (ending_) return;
       const ModelVersions of = model_;
+      const ForceMethod method = *awaited_;
       // whoever waited for the lock would wait for this thread's priority
       lock.unlock();
-      const auto next = version_with_fields(of, fields, progress);
+      const auto ready = fields_for(method, of, fields, progress);
       lock.lock();
       // what was changed meanwhile wants another version, and perhaps other fields
       const bool again = model_.felt != of.felt;
       if (!again || !awaited_) fields = nullptr;
       if (again) continue;
-      auto felt = next ? feel_by(*next) : Result<void>(next.error());
+      auto felt = ready ? feel_by(*ready) : Result<void>(ready.error());
       if (felt) continue;
-      given_up_ = model_.felt->version;
-      if (awaited_) give_up(*awaited_, felt.error());
+      // another one may be wanted by now
+      if (awaited_ == method) give_up(method, felt.error());
     } catch (const std::exception&) {
       // no memory even to say so
       if (!lock) lock.lock();
@@ -750,28 +778,44 @@ void ViewedSession::make_fields() {
     }
 }
 
+// A model whose fields suit the stiffnesses as they are, ready for the method too.
 // @param fields  of an earlier try, used where they suit, else made
-Result<std::shared_ptr<const Model>> ViewedSession::version_with_fields(const ModelVersions& of,
-                                                                        std::shared_ptr<const Model>& fields,
-                                                                        const Progress& progress) const try {
+Result<std::shared_ptr<const Model>> ViewedSession::fields_for(ForceMethod method, const ModelVersions& of,
+                                                               std::shared_ptr<const Model>& fields,
+                                                               const Progress& progress) const try {
   if (!fields || !fields_suit(*of.felt, *fields)) {
-    auto made = parts_.new_fields(*of.felt, *of.made, progress);
-    if (!made) return made.error();
-    fields = *std::move(made);
+    fields = of.made;
+    if (!fields_suit(*of.felt, *of.made)) {
+      auto made = parts_.new_fields(*of.felt, *of.made, progress);
+      if (!made) return made.error();
+      fields = *std::move(made);
+    }
   }
-  return taking_fields(*of.felt, *fields);
+  // a machine that runs out of it ends the session
+  if (!fields->has(method))
+    if (auto allowed = allow_memory(memory_of_force_field(*fields, method), std::string(name_of(method)));
+        !allowed)
+      return allowed.error();
+  auto more = parts_.more_methods(fields, {&method, 1}, progress);
+  if (more) fields = *more;
+  return more;
 } catch (const std::exception& why) {
   return not_made(why);
 }
 
-Result<void> ViewedSession::feel_by(std::shared_ptr<const Model> next) try {
+Result<void> ViewedSession::feel_by(std::shared_ptr<const Model> fields) try {
   ServoLoop& loop = *loop_.load();
-  go_on_with({next, next}, {next->version, ModelChange::kFieldsMadeAnew}, awaited_by_, loop);
-  if (!awaited_) return {};
-  if (!can_feel(*awaited_))
-    return Error{ErrorKind::kUnavailable, "this force method does not suit the tissues as they are now", "",
-                 "choose another"};
-  return choose(*awaited_, awaited_by_, loop);
+  if (fields_suit(*model_.felt, *model_.made)) {
+    // what is ready for more feels the same: no new version
+    auto next = std::make_shared<Model>(*model_.felt);
+    next->methods = fields->methods;
+    loop.set_model(next);
+    model_ = {std::move(next), std::move(fields)};
+  } else {
+    const auto next = taking_fields(*model_.felt, *fields);
+    go_on_with({next, next}, {next->version, ModelChange::kFieldsMadeAnew}, awaited_by_, loop);
+  }
+  return awaited_ && can_feel(*awaited_) ? choose(*awaited_, awaited_by_, loop) : Result<void>();
 } catch (const std::exception& why) {
   return not_made(why);
 }

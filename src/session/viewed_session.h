@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -9,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -30,7 +32,9 @@ namespace palpate {
 
 /// What a session is made of before it runs.
 struct ViewedParts {
-  std::shared_ptr<const Model> model;  ///< ready for every method that may be chosen
+  /// Ready for the proxy, where that may be chosen, and for what a script changes to; the other direct
+  /// methods are made ready when they are wanted.
+  std::shared_ptr<const Model> model;
   std::vector<DeviceInfo> devices;
   WorkspaceSettings workspace;
   Parameters parameters;  ///< of the first tick
@@ -44,6 +48,10 @@ struct ViewedParts {
   std::function<Result<std::shared_ptr<const Model>>(const Model& felt, const Model& made,
                                                      const Progress& progress)>
       new_fields = with_new_fields;
+  /// As with_methods, likewise.
+  std::function<Result<std::shared_ptr<const Model>>(
+      std::shared_ptr<const Model> model, std::span<const ForceMethod> methods, const Progress& progress)>
+      more_methods = with_methods;
 };
 
 /// A session as its viewers and its keys change it. What they ask for is validated as a scene and the command
@@ -51,10 +59,10 @@ struct ViewedParts {
 /// loop, so that who serves it can fail before anything pushes; requests are refused until begin().
 ///
 /// A tissue that changes becomes a new version of the model (session/changed_model.h). Whatever the loop is
-/// told stands in told(), with who asked, for the recording. The direct methods' fields are made anew when
-/// one of them is chosen, on a thread of its own, at the lowest priority; until they are there the method
-/// stays as it was. Where they cannot be made it stays so, and state() says why until another is chosen. Any
-/// thread.
+/// told stands in told(), with who asked, for the recording. A direct method is made ready when it is chosen
+/// first, and the fields of all of them anew when one is chosen after a change of stiffness, on a thread of
+/// its own, at the lowest priority; until then the method stays as it was. Where that cannot be it stays so,
+/// and state() says why until another is chosen. Being ready for more methods is no new version. Any thread.
 ///
 /// While a physical device may push, what viewers want to change waits until somebody at this machine agrees
 /// to it (session/consent.h); while it is stopped, so does what would make a hand feel more afterwards. A
@@ -107,9 +115,13 @@ class ViewedSession final : public ViewerHost {
   Result<void> stroke_here(StrokeAction action);
   /// The motor is off. Where there is no such stroke, or the tool cuts nothing, nothing is done.
   void change_stroke_by_script(StrokeAction action);
+  /// HandCommands::stroke_led_to, of the last of them.
+  std::optional<std::uint32_t> script_stroke_led_to() const;
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
   void follow_script();
 
+  /// That is felt as soon as it is made ready.
+  std::optional<ForceMethod> method_awaited() const;
   /// Why the method that was asked for last is not felt.
   std::optional<Error> method_failure() const;
   /// What the loop is told, from begin() on.
@@ -121,7 +133,9 @@ class ViewedSession final : public ViewerHost {
   ViewedScene make_scene() const;
   bool physical() const;
   double most_force_N() const;
+  bool can_be_chosen(ForceMethod method) const { return choosable_[index_of(method)]; }
   bool can_feel(ForceMethod method) const;
+  bool can_be_made(ForceMethod method) const;
   Result<void> check(const SettingsRequest& request, const Parameters& now) const;
   Result<ModelChange> check(const TissueRequest& request, const Parameters& now) const;
   bool wants_consent(bool feels_more) const;
@@ -137,10 +151,10 @@ class ViewedSession final : public ViewerHost {
   Result<void> apply(const TissueRequest& request, AskedBy by);
   Result<void> choose(ForceMethod method, AskedBy by, ServoLoop& loop);
   void make_fields();
-  Result<std::shared_ptr<const Model>> version_with_fields(const ModelVersions& of,
-                                                           std::shared_ptr<const Model>& fields,
-                                                           const Progress& progress) const;
-  Result<void> feel_by(std::shared_ptr<const Model> next);
+  Result<std::shared_ptr<const Model>> fields_for(ForceMethod method, const ModelVersions& of,
+                                                  std::shared_ptr<const Model>& fields,
+                                                  const Progress& progress) const;
+  Result<void> feel_by(std::shared_ptr<const Model> fields);
   void give_up(ForceMethod method, Error why);
   void go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
   void cut_along();
@@ -154,6 +168,7 @@ class ViewedSession final : public ViewerHost {
   double felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const;
 
   const ViewedParts parts_;
+  const std::array<bool, kForceMethods.size()> choosable_;
   mutable std::once_flag scene_made_;
   mutable ViewedScene scene_;
 
@@ -176,6 +191,7 @@ class ViewedSession final : public ViewerHost {
     std::uint32_t strokes = 0;  // that had begun when it was asked for
   };
   std::deque<WantedStroke> strokes_wanted_;  // to be undone or done again
+  std::optional<std::uint32_t> script_stroke_led_to_;
   double highest_max_force_N_;
   std::optional<ForceMethod> awaited_;  // the direct method that is felt when its fields are made
   AskedBy awaited_by_;                  // who wants it

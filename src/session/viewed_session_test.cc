@@ -17,6 +17,7 @@
 #include "loading/test_loading.h"
 #include "palpate/base/clock.h"
 #include "palpate/base/mailbox.h"
+#include "palpate/base/reading.h"
 #include "palpate/base/spsc_ring.h"
 #include "palpate/session/explore.h"
 
@@ -74,7 +75,8 @@ class Viewed : public ::testing::Test {
              double most_stiffness = std::numeric_limits<double>::infinity(), bool ramps = false) {
     Model ball = testing::ball_model({1, 1, 1}, 1.0, kCartilage_mm);
     if (ramps) ball = testing::with_ramps(std::move(ball), 6, kCartilage_mm);
-    Model model = testing::with_exact_surfaces(testing::with_every_method(std::move(ball)), kCartilage_mm);
+    if (every_method_) ball = testing::with_every_method(std::move(ball));
+    Model model = testing::with_exact_surfaces(std::move(ball), kCartilage_mm);
     model.title = "DOE^CANARY";
     model.side = Side::kLeft;
     model.scene_max_force_N = 5;
@@ -99,7 +101,8 @@ class Viewed : public ::testing::Test {
                                 false,
                                 Modality::kMr,
                                 asks_here_,
-                                new_fields_});
+                                new_fields_,
+                                more_methods_});
     auto loop =
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
     PALPATE_CHECK(loop.ok());
@@ -181,7 +184,9 @@ class Viewed : public ::testing::Test {
 
   bool asks_here_ = true;
   std::list<RecordingEvent> told_;
+  bool every_method_ = true;  // else the trilinear one and the proxy
   decltype(ViewedParts::new_fields) new_fields_ = with_new_fields;
+  decltype(ViewedParts::more_methods) more_methods_ = with_methods;
   std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;
   WorkspaceSettings workspace_;
@@ -450,6 +455,117 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
 }
 
+TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
+  every_method_ = false;
+  std::atomic<bool> may_be_made{false};
+  std::atomic<int> made{0};
+  more_methods_ = [&](auto model, auto methods, const Progress& progress) {
+    while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    ++made;
+    return with_methods(std::move(model), methods, progress);
+  };
+  start();
+  EXPECT_EQ(viewed_->scene().methods.size(), kForceMethods.size());
+  ASSERT_NO_FATAL_FAILURE(press(1));
+  SettingsRequest spline, proxy;
+  spline.method = "b-spline";
+  proxy.method = "proxy";
+  ASSERT_EQ(error_of(spline).what, "no error");
+  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_EQ(viewed_->state().method_awaited, "b-spline");
+  EXPECT_EQ(viewed_->method_awaited(), ForceMethod::kSpline);
+  // what changes meanwhile keeps it waiting, and is felt at once
+  TissueRequest rougher;
+  rougher.tissue = kViewedBone;
+  rougher.dynamic_friction = 0.3;
+  ASSERT_EQ(error_of(rougher).what, "no error");
+  may_be_made = true;
+  ASSERT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kSpline); }));
+  EXPECT_EQ(viewed_->state().method_awaited, "");
+  EXPECT_EQ(changes().size(), 1u) << "of the tissue: being ready for more is no new version";
+  EXPECT_EQ(latest().model_version, 2u);
+  // and from then on it is there
+  ASSERT_EQ(error_of(proxy).what, "no error");
+  EXPECT_EQ(viewed_->state().method, "proxy");
+  const int before = made;
+  ASSERT_EQ(error_of(spline).what, "no error");
+  EXPECT_EQ(viewed_->state().method, "b-spline");
+  EXPECT_EQ(made, before);
+  // in none of these ticks another one was felt in its place
+  std::vector<std::uint8_t> felt;
+  for (const TickRecord& tick : ticks()) {
+    EXPECT_EQ(tick.device[0].flags & kFlagMethodMissing, 0u);
+    if (felt.empty() || felt.back() != tick.method) felt.push_back(tick.method);
+  }
+  constexpr auto kNow = static_cast<std::uint8_t>(ForceMethod::kProxy),
+                 kThen = static_cast<std::uint8_t>(ForceMethod::kSpline);
+  EXPECT_EQ(felt.front(), kNow);
+  EXPECT_EQ(felt.back(), kThen);
+  for (const std::uint8_t method : felt) EXPECT_TRUE(method == kNow || method == kThen);
+}
+
+TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
+  every_method_ = false;
+  std::atomic<bool> may_be_made{false};
+  more_methods_ = [&](auto model, auto methods, const Progress& progress) {
+    while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return with_methods(std::move(model), methods, progress);
+  };
+  start(true, {}, std::numeric_limits<double>::infinity(), true);
+  const auto choose = [&](const char* method) {
+    SettingsRequest request;
+    request.method = method;
+    ASSERT_EQ(error_of(request).what, "no error");
+  };
+  choose("b-spline");
+  choose("smooth-sphere");
+  EXPECT_EQ(viewed_->state().method_awaited, "smooth-sphere");
+  may_be_made = true;
+  ASSERT_TRUE(soon([&] { return viewed_->state().method == "smooth-sphere"; }));
+  // who goes back is led nowhere else
+  may_be_made = false;
+  choose("stored-normals");
+  choose("proxy");
+  may_be_made = true;
+  EXPECT_EQ(viewed_->state().method_awaited, "");
+  // after another stiffness the fields are made anew, and one that was never chosen with them
+  TissueRequest softer;
+  softer.tissue = kViewedCartilage;
+  softer.stiffness_N_per_mm = 0.5;
+  ASSERT_EQ(error_of(softer).what, "no error");
+  choose("gaussian-sphere");
+  ASSERT_TRUE(soon([&] { return viewed_->state().method == "gaussian-sphere"; }));
+  EXPECT_EQ(changes().back().tissue, ModelChange::kFieldsMadeAnew);
+  EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kGaussianSphere); }));
+  EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
+}
+
+TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
+  every_method_ = false;
+  std::atomic<int> tries{0};
+  more_methods_ = [&](auto model, auto methods, const Progress& progress) {
+    if (++tries == 1) throw std::bad_alloc();
+    return with_methods(std::move(model), methods, progress);
+  };
+  start();
+  SettingsRequest spline;
+  spline.method = "b-spline";
+  ASSERT_EQ(error_of(spline).what, "no error");
+  ASSERT_TRUE(soon([&] { return viewed_->method_failure().has_value(); }));
+  EXPECT_EQ(viewed_->method_failure()->where, "b-spline");
+  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_EQ(viewed_->state().method_awaited, "");
+  // nor is memory taken that is not allowed
+  set_reading_limits({.most_memory_bytes = 1});
+  ASSERT_EQ(error_of(spline).what, "no error");
+  ASSERT_TRUE(soon([&] { return viewed_->method_failure().has_value(); }));
+  set_reading_limits({});
+  EXPECT_THAT(viewed_->method_failure()->what, HasSubstr("of memory"));
+  EXPECT_EQ(tries, 1);
+  ASSERT_EQ(error_of(spline).what, "no error");
+  EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
+}
+
 TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
@@ -519,16 +635,14 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
   EXPECT_EQ(viewed_->state().method_awaited, "");
 
-  // one that is left out of the new fields is not made for ever
+  // one that is left out of the new fields is made besides
   SettingsRequest proxy;
   proxy.method = "proxy";
   ASSERT_EQ(error_of(proxy).what, "no error");
   softer.stiffness_N_per_mm = 0.4;
   ASSERT_EQ(error_of(softer).what, "no error");
   ASSERT_EQ(error_of(direct).what, "no error");
-  ASSERT_TRUE(soon([&] { return viewed_->state().method_failure.has_value(); }));
-  EXPECT_THAT(viewed_->state().method_failure->what, HasSubstr("does not suit"));
-  EXPECT_EQ(viewed_->state().method, "proxy");
+  EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
   EXPECT_EQ(tries, 5);
 }
 

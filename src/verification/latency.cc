@@ -69,11 +69,19 @@ Result<PaceFigures> measure_pace(const LoadedScene& loaded, const PalpationPath&
   return meter->figures();
 }
 
-// the same figures of tick and whole update side by side
+// what the direct methods read knows nothing of what a burr takes away
+bool can_be_felt_by(ForceMethod method, const Model& model) {
+  if (method == ForceMethod::kProxy) return true;
+  return !model.cuts() && check_force_field(model, method).ok();
+}
+
+// the same figures of tick and whole update side by side, by each method that can be chosen; one at a time is
+// ready
 Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, const PalpationPath& path,
                                                  const Progress& progress) {
   std::vector<Figure> figures;
   for (const ForceMethodInfo& info : kForceMethods) {
+    if (!can_be_felt_by(info.method, *loaded.model)) continue;
     const auto model = ready_for(loaded.model, {&info.method, 1}, progress);
     if (!model) return model.error();
     const std::string name(info.name);

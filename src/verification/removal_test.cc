@@ -25,7 +25,7 @@ TEST(RemovalFigures, KeepTheirLimits) {
 TEST(LedVolumes, AreThoseOfGeometry) {
   const auto figures = led_volumes_figures({.all = false}, {});
   ASSERT_TRUE(figures.ok());
-  EXPECT_EQ(figures->size(), 4);
+  EXPECT_EQ(figures->size(), 6);
   for (const Figure& figure : *figures)
     EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
                              << *figure.limit;

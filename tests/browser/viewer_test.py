@@ -2523,6 +2523,16 @@ class WithBurr(Viewer):
         self.wait_until_cut(self.place, True)
         self.assertEqual(found(), {"middle": False, "edge": False, "beyond": True})
 
+    def test_what_is_felt_until_a_method_is_made_ready_is_told(self):
+        self.page.run("""const line = document.getElementById('method-awaited'), method = document.getElementById('method');
+            window.said = [];
+            new MutationObserver(() => window.said.push(line.hidden ? '' : line.textContent)).observe(line, { childList: true, attributes: true });
+            method.value = 'trilinear';
+            method.dispatchEvent(new Event('change', { bubbles: true }));""")
+        self.page.wait("palpateViewer.state.method === 'trilinear'")
+        self.page.wait("window.said.at(-1) === ''")
+        self.assertIn("trilinear is made ready; proxy is felt until then", self.page.run("return window.said"))
+
     def test_a_cone_takes_what_is_in_its_row_of_balls_and_is_drawn(self):
         self.assertIn("ball burr", self.told("device"))
         self.serve("pointer", "cone")

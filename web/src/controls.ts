@@ -310,6 +310,8 @@ export class Controls {
 
   showState(state: State): void {
     byId<HTMLSelectElement>("method").value = state.method_awaited ?? state.method;
+    write(byId("method-awaited"), state.method_awaited ? words.methodAwaited(readable(state.method_awaited), readable(state.method)) : "");
+    byId("method-awaited").hidden = !state.method_awaited;
     const failure = state.method_failed && refusalText(state.method_failed);
     if (failure && failure !== this.methodFailure) toast(failure);
     this.methodFailure = failure;

@@ -354,7 +354,11 @@ sockets.on("connection", (socket) => {
       undone.length = 0;
       changeStrokes(() => strokes.push(nextStroke()));
     }
-    if (type === "set") Object.assign(state, values, "motor" in values ? { motor_is_on: values.motor } : {});
+    if (type === "set") {
+      const { method = state.method_awaited ?? state.method, ...others } = values;
+      Object.assign(state, others, "motor" in values ? { motor_is_on: values.motor } : {});
+      choose(method);
+    }
     if (type === "undo") changeStrokes(() => undone.push(strokes.pop()));
     if (type === "redo") changeStrokes(() => strokes.push(undone.pop()));
     if (type === "tissue") {
@@ -380,6 +384,18 @@ function middle(label) {
   }
   const mean = [...sum.slice(0, 3).map((x) => x / sum[3]), 1];
   return X_PatientVoxel.slice(0, 3).map((row) => row.reduce((all, x, axis) => all + x * mean[axis], 0));
+}
+// a direct method is made ready when it is chosen first
+const ready = new Set(["proxy"]);
+function choose(method) {
+  if (ready.has(method)) return Object.assign(state, { method, method_awaited: null });
+  if (state.method_awaited !== method)
+    setTimeout(() => {
+      ready.add(method);
+      if (state.method_awaited === method) choose(method);
+      tellState();
+    }, 500);
+  state.method_awaited = method;
 }
 // of each stroke its sweeps
 const strokes = [];

@@ -121,7 +121,9 @@ struct DeviceTick {
   double damping_N_s_per_m = 0;        ///< along the force, added by the passivity controller
   double turned_mJ = 0;  ///< work that the turning object has done on the hand since the run began
   std::array<double, 3> tip_patient_mm{};
-  std::array<double, 3> proxy_patient_mm{};  ///< where the proxy is; by a direct method, the tip
+  /// Where the proxy is: that of the outermost layer, of a burr that of the layer in which it cuts, which is
+  /// where its head is. By a direct method, the tip.
+  std::array<double, 3> proxy_patient_mm{};
   std::array<double, 3> normal_patient{};    ///< of all that is leant on, outward, unit; zero in free space
   std::array<double, 3> velocity_patient_mm_s{};  ///< windowed, relative to the object
   double field = 0;                               ///< 0 ... 1; the proxy reads none: 0

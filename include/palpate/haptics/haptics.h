@@ -182,6 +182,11 @@ struct Model {
 /// suit the voxels.
 Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method);
 
+/// Whether make_force_field would make it, as far as that is known before anything is made. Errors: its own.
+Result<void> check_force_field(const Model& model, ForceMethod method);
+/// What making it takes at most at a time, besides the model; bytes.
+std::uint64_t memory_of_force_field(const Model& model, ForceMethod method);
+
 /// The same model, ready for these methods as well; itself where it already is. What is added changes neither
 /// version nor content hash. Direct methods alone; palpate/loading/loading.h prepares the proxy's surfaces
 /// too. Errors: those of make_force_field, kInterrupted.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +21,9 @@ struct HandCommands {
   std::optional<ForceMethod> method;                                    ///< to be felt from now on
   std::optional<bool> motor;                                            ///< on or off from now on
   std::optional<StrokeAction> stroke;
+  /// Told to it: the model's version to which what it asked of a stroke last has led; 0: there was no such
+  /// stroke. Empty: that is not known yet.
+  std::optional<std::uint32_t> stroke_led_to = {};
 };
 
 /// The person: follows a palpation script by moving where the hand intends the tip to be, feeling what
@@ -108,7 +112,6 @@ class ScriptedHand {
   double tool_reach_mm_ = 0, clear_of_object_mm_ = 0;
   std::vector<PlannedStep> steps_;
   bool cutting_ = false;  ///< the motor runs: what is touched gives way, whatever it is pressed with
-  std::uint32_t version_before_ = 0;  ///< of the model, before a stroke was undone or done again
   std::vector<std::string> trouble_;
   std::vector<TouchFigure> touches_;
   Point<World> start_;

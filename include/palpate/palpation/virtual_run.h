@@ -48,8 +48,9 @@ class VirtualRun {
   Wrench sent_;
   Point<World> intended_;
   TickRecord record_;
-  double cut_s_ = 0;                    // when the model was cut last
-  std::optional<StrokeAction> stroke_;  // that the script wants
+  double cut_s_ = 0;                            // when the model was cut last
+  std::optional<StrokeAction> stroke_;          // that the script wants
+  std::optional<std::uint32_t> stroke_led_to_;  // HandCommands
   std::vector<RecordingEvent> told_;
   std::uint32_t told_number_ = 0;
 };

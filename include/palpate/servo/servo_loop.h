@@ -116,8 +116,8 @@ class ServoLoop {
   virtual std::uint32_t change(const std::function<void(Parameters&)>& edit) = 0;
   virtual Parameters parameters() const = 0;
   /// From the next tick on; the force turns into the new one over kOutputFeel.blend_s, but for a local edit
-  /// (Model::edits), which is felt as it is. A model whose version is not
-  /// above the last one's is a bug. The old one is freed by a later call of set_model() or collect(), never
+  /// (Model::edits), which is felt as it is. One of the same version is ready for more methods, and else the
+  /// same; a lower version is a bug. The old one is freed by a later call of set_model() or collect(), never
   /// on the servo thread.
   virtual void set_model(std::shared_ptr<const Model> model) = 0;
   /// Frees models that no tick uses any more; how many are still held.

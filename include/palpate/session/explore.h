@@ -95,6 +95,7 @@ struct ExploreStatus {
   double progress = 0;  ///< of the script, 0 ... 1, by steps
   /// Why the recording ended before the session, which goes on.
   std::optional<Error> recording_failure;
+  std::optional<ForceMethod> method_awaited;  ///< felt as soon as it is made ready
   /// Why the force method that was asked for last is not felt.
   std::optional<Error> method_failure;
   std::optional<std::uint32_t> stop;        ///< which one holds; empty: none

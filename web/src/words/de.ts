@@ -237,6 +237,7 @@ export const de: Words = {
   changedSince: "Das hat seitdem jemand anderes geändert: Es bleibt, wie es ist.",
   feeling: "Gefühl",
   method: "Verfahren",
+  methodAwaited: (awaited: string, felt: string) => `${awaited} wird bereitgestellt; bis dahin wirkt ${felt}`,
   forceLimit: "Kraftgrenze",
   friction: "Reibung",
   viscosity: "Viskosität",

@@ -236,6 +236,7 @@ export const en = {
   changedSince: "This was changed since by somebody else: it is left as it is.",
   feeling: "Feeling",
   method: "Method",
+  methodAwaited: (awaited: string, felt: string) => `${awaited} is made ready; ${felt} is felt until then`,
   forceLimit: "Force limit",
   friction: "Friction",
   viscosity: "Viscosity",
