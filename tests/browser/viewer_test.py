@@ -1765,7 +1765,8 @@ class WithRamp(Viewer):
         self.follow(False)
         self.page.run("const n = document.querySelector('#picture-axial .slices input[type=number]'); n.value = 20; n.dispatchEvent(new Event('change'))")
         low, high, mm = 1000, 1255, 14
-        samples = 2 * math.ceil(mm / numpy.linalg.norm(self.patient_from_voxel[:3, 0])) + 1
+        # two for each voxel that it goes through
+        samples = 2 * math.ceil(abs(numpy.linalg.inv(self.patient_from_voxel)[:3, :3] @ [0, 0, mm]).max()) + 1
         seen = {}
         for kind, of in (("mean", numpy.ma.mean), ("maximum", numpy.ma.max), ("minimum", numpy.ma.min)):
             shown = numpy.array(self.page.run("""
@@ -2911,6 +2912,33 @@ class WithManyVoxels(Viewer):
         self.assertLess(share * busy[12], 30 * idle[4] + 30)
         # nor is the page's own thread held for long
         self.assertLess(share * sum(task for task in long if task > 250), 0.3 * elapsed)
+
+    def test_a_slab_is_coarse_while_it_moves_and_sharp_where_it_rests(self):
+        # one that takes seconds at full size
+        self.page.run("document.getElementById('follow').click()")
+        self.slide("#slab-mm", 50)
+        self.page.run("const slab = document.getElementById('slab'); slab.value = 'mean'; slab.dispatchEvent(new Event('change'))")
+        pixels = """const { base } = arguments[0], { width, height } = base; return [...base.getContext("2d").getImageData(0, 0, width, height).data.filter((_, n) => n % 4 === 0)]"""
+        seen = lambda: numpy.array(self.page.run(pixels.replace("arguments[0]", "{ base: document.querySelector('#picture-oblique canvas') }")))  # noqa: E731
+        begun = self.page.run("""window.drawn = 0;
+            const stack = document.querySelector("#picture-oblique .stack"), way = [1, -1];
+            return new Promise((done) => {
+              let n = 0;
+              const timer = setInterval(() => {
+                stack.dispatchEvent(new WheelEvent("wheel", { deltaY: way[n % 2], cancelable: true }));
+                if (++n < 40) return;
+                clearInterval(timer);
+                done(palpateViewer.sectionsDrawn);
+              }, 50);
+            });""")
+        self.assertGreater(begun["coarse"], 3)
+        coarse = seen()
+        self.page.wait("palpateViewer.areSectionsSharp")
+        sharp = seen()
+        self.assertGreater(self.page.run("return palpateViewer.sectionsDrawn").get("bands"), begun["bands"])
+        self.page.run("palpateViewer.draw()")
+        self.assertEqual(abs(seen() - sharp).max(), 0)
+        self.assertGreater((abs(coarse - sharp) > 2).mean(), 0.05)
 
     def test_the_volume_is_drawn_from_every_voxel_where_there_is_room(self):
         # the graphics and the memory are what a script says; it is drawn by what there is

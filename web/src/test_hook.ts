@@ -41,9 +41,9 @@ export function openToTests(page: Page): void {
     displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => page.updateDisplacement(lo, size, mm),
     /** From one picture to the next, where no graphics card draws. */
     set leastFrame_ms(ms: number) { page.leastFrame_ms = ms; },
-    /** Draws the pictures and the figures now, whatever the frame rate. */
+    /** Draws the pictures and the figures now, whatever the frame rate, and sections as sharp as they get. */
     draw() {
-      page.drawSections();
+      page.drawSections(Infinity);
       volume.draw(performance.now());
       page.scope.draw(performance.now());
       page.controls.draw();
