@@ -112,6 +112,8 @@ export function openToTests(page: Page): void {
       volume.camera.isPerspective = isPerspective;
       session.touch();
     },
+    /** Nothing of the sections is to be drawn sharper yet. */
+    get areSectionsSharp() { return !sections.some(({ isCoarse }) => isCoarse); },
     /** The picture of the volume that is seen is as sharp as it gets. */
     get isVolumeSharp() { return volume.isSharp; },
     /** What is seen at a pixel of the screen, from the volume's middle: a line in the patient. */
