@@ -39,7 +39,7 @@ WATCH = """{
   const honest = CanvasRenderingContext2D.prototype.drawImage;
   CanvasRenderingContext2D.prototype.drawImage = function (source, ...rest) {
     honest.call(this, source, ...rest);
-    if (source.isConnected || !this.canvas.isConnected) return;
+    if (!this.canvas.isConnected) return;
     const picture = this.canvas.closest("[id^=picture-]")?.id.slice(8);
     window.pictures[picture]?.push(performance.now());
     if (picture === "oblique" && window.firstSection === undefined) {
