@@ -37,6 +37,8 @@ const TOKEN_KEY = "palpate.token";
 const SOFTWARE_FRAME_MS = 66;
 /** Beside a picture of the volume, sections are drawn in a third of the time: as many times their own pass from one to the next. */
 const SECTIONS_REST = 3;
+/** Where no graphics card draws, the page waits for its sections: so long for all of them at a time. */
+const SECTIONS_MS = 60;
 /** Graphics that the browser has not given back by then will hardly come. */
 const HOPELESS_MS = 5000;
 const FIGURES_MS = 100;
@@ -479,14 +481,15 @@ class Page {
     return orient;
   }
 
-  /** The planes, and what the readout says of them. */
-  drawSections(): void {
+  /** The planes, and what the readout says of them. @param most_ms  that they may hold the page */
+  drawSections(most_ms: number): void {
     const { session } = this;
     if (this.lookVersion !== session.lookVersion && session.volumes) {
       this.lookVersion = session.lookVersion;
       this.slicer.setColours(session.palette());
     }
-    for (const section of this.sections) section.draw();
+    const shown = this.sections.filter(({ picture }) => picture.isShown).length;
+    for (const section of this.sections) section.draw(performance.now(), most_ms / shown);
     this.slicer.mark();
     this.controls.showReadout();
   }
@@ -508,9 +511,9 @@ class Page {
     // the volume's sharp picture comes after a while without any change
     this.volume.draw(now);
     this.scope.draw(now);
-    if (this.drawnVersion !== session.version && session.volumes) {
+    if ((this.drawnVersion !== session.version || this.sections.some(({ isCoarse }) => isCoarse)) && session.volumes) {
       this.drawnVersion = session.version;
-      this.drawSections();
+      this.drawSections(this.slicer.isSoftware ? SECTIONS_MS : Infinity);
     }
     this.capture.drawn();
     if (now - this.figures_ms > FIGURES_MS) {

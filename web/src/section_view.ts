@@ -31,6 +31,10 @@ const SLIDER_PIXELS = 26;
 const KEY_STEP_PIXELS = 2;
 const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
 const SMOOTHING = 0.2; // of the way to where the plane ought to stand, a picture
+/** A picture that moves is drawn coarser where it would take longer than it may; when it has come to rest, in bands. */
+const STILL_AFTER_MS = 250;
+const COARSEST = 4;
+const LEAST_ROWS = 4;
 /** Of a drag with the window tool: the window's width is doubled by so many pixels. */
 const WINDOW_PIXELS = 200;
 
@@ -51,6 +55,8 @@ export class SectionView {
   private held: Vec3 | null = null; // the point of the plane while the pointer moves the tip
   private mouse: { clientX: number; clientY: number } | null = null; // where it is over this picture
   private drawn = "";
+  private drawn_ms = -Infinity; // when it was first drawn
+  private sharpTo = Infinity; // rows that are as sharp as they get; where it is drawn again in bands
   private size = 0; // of the picture's shorter side
   private readonly pointers = new Map<number, [number, number]>();
   private gesture = 0; // that changes what is seen
@@ -173,7 +179,12 @@ export class SectionView {
     return this.plane;
   }
 
-  draw(): void {
+  /** Some of it is to be drawn sharper yet. */
+  get isCoarse(): boolean {
+    return this.picture.isShown && this.sharpTo < this.picture.base.canvas.height;
+  }
+  /** @param most_ms  that it may hold the page */
+  draw(now: number, most_ms: number): void {
     const { session, picture } = this;
     const resized = picture.fit();
     if (!picture.isShown || !session.volumes || !session.scene) return;
@@ -187,9 +198,19 @@ export class SectionView {
     // the volume, when the picture of it is another one
     const key = JSON.stringify([this.plane, mm, session.window, session.fill, session.outlines, session.slab, session.lookVersion,
       frame.width, frame.height, session.volumes.hash]);
-    if (key !== this.drawn) {
-      this.slicer.draw(picture.base, this.plane, mm, { window: session.storedWindow(), fill: session.fill, outlines: session.outlines, slab: session.slab });
+    const style = { window: session.storedWindow(), fill: session.fill, outlines: session.outlines, slab: session.slab };
+    const isOther = key !== this.drawn;
+    const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / most_ms;
+    if (isOther || (this.isCoarse && most < 1)) {
+      const reduction = Math.min(COARSEST, Math.sqrt(Math.max(1, most)));
+      this.slicer.draw(picture.base, this.plane, mm, style, { reduction, from: 0, to: Infinity });
+      this.sharpTo = reduction > 1 ? 0 : Infinity;
       this.drawn = key;
+      this.drawn_ms = now;
+    } else if (this.isCoarse && now - this.drawn_ms > STILL_AFTER_MS) {
+      const to = this.sharpTo + Math.max(LEAST_ROWS, Math.floor(frame.height / most));
+      this.slicer.draw(picture.base, this.plane, mm, style, { reduction: 1, from: this.sharpTo, to });
+      this.sharpTo = to;
     }
 
     frame.context.clearRect(0, 0, frame.width, frame.height);

@@ -110,6 +110,11 @@ export interface SliceStyle {
 }
 const KINDS: Slab["kind"][] = ["mean", "maximum", "minimum"];
 
+const FINE = 2, COARSE = 1; // places of a slab for each voxel
+
+/** Of a picture what is drawn at a time: in so many pixels of it one is computed each way, of rows from one on and before another. */
+export interface Part { reduction: number; from: number; to: number }
+
 export class Slicer {
   readonly canvas = document.createElement("canvas");
   readonly mostSide: number; // of a 3-D texture
@@ -127,6 +132,8 @@ export class Slicer {
   private drawing: WebGLSync | null = null;
   private marked_ms = 0;
   took_ms = 0; // what was drawn last
+  /** Of a plane and of a slab, as the latest took: of a pixel each place of the scan that is looked at. Where no graphics card draws, the page waits for them. */
+  private readonly place_ms: { plane: number; slab: number | null } = { plane: 0, slab: null };
   private readonly extension: WEBGL_lose_context | null;
 
   /** @throws Error where the browser has no WebGL2 */
@@ -284,23 +291,35 @@ export class Slicer {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, rgba);
   }
 
+  /** From one side of a slab to the other, in voxels. */
+  private through(plane: Plane, mm: number): Vec3 {
+    return turn(this.volumes!.voxelFromPatient, scale(normalOf(plane), mm));
+  }
+  /** What a picture of so many pixels takes, by what the latest took. */
+  cost_msOf(plane: Plane, slab: Slab, pixels: number): number {
+    const { place_ms } = this;
+    if (!this.volumes || slab.kind === "none") return place_ms.plane * pixels;
+    return (place_ms.slab ?? place_ms.plane) * placesThrough(this.through(plane, slab.mm), FINE) * pixels;
+  }
+
   /** Draws into `context`, which is width x height pixels. */
-  draw(context: CanvasRenderingContext2D, plane: Plane, mmPerPixel: number, style: SliceStyle): void {
-    const { width, height } = context.canvas;
+  draw(context: CanvasRenderingContext2D, plane: Plane, mmPerPixel: number, style: SliceStyle, { reduction, from, to }: Part): void {
+    const [width, height] = [context.canvas.width, context.canvas.height].map((size) => Math.ceil(size / reduction)) as [number, number];
     if (width === 0 || height === 0) return;
     const gl = this.gl;
     if (!this.volumes || gl.isContextLost()) {
       // what was drawn there stands for another place
       context.fillStyle = "#090c0e";
-      context.fillRect(0, 0, width, height);
+      context.fillRect(0, 0, context.canvas.width, context.canvas.height);
       return;
     }
+    const began_ms = performance.now();
     if (this.canvas.width < width || this.canvas.height < height) {
       this.canvas.width = Math.max(this.canvas.width, width);
       this.canvas.height = Math.max(this.canvas.height, height);
     }
     const m = this.volumes.voxelFromPatient;
-    const corner: Vec3 = add(plane.centre, add(scale(plane.right, (-width / 2) * mmPerPixel), scale(plane.down, (-height / 2) * mmPerPixel)));
+    const corner: Vec3 = add(plane.centre, add(scale(plane.right, (-context.canvas.width / 2) * mmPerPixel), scale(plane.down, (-context.canvas.height / 2) * mmPerPixel)));
     const { kind, mm } = style.slab;
     this.use(kind !== "none");
     this.displacement?.aim(this.program!, m);
@@ -308,20 +327,31 @@ export class Slicer {
     gl.uniform3fv(this.at("dims"), this.volumes.dims);
     gl.uniform1i(this.at("hasScan"), this.volumes.scan ? 1 : 0);
     gl.uniform3fv(this.at("origin"), apply(m, corner));
-    gl.uniform3fv(this.at("acrossStep"), turn(m, scale(plane.right, mmPerPixel)));
-    gl.uniform3fv(this.at("downStep"), turn(m, scale(plane.down, mmPerPixel)));
+    gl.uniform3fv(this.at("acrossStep"), turn(m, scale(plane.right, reduction * mmPerPixel)));
+    gl.uniform3fv(this.at("downStep"), turn(m, scale(plane.down, reduction * mmPerPixel)));
     gl.uniform1f(this.at("height"), height);
     gl.uniform2fv(this.at("window"), style.window);
     gl.uniform1f(this.at("fill"), style.fill);
     gl.uniform1i(this.at("outlines"), style.outlines ? 1 : 0);
+    const through = this.through(plane, mm);
+    const places = kind === "none" ? 1 : placesThrough(through, reduction > 1 ? COARSE : FINE);
     if (kind !== "none") {
-      // two of a voxel, so that none of its extremes is missed by more than a quarter of it
-      const samples = 2 * Math.ceil(mm / this.volumes.voxelSize) + 1;
-      gl.uniform1i(this.at("samples"), samples);
-      gl.uniform3fv(this.at("throughStep"), turn(m, scale(normalOf(plane), mm / (samples - 1))));
+      gl.uniform1i(this.at("samples"), places);
+      gl.uniform3fv(this.at("throughStep"), scale(through, 1 / (places - 1)));
       gl.uniform1i(this.at("kind"), KINDS.indexOf(kind));
     }
+    const rows = Math.min(to, height) - from;
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(0, height - from - rows, width, rows);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    context.drawImage(this.canvas, 0, this.canvas.height - height, width, height, 0, 0, width, height);
+    context.drawImage(this.canvas, 0, this.canvas.height - height + from, width, rows, 0, from * reduction, width * reduction, rows * reduction);
+    this.place_ms[kind === "none" ? "plane" : "slab"] = (performance.now() - began_ms) / (width * rows * places);
   }
 }
+
+/**
+ * How many places of the scan a slab is made of, an odd number.
+ * @param through  from one of its sides to the other, in voxels; @param density  places for each voxel that it goes through, counted along the axis along which
+ *     they are most: with FINE none of the extremes is missed by more than a quarter of a voxel
+ */
+export const placesThrough = (through: Vec3, density: number): number => 2 * Math.max(1, Math.ceil((density * Math.max(...through.map(Math.abs))) / 2)) + 1;

@@ -41,9 +41,9 @@ export function openToTests(page: Page): void {
     displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => page.updateDisplacement(lo, size, mm),
     /** From one picture to the next, where no graphics card draws. */
     set leastFrame_ms(ms: number) { page.leastFrame_ms = ms; },
-    /** Draws the pictures and the figures now, whatever the frame rate. */
+    /** Draws the pictures and the figures now, whatever the frame rate, and sections as sharp as they get. */
     draw() {
-      page.drawSections();
+      page.drawSections(Infinity);
       volume.draw(performance.now());
       page.scope.draw(performance.now());
       page.controls.draw();
@@ -112,6 +112,8 @@ export function openToTests(page: Page): void {
       volume.camera.isPerspective = isPerspective;
       session.touch();
     },
+    /** Nothing of the sections is to be drawn sharper yet. */
+    get areSectionsSharp() { return !sections.some(({ isCoarse }) => isCoarse); },
     /** The picture of the volume that is seen is as sharp as it gets. */
     get isVolumeSharp() { return volume.isSharp; },
     /** What is seen at a pixel of the screen, from the volume's middle: a line in the patient. */

@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import type { Affine, Vec3 } from "../src/geometry.js";
 import { Volumes } from "../src/scene.js";
+import { placesThrough } from "../src/slicer.js";
 import { sliceAt, slicesAlong } from "../src/slices.js";
 
 const volume = (dims: Vec3, X: Affine): Volumes => new Volumes("h", 1, dims, X, null, new Uint8Array(dims[0] * dims[1] * dims[2]), 1, 0);
@@ -19,4 +20,18 @@ test("a plane along the grid has the grid's slices, from either side", () => {
 test("an oblique plane goes through the whole volume in steps of a voxel's shortest edge", () => {
   const volumes = volume([11, 11, 11], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]]);
   assert.deepEqual(slicesAlong(volumes, [0.6, 0.8, 0]), { first_mm: 0, step_mm: 1, count: 15 });
+});
+
+test("a slab is looked at twice for each voxel that it goes through, and in its middle", () => {
+  // 10 mm through slices of 1 mm, through pixels of 0.25 mm, and aslant
+  assert.equal(placesThrough([0, 0, 10], 2), 21);
+  assert.equal(placesThrough([0, -40, 0], 2), 81);
+  assert.equal(placesThrough([20, -30.2, 4], 2), 63);
+  assert.equal(placesThrough([0, 0, 10], 1), 11);
+  assert.equal(placesThrough([0.1, 0, 0], 2), 3);
+  for (const mm of [1, 2.3, 7, 50]) for (const density of [1, 2]) {
+    const places = placesThrough([0, 0, mm], density);
+    assert.equal(places % 2, 1);
+    assert.ok(mm / (places - 1) <= 1 / density);
+  }
 });
