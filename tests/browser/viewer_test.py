@@ -1055,12 +1055,6 @@ class WithHand(Viewer):
     def setUpClass(cls):
         cls.open_browser()
 
-    def test_its_scripts_are_small(self):
-        sent = self.page.run("return performance.getEntriesByType('resource').map(({ name, encodedBodySize }) => [name.split('/').pop(), encodedBodySize])")
-        scripts = {name: size for name, size in sent if name.endswith(".js")}
-        self.assertEqual(sorted(scripts), ["viewer.js", "viewer_worker.js"])
-        self.assertLess(sum(scripts.values()), 250e3)
-
     def test_tip_moves_with_the_hand_and_the_section_follows(self):
         places = []
         for _ in range(16):
