@@ -111,6 +111,33 @@ struct CountedInBricks {
   const T *here[2][kMostRows], *next[2][kMostRows];
 };
 
+/// Likewise, of a box that lies in one brick, where most small ones do: at strides that are known.
+template <class Members, class T>
+struct CountedInOneBrick {
+  HWY_INLINE CountedInOneBrick(const Box<T>& box, const Members& those_that_count)
+      : members(those_that_count) {
+    const BrickView<T>& view = box.grid.bricks;
+    const int i = box.axes[0].start, j = box.axes[1].start, k = box.axes[2].start;
+    first = view.table[brick_of(i) + brick_of(j) * view.row + brick_of(k) * view.slice] +
+            (place_of(i) + place_of(j) * BrickLayout::kRow + place_of(k) * BrickLayout::kSlice);
+  }
+  HWY_INLINE static bool holds(const Box<T>& box) {
+    bool fits = box.part.whole;
+    for (int a = 0; a < 3; ++a)
+      fits = fits && place_of(box.axes[a].start) + box.axes[a].count <= BrickLayout::kVoxels;
+    return fits;
+  }
+
+  template <class D>
+  HWY_INLINE hn::Vec<D> row(D d, int lane, int j, int k) const {
+    const auto stored = hn::LoadU(d, first + (lane + j * BrickLayout::kRow + k * BrickLayout::kSlice));
+    return hn::VecFromMask(d, members.hit(d, stored));
+  }
+
+  const Members members;
+  const T* first;
+};
+
 /// What of a block of kWidth lanes of a box counts, for some of its slices: all bits where a voxel does, else
 /// 0. Rows stand one after the other, whichever bricks they are of. Lanes beyond the box may hold anything.
 template <std::size_t kWidth, class Members, class T>
@@ -201,8 +228,9 @@ struct CountedLanes {
   int block, first_k = 0;
 };
 
-/// The sums at lanes of a block and of slices begin_k ... end_k - 1, after those before.
-template <int kCount, class D, class T, class Counts>
+/// The sums at lanes of a block and of slices begin_k ... end_k - 1, after those before. kOthers: over what
+/// does not count.
+template <int kCount, bool kOthers, class D, class T, class Counts>
 HWY_INLINE void sum_columns(D d, const Box<T>& box, const Counts& counts, int block, int lane, int begin_k,
                             int end_k, ColumnSums& sums) {
   const hn::Rebind<T, D> dt;
@@ -210,6 +238,8 @@ HWY_INLINE void sum_columns(D d, const Box<T>& box, const Counts& counts, int bl
   const hn::RebindToSigned<D> wide;
   const AxisWeights &ay = box.axes[1], &az = box.axes[2];
   const int end_j = count_or<kCount>(ay.count), x = block + lane;
+  const auto of = [](hn::Vec<D> counted, hn::Vec<D> weight)
+                      HWY_ATTR { return kOthers ? hn::AndNot(counted, weight) : hn::And(counted, weight); };
   auto v = hn::Zero(d), y = hn::Zero(d), z = hn::Zero(d);
   if (begin_k > 0) {
     v = hn::Load(d, sums.v + x);
@@ -222,8 +252,8 @@ HWY_INLINE void sum_columns(D d, const Box<T>& box, const Counts& counts, int bl
       const auto row = hn::BitCast(narrow, counts.row(dt, lane, j, k));
       const auto counts_here = hn::BitCast(d, hn::PromoteTo(wide, row));
       // 0 is added for what does not: sums are never -0
-      a = hn::Add(a, hn::And(counts_here, hn::Set(d, ay.weight[j])));
-      b = hn::Add(b, hn::And(counts_here, hn::Set(d, ay.slope[j])));
+      a = hn::Add(a, of(counts_here, hn::Set(d, ay.weight[j])));
+      b = hn::Add(b, of(counts_here, hn::Set(d, ay.slope[j])));
     }
     const auto w = hn::Set(d, az.weight[k]), s = hn::Set(d, az.slope[k]);
     v = hn::Add(v, hn::Mul(w, a));
@@ -235,12 +265,12 @@ HWY_INLINE void sum_columns(D d, const Box<T>& box, const Counts& counts, int bl
   hn::Store(z, d, sums.z + x);
 }
 
-template <int kCount, std::size_t kWidth, class T, class Counts>
+template <int kCount, std::size_t kWidth, bool kOthers = false, class T, class Counts>
 HWY_INLINE void sum_slices(const Box<T>& box, const Counts& counts, int block, int begin_k, int end_k,
                            ColumnSums& sums) {
   const hn::CappedTag<float, kWidth> d;
   for (int lane = 0; lane < static_cast<int>(kWidth); lane += static_cast<int>(hn::Lanes(d)))
-    sum_columns<kCount>(d, box, counts, block, lane, begin_k, end_k, sums);
+    sum_columns<kCount, kOthers>(d, box, counts, block, lane, begin_k, end_k, sums);
 }
 
 /// Kept out of the way of the other box's registers.
@@ -297,6 +327,19 @@ HWY_NOINLINE void sum_unusual(const Box<T>& box, bool flip, ColumnSums& sums) {
 
 template <int kCount, class T>
 HWY_INLINE void sum_box(const Box<T>& box, bool flip, ColumnSums& sums) {
+  if constexpr (kCount > 0) {
+    constexpr std::size_t kWidth = 8;
+    static_assert(kCount <= static_cast<int>(kWidth));
+    if (box.grid.range_count == 1 && CountedInOneBrick<OneRange, T>::holds(box)) {
+      const CountedInOneBrick<OneRange, T> counts(box, OneRange(box.grid));
+      // a branch, which is foreseen: what counts would wait for the voxel in the middle
+      if (flip)
+        sum_slices<kCount, kWidth, true>(box, counts, 0, 0, kCount, sums);
+      else
+        sum_slices<kCount, kWidth>(box, counts, 0, 0, kCount, sums);
+      return;
+    }
+  }
   if (box.grid.range_count == 1) {
     sum_rows<kCount>(box, OneRange(box.grid, flip), sums);
   } else {

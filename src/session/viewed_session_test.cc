@@ -475,10 +475,10 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   EXPECT_EQ(viewed_->state().method_awaited, "b-spline");
   EXPECT_EQ(viewed_->method_awaited(), ForceMethod::kSpline);
   // what changes meanwhile keeps it waiting, and is felt at once
-  TissueRequest rougher;
-  rougher.tissue = kViewedBone;
-  rougher.dynamic_friction = 0.3;
-  ASSERT_EQ(error_of(rougher).what, "no error");
+  TissueRequest thicker;
+  thicker.tissue = kViewedBone;
+  thicker.viscosity_N_s_per_mm = 0.002;
+  ASSERT_EQ(error_of(thicker).what, "no error");
   may_be_made = true;
   ASSERT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kSpline); }));
   EXPECT_EQ(viewed_->state().method_awaited, "");

@@ -124,7 +124,7 @@ struct DeviceTick {
   /// Where the proxy is: that of the outermost layer, of a burr that of the layer in which it cuts, which is
   /// where its head is. By a direct method, the tip.
   std::array<double, 3> proxy_patient_mm{};
-  std::array<double, 3> normal_patient{};    ///< of all that is leant on, outward, unit; zero in free space
+  std::array<double, 3> normal_patient{};  ///< of all that is leant on, outward, unit; zero in free space
   std::array<double, 3> velocity_patient_mm_s{};  ///< windowed, relative to the object
   double field = 0;                               ///< 0 ... 1; the proxy reads none: 0
   /// ContactSite::depth_mm; NaN: no surface within reach, 0 where nothing is felt. Of the proxy: from it to
