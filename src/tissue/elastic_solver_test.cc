@@ -1,0 +1,3 @@
+#include "palpate/tissue/elastic_solver.h"
+
+#include <gtest/gtest.h>
