@@ -20,8 +20,8 @@ struct PlaceInCell {
   bool inside[3];  ///< not at the cell's end because it lies beyond it
 };
 
-bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& place, const Eigen::Vector3d& down, double reach,
-               PlaceInCell& found) {
+bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& place, const Eigen::Vector3d& down,
+               double reach, PlaceInCell& found) {
   constexpr double kStep = 0.25;
   for (double way = 1e-3; way <= reach; way += kStep) {
     const Eigen::Vector3d below = place + way * down;
@@ -86,8 +86,8 @@ double force_at(double depth_mm, double compliance, double rho_mm, double radius
 
 }  // namespace
 
-PressurePatch::PressurePatch(const ElasticGrid& grid, const Point<Patient>& at, const Vector<Patient>& outward,
-                             double rho_mm)
+PressurePatch::PressurePatch(const ElasticGrid& grid, const Point<Patient>& at,
+                             const Vector<Patient>& outward, double rho_mm)
     : outward_(grid.box().axes.transpose() * outward.eigen()), axes_(grid.box().axes) {
   const double h = grid.box().cell_mm;
   const Eigen::Vector3d across = outward_.unitOrthogonal(), other = outward_.cross(across);
@@ -106,7 +106,8 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Pati
                              const Vector<Patient>& outward)
     : outward_(grid.box().axes.transpose() * outward.eigen()), axes_(grid.box().axes) {
   std::vector<Eigen::Vector3d> in_cells;
-  for (const Point<Patient>& place : places) in_cells.push_back(grid.box().local_mm(place) / grid.box().cell_mm);
+  for (const Point<Patient>& place : places)
+    in_cells.push_back(grid.box().local_mm(place) / grid.box().cell_mm);
   spread(grid, in_cells);
 }
 
@@ -154,7 +155,9 @@ void PressurePatch::add(double force_N, ElasticField& nodes_N) const {
   for (const auto& [value, weight] : weights_) nodes_N.values[value] += static_cast<float>(force_N * weight);
 }
 
-double PressurePatch::displacement(const ElasticField& u_mm) const { return product(weights_, u_mm); }
+double PressurePatch::displacement(const ElasticField& u_mm) const {
+  return product(weights_, u_mm);
+}
 
 Vector<Patient> PressurePatch::change(const ElasticField& u_mm) const {
   const Eigen::Vector3d slope(product(along_[0], u_mm), product(along_[1], u_mm), product(along_[2], u_mm));
@@ -163,7 +166,8 @@ Vector<Patient> PressurePatch::change(const ElasticField& u_mm) const {
 
 SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const Point<Patient>& at,
                            const Vector<Patient>& outward, double radius_mm, double depth_mm,
-                           ElasticField& unit_mm, ElasticField& load_N, int most_iterations, double tolerance) {
+                           ElasticField& unit_mm, ElasticField& load_N, int most_iterations,
+                           double tolerance) {
   SphereContact contact;
   if (!(depth_mm > 0)) return contact;
   const double least_mm = 2 * grid.box().cell_mm;
@@ -207,8 +211,8 @@ Eigen::MatrixXd contact_compliance(ElasticSolver& solver, std::span<const Pressu
 }
 
 Eigen::VectorXd contact_forces(const Eigen::MatrixXd& compliance, const Eigen::VectorXd& depth_mm) {
-  // an active set that changes by one patch at a time (Lawson and Hanson 1974, of least squares): ends, as the
-  // energy falls with every set
+  // an active set that changes by one patch at a time (Lawson and Hanson 1974, of least squares): ends, as
+  // the energy falls with every set
   const Eigen::Index count = depth_mm.size();
   Eigen::VectorXd force = Eigen::VectorXd::Zero(count);
   std::vector<bool> pressed(static_cast<std::size_t>(count), false);
@@ -217,7 +221,8 @@ Eigen::VectorXd contact_forces(const Eigen::MatrixXd& compliance, const Eigen::V
     const Eigen::VectorXd within = depth_mm - compliance * force;
     Eigen::Index deepest = -1;
     for (Eigen::Index n = 0; n < count; ++n)
-      if (!pressed[static_cast<std::size_t>(n)] && within[n] > least && (deepest < 0 || within[n] > within[deepest]))
+      if (!pressed[static_cast<std::size_t>(n)] && within[n] > least &&
+          (deepest < 0 || within[n] > within[deepest]))
         deepest = n;
     if (deepest < 0) break;
     pressed[static_cast<std::size_t>(deepest)] = true;

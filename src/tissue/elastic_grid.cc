@@ -67,7 +67,8 @@ Result<void> check_elastic_material(const ElasticMaterial& material) {
   return {};
 }
 
-ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples)
+ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples,
+                         bool sample_every_cell)
     : box_(box),
       layout_(box.cells),
       mu_(layout_.cell_values() + ElasticLayout::kSpare, 0.0f),
@@ -82,11 +83,20 @@ ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int 
   };
   for_each_cell(box.cells, [&](int i, int j, int k) {
     CellMixture mixture;
-    for_each_cell({samples, samples, samples}, [&](int a, int b, int c) {
-      const Eigen::Vector3d local_mm =
-          (Eigen::Vector3d(i, j, k) + (Eigen::Vector3d(a, b, c).array() + 0.5).matrix() / samples) *
-          box.cell_mm;
-      const ElasticMaterial here = material(box.patient(local_mm));
+    const auto at = [&](double x, double y, double z) {
+      return material(box.patient((Eigen::Vector3d(i, j, k) + Eigen::Vector3d(x, y, z)) * box.cell_mm));
+    };
+    const ElasticMaterial middle = at(0.5, 0.5, 0.5);
+    bool alike = !sample_every_cell;
+    for (int corner = 0; corner < 8 && alike; ++corner) {
+      // within the cell, not on its border
+      const auto end = [corner](int axis) { return (corner >> axis & 1) != 0 ? 0.999 : 0.001; };
+      alike = at(end(0), end(1), end(2)) == middle;
+    }
+    const int along = alike ? 1 : samples;
+    for_each_cell({along, along, along}, [&](int a, int b, int c) {
+      const ElasticMaterial here =
+          alike ? middle : at((a + 0.5) / along, (b + 0.5) / along, (c + 0.5) / along);
       PALPATE_CHECK(check_elastic_material(here).ok());
       mixture.add(here);
     });
@@ -140,7 +150,7 @@ Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,
     const LabelId label = labels.anywhere(n[0], n[1], n[2]);
     return label > 0 && label < by_label.size() ? by_label[label] : ElasticMaterial{};
   };
-  return ElasticGrid(box, material, samples);
+  return ElasticGrid(box, material, samples, true);
 }
 
 std::size_t ElasticGrid::soft_cells() const {
@@ -148,12 +158,13 @@ std::size_t ElasticGrid::soft_cells() const {
 }
 
 void ElasticGrid::continue_beyond(const std::array<bool, 6>& faces, const Point<Patient>& about) {
-  constexpr double kSpring = 1.4, kAlongNormal = 2;
+  constexpr double kAlongNormal = 2;
   const double h = box_.cell_mm;
   const Eigen::Vector3d about_mm = box_.local_mm(about);
   for_each_cell(layout_.cells, [&](int i, int j, int k) {
     const double mu = mu_[layout_.cell(i, j, k)];
     if (mu == 0) return;
+    const double nu = 0.5 - mu / (2 * (lambda_[layout_.cell(i, j, k)] + mu));
     const std::array<int, 3> cell{i, j, k};
     for (int face = 0; face < 6; ++face) {
       const int axis = face / 2, end = face % 2;
@@ -164,7 +175,7 @@ void ElasticGrid::continue_beyond(const std::array<bool, 6>& faces, const Point<
         const Eigen::Vector3d way_mm = Eigen::Vector3d(a, b, c) * h - about_mm;
         // nearer than a cell no field of a load is known
         const double r = std::max(way_mm.norm(), h);
-        const double spring = kSpring * mu * (h * h / 4) * std::abs(way_mm[axis]) / (r * r);
+        const double spring = 3 / (3 - 2 * nu) * mu * (h * h / 4) * std::abs(way_mm[axis]) / (r * r);
         for (int component = 0; component < 3; ++component)
           springs_[layout_.node(a, b, c, component)] +=
               static_cast<float>(component == axis ? kAlongNormal * spring : spring);

@@ -12,6 +12,13 @@
 //     p_m           = kHourglass mu w_m              of the four others
 //     f_c           = sum over m of H_m(c) p_m
 //
+// Neo-Hookean (Smith et al. 2018, without the barrier): energy mu / 2 (F : F - 3) - mu (J - 1) + (lambda +
+// mu) / 2 (J - 1)^2,
+//
+//     F = I + G / 4 h,  J = det F,  C = dJ / dF, whose columns are cross products of F's
+//     p / 4 h         = mu F + s C,   s = (lambda + mu) (J - 1) - mu
+//     dp              = mu dG + (lambda + mu) (C : dG) C + s dC
+//
 // A row of cells along x is done at a time. Of a cell only what its left corners and what its right corners
 // get is known; a node gets from the cell before it and the one after it. Both halves of a whole row are kept
 // and then added up, node by node, so that the order of sums does not depend on how many lanes there are.
@@ -127,7 +134,11 @@ HWY_INLINE void finish_cell_row(const Cells& cells, int j, int k, const NodeRows
     if (done[r]) hold_row(cells.held + rows.at[r] / 3, layout.row, force + rows.at[r]);
 }
 
-void linear(const Cells& cells, const float* displacement, float* force) {
+// Calls stress(cell + i, x, y, z) for the cells of every row, which makes p_m of w_m, and gathers the forces.
+// `w` are the modes of each component of `displacement`.
+template <class Stress>
+HWY_INLINE void for_each_vector(const Cells& cells, const float* displacement, float* force,
+                                const Stress& stress) {
   const D d;
   const ElasticLayout& layout = cells.layout;
   const std::size_t row = static_cast<std::size_t>(layout.row), stride = row + ElasticLayout::kLanes;
@@ -135,7 +146,6 @@ void linear(const Cells& cells, const float* displacement, float* force) {
   float* const right = left + 12 * stride;
   // no cell is before the first node
   for (int q = 0; q < 12; ++q) right[q * stride] = 0;
-  const V hourglass = hn::Set(d, kHourglass);
   for (int k = 0; k < layout.cells[2]; ++k) {
     for (int j = 0; j < layout.cells[1]; ++j) {
       const NodeRows rows = node_rows(layout, j, k);
@@ -145,23 +155,7 @@ void linear(const Cells& cells, const float* displacement, float* force) {
         transform(displacement, rows, i, x);
         transform(displacement, rows, row + i, y);
         transform(displacement, rows, 2 * row + i, z);
-        const V mu = hn::Load(d, cells.mu + cell + i), lambda = hn::Load(d, cells.lambda + cell + i);
-        const V two_mu = hn::Add(mu, mu);
-        const V pressure = hn::Mul(lambda, hn::Add(hn::Add(x[1], y[2]), z[4]));
-        const V xy = hn::Mul(mu, hn::Add(x[2], y[1])), xz = hn::Mul(mu, hn::Add(x[4], z[1])),
-                yz = hn::Mul(mu, hn::Add(y[4], z[2]));
-        x[1] = hn::Add(hn::Mul(two_mu, x[1]), pressure);
-        y[2] = hn::Add(hn::Mul(two_mu, y[2]), pressure);
-        z[4] = hn::Add(hn::Mul(two_mu, z[4]), pressure);
-        x[2] = y[1] = xy;
-        x[4] = z[1] = xz;
-        y[4] = z[2] = yz;
-        const V stiff = hn::Mul(mu, hourglass);
-        for (const int m : {3, 5, 6, 7}) {
-          x[m] = hn::Mul(stiff, x[m]);
-          y[m] = hn::Mul(stiff, y[m]);
-          z[m] = hn::Mul(stiff, z[m]);
-        }
+        stress(rows, i, cell + i, x, y, z);
         transform_back(x, left + i, right + i, stride);
         transform_back(y, left + 4 * stride + i, right + 4 * stride + i, stride);
         transform_back(z, left + 8 * stride + i, right + 8 * stride + i, stride);
@@ -171,6 +165,126 @@ void linear(const Cells& cells, const float* displacement, float* force) {
   }
 }
 
+HWY_INLINE void hourglass_forces(V mu, V* x, V* y, V* z) {
+  const V stiff = hn::Mul(mu, hn::Set(D(), kHourglass));
+  for (const int m : {3, 5, 6, 7}) {
+    x[m] = hn::Mul(stiff, x[m]);
+    y[m] = hn::Mul(stiff, y[m]);
+    z[m] = hn::Mul(stiff, z[m]);
+  }
+}
+
+void linear(const Cells& cells, const float* displacement, float* force) {
+  const D d;
+  for_each_vector(cells, displacement, force,
+                  [&](const NodeRows&, std::size_t, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+                    const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
+                    const V two_mu = hn::Add(mu, mu);
+                    const V pressure = hn::Mul(lambda, hn::Add(hn::Add(x[1], y[2]), z[4]));
+                    const V xy = hn::Mul(mu, hn::Add(x[2], y[1])), xz = hn::Mul(mu, hn::Add(x[4], z[1])),
+                            yz = hn::Mul(mu, hn::Add(y[4], z[2]));
+                    x[1] = hn::Add(hn::Mul(two_mu, x[1]), pressure);
+                    y[2] = hn::Add(hn::Mul(two_mu, y[2]), pressure);
+                    z[4] = hn::Add(hn::Mul(two_mu, z[4]), pressure);
+                    x[2] = y[1] = xy;
+                    x[4] = z[1] = xz;
+                    y[4] = z[2] = yz;
+                    hourglass_forces(mu, x, y, z);
+                  });
+}
+
+// column a of a 3 x 3: component c of direction a
+struct Matrix {
+  V at[3][3];
+};
+
+HWY_INLINE V cross_part(const V* a, const V* b, int c) {
+  const int e = (c + 1) % 3, f = (c + 2) % 3;
+  return hn::Sub(hn::Mul(a[e], b[f]), hn::Mul(a[f], b[e]));
+}
+
+// F of modes of displacement
+HWY_INLINE Matrix deformation(const V* x, const V* y, const V* z, V per_edge) {
+  const D d;
+  Matrix f;
+  for (int a = 0; a < 3; ++a) {
+    f.at[a][0] = hn::Mul(x[1 << a], per_edge);
+    f.at[a][1] = hn::Mul(y[1 << a], per_edge);
+    f.at[a][2] = hn::Mul(z[1 << a], per_edge);
+    f.at[a][a] = hn::Add(f.at[a][a], hn::Set(d, 1.0f));
+  }
+  return f;
+}
+
+HWY_INLINE Matrix cofactors(const Matrix& f) {
+  Matrix c;
+  for (int a = 0; a < 3; ++a)
+    for (int n = 0; n < 3; ++n) c.at[a][n] = cross_part(f.at[(a + 1) % 3], f.at[(a + 2) % 3], n);
+  return c;
+}
+
+HWY_INLINE V determinant(const Matrix& f, const Matrix& cofactor) {
+  return hn::Add(hn::Add(hn::Mul(f.at[0][0], cofactor.at[0][0]), hn::Mul(f.at[0][1], cofactor.at[0][1])),
+                 hn::Mul(f.at[0][2], cofactor.at[0][2]));
+}
+
+void neo_hookean(const Cells& cells, float cell_mm, const float* displacement, float* force, float* volumes) {
+  const D d;
+  const V edges = hn::Set(d, 4 * cell_mm), per_edge = hn::Set(d, 1 / (4 * cell_mm)), one = hn::Set(d, 1.0f);
+  for_each_vector(cells, displacement, force,
+                  [&](const NodeRows&, std::size_t, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+                    const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
+                    const Matrix f = deformation(x, y, z, per_edge), c = cofactors(f);
+                    const V volume = determinant(f, c);
+                    const V s = hn::Sub(hn::Mul(hn::Add(lambda, mu), hn::Sub(volume, one)), mu);
+                    for (int a = 0; a < 3; ++a) {
+                      V* const component[3] = {x, y, z};
+                      for (int n = 0; n < 3; ++n)
+                        component[n][1 << a] =
+                            hn::Mul(edges, hn::Add(hn::Mul(mu, f.at[a][n]), hn::Mul(s, c.at[a][n])));
+                    }
+                    hourglass_forces(mu, x, y, z);
+                    hn::Store(hn::IfThenElse(hn::Gt(mu, hn::Zero(d)), volume, one), d, volumes + cell);
+                  });
+}
+
+void neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base, const float* displacement,
+                         float* force) {
+  const D d;
+  const std::size_t row = static_cast<std::size_t>(cells.layout.row);
+  const V per_edge = hn::Set(d, 1 / (4 * cell_mm)), one = hn::Set(d, 1.0f);
+  for_each_vector(
+      cells, displacement, force,
+      [&](const NodeRows& rows, std::size_t i, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+        V base_x[8], base_y[8], base_z[8];
+        transform(base, rows, i, base_x);
+        transform(base, rows, row + i, base_y);
+        transform(base, rows, 2 * row + i, base_z);
+        const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
+        const Matrix f = deformation(base_x, base_y, base_z, per_edge), c = cofactors(f);
+        const V bulk = hn::Add(lambda, mu);
+        const V s = hn::Sub(hn::Mul(bulk, hn::Sub(determinant(f, c), one)), mu);
+        Matrix g;
+        V change = hn::Zero(d);
+        V* const component[3] = {x, y, z};
+        for (int a = 0; a < 3; ++a)
+          for (int n = 0; n < 3; ++n) {
+            g.at[a][n] = component[n][1 << a];
+            change = hn::Add(change, hn::Mul(c.at[a][n], g.at[a][n]));
+          }
+        const V pressure = hn::Mul(bulk, change);
+        for (int a = 0; a < 3; ++a) {
+          const int b = (a + 1) % 3, e = (a + 2) % 3;
+          for (int n = 0; n < 3; ++n) {
+            const V turned = hn::Add(cross_part(g.at[b], f.at[e], n), cross_part(f.at[b], g.at[e], n));
+            component[n][1 << a] =
+                hn::Add(hn::Add(hn::Mul(mu, g.at[a][n]), hn::Mul(pressure, c.at[a][n])), hn::Mul(s, turned));
+          }
+        }
+        hourglass_forces(mu, x, y, z);
+      });
+}
+
 }  // namespace palpate::internal::elastic::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -178,9 +292,21 @@ HWY_AFTER_NAMESPACE();
 namespace palpate::internal::elastic {
 
 HWY_EXPORT(linear);
+HWY_EXPORT(neo_hookean);
+HWY_EXPORT(neo_hookean_tangent);
 
 void apply_linear(const Cells& cells, const float* displacement, float* force) {
   HWY_DYNAMIC_DISPATCH(linear)(cells, displacement, force);
+}
+
+void apply_neo_hookean(const Cells& cells, float cell_mm, const float* displacement, float* force,
+                       float* volumes) {
+  HWY_DYNAMIC_DISPATCH(neo_hookean)(cells, cell_mm, displacement, force, volumes);
+}
+
+void apply_neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base,
+                               const float* displacement, float* force) {
+  HWY_DYNAMIC_DISPATCH(neo_hookean_tangent)(cells, cell_mm, base, displacement, force);
 }
 
 }  // namespace palpate::internal::elastic

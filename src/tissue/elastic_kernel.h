@@ -25,4 +25,12 @@ inline std::size_t scratch_floats(const ElasticLayout& layout) {
 /// last node of a row must be finite. The same bits on every SIMD target.
 void apply_linear(const Cells& cells, const float* displacement, float* force);
 
+/// The forces of a neo-Hookean body that is displaced so, as apply_linear's where it hardly is.
+/// @param volumes  by cell: det F, 1 where nothing yields
+void apply_neo_hookean(const Cells& cells, float cell_mm, const float* displacement, float* force,
+                       float* volumes);
+/// How these change from `base` on, for a small displacement.
+void apply_neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base,
+                               const float* displacement, float* force);
+
 }  // namespace palpate::internal::elastic

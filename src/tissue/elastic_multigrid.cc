@@ -99,7 +99,13 @@ double dot(const ElasticValues& a, const ElasticValues& b) {
 
 Operator::Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu,
                    const ElasticValues& lambda, const ElasticValues& springs, std::vector<std::uint8_t> held)
-    : layout_(layout), mu_(mu), lambda_(lambda), held_(std::move(held)), scratch_(scratch_floats(layout)) {
+    : layout_(layout),
+      mu_(mu),
+      lambda_(lambda),
+      held_(std::move(held)),
+      scratch_(scratch_floats(layout)),
+      volumes_(mu.size(), 1.0f),
+      cell_mm_(static_cast<float>(cell_mm)) {
   const float scale = static_cast<float>(cell_mm / 16);
   for (float& value : mu_) value *= scale;
   for (float& value : lambda_) value *= scale;
@@ -182,11 +188,38 @@ std::size_t Operator::free_values() const {
       std::count_if(inverse_diagonal_.begin(), inverse_diagonal_.end(), [](float one) { return one > 0; }));
 }
 
-void Operator::apply(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force) {
-  apply_linear({layout_, mu_.data(), lambda_.data(), held, scratch_.data()}, displacement.data(),
-               force.data());
+Cells Operator::cells(const std::uint8_t* held) {
+  return {layout_, mu_.data(), lambda_.data(), held, scratch_.data()};
+}
+
+void Operator::add_springs(bool held_too, const ElasticValues& displacement, ElasticValues& force) const {
   for (const auto& [value, spring] : springs_)
-    if (held == nullptr || free(value)) force[value] += spring * displacement[value];
+    if (held_too || free(value)) force[value] += spring * displacement[value];
+}
+
+void Operator::apply(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force) {
+  apply_linear(cells(held), displacement.data(), force.data());
+  add_springs(held == nullptr, displacement, force);
+}
+
+float Operator::apply_finite(const ElasticValues& displacement, ElasticValues& force) {
+  apply_neo_hookean(cells(held_.data()), cell_mm_, displacement.data(), force.data(), volumes_.data());
+  add_springs(false, displacement, force);
+  // NaN is the least of all
+  float least = 1;
+  for (const float volume : volumes_) least = volume >= least ? least : volume;
+  return least;
+}
+
+void Operator::apply_finite_everywhere(const ElasticValues& displacement, ElasticValues& force) {
+  apply_neo_hookean(cells(nullptr), cell_mm_, displacement.data(), force.data(), volumes_.data());
+  add_springs(true, displacement, force);
+}
+
+void Operator::apply_tangent(const ElasticValues& base, const ElasticValues& displacement,
+                             ElasticValues& force) {
+  apply_neo_hookean_tangent(cells(held_.data()), cell_mm_, base.data(), displacement.data(), force.data());
+  add_springs(false, displacement, force);
 }
 
 void Operator::apply(const ElasticValues& displacement, ElasticValues& force) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -30,6 +31,11 @@ class Operator {
   void apply(const ElasticValues& displacement, ElasticValues& force);
   /// Where nodes are held, too: what holds them gives that force.
   void apply_everywhere(const ElasticValues& displacement, ElasticValues& force);
+  /// Forces of a neo-Hookean body and its least det F, and how they change from `base` on; 0 where nodes are
+  /// held.
+  float apply_finite(const ElasticValues& displacement, ElasticValues& force);
+  void apply_tangent(const ElasticValues& base, const ElasticValues& displacement, ElasticValues& force);
+  void apply_finite_everywhere(const ElasticValues& displacement, ElasticValues& force);
   /// 1 / the diagonal of K; 0 where nodes are held.
   const ElasticValues& inverse_diagonal() const { return inverse_diagonal_; }
   bool free(std::size_t value) const { return inverse_diagonal_[value] > 0; }
@@ -38,14 +44,17 @@ class Operator {
   const std::vector<std::pair<std::uint32_t, float>>& springs() const { return springs_; }
 
  private:
+  Cells cells(const std::uint8_t* held);
   void apply(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force);
+  void add_springs(bool held_too, const ElasticValues& displacement, ElasticValues& force) const;
   void find_inverse_diagonal();
 
   ElasticLayout layout_;
   ElasticValues mu_, lambda_;  ///< times h / 16
   std::vector<std::pair<std::uint32_t, float>> springs_;
   std::vector<std::uint8_t> held_;
-  ElasticValues inverse_diagonal_, scratch_;
+  ElasticValues inverse_diagonal_, scratch_, volumes_;
+  float cell_mm_ = 0;
 };
 
 /// A V-cycle as a preconditioner: symmetric and positive, the same linear map each time. Smoothed by

@@ -2,12 +2,11 @@
 
 #include <cmath>
 
-#include "tissue/elastic_multigrid.h"
+#include "tissue/elastic_solver_state.h"
 
 namespace palpate {
 
 using internal::elastic::dot;
-using internal::elastic::Multigrid;
 using internal::elastic::Operator;
 
 namespace {
@@ -24,28 +23,22 @@ Operator operator_of(ElasticGrid grid) {
 
 }  // namespace
 
-struct ElasticSolver::State {
-  explicit State(const ElasticGrid& grid) : multigrid(operator_of(grid)) {
-    const std::size_t values = multigrid.finest().layout().node_values() + ElasticLayout::kSpare;
-    for (ElasticValues* field : {&r, &z, &p, &q}) field->assign(values, 0.0f);
-  }
+ElasticSolver::State::State(const ElasticGrid& grid) : multigrid(operator_of(grid)) {
+  const std::size_t values = multigrid.finest().layout().node_values() + ElasticLayout::kSpare;
+  for (ElasticValues* field : {&r, &z, &p, &q, &step, &tried}) field->assign(values, 0.0f);
+}
 
-  // what is held, displaced alone, asks of the others
-  double held_norm(const ElasticField& u) {
-    Operator& k = multigrid.finest();
-    bool any = false;
-    for (std::size_t n = 0; n < p.size(); ++n) {
-      p[n] = k.free(n) ? 0.0f : u.values[n];
-      any = any || p[n] != 0;
-    }
-    if (!any) return 0;
-    k.apply(p, q);
-    return std::sqrt(dot(q, q));
+double ElasticSolver::State::held_norm(const ElasticField& u) {
+  Operator& k = multigrid.finest();
+  bool any = false;
+  for (std::size_t n = 0; n < p.size(); ++n) {
+    p[n] = k.free(n) ? 0.0f : u.values[n];
+    any = any || p[n] != 0;
   }
-
-  Multigrid multigrid;
-  ElasticValues r, z, p, q;
-};
+  if (!any) return 0;
+  k.apply(p, q);
+  return std::sqrt(dot(q, q));
+}
 
 ElasticSolver::ElasticSolver(const ElasticGrid& grid) : state_(std::make_unique<State>(grid)) {}
 ElasticSolver::~ElasticSolver() = default;

@@ -16,7 +16,9 @@ constexpr double kN_per_mm2_of_kPa = 1e-3;
 constexpr int kMostTissueIterations = 300;
 constexpr double kTissueTolerance = 1e-5;
 
-ElasticMaterial yielding(double kPa, double poissons_ratio) { return {Matter::kSoft, kPa, poissons_ratio}; }
+ElasticMaterial yielding(double kPa, double poissons_ratio) {
+  return {Matter::kSoft, kPa, poissons_ratio};
+}
 
 ElasticBox box_of(std::array<int, 3> cells, double cell_mm = 1) {
   ElasticBox box;
@@ -42,14 +44,16 @@ Eigen::Vector3d node_of(const ElasticLayout& layout, int i, int j, int k, const 
           field.values[layout.node(i, j, k, 2)]};
 }
 
-/// Whose surface is displaced as `given` says: the inner node farthest from it, and the greatest displacement.
+/// Whose surface is displaced as `given` says: the inner node farthest from it, and the greatest
+/// displacement.
 struct Inside {
   double off = 0, greatest = 0, squares = 0;
   int iterations = 0;
 };
 template <class Given>
 Inside solve_inside(const ElasticMaterial& material, int cells, const Given& given) {
-  ElasticGrid grid(box_of({cells, cells, cells}), [&](const Point<Patient>&) { return material; }, 1);
+  ElasticGrid grid(
+      box_of({cells, cells, cells}), [&](const Point<Patient>&) { return material; }, 1);
   const ElasticLayout& layout = grid.layout();
   ElasticField u(layout), load(layout);
   for_each_node_of(layout, [&](int i, int j, int k) {
@@ -82,7 +86,8 @@ TissueCase patch_case(int cells, double poissons_ratio) {
 }
 
 TissueCase turned_case(int cells) {
-  ElasticGrid grid(box_of({cells, cells, cells}), [](const Point<Patient>&) { return yielding(10, 0.45); }, 1);
+  ElasticGrid grid(
+      box_of({cells, cells, cells}), [](const Point<Patient>&) { return yielding(10, 0.45); }, 1);
   const ElasticLayout& layout = grid.layout();
   ElasticSolver solver(grid);
   const Eigen::Vector3d middle = Eigen::Vector3d::Constant(cells / 2.0);
@@ -104,7 +109,8 @@ TissueCase turned_case(int cells) {
 TissueCase cantilever_case(int cells_high) {
   constexpr double kPa = 100, kNu = 0.3, kLoad_N = 1e-3;
   const int high = cells_high, length = 6 * cells_high;
-  ElasticGrid grid(box_of({length, high, high}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+  ElasticGrid grid(
+      box_of({length, high, high}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
   const ElasticLayout& layout = grid.layout();
   ElasticField load(layout), u(layout);
   for (int k = 0; k <= high; ++k)
@@ -118,9 +124,11 @@ TissueCase cantilever_case(int cells_high) {
   TissueCase told;
   told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
   const double sunk = node_of(layout, length, high / 2, high / 2, u).z();
-  const double e = kPa * kN_per_mm2_of_kPa, g = e / (2 * (1 + kNu)), area = high * high, inertia = area * area / 12;
+  const double e = kPa * kN_per_mm2_of_kPa, g = e / (2 * (1 + kNu)), area = high * high,
+               inertia = area * area / 12;
   const double shear = 10 * (1 + kNu) / (12 + 11 * kNu);
-  const double right = kLoad_N * std::pow(length, 3) / (3 * e * inertia) + kLoad_N * length / (shear * g * area);
+  const double right =
+      kLoad_N * std::pow(length, 3) / (3 * e * inertia) + kLoad_N * length / (shear * g * area);
   told.off_percent = 100 * (sunk / right - 1);
   return told;
 }
@@ -164,8 +172,8 @@ TissueCase series_case(double seam_in_cell) {
   constexpr int kCells = 8;
   const double seam = 3 + seam_in_cell, nu = 0.4;
   ElasticGrid grid(
-      box_of({3, 3, kCells}),
-      [&](const Point<Patient>& p) { return yielding(p.z() < seam ? 5 : 50, nu); }, 16);
+      box_of({3, 3, kCells}), [&](const Point<Patient>& p) { return yielding(p.z() < seam ? 5 : 50, nu); },
+      16);
   const ElasticLayout& layout = grid.layout();
   ElasticField load(layout), u(layout), force(layout);
   constexpr double kPressed_mm = 0.1;
@@ -192,8 +200,9 @@ TissueCase series_case(double seam_in_cell) {
 
 TissueCase boussinesq_case(int cells, double poissons_ratio) {
   constexpr double kPa = 10;
-  ElasticGrid grid(box_of({cells, cells, cells / 2}),
-                   [&](const Point<Patient>&) { return yielding(kPa, poissons_ratio); }, 1);
+  ElasticGrid grid(
+      box_of({cells, cells, cells / 2}), [&](const Point<Patient>&) { return yielding(kPa, poissons_ratio); },
+      1);
   const ElasticLayout& layout = grid.layout();
   const int middle = cells / 2, top = cells / 2;
   grid.continue_beyond({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
@@ -234,13 +243,13 @@ PressedHalfSpace press_half_space(const HalfSpacePress& press, const Vector<Pati
       [&](const Point<Patient>& p) {
         return (p - at).dot(outward) < 0 ? yielding(kPa, press.poissons_ratio) : ElasticMaterial{};
       },
-      4);
+      16);
   grid.continue_beyond({true, true, true, true, true, true}, at);
   ElasticSolver solver(grid);
   ElasticField unit(solver.layout()), load(solver.layout());
   const double depth = press.radius_cells * press.radius_cells / kRadius_mm;
-  const SphereContact contact = press_sphere(grid, solver, at, outward, kRadius_mm, depth, unit, load,
-                                             kMostTissueIterations, 1e-4);
+  const SphereContact contact =
+      press_sphere(grid, solver, at, outward, kRadius_mm, depth, unit, load, kMostTissueIterations, 1e-4);
   const double modulus = kPa * kN_per_mm2_of_kPa / (1 - press.poissons_ratio * press.poissons_ratio);
   return {contact.force_N, 4.0 / 3 * modulus * std::sqrt(kRadius_mm) * std::pow(depth, 1.5),
           contact.solution.iterations};
@@ -268,7 +277,8 @@ TissueCase ripple_case(const HalfSpacePress& press, int steps) {
 
 namespace {
 
-// the nodes of a flat surface around a middle one, those as far from it together: by symmetry they bear as much
+// the nodes of a flat surface around a middle one, those as far from it together: by symmetry they bear as
+// much
 struct NodeRing {
   double r = 0;  ///< in cells
   std::vector<Point<Patient>> nodes;
@@ -300,7 +310,8 @@ Eigen::MatrixXd ring_compliance(const ElasticGrid& grid, const std::vector<NodeR
 TissueCase punch_case(int cells, int radius_cells) {
   constexpr double kPa = 10, kNu = 0.45, kDepth_mm = 0.1;
   const int middle = cells / 2, top = cells / 2;
-  ElasticGrid grid(box_of({cells, cells, top}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+  ElasticGrid grid(
+      box_of({cells, cells, top}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
   grid.continue_beyond({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
   const auto rings = node_rings(middle, middle, top, radius_cells);
   const Eigen::MatrixXd w = ring_compliance(grid, rings);
@@ -317,7 +328,8 @@ TissueCase punch_case(int cells, int radius_cells) {
 TissueCase layer_case(int cells_thick, double nu, double part) {
   constexpr double kPa = 10;
   const int thick = cells_thick, wide = 6 * thick, middle = wide / 2;
-  ElasticGrid grid(box_of({wide, wide, thick}), [&](const Point<Patient>&) { return yielding(kPa, nu); }, 1);
+  ElasticGrid grid(
+      box_of({wide, wide, thick}), [&](const Point<Patient>&) { return yielding(kPa, nu); }, 1);
   for (int j = 0; j <= wide; ++j)
     for (int i = 0; i <= wide; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
   // far off, where nothing yields any more, the layer just ends
@@ -369,8 +381,8 @@ NoduleLoop nodule_loop(int cells, int steps) {
   ElasticField unit(solver.layout()), load(solver.layout());
   const Vector<Patient> up(0, 0, 1);
   const auto press = [&](double x, double depth_mm) {
-    return press_sphere(grid, solver, Point<Patient>(x, cells / 2.0 + 0.3, top), up, kRadius_mm, depth_mm, unit, load,
-                        kMostTissueIterations, 1e-5);
+    return press_sphere(grid, solver, Point<Patient>(x, cells / 2.0 + 0.3, top), up, kRadius_mm, depth_mm,
+                        unit, load, kMostTissueIterations, 1e-5);
   };
   // work of going down and up again at a place, by Gauss and Legendre's four points in d^(5/2)
   const auto energy = [&](double x) {

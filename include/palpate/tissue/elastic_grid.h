@@ -26,6 +26,7 @@ struct ElasticMaterial {
   Matter matter = Matter::kNone;
   double youngs_modulus_kPa = 0;  ///< of what is soft, in kElasticModulusRange
   double poissons_ratio = 0.45;   ///< 0 ... kMostPoissonsRatio
+  bool operator==(const ElasticMaterial&) const = default;
 };
 struct ElasticModulusRange {
   double min_kPa, max_kPa;
@@ -116,8 +117,11 @@ class ElasticGrid {
   /// What stands at a place; called from one thread, in a fixed order.
   using MaterialAt = std::function<ElasticMaterial(const Point<Patient>&)>;
 
-  /// @param samples  along each axis of a cell, evenly, by whose places it is known: 1 ... 16
-  ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples);
+  /// A cell whose corners and middle are of one material is of that; what is smaller than a cell may so be
+  /// missed.
+  /// @param samples  along each axis of any other cell, evenly, by whose places it is known: 1 ... 16
+  ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples)
+      : ElasticGrid(box, material, samples, false) {}
 
   /// Cells over a region of labels, along the labels' own axes (of axes that are not at right angles, the
   /// nearest that are). A cell is made of what the voxels are that it covers, by their share of its volume;
@@ -153,8 +157,10 @@ class ElasticGrid {
   }
 
   /// The faces of the box where tissue goes on beyond it: low x, high x, low y, ... There nodes rest on
-  /// springs, k = 1.4 mu A cos(theta) / r for the node's area A, r and theta to the load that is expected at
-  /// `about` (the field of a load on a half space falls with 1/r), twice that along the face's normal.
+  /// springs, k = 3 / (3 - 2 nu) mu A cos(theta) / r for the node's area A, with r and theta of the way from
+  /// the load that is expected at `about`, and twice that along the face's normal. So stress and displacement
+  /// stand to each other straight below a load on a half space (Boussinesq 1885); elsewhere it is near
+  /// enough.
   void continue_beyond(const std::array<bool, 6>& faces, const Point<Patient>& about);
   /// Of the layout's nodes, N/mm.
   const ElasticValues& springs() const { return springs_; }
@@ -167,6 +173,8 @@ class ElasticGrid {
   }
 
  private:
+  ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples, bool sample_every_cell);
+
   ElasticBox box_;
   ElasticLayout layout_;
   ElasticValues mu_, lambda_, fill_, springs_;
