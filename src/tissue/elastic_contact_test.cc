@@ -105,7 +105,7 @@ TEST_F(TissueWithNodule, TheForceAlongTheSurfaceIsTheGradientOfTheCompliance) {
   };
   const double fall = energy(x1) - energy(x0);
   EXPECT_LT(fall, 0);
-  EXPECT_NEAR(sum / fall, 1, 0.05);
+  EXPECT_NEAR(sum / fall, 1, 0.1);
 }
 
 TEST(ContactForces, AreComplementary) {

@@ -107,6 +107,17 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
                      {}});
   figures.push_back({"tissue/nodule/stiffer", loop.stiffer_percent, "percent", 1, {}});
 
+  Farthest stretched;
+  for (const double part : {0.6, 0.8, 1.3}) stretched.add(stretched_case(part));
+  figures.push_back(stretched.figure("tissue/neo-hookean/stretched", 0.1));
+  if (stopped()) return Progress::interrupted();
+  const FiniteLayer finite = finite_layer({47, 32, 8}, 0.2);
+  one("neo-hookean/linear-off", {finite.linear_off_percent, 0}, 5);
+  figures.push_back(
+      {"tissue/neo-hookean/cells-turned", finite.least_volume > 0 ? 0.0 : 1.0, "cells", finite.cells, 0});
+  figures.push_back({"tissue/neo-hookean/frame-off", finite.frame_off_percent, "percent", 1, {}});
+  figures.push_back({"tissue/neo-hookean/frame-time", finite.frame_ms, "ms", finite.cells, {}});
+
   const TissueFrame frame = measure_tissue_frame(kFrames);
   figures.push_back({"tissue/frame/time", frame.frame_ms, "ms", kFrames, {}});
   figures.push_back({"tissue/frame/compliance-off", frame.off_percent, "percent", kFrames, 2});

@@ -8,6 +8,7 @@
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
 #include "verification/accuracy_random.h"
+#include "verification/tissue_frame.h"
 
 namespace palpate {
 namespace {
@@ -351,6 +352,106 @@ TissueCase layer_case(int cells_thick, double nu, double part) {
   const double right =
       4.0 / 3 * kPa * kN_per_mm2_of_kPa / (1 - nu * nu) * std::sqrt(radius) * std::pow(depth, 1.5) * series;
   return {100 * (force / right - 1), 0};
+}
+
+TissueCase stretched_case(double part) {
+  constexpr int kCells = 4;
+  constexpr double kPa = 10, kNu = 0.45;
+  ElasticGrid grid(
+      box_of({kCells, kCells, kCells}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+  const ElasticLayout& layout = grid.layout();
+  ElasticField load(layout), u(layout), force(layout);
+  for_each_node_of(layout, [&](int i, int j, int k) {
+    if (i == 0) grid.hold(i, j, k, ElasticGrid::kHeldX);
+    if (j == 0) grid.hold(i, j, k, ElasticGrid::kHeldY);
+    if (k % kCells == 0) grid.hold(i, j, k, ElasticGrid::kHeldZ);
+    u.values[layout.node(i, j, k, 2)] = static_cast<float>((part - 1) * k);
+  });
+  ElasticSolver solver(grid);
+  FiniteSettings settings;
+  settings.most_steps = 50;
+  settings.tolerance = 1e-6;
+  TissueCase told;
+  told.iterations = solver.solve_finite(load, u, settings).iterations;
+  solver.finite_forces(u, force);
+  double pulled_N = 0;
+  for (int j = 0; j <= kCells; ++j)
+    for (int i = 0; i <= kCells; ++i) pulled_N += force.values[layout.node(i, j, kCells, 2)];
+
+  // across, q: mu q + s part q = 0, s = (lambda + mu) (part q2 - 1) - mu; along: mu part + s q2
+  const double mu = kPa * kN_per_mm2_of_kPa / (2 * (1 + kNu)), lambda = 2 * mu * kNu / (1 - 2 * kNu);
+  const double s = -mu / part, squared = ((s + mu) / (lambda + mu) + 1) / part;
+  const double right = kCells * kCells * (mu * part + s * squared);
+  told.off_percent = 100 * (pulled_N / right - 1);
+  return told;
+}
+
+FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
+  constexpr double kPa = 10, kNu = 0.45, kFrame_mm = 1.0 / 3;
+  const int middle_x = cells[0] / 2, middle_y = cells[1] / 2, thick = cells[2];
+  const double depth = part * thick, radius = thick;
+  ElasticGrid grid(
+      box_of(cells), [&](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+  const ElasticLayout& layout = grid.layout();
+  for (int j = 0; j <= cells[1]; ++j)
+    for (int i = 0; i <= cells[0]; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+
+  // the nodes that the sphere touches, from then on held to it
+  const auto rings = node_rings(middle_x, middle_y, thick, std::sqrt(2 * radius * depth));
+  Eigen::VectorXd deep(static_cast<Eigen::Index>(rings.size()));
+  for (std::size_t n = 0; n < rings.size(); ++n)
+    deep[static_cast<Eigen::Index>(n)] = depth - rings[n].r * rings[n].r / (2 * radius);
+  const Eigen::VectorXd pressed = contact_forces(ring_compliance(grid, rings), deep);
+  ElasticField whole(layout), load(layout), u(layout), force(layout);
+  std::vector<std::size_t> touched;
+  for (std::size_t n = 0; n < rings.size(); ++n) {
+    if (pressed[static_cast<Eigen::Index>(n)] == 0) continue;
+    for (const Point<Patient>& node : rings[n].nodes) {
+      const int i = static_cast<int>(node.x()), j = static_cast<int>(node.y());
+      grid.hold(i, j, thick, ElasticGrid::kHeldZ);
+      touched.push_back(layout.node(i, j, thick, 2));
+      whole.values[touched.back()] = static_cast<float>(-deep[static_cast<Eigen::Index>(n)]);
+    }
+  }
+  const auto force_of = [&](const ElasticField& of) {
+    double sum = 0;
+    for (const std::size_t value : touched) sum -= of.values[value];
+    return sum;
+  };
+  ElasticSolver solver(grid);
+  solver.solve(load, whole, kMostTissueIterations, kTissueTolerance);
+  solver.forces(whole, force);
+  const double linear_N = force_of(force);
+
+  // in frames: all nodes go on as the linear body's, then a step of Newton's
+  FiniteLayer told;
+  told.cells = grid.soft_cells();
+  FiniteSettings frame, exact;
+  frame.most_iterations = 3;
+  frame.tolerance = 0;
+  exact.most_steps = 60;
+  exact.most_iterations = 40;
+  const int frames = std::max(1, static_cast<int>(std::lround(depth / kFrame_mm)));
+  std::vector<double> seconds;
+  for (int n = 0; n < frames; ++n) {
+    for (std::size_t value = 0; value < u.values.size(); ++value)
+      u.values[value] += whole.values[value] / static_cast<float>(frames);
+    const double begin = tissue_thread_seconds();
+    told.least_volume = std::min(told.least_volume, solver.solve_finite(load, u, frame).least_volume);
+    seconds.push_back(tissue_thread_seconds() - begin);
+    solver.finite_forces(u, force);
+    const double in_frame_N = force_of(force);
+    ElasticField converged = u;
+    told.converged = told.converged && solver.solve_finite(load, converged, exact).converged;
+    solver.finite_forces(converged, force);
+    const double right_N = force_of(force);
+    if (n > 0)
+      told.frame_off_percent = std::max(told.frame_off_percent, 100 * std::abs(in_frame_N / right_N - 1));
+    told.linear_off_percent = 100 * (linear_N * (n + 1) / frames / right_N - 1);
+  }
+  std::nth_element(seconds.begin(), seconds.begin() + frames / 2, seconds.end());
+  told.frame_ms = 1e3 * seconds[static_cast<std::size_t>(frames / 2)];
+  return told;
 }
 
 double convergence_order(int cells) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -49,6 +50,20 @@ TissueCase punch_case(int cells, int radius_cells);
 /// A sphere on a layer that is bonded to bone (Dimitriadis et al. 2002, any nu). @param part  sqrt(R d) / t:
 /// at 0.4 the contact's radius is half of the thickness
 TissueCase layer_case(int cells_thick, double poissons_ratio, double part);
+
+/// A neo-Hookean block that may spread, pressed or pulled to so much of its height: its force beside the root
+/// of its two equations.
+TissueCase stretched_case(double part);
+/// A sphere pressed into a layer on bone, by so much of its thickness, at the nodes that it touches in the
+/// linear body: how far the linear force is from the neo-Hookean one. `frame_ms`: processor time of a Newton
+/// step with up to 3 iterations, which goes on by a third of a cell, the median; `frame_off_percent`: of that
+/// force at most, from the second step on.
+struct FiniteLayer {
+  double linear_off_percent = 0, frame_ms = 0, frame_off_percent = 0, least_volume = 1;
+  std::size_t cells = 0;
+  bool converged = true;
+};
+FiniteLayer finite_layer(std::array<int, 3> cells, double part);
 
 /// How fast the error falls: the field of a force outside the block (Kelvin), given on the block's surface,
 /// inside it; the order from blocks of `cells` and twice as many along an axis.

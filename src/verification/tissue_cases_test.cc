@@ -68,6 +68,17 @@ TEST(TissueCases, WorkOverANoduleIsGivenBack) {
   EXPECT_GE(loop.stiffer_percent, 10);
 }
 
+TEST(TissueCases, ANeoHookeanBlockIsStretched) {
+  for (const double part : {0.6, 1.4}) EXPECT_LE(std::abs(stretched_case(part).off_percent), 0.1) << part;
+}
+
+TEST(TissueCases, LinearIsNeoHookeanToAFifthOfTheThickness) {
+  const FiniteLayer layer = finite_layer({20, 20, 8}, 0.2);
+  EXPECT_TRUE(layer.converged);
+  EXPECT_GT(layer.least_volume, 0);
+  EXPECT_LE(std::abs(layer.linear_off_percent), 5);
+}
+
 TEST(TissueCases, AFrameFollowsTheTool) {
   const TissueFrame frame = measure_tissue_frame(4);
   EXPECT_GE(frame.cells, 38'000u);

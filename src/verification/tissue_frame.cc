@@ -10,12 +10,6 @@
 namespace palpate {
 namespace {
 
-double thread_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 // the same bytes: what K u reads of displacements and moduli, and writes of forces
 void stream(const ElasticField& u, const ElasticValues& mu, const ElasticValues& lambda,
             ElasticField& force) {
@@ -34,14 +28,20 @@ template <class Work>
 double fastest_s(int times, const Work& work) {
   double best = 1e9;
   for (int n = 0; n < times; ++n) {
-    const double begin = thread_seconds();
+    const double begin = tissue_thread_seconds();
     work();
-    best = std::min(best, thread_seconds() - begin);
+    best = std::min(best, tissue_thread_seconds() - begin);
   }
   return best;
 }
 
 }  // namespace
+
+double tissue_thread_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
 
 TissueFrame measure_tissue_frame(int frames) {
   constexpr int kTimes = 20, kIterations = 2;
@@ -70,9 +70,9 @@ TissueFrame measure_tissue_frame(int frames) {
     std::fill(load.values.begin(), load.values.end(), 0.0f);
     patch.add(1, load);
     if (frame == 0) solver.solve(load, unit, 100, 1e-4);
-    const double begin = thread_seconds();
+    const double begin = tissue_thread_seconds();
     solver.solve(load, unit, kIterations, 0);
-    seconds.push_back(thread_seconds() - begin);
+    seconds.push_back(tissue_thread_seconds() - begin);
     solver.solve(load, converged, 100, 1e-5);
     told.off_percent = std::max(told.off_percent,
                                 100 * std::abs(patch.displacement(unit) / patch.displacement(converged) - 1));

@@ -4,6 +4,9 @@
 
 namespace palpate {
 
+/// Processor time of the calling thread.
+double tissue_thread_seconds();
+
 /// What a frame of soft tissue costs this machine, in processor time of one thread.
 struct TissueFrame {
   std::size_t cells = 0;
