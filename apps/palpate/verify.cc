@@ -20,6 +20,7 @@ constexpr const char* kVerifyExamples =
     "  palpate verify latency --rate 4000 --spin 80     one rate, waiting awake before every tick\n"
     "  palpate verify stability                         how stiff before the hand swings, and buzz\n"
     "  palpate verify removal                           what a burr takes out of bone\n"
+    "  palpate verify tissue                            soft tissue against analytic cases\n"
     "\n"
     "Exit code 3 when a figure is beyond its limit. See docs/verify.md.";
 

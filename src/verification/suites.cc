@@ -6,6 +6,7 @@
 #include "verification/machine.h"
 #include "verification/removal.h"
 #include "verification/stability.h"
+#include "verification/tissue.h"
 
 namespace palpate {
 namespace {
@@ -38,6 +39,10 @@ Result<SuiteReport> removal(const SuiteOptions&, const Progress& progress, const
   return run_removal(progress);
 }
 
+Result<SuiteReport> tissue(const SuiteOptions&, const Progress& progress, const Warn&) {
+  return run_tissue(progress);
+}
+
 constexpr Suite kSuites[] = {
     {"contact", "what the default method feels of label maps: terraces, seams, layers, thin sheets", false,
      contact},
@@ -48,6 +53,7 @@ constexpr Suite kSuites[] = {
      stability},
     {"removal", "what a burr takes out of bone: volume, work and steps at any rate and on any grid", false,
      removal},
+    {"tissue", "soft tissue that yields against analytic cases, and what a frame of it costs", false, tissue},
 };
 
 const Suite* find_suite(const std::string& name) {

@@ -1,0 +1,255 @@
+#include "palpate/tissue/elastic_contact.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace palpate {
+namespace {
+
+/// Places of a patch, of equal force each.
+constexpr int kPatchPlaces = 128;
+/// Times that the radius of a wide contact is looked for.
+constexpr int kMostRadii = 6;
+
+// where the displacement of a place is read: a cell, and how far in it
+struct PlaceInCell {
+  std::array<int, 3> cell;
+  Eigen::Vector3d fraction;
+  bool inside[3];  ///< not at the cell's end because it lies beyond it
+};
+
+bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& place, const Eigen::Vector3d& down,
+               double reach, PlaceInCell& found) {
+  constexpr double kStep = 0.25;
+  for (double way = 1e-3; way <= reach; way += kStep) {
+    const Eigen::Vector3d below = place + way * down;
+    for (int a = 0; a < 3; ++a) found.cell[a] = static_cast<int>(std::floor(below[a]));
+    const auto [i, j, k] = found.cell;
+    if (!grid.layout().contains_cell(i, j, k) || grid.mu()[grid.layout().cell(i, j, k)] == 0) continue;
+    for (int a = 0; a < 3; ++a) {
+      const double fraction = place[a] - found.cell[a];
+      found.fraction[a] = std::clamp(fraction, 0.0, 1.0);
+      found.inside[a] = fraction == found.fraction[a];
+    }
+    return true;
+  }
+  return false;
+}
+
+template <class Weights>
+void sum_up(Weights& weights) {
+  std::sort(weights.begin(), weights.end(), [](const auto& a, const auto& b) { return a.value < b.value; });
+  std::size_t count = 0;
+  for (const auto& one : weights) {
+    if (count > 0 && weights[count - 1].value == one.value)
+      weights[count - 1].weight += one.weight;
+    else
+      weights[count++] = one;
+  }
+  weights.resize(count);
+}
+
+template <class Weights>
+double product(const Weights& weights, const ElasticField& field) {
+  double sum = 0;
+  for (const auto& [value, weight] : weights) sum += static_cast<double>(weight) * field.values[value];
+  return sum;
+}
+
+// depth at a force, and how it grows
+struct DepthAt {
+  double depth_mm, per_N;
+};
+
+DepthAt depth_of(double force_N, double compliance, double rho_mm, double radius_mm, double modulus) {
+  const double a = std::cbrt(3 * force_N * radius_mm / (4 * modulus));
+  // 0.75 F / (a E*) grows with F^(2/3)
+  const double grid = compliance - 0.6 / (rho_mm * modulus), own = 0.75 / (a * modulus);
+  return {force_N * (grid + own), grid + own * 2 / 3};
+}
+
+// the force at which the depth is that, from a start by Newton's method
+double force_at(double depth_mm, double compliance, double rho_mm, double radius_mm, double modulus) {
+  // no less than the tissue's own, were it all the sphere's contact
+  double force = 4.0 / 3 * modulus * std::sqrt(radius_mm) * std::pow(depth_mm, 1.5);
+  for (int n = 0; n < 50; ++n) {
+    const DepthAt at = depth_of(force, compliance, rho_mm, radius_mm, modulus);
+    const double step = (depth_mm - at.depth_mm) / at.per_N;
+    const double next = std::clamp(force + step, force / 4, force * 4);
+    if (std::abs(next - force) <= 1e-9 * force) return next;
+    force = next;
+  }
+  return force;
+}
+
+}  // namespace
+
+PressurePatch::PressurePatch(const ElasticGrid& grid, const Point<Patient>& at,
+                             const Vector<Patient>& outward, double rho_mm)
+    : outward_(grid.box().axes.transpose() * outward.eigen()), axes_(grid.box().axes) {
+  const double h = grid.box().cell_mm;
+  const Eigen::Vector3d across = outward_.unitOrthogonal(), other = outward_.cross(across);
+  const Eigen::Vector3d centre = grid.box().local_mm(at) / h;
+  std::array<Eigen::Vector3d, kPatchPlaces> places;
+  for (int n = 0; n < kPatchPlaces; ++n) {
+    // so much of the force is within r: 1 - (1 - r2 / rho2)^(3/2); turned on by the golden angle
+    const double part = (n + 0.5) / kPatchPlaces, angle = n * std::numbers::pi * (3 - std::sqrt(5.0));
+    const double r = rho_mm / h * std::sqrt(1 - std::pow(1 - part, 2.0 / 3));
+    places[static_cast<std::size_t>(n)] = centre + r * (std::cos(angle) * across + std::sin(angle) * other);
+  }
+  spread(grid, places);
+}
+
+PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Patient>> places,
+                             const Vector<Patient>& outward)
+    : outward_(grid.box().axes.transpose() * outward.eigen()), axes_(grid.box().axes) {
+  std::vector<Eigen::Vector3d> in_cells;
+  for (const Point<Patient>& place : places)
+    in_cells.push_back(grid.box().local_mm(place) / grid.box().cell_mm);
+  spread(grid, in_cells);
+}
+
+void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> wanted) {
+  const double h = grid.box().cell_mm;
+  std::vector<PlaceInCell> places;
+  double modulus = 0;
+  for (const Eigen::Vector3d& at : wanted) {
+    PlaceInCell place;
+    if (!find_cell(grid, at, -outward_, kReach, place)) continue;
+    places.push_back(place);
+    const std::size_t cell = grid.layout().cell(place.cell[0], place.cell[1], place.cell[2]);
+    const double mu = grid.mu()[cell] / grid.fill()[cell], lambda = grid.lambda()[cell] / grid.fill()[cell];
+    modulus += 4 * mu * (lambda + mu) / (lambda + 2 * mu);
+  }
+  if (places.empty()) return;
+  modulus_ = modulus / static_cast<double>(places.size());
+
+  const double share = 1.0 / static_cast<double>(places.size());
+  for (const PlaceInCell& place : places) {
+    for (int corner = 0; corner < 8; ++corner) {
+      double factor[3], slope[3];
+      std::array<int, 3> node;
+      for (int a = 0; a < 3; ++a) {
+        const bool high = (corner >> a & 1) != 0;
+        node[a] = place.cell[a] + (high ? 1 : 0);
+        factor[a] = high ? place.fraction[a] : 1 - place.fraction[a];
+        slope[a] = place.inside[a] ? (high ? 1 : -1) / h : 0;
+      }
+      for (int c = 0; c < 3; ++c) {
+        const auto value = static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], c));
+        const double into = -outward_[c] * share;
+        weights_.push_back({value, static_cast<float>(into * factor[0] * factor[1] * factor[2])});
+        for (int a = 0; a < 3; ++a)
+          along_[a].push_back(
+              {value, static_cast<float>(into * slope[a] * factor[(a + 1) % 3] * factor[(a + 2) % 3])});
+      }
+    }
+  }
+  sum_up(weights_);
+  for (auto& weights : along_) sum_up(weights);
+}
+
+void PressurePatch::add(double force_N, ElasticField& nodes_N) const {
+  for (const auto& [value, weight] : weights_) nodes_N.values[value] += static_cast<float>(force_N * weight);
+}
+
+double PressurePatch::displacement(const ElasticField& u_mm) const {
+  return product(weights_, u_mm);
+}
+
+Vector<Patient> PressurePatch::change(const ElasticField& u_mm) const {
+  const Eigen::Vector3d slope(product(along_[0], u_mm), product(along_[1], u_mm), product(along_[2], u_mm));
+  return Vector<Patient>(axes_ * (slope - slope.dot(outward_) * outward_));
+}
+
+SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const Point<Patient>& at,
+                           const Vector<Patient>& outward, double radius_mm, double depth_mm,
+                           ElasticField& unit_mm, ElasticField& load_N, int most_iterations,
+                           double tolerance) {
+  SphereContact contact;
+  if (!(depth_mm > 0)) return contact;
+  const double least_mm = 2 * grid.box().cell_mm;
+  double rho_mm = least_mm;
+  for (int n = 0; n < kMostRadii; ++n) {
+    const PressurePatch patch(grid, at, outward, rho_mm);
+    if (!patch.touches()) return contact;
+    std::fill(load_N.values.begin(), load_N.values.end(), 0.0f);
+    patch.add(1, load_N);
+    contact.solution = solver.solve(load_N, unit_mm, most_iterations, tolerance);
+    const double w = patch.displacement(unit_mm), modulus = patch.contact_modulus();
+    const double force = force_at(depth_mm, w, rho_mm, radius_mm, modulus);
+    contact.force_N = force;
+    contact.compliance_mm_per_N = w;
+    contact.contact_radius_mm = std::cbrt(3 * force * radius_mm / (4 * modulus));
+    // W(rho) - 0.6 / (rho E*) changes so little with rho that few steps do
+    contact.tangential_N = patch.change(unit_mm) * (force * force);
+    const double next_mm = std::max(contact.contact_radius_mm, least_mm);
+    if (std::abs(next_mm - rho_mm) <= 1e-3 * rho_mm) break;
+    rho_mm = next_mm;
+  }
+  return contact;
+}
+
+Eigen::MatrixXd contact_compliance(ElasticSolver& solver, std::span<const PressurePatch> patches,
+                                   double tolerance, double* worst_residual) {
+  constexpr int kMostIterations = 200;
+  const auto count = static_cast<Eigen::Index>(patches.size());
+  Eigen::MatrixXd w(count, count);
+  ElasticField load(solver.layout()), u(solver.layout());
+  double worst = 0;
+  for (Eigen::Index m = 0; m < count; ++m) {
+    std::fill(load.values.begin(), load.values.end(), 0.0f);
+    std::fill(u.values.begin(), u.values.end(), 0.0f);
+    patches[static_cast<std::size_t>(m)].add(1, load);
+    worst = std::max(worst, solver.solve(load, u, kMostIterations, tolerance).residual);
+    for (Eigen::Index n = 0; n < count; ++n) w(n, m) = patches[static_cast<std::size_t>(n)].displacement(u);
+  }
+  if (worst_residual != nullptr) *worst_residual = worst;
+  return w;
+}
+
+Eigen::VectorXd contact_forces(const Eigen::MatrixXd& compliance, const Eigen::VectorXd& depth_mm) {
+  // an active set that changes by one patch at a time (Lawson and Hanson 1974, of least squares): ends, as
+  // the energy falls with every set
+  const Eigen::Index count = depth_mm.size();
+  Eigen::VectorXd force = Eigen::VectorXd::Zero(count);
+  std::vector<bool> pressed(static_cast<std::size_t>(count), false);
+  const double least = 1e-9 * depth_mm.cwiseAbs().maxCoeff();
+  for (Eigen::Index turn = 0; turn < 10 * count; ++turn) {
+    const Eigen::VectorXd within = depth_mm - compliance * force;
+    Eigen::Index deepest = -1;
+    for (Eigen::Index n = 0; n < count; ++n)
+      if (!pressed[static_cast<std::size_t>(n)] && within[n] > least &&
+          (deepest < 0 || within[n] > within[deepest]))
+        deepest = n;
+    if (deepest < 0) break;
+    pressed[static_cast<std::size_t>(deepest)] = true;
+    for (Eigen::Index inner = 0; inner <= count; ++inner) {
+      std::vector<Eigen::Index> set;
+      for (Eigen::Index n = 0; n < count; ++n)
+        if (pressed[static_cast<std::size_t>(n)]) set.push_back(n);
+      if (set.empty()) break;
+      const Eigen::MatrixXd part = compliance(set, set);
+      const Eigen::VectorXd asked = part.ldlt().solve(Eigen::VectorXd(depth_mm(set)));
+      // as far that way as none pulls
+      double step = 1;
+      for (std::size_t n = 0; n < set.size(); ++n)
+        if (asked[static_cast<Eigen::Index>(n)] <= 0)
+          step = std::min(step, force[set[n]] / (force[set[n]] - asked[static_cast<Eigen::Index>(n)]));
+      for (std::size_t n = 0; n < set.size(); ++n) {
+        double& f = force[set[n]];
+        f += step * (asked[static_cast<Eigen::Index>(n)] - f);
+        if (step < 1 && f <= 1e-12 * force.maxCoeff()) {
+          f = 0;
+          pressed[static_cast<std::size_t>(set[n])] = false;
+        }
+      }
+      if (step >= 1) break;
+    }
+  }
+  return force;
+}
+
+}  // namespace palpate

@@ -1,0 +1,100 @@
+#include <algorithm>
+#include <cmath>
+
+#include "tissue/elastic_solver_state.h"
+
+namespace palpate {
+
+using internal::elastic::dot;
+using internal::elastic::Operator;
+
+namespace {
+
+/// A step is halved so many times at most, and is good where the force left along it is no more than this
+/// part.
+constexpr int kMostHalvings = 6;
+constexpr double kGoodPart = 0.9;
+
+}  // namespace
+
+void ElasticSolver::finite_forces(const ElasticField& displacement_mm, ElasticField& force_N) {
+  state_->multigrid.finest().apply_finite_everywhere(displacement_mm.values, force_N.values);
+}
+
+FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
+                                           const FiniteSettings& settings) {
+  State& s = *state_;
+  Operator& k = s.multigrid.finest();
+  ElasticValues& u = displacement_mm.values;
+  PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
+  FiniteSolution told;
+
+  // r = f - forces(at); what the residual is measured by
+  const auto left_over = [&](const ElasticValues& at) {
+    const double least = k.apply_finite(at, s.q);
+    for (std::size_t n = 0; n < u.size(); ++n) s.r[n] = k.free(n) ? force_N.values[n] - s.q[n] : 0.0f;
+    return least;
+  };
+  double load = 0;
+  for (std::size_t n = 0; n < u.size(); ++n)
+    if (k.free(n)) load += static_cast<double>(force_N.values[n]) * force_N.values[n];
+  const double scale = std::sqrt(load) + s.held_norm(displacement_mm);
+  const auto part = [&] {
+    const double norm = std::sqrt(dot(s.r, s.r));
+    return scale > 0 ? norm / scale : norm;
+  };
+
+  told.least_volume = left_over(u);
+  told.residual = part();
+  while (told.residual > settings.tolerance && told.steps < settings.most_steps) {
+    // T step = r by conjugate gradients; where T is not positive, as far as it was
+    std::fill(s.step.begin(), s.step.end(), 0.0f);
+    s.tried = s.r;
+    double rz = 0;
+    const double enough = settings.step_tolerance * std::sqrt(dot(s.r, s.r));
+    for (int n = 0; n < settings.most_iterations && std::sqrt(dot(s.r, s.r)) > enough; ++n) {
+      s.multigrid.cycle(s.r, s.z);
+      const double next = dot(s.r, s.z);
+      if (!(next > 0) || !std::isfinite(next)) break;
+      const float beta = n == 0 ? 0.0f : static_cast<float>(next / rz);
+      rz = next;
+      for (std::size_t m = 0; m < u.size(); ++m) s.p[m] = s.z[m] + beta * s.p[m];
+      k.apply_tangent(u, s.p, s.q);
+      const double pq = dot(s.p, s.q);
+      if (!(pq > 0) || !std::isfinite(pq)) {
+        if (n == 0) s.step = s.p;
+        break;
+      }
+      const float alpha = static_cast<float>(rz / pq);
+      for (std::size_t m = 0; m < u.size(); ++m) {
+        s.step[m] += alpha * s.p[m];
+        s.r[m] -= alpha * s.q[m];
+      }
+      ++told.iterations;
+    }
+    const double downhill = dot(s.tried, s.step);
+
+    // as much of it as turns no cell inside out and leaves less force along it
+    double length = 1, least = 0;
+    bool good = false;
+    for (int n = 0; n <= kMostHalvings && !good; ++n, length /= 2) {
+      for (std::size_t m = 0; m < u.size(); ++m) s.tried[m] = u[m] + static_cast<float>(length) * s.step[m];
+      least = left_over(s.tried);
+      good = (least >= settings.least_volume || least > told.least_volume) &&
+             std::abs(dot(s.r, s.step)) <= kGoodPart * std::abs(downhill);
+    }
+    if (!good) {
+      told.stuck = true;
+      left_over(u);
+      break;
+    }
+    u = s.tried;
+    told.least_volume = least;
+    told.residual = part();
+    ++told.steps;
+  }
+  told.converged = told.residual <= settings.tolerance;
+  return told;
+}
+
+}  // namespace palpate

@@ -1,0 +1,313 @@
+#include "tissue/elastic_kernel.h"
+
+// The stiffness of a cube by the Walsh transform of its eight corners (docs/tissue.md).
+//
+//     w_m = sum over corners c of H_m(c) u_c         m: bits x, y, z; H_m(c) = -1 for each bit of m whose
+//                                                    coordinate is the lower one in c, multiplied
+//     w_x, w_y, w_z (m = 1, 2, 4)                    4 h times the displacement gradient in the middle
+//     w_3, w_5, w_6, w_7                             hourglass modes, of which that gradient sees nothing
+//     w_0                                            8 times the mean displacement: makes no force
+//
+//     p_x, p_y, p_z = mu (G + G^T) + lambda tr(G) I, G = (w_x, w_y, w_z), columns; mu and lambda times h / 16
+//     p_m           = kHourglass mu w_m              of the four others
+//     f_c           = sum over m of H_m(c) p_m
+//
+// Neo-Hookean (Smith et al. 2018, without the barrier): energy mu / 2 (F : F - 3) - mu (J - 1) + (lambda +
+// mu) / 2 (J - 1)^2,
+//
+//     F = I + G / 4 h,  J = det F,  C = dJ / dF, whose columns are cross products of F's
+//     p / 4 h         = mu F + s C,   s = (lambda + mu) (J - 1) - mu
+//     dp              = mu dG + (lambda + mu) (C : dG) C + s dC
+//
+// A row of cells along x is done at a time. Of a cell only what its left corners and what its right corners
+// get is known; a node gets from the cell before it and the one after it. Both halves of a whole row are kept
+// and then added up, node by node, so that the order of sums does not depend on how many lanes there are.
+// Nothing is fused. Hence the same bits on every target.
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "tissue/elastic_kernel.cc"
+#include <hwy/foreach_target.h>
+// after foreach_target.h
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace palpate::internal::elastic::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D = hn::CappedTag<float, ElasticLayout::kLanes>;
+using V = hn::Vec<D>;
+
+// the four rows of nodes around a row of cells: (0, 0), (1, 0), (0, 1), (1, 1) along y, z
+struct NodeRows {
+  std::size_t at[4];
+};
+
+HWY_INLINE NodeRows node_rows(const ElasticLayout& layout, int j, int k) {
+  return {{layout.node(0, j, k, 0), layout.node(0, j + 1, k, 0), layout.node(0, j, k + 1, 0),
+           layout.node(0, j + 1, k + 1, 0)}};
+}
+
+// w_1 ... w_7 of one component; w[0] is not touched
+HWY_INLINE void transform(const float* u, const NodeRows& rows, std::size_t offset, V* w) {
+  const D d;
+  V even[4], odd[4];
+  for (int r = 0; r < 4; ++r) {
+    const float* p = u + rows.at[r] + offset;
+    const V left = hn::Load(d, p), right = hn::LoadU(d, p + 1);
+    even[r] = hn::Add(right, left);
+    odd[r] = hn::Sub(right, left);
+  }
+  const V even_y0 = hn::Add(even[1], even[0]), even_y1 = hn::Add(even[3], even[2]);
+  const V even_o0 = hn::Sub(even[1], even[0]), even_o1 = hn::Sub(even[3], even[2]);
+  const V odd_y0 = hn::Add(odd[1], odd[0]), odd_y1 = hn::Add(odd[3], odd[2]);
+  const V odd_o0 = hn::Sub(odd[1], odd[0]), odd_o1 = hn::Sub(odd[3], odd[2]);
+  w[1] = hn::Add(odd_y1, odd_y0);
+  w[2] = hn::Add(even_o1, even_o0);
+  w[3] = hn::Add(odd_o1, odd_o0);
+  w[4] = hn::Sub(even_y1, even_y0);
+  w[5] = hn::Sub(odd_y1, odd_y0);
+  w[6] = hn::Sub(even_o1, even_o0);
+  w[7] = hn::Sub(odd_o1, odd_o0);
+}
+
+// what p_1 ... p_7 give to the left and the right corners of the four rows, one component
+HWY_INLINE void transform_back(const V* p, float* left, float* right, std::size_t stride) {
+  const D d;
+  // by z, then y, then x: the low end takes the odd part away
+  const V zero_low = hn::Neg(p[4]), zero_high = p[4];
+  const V y_low = hn::Sub(p[2], p[6]), y_high = hn::Add(p[2], p[6]);
+  const V x_low = hn::Sub(p[1], p[5]), x_high = hn::Add(p[1], p[5]);
+  const V xy_low = hn::Sub(p[3], p[7]), xy_high = hn::Add(p[3], p[7]);
+  const V even[4] = {hn::Sub(zero_low, y_low), hn::Add(zero_low, y_low), hn::Sub(zero_high, y_high),
+                     hn::Add(zero_high, y_high)};
+  const V odd[4] = {hn::Sub(x_low, xy_low), hn::Add(x_low, xy_low), hn::Sub(x_high, xy_high),
+                    hn::Add(x_high, xy_high)};
+  for (int r = 0; r < 4; ++r) {
+    hn::Store(hn::Sub(even[r], odd[r]), d, left + r * stride);
+    // a node on
+    hn::StoreU(hn::Add(even[r], odd[r]), d, right + r * stride + 1);
+  }
+}
+
+// adds both halves up, node by node; a row's first part is not added but stored
+HWY_INLINE void gather_row(const float* left, const float* right, int row, bool first, float* force) {
+  const D d;
+  for (int i = 0; i < row; i += static_cast<int>(hn::Lanes(d))) {
+    V sum = hn::Add(hn::Load(d, left + i), hn::Load(d, right + i));
+    if (!first) sum = hn::Add(hn::Load(d, force + i), sum);
+    hn::Store(sum, d, force + i);
+  }
+}
+
+// Where a node's three components are held. A row of nodes has a byte for each.
+HWY_INLINE void hold_row(const std::uint8_t* held, int row, float* force) {
+  const D d;
+  const hn::Rebind<std::uint8_t, D> bytes;
+  const hn::RebindToSigned<D> whole;
+  for (int i = 0; i < row; i += static_cast<int>(hn::Lanes(d))) {
+    const auto bits = hn::PromoteTo(whole, hn::LoadU(bytes, held + i));
+    for (int c = 0; c < 3; ++c) {
+      float* p = force + static_cast<std::size_t>(c) * row + i;
+      const auto free =
+          hn::Eq(hn::And(bits, hn::Set(whole, (1 << c) | ElasticGrid::kNoNode)), hn::Zero(whole));
+      hn::Store(hn::IfThenElseZero(hn::RebindMask(d, free), hn::Load(d, p)), d, p);
+    }
+  }
+}
+
+// From the two halves of a row of cells to the forces of the four rows of nodes around it. A row of nodes is
+// done when the last row of cells around it is.
+HWY_INLINE void finish_cell_row(const Cells& cells, int j, int k, const NodeRows& rows, const float* left,
+                                const float* right, std::size_t stride, float* force) {
+  const ElasticLayout& layout = cells.layout;
+  const std::size_t row = static_cast<std::size_t>(layout.row);
+  const bool firsts[4] = {j == 0 && k == 0, k == 0, j == 0, true};
+  for (int c = 0; c < 3; ++c)
+    for (int r = 0; r < 4; ++r)
+      gather_row(left + (4 * c + r) * stride, right + (4 * c + r) * stride, layout.row, firsts[r],
+                 force + rows.at[r] + c * row);
+  if (cells.held == nullptr) return;
+  const bool last_j = j == layout.cells[1] - 1, last_k = k == layout.cells[2] - 1;
+  const bool done[4] = {true, last_j, last_k, last_j && last_k};
+  for (int r = 0; r < 4; ++r)
+    if (done[r]) hold_row(cells.held + rows.at[r] / 3, layout.row, force + rows.at[r]);
+}
+
+// Calls stress(cell + i, x, y, z) for the cells of every row, which makes p_m of w_m, and gathers the forces.
+// `w` are the modes of each component of `displacement`.
+template <class Stress>
+HWY_INLINE void for_each_vector(const Cells& cells, const float* displacement, float* force,
+                                const Stress& stress) {
+  const D d;
+  const ElasticLayout& layout = cells.layout;
+  const std::size_t row = static_cast<std::size_t>(layout.row), stride = row + ElasticLayout::kLanes;
+  float* const left = cells.scratch;
+  float* const right = left + 12 * stride;
+  // no cell is before the first node
+  for (int q = 0; q < 12; ++q) right[q * stride] = 0;
+  for (int k = 0; k < layout.cells[2]; ++k) {
+    for (int j = 0; j < layout.cells[1]; ++j) {
+      const NodeRows rows = node_rows(layout, j, k);
+      const std::size_t cell = layout.cell(0, j, k);
+      for (std::size_t i = 0; i < row; i += hn::Lanes(d)) {
+        V x[8], y[8], z[8];
+        transform(displacement, rows, i, x);
+        transform(displacement, rows, row + i, y);
+        transform(displacement, rows, 2 * row + i, z);
+        stress(rows, i, cell + i, x, y, z);
+        transform_back(x, left + i, right + i, stride);
+        transform_back(y, left + 4 * stride + i, right + 4 * stride + i, stride);
+        transform_back(z, left + 8 * stride + i, right + 8 * stride + i, stride);
+      }
+      finish_cell_row(cells, j, k, rows, left, right, stride, force);
+    }
+  }
+}
+
+HWY_INLINE void hourglass_forces(V mu, V* x, V* y, V* z) {
+  const V stiff = hn::Mul(mu, hn::Set(D(), kHourglass));
+  for (const int m : {3, 5, 6, 7}) {
+    x[m] = hn::Mul(stiff, x[m]);
+    y[m] = hn::Mul(stiff, y[m]);
+    z[m] = hn::Mul(stiff, z[m]);
+  }
+}
+
+void linear(const Cells& cells, const float* displacement, float* force) {
+  const D d;
+  for_each_vector(cells, displacement, force,
+                  [&](const NodeRows&, std::size_t, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+                    const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
+                    const V two_mu = hn::Add(mu, mu);
+                    const V pressure = hn::Mul(lambda, hn::Add(hn::Add(x[1], y[2]), z[4]));
+                    const V xy = hn::Mul(mu, hn::Add(x[2], y[1])), xz = hn::Mul(mu, hn::Add(x[4], z[1])),
+                            yz = hn::Mul(mu, hn::Add(y[4], z[2]));
+                    x[1] = hn::Add(hn::Mul(two_mu, x[1]), pressure);
+                    y[2] = hn::Add(hn::Mul(two_mu, y[2]), pressure);
+                    z[4] = hn::Add(hn::Mul(two_mu, z[4]), pressure);
+                    x[2] = y[1] = xy;
+                    x[4] = z[1] = xz;
+                    y[4] = z[2] = yz;
+                    hourglass_forces(mu, x, y, z);
+                  });
+}
+
+// column a of a 3 x 3: component c of direction a
+struct Matrix {
+  V at[3][3];
+};
+
+HWY_INLINE V cross_part(const V* a, const V* b, int c) {
+  const int e = (c + 1) % 3, f = (c + 2) % 3;
+  return hn::Sub(hn::Mul(a[e], b[f]), hn::Mul(a[f], b[e]));
+}
+
+// F of modes of displacement
+HWY_INLINE Matrix deformation(const V* x, const V* y, const V* z, V per_edge) {
+  const D d;
+  Matrix f;
+  for (int a = 0; a < 3; ++a) {
+    f.at[a][0] = hn::Mul(x[1 << a], per_edge);
+    f.at[a][1] = hn::Mul(y[1 << a], per_edge);
+    f.at[a][2] = hn::Mul(z[1 << a], per_edge);
+    f.at[a][a] = hn::Add(f.at[a][a], hn::Set(d, 1.0f));
+  }
+  return f;
+}
+
+HWY_INLINE Matrix cofactors(const Matrix& f) {
+  Matrix c;
+  for (int a = 0; a < 3; ++a)
+    for (int n = 0; n < 3; ++n) c.at[a][n] = cross_part(f.at[(a + 1) % 3], f.at[(a + 2) % 3], n);
+  return c;
+}
+
+HWY_INLINE V determinant(const Matrix& f, const Matrix& cofactor) {
+  return hn::Add(hn::Add(hn::Mul(f.at[0][0], cofactor.at[0][0]), hn::Mul(f.at[0][1], cofactor.at[0][1])),
+                 hn::Mul(f.at[0][2], cofactor.at[0][2]));
+}
+
+void neo_hookean(const Cells& cells, float cell_mm, const float* displacement, float* force, float* volumes) {
+  const D d;
+  const V edges = hn::Set(d, 4 * cell_mm), per_edge = hn::Set(d, 1 / (4 * cell_mm)), one = hn::Set(d, 1.0f);
+  for_each_vector(cells, displacement, force,
+                  [&](const NodeRows&, std::size_t, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+                    const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
+                    const Matrix f = deformation(x, y, z, per_edge), c = cofactors(f);
+                    const V volume = determinant(f, c);
+                    const V s = hn::Sub(hn::Mul(hn::Add(lambda, mu), hn::Sub(volume, one)), mu);
+                    for (int a = 0; a < 3; ++a) {
+                      V* const component[3] = {x, y, z};
+                      for (int n = 0; n < 3; ++n)
+                        component[n][1 << a] =
+                            hn::Mul(edges, hn::Add(hn::Mul(mu, f.at[a][n]), hn::Mul(s, c.at[a][n])));
+                    }
+                    hourglass_forces(mu, x, y, z);
+                    hn::Store(hn::IfThenElse(hn::Gt(mu, hn::Zero(d)), volume, one), d, volumes + cell);
+                  });
+}
+
+void neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base, const float* displacement,
+                         float* force) {
+  const D d;
+  const std::size_t row = static_cast<std::size_t>(cells.layout.row);
+  const V per_edge = hn::Set(d, 1 / (4 * cell_mm)), one = hn::Set(d, 1.0f);
+  for_each_vector(
+      cells, displacement, force,
+      [&](const NodeRows& rows, std::size_t i, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+        V base_x[8], base_y[8], base_z[8];
+        transform(base, rows, i, base_x);
+        transform(base, rows, row + i, base_y);
+        transform(base, rows, 2 * row + i, base_z);
+        const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
+        const Matrix f = deformation(base_x, base_y, base_z, per_edge), c = cofactors(f);
+        const V bulk = hn::Add(lambda, mu);
+        const V s = hn::Sub(hn::Mul(bulk, hn::Sub(determinant(f, c), one)), mu);
+        Matrix g;
+        V change = hn::Zero(d);
+        V* const component[3] = {x, y, z};
+        for (int a = 0; a < 3; ++a)
+          for (int n = 0; n < 3; ++n) {
+            g.at[a][n] = component[n][1 << a];
+            change = hn::Add(change, hn::Mul(c.at[a][n], g.at[a][n]));
+          }
+        const V pressure = hn::Mul(bulk, change);
+        for (int a = 0; a < 3; ++a) {
+          const int b = (a + 1) % 3, e = (a + 2) % 3;
+          for (int n = 0; n < 3; ++n) {
+            const V turned = hn::Add(cross_part(g.at[b], f.at[e], n), cross_part(f.at[b], g.at[e], n));
+            component[n][1 << a] =
+                hn::Add(hn::Add(hn::Mul(mu, g.at[a][n]), hn::Mul(pressure, c.at[a][n])), hn::Mul(s, turned));
+          }
+        }
+        hourglass_forces(mu, x, y, z);
+      });
+}
+
+}  // namespace palpate::internal::elastic::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace palpate::internal::elastic {
+
+HWY_EXPORT(linear);
+HWY_EXPORT(neo_hookean);
+HWY_EXPORT(neo_hookean_tangent);
+
+void apply_linear(const Cells& cells, const float* displacement, float* force) {
+  HWY_DYNAMIC_DISPATCH(linear)(cells, displacement, force);
+}
+
+void apply_neo_hookean(const Cells& cells, float cell_mm, const float* displacement, float* force,
+                       float* volumes) {
+  HWY_DYNAMIC_DISPATCH(neo_hookean)(cells, cell_mm, displacement, force, volumes);
+}
+
+void apply_neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base,
+                               const float* displacement, float* force) {
+  HWY_DYNAMIC_DISPATCH(neo_hookean_tangent)(cells, cell_mm, base, displacement, force);
+}
+
+}  // namespace palpate::internal::elastic
+#endif  // HWY_ONCE

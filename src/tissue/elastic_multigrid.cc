@@ -1,0 +1,349 @@
+#include "tissue/elastic_multigrid.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate::internal::elastic {
+namespace {
+
+/// Grids with no more free values are factorized.
+constexpr std::size_t kMostFactorized = 400;
+constexpr int kDegree = 3;
+/// The smoother takes care of eigenvalues from the greatest down to this part of it.
+constexpr double kSmoothedFrom = 0.1;
+/// The greatest is found by so many multiplications, and meant to be no more than so many times that.
+constexpr int kPowerIterations = 15;
+constexpr double kPowerMargin = 1.1;
+/// A coarse body that hangs together by next to nothing can still be factorized.
+constexpr double kLeastPivot = 1e-6;
+
+template <class Visit>
+void for_each_node(const ElasticLayout& layout, const Visit& visit) {
+  for (int k = 0; k <= layout.cells[2]; ++k)
+    for (int j = 0; j <= layout.cells[1]; ++j)
+      for (int i = 0; i <= layout.cells[0]; ++i) visit(i, j, k);
+}
+
+std::size_t node_number(const ElasticLayout& layout, int i, int j, int k) {
+  return layout.node(0, j, k, 0) / 3 + static_cast<std::size_t>(i);
+}
+
+// of the nodes along an axis of a grid, those that node `coarse` of a grid twice as coarse moves, with
+// weights
+template <class Visit>
+void for_each_moved(int coarse, int cells, const Visit& visit) {
+  for (int n = std::max(0, 2 * coarse - 1); n <= std::min(cells, 2 * coarse + 1); ++n)
+    visit(n, n == 2 * coarse ? 1.0f : 0.5f);
+}
+
+// coarse = P^T fine
+void restrict_to(const ElasticLayout& fine, const ElasticValues& from, const ElasticLayout& coarse,
+                 const Operator& of_coarse, std::vector<float>& scratch, ElasticValues& to) {
+  // a row, with a node more before it
+  float* const row = scratch.data() + 1;
+  for (int k = 0; k <= coarse.cells[2]; ++k)
+    for (int j = 0; j <= coarse.cells[1]; ++j)
+      for (int c = 0; c < 3; ++c) {
+        std::fill(scratch.begin(), scratch.end(), 0.0f);
+        for_each_moved(k, fine.cells[2], [&](int z, float along_z) {
+          for_each_moved(j, fine.cells[1], [&](int y, float along_y) {
+            const float weight = along_z * along_y;
+            const float* p = from.data() + fine.node(0, y, z, c);
+            for (int i = 0; i < fine.row; ++i) row[i] += weight * p[i];
+          });
+        });
+        const std::size_t first = coarse.node(0, j, k, c);
+        for (int i = 0; i <= coarse.cells[0]; ++i)
+          to[first + i] =
+              of_coarse.free(first + i) ? 0.5f * (row[2 * i - 1] + row[2 * i + 1]) + row[2 * i] : 0.0f;
+      }
+}
+
+// fine += P coarse, where it is free
+void prolong_to(const ElasticLayout& coarse, const ElasticValues& from, const ElasticLayout& fine,
+                const Operator& of_fine, std::vector<float>& scratch, ElasticValues& to) {
+  float* const row = scratch.data();
+  const float* const free = of_fine.inverse_diagonal().data();
+  for (int k = 0; k <= fine.cells[2]; ++k)
+    for (int j = 0; j <= fine.cells[1]; ++j)
+      for (int c = 0; c < 3; ++c) {
+        const float* a = from.data() + coarse.node(0, j / 2, k / 2, c);
+        const float* b = from.data() + coarse.node(0, (j + 1) / 2, k / 2, c);
+        const float* p = from.data() + coarse.node(0, j / 2, (k + 1) / 2, c);
+        const float* q = from.data() + coarse.node(0, (j + 1) / 2, (k + 1) / 2, c);
+        for (int i = 0; i < coarse.row; ++i) row[i] = 0.25f * ((a[i] + b[i]) + (p[i] + q[i]));
+        const std::size_t first = fine.node(0, j, k, c);
+        float* const x = to.data() + first;
+        const float* const is_free = free + first;
+        for (int i = 0; i <= fine.cells[0]; ++i) {
+          const float moved = 0.5f * (row[i / 2] + row[(i + 1) / 2]);
+          x[i] += is_free[i] > 0 ? moved : 0.0f;
+        }
+      }
+}
+
+}  // namespace
+
+double dot(const ElasticValues& a, const ElasticValues& b) {
+  constexpr std::size_t kLanes = ElasticLayout::kLanes, kRun = 16 * kLanes;
+  double sum = 0;
+  for (std::size_t first = 0; first < a.size(); first += kRun) {
+    const std::size_t end = std::min(a.size(), first + kRun);
+    float lanes[kLanes] = {};
+    for (std::size_t n = first; n < end; n += kLanes)
+      for (std::size_t lane = 0; lane < kLanes; ++lane) lanes[lane] += a[n + lane] * b[n + lane];
+    for (const float lane : lanes) sum += lane;
+  }
+  return sum;
+}
+
+Operator::Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu,
+                   const ElasticValues& lambda, const ElasticValues& springs, std::vector<std::uint8_t> held)
+    : layout_(layout),
+      mu_(mu),
+      lambda_(lambda),
+      held_(std::move(held)),
+      scratch_(scratch_floats(layout)),
+      volumes_(mu.size(), 1.0f),
+      cell_mm_(static_cast<float>(cell_mm)) {
+  const float scale = static_cast<float>(cell_mm / 16);
+  for (float& value : mu_) value *= scale;
+  for (float& value : lambda_) value *= scale;
+  for (std::size_t n = 0; n < layout.node_values(); ++n)
+    if (springs[n] > 0) springs_.emplace_back(static_cast<std::uint32_t>(n), springs[n]);
+  find_inverse_diagonal();
+}
+
+void Operator::find_inverse_diagonal() {
+  ElasticValues diagonal(layout_.node_values() + ElasticLayout::kSpare, 0.0f);
+  for (int k = 0; k < layout_.cells[2]; ++k)
+    for (int j = 0; j < layout_.cells[1]; ++j)
+      for (int i = 0; i < layout_.cells[0]; ++i) {
+        const std::size_t cell = layout_.cell(i, j, k);
+        // a component's own slope, two shears, four hourglass modes
+        const float of_cell = (4 + 4 * kHourglass) * mu_[cell] + lambda_[cell];
+        for (int corner = 0; corner < 8; ++corner)
+          for (int c = 0; c < 3; ++c)
+            diagonal[layout_.node(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2 & 1), c)] +=
+                of_cell;
+      }
+  for (const auto& [value, spring] : springs_) diagonal[value] += spring;
+  inverse_diagonal_.assign(diagonal.size(), 0.0f);
+  for_each_node(layout_, [&](int i, int j, int k) {
+    const int held = held_[node_number(layout_, i, j, k)];
+    for (int c = 0; c < 3; ++c) {
+      const std::size_t value = layout_.node(i, j, k, c);
+      if ((held & (1 << c | ElasticGrid::kNoNode)) == 0 && diagonal[value] > 0)
+        inverse_diagonal_[value] = 1 / diagonal[value];
+    }
+  });
+}
+
+Operator Operator::coarser() const {
+  Operator to;
+  to.layout_ =
+      ElasticLayout({(layout_.cells[0] + 1) / 2, (layout_.cells[1] + 1) / 2, (layout_.cells[2] + 1) / 2});
+  const ElasticLayout& layout = to.layout_;
+  to.scratch_.resize(scratch_floats(layout));
+  to.mu_.assign(layout.cell_values() + ElasticLayout::kSpare, 0.0f);
+  to.lambda_ = to.mu_;
+  // an eighth of each of eight, by an edge twice as long
+  for (int k = 0; k < layout_.cells[2]; ++k)
+    for (int j = 0; j < layout_.cells[1]; ++j)
+      for (int i = 0; i < layout_.cells[0]; ++i) {
+        to.mu_[layout.cell(i / 2, j / 2, k / 2)] += mu_[layout_.cell(i, j, k)] / 4;
+        to.lambda_[layout.cell(i / 2, j / 2, k / 2)] += lambda_[layout_.cell(i, j, k)] / 4;
+      }
+
+  ElasticValues fine_springs(layout_.node_values(), 0.0f);
+  for (const auto& [value, spring] : springs_) fine_springs[value] = spring;
+  to.held_.assign(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
+  for_each_node(layout, [&](int i, int j, int k) {
+    std::uint8_t& held = to.held_[node_number(layout, i, j, k)];
+    for (int corner = 0; corner < 8; ++corner) {
+      const int x = i - (corner & 1), y = j - (corner >> 1 & 1), z = k - (corner >> 2 & 1);
+      if (layout.contains_cell(x, y, z) && to.mu_[layout.cell(x, y, z)] > 0) held = 0;
+    }
+    float springs[3] = {};
+    for_each_moved(k, layout_.cells[2], [&](int z, float along_z) {
+      for_each_moved(j, layout_.cells[1], [&](int y, float along_y) {
+        for_each_moved(i, layout_.cells[0], [&](int x, float along_x) {
+          held =
+              static_cast<std::uint8_t>(held | (held_[node_number(layout_, x, y, z)] & ElasticGrid::kHeld));
+          for (int c = 0; c < 3; ++c)
+            springs[c] += along_x * along_y * along_z * fine_springs[layout_.node(x, y, z, c)];
+        });
+      });
+    });
+    for (int c = 0; c < 3; ++c)
+      if (springs[c] > 0)
+        to.springs_.emplace_back(static_cast<std::uint32_t>(layout.node(i, j, k, c)), springs[c]);
+  });
+  to.find_inverse_diagonal();
+  return to;
+}
+
+std::size_t Operator::free_values() const {
+  return static_cast<std::size_t>(
+      std::count_if(inverse_diagonal_.begin(), inverse_diagonal_.end(), [](float one) { return one > 0; }));
+}
+
+Cells Operator::cells(const std::uint8_t* held) {
+  return {layout_, mu_.data(), lambda_.data(), held, scratch_.data()};
+}
+
+void Operator::add_springs(bool held_too, const ElasticValues& displacement, ElasticValues& force) const {
+  for (const auto& [value, spring] : springs_)
+    if (held_too || free(value)) force[value] += spring * displacement[value];
+}
+
+void Operator::apply(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force) {
+  apply_linear(cells(held), displacement.data(), force.data());
+  add_springs(held == nullptr, displacement, force);
+}
+
+float Operator::apply_finite(const ElasticValues& displacement, ElasticValues& force) {
+  apply_neo_hookean(cells(held_.data()), cell_mm_, displacement.data(), force.data(), volumes_.data());
+  add_springs(false, displacement, force);
+  // NaN is the least of all
+  float least = 1;
+  for (const float volume : volumes_) least = volume >= least ? least : volume;
+  return least;
+}
+
+void Operator::apply_finite_everywhere(const ElasticValues& displacement, ElasticValues& force) {
+  apply_neo_hookean(cells(nullptr), cell_mm_, displacement.data(), force.data(), volumes_.data());
+  add_springs(true, displacement, force);
+}
+
+void Operator::apply_tangent(const ElasticValues& base, const ElasticValues& displacement,
+                             ElasticValues& force) {
+  apply_neo_hookean_tangent(cells(held_.data()), cell_mm_, base.data(), displacement.data(), force.data());
+  add_springs(false, displacement, force);
+}
+
+void Operator::apply(const ElasticValues& displacement, ElasticValues& force) {
+  apply(held_.data(), displacement, force);
+}
+
+void Operator::apply_everywhere(const ElasticValues& displacement, ElasticValues& force) {
+  apply(nullptr, displacement, force);
+}
+
+Multigrid::Level::Level(Operator with) : k(std::move(with)) {
+  const std::size_t values = k.layout().node_values() + ElasticLayout::kSpare;
+  for (ElasticValues* field : {&x, &b, &residual, &step, &product}) field->assign(values, 0.0f);
+}
+
+Multigrid::Multigrid(Operator finest) {
+  levels_.emplace_back(std::move(finest));
+  while (levels_.back().k.free_values() > kMostFactorized && levels_.back().k.can_be_coarser())
+    levels_.emplace_back(levels_.back().k.coarser());
+  for (Level& level : levels_) find_most(level);
+  factorize();
+  row_.assign(static_cast<std::size_t>(2) * levels_.front().k.layout().row + 2 * ElasticLayout::kLanes, 0.0f);
+}
+
+void Multigrid::find_most(Level& level) {
+  // from anything that has a part of the steepest mode, the same each time
+  std::uint32_t state = 12345;
+  for (std::size_t n = 0; n < level.x.size(); ++n) {
+    state = state * 1664525u + 1013904223u;
+    level.x[n] = level.k.free(n) ? static_cast<float>(state >> 8) / (1 << 23) - 1 : 0.0f;
+  }
+  const ElasticValues& inverse = level.k.inverse_diagonal();
+  double most = 1;
+  for (int n = 0; n < kPowerIterations; ++n) {
+    level.k.apply(level.x, level.product);
+    double of_k = 0, of_diagonal = 0;
+    for (std::size_t m = 0; m < level.x.size(); ++m) {
+      if (inverse[m] == 0) continue;
+      of_k += static_cast<double>(level.x[m]) * level.product[m];
+      of_diagonal += static_cast<double>(level.x[m]) * level.x[m] / inverse[m];
+    }
+    if (!(of_diagonal > 0)) break;
+    most = of_k / of_diagonal;
+    const float scale = static_cast<float>(1 / most);
+    for (std::size_t m = 0; m < level.x.size(); ++m) level.x[m] = scale * inverse[m] * level.product[m];
+  }
+  level.most = kPowerMargin * most;
+}
+
+void Multigrid::factorize() {
+  Level& level = levels_.back();
+  for (std::size_t n = 0; n < level.x.size(); ++n)
+    if (level.k.free(n)) coarsest_.push_back(n);
+  const Eigen::Index size = static_cast<Eigen::Index>(coarsest_.size());
+  Eigen::MatrixXd k(size, size);
+  std::fill(level.x.begin(), level.x.end(), 0.0f);
+  for (Eigen::Index column = 0; column < size; ++column) {
+    level.x[coarsest_[column]] = 1;
+    level.k.apply(level.x, level.product);
+    level.x[coarsest_[column]] = 0;
+    for (Eigen::Index row = 0; row < size; ++row) k(row, column) = level.product[coarsest_[row]];
+  }
+  k.diagonal() *= 1 + kLeastPivot;
+  factors_.compute(k);
+  coarsest_x_.resize(size);
+}
+
+void Multigrid::solve_coarsest(const ElasticValues& b, ElasticValues& x) {
+  for (std::size_t n = 0; n < coarsest_.size(); ++n)
+    coarsest_x_[static_cast<Eigen::Index>(n)] = b[coarsest_[n]];
+  factors_.matrixL().solveInPlace(coarsest_x_);
+  factors_.matrixU().solveInPlace(coarsest_x_);
+  for (std::size_t n = 0; n < coarsest_.size(); ++n)
+    x[coarsest_[n]] = static_cast<float>(coarsest_x_[static_cast<Eigen::Index>(n)]);
+}
+
+void Multigrid::smooth(Level& level, const ElasticValues& b, ElasticValues& x, bool from_zero,
+                       bool want_residual) {
+  const std::size_t values = b.size();
+  const float* const inverse = level.k.inverse_diagonal().data();
+  float* const r = level.residual.data();
+  float* const d = level.step.data();
+  float* const p = x.data();
+  const float* const product = level.product.data();
+  // Chebyshev's iteration over [kSmoothedFrom, 1] most (Saad, Iterative Methods, algorithm 12.1)
+  const double middle = level.most * (1 + kSmoothedFrom) / 2, half = level.most * (1 - kSmoothedFrom) / 2;
+  const double sigma = middle / half;
+  double rho = 1 / sigma;
+  if (!from_zero) level.k.apply(x, level.product);
+  const float first = static_cast<float>(1 / middle);
+  for (std::size_t n = 0; n < values; ++n) {
+    r[n] = from_zero ? b[n] : b[n] - product[n];
+    d[n] = first * inverse[n] * r[n];
+    p[n] = from_zero ? d[n] : p[n] + d[n];
+  }
+  for (int degree = 1; degree < kDegree; ++degree) {
+    level.k.apply(level.step, level.product);
+    const double next = 1 / (2 * sigma - rho);
+    const float keep = static_cast<float>(next * rho), add = static_cast<float>(2 * next / half);
+    rho = next;
+    for (std::size_t n = 0; n < values; ++n) {
+      r[n] -= product[n];
+      d[n] = keep * d[n] + add * inverse[n] * r[n];
+      p[n] += d[n];
+    }
+  }
+  if (!want_residual) return;
+  level.k.apply(level.step, level.product);
+  for (std::size_t n = 0; n < values; ++n) r[n] -= product[n];
+}
+
+void Multigrid::cycle(std::size_t number, const ElasticValues& b, ElasticValues& x) {
+  Level& level = levels_[number];
+  if (number + 1 == levels_.size()) return solve_coarsest(b, x);
+  Level& coarse = levels_[number + 1];
+  smooth(level, b, x, true, true);
+  restrict_to(level.k.layout(), level.residual, coarse.k.layout(), coarse.k, row_, coarse.b);
+  cycle(number + 1, coarse.b, coarse.x);
+  prolong_to(coarse.k.layout(), coarse.x, level.k.layout(), level.k, row_, x);
+  smooth(level, b, x, false, false);
+}
+
+void Multigrid::cycle(const ElasticValues& r, ElasticValues& z) {
+  cycle(0, r, z);
+}
+
+}  // namespace palpate::internal::elastic

@@ -1,0 +1,103 @@
+#include "palpate/tissue/elastic_solver.h"
+
+#include <cmath>
+
+#include "tissue/elastic_solver_state.h"
+
+namespace palpate {
+
+using internal::elastic::dot;
+using internal::elastic::Operator;
+
+namespace {
+
+Operator operator_of(ElasticGrid grid) {
+  grid.hold_loose_parts();
+  const ElasticLayout& layout = grid.layout();
+  std::vector<std::uint8_t> held(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
+  for (int k = 0; k <= layout.cells[2]; ++k)
+    for (int j = 0; j <= layout.cells[1]; ++j)
+      for (int i = 0; i <= layout.cells[0]; ++i) held[grid.node_number(i, j, k)] = grid.held(i, j, k);
+  return Operator(layout, grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), std::move(held));
+}
+
+}  // namespace
+
+ElasticSolver::State::State(const ElasticGrid& grid) : multigrid(operator_of(grid)) {
+  const std::size_t values = multigrid.finest().layout().node_values() + ElasticLayout::kSpare;
+  for (ElasticValues* field : {&r, &z, &p, &q, &step, &tried}) field->assign(values, 0.0f);
+}
+
+double ElasticSolver::State::held_norm(const ElasticField& u) {
+  Operator& k = multigrid.finest();
+  bool any = false;
+  for (std::size_t n = 0; n < p.size(); ++n) {
+    p[n] = k.free(n) ? 0.0f : u.values[n];
+    any = any || p[n] != 0;
+  }
+  if (!any) return 0;
+  k.apply(p, q);
+  return std::sqrt(dot(q, q));
+}
+
+ElasticSolver::ElasticSolver(const ElasticGrid& grid) : state_(std::make_unique<State>(grid)) {}
+ElasticSolver::~ElasticSolver() = default;
+ElasticSolver::ElasticSolver(ElasticSolver&&) noexcept = default;
+ElasticSolver& ElasticSolver::operator=(ElasticSolver&&) noexcept = default;
+
+const ElasticLayout& ElasticSolver::layout() const {
+  return state_->multigrid.finest().layout();
+}
+
+void ElasticSolver::forces(const ElasticField& displacement_mm, ElasticField& force_N) {
+  state_->multigrid.finest().apply_everywhere(displacement_mm.values, force_N.values);
+}
+
+ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& displacement_mm,
+                                     int most_iterations, double tolerance) {
+  State& s = *state_;
+  Operator& k = s.multigrid.finest();
+  ElasticValues& u = displacement_mm.values;
+  PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
+  ElasticSolution told;
+
+  // the residual that the start leaves, and what it is measured by
+  double scale = s.held_norm(displacement_mm);
+  k.apply(u, s.q);
+  double load = 0;
+  for (std::size_t n = 0; n < u.size(); ++n) {
+    const float f = k.free(n) ? force_N.values[n] : 0.0f;
+    load += static_cast<double>(f) * f;
+    s.r[n] = f - s.q[n];
+  }
+  scale += std::sqrt(load);
+  const auto part = [&] {
+    const double norm = std::sqrt(dot(s.r, s.r));
+    return scale > 0 ? norm / scale : norm;
+  };
+
+  double rz = 0;
+  for (told.residual = part(); !(told.residual <= tolerance) && told.iterations < most_iterations;
+       told.residual = part()) {
+    s.multigrid.cycle(s.r, s.z);
+    const double next = dot(s.r, s.z);
+    // not above 0 only where the residual is what rounding leaves
+    if (!(next > 0) || !std::isfinite(next)) break;
+    const float beta = told.iterations == 0 ? 0.0f : static_cast<float>(next / rz);
+    rz = next;
+    for (std::size_t n = 0; n < u.size(); ++n) s.p[n] = s.z[n] + beta * s.p[n];
+    k.apply(s.p, s.q);
+    const double pq = dot(s.p, s.q);
+    if (!(pq > 0) || !std::isfinite(pq)) break;
+    const float alpha = static_cast<float>(rz / pq);
+    for (std::size_t n = 0; n < u.size(); ++n) {
+      u[n] += alpha * s.p[n];
+      s.r[n] -= alpha * s.q[n];
+    }
+    ++told.iterations;
+  }
+  told.converged = told.residual <= tolerance;
+  return told;
+}
+
+}  // namespace palpate

@@ -1,0 +1,139 @@
+#include "verification/tissue.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "verification/tissue_cases.h"
+#include "verification/tissue_frame.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kFrames = 41, kRippleSteps = 8, kNoduleSteps = 20;
+constexpr double kLayerRoots[] = {0.3, 0.4};
+
+/// Of several cases the one farthest off.
+class Farthest {
+ public:
+  void add(const TissueCase& one) {
+    off_percent_ = std::max(off_percent_, std::abs(one.off_percent));
+    ++count_;
+  }
+  Figure figure(std::string name, std::optional<double> limit) const {
+    return {std::move(name), off_percent_, "percent", count_, limit};
+  }
+
+ private:
+  double off_percent_ = 0;
+  std::uint64_t count_ = 0;
+};
+
+struct NamedNormal {
+  const char* name;
+  Vector<Patient> outward;
+};
+const NamedNormal kNormals[] = {
+    {"along", {0, 0, 1}}, {"45deg", {1, 0, 1}}, {"corner", {1, 1, 1}}, {"askew", {0.4, 0.3, 1}}};
+
+std::string ratio_name(const char* prefix, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%s%.2f", prefix, value);
+  return text;
+}
+
+}  // namespace
+
+Result<SuiteReport> run_tissue(const Progress& progress) {
+  SuiteReport report;
+  std::vector<Figure>& figures = report.figures;
+  const auto one = [&](const std::string& name, const TissueCase& found, std::optional<double> limit) {
+    figures.push_back({"tissue/" + name, std::abs(found.off_percent), "percent", 1, limit});
+  };
+  const auto stopped = [&] { return progress.stopped(); };
+
+  for (const double nu : {0.3, 0.49}) one("patch/" + ratio_name("nu-", nu), patch_case(16, nu), 1e-3);
+  one("turned", turned_case(16), 1e-3);
+  one("cantilever", cantilever_case(8), 3);
+  one("cook", cook_case(96), 3);
+  if (stopped()) return Progress::interrupted();
+  Farthest series;
+  for (const double seam : {0.0, 0.25, 0.5, 0.7}) series.add(series_case(seam));
+  figures.push_back(series.figure("tissue/layers-in-series", 2));
+  for (const double nu : {0.3, 0.45, 0.49})
+    one("boussinesq/" + ratio_name("nu-", nu), boussinesq_case(64, nu), 5);
+  figures.push_back(
+      {"tissue/convergence/short-of-2", std::max(0.0, 2 - convergence_order(8)), "order", 2, 0.3});
+  if (stopped()) return Progress::interrupted();
+
+  for (const auto& [name, outward] : kNormals) {
+    // compressible tissue apart: where the surface runs within cells along their faces it is off by more
+    Farthest off, compressible, ripple;
+    for (const double radius : {1.0, 2.0, 4.0}) {
+      HalfSpacePress press;
+      press.cells = 40;
+      press.outward = outward;
+      press.radius_cells = radius;
+      for (const double nu : {0.3, 0.45, 0.49}) {
+        press.poissons_ratio = nu;
+        for (const auto& offset : {Vector<Patient>(0.5, 0.5, 0.5), Vector<Patient>(0.2, 0.1, 0.3),
+                                   Vector<Patient>(0.31, 0.77, 0.93)}) {
+          if (stopped()) return Progress::interrupted();
+          press.offset_cells = offset;
+          (nu < 0.4 ? compressible : off).add(hertz_case(press));
+        }
+      }
+      press.cells = 32;
+      press.poissons_ratio = 0.45;
+      if (radius < 4) ripple.add(ripple_case(press, kRippleSteps));
+    }
+    figures.push_back(off.figure(std::string("tissue/hertz/") + name + "/off", 7));
+    figures.push_back(compressible.figure(std::string("tissue/hertz/") + name + "/off-at-nu-0.30", 10));
+    figures.push_back(ripple.figure(std::string("tissue/hertz/") + name + "/ripple", 1.5));
+  }
+  one("flat-punch", punch_case(48, 8), 7);
+  for (const double nu : {0.45, 0.49})
+    for (const double root : kLayerRoots) {
+      if (stopped()) return Progress::interrupted();
+      one("bonded-layer/" + ratio_name("nu-", nu) + "/" + ratio_name("root-", root), layer_case(8, nu, root),
+          5);
+    }
+
+  if (stopped()) return Progress::interrupted();
+  const NoduleLoop loop = nodule_loop(32, kNoduleSteps);
+  figures.push_back({"tissue/nodule/work-lost", std::abs(loop.off_percent), "percent", kNoduleSteps, 2});
+  figures.push_back({"tissue/nodule/work-lost-without-force-aside",
+                     std::abs(loop.off_without_percent),
+                     "percent",
+                     kNoduleSteps,
+                     {}});
+  figures.push_back({"tissue/nodule/stiffer", loop.stiffer_percent, "percent", 1, {}});
+
+  Farthest stretched;
+  for (const double part : {0.6, 0.8, 1.3}) stretched.add(stretched_case(part));
+  figures.push_back(stretched.figure("tissue/neo-hookean/stretched", 0.1));
+  if (stopped()) return Progress::interrupted();
+  const FiniteLayer finite = finite_layer({47, 32, 8}, 0.2);
+  one("neo-hookean/linear-off", {finite.linear_off_percent, 0}, 5);
+  figures.push_back(
+      {"tissue/neo-hookean/cells-turned", finite.least_volume > 0 ? 0.0 : 1.0, "cells", finite.cells, 0});
+  figures.push_back({"tissue/neo-hookean/frame-off", finite.frame_off_percent, "percent", 1, {}});
+  figures.push_back({"tissue/neo-hookean/frame-time", finite.frame_ms, "ms", finite.cells, {}});
+
+  const TissueFrame frame = measure_tissue_frame(kFrames);
+  figures.push_back({"tissue/frame/time", frame.frame_ms, "ms", kFrames, {}});
+  figures.push_back({"tissue/frame/compliance-off", frame.off_percent, "percent", kFrames, 2});
+  figures.push_back({"tissue/kernel/time", frame.kernel_ns, "ns", frame.cells, {}});
+  figures.push_back({"tissue/kernel/bandwidth-floor", frame.floor_ns, "ns", frame.cells, {}});
+  figures.push_back(
+      {"tissue/kernel/times-floor", frame.kernel_ns / frame.floor_ns, "times", frame.cells, {}});
+  report.notes = {
+      {"cases", "docs/tissue.md; a sphere's contact has the radius of 1, 2 and 4 cells"},
+      {"frame",
+       "two iterations from the last solution while a sphere slides at 20 mm/s, 60 frames a second, "
+       "39 105 cells; processor time of one thread"},
+      {"kernel", "K u for a cell, beside a plain loop over as many bytes"}};
+  return report;
+}
+
+}  // namespace palpate

@@ -1,0 +1,513 @@
+#include "verification/tissue_cases.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "palpate/tissue/elastic_contact.h"
+#include "palpate/tissue/elastic_solver.h"
+#include "verification/accuracy_random.h"
+#include "verification/tissue_frame.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kN_per_mm2_of_kPa = 1e-3;
+constexpr int kMostTissueIterations = 300;
+constexpr double kTissueTolerance = 1e-5;
+
+ElasticMaterial yielding(double kPa, double poissons_ratio) {
+  return {Matter::kSoft, kPa, poissons_ratio};
+}
+
+ElasticBox box_of(std::array<int, 3> cells, double cell_mm = 1) {
+  ElasticBox box;
+  box.cells = cells;
+  box.cell_mm = cell_mm;
+  return box;
+}
+
+template <class Visit>
+void for_each_node_of(const ElasticLayout& layout, const Visit& visit) {
+  for (int k = 0; k <= layout.cells[2]; ++k)
+    for (int j = 0; j <= layout.cells[1]; ++j)
+      for (int i = 0; i <= layout.cells[0]; ++i) visit(i, j, k);
+}
+
+void set_node(const ElasticLayout& layout, int i, int j, int k, const Eigen::Vector3d& value,
+              ElasticField& field) {
+  for (int c = 0; c < 3; ++c) field.values[layout.node(i, j, k, c)] = static_cast<float>(value[c]);
+}
+
+Eigen::Vector3d node_of(const ElasticLayout& layout, int i, int j, int k, const ElasticField& field) {
+  return {field.values[layout.node(i, j, k, 0)], field.values[layout.node(i, j, k, 1)],
+          field.values[layout.node(i, j, k, 2)]};
+}
+
+/// Whose surface is displaced as `given` says: the inner node farthest from it, and the greatest
+/// displacement.
+struct Inside {
+  double off = 0, greatest = 0, squares = 0;
+  int iterations = 0;
+};
+template <class Given>
+Inside solve_inside(const ElasticMaterial& material, int cells, const Given& given) {
+  ElasticGrid grid(
+      box_of({cells, cells, cells}), [&](const Point<Patient>&) { return material; }, 1);
+  const ElasticLayout& layout = grid.layout();
+  ElasticField u(layout), load(layout);
+  for_each_node_of(layout, [&](int i, int j, int k) {
+    if (std::min({i, j, k}) > 0 && std::max({i, j, k}) < cells) return;
+    grid.hold(i, j, k, ElasticGrid::kHeld);
+    set_node(layout, i, j, k, given(Eigen::Vector3d(i, j, k)), u);
+  });
+  ElasticSolver solver(grid);
+  Inside told;
+  told.iterations = solver.solve(load, u, kMostTissueIterations, 2e-7).iterations;
+  for_each_node_of(layout, [&](int i, int j, int k) {
+    const Eigen::Vector3d right = given(Eigen::Vector3d(i, j, k));
+    const double off = (node_of(layout, i, j, k, u) - right).norm();
+    told.off = std::max(told.off, off);
+    told.squares += off * off;
+    told.greatest = std::max(told.greatest, right.norm());
+  });
+  return told;
+}
+
+}  // namespace
+
+TissueCase patch_case(int cells, double poissons_ratio) {
+  AccuracyRandom random(18);
+  Eigen::Matrix3d slope;
+  for (double& one : slope.reshaped()) one = random.between(-0.1, 0.1);
+  const Inside inside = solve_inside(yielding(10, poissons_ratio), cells,
+                                     [&](const Eigen::Vector3d& x) { return Eigen::Vector3d(slope * x); });
+  return {100 * inside.off / inside.greatest, inside.iterations};
+}
+
+TissueCase turned_case(int cells) {
+  ElasticGrid grid(
+      box_of({cells, cells, cells}), [](const Point<Patient>&) { return yielding(10, 0.45); }, 1);
+  const ElasticLayout& layout = grid.layout();
+  ElasticSolver solver(grid);
+  const Eigen::Vector3d middle = Eigen::Vector3d::Constant(cells / 2.0);
+  // a part with the same slopes but for their sign
+  const auto forces = [&](double sign) {
+    ElasticField u(layout), force(layout);
+    for_each_node_of(layout, [&](int i, int j, int k) {
+      const Eigen::Vector3d x = Eigen::Vector3d(i, j, k) - middle;
+      set_node(layout, i, j, k, 0.01 * Eigen::Vector3d(x.y() + x.z(), -sign * x.x(), -sign * x.x()), u);
+    });
+    solver.forces(u, force);
+    double most = 0;
+    for (const float f : force.values) most = std::max<double>(most, std::abs(f));
+    return most;
+  };
+  return {100 * forces(1) / forces(-1), 0};
+}
+
+TissueCase cantilever_case(int cells_high) {
+  constexpr double kPa = 100, kNu = 0.3, kLoad_N = 1e-3;
+  const int high = cells_high, length = 6 * cells_high;
+  ElasticGrid grid(
+      box_of({length, high, high}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+  const ElasticLayout& layout = grid.layout();
+  ElasticField load(layout), u(layout);
+  for (int k = 0; k <= high; ++k)
+    for (int j = 0; j <= high; ++j) {
+      grid.hold(0, j, k, ElasticGrid::kHeld);
+      // as much as of the end's area is the node's
+      const double part = (j % high == 0 ? 0.5 : 1) * (k % high == 0 ? 0.5 : 1) / (high * high);
+      load.values[layout.node(length, j, k, 2)] = static_cast<float>(kLoad_N * part);
+    }
+  ElasticSolver solver(grid);
+  TissueCase told;
+  told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
+  const double sunk = node_of(layout, length, high / 2, high / 2, u).z();
+  const double e = kPa * kN_per_mm2_of_kPa, g = e / (2 * (1 + kNu)), area = high * high,
+               inertia = area * area / 12;
+  const double shear = 10 * (1 + kNu) / (12 + 11 * kNu);
+  const double right =
+      kLoad_N * std::pow(length, 3) / (3 * e * inertia) + kLoad_N * length / (shear * g * area);
+  told.off_percent = 100 * (sunk / right - 1);
+  return told;
+}
+
+TissueCase cook_case(int cells_long) {
+  // E 1 and F 1 per thickness, in kPa and mN; 48 long, 44 high at the root, 16 at the tip
+  const double h = 48.0 / cells_long;
+  ElasticGrid grid(
+      box_of({cells_long, static_cast<int>(std::ceil(60 / h)), 1}, h),
+      [](const Point<Patient>& p) {
+        const bool in = p.y() > 44 * p.x() / 48 && p.y() < 44 + 16 * p.x() / 48;
+        return in ? yielding(1, 1.0 / 3) : ElasticMaterial{};
+      },
+      8);
+  const ElasticLayout& layout = grid.layout();
+  ElasticField load(layout), u(layout);
+  for (int j = 0; j <= layout.cells[1]; ++j)
+    for (int k = 0; k <= 1; ++k) grid.hold(0, j, k, ElasticGrid::kHeldX | ElasticGrid::kHeldY);
+  for (int j = 0; j <= layout.cells[1]; ++j) grid.hold(0, j, 0, ElasticGrid::kHeldZ);
+  // the tip's edge, each node what of the edge is nearest to it
+  const int steps = 16;
+  for (int j = 0; j < layout.cells[1]; ++j)
+    for (int s = 0; s < steps; ++s) {
+      const double at = j + (s + 0.5) / steps;
+      if (at * h < 44 || at * h > 60) continue;
+      const double part = h / steps / 16 * h * 1e-3 / 2;
+      for (int k = 0; k <= 1; ++k) {
+        load.values[layout.node(cells_long, j, k, 1)] += static_cast<float>(part * (1 - (at - j)));
+        load.values[layout.node(cells_long, j + 1, k, 1)] += static_cast<float>(part * (at - j));
+      }
+    }
+  ElasticSolver solver(grid);
+  TissueCase told;
+  told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
+  const double rise = node_of(layout, cells_long, static_cast<int>(std::lround(52 / h)), 0, u).y();
+  told.off_percent = 100 * (rise / 23.96 - 1);
+  return told;
+}
+
+TissueCase series_case(double seam_in_cell) {
+  constexpr int kCells = 8;
+  const double seam = 3 + seam_in_cell, nu = 0.4;
+  ElasticGrid grid(
+      box_of({3, 3, kCells}), [&](const Point<Patient>& p) { return yielding(p.z() < seam ? 5 : 50, nu); },
+      16);
+  const ElasticLayout& layout = grid.layout();
+  ElasticField load(layout), u(layout), force(layout);
+  constexpr double kPressed_mm = 0.1;
+  for_each_node_of(layout, [&](int i, int j, int k) {
+    if (i % 3 == 0) grid.hold(i, j, k, ElasticGrid::kHeldX);
+    if (j % 3 == 0) grid.hold(i, j, k, ElasticGrid::kHeldY);
+    if (k % kCells == 0) grid.hold(i, j, k, ElasticGrid::kHeldZ);
+    if (k == kCells) u.values[layout.node(i, j, k, 2)] = static_cast<float>(-kPressed_mm);
+  });
+  ElasticSolver solver(grid);
+  TissueCase told;
+  told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
+  solver.forces(u, force);
+  double pressed_N = 0;
+  for (int j = 0; j <= 3; ++j)
+    for (int i = 0; i <= 3; ++i) pressed_N -= force.values[layout.node(i, j, kCells, 2)];
+  const auto confined = [&](double kPa) {
+    return kPa * kN_per_mm2_of_kPa * (1 - nu) / ((1 + nu) * (1 - 2 * nu));
+  };
+  const double right = 9 * kPressed_mm / (seam / confined(5) + (kCells - seam) / confined(50));
+  told.off_percent = 100 * (pressed_N / right - 1);
+  return told;
+}
+
+TissueCase boussinesq_case(int cells, double poissons_ratio) {
+  constexpr double kPa = 10;
+  ElasticGrid grid(
+      box_of({cells, cells, cells / 2}), [&](const Point<Patient>&) { return yielding(kPa, poissons_ratio); },
+      1);
+  const ElasticLayout& layout = grid.layout();
+  const int middle = cells / 2, top = cells / 2;
+  grid.continue_beyond({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
+  ElasticSolver solver(grid);
+  ElasticField load(layout), u(layout);
+  load.values[layout.node(middle, middle, top, 2)] = -1e-3f;
+  TissueCase told;
+  told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
+  double sum = 0;
+  int count = 0;
+  for (int j = 0; j <= cells; ++j)
+    for (int i = 0; i <= cells; ++i) {
+      const double r = std::hypot(i - middle, j - middle);
+      if (r < 4 || r > 10) continue;
+      const double right =
+          1e-3 * (1 - poissons_ratio * poissons_ratio) / (std::numbers::pi * kPa * kN_per_mm2_of_kPa * r);
+      sum += -u.values[layout.node(i, j, top, 2)] / right - 1;
+      ++count;
+    }
+  told.off_percent = 100 * sum / count;
+  return told;
+}
+
+namespace {
+
+// force of a sphere on a half space, over Hertz's
+struct PressedHalfSpace {
+  double force_N, hertz_N;
+  int iterations;
+};
+PressedHalfSpace press_half_space(const HalfSpacePress& press, const Vector<Patient>& aside_cells) {
+  constexpr double kPa = 10, kRadius_mm = 16;
+  const double half = press.cells / 2.0;
+  const Point<Patient> at = Point<Patient>(half, half, half) + press.offset_cells + aside_cells;
+  const Vector<Patient> outward = press.outward.normalized();
+  ElasticGrid grid(
+      box_of({press.cells, press.cells, press.cells}),
+      [&](const Point<Patient>& p) {
+        return (p - at).dot(outward) < 0 ? yielding(kPa, press.poissons_ratio) : ElasticMaterial{};
+      },
+      16);
+  grid.continue_beyond({true, true, true, true, true, true}, at);
+  ElasticSolver solver(grid);
+  ElasticField unit(solver.layout()), load(solver.layout());
+  const double depth = press.radius_cells * press.radius_cells / kRadius_mm;
+  const SphereContact contact =
+      press_sphere(grid, solver, at, outward, kRadius_mm, depth, unit, load, kMostTissueIterations, 1e-4);
+  const double modulus = kPa * kN_per_mm2_of_kPa / (1 - press.poissons_ratio * press.poissons_ratio);
+  return {contact.force_N, 4.0 / 3 * modulus * std::sqrt(kRadius_mm) * std::pow(depth, 1.5),
+          contact.solution.iterations};
+}
+
+}  // namespace
+
+TissueCase hertz_case(const HalfSpacePress& press) {
+  const PressedHalfSpace pressed = press_half_space(press, {});
+  return {100 * (pressed.force_N / pressed.hertz_N - 1), pressed.iterations};
+}
+
+TissueCase ripple_case(const HalfSpacePress& press, int steps) {
+  const Vector<Patient> outward = press.outward.normalized();
+  const Vector<Patient> along(outward.eigen().cross(Eigen::Vector3d(0.3, 1, 0.2)).normalized());
+  double least = 0, most = 0, sum = 0;
+  for (int n = 0; n < steps; ++n) {
+    const double force = press_half_space(press, along * (1.4 * n / steps)).force_N;
+    least = n == 0 ? force : std::min(least, force);
+    most = std::max(most, force);
+    sum += force;
+  }
+  return {100 * (most - least) * steps / sum, 0};
+}
+
+namespace {
+
+// the nodes of a flat surface around a middle one, those as far from it together: by symmetry they bear as
+// much
+struct NodeRing {
+  double r = 0;  ///< in cells
+  std::vector<Point<Patient>> nodes;
+};
+std::vector<NodeRing> node_rings(int middle_x, int middle_y, double z, double within) {
+  std::map<int, NodeRing> rings;
+  const int reach = static_cast<int>(within);
+  for (int j = -reach; j <= reach; ++j)
+    for (int i = -reach; i <= reach; ++i) {
+      const int squared = i * i + j * j;
+      if (squared > within * within) continue;
+      rings[squared].r = std::sqrt(squared);
+      rings[squared].nodes.emplace_back(middle_x + i, middle_y + j, z);
+    }
+  std::vector<NodeRing> list;
+  for (auto& [squared, ring] : rings) list.push_back(std::move(ring));
+  return list;
+}
+
+Eigen::MatrixXd ring_compliance(const ElasticGrid& grid, const std::vector<NodeRing>& rings) {
+  std::vector<PressurePatch> patches;
+  for (const NodeRing& ring : rings) patches.emplace_back(grid, ring.nodes, Vector<Patient>(0, 0, 1));
+  ElasticSolver solver(grid);
+  return contact_compliance(solver, patches, 1e-4);
+}
+
+}  // namespace
+
+TissueCase punch_case(int cells, int radius_cells) {
+  constexpr double kPa = 10, kNu = 0.45, kDepth_mm = 0.1;
+  const int middle = cells / 2, top = cells / 2;
+  ElasticGrid grid(
+      box_of({cells, cells, top}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+  grid.continue_beyond({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
+  const auto rings = node_rings(middle, middle, top, radius_cells);
+  const Eigen::MatrixXd w = ring_compliance(grid, rings);
+  const Eigen::VectorXd force =
+      contact_forces(w, Eigen::VectorXd::Constant(static_cast<Eigen::Index>(rings.size()), kDepth_mm));
+  std::size_t nodes = 0;
+  for (const NodeRing& ring : rings) nodes += ring.nodes.size();
+  // a node presses as much area as is nearest to it
+  const double a = std::sqrt(static_cast<double>(nodes) / std::numbers::pi);
+  const double right = 2 * a * kPa * kN_per_mm2_of_kPa * kDepth_mm / (1 - kNu * kNu);
+  return {100 * (force.sum() / right - 1), 0};
+}
+
+TissueCase layer_case(int cells_thick, double nu, double part) {
+  constexpr double kPa = 10;
+  const int thick = cells_thick, wide = 6 * thick, middle = wide / 2;
+  ElasticGrid grid(
+      box_of({wide, wide, thick}), [&](const Point<Patient>&) { return yielding(kPa, nu); }, 1);
+  for (int j = 0; j <= wide; ++j)
+    for (int i = 0; i <= wide; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+  // far off, where nothing yields any more, the layer just ends
+  const double radius = 3 * thick, root = part * thick, depth = root * root / radius;
+  const auto rings = node_rings(middle, middle, thick, 1.5 * root);
+  const Eigen::MatrixXd w = ring_compliance(grid, rings);
+  Eigen::VectorXd deep(static_cast<Eigen::Index>(rings.size()));
+  for (std::size_t n = 0; n < rings.size(); ++n)
+    deep[static_cast<Eigen::Index>(n)] = depth - rings[n].r * rings[n].r / (2 * radius);
+  const double force = contact_forces(w, deep).sum();
+
+  constexpr double kPi = std::numbers::pi;
+  const double alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1 - nu);
+  const double beta = (0.6387 - 1.0277 * nu + 1.5164 * nu * nu) / (1 - nu);
+  const double x = part, cubed = alpha * alpha * alpha;
+  const double series = 1 - 2 * alpha / kPi * x + 4 * alpha * alpha / (kPi * kPi) * x * x -
+                        8 / std::pow(kPi, 3) * (cubed + 4 * kPi * kPi / 15 * beta) * std::pow(x, 3) +
+                        16 * alpha / std::pow(kPi, 4) * (cubed + 3 * kPi * kPi / 5 * beta) * std::pow(x, 4);
+  const double right =
+      4.0 / 3 * kPa * kN_per_mm2_of_kPa / (1 - nu * nu) * std::sqrt(radius) * std::pow(depth, 1.5) * series;
+  return {100 * (force / right - 1), 0};
+}
+
+TissueCase stretched_case(double part) {
+  constexpr int kCells = 4;
+  constexpr double kPa = 10, kNu = 0.45;
+  ElasticGrid grid(
+      box_of({kCells, kCells, kCells}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+  const ElasticLayout& layout = grid.layout();
+  ElasticField load(layout), u(layout), force(layout);
+  for_each_node_of(layout, [&](int i, int j, int k) {
+    if (i == 0) grid.hold(i, j, k, ElasticGrid::kHeldX);
+    if (j == 0) grid.hold(i, j, k, ElasticGrid::kHeldY);
+    if (k % kCells == 0) grid.hold(i, j, k, ElasticGrid::kHeldZ);
+    u.values[layout.node(i, j, k, 2)] = static_cast<float>((part - 1) * k);
+  });
+  ElasticSolver solver(grid);
+  FiniteSettings settings;
+  settings.most_steps = 50;
+  settings.tolerance = 1e-6;
+  TissueCase told;
+  told.iterations = solver.solve_finite(load, u, settings).iterations;
+  solver.finite_forces(u, force);
+  double pulled_N = 0;
+  for (int j = 0; j <= kCells; ++j)
+    for (int i = 0; i <= kCells; ++i) pulled_N += force.values[layout.node(i, j, kCells, 2)];
+
+  // across, q: mu q + s part q = 0, s = (lambda + mu) (part q2 - 1) - mu; along: mu part + s q2
+  const double mu = kPa * kN_per_mm2_of_kPa / (2 * (1 + kNu)), lambda = 2 * mu * kNu / (1 - 2 * kNu);
+  const double s = -mu / part, squared = ((s + mu) / (lambda + mu) + 1) / part;
+  const double right = kCells * kCells * (mu * part + s * squared);
+  told.off_percent = 100 * (pulled_N / right - 1);
+  return told;
+}
+
+FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
+  constexpr double kPa = 10, kNu = 0.45, kFrame_mm = 1.0 / 3;
+  const int middle_x = cells[0] / 2, middle_y = cells[1] / 2, thick = cells[2];
+  const double depth = part * thick, radius = thick;
+  ElasticGrid grid(
+      box_of(cells), [&](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+  const ElasticLayout& layout = grid.layout();
+  for (int j = 0; j <= cells[1]; ++j)
+    for (int i = 0; i <= cells[0]; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+
+  // the nodes that the sphere touches, from then on held to it
+  const auto rings = node_rings(middle_x, middle_y, thick, std::sqrt(2 * radius * depth));
+  Eigen::VectorXd deep(static_cast<Eigen::Index>(rings.size()));
+  for (std::size_t n = 0; n < rings.size(); ++n)
+    deep[static_cast<Eigen::Index>(n)] = depth - rings[n].r * rings[n].r / (2 * radius);
+  const Eigen::VectorXd pressed = contact_forces(ring_compliance(grid, rings), deep);
+  ElasticField whole(layout), load(layout), u(layout), force(layout);
+  std::vector<std::size_t> touched;
+  for (std::size_t n = 0; n < rings.size(); ++n) {
+    if (pressed[static_cast<Eigen::Index>(n)] == 0) continue;
+    for (const Point<Patient>& node : rings[n].nodes) {
+      const int i = static_cast<int>(node.x()), j = static_cast<int>(node.y());
+      grid.hold(i, j, thick, ElasticGrid::kHeldZ);
+      touched.push_back(layout.node(i, j, thick, 2));
+      whole.values[touched.back()] = static_cast<float>(-deep[static_cast<Eigen::Index>(n)]);
+    }
+  }
+  const auto force_of = [&](const ElasticField& of) {
+    double sum = 0;
+    for (const std::size_t value : touched) sum -= of.values[value];
+    return sum;
+  };
+  ElasticSolver solver(grid);
+  solver.solve(load, whole, kMostTissueIterations, kTissueTolerance);
+  solver.forces(whole, force);
+  const double linear_N = force_of(force);
+
+  // in frames: all nodes go on as the linear body's, then a step of Newton's
+  FiniteLayer told;
+  told.cells = grid.soft_cells();
+  FiniteSettings frame, exact;
+  frame.most_iterations = 3;
+  frame.tolerance = 0;
+  exact.most_steps = 60;
+  exact.most_iterations = 40;
+  const int frames = std::max(1, static_cast<int>(std::lround(depth / kFrame_mm)));
+  std::vector<double> seconds;
+  for (int n = 0; n < frames; ++n) {
+    for (std::size_t value = 0; value < u.values.size(); ++value)
+      u.values[value] += whole.values[value] / static_cast<float>(frames);
+    const double begin = tissue_thread_seconds();
+    told.least_volume = std::min(told.least_volume, solver.solve_finite(load, u, frame).least_volume);
+    seconds.push_back(tissue_thread_seconds() - begin);
+    solver.finite_forces(u, force);
+    const double in_frame_N = force_of(force);
+    ElasticField converged = u;
+    told.converged = told.converged && solver.solve_finite(load, converged, exact).converged;
+    solver.finite_forces(converged, force);
+    const double right_N = force_of(force);
+    if (n > 0)
+      told.frame_off_percent = std::max(told.frame_off_percent, 100 * std::abs(in_frame_N / right_N - 1));
+    told.linear_off_percent = 100 * (linear_N * (n + 1) / frames / right_N - 1);
+  }
+  std::nth_element(seconds.begin(), seconds.begin() + frames / 2, seconds.end());
+  told.frame_ms = 1e3 * seconds[static_cast<std::size_t>(frames / 2)];
+  return told;
+}
+
+double convergence_order(int cells) {
+  constexpr double kNu = 0.3;
+  const auto off = [&](int n) {
+    // a force a third of the block's edge beyond it
+    const Eigen::Vector3d source = Eigen::Vector3d(-0.33, 0.4, 0.6) * n, pull = Eigen::Vector3d(1, 0.5, -0.3);
+    const Inside inside = solve_inside(yielding(10, kNu), n, [&](const Eigen::Vector3d& x) {
+      const Eigen::Vector3d way = (x - source) / n;
+      const double r = way.norm();
+      return Eigen::Vector3d(((3 - 4 * kNu) * pull + way * way.dot(pull) / (r * r)) / r);
+    });
+    return inside.off / inside.greatest;
+  };
+  return std::log2(off(cells) / off(2 * cells));
+}
+
+NoduleLoop nodule_loop(int cells, int steps) {
+  constexpr double kPa = 10, kNu = 0.45, kRadius_mm = 6, kDepth_mm = 2;
+  const int top = cells / 2;
+  const Point<Patient> nodule(cells / 2.0, cells / 2.0, top - 5 - 4);
+  ElasticGrid grid(
+      box_of({cells, cells, top}),
+      [&](const Point<Patient>& p) { return yielding((p - nodule).norm() < 4 ? 10 * kPa : kPa, kNu); }, 2);
+  for (int j = 0; j <= cells; ++j)
+    for (int i = 0; i <= cells; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+  ElasticSolver solver(grid);
+  ElasticField unit(solver.layout()), load(solver.layout());
+  const Vector<Patient> up(0, 0, 1);
+  const auto press = [&](double x, double depth_mm) {
+    return press_sphere(grid, solver, Point<Patient>(x, cells / 2.0 + 0.3, top), up, kRadius_mm, depth_mm,
+                        unit, load, kMostTissueIterations, 1e-5);
+  };
+  // work of going down and up again at a place, by Gauss and Legendre's four points in d^(5/2)
+  const auto energy = [&](double x) {
+    // W is the same at every depth while the contact is narrow: the integral is of one function
+    double sum = 0;
+    constexpr int kDepths = 24;
+    for (int n = 0; n < kDepths; ++n) sum += press(x, kDepth_mm * (n + 0.5) / kDepths).force_N;
+    return sum * kDepth_mm / kDepths;
+  };
+  const double first = cells / 2.0 - 7.15, last = cells / 2.0 + 0.35;
+  double along = 0, side = 0, over = 0;
+  for (int n = 0; n < steps; ++n) {
+    const SphereContact contact = press(first + (last - first) * (n + 0.5) / steps, kDepth_mm);
+    along += contact.tangential_N.x() * (last - first) / steps;
+    if (n == 0) side = contact.force_N;
+    over = contact.force_N;
+  }
+  const double at_first = energy(first), at_last = energy(last);
+  // down at the first, along, up at the last: what the tissue gives along the way is what it holds less
+  NoduleLoop told;
+  told.off_percent = 100 * (at_first - at_last - along) / at_last;
+  told.off_without_percent = 100 * (at_first - at_last) / at_last;
+  told.stiffer_percent = 100 * (over / side - 1);
+  return told;
+}
+
+}  // namespace palpate
