@@ -7,11 +7,14 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <filesystem>
 #include <functional>
 #include <memory>
+#include <string>
 #include <thread>
 #include <utility>
 
+#include "base/test_wait.h"
 #include "palpate/base/clock.h"
 
 namespace palpate {
@@ -133,7 +136,10 @@ TEST(ThreadMonitor, AThreadThatIsNotThereIsUnknownAndNoError) {
   auto watched = std::make_unique<Watched>([] {});
   ThreadMonitor ended(watched->tid()), never(1 << 30);
   EXPECT_TRUE(ended.read().minor_faults);
+  const std::string listed = "/proc/self/task/" + std::to_string(watched->tid());
   watched.reset();
+  // who has joined a thread may still find it listed for a moment
+  EXPECT_TRUE(testing::soon([&] { return !std::filesystem::exists(listed); }));
   for (ThreadMonitor* monitor : {&ended, &never}) {
     const auto counters = monitor->read();
     EXPECT_FALSE(counters.involuntary_switches || counters.minor_faults || counters.major_faults ||
