@@ -2951,7 +2951,7 @@ class WithManyVoxels(Viewer):
         moving = seen()
         self.page.wait("palpateViewer.areSectionsSharp")
         resting = seen()
-        self.assertGreater((abs(moving - resting) > 2).mean(), 0.05)
+        self.assertGreater((abs(moving - resting) > 2).mean(), 0.01)
         # what was drawn in bands is what is drawn at once
         for way in (1, -1):
             self.page.run(step % way + "palpateViewer.draw()")
