@@ -687,7 +687,7 @@ void open(std::span<const FeltSurface> surfaces, int structure, ProxyState& stat
   }
 }
 
-// Free from what it leans on, or from all that was gone through, a proxy goes where it will.
+// What it leant on was gone through: it goes on at once.
 bool is_let_go(const ProxyLayer& state) {
   const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
   return std::any_of(contacts.begin(), contacts.end(), [&](const ProxyContact& contact) {

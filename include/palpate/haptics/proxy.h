@@ -211,7 +211,8 @@ struct ProxyResult : ProxyForce {                ///< of all layers
   /// without force, until the tip is free.
   bool wedged = false;
   bool ruptured = false;  ///< it went through a surface in this tick
-  /// The hand moved or turned farther than one tick's work follows; the proxy goes on in the next.
+  /// The hand moved or turned farther than one tick's work follows, or the proxy slips; it goes on in the
+  /// next. What it leans on is not gone through meanwhile.
   bool lagging = false;
 };
 
