@@ -12,6 +12,7 @@
 #include "inputs.h"
 #include "keys.h"
 #include "palpate/base/output.h"
+#include "palpate/device/felt_stiffness.h"
 #include "palpate/link/viewer_server.h"
 #include "palpation.h"
 #include "serving.h"
@@ -125,7 +126,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
 
 // what a hand feels of each tissue where that is not what the scene gives it
 void note_felt_stiffness(const LoadedScene& loaded, Console& console) {
-  const double factor = felt_stiffness_N_per_mm(loaded.scene.workspace, 1);
+  const double factor = FeltStiffness(loaded.scene.workspace).at_device(1);
   if (factor == 1) return;
   char text[120];
   std::snprintf(text, sizeof text, "felt stiffness, scale x force gain = %g times the tissue's:", factor);

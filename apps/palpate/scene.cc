@@ -5,6 +5,7 @@
 #include <set>
 
 #include "palpate/base/output.h"
+#include "palpate/device/felt_stiffness.h"
 #include "palpate/surfaces/ramps.h"
 #include "palpate/volume_io/volume_io.h"
 #include "text.h"
@@ -280,7 +281,7 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
                    const GridGeometry& grid) {
   std::size_t width = 6;
   for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
-  const double factor = felt_stiffness_N_per_mm(scene.workspace, 1);
+  const double factor = FeltStiffness(scene.workspace).at_device(1);
   std::printf("\n%s  felt  N/mm   %sat most N  friction  structures  rests on\n",
               fitted("tissue", width).c_str(), factor == 1 ? "" : "hand N/mm  ");
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {

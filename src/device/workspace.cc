@@ -69,8 +69,4 @@ Point<Device> WorkspaceMapping::to_device(const Point<World>& tip) const {
   return middle_ + R_WorldDevice_.inverse() * (tip - home_) / scale_;
 }
 
-double felt_stiffness_N_per_mm(const WorkspaceSettings& settings, double stiffness_N_per_mm) {
-  return settings.scale * settings.force_gain * stiffness_N_per_mm;
-}
-
 }  // namespace palpate

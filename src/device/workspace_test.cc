@@ -5,6 +5,7 @@
 #include <limits>
 #include <random>
 
+#include "palpate/device/felt_stiffness.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/device/workspace.h"
 
@@ -211,7 +212,7 @@ TEST(Workspace, FeltStiffnessIsScaleTimesGainTimesTheTissues) {
                         Case{4, 0.05, 170, 1.5}, Case{0.2, 1, 45, 1.5}, Case{0.5, 4, 10, 0.3}}) {
     const WorkspaceSettings settings{c.scale, c.gain, c.yaw_deg, Point<World>(20, -10, 5), -1};
     const double expected = c.scale * c.gain * c.wall_N_per_mm;
-    EXPECT_NEAR(felt_stiffness_N_per_mm(settings, c.wall_N_per_mm), expected, 1e-12);
+    EXPECT_NEAR(FeltStiffness(settings).at_device(c.wall_N_per_mm), expected, 1e-12);
     const double measured = measured_stiffness_N_per_mm(premium, hand, axes, settings, c.wall_N_per_mm);
     EXPECT_NEAR(measured, expected, 0.01 * expected) << "scale " << c.scale << " gain " << c.gain;
   }

@@ -1,9 +1,11 @@
 #include "palpate/haptics/tool_contact.h"
-#include "palpate/haptics/feel.h"
 
 #include <algorithm>
 #include <cmath>
 #include <span>
+
+#include "palpate/device/felt_stiffness.h"
+#include "palpate/haptics/feel.h"
 
 namespace palpate {
 namespace {
@@ -185,14 +187,12 @@ bool PointContact::is_touch() const {
 }
 
 double HandContext::most_stiffness_N_per_mm() const {
-  const double most = device.most_stiffness_N_per_mm / (device.force_gain * device.scale);
-  return most < 0 ? 0 : most;
+  return FeltStiffness(device).most_in_patient();
 }
 
 double HandContext::most_damping_N_s_per_mm() const {
-  return device.most_damping_N_s_per_mm > 0
-             ? device.most_damping_N_s_per_mm / (device.force_gain * device.scale)
-             : std::numeric_limits<double>::infinity();
+  return device.most_damping_N_s_per_mm > 0 ? FeltStiffness(device).in_patient(device.most_damping_N_s_per_mm)
+                                            : std::numeric_limits<double>::infinity();
 }
 
 ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
@@ -202,9 +202,9 @@ ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
   // points that touch together add up
   const double stiffness_N_per_mm = tick.model.greatest_stiffness_N_per_mm() * points;
   const double most_N_s_per_mm = hand.most_damping_N_s_per_mm() / points;
-  const double softer = std::min(1.0, hand.most_stiffness_N_per_mm() / stiffness_N_per_mm);
+  const double softer = FeltStiffness(gains).left_of_all(stiffness_N_per_mm);
   const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
-  tool.stiffness_N_per_mm = stiffness_N_per_mm * softer * gains.force_gain * gains.scale;
+  tool.stiffness_N_per_mm = FeltStiffness(gains).at_device(stiffness_N_per_mm * softer);
   std::size_t told = 0;
   for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
     const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
@@ -227,9 +227,7 @@ ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
 
 HeldTool::HeldTool(const TickContext& tick, const HandContext& hand)
     : pose_(hand.tip, Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * hand.R_WorldTool))) {
-  const auto in_patient = [&](const Eigen::Vector3d& of_tool) {
-    return tick.X_PatientWorld * Vector<World>(hand.R_WorldTool * of_tool);
-  };
+  const auto in_patient = [&](const Eigen::Vector3d& of_tool) { return hand.in_patient(tick, of_tool); };
   for (const Eigen::Vector3d& offset_mm : hand.tool.points_mm)
     spheres_[count_++] = {in_patient(offset_mm), hand.tool.radius_mm};
   for (const ToolCapsule& capsule : hand.tool.capsules)
@@ -281,9 +279,8 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
   tool.stored_mJ =
       (0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm() + result.stored_mJ - outermost.stored_mJ) *
       (gains.force_gain / gains.scale);
-  tool.stiffness_N_per_mm =
-      (coupling.stiffness_N_per_mm + result.stiffness_N_per_mm - outermost.stiffness_N_per_mm) *
-      (gains.force_gain * gains.scale);
+  tool.stiffness_N_per_mm = FeltStiffness(gains).at_device(
+      coupling.stiffness_N_per_mm + result.stiffness_N_per_mm - outermost.stiffness_N_per_mm);
   if (!proxy.coupled) tool.flags |= kFlagInside;
   if (result.wedged) tool.flags |= kFlagWedged;
   if (result.ruptured) tool.flags |= kFlagRuptured;

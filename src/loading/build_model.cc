@@ -4,6 +4,7 @@
 
 #include "loading/kept_preparation.h"
 #include "palpate/base/reading.h"
+#include "palpate/haptics/colours.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/make_model.h"
 #include "palpate/model/memory_forecast.h"
@@ -293,11 +294,9 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   }
   std::sort(parts.segments.begin(), parts.segments.end(),
             [](const Segment& a, const Segment& b) { return a.id < b.id; });
-  // a tissue's own colour wins over its labels'
-  for (Segment& segment : parts.segments) {
-    const int tissue = segment.id < parts.tissue_of_label.size() ? parts.tissue_of_label[segment.id] : -1;
-    if (tissue >= 0 && scene.tissues[tissue].colour) segment.colour = *scene.tissues[tissue].colour;
-  }
+  std::vector<std::optional<Rgb>> said;
+  for (const TissueSettings& settings : scene.tissues) said.push_back(settings.colour);
+  take_colours_of_tissues(parts.segments, parts.tissue_of_label, said);
 
   parts.labels = label_bricks(flat);
   return ready;

@@ -9,6 +9,7 @@
 #include <random>
 #include <utility>
 
+#include "palpate/device/felt_stiffness.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpation/surface_point.h"
 
@@ -287,9 +288,7 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt
 
 // where the patient lies now, as it was felt in the last tick
 Transform<World, Patient> ScriptedHand::X_WorldPatient(const TickRecord& felt) const {
-  const auto& q = felt.rotation_felt_wxyz;
-  const Rotation<World, World> turn(Eigen::Quaterniond(q[0], q[1], q[2], q[3]));
-  return Transform<World, World>(turn, Vector<World>()) * model_->X_WorldPatient;
+  return turned_object(model_->X_WorldPatient, quaternion(felt.rotation_felt_wxyz));
 }
 
 void ScriptedHand::feel(const TickRecord& felt, double dt_s) {
@@ -573,12 +572,13 @@ bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double
 double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const {
   const DeviceTick& device = felt.device[0];
   const double own = model_->tissue_of(structure)->stiffness_N_per_mm;
-  const double most = device.most_stiffness_N_per_mm / (device.force_gain * device.scale);
+  const FeltStiffness gains(device);
+  const double most = gains.most_in_patient();
   if (!(most > 0)) return own;
   if (felt_by_proxy(felt)) return std::min(own, most);
   const double all =
       model_->greatest_stiffness_N_per_mm() * static_cast<double>(model_->tool_of(0).points_mm.size());
-  return own * std::min(1.0, most / all);
+  return own * gains.left_of_all(all);
 }
 
 // A tip that is deeper than the force explains that it is to give, or, on its way, than a touch does.
@@ -691,7 +691,7 @@ double ScriptedHand::leash_mm(const TickRecord& felt) const {
 // so slow that what is met is not entered far before the hand stops
 double ScriptedHand::careful_mm_s(LabelId structure, const TickRecord& felt) const {
   const DeviceTick& device = felt.device[0];
-  const double wall_N_per_m = 1e3 * stiffness_N_per_mm(structure, felt) * device.force_gain * device.scale;
+  const double wall_N_per_m = 1e3 * FeltStiffness(device).at_device(stiffness_N_per_mm(structure, felt));
   const double mass_kg = device_.mass_kg + hand_.mass_kg;
   return std::max(kLeastCareful_mm_s,
                   kCarefulDip_mm * std::sqrt((hand_.stiffness_N_per_m + wall_N_per_m) / mass_kg));
@@ -730,7 +730,7 @@ bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) 
 void ScriptedHand::keep_force(const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   const double hand = 1e-3 * hand_.stiffness_N_per_m;
-  const double wall = stiffness_N_per_mm(steps_[step_].structure, felt) * device.force_gain * device.scale;
+  const double wall = FeltStiffness(device).at_device(stiffness_N_per_mm(steps_[step_].structure, felt));
   const double felt_per_mm = hand * wall / (hand + wall) / device.scale;
   const double gain = std::max(kForceGain_mm_s_N, kForceRate_per_s / felt_per_mm);
   const double error_N = limited(std::max(wanted_N_, kTouch_N), felt) - felt_N_;

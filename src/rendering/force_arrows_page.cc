@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "palpate/haptics/colours.h"
 #include "palpate/rendering/force_arrows_svg.h"
 #include "rendering/marks.h"
 
@@ -227,8 +228,7 @@ std::string draw_structures(const Picture& p) {
     const std::string name = marks::short_name(p.model, label);
     const double width = 16 + 7.3 * static_cast<double>(name.size());
     if (at[0] + width > kWidth_px) break;
-    const Segment* segment = p.model.find(label);
-    const std::string fill = "fill=\"" + css_colour(segment ? segment->colour : Rgb{}) + "\"";
+    const std::string fill = "fill=\"" + css_colour(colour_of(p.model, label)) + "\"";
     svg += rectangle("swatch", {at[0], at[1] - 10}, 11, 11, fill) + text("small", {at[0] + 16, at[1]}, name);
     at[0] += width + 14;
   }

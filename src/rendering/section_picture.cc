@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "palpate/haptics/colours.h"
 #include "palpate/rendering/markup.h"
 #include "rendering/bitmap_font.h"
 #include "rendering/marks.h"
@@ -136,8 +137,7 @@ void draw_foot(Pen& pen, const SectionPlane& plane, const Model& model, const Ca
 
   const std::size_t count = std::min(caption.structures.size(), kMostStructures);
   for (std::size_t n = count; n-- > 0; top -= pen.line()) {
-    const Segment* segment = model.find(caption.structures[n]);
-    pen.bars({{left, top, left + 7 * unit, top + 7 * unit}}, segment != nullptr ? segment->colour : Rgb{});
+    pen.bars({{left, top, left + 7 * unit, top + 7 * unit}}, colour_of(model, caption.structures[n]));
     pen.text(left + 11 * unit, top, marks::short_name(model, caption.structures[n], kLongestName), kDim);
   }
 }

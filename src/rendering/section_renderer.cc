@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "palpate/haptics/colours.h"
 #include "rendering/section_volumes.h"
 
 namespace palpate {
@@ -74,14 +75,9 @@ bool differs_from_neighbour(const PixelView& row, int x) {
 SectionRenderer::SectionRenderer(const Model& model, const SectionStyle& style, SectionStorage storage)
     : volumes_(std::make_shared<const internal::section::Volumes>(model, storage)),
       pixels_(std::make_unique<internal::section::Pixels>()) {
-  // the segment's colour, else the tissue's
-  for (std::size_t label = 0; label < model.tissue_of_label.size(); ++label) {
-    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
-    colours_.push_back(tissue != nullptr ? Colouring{tissue->colour, tissue->opacity} : Colouring{});
-  }
-  for (const Segment& segment : model.segments) {
-    if (segment.id >= colours_.size()) colours_.resize(std::size_t{segment.id} + 1);
-    colours_[segment.id].colour = segment.colour;
+  for (const Rgb& colour : colours_of_labels(model)) {
+    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(colours_.size()));
+    colours_.push_back(tissue != nullptr ? Colouring{colour, tissue->opacity} : Colouring{.colour = colour});
   }
   set_style(style);
 }

@@ -239,8 +239,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
 
   // the object's pose
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
-  const Transform<World, World> turn(Rotation<World, World>(state.rotation_felt), Vector<World>());
-  const Transform<World, Patient> X_WorldPatient = turn * model.X_WorldPatient;
+  const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
   const TickContext context{model, parameters.method, parameters.friction,     parameters.viscosity,
                             dt_s,  X_WorldPatient,    X_WorldPatient.inverse()};
   record.rotation_felt_wxyz = plain(state.rotation_felt);

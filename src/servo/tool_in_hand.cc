@@ -10,7 +10,7 @@ std::optional<Burr> burr_of(const TickContext& tick, const HandContext& hand, co
   if (!tool.burr) return std::nullopt;
   return Burr{tool.radius_mm,
               motor.runs ? tool.burr->revolutions_per_s : 0,
-              tick.X_PatientWorld * Vector<World>(hand.R_WorldTool * tool.burr->spindle),
+              hand.in_patient(tick, tool.burr->spindle),
               tool.burr->grip,
               motor.most_press_N,
               tick.model.protected_structures,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "palpate/device/felt_stiffness.h"
+
 namespace palpate {
 namespace {
 
@@ -29,7 +31,7 @@ Held held_by(const Model& model, const DeviceParameters& own, const DeviceState&
   held.pushed = true;
   held.lever = Vector<World>((model.X_WorldPatient * hand.previous_tip).eigen());
   held.sent_N = hand.output.sent.force_N;
-  held.stiffness_N_per_mm = hand.coupling.stiffness_N_per_mm * own.force_gain * own.scale;
+  held.stiffness_N_per_mm = FeltStiffness(own).at_device(hand.coupling.stiffness_N_per_mm);
   held.scale = own.scale;
   return held;
 }

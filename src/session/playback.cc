@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "palpate/base/force_method.h"
+#include "palpate/device/felt_stiffness.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
@@ -164,7 +165,7 @@ class Playback final : public ViewerHost {
           device.label < model_->tissue_of_label.size() ? model_->tissue_of_label[device.label] : -1;
       if (device.label != 0 && tissue >= 0)
         stiffness_N_per_mm[d] =
-            felt_by_proxy_N_per_mm(tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm, device);
+            FeltStiffness(device).by_proxy(tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
     }
     return shown_;
   }

@@ -1,8 +1,7 @@
 #include "session/viewed_scene.h"
 
-#include <algorithm>
-
 #include "palpate/base/hash.h"
+#include "palpate/haptics/colours.h"
 #include "palpate/rendering/rendering.h"
 
 namespace palpate {
@@ -45,15 +44,6 @@ std::array<std::array<double, 4>, 4> rows_of(const Transform<World, Patient>& X)
   return rows;
 }
 
-// the tissue's own, or that of its first structure
-Rgb colour_of(const Model& model, std::size_t tissue) {
-  for (const Segment& segment : model.segments)
-    if (segment.id < model.tissue_of_label.size() &&
-        model.tissue_of_label[segment.id] == static_cast<int>(tissue))
-      return segment.colour;
-  return model.tissues[tissue].colour;
-}
-
 const char* name_of(Protection protection) {
   return protection == Protection::kKeep ? "keep" : protection == Protection::kAlarm ? "alarm" : "none";
 }
@@ -92,8 +82,8 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
   }
   for (std::size_t t = 0; t < model.tissues.size(); ++t) {
     const Tissue& tissue = model.tissues[t];
-    scene.tissues.push_back({tissue.name, tissue.felt, colour_of(model, t), tissue.opacity, tissue.rests_on,
-                             name_of(tissue.protection)});
+    scene.tissues.push_back({tissue.name, tissue.felt, colour_of_tissue(model, t), tissue.opacity,
+                             tissue.rests_on, name_of(tissue.protection)});
   }
   for (std::size_t d = 0; d < devices; ++d) scene.tools.push_back(viewed_tool(model.tool_of(d)));
   return scene;
@@ -105,10 +95,6 @@ std::vector<ViewedTissueState> viewed_tissues(const Model& model) {
     tissues.push_back({tissue.stiffness_N_per_mm, tissue.static_friction, tissue.friction_coefficient,
                        tissue.viscosity_N_s_per_mm});
   return tissues;
-}
-
-double felt_by_proxy_N_per_mm(double stiffness_N_per_mm, const DeviceTick& tick) {
-  return std::min(tick.scale * tick.force_gain * stiffness_N_per_mm, tick.most_stiffness_N_per_mm);
 }
 
 }  // namespace palpate

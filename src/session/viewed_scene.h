@@ -15,8 +15,4 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
 /// The tissues as a model has them.
 std::vector<ViewedTissueState> viewed_tissues(const Model& model);
 
-/// What is felt of a tissue by the proxy, N/mm at the device.
-/// @param tick  whose device's scale, gain and most stiffness count
-double felt_by_proxy_N_per_mm(double stiffness_N_per_mm, const DeviceTick& tick);
-
 }  // namespace palpate

@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "palpate/base/reading.h"
+#include "palpate/device/felt_stiffness.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/told_loop.h"
 #include "session/viewed_scene.h"
@@ -235,19 +236,17 @@ double ViewedSession::most_force_N() const {
 double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const {
   const DeviceTick& device = tick.device[number];
   const auto method = static_cast<ForceMethod>(tick.method);
+  const FeltStiffness gains(device);
   const Model &felt = *model_.felt, &made = *model_.made;
   const Tissue* tissue = felt.tissue_of(device.label);
   if (device.label == 0 || !tissue) return 0;
-  if (method == ForceMethod::kProxy && felt.has(method))
-    return felt_by_proxy_N_per_mm(tissue->stiffness_N_per_mm, device);
-  const double factor = device.scale * device.force_gain;
-  const double most = device.most_stiffness_N_per_mm;
+  if (method == ForceMethod::kProxy && felt.has(method)) return gains.by_proxy(tissue->stiffness_N_per_mm);
   // the fields know the stiffness that they were made for
   const double stiffest = felt.greatest_stiffness_N_per_mm();
   const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
   const double left = std::min(1.0, stiffest / made.greatest_stiffness_N_per_mm());
-  const double all_points = factor * stiffest * static_cast<double>(felt.tool_of(number).points_mm.size());
-  return factor * own * left * std::min(1.0, most / all_points);
+  const double all_points = stiffest * static_cast<double>(felt.tool_of(number).points_mm.size());
+  return gains.at_device(own * left * gains.left_of_all(all_points));
 }
 
 TickRecord ViewedSession::snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const {
@@ -860,10 +859,9 @@ void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
   const ServoLoop* loop = loop_.load();
   if (!pointer_taken_.load() || !loop) return;
   // where the object is felt, as it is turned now
-  const Transform<World, World> turn(Rotation<World, World>(quaternion(loop->snapshot().rotation_felt_wxyz)),
-                                     Vector<World>());
-  const Point<World> tip = turn * (parts_.model->X_WorldPatient *
-                                   Point<Patient>(tip_patient_mm[0], tip_patient_mm[1], tip_patient_mm[2]));
+  const Point<World> tip =
+      turned_object(parts_.model->X_WorldPatient, quaternion(loop->snapshot().rotation_felt_wxyz)) *
+      Point<Patient>(tip_patient_mm[0], tip_patient_mm[1], tip_patient_mm[2]);
   // World's origin is the volume's centre; no number fails this, either
   if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
   parts_.pointer->move(WorkspaceMapping(parts_.devices.front(), parts_.workspace).to_device(tip));

@@ -122,8 +122,7 @@ double swing_of(const std::vector<double>& places_mm, double rate_hz) {
 }
 
 Transform<Patient, World> pose_of(const Model& model, const Eigen::Quaterniond& felt) {
-  const Transform<World, World> turn{Rotation<World, World>(felt), Vector<World>()};
-  return (turn * model.X_WorldPatient).inverse();
+  return turned_object(model.X_WorldPatient, felt).inverse();
 }
 
 }  // namespace

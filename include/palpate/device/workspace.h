@@ -22,8 +22,8 @@ inline constexpr double kLowestScale = 0.05, kHighestScale = 20;
 /// Takes a device's samples to the workspace and forces back: p_World = home + s R (p - middle) + o, where R
 /// is the device's axes and the user's yaw, and o is what the clutch has shifted. Forces arrive already
 /// multiplied by the gain g, torques by g / s (DeviceParameters), so that the output stage limits what the
-/// device really gets. The hand then feels a tissue of stiffness K as s g K, and its work is g / s of the
-/// work in the patient, for forces as for torques.
+/// device really gets. The hand then feels a tissue of stiffness K as s g K (FeltStiffness), and its work is
+/// g / s of the work in the patient, for forces as for torques.
 class WorkspaceMapping {
  public:
   WorkspaceMapping(const DeviceInfo& info, const WorkspaceSettings& settings);
@@ -46,9 +46,5 @@ class WorkspaceMapping {
   std::uint32_t clutch_mask_;
   std::optional<Point<World>> held_;  // where the tip rests while the clutch is held
 };
-
-/// The stiffness that a hand feels of a tissue of stiffness K, s g K, N/mm: a millimetre of the device is s
-/// in the patient, and a newton there is g at the device.
-double felt_stiffness_N_per_mm(const WorkspaceSettings& settings, double stiffness_N_per_mm);
 
 }  // namespace palpate

@@ -196,6 +196,11 @@ Result<std::shared_ptr<const Model>> with_methods(std::shared_ptr<const Model> m
 
 /// The placement that Model::X_WorldPatient describes, for a grid.
 Transform<World, Patient> supine_from_feet(const GridGeometry& grid);
+/// Where the patient lies while the object is turned by `felt` about World's origin.
+inline Transform<World, Patient> turned_object(const Transform<World, Patient>& X_WorldPatient,
+                                               const Eigen::Quaterniond& felt) {
+  return Transform<World, World>(Rotation<World, World>(felt), Vector<World>()) * X_WorldPatient;
+}
 
 /// Which structure is met at a point of the field, and how deep.
 struct ContactSite {

@@ -32,6 +32,10 @@ struct HandContext {
   Point<Patient> tip;             ///< the tool's origin
   Vector<Patient> velocity_mm_s;  ///< of the tip, relative to the object
 
+  /// What is fixed to the tool, as the hand holds it now, in the patient.
+  Vector<Patient> in_patient(const TickContext& tick, const Eigen::Vector3d& of_tool) const {
+    return tick.X_PatientWorld * Vector<World>(R_WorldTool * of_tool);
+  }
   /// N/mm in the patient that are felt at most, with the device's gains; at least 0.
   double most_stiffness_N_per_mm() const;
   /// Likewise, of all that damps, N s/mm; infinite where nothing is known of it.
