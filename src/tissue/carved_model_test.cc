@@ -1,16 +1,23 @@
 #include <gtest/gtest.h>
 
+#include <array>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <deque>
 #include <memory>
+#include <mutex>
 #include <numbers>
 #include <random>
+#include <set>
 #include <span>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "base/test_process.h"
+#include "base/test_seed.h"
 #include "haptics/test_model.h"
 #include "palpate/tissue/carving.h"
 #include "tissue/test_surfaces.h"
@@ -155,6 +162,127 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
   EXPECT_EQ(felt->content_hash, model.content_hash);
   EXPECT_EQ(felt->surfaces[2].surface, model.surfaces[2].surface) << "the very same";
   EXPECT_EQ(felt->labels, model.labels);
+}
+
+// What one of several readers was told of a version at a place, and by a slice of its labels.
+struct Told {
+  std::uint32_t edits = 0;
+  Point<Patient> at;
+  int k = 0;
+  std::array<double, 2> distance_mm{};
+  std::array<Vector<Patient>, 2> outward;
+  std::size_t material = 0;  // of the slice, in voxels
+
+  bool operator==(const Told&) const = default;
+};
+
+Told told_by(const Model& model, std::uint32_t edits, const Point<Patient>& at, int k) {
+  Told told;
+  told.edits = edits;
+  told.at = at;
+  told.k = k;
+  for (std::size_t n = 0; n < 2; ++n) {
+    const Surface& surface = *model.surfaces[2 * n].surface;
+    told.distance_mm[n] = surface.distance_mm(at);
+    told.outward[n] = surface.outward(at);
+  }
+  const auto& dims = model.labels->geometry().dims;
+  for (int j = 0; j < dims[1]; ++j)
+    for (int i = 0; i < dims[0]; ++i) told.material += model.labels->at(i, j, k) != 0;
+  return told;
+}
+
+// The last version, for readers of other threads.
+class Published {
+ public:
+  explicit Published(std::shared_ptr<const Model> model) : model_(std::move(model)) {}
+  void set(std::shared_ptr<const Model> model) {
+    const std::lock_guard lock(mutex_);
+    model_ = std::move(model);
+  }
+  std::shared_ptr<const Model> get() const {
+    const std::lock_guard lock(mutex_);
+    return model_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::shared_ptr<const Model> model_;
+};
+
+TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
+  constexpr std::size_t kReaders = 3, kHeld = 4;
+  constexpr std::uint32_t kVersions = 24;
+  constexpr int kToldOfEach = 40;
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  const auto model = std::make_shared<const Model>(one_body());
+  Published published(model);
+  std::atomic<bool> done{false};
+  std::array<std::atomic<std::uint32_t>, kReaders> seen{};
+  std::array<std::vector<Told>, kReaders> told;
+
+  // each holds some versions and drops the oldest, which may be the last one to hold its bricks
+  const auto read = [&](std::size_t reader) {
+    std::mt19937 random(seed + 1 + static_cast<unsigned>(reader));
+    std::uniform_real_distribution<double> across(-12, 12), height(-4, 4);
+    std::deque<std::shared_ptr<const Model>> held;
+    std::array<int, kVersions + 1> told_of{};
+    for (bool last = false; !last;) {
+      last = done;
+      auto newest = published.get();
+      if (held.empty() || held.back() != newest) held.push_back(std::move(newest));
+      if (held.size() > kHeld) held.pop_front();
+      for (const auto& version : held) {
+        const Point<Patient> at(across(random), across(random), kBoneRadius_mm + height(random));
+        const int k = static_cast<int>(random() % static_cast<unsigned>(model->labels->geometry().dims[2]));
+        const Told now = told_by(*version, version->edits, at, k);
+        if (told_of[version->edits]++ < kToldOfEach) told[reader].push_back(now);
+      }
+      seen[reader] = held.back()->edits;
+    }
+  };
+  std::vector<std::thread> readers;
+  for (std::size_t reader = 0; reader < kReaders; ++reader) readers.emplace_back(read, reader);
+
+  // grooves at random places; each fifth version undoes a stroke
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> below_mm(1, 3), place_mm(-8, 8);
+  std::vector<std::vector<Cut>> strokes;
+  std::vector<std::vector<std::vector<Cut>>> strokes_of{{}};
+  auto carving = std::make_shared<const Carving>(*model);
+  auto felt = model;
+  for (std::uint32_t n = 1; n <= kVersions; ++n) {
+    if (n % 5 == 0) {
+      carving = carving->undone();
+      strokes.pop_back();
+    } else {
+      std::vector<Cut> cuts = groove(below_mm(random), place_mm(random));
+      for (Cut& cut : cuts) cut.sweep.stroke = n;
+      carving = carving->with(cuts);
+      strokes.push_back(cuts);
+    }
+    felt = carving->taken_from(*felt);
+    strokes_of.push_back(strokes);
+    published.set(felt);
+    // all of them read while more is carved, however busy the machine
+    for (const auto& edits : seen)
+      while (edits + 2 < n) std::this_thread::yield();
+  }
+  done = true;
+  for (std::thread& reader : readers) reader.join();
+
+  // as the same strokes carved at once are read by one thread
+  std::vector<std::shared_ptr<const Model>> oracle;
+  for (const auto& of : strokes_of) oracle.push_back(cut_at_once(*model, of));
+  for (const std::vector<Told>& by_one : told) {
+    std::set<std::uint32_t> versions;
+    for (const Told& is : by_one) {
+      ASSERT_EQ(is, told_by(*oracle[is.edits], is.edits, is.at, is.k)) << "version " << is.edits;
+      versions.insert(is.edits);
+    }
+    EXPECT_GT(versions.size(), kVersions / 3);
+  }
 }
 
 // MiB at most, while so many versions were made, each of which was let go for the next
