@@ -1,5 +1,7 @@
 #include "verification/removal_plants.h"
 
+#include <optional>
+
 #include "palpate/stability/stability.h"
 #include "verification/stability_energy.h"
 #include "verification/stability_wall.h"
@@ -32,7 +34,7 @@ Result<Model> wall_for_burr(const Progress& progress) {
 Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, const Progress& progress) {
   const auto wall = wall_for_burr(progress);
   if (!wall) return wall.error();
-  std::vector<Figure> energies, swings;
+  std::vector<Figure> energies, swings, forces;
   for (const auto& [device, grip] : kCuttingPlants) {
     Exploration exploration{*find_plant_device(device), *find_plant_hand(grip)};
     const auto stiffness = recommended_stiffness_N_per_mm(exploration.device, kCuttingRate_hz, 0, progress);
@@ -45,8 +47,14 @@ Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, co
     const ExploredEnergy explored = explore_energy(*wall, exploration);
     exploration.presses = true;
     exploration.time_s = times.pressed_s;
-    const ExploredEnergy pressed = explore_energy(*wall, exploration);
+    const ExploredEnergy drilling = explore_energy(*wall, exploration);
+    exploration.motor_stops_s = times.pressed_s / 4;
+    const ExploredEnergy in_hole = explore_energy(*wall, exploration);
+    exploration.motor_stops_s = exploration.time_s = times.settled_s;
+    if (progress.stopped()) return Progress::interrupted();
+    const ExploredEnergy settled = explore_energy(*wall, exploration);
     exploration.cuts = false;
+    exploration.time_s = times.pressed_s;
     const ExploredEnergy still = explore_energy(*wall, exploration);
 
     const std::string path = std::string("removal/") + device + "/" + grip;
@@ -57,10 +65,18 @@ Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, co
     energies.push_back(
         {path + "/given-out", 0 - explored.least_mJ, "mJ", ticks(times.explored_s), hidden_mJ});
     energies.push_back({path + "/put-in", explored.last_mJ, "mJ", ticks(times.explored_s), {}});
-    swings.push_back({path + "/swing", pressed.swing_mm, "mm", ticks(times.pressed_s / 2), 2 * step_mm});
-    swings.push_back({path + "/swing-motor-off", still.swing_mm, "mm", ticks(times.pressed_s / 2), {}});
+    const auto swing = [&](const char* name, const ExploredEnergy& of, double seconds,
+                           std::optional<double> limit_mm) {
+      swings.push_back({path + "/swing" + name, of.swing_mm, "mm", ticks(seconds / 2), limit_mm});
+      forces.push_back({path + "/pressed" + name, of.pressed_N, "N", ticks(seconds / 2), {}});
+    };
+    swing("", drilling, times.pressed_s, 2 * step_mm);
+    swing("-settled", settled, times.settled_s, 2 * step_mm);
+    swing("-in-its-hole", in_hole, times.pressed_s, 2 * step_mm);
+    swing("-motor-off", still, times.pressed_s, {});
   }
   energies.insert(energies.end(), swings.begin(), swings.end());
+  energies.insert(energies.end(), forces.begin(), forces.end());
   return energies;
 }
 

@@ -33,9 +33,9 @@ TEST(LedVolumes, AreThoseOfGeometry) {
 
 // likewise
 TEST(CuttingPlants, GiveNothingOutAndDoNotSwing) {
-  const auto figures = cutting_plants_figures({.explored_s = 2.5, .pressed_s = 2}, {});
+  const auto figures = cutting_plants_figures({.explored_s = 2.5, .pressed_s = 2, .settled_s = 2.5}, {});
   ASSERT_TRUE(figures.ok());
-  EXPECT_EQ(figures->size(), 20);
+  EXPECT_EQ(figures->size(), 50);
   int limits = 0;
   for (const Figure& figure : *figures) {
     if (figure.name.ends_with("/put-in")) {
@@ -46,7 +46,7 @@ TEST(CuttingPlants, GiveNothingOutAndDoNotSwing) {
     EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
                              << *figure.limit;
   }
-  EXPECT_EQ(limits, 10);
+  EXPECT_EQ(limits, 20);
 }
 
 TEST(RemovalFigures, CanBeInterrupted) {

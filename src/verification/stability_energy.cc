@@ -55,16 +55,22 @@ class PressingHand {
  public:
   explicit PressingHand(double depth_mm) : depth_mm_(depth_mm) {}
   Point<Patient> start() const { return Point<Patient>(kHighest_mm, 0, 0); }
+  // as evenly
+  void press_deeper(double by_mm) {
+    from_mm_ = -depth_mm_;
+    depth_mm_ += by_mm;
+    begin_s_ = elapsed_s_;
+  }
   Point<Patient> next(double dt_s) {
     constexpr double kDown_mm_s = 20;
     elapsed_s_ += dt_s;
-    const double down_mm = kDown_mm_s * std::max(0.0, elapsed_s_ - kBegin_s);
-    return Point<Patient>(std::max(-depth_mm_, kHighest_mm - down_mm), 0, 0);
+    const double down_mm = kDown_mm_s * std::max(0.0, elapsed_s_ - begin_s_);
+    return Point<Patient>(std::max(-depth_mm_, from_mm_ - down_mm), 0, 0);
   }
 
  private:
-  const double depth_mm_;
-  double elapsed_s_ = 0;
+  double depth_mm_;
+  double elapsed_s_ = 0, begin_s_ = kBegin_s, from_mm_ = kHighest_mm;
 };
 
 // places about the ball or the plane, one after the other, with a bell of speed between them
@@ -105,6 +111,12 @@ class RandomHand {
   Point<Patient> from_, to_;
   double time_s_ = kBegin_s, elapsed_s_ = 0;
 };
+
+// of the second half of the run
+double second_half(const std::vector<double>& values) {
+  const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  return std::accumulate(half, values.end(), 0.0) / static_cast<double>(values.end() - half);
+}
 
 // from the middle of the run on
 double swing_of(const std::vector<double>& places_mm, double rate_hz) {
@@ -180,7 +192,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   ExploredEnergy result;
   std::shared_ptr<const Model> felt = std::make_shared<const Model>(ball);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
-  std::vector<double> places_mm;  // across the plane
+  std::vector<double> places_mm, forces_N;  // across the plane
   double energy_mJ = 0;
   long touching = 0, damped = 0;
   bool touched = false;
@@ -189,6 +201,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   Point<Patient> tip = X_PatientWorld * Point<World>(plant.true_tip().eigen());
   Vector<World> acted;
   const long ticks = std::lround(exploration.time_s * exploration.rate_hz);
+  const long ticks_to_stop = std::lround(exploration.motor_stops_s * exploration.rate_hz);
   const long ticks_a_turning = std::lround(kTurning_s * exploration.rate_hz);
   double dt_s = 1 / exploration.rate_hz;
   for (long n = 0; n < ticks; ++n) {
@@ -196,6 +209,10 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
       parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(
                                        between(random, 0, kMostObjectTurn_rad), any_direction(random))) *
                                    parameters.rotation_target;
+    if (n == ticks_to_stop) {
+      parameters.motor = false;
+      pressing_hand.press_deeper(ball.tools[0].radius_mm - state.hands[0].proxy.position.x());
+    }
     if (exploration.cuts && n % ticks_a_cut == 0)
       if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
         felt = carved_by(*felt, cuts)->taken_from(*felt);
@@ -228,9 +245,13 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     result.contacts += touches && !touched;
     touched = touches;
     result.largest_force_N = std::max(result.largest_force_N, acted.norm());
+    if (exploration.presses) forces_N.push_back(acted.norm());
   }
   result.last_mJ = energy_mJ;
-  if (exploration.presses) result.swing_mm = swing_of(places_mm, exploration.rate_hz);
+  if (exploration.presses) {
+    result.swing_mm = swing_of(places_mm, exploration.rate_hz);
+    result.pressed_N = second_half(forces_N);
+  }
   result.damped = touching > 0 ? static_cast<double>(damped) / static_cast<double>(touching) : 0;
   return result;
 }

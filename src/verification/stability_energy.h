@@ -33,6 +33,9 @@ struct Exploration {
   bool presses = false;
   /// The model's tool is a burr, whose motor runs; what it sweeps is cut away every 20 ms.
   bool cuts = false;
+  /// Of a hand that presses: then it stops, and the hand presses with 1 N on the ground of the hole. At
+  /// time_s and above: it runs on.
+  double motor_stops_s = 1e9;
   double rate_hz = 1000;
   double jitter = 0;  ///< each tick is as much shorter or longer, at random; 0 with a delay
   double time_s = 60;
@@ -49,8 +52,9 @@ struct ExploredEnergy {
   /// Of a hand that presses: the true tip's peak-to-peak across the plane beside its mean over 40 ms, in the
   /// second half of the time.
   double swing_mm = 0;
-  int contacts = 0;   ///< how often it was touched
-  double damped = 0;  ///< part of the ticks in contact in which the controller acted
+  double pressed_N = 0;  ///< mean of the force that acted meanwhile
+  int contacts = 0;      ///< how often it was touched
+  double damped = 0;     ///< part of the ticks in contact in which the controller acted
 };
 /// @param ball  exploration_ball(), or flat_wall() where it is flat; with its tool
 ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration);
