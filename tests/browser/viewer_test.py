@@ -80,7 +80,7 @@ def mock_command(node, mock, page):
     unittest.addModuleCleanup(folder.cleanup)
 
     def arguments(port, source, tokens):
-        return [node, mock, "--port", str(port), "--input", source, "--page", folder.name,
+        return [node, mock, "--port", str(port), "--input", source, "--page", folder.name, "--kept", folder.name,
                 *(["--token-file", tokens] if tokens else [])]
     return arguments
 
@@ -149,14 +149,23 @@ def rotation_matrix(q):
 class Viewer(unittest.TestCase):
     """Opens the page of a server; every message in the browser's console is a failure."""
 
+    page = None  # the browser
     server = None
     expected = ()  # parts of messages that a test brings about
     draws_seldom = True  # not where it matters what goes on while it draws
 
     @classmethod
-    def open_browser(cls):
-        cls.page = browser.Browser().__enter__()
-        cls.addClassCleanup(cls.page.__exit__)
+    def open_browser(cls, own=False):
+        """Takes the browser that all classes share, for a start costs as much as a test; or one of its own for what would not be undone."""
+        if own:
+            cls.page = browser.Browser().__enter__()
+            cls.addClassCleanup(cls.page.__exit__)
+            return
+        if Viewer.page is None:
+            Viewer.page = browser.Browser().__enter__()
+            unittest.addModuleCleanup(Viewer.page.__exit__)
+        # left before its server ends, or it says so in the next test
+        cls.addClassCleanup(Viewer.page.post, "/url", {"url": "about:blank"})
 
     def open_page(self, wait=LOADED, keeps=False):
         """@param keeps  what the browser has kept of the page until now"""
@@ -1134,7 +1143,7 @@ class WithTrouble(Viewer):
 
     @classmethod
     def setUpClass(cls):
-        cls.open_browser()
+        cls.open_browser(own=True)
         cls.page.developer_tools("Page.addScriptToEvaluateOnNewDocument", source="""
             window.workers = [];
             window.Worker = class extends Worker { constructor(...all) { super(...all); window.workers.push(this); } };""" + CLOCK)
@@ -2035,7 +2044,7 @@ class WithFinger(Viewer):
     def setUpClass(cls):
         cls.server = Server("pointer").__enter__()
         cls.addClassCleanup(cls.server.__exit__)
-        cls.open_browser()
+        cls.open_browser(own=True)
 
     def touch(self, kind, *points):
         self.page.developer_tools("Input.dispatchTouchEvent", type="touch" + kind, touchPoints=[{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(points)])

@@ -43,7 +43,7 @@ int press_count() {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   constexpr int kDefault = 80;
 #else
-  constexpr int kDefault = 10'000;
+  constexpr int kDefault = 3'000;
 #endif
   return asked != nullptr ? std::atoi(asked) : kDefault;
 }

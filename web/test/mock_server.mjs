@@ -15,15 +15,16 @@
 // --more 108 adds so many structures to the list, which have no voxel.
 // --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
 // when each stop came, in ms since 1970. --hold yes: volumes come when somebody has asked for /mock/release.
+// --kept FOLDER: voxels that one of these has made are there for the next, whose start takes a second less.
 
 import { createHash } from "node:crypto";
-import { readFileSync } from "node:fs";
+import { existsSync, readFileSync, renameSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe", burr: "ball", second: "no" };
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe", burr: "ball", second: "no", kept: "" };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
@@ -65,23 +66,35 @@ const origin = isRamp || isSphere ? place(dims.map((n) => (1 - n) / 2)) : [-54, 
 const X_PatientVoxel = [...[0, 1, 2].map((r) => [...axes.map((axis) => axis[r] * spacing), origin[r]]), [0, 0, 0, 1]];
 const labels = new Uint8Array(dims[0] * dims[1] * dims[2]);
 const scan = new Int16Array(labels.length);
-let seed = 20;
-const random = () => (seed = (seed * 1103515245 + 12345) & 0x7fffffff) / 0x7fffffff;
-for (let k = 0, n = 0; k < dims[2]; k++) {
-  for (let j = 0; j < dims[1]; j++) {
-    for (let i = 0; i < dims[0]; i++, n++) {
-      const p = place([i, j, k]).map((x, axis) => x + origin[axis]);
-      const inside = structures.find((structure) => structure.shape(p) < 0);
-      labels[n] = inside?.label ?? 0;
-      const skin = length(p[0] / 52, (p[1] - 2) / 50, 0);
-      const value = inside ? [600, 500, 110][inside.tissue] : skin < 0.82 ? 330 : skin < 1 ? 720 : 12;
-      scan[n] = isRamp ? Math.round(1000 + (255 * i) / (dims[0] - 1)) - 32768 : value + 40 * (random() - 0.5);
+const kept = options.kept && join(options.kept, `${options.scan}.voxels`);
+if (kept && existsSync(kept)) {
+  const bytes = readFileSync(kept);
+  labels.set(bytes.subarray(0, labels.length));
+  Buffer.from(scan.buffer).set(bytes.subarray(labels.length));
+} else {
+  let seed = 20;
+  const random = () => (seed = (seed * 1103515245 + 12345) & 0x7fffffff) / 0x7fffffff;
+  for (let k = 0, n = 0; k < dims[2]; k++) {
+    for (let j = 0; j < dims[1]; j++) {
+      for (let i = 0; i < dims[0]; i++, n++) {
+        const p = place([i, j, k]).map((x, axis) => x + origin[axis]);
+        const inside = structures.find((structure) => structure.shape(p) < 0);
+        labels[n] = inside?.label ?? 0;
+        const skin = length(p[0] / 52, (p[1] - 2) / 50, 0);
+        const value = inside ? [600, 500, 110][inside.tissue] : skin < 0.82 ? 330 : skin < 1 ? 720 : 12;
+        scan[n] = isRamp ? Math.round(1000 + (255 * i) / (dims[0] - 1)) - 32768 : value + 40 * (random() - 0.5);
+      }
     }
   }
-}
-if (isRamp) {
-  scan[0] = -32768;
-  scan[scan.length - 1] = 32767;
+  if (isRamp) {
+    scan[0] = -32768;
+    scan[scan.length - 1] = 32767;
+  }
+  if (kept) {
+    // another may be made at the same time
+    writeFileSync(`${kept}.${process.pid}`, Buffer.concat([labels, Buffer.from(scan.buffer)]));
+    renameSync(`${kept}.${process.pid}`, kept);
+  }
 }
 const hash = createHash("sha256").update(labels).update(scan).update(options.repeat).digest("hex").slice(0, 16);
 
