@@ -161,6 +161,37 @@ TEST(BuildModel, HashFollowsEveryTool) {
   EXPECT_EQ(hash_with("cutting_energy = 50\n[second_tool]\n"), hash_with("[second_tool]\n"));
 }
 
+// by layers the moduli do nothing, so the hash is what it is without them
+TEST(BuildModel, HashFollowsModuliUnderTheElasticLawAlone) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto model_with = [&](const std::string& rest) {
+    const auto model =
+        build_model(scene_of("[[tissue]]\nname = 'bone'\nlabels = [1]\n" + rest), &labels, nullptr);
+    PALPATE_CHECK(model.ok());
+    return *model;
+  };
+  const auto hash_with = [&](const std::string& rest) { return model_with(rest)->content_hash; };
+  const std::string modulus = "youngs_modulus = 10\n", ratio = "poissons_ratio = 0.3\n",
+                    elastic = "[yielding]\nlaw = 'elastic'\n";
+  EXPECT_EQ(hash_with(""), hash_with(modulus + ratio));
+  EXPECT_EQ(hash_with(""), hash_with(modulus + "[yielding]\nlaw = 'layers'\n"));
+
+  std::vector<std::uint64_t> hashes;
+  for (const std::string& rest :
+       {std::string(), elastic, elastic + "cell = 1.5\n", modulus + elastic, modulus + ratio + elastic,
+        "youngs_modulus = 11\n" + elastic, modulus + elastic + "cell = 1.5\n"})
+    hashes.push_back(hash_with(rest));
+  std::ranges::sort(hashes);
+  EXPECT_EQ(std::ranges::adjacent_find(hashes), hashes.end());
+
+  const auto model = model_with(modulus + ratio + elastic + "cell = 1.5\n");
+  EXPECT_EQ(model->tissue_law, TissueLaw::kElastic);
+  EXPECT_EQ(model->tissue_cell_mm, 1.5);
+  EXPECT_EQ(model->tissues[0].elastic, (ElasticConstants{10, 0.3}));
+  EXPECT_EQ(model_with(elastic)->tissue_cell_mm, 0) << "chosen from the voxels";
+  EXPECT_FALSE(model_with(elastic)->tissues[0].elastic.has_value());
+}
+
 TEST(BuildModel, WhatABurrIsToSpareIsThereWhicheverHandHoldsIt) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto spared = [&](const std::string& tools) {
