@@ -594,5 +594,44 @@ TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
             std::string::npos);
 }
 
+// by its own scene, whose nodules are as many times as stiff as the phantom's name says
+TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
+  const auto elastic_of = [](const std::string& name, const std::string& structure) {
+    const auto loaded = load_scene_or_data_set(name);
+    PALPATE_CHECK(loaded.ok());
+    const Model& model = *loaded->model;
+    EXPECT_EQ(model.tissue_law, TissueLaw::kElastic);
+    return model.tissue_of(model.find(structure)->id)->elastic;
+  };
+  const std::string block = "palpation-block:spacing=2", dome = "palpation-dome:spacing=2";
+  for (const std::string& name : {block, dome}) {
+    EXPECT_EQ(elastic_of(name, "soft_tissue"), (ElasticConstants{10, 0.45}));
+    EXPECT_EQ(elastic_of(name, "nodule"), (ElasticConstants{100, 0.45}));
+    EXPECT_EQ(elastic_of(name, "plate"), std::nullopt) << "rigid";
+    EXPECT_EQ(elastic_of(name + ",stiffness=2.5", "nodule"), (ElasticConstants{25, 0.45}));
+    EXPECT_EQ(elastic_of(name + ",stiffness=2.5", "soft_tissue"), (ElasticConstants{10, 0.45}));
+    EXPECT_EQ(elastic_of(name + ",nodules=0", "soft_tissue"), (ElasticConstants{10, 0.45}));
+  }
+  EXPECT_EQ(elastic_of("abdominal-wall:spacing=1.1,edge=0", "liver"), (ElasticConstants{6.3, 0.45}));
+}
+
+// bones are rigid, and all that is soft in a knee can yield
+TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
+  const auto loaded = load_scene_or_data_set("knee-phantom:spacing=2,lesion=6");
+  ASSERT_TRUE(loaded.ok()) << loaded.error().message();
+  const Model& model = *loaded->model;
+  EXPECT_EQ(model.tissue_law, TissueLaw::kLayers);
+  int soft = 0;
+  for (const Segment& segment : model.segments) {
+    const Tissue* tissue = model.tissue_of(segment.id);
+    ASSERT_NE(tissue, nullptr) << segment.name;
+    const bool bone = segment.name == "femur" || segment.name == "tibia" || segment.name == "fibula" ||
+                      segment.name == "patella";
+    EXPECT_EQ(tissue->elastic.has_value(), !bone) << segment.name;
+    soft += !bone;
+  }
+  EXPECT_EQ(soft, 12);
+}
+
 }  // namespace
 }  // namespace palpate

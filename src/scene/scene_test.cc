@@ -761,7 +761,8 @@ TEST_F(LoadScene, WritesWholeFiles) {
 }
 
 TEST(EmbeddedScene, EveryOneParses) {
-  for (const char* name : {"knee", "knee-phantom", "knee-atlas", "head"}) {
+  for (const char* name : {"knee", "knee-phantom", "knee-atlas", "head", "shell-phantom", "skull-phantom",
+                           "gland-phantom", "palpation-block", "palpation-dome", "abdominal-wall"}) {
     const auto text = embedded_scene(name);
     ASSERT_TRUE(text.has_value()) << name;
     const auto scene = parse_scene(*text, name);
@@ -786,6 +787,22 @@ TEST(EmbeddedScene, KneeHasItsJointFeltAndTheRestShown) {
     const bool of_the_joint = tissue.name == "bone" || tissue.name == "cartilage" ||
                               tissue.name == "meniscus" || tissue.name == "ligament";
     EXPECT_EQ(tissue.felt, of_the_joint) << tissue.name;
+  }
+}
+
+// what is soft can yield, should somebody change the law, and the scenes that are for it do
+TEST(EmbeddedScene, WhatIsSoftSaysWhatItIsMadeOf) {
+  for (const std::string name : {"knee", "head", "skull-phantom", "gland-phantom", "palpation-block",
+                                 "palpation-dome", "abdominal-wall"}) {
+    SCOPED_TRACE(name);
+    std::string text(*embedded_scene(name));
+    if (name == "knee") text += *embedded_scene("lesion-in-knee");
+    const auto scene = parse_scene(text, name);
+    ASSERT_TRUE(scene.ok()) << scene.error().message();
+    for (const TissueSettings& tissue : scene->tissues)
+      EXPECT_EQ(tissue.elastic.has_value(), tissue.preset != "bone") << tissue.name;
+    const bool yields = name.starts_with("palpation") || name == "abdominal-wall";
+    EXPECT_EQ(scene->yielding.law, yields ? TissueLaw::kElastic : TissueLaw::kLayers);
   }
 }
 
