@@ -119,8 +119,9 @@ void add_fetch(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run&
   verb->add_option("-m,--mirror", options->fetch.mirror,
                    "Fetch from here (http or https) instead of its home")
       ->type_name("URL");
-  verb->add_option("--voxel", options->fetch.voxel_mm,
-                   "Voxels of a phantom without parameters, mm; default: 0.6, of skull-phantom 1")
+  verb->add_option(
+          "--voxel", options->fetch.voxel_mm,
+          "Voxels of a phantom without parameters, mm; default: 0.6, of a skull and of what is palpated 1")
       ->type_name("MM")
       ->check(number_between(0.2, 3));
   verb->footer(

@@ -90,7 +90,7 @@ Result<void> compare_grids(const Data& data, Console& console) {
 
 struct NewOptions {
   std::vector<std::string> files;  ///< LABELS, or SCAN LABELS
-  std::string scan, labels, names, side, modality, title, output;
+  std::string scan, labels, names, side, modality, title, law, output;
   bool force = false;
   bool one_file = false;  ///< named without saying what it is
 };
@@ -162,6 +162,16 @@ void note_without_preset(const Scene& scene, Console& console) {
                  " structures suggest no preset and are not felt yet: " + names);
 }
 
+/// Under a law by which tissue yields, something should.
+void warn_if_nothing_yields(const Scene& scene, Console& console) {
+  if (scene.yielding.law == TissueLaw::kLayers) return;
+  if (std::none_of(scene.tissues.begin(), scene.tissues.end(),
+                   [](const TissueSettings& tissue) { return tissue.felt && tissue.elastic; }))
+    console.warn()(
+        "nothing in this scene yields: give a tissue that is felt a youngs_modulus, or a preset that has "
+        "one");
+}
+
 int run_new(NewOptions options, Console& console) {
   if (const auto assigned = assign_files(options); !assigned) return console.fail(assigned.error());
   const auto claimed = check_new_output(options);
@@ -171,6 +181,7 @@ int run_new(NewOptions options, Console& console) {
   input.title = options.title;
   input.side = value_of(options.side, kSides);
   input.modality = value_of(options.modality, kModalities);
+  input.law = value_of(options.law, kTissueLaws);
   if (!options.scan.empty()) input.scan = options.scan;
   if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
@@ -193,6 +204,7 @@ int run_new(NewOptions options, Console& console) {
   const auto scene = parse_scene(*text, options.output.empty() ? "the new scene" : options.output);
   if (!scene) return console.fail(scene.error());
   note_without_preset(*scene, console);
+  warn_if_nothing_yields(*scene, console);
   if (options.output.empty()) {
     std::fwrite(text->data(), 1, text->size(), stdout);
     return kExitOk;
@@ -238,6 +250,10 @@ void add_new(CLI::App& app, Run& run) {
   verb->add_option("--modality", options->modality,
                    "What made the scan: the viewer shows ct as HU, mr with windows of its own values")
       ->check(CLI::IsMember(known_names(kModalities)));
+  verb->add_option("--tissue", options->law,
+                   "What soft tissue does under the tool: layers hold it out and do not move, elastic yields")
+      ->check(CLI::IsMember(
+          {name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws)}));
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
   verb->add_option("-o,--output", options->output,
                    "The scene file; without it the text goes to standard output");
@@ -282,14 +298,20 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
   std::size_t width = 6;
   for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
   const double factor = FeltStiffness(scene.workspace).at_device(1);
-  std::printf("\n%s  felt  N/mm   %sat most N  friction  structures  rests on\n",
-              fitted("tissue", width).c_str(), factor == 1 ? "" : "hand N/mm  ");
+  const bool elastic = scene.yielding.law == TissueLaw::kElastic;
+  std::printf("\n%s  felt  N/mm   %s%sat most N  friction  structures  rests on\n",
+              fitted("tissue", width).c_str(), elastic ? "E kPa  nu    " : "",
+              factor == 1 ? "" : "hand N/mm  ");
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
     const std::string structures = tissue.threshold ? "threshold" : std::to_string(ids[i].size());
     const double most_N = most_N_of(scene, tissue, grid);
     std::printf("%s  %-4s  %-5.3g  ", fitted(tissue.name, width).c_str(), tissue.felt ? "yes" : "no",
                 tissue.stiffness_N_per_mm);
+    if (elastic && tissue.elastic)
+      std::printf("%-5.3g  %-4.3g  ", tissue.elastic->youngs_modulus_kPa, tissue.elastic->poissons_ratio);
+    else if (elastic)
+      std::printf("rigid        ");
     if (factor != 1) std::printf("%-9.3g  ", tissue.felt ? factor * tissue.stiffness_N_per_mm : 0.0);
     std::printf("%-9.3g  %-8.3g  %-10s  %s\n", most_N, tissue.friction_coefficient, structures.c_str(),
                 join(tissue.rests_on).c_str());
@@ -320,6 +342,13 @@ void print_preparation(const PreparationSettings& preparation, double width_mm) 
   else
     std::printf("field      union Gaussian, sigma %g mm, %s, %d bits\n", preparation.sigma_mm,
                 preparation.engine == GaussianEngine::kFourier ? "fourier" : "direct", bits);
+}
+
+void print_yielding(const YieldingSettings& yielding) {
+  if (yielding.law == TissueLaw::kLayers) return;
+  std::printf("tissue     %s", std::string(name_of(yielding.law, kTissueLaws)).c_str());
+  if (yielding.cell_mm) std::printf(", cells of %g mm", *yielding.cell_mm);
+  std::printf("\n");
 }
 
 /// How the device's reach lies in the patient, where the scene says anything of it.
@@ -427,6 +456,7 @@ int run_check(const std::string& file, Console& console) {
   std::printf("side       %s\n", side_text(*scene, *data).c_str());
   print_preparation(scene->preparation, *width_mm);
   std::printf("force      %s\n", std::string(name_of(scene->force.method)).c_str());
+  print_yielding(scene->yielding);
   print_tool("tool", scene->tools[0]);
   if (scene->tools.size() > 1) print_tool("2nd tool", scene->tools[1]);
   print_workspace(scene->workspace);
@@ -436,6 +466,8 @@ int run_check(const std::string& file, Console& console) {
   if (std::none_of(scene->tissues.begin(), scene->tissues.end(),
                    [](const auto& tissue) { return tissue.felt; }))
     console.warn()("nothing in this scene is felt: set felt = true on a tissue");
+  else
+    warn_if_nothing_yields(*scene, console);
   return kExitOk;
 }
 
@@ -451,8 +483,9 @@ void add_check(CLI::App& app, Run& run) {
 // ---- scene keys ---------------------------------------------------------------------------------
 
 int run_keys(bool script) {
-  const std::string text =
-      script ? script_keys() : scene_keys() + "\n### Presets\n\n" + tissue_preset_table();
+  const std::string text = script ? script_keys()
+                                  : scene_keys() + "\n### Presets\n\n" + tissue_preset_table() +
+                                        "\n### Presets that yield\n\n" + elastic_preset_table();
   std::fwrite(text.data(), 1, text.size(), stdout);
   return kExitOk;
 }

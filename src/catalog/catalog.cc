@@ -79,6 +79,9 @@ const std::vector<CatalogEntry>& catalog() {
       phantom("skull-phantom", "cranium with thin temples, orbits and a brain, with a synthetic CT image"),
       phantom("gland-phantom",
               "soft gland on a jaw, fat and skin over them at will, with a synthetic MR image"),
+      phantom("palpation-block", "block of soft tissue on a plate, with nodules that are to be found"),
+      phantom("palpation-dome", "dome of soft tissue, as a breast, with nodules that are to be found"),
+      phantom("abdominal-wall", "skin, fat and muscle over the firm edge of a liver and a rib"),
       knee_atlas(),
       head()};
   return kEntries;

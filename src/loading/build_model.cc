@@ -76,6 +76,7 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   if (settings.puncture_N) tissue.puncture_N = *settings.puncture_N;
   tissue.cutting_energy_mJ_per_mm3 = settings.cutting_energy_mJ_per_mm3;
   tissue.protection = settings.protection;
+  tissue.elastic = settings.elastic;
   tissue.friction_damping_N_s_per_mm = settings.friction_damping_N_s_per_mm;
   tissue.friction_max_N = settings.friction_max_N;
   tissue.viscosity_N_s_per_mm = settings.viscosity_N_s_per_mm;
@@ -225,6 +226,8 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   parts.title = scene.title;
   parts.sigma_mm = scene.preparation.sigma_mm;
   parts.method_settings = scene.force.settings;
+  parts.tissue_law = scene.yielding.law;
+  parts.tissue_cell_mm = scene.yielding.cell_mm.value_or(0);
   parts.tools = scene.tools;
   if (scene.max_force_N) parts.max_force_N = *scene.max_force_N;
   parts.ramp_width_mm = scene.preparation.ramp_width_mm;

@@ -161,6 +161,37 @@ TEST(BuildModel, HashFollowsEveryTool) {
   EXPECT_EQ(hash_with("cutting_energy = 50\n[second_tool]\n"), hash_with("[second_tool]\n"));
 }
 
+// by layers the moduli do nothing, so the hash is what it is without them
+TEST(BuildModel, HashFollowsModuliUnderTheElasticLawAlone) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto model_with = [&](const std::string& rest) {
+    const auto model =
+        build_model(scene_of("[[tissue]]\nname = 'bone'\nlabels = [1]\n" + rest), &labels, nullptr);
+    PALPATE_CHECK(model.ok());
+    return *model;
+  };
+  const auto hash_with = [&](const std::string& rest) { return model_with(rest)->content_hash; };
+  const std::string modulus = "youngs_modulus = 10\n", ratio = "poissons_ratio = 0.3\n",
+                    elastic = "[yielding]\nlaw = 'elastic'\n";
+  EXPECT_EQ(hash_with(""), hash_with(modulus + ratio));
+  EXPECT_EQ(hash_with(""), hash_with(modulus + "[yielding]\nlaw = 'layers'\n"));
+
+  std::vector<std::uint64_t> hashes;
+  for (const std::string& rest :
+       {std::string(), elastic, elastic + "cell = 1.5\n", modulus + elastic, modulus + ratio + elastic,
+        "youngs_modulus = 11\n" + elastic, modulus + elastic + "cell = 1.5\n"})
+    hashes.push_back(hash_with(rest));
+  std::ranges::sort(hashes);
+  EXPECT_EQ(std::ranges::adjacent_find(hashes), hashes.end());
+
+  const auto model = model_with(modulus + ratio + elastic + "cell = 1.5\n");
+  EXPECT_EQ(model->tissue_law, TissueLaw::kElastic);
+  EXPECT_EQ(model->tissue_cell_mm, 1.5);
+  EXPECT_EQ(model->tissues[0].elastic, (ElasticConstants{10, 0.3}));
+  EXPECT_EQ(model_with(elastic)->tissue_cell_mm, 0) << "chosen from the voxels";
+  EXPECT_FALSE(model_with(elastic)->tissues[0].elastic.has_value());
+}
+
 TEST(BuildModel, WhatABurrIsToSpareIsThereWhicheverHandHoldsIt) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto spared = [&](const std::string& tools) {
@@ -561,6 +592,45 @@ TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
   const Scene scene = scene_of("[[tissue]]\nname = \"fat\"\nlabels = [4]\nfelt = false\n");
   EXPECT_NE(why_not_felt(scene, build_model(scene, &labels, nullptr)).find("nothing in it is felt"),
             std::string::npos);
+}
+
+// by its own scene, whose nodules are as many times as stiff as the phantom's name says
+TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
+  const auto elastic_of = [](const std::string& name, const std::string& structure) {
+    const auto loaded = load_scene_or_data_set(name);
+    PALPATE_CHECK(loaded.ok());
+    const Model& model = *loaded->model;
+    EXPECT_EQ(model.tissue_law, TissueLaw::kElastic);
+    return model.tissue_of(model.find(structure)->id)->elastic;
+  };
+  const std::string block = "palpation-block:spacing=2", dome = "palpation-dome:spacing=2";
+  for (const std::string& name : {block, dome}) {
+    EXPECT_EQ(elastic_of(name, "soft_tissue"), (ElasticConstants{10, 0.45}));
+    EXPECT_EQ(elastic_of(name, "nodule"), (ElasticConstants{100, 0.45}));
+    EXPECT_EQ(elastic_of(name, "plate"), std::nullopt) << "rigid";
+    EXPECT_EQ(elastic_of(name + ",stiffness=2.5", "nodule"), (ElasticConstants{25, 0.45}));
+    EXPECT_EQ(elastic_of(name + ",stiffness=2.5", "soft_tissue"), (ElasticConstants{10, 0.45}));
+    EXPECT_EQ(elastic_of(name + ",nodules=0", "soft_tissue"), (ElasticConstants{10, 0.45}));
+  }
+  EXPECT_EQ(elastic_of("abdominal-wall:spacing=1.1,edge=0", "liver"), (ElasticConstants{6.3, 0.45}));
+}
+
+// bones are rigid, and all that is soft in a knee can yield
+TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
+  const auto loaded = load_scene_or_data_set("knee-phantom:spacing=2,lesion=6");
+  ASSERT_TRUE(loaded.ok()) << loaded.error().message();
+  const Model& model = *loaded->model;
+  EXPECT_EQ(model.tissue_law, TissueLaw::kLayers);
+  int soft = 0;
+  for (const Segment& segment : model.segments) {
+    const Tissue* tissue = model.tissue_of(segment.id);
+    ASSERT_NE(tissue, nullptr) << segment.name;
+    const bool bone = segment.name == "femur" || segment.name == "tibia" || segment.name == "fibula" ||
+                      segment.name == "patella";
+    EXPECT_EQ(tissue->elastic.has_value(), !bone) << segment.name;
+    soft += !bone;
+  }
+  EXPECT_EQ(soft, 12);
 }
 
 }  // namespace

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <system_error>
 
 #include "loading/kept_preparation.h"
@@ -20,6 +21,16 @@ Result<Scene> scene_of_data_set(const std::string& data_set) {
   return parse_embedded(data_set, std::string(*text));
 }
 
+// the modulus of the tissue called "nodule" is so many times that of "soft tissue"
+void set_stiffness_of_nodules(double times, Scene& scene) {
+  const auto named = [&](const char* name) -> ElasticConstants& {
+    const auto found = std::ranges::find(scene.tissues, name, &TissueSettings::name);
+    PALPATE_CHECK(found != scene.tissues.end() && found->elastic.has_value());
+    return *found->elastic;
+  };
+  named("nodule").youngs_modulus_kPa = times * named("soft tissue").youngs_modulus_kPa;
+}
+
 // the scene of a phantom's kind, with the tissues that its parameters add; what they leave out is no fault
 Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters& parameters) {
   std::string text(embedded_scene(name.substr(0, name.find(':'))).value());
@@ -27,6 +38,8 @@ Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters&
   if (knee != nullptr && knee->lesion_mm > 0) text += *embedded_scene("lesion-in-knee");
   auto scene = parse_embedded(name, text);
   if (!scene) return scene;
+  if (const NoduleParameters* nodules = nodule_parameters(parameters))
+    set_stiffness_of_nodules(nodules->stiffness, *scene);
   if (name.find(':') != std::string::npos)
     for (TissueSettings& tissue : scene->tissues) tissue.optional = true;
   return scene;

@@ -45,6 +45,19 @@ void hash_tool(std::uint64_t& hash, const Tool& tool) {
   }
 }
 
+// of a law under which tissue yields; by layers these settings do nothing, and the hash is what it was before
+// there were any
+void hash_elastic(std::uint64_t& hash, const Model& model) {
+  hash_word(hash, static_cast<std::uint64_t>(model.tissue_law));
+  hash_double(hash, model.tissue_cell_mm);
+  for (const Tissue& tissue : model.tissues) {
+    hash_word(hash, std::uint64_t{tissue.elastic.has_value()});
+    if (!tissue.elastic) continue;
+    hash_double(hash, tissue.elastic->youngs_modulus_kPa);
+    hash_double(hash, tissue.elastic->poissons_ratio);
+  }
+}
+
 std::uint64_t content_hash(const Model& model) {
   std::uint64_t hash = kHashSeed;
   std::visit([&](const auto& voxels) { hash_voxels(hash, voxels); }, model.field->bricks());
@@ -76,6 +89,7 @@ std::uint64_t content_hash(const Model& model) {
         model.method_settings.sphere_sigma_voxels, model.method_settings.coupling_damping_N_s_per_mm})
     hash_double(hash, value);
   hash_word(hash, static_cast<std::uint64_t>(model.method_settings.normals));
+  if (model.tissue_law != TissueLaw::kLayers) hash_elastic(hash, model);
   return hash_finish(hash);
 }
 
@@ -148,6 +162,8 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   model->tissue_of_label = std::move(parts.tissue_of_label);
   model->tools = std::move(parts.tools);
   model->method_settings = parts.method_settings;
+  model->tissue_law = parts.tissue_law;
+  model->tissue_cell_mm = parts.tissue_cell_mm;
   model->sigma_mm = parts.sigma_mm;
   model->scene_max_force_N = parts.max_force_N;
   model->X_WorldPatient = supine_from_feet(grid);

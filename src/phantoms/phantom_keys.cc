@@ -125,6 +125,77 @@ void visit(GlandParameters& p, PhantomKeyVisitor& v) {
   visit_spacing(p.settings, v);
 }
 
+// of both that have nodules, in between: `dome` and `block` have keys of their own around these
+void visit_depth_and_diameter(NoduleParameters& p, PhantomKeyVisitor& v) {
+  v.number({"depth", "mm",
+            "Of soft tissue over each nodule, along the surface's normal; at least the diagonal of a voxel."},
+           1, 40, p.depth_mm);
+  v.number({"diameter", "mm", "Of each nodule; at least three voxels, and 2 mm of tissue stay below it."}, 2,
+           30, p.diameter_mm);
+}
+void visit_nodules(NoduleParameters& p, PhantomKeyVisitor& v) {
+  v.whole({"nodules", "",
+           "How many nodules there are, 0 for none, no two nearer than 1.5 diameters from middle to middle."},
+          12, p.nodules);
+}
+void visit_place_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
+  v.whole({"seed", "",
+           "Of the nodules' places, of `noise` and of `islands`; 0 has the first nodule in the middle."},
+          kMostSeed, s.seed);
+}
+void visit_stiffness(NoduleParameters& p, PhantomKeyVisitor& v) {
+  v.number({"stiffness", "",
+            "Young's modulus of the nodules over that of the tissue. In the phantom's own scene: files of "
+            "labels do not say it."},
+           1, 100, p.stiffness);
+}
+void visit_visible(NoduleParameters& p, PhantomKeyVisitor& v) {
+  choice(v, {"visible", "", "Whether the scan shows the nodules; labels always do."}, kAnswers, p.visible,
+         true, false);
+}
+
+void visit(BlockParameters& p, PhantomKeyVisitor& v) {
+  visit_depth_and_diameter(p.nodules, v);
+  visit_islands(p.settings, v);
+  visit_nodules(p.nodules, v);
+  visit_noise(p.settings, v);
+  visit_scan_seed(p.settings, v);
+  visit_place_seed(p.settings, v);
+  visit_spacing(p.settings, v);
+  visit_stiffness(p.nodules, v);
+  v.number({"thickness", "mm", "Of the tissue on the plate."}, 10, 80, p.thickness_mm);
+  visit_visible(p.nodules, v);
+  v.number({"width", "mm", "Of the block, both ways."}, 30, 150, p.width_mm);
+}
+
+void visit(DomeParameters& p, PhantomKeyVisitor& v) {
+  visit_depth_and_diameter(p.nodules, v);
+  v.number({"height", "mm", "Of the dome above the plate."}, 15, 80, p.height_mm);
+  visit_islands(p.settings, v);
+  visit_nodules(p.nodules, v);
+  visit_noise(p.settings, v);
+  v.number({"radius", "mm", "Of the dome's base."}, 20, 80, p.radius_mm);
+  visit_scan_seed(p.settings, v);
+  visit_place_seed(p.settings, v);
+  visit_spacing(p.settings, v);
+  visit_stiffness(p.nodules, v);
+  visit_visible(p.nodules, v);
+}
+
+void visit(AbdomenParameters& p, PhantomKeyVisitor& v) {
+  v.number({"edge", "mm", "Radius of the firm edge of the liver; 0: it has none."}, 0, 8, p.edge_mm);
+  v.number({"fat", "mm", "Layer under the skin; 0: none."}, 0, 40, p.fat_mm);
+  visit_islands(p.settings, v);
+  v.number({"muscle", "mm", "Layer under the fat."}, 2, 25, p.muscle_mm);
+  visit_noise(p.settings, v);
+  choice(v, {"rib", "", "Whether there is one above the liver's edge."}, kAnswers, p.rib, true, false);
+  visit_scan_seed(p.settings, v);
+  v.whole({"seed", "", "Of where edge and rib lie, of `noise` and of `islands`; 0 is the mean place."},
+          kMostSeed, p.settings.seed);
+  v.number({"skin", "mm", "Outermost layer."}, 1, 5, p.skin_mm);
+  visit_spacing(p.settings, v);
+}
+
 }  // namespace
 
 void visit_keys(PhantomParameters& parameters, PhantomKeyVisitor& visitor) {
@@ -132,14 +203,16 @@ void visit_keys(PhantomParameters& parameters, PhantomKeyVisitor& visitor) {
 }
 
 const std::vector<PhantomParameters>& mean_phantoms() {
-  static const std::vector<PhantomParameters> kMean{KneeParameters{}, ShellParameters{}, SkullParameters{},
-                                                    GlandParameters{}};
+  static const std::vector<PhantomParameters> kMean{KneeParameters{},   ShellParameters{}, SkullParameters{},
+                                                    GlandParameters{},  BlockParameters{}, DomeParameters{},
+                                                    AbdomenParameters{}};
   return kMean;
 }
 
 const std::vector<std::string>& phantom_names() {
-  static const std::vector<std::string> kNames{"knee-phantom", "shell-phantom", "skull-phantom",
-                                               "gland-phantom"};
+  static const std::vector<std::string> kNames{"knee-phantom",  "shell-phantom",   "skull-phantom",
+                                               "gland-phantom", "palpation-block", "palpation-dome",
+                                               "abdominal-wall"};
   return kNames;
 }
 

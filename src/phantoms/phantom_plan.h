@@ -60,11 +60,17 @@ PhantomField field_of(const KneeParameters& knee);
 PhantomField field_of(const ShellParameters& shell);
 PhantomField field_of(const SkullParameters& skull);
 PhantomField field_of(const GlandParameters& gland);
+PhantomField field_of(const BlockParameters& block);
+PhantomField field_of(const DomeParameters& dome);
+PhantomField field_of(const AbdomenParameters& abdomen);
 
 PhantomPlan plan_of(const KneeParameters& knee);
 PhantomPlan plan_of(const ShellParameters& shell);
 PhantomPlan plan_of(const SkullParameters& skull);
 PhantomPlan plan_of(const GlandParameters& gland);
+PhantomPlan plan_of(const BlockParameters& block);
+PhantomPlan plan_of(const DomeParameters& dome);
+PhantomPlan plan_of(const AbdomenParameters& abdomen);
 
 /// The segments of a plan's labels, ascending.
 std::vector<Segment> segments_of(const PhantomPlan& plan);

@@ -1,5 +1,6 @@
 #include <cstdio>
 
+#include "phantoms/palpation_phantoms.h"
 #include "phantoms/phantom_keys.h"
 #include "phantoms/phantom_plan.h"
 
@@ -88,6 +89,49 @@ Result<void> check_together(const PhantomParameters& all, const GlandParameters&
   return {};
 }
 
+// what nodules need of the voxels, and of the tissue that they lie in
+Result<void> check_nodules(const PhantomParameters& all, const NoduleParameters& asked, bool fit,
+                           const std::string& tissue, const char* more) {
+  if (asked.nodules == 0) return {};
+  if (auto closed = check_thickness(all, "depth", asked.depth_mm); !closed) return closed;
+  const double widest_mm = settings_of(all).spacing_mm.maxCoeff();
+  if (asked.diameter_mm < 3 * widest_mm)
+    return refused(all,
+                   "`diameter` of " + millimetres(asked.diameter_mm) + " is too small for voxels of " +
+                       millimetres(widest_mm),
+                   "it is at least three voxels");
+  if (fit) return {};
+  return refused(all,
+                 std::to_string(asked.nodules) + (asked.nodules == 1 ? " nodule of " : " nodules of ") +
+                     millimetres(asked.diameter_mm) + " with " + millimetres(asked.depth_mm) +
+                     " of tissue over each do not fit into " + tissue,
+                 std::string("make `depth`, `diameter` or `nodules` less, or ") + more + " more");
+}
+
+Result<void> check_together(const PhantomParameters& all, const BlockParameters& block) {
+  return check_nodules(all, block.nodules, nodules_of(block).has_value(),
+                       "a block of " + millimetres(block.width_mm) + " by " + millimetres(block.thickness_mm),
+                       "`thickness` or `width`");
+}
+
+Result<void> check_together(const PhantomParameters& all, const DomeParameters& dome) {
+  return check_nodules(
+      all, dome.nodules, nodules_of(dome).has_value(),
+      "a dome of radius " + millimetres(dome.radius_mm) + " and height " + millimetres(dome.height_mm),
+      "`height` or `radius`");
+}
+
+Result<void> check_together(const PhantomParameters& all, const AbdomenParameters& abdomen) {
+  for (const auto& [key, layer_mm] : {std::pair{"skin", abdomen.skin_mm},
+                                      {"fat", abdomen.fat_mm},
+                                      {"muscle", abdomen.muscle_mm},
+                                      {"edge", abdomen.edge_mm}}) {
+    if (layer_mm == 0) continue;
+    if (auto closed = check_thickness(all, key, layer_mm); !closed) return closed;
+  }
+  return {};
+}
+
 Result<void> check_voxels(const PhantomParameters& parameters, const PhantomField& field) {
   const Eigen::Vector3d& spacing_mm = settings_of(parameters).spacing_mm;
   const double volume_mm3 = field.extent_mm.cwiseProduct(field.scale).prod();
@@ -126,6 +170,19 @@ Result<PhantomWithoutVoxels> phantom_without_voxels(const PhantomParameters& par
   if (const auto checked = check_phantom(parameters); !checked) return checked.error();
   const PhantomPlan plan = std::visit([](const auto& p) { return plan_of(p); }, parameters);
   return PhantomWithoutVoxels{plan.field.grid(settings_of(parameters).spacing_mm), segments_of(plan)};
+}
+
+const NoduleParameters* nodule_parameters(const PhantomParameters& parameters) {
+  if (const auto* block = std::get_if<BlockParameters>(&parameters)) return &block->nodules;
+  if (const auto* dome = std::get_if<DomeParameters>(&parameters)) return &dome->nodules;
+  return nullptr;
+}
+
+Result<std::vector<PhantomNodule>> phantom_nodules(const PhantomParameters& parameters) {
+  if (const auto checked = check_phantom(parameters); !checked) return checked.error();
+  if (const auto* block = std::get_if<BlockParameters>(&parameters)) return nodules_of(*block).value();
+  if (const auto* dome = std::get_if<DomeParameters>(&parameters)) return nodules_of(*dome).value();
+  return std::vector<PhantomNodule>();
 }
 
 Result<Phantom> make_knee_phantom(double voxel_mm, std::uint64_t scan_seed, const Progress& progress) {

@@ -35,6 +35,9 @@ TEST(Docs, SceneListsEveryKey) {
 TEST(Docs, SceneListsEveryPreset) {
   check_section("scene.md", "presets", tissue_preset_table());
 }
+TEST(Docs, SceneListsWhatEveryPresetIsMadeOf) {
+  check_section("scene.md", "elastic", elastic_preset_table());
+}
 TEST(Docs, ScriptListsEveryKey) {
   check_section("script.md", "keys", script_keys());
 }

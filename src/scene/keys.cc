@@ -121,6 +121,7 @@ SceneKeys declared_keys() {
             {.name = "tissue", .type = kTables, .meaning = "What is felt and how: 1 to 64 of them."},
             {.name = "preparation", .type = kTable, .meaning = "How labels become the field that is felt."},
             {.name = "force", .type = kTable, .meaning = "By which method the force is computed."},
+            {.name = "yielding", .type = kTable, .meaning = "Whether soft tissue gives way to the tool."},
             {.name = "tool", .type = kTable, .meaning = "The instrument that every device holds."},
             {.name = "second_tool",
              .type = kTable,
@@ -218,6 +219,22 @@ SceneKeys declared_keys() {
              .meaning =
                  "Of what a burr comes to. `alarm`: it is cut, and that is said. `keep`: the burr is held "
                  "out of it."},
+            {.name = "youngs_modulus",
+             .type = kNumber,
+             .unit = "kPa",
+             .min = kElasticModulusRange.min_kPa,
+             .max = kElasticModulusRange.max_kPa,
+             .meaning = "Of `[yielding] law = \"elastic\"`, without effect under another law: how stiff the "
+                        "material is. A tissue that has none, by itself or by its preset, does not yield, "
+                        "as bone."},
+            {.name = "poissons_ratio",
+             .type = kNumber,
+             .default_text = "0.45",
+             .min = 0,
+             .max = kMostPoissonsRatio,
+             .meaning =
+                 "Of the same law: how much the material widens where it is pressed; near 0.5 it keeps "
+                 "its volume. Only beside a modulus, this key's or the preset's."},
             {.name = "friction_damping",
              .type = kNumber,
              .default_text = "0.005",
@@ -325,6 +342,25 @@ SceneKeys declared_keys() {
              .meaning =
                  "Of the proxy: a damper beside the spring between it and the tip. It lets a hand hold "
                  "stiffer walls."}}},
+      .yielding =
+          {"[yielding]",
+           "Whether soft tissue gives way. By layers each structure holds the tool out by its `stiffness`, "
+           "and nothing moves; an elastic body dents, spreads sideways, and is harder over what is hard "
+           "below: its `youngs_modulus` says how hard, and `stiffness` does for what does not yield "
+           "([tissue.md](tissue.md)).",
+           {{.name = "law",
+             .type = kChoice,
+             .default_text = "\"layers\"",
+             .choices = names_of(kTissueLaws),
+             .meaning = "`elastic`: tissues with a `youngs_modulus` yield. By the proxy alone."},
+            {.name = "cell",
+             .type = kNumber,
+             .unit = "mm",
+             .min = 0.2,
+             .max = 10,
+             .meaning =
+                 "Of the elastic law: edge of the cubes that it is computed on, 1 to 3 voxels. Without "
+                 "it: chosen from the voxels."}}},
       .tool =
           {"[tool]",
            "A rigid set of spheres, and of capsules (below), that touch; the first one's usual place is the "
@@ -792,8 +828,8 @@ std::string did_you_mean(std::string_view text, const std::vector<std::string_vi
 std::string scene_keys() {
   const SceneKeys& keys = scene_key_tables();
   std::string text = table_markdown(keys.top);
-  for (const TableSpec* table : {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.tool,
-                                 &keys.capsule, &keys.workspace, &keys.limits})
+  for (const TableSpec* table : {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.yielding,
+                                 &keys.tool, &keys.capsule, &keys.workspace, &keys.limits})
     text += concat({"\n", table_markdown(*table)});
   return text;
 }

@@ -50,7 +50,7 @@ struct TableSpec {
 };
 
 struct SceneKeys {
-  TableSpec top, data, tissue, preparation, force, tool, capsule, workspace, limits;
+  TableSpec top, data, tissue, preparation, force, yielding, tool, capsule, workspace, limits;
   TableSpec second_tool = {}, second_capsule = {};  ///< with the keys of the first's
 };
 const SceneKeys& scene_key_tables();

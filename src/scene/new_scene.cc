@@ -96,12 +96,16 @@ std::string list_text(const std::vector<std::string>& items) {
 }
 
 std::string tissue_text(const Group& group, const std::vector<Group>& groups,
-                        const std::map<std::string, int>& uses) {
+                        const std::map<std::string, int>& uses, TissueLaw law) {
   std::string text = "\n[[tissue]]\nname = " + toml_string(group.name) + "\n";
   if (group.preset) {
     const TissueSettings& values = group.preset->values;
     text += "preset = \"" + group.preset->name + "\"  # stiffness " + number_text(values.stiffness_N_per_mm) +
-            " N/mm, friction " + number_text(values.friction_coefficient) + "\n";
+            " N/mm, friction " + number_text(values.friction_coefficient);
+    if (law == TissueLaw::kElastic)
+      text += values.elastic ? ", E " + number_text(values.elastic->youngs_modulus_kPa) + " kPa"
+                             : std::string(", does not yield");
+    text += "\n";
   } else if (group.segments.size() == 1) {
     text += "# its name suggests no preset: give it one, or a stiffness, and let it be felt\n";
   } else {
@@ -248,8 +252,10 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     std::map<std::string, int> uses;
     for (const Segment& segment : input.label_map->segments) ++uses[segment.name];
     const std::vector<Group> groups = group_structures(*input.label_map);
-    for (const Group& group : groups) text += tissue_text(group, groups, uses);
+    for (const Group& group : groups) text += tissue_text(group, groups, uses, input.law);
   }
+  if (input.law != TissueLaw::kLayers)
+    text += "\n[yielding]\nlaw = \"" + std::string(name_of(input.law, kTissueLaws)) + "\"\n";
   return text + preparation_text(input.labels ? &input.label_map->geometry() : nullptr,
                                  input.scan_volume ? &input.scan_volume->geometry() : nullptr);
 }

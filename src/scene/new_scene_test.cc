@@ -204,6 +204,23 @@ TEST(NewScene, WritesEveryModality) {
         << name;
 }
 
+TEST(NewScene, WritesTheElasticLawWhereItIsAskedFor) {
+  const LabelMap map = make_map({"femur", "vastus_lateralis_muscle"});
+  const NewSceneInput layers{.labels = "/l.nrrd", .label_map = &map};
+  NewSceneInput elastic = layers;
+  elastic.law = TissueLaw::kElastic;
+  EXPECT_EQ(new_scene(layers).yielding.law, TissueLaw::kLayers);
+  EXPECT_THAT(*new_scene_text(layers, "/"), testing::Not(HasSubstr("yielding")));
+  const Scene scene = new_scene(elastic);
+  EXPECT_EQ(scene.yielding.law, TissueLaw::kElastic);
+  EXPECT_FALSE(scene.yielding.cell_mm);
+  EXPECT_FALSE(scene.tissues[0].elastic.has_value());
+  EXPECT_EQ(scene.tissues[1].elastic, (ElasticConstants{14, 0.45}));
+  const std::string text = *new_scene_text(elastic, "/");
+  EXPECT_THAT(text, HasSubstr("friction 0.2, does not yield"));
+  EXPECT_THAT(text, HasSubstr("friction 0.1, E 14 kPa"));
+}
+
 TEST(NewScene, IsDeterministic) {
   const LabelMap map = make_map({"femur", "x", "y", "patellar_cartilage"});
   const NewSceneInput input{.labels = "/l.nrrd", .label_map = &map};

@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <string_view>
 
 #include "palpate/scene/scene.h"
 #include "scene/keys.h"
@@ -254,6 +255,63 @@ std::vector<TissuePreset> make_presets() {
   return presets;
 }
 
+// ---- what yields -------------------------------------------------------------------------------
+
+/// What a preset is made of as an elastic body; presets that have none (bone) do not yield.
+struct ElasticPreset {
+  std::string_view preset;
+  ElasticConstants constants;
+  std::array<double, 2> range_kPa;
+  std::string_view source;
+};
+// E is that of the stiffness's source, to two digits, unless said otherwise
+constexpr std::array kElasticPresets{
+    ElasticPreset{"cartilage",
+                  {770, 0.1},
+                  {470, 1540},
+                  "at equilibrium; range by H_A of 0.48 to 1.58 MPa of the human tibia, nu 0 to 0.05 "
+                  "(PMC2858459). Struck quickly it is several times stiffer"},
+    ElasticPreset{"meniscus",
+                  {120, 0},
+                  {100, 250},
+                  "at equilibrium, across its fibres; along them it is up to a thousand times stiffer, which "
+                  "a body that is the same in all directions does not have"},
+    ElasticPreset{"disc", {990, 0.1}, {500, 2000}, "at equilibrium; range (E)"},
+    ElasticPreset{"ligament",
+                  {11000, 0.45},
+                  {5500, 22000},
+                  "across its fibres, which is how a finger presses it; range (E)"},
+    ElasticPreset{"muscle", {14, 0.45}, {5, 19}, "3.9 to 6.2 kPa of shear modulus; from 5 kPa on (E)"},
+    ElasticPreset{"fat", {9.1, 0.45}, {1, 25}, "range (E)"},
+    ElasticPreset{"skin", {56, 0.45}, {28, 110}, "range (E)"},
+    ElasticPreset{"vessel",
+                  {12, 0.45},
+                  {6, 24},
+                  "(E) of a solid body that gives as much under the probe as the tube does: labels hold the "
+                  "blood as well, and the wall's 771 kPa would be far too hard"},
+    ElasticPreset{"nerve", {39, 0.45}, {19, 77}, "range (E)"},
+    ElasticPreset{"liver",
+                  {6.3, 0.45},
+                  {5.4, 6.3},
+                  "range by a shear modulus of 1.8 kPa elsewhere (doi 10.1088/1361-6560/ab5010)"},
+    ElasticPreset{"kidney", {15, 0.45}, {7, 29}, "range (E)"},
+    ElasticPreset{"spleen", {11, 0.45}, {5, 21}, "range (E)"},
+    ElasticPreset{"lung", {3.4, 0.4}, {1.7, 7}, "range (E); nu (E), less than of others: it is full of air"},
+    ElasticPreset{"heart", {3.4, 0.45}, {1.7, 7}, "at rest; range (E)"},
+    ElasticPreset{"brain", {1.9, 0.45}, {1.5, 4.5}, "range (E), by shear moduli of 0.5 to 1.5 kPa"},
+    ElasticPreset{"gland", {11, 0.45}, {4.8, 11}, "range: pancreas to submandibular gland, same source"},
+    ElasticPreset{"lymph node", {21, 0.45}, {10, 43}, "range (E)"},
+    ElasticPreset{"tumour",
+                  {43, 0.45},
+                  {43, 69},
+                  "range by a shear modulus of 23 kPa of liver cancer (doi 10.1088/1361-6560/ab5010)"}};
+
+const ElasticPreset* elastic_preset(std::string_view preset) {
+  const auto found = std::find_if(kElasticPresets.begin(), kElasticPresets.end(),
+                                  [&](const ElasticPreset& elastic) { return elastic.preset == preset; });
+  return found == kElasticPresets.end() ? nullptr : &*found;
+}
+
 // ---- matching -----------------------------------------------------------------------------------
 
 bool is_upper(char c) {
@@ -300,7 +358,13 @@ bool is_hollow(const std::vector<std::string>& words) {
 }  // namespace
 
 const std::vector<TissuePreset>& tissue_presets() {
-  static const std::vector<TissuePreset> presets = make_presets();
+  static const std::vector<TissuePreset> presets = [] {
+    std::vector<TissuePreset> made = make_presets();
+    for (TissuePreset& preset : made)
+      if (const ElasticPreset* elastic = elastic_preset(preset.name))
+        preset.values.elastic = elastic->constants;
+    return made;
+  }();
   return presets;
 }
 
@@ -343,6 +407,22 @@ std::string tissue_preset_table() {
                                v.friction_max_N, v.viscosity_N_s_per_mm, v.opacity})
       text += " | " + number_text(value);
     text += " | " + preset.source + " |\n";
+  }
+  return text;
+}
+
+std::string elastic_preset_table() {
+  std::string text = "| preset | E kPa | nu | range of E kPa | from |\n|---|---|---|---|---|\n";
+  for (const TissuePreset& preset : tissue_presets()) {
+    const ElasticPreset* elastic = elastic_preset(preset.name);
+    if (elastic == nullptr) {
+      text += "| `" + preset.name + "` | — | — | — | does not yield |\n";
+      continue;
+    }
+    const auto& [low_kPa, high_kPa] = elastic->range_kPa;
+    text += "| `" + preset.name + "` | " + number_text(elastic->constants.youngs_modulus_kPa) + " | " +
+            number_text(elastic->constants.poissons_ratio) + " | " + number_text(low_kPa) + " … " +
+            number_text(high_kPa) + " | " + std::string(elastic->source) + " |\n";
   }
   return text;
 }

@@ -87,6 +87,31 @@ TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
   EXPECT_EQ(stiffness_of("brain"), 0.008);       // 4 * 0.001895 = 0.0076 N/mm
 }
 
+// what gives way has a modulus that a scene may have; bone alone is rigid
+TEST(TissuePresets, WhatIsSoftSaysWhatItIsMadeOf) {
+  const TableSpec& keys = scene_key_tables().tissue;
+  for (const TissuePreset& preset : tissue_presets()) {
+    const auto& elastic = preset.values.elastic;
+    ASSERT_EQ(elastic.has_value(), preset.name != "bone") << preset.name;
+    if (!elastic) continue;
+    EXPECT_FALSE(number_fault(*keys.find("youngs_modulus"), elastic->youngs_modulus_kPa)) << preset.name;
+    EXPECT_FALSE(number_fault(*keys.find("poissons_ratio"), elastic->poissons_ratio)) << preset.name;
+  }
+}
+
+// under the same flat punch the moduli give the stiffnesses, E = K (1 - nu^2) / 2 a, as far as two digits and
+// another nu go
+TEST(TissuePresets, ModuliAndStiffnessesAreOfTheSameTissue) {
+  for (const TissuePreset& preset : tissue_presets()) {
+    if (!preset.values.elastic) continue;
+    const auto& [modulus_kPa, ratio] = *preset.values.elastic;
+    const double punch_N_per_mm = 2 * 1.5 * 1e-3 * modulus_kPa / (1 - ratio * ratio);
+    const double felt = punch_N_per_mm * 1.5 / (punch_N_per_mm + 1.5);
+    EXPECT_NEAR(felt, preset.values.stiffness_N_per_mm, 0.15 * preset.values.stiffness_N_per_mm)
+        << preset.name;
+  }
+}
+
 TEST(TissuePresets, WhatRestsOnSomethingIsSofter) {
   EXPECT_LT(stiffness_of("cartilage"), stiffness_of("bone"));
   EXPECT_LT(stiffness_of("meniscus"), stiffness_of("cartilage"));

@@ -37,6 +37,22 @@ TissueSettings starting_values(const TableReader& reader) {
   return found->values;
 }
 
+// what it is made of; a key beside a preset overrides that
+void read_elastic(const TableReader& reader, TissueSettings& tissue, Problems& problems) {
+  if (const auto modulus_kPa = reader.number("youngs_modulus")) {
+    if (!tissue.elastic) tissue.elastic.emplace();
+    tissue.elastic->youngs_modulus_kPa = *modulus_kPa;
+  }
+  const auto ratio = reader.number("poissons_ratio");
+  if (!ratio) return;
+  if (tissue.elastic)
+    tissue.elastic->poissons_ratio = *ratio;
+  else if (!reader.has("youngs_modulus"))
+    problems.add(reader.line("poissons_ratio"),
+                 "tissue \"" + tissue.name + "\" has a Poisson's ratio and no modulus",
+                 "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
+}
+
 TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   TissueSettings tissue = starting_values(reader);
   tissue.line = reader.line();
@@ -82,6 +98,7 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   if (auto fault = friction_fault(tissue.static_friction.value_or(tissue.friction_coefficient),
                                   tissue.friction_coefficient))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
+  read_elastic(reader, tissue, problems);
   set("friction_damping", tissue.friction_damping_N_s_per_mm);
   set("friction_max", tissue.friction_max_N);
   set("viscosity", tissue.viscosity_N_s_per_mm);
@@ -122,6 +139,17 @@ void read_force(const TableReader& reader, ForceSettings& force) {
                                                           : NormalEncoding::kBytes;
   force.settings.coupling_damping_N_s_per_mm =
       reader.number("coupling_damping").value_or(force.settings.coupling_damping_N_s_per_mm);
+}
+
+void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) {
+  YieldingSettings& yielding = scene.yielding;
+  yielding.law = value_of(reader.choice("law").value_or(""), kTissueLaws);
+  yielding.cell_mm = reader.number("cell");
+  if (yielding.law == TissueLaw::kElastic && scene.force.method != ForceMethod::kProxy)
+    problems.add(reader.line("law"), "tissue yields to the proxy alone",
+                 "set [force] method = \"proxy\", or leave method out");
+  if (yielding.law != TissueLaw::kElastic && yielding.cell_mm)
+    problems.add(reader.line("cell"), "cell belongs to law = \"elastic\"", "take it out, or change the law");
 }
 
 void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {
@@ -434,6 +462,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,
                    problems);
   read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
+  read_yielding(TableReader(top.table("yielding"), keys.yielding, problems), scene, problems);
   read_tools(top, scene, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");

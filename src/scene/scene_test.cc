@@ -41,6 +41,8 @@ friction_damping = 0.004
 friction_max = 0.3
 static_friction = 0.05
 puncture = 4
+youngs_modulus = 500
+poissons_ratio = 0.2
 viscosity = 0.002
 colour = "#0aF1b2"
 opacity = 0.25
@@ -100,6 +102,8 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_EQ(cartilage.friction_coefficient, 0.02);
   EXPECT_EQ(cartilage.static_friction, 0.05);
   EXPECT_EQ(cartilage.puncture_N, 4);
+  EXPECT_EQ(cartilage.elastic, (ElasticConstants{500, 0.2}));
+  EXPECT_FALSE(bone.elastic.has_value());
   EXPECT_EQ(cartilage.friction_damping_N_s_per_mm, 0.004);
   EXPECT_EQ(cartilage.friction_max_N, 0.3);
   EXPECT_EQ(cartilage.viscosity_N_s_per_mm, 0.002);
@@ -175,6 +179,11 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(scene->force.settings.normals, NormalEncoding::kBytes);
   EXPECT_EQ(keys.force.find("normals")->default_text, "\"bytes\"");
   EXPECT_EQ(scene->force.settings.coupling_damping_N_s_per_mm, default_of(keys.force, "coupling_damping"));
+  EXPECT_FALSE(tissue.elastic.has_value()) << "it does not yield";
+  EXPECT_EQ(ElasticConstants().poissons_ratio, default_of(keys.tissue, "poissons_ratio"));
+  EXPECT_EQ(scene->yielding.law, TissueLaw::kLayers);
+  EXPECT_EQ(keys.yielding.find("law")->default_text, "\"layers\"");
+  EXPECT_FALSE(scene->yielding.cell_mm);
   EXPECT_EQ(keys.tool.find("name")->default_text, "\"" + scene->tools[0].name + "\"");
   ASSERT_EQ(scene->tools[0].points_mm.size(), 1u);
   EXPECT_EQ(scene->tools[0].points_mm[0], Eigen::Vector3d::Zero());
@@ -188,6 +197,32 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_TRUE(keys.workspace.find("clutch_button")->default_text.empty());
   EXPECT_EQ(scene->side, Side::kUnknown);
   EXPECT_FALSE(scene->max_force_N.has_value());
+}
+
+ElasticConstants elastic_of(const std::string& keys) {
+  const auto scene = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n" + keys, "t");
+  EXPECT_TRUE(scene.ok()) << (scene.ok() ? "" : scene.error().message());
+  if (!scene.ok() || !scene->tissues[0].elastic) return {-1, -1};
+  return *scene->tissues[0].elastic;
+}
+
+TEST(ParseScene, ATissueIsMadeOfWhatItsKeysAndItsPresetSay) {
+  const ElasticConstants muscle = elastic_of("preset = 'muscle'\n");
+  EXPECT_EQ(muscle, (ElasticConstants{14, 0.45}));
+  EXPECT_EQ(elastic_of("youngs_modulus = 20\n"), (ElasticConstants{20, 0.45}));
+  EXPECT_EQ(elastic_of("preset = 'meniscus'\nyoungs_modulus = 20\n"), (ElasticConstants{20, 0}));
+  EXPECT_EQ(elastic_of("preset = 'muscle'\npoissons_ratio = 0.3\n"), (ElasticConstants{14, 0.3}));
+  EXPECT_EQ(elastic_of("preset = 'bone'\nyoungs_modulus = 1e5\npoissons_ratio = 0.495\n"),
+            (ElasticConstants{100'000, 0.495}));
+  EXPECT_EQ(elastic_of("youngs_modulus = 0.1\npoissons_ratio = 0\n"), (ElasticConstants{0.1, 0}));
+}
+
+TEST(ParseScene, TissueYieldsWhereTheLawSaysSo) {
+  const auto scene =
+      parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[yielding]\nlaw = 'elastic'\ncell = 1.25\n", "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_EQ(scene->yielding.law, TissueLaw::kElastic);
+  EXPECT_EQ(scene->yielding.cell_mm, 1.25);
 }
 
 TEST(ParseScene, AToolHasCapsules) {
@@ -395,6 +430,25 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "[tool]\nkind = 'burr'\n[force]\nmethod = 'trilinear'\n", 5,
                  "felt by the proxy alone", "method = \"proxy\""},
         BadScene{TISSUE "[tool]\nkind = 'drill'\n", 5, "drill", "\"burr\""},
+        BadScene{TISSUE "youngs_modulus = 0.05\n", 4, "youngs_modulus = 0.05 is outside 0.1 ... 100000 kPa",
+                 "a number"},
+        BadScene{TISSUE "youngs_modulus = 100001\npoissons_ratio = 0.3\n", 4, "outside 0.1 ... 100000 kPa",
+                 ""},
+        BadScene{TISSUE "youngs_modulus = 10\npoissons_ratio = 0.5\n", 5,
+                 "poissons_ratio = 0.5 is outside 0 ... 0.495", "default 0.45"},
+        BadScene{TISSUE "youngs_modulus = 10\npoissons_ratio = -0.1\n", 5, "outside 0 ... 0.495", ""},
+        BadScene{TISSUE "poissons_ratio = 0.3\n", 4, "tissue \"a\" has a Poisson's ratio and no modulus",
+                 "add youngs_modulus = 10"},
+        BadScene{TISSUE "youngs_modulus_kPa = 10\n", 4, "unknown key \"youngs_modulus_kPa\"",
+                 "did you mean youngs_modulus?"},
+        BadScene{TISSUE "[yielding]\nlaw = 'chainmail'\n", 5, "chainmail", "\"elastic\" or \"layers\""},
+        BadScene{TISSUE "[yielding]\nlaw = 'elastic'\ncell = 0.1\n", 6, "cell = 0.1 is outside 0.2 ... 10 mm",
+                 "a number"},
+        BadScene{TISSUE "[yielding]\ncell = 1\n", 5, "cell belongs to law = \"elastic\"", "take it out"},
+        BadScene{TISSUE "[force]\nmethod = 'trilinear'\n[yielding]\nlaw = 'elastic'\n", 7,
+                 "yields to the proxy alone", "method = \"proxy\""},
+        BadScene{TISSUE "[yielding]\nlaws = 'elastic'\n", 5, "unknown key \"laws\" in [yielding]",
+                 "did you mean law?"},
         BadScene{TISSUE "stifness = 1\n", 4, "unknown key \"stifness\" in [[tissue]]",
                  "did you mean stiffness?"},
         BadScene{"tilte = 'x'\n" TISSUE, 1, "unknown key \"tilte\"", "did you mean title?"},
@@ -707,7 +761,8 @@ TEST_F(LoadScene, WritesWholeFiles) {
 }
 
 TEST(EmbeddedScene, EveryOneParses) {
-  for (const char* name : {"knee", "knee-phantom", "knee-atlas", "head"}) {
+  for (const char* name : {"knee", "knee-phantom", "knee-atlas", "head", "shell-phantom", "skull-phantom",
+                           "gland-phantom", "palpation-block", "palpation-dome", "abdominal-wall"}) {
     const auto text = embedded_scene(name);
     ASSERT_TRUE(text.has_value()) << name;
     const auto scene = parse_scene(*text, name);
@@ -732,6 +787,22 @@ TEST(EmbeddedScene, KneeHasItsJointFeltAndTheRestShown) {
     const bool of_the_joint = tissue.name == "bone" || tissue.name == "cartilage" ||
                               tissue.name == "meniscus" || tissue.name == "ligament";
     EXPECT_EQ(tissue.felt, of_the_joint) << tissue.name;
+  }
+}
+
+// what is soft can yield, should somebody change the law, and the scenes that are for it do
+TEST(EmbeddedScene, WhatIsSoftSaysWhatItIsMadeOf) {
+  for (const std::string name : {"knee", "head", "skull-phantom", "gland-phantom", "palpation-block",
+                                 "palpation-dome", "abdominal-wall"}) {
+    SCOPED_TRACE(name);
+    std::string text(*embedded_scene(name));
+    if (name == "knee") text += *embedded_scene("lesion-in-knee");
+    const auto scene = parse_scene(text, name);
+    ASSERT_TRUE(scene.ok()) << scene.error().message();
+    for (const TissueSettings& tissue : scene->tissues)
+      EXPECT_EQ(tissue.elastic.has_value(), tissue.preset != "bone") << tissue.name;
+    const bool yields = name.starts_with("palpation") || name == "abdominal-wall";
+    EXPECT_EQ(scene->yielding.law, yields ? TissueLaw::kElastic : TissueLaw::kLayers);
   }
 }
 

@@ -125,6 +125,21 @@ class SceneTest(cli.PalpateTest):
         self.assertNotIn("modality", self.succeed("scene", "new", labels).stdout)
         self.fail_clearly(cli.USAGE, "scene", "new", labels, "--modality", "photo", says="{ct,mr}")
 
+    def test_tissue_that_yields(self):
+        labels, scene = self.labels(), self.folder / "scene.toml"
+        (self.folder / "names.ctbl").write_text("1 thigh_muscle 1 1 1 255\n")
+        self.assertNotIn("yielding", self.succeed("scene", "new", labels).stdout)
+        self.fail_clearly(cli.USAGE, "scene", "new", labels, "--tissue", "chainmail", says="{layers,elastic}")
+        self.assertNotIn("yields", self.succeed("scene", "new", labels, "--tissue", "elastic", "-o", scene).stderr)
+        said = self.succeed("scene", "check", scene)
+        self.assertRegex(said.stdout, r"(?m)^tissue +elastic$")
+        self.assertRegex(said.stdout, r"(?m)^muscle +yes +0\.052 +14 +0\.45 ")
+        self.assertNotIn("nothing", said.stderr)
+        scene.write_text(scene.read_text().replace('preset = "muscle"', "") + '[limits]\n')
+        said = self.succeed("scene", "check", scene)
+        self.assertIn("nothing in this scene yields", said.stderr)
+        self.assertRegex(said.stdout, r"(?m)^muscle +yes +1 +rigid ")
+
     def test_usage_line(self):
         self.assertIn("scene new [OPTIONS] [SCAN] LABELS\n", self.succeed("scene", "new", "--help").stdout)
 

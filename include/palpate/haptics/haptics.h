@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
+#include "palpate/haptics/elastic_constants.h"
 #include "palpate/haptics/feel.h"
 #include "palpate/haptics/force_field.h"
 #include "palpate/haptics/proxy.h"
@@ -24,6 +25,12 @@ enum class Protection : std::uint8_t {
   kNone,   ///< it is cut as any other
   kAlarm,  ///< it is cut, and that is said: who trains is to see the damage
   kKeep,   ///< the burr is held out of it, and nothing of it is taken away
+};
+
+/// How soft tissue gives way to a tool.
+enum class TissueLaw : std::uint8_t {
+  kLayers,   ///< each structure holds the tool out by its own stiffness, and nothing moves
+  kElastic,  ///< what has ElasticConstants is an elastic body that yields and spreads (docs/tissue.md)
 };
 
 /// A group of labels that feel alike.
@@ -41,6 +48,9 @@ struct Tissue {
   /// default is that of cortical bone under a burr (docs/decisions/0029-removal.md).
   double cutting_energy_mJ_per_mm3 = 100;
   Protection protection = Protection::kNone;
+  /// Of TissueLaw::kElastic, without effect under another law. Empty: it does not yield (bone, a tooth, an
+  /// implant), and what is soft holds fast to it.
+  std::optional<ElasticConstants> elastic;
   Rgb colour;
   double opacity = 1.0;
   std::vector<int> rests_on;  ///< indices of tissues that support this one
@@ -130,6 +140,8 @@ struct Model {
   /// What was taken from the surfaces (palpate/tissue/carving.h). null: nothing.
   std::shared_ptr<const Carving> carving;
   MethodSettings method_settings;
+  TissueLaw tissue_law = TissueLaw::kLayers;
+  double tissue_cell_mm = 0;  ///< edge of the elastic law's cells; 0: chosen from the voxels
 
   double sigma_mm = 1.0;  ///< smoothing that made the field, unless it has ramps
   double ramp_width_mm =

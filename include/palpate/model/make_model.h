@@ -25,7 +25,9 @@ struct ModelParts {
   std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1 and beyond the table: of no tissue
   std::vector<Tool> tools{Tool()};            ///< Model::tools
   MethodSettings method_settings;
-  double sigma_mm = 1;  ///< of the smooth sphere, and of a smoothed field
+  TissueLaw tissue_law = TissueLaw::kLayers;  ///< Model::tissue_law
+  double tissue_cell_mm = 0;                  ///< Model::tissue_cell_mm
+  double sigma_mm = 1;                        ///< of the smooth sphere, and of a smoothed field
   double max_force_N =
       std::numeric_limits<double>::infinity();  ///< infinite: none but the device's and user's
 

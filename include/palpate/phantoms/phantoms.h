@@ -11,7 +11,8 @@
 #include "palpate/volume/volume.h"
 
 /// Generated stand-ins for patients, made of primitives (palpate/phantoms/primitives.h): a knee, a hollow
-/// shell, a skull and a gland before a jaw, each with parameters. A phantom is told by a name with its
+/// shell, a skull, a gland before a jaw, and three to be palpated through what yields: a block and a dome
+/// with nodules, and an abdominal wall. Each has parameters. A phantom is told by a name with its
 /// parameters, "knee-phantom:lesion=6,side=right", wherever the name of a data set stands. docs/phantom.md
 /// draws them and documents every key.
 namespace palpate {
@@ -72,9 +73,47 @@ struct GlandParameters {
   double skin_mm = 0;    ///< thickness of the layer over that; 0: none
 };
 
-using PhantomParameters = std::variant<KneeParameters, ShellParameters, SkullParameters, GlandParameters>;
+/// Hard balls of one size in soft tissue, no two nearer to each other than 1.5 diameters from middle to
+/// middle. Where they lie follows from the seed.
+struct NoduleParameters {
+  std::uint64_t nodules = 1;
+  double diameter_mm = 8;
+  double depth_mm = 5;    ///< of soft tissue over each, along the surface's normal
+  double stiffness = 10;  ///< Young's modulus of a nodule over that of the tissue, in the phantom's own scene
+  bool visible = false;   ///< whether the scan shows them; labels always do
+};
 
-/// The data sets that are phantoms: "knee-phantom", "shell-phantom", "skull-phantom", "gland-phantom".
+/// Soft tissue on a rigid plate.
+struct BlockParameters {
+  PhantomSettings settings{.spacing_mm = {1, 1, 1}};
+  NoduleParameters nodules{};
+  double width_mm = 80;  ///< along x and z
+  double thickness_mm = 40;
+};
+
+/// The same as half an ellipsoid, as a breast.
+struct DomeParameters {
+  PhantomSettings settings{.spacing_mm = {1, 1, 1}};
+  NoduleParameters nodules{};
+  double radius_mm = 40;  ///< of its base
+  double height_mm = 35;
+};
+
+/// Skin, fat and muscle over a liver with a firm lower edge and over a rib.
+struct AbdomenParameters {
+  PhantomSettings settings{.spacing_mm = {1, 1, 1}};
+  double skin_mm = 2;
+  double fat_mm = 10;  ///< 0: none
+  double muscle_mm = 8;
+  double edge_mm = 5;  ///< radius of the liver's firm edge; 0: none
+  bool rib = true;
+};
+
+using PhantomParameters = std::variant<KneeParameters, ShellParameters, SkullParameters, GlandParameters,
+                                       BlockParameters, DomeParameters, AbdomenParameters>;
+
+/// The data sets that are phantoms: "knee-phantom", "shell-phantom", "skull-phantom", "gland-phantom",
+/// "palpation-block", "palpation-dome", "abdominal-wall".
 const std::vector<std::string>& phantom_names();
 /// Whether a name is one of these, with or without parameters, right or wrong.
 bool is_phantom_name(std::string_view name);
@@ -97,6 +136,18 @@ struct PhantomWithoutVoxels {
 };
 /// Those of make_phantom() with the same parameters. Errors: kBadInput as there.
 Result<PhantomWithoutVoxels> phantom_without_voxels(const PhantomParameters& parameters);
+/// A nodule of a block or dome.
+struct PhantomNodule {
+  Point<Patient> centre;
+  double radius_mm = 0;
+  Point<Patient> surface;  ///< the place on the tissue's surface that is nearest to it
+};
+/// Where a phantom's nodules lie, in the order in which they were placed; of other phantoms than block and
+/// dome none. Errors: kBadInput as of make_phantom().
+Result<std::vector<PhantomNodule>> phantom_nodules(const PhantomParameters& parameters);
+/// What a block or dome has besides its tissue; null: it is another phantom.
+const NoduleParameters* nodule_parameters(const PhantomParameters& parameters);
+
 /// The mean knee with voxels of `voxel_mm` and this seed of the scan's noise.
 Result<Phantom> make_knee_phantom(double voxel_mm = 0.6, std::uint64_t scan_seed = 1,
                                   const Progress& progress = {});

@@ -40,6 +40,9 @@ inline constexpr std::array kSides{Word<Side>{Side::kLeft, "left"}, Word<Side>{S
 inline constexpr std::array kModalities{Word<Modality>{Modality::kCt, "ct"},
                                         Word<Modality>{Modality::kMr, "mr"},
                                         Word<Modality>{Modality::kUnknown, "unknown"}};
+/// The last is what a scene has that says nothing.
+inline constexpr std::array kTissueLaws{Word<TissueLaw>{TissueLaw::kElastic, "elastic"},
+                                        Word<TissueLaw>{TissueLaw::kLayers, "layers"}};
 template <class T, std::size_t kCount>
 constexpr T value_of(std::string_view name, const std::array<Word<T>, kCount>& words) {
   const auto found =
@@ -69,6 +72,7 @@ struct TissueSettings {
   std::optional<double> puncture_N;       ///< empty: never
   double cutting_energy_mJ_per_mm3 = Tissue().cutting_energy_mJ_per_mm3;
   Protection protection = Protection::kNone;  ///< of a burr; only of what is felt
+  std::optional<ElasticConstants> elastic;    ///< Tissue::elastic
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;
   double viscosity_N_s_per_mm = 0.001;
@@ -100,6 +104,12 @@ struct ForceSettings {
   MethodSettings settings;
 };
 
+/// Whether soft tissue gives way.
+struct YieldingSettings {
+  TissueLaw law = TissueLaw::kLayers;
+  std::optional<double> cell_mm;  ///< of the elastic law; empty: chosen from the voxels
+};
+
 struct Scene {
   std::string title;
   Side side = Side::kUnknown;
@@ -110,6 +120,7 @@ struct Scene {
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
   ForceSettings force;
+  YieldingSettings yielding;
   std::vector<Tool> tools{Tool()};  ///< Model::tools: [tool], then [second_tool] where the scene has it
   WorkspaceSettings workspace;      ///< of every device; no part of the model
   std::optional<double> max_force_N;
@@ -182,6 +193,7 @@ struct NewSceneInput {
   std::string title = {};
   Side side = Side::kUnknown;
   Modality modality = Modality::kUnknown;
+  TissueLaw law = TissueLaw::kLayers;
 };
 /// The text of a scene file for these files, every structure in the tissue its name suggests; structures
 /// that suggest none get a tissue each that is shown and not felt (one together when they are too many).
@@ -198,6 +210,8 @@ Result<void> write_scene_text(const std::filesystem::path& file, std::string_vie
 std::string scene_keys();
 /// The presets with their values and sources as a Markdown table.
 std::string tissue_preset_table();
+/// What each preset is made of under the elastic law, with range and source, as a Markdown table.
+std::string elastic_preset_table();
 
 // ---- script -------------------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@
 
 #include "palpate/base/result.h"
 #include "palpate/geometry/geometry.h"
+#include "palpate/haptics/elastic_constants.h"
 #include "palpate/volume/bricks.h"
 
 /// Soft tissue as cubes that yield: what they are made of, what holds them. docs/tissue.md has the equations.
@@ -28,11 +29,6 @@ struct ElasticMaterial {
   double poissons_ratio = 0.45;   ///< 0 ... kMostPoissonsRatio
   bool operator==(const ElasticMaterial&) const = default;
 };
-struct ElasticModulusRange {
-  double min_kPa, max_kPa;
-};
-inline constexpr ElasticModulusRange kElasticModulusRange{0.1, 100'000};
-inline constexpr double kMostPoissonsRatio = 0.495;
 /// What is wrong with it, and how to mend it; nothing where it is right.
 Result<void> check_elastic_material(const ElasticMaterial& material);
 
