@@ -610,31 +610,55 @@ class Springs {
 
   /// @param spheres  as the layer's proxy holds them
   /// @param arrived  false: the proxy is no measure of what the hand presses
-  ProxyForce add(const ProxyLayer& state, std::span<const ToolSphere> spheres, bool arrived) {
+  /// @param yield    of the layer in which structures yield
+  ProxyForce add(const ProxyLayer& state, std::span<const ToolSphere> spheres, bool arrived,
+                 YieldState& yield) {
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
     double all_mm = 0, stiffness = 0, own_stiffness = 0, friction = 0;
+    Pressed pressed;
     for (std::size_t n = 0; n < contacts.size(); ++n) {
       const ProxyContact& contact = contacts[n];
       const FeltSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
       const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
-      owners_[n] = owners_at(surfaces_, contact.surface, state.position + arm_of(contact, sphere));
+      const Vector<Patient> arm_mm = arm_of(contact, sphere);
+      owners_[n] = owners_at(surfaces_, contact.surface, state.position + arm_mm);
       all_mm += contact.pull_mm;
       for (const OwnerShare& share : owners_[n].all()) {
         const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
         const double pull_mm = contact.pull_mm * share.part;
+        friction += pull_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
+        if (felt.yield_modulus_N_per_mm2 > 0) {
+          pressed.add(pull_mm, felt.yield_modulus_N_per_mm2, arm_mm, sphere.radius_at_mm(contact.part));
+          continue;
+        }
         own_stiffness += pull_mm * part_of_stiffness(surface, felt, std::numeric_limits<double>::infinity());
         stiffness += pull_mm * part_of_stiffness(surface, felt, options_.most_stiffness_N_per_mm);
-        friction += pull_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
       }
     }
     ProxyForce force;
-    if (!(all_mm > 0)) return force;
+    if (!(all_mm > 0)) {
+      yield = {};
+      return force;
+    }
     stiffness /= all_mm;
     own_stiffness /= all_mm;
-    force.stiffness_N_per_mm = stiffness;
     const Vector<Patient> stretched_mm = (state.position - tip_) * state.part;
-    force.force_N = stretched_mm * stiffness;
     force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();
+    force.tangent_N_per_mm = stiffness;
+    if (pressed.pull_mm > 0) {
+      const Yielded gives = press(pressed, state.position, stretched_mm.norm(), yield);
+      const double part = pressed.pull_mm / all_mm;
+      stiffness += part * gives.secant_N_per_mm;
+      own_stiffness += part * gives.own_secant_N_per_mm;
+      force.tangent_N_per_mm += part * gives.felt.tangent_N_per_mm;
+      force.stored_mJ += part * gives.felt.stored_mJ;
+      force.force_N = gives.aside_N * part;
+      force.yields = true;
+    } else {
+      yield = {};
+    }
+    force.stiffness_N_per_mm = stiffness;
+    force.force_N += stretched_mm * stiffness;
     way_in_.begin_layer(stretched_mm, stiffness);
     for (std::size_t n = 0; n < contacts.size(); ++n)
       for (const OwnerShare& share : owners_[n].all())
@@ -666,6 +690,44 @@ class Springs {
   const WayIn& way_in() const { return way_in_; }
 
  private:
+  // what yields of all that is leant on, as one sphere that leans in one place
+  struct Pressed {
+    double pull_mm = 0;
+    double modulus = 0, radius_mm = 0;  // times the pull
+    Vector<Patient> arm_mm;             // likewise; from the tip
+
+    void add(double pull, double modulus_N_per_mm2, const Vector<Patient>& arm, double radius) {
+      pull_mm += pull;
+      modulus += pull * modulus_N_per_mm2;
+      radius_mm += pull * radius;
+      arm_mm += arm * pull;
+    }
+  };
+  struct Yielded {
+    YieldForce felt;
+    double secant_N_per_mm = 0, own_secant_N_per_mm = 0;  // own: whatever a hand holds with its device
+    Vector<Patient> aside_N;
+  };
+  Yielded press(const Pressed& pressed, const Point<Patient>& position, double depth_mm,
+                YieldState& yield) const {
+    const YieldFrame* const frame = options_.yields;
+    const YieldSpot spot = frame != nullptr ? frame->spot[options_.device] : YieldSpot{};
+    const double per_pull = 1 / pressed.pull_mm, radius_mm = pressed.radius_mm * per_pull;
+    const YieldingTissue tissue =
+        feel_yield(frame != nullptr ? frame->number : 0, spot, position + pressed.arm_mm * per_pull,
+                   pressed.modulus * per_pull, options_.dt_s, yield);
+    Yielded yielded;
+    if (!(depth_mm > 0)) return yielded;
+    const double most = options_.most_stiffness_N_per_mm;
+    yielded.felt = yield_force(tissue, depth_mm, radius_mm, most);
+    yielded.secant_N_per_mm = yielded.felt.force_N / depth_mm;
+    yielded.own_secant_N_per_mm = std::isfinite(most)
+                                      ? yield_force(tissue, depth_mm, radius_mm).force_N / depth_mm
+                                      : yielded.secant_N_per_mm;
+    yielded.aside_N = tissue.slope_per_N * (0.5 * yielded.felt.force_N * yielded.felt.force_N);
+    return yielded;
+  }
+
   std::span<const FeltSurface> surfaces_;
   const Point<Patient> tip_;
   const ProxyOptions options_;
@@ -852,14 +914,19 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
       return result;
     }
     const TurnedTool held(spheres, hand.attitude, layer.attitude);
-    const ProxyForce force = springs.add(layer, held.spheres(), !walked.lagging && !walked.wedged);
+    // structures yield in the outermost layer alone
+    YieldState none;
+    const ProxyForce force =
+        springs.add(layer, held.spheres(), !walked.lagging && !walked.wedged, n == 0 ? state.yield : none);
     result.of_layer[static_cast<std::size_t>(n)] = force;
     result.force_N += force.force_N;
     result.torque_Nmm += force.torque_Nmm;
     result.stiffness_N_per_mm += force.stiffness_N_per_mm;
+    result.tangent_N_per_mm += force.tangent_N_per_mm;
     result.stored_mJ += force.stored_mJ;
+    result.yields = result.yields || force.yields;
   }
-  state.stiffness_N_per_mm = result.stiffness_N_per_mm;
+  state.stiffness_N_per_mm = result.tangent_N_per_mm;
   result.normal = springs.normal();
   result.friction = springs.friction();
   springs.way_in().tell(result);

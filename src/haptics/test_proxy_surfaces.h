@@ -82,6 +82,7 @@ struct ProxyRun {
   ProxyState state;
   ProxyResult result;
   double dt_s = 0.001;
+  const YieldFrame* yields = nullptr;
   double deepest_mm = 0;  ///< at any place of any way, every hundredth of a millimetre; positive: below
 
   const ProxyResult& at(const Point<Patient>& tip,
@@ -89,7 +90,8 @@ struct ProxyRun {
     const ToolPose hand(tip, attitude);
     ProxyWay way;
     const ProxyState before = state;
-    result = advance_proxy(surfaces, turned(hand.attitude).spheres(), hand, state, {.dt_s = dt_s}, &way);
+    result = advance_proxy(surfaces, turned(hand.attitude).spheres(), hand, state,
+                           {.dt_s = dt_s, .yields = yields}, &way);
     if (before.coupled && way.count > 0)
       look_along({before.position, before.attitude}, {way.corner[0], way.attitude[0]});
     for (std::size_t n = 1; n < way.count; ++n)

@@ -173,7 +173,9 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double 
     return 1;
   }
   double& felt = state.stiffness_N_per_mm;
-  felt = felt > 0 ? felt + (stiffness - felt) * -std::expm1(-dt_s / kTouchFeel.seam_s) : stiffness;
+  // what yields gets stiffer with the depth, and that at once
+  felt = felt > 0 && !spring.yields ? felt + (stiffness - felt) * -std::expm1(-dt_s / kTouchFeel.seam_s)
+                                    : stiffness;
   const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(pull_mm) / length_mm;
   const double force_N = felt * length_mm + damping_N_s_per_mm * speed_mm_s;
   return std::max(0.0, force_N) / (stiffness * length_mm);
@@ -236,8 +238,9 @@ HeldTool::HeldTool(const TickContext& tick, const HandContext& hand)
 }
 
 ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
-  return {tick.friction, hand.most_stiffness_N_per_mm(), tick.dt_s,
-          kProxyFeel.most_slip_N_per_s / hand.device.force_gain};
+  return {tick.friction, hand.most_stiffness_N_per_mm(),
+          tick.dt_s,     kProxyFeel.most_slip_N_per_s / hand.device.force_gain,
+          tick.yields,   hand.number};
 }
 
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
@@ -276,11 +279,13 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
   tool.asked.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
   tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
                           (gains.force_gain / gains.scale);
-  tool.stored_mJ =
-      (0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm() + result.stored_mJ - outermost.stored_mJ) *
-      (gains.force_gain / gains.scale);
-  tool.stiffness_N_per_mm = FeltStiffness(gains).at_device(
-      coupling.stiffness_N_per_mm + result.stiffness_N_per_mm - outermost.stiffness_N_per_mm);
+  const double stored_mJ =
+      outermost.yields ? outermost.stored_mJ : 0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm();
+  tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
+  const double stiffness_N_per_mm =
+      outermost.yields ? outermost.tangent_N_per_mm : coupling.stiffness_N_per_mm;
+  tool.stiffness_N_per_mm = FeltStiffness(gains).at_device(stiffness_N_per_mm + result.tangent_N_per_mm -
+                                                           outermost.tangent_N_per_mm);
   if (!proxy.coupled) tool.flags |= kFlagInside;
   if (result.wedged) tool.flags |= kFlagWedged;
   if (result.ruptured) tool.flags |= kFlagRuptured;

@@ -61,10 +61,13 @@ class SurfacesNeeded {
   SurfacesNeeded(const Model& model, const std::vector<LabelId>& felt,
                  const std::vector<std::pair<LabelId, LabelId>>& touching)
       : model_(model), felt_(felt), touching_(touching) {
+    for (const LabelId label : felt)
+      if (yields(label)) softest_ = std::min(softest_, model.tissue_of(label)->stiffness_N_per_mm);
     for (const LabelId label : felt) {
       const Tissue& tissue = *model.tissue_of(label);
       FeltSurface structure;
-      structure.stiffness_N_per_mm = tissue.stiffness_N_per_mm;
+      structure.stiffness_N_per_mm = stiffness_of(label);
+      if (yields(label)) structure.yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
       structure.static_friction = tissue.static_friction;
       structure.dynamic_friction = tissue.friction_coefficient;
       structure.puncture_N = tissue.puncture_N;
@@ -116,7 +119,11 @@ class SurfacesNeeded {
     int surface;
   };
 
-  double stiffness_of(LabelId label) const { return model_.tissue_of(label)->stiffness_N_per_mm; }
+  // what yields is one layer, and gives what soft tissue gives: of its stiffness only the order is left
+  bool yields(LabelId label) const { return model_.yields(*model_.tissue_of(label)); }
+  double stiffness_of(LabelId label) const {
+    return yields(label) ? softest_ : model_.tissue_of(label)->stiffness_N_per_mm;
+  }
   int place_of(LabelId label) const {
     return static_cast<int>(std::lower_bound(felt_.begin(), felt_.end(), label) - felt_.begin());
   }
@@ -199,6 +206,7 @@ class SurfacesNeeded {
   const Model& model_;
   const std::vector<LabelId>& felt_;
   const std::vector<std::pair<LabelId, LabelId>>& touching_;
+  double softest_ = std::numeric_limits<double>::infinity();  // of what yields
   std::vector<FeltSurface> surfaces_;
   // by layer, and whether they lie beneath what can be gone through
   std::map<std::pair<int, bool>, std::vector<Part>> parts_;

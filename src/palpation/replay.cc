@@ -13,6 +13,7 @@
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/palpation/told_loop.h"
 #include "palpate/servo/feel.h"
+#include "palpate/tissue/yield_solver.h"
 
 namespace palpate {
 namespace {
@@ -121,16 +122,19 @@ class Replayer {
   Result<void> take(const RecordingPart& part) {
     for (const RecordingEvent& event : part.events) {
       if (event.kind == RecordingEvent::Kind::kSweep) cuts_.push_back(cut_of(event.sweep));
+      if (event.kind == RecordingEvent::Kind::kYield)
+        solutions_.push_back({event.number, event.input_tick, event.frame_hash});
       if (event.kind != RecordingEvent::Kind::kModel) continue;
       changes_.push_back({event.change, {}});
       if (event.change.tissue == ModelChange::kCut) changes_.back().cuts = std::exchange(cuts_, {});
     }
-    if (changes_.size() > kMostUnfelt || cuts_.size() > kMostUnfelt)
+    if (changes_.size() > kMostUnfelt || cuts_.size() > kMostUnfelt || solutions_.size() > kMostUnfelt)
       return Error{ErrorKind::kBadInput, "the recording lists more changes of the model than a run can have",
                    "", ""};
     for (const TickRecord& recorded : part.ticks) {
       if (!result_.difference.empty()) return {};
       if (auto there = advance_to(recorded); !there) return there;
+      if (auto solved = solve_until(recorded); !solved) return solved;
       run_again(recorded);
     }
     return {};
@@ -141,7 +145,10 @@ class Replayer {
  private:
   // between two ticks there are a few; of format 3, which has none at their time, kMaxChanges in all
   static constexpr std::size_t kMostUnfelt = 100'000;
+  // a solution takes some frames of a busy machine, at up to 10 kHz
+  static constexpr std::size_t kMostInputs = 20'000;
   Result<void> advance_to(const TickRecord& recorded);
+  Result<void> solve_until(const TickRecord& recorded);
   void run_again(const TickRecord& recorded);
 
   ModelVersions model_;
@@ -152,6 +159,18 @@ class Replayer {
   };
   std::deque<Change> changes_;  // that no tick has felt yet
   std::vector<Cut> cuts_;       // whose version is still to come
+  struct Solution {
+    std::uint32_t number;
+    std::uint64_t input_tick, hash;
+  };
+  std::deque<Solution> solutions_;  // that no tick has felt yet
+  // ticks that one may still be solved from, each with the model that it felt
+  struct Input {
+    TickRecord tick;
+    std::shared_ptr<const Model> model;
+  };
+  std::deque<Input> inputs_;
+  YieldSolver yields_;
   SessionState state_;
   ReplayResult result_;
 };
@@ -171,9 +190,38 @@ Result<void> Replayer::advance_to(const TickRecord& recorded) {
                "", "only runs whose changes of the model were recorded can be replayed"};
 }
 
+// Tissue that yields as a tick felt it, solved anew from the ticks that it was solved from.
+Result<void> Replayer::solve_until(const TickRecord& recorded) {
+  const auto missing = [&](const std::string& how) {
+    return Error{ErrorKind::kBadInput,
+                 "tick " + std::to_string(recorded.tick) + " felt solution " +
+                     std::to_string(recorded.yield_frame) + " of the tissue, " + how,
+                 "", "only runs whose solutions were recorded can be replayed"};
+  };
+  while (yields_.frame().number < recorded.yield_frame) {
+    if (solutions_.empty()) return missing("which the file does not hold");
+    const Solution solution = solutions_.front();
+    solutions_.pop_front();
+    while (!inputs_.empty() && inputs_.front().tick.tick < solution.input_tick) inputs_.pop_front();
+    if (inputs_.empty() || inputs_.front().tick.tick != solution.input_tick ||
+        solution.number != yields_.frame().number + 1)
+      return missing("which was solved from a tick that is not there");
+    const Input& input = inputs_.front();
+    if (yields_.solve(*input.model, input.tick).hash() == solution.hash) continue;
+    result_.first_difference = recorded.tick;
+    result_.difference = "the tissue's solution " + std::to_string(solution.number) + " of tick " +
+                         std::to_string(solution.input_tick) + " is another one";
+    return {};
+  }
+  if (recorded.yield_frame != yields_.frame().number) return missing("which is not the newest");
+  return {};
+}
+
 void Replayer::run_again(const TickRecord& recorded) {
   // every input of the tick as it was
-  const Parameters parameters = parameters_of(recorded);
+  if (differs()) return;
+  Parameters parameters = parameters_of(recorded);
+  parameters.yields = yields_.frame();
   std::array<DeviceState, kMaxDevices> devices;
   for (int d = 0; d < recorded.devices; ++d) devices[d] = state_of(recorded.device[d]);
 
@@ -195,6 +243,10 @@ void Replayer::run_again(const TickRecord& recorded) {
   result_.ticks += 1;
   result_.run_hash = mix_run_hash(result_.run_hash, again.state_hash);
   result_.difference = first_difference(recorded, again);
+  if (model_.felt->tissue_law == TissueLaw::kElastic) {
+    inputs_.push_back({again, model_.felt});
+    if (inputs_.size() > kMostInputs) inputs_.pop_front();
+  }
   if (!result_.difference.empty()) result_.first_difference = recorded.tick;
 }
 

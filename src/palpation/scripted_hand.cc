@@ -571,7 +571,8 @@ bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double
 // N/mm of the patient, as it is felt
 double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const {
   const DeviceTick& device = felt.device[0];
-  const double own = model_->tissue_of(structure)->stiffness_N_per_mm;
+  const Tissue& tissue = *model_->tissue_of(structure);
+  const double own = model_->yields(tissue) ? yielding_N_per_mm(*tissue.elastic) : tissue.stiffness_N_per_mm;
   const FeltStiffness gains(device);
   const double most = gains.most_in_patient();
   if (!(most > 0)) return own;
@@ -579,6 +580,15 @@ double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& fel
   const double all =
       model_->greatest_stiffness_N_per_mm() * static_cast<double>(model_->tool_of(0).points_mm.size());
   return own * gains.left_of_all(all);
+}
+
+// of a half space at the force that is wanted
+double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const {
+  const YieldingTissue half_space{0, {}, contact_modulus_N_per_mm2(constants)};
+  const double force_N = std::max(wanted_N_, kTouch_N);
+  const YieldForce unit = yield_force(half_space, 1, model_->tool_of(0).radius_mm);
+  // by Hertz the depth grows with the force to the two thirds
+  return force_N / std::pow(force_N / unit.force_N, 2.0 / 3);
 }
 
 // A tip that is deeper than the force explains that it is to give, or, on its way, than a touch does.

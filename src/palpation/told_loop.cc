@@ -99,6 +99,22 @@ void set_cut_model_told(ServoLoop& loop, EventLog& told, std::span<const Cut> cu
   set_model_told(loop, told, {}, std::move(model), {version, ModelChange::kCut});
 }
 
+RecordingEvent yield_event(const YieldFrame& frame, std::uint64_t input_tick) {
+  RecordingEvent event;
+  event.kind = RecordingEvent::Kind::kYield;
+  event.number = frame.number;
+  event.input_tick = input_tick;
+  event.frame_hash = frame.hash();
+  return event;
+}
+
+void set_yield_told(ServoLoop& loop, EventLog& told, const YieldFrame& frame, std::uint64_t input_tick) {
+  told.tell([&] {
+    loop.change([&](Parameters& parameters) { parameters.yields = frame; });
+    return yield_event(frame, input_tick);
+  });
+}
+
 void stop_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
   bool stopped = false;
   try {

@@ -20,13 +20,20 @@ VirtualRun::VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup
       hand_(std::move(hand)),
       device_(setup.device, setup.hand, setup.script.delay_s),
       mapping_(device_.info(), setup.workspace),
-      parameters_(setup.parameters) {
+      parameters_(setup.parameters),
+      yields_(setup.script.rate_hz) {
   device_.reset(mapping_.to_device(hand_.start()));
 }
 
 const TickRecord& VirtualRun::tick() {
   sensed_ = mapping_.to_world(device_.read(), 0);
   cut();
+  const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
+  if (model_->tissue_law == TissueLaw::kElastic && yields_.advance(*model_, before)) {
+    parameters_.yields = yields_.frame();
+    told_.push_back(yield_event(yields_.frame(), yields_.input_tick()));
+    told_.back().tick = state_.tick;
+  }
   palpate::tick(*model_, parameters_, {&sensed_, 1}, dt_s_, state_, {&sent_, 1}, record_);
   return record_;
 }

@@ -126,6 +126,8 @@ const char* name_of(RecordingEvent::Kind kind) {
       return "sweep";
     case RecordingEvent::Kind::kMotor:
       return "motor";
+    case RecordingEvent::Kind::kYield:
+      return "tissue solved";
   }
   return nullptr;
 }

@@ -33,6 +33,8 @@ constexpr std::array kTickColumns{
            "real clock: time from reading the devices to the commands, 0 on the virtual clock"},
     Column{"model_version", kU32, 1, PALPATE_TICK(model_version), "1", "-",
            "version of the model that was felt"},
+    Column{"yield_frame", kU32, 1, PALPATE_TICK(yield_frame), "1", "-",
+           "input: newest solution of tissue that yields, 0 none", nullptr, kWithinFormat},
     Column{"method", kU8, 1, PALPATE_TICK(method), "1", "-", "force method", method_numbers},
     Column{"switches", kU8, 1, PALPATE_TICK(switches), "bits", "-", "what was switched on", switch_bits},
     Column{"max_force_N", kF64, 1, PALPATE_TICK(max_force_N), "N", "-", "input: the user's limit of force"},
@@ -53,7 +55,7 @@ constexpr std::array kEventColumns{
     Column{
         "number", kU32, 1, PALPATE_EVENT(number), "1", "-",
         "model: the version that it became; settings: which one, from 1; stop and rearm: which one of both, "
-        "from 1"},
+        "from 1; tissue solved: which solution, from 1"},
     Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
            "model: place of the changed tissue in the scene, from 0; 4294967295: the fields of the direct "
            "methods were made anew; 4294967294: it was cut by the sweeps before; 4294967293: the last stroke "
@@ -93,6 +95,10 @@ constexpr std::array kEventColumns{
         nullptr, kWithinFormat},
     Column{"end_radius_mm", kF64, 1, PALPATE_EVENT(sweep.end_radius_mm), "mm", "-",
            "sweep: of the ball at the far end of a cylinder or cone", nullptr, kWithinFormat},
+    Column{"input_tick", kU64, 1, PALPATE_EVENT(input_tick), "1", "-",
+           "tissue solved: number of the tick that it was solved from", nullptr, kWithinFormat},
+    Column{"frame_hash", kU64, 1, PALPATE_EVENT(frame_hash), "1", "-", "tissue solved: hash of what came out",
+           nullptr, kWithinFormat},
 };
 
 constexpr std::array kDeviceColumns{

@@ -114,6 +114,8 @@ bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
     case RecordingEvent::Kind::kSettings:
     case RecordingEvent::Kind::kMotor:
       return tick.settings_number >= event.number;
+    case RecordingEvent::Kind::kYield:
+      return tick.yield_frame >= event.number;
     case RecordingEvent::Kind::kStop:
     case RecordingEvent::Kind::kRearm:
       break;

@@ -274,14 +274,14 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   // what no column claims is TickRecord::devices, which is the header's, the devices' place and padding
   const auto unclaimed = [](const std::vector<bool>& bytes) { return std::ranges::count(bytes, false); };
   EXPECT_EQ(unclaimed(tick), static_cast<std::ptrdiff_t>(sizeof(TickRecord) - internal::tick_bytes(0)));
-  EXPECT_EQ(internal::tick_bytes(0), 126u);
-  EXPECT_EQ(internal::tick_bytes(1), 126u + 762u);
-  EXPECT_EQ(internal::tick_bytes(4), 126u + 4 * 762u);
+  EXPECT_EQ(internal::tick_bytes(0), 130u);
+  EXPECT_EQ(internal::tick_bytes(1), 130u + 762u);
+  EXPECT_EQ(internal::tick_bytes(4), 130u + 4 * 762u);
   EXPECT_LT(unclaimed(device), 8) << "a field of DeviceTick without a column";
   // what the recorder makes rows of is in no column either
   EXPECT_LT(static_cast<std::size_t>(unclaimed(tick)),
             sizeof(TickRecord::device) + sizeof(TickRecord::devices) + sizeof(TickRecord::settings_number) +
-                sizeof(TickRecord::arming_number) + 8)
+                sizeof(TickRecord::arming_number) + 12)
       << "a field of TickRecord without a column";
   std::vector<bool> event(sizeof(RecordingEvent));
   std::size_t padding = 0;
@@ -304,7 +304,7 @@ TEST(Recording, DescribesEveryBit) {
   EXPECT_EQ(description(internal::device_columns(), "status"),
             "input: why the device gets no force: 1 fault, 2 clutched, 4 halted");
   EXPECT_EQ(description(internal::event_columns(), "kind"),
-            "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 motor");
+            "what was asked for: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 motor, 6 tissue solved");
   EXPECT_EQ(description(internal::event_columns(), "asked_by"),
             "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
             "may look, 5 viewer with control, agreed to by a key");

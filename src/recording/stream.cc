@@ -147,7 +147,7 @@ void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_
   for (const Column& column : event_columns())
     receive_column(in, column, events, buffer, [](RecordingEvent& event) { return &event; });
   for (RecordingEvent& event : events) {
-    if (event.kind > RecordingEvent::Kind::kMotor) in.fail("an event is of no kind that there is");
+    if (event.kind > RecordingEvent::Kind::kYield) in.fail("an event is of no kind that there is");
     if (event.by.asker > Asker::kAgreedViewer) in.fail("an event was asked for by nobody that there is");
     if (event.tick < last_tick) in.fail("its events are out of order");
     last_tick = event.tick;

@@ -261,6 +261,8 @@ std::vector<RecordingEvent> random_events(std::span<const TickRecord> ticks, std
     event.switches = static_cast<std::uint8_t>(random.word());
     event.max_force_N = random.number();
     random.fill(event.rotation_wxyz);
+    event.input_tick = random.word();
+    event.frame_hash = random.word();
   }
   return events;
 }
@@ -297,6 +299,7 @@ std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate
     tick.lateness_s = random.number();
     tick.compute_s = random.number();
     tick.model_version = static_cast<std::uint32_t>(random.word());
+    tick.yield_frame = static_cast<std::uint32_t>(random.word());
     tick.method = static_cast<std::uint8_t>(random.word());
     tick.switches = static_cast<std::uint8_t>(random.word());
     tick.max_force_N = random.number();
@@ -316,6 +319,7 @@ std::string first_difference(const TickRecord& a, const TickRecord& b) {
   if (bits(a.lateness_s) != bits(b.lateness_s)) return "lateness_s";
   if (bits(a.compute_s) != bits(b.compute_s)) return "compute_s";
   if (a.model_version != b.model_version) return "model_version";
+  if (a.yield_frame != b.yield_frame) return "yield_frame";
   if (a.method != b.method) return "method";
   if (a.switches != b.switches) return "switches";
   if (bits(a.max_force_N) != bits(b.max_force_N)) return "max_force_N";
@@ -346,6 +350,8 @@ std::string first_difference(const RecordingEvent& a, const RecordingEvent& b) {
   if (a.switches != b.switches) return "switches";
   if (bits(a.max_force_N) != bits(b.max_force_N)) return "max_force_N";
   if (!same(a.rotation_wxyz, b.rotation_wxyz)) return "rotation_wxyz";
+  if (a.input_tick != b.input_tick) return "input_tick";
+  if (a.frame_hash != b.frame_hash) return "frame_hash";
   return "";
 }
 

@@ -123,6 +123,8 @@ Model crowded_model() {
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
     model.surfaces.back().structure = 0;
   }
+  // the shell around the ball yields
+  model.surfaces[1].yield_modulus_N_per_mm2 = 0.02;
   model.tools[0].points_mm = {{0, 0, 0}, {5, 0, 0}};
   model.tools[0].capsules = {{{0, 5, 0}, {0, 5, 20}, 1}, {{0, 0, 0}, {0, 0, 40}, 0.5}};
   return model;
@@ -146,11 +148,20 @@ class Exercise {
       parameters_.paused = n % 1000 > 950;
       parameters_.max_force_N = n % 3 == 0 ? 0.5 : 3;
       if (n % 40 == 0) parameters_.method = next_of(parameters_.method);
+      if (n % 16 == 0) {
+        YieldFrame& frame = parameters_.yields;
+        ++frame.number;
+        frame.spot[0] = {Point<Patient>(18, 0, 0), n % 160 == 0 ? 0 : 10.0 + n % 5, {0.1, 0, 0.2}, 0.02, 3};
+      }
       tick(model_, parameters_, devices_, 1e-3, state_, wrenches_, record_);
+      if (state_.hands[0].proxy.yield.modulus_N_per_mm2 > 0) ++yielded_;
     }
   }
+  /// Ticks in which tissue that yields was pressed.
+  int yielded() const { return yielded_; }
 
  private:
+  int yielded_ = 0;
   const Model model_ = crowded_model();
   Parameters parameters_;
   SessionState state_;
@@ -346,6 +357,7 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   const long allocated_after = allocations + frees, locked_after = locks;
   EXPECT_EQ(allocated_after - allocated, 0);
   EXPECT_EQ(locked_after - locked, 0);
+  EXPECT_GT(exercise.yielded(), 100);
 }
 
 TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {

@@ -178,8 +178,12 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     const Point<Patient> tip = tick.X_PatientWorld * device.tip;
     const Vector<Patient> way_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
     const bool jumped = (request.faults & kFlagJump) != 0;
-    const HandContext context{model.tool_of(number), own, device.R_WorldTool.normalized().toRotationMatrix(),
-                              tip, follow_tip(device, tip, tick.dt_s, jumped, hand)};
+    const HandContext context{model.tool_of(number),
+                              own,
+                              device.R_WorldTool.normalized().toRotationMatrix(),
+                              tip,
+                              follow_tip(device, tip, tick.dt_s, jumped, hand),
+                              number};
     if (tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
       const ProxyChange change = begin_contact_anew(model, number, before, request, hand);
       const MotorState motor =
@@ -240,8 +244,8 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   // the object's pose
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
-  const TickContext context{model, parameters.method, parameters.friction,     parameters.viscosity,
-                            dt_s,  X_WorldPatient,    X_WorldPatient.inverse()};
+  const TickContext context{model, parameters.method, parameters.friction,      parameters.viscosity,
+                            dt_s,  X_WorldPatient,    X_WorldPatient.inverse(), &parameters.yields};
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
   // a change of what makes the forces starts a blend

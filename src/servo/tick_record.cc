@@ -32,6 +32,7 @@ void record_inputs(const Model& model, const Parameters& parameters, const Sessi
   record.dt_s = dt_s;
   record.lateness_s = record.compute_s = 0;
   record.model_version = model.version;
+  record.yield_frame = parameters.yields.number;
   record.method = static_cast<std::uint8_t>(parameters.method);
   record.switches = switches_of(parameters);
   record.max_force_N = parameters.max_force_N;

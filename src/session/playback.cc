@@ -164,8 +164,10 @@ class Playback final : public ViewerHost {
       const int tissue =
           device.label < model_->tissue_of_label.size() ? model_->tissue_of_label[device.label] : -1;
       if (device.label != 0 && tissue >= 0)
-        stiffness_N_per_mm[d] =
-            FeltStiffness(device).by_proxy(tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
+        stiffness_N_per_mm[d] = model_->yields(model_->tissues[static_cast<std::size_t>(tissue)])
+                                    ? yielding_stiffness_N_per_mm(device)
+                                    : FeltStiffness(device).by_proxy(
+                                          tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
     }
     return shown_;
   }

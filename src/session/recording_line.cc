@@ -72,6 +72,7 @@ ViewedRecording::Event shown(const RecordingEvent& event) {
       shown.kind = "rearm";
       break;
     case RecordingEvent::Kind::kSweep:
+    case RecordingEvent::Kind::kYield:
       break;
   }
   return shown;
@@ -91,9 +92,10 @@ void RecordingLine::see(const RecordingPart& part) {
 }
 
 void RecordingLine::see(const RecordingEvent& event) {
-  // a burr leaves a hundred in a second, and its cuts are versions of the model too
+  // a burr leaves a hundred in a second, and its cuts are versions of the model too; tissue is solved 64
+  // times
   const bool cut = event.kind == RecordingEvent::Kind::kModel && event.change.tissue == ModelChange::kCut;
-  if (cut || event.kind == RecordingEvent::Kind::kSweep) return;
+  if (cut || event.kind == RecordingEvent::Kind::kSweep || event.kind == RecordingEvent::Kind::kYield) return;
   const bool always = event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm;
   // stops have room of their own beside the rest
   if (events_.size() >= (always ? 2 * kMostEvents : kMostEvents)) {

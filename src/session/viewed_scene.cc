@@ -97,4 +97,8 @@ std::vector<ViewedTissueState> viewed_tissues(const Model& model) {
   return tissues;
 }
 
+double yielding_stiffness_N_per_mm(const DeviceTick& felt) {
+  return felt.depth_mm > 0 ? felt.unclamped_force_N * felt.scale / felt.depth_mm : 0;
+}
+
 }  // namespace palpate

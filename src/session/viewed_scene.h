@@ -15,4 +15,8 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
 /// The tissues as a model has them.
 std::vector<ViewedTissueState> viewed_tissues(const Model& model);
 
+/// Of tissue that yields, force over depth at the device, N/mm: how stiff it is there and now. 0 without
+/// depth.
+double yielding_stiffness_N_per_mm(const DeviceTick& felt);
+
 }  // namespace palpate

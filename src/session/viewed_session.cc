@@ -190,6 +190,12 @@ void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   const std::lock_guard lock(stop_mutex_);
   if (stopped_early_.load()) stop_told(loop, told_, stopped_by_);
   if (parts_.model->cuts()) cutter_ = std::thread([this] { cut_along(); });
+  if (parts_.model->tissue_law != TissueLaw::kElastic || !parts_.model->has(ForceMethod::kProxy)) return;
+  tissue_ = std::make_unique<TissueThread>(loop, told_, [this] {
+    const std::lock_guard its_model(mutex_);
+    return model_.felt;
+  });
+  yields_.store(tissue_.get());
 }
 
 // ---- what viewers are told
@@ -240,7 +246,9 @@ double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_
   const Model &felt = *model_.felt, &made = *model_.made;
   const Tissue* tissue = felt.tissue_of(device.label);
   if (device.label == 0 || !tissue) return 0;
-  if (method == ForceMethod::kProxy && felt.has(method)) return gains.by_proxy(tissue->stiffness_N_per_mm);
+  const bool by_proxy = method == ForceMethod::kProxy && felt.has(method);
+  if (by_proxy && felt.yields(*tissue)) return yielding_stiffness_N_per_mm(device);
+  if (by_proxy) return gains.by_proxy(tissue->stiffness_N_per_mm);
   // the fields know the stiffness that they were made for
   const double stiffest = felt.greatest_stiffness_N_per_mm();
   const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
@@ -314,6 +322,11 @@ ViewedState ViewedSession::state() const {
   state.nearest_mm = nearest.nearest_mm();
   state.tissues = viewed_tissues(*model_.felt);
   return state;
+}
+
+std::shared_ptr<const ViewedYield> ViewedSession::yielded(std::size_t device) const {
+  const TissueThread* const tissue = yields_.load();
+  return tissue != nullptr ? tissue->yielded(device) : nullptr;
 }
 
 std::optional<ForceMethod> ViewedSession::method_awaited() const {
@@ -445,6 +458,10 @@ Result<ModelChange> ViewedSession::check(const TissueRequest& request, const Par
   change.dynamic_friction = request.dynamic_friction.value_or(before.dynamic_friction);
   change.viscosity_N_s_per_mm = request.viscosity_N_s_per_mm.value_or(before.viscosity_N_s_per_mm);
   if (change == before) return change;
+  const Tissue& tissue = model_.felt->tissues[static_cast<std::size_t>(request.tissue)];
+  if (model_.felt->yields(tissue) && change.stiffness_N_per_mm != before.stiffness_N_per_mm)
+    return refused("this tissue yields, and how hard it is its Young's modulus says", "stiffness_N_per_mm",
+                   "change youngs_modulus in the scene file, and open it again");
   auto next = changed_model(*model_.felt, *model_.made, change);
   if (!next) {
     Error error = next.error();
@@ -840,6 +857,8 @@ void ViewedSession::end() {
   wanted_.notify_one();
   if (maker_.joinable()) maker_.join();
   if (cutter_.joinable()) cutter_.join();
+  yields_.store(nullptr);
+  tissue_.reset();
   loop_.store(nullptr);
 }
 

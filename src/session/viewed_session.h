@@ -27,6 +27,7 @@
 #include "session/cut_list.h"
 #include "session/explore_watch.h"
 #include "session/rate_meter.h"
+#include "session/tissue_thread.h"
 
 namespace palpate {
 
@@ -83,6 +84,7 @@ class ViewedSession final : public ViewerHost {
   ViewedState state() const override;
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
                                   std::size_t most) const override;
+  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override;
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;
   /// Of a stroke, whose last sweeps are still to be cut, a moment later.
@@ -200,8 +202,10 @@ class ViewedSession final : public ViewerHost {
 
   std::condition_variable wanted_;
   std::atomic<bool> ending_{false};
-  std::thread maker_;   // of fields; begun when the first are wanted
-  std::thread cutter_;  // of what a burr takes away; where the tool is one
+  std::thread maker_;                     // of fields; begun when the first are wanted
+  std::thread cutter_;                    // of what a burr takes away; where the tool is one
+  std::unique_ptr<TissueThread> tissue_;  // where tissue yields
+  std::atomic<const TissueThread*> yields_{nullptr};
 
   mutable std::mutex health_mutex_;
   mutable RateMeter rate_;

@@ -3,7 +3,8 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "palpate/base/cube_root.h"
 
 namespace palpate {
 namespace {
@@ -93,11 +94,17 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, const Point<Patient>& at,
   const Eigen::Vector3d across = outward_.unitOrthogonal(), other = outward_.cross(across);
   const Eigen::Vector3d centre = grid.box().local_mm(at) / h;
   std::array<Eigen::Vector3d, kPatchPlaces> places;
+  // turned on by the golden angle, pi (3 - sqrt 5); sines of a library differ from one machine to the next
+  constexpr double kCos = -0.73736887807831985, kSin = 0.67549029426152364;
+  double c = 1, s = 0;
   for (int n = 0; n < kPatchPlaces; ++n) {
-    // so much of the force is within r: 1 - (1 - r2 / rho2)^(3/2); turned on by the golden angle
-    const double part = (n + 0.5) / kPatchPlaces, angle = n * std::numbers::pi * (3 - std::sqrt(5.0));
-    const double r = rho_mm / h * std::sqrt(1 - std::pow(1 - part, 2.0 / 3));
-    places[static_cast<std::size_t>(n)] = centre + r * (std::cos(angle) * across + std::sin(angle) * other);
+    // so much of the force is within r: 1 - (1 - r2 / rho2)^(3/2)
+    const double beyond = cube_root(1 - (n + 0.5) / kPatchPlaces);
+    const double r = rho_mm / h * std::sqrt(1 - beyond * beyond);
+    places[static_cast<std::size_t>(n)] = centre + r * (c * across + s * other);
+    const double next = c * kCos - s * kSin;
+    s = c * kSin + s * kCos;
+    c = next;
   }
   spread(grid, places);
 }

@@ -15,18 +15,32 @@ constexpr double kLeastSoftPart = 0.05;
 /// So many nodes hold a part of the tissue, in each direction.
 constexpr int kHoldingNodes = 3;
 
+template <class Visit>
+void for_each_cell(const std::array<int, 3>& cells, const Visit& visit) {
+  for (int k = 0; k < cells[2]; ++k)
+    for (int j = 0; j < cells[1]; ++j)
+      for (int i = 0; i < cells[0]; ++i) visit(i, j, k);
+}
+
+template <class Visit>
+void for_each_corner(int i, int j, int k, const Visit& visit) {
+  for (int c = 0; c < 8; ++c) visit(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2 & 1));
+}
+
+}  // namespace
+
 /// What the samples of a cell say.
-class CellMixture {
+class ElasticGrid::Mixture {
  public:
-  void add(const ElasticMaterial& material) {
-    ++samples_;
-    if (material.matter == Matter::kRigid) ++rigid_;
+  void add(const ElasticMaterial& material, int times = 1) {
+    samples_ += times;
+    if (material.matter == Matter::kRigid) rigid_ += times;
     if (material.matter != Matter::kSoft) return;
-    ++soft_;
+    soft_ += times;
     const double e = material.youngs_modulus_kPa * kN_per_mm2_of_kPa, nu = material.poissons_ratio;
     const double mu = e / (2 * (1 + nu));
-    per_mu_ += 1 / mu;
-    per_confined_ += (1 - 2 * nu) / (2 * mu * (1 - nu));
+    per_mu_ += times / mu;
+    per_confined_ += times * (1 - 2 * nu) / (2 * mu * (1 - nu));
   }
 
   double fill() const { return static_cast<double>(soft_ + rigid_) / samples_; }
@@ -42,20 +56,6 @@ class CellMixture {
   double per_mu_ = 0, per_confined_ = 0;
 };
 
-template <class Visit>
-void for_each_cell(const std::array<int, 3>& cells, const Visit& visit) {
-  for (int k = 0; k < cells[2]; ++k)
-    for (int j = 0; j < cells[1]; ++j)
-      for (int i = 0; i < cells[0]; ++i) visit(i, j, k);
-}
-
-template <class Visit>
-void for_each_corner(int i, int j, int k, const Visit& visit) {
-  for (int c = 0; c < 8; ++c) visit(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2 & 1));
-}
-
-}  // namespace
-
 Result<void> check_elastic_material(const ElasticMaterial& material) {
   if (material.matter != Matter::kSoft) return {};
   const double e = material.youngs_modulus_kPa, nu = material.poissons_ratio;
@@ -67,8 +67,7 @@ Result<void> check_elastic_material(const ElasticMaterial& material) {
   return {};
 }
 
-ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples,
-                         bool sample_every_cell)
+ElasticGrid::ElasticGrid(const ElasticBox& box)
     : box_(box),
       layout_(box.cells),
       mu_(layout_.cell_values() + ElasticLayout::kSpare, 0.0f),
@@ -76,18 +75,34 @@ ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int 
       fill_(mu_.size(), 0.0f),
       springs_(layout_.node_values() + ElasticLayout::kSpare, 0.0f),
       held_(layout_.node_values() / 3 + ElasticLayout::kSpare, kNoNode) {
-  PALPATE_CHECK(samples >= 1 && samples <= 16 && box.cell_mm > 0);
-  PALPATE_CHECK(*std::min_element(box.cells.begin(), box.cells.end()) >= 1);
-  const auto hold_corners = [this](int i, int j, int k, auto change) {
+  PALPATE_CHECK(box.cell_mm > 0 && *std::min_element(box.cells.begin(), box.cells.end()) >= 1);
+}
+
+void ElasticGrid::set_cell(int i, int j, int k, const Mixture& mixture) {
+  const std::size_t cell = layout_.cell(i, j, k);
+  const auto change_corners = [&](auto change) {
     for_each_corner(i, j, k, [&](int a, int b, int c) { change(held_[node_number(a, b, c)]); });
   };
+  if (mixture.soft()) {
+    fill_[cell] = static_cast<float>(mixture.fill());
+    mu_[cell] = static_cast<float>(mixture.mu());
+    lambda_[cell] = static_cast<float>(mixture.lambda());
+    change_corners([](std::uint8_t& bits) { bits &= static_cast<std::uint8_t>(~kNoNode); });
+  } else if (mixture.rigid()) {
+    fill_[cell] = static_cast<float>(mixture.fill());
+    change_corners([](std::uint8_t& bits) { bits |= kHeld; });
+  }
+}
+
+ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples) : ElasticGrid(box) {
+  PALPATE_CHECK(samples >= 1 && samples <= 16);
   for_each_cell(box.cells, [&](int i, int j, int k) {
-    CellMixture mixture;
+    Mixture mixture;
     const auto at = [&](double x, double y, double z) {
       return material(box.patient((Eigen::Vector3d(i, j, k) + Eigen::Vector3d(x, y, z)) * box.cell_mm));
     };
     const ElasticMaterial middle = at(0.5, 0.5, 0.5);
-    bool alike = !sample_every_cell;
+    bool alike = true;
     for (int corner = 0; corner < 8 && alike; ++corner) {
       // within the cell, not on its border
       const auto end = [corner](int axis) { return (corner >> axis & 1) != 0 ? 0.999 : 0.001; };
@@ -100,31 +115,11 @@ ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int 
       PALPATE_CHECK(check_elastic_material(here).ok());
       mixture.add(here);
     });
-    const std::size_t cell = layout_.cell(i, j, k);
-    if (mixture.soft()) {
-      fill_[cell] = static_cast<float>(mixture.fill());
-      mu_[cell] = static_cast<float>(mixture.mu());
-      lambda_[cell] = static_cast<float>(mixture.lambda());
-      hold_corners(i, j, k, [](std::uint8_t& bits) { bits &= static_cast<std::uint8_t>(~kNoNode); });
-    } else if (mixture.rigid()) {
-      fill_[cell] = static_cast<float>(mixture.fill());
-      hold_corners(i, j, k, [](std::uint8_t& bits) { bits |= kHeld; });
-    }
+    set_cell(i, j, k, mixture);
   });
 }
 
-Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,
-                                           std::span<const ElasticMaterial> by_label, const VoxelBox& region,
-                                           double cell_mm) {
-  if (!(cell_mm > 0) || !std::isfinite(cell_mm))
-    return Error{ErrorKind::kBadInput, "cells of " + std::to_string(cell_mm) + " mm", "", "give more than 0"};
-  if (*std::min_element(region.size.begin(), region.size.end()) < 1)
-    return Error{ErrorKind::kBadInput, "a region without voxels", "", ""};
-  for (const ElasticMaterial& material : by_label)
-    if (const auto right = check_elastic_material(material); !right.ok()) return right.error();
-
-  // the nearest axes at right angles
-  const GridGeometry& grid = labels.geometry();
+ElasticBox elastic_box_of(const GridGeometry& grid, const VoxelBox& region, double cell_mm) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(grid.direction, Eigen::ComputeFullU | Eigen::ComputeFullV);
   ElasticBox box;
   box.axes = svd.matrixU() * svd.matrixV().transpose();
@@ -133,24 +128,65 @@ Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,
   for (int a = 0; a < 3; ++a) {
     corner[a] = region.first[a] - 0.5;
     // a last sliver that no voxel's middle lies in is none
-    box.cells[a] =
-        std::max(1, static_cast<int>(std::ceil(region.size[a] * grid.spacing_mm[a] / cell_mm - 1e-6)));
+    if (cell_mm > 0)
+      box.cells[a] = static_cast<int>(std::ceil(region.size[a] * grid.spacing_mm[a] / cell_mm - 1e-6));
   }
-  const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
-  const Transform<Voxel, Patient> X_VoxelPatient = X_PatientVoxel.inverse();
-  box.corner = X_PatientVoxel * corner;
+  box.corner = grid.X_PatientVoxel() * corner;
+  return box;
+}
 
+Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,
+                                           std::span<const ElasticMaterial> by_label, const ElasticBox& box) {
+  if (!(box.cell_mm > 0) || !std::isfinite(box.cell_mm))
+    return Error{ErrorKind::kBadInput, "cells of " + std::to_string(box.cell_mm) + " mm", "",
+                 "give more than 0"};
+  if (*std::min_element(box.cells.begin(), box.cells.end()) < 1)
+    return Error{ErrorKind::kBadInput, "a box without cells", "", ""};
+  for (const ElasticMaterial& material : by_label)
+    if (const auto right = check_elastic_material(material); !right.ok()) return right.error();
+
+  const GridGeometry& grid = labels.geometry();
   // two samples in each voxel at least, so that cells of whole voxels are known exactly
   const int samples =
-      std::clamp(2 * static_cast<int>(std::ceil(cell_mm / grid.min_spacing_mm() - 1e-6)), 2, 16);
-  const auto material = [&](const Point<Patient>& p) {
-    const Point<Voxel> v = X_VoxelPatient * p;
-    std::array<int, 3> n;
-    for (int a = 0; a < 3; ++a) n[a] = static_cast<int>(std::floor(v[a] + 0.5));
-    const LabelId label = labels.anywhere(n[0], n[1], n[2]);
-    return label > 0 && label < by_label.size() ? by_label[label] : ElasticMaterial{};
-  };
-  return ElasticGrid(box, material, samples, true);
+      std::clamp(2 * static_cast<int>(std::ceil(box.cell_mm / grid.min_spacing_mm() - 1e-6)), 2, 16);
+  // the voxel of a place is a sum of three parts, one for each axis of the box
+  const Transform<Voxel, Patient> X_VoxelPatient = grid.X_PatientVoxel().inverse();
+  const Point<Voxel> corner = X_VoxelPatient * box.corner;
+  const Eigen::Matrix3d voxels_per_mm = X_VoxelPatient.linear() * box.axes;
+  std::array<std::vector<Eigen::Vector3d>, 3> part;
+  for (int a = 0; a < 3; ++a)
+    for (int n = 0; n < box.cells[a] * samples; ++n)
+      part[a].push_back(voxels_per_mm.col(a) * ((n + 0.5) * box.cell_mm / samples));
+
+  ElasticGrid made(box);
+  std::array<int, 3> voxel;
+  for_each_cell(box.cells, [&](int i, int j, int k) {
+    Mixture mixture;
+    LabelId label = 0;
+    int times = 0;
+    const auto add = [&] {
+      if (times > 0)
+        mixture.add(label < by_label.size() && label > 0 ? by_label[label] : ElasticMaterial{}, times);
+    };
+    for (int c = 0; c < samples; ++c)
+      for (int b = 0; b < samples; ++b) {
+        const Eigen::Vector3d row = corner.eigen() + part[1][j * samples + b] + part[2][k * samples + c];
+        for (int a = 0; a < samples; ++a) {
+          const Eigen::Vector3d at = row + part[0][i * samples + a];
+          for (int axis = 0; axis < 3; ++axis) voxel[axis] = static_cast<int>(std::floor(at[axis] + 0.5));
+          const LabelId here = labels.anywhere(voxel[0], voxel[1], voxel[2]);
+          if (here != label) {
+            add();
+            label = here;
+            times = 0;
+          }
+          ++times;
+        }
+      }
+    add();
+    made.set_cell(i, j, k, mixture);
+  });
+  return made;
 }
 
 std::size_t ElasticGrid::soft_cells() const {

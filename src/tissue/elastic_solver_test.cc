@@ -205,7 +205,8 @@ TEST(ElasticGrid, TakesLabelsByTheirShareOfACell) {
       for (int i = 0; i < 8; ++i)
         labels.at(i, j, k) = static_cast<LabelId>(k < 2 ? 3 : k < 5 ? 1 : k < 9 ? 2 : 0);
   const ElasticMaterial by_label[] = {{}, soft(10, 0.3), soft(40, 0.3), {Matter::kRigid, 0, 0}};
-  const auto grid = ElasticGrid::of_labels(*label_bricks(labels), by_label, {{0, 0, 0}, {8, 8, 12}}, 1.0);
+  const auto grid = ElasticGrid::of_labels(*label_bricks(labels), by_label,
+                                           elastic_box_of(labels.geometry(), {{0, 0, 0}, {8, 8, 12}}, 1));
   ASSERT_TRUE(grid.ok());
   EXPECT_EQ(grid->layout().cells, (std::array<int, 3>{4, 4, 6}));
   const auto youngs_kPa = [&](int k) {
@@ -231,7 +232,9 @@ TEST(ElasticGrid, RefusesWhatNoTissueIs) {
   const auto labels = label_bricks(Volume<LabelId>(test::make_grid({4, 4, 4}, 0)));
   const VoxelBox all{{0, 0, 0}, {4, 4, 4}};
   const auto refused = [&](const ElasticMaterial& material, const VoxelBox& region, double cell_mm) {
-    return !ElasticGrid::of_labels(*labels, {&material, 1}, region, cell_mm).ok();
+    return !ElasticGrid::of_labels(*labels, {&material, 1},
+                                   elastic_box_of(labels->geometry(), region, cell_mm))
+                .ok();
   };
   EXPECT_FALSE(refused(soft(10, 0.45), all, 1));
   EXPECT_TRUE(refused(soft(10, 0.5), all, 1));

@@ -152,6 +152,7 @@ struct TickRecord {
   double lateness_s = 0;  ///< real clock: how late the tick began; not part of the hash
   double compute_s = 0;   ///< real clock: from reading the states to the commands; not part of the hash
   std::uint32_t model_version = 0;
+  std::uint32_t yield_frame = 0;  ///< of tissue that yields: the newest solution (YieldFrame); 0: none yet
   /// How many changes of the parameters, and how many stops and rearms, the loop had heard of. In no
   /// recording, which has the requests themselves (EventLog).
   std::uint32_t settings_number = 0, arming_number = 0;

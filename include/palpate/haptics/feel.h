@@ -208,14 +208,36 @@ struct SwingFeel {
   }
 };
 
+/// Soft tissue that yields (yield.h).
+struct YieldFeel {
+  /// A point would sink in without resistance: thinner tools press like a sphere of this radius.
+  double least_radius_mm = 0.5;
+  /// Time in which what a new solution says takes the place of what the one before said: a frame's.
+  double blend_s = 1.0 / 64;
+  /// Along the surface W is carried on by its slope, to no less and no more than these parts of it.
+  double least_carried = 0.5, most_carried = 2;
+  /// Nothing is stiffer than 1 N / mm over this, whatever a solution says.
+  double least_give_mm_per_N = 0.01;
+
+  template <class Visit>
+  constexpr void visit(Visit&& of) const {
+    of("least_radius_mm", least_radius_mm);
+    of("blend_s", blend_s);
+    of("least_carried", least_carried);
+    of("most_carried", most_carried);
+    of("least_give_mm_per_N", least_give_mm_per_N);
+  }
+};
+
 inline constexpr ProxyFeel kProxyFeel;
 inline constexpr ToolTurnFeel kToolTurnFeel;
 inline constexpr TouchFeel kTouchFeel;
 inline constexpr PassivityFeel kPassivityFeel;
 inline constexpr SwingFeel kSwingFeel;
+inline constexpr YieldFeel kYieldFeel;
 
 static_assert(names_every_member<ProxyFeel>() && names_every_member<ToolTurnFeel>() &&
               names_every_member<TouchFeel>() && names_every_member<PassivityFeel>() &&
-              names_every_member<SwingFeel>());
+              names_every_member<SwingFeel>() && names_every_member<YieldFeel>());
 
 }  // namespace palpate

@@ -171,6 +171,10 @@ struct Model {
     const int tissue = id < tissue_of_label.size() ? tissue_of_label[id] : -1;
     return tissue >= 0 ? &tissues[tissue] : nullptr;
   }
+  /// Whether it gives way as an elastic body.
+  bool yields(const Tissue& tissue) const {
+    return tissue_law == TissueLaw::kElastic && tissue.elastic.has_value();
+  }
   bool has(ForceMethod method) const {
     return method == ForceMethod::kProxy ? !surfaces.empty() : methods[index_of(method)] != nullptr;
   }

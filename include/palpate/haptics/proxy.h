@@ -10,6 +10,7 @@
 
 #include "palpate/haptics/feel.h"
 #include "palpate/haptics/owners.h"
+#include "palpate/haptics/yield.h"
 #include "palpate/sampling/surface.h"
 
 /// Contact that keeps the tool out: a proxy of the tip stays on the surfaces while the tip goes inside, and
@@ -25,6 +26,9 @@ namespace palpate {
 /// stiffer than fat. Each layer holds the tool out by itself, so that the force is the stiffness summed up
 /// along the way in, as in the inward ramp (docs/decisions/0011-inward-ramps.md), and each layer's spring
 /// stores the energy that it gives.
+///
+/// A structure that yields gives what soft tissue gives at that depth (yield.h) in place of its stiffness. It
+/// belongs to the outermost layer of those that it touches, and what is hard within has all of its own.
 struct FeltSurface {
   std::shared_ptr<const Surface> surface;  ///< null: the structure is met by common surfaces alone
   double stiffness_N_per_mm = 1;
@@ -57,6 +61,7 @@ struct FeltSurface {
   /// So much nearer than it was cut it may be read where something was taken from it
   /// (CarvedSurface::short_mm).
   double short_mm = 0;
+  double yield_modulus_N_per_mm2 = 0;  ///< of a structure that yields: E / (1 - nu2); 0: it is a spring
 };
 /// A felt structure that a burr is to spare.
 struct ProtectedStructure {
@@ -164,7 +169,8 @@ struct ProxyLayer {
 struct ProxyState : ProxyLayer {
   std::array<ProxyLayer, kMostLayers - 1> within;
   Point<Patient> tip;             ///< where it was
-  double stiffness_N_per_mm = 0;  ///< of all springs then; 0: nothing was touched
+  double stiffness_N_per_mm = 0;  ///< of all springs then, as it grew; 0: nothing was touched
+  YieldState yield;               ///< of what yields of the outermost layer
 
   const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
   ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
@@ -177,15 +183,21 @@ struct ProxyOptions {
   double dt_s = 0.001;  ///< since the last call
   /// On the tip: so fast springs let go where the proxy slips.
   double most_slip_N_per_s = kProxyFeel.most_slip_N_per_s;
+  /// What is known of structures that yield, and which of its spots; null: nothing, they are half spaces.
+  const YieldFrame* yields = nullptr;
+  std::size_t device = 0;
 };
 
 /// What the springs from the tip to the proxies give.
 struct ProxyForce {
   Vector<Patient> force_N;     ///< on the tip
   Vector<Patient> torque_Nmm;  ///< about the tip, of the tool as the proxy holds it
-  /// Of what is touched: in a layer weighted by pulls and shares, summed over the layers.
+  /// Force over depth of what is touched: in a layer weighted by pulls and shares, summed over the layers.
   double stiffness_N_per_mm = 0;
+  /// How the force grows with the depth: the same, but of what yields.
+  double tangent_N_per_mm = 0;
   double stored_mJ = 0;
+  bool yields = false;  ///< something that yields is touched
 };
 
 /// What lies along the tip's way in: the force is the stiffness summed up along it, so that each structure

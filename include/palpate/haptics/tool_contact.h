@@ -22,6 +22,7 @@ struct TickContext {
   double dt_s = 0.001;
   Transform<World, Patient> X_WorldPatient;  ///< with the object's rotation
   Transform<Patient, World> X_PatientWorld;
+  const YieldFrame* yields = nullptr;  ///< of tissue that yields; null: nothing is known of it
 };
 
 /// What belongs to one device in a tick.
@@ -31,6 +32,7 @@ struct HandContext {
   Eigen::Matrix3d R_WorldTool;
   Point<Patient> tip;             ///< the tool's origin
   Vector<Patient> velocity_mm_s;  ///< of the tip, relative to the object
+  std::size_t number = 0;         ///< of the device
 
   /// What is fixed to the tool, as the hand holds it now, in the patient.
   Vector<Patient> in_patient(const TickContext& tick, const Eigen::Vector3d& of_tool) const {

@@ -155,6 +155,16 @@ struct ViewedState {
   std::optional<Playback> playback;
 };
 
+/// How soft tissue has yielded around a device's tool: places moved by so much, on a grid of their own.
+struct ViewedYield {
+  std::uint32_t frame = 0;  ///< YieldFrame::number
+  std::array<int, 3> nodes{0, 0, 0};
+  std::array<double, 3> first_patient_mm{};               ///< of node 0, 0, 0
+  std::array<double, 9> axes{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< its columns, orthonormal; row by row
+  double spacing_mm = 1;
+  std::vector<float> moved_mm;  ///< x, y, z in the patient of each node, i fastest
+};
+
 /// A viewer, as a session tells who asked it for something.
 struct ViewerIdentity {
   std::uint32_t number = 0;  ///< from 1, in the order in which they said hello
@@ -227,6 +237,8 @@ class ViewerHost {
                                           std::size_t /*most*/) const {
     return {};
   }
+  /// How tissue has yielded around a device's tool; null: it has not.
+  virtual std::shared_ptr<const ViewedYield> yielded(std::size_t /*device*/) const { return nullptr; }
   /// All of what is asked, or an error that names the value and nothing of it.
   virtual Result<Grant> set(const SettingsRequest& request) = 0;
   virtual Result<Grant> set(const TissueRequest& request) = 0;

@@ -102,6 +102,7 @@ class ScriptedHand {
   double leash_mm(const TickRecord& felt) const;
   double careful_mm_s(LabelId structure, const TickRecord& felt) const;
   double stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const;
+  double yielding_N_per_mm(const ElasticConstants& constants) const;
   Transform<World, Patient> X_WorldPatient(const TickRecord& felt) const;
   Vector<World> tremor() const;
 

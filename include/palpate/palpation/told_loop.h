@@ -28,6 +28,10 @@ RecordingEvent sweep_event(const Cut& cut, std::uint32_t version);
 /// A version that follows by cuts from the one before it.
 void set_cut_model_told(ServoLoop& loop, EventLog& told, std::span<const Cut> cuts,
                         std::shared_ptr<const Model> model);
+/// The row of a solution of tissue that yields. @param input_tick  TickRecord::tick that it was solved from
+RecordingEvent yield_event(const YieldFrame& frame, std::uint64_t input_tick);
+/// Tells the ticks of a solution.
+void set_yield_told(ServoLoop& loop, EventLog& told, const YieldFrame& frame, std::uint64_t input_tick);
 /// As ServoLoop::emergency_stop(), which is done also where there is no memory for the row.
 void stop_told(ServoLoop& loop, EventLog& told, AskedBy by) noexcept;
 /// As ServoLoop::rearm(); one that is not done has no row.

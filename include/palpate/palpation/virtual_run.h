@@ -7,6 +7,7 @@
 
 #include "palpate/palpation/run_setup.h"
 #include "palpate/palpation/scripted_hand.h"
+#include "palpate/tissue/yield_solver.h"
 
 namespace palpate {
 
@@ -53,6 +54,7 @@ class VirtualRun {
   std::optional<std::uint32_t> stroke_led_to_;  // HandCommands
   std::vector<RecordingEvent> told_;
   std::uint32_t told_number_ = 0;
+  YieldsOnVirtualClock yields_;
 };
 
 }  // namespace palpate

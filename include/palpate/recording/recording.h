@@ -87,13 +87,14 @@ struct RecordingEvent {
     kRearm,     ///< forces on again, by the ramp
     kSweep,     ///< a burr's sweep, of those that the model's version `number` is cut by: `sweep`
     kMotor,     ///< as kSettings, and the tool's motor was switched on or off
+    kYield,     ///< tissue that yields was solved: frame `number` (YieldFrame), `input_tick`, `frame_hash`
   };
   /// The first recorded tick that had heard of it: the one in which it took hold, where none is missing.
   std::uint64_t tick = 0;
   Kind kind = Kind::kModel;
   AskedBy by;
-  /// Of the model the version that it became; of settings, and of stops and rearms together, their place in
-  /// that order, from 1.
+  /// Of the model the version that it became; of a solution the frame; of settings, and of stops and rearms
+  /// together, their place in that order, from 1.
   std::uint32_t number = 0;
   ModelChange change;  ///< its version is `number`
   // the settings as they were from then on, as in TickRecord; what several requests changed before one tick
@@ -103,13 +104,15 @@ struct RecordingEvent {
   double max_force_N = 0;
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   SweepRecord sweep;
+  std::uint64_t input_tick = 0;  ///< of a solution: the tick that it was made from
+  std::uint64_t frame_hash = 0;  ///< what it came to (YieldFrame::hash)
 
   friend bool operator==(const RecordingEvent&, const RecordingEvent&) = default;
 };
 
 /// What a session is told from outside, on its way to the recorder. The servo can keep no row, so a tick only
-/// says by numbers up to what it has heard (TickRecord's model_version, settings_number, arming_number), and
-/// the recorder finds each row's tick:
+/// says by numbers up to what it has heard (TickRecord's model_version, yield_frame, settings_number,
+/// arming_number), and the recorder finds each row's tick:
 ///
 ///     who asks    tell(): announced ── done in the loop ── row kept ── announcement over
 ///     servo                                 └─ ticks with the next number ─► ring

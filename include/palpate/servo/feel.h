@@ -97,6 +97,8 @@ void visit_feel(Visit&& of) {
   group("touch", kTouchFeel);
   group("passivity", kPassivityFeel);
   group("swing", kSwingFeel);
+  group("yield", kYieldFeel);
+  group("solving", kSolvingFeel);
   group("cutting", kCuttingFeel);
   group("output", kOutputFeel);
   group("turning", kTurningFeel);

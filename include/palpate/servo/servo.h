@@ -35,6 +35,8 @@ struct Parameters {
   std::array<DeviceParameters, kMaxDevices> device;
   /// Rotation of the object about World's origin; commanded about 10 times a second.
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
+  /// Of tissue that yields, what was solved last. Another one is blended in by the contact itself.
+  YieldFrame yields;
 };
 
 /// TickSwitch bits.

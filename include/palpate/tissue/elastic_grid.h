@@ -46,6 +46,10 @@ struct ElasticBox {
   }
 };
 
+/// The box over a region of voxels: its axes are the grid's, where those are not at right angles the nearest
+/// that are.
+ElasticBox elastic_box_of(const GridGeometry& grid, const VoxelBox& region, double cell_mm);
+
 /// Floats at a multiple of 64 bytes, so that a whole vector is one line of the cache.
 template <class T>
 struct CacheLineAllocator {
@@ -116,19 +120,17 @@ class ElasticGrid {
   /// A cell whose corners and middle are of one material is of that; what is smaller than a cell may so be
   /// missed.
   /// @param samples  along each axis of any other cell, evenly, by whose places it is known: 1 ... 16
-  ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples)
-      : ElasticGrid(box, material, samples, false) {}
+  ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples);
 
-  /// Cells over a region of labels, along the labels' own axes (of axes that are not at right angles, the
-  /// nearest that are). A cell is made of what the voxels are that it covers, by their share of its volume;
-  /// beyond the grid there is nothing.
+  /// Cells over labels, along the labels' own axes. A cell is made of what the voxels are that it covers, by
+  /// their share of its volume; beyond the grid there is nothing.
   /// @param by_label  label 0 and those beyond its end are air
-  /// @param cell_mm   1 to 3 of the smallest voxel spacing are meant
-  /// Errors: kBadInput for a material that none can be, a cell that is not above 0, or a region without
-  /// voxels.
+  /// @param box       as elastic_box_of() makes it, or elsewhere; cells of 1 to 3 of the smallest voxel
+  /// spacing
+  ///                  are meant
+  /// Errors: kBadInput for a material that none can be, a cell that is not above 0, or a box without cells.
   static Result<ElasticGrid> of_labels(const Bricks<LabelId>& labels,
-                                       std::span<const ElasticMaterial> by_label, const VoxelBox& region,
-                                       double cell_mm);
+                                       std::span<const ElasticMaterial> by_label, const ElasticBox& box);
 
   const ElasticBox& box() const { return box_; }
   const ElasticLayout& layout() const { return layout_; }
@@ -169,7 +171,9 @@ class ElasticGrid {
   }
 
  private:
-  ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples, bool sample_every_cell);
+  class Mixture;
+  explicit ElasticGrid(const ElasticBox& box);
+  void set_cell(int i, int j, int k, const Mixture& mixture);
 
   ElasticBox box_;
   ElasticLayout layout_;

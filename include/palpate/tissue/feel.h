@@ -57,7 +57,40 @@ struct CuttingFeel {
     of("most_tries", most_tries);
   }
 };
+
+/// What decides how soft tissue beside the tick is solved (yield_solver.h).
+struct SolvingFeel {
+  /// A solution is for where the tool will be so many frames after the tick that it is made from: one until
+  /// it is told, and the middle of the one in which it is felt. At most so far away.
+  double lead_frames = 1.5, most_lead_mm = 5;
+  /// A tool that is farther from every surface presses nothing soon.
+  double reach_mm = 15;
+  /// The box is laid anew, in steps of so many cells, when the tool is so far from its middle: springs stand
+  /// for the tissue beyond its faces, and the nearer they are the less they know.
+  int step_cells = 2, farthest_cells = 5;
+  /// Iterations of a frame, and of one in a box that has just been laid.
+  int iterations = 2, first_iterations = 12;
+  /// The pressure's patch is no smaller than so many cells: nodes know nothing of a smaller one.
+  double least_patch_cells = 2;
+  /// Of the box, along the longest row in memory and across it.
+  int cells_along = 47, cells_across = 32;
+
+  template <class Visit>
+  constexpr void visit(Visit&& of) const {
+    of("lead_frames", lead_frames);
+    of("most_lead_mm", most_lead_mm);
+    of("reach_mm", reach_mm);
+    of("step_cells", step_cells);
+    of("farthest_cells", farthest_cells);
+    of("iterations", iterations);
+    of("first_iterations", first_iterations);
+    of("least_patch_cells", least_patch_cells);
+    of("cells_along", cells_along);
+    of("cells_across", cells_across);
+  }
+};
 inline constexpr CuttingFeel kCuttingFeel;
-static_assert(names_every_member<CuttingFeel>());
+inline constexpr SolvingFeel kSolvingFeel;
+static_assert(names_every_member<CuttingFeel>() && names_every_member<SolvingFeel>());
 
 }  // namespace palpate

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+
+#include "palpate/device/telemetry.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/haptics/yield.h"
+#include "palpate/tissue/elastic_grid.h"
+#include "palpate/tissue/feel.h"
+
+/// Soft tissue around the tools, solved beside the servo: from what a tick told of the tools to what the next
+/// ticks are told of the tissue under them.
+namespace palpate {
+
+/// Seconds from one solution to the next.
+inline constexpr double kYieldFrame_s = kYieldFeel.blend_s;
+/// Ticks from one solution to the next at a rate; at least 1.
+std::uint64_t ticks_of_yield_frame(double rate_hz);
+
+/// Edge of the cells that a model's soft tissue is solved on, mm: its own, or two of the smallest voxel
+/// spacing, within 0.8 to 3 mm.
+double yield_cell_mm(const Model& model);
+
+/// How soft tissue is displaced around a tool, mm for 1 N of it.
+struct YieldField {
+  const ElasticBox* box;
+  const ElasticLayout* layout;
+  const ElasticField* unit_mm;
+};
+
+/// For every device a box of cells around the place that it presses or is about to (linear elasticity,
+/// ElasticSolver). What it gives depends on the models and ticks that it was given, in their order, and on
+/// nothing else: not on time, threads or the machine. For one thread.
+class YieldSolver {
+ public:
+  YieldSolver();
+  ~YieldSolver();
+
+  /// The next frame, numbered from 1. A device's spot is not known where its tool is far from all surfaces,
+  /// leans on nothing soft, or its pose is none.
+  /// @param model  whose tissues yield (Model::tissue_law), with surfaces for the proxy; with the same labels
+  /// of
+  ///               the same tissues what was laid is kept
+  /// @param felt   a tick, the latest that is known
+  const YieldFrame& solve(const Model& model, const TickRecord& felt);
+  const YieldFrame& frame() const { return frame_; }
+
+  /// Of the last frame; nothing where there is no box. Valid until the next.
+  bool field_of(std::size_t device, YieldField& field) const;
+
+ private:
+  struct Region;
+
+  YieldFrame frame_;
+  std::array<std::unique_ptr<Region>, kMaxDevices> regions_;
+};
+
+/// Solves on a virtual clock as a thread does on a real one: from the tick with which a frame begins, for the
+/// ticks from the next frame on.
+class YieldsOnVirtualClock {
+ public:
+  explicit YieldsOnVirtualClock(double rate_hz) : ticks_(ticks_of_yield_frame(rate_hz)) {}
+  /// To be called before every tick. @param before  the tick before; nothing where there was none
+  /// @returns whether frame() is a new one
+  bool advance(const Model& model, const TickRecord* before);
+  /// That the next tick is to be told.
+  const YieldFrame& frame() const { return frame_; }
+  std::uint64_t input_tick() const { return input_tick_; }  ///< that it was solved from
+
+ private:
+  const std::uint64_t ticks_;
+  YieldSolver solver_;
+  YieldFrame frame_;
+  std::uint64_t solved_from_ = 0, input_tick_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,258 @@
+#include "palpate/haptics/yield.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "base/test_seed.h"
+#include "haptics/test_proxy_surfaces.h"
+#include "palpate/base/cube_root.h"
+
+namespace palpate {
+namespace {
+
+using test::test_seed;
+using testing::cube_grid;
+using testing::felt_surface;
+using testing::ProxyRun;
+
+constexpr double kModulus = 0.0125;  // 10 kPa, nu 0.45
+
+// the depth that a force makes, as docs/tissue.md writes it, and dd/dF
+double depth_mm(const YieldingTissue& tissue, double force_N, double radius_mm) {
+  const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
+  return tissue.beyond_mm_per_N * force_N + 0.75 * force_N / (a * tissue.modulus_N_per_mm2);
+}
+double give_mm_per_N(const YieldingTissue& tissue, double force_N, double radius_mm) {
+  const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
+  return tissue.beyond_mm_per_N + 0.5 / (a * tissue.modulus_N_per_mm2);
+}
+
+// the force by bisection, stiff from where it would give way by less than the least
+double slow_force_N(const YieldingTissue& tissue, double depth, double radius_mm, double least_give) {
+  double low = 0, high = 1e6;
+  for (int n = 0; n < 200; ++n) {
+    const double middle = 0.5 * (low + high);
+    (give_mm_per_N(tissue, middle, radius_mm) > least_give ? low : high) = middle;
+  }
+  const double first_N = low;
+  if (first_N < 1e5 && depth >= depth_mm(tissue, first_N, radius_mm))
+    return first_N + (depth - depth_mm(tissue, first_N, radius_mm)) / least_give;
+  low = 0, high = first_N;
+  for (int n = 0; n < 200; ++n) {
+    const double middle = 0.5 * (low + high);
+    (depth_mm(tissue, middle, radius_mm) < depth ? low : high) = middle;
+  }
+  return low;
+}
+
+TEST(CubeRoot, IsOneOverTheWholeRange) {
+  std::mt19937 random(test_seed());
+  std::uniform_real_distribution<double> exponent(-200, 200);
+  for (int n = 0; n < 100'000; ++n) {
+    const double root = std::pow(10, exponent(random) / 3), x = root * root * root;
+    ASSERT_NEAR(cube_root(x) / root, 1, 2e-15) << x;
+  }
+  EXPECT_EQ(cube_root(0), 0);
+}
+
+TEST(YieldForce, IsHertzOnAHalfSpace) {
+  const YieldingTissue half_space{0, {}, kModulus};
+  for (const double radius_mm : {0.5, 3.0, 8.0})
+    for (const double depth : {0.01, 1.0, 7.0}) {
+      const YieldForce force = yield_force(half_space, depth, radius_mm);
+      const double hertz_N = 4.0 / 3 * kModulus * std::sqrt(radius_mm) * std::pow(depth, 1.5);
+      EXPECT_NEAR(force.force_N / hertz_N, 1, 1e-12);
+      EXPECT_NEAR(force.tangent_N_per_mm / (1.5 * hertz_N / depth), 1, 1e-12);
+      EXPECT_NEAR(force.stored_mJ / (0.4 * hertz_N * depth), 1, 1e-12);
+    }
+  EXPECT_EQ(yield_force(half_space, 0, 3).force_N, 0);
+  EXPECT_EQ(yield_force(half_space, -1, 3).force_N, 0);
+  EXPECT_EQ(yield_force(half_space, std::nan(""), 3).force_N, 0);
+  // a point is a small sphere
+  EXPECT_EQ(yield_force(half_space, 1, 0).force_N,
+            yield_force(half_space, 1, kYieldFeel.least_radius_mm).force_N);
+}
+
+TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
+  const unsigned seed = test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int n = 0; n < 20'000; ++n) {
+    const double radius_mm = 0.5 + 7 * unit(random);
+    YieldingTissue tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
+    // from stiff bone below to tissue that gives way all around
+    tissue.beyond_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
+    const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
+    const double least_give = std::max(1 / most, kYieldFeel.least_give_mm_per_N);
+    const double depth = std::pow(10, 3 * unit(random) - 2);
+    const YieldForce force = yield_force(tissue, depth, radius_mm, most);
+    const double slow_N = slow_force_N(tissue, depth, radius_mm, least_give);
+    ASSERT_NEAR(force.force_N / slow_N, 1, 1e-8) << n;
+    ASSERT_LE(force.tangent_N_per_mm, 1 / least_give * (1 + 1e-9)) << n;
+    const double step = 1e-4 * depth;
+    const YieldForce less = yield_force(tissue, depth - step, radius_mm, most),
+                     more = yield_force(tissue, depth + step, radius_mm, most);
+    // second order in the step, where the law has no corner
+    ASSERT_NEAR((more.force_N - less.force_N) / (2 * step) / force.tangent_N_per_mm, 1, 2e-3) << n;
+    ASSERT_NEAR((more.stored_mJ - less.stored_mJ) / (2 * step) / force.force_N, 1, 2e-4) << n;
+  }
+}
+
+TEST(YieldForce, AHundredthDeeperIsNeverLess) {
+  const YieldingTissue stiff_below{-0.3 / kModulus, {}, kModulus};
+  double before_N = 0;
+  for (int n = 1; n < 3000; ++n) {
+    const double force_N = yield_force(stiff_below, 0.01 * n, 3, 2).force_N;
+    EXPECT_GT(force_N, before_N);
+    EXPECT_LE(force_N - before_N, 0.01 * 2 * (1 + 1e-9));
+    before_N = force_N;
+  }
+}
+
+YieldFrame frame_of(std::uint32_t number, double compliance, const Vector<Patient>& slope = {}) {
+  YieldFrame frame;
+  frame.number = number;
+  frame.spot[0] = {Point<Patient>(0, 0, 0), compliance, slope, kModulus, 3};
+  return frame;
+}
+
+TEST(FeelYield, IsAHalfSpaceWhileNothingIsKnown) {
+  YieldState state;
+  const YieldingTissue tissue = feel_yield(0, {}, {1, 2, 3}, kModulus, 0.001, state);
+  EXPECT_EQ(tissue.beyond_mm_per_N, 0);
+  EXPECT_EQ(tissue.modulus_N_per_mm2, kModulus);
+  EXPECT_EQ(tissue.slope_per_N, Vector<Patient>());
+}
+
+TEST(FeelYield, CarriesAFrameAlongTheSurfaceButNotFar) {
+  const YieldFrame frame = frame_of(1, 10, {0.5, 0, 0});
+  const double half_space = 0.6 / (3 * kModulus);
+  const auto beyond_at = [&](double x) {
+    YieldState state;
+    return feel_yield(1, frame.spot[0], {x, 0, 0}, 1, 0.001, state);
+  };
+  EXPECT_NEAR(beyond_at(0).beyond_mm_per_N, 10 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(2).beyond_mm_per_N, 11 - half_space, 1e-12);
+  EXPECT_EQ(beyond_at(2).slope_per_N, frame.spot[0].slope_per_N);
+  // where it does not grow any more there is no force aside either
+  EXPECT_NEAR(beyond_at(200).beyond_mm_per_N, 20 - half_space, 1e-12);
+  EXPECT_NEAR(beyond_at(-200).beyond_mm_per_N, 5 - half_space, 1e-12);
+  EXPECT_EQ(beyond_at(200).slope_per_N, Vector<Patient>());
+}
+
+TEST(FeelYield, AnotherFrameComesInWithoutAStep) {
+  YieldState state;
+  const YieldFrame first = frame_of(1, 12), second = frame_of(2, 20), none{3, {}};
+  const auto force_N = [&](const YieldFrame& frame) {
+    return yield_force(feel_yield(frame.number, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state), 4, 3)
+        .force_N;
+  };
+  const double stiff_N = force_N(first);
+  EXPECT_EQ(force_N(first), stiff_N);
+  double before_N = stiff_N;
+  for (int n = 0; n < 16; ++n) {
+    const double now_N = force_N(second);
+    EXPECT_LT(now_N, before_N);
+    EXPECT_LT(before_N - now_N, 0.1 * stiff_N);
+    before_N = now_N;
+  }
+  YieldState fresh;
+  EXPECT_NEAR(before_N, yield_force(feel_yield(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
+              1e-12);
+  // nothing known any more: back to a half space, as slowly
+  EXPECT_NEAR(force_N(none), before_N, 0.1 * before_N);
+  // a tool that was away feels the newest at once
+  state = {};
+  EXPECT_NEAR(force_N(second),
+              yield_force(feel_yield(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N, 1e-12);
+}
+
+// everything below z = 0 yields
+ProxyRun on_soft_floor(double friction = 0) {
+  ProxyRun run;
+  run.surfaces = {
+      felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
+  run.surfaces[0].yield_modulus_N_per_mm2 = kModulus;
+  run.surfaces[0].static_friction = run.surfaces[0].dynamic_friction = friction;
+  run.spheres[0].radius_mm = 3;
+  return run;
+}
+
+TEST(ProxyOnWhatYields, GivesTheLawsForceEnergyAndStiffness) {
+  ProxyRun run = on_soft_floor();
+  run.lead({0, 0, 5}, {0, 0, 1}, 0.05);
+  for (int n = 0; n < 100; ++n) run.at({0, 0, 1});
+  const YieldForce law = yield_force({0, {}, kModulus}, 2, 3);
+  EXPECT_TRUE(run.result.yields);
+  EXPECT_NEAR(run.result.force_N.z(), law.force_N, 0.01 * law.force_N);
+  EXPECT_NEAR(run.result.stored_mJ, law.stored_mJ, 0.02 * law.stored_mJ);
+  EXPECT_NEAR(run.result.tangent_N_per_mm, law.tangent_N_per_mm, 0.01 * law.tangent_N_per_mm);
+  EXPECT_NEAR(run.result.stiffness_N_per_mm, law.force_N / 2, 0.01 * law.force_N / 2);
+}
+
+TEST(ProxyOnWhatYields, GivesBackWhatSlidingOverAHardPlaceTakes) {
+  // W falls towards +x, as over something hard
+  const YieldFrame frame = frame_of(1, 16, {-0.8, 0, 0});
+  const auto work_mJ = [&](bool aside) {
+    ProxyRun run = on_soft_floor();
+    run.yields = &frame;
+    double work = 0;
+    const auto lead = [&](const Point<Patient>& from, const Point<Patient>& to) {
+      const int steps = static_cast<int>((to - from).norm() / 0.01);
+      Point<Patient> tip = from;
+      for (int n = 1; n <= steps; ++n) {
+        const Point<Patient> next = from + (to - from) * (static_cast<double>(n) / steps);
+        run.at(tip);
+        Vector<Patient> force_N = run.result.force_N;
+        if (!aside) force_N = {0, 0, force_N.z()};
+        work -= force_N.dot(next - tip);
+        tip = next;
+      }
+    };
+    lead({-4, 0, 4}, {-4, 0, -2});
+    const double put_in = work;
+    lead({-4, 0, -2}, {5, 0, -2});
+    lead({5, 0, -2}, {5, 0, 4});
+    return work / put_in;
+  };
+  EXPECT_NEAR(work_mJ(true), 0, 0.01);
+  EXPECT_LT(work_mJ(false), -0.2);
+}
+
+TEST(ProxyOnWhatYields, FrictionIsAPartOfWhatItGives) {
+  ProxyRun run = on_soft_floor(0.2);
+  run.lead({-6, 0, 5}, {-6, 0, 0}, 0.05);
+  run.lead({-6, 0, 0}, {6, 0, 0}, 0.05);
+  EXPECT_NEAR(-run.result.force_N.x() / run.result.force_N.z(), 0.2, 0.01);
+}
+
+TEST(ProxyOnWhatYields, BreaksThroughAtItsForceWhateverTheDeviceHolds) {
+  ProxyRun run = on_soft_floor();
+  const double rupture_N = yield_force({0, {}, kModulus}, 3, 3).force_N;
+  run.surfaces[0].puncture_N = rupture_N;
+  run.lead({0, 0, 5}, {0, 0, 0.2}, 0.02);
+  EXPECT_FALSE(run.state.punctured[0]);
+  run.lead({0, 0, 0.2}, {0, 0, -0.2}, 0.02);
+  for (int n = 0; n < 50; ++n) run.at({0, 0, -0.2});
+  EXPECT_TRUE(run.state.punctured[0]);
+}
+
+TEST(ProxyOnWhatYields, BoneWithinHasAllOfItsStiffness) {
+  ProxyRun run = on_soft_floor();
+  FeltSurface bone =
+      felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z() + 4; });
+  bone.stiffness_N_per_mm = 5;
+  bone.layer = 1;
+  bone.from_N_per_mm = 0;
+  run.surfaces.push_back(bone);
+  run.lead({0, 0, 5}, {0, 0, -1.5}, 0.02);
+  for (int n = 0; n < 200; ++n) run.at({0, 0, -1.5});
+  const double soft_N = yield_force({0, {}, kModulus}, 4.5, 3).force_N;
+  EXPECT_NEAR(run.result.force_N.z(), soft_N + 5 * 0.5, 0.03);
+}
+
+}  // namespace
+}  // namespace palpate

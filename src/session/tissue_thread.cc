@@ -1,0 +1,102 @@
+#include "session/tissue_thread.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <utility>
+
+#include "palpate/palpation/told_loop.h"
+
+namespace palpate {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+// below what ticks, above what carves and makes fields
+constexpr int kPriority = 5;
+
+}  // namespace
+
+std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& felt,
+                                                std::size_t device) {
+  YieldField field;
+  if (device >= static_cast<std::size_t>(felt.devices) || felt.device[device].contact_label[0] == 0 ||
+      !solver.field_of(device, field))
+    return nullptr;
+  // every second node: what is seen is smooth
+  constexpr int kEvery = 2;
+  const ElasticBox& box = *field.box;
+  auto viewed = std::make_shared<ViewedYield>();
+  viewed->frame = solver.frame().number;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    viewed->nodes[axis] = box.cells[axis] / kEvery + 1;
+    viewed->first_patient_mm[axis] = box.corner[static_cast<int>(axis)];
+    for (std::size_t row = 0; row < 3; ++row)
+      viewed->axes[3 * row + axis] =
+          box.axes(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(axis));
+  }
+  viewed->spacing_mm = kEvery * box.cell_mm;
+  const double force_N = felt.device[device].contact_N[0];
+  viewed->moved_mm.reserve(3 * static_cast<std::size_t>(viewed->nodes[0]) * viewed->nodes[1] *
+                           viewed->nodes[2]);
+  for (int k = 0; k < viewed->nodes[2]; ++k)
+    for (int j = 0; j < viewed->nodes[1]; ++j)
+      for (int i = 0; i < viewed->nodes[0]; ++i) {
+        Eigen::Vector3d unit;
+        for (int c = 0; c < 3; ++c)
+          unit[c] = field.unit_mm->values[field.layout->node(kEvery * i, kEvery * j, kEvery * k, c)];
+        const Eigen::Vector3d moved = box.axes * unit * force_N;
+        for (int c = 0; c < 3; ++c) viewed->moved_mm.push_back(static_cast<float>(moved[c]));
+      }
+  return viewed;
+}
+
+TissueThread::TissueThread(ServoLoop& loop, EventLog& told,
+                           std::function<std::shared_ptr<const Model>()> felt)
+    : loop_(loop), told_(told), felt_(std::move(felt)), thread_([this] { run(); }) {}
+
+TissueThread::~TissueThread() {
+  ending_ = true;
+  thread_.join();
+}
+
+void TissueThread::run() {
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kPriority);
+  constexpr auto kFrame =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kYieldFrame_s));
+  Clock::time_point next = Clock::now();
+  while (!ending_) {
+    solve_next();
+    next = std::max(next + kFrame, Clock::now());
+    std::this_thread::sleep_until(next);
+  }
+}
+
+// false: there is no tick since the last one, or the model that it felt is not the one that is felt now
+bool TissueThread::solve_next() {
+  const TickRecord felt = loop_.snapshot();
+  if (felt.state_hash == 0 || (any_ && felt.tick <= last_input_)) return false;
+  const std::shared_ptr<const Model> model = felt_();
+  if (model->version != felt.model_version) return false;
+  const YieldFrame& frame = solver_.solve(*model, felt);
+  any_ = true;
+  last_input_ = felt.tick;
+  set_yield_told(loop_, told_, frame, felt.tick);
+  show(felt);
+  return true;
+}
+
+void TissueThread::show(const TickRecord& felt) {
+  for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    auto viewed = viewed_yield(solver_, felt, d);
+    const std::lock_guard lock(mutex_);
+    shown_[d] = std::move(viewed);
+  }
+}
+
+std::shared_ptr<const ViewedYield> TissueThread::yielded(std::size_t device) const {
+  const std::lock_guard lock(mutex_);
+  return shown_[device];
+}
+
+}  // namespace palpate

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "palpate/link/viewer_server.h"
+#include "palpate/recording/recording.h"
+#include "palpate/servo/servo_loop.h"
+#include "palpate/tissue/yield_solver.h"
+
+namespace palpate {
+
+/// Solves tissue that yields beside a running loop, a frame after the other: from the latest tick to the next
+/// ones. What the loop is told stands in `told` with the tick that it was solved from, so that a recording
+/// replays. A machine that is slower than a frame gets fewer of them.
+class TissueThread {
+ public:
+  /// @param felt  the model that is felt now; asked from the thread
+  TissueThread(ServoLoop& loop, EventLog& told, std::function<std::shared_ptr<const Model>()> felt);
+  ~TissueThread();
+  TissueThread(const TissueThread&) = delete;
+  TissueThread& operator=(const TissueThread&) = delete;
+
+  /// How tissue has yielded around a device's tool by the last frame; null: nothing has. Any thread.
+  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const;
+
+ private:
+  void run();
+  bool solve_next();
+  void show(const TickRecord& felt);
+
+  ServoLoop& loop_;
+  EventLog& told_;
+  const std::function<std::shared_ptr<const Model>()> felt_;
+  YieldSolver solver_;
+  bool any_ = false;
+  std::uint64_t last_input_ = 0;
+  mutable std::mutex mutex_;  // of what is shown
+  std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> shown_;
+  std::atomic<bool> ending_{false};
+  std::thread thread_;
+};
+
+/// A solver's field around a device's tool under the force with which it pressed in that tick; null: there is
+/// none.
+std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& felt,
+                                                std::size_t device);
+
+}  // namespace palpate

@@ -1,0 +1,239 @@
+#include "palpate/tissue/yield_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "palpate/base/cube_root.h"
+#include "palpate/tissue/elastic_contact.h"
+#include "palpate/tissue/elastic_solver.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kTolerance = 1e-4;
+
+template <class Tagged>
+Tagged tagged(const std::array<double, 3>& v) {
+  return {v[0], v[1], v[2]};
+}
+
+// a place on the outermost surfaces
+struct OnSurface {
+  Point<Patient> at;
+  Vector<Patient> outward;
+};
+
+// the nearest to a point within reach
+std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& near) {
+  constexpr int kSteps = 3;
+  OnSurface found{near, {}};
+  for (int step = 0; step < kSteps; ++step) {
+    const Surface* nearest = nullptr;
+    double distance_mm = kSolvingFeel.reach_mm;
+    for (const FeltSurface& felt : model.surfaces) {
+      if (felt.surface == nullptr || felt.layer != 0 || felt.beneath >= 0) continue;
+      if (felt.surface->is_beyond(found.at, std::abs(distance_mm))) continue;
+      const double mm = felt.surface->distance_mm(found.at);
+      if (mm >= felt.surface->outside_mm() || std::abs(mm) >= std::abs(distance_mm)) continue;
+      distance_mm = mm;
+      nearest = felt.surface.get();
+    }
+    if (nearest == nullptr) return std::nullopt;
+    found.outward = nearest->outward(found.at);
+    if (found.outward == Vector<Patient>()) return std::nullopt;
+    found.at = found.at - found.outward * distance_mm;
+  }
+  return found;
+}
+
+// where a tool will press when the solution is felt
+std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& felt) {
+  const auto tip = tagged<Point<Patient>>(felt.tip_patient_mm);
+  Vector<Patient> way =
+      tagged<Vector<Patient>>(felt.velocity_patient_mm_s) * (kSolvingFeel.lead_frames * kYieldFrame_s);
+  if (!tip.all_finite() || !way.all_finite()) return std::nullopt;
+  if (way.norm() > kSolvingFeel.most_lead_mm) way = way.normalized() * kSolvingFeel.most_lead_mm;
+  if (felt.contact_label[0] == 0) return find_surface(model, tip + way);
+  const auto normal = tagged<Vector<Patient>>(felt.normal_patient);
+  const Point<Patient> place(felt.contact_patient_mm[0], felt.contact_patient_mm[1],
+                             felt.contact_patient_mm[2]);
+  return find_surface(model, place + (way - normal * way.dot(normal)));
+}
+
+// the radius of its contact then: by Hertz from the depth, and where it presses now from the force as well
+double expected_radius_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm,
+                          double modulus_N_per_mm2) {
+  const Vector<Patient> above = tagged<Point<Patient>>(felt.tip_patient_mm) - contact.at;
+  const double sinks_mm = -tagged<Vector<Patient>>(felt.velocity_patient_mm_s).dot(contact.outward) *
+                          kSolvingFeel.lead_frames * kYieldFrame_s;
+  const bool presses = felt.contact_label[0] != 0 && felt.depth_mm > 0;
+  const double now_mm = presses ? felt.depth_mm : radius_mm - above.dot(contact.outward);
+  const double depth_mm = now_mm + std::min(sinks_mm, kSolvingFeel.most_lead_mm);
+  if (!(depth_mm > 0)) return 0;
+  const double hertz_mm = std::sqrt(radius_mm * depth_mm);
+  if (!presses) return hertz_mm;
+  const double touched_mm = cube_root(0.75 * felt.contact_N[0] * radius_mm / modulus_N_per_mm2);
+  return std::min(touched_mm * std::sqrt(depth_mm / felt.depth_mm), hertz_mm);
+}
+
+std::vector<ElasticMaterial> materials_of(const Model& model) {
+  std::vector<ElasticMaterial> by_label(model.tissue_of_label.size());
+  for (std::size_t label = 1; label < by_label.size(); ++label) {
+    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
+    if (tissue == nullptr || !tissue->felt) continue;
+    by_label[label] = tissue->elastic ? ElasticMaterial{Matter::kSoft, tissue->elastic->youngs_modulus_kPa,
+                                                        tissue->elastic->poissons_ratio}
+                                      : ElasticMaterial{Matter::kRigid};
+  }
+  return by_label;
+}
+
+}  // namespace
+
+std::uint64_t ticks_of_yield_frame(double rate_hz) {
+  return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(std::floor(rate_hz * kYieldFrame_s + 0.5)));
+}
+
+double yield_cell_mm(const Model& model) {
+  constexpr double kLeast_mm = 0.8, kMost_mm = 3;
+  if (model.tissue_cell_mm > 0) return model.tissue_cell_mm;
+  return std::clamp(2 * model.labels->geometry().min_spacing_mm(), kLeast_mm, kMost_mm);
+}
+
+/// A box of cells around a device's tool.
+struct YieldSolver::Region {
+  std::shared_ptr<const Bricks<LabelId>> labels;  ///< that it is made of, and of what these are
+  std::vector<ElasticMaterial> by_label;
+  std::array<int, 3> first{0, 0, 0};  ///< of its cells, in cells of the whole volume
+  ElasticGrid grid;
+  ElasticSolver solver;
+  ElasticField unit_mm, load_N;
+  double modulus = 0;  ///< under the patch, of the last frame
+
+  Region(std::shared_ptr<const Bricks<LabelId>> of_labels, std::vector<ElasticMaterial> materials,
+         const std::array<int, 3>& from, ElasticGrid made)
+      : labels(std::move(of_labels)),
+        by_label(std::move(materials)),
+        first(from),
+        grid(std::move(made)),
+        solver(grid),
+        unit_mm(grid.layout()),
+        load_N(grid.layout()) {}
+
+  // whether it reaches around a place, and the cells at whose corner one would begin that does
+  static std::array<int, 3> cells() {
+    return {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
+  }
+  static std::array<int, 3> first_around(const Eigen::Vector3d& in_cells) {
+    std::array<int, 3> from;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double step = kSolvingFeel.step_cells;
+      from[axis] = kSolvingFeel.step_cells *
+                   static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells()[axis]) / step + 0.5));
+    }
+    return from;
+  }
+  bool is_around(const Eigen::Vector3d& in_cells) const {
+    for (int axis = 0; axis < 3; ++axis)
+      if (std::abs(in_cells[axis] - first[axis] - 0.5 * cells()[axis]) > kSolvingFeel.farthest_cells)
+        return false;
+    return true;
+  }
+  // what both know is kept as it was
+  void take_over(const Region& before) {
+    const ElasticLayout& layout = grid.layout();
+    const auto& all = layout.cells;
+    for (int k = 0; k <= all[2]; ++k)
+      for (int j = 0; j <= all[1]; ++j)
+        for (int i = 0; i <= all[0]; ++i) {
+          const int a = i + first[0] - before.first[0], b = j + first[1] - before.first[1],
+                    c = k + first[2] - before.first[2];
+          if (a < 0 || b < 0 || c < 0 || a > all[0] || b > all[1] || c > all[2]) continue;
+          if ((grid.held(i, j, k) & (ElasticGrid::kHeld | ElasticGrid::kNoNode)) != 0) continue;
+          for (int axis = 0; axis < 3; ++axis)
+            unit_mm.values[layout.node(i, j, k, axis)] = before.unit_mm.values[layout.node(a, b, c, axis)];
+        }
+  }
+};
+
+YieldSolver::YieldSolver() = default;
+YieldSolver::~YieldSolver() = default;
+
+const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt) {
+  frame_.number += 1;
+  const std::vector<ElasticMaterial> by_label = materials_of(model);
+  for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    YieldSpot& spot = frame_.spot[d];
+    spot = {};
+    if (d >= static_cast<std::size_t>(felt.devices)) continue;
+    const DeviceTick& device = felt.device[d];
+    const auto contact = expected_contact(model, device);
+    if (!contact) continue;
+
+    // the box lies on one lattice wherever it goes
+    std::unique_ptr<Region>& region = regions_[d];
+    ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
+    const Eigen::Vector3d in_cells = box.local_mm(contact->at) / box.cell_mm;
+    const bool anew = region == nullptr || region->labels != model.labels || region->by_label != by_label ||
+                      !region->is_around(in_cells);
+    if (anew) {
+      const std::array<int, 3> first = Region::first_around(in_cells);
+      box.cells = Region::cells();
+      box.corner = box.patient(Eigen::Vector3d(first[0], first[1], first[2]) * box.cell_mm);
+      auto grid = ElasticGrid::of_labels(*model.labels, by_label, box);
+      PALPATE_CHECK(grid.ok());
+      grid->continue_beyond({true, true, true, true, true, true}, contact->at);
+      auto laid = std::make_unique<Region>(model.labels, by_label, first, *std::move(grid));
+      if (region != nullptr) laid->take_over(*region);
+      region = std::move(laid);
+    }
+
+    const double cell_mm = region->grid.box().cell_mm;
+    const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.least_radius_mm);
+    const double least_mm = kSolvingFeel.least_patch_cells * cell_mm;
+    if (!(region->modulus > 0))
+      region->modulus =
+          PressurePatch(region->grid, contact->at, contact->outward, least_mm).contact_modulus();
+    const double touched_mm =
+        region->modulus > 0 ? expected_radius_mm(device, *contact, radius_mm, region->modulus) : 0;
+    const double rho_mm = std::clamp(touched_mm, least_mm, 0.25 * kSolvingFeel.cells_across * cell_mm);
+    const PressurePatch patch(region->grid, contact->at, contact->outward, rho_mm);
+    region->modulus = patch.contact_modulus();
+    if (!patch.touches()) continue;
+    std::fill(region->load_N.values.begin(), region->load_N.values.end(), 0.0f);
+    patch.add(1, region->load_N);
+    region->solver.solve(region->load_N, region->unit_mm,
+                         anew ? kSolvingFeel.first_iterations : kSolvingFeel.iterations, kTolerance);
+    spot.at = contact->at;
+    spot.compliance_mm_per_N = patch.displacement(region->unit_mm);
+    // the patch pushes and is pushed: W is quadratic in it
+    spot.slope_per_N = patch.change(region->unit_mm) * 2;
+    spot.modulus_N_per_mm2 = region->modulus;
+    spot.patch_radius_mm = rho_mm;
+  }
+  return frame_;
+}
+
+bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
+  const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
+  if (region == nullptr || !frame_.spot[device].is_known()) return false;
+  field = {&region->grid.box(), &region->grid.layout(), &region->unit_mm};
+  return true;
+}
+
+bool YieldsOnVirtualClock::advance(const Model& model, const TickRecord* before) {
+  if (before == nullptr || before->tick % ticks_ != 0) return false;
+  const bool any = solver_.frame().number > 0;
+  if (any) {
+    frame_ = solver_.frame();
+    input_tick_ = solved_from_;
+  }
+  solver_.solve(model, *before);
+  solved_from_ = before->tick;
+  return any;
+}
+
+}  // namespace palpate
