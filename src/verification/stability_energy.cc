@@ -9,9 +9,11 @@
 
 #include "palpate/device/workspace.h"
 #include "palpate/model/changed_model.h"
+#include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
 #include "palpate/stability/stability.h"
 #include "palpate/tissue/removal.h"
+#include "palpate/tissue/yield_solver.h"
 #include "verification/stability_names.h"
 #include "verification/stability_wall.h"
 
@@ -157,10 +159,47 @@ Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress) 
   return one_bone(labels, {ForceMethod::kTrilinear, ForceMethod::kProxy}, progress);
 }
 
+Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, const Progress& progress) {
+  constexpr double kSpacing_mm = 1, kCore_mm = 5;
+  GridGeometry grid;
+  grid.dims = {41, 41, 41};
+  grid.spacing_mm = Eigen::Vector3d::Constant(kSpacing_mm);
+  grid.origin = Point<Patient>(-20 * kSpacing_mm, -20 * kSpacing_mm, -20 * kSpacing_mm);
+  Volume<LabelId> labels(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const double r = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen().norm();
+        labels.at(i, j, k) = static_cast<LabelId>(r < kCore_mm ? 2 : r < kBallRadius_mm ? 1 : 0);
+      }
+  ModelParts parts;
+  parts.labels = label_bricks(labels);
+  parts.segments = {{1, "ball", {}, 0, 1}, {2, "core", {}, 0, 2}};
+  Tissue soft, bone;
+  soft.name = "soft tissue";
+  soft.stiffness_N_per_mm = 0.3;
+  soft.elastic = ElasticConstants{youngs_modulus_kPa, 0.45};
+  bone.name = "bone";
+  bone.stiffness_N_per_mm = 1.5;
+  parts.tissues = {soft, bone};
+  parts.tissue_of_label = {-1, 0, 1};
+  parts.tissue_law = TissueLaw::kElastic;
+  Tool tool;
+  tool.radius_mm = 3;
+  parts.tools = {tool};
+  auto made = make_model(std::move(parts), {}, progress);
+  if (!made) return made.error();
+  const ForceMethod proxy = ForceMethod::kProxy;
+  return prepared_for(made->model, {&proxy, 1}, {}, progress);
+}
+
 ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration) {
   SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
   WorkspaceSettings workspace;
-  workspace.force_gain = exploration.stiffness_N_per_mm;
+  // of a ball of 1 N/mm; what yields has its own
+  const bool yields_by_itself = ball.tissue_law == TissueLaw::kElastic;
+  workspace.force_gain = yields_by_itself ? 1 : exploration.stiffness_N_per_mm;
   WorkspaceMapping mapping(plant.info(), workspace);
   Parameters parameters;
   parameters.method = exploration.method;
@@ -169,6 +208,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
   parameters.device[0] = device_parameters(plant.info(), workspace);
   parameters.device[0].delay_s = exploration.delay_known ? exploration.delay_s : 0;
+  if (yields_by_itself) parameters.device[0].most_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
 
   PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
   parameters.motor = exploration.cuts;
@@ -191,6 +231,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   Wrench sent;
   ExploredEnergy result;
   std::shared_ptr<const Model> felt = std::make_shared<const Model>(ball);
+  YieldsOnVirtualClock yields(exploration.rate_hz);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
   std::vector<double> places_mm, forces_N;  // across the plane
   double energy_mJ = 0;
@@ -216,6 +257,8 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     if (exploration.cuts && n % ticks_a_cut == 0)
       if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
         felt = carved_by(*felt, cuts)->taken_from(*felt);
+    if (yields_by_itself && yields.advance(*felt, n > 0 ? &record : nullptr))
+      parameters.yields = yields.frame();
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(*felt, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 

@@ -16,6 +16,10 @@ namespace palpate {
 Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress = {});
 inline constexpr double kBallRadius_mm = 12;
 
+/// A ball as large, of tissue of so many kPa that yields, around a ball of bone of 5 mm, and a tool of 3 mm
+/// radius; for the proxy.
+Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, const Progress& progress = {});
+
 /// A random exploration of the ball through the real tick: the hand wants to be at random places in
 /// and outside the ball, one after the other, and goes there smoothly, as fast as hands palpate. Friction and
 /// viscosity are off.
@@ -23,7 +27,7 @@ struct Exploration {
   PlantDevice device;
   PlantHand hand;
   ForceMethod method = ForceMethod::kProxy;
-  double stiffness_N_per_mm = 1;  ///< that the hand feels
+  double stiffness_N_per_mm = 1;  ///< that the hand feels; of tissue that yields the most of it
   double delay_s = 0;
   bool delay_known = true;  ///< to the tick
   bool controller = true;

@@ -1,0 +1,248 @@
+#include "verification/tissue_tick.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "palpate/model/make_model.h"
+#include "palpate/servo/servo.h"
+#include "palpate/tissue/yield_solver.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kTickRate_hz = 1000, kTissueTool_mm = 3;
+constexpr int kBlockHalf_mm = 36, kPlateDeep_mm = 24;
+constexpr LabelId kYieldingLabel = 1, kNoduleLabel = 2, kPlateLabel = 3;
+// until the force has come in, above the surface
+constexpr double kTissueWait_s = 0.6, kBeginAbove_mm = 4;
+
+/// The tip led along a way at 1 kHz, with frames of tissue as a session has them: one late.
+class TissueTip {
+ public:
+  explicit TissueTip(std::shared_ptr<const Model> model) : model_(std::move(model)) {
+    parameters_.method = ForceMethod::kProxy;
+    parameters_.friction = parameters_.viscosity = false;
+    parameters_.max_force_N = 20;
+    parameters_.device[0].limits.peak_force_N = 20;
+  }
+
+  // @param see  gets every tick
+  void lead(const Eigen::Vector3d& to, double speed_mm_s,
+            const std::function<void(const TickRecord&)>& see = {}) {
+    const double way_mm = (to - at_).norm();
+    const int ticks = std::max(1, static_cast<int>(std::lround(kTickRate_hz * way_mm / speed_mm_s)));
+    const Eigen::Vector3d from = at_;
+    for (int n = 1; n <= ticks; ++n) {
+      at_ = from + (to - from) * (static_cast<double>(n) / ticks);
+      tick(see);
+    }
+  }
+  void wait(double time_s, const std::function<void(const TickRecord&)>& see = {}) {
+    for (int n = 0; n < kTickRate_hz * time_s; ++n) tick(see);
+  }
+  void begin_at(const Eigen::Vector3d& at) {
+    at_ = at;
+    wait(kTissueWait_s);
+  }
+
+ private:
+  void tick(const std::function<void(const TickRecord&)>& see) {
+    if (yields_.advance(*model_, state_.tick > 0 ? &record_ : nullptr)) parameters_.yields = yields_.frame();
+    DeviceState device;
+    device.tip = model_->X_WorldPatient * Point<Patient>(at_);
+    Wrench wrench;
+    palpate::tick(*model_, parameters_, {&device, 1}, 1 / kTickRate_hz, state_, {&wrench, 1}, record_);
+    if (see) see(record_);
+  }
+
+  const std::shared_ptr<const Model> model_;
+  Parameters parameters_;
+  SessionState state_;
+  TickRecord record_;
+  YieldsOnVirtualClock yields_{kTickRate_hz};
+  Eigen::Vector3d at_ = {0, 0, kBeginAbove_mm};
+};
+
+/// The force of a solution that has converged, at the place and depth of a tick.
+class ConvergedForce {
+ public:
+  explicit ConvergedForce(std::shared_ptr<const Model> model) : model_(std::move(model)) {}
+
+  double at(const TickRecord& felt) {
+    constexpr int kSettling = 8;
+    TickRecord still = felt;
+    DeviceTick& device = still.device[0];
+    device.velocity_patient_mm_s = {};
+    double force_N = 0;
+    for (int n = 0; n < kSettling; ++n) {
+      const YieldSpot& spot = solver_.solve(*model_, still).spot[0];
+      if (!spot.is_known()) return 0;
+      const YieldingTissue tissue{spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2};
+      force_N = yield_force(tissue, device.depth_mm, kTissueTool_mm).force_N;
+      device.contact_N[0] = force_N;
+    }
+    return force_N;
+  }
+
+ private:
+  const std::shared_ptr<const Model> model_;
+  YieldSolver solver_;
+};
+
+/// Compares every so many ticks.
+class TissueComparison {
+ public:
+  TissueComparison(std::shared_ptr<const Model> model, int every) : truth_(std::move(model)), every_(every) {}
+
+  void see(const TickRecord& felt) {
+    if (ticks_++ % every_ != 0 || felt.device[0].contact_label[0] == 0) return;
+    const double truth_N = truth_.at(felt);
+    // along the normal, as that is
+    const double off_N = std::abs(-felt.device[0].contact_N[0] + truth_N);
+    off_.peak_N = std::max(off_.peak_N, truth_N);
+    largest_N_ = std::max(largest_N_, off_N);
+    sum_N_ += off_N;
+    ++off_.samples;
+  }
+  TickOff off() const {
+    TickOff off = off_;
+    if (off.samples == 0) return off;
+    off.largest_percent = 100 * largest_N_ / off.peak_N;
+    off.mean_percent = 100 * sum_N_ / off.samples / off.peak_N;
+    return off;
+  }
+
+ private:
+  ConvergedForce truth_;
+  const int every_;
+  int ticks_ = 0;
+  double largest_N_ = 0, sum_N_ = 0;
+  TickOff off_;
+};
+
+// so that a way has some twenty comparisons
+int ticks_between_comparisons(double way_mm, double speed_mm_s) {
+  return std::max(1, static_cast<int>(kTickRate_hz * way_mm / speed_mm_s / 20));
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Model>> yielding_block(bool nodule) {
+  GridGeometry grid;
+  grid.dims = {2 * kBlockHalf_mm, 2 * kBlockHalf_mm, kPlateDeep_mm + 9};
+  grid.spacing_mm = Eigen::Vector3d::Ones();
+  // the surface is between two voxels
+  grid.origin = Point<Patient>(-kBlockHalf_mm + 0.5, -kBlockHalf_mm + 0.5, -kPlateDeep_mm - 2.5);
+  Volume<LabelId> labels(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 1; j + 1 < grid.dims[1]; ++j)
+      for (int i = 1; i + 1 < grid.dims[0]; ++i) {
+        const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
+        const bool hard = nodule && (p - Eigen::Vector3d(0, 0, -9)).norm() < 4;
+        labels.at(i, j, k) = p.z() > 0                ? LabelId{0}
+                             : p.z() < -kPlateDeep_mm ? kPlateLabel
+                             : hard                   ? kNoduleLabel
+                                                      : kYieldingLabel;
+      }
+  ModelParts parts;
+  parts.labels = label_bricks(labels);
+  for (const auto& [label, name] :
+       {std::pair(kYieldingLabel, "soft tissue"), {kNoduleLabel, "nodule"}, {kPlateLabel, "plate"}})
+    parts.segments.push_back({label, name, {}, 0, label});
+  Tissue soft, hard, plate;
+  soft.name = "soft tissue";
+  soft.stiffness_N_per_mm = 0.3;
+  soft.elastic = ElasticConstants{10, 0.45};
+  hard.name = "nodule";
+  hard.stiffness_N_per_mm = 0.6;
+  hard.elastic = ElasticConstants{100, 0.45};
+  plate.name = "plate";
+  plate.stiffness_N_per_mm = 2;
+  parts.tissues = {soft, hard, plate};
+  parts.tissue_of_label = {-1, 0, 1, 2};
+  parts.tissue_law = TissueLaw::kElastic;
+  parts.tissue_cell_mm = 1;
+  Tool tool;
+  tool.radius_mm = kTissueTool_mm;
+  parts.tools = {tool};
+  auto made = make_model(std::move(parts));
+  if (!made) return made.error();
+  const ForceMethod proxy = ForceMethod::kProxy;
+  return prepared_for(made->model, {&proxy, 1});
+}
+
+TickOff press_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s, double x_mm) {
+  constexpr double kDepth_mm = 4;
+  TissueTip tip(model);
+  TissueComparison comparison(model, ticks_between_comparisons(kDepth_mm, speed_mm_s));
+  tip.begin_at({x_mm, 0, kTissueTool_mm + kBeginAbove_mm});
+  tip.lead({x_mm, 0, kTissueTool_mm - kDepth_mm}, speed_mm_s,
+           [&](const TickRecord& felt) { comparison.see(felt); });
+  return comparison.off();
+}
+
+TickOff slide_on_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s) {
+  constexpr double kDepth_mm = 3, kFar_mm = 18;
+  TissueTip tip(model);
+  TissueComparison comparison(model, ticks_between_comparisons(2 * kFar_mm, speed_mm_s));
+  tip.begin_at({-kFar_mm, 0, kTissueTool_mm + kBeginAbove_mm});
+  tip.lead({-kFar_mm, 0, kTissueTool_mm - kDepth_mm}, 20);
+  tip.wait(0.1);
+  tip.lead({kFar_mm, 0, kTissueTool_mm - kDepth_mm}, speed_mm_s,
+           [&](const TickRecord& felt) { comparison.see(felt); });
+  return comparison.off();
+}
+
+double change_at_rest_N(const std::shared_ptr<const Model>& model) {
+  TissueTip tip(model);
+  tip.begin_at({3, 1, kTissueTool_mm + kBeginAbove_mm});
+  tip.lead({3, 1, kTissueTool_mm - 4}, 50);
+  tip.wait(0.1);
+  double before_N = -1, most_N = 0;
+  tip.wait(0.4, [&](const TickRecord& felt) {
+    const double now_N = felt.device[0].unclamped_force_N;
+    if (before_N >= 0) most_N = std::max(most_N, std::abs(now_N - before_N));
+    before_N = now_N;
+  });
+  return most_N;
+}
+
+double work_given_out_percent(const std::shared_ptr<const Model>& model, double speed_mm_s) {
+  constexpr double kFar_mm = 10, kUnder_mm = kTissueTool_mm - 3, kOver_mm = kTissueTool_mm + 1;
+  TissueTip tip(model);
+  double work_mJ = 0, most_mJ = 0;
+  Eigen::Vector3d before = Eigen::Vector3d::Zero(), force_before = Eigen::Vector3d::Zero();
+  bool any = false;
+  const auto see = [&](const TickRecord& felt) {
+    const DeviceTick& device = felt.device[0];
+    const Eigen::Vector3d at(device.tip_world_mm[0], device.tip_world_mm[1], device.tip_world_mm[2]),
+        force(device.force_N[0], device.force_N[1], device.force_N[2]);
+    // the force between two ticks is taken as a straight line: what a hold gives out is the servo's
+    if (any) work_mJ -= 0.5 * (force + force_before).dot(at - before);
+    most_mJ = std::max(most_mJ, work_mJ);
+    before = at;
+    force_before = force;
+    any = true;
+  };
+  tip.begin_at({-kFar_mm, 0.5, kOver_mm});
+  tip.lead({-kFar_mm, 0.5, kUnder_mm}, speed_mm_s, see);
+  tip.lead({kFar_mm, 0.5, kUnder_mm}, speed_mm_s, see);
+  tip.lead({kFar_mm, 0.5, kOver_mm}, speed_mm_s, see);
+  return -100 * work_mJ / most_mJ;
+}
+
+double stiffer_over_nodule_percent(const std::shared_ptr<const Model>& model, double depth_mm) {
+  const auto force_N = [&](double x_mm) {
+    TissueTip tip(model);
+    tip.begin_at({x_mm, 0, kTissueTool_mm + kBeginAbove_mm});
+    tip.lead({x_mm, 0, kTissueTool_mm - depth_mm}, 20);
+    double felt_N = 0;
+    tip.wait(0.2, [&](const TickRecord& felt) { felt_N = felt.device[0].unclamped_force_N; });
+    return felt_N;
+  };
+  return 100 * (force_N(0) / force_N(18) - 1);
+}
+
+}  // namespace palpate
