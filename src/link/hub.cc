@@ -14,6 +14,8 @@ namespace palpate::link {
 namespace {
 
 constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
+// what is seen of tissue is smooth at that rate, and a message of it may be as long as a hundred poses
+constexpr auto kYieldPeriod = std::chrono::microseconds(66'600);
 constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
 constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMostPoses_hz));
@@ -143,6 +145,8 @@ void Hub::welcome(Viewer& viewer) {
   count();
   look_at_state();
   viewer.show_state();
+  // one that comes late gets what there is now, not what another saw last
+  if (viewer.wants_yields()) look_at_yields(Clock::now());
   if (std::exchange(posing_, true)) return;
   next_pose_ = Clock::now();
   wait_for_poses();
@@ -269,8 +273,26 @@ void Hub::wait_for_poses() {
   });
 }
 
+void Hub::look_at_yields(Clock::time_point now) {
+  next_yields_ = now + kYieldPeriod;
+  for (std::size_t device = 0; device < yields_.size(); ++device) {
+    LookedAt& looked = yields_[device];
+    auto yield = host_.yielded(device);
+    if (looked.message && yield == looked.yield) continue;
+    looked.yield = std::move(yield);
+    YieldMessage next(device, looked.yield.get());
+    if (looked.message && next.looks_like(*looked.message)) continue;
+    looked.told = {looked.told.number + 1, next.rests(), std::make_shared<const std::string>(next.bytes())};
+    looked.message = std::move(next);
+  }
+  for (const auto& viewer : viewers_) viewer->show_yields();
+}
+
 void Hub::show_pose() {
   const Clock::time_point now = Clock::now();
+  if (now >= next_yields_ && std::any_of(viewers_.begin(), viewers_.end(),
+                                         [](const auto& viewer) { return viewer->wants_yields(); }))
+    look_at_yields(now);
   const auto due = [&](const auto& viewer) { return viewer->is_due(now); };
   if (std::none_of(viewers_.begin(), viewers_.end(), due)) return;
   std::array<double, kMaxDevices> stiffness_N_per_mm{};

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -15,6 +17,7 @@
 #include "link/pose_message.h"
 #include "link/request.h"
 #include "link/site.h"
+#include "link/yield_message.h"
 
 namespace palpate::link {
 
@@ -26,6 +29,7 @@ struct SweepsHad;
 /// server's thread.
 ///
 ///     timer, 120 Hz ── snapshot ── one PoseMessage ──► every viewer whose turn it is
+///             15 Hz ── how tissue has yielded ──────► every viewer that wants it, where it is another way
 ///     timer, 10 Hz ─── state, health; deadlines of every connection
 class Hub {
  public:
@@ -85,6 +89,8 @@ class Hub {
   std::string state_for(const Viewer& viewer) const;
   /// The next sweeps for a viewer, which has had them then; empty: there are no more.
   std::string sweeps_after(SweepsHad& had) const;
+  /// How tissue has yielded around a device, as it was looked at last.
+  const ToldYield& told_yield(std::size_t device) const { return yields_[device].told; }
 
  private:
   static std::uint64_t sweeps_in_common(const ViewedState& before, const ViewedState& now);
@@ -96,6 +102,7 @@ class Hub {
   void count();
   void wait_for_poses();
   void show_pose();
+  void look_at_yields(Clock::time_point now);
   void wait_for_sweep();
   void sweep();
 
@@ -118,6 +125,13 @@ class Hub {
   ViewedState state_;
   std::string last_state_;
   ViewedHealth health_;
+  struct LookedAt {
+    std::shared_ptr<const ViewedYield> yield;
+    std::optional<YieldMessage> message;  ///< as it was told last
+    ToldYield told;
+  };
+  std::array<LookedAt, kMaxDevices> yields_;
+  Clock::time_point next_yields_{};
 };
 
 }  // namespace palpate::link

@@ -1,47 +1,16 @@
 #include "link/pose_message.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <concepts>
 #include <limits>
 
+#include "link/wire_writer.h"
 #include "palpate/base/check.h"
 
 namespace palpate::link {
 namespace {
 
 constexpr std::size_t kSequenceAt = 8;
-
-/// Numbers one after the other, little-endian whatever the machine's order is.
-class Writer {
- public:
-  explicit Writer(char* at) : at_(at) {}
-
-  template <std::unsigned_integral T>
-  void whole(T value) {
-    for (std::size_t byte = 0; byte < sizeof(T); ++byte)
-      *at_++ = static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * byte) & 0xff);
-  }
-  void real64(double value) { whole(std::bit_cast<std::uint64_t>(value)); }
-  // beyond what a float can hold: infinite
-  void real32(double value) {
-    constexpr double kMost = std::numeric_limits<float>::max();
-    constexpr float kInfinite = std::numeric_limits<float>::infinity();
-    const bool beyond = std::abs(value) > kMost;
-    const float rounded =
-        beyond ? std::copysign(kInfinite, static_cast<float>(value > 0 ? 1 : -1)) : static_cast<float>(value);
-    whole(std::bit_cast<std::uint32_t>(rounded));
-  }
-  template <std::size_t kCount>
-  void reals32(const std::array<double, kCount>& values) {
-    for (const double value : values) real32(value);
-  }
-  const char* at() const { return at_; }
-
- private:
-  char* at_;
-};
 
 std::uint32_t counted(std::uint64_t count) {
   return static_cast<std::uint32_t>(
@@ -52,7 +21,7 @@ double norm(const std::array<double, 3>& v) {
   return std::hypot(v[0], v[1], v[2]);
 }
 
-void write_device(Writer& out, const DeviceTick& device, double stiffness_N_per_mm) {
+void write_device(WireWriter& out, const DeviceTick& device, double stiffness_N_per_mm) {
   out.reals32(device.tip_patient_mm);
   out.reals32(device.proxy_patient_mm);
   out.reals32(device.normal_patient);
@@ -89,7 +58,7 @@ PoseMessage::PoseMessage(const TickRecord& tick, const std::array<double, kMaxDe
                          const ViewedHealth& health, std::int64_t clock_ns) {
   const int devices = std::clamp(tick.devices, 1, kMaxDevices);
   size_ = kHead_bytes + static_cast<std::size_t>(devices) * kDevice_bytes;
-  Writer out(bytes_.data());
+  WireWriter out(bytes_.data());
   for (const char c : std::string_view("PLPT")) out.whole(static_cast<std::uint8_t>(c));
   out.whole(static_cast<std::uint16_t>(kProtocol));
   out.whole(static_cast<std::uint16_t>(size_));
@@ -118,7 +87,7 @@ PoseMessage::PoseMessage(const TickRecord& tick, const std::array<double, kMaxDe
 }
 
 void PoseMessage::set_sequence(std::uint64_t sequence) {
-  Writer(bytes_.data() + kSequenceAt).whole(sequence);
+  WireWriter(bytes_.data() + kSequenceAt).whole(sequence);
 }
 
 }  // namespace palpate::link

@@ -171,6 +171,7 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.protocol = static_cast<int>(fields.whole("protocol", 0, 1 << 16).value_or(0));
   hello.token = fields.name("token", kMostToken_bytes).value_or("");
   hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
+  hello.yielded = fields.flag("yielded").value_or(false);
   fields.end();
   if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMostPoses_hz)) return std::nullopt;
   return hello;

@@ -21,6 +21,7 @@ struct Hello {
   int protocol = 0;
   std::string token;  ///< empty: none
   double poses_hz = 60;
+  bool yielded = false;  ///< it wants to be told how tissue has yielded
 };
 struct StopRequest {};
 struct PointerRequest {

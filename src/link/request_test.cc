@@ -37,7 +37,9 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(hello->protocol, 3);
   EXPECT_EQ(hello->token, "abc");
   EXPECT_EQ(hello->poses_hz, 120);
+  EXPECT_FALSE(hello->yielded);
   EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 3})")->poses_hz, 60);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "yielded": true})")->yielded);
 
   const auto set = parsed<SettingsRequest>(
       R"({"type": "set", "id": 1, "method": "trilinear", "friction": false, "viscosity": true, "passivity": true,
@@ -176,6 +178,7 @@ TEST(Request, WhatIsNoMessage) {
            R"({"type":"tip","patient_mm":[1,2,3],"id":1})",
            R"({"type":"hello"})",
            R"({"type":"hello","protocol":3,"poses_hz":0})",
+           R"({"type":"hello","protocol":3,"yielded":1})",
            R"({"type":"hello","protocol":3,"poses_hz":121})",
            R"({"type":"hello","protocol":"1"})",
            R"({"type":"hello","protocol":3,"token":1})",

@@ -67,6 +67,15 @@ class FakeHost : public ViewerHost {
       next.push_back({0, {static_cast<double>(n), 0, 0}, {0, 1, 0}, 2});
     return next;
   }
+  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
+    const std::lock_guard lock(mutex_);
+    ++yields_asked;
+    return yields_.at(device);
+  }
+  void yield(std::size_t device, std::shared_ptr<const ViewedYield> yield) {
+    const std::lock_guard lock(mutex_);
+    yields_.at(device) = std::move(yield);
+  }
   /// So many fewer.
   void uncut(std::uint64_t count) {
     const std::lock_guard lock(mutex_);
@@ -206,13 +215,14 @@ class FakeHost : public ViewerHost {
   /// Before the server starts.
   ViewedScene& edit_scene() { return scene_; }
 
-  mutable std::atomic<int> snapshots{0};
+  mutable std::atomic<int> snapshots{0}, yields_asked{0};
   std::atomic<bool> pointer_taken{false};
 
  private:
   ViewedScene scene_;
   mutable std::mutex mutex_;
   ViewedState state_;
+  std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> yields_;
   std::array<double, 3> tip_{};
   double played_at_s_ = 0;
   ViewerIdentity asked_by_;

@@ -147,6 +147,7 @@ void Viewer::greet(const Hello& hello) {
   if (!hub_.make_room_for_viewer(*who.role)) return end(kTryAgainLater, "too many viewers");
   role_ = *who.role;
   welcomed_ = true;
+  wants_yields_ = hello.yielded;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
   say(welcome_json(role_));
@@ -164,6 +165,10 @@ void Viewer::show_state() {
   if (!welcomed_) return;
   state_due_ = true;
   write_next();
+}
+
+void Viewer::show_yields() {
+  if (welcomed_ && wants_yields_) write_next();
 }
 
 bool Viewer::is_due(Clock::time_point now) const {
@@ -190,10 +195,14 @@ void Viewer::write_next() {
   } else if (std::exchange(state_due_, false)) {
     text_out_ = hub_.state_for(*this);
     write(net::buffer(text_out_), false);
-  } else if (!(pose_due_ && std::exchange(pose_is_next_, false)) && next_sweeps()) {
+  } else if (!(pose_due_ && pose_is_next_) && next_sweeps()) {
     pose_is_next_ = true;
     write(net::buffer(text_out_), false);
+  } else if (!(pose_due_ && pose_is_next_) && next_yield()) {
+    pose_is_next_ = true;
+    write(net::buffer(*yield_out_), true);
   } else if (std::exchange(pose_due_, false)) {
+    pose_is_next_ = false;
     pose_out_ = pose_;
     write(net::buffer(pose_out_.bytes()), true);
   }
@@ -207,6 +216,28 @@ bool Viewer::next_sweeps() {
   return true;
 }
 
+// the newest of one device, in turns with poses
+bool Viewer::next_yield() {
+  if (!welcomed_ || !wants_yields_ || Clock::now() < no_yield_before_) return false;
+  for (std::size_t n = 0; n < yields_had_.size(); ++n) {
+    const std::size_t device = std::exchange(next_yielding_, (next_yielding_ + 1) % kMaxDevices);
+    const ToldYield& told = hub_.told_yield(device);
+    const std::uint64_t had = std::exchange(yields_had_[device], told.number);
+    // that nothing has yielded one knows that has heard of nothing else
+    if (had == told.number || (had == 0 && told.rests)) continue;
+    yield_out_ = told.bytes;
+    yield_is_out_ = true;
+    return true;
+  }
+  return false;
+}
+
+// poses have most of a connection that is slow
+void Viewer::rest_from_yields() {
+  const Clock::time_point now = Clock::now();
+  no_yield_before_ = now + 2 * (now - write_begun_);
+}
+
 void Viewer::write(net::const_buffer bytes, bool binary) {
   writing_ = true;
   write_begun_ = Clock::now();
@@ -214,6 +245,7 @@ void Viewer::write(net::const_buffer bytes, bool binary) {
   socket_.async_write(bytes, [self = shared_from_this()](ErrorCode failed, std::size_t) {
     self->writing_ = false;
     if (failed) return self->write_failed();
+    if (std::exchange(self->yield_is_out_, false)) self->rest_from_yields();
     self->write_next();
   });
 }

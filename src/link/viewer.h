@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <boost/beast/core/flat_static_buffer.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
@@ -18,6 +19,7 @@
 #include "link/scene_json.h"
 #include "link/stream.h"
 #include "link/token_bucket.h"
+#include "palpate/device/telemetry.h"
 
 namespace palpate::link {
 
@@ -37,6 +39,7 @@ inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 ///     answers_     texts, in order; when there are many, nothing but a stop is done until some were taken
 ///     state_due_   the state as it is when its turn comes
 ///     pose_        the latest, which replaces one that was not sent
+///     yields_had_  which message it has of the tissue around each device; the hub has the newest
 ///
 /// One write is under way at a time. A viewer that reads slowly thereby loses what it asks for and nothing
 /// else; the system's buffer for its connection is small, so that what does arrive is not old.
@@ -54,6 +57,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool is_due(Clock::time_point now) const;
   void show(const PoseMessage& pose, Clock::time_point now);
   void show_state();
+  /// There may be something new of how tissue has yielded.
+  void show_yields();
   /// An answer.
   void say(std::string text);
   /// Says goodbye with a close code, and why to the log.
@@ -65,6 +70,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   /// Has not said hello, and still may.
   bool is_silent() const { return !welcomed_ && !ending_ && !gone_; }
   bool is_ending() const { return ending_; }
+  bool wants_yields() const { return wants_yields_ && !ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   Role role() const { return role_; }
   /// Of the sweeps that it has had only so many are still there.
@@ -82,6 +88,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void greet(const Hello& hello);
   void write_next();
   bool next_sweeps();
+  bool next_yield();
+  void rest_from_yields();
   /// @param bytes  stay as they are until it is done
   void write(net::const_buffer bytes, bool binary);
   void write_failed();
@@ -107,6 +115,11 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool deaf_ = false;  // has left requests undone, their answers having no place
   bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
   SweepsHad sweeps_had_;
+  bool wants_yields_ = false, yield_is_out_ = false;
+  std::array<std::uint64_t, kMaxDevices> yields_had_{};  ///< ToldYield::number; 0: it shows none
+  std::size_t next_yielding_ = 0;                        ///< device whose turn it is
+  Clock::time_point no_yield_before_{};
+  std::shared_ptr<const std::string> yield_out_;
   std::uint64_t sequence_ = 0;
   PoseMessage pose_, pose_out_;
   std::string text_out_;

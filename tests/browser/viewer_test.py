@@ -2819,6 +2819,90 @@ class WithSphere(Viewer):
         for a, b in zip(seen(), at_rest):
             self.assertEqual(abs(a - b).max(), 0)
 
+    def test_what_is_told_of_tissue_is_seen_and_how_it_is_strained(self):
+        scene = self.server.scene()
+        at, mm, wide, spacing = numpy.array((1, 0, 2)), numpy.array((-0.5, 1.5, 2)), 5, 2.5
+
+        def back(points):
+            """How far from there the tissue lay that is seen at a place: it went where the message says."""
+            came = points.copy()
+            for _ in range(30):
+                came = points - numpy.exp(-((came - at) ** 2).sum(1) / (2 * wide ** 2))[:, None] * mm
+            return came - points
+
+        def between_nodes(points):
+            """The same as pictures look it up: linear between the grid's nodes."""
+            first = at - spacing * (numpy.array((24, 17, 17)) - 1) / 2
+            node = (points - first) / spacing
+            low = numpy.floor(node)
+            return sum(numpy.prod(numpy.where(corner, node - low, 1 - node + low), 1)[:, None] * back(first + spacing * (low + corner))
+                       for corner in map(numpy.array, numpy.ndindex(2, 2, 2)))
+
+        def strain(points):
+            step = spacing * numpy.eye(3)
+            slope = numpy.stack([(between_nodes(points + one) - between_nodes(points - one)) / (2 * spacing) for one in step], 2)
+            turned = slope.transpose(0, 2, 1)
+            by = -0.5 * (slope + turned + turned @ slope)
+            by -= numpy.trace(by, axis1=1, axis2=2)[:, None, None] / 3 * numpy.eye(3)
+            return numpy.sqrt((by ** 2).sum((1, 2)) / 1.5)
+
+        def seen():
+            """Every seventh pixel of the section: where it is in the patient, its colour."""
+            return numpy.array(self.page.run("""palpateViewer.draw();
+                const { width, height } = document.querySelector("#picture-oblique canvas");
+                const out = [];
+                for (let y = 2; y < height; y += 7) for (let x = 2; x < width; x += 7) out.push([...palpateViewer.patientAt("oblique", x + 0.5, y + 0.5), ...palpateViewer.colourAt("oblique", x, y)]);
+                return out;"""))
+
+        def volume():
+            return self.page.run("return palpateViewer.volumePicture(60, 60, 0.4)")
+
+        colour = numpy.array(scene["structures"][0]["colour"])
+        is_sphere = lambda grid: abs(grid[:, 3:] - colour).max(1) <= 3  # noqa: E731
+        self.slide("#fill", 1)
+        self.page.run("document.getElementById('outlines').click(); document.getElementById('follow').click()")
+        rest, volume_at_rest = seen(), volume()
+        self.server.get("mock/yield?at=1,0,2&mm=-0.5,1.5,2&wide=5&device=0")
+        self.page.wait("palpateViewer.yields")
+        now = seen()
+        came = now[:, :3] + back(now[:, :3])
+        radius = numpy.linalg.norm(came - (0.1, -0.05, 0.15), axis=1)
+        clear = abs(radius - 10) > 0.5  # voxels are as wide
+        self.assertEqual((is_sphere(now) == (radius < 10))[clear].mean(), 1)
+        self.assertGreater((abs(now[:, 3:] - rest[:, 3:]).max(1) > 20).mean(), 0.005, "it has moved")
+        self.assertNotEqual(volume(), volume_at_rest)
+
+        # colours of the strain, by keys alone, over the structure's own
+        self.page.run("for (const card of document.querySelectorAll('details')) card.open = true; document.getElementById('strain').focus()")
+        self.page.press("\ue007")
+        self.page.wait("document.getElementById('strain').checked")
+        coloured = seen()
+        within = is_sphere(now) & clear
+        expected = strain(coloured[within, :3])
+        colours = numpy.array(((0, 0, 4), (87, 16, 110), (188, 55, 84), (249, 142, 9), (252, 255, 164)))
+        along = numpy.clip(expected / 0.25, 0, 1) * 4
+        by = numpy.stack([numpy.interp(along, range(5), colours[:, c]) for c in range(3)], 1)
+        cover = numpy.clip(expected / 0.02, 0, 1)
+        cover = (0.85 * cover * cover * (3 - 2 * cover))[:, None]
+        off = abs(coloured[within, 3:] - (colour * (1 - cover) + by * cover))
+        print(f"  strained by {100 * expected.max():.0f} % at most, colours {off.mean():.2f} of 255 off, {numpy.percentile(off, 99):.1f} at the most of 99 %", flush=True)
+        self.assertGreater(expected.max(), 0.15)
+        # a hundredth of strain is 14 of 255, and the page goes back from what is linear between nodes
+        self.assertLess(off.mean(), 12)
+        self.assertEqual(abs(coloured[~is_sphere(now) & clear, 3:] - now[~is_sphere(now) & clear, 3:]).max(), 0, "around the sphere nothing is strained")
+
+        # what the graphics have lost comes back
+        self.page.run("palpateViewer.loseGraphics('sections', false)")
+        self.page.wait("!document.getElementById('graphics').hidden")
+        self.page.run("palpateViewer.loseGraphics('sections', true)")
+        self.page.wait("document.getElementById('graphics').hidden")
+        self.assertEqual(abs(seen() - coloured).max(), 0)
+        # and so does the tissue
+        self.server.get("mock/yield")
+        self.page.wait("!palpateViewer.yields")
+        self.assertEqual(abs(seen() - rest).max(), 0)
+        self.assertEqual(volume(), volume_at_rest)
+
 
 class WithDevice(Viewer):
     """A physical device, of which somebody agrees to everything after a while: the mock's alone, for palpate drives none yet."""

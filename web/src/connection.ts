@@ -2,6 +2,7 @@
 
 import type { Sweep } from "./cuts.js";
 import type { State } from "./scene.js";
+import { decodeYield, isYield, type Yield } from "./yields.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
 import { words } from "./words.js";
 
@@ -38,6 +39,8 @@ export interface Listener {
   onAsked(): void;
   /** What was cut away: what was told before from number `first` on is not any more, and this comes after the rest. */
   onCut(first: number, sweeps: Sweep[]): void;
+  /** How tissue around a device has yielded; on another connection all is told anew. */
+  onYield(told: Yield): void;
 }
 
 export class Connection {
@@ -67,7 +70,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (this.link !== "connecting") this.setLink("connecting");
     socket.onopen = () => {
-      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60 };
+      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true };
       socket.send(JSON.stringify(this.token ? { ...hello, token: this.token } : hello));
     };
     socket.onmessage = (event) => this.receive(socket, event.data as string | ArrayBuffer);
@@ -147,6 +150,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (typeof data !== "string") {
       try {
+        if (isYield(data)) return this.listener.onYield(decodeYield(data));
         const pose = decodePose(data);
         this.pose = pose;
         this.poseAt_ms = this.heard_ms;

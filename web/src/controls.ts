@@ -124,6 +124,10 @@ export class Controls {
       session.outlines = (event.target as HTMLInputElement).checked;
       session.touch();
     });
+    byId<HTMLInputElement>("strain").addEventListener("change", (event) => {
+      session.strain = (event.target as HTMLInputElement).checked;
+      session.touch();
+    });
     const slab = () => {
       session.slab = { kind: byId<HTMLSelectElement>("slab").value as Slab["kind"], mm: Number(byId<HTMLInputElement>("slab-mm").value) };
       session.touch();

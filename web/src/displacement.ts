@@ -7,12 +7,10 @@ import { column, compose, invert, type Affine, type Vec3 } from "./geometry.js";
 export interface Nodes { dims: Vec3; nodeFromPatient: Affine }
 
 export class Displacement {
-  readonly mm: Float32Array<ArrayBuffer>; // of each node, i fastest: patient x, y, z, and a fourth that textures want
   private most: number | null = null; // mm, of all nodes
 
-  constructor(readonly nodes: Nodes) {
-    this.mm = new Float32Array(4 * nodes.dims.reduce((a, b) => a * b));
-  }
+  /** @param mm  of each node, i fastest: patient x, y, z, and whether it is known how tissue is strained there, 0 or 1 */
+  constructor(readonly nodes: Nodes, readonly mm: Float32Array<ArrayBuffer> = new Float32Array(4 * nodes.dims.reduce((a, b) => a * b))) {}
 
   /** Copies three components a node into a box, i fastest. */
   write(lo: Vec3, size: Vec3, mm: ArrayLike<number>): void {
@@ -44,12 +42,34 @@ export class Displacement {
   }
 }
 
-/** For a shader: `moved`, the place where what is seen at a place is looked up, both in voxels of the volume. Without a displacement it is nothing. */
+/** For a shader: `moved`, the place where what is seen at a place is looked up, both in voxels of the volume, and `strain`. Without a displacement it is nothing. */
 export const MOVED = `
 #if DISPLACED
 uniform highp sampler3D displacement; // of nodes, mm
 uniform mat4x3 nodeFromVoxel;
 uniform mat3 voxelFromMm;
+#if STRAIN
+uniform mat3 nodeFromMm;
+// How much tissue is strained that is seen at a place: what is left of the strain of Euler and Almansi when the change of volume is taken out, as von
+// Mises makes one number of it, which for what is only drawn out is how much longer it is. By differences from node to node. Below 0: it is not known.
+float strain(vec3 voxel) {
+  vec3 size = vec3(textureSize(displacement, 0));
+  vec3 node = (nodeFromVoxel * vec4(voxel, 1.0) + 0.5) / size;
+  vec4 here = texture(displacement, node);
+  vec3 step = 1.0 / size;
+  mat3 byNode;
+  for (int axis = 0; axis < 3; axis++) {
+    vec3 way = vec3(axis == 0, axis == 1, axis == 2) * step;
+    byNode[axis] = 0.5 * (texture(displacement, node + way).xyz - texture(displacement, node - way).xyz);
+  }
+  mat3 slope = byNode * nodeFromMm;
+  mat3 by = -0.5 * (slope + transpose(slope) + transpose(slope) * slope);
+  float mean = (by[0][0] + by[1][1] + by[2][2]) / 3.0;
+  by -= mat3(mean);
+  bool isBeside = any(lessThan(node, vec3(0.0))) || any(greaterThan(node, vec3(1.0)));
+  return isBeside || here.w < 0.999 ? -1.0 : sqrt((dot(by[0], by[0]) + dot(by[1], by[1]) + dot(by[2], by[2])) / 1.5);
+}
+#endif
 vec3 moved(vec3 voxel) {
   vec3 node = nodeFromVoxel * vec4(voxel, 1.0);
   vec3 last = vec3(textureSize(displacement, 0)) - 1.0;
@@ -64,8 +84,20 @@ vec3 moved(vec3 voxel) {
 export class DisplacementTexture {
   private texture: WebGLTexture | null = null;
 
-  constructor(private readonly gl: WebGL2RenderingContext, private readonly unit: number, readonly displacement: Displacement) {
+  constructor(private readonly gl: WebGL2RenderingContext, private readonly unit: number, private its: Displacement) {
     this.setUp();
+  }
+  get displacement(): Displacement {
+    return this.its;
+  }
+
+  /** Another one in the same memory. @returns false where it has as many nodes no way */
+  show(displacement: Displacement): boolean {
+    const { dims } = displacement.nodes;
+    if (dims.some((count, axis) => count !== this.its.nodes.dims[axis])) return false;
+    this.its = displacement;
+    this.upload([0, 0, 0], dims);
+    return true;
   }
 
   /** All of it; anew after the context was lost. */
@@ -103,7 +135,9 @@ export class DisplacementTexture {
     const at = (name: string) => gl.getUniformLocation(program, name);
     const columns = (m: Affine, count: number) => Array.from({ length: count }, (_, c) => column(m, c)).flat();
     gl.uniform1i(at("displacement"), this.unit);
-    gl.uniformMatrix4x3fv(at("nodeFromVoxel"), false, columns(compose(this.displacement.nodes.nodeFromPatient, invert(voxelFromPatient)), 4));
+    const { nodeFromPatient } = this.displacement.nodes;
+    gl.uniformMatrix4x3fv(at("nodeFromVoxel"), false, columns(compose(nodeFromPatient, invert(voxelFromPatient)), 4));
+    gl.uniformMatrix3fv(at("nodeFromMm"), false, columns(nodeFromPatient, 3));
     gl.uniformMatrix3fv(at("voxelFromMm"), false, columns(voxelFromPatient, 3));
   }
 }

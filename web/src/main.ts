@@ -31,6 +31,7 @@ import { add, angleOf_deg, conjugate, multiply, scale, type Anatomical, type Qua
 import { memory_GB } from "./screen.js";
 import { PROTOCOL, type Pose } from "./wire.js";
 import { says, words, type Message } from "./words.js";
+import { Yields } from "./yields.js";
 
 const TOKEN_KEY = "palpate.token";
 /** What is not drawn by the graphics card is drawn less often, so that the page stays awake. */
@@ -75,6 +76,9 @@ class Page {
   private readonly graphics: Record<"sections" | "volume", "fine" | "lost" | "restorable"> = { sections: "fine", volume: "fine" };
   private failed: "no" | "once" | "again" = "no"; // what draws the volume beside the page
   private displacement: Displacement | null = null;
+  private readonly yields = new Yields();
+  private areYieldsDue = false; // to be seen
+  private isYielding = false; // where the volume is drawn, what came before is not there yet
   private readonly cuts = new Cuts();
   private cutting: Promise<void> = Promise.resolve();
   private isMending = false;
@@ -95,6 +99,10 @@ class Page {
       onCut: (first, sweeps) => {
         this.cuts.tell(first, sweeps);
         this.cut();
+      },
+      onYield: (told) => {
+        this.yields.tell(told);
+        this.areYieldsDue = true;
       },
     }, this.token);
     const { session } = this;
@@ -224,9 +232,26 @@ class Page {
 
   /** Tissue yields as nodes say, of which none is displaced yet; null: it does not. It is seen so; what is felt and read out are the voxels as they are. */
   displace(nodes: Nodes | null): void {
-    this.displacement = nodes && new Displacement(nodes);
-    for (const its of [this.slicer, this.renderer]) its.displace(this.displacement);
+    void this.displaceBy(nodes && new Displacement(nodes));
+  }
+  private async displaceBy(displacement: Displacement | null): Promise<void> {
+    this.displacement = displacement;
+    this.session.yields = displacement !== null;
+    this.slicer.displace(displacement);
+    const isThere = this.renderer.displace(displacement);
     this.session.touchLooks();
+    await isThere;
+  }
+  /** What was told of tissue last is seen; what comes meanwhile is in the next. */
+  private async showYields(): Promise<void> {
+    const { volumes } = this.session;
+    if (!volumes) return;
+    this.areYieldsDue = false;
+    const by = this.yields.displaced((p) => volumes.structureAt(p) === null);
+    if (!by && !this.displacement) return;
+    this.isYielding = true;
+    await this.displaceBy(by && new Displacement(by.nodes, by.mm));
+    this.isYielding = false;
   }
   /** @param mm  of a box of nodes, three components each, i fastest: how far from there what is seen there is looked up, patient */
   async updateDisplacement(lo: Vec3, size: Vec3, mm: ArrayLike<number>): Promise<void> {
@@ -299,6 +324,7 @@ class Page {
     for (const section of this.sections) section.reset();
     // of another patient
     this.displace(null);
+    this.areYieldsDue = true;
     this.measures.forget();
     this.history.clear();
     this.bookmarks.load();
@@ -373,6 +399,8 @@ class Page {
       // another server may stand behind the same address
       this.isOutdated = true;
       this.cuts.beginAnew();
+      this.yields.forget();
+      this.areYieldsDue = true;
       this.cut();
       void this.load();
     }
@@ -500,6 +528,7 @@ class Page {
     const wasFresh = session.isFresh;
     session.isFresh = connection.isFresh();
     session.age_ms = connection.age_ms();
+    if (this.areYieldsDue && !this.isYielding) void this.showYields();
     if (wasFresh !== session.isFresh || !session.isFresh) session.touch();
     if (this.slicer.isSoftware) {
       // one that takes long leaves the volume's picture, which is drawn beside it, its share

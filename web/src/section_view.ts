@@ -17,6 +17,7 @@ import type { PointerDevice } from "./pointer.js";
 import type { Session } from "./session.js";
 import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
 import type { Slicer } from "./slicer.js";
+import { drawStrainLegend } from "./strain.js";
 import { words } from "./words.js";
 
 export type PlaneKind = "oblique" | Anatomical;
@@ -196,9 +197,9 @@ export class SectionView {
     const mm = this.mmPerPixel / frame.ratio;
 
     // the volume, when the picture of it is another one
-    const key = JSON.stringify([this.plane, mm, session.window, session.fill, session.outlines, session.slab, session.lookVersion,
+    const key = JSON.stringify([this.plane, mm, session.window, session.fill, session.outlines, session.strain, session.slab, session.lookVersion,
       frame.width, frame.height, session.volumes.hash]);
-    const style = { window: session.storedWindow(), fill: session.fill, outlines: session.outlines, slab: session.slab };
+    const style = { window: session.storedWindow(), fill: session.fill, outlines: session.outlines, strain: session.strain, slab: session.slab };
     const isOther = key !== this.drawn;
     const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / most_ms;
     if (isOther || (this.isCoarse && most < 1)) {
@@ -243,6 +244,7 @@ export class SectionView {
     if (this.restsAt) say(words.restsMeanwhile, "#8ee28a");
     drawLetters(frame, orientationLetters(this.plane.right, this.plane.down), session.scene.oriented, this.kind === "oblique", SLIDER_PIXELS);
     drawScale(frame, mm);
+    if (session.strain) drawStrainLegend(frame, session.yields);
     drawSide(frame, session.scene);
     drawAge(frame, session);
     const normal = normalOf(this.plane);

@@ -48,6 +48,8 @@ export class Session {
   givenWindow: Window | null = null; // with the scene: nobody has chosen it
   fill = 0.45;
   outlines = true;
+  strain = false; // colours of how much tissue is strained
+  yields = false; // some tissue does
   slab: Slab = { kind: "none", mm: 10 };
   scanInVolume = 0;
   tool: Tool = "window";

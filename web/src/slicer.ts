@@ -8,12 +8,14 @@ import type { Volumes } from "./scene.js";
 import type { Slab } from "./session.js";
 import { usedProgram } from "./shader_program.js";
 import { NoMemory } from "./trouble.js";
+import { LEAST_STRAIN, MOST_STRAIN, STRAIN_COLOURS } from "./strain.js";
 import { words } from "./words.js";
 
-/** @param isSlab  a loop costs, also where it goes round once: a plane alone has a program without; @param isDisplaced  so does tissue that yields */
-const fragment = (isSlab: boolean, isDisplaced: boolean): string => `#version 300 es
+/** @param isSlab  a loop costs, also where it goes round once: a plane alone has a program without; @param isDisplaced  so does tissue that yields, @param isStrained  and more so to show how */
+const fragment = (isSlab: boolean, isDisplaced: boolean, isStrained: boolean): string => `#version 300 es
 #define SLAB ${Number(isSlab)}
 #define DISPLACED ${Number(isDisplaced)}
+#define STRAIN ${Number(isStrained)}
 precision highp float;
 precision highp isampler3D;
 precision highp usampler3D;
@@ -36,6 +38,9 @@ uniform float fill;            // 0 ... 1
 uniform bool outlines;
 out vec4 colour;
 ${MOVED}
+#if STRAIN
+const vec3 STRAINS[${STRAIN_COLOURS.length}] = vec3[](${STRAIN_COLOURS.map((rgb) => `vec3(${rgb.map((x) => (x / 255).toFixed(4)).join(", ")})`).join(", ")});
+#endif
 
 uint structureAt(vec3 voxel) {
   ivec3 nearest = ivec3(floor(moved(voxel) + 0.5));
@@ -99,6 +104,14 @@ void main() {
       if (border) shown = mix(shown, own.rgb, max(own.a, 0.6));
     }
   }
+#if STRAIN
+  float by = here > 0u ? strain(voxel) : -1.0;
+  if (by >= 0.0) {
+    float at = clamp(by / ${MOST_STRAIN}, 0.0, 1.0) * ${STRAIN_COLOURS.length - 1}.0;
+    int low = min(int(at), ${STRAIN_COLOURS.length - 2});
+    shown = mix(shown, mix(STRAINS[low], STRAINS[low + 1], at - float(low)), 0.85 * smoothstep(0.0, ${LEAST_STRAIN}, by));
+  }
+#endif
   colour = vec4(shown, 1.0);
 }`;
 
@@ -106,6 +119,7 @@ export interface SliceStyle {
   window: [number, number]; // stored values
   fill: number;
   outlines: boolean;
+  strain: boolean; // how much tissue is strained, where it yields
   slab: Slab;
 }
 const KINDS: Slab["kind"][] = ["mean", "maximum", "minimum"];
@@ -160,14 +174,15 @@ export class Slicer {
   private setUp(): void {
     const gl = this.gl;
     this.programs.clear();
-    this.use(false);
+    this.use(false, false);
     this.displacement?.setUp();
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.disable(gl.DITHER);
   }
-  private use(isSlab: boolean): void {
+  private use(isSlab: boolean, isStrained: boolean): void {
     const gl = this.gl;
-    const source = fragment(isSlab, this.displacement !== null);
+    const isDisplaced = this.displacement !== null;
+    const source = fragment(isSlab, isDisplaced, isDisplaced && isStrained);
     const known = this.programs.get(source);
     this.program = known ?? usedProgram(gl, source);
     if (known) return gl.useProgram(known);
@@ -239,6 +254,7 @@ export class Slicer {
 
   /** Tissue yields by this, or no more. */
   displace(displacement: Displacement | null): void {
+    if (displacement && this.displacement?.show(displacement)) return;
     this.displacement?.delete();
     this.displacement = displacement && new DisplacementTexture(this.gl, 3, displacement);
   }
@@ -321,7 +337,7 @@ export class Slicer {
     const m = this.volumes.voxelFromPatient;
     const corner: Vec3 = add(plane.centre, add(scale(plane.right, (-context.canvas.width / 2) * mmPerPixel), scale(plane.down, (-context.canvas.height / 2) * mmPerPixel)));
     const { kind, mm } = style.slab;
-    this.use(kind !== "none");
+    this.use(kind !== "none", style.strain);
     this.displacement?.aim(this.program!, m);
     gl.viewport(0, 0, width, height);
     gl.uniform3fv(this.at("dims"), this.volumes.dims);

@@ -39,6 +39,8 @@ export function openToTests(page: Page): void {
     /** Tissue yields as nodes of a grid say, or no more. */
     displace: (nodes: Nodes | null) => page.displace(nodes),
     displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => page.updateDisplacement(lo, size, mm),
+    /** Some tissue is displaced. */
+    get yields() { return session.yields; },
     /** From one picture to the next, where no graphics card draws. */
     set leastFrame_ms(ms: number) { page.leastFrame_ms = ms; },
     /** Draws the pictures and the figures now, whatever the frame rate, and sections as sharp as they get. */

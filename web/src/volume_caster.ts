@@ -2,7 +2,7 @@
 // structures look, so that a colour, an opacity or what is hidden is a matter of 256 entries.
 
 import type { Camera } from "./camera.js";
-import { Displacement, DisplacementTexture, MOVED, reachOf, type Nodes } from "./displacement.js";
+import { Displacement, DisplacementTexture, MOVED, reachOf } from "./displacement.js";
 import { BLOCK, type Field } from "./field.js";
 import { apply, dot, invert, length, scale, sub, turn, type Affine, type Vec3 } from "./geometry.js";
 import { halfFloats } from "./half_floats.js";
@@ -445,7 +445,7 @@ export class Caster {
     const gl = this.gl;
     const define = (name: string, isSo = false) => `#define ${name} ${isSo ? 1 : 0}\n`;
     const head = "#version 300 es\n" + define("SCAN", what.scan) + define("THIN", what.thin) + define("EYE", what.eye) + define("CUT", what.cut) + define("FINE", what.fine) +
-      define("DISPLACED", what.displaced);
+      define("DISPLACED", what.displaced) + define("STRAIN");
     const made = this.programs.get(head);
     if (made) {
       this.program = made;
@@ -527,10 +527,11 @@ export class Caster {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
   }
 
-  /** Tissue yields as nodes say, of which none is displaced yet; null: it does not. */
-  displace(nodes: Nodes | null): void {
+  /** Tissue yields by this, or no more. */
+  displace(displacement: Displacement | null): void {
+    if (displacement && this.displacement?.show(displacement)) return;
     this.displacement?.delete();
-    this.displacement = nodes && new DisplacementTexture(this.gl, 4, new Displacement(nodes));
+    this.displacement = displacement && new DisplacementTexture(this.gl, 4, displacement);
   }
   /** @param mm  of a box of nodes: how far from each what is seen there is looked up */
   putDisplacement(lo: Vec3, size: Vec3, mm: ArrayLike<number>): void {

@@ -182,10 +182,13 @@ export class VolumeRenderer {
   }
 
   /** Tissue yields by this, or no more. */
-  displace(displacement: Displacement | null): void {
+  async displace(displacement: Displacement | null): Promise<void> {
     this.displacement = displacement;
-    this.say({ type: "displace", nodes: displacement && displacement.nodes });
     this.edits += 1;
+    if (this.isDead) return;
+    const by = displacement && { nodes: displacement.nodes, mm: displacement.mm.slice() };
+    this.say({ type: "displace", by }, by ? [by.mm.buffer] : []);
+    await this.answer("put");
   }
   /** After a box of its nodes has changed. */
   async updateDisplacement(lo: Vec3, size: Vec3): Promise<void> {
@@ -251,8 +254,7 @@ export class VolumeRenderer {
     } else if (this.volumes) {
       this.load(this.volumes, this.memory);
       await this.loading;
-      this.displace(this.displacement);
-      if (this.displacement) await this.updateDisplacement([0, 0, 0], this.displacement.nodes.dims);
+      await this.displace(this.displacement);
     }
     return failures === this.failures;
   }

@@ -2,7 +2,7 @@
 // WebGL 2. A picture is drawn in bands that take a moment each, so that neither the page's other pictures, which the same graphics card
 // draws, nor a newer request waits for a whole one.
 
-import type { Nodes } from "./displacement.js";
+import { Displacement, type Nodes } from "./displacement.js";
 import { Field, type Piece } from "./field.js";
 import type { Affine, Vec3 } from "./geometry.js";
 import { breathe } from "./pieces.js";
@@ -11,7 +11,7 @@ import { Caster, type View } from "./volume_caster.js";
 export type Asked =
   | { type: "begin"; voxels: Vec3; factor: Vec3; hasScan: boolean; texelFromPatient: Affine }
   | { type: "put"; piece: Piece }
-  | { type: "displace"; nodes: Nodes | null }
+  | { type: "displace"; by: { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null }
   | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
   | { type: "looks"; rgba: Uint8Array<ArrayBuffer> }
   | { type: "haze"; window: [number, number]; strength: number }
@@ -79,7 +79,8 @@ class Service {
         this.say({ type: "put" });
         break;
       case "displace":
-        caster.displace(asked.nodes);
+        caster.displace(asked.by && new Displacement(asked.by.nodes, asked.by.mm));
+        this.say({ type: "put" });
         break;
       case "putDisplacement":
         caster.putDisplacement(asked.lo, asked.size, asked.mm);

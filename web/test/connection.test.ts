@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Connection, type Link } from "../src/connection.js";
+import type { Yield } from "../src/yields.js";
 import { Gone, isMemoryShort, Lasting, NoMemory, troubleOf } from "../src/trouble.js";
 
 /** A connection whose sockets and timers are the test's. */
@@ -27,13 +28,14 @@ function connection() {
     window: { setTimeout: (f: () => void, ms: number) => timers.push({ f, ms }) },
   });
   const links: Link[] = [];
+  const yields: Yield[] = [];
   const told = { otherProtocol: 0, unanswered: 0, problems: 0 };
   const made = new Connection({
-    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onProblem: () => void told.problems++,
+    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onProblem: () => void told.problems++,
     onOtherProtocol: () => void told.otherProtocol++, onUnanswered: () => void told.unanswered++,
   }, null);
   made.open();
-  return { made, sockets, timers, sent, links, told, isAnswered };
+  return { made, sockets, timers, sent, links, told, yields, isAnswered };
 }
 const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 3 }) };
 function pose(version: number): { data: ArrayBuffer } {
@@ -169,4 +171,20 @@ test("an answer of HTTP is trouble that lasts, or passes", () => {
   for (const status of [408, 429, 500, 502, 503]) assert.ok(!(troubleOf("/api/scene", status) instanceof Lasting));
   assert.ok(troubleOf("/api/volume/scan/0f3a", 404) instanceof Gone);
   assert.ok(isMemoryShort(new NoMemory()) && isMemoryShort(new RangeError("Array buffer allocation failed")) && !isMemoryShort(new TypeError("fetch")));
+});
+
+test("tissue that yields is told, and what is no such message ends the connection as a pose does that is none", () => {
+  const { sockets, yields, told, links } = connection();
+  sockets[0]!.onmessage(WELCOME);
+  const view = new DataView(new ArrayBuffer(96));
+  "PLPY".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
+  view.setUint16(4, 3, true);
+  view.setUint32(8, 96, true);
+  sockets[0]!.onmessage({ data: view.buffer });
+  assert.deepEqual(yields.map(({ device, nodes }) => [device, nodes]), [[0, null]]);
+  view.setUint32(8, 97, true);
+  sockets[0]!.onmessage({ data: view.buffer });
+  assert.equal(told.problems, 1);
+  assert.equal(links.at(-1), "lost");
+  assert.equal(yields.length, 1);
 });

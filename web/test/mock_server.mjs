@@ -3,7 +3,7 @@
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 //                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1] [--hold no]
-//                                    [--shaft no] [--tool probe] [--burr ball] [--second no]
+//                                    [--shaft no] [--tool probe] [--burr ball] [--second no] [--yield no]
 //
 // --protocol is another version of what is spoken, --refuse the answer to all of /api/ and /ws.
 // "ramp" is a scan of 16 bits without a sign, most of whose values lie in 1/256 of them, on a grid whose axes are swapped, mirrored and tilted.
@@ -14,7 +14,8 @@
 // --second yes gives a second device, which holds a ball of 4 mm radius on a shaft still, 20 mm to the left of where the first begins.
 // --more 108 adds so many structures to the list, which have no voxel.
 // --repeat 2 serves every voxel as 2x2x2 of half its size, 9.6 million in all: as many as a knee that was scanned. /mock/stops says
-// when each stop came, in ms since 1970. --hold yes: volumes come when somebody has asked for /mock/release.
+// when each stop came, in ms since 1970. --yield yes: tissue yields under the tip. /mock/yield?at=0,0,0&mm=1,0,0&wide=5&device=0 moves what lies around a
+// place by so much, farther off less, as a bell of that width; /mock/yield alone lets all of it go back. --hold yes: volumes come when somebody has asked for /mock/release.
 // --kept FOLDER: voxels that one of these has made are there for the next, whose start takes a second less.
 
 import { createHash } from "node:crypto";
@@ -24,7 +25,7 @@ import { extname, join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { WebSocketServer } from "ws";
 
-const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe", burr: "ball", second: "no", kept: "" };
+const options = { port: "8480", input: "script", "token-file": "", page: new URL("../dist", import.meta.url).pathname, scan: "knee", protocol: "3", refuse: "", repeat: "1", more: "0", hold: "no", shaft: "no", tool: "probe", burr: "ball", second: "no", kept: "", yield: "no" };
 for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace(/^--/, "")] = process.argv[i + 1];
 const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
@@ -185,6 +186,12 @@ const server = createServer((request, response) => {
     }
   }
   if (pathname === "/mock/stops") return answer(200, { "Content-Type": "application/json", "Cache-Control": "no-store" }, JSON.stringify(stopsAt_ms));
+  if (pathname === "/mock/yield") {
+    const numbers = (name) => searchParams.get(name).split(",").map(Number);
+    if (searchParams.has("at")) tellYield(numbers("device")[0], { at: numbers("at"), mm: numbers("mm"), wide: numbers("wide")[0] });
+    else [...yields.keys()].forEach((device) => tellYield(device, null));
+    return answer(200, {}, "");
+  }
   if (pathname === "/mock/release") {
     release();
     return answer(200, {}, "");
@@ -332,9 +339,10 @@ sockets.on("connection", (socket) => {
       if (message.protocol !== protocol) return socket.close(4406);
       const role = roleOf(message.token ?? "");
       if (!role) return socket.close(4401);
-      viewers.set(socket, { role });
+      viewers.set(socket, { role, yielded: message.yielded === true });
       socket.send(JSON.stringify({ type: "welcome", role, protocol }));
       if (strokes.length > 0) socket.send(cutFrom(0));
+      if (message.yielded) for (const { told, bytes } of yields.values()) if (told) socket.send(bytes);
       return tellState();
     }
     if (!viewer) return socket.close(1003);
@@ -429,6 +437,37 @@ function changeStrokes(change) {
   state.strokes = { undo: strokes.length, redo: undone.length };
   state.removed = strokes.length === 0 ? [] : [{ label: structures[0].label, mm3: 169.6 * strokes.length }];
   state.nearest = strokes.length === 0 ? [] : [{ label: structures[0].label, mm: 0 }, { label: structures[1].label, mm: 0.5 }];
+}
+// how tissue has yielded: of each device the newest
+const yields = new Map();
+function yieldMessage(device, told) {
+  const spacing = 2.5, dims = told ? [24, 17, 17] : [0, 0, 0], first = dims.map((n, axis) => (told ? told.at[axis] - (spacing * (n - 1)) / 2 : 0));
+  const bytes = Buffer.alloc(96 + 6 * dims[0] * dims[1] * dims[2]);
+  bytes.write("PLPY", 0);
+  bytes.writeUInt16LE(protocol, 4);
+  bytes.writeUInt16LE(device, 6);
+  bytes.writeUInt32LE(bytes.length, 8);
+  bytes.writeUInt32LE(tick, 12);
+  [...dims, 0, 0, 0, ...dims].forEach((count, n) => bytes.writeUInt16LE(count, 16 + 2 * n));
+  [...first, 1, 0, 0, 0, 1, 0, 0, 0, 1, spacing, 0.001].forEach((x, n) => bytes.writeFloatLE(x, 36 + 4 * n));
+  let at = 96;
+  for (let k = 0; k < dims[2]; k++) for (let j = 0; j < dims[1]; j++) for (let i = 0; i < dims[0]; i++) {
+    const share = Math.exp(-((length(...[i, j, k].map((n, axis) => first[axis] + spacing * n - told.at[axis])) / told.wide) ** 2) / 2);
+    for (const mm of told.mm) at = bytes.writeInt16LE(Math.round(1000 * share * mm), at);
+  }
+  return bytes;
+}
+function tellYield(device, told) {
+  if (!told && !yields.get(device)?.told) return;
+  const bytes = yieldMessage(device, told);
+  yields.set(device, { told, bytes });
+  for (const [socket, viewer] of viewers) if (viewer.yielded && socket.bufferedAmount < 1e5) socket.send(bytes);
+}
+if (options.yield === "yes") {
+  setInterval(() => {
+    const out = labelAt(tip) ? surface(tip) : null;
+    tellYield(0, out && { at: out.q, mm: out.u.map((x) => -Math.min(3, out.way) * x), wide: 5 });
+  }, 1000 / 15);
 }
 setInterval(() => {
   const bytes = pose();

@@ -41,6 +41,7 @@ export const de: Words = {
   askedAtDevice: "Am Gerät wird gefragt: Es geschieht, sobald dort jemand zustimmt, innerhalb von 20 s.",
   shortPose: (bytes) => `eine Pose mit ${bytes} Bytes`,
   noPose: "keine Pose: sie beginnt nicht mit PLPT",
+  noYield: (bytes) => `keine ganze Nachricht über nachgebendes Gewebe, mit ${bytes} Bytes`,
   poseOfDevices: (bytes, devices) => `eine Pose mit ${bytes} Bytes für ${devices} Geräte`,
 
   // tools and pictures
@@ -257,6 +258,10 @@ export const de: Words = {
   fill: "Farbfüllung",
   scanInVolume: "Aufnahme im Vol.",
   outlines: "Umrisse",
+  strain: "Verzerrung",
+  strainTitle: "Farben in den Schnitten: wie sehr weiches Gewebe, das unter dem Werkzeug nachgibt, verzerrt ist (Vergleichsdehnung, ohne die Änderung des Volumens)",
+  strainLegend: "Vergleichsdehnung",
+  strainNone: "Vergleichsdehnung: nichts gibt nach",
   steps: (step) => `Die Werte der Aufnahme kamen gerundet auf Stufen von ${step}, ein 65536stel ihres Umfangs: Was sich um weniger unterscheidet, sieht gleich aus.`,
   slab: "Schichtblock",
   slabThickness: "Dicke",

@@ -40,6 +40,7 @@ export const en = {
   askedAtDevice: "Asked at the device: it happens when somebody there agrees, within 20 s.",
   shortPose: (bytes: string) => `a pose of ${bytes} bytes`,
   noPose: "no pose: it does not begin with PLPT",
+  noYield: (bytes: string) => `no whole message of tissue that yields, with ${bytes} bytes`,
   poseOfDevices: (bytes: string, devices: string) => `a pose of ${bytes} bytes for ${devices} devices`,
 
   // tools and pictures
@@ -256,6 +257,10 @@ export const en = {
   fill: "Colour fill",
   scanInVolume: "Scan in volume",
   outlines: "Outlines",
+  strain: "Strain",
+  strainTitle: "Colours in the sections: how much soft tissue that yields under the tool is strained (equivalent strain, without the change of volume)",
+  strainLegend: "Equivalent strain",
+  strainNone: "Equivalent strain: nothing yields",
   steps: (step: string) => `The scan's values came rounded to steps of ${step}, a 65536th of all that it has: what differs by less looks the same.`,
   slab: "Slab",
   slabThickness: "Thickness",
