@@ -39,9 +39,8 @@ class YieldSolver {
 
   /// The next frame, numbered from 1. A device's spot is not known where its tool is far from all surfaces,
   /// leans on nothing soft, or its pose is none.
-  /// @param model  whose tissues yield (Model::tissue_law), with surfaces for the proxy; with the same labels
-  /// of
-  ///               the same tissues what was laid is kept
+  /// @param model  whose tissues yield (Model::tissue_law), with surfaces for the proxy. With the labels and
+  ///               materials of the one before, what was laid is kept
   /// @param felt   a tick, the latest that is known
   const YieldFrame& solve(const Model& model, const TickRecord& felt);
   const YieldFrame& frame() const { return frame_; }
