@@ -268,6 +268,13 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
 
   const auto methods = methods_of(head);
   if (!methods) return methods.error();
+  // a session that does not feel by the proxy has its surfaces all the same, and solves tissue under them
+  if (prepared->tissue_law == TissueLaw::kElastic) {
+    constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+    auto with_surfaces = ready_for(prepared, kProxyAlone, progress);
+    if (!with_surfaces && with_surfaces.error().kind == ErrorKind::kInterrupted) return with_surfaces.error();
+    if (with_surfaces) prepared = *std::move(with_surfaces);
+  }
   const auto ready = ready_for(std::move(prepared), *methods, progress);
   if (!ready) return ready.error();
 

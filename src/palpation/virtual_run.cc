@@ -29,7 +29,8 @@ const TickRecord& VirtualRun::tick() {
   sensed_ = mapping_.to_world(device_.read(), 0);
   cut();
   const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
-  if (model_->tissue_law == TissueLaw::kElastic && yields_.advance(*model_, before)) {
+  const bool yields = model_->tissue_law == TissueLaw::kElastic && model_->has(ForceMethod::kProxy);
+  if (yields && yields_.advance(*model_, before)) {
     parameters_.yields = yields_.frame();
     told_.push_back(yield_event(yields_.frame(), yields_.input_tick()));
     told_.back().tick = state_.tick;

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <new>
 #include <utility>
 
 #include "palpate/palpation/told_loop.h"
@@ -66,24 +67,28 @@ void TissueThread::run() {
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kYieldFrame_s));
   Clock::time_point next = Clock::now();
   while (!ending_) {
-    solve_next();
+    try {
+      solve_next();
+    } catch (const std::bad_alloc&) {
+      return;
+    }
     next = std::max(next + kFrame, Clock::now());
     std::this_thread::sleep_until(next);
   }
 }
 
-// false: there is no tick since the last one, or the model that it felt is not the one that is felt now
-bool TissueThread::solve_next() {
+void TissueThread::solve_next() {
   const TickRecord felt = loop_.snapshot();
-  if (felt.state_hash == 0 || (any_ && felt.tick <= last_input_)) return false;
+  // there is no tick since the last one
+  if (felt.state_hash == 0 || (any_ && felt.tick <= last_input_)) return;
+  // a replay has the model that the tick felt
   const std::shared_ptr<const Model> model = felt_();
-  if (model->version != felt.model_version) return false;
+  if (model->version != felt.model_version) return;
   const YieldFrame& frame = solver_.solve(*model, felt);
   any_ = true;
   last_input_ = felt.tick;
   set_yield_told(loop_, told_, frame, felt.tick);
   show(felt);
-  return true;
 }
 
 void TissueThread::show(const TickRecord& felt) {

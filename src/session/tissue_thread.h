@@ -16,7 +16,8 @@ namespace palpate {
 
 /// Solves tissue that yields beside a running loop, a frame after the other: from the latest tick to the next
 /// ones. What the loop is told stands in `told` with the tick that it was solved from, so that a recording
-/// replays. A machine that is slower than a frame gets fewer of them.
+/// replays. A machine that is slower than a frame gets fewer of them; where memory runs out, the last one
+/// stays.
 class TissueThread {
  public:
   /// @param felt  the model that is felt now; asked from the thread
@@ -30,7 +31,7 @@ class TissueThread {
 
  private:
   void run();
-  bool solve_next();
+  void solve_next();
   void show(const TickRecord& felt);
 
   ServoLoop& loop_;

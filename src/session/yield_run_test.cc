@@ -145,5 +145,25 @@ TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
+TEST_F(YieldRun, FeltByAnotherMethodItReplaysToo) {
+  const Script script =
+      parse_script("[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.3\n[[step]]\nhold = 0.2\n",
+                   "trilinear")
+          .value();
+  ExploreOptions options;
+  options.run.method = ForceMethod::kTrilinear;
+  options.loop.realtime = false;
+  options.loop.ring_s = 30;
+  ASSERT_TRUE(explore(loaded_, script, options, folder_ / "live.h5").ok());
+  ASSERT_TRUE(simulate(loaded_, script, options.run, folder_ / "run.h5").ok());
+  for (const char* file : {"live.h5", "run.h5"}) {
+    const auto read = read_recording(folder_ / file);
+    ASSERT_TRUE(read.ok()) << read.error().message();
+    const auto result = replay(*read, loaded_.model);
+    ASSERT_TRUE(result.ok()) << result.error().message();
+    EXPECT_TRUE(result->identical) << file << ": " << result->difference;
+  }
+}
+
 }  // namespace
 }  // namespace palpate
