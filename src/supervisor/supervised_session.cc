@@ -121,6 +121,8 @@ int run(int memory_file, int halt_file, int record_file, bool kill_frozen,
   Model model = testing::ball_model({1, 1, 1});
   LoopSettings settings;
   settings.heartbeat = &(*supervisor)->heartbeat();
+  // a recorder that a busy machine keeps waiting loses nothing
+  settings.ring_s = 30;
   auto loop = ServoLoop::start(std::make_shared<const Model>(std::move(model)), driver, {},
                                {WorkspaceSettings{}}, settings);
   PALPATE_CHECK(loop.ok());
