@@ -8,6 +8,7 @@
 
 #include "palpate/base/hash.h"
 #include "palpate/model/ramp_structures.h"
+#include "palpate/tissue/elastic_grid.h"
 
 namespace palpate {
 namespace {
@@ -114,6 +115,23 @@ Result<void> check_burr_size(const Tool& tool, std::size_t number, const GridGeo
                    (number == 0 ? "tool" : "second_tool") + "], or give labels with finer voxels"};
 }
 
+// a body of which the elastic law would have no solution
+Result<void> check_elastic(const ModelParts& parts) {
+  for (const Tissue& tissue : parts.tissues) {
+    if (!tissue.elastic) continue;
+    const ElasticConstants& of = *tissue.elastic;
+    if (auto fine = check_elastic_material({Matter::kSoft, of.youngs_modulus_kPa, of.poissons_ratio}); !fine) {
+      Error error = fine.error();
+      error.what = "tissue \"" + tissue.name + "\" has " + error.what;
+      return error;
+    }
+  }
+  const double cell_mm = parts.tissue_cell_mm;
+  if (cell_mm == 0 || (std::isfinite(cell_mm) && cell_mm > 0)) return {};
+  return Error{ErrorKind::kBadInput, "cells of " + std::to_string(cell_mm) + " mm", "",
+               "give their edge in millimetres, or 0 to have it chosen from the voxels"};
+}
+
 // what a label's place in the field is when the stiffest tissue's is 1
 void set_levels(Model& model) {
   // where nothing is felt none counts
@@ -153,6 +171,7 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   PALPATE_CHECK(!parts.tools.empty());
   for (std::size_t number = 0; number < parts.tools.size(); ++number)
     if (auto fine = check_burr_size(parts.tools[number], number, grid); !fine) return fine.error();
+  if (auto fine = check_elastic(parts); !fine) return fine.error();
 
   auto model = std::make_shared<Model>();
   model->title = std::move(parts.title);
