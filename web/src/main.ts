@@ -106,6 +106,7 @@ class Page {
       },
     }, this.token);
     const { session } = this;
+    session.movedAt = (place) => this.yields.movedAt(place);
     this.requests = new Requests(this.connection, () => session.state?.armed === true, () => session.state, this.history);
     this.pointer = new PointerDevice(session, this.connection);
     this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.slicer.mostSide, this.pointer, this.history, (rotation, gesture) =>

@@ -1,6 +1,6 @@
 // What the page shows and how: the one place where the parts of the page meet.
 
-import { rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "./geometry.js";
+import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "./geometry.js";
 import type { Bookmark } from "./bookmarks.js";
 import { keep, recall, recallScene } from "./kept.js";
 import { looksOf, restored, type KeptLooks } from "./looks.js";
@@ -50,6 +50,7 @@ export class Session {
   outlines = true;
   strain = false; // colours of how much tissue is strained
   yields = false; // some tissue does
+  movedAt: (place: Vec3) => Vec3 = () => [0, 0, 0]; // how far tissue is drawn from where it lies at rest
   slab: Slab = { kind: "none", mm: 10 };
   scanInVolume = 0;
   tool: Tool = "window";
@@ -111,9 +112,10 @@ export class Session {
     this.touch();
   }
 
-  /** Where the tool is drawn: held at the surface while it touches. */
+  /** Where the tool is drawn: held at the surface while it touches, and in its dent where the surface yields. */
   toolAt(device: DevicePose): Vec3 {
-    return device.flags & Flag.contact && !(device.flags & Flag.inside) ? device.proxy : device.tip;
+    if (!(device.flags & Flag.contact) || device.flags & Flag.inside) return device.tip;
+    return add(device.proxy, this.movedAt(device.contacts[0]?.place ?? device.proxy));
   }
   /** The devices of the pose as they are drawn: the first one over the others. */
   get drawn(): DevicePose[] {

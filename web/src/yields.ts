@@ -162,6 +162,7 @@ class Field {
 /** What is told of all devices, newest first of all. */
 export class Yields {
   private readonly told: (Yield | undefined)[] = [];
+  private seen: Field[] = []; // of displaced()
 
   tell(told: Yield): void {
     this.told[told.device] = told;
@@ -169,6 +170,14 @@ export class Yields {
   /** On another connection all is told anew. */
   forget(): void {
     this.told.length = 0;
+    this.seen = [];
+  }
+
+  /** How far the tissue of a place has gone in what displaced() gave last, patient. */
+  movedAt([x, y, z]: Vec3): Vec3 {
+    const moved = new Float64Array(3);
+    for (const field of this.seen) field.addAt(x, y, z, moved);
+    return [moved[0]!, moved[1]!, moved[2]!];
   }
 
   /**
@@ -178,6 +187,7 @@ export class Yields {
    */
   displaced(isEmptyAt: (p: Vec3) => boolean): { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null {
     const fields = this.told.flatMap((one) => (one?.nodes ? [new Field(one.nodes, one.moved_mm, isEmptyAt)] : []));
+    this.seen = fields;
     if (fields.length === 0) return null;
     const nodes = nodesAround(fields);
     const { dims } = nodes;

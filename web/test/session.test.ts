@@ -43,6 +43,16 @@ test("each device has its own tool, and the first is drawn over the others", () 
   assert.deepEqual(made.pose!.devices, devices, "which stay in their order");
 });
 
+test("a tool is drawn at the surface that it touches, in its dent where that yields", () => {
+  const made = session();
+  const pressed = { ...device(3, 7, Flag.contact, [0, 0, 1]), proxy: [4, 0, 0], contacts: [{ place: [5, 0, 0] }] } as unknown as DevicePose;
+  assert.deepEqual(made.toolAt(pressed), [4, 0, 0]);
+  made.movedAt = ([x]) => [-0.1 * x, 0, 0];
+  assert.deepEqual(made.toolAt(pressed), [3.5, 0, 0], "as far as the tissue went where it is touched");
+  assert.deepEqual(made.toolAt({ ...pressed, contacts: [] }), [3.6, 0, 0]);
+  for (const flags of [0, Flag.contact | Flag.inside]) assert.deepEqual(made.toolAt({ ...pressed, flags }), [3, 0, 0], "where the hand is");
+});
+
 test("a recording that rests leaves no trail", () => {
   const made = session();
   const at = (time: number) => made.setPose({ time, devices: [device(3, 0, 0, [0, 0, 0])] } as unknown as Pose);

@@ -119,6 +119,7 @@ test("pictures look up where tissue came from, and know nothing of what is not t
     const n = 4 * (i + 18 * (j + 16 * k));
     const from = seen.map((x, c) => x + back[n + c]!) as Vec3;
     assert.ok(length(sub(from.map((x, c) => x + forward(from)[c]!) as Vec3, seen)) < 0.01);
+    assert.ok(length(sub(yields.movedAt(from), forward(from))) < 1e-3, "a tool there is drawn with the tissue");
     assert.equal(back[n + 3], 1);
     most = Math.max(most, length([back[n]!, back[n + 1]!, back[n + 2]!]));
     if (k === 10 && j === 11 && i === 13) assert.ok(most > 1.2);
@@ -128,8 +129,13 @@ test("pictures look up where tissue came from, and know nothing of what is not t
   // another place, the same size
   yields.tell(decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first: [0, 1, 2] })));
   assert.deepEqual(yields.displaced(() => false)!.nodes.dims, [18, 16, 15]);
+  // a tool goes with the tissue as it is drawn, not as it is told
+  const place: Vec3 = [0, 1, 2];
+  const drawn = yields.movedAt(place);
   yields.tell(decoded(rest(0)));
+  assert.deepEqual(yields.movedAt(place), drawn);
   assert.equal(yields.displaced(() => false), null);
+  assert.deepEqual(yields.movedAt(place), [0, 0, 0]);
 });
 
 test("two devices' tissue is in one grid, and adds up", () => {
