@@ -120,7 +120,8 @@ Result<void> check_elastic(const ModelParts& parts) {
   for (const Tissue& tissue : parts.tissues) {
     if (!tissue.elastic) continue;
     const ElasticConstants& of = *tissue.elastic;
-    if (auto fine = check_elastic_material({Matter::kSoft, of.youngs_modulus_kPa, of.poissons_ratio}); !fine) {
+    if (auto fine = check_elastic_material({Matter::kSoft, of.youngs_modulus_kPa, of.poissons_ratio});
+        !fine) {
       Error error = fine.error();
       error.what = "tissue \"" + tissue.name + "\" has " + error.what;
       return error;

@@ -41,7 +41,8 @@ TEST(MakeModel, ElasticConstantsWithoutASolutionAreRefused) {
     for (const double ratio : {0.0, kMostPoissonsRatio})
       EXPECT_EQ(complaint({modulus, ratio}), "no error") << modulus << " kPa, " << ratio;
   for (const double modulus : {0.0, -1.0, 0.09, 100'001.0, no_number, HUGE_VAL})
-    EXPECT_THAT(complaint({modulus, 0.45}), HasSubstr("tissue \"organ\" has a Young's modulus of")) << modulus;
+    EXPECT_THAT(complaint({modulus, 0.45}), HasSubstr("tissue \"organ\" has a Young's modulus of"))
+        << modulus;
   for (const double ratio : {-0.1, 0.5, no_number})
     EXPECT_THAT(complaint({10, ratio}), HasSubstr("tissue \"organ\" has a Poisson's ratio of")) << ratio;
   EXPECT_EQ(complaint({10, 0.45}, 1), "no error");

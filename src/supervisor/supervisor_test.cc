@@ -85,7 +85,8 @@ class Pressing {
       ::setrlimit(RLIMIT_CORE, &none);
       // who looks for leaks at the end holds all threads, and lets them go on before the process ends
       const char* options = std::getenv("ASAN_OPTIONS");
-      ::setenv("ASAN_OPTIONS", (std::string(options != nullptr ? options : "") + ":detect_leaks=0").c_str(), 1);
+      ::setenv("ASAN_OPTIONS", (std::string(options != nullptr ? options : "") + ":detect_leaks=0").c_str(),
+               1);
       for (const int file : {halt[1], record[1]}) ::fcntl(file, F_SETFD, 0);
       const std::string memory = std::to_string(memory_file_),
                         halt_file = std::to_string(device_elsewhere ? halt[1] : -1),
