@@ -130,8 +130,9 @@ test("pictures look up where tissue came from, and know nothing of what is not t
   yields.tell(decoded(written((...node) => bump(node, [5, 5, 4], mm), { lo: [0, 0, 0], size: [12, 10, 9], first: [0, 1, 2] })));
   assert.deepEqual(yields.displaced(() => false)!.nodes.dims, [18, 16, 15]);
   // a tool goes with the tissue as it is drawn, not as it is told
-  const place: Vec3 = [0, 1, 2];
+  const place = turned.reduce((sum, axis, n) => sum.map((x, c) => x + 2.5 * [5, 5, 4][n]! * axis[c]!) as Vec3, [0, 1, 2] as Vec3);
   const drawn = yields.movedAt(place);
+  assert.ok(length(sub(drawn, mm)) < 1e-3, "at the top of the bump");
   yields.tell(decoded(rest(0)));
   assert.deepEqual(yields.movedAt(place), drawn);
   assert.equal(yields.displaced(() => false), null);
