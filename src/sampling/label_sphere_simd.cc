@@ -92,7 +92,7 @@ struct CountedInBricks {
   }
 
   template <class D>
-  HWY_INLINE hn::Vec<D> row(D d, int lane, int j, int k) const {
+  HWY_INLINE hn::Mask<D> hit(D d, int lane, int j, int k) const {
     const int c = k >= first_of_second ? 1 : 0;
     const std::ptrdiff_t at = lane + k * BrickLayout::kSlice;
     auto stored = hn::LoadU(d, here[c][j] + at);
@@ -101,7 +101,7 @@ struct CountedInBricks {
       const auto is_first = hn::FirstN(d, static_cast<std::size_t>(left > 0 ? left : 0));
       stored = hn::IfThenElse(is_first, stored, hn::LoadU(d, next[c][j] + at));
     }
-    return hn::VecFromMask(d, members.hit(d, stored));
+    return members.hit(d, stored);
   }
 
   static constexpr int kMostRows = kCells + 1;
@@ -129,9 +129,8 @@ struct CountedInOneBrick {
   }
 
   template <class D>
-  HWY_INLINE hn::Vec<D> row(D d, int lane, int j, int k) const {
-    const auto stored = hn::LoadU(d, first + (lane + j * BrickLayout::kRow + k * BrickLayout::kSlice));
-    return hn::VecFromMask(d, members.hit(d, stored));
+  HWY_INLINE hn::Mask<D> hit(D d, int lane, int j, int k) const {
+    return members.hit(d, hn::LoadU(d, first + (lane + j * BrickLayout::kRow + k * BrickLayout::kSlice)));
   }
 
   const Members members;
@@ -149,8 +148,9 @@ struct CountedLanes {
       : box(whole_box), members(those_that_count), block(first_lane) {}
 
   template <class V>
-  HWY_INLINE hn::Vec<V> row(V d, int lane, int j, int k) const {
-    return hn::Load(d, lanes + ((k - first_k) * box.axes[1].count + j) * static_cast<int>(kWidth) + lane);
+  HWY_INLINE hn::Mask<V> hit(V d, int lane, int j, int k) const {
+    const int row = (k - first_k) * box.axes[1].count + j;
+    return hn::MaskFromVec(hn::Load(d, lanes + row * static_cast<int>(kWidth) + lane));
   }
 
   /// Slices of the box. Nothing beyond the volume is read.
@@ -228,18 +228,43 @@ struct CountedLanes {
   int block, first_k = 0;
 };
 
+/// Those lanes of a row whose voxels count, for sums of floats. Where masks are bits they are as they are; elsewhere
+/// they become lanes of all bits or none.
+template <class D, class DT>
+struct CountedRow {
+#if HWY_TARGET <= HWY_AVX3
+  HWY_INLINE CountedRow(D, DT, hn::Mask<DT> narrow)
+      : counts{static_cast<decltype(hn::Mask<D>::raw)>(narrow.raw)} {}
+  /// kOthers: those that do not count are added to.
+  template <bool kOthers>
+  HWY_INLINE hn::Vec<D> add(hn::Vec<D> sum, hn::Vec<D> weight) const {
+    const auto more = hn::Add(sum, weight);
+    return kOthers ? hn::IfThenElse(counts, sum, more) : hn::IfThenElse(counts, more, sum);
+  }
+  hn::Mask<D> counts;
+#else
+  HWY_INLINE CountedRow(D d, DT dt, hn::Mask<DT> narrow) {
+    const hn::RebindToSigned<DT> stored;
+    const hn::RebindToSigned<D> wide;
+    counts = hn::BitCast(d, hn::PromoteTo(wide, hn::BitCast(stored, hn::VecFromMask(dt, narrow))));
+  }
+  template <bool kOthers>
+  HWY_INLINE hn::Vec<D> add(hn::Vec<D> sum, hn::Vec<D> weight) const {
+    // 0 is added for the others: sums are never -0
+    return hn::Add(sum, kOthers ? hn::AndNot(counts, weight) : hn::And(counts, weight));
+  }
+  hn::Vec<D> counts;
+#endif
+};
+
 /// The sums at lanes of a block and of slices begin_k ... end_k - 1, after those before. kOthers: over what
 /// does not count.
 template <int kCount, bool kOthers, class D, class T, class Counts>
 HWY_INLINE void sum_columns(D d, const Box<T>& box, const Counts& counts, int block, int lane, int begin_k,
                             int end_k, ColumnSums& sums) {
   const hn::Rebind<T, D> dt;
-  const hn::RebindToSigned<hn::Rebind<T, D>> narrow;
-  const hn::RebindToSigned<D> wide;
   const AxisWeights &ay = box.axes[1], &az = box.axes[2];
   const int end_j = count_or<kCount>(ay.count), x = block + lane;
-  const auto of = [](hn::Vec<D> counted, hn::Vec<D> weight)
-                      HWY_ATTR { return kOthers ? hn::AndNot(counted, weight) : hn::And(counted, weight); };
   auto v = hn::Zero(d), y = hn::Zero(d), z = hn::Zero(d);
   if (begin_k > 0) {
     v = hn::Load(d, sums.v + x);
@@ -249,11 +274,9 @@ HWY_INLINE void sum_columns(D d, const Box<T>& box, const Counts& counts, int bl
   for (int k = begin_k; k < end_k; ++k) {
     auto a = hn::Zero(d), b = hn::Zero(d);
     for (int j = 0; j < end_j; ++j) {
-      const auto row = hn::BitCast(narrow, counts.row(dt, lane, j, k));
-      const auto counts_here = hn::BitCast(d, hn::PromoteTo(wide, row));
-      // 0 is added for what does not: sums are never -0
-      a = hn::Add(a, of(counts_here, hn::Set(d, ay.weight[j])));
-      b = hn::Add(b, of(counts_here, hn::Set(d, ay.slope[j])));
+      const CountedRow<D, hn::Rebind<T, D>> row(d, dt, counts.hit(dt, lane, j, k));
+      a = row.template add<kOthers>(a, hn::Set(d, ay.weight[j]));
+      b = row.template add<kOthers>(b, hn::Set(d, ay.slope[j]));
     }
     const auto w = hn::Set(d, az.weight[k]), s = hn::Set(d, az.slope[k]);
     v = hn::Add(v, hn::Mul(w, a));
