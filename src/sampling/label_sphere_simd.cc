@@ -228,8 +228,8 @@ struct CountedLanes {
   int block, first_k = 0;
 };
 
-/// Those lanes of a row whose voxels count, for sums of floats. Where masks are bits they are as they are; elsewhere
-/// they become lanes of all bits or none.
+/// Those lanes of a row whose voxels count, for sums of floats. Where masks are bits they are as they are;
+/// elsewhere they become lanes of all bits or none.
 template <class D, class DT>
 struct CountedRow {
 #if HWY_TARGET <= HWY_AVX3
