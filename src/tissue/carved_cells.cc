@@ -1,4 +1,4 @@
-#include "tissue/carved_cells.h"
+#include "palpate/tissue/carved_cells.h"
 
 #include <algorithm>
 #include <utility>

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tissue/label_cells.h"
+#include "palpate/tissue/label_cells.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "tissue/label_cells.h"
+#include "palpate/tissue/label_cells.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,7 +7,7 @@
 #include "palpate/haptics/haptics.h"
 #include "palpate/tissue/elastic_grid.h"
 #include "palpate/tissue/elastic_solver.h"
-#include "tissue/label_cells.h"
+#include "palpate/tissue/label_cells.h"
 
 namespace palpate {
 
