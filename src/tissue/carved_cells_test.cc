@@ -19,7 +19,7 @@ namespace palpate {
 namespace {
 
 // steps until a cell that was full and is gone has followed
-const int kStepsToFollow = static_cast<int>(std::ceil(1 / kSolvingFeel.most_fill_change)) + 1;
+const int kStepsToFollow = static_cast<int>(std::ceil(1 / kSolvingFeel.most_fill_change)) + 2;
 constexpr LabelId kSoftLabel = 1, kFirmLabel = 2, kBoneLabel = 3, kKeptLabel = 4;
 
 // A layer of two tissues on bone, with a cord that is kept; voxels of 1 x 0.9 x 1.1 mm, air above z = 12.
@@ -358,6 +358,8 @@ TEST(ElasticCellOnItsWay, ChangesByNoMoreThanItMay) {
   EXPECT_FLOAT_EQ(falls.mu, 1.6f);
   EXPECT_FLOAT_EQ(falls.lambda, 4.8f);
   EXPECT_EQ(toward({Matter::kSoft, 0.15f, 0.3f, 0.9f}, none, 0.2), none);
+  // nothing is left to hang on next to no stiffness
+  EXPECT_FLOAT_EQ(toward({Matter::kSoft, 0.2000001f, 0.4f, 1.2f}, none, 0.2).fill, 0.02f);
   const ElasticCell rises = toward(none, half, 0.2);
   EXPECT_EQ(rises.matter, Matter::kSoft);
   EXPECT_FLOAT_EQ(rises.fill, 0.2f);

@@ -77,7 +77,7 @@ ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double most_c
   if (from.matter == Matter::kRigid || to.matter == Matter::kRigid) return to;
   const double way = static_cast<double>(to.fill) - from.fill;
   if (std::abs(way) <= most_change) return to;
-  const double fill = from.fill + (way > 0 ? most_change : -most_change);
+  const double fill = std::max(from.fill + (way > 0 ? most_change : -most_change), kLeastFill);
   // with more than that to go, one of the two is soft
   const ElasticCell& solid = to.matter == Matter::kSoft ? to : from;
   const double part = fill / solid.fill;

@@ -9,8 +9,6 @@ namespace palpate {
 namespace {
 
 constexpr double kN_per_mm2_of_kPa = 1e-3;
-/// Less of a cell is nothing: its nodes would hang on next to no stiffness.
-constexpr double kLeastFill = 0.02;
 /// What yields is so little of a cell's solid matter that the cell does not.
 constexpr double kLeastSoftPart = 0.05;
 /// Of a voxel that is gone.

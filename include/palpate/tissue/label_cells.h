@@ -9,6 +9,9 @@
 /// What cells are made of that cover labels.
 namespace palpate {
 
+/// Less of a cell is nothing: its nodes would hang on next to no stiffness.
+inline constexpr double kLeastFill = 0.02;
+
 /// What the samples of a cell say.
 class ElasticMixture {
  public:
