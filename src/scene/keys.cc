@@ -389,9 +389,11 @@ SceneKeys declared_keys() {
              .type = kChoice,
              .default_text = "\"probe\"",
              .choices = {"probe", "burr", "shaver"},
-             .meaning = "A burr takes away what it touches while its motor runs, a shaver what of that is soft "
-                        "([burr.md](burr.md#a-shaver)). They have no `points`, `radius` and `capsule`, and are felt by the proxy "
-                        "alone."},
+             .meaning =
+                 "A burr takes away what it touches while its motor runs, a shaver what of that is soft "
+                 "([burr.md](burr.md#a-shaver)). They have no `points`, `radius` and `capsule`, and are felt "
+                 "by the proxy "
+                 "alone."},
             {.name = "shape",
              .type = kChoice,
              .default_text = "\"ball\"",

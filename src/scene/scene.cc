@@ -276,8 +276,8 @@ struct ReadTool {
 };
 
 // what a device holds; without a table a point
-ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpec& capsule, ForceMethod method,
-               Problems& problems) {
+ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpec& capsule,
+                   ForceMethod method, Problems& problems) {
   Tool tool;
   const TableReader reader(table, keys, problems);
   tool.name = reader.text("name").value_or(tool.name);
@@ -288,7 +288,8 @@ ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpe
   else
     read_parts(reader, capsule, tool, problems);
   if (tool.burr && method != ForceMethod::kProxy)
-    problems.add(reader.line("kind"), std::string(is_shaver ? "a shaver" : "a burr") + " is felt by the proxy alone",
+    problems.add(reader.line("kind"),
+                 std::string(is_shaver ? "a shaver" : "a burr") + " is felt by the proxy alone",
                  "set [force] method = \"proxy\", or leave method out");
   return {std::move(tool), is_shaver};
 }
@@ -314,10 +315,9 @@ void suit_shavers(const TableReader& top, std::span<const ReadTool> tools, Scene
       tissue.cutting_energy_mJ_per_mm3 = kSoft_mJ_per_mm3;
     } else if (tissue.felt && !reader.has("protection")) {
       if (any(false))
-        problems.add_missing(tissue.line,
-                             "tissue \"" + tissue.name +
-                                 "\" is bone to a shaver, and one of the tools is a burr",
-                             "add protection = \"keep\", and neither cuts it, or \"none\", and both do");
+        problems.add_missing(
+            tissue.line, "tissue \"" + tissue.name + "\" is bone to a shaver, and one of the tools is a burr",
+            "add protection = \"keep\", and neither cuts it, or \"none\", and both do");
       tissue.protection = Protection::kKeep;
     }
   }

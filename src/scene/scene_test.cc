@@ -335,13 +335,14 @@ TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
   EXPECT_EQ(burr->tools[0].radius_mm, 2);
 
   // both: the scene says what is bone's
-  const std::string both = "[tool]\nkind = 'shaver'\nshape = 'cylinder'\ndiameter = 4\nlength = 9\n"
-                           "[second_tool]\nkind = 'burr'\n";
+  const std::string both =
+      "[tool]\nkind = 'shaver'\nshape = 'cylinder'\ndiameter = 4\nlength = 9\n"
+      "[second_tool]\nkind = 'burr'\n";
   const auto unsaid = parse_scene(tissues + both, "t");
   ASSERT_FALSE(unsaid.ok());
   EXPECT_THAT(unsaid.error().message(), HasSubstr("tissue \"bone\" is bone to a shaver"));
-  const auto cone = parse_scene(
-      tissues + "[tool]\nkind = 'shaver'\nshape = 'cone'\nlength = 9\ntip_diameter = 2\n", "t");
+  const auto cone =
+      parse_scene(tissues + "[tool]\nkind = 'shaver'\nshape = 'cone'\nlength = 9\ntip_diameter = 2\n", "t");
   ASSERT_FALSE(cone.ok());
   EXPECT_THAT(cone.error().message(), HasSubstr("a shaver is no cone"));
 }

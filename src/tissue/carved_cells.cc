@@ -44,10 +44,11 @@ VoxelBox changed_voxels(const Bricks<std::uint8_t>* before, const Bricks<std::ui
   for (int c = first_brick[2]; c <= last_brick[2]; ++c)
     for (int b = first_brick[1]; b <= last_brick[1]; ++b)
       for (int a = first_brick[0]; a <= last_brick[0]; ++a) {
-        const std::size_t number = static_cast<std::size_t>(a) +
-                                   static_cast<std::size_t>(any.counts()[0]) *
-                                       (static_cast<std::size_t>(b) +
-                                        static_cast<std::size_t>(any.counts()[1]) * static_cast<std::size_t>(c));
+        const std::size_t number =
+            static_cast<std::size_t>(a) +
+            static_cast<std::size_t>(any.counts()[0]) *
+                (static_cast<std::size_t>(b) +
+                 static_cast<std::size_t>(any.counts()[1]) * static_cast<std::size_t>(c));
         if (before != nullptr && now != nullptr && before->brick(number) == now->brick(number)) continue;
         const std::array<int, 3> brick{a, b, c};
         std::array<int, 3> from, to;

@@ -36,8 +36,10 @@ std::shared_ptr<const Model> layered(const Eigen::Matrix3d& direction = Eigen::M
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         LabelId& label = labels.at(i, j, k);
-        if (k < 5) label = kBoneLabel;
-        else if (k < 22) label = i < 20 ? kSoftLabel : kFirmLabel;
+        if (k < 5)
+          label = kBoneLabel;
+        else if (k < 22)
+          label = i < 20 ? kSoftLabel : kFirmLabel;
         if (std::hypot(j - 25, k - 12) < 2) label = kKeptLabel;
       }
   model->labels = label_bricks(labels);
@@ -51,11 +53,8 @@ std::shared_ptr<const Model> layered(const Eigen::Matrix3d& direction = Eigen::M
   return model;
 }
 
-const std::vector<ElasticMaterial> kMaterials{{},
-                                              {Matter::kSoft, 10, 0.45},
-                                              {Matter::kSoft, 40, 0.3},
-                                              {Matter::kRigid},
-                                              {Matter::kSoft, 20, 0.45}};
+const std::vector<ElasticMaterial> kMaterials{
+    {}, {Matter::kSoft, 10, 0.45}, {Matter::kSoft, 40, 0.3}, {Matter::kRigid}, {Matter::kSoft, 20, 0.45}};
 
 ElasticBox box_in(const Model& model, const std::array<int, 3>& first, const std::array<int, 3>& cells) {
   ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, 1.5);
@@ -85,8 +84,7 @@ Cut sweep_in(const Model& model, const Eigen::Vector3d& from, const Eigen::Vecto
 }
 
 std::shared_ptr<const Model> cut(const std::shared_ptr<const Model>& model, const std::vector<Cut>& cuts) {
-  const auto carving =
-      model->carving != nullptr ? model->carving : std::make_shared<const Carving>(*model);
+  const auto carving = model->carving != nullptr ? model->carving : std::make_shared<const Carving>(*model);
   return carving->with(cuts)->taken_from(*model);
 }
 
@@ -143,11 +141,13 @@ TEST(ChangedVoxels, AreThoseThatDiffer) {
   const Bricks<std::uint8_t> none(grid, std::uint8_t{0});
   const auto within = [&](int most) { return static_cast<int>(random() % static_cast<unsigned>(most)); };
   for (int round = 0; round < 200; ++round) {
-    PatchOf<std::uint8_t> patch{{{within(30), within(25), within(40)}, {1 + within(9), 1 + within(9), 1 + within(9)}}, {}};
+    PatchOf<std::uint8_t> patch{
+        {{within(30), within(25), within(40)}, {1 + within(9), 1 + within(9), 1 + within(9)}}, {}};
     for (std::size_t n = 0; n < patch.box.voxel_count(); ++n)
       patch.values.push_back(static_cast<std::uint8_t>(random() % 2));
     const Bricks<std::uint8_t> now = none.with(patch);
-    const VoxelBox region{{within(20), within(20), within(20)}, {1 + within(20), 1 + within(15), 1 + within(30)}};
+    const VoxelBox region{{within(20), within(20), within(20)},
+                          {1 + within(20), 1 + within(15), 1 + within(30)}};
     std::array<int, 3> low{99, 99, 99}, high{-1, -1, -1};
     for (int k = region.first[2]; k < region.first[2] + region.size[2]; ++k)
       for (int j = region.first[1]; j < region.first[1] + region.size[1]; ++j)
@@ -245,11 +245,13 @@ TEST_F(CarvedCellsOf, FollowRandomStrokesAsIfLaidWhole) {
         model_ = carving->redone()->taken_from(*model_);
       else {
         const Eigen::Vector3d begin_at(x(random), y(random), z(random));
-        model_ = cut(model_, {sweep_in(*model_, begin_at, begin_at + Eigen::Vector3d(way(random), way(random), way(random)),
+        model_ = cut(model_, {sweep_in(*model_, begin_at,
+                                       begin_at + Eigen::Vector3d(way(random), way(random), way(random)),
                                        radius(random), static_cast<std::uint32_t>(n + 1))});
       }
       // some are cut on before they have followed
-      if (random() % 2 == 0) step();
+      if (random() % 2 == 0)
+        step();
       else {
         settle();
         expect_as_whole();

@@ -45,7 +45,9 @@ double swept_part(const SweptShape& shape, const GridGeometry& grid,
   const double width_mm = 0.5 * grid.spacing_mm.mean();
   double part = 0;
   for (int eighth = 0; eighth < 8; ++eighth) {
-    const auto along = [&](int voxel, int axis) { return voxel + ((eighth >> axis & 1) != 0 ? 0.25 : -0.25); };
+    const auto along = [&](int voxel, int axis) {
+      return voxel + ((eighth >> axis & 1) != 0 ? 0.25 : -0.25);
+    };
     const double mm = shape.depth_mm(X_PatientVoxel * Point<Voxel>(along(i, 0), along(j, 1), along(k, 2)));
     part += std::clamp(0.5 + mm / width_mm, 0.0, 1.0) / 8;
   }
@@ -137,7 +139,8 @@ void Carving::take(std::span<const Cut> cuts) {
 void Carving::take_parts(const Sweep& sweep) {
   const GridGeometry& grid = made_labels_->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
-  PatchOf<std::uint8_t> patch{voxels_around(sweep, sweep.widest_mm() + 0.5 * grid.spacing_mm.norm(), grid), {}};
+  PatchOf<std::uint8_t> patch{voxels_around(sweep, sweep.widest_mm() + 0.5 * grid.spacing_mm.norm(), grid),
+                              {}};
   const VoxelBox& box = patch.box;
   if (box.voxel_count() == 0) return;
   patch.values.resize(box.voxel_count());
@@ -156,8 +159,9 @@ void Carving::take_parts(const Sweep& sweep) {
       }
     }
   if (!differs) return;
-  const auto before =
-      left_.taken != nullptr ? left_.taken : std::make_shared<const Bricks<std::uint8_t>>(grid, std::uint8_t{0});
+  const auto before = left_.taken != nullptr
+                          ? left_.taken
+                          : std::make_shared<const Bricks<std::uint8_t>>(grid, std::uint8_t{0});
   left_.taken = std::make_shared<const Bricks<std::uint8_t>>(before->with(patch));
 }
 

@@ -207,7 +207,7 @@ void ElasticGrid::set_springs(const CellBox& cells) {
   bool any = false;
   for (int face = 0; face < 6; ++face)
     any = any || (beyond_[face] && (face % 2 == 0 ? cells.low[face / 2] == 0
-                                                   : cells.high[face / 2] == layout_.cells[face / 2]));
+                                                  : cells.high[face / 2] == layout_.cells[face / 2]));
   if (!any) return;
   for_each_node(cells, [&](int i, int j, int k) {
     for (int component = 0; component < 3; ++component) springs_[layout_.node(i, j, k, component)] = 0;

@@ -134,8 +134,7 @@ void Operator::change(const ElasticValues& mu, const ElasticValues& lambda, cons
   });
   for_each_node(box, [&](int i, int j, int k) {
     held_[node_number(layout_, i, j, k)] = held[node_number(layout_, i, j, k)];
-    for (int c = 0; c < 3; ++c)
-      spring_of_node_[layout_.node(i, j, k, c)] = springs[layout_.node(i, j, k, c)];
+    for (int c = 0; c < 3; ++c) spring_of_node_[layout_.node(i, j, k, c)] = springs[layout_.node(i, j, k, c)];
   });
   list_springs(box);
   find_inverse_diagonal(box);
@@ -197,7 +196,8 @@ void Operator::average(const Operator& finer, const CellBox& box) {
     for_each_moved(k, fine.cells[2], [&](int z, float along_z) {
       for_each_moved(j, fine.cells[1], [&](int y, float along_y) {
         for_each_moved(i, fine.cells[0], [&](int x, float along_x) {
-          held = static_cast<std::uint8_t>(held | (finer.held_[node_number(fine, x, y, z)] & ElasticGrid::kHeld));
+          held = static_cast<std::uint8_t>(held |
+                                           (finer.held_[node_number(fine, x, y, z)] & ElasticGrid::kHeld));
           for (int c = 0; c < 3; ++c)
             springs[c] += along_x * along_y * along_z * finer.spring_of_node_[fine.node(x, y, z, c)];
         });
@@ -232,8 +232,7 @@ CellBox Operator::follow(const Operator& finer, const CellBox& changed) {
 
 Operator Operator::part(const CellBox& box) const {
   Operator to;
-  to.make_room(
-      ElasticLayout({box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2]}));
+  to.make_room(ElasticLayout({box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2]}));
   for_each_cell(box, [&](int i, int j, int k) {
     const std::size_t cell = to.layout_.cell(i - box.low[0], j - box.low[1], k - box.low[2]);
     to.mu_[cell] = mu_[layout_.cell(i, j, k)];

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "palpate/base/cube_root.h"
+#include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
-#include "palpate/tissue/carved_cells.h"
 
 namespace palpate {
 namespace {

@@ -187,7 +187,10 @@ std::shared_ptr<const Model> plate_on(const std::optional<ElasticConstants>& sup
     for (int j = 0; j < labels.geometry().dims[1]; ++j)
       for (int i = 0; i < labels.geometry().dims[0]; ++i) {
         const double z = (X_PatientVoxel * Point<Voxel>(i, j, k)).z();
-        labels.at(i, j, k) = static_cast<LabelId>(z > top_mm ? 0 : z > -kPlate_mm ? 1 : z > -kSupport_mm ? 2 : 3);
+        labels.at(i, j, k) = static_cast<LabelId>(z > top_mm         ? 0
+                                                  : z > -kPlate_mm   ? 1
+                                                  : z > -kSupport_mm ? 2
+                                                                     : 3);
       }
   model->labels = label_bricks(labels);
   model->tissues[0].elastic = ElasticConstants{200, 0.45};
@@ -238,8 +241,7 @@ TEST(YieldSolver, APlateThatIsTrimmedIsAsSoftAsOneThatWasMadeThinner) {
     const YieldSpot& spot = solver.frame().spot[0];
     ASSERT_TRUE(spot.is_known());
     EXPECT_NEAR(spot.at.z(), -kTrimmed_mm, 0.05);
-    const double thinner =
-        settled_compliance(*plate_on(support, -kTrimmed_mm), pressed_on(-kTrimmed_mm));
+    const double thinner = settled_compliance(*plate_on(support, -kTrimmed_mm), pressed_on(-kTrimmed_mm));
     EXPECT_NEAR(spot.compliance_mm_per_N / thinner, 1, 0.02);
     if (softer)
       EXPECT_GT(spot.compliance_mm_per_N, 1.2 * before);

@@ -33,9 +33,9 @@ std::vector<ElasticMaterial> block_materials(const Model& model) {
   std::vector<ElasticMaterial> by_label{{}};
   for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label) {
     const auto& elastic = model.tissue_of(static_cast<LabelId>(label))->elastic;
-    by_label.push_back(elastic ? ElasticMaterial{Matter::kSoft, elastic->youngs_modulus_kPa,
-                                                 elastic->poissons_ratio}
-                               : ElasticMaterial{Matter::kRigid});
+    by_label.push_back(
+        elastic ? ElasticMaterial{Matter::kSoft, elastic->youngs_modulus_kPa, elastic->poissons_ratio}
+                : ElasticMaterial{Matter::kRigid});
   }
   return by_label;
 }
@@ -48,8 +48,7 @@ struct CutFrame {
 
 CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function<CutFrame(int)>& cut) {
   const std::vector<ElasticMaterial> by_label = block_materials(model);
-  ElasticBox box =
-      elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
+  ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
   box.cells = {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
   const Point<Patient> pressed(0, 0, 0);
   Eigen::Vector3d first = box.local_mm(pressed) / box.cell_mm;
@@ -135,13 +134,9 @@ CutTissue trim_under(const Model& model, double speed_mm_s) {
     // a cylinder that lies, led across its axis
     now.surface_mm = -step_mm * frame;
     const double z = now.surface_mm + kHead_mm;
-    now.cuts = {{0,
-                 {{-kHalf_mm, -kHalf_mm, z},
-                  {kHalf_mm, -kHalf_mm, z},
-                  kHead_mm,
-                  0,
-                  {0, 2 * kHalf_mm, 0},
-                  kHead_mm}}};
+    now.cuts = {
+        {0,
+         {{-kHalf_mm, -kHalf_mm, z}, {kHalf_mm, -kHalf_mm, z}, kHead_mm, 0, {0, 2 * kHalf_mm, 0}, kHead_mm}}};
     return now;
   });
 }
