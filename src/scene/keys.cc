@@ -211,7 +211,8 @@ SceneKeys declared_keys() {
              .unit = "mJ/mm³",
              .min = 1,
              .max = 10000,
-             .meaning = "Of a burr: what its motor works to take a cubic millimetre away."},
+             .meaning = "Of a burr: what its motor works to take a cubic millimetre away. Where a tool is a "
+                        "shaver, tissue with a modulus has 5 by default."},
             {.name = "protection",
              .type = kChoice,
              .default_text = "\"none\"",
@@ -387,9 +388,12 @@ SceneKeys declared_keys() {
             {.name = "kind",
              .type = kChoice,
              .default_text = "\"probe\"",
-             .choices = {"probe", "burr"},
-             .meaning = "A burr takes away what it touches while its motor runs. It has no `points`, "
-                        "`radius` and `capsule`, and is felt by the proxy alone."},
+             .choices = {"probe", "burr", "shaver"},
+             .meaning =
+                 "A burr takes away what it touches while its motor runs, a shaver what of that is soft "
+                 "([burr.md](burr.md#a-shaver)). They have no `points`, `radius` and `capsule`, and are felt "
+                 "by the proxy "
+                 "alone."},
             {.name = "shape",
              .type = kChoice,
              .default_text = "\"ball\"",
@@ -403,7 +407,8 @@ SceneKeys declared_keys() {
              .unit = "mm",
              .min = 1,
              .max = 6,
-             .meaning = "Of a burr, of a cone at its far end; at least two voxels."},
+             .meaning = "Of a burr, of a cone at its far end; at least two voxels. A shaver has 5.5 by "
+                        "default."},
             {.name = "length",
              .type = kNumber,
              .unit = "mm",
@@ -422,7 +427,7 @@ SceneKeys declared_keys() {
              .unit = "1/min",
              .min = 100,
              .max = 200000,
-             .meaning = "Of a burr: revolutions while its motor runs."},
+             .meaning = "Of a burr: revolutions while its motor runs. A shaver has 2500 by default."},
             {.name = "spindle",
              .type = kPoint,
              .default_text = "[0, 0, 1]",

@@ -1,6 +1,8 @@
 #include "palpate/scene/scene.h"
 
 #include <algorithm>
+#include <span>
+#include <utility>
 
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
@@ -210,15 +212,26 @@ void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings&
   burr.length_mm = *length_mm - 0.5 * (first_mm + end_mm);
 }
 
-void read_burr(const TableReader& reader, Tool& tool, Problems& problems) {
+// what takes away: a burr, or a shaver, which is one that turns slowly and is for what is soft
+void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& problems) {
   BurrSettings burr;
   constexpr double kSecondsPerMinute = 60;
+  // 5.5 mm at 2000 to 2500 1/min cut tendon and meniscus best (docs/burr.md)
+  constexpr double kShaver_mm = 5.5, kShaverSpeed_per_min = 2500, kBurr_mm = 4;
+  const std::string kind = is_shaver ? "shaver" : "burr";
   for (const char* key : {"points", "radius", "capsule"})
     if (reader.has(key))
-      problems.add(reader.line(key), std::string("a burr has no `") + key + "`",
+      problems.add(reader.line(key), "a " + kind + " has no `" + key + "`",
                    "its head is all of it: say its diameter, and leave this out");
-  tool.radius_mm = 0.5 * reader.number("diameter").value_or(4);
+  tool.radius_mm = 0.5 * reader.number("diameter").value_or(is_shaver ? kShaver_mm : kBurr_mm);
+  if (is_shaver) {
+    if (!reader.has("name")) tool.name = kind;
+    burr.revolutions_per_s = kShaverSpeed_per_min / kSecondsPerMinute;
+  }
   const std::string shape = std::string(reader.choice("shape").value_or("ball"));
+  if (is_shaver && shape == "cone")
+    problems.add(reader.line("shape"), "a shaver is no cone",
+                 "write shape = \"cylinder\" or shape = \"ball\", or kind = \"burr\"");
   if (shape != "ball") read_row(reader, shape == "cone", tool, burr, problems);
   for (const char* key : {"length", "tip_diameter"})
     if (shape == "ball" && reader.has(key))
@@ -242,7 +255,7 @@ void read_parts(const TableReader& reader, const TableSpec& capsule, Tool& tool,
   for (const char* key : {"shape", "diameter", "length", "tip_diameter", "speed", "spindle", "grip", "pedal"})
     if (reader.has(key))
       problems.add(reader.line(key), std::string("`") + key + "` is a burr's",
-                   "add kind = \"burr\", or leave this out");
+                   "add kind = \"burr\" or kind = \"shaver\", or leave this out");
   tool.radius_mm = reader.number("radius").value_or(tool.radius_mm);
   tool.points_mm = reader.points("points").value_or(tool.points_mm);
   if (tool.points_mm.empty() || tool.points_mm.size() > kMaxToolParts) {
@@ -257,30 +270,72 @@ void read_parts(const TableReader& reader, const TableSpec& capsule, Tool& tool,
         "together they may be " + std::to_string(kMaxToolParts) + "; without `points` the tip is one point");
 }
 
+struct ReadTool {
+  Tool tool;
+  bool is_shaver = false;
+};
+
 // what a device holds; without a table a point
-Tool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpec& capsule, ForceMethod method,
-               Problems& problems) {
+ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpec& capsule,
+                   ForceMethod method, Problems& problems) {
   Tool tool;
   const TableReader reader(table, keys, problems);
   tool.name = reader.text("name").value_or(tool.name);
-  if (reader.choice("kind") == "burr")
-    read_burr(reader, tool, problems);
+  const auto kind = reader.choice("kind");
+  const bool is_shaver = kind == "shaver";
+  if (kind == "burr" || is_shaver)
+    read_burr(reader, is_shaver, tool, problems);
   else
     read_parts(reader, capsule, tool, problems);
   if (tool.burr && method != ForceMethod::kProxy)
-    problems.add(reader.line("kind"), "a burr is felt by the proxy alone",
+    problems.add(reader.line("kind"),
+                 std::string(is_shaver ? "a shaver" : "a burr") + " is felt by the proxy alone",
                  "set [force] method = \"proxy\", or leave method out");
-  return tool;
+  return {std::move(tool), is_shaver};
+}
+
+// A shaver takes what has a modulus or says what cutting it takes; the rest, as bone, is kept from it.
+// Protection is of a structure, whatever comes to it: where another tool is a burr the scene has to say.
+void suit_shavers(const TableReader& top, std::span<const ReadTool> tools, Scene& scene, Problems& problems) {
+  // of soft tissue: 1 kJ/m2, the toughness of cartilage, in slices of 0.2 mm (docs/burr.md)
+  constexpr double kSoft_mJ_per_mm3 = 5;
+  const auto any = [&](bool is_shaver) {
+    return std::any_of(tools.begin(), tools.end(),
+                       [&](const ReadTool& read) { return read.tool.burr && read.is_shaver == is_shaver; });
+  };
+  if (!any(true)) return;
+  const auto tables = top.tables("tissue");
+  for (std::size_t n = 0; n < scene.tissues.size(); ++n) {
+    TissueSettings& tissue = scene.tissues[n];
+    // what is wrong with it has been said
+    Problems said(scene.source);
+    const TableReader reader(tables[n], scene_key_tables().tissue, said);
+    if (reader.has("cutting_energy")) continue;
+    if (tissue.elastic) {
+      tissue.cutting_energy_mJ_per_mm3 = kSoft_mJ_per_mm3;
+    } else if (tissue.felt && !reader.has("protection")) {
+      if (any(false))
+        problems.add_missing(
+            tissue.line, "tissue \"" + tissue.name + "\" is bone to a shaver, and one of the tools is a burr",
+            "add protection = \"keep\", and neither cuts it, or \"none\", and both do");
+      tissue.protection = Protection::kKeep;
+    }
+  }
 }
 
 void read_tools(const TableReader& top, Scene& scene, Problems& problems) {
   const SceneKeys& keys = scene_key_tables();
-  scene.tools = {read_tool(top.table("tool"), keys.tool, keys.capsule, scene.force.method, problems)};
-  if (!top.has("second_tool")) return;
-  Problems of_second(scene.source);
-  scene.tools.push_back(read_tool(top.table("second_tool"), keys.second_tool, keys.second_capsule,
-                                  scene.force.method, of_second));
-  problems.add_from(of_second, keys.second_tool.heading);
+  std::vector<ReadTool> read{
+      read_tool(top.table("tool"), keys.tool, keys.capsule, scene.force.method, problems)};
+  if (top.has("second_tool")) {
+    Problems of_second(scene.source);
+    read.push_back(read_tool(top.table("second_tool"), keys.second_tool, keys.second_capsule,
+                             scene.force.method, of_second));
+    problems.add_from(of_second, keys.second_tool.heading);
+  }
+  suit_shavers(top, read, scene, problems);
+  scene.tools.clear();
+  for (ReadTool& one : read) scene.tools.push_back(std::move(one.tool));
 }
 
 void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {

@@ -305,6 +305,48 @@ TEST(ParseScene, ABurrMayBeACylinderOrACone) {
   EXPECT_EQ(burr_shape(Tool{}), "");
 }
 
+TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
+  const std::string tissues =
+      "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'meniscus'\nlabels = [1]\nyoungs_modulus = 100\n"
+      "[[tissue]]\nname = 'bone'\nlabels = [2]\n"
+      "[[tissue]]\nname = 'spur'\nlabels = [3]\ncutting_energy = 80\n"
+      "[[tissue]]\nname = 'plate'\nlabels = [4]\nprotection = 'none'\n"
+      "[[tissue]]\nname = 'shown'\nlabels = [5]\nfelt = false\n";
+  const auto scene = parse_scene(tissues + "[tool]\nkind = 'shaver'\n", "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  const Tool& shaver = scene->tools[0];
+  ASSERT_TRUE(shaver.burr);
+  EXPECT_EQ(shaver.name, "shaver");
+  EXPECT_EQ(shaver.radius_mm, 2.75);
+  EXPECT_NEAR(60 * shaver.burr->revolutions_per_s, 2500, 1e-9);
+  const auto& tissue = scene->tissues;
+  EXPECT_EQ(tissue[0].protection, Protection::kNone);
+  EXPECT_EQ(tissue[0].cutting_energy_mJ_per_mm3, 5);
+  EXPECT_EQ(tissue[1].protection, Protection::kKeep);
+  EXPECT_EQ(tissue[2].protection, Protection::kNone);
+  EXPECT_EQ(tissue[2].cutting_energy_mJ_per_mm3, 80);
+  EXPECT_EQ(tissue[3].protection, Protection::kNone);
+  EXPECT_EQ(tissue[4].protection, Protection::kNone);
+  // a burr's scene is as it was
+  const auto burr = parse_scene(tissues + "[tool]\nkind = 'burr'\n", "t");
+  ASSERT_TRUE(burr.ok()) << burr.error().message();
+  EXPECT_EQ(burr->tissues[0].cutting_energy_mJ_per_mm3, 100);
+  EXPECT_EQ(burr->tissues[1].protection, Protection::kNone);
+  EXPECT_EQ(burr->tools[0].radius_mm, 2);
+
+  // both: the scene says what is bone's
+  const std::string both =
+      "[tool]\nkind = 'shaver'\nshape = 'cylinder'\ndiameter = 4\nlength = 9\n"
+      "[second_tool]\nkind = 'burr'\n";
+  const auto unsaid = parse_scene(tissues + both, "t");
+  ASSERT_FALSE(unsaid.ok());
+  EXPECT_THAT(unsaid.error().message(), HasSubstr("tissue \"bone\" is bone to a shaver"));
+  const auto cone =
+      parse_scene(tissues + "[tool]\nkind = 'shaver'\nshape = 'cone'\nlength = 9\ntip_diameter = 2\n", "t");
+  ASSERT_FALSE(cone.ok());
+  EXPECT_THAT(cone.error().message(), HasSubstr("a shaver is no cone"));
+}
+
 TEST(ParseScene, TheKeysOfABurrSayItsDefaults) {
   const auto scene =
       parse_scene("[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nkind = 'burr'\n",

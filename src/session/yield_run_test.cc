@@ -88,6 +88,47 @@ TEST_F(YieldRun, EverySolutionIsARowAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
+// the same ball, milled through its tissue down to the bone
+LoadedScene soft_ball_and_burr() {
+  LoadedScene loaded = soft_ball();
+  Model model = *loaded.model;
+  model.tools[0].radius_mm = 2;
+  model.tools[0].burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
+  model.tissues[1].cutting_energy_mJ_per_mm3 = 20;
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  return loaded;
+}
+
+TEST_F(YieldRun, ABurrInTissueThatYieldsIsHeldByItsLimitsAndTheRunReplays) {
+  const LoadedScene loaded = soft_ball_and_burr();
+  const auto script = parse_script(
+      "[[step]]\napproach = \"shell\"\n[[step]]\nmotor = true\n[[step]]\npress = 0.5\n"
+      "[[step]]\nhold = 0.6\n[[step]]\nmotor = false\n[[step]]\nstroke = \"undo\"\n"
+      "[[step]]\nhold = 0.2\n[[step]]\nleave = true\n",
+      "cutting script");
+  ASSERT_TRUE(script.ok()) << script.error().message();
+  const auto simulated = simulate(loaded, *script, {}, folder_ / "cut.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  auto read = read_recording(folder_ / "cut.h5");
+  ASSERT_TRUE(read.ok()) << read.error().message();
+  recording_ = *std::move(read);
+  std::size_t sweeps = 0;
+  for (const RecordingEvent& event : recording_.events) sweeps += event.kind == EventKind::kSweep;
+  EXPECT_GT(sweeps, 5u);
+  EXPECT_GT(solutions().size(), 30u);
+  const double most_N = recording_.header.max_force_N;
+  for (const TickRecord& tick : recording_.ticks) {
+    const DeviceTick& device = tick.device[0];
+    const Eigen::Vector3d force(device.force_N[0], device.force_N[1], device.force_N[2]);
+    ASSERT_TRUE(force.allFinite()) << tick.tick;
+    ASSERT_LE(force.norm(), most_N * (1 + 1e-9)) << tick.tick;
+    ASSERT_EQ(device.flags & kFlagNotFinite, 0u) << tick.tick;
+  }
+  const auto result = replay(recording_, loaded.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+}
+
 TEST_F(YieldRun, AReplayNamesASolutionThatIsAnotherOneOrMissing) {
   simulate_it();
   const auto rows = solutions();

@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "palpate/base/check.h"
@@ -32,6 +34,26 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
   return differs ? std::make_shared<const Bricks<LabelId>>(labels->with(patch)) : labels;
 }
 
+// What part of a voxel is swept: a plane's share of it is as even as its distance, so of eight eighths the
+// depth of each one's middle says it.
+double swept_part(const SweptShape& shape, const GridGeometry& grid,
+                  const Transform<Patient, Voxel>& X_PatientVoxel, int i, int j, int k) {
+  const double half_diagonal_mm = 0.5 * grid.spacing_mm.norm();
+  const double depth_mm = shape.depth_mm(X_PatientVoxel * Point<Voxel>(i, j, k));
+  if (depth_mm <= -half_diagonal_mm) return 0;
+  if (depth_mm >= half_diagonal_mm) return 1;
+  const double width_mm = 0.5 * grid.spacing_mm.mean();
+  double part = 0;
+  for (int eighth = 0; eighth < 8; ++eighth) {
+    const auto along = [&](int voxel, int axis) {
+      return voxel + ((eighth >> axis & 1) != 0 ? 0.25 : -0.25);
+    };
+    const double mm = shape.depth_mm(X_PatientVoxel * Point<Voxel>(along(i, 0), along(j, 1), along(k, 2)));
+    part += std::clamp(0.5 + mm / width_mm, 0.0, 1.0) / 8;
+  }
+  return part;
+}
+
 }  // namespace
 
 Cut cut_of(const SweepRecord& sweep) {
@@ -52,7 +74,9 @@ SweepRecord plain(const Cut& cut) {
 Carving::Carving(const Model& model)
     : made_labels_(model.labels),
       is_cut_(labels_that_are_cut(model)),
-      left_{std::vector<std::shared_ptr<const CarvedSurface>>(model.surfaces.size()), model.labels, 0} {
+      tells_parts_(model.tissue_law == TissueLaw::kElastic) {
+  left_.surfaces.resize(model.surfaces.size());
+  left_.labels = model.labels;
   for (const ProtectedStructure& structure : model.protected_structures)
     if (structure.kept) kept_.push_back(structure.surface);
   for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
@@ -96,6 +120,7 @@ void Carving::take(std::span<const Cut> cuts) {
       hash_double(hash, sweep.end_radius_mm);
     }
     left_.labels = without(left_.labels, sweep, is_cut_);
+    if (tells_parts_) take_parts(sweep);
     const SweptShape shape(sweep);
     low = low.min(shape.low() - shape.widest_mm());
     high = high.max(shape.high() + shape.widest_mm());
@@ -109,6 +134,35 @@ void Carving::take(std::span<const Cut> cuts) {
     if (left != nullptr || then.surface() != made_[s])
       left = std::make_shared<const CarvedSurface>(std::move(then));
   }
+}
+
+void Carving::take_parts(const Sweep& sweep) {
+  const GridGeometry& grid = made_labels_->geometry();
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  PatchOf<std::uint8_t> patch{voxels_around(sweep, sweep.widest_mm() + 0.5 * grid.spacing_mm.norm(), grid),
+                              {}};
+  const VoxelBox& box = patch.box;
+  if (box.voxel_count() == 0) return;
+  patch.values.resize(box.voxel_count());
+  const SweptShape shape(sweep);
+  bool differs = false;
+  auto value = patch.values.begin();
+  for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)
+    for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j) {
+      if (left_.taken != nullptr) left_.taken->copy_row(box.first[0], j, k, box.size[0], &*value);
+      for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
+        if (*value == 255 || !is_cut_[made_labels_->at(i, j, k)]) continue;
+        const double part = swept_part(shape, grid, X_PatientVoxel, i, j, k);
+        const auto taken = static_cast<std::uint8_t>(std::lround(255 * part));
+        differs = differs || taken > *value;
+        *value = std::max(*value, taken);
+      }
+    }
+  if (!differs) return;
+  const auto before = left_.taken != nullptr
+                          ? left_.taken
+                          : std::make_shared<const Bricks<std::uint8_t>>(grid, std::uint8_t{0});
+  left_.taken = std::make_shared<const Bricks<std::uint8_t>>(before->with(patch));
 }
 
 std::shared_ptr<const Carving> Carving::undone() const {

@@ -18,10 +18,17 @@ constexpr double kPowerMargin = 1.1;
 constexpr double kLeastPivot = 1e-6;
 
 template <class Visit>
-void for_each_node(const ElasticLayout& layout, const Visit& visit) {
-  for (int k = 0; k <= layout.cells[2]; ++k)
-    for (int j = 0; j <= layout.cells[1]; ++j)
-      for (int i = 0; i <= layout.cells[0]; ++i) visit(i, j, k);
+void for_each_cell(const CellBox& box, const Visit& visit) {
+  for (int k = box.low[2]; k < box.high[2]; ++k)
+    for (int j = box.low[1]; j < box.high[1]; ++j)
+      for (int i = box.low[0]; i < box.high[0]; ++i) visit(i, j, k);
+}
+
+template <class Visit>
+void for_each_node(const CellBox& box, const Visit& visit) {
+  for (int k = box.low[2]; k <= box.high[2]; ++k)
+    for (int j = box.low[1]; j <= box.high[1]; ++j)
+      for (int i = box.low[0]; i <= box.high[0]; ++i) visit(i, j, k);
 }
 
 std::size_t node_number(const ElasticLayout& layout, int i, int j, int k) {
@@ -99,87 +106,156 @@ double dot(const ElasticValues& a, const ElasticValues& b) {
 
 Operator::Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu,
                    const ElasticValues& lambda, const ElasticValues& springs, std::vector<std::uint8_t> held)
-    : layout_(layout),
-      mu_(mu),
-      lambda_(lambda),
-      held_(std::move(held)),
-      scratch_(scratch_floats(layout)),
-      volumes_(mu.size(), 1.0f),
-      cell_mm_(static_cast<float>(cell_mm)) {
-  const float scale = static_cast<float>(cell_mm / 16);
-  for (float& value : mu_) value *= scale;
-  for (float& value : lambda_) value *= scale;
-  for (std::size_t n = 0; n < layout.node_values(); ++n)
-    if (springs[n] > 0) springs_.emplace_back(static_cast<std::uint32_t>(n), springs[n]);
-  find_inverse_diagonal();
+    : held_(std::move(held)), cell_mm_(static_cast<float>(cell_mm)) {
+  make_room(layout);
+  change(mu, lambda, springs, held_, {{0, 0, 0}, layout.cells});
 }
 
-void Operator::find_inverse_diagonal() {
-  ElasticValues diagonal(layout_.node_values() + ElasticLayout::kSpare, 0.0f);
-  for (int k = 0; k < layout_.cells[2]; ++k)
-    for (int j = 0; j < layout_.cells[1]; ++j)
-      for (int i = 0; i < layout_.cells[0]; ++i) {
-        const std::size_t cell = layout_.cell(i, j, k);
-        // a component's own slope, two shears, four hourglass modes
-        const float of_cell = (4 + 4 * kHourglass) * mu_[cell] + lambda_[cell];
-        for (int corner = 0; corner < 8; ++corner)
-          for (int c = 0; c < 3; ++c)
-            diagonal[layout_.node(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2 & 1), c)] +=
-                of_cell;
-      }
-  for (const auto& [value, spring] : springs_) diagonal[value] += spring;
-  inverse_diagonal_.assign(diagonal.size(), 0.0f);
-  for_each_node(layout_, [&](int i, int j, int k) {
+void Operator::make_room(const ElasticLayout& layout) {
+  layout_ = layout;
+  scratch_.resize(scratch_floats(layout));
+  mu_.assign(layout.cell_values() + ElasticLayout::kSpare, 0.0f);
+  lambda_ = mu_;
+  volumes_.assign(mu_.size(), 1.0f);
+  spring_of_node_.assign(layout.node_values() + ElasticLayout::kSpare, 0.0f);
+  inverse_diagonal_ = spring_of_node_;
+  held_.resize(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
+}
+
+void Operator::change(const ElasticValues& mu, const ElasticValues& lambda, const ElasticValues& springs,
+                      const std::vector<std::uint8_t>& held, const CellBox& box) {
+  const float scale = static_cast<float>(static_cast<double>(cell_mm_) / 16);
+  for_each_cell(box, [&](int i, int j, int k) {
+    const std::size_t cell = layout_.cell(i, j, k);
+    mu_[cell] = mu[cell] * scale;
+    lambda_[cell] = lambda[cell] * scale;
+    // nothing yields there any more, or not yet
+    volumes_[cell] = 1;
+  });
+  for_each_node(box, [&](int i, int j, int k) {
+    held_[node_number(layout_, i, j, k)] = held[node_number(layout_, i, j, k)];
+    for (int c = 0; c < 3; ++c) spring_of_node_[layout_.node(i, j, k, c)] = springs[layout_.node(i, j, k, c)];
+  });
+  list_springs(box);
+  find_inverse_diagonal(box);
+}
+
+// springs are at the faces of all cells alone
+void Operator::list_springs(const CellBox& box) {
+  bool any = false;
+  for (int axis = 0; axis < 3; ++axis)
+    any = any || box.low[axis] == 0 || box.high[axis] == layout_.cells[axis];
+  if (!any) return;
+  springs_.clear();
+  for (std::size_t n = 0; n < layout_.node_values(); ++n)
+    if (spring_of_node_[n] > 0) springs_.emplace_back(static_cast<std::uint32_t>(n), spring_of_node_[n]);
+}
+
+void Operator::find_inverse_diagonal(const CellBox& box) {
+  for_each_node(box, [&](int i, int j, int k) {
+    float of_cells = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+      const int x = i - 1 + (corner & 1), y = j - 1 + (corner >> 1 & 1), z = k - 1 + (corner >> 2 & 1);
+      if (!layout_.contains_cell(x, y, z)) continue;
+      const std::size_t cell = layout_.cell(x, y, z);
+      // a component's own slope, two shears, four hourglass modes
+      of_cells += (4 + 4 * kHourglass) * mu_[cell] + lambda_[cell];
+    }
     const int held = held_[node_number(layout_, i, j, k)];
     for (int c = 0; c < 3; ++c) {
       const std::size_t value = layout_.node(i, j, k, c);
-      if ((held & (1 << c | ElasticGrid::kNoNode)) == 0 && diagonal[value] > 0)
-        inverse_diagonal_[value] = 1 / diagonal[value];
+      const float spring = spring_of_node_[value], diagonal = spring > 0 ? of_cells + spring : of_cells;
+      const bool is_free = (held & (1 << c | ElasticGrid::kNoNode)) == 0 && diagonal > 0;
+      inverse_diagonal_[value] = is_free ? 1 / diagonal : 0.0f;
     }
   });
+}
+
+// from finer cells and nodes, which a box of coarse ones takes the place of
+void Operator::average(const Operator& finer, const CellBox& box) {
+  const ElasticLayout& fine = finer.layout_;
+  // an eighth of each of eight, by an edge twice as long
+  for_each_cell(box, [&](int i, int j, int k) {
+    float mu = 0, lambda = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+      const int x = 2 * i + (corner & 1), y = 2 * j + (corner >> 1 & 1), z = 2 * k + (corner >> 2 & 1);
+      if (!fine.contains_cell(x, y, z)) continue;
+      mu += finer.mu_[fine.cell(x, y, z)] / 4;
+      lambda += finer.lambda_[fine.cell(x, y, z)] / 4;
+    }
+    mu_[layout_.cell(i, j, k)] = mu;
+    lambda_[layout_.cell(i, j, k)] = lambda;
+  });
+  for_each_node(box, [&](int i, int j, int k) {
+    std::uint8_t held = ElasticGrid::kNoNode;
+    for (int corner = 0; corner < 8; ++corner) {
+      const int x = i - (corner & 1), y = j - (corner >> 1 & 1), z = k - (corner >> 2 & 1);
+      if (layout_.contains_cell(x, y, z) && mu_[layout_.cell(x, y, z)] > 0) held = 0;
+    }
+    float springs[3] = {};
+    for_each_moved(k, fine.cells[2], [&](int z, float along_z) {
+      for_each_moved(j, fine.cells[1], [&](int y, float along_y) {
+        for_each_moved(i, fine.cells[0], [&](int x, float along_x) {
+          held = static_cast<std::uint8_t>(held |
+                                           (finer.held_[node_number(fine, x, y, z)] & ElasticGrid::kHeld));
+          for (int c = 0; c < 3; ++c)
+            springs[c] += along_x * along_y * along_z * finer.spring_of_node_[fine.node(x, y, z, c)];
+        });
+      });
+    });
+    held_[node_number(layout_, i, j, k)] = held;
+    for (int c = 0; c < 3; ++c) spring_of_node_[layout_.node(i, j, k, c)] = springs[c];
+  });
+  list_springs(box);
+  find_inverse_diagonal(box);
 }
 
 Operator Operator::coarser() const {
   Operator to;
-  to.layout_ =
-      ElasticLayout({(layout_.cells[0] + 1) / 2, (layout_.cells[1] + 1) / 2, (layout_.cells[2] + 1) / 2});
-  const ElasticLayout& layout = to.layout_;
-  to.scratch_.resize(scratch_floats(layout));
-  to.mu_.assign(layout.cell_values() + ElasticLayout::kSpare, 0.0f);
-  to.lambda_ = to.mu_;
-  // an eighth of each of eight, by an edge twice as long
-  for (int k = 0; k < layout_.cells[2]; ++k)
-    for (int j = 0; j < layout_.cells[1]; ++j)
-      for (int i = 0; i < layout_.cells[0]; ++i) {
-        to.mu_[layout.cell(i / 2, j / 2, k / 2)] += mu_[layout_.cell(i, j, k)] / 4;
-        to.lambda_[layout.cell(i / 2, j / 2, k / 2)] += lambda_[layout_.cell(i, j, k)] / 4;
-      }
+  to.make_room(
+      ElasticLayout({(layout_.cells[0] + 1) / 2, (layout_.cells[1] + 1) / 2, (layout_.cells[2] + 1) / 2}));
+  to.average(*this, {{0, 0, 0}, to.layout_.cells});
+  return to;
+}
 
-  ElasticValues fine_springs(layout_.node_values(), 0.0f);
-  for (const auto& [value, spring] : springs_) fine_springs[value] = spring;
-  to.held_.assign(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
-  for_each_node(layout, [&](int i, int j, int k) {
-    std::uint8_t& held = to.held_[node_number(layout, i, j, k)];
-    for (int corner = 0; corner < 8; ++corner) {
-      const int x = i - (corner & 1), y = j - (corner >> 1 & 1), z = k - (corner >> 2 & 1);
-      if (layout.contains_cell(x, y, z) && to.mu_[layout.cell(x, y, z)] > 0) held = 0;
-    }
-    float springs[3] = {};
-    for_each_moved(k, layout_.cells[2], [&](int z, float along_z) {
-      for_each_moved(j, layout_.cells[1], [&](int y, float along_y) {
-        for_each_moved(i, layout_.cells[0], [&](int x, float along_x) {
-          held =
-              static_cast<std::uint8_t>(held | (held_[node_number(layout_, x, y, z)] & ElasticGrid::kHeld));
-          for (int c = 0; c < 3; ++c)
-            springs[c] += along_x * along_y * along_z * fine_springs[layout_.node(x, y, z, c)];
-        });
-      });
-    });
-    for (int c = 0; c < 3; ++c)
-      if (springs[c] > 0)
-        to.springs_.emplace_back(static_cast<std::uint32_t>(layout.node(i, j, k, c)), springs[c]);
+CellBox Operator::follow(const Operator& finer, const CellBox& changed) {
+  CellBox box;
+  for (int axis = 0; axis < 3; ++axis) {
+    // a coarse node moves with those from one before it to one after
+    box.low[axis] = changed.low[axis] / 2 - 1;
+    box.high[axis] = (changed.high[axis] + 1) / 2 + 1;
+  }
+  box = box.clipped(layout_.cells);
+  average(finer, box);
+  return box;
+}
+
+Operator Operator::part(const CellBox& box) const {
+  Operator to;
+  to.make_room(ElasticLayout({box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2]}));
+  for_each_cell(box, [&](int i, int j, int k) {
+    const std::size_t cell = to.layout_.cell(i - box.low[0], j - box.low[1], k - box.low[2]);
+    to.mu_[cell] = mu_[layout_.cell(i, j, k)];
+    to.lambda_[cell] = lambda_[layout_.cell(i, j, k)];
   });
-  to.find_inverse_diagonal();
+  for_each_node(box, [&](int i, int j, int k) {
+    const std::array<int, 3> node{i, j, k};
+    bool inside = true;
+    for (int axis = 0; axis < 3; ++axis) {
+      const bool low = node[axis] == box.low[axis] && box.low[axis] > 0;
+      const bool high = node[axis] == box.high[axis] && box.high[axis] < layout_.cells[axis];
+      inside = inside && !low && !high;
+    }
+    const int a = i - box.low[0], b = j - box.low[1], c = k - box.low[2];
+    to.held_[node_number(to.layout_, a, b, c)] =
+        inside ? held_[node_number(layout_, i, j, k)] : ElasticGrid::kHeld;
+    for (int component = 0; component < 3; ++component)
+      to.spring_of_node_[to.layout_.node(a, b, c, component)] =
+          spring_of_node_[layout_.node(i, j, k, component)];
+  });
+  const CellBox all{{0, 0, 0}, to.layout_.cells};
+  to.list_springs(all);
+  to.find_inverse_diagonal(all);
   return to;
 }
 
@@ -239,12 +315,26 @@ Multigrid::Multigrid(Operator finest) {
   levels_.emplace_back(std::move(finest));
   while (levels_.back().k.free_values() > kMostFactorized && levels_.back().k.can_be_coarser())
     levels_.emplace_back(levels_.back().k.coarser());
-  for (Level& level : levels_) find_most(level);
+  for (Level& level : levels_) level.most = kPowerMargin * greatest_eigenvalue(level);
   factorize();
   row_.assign(static_cast<std::size_t>(2) * levels_.front().k.layout().row + 2 * ElasticLayout::kLanes, 0.0f);
 }
 
-void Multigrid::find_most(Level& level) {
+void Multigrid::follow(const CellBox& changed) {
+  // what can be steeper than anything before is near what has changed
+  constexpr int kAround = 2;
+  CellBox box = changed;
+  for (std::size_t n = 0; n < levels_.size(); ++n) {
+    Level& level = levels_[n];
+    if (n > 0) box = level.k.follow(levels_[n - 1].k, box);
+    Level near(level.k.part(box.grown(kAround).clipped(level.k.layout().cells)));
+    level.most = std::max(level.most, kPowerMargin * greatest_eigenvalue(near));
+  }
+  factorize();
+}
+
+// of K scaled by its diagonal, from below; at least 1
+double Multigrid::greatest_eigenvalue(Level& level) {
   // from anything that has a part of the steepest mode, the same each time
   std::uint32_t state = 12345;
   for (std::size_t n = 0; n < level.x.size(); ++n) {
@@ -266,24 +356,25 @@ void Multigrid::find_most(Level& level) {
     const float scale = static_cast<float>(1 / most);
     for (std::size_t m = 0; m < level.x.size(); ++m) level.x[m] = scale * inverse[m] * level.product[m];
   }
-  level.most = kPowerMargin * most;
+  return most;
 }
 
 void Multigrid::factorize() {
   Level& level = levels_.back();
+  coarsest_.clear();
   for (std::size_t n = 0; n < level.x.size(); ++n)
     if (level.k.free(n)) coarsest_.push_back(n);
   const Eigen::Index size = static_cast<Eigen::Index>(coarsest_.size());
-  Eigen::MatrixXd k(size, size);
+  coarsest_k_.resize(size, size);
   std::fill(level.x.begin(), level.x.end(), 0.0f);
   for (Eigen::Index column = 0; column < size; ++column) {
     level.x[coarsest_[column]] = 1;
     level.k.apply(level.x, level.product);
     level.x[coarsest_[column]] = 0;
-    for (Eigen::Index row = 0; row < size; ++row) k(row, column) = level.product[coarsest_[row]];
+    for (Eigen::Index row = 0; row < size; ++row) coarsest_k_(row, column) = level.product[coarsest_[row]];
   }
-  k.diagonal() *= 1 + kLeastPivot;
-  factors_.compute(k);
+  coarsest_k_.diagonal() *= 1 + kLeastPivot;
+  factors_.compute(coarsest_k_);
   coarsest_x_.resize(size);
 }
 

@@ -21,9 +21,17 @@ class Operator {
   /// @param mu,lambda  N/mm2, by cell
   Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu, const ElasticValues& lambda,
            const ElasticValues& springs, std::vector<std::uint8_t> held);
+  /// Cells of a box, and whatever holds its nodes, are others now; the rest is as it was. The same bits as if
+  /// it were made anew.
+  void change(const ElasticValues& mu, const ElasticValues& lambda, const ElasticValues& springs,
+              const std::vector<std::uint8_t>& held, const CellBox& box);
   /// The same body with cells twice as long: moduli averaged, springs shared out, a node held where any is
   /// that it moves with.
   Operator coarser() const;
+  /// Where a finer one was changed, this one, which was made of it, follows. @returns where it has changed
+  CellBox follow(const Operator& finer, const CellBox& changed);
+  /// Some of its cells alone, held all around by what the others are.
+  Operator part(const CellBox& box) const;
 
   const ElasticLayout& layout() const { return layout_; }
   bool can_be_coarser() const { return *std::max_element(layout_.cells.begin(), layout_.cells.end()) > 1; }
@@ -47,10 +55,14 @@ class Operator {
   Cells cells(const std::uint8_t* held);
   void apply(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force);
   void add_springs(bool held_too, const ElasticValues& displacement, ElasticValues& force) const;
-  void find_inverse_diagonal();
+  void make_room(const ElasticLayout& layout);
+  void average(const Operator& finer, const CellBox& box);
+  void find_inverse_diagonal(const CellBox& box);
+  void list_springs(const CellBox& box);
 
   ElasticLayout layout_;
-  ElasticValues mu_, lambda_;  ///< times h / 16
+  ElasticValues mu_, lambda_;     ///< times h / 16
+  ElasticValues spring_of_node_;  ///< 0: none
   std::vector<std::pair<std::uint32_t, float>> springs_;
   std::vector<std::uint8_t> held_;
   ElasticValues inverse_diagonal_, scratch_, volumes_;
@@ -65,6 +77,9 @@ class Multigrid {
   explicit Multigrid(Operator finest);
 
   Operator& finest() { return levels_.front().k; }
+  /// After finest() was changed in a box: the coarser ones follow. The bounds of the smoothers never fall by
+  /// it.
+  void follow(const CellBox& changed);
   /// z = V r. @param r  0 where nodes are held
   void cycle(const ElasticValues& r, ElasticValues& z);
 
@@ -76,7 +91,7 @@ class Multigrid {
     ElasticValues x, b, residual, step, product;
   };
 
-  void find_most(Level& level);
+  static double greatest_eigenvalue(Level& level);
   void factorize();
   // x, which is 0 if `from_zero`, by the polynomial; level.residual is b - K x where that is asked for
   void smooth(Level& level, const ElasticValues& b, ElasticValues& x, bool from_zero, bool want_residual);
@@ -85,6 +100,7 @@ class Multigrid {
 
   std::vector<Level> levels_;
   std::vector<std::size_t> coarsest_;  ///< its free values
+  Eigen::MatrixXd coarsest_k_;
   Eigen::LLT<Eigen::MatrixXd> factors_;
   Eigen::VectorXd coarsest_x_;
   std::vector<float> row_;  ///< scratch of between()

@@ -9,23 +9,41 @@ namespace palpate {
 using internal::elastic::dot;
 using internal::elastic::Operator;
 
-namespace {
-
-Operator operator_of(ElasticGrid grid) {
-  grid.hold_loose_parts();
-  const ElasticLayout& layout = grid.layout();
-  std::vector<std::uint8_t> held(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
-  for (int k = 0; k <= layout.cells[2]; ++k)
-    for (int j = 0; j <= layout.cells[1]; ++j)
-      for (int i = 0; i <= layout.cells[0]; ++i) held[grid.node_number(i, j, k)] = grid.held(i, j, k);
-  return Operator(layout, grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), std::move(held));
-}
-
-}  // namespace
-
-ElasticSolver::State::State(const ElasticGrid& grid) : multigrid(operator_of(grid)) {
+ElasticSolver::State::State(const ElasticGrid& grid)
+    : held(grid.held()), multigrid([&] {
+        loose.hold(grid, held);
+        return Operator(grid.layout(), grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), held);
+      }()) {
   const std::size_t values = multigrid.finest().layout().node_values() + ElasticLayout::kSpare;
   for (ElasticValues* field : {&r, &z, &p, &q, &step, &tried}) field->assign(values, 0.0f);
+}
+
+void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool other) {
+  if (cells.empty()) return;
+  State& s = *state_;
+  Operator& k = s.multigrid.finest();
+  CellBox changed = cells;
+  if (other) {
+    s.held = grid.held();
+    s.loose.hold(grid, s.held);
+    // parts that have come loose or are so no more reach farther than the cells that have changed
+    const ElasticLayout& layout = grid.layout();
+    for (int c = 0; c <= layout.cells[2]; ++c)
+      for (int b = 0; b <= layout.cells[1]; ++b)
+        for (int a = 0; a <= layout.cells[0]; ++a) {
+          const std::size_t node = grid.node_number(a, b, c);
+          if (s.held[node] == k.held()[node] || changed.contains_node(a, b, c)) continue;
+          changed = changed.joined(CellBox{{a, b, c}, {a, b, c}}.grown(1).clipped(layout.cells));
+        }
+  }
+  k.change(grid.mu(), grid.lambda(), grid.springs(), s.held, changed);
+  s.multigrid.follow(changed);
+}
+
+void ElasticSolver::put_at_rest(ElasticField& displacement_mm) const {
+  const Operator& k = state_->multigrid.finest();
+  for (std::size_t n = 0; n < displacement_mm.values.size(); ++n)
+    if (!k.free(n)) displacement_mm.values[n] = 0;
 }
 
 double ElasticSolver::State::held_norm(const ElasticField& u) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "palpate/base/cube_root.h"
+#include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
 
@@ -105,26 +106,37 @@ double yield_cell_mm(const Model& model) {
 
 /// A box of cells around a device's tool.
 struct YieldSolver::Region {
-  std::shared_ptr<const Bricks<LabelId>> labels;  ///< that it is made of, and of what these are
-  std::vector<ElasticMaterial> by_label;
-  std::array<int, 3> first{0, 0, 0};  ///< of its cells, in cells of the whole volume
-  ElasticGrid grid;
+  std::vector<ElasticMaterial> by_label;  ///< that it is made of
+  std::array<int, 3> first{0, 0, 0};      ///< of its cells, in cells of the whole volume
+  CarvedCells cells;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
   double modulus = 0;  ///< under the patch, of the last frame
 
-  Region(std::shared_ptr<const Bricks<LabelId>> of_labels, std::vector<ElasticMaterial> materials,
-         const std::array<int, 3>& from, ElasticGrid made)
-      : labels(std::move(of_labels)),
-        by_label(std::move(materials)),
+  /// @param before  the box that it takes the place of; may be null
+  Region(std::vector<ElasticMaterial> materials, const std::array<int, 3>& from, CarvedCells laid,
+         const Region* before)
+      : by_label(std::move(materials)),
         first(from),
-        grid(std::move(made)),
-        solver(grid),
-        unit_mm(grid.layout()),
-        load_N(grid.layout()) {}
+        cells(std::move(laid)),
+        solver([&]() -> const ElasticGrid& {
+          if (before != nullptr && before->is_of(cells.labels(), by_label))
+            cells.take_over(before->cells, way_from(*before));
+          return cells.grid();
+        }()),
+        unit_mm(cells.grid().layout()),
+        load_N(cells.grid().layout()) {
+    if (before != nullptr) take_over(*before);
+  }
+
+  const ElasticGrid& grid() const { return cells.grid(); }
+  // whatever is gone of these labels
+  bool is_of(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
+    return labels.made == cells.labels().made && by_label == materials;
+  }
 
   // whether it reaches around a place, and the cells at whose corner one would begin that does
-  static std::array<int, 3> cells() {
+  static std::array<int, 3> cells_along() {
     return {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
   }
   static std::array<int, 3> first_around(const Eigen::Vector3d& in_cells) {
@@ -132,30 +144,38 @@ struct YieldSolver::Region {
     for (int axis = 0; axis < 3; ++axis) {
       const double step = kSolvingFeel.step_cells;
       from[axis] = kSolvingFeel.step_cells *
-                   static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells()[axis]) / step + 0.5));
+                   static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells_along()[axis]) / step + 0.5));
     }
     return from;
   }
   bool is_around(const Eigen::Vector3d& in_cells) const {
     for (int axis = 0; axis < 3; ++axis)
-      if (std::abs(in_cells[axis] - first[axis] - 0.5 * cells()[axis]) > kSolvingFeel.farthest_cells)
+      if (std::abs(in_cells[axis] - first[axis] - 0.5 * cells_along()[axis]) > kSolvingFeel.farthest_cells)
         return false;
     return true;
   }
+  // from one of its cells to the same one of another box
+  std::array<int, 3> way_from(const Region& other) const {
+    return {first[0] - other.first[0], first[1] - other.first[1], first[2] - other.first[2]};
+  }
   // what both know is kept as it was
   void take_over(const Region& before) {
-    const ElasticLayout& layout = grid.layout();
+    const ElasticLayout& layout = grid().layout();
     const auto& all = layout.cells;
+    const std::array<int, 3> way = way_from(before);
     for (int k = 0; k <= all[2]; ++k)
       for (int j = 0; j <= all[1]; ++j)
         for (int i = 0; i <= all[0]; ++i) {
-          const int a = i + first[0] - before.first[0], b = j + first[1] - before.first[1],
-                    c = k + first[2] - before.first[2];
+          const int a = i + way[0], b = j + way[1], c = k + way[2];
           if (a < 0 || b < 0 || c < 0 || a > all[0] || b > all[1] || c > all[2]) continue;
-          if ((grid.held(i, j, k) & (ElasticGrid::kHeld | ElasticGrid::kNoNode)) != 0) continue;
           for (int axis = 0; axis < 3; ++axis)
             unit_mm.values[layout.node(i, j, k, axis)] = before.unit_mm.values[layout.node(a, b, c, axis)];
         }
+    solver.put_at_rest(unit_mm);
+  }
+  // what was taken away since the last frame, or put back
+  void follow(const CarvedLabels& labels) {
+    if (!cells.follow(labels, solver).empty()) solver.put_at_rest(unit_mm);
   }
 };
 
@@ -165,6 +185,7 @@ YieldSolver::~YieldSolver() = default;
 const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt) {
   frame_.number += 1;
   const std::vector<ElasticMaterial> by_label = materials_of(model);
+  const CarvedLabels labels = carved_labels(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     YieldSpot& spot = frame_.spot[d];
     spot = {};
@@ -175,32 +196,29 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
 
     // the box lies on one lattice wherever it goes
     std::unique_ptr<Region>& region = regions_[d];
+    const bool same = region != nullptr && region->is_of(labels, by_label);
+    if (same) region->follow(labels);
     ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
     const Eigen::Vector3d in_cells = box.local_mm(contact->at) / box.cell_mm;
-    const bool anew = region == nullptr || region->labels != model.labels || region->by_label != by_label ||
-                      !region->is_around(in_cells);
+    const bool anew = !same || !region->is_around(in_cells);
     if (anew) {
       const std::array<int, 3> first = Region::first_around(in_cells);
-      box.cells = Region::cells();
+      box.cells = Region::cells_along();
       box.corner = box.patient(Eigen::Vector3d(first[0], first[1], first[2]) * box.cell_mm);
-      auto grid = ElasticGrid::of_labels(*model.labels, by_label, box);
-      PALPATE_CHECK(grid.ok());
-      grid->continue_beyond({true, true, true, true, true, true}, contact->at);
-      auto laid = std::make_unique<Region>(model.labels, by_label, first, *std::move(grid));
-      if (region != nullptr) laid->take_over(*region);
-      region = std::move(laid);
+      region = std::make_unique<Region>(by_label, first, CarvedCells(labels, by_label, box, contact->at),
+                                        region.get());
     }
 
-    const double cell_mm = region->grid.box().cell_mm;
+    const double cell_mm = region->grid().box().cell_mm;
     const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.least_radius_mm);
     const double least_mm = kSolvingFeel.least_patch_cells * cell_mm;
     if (!(region->modulus > 0))
       region->modulus =
-          PressurePatch(region->grid, contact->at, contact->outward, least_mm).contact_modulus();
+          PressurePatch(region->grid(), contact->at, contact->outward, least_mm).contact_modulus();
     const double touched_mm =
         region->modulus > 0 ? expected_radius_mm(device, *contact, radius_mm, region->modulus) : 0;
     const double rho_mm = std::clamp(touched_mm, least_mm, 0.25 * kSolvingFeel.cells_across * cell_mm);
-    const PressurePatch patch(region->grid, contact->at, contact->outward, rho_mm);
+    const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
     region->modulus = patch.contact_modulus();
     if (!patch.touches()) continue;
     std::fill(region->load_N.values.begin(), region->load_N.values.end(), 0.0f);
@@ -220,7 +238,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
 bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
   if (region == nullptr || !frame_.spot[device].is_known()) return false;
-  field = {&region->grid.box(), &region->grid.layout(), &region->unit_mm};
+  field = {&region->grid().box(), &region->grid().layout(), &region->unit_mm};
   return true;
 }
 

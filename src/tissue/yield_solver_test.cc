@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "haptics/test_proxy_surfaces.h"
+#include "palpate/tissue/carving.h"
 
 namespace palpate {
 namespace {
@@ -172,6 +175,106 @@ TEST(YieldSolver, EveryDeviceHasItsOwnPlace) {
   const auto& spot = solver.frame().spot;
   ASSERT_TRUE(spot[0].is_known() && spot[1].is_known());
   EXPECT_LT(spot[0].compliance_mm_per_N, 0.92 * spot[1].compliance_mm_per_N);
+}
+
+// A plate of 200 kPa whose surface is z = 0, on something else, whose labels go up to z = top.
+std::shared_ptr<const Model> plate_on(const std::optional<ElasticConstants>& support, double top_mm) {
+  constexpr double kPlate_mm = 8, kSupport_mm = 20;
+  auto model = std::make_shared<Model>(*soft_block(false));
+  Volume<LabelId> labels(model->labels->geometry());
+  const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
+  for (int k = 0; k < labels.geometry().dims[2]; ++k)
+    for (int j = 0; j < labels.geometry().dims[1]; ++j)
+      for (int i = 0; i < labels.geometry().dims[0]; ++i) {
+        const double z = (X_PatientVoxel * Point<Voxel>(i, j, k)).z();
+        labels.at(i, j, k) = static_cast<LabelId>(z > top_mm         ? 0
+                                                  : z > -kPlate_mm   ? 1
+                                                  : z > -kSupport_mm ? 2
+                                                                     : 3);
+      }
+  model->labels = label_bricks(labels);
+  model->tissues[0].elastic = ElasticConstants{200, 0.45};
+  model->tissues[1].elastic = support;
+  model->surfaces = {felt_surface(
+      cube_grid(kHalf, {1, 1, 1}), [top_mm](const Eigen::Vector3d& p) { return p.z() - top_mm; }, 12)};
+  return model;
+}
+
+// the plate without its uppermost millimetres, by a cylinder of 4 mm that lies and is led across its axis
+std::shared_ptr<const Model> trimmed(const std::shared_ptr<const Model>& model, double by_mm) {
+  constexpr double kReach_mm = 38, kRadius_mm = 2;
+  std::vector<Cut> cuts;
+  for (double down_mm = 1; down_mm <= by_mm; down_mm += 1)
+    cuts.push_back({0,
+                    {{-kReach_mm, -kReach_mm, kRadius_mm - down_mm},
+                     {kReach_mm, -kReach_mm, kRadius_mm - down_mm},
+                     kRadius_mm,
+                     0,
+                     {0, 2 * kReach_mm, 0},
+                     kRadius_mm}});
+  return Carving(*model).with(cuts)->taken_from(*model);
+}
+
+TickRecord pressed_on(double z) {
+  TickRecord felt = pressed_at(0, 0);
+  felt.device[0].tip_patient_mm[2] += z;
+  felt.device[0].contact_patient_mm[2] = z;
+  return felt;
+}
+
+TEST(YieldSolver, APlateThatIsTrimmedIsAsSoftAsOneThatWasMadeThinner) {
+  constexpr double kTrimmed_mm = 3;
+  struct On {
+    const char* name;
+    std::optional<ElasticConstants> support;
+    bool softer;
+  };
+  for (const auto& [name, support, softer] :
+       {On{"soft tissue", ElasticConstants{10, 0.45}, true}, On{"bone", std::nullopt, false}}) {
+    SCOPED_TRACE(name);
+    const auto whole = plate_on(support, 0);
+    YieldSolver solver;
+    for (int n = 0; n < 8; ++n) solver.solve(*whole, pressed_on(0));
+    const double before = solver.frame().spot[0].compliance_mm_per_N;
+    const auto less = trimmed(whole, kTrimmed_mm);
+    for (int n = 0; n < 14; ++n) solver.solve(*less, pressed_on(-kTrimmed_mm));
+    const YieldSpot& spot = solver.frame().spot[0];
+    ASSERT_TRUE(spot.is_known());
+    EXPECT_NEAR(spot.at.z(), -kTrimmed_mm, 0.05);
+    const double thinner = settled_compliance(*plate_on(support, -kTrimmed_mm), pressed_on(-kTrimmed_mm));
+    EXPECT_NEAR(spot.compliance_mm_per_N / thinner, 1, 0.02);
+    if (softer)
+      EXPECT_GT(spot.compliance_mm_per_N, 1.2 * before);
+    else
+      EXPECT_LT(spot.compliance_mm_per_N, 0.95 * before);
+  }
+}
+
+TEST(YieldSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
+  const auto whole = soft_block(true);
+  const auto groove = Carving(*whole).with(std::vector<Cut>{{0, {{5, -10, 0}, {5, 10, 0}, 3}}});
+  const auto cut_away = groove->taken_from(*whole);
+  const auto put_back = groove->undone()->taken_from(*cut_away);
+  YieldSolver solver;
+  const auto settled = [&](const Model& model) {
+    for (int n = 0; n < 14; ++n) solver.solve(model, pressed_at(0, 0));
+    return solver.frame().spot[0].compliance_mm_per_N;
+  };
+  const double before = settled(*whole), after = settled(*cut_away);
+  EXPECT_GT(after, 1.05 * before);
+  // the springs of a box that is laid now are the same: the tool has not moved
+  EXPECT_NEAR(after / settled_compliance(*cut_away, pressed_at(0, 0)), 1, 1e-3);
+  EXPECT_NEAR(settled(*put_back) / before, 1, 1e-3);
+  // little by little: in no frame of the cut itself does a cell lose more than it may
+  YieldSolver other;
+  for (int n = 0; n < 8; ++n) other.solve(*whole, pressed_at(0, 0));
+  double last = other.frame().spot[0].compliance_mm_per_N;
+  for (int n = 0; n < 10; ++n) {
+    const double now = other.solve(*cut_away, pressed_at(0, 0)).spot[0].compliance_mm_per_N;
+    EXPECT_GE(now, last * 0.999);
+    EXPECT_LE(now - last, 0.5 * (after - before));
+    last = now;
+  }
 }
 
 TEST(YieldSolver, AFrameIsAWholeNumberOfTicks) {

@@ -9,6 +9,7 @@
 #include "verification/stability_names.h"
 #include "verification/tissue_cases.h"
 #include "verification/tissue_frame.h"
+#include "verification/tissue_removal.h"
 #include "verification/tissue_tick.h"
 
 namespace palpate {
@@ -74,6 +75,34 @@ Result<void> tick_figures(const Progress& progress, std::vector<Figure>& figures
       {"tissue/tick/work-given-out", std::max(0.0, work_given_out_percent(*model, 20)), "percent", 1, 2});
   figures.push_back(
       {"tissue/tick/stiffer-over-nodule", stiffer_over_nodule_percent(*model, 3), "percent", 1, {}});
+  return {};
+}
+
+// what is cut while it is pressed
+Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figures) {
+  const auto model = yielding_block(false);
+  if (!model) return model.error();
+  const auto add = [&](const char* way, double speed_mm_s, const CutTissue& cut,
+                       std::optional<double> most_change) {
+    char at[64];
+    std::snprintf(at, sizeof at, "tissue/removal/%s/%.0f-mm-s/", way, speed_mm_s);
+    figures.push_back({at + std::string("lag"), cut.lag_percent, "percent", cut.frames, 0.1});
+    figures.push_back({at + std::string("behind"), cut.behind_percent, "percent", cut.frames, {}});
+    figures.push_back({at + std::string("change"), cut.change_percent, "percent", cut.frames, most_change});
+    figures.push_back({at + std::string("follow-time"), cut.follow_ms, "ms", cut.frames, {}});
+    figures.push_back({at + std::string("frame-time"), cut.frame_ms, "ms", cut.frames, {}});
+  };
+  for (const double speed : {10.0, 40.0}) {
+    if (progress.stopped()) return Progress::interrupted();
+    add("milled-beside", speed, mill_beside(**model, speed), 1.5);
+  }
+  // faster than that, the ripple of a surface that sinks through cells is more (docs/tissue.md)
+  for (const double speed : {2.0, 5.0}) {
+    if (progress.stopped()) return Progress::interrupted();
+    add("trimmed-under", speed, trim_under(**model, speed), speed < 3 ? std::optional(1.5) : std::nullopt);
+  }
+  const Recentring slid = slide_through_boxes(**model, 50);
+  figures.push_back({"tissue/removal/box-laid-anew/change", slid.change_percent, "percent", slid.boxes, 2.5});
   return {};
 }
 
@@ -190,6 +219,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   figures.push_back({"tissue/neo-hookean/frame-time", finite.frame_ms, "ms", finite.cells, {}});
 
   if (auto in_tick = tick_figures(progress, figures); !in_tick) return in_tick.error();
+  if (auto removed = removal_figures(progress, figures); !removed) return removed.error();
   if (auto energies = energy_of_tissue(progress, figures); !energies) return energies.error();
   const TissueFrame frame = measure_tissue_frame(kFrames);
   figures.push_back({"tissue/frame/time", frame.frame_ms, "ms", kFrames, {}});

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/test_seed.h"
+#include "palpate/model/changed_model.h"
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/yield_solver.h"
@@ -34,8 +35,15 @@ class CampaignTip {
     parameters_.max_force_N = max_force_N;
     parameters_.device[0].limits.peak_force_N = max_force_N;
     parameters_.device[0].most_stiffness_N_per_mm = 2;
+    parameters_.motor = model_->cuts();
   }
   const TickRecord& at(const Eigen::Vector3d& tip) {
+    constexpr std::uint64_t kCutEvery = 20;
+    if (state_.tick % kCutEvery == 0)
+      if (const auto cuts = finished_cuts(state_.hands[0].burr, 0); !cuts.empty()) {
+        model_ = carved_by(*model_, cuts)->taken_from(*model_);
+        ++cut_;
+      }
     if (yields_.advance(*model_, state_.tick > 0 ? &record_ : nullptr)) parameters_.yields = yields_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(tip);
@@ -45,9 +53,11 @@ class CampaignTip {
   }
   void pause(bool paused) { parameters_.paused = paused; }
   const YieldFrame& frame() const { return yields_.frame(); }
+  int versions_cut() const { return cut_; }
 
  private:
-  const std::shared_ptr<const Model> model_;
+  std::shared_ptr<const Model> model_;
+  int cut_ = 0;
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
@@ -55,7 +65,7 @@ class CampaignTip {
 };
 
 std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector<Tissue> tissues,
-                                      double tool_mm, double cell_mm) {
+                                      double tool_mm, double cell_mm, bool burr = false) {
   ModelParts parts;
   parts.labels = label_bricks(labels);
   parts.tissue_of_label = {-1};
@@ -70,6 +80,7 @@ std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector
   parts.tissue_cell_mm = cell_mm;
   Tool tool;
   tool.radius_mm = tool_mm;
+  if (burr) tool.burr = BurrSettings{};
   parts.tools = {tool};
   auto made = make_model(std::move(parts));
   PALPATE_CHECK(made.ok());
@@ -110,15 +121,20 @@ std::shared_ptr<const Model> random_patient(std::mt19937& random) {
             labels.at(i, j, k) = static_cast<LabelId>(1 + n % tissues.size());
         }
   }
-  return model_of(labels, tissues, random() % 3 == 0 ? 0 : between(random, 0.5, 4),
-                  between(random, 0.8, 2.5));
+  const double cell_mm = between(random, 0.8, 2.5);
+  // one of three cuts; a burr is two voxels wide at least
+  if (random() % 3 == 0) {
+    for (Tissue& tissue : tissues) tissue.cutting_energy_mJ_per_mm3 = std::pow(10, between(random, 0, 2));
+    return model_of(labels, tissues, between(random, 2.5, 4), cell_mm, true);
+  }
+  return model_of(labels, tissues, random() % 3 == 0 ? 0 : between(random, 0.5, 4), cell_mm);
 }
 
 TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
   const int scenes = asked_for("PALPATE_TEST_SCENES", 6);
   const unsigned seed = test::test_seed();
   constexpr double kMostForce_N = 3, kTick_s = 1e-3;
-  int touched = 0, solved = 0;
+  int touched = 0, solved = 0, cut = 0;
   for (int scene = 0; scene < scenes; ++scene) {
     SCOPED_TRACE("seed " + std::to_string(seed) + ", scene " + std::to_string(scene));
     std::mt19937 random(seed + static_cast<unsigned>(scene));
@@ -158,7 +174,9 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
     for (int n = 0; n < 300; ++n) tip.at(at);
     tip.pause(false);
     EXPECT_EQ(tip.at(at).device[0].unclamped_force_N, 0);
+    cut += tip.versions_cut();
   }
+  RecordProperty("versions_cut", cut);
   EXPECT_GT(touched, 50 * scenes);
   EXPECT_GT(solved, 50 * scenes);
 }

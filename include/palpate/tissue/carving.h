@@ -94,6 +94,13 @@ class Carving {
   std::size_t strokes_to_undo() const { return strokes_.done().size(); }
   std::size_t strokes_to_redo() const { return strokes_.undone().size(); }
 
+  /// The model's labels before anything was taken.
+  const std::shared_ptr<const Bricks<LabelId>>& made_labels() const { return made_labels_; }
+  /// Of every voxel of what is cut: what part of it is gone, of 255, finer than labels say it, so that soft
+  /// tissue gives way little by little (YieldSolver). The greatest of all sweeps', so the same whatever their
+  /// order. null while nothing is gone, and of models whose tissue does not yield.
+  const std::shared_ptr<const Bricks<std::uint8_t>>& taken() const { return left_.taken; }
+
   /// How many sweeps of a device's burr it has taken, counted from the start; those that were undone too.
   std::uint64_t sweeps(std::size_t device) const { return sweeps_[device]; }
   /// Model::content_hash with this taken from it. @param uncut  Model::uncut_hash, which it is where nothing
@@ -108,17 +115,20 @@ class Carving {
   struct Left {
     std::vector<std::shared_ptr<const CarvedSurface>> surfaces;  // null: nothing is taken from it
     std::shared_ptr<const Bricks<LabelId>> labels;
+    std::shared_ptr<const Bricks<std::uint8_t>> taken;
     std::uint64_t hash = 0;  // of all cuts that led to it, in their order; 0: of none
   };
   struct Stroke {
     std::shared_ptr<const Left> before, after;  // after: once it was undone
   };
   void take(std::span<const Cut> cuts);
+  void take_parts(const Sweep& sweep);
 
   // by surface; null: it is met by common ones, or nothing is taken from it
   std::vector<std::shared_ptr<const Surface>> made_;
   std::shared_ptr<const Bricks<LabelId>> made_labels_;
   std::vector<bool> is_cut_;                          // by label
+  bool tells_parts_ = false;                          // taken()
   std::vector<std::shared_ptr<const Surface>> kept_;  // of structures of which nothing is taken
   std::array<std::uint64_t, kMaxDevices> sweeps_{};
   Left left_;

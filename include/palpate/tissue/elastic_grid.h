@@ -50,6 +50,33 @@ struct ElasticBox {
 /// that are.
 ElasticBox elastic_box_of(const GridGeometry& grid, const VoxelBox& region, double cell_mm);
 
+/// Some of a box's cells: low ... high - 1 along each axis. Its nodes are low ... high.
+struct CellBox {
+  std::array<int, 3> low{0, 0, 0}, high{0, 0, 0};
+
+  bool empty() const { return low[0] >= high[0] || low[1] >= high[1] || low[2] >= high[2]; }
+  bool contains_node(int i, int j, int k) const {
+    return i >= low[0] && j >= low[1] && k >= low[2] && i <= high[0] && j <= high[1] && k <= high[2];
+  }
+  /// The least box that holds both.
+  CellBox joined(const CellBox& other) const;
+  CellBox grown(int by) const;
+  /// What of it lies in a box of so many cells.
+  CellBox clipped(const std::array<int, 3>& cells) const;
+};
+
+/// What a cell is made of.
+struct ElasticCell {
+  Matter matter = Matter::kNone;
+  float fill = 0;            ///< part of it that is solid; 0 of what is none
+  float mu = 0, lambda = 0;  ///< Lame's moduli of all of it, N/mm2; 0 unless it is soft
+  bool operator==(const ElasticCell&) const = default;
+};
+/// On the way from what a cell is to what it is to be: its fill changes by no more than `most_change`, its
+/// solid matter keeps the moduli that it has, or is to have where it is to be soft. To and from what is rigid
+/// there is no way.
+ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double most_change);
+
 /// Floats at a multiple of 64 bytes, so that a whole vector is one line of the cache.
 template <class T>
 struct CacheLineAllocator {
@@ -128,12 +155,22 @@ class ElasticGrid {
   /// @param box       as elastic_box_of() makes it, or elsewhere; cells of 1 to 3 of the smallest voxel
   /// spacing
   ///                  are meant
+  /// @param taken     of every voxel what part is gone, of 255 (Carving::taken); null: nothing
   /// Errors: kBadInput for a material that none can be, a cell that is not above 0, or a box without cells.
   static Result<ElasticGrid> of_labels(const Bricks<LabelId>& labels,
-                                       std::span<const ElasticMaterial> by_label, const ElasticBox& box);
+                                       std::span<const ElasticMaterial> by_label, const ElasticBox& box,
+                                       const Bricks<std::uint8_t>* taken = nullptr);
+
+  /// Makes some cells anew, in place: what they are, what holds their nodes, and the springs there, as if all
+  /// had been laid so. What hold() has held of their nodes is forgotten. Allocates nothing.
+  /// @param made  what a cell is to be, asked once for each in one order
+  /// @returns whether other cells yield than before, or something is held that was not, or no more
+  bool set_cells(const CellBox& cells, const std::function<ElasticCell(int, int, int)>& made);
 
   const ElasticBox& box() const { return box_; }
   const ElasticLayout& layout() const { return layout_; }
+  CellBox all_cells() const { return {{0, 0, 0}, layout_.cells}; }
+  ElasticCell cell(int i, int j, int k) const;
   /// Lame's moduli by the layout's cells, N/mm2.
   const ElasticValues& mu() const { return mu_; }
   const ElasticValues& lambda() const { return lambda_; }
@@ -165,20 +202,32 @@ class ElasticGrid {
 
   /// Holds what is connected to nothing that holds it; the number of its cells. A solver does it.
   std::size_t hold_loose_parts();
+  /// The same in a copy of what is held, by node_number.
+  class LooseParts {
+   public:
+    std::size_t hold(const ElasticGrid& grid, std::vector<std::uint8_t>& held);
+
+   private:
+    std::vector<bool> seen_;
+    std::vector<std::array<int, 3>> part_;
+  };
+  const std::vector<std::uint8_t>& held() const { return held_; }
 
   std::size_t node_number(int i, int j, int k) const {
     return (static_cast<std::size_t>(k) * (layout_.cells[1] + 1) + j) * layout_.row + i;
   }
 
  private:
-  class Mixture;
   explicit ElasticGrid(const ElasticBox& box);
-  void set_cell(int i, int j, int k, const Mixture& mixture);
+  bool set_nodes(const CellBox& cells);
+  void set_springs(const CellBox& cells);
 
   ElasticBox box_;
   ElasticLayout layout_;
   ElasticValues mu_, lambda_, fill_, springs_;
   std::vector<std::uint8_t> held_;  ///< by node_number
+  std::array<bool, 6> beyond_{};    ///< continue_beyond
+  Eigen::Vector3d about_mm_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace palpate

@@ -50,6 +50,14 @@ class ElasticSolver {
 
   const ElasticLayout& layout() const;
 
+  /// Some of the grid's cells are others now (ElasticGrid::set_cells), in place: the work goes with their
+  /// box, and what it needs of memory with that, too. What it then solves is what a new solver of the grid
+  /// would; it may take another number of iterations.
+  /// @param other  what set_cells has returned
+  void change(const ElasticGrid& grid, const CellBox& cells, bool other);
+  /// 0 wherever nodes are held.
+  void put_at_rest(ElasticField& displacement_mm) const;
+
   /// Goes on from `displacement_mm`, whose held components stay as they are.
   /// @param force_N  of all nodes; where they are held it does not count
   /// @param tolerance  residual at which it stops

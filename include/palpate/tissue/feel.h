@@ -72,6 +72,9 @@ struct SolvingFeel {
   int iterations = 2, first_iterations = 12;
   /// The pressure's patch is no smaller than so many cells: nodes know nothing of a smaller one.
   double least_patch_cells = 2;
+  /// By no more does the solid part of a cell change in a frame, whatever was taken away or put back: so much
+  /// follows two iterations.
+  double most_fill_change = 0.2;
   /// Of the box, along the longest row in memory and across it.
   int cells_along = 47, cells_across = 32;
 
@@ -85,6 +88,7 @@ struct SolvingFeel {
     of("iterations", iterations);
     of("first_iterations", first_iterations);
     of("least_patch_cells", least_patch_cells);
+    of("most_fill_change", most_fill_change);
     of("cells_along", cells_along);
     of("cells_across", cells_across);
   }

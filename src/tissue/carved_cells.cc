@@ -1,0 +1,115 @@
+#include "palpate/tissue/carved_cells.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "palpate/base/check.h"
+#include "palpate/tissue/carving.h"
+#include "palpate/tissue/feel.h"
+
+namespace palpate {
+namespace {
+
+ElasticGrid laid(const CarvedLabels& labels, const std::vector<ElasticMaterial>& by_label,
+                 const ElasticBox& box, const Point<Patient>& about) {
+  auto grid = ElasticGrid::of_labels(*labels.made, by_label, box, labels.taken.get());
+  PALPATE_CHECK(grid.ok());
+  grid->continue_beyond({true, true, true, true, true, true}, about);
+  return *std::move(grid);
+}
+
+}  // namespace
+
+CarvedLabels carved_labels(const Model& model) {
+  if (model.carving == nullptr) return {model.labels, nullptr};
+  return {model.carving->made_labels(), model.carving->taken()};
+}
+
+VoxelBox changed_voxels(const Bricks<std::uint8_t>* before, const Bricks<std::uint8_t>* now,
+                        const VoxelBox& within) {
+  using L = BrickLayout;
+  VoxelBox none;
+  if (before == now || within.voxel_count() == 0) return none;
+  const Bricks<std::uint8_t>& any = before != nullptr ? *before : *now;
+  const auto value = [](const Bricks<std::uint8_t>* bricks, int i, int j, int k) {
+    return bricks != nullptr ? bricks->at(i, j, k) : std::uint8_t{0};
+  };
+  std::array<int, 3> low, high, first_brick, last_brick;
+  for (std::size_t a = 0; a < 3; ++a) {
+    low[a] = within.first[a] + within.size[a];
+    high[a] = within.first[a];
+    first_brick[a] = (within.first[a] + L::kBorder) / L::kCells;
+    last_brick[a] = (within.first[a] + within.size[a] - 1 + L::kBorder) / L::kCells;
+  }
+  for (int c = first_brick[2]; c <= last_brick[2]; ++c)
+    for (int b = first_brick[1]; b <= last_brick[1]; ++b)
+      for (int a = first_brick[0]; a <= last_brick[0]; ++a) {
+        const std::size_t number =
+            static_cast<std::size_t>(a) +
+            static_cast<std::size_t>(any.counts()[0]) *
+                (static_cast<std::size_t>(b) +
+                 static_cast<std::size_t>(any.counts()[1]) * static_cast<std::size_t>(c));
+        if (before != nullptr && now != nullptr && before->brick(number) == now->brick(number)) continue;
+        const std::array<int, 3> brick{a, b, c};
+        std::array<int, 3> from, to;
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const int begin = L::kCells * brick[axis] - L::kBorder;
+          from[axis] = std::max(within.first[axis], begin);
+          to[axis] = std::min(within.first[axis] + within.size[axis], begin + L::kCells);
+        }
+        for (int k = from[2]; k < to[2]; ++k)
+          for (int j = from[1]; j < to[1]; ++j)
+            for (int i = from[0]; i < to[0]; ++i) {
+              if (value(before, i, j, k) == value(now, i, j, k)) continue;
+              const std::array<int, 3> voxel{i, j, k};
+              for (std::size_t axis = 0; axis < 3; ++axis) {
+                low[axis] = std::min(low[axis], voxel[axis]);
+                high[axis] = std::max(high[axis], voxel[axis] + 1);
+              }
+            }
+      }
+  if (low[0] >= high[0]) return none;
+  return {low, {high[0] - low[0], high[1] - low[1], high[2] - low[2]}};
+}
+
+CarvedCells::CarvedCells(CarvedLabels labels, const std::vector<ElasticMaterial>& by_label,
+                         const ElasticBox& box, const Point<Patient>& about)
+    : labels_(std::move(labels)),
+      cells_(labels_.made->geometry(), by_label, box),
+      grid_(laid(labels_, by_label, box, about)) {}
+
+void CarvedCells::note_changes(const CarvedLabels& labels) {
+  const VoxelBox voxels = changed_voxels(labels_.taken.get(), labels.taken.get(), cells_.voxels());
+  if (voxels.voxel_count() > 0) on_their_way_ = on_their_way_.joined(cells_.cells_of(voxels));
+  labels_ = labels;
+}
+
+CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
+  note_changes(labels);
+  const CellBox changed = std::exchange(on_their_way_, {});
+  if (changed.empty()) return changed;
+  const bool other = grid_.set_cells(changed, [&](int i, int j, int k) {
+    const ElasticCell target = cells_.cell(*labels_.made, labels_.taken.get(), i, j, k);
+    const ElasticCell next = toward(grid_.cell(i, j, k), target, kSolvingFeel.most_fill_change);
+    if (next != target) on_their_way_ = on_their_way_.joined({{i, j, k}, {i + 1, j + 1, k + 1}});
+    return next;
+  });
+  solver.change(grid_, changed, other);
+  return changed;
+}
+
+void CarvedCells::take_over(const CarvedCells& other, const std::array<int, 3>& offset) {
+  CellBox shared = other.on_their_way_;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    shared.low[axis] -= offset[axis];
+    shared.high[axis] -= offset[axis];
+  }
+  shared = shared.clipped(grid_.layout().cells);
+  if (shared.empty()) return;
+  grid_.set_cells(shared, [&](int i, int j, int k) {
+    return other.grid_.cell(i + offset[0], j + offset[1], k + offset[2]);
+  });
+  on_their_way_ = shared;
+}
+
+}  // namespace palpate

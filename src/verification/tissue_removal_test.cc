@@ -1,0 +1,30 @@
+#include "verification/tissue_removal.h"
+
+#include <gtest/gtest.h>
+
+#include "verification/tissue_tick.h"
+
+namespace palpate {
+namespace {
+
+// What `verify tissue` says of tissue that is cut, a part of it.
+TEST(TissueRemoval, ASolutionGoesAlongWithWhatIsCut) {
+  const auto model = yielding_block(false);
+  ASSERT_TRUE(model.ok());
+  const CutTissue milled = mill_beside(**model, 40);
+  EXPECT_GT(milled.frames, 25u);
+  EXPECT_LT(milled.lag_percent, 0.1);
+  EXPECT_LT(milled.change_percent, 1.5);
+  EXPECT_LT(milled.force_changed_percent, -4);
+}
+
+TEST(TissueRemoval, ABoxThatIsLaidAnewIsHardlyFelt) {
+  const auto model = yielding_block(false);
+  ASSERT_TRUE(model.ok());
+  const Recentring slid = slide_through_boxes(**model, 50);
+  EXPECT_GE(slid.boxes, 3u);
+  EXPECT_LT(slid.change_percent, 2.5);
+}
+
+}  // namespace
+}  // namespace palpate
