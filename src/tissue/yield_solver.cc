@@ -9,6 +9,7 @@
 #include "palpate/base/cube_root.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
+#include "tissue/yield_cells.h"
 
 namespace palpate {
 namespace {
@@ -79,18 +80,6 @@ double expected_radius_mm(const DeviceTick& felt, const OnSurface& contact, doub
   return std::min(touched_mm * std::sqrt(depth_mm / felt.depth_mm), hertz_mm);
 }
 
-std::vector<ElasticMaterial> materials_of(const Model& model) {
-  std::vector<ElasticMaterial> by_label(model.tissue_of_label.size());
-  for (std::size_t label = 1; label < by_label.size(); ++label) {
-    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
-    if (tissue == nullptr || !tissue->felt) continue;
-    by_label[label] = tissue->elastic ? ElasticMaterial{Matter::kSoft, tissue->elastic->youngs_modulus_kPa,
-                                                        tissue->elastic->poissons_ratio}
-                                      : ElasticMaterial{Matter::kRigid};
-  }
-  return by_label;
-}
-
 }  // namespace
 
 std::uint64_t ticks_of_yield_frame(double rate_hz) {
@@ -103,54 +92,49 @@ double yield_cell_mm(const Model& model) {
   return std::clamp(2 * model.labels->geometry().min_spacing_mm(), kLeast_mm, kMost_mm);
 }
 
+std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& felt,
+                                       const std::optional<YieldBox>& before) {
+  const auto contact = expected_contact(model, felt);
+  if (!contact) return before;
+  const Eigen::Vector3d in_cells = in_yield_cells(model, contact->at);
+  if (before && is_around(before->first_cell, in_cells)) return before;
+  return YieldBox{first_cell_around(in_cells), contact->at};
+}
+
 /// A box of cells around a device's tool.
 struct YieldSolver::Region {
   std::shared_ptr<const Bricks<LabelId>> labels;  ///< that it is made of, and of what these are
   std::vector<ElasticMaterial> by_label;
-  std::array<int, 3> first{0, 0, 0};  ///< of its cells, in cells of the whole volume
+  YieldBox box;
   ElasticGrid grid;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
-  double modulus = 0;  ///< under the patch, of the last frame
+  double modulus = 0;     ///< under the patch, of the last frame
+  bool is_new = true;  ///< nothing was solved in it yet
 
-  Region(std::shared_ptr<const Bricks<LabelId>> of_labels, std::vector<ElasticMaterial> materials,
-         const std::array<int, 3>& from, ElasticGrid made)
-      : labels(std::move(of_labels)),
+  Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where)
+      : labels(model.labels),
         by_label(std::move(materials)),
-        first(from),
-        grid(std::move(made)),
+        box(where),
+        grid(yield_grid(model, by_label, where)),
         solver(grid),
         unit_mm(grid.layout()),
         load_N(grid.layout()) {}
 
-  // whether it reaches around a place, and the cells at whose corner one would begin that does
-  static std::array<int, 3> cells() {
-    return {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
-  }
-  static std::array<int, 3> first_around(const Eigen::Vector3d& in_cells) {
-    std::array<int, 3> from;
-    for (int axis = 0; axis < 3; ++axis) {
-      const double step = kSolvingFeel.step_cells;
-      from[axis] = kSolvingFeel.step_cells *
-                   static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells()[axis]) / step + 0.5));
-    }
-    return from;
-  }
-  bool is_around(const Eigen::Vector3d& in_cells) const {
-    for (int axis = 0; axis < 3; ++axis)
-      if (std::abs(in_cells[axis] - first[axis] - 0.5 * cells()[axis]) > kSolvingFeel.farthest_cells)
-        return false;
-    return true;
+  // whether it is of what the model is made of
+  bool is_of(const Model& model, const std::vector<ElasticMaterial>& materials) const {
+    return labels == model.labels && by_label == materials;
   }
   // what both know is kept as it was
   void take_over(const Region& before) {
     const ElasticLayout& layout = grid.layout();
     const auto& all = layout.cells;
+    const std::array<int, 3>& first = box.first_cell;
     for (int k = 0; k <= all[2]; ++k)
       for (int j = 0; j <= all[1]; ++j)
         for (int i = 0; i <= all[0]; ++i) {
-          const int a = i + first[0] - before.first[0], b = j + first[1] - before.first[1],
-                    c = k + first[2] - before.first[2];
+          const int a = i + first[0] - before.box.first_cell[0], b = j + first[1] - before.box.first_cell[1],
+                    c = k + first[2] - before.box.first_cell[2];
           if (a < 0 || b < 0 || c < 0 || a > all[0] || b > all[1] || c > all[2]) continue;
           if ((grid.held(i, j, k) & (ElasticGrid::kHeld | ElasticGrid::kNoNode)) != 0) continue;
           for (int axis = 0; axis < 3; ++axis)
@@ -173,23 +157,16 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     const auto contact = expected_contact(model, device);
     if (!contact) continue;
 
-    // the box lies on one lattice wherever it goes
     std::unique_ptr<Region>& region = regions_[d];
-    ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
-    const Eigen::Vector3d in_cells = box.local_mm(contact->at) / box.cell_mm;
-    const bool anew = region == nullptr || region->labels != model.labels || region->by_label != by_label ||
-                      !region->is_around(in_cells);
-    if (anew) {
-      const std::array<int, 3> first = Region::first_around(in_cells);
-      box.cells = Region::cells();
-      box.corner = box.patient(Eigen::Vector3d(first[0], first[1], first[2]) * box.cell_mm);
-      auto grid = ElasticGrid::of_labels(*model.labels, by_label, box);
-      PALPATE_CHECK(grid.ok());
-      grid->continue_beyond({true, true, true, true, true, true}, contact->at);
-      auto laid = std::make_unique<Region>(model.labels, by_label, first, *std::move(grid));
+    const Eigen::Vector3d in_cells = in_yield_cells(model, contact->at);
+    if (region == nullptr || !region->is_of(model, by_label) ||
+        !is_around(region->box.first_cell, in_cells)) {
+      auto laid =
+          std::make_unique<Region>(model, by_label, YieldBox{first_cell_around(in_cells), contact->at});
       if (region != nullptr) laid->take_over(*region);
       region = std::move(laid);
     }
+    const bool anew = std::exchange(region->is_new, false);
 
     const double cell_mm = region->grid.box().cell_mm;
     const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.least_radius_mm);
@@ -215,6 +192,22 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     spot.patch_radius_mm = rho_mm;
   }
   return frame_;
+}
+
+void YieldSolver::go_on(const Model& model, std::uint32_t frame,
+                        std::span<const std::optional<YieldBox>> boxes) {
+  frame_ = {};
+  frame_.number = frame;
+  const std::vector<ElasticMaterial> by_label = materials_of(model);
+  for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    std::unique_ptr<Region>& region = regions_[d];
+    if (d >= boxes.size() || !boxes[d]) {
+      region.reset();
+    } else if (region == nullptr || region->box != *boxes[d] || !region->is_of(model, by_label)) {
+      region = std::make_unique<Region>(model, by_label, *boxes[d]);
+    }
+    if (region != nullptr) region->is_new = true;
+  }
 }
 
 bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
