@@ -16,7 +16,7 @@ namespace palpate {
 namespace {
 
 // below what reads the recording
-constexpr int kPriority = 5;
+constexpr int kSolverPriority = 5;
 
 }  // namespace
 
@@ -53,7 +53,7 @@ std::shared_ptr<const ViewedYield> PlayedYields::yielded(std::size_t device) con
 }
 
 void PlayedYields::run() {
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kPriority);
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kSolverPriority);
   std::unique_lock lock(mutex_);
   while (!ending_) {
     const std::uint32_t wanted = wanted_;
