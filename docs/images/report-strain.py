@@ -1,5 +1,5 @@
-"""Takes docs/report.md's picture of a report whose tissue yields, in headless Chromium: the first contact's sections, below them the same with
-their strain.
+"""Takes docs/report.md's picture of a report whose tissue yields, in headless Chromium: the scan in the first contact's
+sections, below it the same with its strain.
 
 usage: report-strain.py REPORT.html PICTURE.png
 """
@@ -19,7 +19,7 @@ def main(report, picture):
         page.open(os.path.abspath(report))
         page.wait("document.querySelectorAll('.uplot').length > 3")
         height = page.run("""
-            document.getElementById("structures").value = 40;
+            document.getElementById("structures").value = 0;
             document.getElementById("structures").dispatchEvent(new Event("input"));
             const sections = document.querySelector(".sections"), below = sections.cloneNode(true);
             for (const strain of below.querySelectorAll(".strain")) strain.style.visibility = "visible";

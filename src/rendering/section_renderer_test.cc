@@ -203,11 +203,12 @@ Push random_push(const GridGeometry& grid, std::mt19937& random) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> part(0, 1);
   Push push;
-  push.middle =
-      grid.X_PatientVoxel() * Point<Voxel>(part(random) * grid.dims[0], part(random) * grid.dims[1], part(random) * grid.dims[2]);
+  push.middle = grid.X_PatientVoxel() * Point<Voxel>(part(random) * grid.dims[0], part(random) * grid.dims[1],
+                                                     part(random) * grid.dims[2]);
   push.reach_mm = 2 + 10 * part(random);
   // the steepest of exp(-x2) is 0.858
-  push.by_mm = Vector<Patient>(normal(random), normal(random), normal(random)).normalized() * (0.7 / 0.858 * push.reach_mm * part(random));
+  push.by_mm = Vector<Patient>(normal(random), normal(random), normal(random)).normalized() *
+               (0.7 / 0.858 * push.reach_mm * part(random));
   return push;
 }
 
@@ -231,12 +232,14 @@ TEST(SectionRenderer, TissueIsDrawnWhereItHasGoneTo) {
       // found to some micrometres: what is so near the border of a voxel is anybody's
       std::size_t off = 0;
       for (std::size_t n = 0; n < oracle.size(); ++n) {
-        if (oracle[n].label != rendered.labels[n] || oracle[n].value.has_value() != (rendered.scan[3 * n] != 14)) {
+        if (oracle[n].label != rendered.labels[n] ||
+            oracle[n].value.has_value() != (rendered.scan[3 * n] != 14)) {
           ++off;
           continue;
         }
         if (!oracle[n].value) continue;
-        const double level = 255 * (*oracle[n].value - style.window_low) / (style.window_high - style.window_low);
+        const double level =
+            255 * (*oracle[n].value - style.window_low) / (style.window_high - style.window_low);
         const double steepest = 255 * 3000 / (style.window_high - style.window_low);
         ASSERT_NEAR(rendered.scan[3 * n], std::clamp(level, 0.0, 255.0), 1 + 0.004 * steepest);
       }
@@ -262,12 +265,14 @@ TEST(SectionRenderer, FindsWhereTissueLayAtRest) {
   std::uniform_real_distribution<double> part(-0.2, 1.2);
   for (int trial = 0; trial < 200; ++trial) {
     const Push push = random_push(grid, random);
-    const Point<Patient> lay = grid.X_PatientVoxel() * Point<Voxel>(30 * part(random), 30 * part(random), 30 * part(random));
+    const Point<Patient> lay =
+        grid.X_PatientVoxel() * Point<Voxel>(30 * part(random), 30 * part(random), 30 * part(random));
     const Point<Patient> found = place_at_rest(lay + push(lay), push);
     // 0.3 of an error at most is left of a step's
     EXPECT_LT((found - lay).norm(), 4 * kAtRestNear_mm);
   }
-  // beyond what moves at once; where all moves alike after one step; of what is folded some place, not far off
+  // beyond what moves at once; where all moves alike after one step; of what is folded some place, not far
+  // off
   const Point<Patient> at(1, 2, 3);
   EXPECT_EQ(place_at_rest(at, [](const Point<Patient>&) { return Vector<Patient>(); }), at);
   const Vector<Patient> same(0.5, -1, 2);

@@ -106,13 +106,12 @@ std::string yielded_html(const Sections& shown) {
       "elasticity; the circle is the tool in its dent.";
   if (!(shown.most_strain >= kLeastStrain))
     return html + " Nothing in view is strained by " + number(100 * kLeastStrain, 0) + " % or more.</p>\n";
-  html += " Equivalent strain: at most ";
-  html += std::isfinite(shown.most_strain) && shown.most_strain < 1
-              ? number(100 * shown.most_strain, 0) + " %"
-              : std::string("more than 100 %, which is more than linear elasticity knows");
-  return html + " in view. <span class=\"strain-key\">0 " + strain_scale_svg() + " " +
-         number(100 * kMostStrain, 0) + " % and more; less than " + number(100 * kLeastStrain, 0) +
-         " % fades out</span></p>\n";
+  const bool is_known = std::isfinite(shown.most_strain) && shown.most_strain < 1;
+  html += " Equivalent strain in view: ";
+  html += is_known ? "at most " + number(100 * shown.most_strain, 0) + " %."
+                   : std::string("more than 100 % in places, which is beyond linear elasticity.");
+  return html + " <span class=\"strain-key\">0 " + strain_scale_svg() + " " + number(100 * kMostStrain, 0) +
+         " % and more; less than " + number(100 * kLeastStrain, 0) + " % fades out</span></p>\n";
 }
 
 std::string fact(const std::string& label, const std::string& value) {
@@ -263,7 +262,8 @@ Result<std::string> contacts_html(const Run& run, const Progress& progress) {
     panels += panel(run, i, style, mm_per_N);
   }
   const bool strained = panels.find("class=\"strain\"") != std::string::npos;
-  return html + tabs(run) + controls(strained) + "<div class=\"panels\">\n" + panels + "</div>\n" + key(run, mm_per_N) + "</section>\n";
+  return html + tabs(run) + controls(strained) + "<div class=\"panels\">\n" + panels + "</div>\n" +
+         key(run, mm_per_N) + "</section>\n";
 }
 
 }  // namespace palpate::report

@@ -22,8 +22,8 @@ Recording real_recording(const Model& model);
 
 /// The model with the upper half of its tibia soft, of 60 kPa, and yielding, and a ball of 4 mm for its tool.
 Model with_soft_tibia(Model model);
-/// The first run as the proxy's ticks tell it, with all that it leans on and what gave its force: in the tibia
-/// the soft one and, beyond 0.3 mm, the femur.
+/// The first run as the proxy's ticks tell it, with all that it leans on and what gave its force: in the
+/// tibia the soft one and, beyond 0.3 mm, the femur.
 Recording leaning_recording(const Model& model);
 
 /// The model with a burr for its tool, of 4 mm.

@@ -191,7 +191,8 @@ std::vector<ToolBall> tool_balls(const Model& model, const TickRecord& tick, int
   std::vector<ToolBall> balls;
   if (!proxy.all_finite() || !held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return balls;
   for (const Eigen::Vector3d& point : tool.points_mm)
-    balls.push_back({proxy + in_patient(model, tick, Vector<World>(held.normalized() * point)), tool.radius_mm});
+    balls.push_back(
+        {proxy + in_patient(model, tick, Vector<World>(held.normalized() * point)), tool.radius_mm});
   return balls;
 }
 

@@ -62,8 +62,8 @@ struct SectionMarks {
 /// Ways farther than this from the plane are not drawn.
 inline constexpr double kWayReach_mm = 5;
 
-/// Way, tool, contact, force, scale bar, orientation letters, and the side in the lower right corner, where no
-/// letter stands that it could be taken for. Without orientation no letter, and a mark that says so.
+/// Way, tool, contact, force, scale bar, orientation letters, and the side in the lower right corner, where
+/// no letter stands that it could be taken for. Without orientation no letter, and a mark that says so.
 /// `description` is for those who do not see the picture.
 std::string section_svg(const SectionPlane& plane, const SectionMarks& marks, const std::string& description);
 

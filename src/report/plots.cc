@@ -130,8 +130,9 @@ std::string plots_html(const Run& run) {
   if (!run.layers.series.empty()) {
     html += plot("layer-force", "Force by structure <span class=\"unit\">N</span>",
                  "Force that each structure gave" + duration);
-    html += plot("layer-depth", "Depth by structure <span class=\"unit\">mm</span>",
-                 "How much of the tip's way in, from the surface at rest, lay within each structure" + duration);
+    html +=
+        plot("layer-depth", "Depth by structure <span class=\"unit\">mm</span>",
+             "How much of the tip's way in, from the surface at rest, lay within each structure" + duration);
   }
   html += "<ul class=\"legend\" aria-label=\"Structures touched\">";
   for (const StructureFigures& figure : run.structures) {

@@ -418,7 +418,8 @@ TEST_F(Report, SaysWhatABurrRemoved) {
 }
 
 // what stands between two words, the first time after a place
-std::string between(const std::string& text, const std::string& from, const std::string& to, std::size_t after) {
+std::string between(const std::string& text, const std::string& from, const std::string& to,
+                    std::size_t after) {
   const std::size_t begin = text.find(from, after) + from.size();
   return text.substr(begin, text.find(to, begin) - begin);
 }
@@ -434,9 +435,9 @@ TEST_F(Report, ShowsTissueWhereItHasYieldedTo) {
   EXPECT_EQ(count(html, "<circle class=\"tool\""), 3u);
   EXPECT_EQ(count(html, "id=\"strain\""), 1u);
   EXPECT_EQ(count(html, "<p class=\"yielded\">"), 1u);
-  EXPECT_THAT(html, ::testing::ContainsRegex("Equivalent strain: at most [0-9]+ % in view"));
-  for (const std::string part : {"<img class=\"strain\"", "class=\"tool\"", "id=\"strain\"", "class=\"yielded\"",
-                                 "layer-force", "\"layers\":", "surface at rest"})
+  EXPECT_THAT(html, ::testing::ContainsRegex("Equivalent strain in view: at most [0-9]+ %"));
+  for (const std::string part : {"<img class=\"strain\"", "class=\"tool\"", "id=\"strain\"",
+                                 "class=\"yielded\"", "layer-force", "\"layers\":", "surface at rest"})
     EXPECT_THAT(still.substr(0, still.find("<script>")), Not(HasSubstr(part))) << part;
   const auto scan_of = [](const std::string& of, const std::string& panel) {
     return between(of, "class=\"scan\"", ">", of.find("id=\"contact-" + panel + "\""));
@@ -475,7 +476,8 @@ TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
     for (std::size_t n = 0; n < series; ++n) at = html.find("],[", at + 1);
     double most = 0;
     const std::string values = between(html, "[", "]", series == 0 ? html.find("[[", at) + 1 : at + 1);
-    for (std::size_t n = 0; n < values.size(); n = values.find(',', n) == std::string::npos ? values.size() : values.find(',', n) + 1)
+    for (std::size_t n = 0; n < values.size();
+         n = values.find(',', n) == std::string::npos ? values.size() : values.find(',', n) + 1)
       if (values[n] != 'n') most = std::max(most, std::stod(values.substr(n)));
     return most;
   };

@@ -100,7 +100,8 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
 std::vector<LabelId> felt_labels(const Run& run) {
   std::vector<LabelId> labels;
   const auto add = [&](LabelId label) {
-    if (std::ranges::find(labels, label) == labels.end() && labels.size() < kMostPlotted) labels.push_back(label);
+    if (std::ranges::find(labels, label) == labels.end() && labels.size() < kMostPlotted)
+      labels.push_back(label);
   };
   if (!run.yields()) return labels;
   for (const StructureFigures& figure : run.structures) add(figure.label);

@@ -55,8 +55,8 @@ struct Run {
   RemovalFigures removal;  ///< empty where no burr was at work
   /// Of each device limit, force, depth and speed, then, on the real clock, the lateness in microseconds.
   PlotData plots;
-  /// Where tissue yields: structures that were felt, and of each the force that it gave, all devices together,
-  /// then of each the most of a tip's way in that lay within it. On the times of `plots`.
+  /// Where tissue yields: structures that were felt, and of each the force that it gave, all devices
+  /// together, then of each the most of a tip's way in that lay within it. On the times of `plots`.
   std::vector<LabelId> layer_labels;
   PlotData layers;
 

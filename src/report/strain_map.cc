@@ -13,7 +13,7 @@ namespace {
 constexpr Rgb kColours[] = {{0, 0, 4}, {87, 16, 110}, {188, 55, 84}, {249, 142, 9}, {252, 255, 164}};
 constexpr double kCover = 0.85;
 // few enough for a PNG with a palette
-constexpr int kLevels = 100;
+constexpr int kLevels = 250;
 
 std::array<std::uint8_t, 4> paint_of(double strain) {
   const int level = static_cast<int>(std::lround(kLevels * std::clamp(strain / kMostStrain, 0.0, 1.0)));
@@ -57,8 +57,7 @@ std::string strain_scale_svg() {
     stops += "<stop offset=\"" + number(100.0 * static_cast<double>(n) / (std::size(kColours) - 1), 0) +
              "%\" stop-color=\"" + css_colour(kColours[n]) + "\"/>";
   return "<svg class=\"strain-scale\" viewBox=\"0 0 130 12\" role=\"img\" aria-label=\"Colours from 0 to " +
-         number(100 * kMostStrain, 0) +
-         " % and more\"><defs><linearGradient id=\"strain-colours\">" + stops +
+         number(100 * kMostStrain, 0) + " % and more\"><defs><linearGradient id=\"strain-colours\">" + stops +
          "</linearGradient></defs><rect width=\"130\" height=\"12\" fill=\"url(#strain-colours)\"/></svg>";
 }
 

@@ -45,7 +45,8 @@ TEST(StrainMap, ColoursWhatYieldsByItsStrainWhereItWent) {
 
   std::set<std::array<std::uint8_t, 4>> colours;
   for (std::size_t n = 0; n < map.picture.rgba.size(); n += 4)
-    colours.insert({map.picture.rgba[n], map.picture.rgba[n + 1], map.picture.rgba[n + 2], map.picture.rgba[n + 3]});
+    colours.insert(
+        {map.picture.rgba[n], map.picture.rgba[n + 1], map.picture.rgba[n + 2], map.picture.rgba[n + 3]});
   EXPECT_LE(colours.size(), 256u) << "a PNG with a palette";
   EXPECT_GT(colours.size(), 10u);
 }

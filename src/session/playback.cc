@@ -333,10 +333,9 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   for (const RecordingHead::FeltMethod& felt : head.methods)
     if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
   try {
-    return std::unique_ptr<ViewerHost>(
-        std::make_unique<Playback>(std::move(recording), std::move(model), std::move(scene), first,
-                                   std::move(begins_s), std::move(edits), std::move(nearest),
-                                   std::move(yields)));
+    return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
+        std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
+        std::move(edits), std::move(nearest), std::move(yields)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
                  "end other programs"};

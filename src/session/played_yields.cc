@@ -105,7 +105,8 @@ std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
   const bool goes_on = undone_to == undone_to_ && by > cut_by_;
   const std::shared_ptr<const Model>& from = goes_on ? cut_ : model_;
   std::vector<Cut> cuts;
-  for (const SweepRecord& sweep : cuts_.by(version, goes_on ? cut_by_ : 0, std::numeric_limits<std::size_t>::max()))
+  for (const SweepRecord& sweep :
+       cuts_.by(version, goes_on ? cut_by_ : 0, std::numeric_limits<std::size_t>::max()))
     cuts.push_back(cut_of(sweep));
   std::shared_ptr<const Model> made = from;
   if (!cuts.empty()) {

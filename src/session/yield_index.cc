@@ -9,8 +9,10 @@ void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
     const bool is_cut = event.kind == RecordingEvent::Kind::kModel &&
                         (event.change.tissue == ModelChange::kCut || event.change.is_of_stroke());
     // versions only rise, whatever a file says
-    if (is_cut) cut_versions_.push_back(std::max(event.number, cut_versions_.empty() ? 0 : cut_versions_.back()));
-    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMostTold) told_.push_back({event.number, event.input_tick});
+    if (is_cut)
+      cut_versions_.push_back(std::max(event.number, cut_versions_.empty() ? 0 : cut_versions_.back()));
+    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMostTold)
+      told_.push_back({event.number, event.input_tick});
   }
   // a solution is told with ticks that follow the one that it was solved from
   const auto take_from = [&](std::span<const TickRecord> ticks, std::uint64_t first_row) {
@@ -30,7 +32,8 @@ void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
 }
 
 void YieldIndex::take(const Told& told, const TickRecord& input, std::uint64_t row) {
-  const bool rises = solutions_.empty() || (told.number > solutions_.back().number && row > solutions_.back().row);
+  const bool rises =
+      solutions_.empty() || (told.number > solutions_.back().number && row > solutions_.back().row);
   if (!rises || solutions_.size() >= kMostSolutions) return;
   Boxes boxes;
   // what is cut is laid anew

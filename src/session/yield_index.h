@@ -28,8 +28,8 @@ class YieldIndex {
   static constexpr std::size_t kMostSolutions = 1'000'000;
 
   /// @param model  as the recording began with, with the proxy's surfaces; outlives what is seen. A box that
-  ///               is laid where something was cut is laid by the surface as it was before: a few cells beside
-  ///               the one that there was, where a tool leans in a deep cut
+  ///               is laid where something was cut is laid by the surface as it was before: a few cells
+  ///               beside the one that there was, where a tool leans in a deep cut
   explicit YieldIndex(const Model& model) : model_(&model) {}
 
   /// The next part of the recording. @param row  of its first tick

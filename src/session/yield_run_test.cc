@@ -91,13 +91,12 @@ class YieldRun : public ::testing::Test {
       EXPECT_TRUE(playback.play(request));
       const ViewedYield* const wanted = tick.yield_frame > 0 ? live[tick.yield_frame - 1].get() : nullptr;
       std::shared_ptr<const ViewedYield> shown;
-      const auto tmp_begin = std::chrono::steady_clock::now();
       EXPECT_TRUE(testing::soon([&] {
         const bool is_there = playback.snapshot(N_per_mm).tick == tick.tick;
         shown = playback.yielded(0);
-        return is_there && (wanted == nullptr ? shown == nullptr : shown != nullptr && shown->frame == wanted->frame);
+        return is_there &&
+               (wanted == nullptr ? shown == nullptr : shown != nullptr && shown->frame == wanted->frame);
       }));
-      std::fprintf(stderr, "TMP %zu %.1f ms\n", row, 1e3 * std::chrono::duration<double>(std::chrono::steady_clock::now() - tmp_begin).count());
       if (wanted == nullptr || shown == nullptr) continue;
       EXPECT_EQ(shown->nodes, wanted->nodes);
       EXPECT_EQ(shown->first_patient_mm, wanted->first_patient_mm);
@@ -243,8 +242,8 @@ TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   for (std::size_t n = half; n < recording_.ticks.size(); ++n)
     recording_.ticks[n].model_version = n < late ? 2 : 3;
   for (const RecordingEvent& event : {sweep, cut, undo})
-    recording_.events.insert(std::ranges::upper_bound(recording_.events, event.tick, {}, &RecordingEvent::tick),
-                             event);
+    recording_.events.insert(
+        std::ranges::upper_bound(recording_.events, event.tick, {}, &RecordingEvent::tick), event);
 
   const auto whole = ready_model();
   const Cut cuts[] = {cut_of(sweep.sweep)};
@@ -301,7 +300,8 @@ TEST_F(YieldRun, ARecordingThatTellsOfOtherSolutionsIsShownAtRest) {
   request.at_s = recording_.ticks[row].time_s;
   ASSERT_TRUE((*opened)->play(request));
   std::array<double, kMaxDevices> N_per_mm{};
-  EXPECT_TRUE(testing::soon([&] { return (*opened)->snapshot(N_per_mm).tick == recording_.ticks[row].tick; }));
+  EXPECT_TRUE(
+      testing::soon([&] { return (*opened)->snapshot(N_per_mm).tick == recording_.ticks[row].tick; }));
   EXPECT_EQ((*opened)->yielded(0), nullptr);
 }
 

@@ -109,7 +109,7 @@ struct YieldSolver::Region {
   ElasticGrid grid;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
-  double modulus = 0;     ///< under the patch, of the last frame
+  double modulus = 0;  ///< under the patch, of the last frame
   bool is_new = true;  ///< nothing was solved in it yet
 
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where)

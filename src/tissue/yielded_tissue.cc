@@ -59,7 +59,8 @@ bool find_press(const Model& model, const TickRecord& felt, std::size_t device, 
   const DeviceTick& told = felt.device[device];
   const Tissue* tissue = model.tissue_of(told.contact_label[0]);
   if (told.contact_label[0] == 0 || tissue == nullptr || !model.yields(*tissue)) return false;
-  press.at = Point<Patient>(told.contact_patient_mm[0], told.contact_patient_mm[1], told.contact_patient_mm[2]);
+  press.at =
+      Point<Patient>(told.contact_patient_mm[0], told.contact_patient_mm[1], told.contact_patient_mm[2]);
   press.outward =
       Vector<Patient>(told.normal_patient[0], told.normal_patient[1], told.normal_patient[2]).normalized();
   press.force_N = told.contact_N[0];

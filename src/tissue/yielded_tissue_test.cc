@@ -68,16 +68,17 @@ TEST(YieldedTissue, IsStrainedAsItsPlacesMove) {
   const YieldedTissue yielded(*soft_block(true), pressed_with(0, 0, 0.3));
   // in the middle of a cell (1.5 mm, its corner at the volume's), where strain is that of its corners
   const Point<Patient> corner(-40.5, -40.5, -41);
-  for (const Eigen::Vector3d& cells : {Eigen::Vector3d(27.5, 27.5, 24.5), Eigen::Vector3d(29.5, 26.5, 25.5)}) {
+  for (const Eigen::Vector3d& cells :
+       {Eigen::Vector3d(27.5, 27.5, 24.5), Eigen::Vector3d(29.5, 26.5, 25.5)}) {
     const Point<Patient> middle = corner + Vector<Patient>(1.5 * cells);
     Eigen::Matrix3d gradient = Eigen::Matrix3d::Identity();
     for (int axis = 0; axis < 3; ++axis) {
       Eigen::Vector3d way = Eigen::Vector3d::Zero();
       way[axis] = 0.01;
-      gradient.col(axis) += (yielded.moved_mm(middle + Vector<Patient>(way)) -
-                             yielded.moved_mm(middle - Vector<Patient>(way)))
-                                .eigen() /
-                            0.02;
+      gradient.col(axis) +=
+          (yielded.moved_mm(middle + Vector<Patient>(way)) - yielded.moved_mm(middle - Vector<Patient>(way)))
+              .eigen() /
+          0.02;
     }
     const Eigen::Matrix3d back = gradient.inverse();
     Eigen::Matrix3d e = 0.5 * (Eigen::Matrix3d::Identity() - back.transpose() * back);

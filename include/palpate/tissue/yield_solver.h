@@ -40,8 +40,8 @@ struct YieldBox {
   Point<Patient> about;
   bool operator==(const YieldBox&) const = default;
 };
-/// The box in which a solver solves for a device after a tick, without solving: the one that it has, a new one
-/// where the tool will press too far off its middle.
+/// The box in which a solver solves for a device after a tick, without solving: the one that it has, a new
+/// one where the tool will press too far off its middle.
 /// @param before  that it has; nothing: none, or one of other labels
 std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& felt,
                                        const std::optional<YieldBox>& before);
