@@ -56,9 +56,10 @@ Overlay render_structure_layer(const Model& model, const SectionPlane& plane, co
   return overlay;
 }
 
-std::vector<LabelId> section_labels(const Model& model, const SectionPlane& plane) {
+std::vector<LabelId> section_labels(const Model& model, const SectionPlane& plane,
+                                    const SectionStyle& style) {
   std::vector<LabelId> labels(plane.pixel_count());
-  once(model, {}).labels(plane, labels);
+  once(model, style).labels(plane, labels);
   return labels;
 }
 

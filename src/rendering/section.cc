@@ -42,6 +42,17 @@ Rotation<Patient, Patient> least_turn(const Vector<Patient>& from, const Vector<
 
 }  // namespace
 
+Point<Patient> place_at_rest(const Point<Patient>& seen, const TissueMoved& moved) {
+  constexpr int kWholeSteps = 6;
+  Point<Patient> at = seen;
+  for (int step = 0; step < kMostAtRestSteps; ++step) {
+    const Vector<Patient> off = (seen - at) - moved(at);
+    at += off * (step < kWholeSteps ? 1.0 : 0.5);
+    if (!(off.norm() > kAtRestNear_mm)) break;
+  }
+  return at;
+}
+
 std::size_t SectionPlane::pixel_count() const {
   PALPATE_CHECK(width_px > 0 && height_px > 0);
   return static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px);

@@ -67,6 +67,30 @@ inline std::vector<OraclePixel> oracle_section(const Model& model, const Section
   return pixels;
 }
 
+/// Of tissue that has yielded: what lies at rest where each pixel's came from, by Newton's method.
+inline std::vector<OraclePixel> oracle_section(const Model& model, const SectionPlane& plane,
+                                               const TissueMoved& moved) {
+  const GridGeometry& grid = model.labels != nullptr ? model.labels->geometry() : model.scan->geometry();
+  const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
+  std::vector<OraclePixel> pixels;
+  for (int row = 0; row < plane.height_px; ++row)
+    for (int column = 0; column < plane.width_px; ++column) {
+      const Point<Patient> seen = plane.at(column, row);
+      Point<Patient> at = seen;
+      for (int step = 0; step < 20; ++step) {
+        Eigen::Matrix3d slope = Eigen::Matrix3d::Identity();
+        for (int axis = 0; axis < 3; ++axis) {
+          Vector<Patient> way;
+          way[axis] = 1e-4;
+          slope.col(axis) += (moved(at + way) - moved(at - way)).eigen() / 2e-4;
+        }
+        at += Vector<Patient>(slope.inverse() * ((seen - at) - moved(at)).eigen());
+      }
+      pixels.push_back(oracle_pixel(model, grid, (X_VoxelPatient * at).eigen()));
+    }
+  return pixels;
+}
+
 /// The structures' colours over greys, outlines at full colour.
 inline std::vector<std::uint8_t> oracle_blend(const std::vector<std::uint8_t>& grey_rgb,
                                               const std::vector<LabelId>& labels, const SectionPlane& plane,

@@ -60,6 +60,26 @@ Row clipped(const PixelsInGrid& pixels, int row, int width) {
   return clip;
 }
 
+/// The pixels that do not show what lies where they are, where that lies.
+void find_moved(const GridGeometry& grid, const SectionPlane& plane, const TissueMoved& moved,
+                std::vector<internal::section::MovedPixel>& pixels) {
+  const Transform<Voxel, Patient> X_VoxelPatient = grid.X_PatientVoxel().inverse();
+  for (int y = 0; y < plane.height_px; ++y)
+    for (int x = 0; x < plane.width_px; ++x) {
+      const Point<Patient> seen = plane.at(x, y), at_rest = place_at_rest(seen, moved);
+      if (at_rest == seen) continue;
+      const Eigen::Vector3d voxel = (X_VoxelPatient * at_rest).eigen();
+      internal::section::MovedPixel& pixel = pixels.emplace_back();
+      pixel.row = y;
+      pixel.column = x;
+      pixel.at_rest.end = 1;
+      for (int a = 0; a < 3; ++a) {
+        pixel.at_rest.start[a] = voxel[a];
+        if (!(voxel[a] >= -0.5 && voxel[a] < grid.dims[a] - 0.5)) pixel.at_rest.end = 0;
+      }
+    }
+}
+
 std::uint8_t to_byte(double value) {
   return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 1.0) * 255.0));
 }
@@ -124,11 +144,13 @@ PixelView SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
   if (layers == Layers::kScan) view.labels = nullptr, view.numbers = nullptr;
 
   std::fill_n(row.begin(), plane.height_px, Row{});
+  pixels_->moved().clear();
   internal::section::GreyScale scale;
   if (!volumes_->empty()) {
     const PixelsInGrid in_grid(volumes_->grid(), plane);
     for (int y = 0; y < plane.height_px; ++y) row[y] = clipped(in_grid, y, plane.width_px);
     for (int a = 0; a < 3; ++a) rows.step[a] = in_grid.step[a];
+    if (style_.moved) find_moved(volumes_->grid(), plane, style_.moved, pixels_->moved());
     const bool has_window = style_.window_low < style_.window_high;
     const std::array<double, 2> window = has_window || layers == Layers::kLabels
                                              ? std::array{style_.window_low, style_.window_high}
@@ -137,7 +159,7 @@ PixelView SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
   }
   const std::uint8_t background =
       volumes_->has_scan() ? internal::section::kOutsideScan : internal::section::kNoScan;
-  return {view, scale, rows, background, band};
+  return {view, scale, rows, background, band, pixels_->moved()};
 }
 
 void SectionRenderer::render(const SectionPlane& plane, std::span<std::uint8_t> rgb) {

@@ -188,6 +188,102 @@ std::string values_name(const ::testing::TestParamInfo<Values>& values) {
 INSTANTIATE_TEST_SUITE_P(Scans, SectionTargets,
                          ::testing::Values(Values::kWhole, Values::kReal, Values::kHoles), values_name);
 
+// A smooth push that fades out all around: at most 0.7 mm a mm, so that nothing is folded.
+struct Push {
+  Point<Patient> middle;
+  Vector<Patient> by_mm;
+  double reach_mm = 1;
+
+  Vector<Patient> operator()(const Point<Patient>& at_rest) const {
+    const double far = (at_rest - middle).norm() / reach_mm;
+    return by_mm * std::exp(-far * far);
+  }
+};
+Push random_push(const GridGeometry& grid, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> part(0, 1);
+  Push push;
+  push.middle = grid.X_PatientVoxel() * Point<Voxel>(part(random) * grid.dims[0], part(random) * grid.dims[1],
+                                                     part(random) * grid.dims[2]);
+  push.reach_mm = 2 + 10 * part(random);
+  // the steepest of exp(-x2) is 0.858
+  push.by_mm = Vector<Patient>(normal(random), normal(random), normal(random)).normalized() *
+               (0.7 / 0.858 * push.reach_mm * part(random));
+  return push;
+}
+
+TEST(SectionRenderer, TissueIsDrawnWhereItHasGoneTo) {
+  std::size_t moved = 0;
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    std::mt19937 random(seed);
+    const GridGeometry grid = random_grid(random);
+    const Values values = seed % 3 == 0 ? Values::kHoles : Values::kWhole;
+    const Model model = noise_model(grid, values, 7, random);
+    const SectionPlane plane = random_plane(grid, random);
+    SectionStyle style = style_for(values);
+    const auto at_rest = oracle_section(model, plane);
+    style.moved = random_push(grid, random);
+    auto oracle = oracle_section(model, plane, style.moved);
+    for (std::size_t n = 0; n < oracle.size(); ++n) moved += oracle[n].label != at_rest[n].label;
+    for (const SectionStorage storage : kStorages) {
+      SectionRenderer renderer(model, style, storage);
+      const Rendered rendered = render(renderer, plane);
+      // found to some micrometres: what is so near the border of a voxel is anybody's
+      std::size_t off = 0;
+      for (std::size_t n = 0; n < oracle.size(); ++n) {
+        if (oracle[n].label != rendered.labels[n] ||
+            oracle[n].value.has_value() != (rendered.scan[3 * n] != 14)) {
+          ++off;
+          continue;
+        }
+        if (!oracle[n].value) continue;
+        const double level =
+            255 * (*oracle[n].value - style.window_low) / (style.window_high - style.window_low);
+        const double steepest = 255 * 3000 / (style.window_high - style.window_low);
+        ASSERT_NEAR(rendered.scan[3 * n], std::clamp(level, 0.0, 255.0), 1 + 0.004 * steepest);
+      }
+      EXPECT_LE(off, 2 + oracle.size() / 200);
+      // what is drawn of the labels follows from where they are drawn
+      EXPECT_EQ(rendered.rgb, oracle_blend(rendered.scan, rendered.labels, plane, kColours, style));
+      // and without it all is as it was
+      SectionStyle still = style;
+      still.moved = {};
+      SectionStyle unmoved = style;
+      unmoved.moved = [](const Point<Patient>&) { return Vector<Patient>(); };
+      SectionRenderer other(model, still, storage);
+      renderer.set_style(unmoved);
+      EXPECT_TRUE(render(renderer, plane) == render(other, plane));
+    }
+  }
+  EXPECT_GT(moved, 5000u);
+}
+
+TEST(SectionRenderer, FindsWhereTissueLayAtRest) {
+  std::mt19937 random(7);
+  const GridGeometry grid = test::make_grid({30, 30, 30}, 2);
+  std::uniform_real_distribution<double> part(-0.2, 1.2);
+  for (int trial = 0; trial < 200; ++trial) {
+    const Push push = random_push(grid, random);
+    const Point<Patient> lay =
+        grid.X_PatientVoxel() * Point<Voxel>(30 * part(random), 30 * part(random), 30 * part(random));
+    const Point<Patient> found = place_at_rest(lay + push(lay), push);
+    // 0.3 of an error at most is left of a step's
+    EXPECT_LT((found - lay).norm(), 4 * kAtRestNear_mm);
+  }
+  // beyond what moves at once; where all moves alike after one step; of what is folded some place, not far
+  // off
+  const Point<Patient> at(1, 2, 3);
+  EXPECT_EQ(place_at_rest(at, [](const Point<Patient>&) { return Vector<Patient>(); }), at);
+  const Vector<Patient> same(0.5, -1, 2);
+  EXPECT_LT((place_at_rest(at, [&](const Point<Patient>&) { return same; }) - (at - same)).norm(), 1e-12);
+  const Push folding{at, {0, 0, 9}, 3};
+  for (double z = -5; z < 15; z += 0.1) {
+    const Point<Patient> found = place_at_rest(at + Vector<Patient>(0, 0, z), folding);
+    EXPECT_LT((found - (at + Vector<Patient>(0, 0, z))).norm(), 9.1);
+  }
+}
+
 // pixels exactly on the borders of the volume, which belong to it below and not above
 TEST(SectionRenderer, BordersAreTheOracles) {
   std::mt19937 random(5);

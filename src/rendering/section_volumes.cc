@@ -261,10 +261,23 @@ void PixelView::sample_next_band() {
     fill(has_scan, grey_of(row), background_);
     LabelId* to = labels_of(row);
     fill(has_labels, to, LabelId{0});
+    for (; !moved_.empty() && moved_.front().row == row; moved_ = moved_.subspan(1))
+      sample_at_rest(moved_.front());
     // beyond the picture nothing differs
     to[-1] = to[0];
     to[width] = to[width - 1];
   }
+}
+
+// by a picture of one pixel, which writes whole vectors
+void PixelView::sample_at_rest(const MovedPixel& moved) {
+  alignas(64) std::uint8_t some_grey[3 * kPixelPadding]{};
+  alignas(64) LabelId some_labels[3 * kPixelPadding]{};
+  const Band one{0, 1, kPixelPadding, some_grey + kPixelPadding, some_labels + kPixelPadding};
+  *one.grey = background_;
+  sample(volume_, scale_, {&moved.at_rest, 1, 1, {}}, one);
+  grey_of(moved.row)[moved.column] = *one.grey;
+  labels_of(moved.row)[moved.column] = *one.labels;
 }
 
 }  // namespace palpate::internal::section

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <mutex>
+#include <span>
 #include <vector>
 
 #include "palpate/rendering/rendering.h"
@@ -59,26 +60,36 @@ class Volumes {
   mutable std::array<double, 2> window_{0, 1};
 };
 
+/// A pixel that shows what lies elsewhere at rest: its one-pixel row there, without a pixel where that is
+/// beyond the volume.
+struct MovedPixel {
+  int row = 0, column = 0;
+  Row at_rest;
+};
+
 /// Room for a picture's rows, and for the greys and labels of a band and of the two rows above it.
 class Pixels {
  public:
   /// Grows where it has to. The band begins below the two rows.
   Band sized(int width, int height);
   std::vector<Row>& rows() { return rows_; }
+  std::vector<MovedPixel>& moved() { return moved_; }
 
  private:
   std::vector<std::uint8_t> grey_;
   std::vector<LabelId> labels_;
   std::vector<Row> rows_;
+  std::vector<MovedPixel> moved_;
 };
 
 /// A picture row by row, from the top: `while (next())`. A band of rows is sampled when its first one is
 /// looked at, over the band before, so that all stays in the cache.
 struct PixelView {
   /// @param volume  less the layers that nobody asked for
+  /// @param moved   by rows, in a row by columns
   PixelView(const VolumeView& volume, const GreyScale& scale, const Rows& rows, std::uint8_t background,
-            const Band& band)
-      : volume_(volume), scale_(scale), rows_(rows), background_(background), band_(band) {}
+            const Band& band, std::span<const MovedPixel> moved)
+      : volume_(volume), scale_(scale), rows_(rows), background_(background), band_(band), moved_(moved) {}
   bool next();
 
   int y = -1;
@@ -89,6 +100,7 @@ struct PixelView {
 
  private:
   void sample_next_band();
+  void sample_at_rest(const MovedPixel& moved);
   // of sampled rows and the two above them
   LabelId* labels_of(int row) const { return band_.labels + (row - band_.first) * band_.stride; }
   std::uint8_t* grey_of(int row) const { return band_.grey + (row - band_.first) * band_.stride; }
@@ -98,6 +110,7 @@ struct PixelView {
   Rows rows_;
   std::uint8_t background_;
   Band band_;
+  std::span<const MovedPixel> moved_;  ///< that are still to come
 };
 
 }  // namespace palpate::internal::section

@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <set>
 
 #include "palpate/rendering/rendering.h"
 #include "report/html.h"
 #include "report/overlay.h"
 #include "report/parts.h"
+#include "report/strain_map.h"
 
 namespace palpate::report {
 namespace {
@@ -60,21 +62,56 @@ std::string png_img(const std::string& css_class, const std::vector<std::uint8_t
          "\" src=\"data:image/png;base64," + base64(png) + "\">";
 }
 
-/// @param model  the run's, or what a burr had left of it
-std::string section_figure(const Model& model, const View& view, const SectionMarks& marks, double width_mm,
-                           const SectionStyle& style, const std::string& structure, std::set<LabelId>& seen) {
+/// What a panel's sections show, and what they found.
+struct Sections {
+  const Model& model;  ///< the run's, or what a burr had left of it
+  const YieldedTissue& yielded;
+  SectionMarks marks;
+  SectionStyle style;
+  double width_mm = 100;
+  std::string structure;
+  std::set<LabelId> seen = {};
+  double most_strain = 0;
+};
+
+std::string section_figure(Sections& shown, const View& view) {
+  const Model& model = shown.model;
   const SectionPlane plane =
-      anatomical_section(view.plane, marks.contact, width_mm, kSection_px, kSection_px);
-  for (const LabelId label : section_labels(model, plane)) {
-    if (label != 0) seen.insert(label);
+      anatomical_section(view.plane, shown.marks.contact, shown.width_mm, kSection_px, kSection_px);
+  const std::vector<LabelId> labels = section_labels(model, plane, shown.style);
+  for (const LabelId label : labels) {
+    if (label != 0) shown.seen.insert(label);
   }
-  const std::string name = view.name(model), position = plane_position(model, view, marks.contact);
-  const std::string description = name + " section through the contact with " + structure + ", " + position;
+  const std::string name = view.name(model), position = plane_position(model, view, shown.marks.contact);
+  const std::string description =
+      name + " section through the contact with " + shown.structure + ", " + position;
+  std::string strain;
+  if (!shown.yielded.rests()) {
+    const StrainMap map = strain_map(model, shown.yielded, shown.style.moved, plane, labels);
+    shown.most_strain = std::max(shown.most_strain, map.most);
+    if (map.most >= kLeastStrain) strain = png_img("strain", encode_png(map.picture));
+  }
   return "<figure class=\"section\"><div class=\"picture\">" +
-         png_img("scan", encode_png(render_scan_layer(model, plane, style))) +
-         png_img("structures", encode_png(render_structure_layer(model, plane, style))) +
-         section_svg(plane, marks, description) + "</div><figcaption><span>" + name + "</span> <span>" +
+         png_img("scan", encode_png(render_scan_layer(model, plane, shown.style))) +
+         png_img("structures", encode_png(render_structure_layer(model, plane, shown.style))) + strain +
+         section_svg(plane, shown.marks, description) + "</div><figcaption><span>" + name + "</span> <span>" +
          position + "</span></figcaption></figure>\n";
+}
+
+/// How tissue that has yielded is shown; empty where it rests.
+std::string yielded_html(const Sections& shown) {
+  if (shown.yielded.rests()) return "";
+  std::string html =
+      "<p class=\"yielded\">Tissue is drawn where it had gone under the tool at the largest force, by linear "
+      "elasticity; the circle is the tool in its dent.";
+  if (!(shown.most_strain >= kLeastStrain))
+    return html + " Nothing in view is strained by " + number(100 * kLeastStrain, 0) + " % or more.</p>\n";
+  const bool is_known = std::isfinite(shown.most_strain) && shown.most_strain < 1;
+  html += " Equivalent strain in view: ";
+  html += is_known ? "at most " + number(100 * shown.most_strain, 0) + " %."
+                   : std::string("more than 100 % in places, which is beyond linear elasticity.");
+  return html + " <span class=\"strain-key\">0 " + strain_scale_svg() + " " + number(100 * kMostStrain, 0) +
+         " % and more; less than " + number(100 * kLeastStrain, 0) + " % fades out</span></p>\n";
 }
 
 std::string fact(const std::string& label, const std::string& value) {
@@ -138,12 +175,22 @@ std::string panel(const Run& run, std::size_t index, const SectionStyle& style, 
                      "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
                      swatch(run.colour(contact.label)) + escape(name) + "</h3>" + facts(run, shown) +
                      "<div class=\"sections\">\n";
-  std::set<LabelId> seen;
-  const double width_mm = field_of_view_mm(run.model);
   const auto left = model_left(run.model, run.removal.changes, contact.peak_s);
-  for (const View& view : kViews)
-    html += section_figure(left != nullptr ? *left : run.model, view, marks, width_mm, style, name, seen);
-  return html + "</div>\n" + legend(run, contact.label, seen) + "</section>\n";
+  const Model& model = left != nullptr ? *left : run.model;
+  const YieldedTissue yielded(model, shown.peak);
+  Sections sections{model, yielded, std::move(marks), style, field_of_view_mm(run.model), name};
+  if (!yielded.rests()) {
+    const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
+    sections.style.moved = moved;
+    sections.marks.tool = tool_balls(model, shown.peak, contact.device);
+    // where it leans on the surface at rest, moved as the tissue there is
+    const auto& leans = shown.at_peak().contact_patient_mm;
+    const Vector<Patient> dent = moved(Point<Patient>(leans[0], leans[1], leans[2]));
+    for (ToolBall& ball : sections.marks.tool) ball.middle += dent;
+  }
+  for (const View& view : kViews) html += section_figure(sections, view);
+  return html + "</div>\n" + yielded_html(sections) + legend(run, contact.label, sections.seen) +
+         "</section>\n";
 }
 
 std::string tabs(const Run& run) {
@@ -157,12 +204,15 @@ std::string tabs(const Run& run) {
   return html + "</div>\n";
 }
 
-std::string controls() {
+/// @param strained  there are strain pictures
+std::string controls(bool strained) {
   return "<div class=\"controls\"><label>Structures <input type=\"range\" id=\"structures\" min=\"0\" "
          "max=\"100\" "
          "value=\"100\" aria-label=\"Opacity of the structures\"></label><label><input type=\"checkbox\" "
          "id=\"marks\" "
-         "checked> Path and force</label><button type=\"button\" id=\"zoom-contact\">Show in the "
+         "checked> Path and force</label>" +
+         std::string(strained ? "<label><input type=\"checkbox\" id=\"strain\"> Strain</label>" : "") +
+         "<button type=\"button\" id=\"zoom-contact\">Show in the "
          "plots</button></div>\n";
 }
 
@@ -205,13 +255,15 @@ Result<std::string> contacts_html(const Run& run, const Progress& progress) {
     style.window_high = window[1];
   }
   const double mm_per_N = arrow_mm_per_N(run.forces.highest_limit_N);
-  html += tabs(run) + controls() + "<div class=\"panels\">\n";
+  std::string panels;
   for (std::size_t i = 0; i < run.shown.size(); ++i) {
     if (progress.stopped()) return Progress::interrupted();
     progress.report("sections", static_cast<double>(i) / static_cast<double>(run.shown.size()));
-    html += panel(run, i, style, mm_per_N);
+    panels += panel(run, i, style, mm_per_N);
   }
-  return html + "</div>\n" + key(run, mm_per_N) + "</section>\n";
+  const bool strained = panels.find("class=\"strain\"") != std::string::npos;
+  return html + tabs(run) + controls(strained) + "<div class=\"panels\">\n" + panels + "</div>\n" +
+         key(run, mm_per_N) + "</section>\n";
 }
 
 }  // namespace palpate::report

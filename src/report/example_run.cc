@@ -277,6 +277,48 @@ Recording real_recording(const Model& model) {
   return recording;
 }
 
+Model with_soft_tibia(Model model) {
+  const GridGeometry& grid = model.labels->geometry();
+  Volume<LabelId> labels(grid);
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const LabelId label = model.labels->at(i, j, k);
+        // what is soft holds fast to bone below it
+        const bool shaft = label == kTibia && (grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).z() < -26;
+        labels.at(i, j, k) = shaft ? kFibula : label;
+      }
+  model.labels = label_bricks(labels);
+  model.tissue_law = TissueLaw::kElastic;
+  model.tissues.resize(2);
+  model.tissues[1].elastic = ElasticConstants{60, 0.45};
+  model.tissue_of_label[kTibia] = 1;
+  model.tools[0].radius_mm = 4;
+  return model;
+}
+
+Recording leaning_recording(const Model& model) {
+  Recording recording = example::recording(model);
+  for (TickRecord& tick : recording.ticks) {
+    DeviceTick& device = tick.device[0];
+    device.proxy_patient_mm = device.tip_patient_mm;
+    if (device.label == 0) continue;
+    device.contact_label[0] = device.felt_label[0] = device.label;
+    device.contact_N[0] = std::hypot(device.force_N[0], device.force_N[1], device.force_N[2]);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      device.contact_patient_mm[axis] =
+          device.tip_patient_mm[axis] + device.normal_patient[axis] * device.depth_mm;
+    const bool both = device.label == kTibia && device.depth_mm > 0.3;
+    device.felt_depth_mm[0] = both ? 0.3 : std::max(0.0, device.depth_mm);
+    device.felt_share[0] = both ? 0.75 : 1;
+    if (!both) continue;
+    device.felt_label[1] = kFemur;
+    device.felt_depth_mm[1] = device.depth_mm - 0.3;
+    device.felt_share[1] = 0.25;
+  }
+  return recording;
+}
+
 Model with_burr(Model model) {
   model.tools[0].name = "burr";
   model.tools[0].radius_mm = 2;

@@ -20,6 +20,12 @@ Recording recording(const Model& model, double limit_N = 1.5);
 /// emergency stop in the last 200 ticks; three points in time without a tick.
 Recording real_recording(const Model& model);
 
+/// The model with the upper half of its tibia soft, of 60 kPa, and yielding, and a ball of 4 mm for its tool.
+Model with_soft_tibia(Model model);
+/// The first run as the proxy's ticks tell it, with all that it leans on and what gave its force: in the
+/// tibia the soft one and, beyond 0.3 mm, the femur.
+Recording leaning_recording(const Model& model);
+
 /// The model with a burr for its tool, of 4 mm.
 Model with_burr(Model model);
 /// The first run with that burr, whose motor runs for a second each while the tibia and the patella are

@@ -106,6 +106,17 @@ std::string draw_contact(const SectionPlane& plane, const Point<Patient>& contac
          " r=\"6\"/><circle class=\"tip\" " + centre + " r=\"1.8\"/>";
 }
 
+/// As the plane cuts it.
+std::string draw_tool(const SectionPlane& plane, const ToolBall& ball) {
+  const double off = (ball.middle - plane.centre).dot(plane.right.cross(plane.down));
+  const double cut2 = ball.radius_mm * ball.radius_mm - off * off;
+  if (!(cut2 > 0)) return "";
+  const Pixel p = to_drawing(plane, ball.middle);
+  const std::string circle = "cx=\"" + number(p.x, 1) + "\" cy=\"" + number(p.y, 1) + "\" r=\"" +
+                             number(std::sqrt(cut2) / plane.mm_per_px(), 1) + "\"/>";
+  return "<circle class=\"tool-halo\" " + circle + "<circle class=\"tool\" " + circle;
+}
+
 std::string draw_scale_bar(const SectionPlane& plane) {
   const double length = kScaleBar_mm / plane.mm_per_px();
   const Pixel left{14, plane.height_px - 16.0}, right{left.x + length, left.y};
@@ -159,13 +170,30 @@ void WayFollower::thin_out() {
   }
 }
 
-Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device) {
+Vector<Patient> in_patient(const Model& model, const TickRecord& tick, const Vector<World>& v) {
   const auto& w = tick.rotation_felt_wxyz;
   const Eigen::Quaterniond felt(w[0], w[1], w[2], w[3]);
+  if (!v.all_finite() || !felt.coeffs().allFinite() || !(felt.squaredNorm() > 0)) return {};
+  return model.X_WorldPatient.inverse() * (Rotation<World, World>(felt).inverse() * v);
+}
+
+Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device) {
   const auto& f = tick.device[device].force_N;
-  const Vector<World> force(f[0], f[1], f[2]);
-  if (!force.all_finite() || !felt.coeffs().allFinite() || !(felt.squaredNorm() > 0)) return {};
-  return model.X_WorldPatient.inverse() * (Rotation<World, World>(felt).inverse() * force);
+  return in_patient(model, tick, Vector<World>(f[0], f[1], f[2]));
+}
+
+std::vector<ToolBall> tool_balls(const Model& model, const TickRecord& tick, int device) {
+  const DeviceTick& told = tick.device[device];
+  const Tool& tool = model.tool_of(static_cast<std::size_t>(device));
+  const Point<Patient> proxy(told.proxy_patient_mm[0], told.proxy_patient_mm[1], told.proxy_patient_mm[2]);
+  const auto& w = told.orientation_wxyz;
+  const Eigen::Quaterniond held(w[0], w[1], w[2], w[3]);
+  std::vector<ToolBall> balls;
+  if (!proxy.all_finite() || !held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return balls;
+  for (const Eigen::Vector3d& point : tool.points_mm)
+    balls.push_back(
+        {proxy + in_patient(model, tick, Vector<World>(held.normalized() * point)), tool.radius_mm});
+  return balls;
 }
 
 std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
@@ -179,6 +207,7 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
       if (way.touching == touching) svg += draw_way(plane, way);
     }
   }
+  for (const ToolBall& ball : marks.tool) svg += draw_tool(plane, ball);
   svg += draw_force(plane, marks) + draw_contact(plane, marks.contact) + "</g>";
   svg += draw_scale_bar(plane);
   if (marks.oriented) svg += draw_letters(plane);

@@ -36,8 +36,18 @@ class WayFollower {
   std::size_t points_ = 0, step_ = 1;  // every step_th tick is kept
 };
 
+/// What is fixed to the workspace in one tick, turned into the patient as the object was felt then.
+Vector<Patient> in_patient(const Model& model, const TickRecord& tick, const Vector<World>& v);
 /// The force sent in one tick, turned from the workspace into the patient as the object was felt then.
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device);
+
+/// A sphere of the tool.
+struct ToolBall {
+  Point<Patient> middle;
+  double radius_mm = 0;
+};
+/// A tool's spheres as a tick has them, where its proxy is held: on the surface at rest.
+std::vector<ToolBall> tool_balls(const Model& model, const TickRecord& tick, int device);
 
 struct SectionMarks {
   Point<Patient> contact;
@@ -46,13 +56,14 @@ struct SectionMarks {
   Side side = Side::kUnknown;
   bool oriented = true;  ///< false: how the volume lies in the patient is not known
   std::vector<Way> ways;
+  std::vector<ToolBall> tool;  ///< drawn as the plane cuts them
 };
 
 /// Ways farther than this from the plane are not drawn.
 inline constexpr double kWayReach_mm = 5;
 
-/// Way, contact, force, scale bar, orientation letters, and the side in the lower right corner, where no
-/// letter stands that it could be taken for. Without orientation no letter, and a mark that says so.
+/// Way, tool, contact, force, scale bar, orientation letters, and the side in the lower right corner, where
+/// no letter stands that it could be taken for. Without orientation no letter, and a mark that says so.
 /// `description` is for those who do not see the picture.
 std::string section_svg(const SectionPlane& plane, const SectionMarks& marks, const std::string& description);
 

@@ -40,6 +40,9 @@
     byId("marks").addEventListener("change", (event) => {
       root.classList.toggle("no-marks", !event.target.checked);
     });
+    byId("strain")?.addEventListener("change", (event) => {
+      root.classList.toggle("strained", event.target.checked);
+    });
     byId("zoom-contact").addEventListener("click", () => {
       const begin = run.shown.begin[selected];
       const end = run.shown.end[selected];
@@ -137,6 +140,14 @@
     }
     return "rgb(" + mixed.join() + ")";
   };
+  const layers = (decimals, unit) => run.layers.map((structure, i) => ({
+    label: structure.name,
+    stroke: legible(structure.colour),
+    width: 1.4,
+    dash: dashes[i % dashes.length],
+    points: { show: false },
+    value: show(decimals, unit),
+  }));
   // one curve a structure, which stays until more of it is gone
   const removals = () => run.removedOf.map((structure, i) => ({
     label: structure.name,
@@ -196,6 +207,11 @@
       makePlot("depth", curves("depth", 3, "mm"), run.depth, withZero(0.1)),
       makePlot("speed", curves("speed", 1, "mm/s"), run.speed, withZero(0.1)),
     ];
+    // where tissue yields
+    if (run.layers) {
+      plots.push(makePlot("layer-force", layers(3, "N"), run.layerForce, withZero(0.1)));
+      plots.push(makePlot("layer-depth", layers(2, "mm"), run.layerDepth, withZero(0.1)));
+    }
     // where a burr was at work
     if (run.removed) plots.push(makePlot("removed", removals(), run.removed, withZero(0.1)));
     // on the real clock

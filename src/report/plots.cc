@@ -60,6 +60,20 @@ std::string removed_json(const Run& run) {
   return "\"removed\":" + mm3 + "],\"removedOf\":" + of + "]";
 }
 
+/// What each structure gave of the force, and how much of the way in lay within it, on the plots' times.
+std::string layers_json(const Run& run) {
+  const std::size_t count = run.layer_labels.size();
+  std::string of = "[", force = "[", depth = "[";
+  for (std::size_t n = 0; n < count; ++n) {
+    if (n > 0) of += ',', force += ',', depth += ',';
+    of += "{\"colour\":" + json_string(css_colour(run.colour(run.layer_labels[n]))) +
+          ",\"name\":" + json_string(run.name(run.layer_labels[n])) + "}";
+    force += json_array(run.layers.series[n], 3);
+    depth += json_array(run.layers.series[count + n], 3);
+  }
+  return "\"layers\":" + of + "],\"layerForce\":" + force + "],\"layerDepth\":" + depth + "]";
+}
+
 std::string data_json(const Run& run) {
   const PlotData& data = run.plots;
   std::string json = "{\"time\":" + json_array(data.x, 4);
@@ -69,6 +83,7 @@ std::string data_json(const Run& run) {
   json += ",\"speed\":" + devices_json(data, 3, 2);
   if (run.real_clock()) json += ",\"lateness\":[" + json_array(data.series.back(), 1) + "]";
   if (!run.removal.structures.empty()) json += "," + removed_json(run);
+  if (!run.layers.series.empty()) json += "," + layers_json(run);
   json += ",\"contacts\":" + contacts_json(run);
   json += ",\"shown\":" + shown_json(run);
   return json + "}";
@@ -107,9 +122,18 @@ std::string plots_html(const Run& run) {
   html += plot("force", "Force sent <span class=\"unit\">N</span>",
                "Force sent" + duration + "; largest " + number(run.forces.peak_N, 2) + " N, limit " +
                    number(run.forces.highest_limit_N, 2) + " N");
-  html += plot("depth", "Depth below the surface <span class=\"unit\">mm</span>",
+  html += plot("depth",
+               std::string(run.yields() ? "Depth in the surface at rest" : "Depth below the surface") +
+                   " <span class=\"unit\">mm</span>",
                "Depth of the tip below the touched surface" + duration + deepest_text(run));
   html += plot("speed", "Speed of the tip <span class=\"unit\">mm/s</span>", "Speed of the tip" + duration);
+  if (!run.layers.series.empty()) {
+    html += plot("layer-force", "Force by structure <span class=\"unit\">N</span>",
+                 "Force that each structure gave" + duration);
+    html +=
+        plot("layer-depth", "Depth by structure <span class=\"unit\">mm</span>",
+             "How much of the tip's way in, from the surface at rest, lay within each structure" + duration);
+  }
   html += "<ul class=\"legend\" aria-label=\"Structures touched\">";
   for (const StructureFigures& figure : run.structures) {
     html += "<li>" + swatch(run.colour(figure.label)) + escape(run.name(figure.label)) + "</li>";

@@ -417,6 +417,76 @@ TEST_F(Report, SaysWhatABurrRemoved) {
   EXPECT_THAT(page(), Not(HasSubstr("id=\"plot-removed\"")));
 }
 
+// what stands between two words, the first time after a place
+std::string between(const std::string& text, const std::string& from, const std::string& to,
+                    std::size_t after) {
+  const std::size_t begin = text.find(from, after) + from.size();
+  return text.substr(begin, text.find(to, begin) - begin);
+}
+
+TEST_F(Report, ShowsTissueWhereItHasYieldedTo) {
+  model = example::with_soft_tibia(model);
+  recording = example::leaning_recording(model);
+  Model layers = model;
+  layers.tissue_law = TissueLaw::kLayers;
+  const std::string html = page(), still = report_html(recording, layers).value();
+  // the tibia alone yields: three sections with its strain, and the tool in its dent
+  EXPECT_EQ(count(html, "<img class=\"strain\""), 3u);
+  EXPECT_EQ(count(html, "<circle class=\"tool\""), 3u);
+  EXPECT_EQ(count(html, "id=\"strain\""), 1u);
+  EXPECT_EQ(count(html, "<p class=\"yielded\">"), 1u);
+  EXPECT_THAT(html, ::testing::ContainsRegex("Equivalent strain in view: at most [0-9]+ %"));
+  for (const std::string part : {"<img class=\"strain\"", "class=\"tool\"", "id=\"strain\"",
+                                 "class=\"yielded\"", "layer-force", "\"layers\":", "surface at rest"})
+    EXPECT_THAT(still.substr(0, still.find("<script>")), Not(HasSubstr(part))) << part;
+  const auto scan_of = [](const std::string& of, const std::string& panel) {
+    return between(of, "class=\"scan\"", ">", of.find("id=\"contact-" + panel + "\""));
+  };
+  EXPECT_NE(scan_of(html, "0"), scan_of(still, "0"));
+  for (const std::string other : {"1", "2", "3"}) EXPECT_EQ(scan_of(html, other), scan_of(still, other));
+  EXPECT_EQ(html, page());
+}
+
+TEST_F(Report, WithLayersItIsAsIfNothingHadAModulus) {
+  recording = example::leaning_recording(model);
+  const std::string html = page();
+  model.tissues[0].elastic = ElasticConstants{10, 0.45};
+  EXPECT_EQ(page(), html);
+}
+
+TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
+  model = example::with_soft_tibia(model);
+  recording = example::leaning_recording(model);
+  const std::string html = page();
+  EXPECT_THAT(html, HasSubstr("Depth in the surface at rest"));
+  EXPECT_EQ(count(html, "id=\"plot-layer-force\""), 1u);
+  EXPECT_EQ(count(html, "id=\"plot-layer-depth\""), 1u);
+  EXPECT_THAT(html, HasSubstr("\"layers\":[{\"colour\":\"#dc8c5a\",\"name\":\"tibia\"},"));
+  // of the most that the tibia was pressed with, three quarters; the femur the rest
+  double most_N = 0, deepest_mm = 0;
+  for (const TickRecord& tick : recording.ticks) {
+    const DeviceTick& device = tick.device[0];
+    if (device.felt_label[1] == 0) continue;
+    most_N = std::max(most_N, device.contact_N[0]);
+    deepest_mm = std::max(deepest_mm, device.depth_mm);
+  }
+  ASSERT_GT(most_N, 0.5);
+  const auto most_of = [&](const std::string& plot, std::size_t series) {
+    std::size_t at = html.find("\"" + plot + "\":[[");
+    for (std::size_t n = 0; n < series; ++n) at = html.find("],[", at + 1);
+    double most = 0;
+    const std::string values = between(html, "[", "]", series == 0 ? html.find("[[", at) + 1 : at + 1);
+    for (std::size_t n = 0; n < values.size();
+         n = values.find(',', n) == std::string::npos ? values.size() : values.find(',', n) + 1)
+      if (values[n] != 'n') most = std::max(most, std::stod(values.substr(n)));
+    return most;
+  };
+  const std::size_t femur = 4;  // after the four that were touched
+  EXPECT_NEAR(most_of("layerForce", femur), 0.25 * most_N, 0.002);
+  EXPECT_NEAR(most_of("layerDepth", femur), deepest_mm - 0.3, 0.002);
+  EXPECT_NEAR(most_of("layerDepth", 0), 0.3, 0.002);
+}
+
 TEST_F(Report, AnotherModelIsRefused) {
   recording.header.model_hash ^= 1;
   const auto html = report_html(recording, model);

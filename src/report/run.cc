@@ -17,6 +17,7 @@ const RecordingHeader::Structure* find_structure(const RecordingHead& recording,
 }
 
 constexpr std::size_t kMostPoints = 4000;
+constexpr std::size_t kMostPlotted = 12;
 
 double speed_mm_s(const DeviceTick& device) {
   const auto& v = device.velocity_patient_mm_s;
@@ -95,10 +96,44 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
   return {};
 }
 
+/// The structures whose part in the force is plotted, those touched first.
+std::vector<LabelId> felt_labels(const Run& run) {
+  std::vector<LabelId> labels;
+  const auto add = [&](LabelId label) {
+    if (std::ranges::find(labels, label) == labels.end() && labels.size() < kMostPlotted)
+      labels.push_back(label);
+  };
+  if (!run.yields()) return labels;
+  for (const StructureFigures& figure : run.structures) add(figure.label);
+  for (const BeneathFigures& figure : run.beneath) add(figure.label);
+  return labels;
+}
+
+/// The values of Run::layers of one tick.
+void layer_values(const Run& run, const TickRecord& tick, std::vector<double>& values) {
+  const std::size_t count = run.layer_labels.size();
+  values.assign(2 * count, kGap);
+  for (std::size_t d = 0; d < static_cast<std::size_t>(run.devices); ++d) {
+    const DeviceTick& device = tick.device[d];
+    for (std::size_t n = 0; n < device.felt_label.size() && device.felt_label[n] != 0; ++n) {
+      const auto found = std::ranges::find(run.layer_labels, device.felt_label[n]);
+      if (found == run.layer_labels.end()) continue;
+      const auto at = static_cast<std::size_t>(found - run.layer_labels.begin());
+      double &force = values[at], &depth = values[count + at];
+      const double its_N = force_N(device) * device.felt_share[n];
+      force = std::isfinite(force) ? force + its_N : its_N;
+      depth = std::fmax(depth, device.felt_depth_mm[n]);
+    }
+  }
+}
+
 Result<void> follow_contacts(const RecordingSource& recording, const Progress& progress, Run& run) {
   if (run.shown.empty()) return {};
   std::vector<WayFollower> followers;
   for (const ShownContact& shown : run.shown) followers.emplace_back(shown.contact);
+  run.layer_labels = felt_labels(run);
+  Decimator layers(static_cast<std::size_t>(run.recording.ticks), 2 * run.layer_labels.size(), kMostPoints);
+  std::vector<double> values;
   const auto hear = [](std::span<const RecordingEvent>) {};
   const auto read =
       read_timed(recording, "following the contacts", progress, hear, [&](const TimedTick& now) {
@@ -106,7 +141,11 @@ Result<void> follow_contacts(const RecordingSource& recording, const Progress& p
           followers[i].see(now);
           if (run.shown[i].contact.peak == now.index) run.shown[i].peak = now.tick;
         }
+        if (run.layer_labels.empty()) return;
+        layer_values(run, now.tick, values);
+        layers.add(now.begin_s, values);
       });
+  if (read && !run.layer_labels.empty()) run.layers = layers.finish();
   for (std::size_t i = 0; i < followers.size(); ++i) run.shown[i].ways = followers[i].finish();
   return read;
 }

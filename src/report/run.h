@@ -55,6 +55,10 @@ struct Run {
   RemovalFigures removal;  ///< empty where no burr was at work
   /// Of each device limit, force, depth and speed, then, on the real clock, the lateness in microseconds.
   PlotData plots;
+  /// Where tissue yields: structures that were felt, and of each the force that it gave, all devices
+  /// together, then of each the most of a tip's way in that lay within it. On the times of `plots`.
+  std::vector<LabelId> layer_labels;
+  PlotData layers;
 
   /// Unknown when it is not known how the volume lies in the patient, whatever the scene says.
   Side side() const { return model.oriented ? model.side : Side::kUnknown; }
@@ -62,6 +66,7 @@ struct Run {
   bool felt_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
+  bool yields() const { return model.tissue_law == TissueLaw::kElastic; }
   bool real_clock() const { return recording.header.clock == "real"; }
   /// A viewer's pointer was the device: it says nothing while nobody presses it.
   bool by_pointer() const { return recording.header.device == "pointer"; }

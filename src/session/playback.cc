@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <iterator>
 #include <map>
 #include <mutex>
@@ -17,9 +18,11 @@
 #include "palpate/tissue/removed_volume.h"
 #include "session/cut_list.h"
 #include "session/nearest_line.h"
+#include "session/played_yields.h"
 #include "session/recording_line.h"
 #include "session/tick_blocks.h"
 #include "session/viewed_scene.h"
+#include "session/yield_index.h"
 
 namespace palpate {
 namespace {
@@ -134,7 +137,8 @@ Result<void> reckon_gone(const Model& model, const Progress& progress, Edits& ed
 class Playback final : public ViewerHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
-           const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest)
+           const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest,
+           YieldIndex yields)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
@@ -143,10 +147,20 @@ class Playback final : public ViewerHost {
         place_(scene_.recording->begin_s, scene_.recording->end_s),
         shown_(first),
         blocks_(
-            [source = std::move(recording)](std::size_t block, const Progress& progress) {
-              return source.read_at(block * TickBlocks::kTicks, TickBlocks::kTicks, progress);
+            [recording](std::size_t block, const Progress& progress) {
+              return recording.read_at(block * TickBlocks::kTicks, TickBlocks::kTicks, progress);
             },
-            std::move(begins_s)) {}
+            std::move(begins_s)) {
+    if (yields.empty()) return;
+    // what was solved from ticks of the block before is seldom asked for
+    const auto tick_at = [this, source = std::move(recording)](
+                             std::uint64_t row, const Progress& progress) -> std::optional<TickRecord> {
+      if (auto kept = blocks_.kept_at(row)) return kept;
+      auto read = source.read_at(row, 1, progress);
+      return read && !read->empty() ? std::optional(read->front()) : std::nullopt;
+    };
+    yields_ = std::make_unique<PlayedYields>(model_, std::move(yields), edits_.cuts, tick_at);
+  }
 
   const ViewedScene& scene() const override { return scene_; }
 
@@ -155,6 +169,11 @@ class Playback final : public ViewerHost {
     const double at_s = place_.now_s();
     const int way = !place_.playing() ? 0 : place_.speed() > 0 ? 1 : -1;
     if (auto tick = blocks_.tick_at(at_s, way, place_.from_s())) shown_ = *tick;
+    if (yields_ != nullptr) {
+      constexpr double kNear_s = 0.25;
+      const double speed = place_.playing() ? std::max(1.0, std::abs(place_.speed())) : 1.0;
+      yields_->want(shown_.yield_frame, static_cast<std::uint32_t>(kNear_s * speed / kYieldFrame_s));
+    }
     stiffness_N_per_mm = {};
     // what the other methods make of it depends on the stiffest of all tissues
     if (shown_.method != static_cast<std::uint8_t>(ForceMethod::kProxy)) return shown_;
@@ -170,6 +189,9 @@ class Playback final : public ViewerHost {
                                           tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
     }
     return shown_;
+  }
+  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
+    return yields_ != nullptr ? yields_->yielded(device) : nullptr;
   }
   ViewedHealth health() const override {
     ViewedHealth health;
@@ -249,6 +271,7 @@ class Playback final : public ViewerHost {
   mutable Place place_;
   mutable TickRecord shown_;
   mutable TickBlocks blocks_;
+  std::unique_ptr<PlayedYields> yields_;  // null: nothing yields
 };
 
 }  // namespace
@@ -265,8 +288,8 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                  "the recording's clock does not rise, so that there is no time to look at", "",
                  "palpate replay without --view compares its ticks"};
 
-  // how near a burr came is told of what is prepared for the proxy
-  if (model->cuts()) {
+  // how near a burr came, and how tissue yielded, is told of what is prepared for the proxy
+  if (model->cuts() || model->tissue_law == TissueLaw::kElastic) {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto ready = ready_for(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
@@ -278,6 +301,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   TickRecord first;
   std::vector<double> begins_s;
   Edits edits;
+  YieldIndex yields(*model);
   std::uint64_t row = 0;
   const auto seen = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
@@ -288,6 +312,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
         for (const RecordingEvent& event : part.events) {
           edits.hear(event);
         }
+        if (model->tissue_law == TissueLaw::kElastic) yields.see(part, row);
         for (const TickRecord& tick : part.ticks) {
           if (row == 0) first = tick;
           if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
@@ -308,9 +333,9 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   for (const RecordingHead::FeltMethod& felt : head.methods)
     if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
   try {
-    return std::unique_ptr<ViewerHost>(
-        std::make_unique<Playback>(std::move(recording), std::move(model), std::move(scene), first,
-                                   std::move(begins_s), std::move(edits), std::move(nearest)));
+    return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
+        std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
+        std::move(edits), std::move(nearest), std::move(yields)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
                  "end other programs"};

@@ -36,6 +36,13 @@ std::optional<TickRecord> TickBlocks::tick_at(double at_s, int way, double from_
   return *(next == ticks->begin() ? next : next - 1);
 }
 
+std::optional<TickRecord> TickBlocks::kept_at(std::uint64_t row) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = std::ranges::find(kept_, row / kTicks, &Kept::number);
+  if (found == kept_.end() || row % kTicks >= found->ticks.size()) return std::nullopt;
+  return found->ticks[row % kTicks];
+}
+
 std::optional<Error> TickBlocks::failure() const {
   const std::lock_guard lock(mutex_);
   return failure_;

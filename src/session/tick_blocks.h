@@ -41,6 +41,8 @@ class TickBlocks {
   /// @param way     1: it plays, -1: backwards, 0: it rests
   /// @param from_s  where it began to play
   std::optional<TickRecord> tick_at(double at_s, int way, double from_s);
+  /// The tick in a row, where its block is kept.
+  std::optional<TickRecord> kept_at(std::uint64_t row) const;
   /// Why nothing more is read.
   std::optional<Error> failure() const;
   /// What could not be read is read anew: a busy machine has no process for a reader now and then.

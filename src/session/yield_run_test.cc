@@ -3,11 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <span>
 
+#include "base/test_wait.h"
 #include "loading/test_loading.h"
+#include "palpate/model/changed_model.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/session/explore.h"
+#include "palpate/session/playback.h"
 #include "palpate/tissue/yield_solver.h"
+#include "session/tissue_thread.h"
 
 /// Tissue that yields, in runs on the virtual and on the real clock, and the same again.
 namespace palpate {
@@ -52,6 +58,68 @@ class YieldRun : public ::testing::Test {
     for (std::size_t n = 0; n < recording_.events.size(); ++n)
       if (recording_.events[n].kind == EventKind::kYield) places.push_back(n);
     return places;
+  }
+
+  std::shared_ptr<const Model> ready_model() const {
+    constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+    return ready_for(loaded_.model, kProxyAlone).value();
+  }
+  // what a live session showed with each solution, in their order
+  std::vector<std::shared_ptr<const ViewedYield>> live_yields(
+      const std::function<std::shared_ptr<const Model>(std::uint32_t version)>& model_of) const {
+    std::vector<std::shared_ptr<const ViewedYield>> live;
+    YieldSolver solver;
+    for (const std::size_t row : solutions()) {
+      const RecordingEvent& event = recording_.events[row];
+      const auto tick = std::ranges::lower_bound(recording_.ticks, event.input_tick, {}, &TickRecord::tick);
+      solver.solve(*model_of(tick->model_version), *tick);
+      live.push_back(viewed_yield(solver, *tick, 0));
+    }
+    return live;
+  }
+  // Goes to places of the recording, and waits for what yielded there: the most that a node is off, of the
+  // most that any has moved there.
+  double most_off(ViewerHost& playback, std::span<const std::shared_ptr<const ViewedYield>> live,
+                  std::span<const std::size_t> rows) const {
+    double worst = 0;
+    std::array<double, kMaxDevices> N_per_mm{};
+    for (const std::size_t row : rows) {
+      const TickRecord& tick = recording_.ticks[row];
+      SCOPED_TRACE("row " + std::to_string(row) + ", solution " + std::to_string(tick.yield_frame));
+      PlayRequest request;
+      request.at_s = tick.time_s;
+      EXPECT_TRUE(playback.play(request));
+      const ViewedYield* const wanted = tick.yield_frame > 0 ? live[tick.yield_frame - 1].get() : nullptr;
+      std::shared_ptr<const ViewedYield> shown;
+      EXPECT_TRUE(testing::soon([&] {
+        const bool is_there = playback.snapshot(N_per_mm).tick == tick.tick;
+        shown = playback.yielded(0);
+        return is_there &&
+               (wanted == nullptr ? shown == nullptr : shown != nullptr && shown->frame == wanted->frame);
+      }));
+      if (wanted == nullptr || shown == nullptr) continue;
+      EXPECT_EQ(shown->nodes, wanted->nodes);
+      EXPECT_EQ(shown->first_patient_mm, wanted->first_patient_mm);
+      double off_mm = 0, most_mm = 0;
+      for (std::size_t n = 0; n < wanted->moved_mm.size() && n < shown->moved_mm.size(); ++n) {
+        off_mm = std::max(off_mm, static_cast<double>(std::abs(shown->moved_mm[n] - wanted->moved_mm[n])));
+        most_mm = std::max(most_mm, static_cast<double>(std::abs(wanted->moved_mm[n])));
+      }
+      EXPECT_GT(most_mm, 0);
+      EXPECT_LT(off_mm, 0.01 * most_mm);
+      worst = std::max(worst, off_mm / most_mm);
+    }
+    EXPECT_EQ(playback.yielded(kMaxDevices), nullptr);
+    return worst;
+  }
+  // to and fro, next to each other, far apart, and where nothing has been touched yet
+  std::vector<std::size_t> some_rows() const {
+    const std::size_t rows = recording_.ticks.size();
+    std::vector<std::size_t> some;
+    for (const std::size_t percent : {50, 10, 90, 30, 31, 70, 60, 0, 80, 40, 55, 20, 65, 75})
+      some.push_back(percent * (rows - 1) / 100);
+    for (std::size_t n = 0; n < 6; ++n) some.push_back(rows / 2 + 40 * n);
+    return some;
   }
 
   const test::TemporaryFolder folder_;
@@ -184,6 +252,98 @@ TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
   const auto result = replay(recording_, loaded_.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;
+}
+
+TEST_F(YieldRun, AnyPlaceOfARecordingYieldsAsItDidInTheRun) {
+  simulate_it();
+  const auto model = ready_model();
+  const auto live = live_yields([&](std::uint32_t) { return model; });
+  EXPECT_GT(std::ranges::count_if(live, [](const auto& yield) { return yield != nullptr; }), 40);
+  const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
+  ASSERT_TRUE(opened) << opened.error().message();
+  RecordProperty("most_off", std::to_string(most_off(**opened, live, some_rows())));
+}
+
+TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
+  simulate_it();
+  // as if a burr had been there: beside the tool, when half of the run was over, and undone near its end
+  const std::size_t half = recording_.ticks.size() / 2, late = 9 * recording_.ticks.size() / 10;
+  const auto& place = recording_.ticks[half].device[0].contact_patient_mm;
+  RecordingEvent sweep, cut, undo;
+  sweep.kind = EventKind::kSweep;
+  sweep.tick = cut.tick = recording_.ticks[half].tick;
+  sweep.number = cut.number = cut.change.version = 2;
+  sweep.sweep.from_mm = {place[0], place[1] + 8, place[2] - 2};
+  sweep.sweep.to_mm = {place[0] + 1, place[1] + 8, place[2] - 2};
+  sweep.sweep.radius_mm = 3;
+  cut.change.tissue = ModelChange::kCut;
+  undo.tick = recording_.ticks[late].tick;
+  undo.number = undo.change.version = 3;
+  undo.change.tissue = ModelChange::kUndo;
+  for (std::size_t n = half; n < recording_.ticks.size(); ++n)
+    recording_.ticks[n].model_version = n < late ? 2 : 3;
+  for (const RecordingEvent& event : {sweep, cut, undo})
+    recording_.events.insert(
+        std::ranges::upper_bound(recording_.events, event.tick, {}, &RecordingEvent::tick), event);
+
+  const auto whole = ready_model();
+  const Cut cuts[] = {cut_of(sweep.sweep)};
+  const auto less = next_version({whole, whole}, cut.change, cuts);
+  ASSERT_TRUE(less) << less.error().message();
+  const auto live = live_yields([&](std::uint32_t version) { return version == 2 ? less->felt : whole; });
+  const auto uncut = live_yields([&](std::uint32_t) { return whole; });
+  const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
+  ASSERT_TRUE(opened) << opened.error().message();
+  const std::vector<std::size_t> rows{half + 200, half - 100, half + 400, late + 60, half + 210};
+  RecordProperty("most_off", std::to_string(most_off(**opened, live, rows)));
+  // what is cut is seen in it
+  const std::uint32_t frame = recording_.ticks[half + 200].yield_frame;
+  EXPECT_NE(live[frame - 1]->moved_mm, uncut[frame - 1]->moved_mm);
+}
+
+TEST_F(YieldRun, WhatIsPlayedYieldsFromSolutionToSolution) {
+  simulate_it();
+  const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
+  ASSERT_TRUE(opened) << opened.error().message();
+  ViewerHost& playback = **opened;
+  std::array<double, kMaxDevices> N_per_mm{};
+  for (const double speed : {1.0, -2.0}) {
+    PlayRequest request;
+    request.at_s = recording_.ticks[recording_.ticks.size() / 2].time_s;
+    request.playing = true;
+    request.speed = speed;
+    ASSERT_TRUE(playback.play(request));
+    std::uint32_t last = 0, others = 0;
+    ASSERT_TRUE(testing::soon([&] {
+      const std::uint32_t number = playback.snapshot(N_per_mm).yield_frame;
+      const auto shown = playback.yielded(0);
+      if (shown != nullptr) {
+        // what is shown is no farther away than a quarter of a second
+        EXPECT_LE(std::max(number, shown->frame) - std::min(number, shown->frame), 16 * std::abs(speed));
+        others += shown->frame != last;
+        last = shown->frame;
+      }
+      return !playback.state().playback->playing;
+    }));
+    // a slow machine shows fewer
+    EXPECT_GT(others, speed > 0 ? 1u : 0u);
+  }
+}
+
+TEST_F(YieldRun, ARecordingThatTellsOfOtherSolutionsIsShownAtRest) {
+  simulate_it();
+  const std::size_t row = recording_.ticks.size() / 2;
+  for (RecordingEvent& event : recording_.events)
+    if (event.kind == EventKind::kYield) event.input_tick = ~std::uint64_t{0};
+  const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
+  ASSERT_TRUE(opened) << opened.error().message();
+  PlayRequest request;
+  request.at_s = recording_.ticks[row].time_s;
+  ASSERT_TRUE((*opened)->play(request));
+  std::array<double, kMaxDevices> N_per_mm{};
+  EXPECT_TRUE(
+      testing::soon([&] { return (*opened)->snapshot(N_per_mm).tick == recording_.ticks[row].tick; }));
+  EXPECT_EQ((*opened)->yielded(0), nullptr);
 }
 
 TEST_F(YieldRun, FeltByAnotherMethodItReplaysToo) {

@@ -10,6 +10,7 @@
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
+#include "tissue/yield_cells.h"
 
 namespace palpate {
 namespace {
@@ -80,18 +81,6 @@ double expected_radius_mm(const DeviceTick& felt, const OnSurface& contact, doub
   return std::min(touched_mm * std::sqrt(depth_mm / felt.depth_mm), hertz_mm);
 }
 
-std::vector<ElasticMaterial> materials_of(const Model& model) {
-  std::vector<ElasticMaterial> by_label(model.tissue_of_label.size());
-  for (std::size_t label = 1; label < by_label.size(); ++label) {
-    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
-    if (tissue == nullptr || !tissue->felt) continue;
-    by_label[label] = tissue->elastic ? ElasticMaterial{Matter::kSoft, tissue->elastic->youngs_modulus_kPa,
-                                                        tissue->elastic->poissons_ratio}
-                                      : ElasticMaterial{Matter::kRigid};
-  }
-  return by_label;
-}
-
 }  // namespace
 
 std::uint64_t ticks_of_yield_frame(double rate_hz) {
@@ -104,21 +93,31 @@ double yield_cell_mm(const Model& model) {
   return std::clamp(2 * model.labels->geometry().min_spacing_mm(), kLeast_mm, kMost_mm);
 }
 
+std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& felt,
+                                       const std::optional<YieldBox>& before) {
+  const auto contact = expected_contact(model, felt);
+  if (!contact) return before;
+  const Eigen::Vector3d in_cells = in_yield_cells(model, contact->at);
+  if (before && is_around(before->first_cell, in_cells)) return before;
+  return YieldBox{first_cell_around(in_cells), contact->at};
+}
+
 /// A box of cells around a device's tool.
 struct YieldSolver::Region {
   std::vector<ElasticMaterial> by_label;  ///< that it is made of
-  std::array<int, 3> first{0, 0, 0};      ///< of its cells, in cells of the whole volume
+  YieldBox box;
   CarvedCells cells;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
   double modulus = 0;  ///< under the patch, of the last frame
+  bool is_new = true;  ///< nothing was solved in it yet
 
   /// @param before  the box that it takes the place of; may be null
-  Region(std::vector<ElasticMaterial> materials, const std::array<int, 3>& from, CarvedCells laid,
+  Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
          const Region* before)
       : by_label(std::move(materials)),
-        first(from),
-        cells(std::move(laid)),
+        box(where),
+        cells(yield_cells(model, by_label, where)),
         solver([&]() -> const ElasticGrid& {
           if (before != nullptr && before->is_of(cells.labels(), by_label))
             cells.take_over(before->cells, way_from(*before));
@@ -134,29 +133,15 @@ struct YieldSolver::Region {
   bool is_of(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
     return labels.made == cells.labels().made && by_label == materials;
   }
+  // with just that gone of them
+  bool stands_at(const CarvedLabels& labels) const {
+    return labels.taken == cells.labels().taken && cells.on_their_way().empty();
+  }
 
-  // whether it reaches around a place, and the cells at whose corner one would begin that does
-  static std::array<int, 3> cells_along() {
-    return {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
-  }
-  static std::array<int, 3> first_around(const Eigen::Vector3d& in_cells) {
-    std::array<int, 3> from;
-    for (int axis = 0; axis < 3; ++axis) {
-      const double step = kSolvingFeel.step_cells;
-      from[axis] = kSolvingFeel.step_cells *
-                   static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells_along()[axis]) / step + 0.5));
-    }
-    return from;
-  }
-  bool is_around(const Eigen::Vector3d& in_cells) const {
-    for (int axis = 0; axis < 3; ++axis)
-      if (std::abs(in_cells[axis] - first[axis] - 0.5 * cells_along()[axis]) > kSolvingFeel.farthest_cells)
-        return false;
-    return true;
-  }
   // from one of its cells to the same one of another box
   std::array<int, 3> way_from(const Region& other) const {
-    return {first[0] - other.first[0], first[1] - other.first[1], first[2] - other.first[2]};
+    const auto &here = box.first_cell, &there = other.box.first_cell;
+    return {here[0] - there[0], here[1] - there[1], here[2] - there[2]};
   }
   // what both know is kept as it was
   void take_over(const Region& before) {
@@ -194,20 +179,14 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     const auto contact = expected_contact(model, device);
     if (!contact) continue;
 
-    // the box lies on one lattice wherever it goes
     std::unique_ptr<Region>& region = regions_[d];
     const bool same = region != nullptr && region->is_of(labels, by_label);
     if (same) region->follow(labels);
-    ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
-    const Eigen::Vector3d in_cells = box.local_mm(contact->at) / box.cell_mm;
-    const bool anew = !same || !region->is_around(in_cells);
-    if (anew) {
-      const std::array<int, 3> first = Region::first_around(in_cells);
-      box.cells = Region::cells_along();
-      box.corner = box.patient(Eigen::Vector3d(first[0], first[1], first[2]) * box.cell_mm);
-      region = std::make_unique<Region>(by_label, first, CarvedCells(labels, by_label, box, contact->at),
+    const Eigen::Vector3d in_cells = in_yield_cells(model, contact->at);
+    if (!same || !is_around(region->box.first_cell, in_cells))
+      region = std::make_unique<Region>(model, by_label, YieldBox{first_cell_around(in_cells), contact->at},
                                         region.get());
-    }
+    const bool anew = std::exchange(region->is_new, false);
 
     const double cell_mm = region->grid().box().cell_mm;
     const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.least_radius_mm);
@@ -233,6 +212,24 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     spot.patch_radius_mm = rho_mm;
   }
   return frame_;
+}
+
+void YieldSolver::go_on(const Model& model, std::uint32_t frame,
+                        std::span<const std::optional<YieldBox>> boxes) {
+  frame_ = {};
+  frame_.number = frame;
+  const std::vector<ElasticMaterial> by_label = materials_of(model);
+  const CarvedLabels labels = carved_labels(model);
+  for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    std::unique_ptr<Region>& region = regions_[d];
+    if (d >= boxes.size() || !boxes[d]) {
+      region.reset();
+    } else if (region == nullptr || region->box != *boxes[d] || !region->is_of(labels, by_label) ||
+               !region->stands_at(labels)) {
+      region = std::make_unique<Region>(model, by_label, *boxes[d], nullptr);
+    }
+    if (region != nullptr) region->is_new = true;
+  }
 }
 
 bool YieldSolver::field_of(std::size_t device, YieldField& field) const {

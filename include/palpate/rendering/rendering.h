@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -67,11 +68,24 @@ struct OrientationLetters {
 };
 OrientationLetters orientation_letters(const SectionPlane& plane);
 
+/// How far the tissue that lies at a place at rest has gone from there, patient, mm. Continuous, and nowhere
+/// so steep that tissue is folded; asked for many places of a picture, from the thread that draws.
+using TissueMoved = std::function<Vector<Patient>(const Point<Patient>& at_rest)>;
+/// Where the tissue lies at rest that is seen at a place: x with x + moved(x) = seen, by fixed-point steps
+/// x <- seen - moved(x), half ones where whole ones do not settle, until it is as near as kAtRestNear_mm; the
+/// last of kMostAtRestSteps where tissue is folded.
+Point<Patient> place_at_rest(const Point<Patient>& seen, const TissueMoved& moved);
+inline constexpr double kAtRestNear_mm = 0.002;
+inline constexpr int kMostAtRestSteps = 16;
+
 struct SectionStyle {
   double window_low = 0, window_high = 0;  ///< of the scan; equal: scan_window()
   double label_opacity = 0.55;             ///< of the colour over the scan, 0 ... 1, times the tissue's own
   bool outlines = true;                    ///< draw structures' borders at full colour
   int grey_levels = 256;                   ///< 2 ... 256; fewer make a smaller PNG
+  /// Tissue is drawn where it has gone to: each pixel shows what lies at rest where place_at_rest says. None:
+  /// at rest.
+  TissueMoved moved = {};
 };
 
 /// The 1st and 99th percentile of a scan's finite values, from at most about a million of them evenly
@@ -151,7 +165,8 @@ class SectionRenderer {
 Image render_section(const Model& model, const SectionPlane& plane, const SectionStyle& style = {});
 Image render_scan_layer(const Model& model, const SectionPlane& plane, const SectionStyle& style = {});
 Overlay render_structure_layer(const Model& model, const SectionPlane& plane, const SectionStyle& style = {});
-std::vector<LabelId> section_labels(const Model& model, const SectionPlane& plane);
+std::vector<LabelId> section_labels(const Model& model, const SectionPlane& plane,
+                                    const SectionStyle& style = {});
 
 /// Which section a picture shows: one of the patient's own, through a point and along or across a direction,
 /// or axial, coronal and sagittal side by side.

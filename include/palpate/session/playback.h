@@ -12,6 +12,9 @@
 ///     clock ── place ──► block of 4096 ticks ──► the tick that held there ──► viewers
 ///                              ▲
 ///                  a thread reads the one that is wanted, then the next on the way
+///
+/// Where soft tissue yields another thread solves it anew at the place that is shown, from the ticks that it
+/// was solved from (docs/tissue.md, "Looked at again"): the place stands at once, the dent when it is solved.
 namespace palpate {
 
 struct Model;

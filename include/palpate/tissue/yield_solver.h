@@ -1,7 +1,11 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <optional>
+#include <span>
 
 #include "palpate/device/telemetry.h"
 #include "palpate/haptics/haptics.h"
@@ -29,6 +33,19 @@ struct YieldField {
   const ElasticField* unit_mm;
 };
 
+/// Where a device's box of cells lies: its first cell, in cells of one lattice over the whole volume, and the
+/// place on the surface for which it was laid.
+struct YieldBox {
+  std::array<int, 3> first_cell{0, 0, 0};
+  Point<Patient> about;
+  bool operator==(const YieldBox&) const = default;
+};
+/// The box in which a solver solves for a device after a tick, without solving: the one that it has, a new
+/// one where the tool will press too far off its middle.
+/// @param before  that it has; nothing: none, or one of other labels
+std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& felt,
+                                       const std::optional<YieldBox>& before);
+
 /// For every device a box of cells around the place that it presses or is about to (linear elasticity,
 /// ElasticSolver). What it gives depends on the models and ticks that it was given, in their order, and on
 /// nothing else: not on time, threads or the machine. For one thread.
@@ -44,6 +61,12 @@ class YieldSolver {
   /// @param felt   a tick, the latest that is known
   const YieldFrame& solve(const Model& model, const TickRecord& felt);
   const YieldFrame& frame() const { return frame_; }
+
+  /// Goes on as a solver that has given so many frames and has these boxes, for who wants a frame without all
+  /// those before it. What is solved next is solved as in boxes that have just been laid; so a frame or two
+  /// later it is what it would have been (docs/tissue.md, "Looked at again").
+  /// @param boxes  of the devices from 0 on; nothing: none
+  void go_on(const Model& model, std::uint32_t frame, std::span<const std::optional<YieldBox>> boxes);
 
   /// Of the last frame; nothing where there is no box. Valid until the next.
   bool field_of(std::size_t device, YieldField& field) const;

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <vector>
+
+#include "palpate/device/telemetry.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/tissue/elastic_grid.h"
+
+namespace palpate {
+
+/// Where soft tissue has gone under the tools of one tick, and how it is strained there, for pictures: each
+/// device's own place and force as the tick tells them, linear elasticity solved to its end, and what several
+/// tools do added up. It knows nothing of ticks before, of friction along the surface, and of tissue farther
+/// away than a box of cells (SolvingFeel::cells_along). Immutable; any thread.
+class YieldedTissue {
+ public:
+  /// At rest.
+  YieldedTissue() = default;
+  /// @param model  labels, tissues and tools; surfaces are not needed. Where no tissue yields, all is at rest
+  YieldedTissue(const Model& model, const TickRecord& felt);
+
+  bool rests() const { return parts_.empty(); }
+  /// How far what lies at a place at rest has gone, patient, mm: between nodes linear. What is empty goes
+  /// along with the tissue beside it, less and less, so that a dent is a dent in a picture; beyond the box it
+  /// fades out over kFadeCells.
+  Vector<Patient> moved_mm(const Point<Patient>& at_rest) const;
+  /// Equivalent strain of what lies at a place at rest: of Almansi's strain e = (1 - F^-T F^-1) / 2 what is
+  /// left without the change of volume, sqrt(2/3 e':e'), as the page shows it. Not a number where it is not
+  /// known: in what is empty and beyond the box.
+  double strain(const Point<Patient>& at_rest) const;
+
+  static constexpr int kFadeCells = 6;
+
+ private:
+  /// What one device's tool moves.
+  class Part {
+   public:
+    /// @param unit_mm  of the grid's nodes under 1 N
+    Part(const ElasticGrid& grid, const ElasticField& unit_mm, double force_N);
+    void add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const;
+    /// du / dx in the patient. @returns whether it is known
+    bool add_slope(const Point<Patient>& at_rest, Eigen::Matrix3d& to) const;
+
+   private:
+    std::size_t node(int i, int j, int k) const {
+      return (static_cast<std::size_t>(k) * (box_.cells[1] + 1) + j) * (box_.cells[0] + 1) + i;
+    }
+    std::size_t cell(int i, int j, int k) const {
+      return (static_cast<std::size_t>(k) * box_.cells[1] + j) * box_.cells[0] + i;
+    }
+    void continue_into_what_is_empty(const ElasticGrid& grid);
+    void find_slopes(const ElasticGrid& grid);
+
+    ElasticBox box_;
+    std::vector<Eigen::Vector3f> moved_mm_;  ///< of nodes, along the box's axes
+    std::vector<Eigen::Matrix3f> slope_;     ///< in the middle of cells, along the box's axes
+    std::vector<bool> is_tissue_;            ///< of cells
+  };
+  std::vector<Part> parts_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,126 @@
+#include "session/played_yields.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <limits>
+#include <new>
+#include <utility>
+#include <vector>
+
+#include "palpate/model/changed_model.h"
+#include "session/tissue_thread.h"
+
+namespace palpate {
+namespace {
+
+// below what reads the recording
+constexpr int kSolverPriority = 5;
+
+}  // namespace
+
+PlayedYields::PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts, TickAt tick_at)
+    : model_(std::move(model)),
+      index_(std::move(index)),
+      cuts_(std::move(cuts)),
+      tick_at_(std::move(tick_at)),
+      cut_(model_) {
+  thread_ = std::thread([this] { run(); });
+}
+
+PlayedYields::~PlayedYields() {
+  ending_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    changed_.notify_all();
+  }
+  thread_.join();
+}
+
+void PlayedYields::want(std::uint32_t number, std::uint32_t near) {
+  const std::lock_guard lock(mutex_);
+  near_ = near;
+  if (wanted_ == number) return;
+  wanted_ = number;
+  changed_.notify_all();
+}
+
+std::shared_ptr<const ViewedYield> PlayedYields::yielded(std::size_t device) const {
+  const std::lock_guard lock(mutex_);
+  const std::uint32_t far = std::max(wanted_, done_) - std::min(wanted_, done_);
+  return device < kMaxDevices && far <= near_ ? shown_[device] : nullptr;
+}
+
+void PlayedYields::run() {
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kSolverPriority);
+  std::unique_lock lock(mutex_);
+  while (!ending_) {
+    const std::uint32_t wanted = wanted_;
+    if (wanted == done_) {
+      changed_.wait(lock);
+      continue;
+    }
+    lock.unlock();
+    Shown shown;
+    try {
+      shown = solve(wanted);
+    } catch (const std::bad_alloc&) {
+      // tissue is shown at rest
+    }
+    lock.lock();
+    shown_ = std::move(shown);
+    done_ = wanted;
+  }
+}
+
+PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
+  const Progress progress({}, &ending_);
+  Shown shown;
+  auto some = index_.up_to(number, kMostOn);
+  // on from the last one, or anew a little before
+  const auto last = std::ranges::find(some, solver_.frame().number, &YieldIndex::Solution::number);
+  const bool goes_on = last != some.end() && last + 1 != some.end();
+  some = some.last(goes_on ? static_cast<std::size_t>(some.end() - last) - 1
+                           : std::min(some.size(), kLeadIn + 1));
+  for (const YieldIndex::Solution& solution : some) {
+    const auto felt = tick_at_(solution.row, progress);
+    const auto model = felt && !ending_ ? model_of(felt->model_version) : nullptr;
+    if (model == nullptr) return shown;
+    if (solver_.frame().number + 1 != solution.number)
+      solver_.go_on(*model, solution.number - 1, index_.boxes(solution));
+    solver_.solve(*model, *felt);
+    if (solution.number != number) continue;
+    for (std::size_t d = 0; d < kMaxDevices; ++d) shown[d] = viewed_yield(solver_, *felt, d);
+  }
+  return shown;
+}
+
+// With the labels and surfaces of that version, on from the one before where more was cut. Null: it is no
+// version that can be made, or there is no time left.
+std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
+  const std::size_t by = cuts_.count(version);
+  const std::vector<std::uint64_t>& undone_to = cuts_.undone_to(version);
+  if (by == cut_by_ && undone_to == undone_to_) return cut_;
+  const bool goes_on = undone_to == undone_to_ && by > cut_by_;
+  const std::shared_ptr<const Model>& from = goes_on ? cut_ : model_;
+  std::vector<Cut> cuts;
+  for (const SweepRecord& sweep :
+       cuts_.by(version, goes_on ? cut_by_ : 0, std::numeric_limits<std::size_t>::max()))
+    cuts.push_back(cut_of(sweep));
+  std::shared_ptr<const Model> made = from;
+  if (!cuts.empty()) {
+    ModelChange change;
+    change.version = from->version + 1;
+    change.tissue = ModelChange::kCut;
+    auto changed = next_version({from, from}, change, cuts, Progress({}, &ending_));
+    if (!changed) return nullptr;
+    made = changed->felt;
+  }
+  cut_ = std::move(made);
+  cut_by_ = by;
+  undone_to_ = undone_to;
+  return cut_;
+}
+
+}  // namespace palpate

@@ -1,0 +1,48 @@
+#include "session/yield_index.h"
+
+#include <algorithm>
+
+namespace palpate {
+
+void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
+  for (const RecordingEvent& event : part.events)
+    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMostTold)
+      told_.push_back({event.number, event.input_tick});
+  // a solution is told with ticks that follow the one that it was solved from
+  const auto take_from = [&](std::span<const TickRecord> ticks, std::uint64_t first_row) {
+    std::erase_if(told_, [&](const Told& told) {
+      const auto found = std::ranges::lower_bound(ticks, told.input_tick, {}, &TickRecord::tick);
+      if (found == ticks.end()) return false;
+      if (found->tick == told.input_tick)
+        take(told, *found, first_row + static_cast<std::uint64_t>(found - ticks.begin()));
+      return true;
+    });
+  };
+  if (part.ticks.empty()) return;
+  take_from(before_, before_row_);
+  take_from(part.ticks, row);
+  before_.assign(part.ticks.begin(), part.ticks.end());
+  before_row_ = row;
+}
+
+void YieldIndex::take(const Told& told, const TickRecord& input, std::uint64_t row) {
+  const bool rises =
+      solutions_.empty() || (told.number > solutions_.back().number && row > solutions_.back().row);
+  if (!rises || solutions_.size() >= kMostSolutions) return;
+  Boxes boxes;
+  if (!solutions_.empty()) boxes = boxes_.back();
+  const auto devices = static_cast<std::size_t>(std::clamp(input.devices, 0, kMaxDevices));
+  for (std::size_t d = 0; d < devices; ++d) boxes[d] = next_yield_box(*model_, input.device[d], boxes[d]);
+  if (boxes_.empty() || boxes_.back() != boxes) boxes_.push_back(boxes);
+  solutions_.push_back({told.number, static_cast<std::uint32_t>(boxes_.size() - 1), row});
+}
+
+std::span<const YieldIndex::Solution> YieldIndex::up_to(std::uint32_t number, std::size_t most) const {
+  const auto found = std::ranges::lower_bound(solutions_, number, {}, &Solution::number);
+  if (found == solutions_.end() || found->number != number) return {};
+  const std::size_t last = static_cast<std::size_t>(found - solutions_.begin()) + 1;
+  const std::size_t first = last - std::min(last, most + 1);
+  return std::span(solutions_).subspan(first, last - first);
+}
+
+}  // namespace palpate

@@ -1,0 +1,62 @@
+#include "tissue/yield_cells.h"
+
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+std::array<int, 3> cells_of_box() {
+  return {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
+}
+
+ElasticBox lattice_of(const Model& model) {
+  return elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
+}
+
+}  // namespace
+
+std::vector<ElasticMaterial> materials_of(const Model& model) {
+  std::vector<ElasticMaterial> by_label(model.tissue_of_label.size());
+  for (std::size_t label = 1; label < by_label.size(); ++label) {
+    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
+    if (tissue == nullptr || !tissue->felt) continue;
+    by_label[label] = tissue->elastic ? ElasticMaterial{Matter::kSoft, tissue->elastic->youngs_modulus_kPa,
+                                                        tissue->elastic->poissons_ratio}
+                                      : ElasticMaterial{Matter::kRigid};
+  }
+  return by_label;
+}
+
+Eigen::Vector3d in_yield_cells(const Model& model, const Point<Patient>& at) {
+  const ElasticBox lattice = lattice_of(model);
+  return lattice.local_mm(at) / lattice.cell_mm;
+}
+
+std::array<int, 3> first_cell_around(const Eigen::Vector3d& in_cells) {
+  std::array<int, 3> first;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double step = kSolvingFeel.step_cells;
+    first[axis] = kSolvingFeel.step_cells *
+                  static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells_of_box()[axis]) / step + 0.5));
+  }
+  return first;
+}
+
+bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& in_cells) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::abs(in_cells[axis] - first_cell[axis] - 0.5 * cells_of_box()[axis]) >
+        kSolvingFeel.farthest_cells)
+      return false;
+  return true;
+}
+
+CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
+                        const YieldBox& where) {
+  ElasticBox box = lattice_of(model);
+  box.cells = cells_of_box();
+  const auto& first = where.first_cell;
+  box.corner = box.patient(Eigen::Vector3d(first[0], first[1], first[2]) * box.cell_mm);
+  return {carved_labels(model), by_label, box, where.about};
+}
+
+}  // namespace palpate
