@@ -27,14 +27,15 @@ VirtualRun::VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup
 
 const TickRecord& VirtualRun::tick() {
   sensed_ = mapping_.to_world(device_.read(), 0);
-  cut();
   const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
+  // of the model that the tick before felt, as a replay solves it
   const bool yields = model_->tissue_law == TissueLaw::kElastic && model_->has(ForceMethod::kProxy);
   if (yields && yields_.advance(*model_, before)) {
     parameters_.yields = yields_.frame();
     told_.push_back(yield_event(yields_.frame(), yields_.input_tick()));
     told_.back().tick = state_.tick;
   }
+  cut();
   palpate::tick(*model_, parameters_, {&sensed_, 1}, dt_s_, state_, {&sent_, 1}, record_);
   return record_;
 }
