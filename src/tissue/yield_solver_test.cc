@@ -144,22 +144,23 @@ std::shared_ptr<const Model> plate_on(const std::optional<ElasticConstants>& sup
   model->labels = label_bricks(labels);
   model->tissues[0].elastic = ElasticConstants{200, 0.45};
   model->tissues[1].elastic = support;
-  model->surfaces = {felt_surface(
-      cube_grid(kHalf, {1, 1, 1}), [top_mm](const Eigen::Vector3d& p) { return p.z() - top_mm; }, 12)};
+  model->surfaces = {testing::felt_surface(
+      testing::cube_grid(testing::kSoftBlockHalf, {1, 1, 1}),
+      [top_mm](const Eigen::Vector3d& p) { return p.z() - top_mm; }, 12)};
   return model;
 }
 
 // the plate without its uppermost millimetres, by a cylinder of 4 mm that lies and is led across its axis
 std::shared_ptr<const Model> trimmed(const std::shared_ptr<const Model>& model, double by_mm) {
-  constexpr double kReach_mm = 38, kRadius_mm = 2;
+  constexpr double kAcross_mm = 38, kRadius_mm = 2;
   std::vector<Cut> cuts;
   for (double down_mm = 1; down_mm <= by_mm; down_mm += 1)
     cuts.push_back({0,
-                    {{-kReach_mm, -kReach_mm, kRadius_mm - down_mm},
-                     {kReach_mm, -kReach_mm, kRadius_mm - down_mm},
+                    {{-kAcross_mm, -kAcross_mm, kRadius_mm - down_mm},
+                     {kAcross_mm, -kAcross_mm, kRadius_mm - down_mm},
                      kRadius_mm,
                      0,
-                     {0, 2 * kReach_mm, 0},
+                     {0, 2 * kAcross_mm, 0},
                      kRadius_mm}});
   return Carving(*model).with(cuts)->taken_from(*model);
 }
