@@ -16,6 +16,7 @@ using testing::soft_block;
 TickRecord pressed_with(double x, double y, double force_N) {
   TickRecord felt = pressed_at(x, y);
   felt.device[0].contact_N[0] = force_N;
+  felt.device[0].depth_mm = 1;
   return felt;
 }
 
