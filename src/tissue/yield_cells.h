@@ -20,6 +20,7 @@ Eigen::Vector3d in_yield_cells(const Model& model, const Point<Patient>& at);
 std::array<int, 3> first_cell_around(const Eigen::Vector3d& in_cells);
 bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& in_cells);
 /// The cells of a box, with tissue beyond its faces as a load at YieldBox::about finds it.
-CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label, const YieldBox& box);
+CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
+                        const YieldBox& box);
 
 }  // namespace palpate
