@@ -5,26 +5,13 @@
 #include <cmath>
 
 #include "palpate/tissue/label_cells.h"
+#include "tissue/each_cell.h"
 
 namespace palpate {
 namespace {
 
 /// So many nodes hold a part of the tissue, in each direction.
 constexpr int kHoldingNodes = 3;
-
-template <class Visit>
-void for_each_cell(const CellBox& box, const Visit& visit) {
-  for (int k = box.low[2]; k < box.high[2]; ++k)
-    for (int j = box.low[1]; j < box.high[1]; ++j)
-      for (int i = box.low[0]; i < box.high[0]; ++i) visit(i, j, k);
-}
-
-template <class Visit>
-void for_each_node(const CellBox& box, const Visit& visit) {
-  for (int k = box.low[2]; k <= box.high[2]; ++k)
-    for (int j = box.low[1]; j <= box.high[1]; ++j)
-      for (int i = box.low[0]; i <= box.high[0]; ++i) visit(i, j, k);
-}
 
 template <class Visit>
 void for_each_corner(int i, int j, int k, const Visit& visit) {

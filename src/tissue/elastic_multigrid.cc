@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tissue/each_cell.h"
+
 namespace palpate::internal::elastic {
 namespace {
 
@@ -16,20 +18,6 @@ constexpr int kPowerIterations = 15;
 constexpr double kPowerMargin = 1.1;
 /// A coarse body that hangs together by next to nothing can still be factorized.
 constexpr double kLeastPivot = 1e-6;
-
-template <class Visit>
-void for_each_cell(const CellBox& box, const Visit& visit) {
-  for (int k = box.low[2]; k < box.high[2]; ++k)
-    for (int j = box.low[1]; j < box.high[1]; ++j)
-      for (int i = box.low[0]; i < box.high[0]; ++i) visit(i, j, k);
-}
-
-template <class Visit>
-void for_each_node(const CellBox& box, const Visit& visit) {
-  for (int k = box.low[2]; k <= box.high[2]; ++k)
-    for (int j = box.low[1]; j <= box.high[1]; ++j)
-      for (int i = box.low[0]; i <= box.high[0]; ++i) visit(i, j, k);
-}
 
 std::size_t node_number(const ElasticLayout& layout, int i, int j, int k) {
   return layout.node(0, j, k, 0) / 3 + static_cast<std::size_t>(i);

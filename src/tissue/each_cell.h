@@ -1,0 +1,23 @@
+#pragma once
+
+#include "palpate/tissue/elastic_grid.h"
+
+namespace palpate {
+
+/// visit(i, j, k) for all cells of a box, along i first.
+template <class Visit>
+void for_each_cell(const CellBox& box, const Visit& visit) {
+  for (int k = box.low[2]; k < box.high[2]; ++k)
+    for (int j = box.low[1]; j < box.high[1]; ++j)
+      for (int i = box.low[0]; i < box.high[0]; ++i) visit(i, j, k);
+}
+
+/// Likewise for all of its nodes, those of its faces included.
+template <class Visit>
+void for_each_node(const CellBox& box, const Visit& visit) {
+  for (int k = box.low[2]; k <= box.high[2]; ++k)
+    for (int j = box.low[1]; j <= box.high[1]; ++j)
+      for (int i = box.low[0]; i <= box.high[0]; ++i) visit(i, j, k);
+}
+
+}  // namespace palpate
