@@ -17,6 +17,7 @@ constexpr int kMostRadii = 6;
 // where the displacement of a place is read: a cell, and how far in it
 struct PlaceInCell {
   std::array<int, 3> cell;
+  Eigen::Vector3d place;  ///< in cells from the box's corner
   Eigen::Vector3d fraction;
   bool inside[3];  ///< not at the cell's end because it lies beyond it
 };
@@ -29,6 +30,7 @@ bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& place, const Eige
     for (int a = 0; a < 3; ++a) found.cell[a] = static_cast<int>(std::floor(below[a]));
     const auto [i, j, k] = found.cell;
     if (!grid.layout().contains_cell(i, j, k) || grid.mu()[grid.layout().cell(i, j, k)] == 0) continue;
+    found.place = place;
     for (int a = 0; a < 3; ++a) {
       const double fraction = place[a] - found.cell[a];
       found.fraction[a] = std::clamp(fraction, 0.0, 1.0);
@@ -134,6 +136,7 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
   modulus_ = modulus / static_cast<double>(places.size());
 
   const double share = 1.0 / static_cast<double>(places.size());
+  const double half_layer = 0.5 * outward_.cwiseAbs().maxCoeff();
   for (const PlaceInCell& place : places) {
     for (int corner = 0; corner < 8; ++corner) {
       double factor[3], slope[3];
@@ -144,6 +147,10 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
         factor[a] = high ? place.fraction[a] : 1 - place.fraction[a];
         slope[a] = place.inside[a] ? (high ? 1 : -1) / h : 0;
       }
+      const double above = (Eigen::Vector3d(node[0], node[1], node[2]) - place.place).dot(outward_);
+      if (above >= -half_layer && above < half_layer)
+        borne_.push_back({static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], 0)),
+                          static_cast<float>(share * factor[0] * factor[1] * factor[2])});
       for (int c = 0; c < 3; ++c) {
         const auto value = static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], c));
         const double into = -outward_[c] * share;
@@ -154,7 +161,9 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
       }
     }
   }
+  row_ = static_cast<std::uint32_t>(grid.layout().row);
   sum_up(weights_);
+  sum_up(borne_);
   for (auto& weights : along_) sum_up(weights);
 }
 
@@ -164,6 +173,23 @@ void PressurePatch::add(double force_N, ElasticField& nodes_N) const {
 
 double PressurePatch::displacement(const ElasticField& u_mm) const {
   return product(weights_, u_mm);
+}
+
+std::vector<std::uint32_t> PressurePatch::bearing(double part) const {
+  float most = 0;
+  for (const Weight& one : borne_) most = std::max(most, one.weight);
+  std::vector<std::uint32_t> values;
+  for (const Weight& one : borne_) {
+    if (one.weight < part * most) continue;
+    for (std::uint32_t c = 0; c < 3; ++c) values.push_back(one.value + c * row_);
+  }
+  return values;
+}
+
+double PressurePatch::borne_by_layer() const {
+  double sum = 0;
+  for (const Weight& one : borne_) sum += one.weight;
+  return sum;
 }
 
 Vector<Patient> PressurePatch::change(const ElasticField& u_mm) const {

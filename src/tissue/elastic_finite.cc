@@ -22,29 +22,39 @@ void ElasticSolver::finite_forces(const ElasticField& displacement_mm, ElasticFi
 }
 
 FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
-                                           const FiniteSettings& settings) {
+                                           const FiniteSettings& settings,
+                                           std::span<const std::uint32_t> held) {
   State& s = *state_;
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
   FiniteSolution told;
+  // the V-cycle knows nothing of what is held besides: that is taken out of its result, which leaves it
+  // symmetric and positive where values are free
+  const auto keep_held = [&](ElasticValues& of) {
+    for (const std::uint32_t n : held) of[n] = 0;
+  };
 
   // r = f - forces(at); what the residual is measured by
   const auto left_over = [&](const ElasticValues& at) {
     const double least = k.apply_finite(at, s.q);
     for (std::size_t n = 0; n < u.size(); ++n) s.r[n] = k.free(n) ? force_N.values[n] - s.q[n] : 0.0f;
+    keep_held(s.r);
     return least;
   };
   double load = 0;
   for (std::size_t n = 0; n < u.size(); ++n)
     if (k.free(n)) load += static_cast<double>(force_N.values[n]) * force_N.values[n];
-  const double scale = std::sqrt(load) + s.held_norm(displacement_mm);
+  double scale = std::sqrt(load) + s.held_norm(displacement_mm);
   const auto part = [&] {
     const double norm = std::sqrt(dot(s.r, s.r));
     return scale > 0 ? norm / scale : norm;
   };
 
   told.least_volume = left_over(u);
+  double given = 0;
+  for (const std::uint32_t n : held) given += static_cast<double>(s.q[n]) * s.q[n];
+  scale += std::sqrt(given);
   told.residual = part();
   while (told.residual > settings.tolerance && told.steps < settings.most_steps) {
     // T step = r by conjugate gradients; where T is not positive, as far as it was
@@ -54,12 +64,14 @@ FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticF
     const double enough = settings.step_tolerance * std::sqrt(dot(s.r, s.r));
     for (int n = 0; n < settings.most_iterations && std::sqrt(dot(s.r, s.r)) > enough; ++n) {
       s.multigrid.cycle(s.r, s.z);
+      keep_held(s.z);
       const double next = dot(s.r, s.z);
       if (!(next > 0) || !std::isfinite(next)) break;
       const float beta = n == 0 ? 0.0f : static_cast<float>(next / rz);
       rz = next;
       for (std::size_t m = 0; m < u.size(); ++m) s.p[m] = s.z[m] + beta * s.p[m];
       k.apply_tangent(u, s.p, s.q);
+      keep_held(s.q);
       const double pq = dot(s.p, s.q);
       if (!(pq > 0) || !std::isfinite(pq)) {
         if (n == 0) s.step = s.p;

@@ -9,6 +9,7 @@
 #include "palpate/base/cube_root.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
+#include "tissue/elastic_multigrid.h"
 
 namespace palpate {
 namespace {
@@ -63,18 +64,25 @@ std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& 
   return find_surface(model, place + (way - normal * way.dot(normal)));
 }
 
-// the radius of its contact then: by Hertz from the depth, and where it presses now from the force as well
-double expected_radius_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm,
-                          double modulus_N_per_mm2) {
+bool presses(const DeviceTick& felt) {
+  return felt.contact_label[0] != 0 && felt.depth_mm > 0;
+}
+
+// how deep it will be then; not above 0: in the air
+double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm) {
   const Vector<Patient> above = tagged<Point<Patient>>(felt.tip_patient_mm) - contact.at;
   const double sinks_mm = -tagged<Vector<Patient>>(felt.velocity_patient_mm_s).dot(contact.outward) *
                           kSolvingFeel.lead_frames * kYieldFrame_s;
-  const bool presses = felt.contact_label[0] != 0 && felt.depth_mm > 0;
-  const double now_mm = presses ? felt.depth_mm : radius_mm - above.dot(contact.outward);
-  const double depth_mm = now_mm + std::min(sinks_mm, kSolvingFeel.most_lead_mm);
+  const double now_mm = presses(felt) ? felt.depth_mm : radius_mm - above.dot(contact.outward);
+  return now_mm + std::min(sinks_mm, kSolvingFeel.most_lead_mm);
+}
+
+// the radius of its contact: by Hertz from the depth, and where it presses now from the force as well
+double radius_at_depth_mm(const DeviceTick& felt, double depth_mm, double radius_mm,
+                          double modulus_N_per_mm2) {
   if (!(depth_mm > 0)) return 0;
   const double hertz_mm = std::sqrt(radius_mm * depth_mm);
-  if (!presses) return hertz_mm;
+  if (!presses(felt)) return hertz_mm;
   const double touched_mm = cube_root(0.75 * felt.contact_N[0] * radius_mm / modulus_N_per_mm2);
   return std::min(touched_mm * std::sqrt(depth_mm / felt.depth_mm), hertz_mm);
 }
@@ -103,6 +111,30 @@ double yield_cell_mm(const Model& model) {
   return std::clamp(2 * model.labels->geometry().min_spacing_mm(), kLeast_mm, kMost_mm);
 }
 
+/// The neo-Hookean body around a device's tool.
+///
+/// The nodes on which the patch bears, a layer one node thick, are held where the linear body has them under a
+/// force s on it, u = s u1, and the others find their place; so nothing pinches, and where strains are small
+/// it is the linear body. With E(s) its energy the force is that against which the patch is pushed, F = E'(s) / W, at a depth
+/// of s W. E'(s) = u1 . f(u), over all nodes: where they are not yet in balance, u1 . K makes no error of the
+/// first order of it. Along the surface E changes by s (dJ) y, K y = f(u): as J does, of which u1 is made.
+struct YieldSolver::Finite {
+  ElasticField correction_mm;  ///< u - s u1, 0 where the patch bears
+  ElasticField turning_mm;     ///< y - F u1
+  ElasticField u_mm, force_N;  ///< scratch
+  double give_mm = 0;          ///< s W of the last frame; 0: none
+  double most_give = kSolvingFeel.most_give;
+  double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< as told of it
+
+  explicit Finite(const ElasticLayout& layout)
+      : correction_mm(layout), turning_mm(layout), u_mm(layout), force_N(layout) {}
+  void forget() {
+    for (ElasticField* field : {&correction_mm, &turning_mm})
+      std::fill(field->values.begin(), field->values.end(), 0.0f);
+    give_mm = stiffening_mm_per_N2 = finite_N = 0;
+  }
+};
+
 /// A box of cells around a device's tool.
 struct YieldSolver::Region {
   std::shared_ptr<const Bricks<LabelId>> labels;  ///< that it is made of, and of what these are
@@ -111,7 +143,8 @@ struct YieldSolver::Region {
   ElasticGrid grid;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
-  double modulus = 0;  ///< under the patch, of the last frame
+  double modulus = 0;             ///< under the patch, of the last frame
+  std::unique_ptr<Finite> finite;  ///< of the neo-Hookean law
 
   Region(std::shared_ptr<const Bricks<LabelId>> of_labels, std::vector<ElasticMaterial> materials,
          const std::array<int, 3>& from, ElasticGrid made)
@@ -144,6 +177,16 @@ struct YieldSolver::Region {
   }
   // what both know is kept as it was
   void take_over(const Region& before) {
+    take_over(before, before.unit_mm, unit_mm);
+    if (finite == nullptr || before.finite == nullptr) return;
+    take_over(before, before.finite->correction_mm, finite->correction_mm);
+    take_over(before, before.finite->turning_mm, finite->turning_mm);
+    finite->give_mm = before.finite->give_mm;
+    finite->most_give = before.finite->most_give;
+    finite->stiffening_mm_per_N2 = before.finite->stiffening_mm_per_N2;
+    finite->finite_N = before.finite->finite_N;
+  }
+  void take_over(const Region& before, const ElasticField& from, ElasticField& to) {
     const ElasticLayout& layout = grid.layout();
     const auto& all = layout.cells;
     for (int k = 0; k <= all[2]; ++k)
@@ -154,10 +197,80 @@ struct YieldSolver::Region {
           if (a < 0 || b < 0 || c < 0 || a > all[0] || b > all[1] || c > all[2]) continue;
           if ((grid.held(i, j, k) & (ElasticGrid::kHeld | ElasticGrid::kNoNode)) != 0) continue;
           for (int axis = 0; axis < 3; ++axis)
-            unit_mm.values[layout.node(i, j, k, axis)] = before.unit_mm.values[layout.node(a, b, c, axis)];
+            to.values[layout.node(i, j, k, axis)] = from.values[layout.node(a, b, c, axis)];
         }
   }
+
+  /// The neo-Hookean body, pressed as deep as the tool will be: what that adds to the spot of the linear one.
+  void solve_finite(const PressurePatch& patch, double depth_mm, double radius_mm, bool anew,
+                    YieldSpot& spot);
 };
+
+void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_mm, double radius_mm,
+                                       bool anew, YieldSpot& spot) {
+  constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2;
+  Finite& f = *finite;
+  if (patch.borne_by_layer() < kSolvingFeel.least_layer) {
+    f.forget();
+    return;
+  }
+  const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
+  YieldingTissue tissue;
+  tissue.beyond_mm_per_N = spot.beyond_half_space_mm_per_N();
+  tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
+  tissue.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
+  tissue.finite_N = f.finite_N;
+  const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
+  const double straight_N = std::max(0.0, expected_N - f.finite_N), curved_N = expected_N - straight_N;
+  const double expected_mm =
+      w * expected_N - f.stiffening_mm_per_N2 * curved_N * (curved_N + 2 * straight_N);
+  const double give_mm =
+      std::clamp(expected_mm, kSolvingFeel.least_give * rho_mm, f.most_give * rho_mm);
+  const double s = give_mm / w;
+
+  // from what was found before, which grows with the square of the depth
+  const double grown = f.give_mm > 0 ? std::min(give_mm / f.give_mm, kFarthest) : 0;
+  const auto by = static_cast<float>(grown * grown), force_by = static_cast<float>(s);
+  const std::vector<std::uint32_t> bearing = patch.bearing(kSolvingFeel.least_bearing);
+  for (float& value : f.turning_mm.values) value *= by;
+  for (float& value : f.correction_mm.values) value *= by;
+  for (const std::uint32_t n : bearing) f.correction_mm.values[n] = 0;
+  for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
+    f.u_mm.values[n] = force_by * unit_mm.values[n] + f.correction_mm.values[n];
+
+  // load_N is that of the linear one, 1 N; where nodes are not held it presses as it does there
+  for (float& value : load_N.values) value *= force_by;
+  FiniteSettings settings;
+  settings.most_steps = kSolvingFeel.finite_steps;
+  settings.most_iterations = anew ? kSolvingFeel.first_iterations : kSolvingFeel.finite_iterations;
+  settings.least_volume = kSolvingFeel.least_volume;
+  const FiniteSolution found = solver.solve_finite(load_N, f.u_mm, settings, bearing);
+  solver.finite_forces(f.u_mm, f.force_N);
+  const double force_N = internal::elastic::dot(unit_mm.values, f.force_N.values) / w;
+  const double stiffer = (force_N - s) / force_N;
+  if (!(found.least_volume >= kSolvingFeel.least_volume) || found.stuck ||
+      !(std::abs(stiffer) <= kYieldFeel.most_stiffening) || !(force_N > 0)) {
+    // the linear one is what is known; less deep next time, from there
+    f.forget();
+    f.most_give = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.least_give);
+    return;
+  }
+  for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
+    f.correction_mm.values[n] = f.u_mm.values[n] - force_by * unit_mm.values[n];
+  f.give_mm = give_mm;
+  f.most_give = std::min(kFaster * f.most_give, kSolvingFeel.most_give);
+
+  // what the forces are beyond those of the linear body
+  patch.add(-force_N, f.force_N);
+  solver.solve(f.force_N, f.turning_mm,
+               anew ? kSolvingFeel.first_iterations : kSolvingFeel.aside_iterations, kTolerance);
+  spot.finite_N = f.finite_N = force_N;
+  spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2 = w * stiffer / force_N;
+  spot.stiffening_slope =
+      (spot.slope_per_N * (0.5 * force_N * (force_N - s)) + patch.change(f.turning_mm) * s) *
+      (3 / (force_N * force_N * force_N));
+  if (!spot.stiffening_slope.all_finite()) spot.stiffening_slope = {};
+}
 
 YieldSolver::YieldSolver() = default;
 YieldSolver::~YieldSolver() = default;
@@ -176,9 +289,11 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     // the box lies on one lattice wherever it goes
     std::unique_ptr<Region>& region = regions_[d];
     ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
-    const Eigen::Vector3d in_cells = box.local_mm(contact->at) / box.cell_mm;
+    const bool finite = model.tissue_law == TissueLaw::kNeoHookean;
+    const double down_mm = finite ? kSolvingFeel.finite_deeper_cells * box.cell_mm : 0;
+    const Eigen::Vector3d in_cells = box.local_mm(contact->at - contact->outward * down_mm) / box.cell_mm;
     const bool anew = region == nullptr || region->labels != model.labels || region->by_label != by_label ||
-                      !region->is_around(in_cells);
+                      finite != (region->finite != nullptr) || !region->is_around(in_cells);
     if (anew) {
       const std::array<int, 3> first = Region::first_around(in_cells);
       box.cells = Region::cells();
@@ -187,6 +302,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
       PALPATE_CHECK(grid.ok());
       grid->continue_beyond({true, true, true, true, true, true}, contact->at);
       auto laid = std::make_unique<Region>(model.labels, by_label, first, *std::move(grid));
+      if (finite) laid->finite = std::make_unique<Finite>(laid->grid.layout());
       if (region != nullptr) laid->take_over(*region);
       region = std::move(laid);
     }
@@ -197,8 +313,9 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     if (!(region->modulus > 0))
       region->modulus =
           PressurePatch(region->grid, contact->at, contact->outward, least_mm).contact_modulus();
+    const double depth_mm = expected_depth_mm(device, *contact, radius_mm);
     const double touched_mm =
-        region->modulus > 0 ? expected_radius_mm(device, *contact, radius_mm, region->modulus) : 0;
+        region->modulus > 0 ? radius_at_depth_mm(device, depth_mm, radius_mm, region->modulus) : 0;
     const double rho_mm = std::clamp(touched_mm, least_mm, 0.25 * kSolvingFeel.cells_across * cell_mm);
     const PressurePatch patch(region->grid, contact->at, contact->outward, rho_mm);
     region->modulus = patch.contact_modulus();
@@ -213,6 +330,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     spot.slope_per_N = patch.change(region->unit_mm) * 2;
     spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;
+    if (region->finite != nullptr) region->solve_finite(patch, depth_mm, radius_mm, anew, spot);
   }
   return frame_;
 }

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <random>
 
+#include "base/test_seed.h"
 #include "haptics/test_proxy_surfaces.h"
 
 namespace palpate {
@@ -17,10 +19,11 @@ using testing::felt_surface;
 constexpr int kHalf = 40;  // mm; voxels of 1 mm
 
 // Tissue of 10 kPa whose surface is z = 0, on a plate 20 mm below, with a hard ball of 8 mm 5 mm deep in it.
-std::shared_ptr<const Model> soft_block(bool nodule, std::uint32_t version = 1) {
+std::shared_ptr<const Model> soft_block(bool nodule, std::uint32_t version = 1,
+                                        TissueLaw law = TissueLaw::kElastic) {
   auto model = std::make_shared<Model>();
   model->version = version;
-  model->tissue_law = TissueLaw::kElastic;
+  model->tissue_law = law;
   model->tissue_cell_mm = 1.5;
   GridGeometry grid = cube_grid(kHalf, {1, 1, 1});
   // the surface is between two voxels
@@ -160,6 +163,111 @@ TEST(YieldSolver, KnowsNothingWhereNothingSoftIsNear) {
   bare->tissues[0].elastic = ElasticConstants{10, 0.45};
   EXPECT_TRUE(solver.solve(*bare, tool_at({0, 0, 1})).spot[0].is_known());
   EXPECT_TRUE(solver.field_of(0, field));
+}
+
+// cells in whose faces the surface lies
+std::shared_ptr<const Model> finite_block(double tissue_kPa = 10, double ball_kPa = 100) {
+  auto model = std::make_shared<Model>(*soft_block(true, 1, TissueLaw::kNeoHookean));
+  model->tissue_cell_mm = 1;
+  model->tissues[0].elastic = ElasticConstants{tissue_kPa, 0.45};
+  model->tissues[1].elastic = ElasticConstants{ball_kPa, 0.45};
+  return model;
+}
+// settled, 3 mm deep or as deep as is said
+TickRecord deep_at(double x, double y, double depth_mm = 3, double force_N = 0.15) {
+  TickRecord felt = pressed_at(x, y);
+  felt.device[0].tip_patient_mm[2] = 3 - depth_mm;
+  felt.device[0].depth_mm = depth_mm;
+  felt.device[0].contact_N[0] = force_N;
+  return felt;
+}
+YieldSpot settled_spot(const Model& model, const TickRecord& felt) {
+  YieldSolver solver;
+  for (int n = 0; n < 8; ++n) solver.solve(model, felt);
+  return solver.frame().spot[0];
+}
+// the part by which a force is less deep than of the linear body
+double stiffer_part(const YieldSpot& spot) {
+  return spot.stiffening_mm_per_N2 * spot.finite_N / spot.compliance_mm_per_N;
+}
+
+TEST(YieldSolver, ANeoHookeanBodyStiffensWhereItIsSqueezedOntoSomethingHard) {
+  const auto model = finite_block();
+  const YieldSpot over = settled_spot(*model, deep_at(0, 0)), beside = settled_spot(*model, deep_at(20, 0));
+  ASSERT_TRUE(over.is_finite() && beside.is_finite());
+  EXPECT_GT(stiffer_part(over), stiffer_part(beside) + 0.02);
+  // where strains are small it is the linear one
+  const YieldSpot slight = settled_spot(*model, deep_at(0, 0, 0.2, 0.002));
+  ASSERT_TRUE(slight.is_finite());
+  EXPECT_LT(std::abs(stiffer_part(slight)), 0.02);
+  EXPECT_FALSE(settled_spot(*soft_block(true), deep_at(0, 0)).is_finite());
+}
+
+TEST(YieldSolver, ANeoHookeanBodyDependsOnNothingButWhatItWasGiven) {
+  const auto model = finite_block();
+  YieldSolver one, other;
+  for (int n = 0; n < 6; ++n) {
+    const TickRecord felt = deep_at(-4 + 1.5 * n, 0.1 * n);
+    EXPECT_EQ(one.solve(*model, felt).hash(), other.solve(*model, felt).hash());
+    EXPECT_TRUE(one.frame().spot[0].is_finite());
+  }
+}
+
+TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack) {
+  const auto model = finite_block();
+  YieldSolver solver;
+  for (int n = 0; n < 6; ++n) solver.solve(*model, deep_at(0, 0));
+  const YieldSpot before = solver.frame().spot[0];
+  // a leap from one place to another in one frame, far too deep
+  for (int n = 0; n < 12; ++n) {
+    const YieldSpot& spot = solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).spot[0];
+    ASSERT_TRUE(spot.is_known());
+    ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
+    ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.most_stiffening);
+  }
+  for (int n = 0; n < 20; ++n) solver.solve(*model, deep_at(0, 0));
+  const YieldSpot& after = solver.frame().spot[0];
+  ASSERT_TRUE(after.is_finite());
+  EXPECT_NEAR(stiffer_part(after), stiffer_part(before), 0.01);
+}
+
+TEST(YieldSolver, ANeoHookeanBodyIsToldOnlyWhereTheSurfaceLiesInFacesOfCells) {
+  // 41 mm above the lattice's corner, which is in cells of 1.5 mm
+  const auto model = soft_block(true, 1, TissueLaw::kNeoHookean);
+  const YieldSpot spot = settled_spot(*model, deep_at(0, 0));
+  EXPECT_TRUE(spot.is_known());
+  EXPECT_FALSE(spot.is_finite());
+}
+
+TEST(YieldSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  int finite = 0;
+  for (int scene = 0; scene < 2; ++scene) {
+    const double tissue_kPa = std::pow(10, 3 * unit(random)), ball_kPa = std::pow(10, 3 * unit(random));
+    const auto model = finite_block(tissue_kPa, ball_kPa);
+    YieldSolver solver;
+    double depth_mm = -3, x = 0;
+    for (int n = 0; n < 16; ++n) {
+      // to 0.5 m/s
+      const double sinks_mm_s = 1000 * (unit(random) - 0.5), slides_mm_s = 400 * (unit(random) - 0.5);
+      depth_mm = std::clamp(depth_mm + sinks_mm_s * kYieldFrame_s, -4.0, 9.0);
+      x = std::clamp(x + slides_mm_s * kYieldFrame_s, -12.0, 12.0);
+      TickRecord felt = tool_at({x, 0, 3 - depth_mm}, {slides_mm_s, 0, -sinks_mm_s});
+      if (depth_mm > 0) {
+        felt = deep_at(x, 0, depth_mm, 1e-3 * tissue_kPa * depth_mm * depth_mm * unit(random));
+        felt.device[0].velocity_patient_mm_s = {slides_mm_s, 0, -sinks_mm_s};
+      }
+      const YieldSpot& spot = solver.solve(*model, felt).spot[0];
+      ASSERT_TRUE(spot.is_known());
+      ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
+      ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.most_stiffening);
+      finite += spot.is_finite();
+    }
+  }
+  EXPECT_GT(finite, 8);
 }
 
 TEST(YieldSolver, EveryDeviceHasItsOwnPlace) {

@@ -198,7 +198,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
   WorkspaceSettings workspace;
   // of a ball of 1 N/mm; what yields has its own
-  const bool yields_by_itself = ball.tissue_law == TissueLaw::kElastic;
+  const bool yields_by_itself = is_elastic(ball.tissue_law);
   workspace.force_gain = yields_by_itself ? 1 : exploration.stiffness_N_per_mm;
   WorkspaceMapping mapping(plant.info(), workspace);
   Parameters parameters;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
+#include <span>
 
 #include "palpate/stability/stability.h"
 #include "verification/stability_energy.h"
@@ -47,21 +49,25 @@ std::string ratio_name(const char* prefix, double value) {
 }
 
 // what a tick makes of it, by speed
-Result<void> tick_figures(const Progress& progress, std::vector<Figure>& figures) {
-  struct AtSpeed {
-    double mm_s, largest_percent, mean_percent;
-  };
-  constexpr AtSpeed kSpeeds[] = {{20, 2, 0.5}, {50, 6, 1}, {100, 18, 3}};
-  const auto model = yielding_block(true);
+struct AtSpeed {
+  double mm_s;
+  std::optional<double> largest_percent, mean_percent;
+};
+constexpr AtSpeed kLinearSpeeds[] = {{20, 2, 0.5}, {50, 6, 1}, {100, 18, 3}};
+constexpr AtSpeed kFiniteSpeeds[] = {{20, 10, {}}, {50, {}, {}}};
+
+Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const std::string& prefix,
+                          const Progress& progress, std::vector<Figure>& figures) {
+  const auto model = yielding_block(true, law);
   if (!model) return model.error();
-  for (const AtSpeed& speed : kSpeeds) {
+  for (const AtSpeed& speed : speeds) {
     char at[32];
     std::snprintf(at, sizeof at, "/%.0f-mm-s", speed.mm_s);
     const auto add = [&](const char* way, const TickOff& off) {
       const auto samples = static_cast<std::uint64_t>(off.samples);
-      figures.push_back({std::string("tissue/tick/") + way + at + "/largest", off.largest_percent, "percent",
+      figures.push_back({prefix + way + at + "/largest", off.largest_percent, "percent",
                          samples, speed.largest_percent});
-      figures.push_back({std::string("tissue/tick/") + way + at + "/mean", off.mean_percent, "percent",
+      figures.push_back({prefix + way + at + "/mean", off.mean_percent, "percent",
                          samples, speed.mean_percent});
     };
     if (progress.stopped()) return Progress::interrupted();
@@ -69,11 +75,11 @@ Result<void> tick_figures(const Progress& progress, std::vector<Figure>& figures
     add("pressed-on-nodule", press_tissue(*model, speed.mm_s, 0));
     add("slid-over-nodule", slide_on_tissue(*model, speed.mm_s));
   }
-  figures.push_back({"tissue/tick/at-rest/change", change_at_rest_N(*model), "N", 400, 0.02});
+  figures.push_back({prefix + "at-rest/change", change_at_rest_N(*model), "N", 400, 0.02});
   figures.push_back(
-      {"tissue/tick/work-given-out", std::max(0.0, work_given_out_percent(*model, 20)), "percent", 1, 2});
+      {prefix + "work-given-out", std::max(0.0, work_given_out_percent(*model, 20)), "percent", 1, 2});
   figures.push_back(
-      {"tissue/tick/stiffer-over-nodule", stiffer_over_nodule_percent(*model, 3), "percent", 1, {}});
+      {prefix + "stiffer-over-nodule", stiffer_over_nodule_percent(*model, 3), "percent", 1, {}});
   return {};
 }
 
@@ -189,7 +195,11 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   figures.push_back({"tissue/neo-hookean/frame-off", finite.frame_off_percent, "percent", 1, {}});
   figures.push_back({"tissue/neo-hookean/frame-time", finite.frame_ms, "ms", finite.cells, {}});
 
-  if (auto in_tick = tick_figures(progress, figures); !in_tick) return in_tick.error();
+  auto in_tick = tick_figures(TissueLaw::kElastic, kLinearSpeeds, "tissue/tick/", progress, figures);
+  if (!in_tick) return in_tick.error();
+  in_tick =
+      tick_figures(TissueLaw::kNeoHookean, kFiniteSpeeds, "tissue/tick/neo-hookean/", progress, figures);
+  if (!in_tick) return in_tick.error();
   if (auto energies = energy_of_tissue(progress, figures); !energies) return energies.error();
   const TissueFrame frame = measure_tissue_frame(kFrames);
   figures.push_back({"tissue/frame/time", frame.frame_ms, "ms", kFrames, {}});

@@ -55,7 +55,8 @@ class CampaignTip {
 };
 
 std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector<Tissue> tissues,
-                                      double tool_mm, double cell_mm) {
+                                      double tool_mm, double cell_mm,
+                                      TissueLaw law = TissueLaw::kElastic) {
   ModelParts parts;
   parts.labels = label_bricks(labels);
   parts.tissue_of_label = {-1};
@@ -66,7 +67,7 @@ std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector
     tissues[n].name = "tissue " + std::to_string(n);
   }
   parts.tissues = std::move(tissues);
-  parts.tissue_law = TissueLaw::kElastic;
+  parts.tissue_law = law;
   parts.tissue_cell_mm = cell_mm;
   Tool tool;
   tool.radius_mm = tool_mm;
@@ -80,7 +81,7 @@ std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector
 }
 
 // blobs of bone and of tissue of 1 kPa to 1 MPa, some with air between
-std::shared_ptr<const Model> random_patient(std::mt19937& random) {
+std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law) {
   GridGeometry grid;
   grid.dims = {28, 28, 28};
   grid.spacing_mm =
@@ -111,7 +112,7 @@ std::shared_ptr<const Model> random_patient(std::mt19937& random) {
         }
   }
   return model_of(labels, tissues, random() % 3 == 0 ? 0 : between(random, 0.5, 4),
-                  between(random, 0.8, 2.5));
+                  between(random, 0.8, 2.5), law);
 }
 
 TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
@@ -122,7 +123,8 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
   for (int scene = 0; scene < scenes; ++scene) {
     SCOPED_TRACE("seed " + std::to_string(seed) + ", scene " + std::to_string(scene));
     std::mt19937 random(seed + static_cast<unsigned>(scene));
-    const auto model = random_patient(random);
+    const auto model =
+        random_patient(random, scene % 2 == 0 ? TissueLaw::kElastic : TissueLaw::kNeoHookean);
     CampaignTip tip(model, kMostForce_N);
     Eigen::Vector3d at(0, 0, 40);
     const auto lead = [&](const Eigen::Vector3d& to, double speed_mm_s) {
@@ -143,6 +145,7 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
         ++solved;
         ASSERT_TRUE(std::isfinite(spot.compliance_mm_per_N) && spot.slope_per_N.all_finite());
         ASSERT_GT(spot.modulus_N_per_mm2, 0);
+        ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
       }
     };
     for (int stroke = 0; stroke < 6 && !HasFatalFailure(); ++stroke) {

@@ -78,7 +78,8 @@ class ConvergedForce {
     for (int n = 0; n < kSettling; ++n) {
       const YieldSpot& spot = solver_.solve(*model_, still).spot[0];
       if (!spot.is_known()) return 0;
-      const YieldingTissue tissue{spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2};
+      const YieldingTissue tissue{
+          spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2, spot.stiffening_mm_per_N2};
       force_N = yield_force(tissue, device.depth_mm, kTissueTool_mm).force_N;
       device.contact_N[0] = force_N;
     }
@@ -128,7 +129,7 @@ int ticks_between_comparisons(double way_mm, double speed_mm_s) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Model>> yielding_block(bool nodule) {
+Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law) {
   GridGeometry grid;
   grid.dims = {2 * kBlockHalf_mm, 2 * kBlockHalf_mm, kPlateDeep_mm + 9};
   grid.spacing_mm = Eigen::Vector3d::Ones();
@@ -162,7 +163,7 @@ Result<std::shared_ptr<const Model>> yielding_block(bool nodule) {
   plate.stiffness_N_per_mm = 2;
   parts.tissues = {soft, hard, plate};
   parts.tissue_of_label = {-1, 0, 1, 2};
-  parts.tissue_law = TissueLaw::kElastic;
+  parts.tissue_law = law;
   parts.tissue_cell_mm = 1;
   Tool tool;
   tool.radius_mm = kTissueTool_mm;
@@ -233,7 +234,8 @@ double work_given_out_percent(const std::shared_ptr<const Model>& model, double 
   return -100 * work_mJ / most_mJ;
 }
 
-double stiffer_over_nodule_percent(const std::shared_ptr<const Model>& model, double depth_mm) {
+double stiffer_over_nodule_percent(const std::shared_ptr<const Model>& model, double depth_mm,
+                                   double beside_mm) {
   const auto force_N = [&](double x_mm) {
     TissueTip tip(model);
     tip.begin_at({x_mm, 0, kTissueTool_mm + kBeginAbove_mm});
@@ -242,7 +244,7 @@ double stiffer_over_nodule_percent(const std::shared_ptr<const Model>& model, do
     tip.wait(0.2, [&](const TickRecord& felt) { felt_N = felt.device[0].unclamped_force_N; });
     return felt_N;
   };
-  return 100 * (force_N(0) / force_N(18) - 1);
+  return 100 * (force_N(0) / force_N(beside_mm) - 1);
 }
 
 }  // namespace palpate

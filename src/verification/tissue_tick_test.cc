@@ -37,6 +37,16 @@ TEST_F(TissueTick, AtRestAFrameIsNotFelt) {
   EXPECT_LT(change_at_rest_N(nodule_), 1e-3);
 }
 
+TEST_F(TissueTick, ANeoHookeanBodyIsHarderThereAndKeepsWhatWasPutIn) {
+  auto finite = yielding_block(true, TissueLaw::kNeoHookean);
+  ASSERT_TRUE(finite.ok());
+  EXPECT_GT(stiffer_over_nodule_percent(*finite, 3), stiffer_over_nodule_percent(nodule_, 3) + 5);
+  const TickOff off = press_tissue(*finite, 20, 0);
+  EXPECT_GT(off.samples, 10);
+  EXPECT_LT(off.largest_percent, 10);
+  EXPECT_LT(work_given_out_percent(*finite, 20), 2);
+}
+
 TEST_F(TissueTick, OverSomethingHardItIsHarder) {
   EXPECT_GT(stiffer_over_nodule_percent(nodule_, 3), 8);
 }

@@ -34,6 +34,12 @@ class PressurePatch {
   double displacement(const ElasticField& u_mm) const;
   /// How that changes as the patch moves along the surface: (dJ) u, mm per mm, along the surface.
   Vector<Patient> change(const ElasticField& u_mm) const;
+  /// The values of nodes that bear `part` of what the one does that bears most, and more: of a layer one node
+  /// thick, of those along an axis the one nearest to the patch.
+  std::vector<std::uint32_t> bearing(double part) const;
+  /// How much of the force that layer bears: all where it lies in the surface, half where that is in the middle
+  /// of cells.
+  double borne_by_layer() const;
 
  private:
   static constexpr double kReach = 2;
@@ -46,6 +52,8 @@ class PressurePatch {
 
   std::vector<Weight> weights_;
   std::vector<Weight> along_[3];  ///< of its change along the box's axes
+  std::vector<Weight> borne_;     ///< by the nodes of that layer, of a force of 1; at their first component
+  std::uint32_t row_ = 0;         ///< from a node's component to its next
   Eigen::Vector3d outward_ = Eigen::Vector3d::UnitZ();
   Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();
   double modulus_ = 0;

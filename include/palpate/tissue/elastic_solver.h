@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
 
 #include "palpate/tissue/elastic_grid.h"
 
@@ -58,8 +60,10 @@ class ElasticSolver {
   /// The same body as a neo-Hookean one, which is linear elasticity where strains are small: by Newton's
   /// method from `displacement_mm` on. Where what is held has moved since, let the others go with it first
   /// (`solve` from 0 for the way it moved, added), so that no cell beside it is turned inside out.
+  /// @param held  values of the layout besides those of nodes that the grid holds, which stay as they are: a
+  ///              few, for which the solver need not be made anew
   FiniteSolution solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
-                              const FiniteSettings& settings);
+                              const FiniteSettings& settings, std::span<const std::uint32_t> held = {});
   /// As `forces`, of the neo-Hookean body.
   void finite_forces(const ElasticField& displacement_mm, ElasticField& force_N);
 

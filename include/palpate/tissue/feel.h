@@ -74,6 +74,21 @@ struct SolvingFeel {
   double least_patch_cells = 2;
   /// Of the box, along the longest row in memory and across it.
   int cells_along = 47, cells_across = 32;
+  /// Of the neo-Hookean law: so many cells farther down is the box's middle; the more lies below, the less
+  /// springs stand for.
+  double finite_deeper_cells = 10;
+  /// Newton's steps of a frame, iterations of each, and of what makes the force aside.
+  int finite_steps = 1, finite_iterations = 3, aside_iterations = 1;
+  /// Nodes that bear so much of what the one does that bears most are held as the tool's surface is.
+  double least_bearing = 0.01;
+  /// A layer of nodes has to bear so much of the force: elsewhere the surface runs within cells, of which a
+  /// part alone is tissue, and what they do where they are squeezed far is no tissue's.
+  double least_layer = 0.9;
+  /// The patch is pressed in by no less and no more than these parts of its radius: where the tool is less
+  /// deep, or in the air, or deeper, the law of those is carried on.
+  double least_give = 0.1, most_give = 1.2;
+  /// With a cell that keeps less of its volume nothing is said of the neo-Hookean body.
+  double least_volume = 0.15;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
@@ -87,6 +102,15 @@ struct SolvingFeel {
     of("least_patch_cells", least_patch_cells);
     of("cells_along", cells_along);
     of("cells_across", cells_across);
+    of("finite_deeper_cells", finite_deeper_cells);
+    of("finite_steps", finite_steps);
+    of("finite_iterations", finite_iterations);
+    of("aside_iterations", aside_iterations);
+    of("least_bearing", least_bearing);
+    of("least_layer", least_layer);
+    of("least_give", least_give);
+    of("most_give", most_give);
+    of("least_volume", least_volume);
   }
 };
 inline constexpr CuttingFeel kCuttingFeel;

@@ -30,7 +30,7 @@ struct YieldField {
 };
 
 /// For every device a box of cells around the place that it presses or is about to (linear elasticity,
-/// ElasticSolver). What it gives depends on the models and ticks that it was given, in their order, and on
+/// ElasticSolver), under the neo-Hookean law also as such a body. What it gives depends on the models and ticks that it was given, in their order, and on
 /// nothing else: not on time, threads or the machine. For one thread.
 class YieldSolver {
  public:
@@ -49,6 +49,7 @@ class YieldSolver {
   bool field_of(std::size_t device, YieldField& field) const;
 
  private:
+  struct Finite;
   struct Region;
 
   YieldFrame frame_;
