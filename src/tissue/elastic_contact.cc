@@ -123,17 +123,19 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Pati
 void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> wanted) {
   const double h = grid.box().cell_mm;
   std::vector<PlaceInCell> places;
-  double modulus = 0;
+  double modulus = 0, fill = 0;
   for (const Eigen::Vector3d& at : wanted) {
     PlaceInCell place;
     if (!find_cell(grid, at, -outward_, kReach, place)) continue;
     places.push_back(place);
     const std::size_t cell = grid.layout().cell(place.cell[0], place.cell[1], place.cell[2]);
     const double mu = grid.mu()[cell] / grid.fill()[cell], lambda = grid.lambda()[cell] / grid.fill()[cell];
+    fill += grid.fill()[cell];
     modulus += 4 * mu * (lambda + mu) / (lambda + 2 * mu);
   }
   if (places.empty()) return;
   modulus_ = modulus / static_cast<double>(places.size());
+  fill_ = fill / static_cast<double>(places.size());
 
   const double share = 1.0 / static_cast<double>(places.size());
   const double half_layer = 0.5 * outward_.cwiseAbs().maxCoeff();
@@ -184,12 +186,6 @@ std::vector<std::uint32_t> PressurePatch::bearing(double part) const {
     for (std::uint32_t c = 0; c < 3; ++c) values.push_back(one.value + c * row_);
   }
   return values;
-}
-
-double PressurePatch::borne_by_layer() const {
-  double sum = 0;
-  for (const Weight& one : borne_) sum += one.weight;
-  return sum;
 }
 
 Vector<Patient> PressurePatch::change(const ElasticField& u_mm) const {

@@ -210,7 +210,8 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
                                        bool anew, YieldSpot& spot) {
   constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2;
   Finite& f = *finite;
-  if (patch.borne_by_layer() < kSolvingFeel.least_layer) {
+  const std::vector<std::uint32_t> bearing = patch.bearing(kSolvingFeel.least_bearing);
+  if (bearing.empty() || patch.fill() < kSolvingFeel.least_fill) {
     f.forget();
     return;
   }
@@ -231,7 +232,6 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   // from what was found before, which grows with the square of the depth
   const double grown = f.give_mm > 0 ? std::min(give_mm / f.give_mm, kFarthest) : 0;
   const auto by = static_cast<float>(grown * grown), force_by = static_cast<float>(s);
-  const std::vector<std::uint32_t> bearing = patch.bearing(kSolvingFeel.least_bearing);
   for (float& value : f.turning_mm.values) value *= by;
   for (float& value : f.correction_mm.values) value *= by;
   for (const std::uint32_t n : bearing) f.correction_mm.values[n] = 0;

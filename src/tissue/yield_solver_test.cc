@@ -165,7 +165,7 @@ TEST(YieldSolver, KnowsNothingWhereNothingSoftIsNear) {
   EXPECT_TRUE(solver.field_of(0, field));
 }
 
-// cells in whose faces the surface lies
+// cells that are full up to the surface
 std::shared_ptr<const Model> finite_block(double tissue_kPa = 10, double ball_kPa = 100) {
   auto model = std::make_shared<Model>(*soft_block(true, 1, TissueLaw::kNeoHookean));
   model->tissue_cell_mm = 1;
@@ -231,8 +231,8 @@ TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack)
   EXPECT_NEAR(stiffer_part(after), stiffer_part(before), 0.01);
 }
 
-TEST(YieldSolver, ANeoHookeanBodyIsToldOnlyWhereTheSurfaceLiesInFacesOfCells) {
-  // 41 mm above the lattice's corner, which is in cells of 1.5 mm
+TEST(YieldSolver, ANeoHookeanBodyIsToldOnlyWhereCellsAreFull) {
+  // the surface is 41 mm above the lattice's corner, in the first third of cells of 1.5 mm
   const auto model = soft_block(true, 1, TissueLaw::kNeoHookean);
   const YieldSpot spot = settled_spot(*model, deep_at(0, 0));
   EXPECT_TRUE(spot.is_known());

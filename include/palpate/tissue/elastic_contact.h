@@ -37,9 +37,8 @@ class PressurePatch {
   /// The values of nodes that bear `part` of what the one does that bears most, and more: of a layer one node
   /// thick, of those along an axis the one nearest to the patch.
   std::vector<std::uint32_t> bearing(double part) const;
-  /// How much of the force that layer bears: all where it lies in the surface, half where that is in the middle
-  /// of cells.
-  double borne_by_layer() const;
+  /// Part of the patch's cells that is solid, in the mean.
+  double fill() const { return fill_; }
 
  private:
   static constexpr double kReach = 2;
@@ -56,7 +55,7 @@ class PressurePatch {
   std::uint32_t row_ = 0;         ///< from a node's component to its next
   Eigen::Vector3d outward_ = Eigen::Vector3d::UnitZ();
   Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();
-  double modulus_ = 0;
+  double modulus_ = 0, fill_ = 0;
 };
 
 /// What a rigid sphere feels that is pressed straight into soft tissue, without friction.

@@ -81,9 +81,9 @@ struct SolvingFeel {
   int finite_steps = 1, finite_iterations = 3, aside_iterations = 1;
   /// Nodes that bear so much of what the one does that bears most are held as the tool's surface is.
   double least_bearing = 0.01;
-  /// A layer of nodes has to bear so much of the force: elsewhere the surface runs within cells, of which a
-  /// part alone is tissue, and what they do where they are squeezed far is no tissue's.
-  double least_layer = 0.9;
+  /// So much of the cells under the patch has to be tissue: what those do of which a part alone is, where they
+  /// are squeezed far, is no tissue's.
+  double least_fill = 0.95;
   /// The patch is pressed in by no less and no more than these parts of its radius: where the tool is less
   /// deep, or in the air, or deeper, the law of those is carried on.
   double least_give = 0.1, most_give = 1.2;
@@ -107,7 +107,7 @@ struct SolvingFeel {
     of("finite_iterations", finite_iterations);
     of("aside_iterations", aside_iterations);
     of("least_bearing", least_bearing);
-    of("least_layer", least_layer);
+    of("least_fill", least_fill);
     of("least_give", least_give);
     of("most_give", most_give);
     of("least_volume", least_volume);
