@@ -157,21 +157,22 @@ struct YieldSolver::Region {
         load_N(grid.layout()) {}
 
   // whether it reaches around a place, and the cells at whose corner one would begin that does
-  static std::array<int, 3> cells() {
-    return {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
+  static std::array<int, 3> cells(bool finite) {
+    return {finite ? kSolvingFeel.finite_cells_along : kSolvingFeel.cells_along, kSolvingFeel.cells_across,
+            kSolvingFeel.cells_across};
   }
-  static std::array<int, 3> first_around(const Eigen::Vector3d& in_cells) {
+  static std::array<int, 3> first_around(const Eigen::Vector3d& in_cells, const std::array<int, 3>& cells) {
     std::array<int, 3> from;
     for (int axis = 0; axis < 3; ++axis) {
       const double step = kSolvingFeel.step_cells;
       from[axis] = kSolvingFeel.step_cells *
-                   static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells()[axis]) / step + 0.5));
+                   static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells[axis]) / step + 0.5));
     }
     return from;
   }
   bool is_around(const Eigen::Vector3d& in_cells) const {
     for (int axis = 0; axis < 3; ++axis)
-      if (std::abs(in_cells[axis] - first[axis] - 0.5 * cells()[axis]) > kSolvingFeel.farthest_cells)
+      if (std::abs(in_cells[axis] - first[axis] - 0.5 * grid.box().cells[axis]) > kSolvingFeel.farthest_cells)
         return false;
     return true;
   }
@@ -295,15 +296,15 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     const bool anew = region == nullptr || region->labels != model.labels || region->by_label != by_label ||
                       finite != (region->finite != nullptr) || !region->is_around(in_cells);
     if (anew) {
-      const std::array<int, 3> first = Region::first_around(in_cells);
-      box.cells = Region::cells();
+      box.cells = Region::cells(finite);
+      const std::array<int, 3> first = Region::first_around(in_cells, box.cells);
       box.corner = box.patient(Eigen::Vector3d(first[0], first[1], first[2]) * box.cell_mm);
       auto grid = ElasticGrid::of_labels(*model.labels, by_label, box);
       PALPATE_CHECK(grid.ok());
       grid->continue_beyond({true, true, true, true, true, true}, contact->at);
       auto laid = std::make_unique<Region>(model.labels, by_label, first, *std::move(grid));
       if (finite) laid->finite = std::make_unique<Finite>(laid->grid.layout());
-      if (region != nullptr) laid->take_over(*region);
+      if (region != nullptr && region->grid.box().cells == box.cells) laid->take_over(*region);
       region = std::move(laid);
     }
 

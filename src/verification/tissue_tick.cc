@@ -78,8 +78,9 @@ class ConvergedForce {
     for (int n = 0; n < kSettling; ++n) {
       const YieldSpot& spot = solver_.solve(*model_, still).spot[0];
       if (!spot.is_known()) return 0;
-      const YieldingTissue tissue{
-          spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2, spot.stiffening_mm_per_N2};
+      YieldingTissue tissue{spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2};
+      tissue.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
+      tissue.finite_N = spot.finite_N;
       force_N = yield_force(tissue, device.depth_mm, kTissueTool_mm).force_N;
       device.contact_N[0] = force_N;
     }

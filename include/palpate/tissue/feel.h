@@ -77,8 +77,10 @@ struct SolvingFeel {
   /// Of the neo-Hookean law: so many cells farther down is the box's middle; the more lies below, the less
   /// springs stand for.
   double finite_deeper_cells = 10;
+  /// It is shorter, because a frame takes three times the work a cell.
+  int finite_cells_along = 31;
   /// Newton's steps of a frame, iterations of each, and of what makes the force aside.
-  int finite_steps = 1, finite_iterations = 3, aside_iterations = 1;
+  int finite_steps = 1, finite_iterations = 4, aside_iterations = 2;
   /// Nodes that bear so much of what the one does that bears most are held as the tool's surface is.
   double least_bearing = 0.01;
   /// So much of the cells under the patch has to be tissue: what those do of which a part alone is, where they
@@ -103,6 +105,7 @@ struct SolvingFeel {
     of("cells_along", cells_along);
     of("cells_across", cells_across);
     of("finite_deeper_cells", finite_deeper_cells);
+    of("finite_cells_along", finite_cells_along);
     of("finite_steps", finite_steps);
     of("finite_iterations", finite_iterations);
     of("aside_iterations", aside_iterations);
