@@ -1,7 +1,9 @@
 #include <array>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <optional>
+#include <system_error>
 
 #include "inputs.h"
 #include "palpate/base/output.h"
@@ -79,9 +81,15 @@ int simulate_target(const SimulateOptions& options, Console& console) {
   simulation.seed = options.seed;
   simulation.rate_hz = options.rate_hz;
   simulation.method = options.method;
+  // an interrupted run has a recording once the hand has found its ways
+  const auto written = [&] {
+    std::error_code none;
+    return std::filesystem::last_write_time(outputs->recording, none);
+  };
+  const auto before = written();
   const auto result = simulate(*loaded, *script, simulation, outputs->recording, progress);
   if (!result) {
-    if (result.error().kind == ErrorKind::kInterrupted && !outputs->recording.empty())
+    if (result.error().kind == ErrorKind::kInterrupted && written() != before)
       console.note("the recording as far as it came is kept: " + outputs->recording.string());
     return console.fail(result.error());
   }
@@ -94,8 +102,8 @@ int simulate_target(const SimulateOptions& options, Console& console) {
     if (!recorded) return console.fail(recorded.error());
     const auto model = report_model(loaded->model, progress);
     if (!model) return console.fail(model.error());
-    if (const auto written = write_report(outputs->report, *recorded, **model, progress); !written)
-      return console.fail(written.error());
+    if (const auto reported = write_report(outputs->report, *recorded, **model, progress); !reported)
+      return console.fail(reported.error());
     console.note("report: " + outputs->report.string());
   }
   return result->failed_steps == 0 ? kExitOk : kExitLimit;

@@ -20,8 +20,9 @@ namespace palpate {
 
 /// How tissue has yielded at the place of a recording that is shown, solved again by a thread of its own:
 ///
-///     tick that is shown ──► its solution's number ──► a few ticks from which it and those before were
-///     solved viewers ◄── where nodes went ◄── solver that goes on in the boxes that there were ◄──┘
+///     tick that is shown ──► number of its solution ──► ticks that it and a few before were solved from
+///                                                                              │
+///     viewers ◄── where nodes went ◄── a solver that goes on in their boxes ◄──┘
 ///
 /// Where it is played forwards every solution follows from the one before, as in the run. At another place it
 /// begins kLeadIn solutions earlier. Any thread.

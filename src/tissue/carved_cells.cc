@@ -20,6 +20,18 @@ ElasticGrid laid(const CarvedLabels& labels, const std::vector<ElasticMaterial>&
 
 }  // namespace
 
+std::vector<ElasticMaterial> materials_of(const Model& model) {
+  std::vector<ElasticMaterial> by_label(model.tissue_of_label.size());
+  for (std::size_t label = 1; label < by_label.size(); ++label) {
+    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
+    if (tissue == nullptr || !tissue->felt) continue;
+    by_label[label] = tissue->elastic ? ElasticMaterial{Matter::kSoft, tissue->elastic->youngs_modulus_kPa,
+                                                        tissue->elastic->poissons_ratio}
+                                      : ElasticMaterial{Matter::kRigid};
+  }
+  return by_label;
+}
+
 CarvedLabels carved_labels(const Model& model) {
   if (model.carving == nullptr) return {model.labels, nullptr};
   return {model.carving->made_labels(), model.carving->taken()};

@@ -15,18 +15,6 @@ ElasticBox lattice_of(const Model& model) {
 
 }  // namespace
 
-std::vector<ElasticMaterial> materials_of(const Model& model) {
-  std::vector<ElasticMaterial> by_label(model.tissue_of_label.size());
-  for (std::size_t label = 1; label < by_label.size(); ++label) {
-    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label));
-    if (tissue == nullptr || !tissue->felt) continue;
-    by_label[label] = tissue->elastic ? ElasticMaterial{Matter::kSoft, tissue->elastic->youngs_modulus_kPa,
-                                                        tissue->elastic->poissons_ratio}
-                                      : ElasticMaterial{Matter::kRigid};
-  }
-  return by_label;
-}
-
 Eigen::Vector3d in_yield_cells(const Model& model, const Point<Patient>& at) {
   const ElasticBox lattice = lattice_of(model);
   return lattice.local_mm(at) / lattice.cell_mm;

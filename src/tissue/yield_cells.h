@@ -11,9 +11,6 @@
 /// The cells around a tool on which soft tissue is solved.
 namespace palpate {
 
-/// What each label of a model is made of.
-std::vector<ElasticMaterial> materials_of(const Model& model);
-
 /// A place in cells of the lattice over the whole volume, on which every box lies wherever it goes.
 Eigen::Vector3d in_yield_cells(const Model& model, const Point<Patient>& at);
 /// The first cell of a box with a place in its middle, and whether a box still reaches around one.

@@ -28,18 +28,6 @@ double median_ms(std::vector<double> seconds) {
   return 1e3 * seconds[seconds.size() / 2];
 }
 
-// what the block's labels are made of
-std::vector<ElasticMaterial> block_materials(const Model& model) {
-  std::vector<ElasticMaterial> by_label{{}};
-  for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label) {
-    const auto& elastic = model.tissue_of(static_cast<LabelId>(label))->elastic;
-    by_label.push_back(
-        elastic ? ElasticMaterial{Matter::kSoft, elastic->youngs_modulus_kPa, elastic->poissons_ratio}
-                : ElasticMaterial{Matter::kRigid});
-  }
-  return by_label;
-}
-
 // how high the surface is in a frame, under the tool, and what is swept until then
 struct CutFrame {
   double surface_mm = 0;
@@ -47,7 +35,7 @@ struct CutFrame {
 };
 
 CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function<CutFrame(int)>& cut) {
-  const std::vector<ElasticMaterial> by_label = block_materials(model);
+  const std::vector<ElasticMaterial> by_label = materials_of(model);
   ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
   box.cells = {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
   const Point<Patient> pressed(0, 0, 0);

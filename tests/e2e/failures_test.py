@@ -377,6 +377,16 @@ class Failures(cli.PalpateTest):
                     interrupted += code == cli.INTERRUPTED
         self.assertGreater(interrupted, 5)
 
+    def test_an_interrupted_run_tells_of_a_recording_where_there_is_one(self):
+        recording = self.folder / "run.h5"
+        for delay_s in (0, 0.05, 0.1, 0.2):
+            with self.subTest(delay_s=delay_s):
+                recording.unlink(missing_ok=True)
+                code, _, err = self.interrupt(["simulate", self.scene, "--script", self.long_script, "-o", recording],
+                                              delay_s=delay_s, handled=True)
+                self.assertEqual(code, cli.INTERRUPTED, err)
+                self.assertEqual("is kept" in err, recording.exists(), err)
+
     def test_killed_while_recording(self):
         recording = self.folder / "run.h5"
         code, _, _ = self.interrupt(["simulate", self.scene, "--script", self.long_script, "-o", recording], recording,

@@ -11,6 +11,9 @@
 
 namespace palpate {
 
+/// What each label of a model is made of: what is felt and has a modulus yields, what has none is rigid.
+std::vector<ElasticMaterial> materials_of(const Model& model);
+
 /// Labels of which something may be gone.
 struct CarvedLabels {
   std::shared_ptr<const Bricks<LabelId>> made;  ///< as they were
