@@ -15,24 +15,24 @@ ElasticBox lattice_of(const Model& model) {
 
 }  // namespace
 
-Eigen::Vector3d in_yield_cells(const Model& model, const Point<Patient>& at) {
+Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward) {
   const ElasticBox lattice = lattice_of(model);
-  return lattice.local_mm(at) / lattice.cell_mm;
+  return lattice.local_mm(at - outward * (kSolvingFeel.deeper_cells * lattice.cell_mm)) / lattice.cell_mm;
 }
 
-std::array<int, 3> first_cell_around(const Eigen::Vector3d& in_cells) {
+std::array<int, 3> first_cell_around(const Eigen::Vector3d& middle) {
   std::array<int, 3> first;
   for (int axis = 0; axis < 3; ++axis) {
     const double step = kSolvingFeel.step_cells;
     first[axis] = kSolvingFeel.step_cells *
-                  static_cast<int>(std::floor((in_cells[axis] - 0.5 * cells_of_box()[axis]) / step + 0.5));
+                  static_cast<int>(std::floor((middle[axis] - 0.5 * cells_of_box()[axis]) / step + 0.5));
   }
   return first;
 }
 
-bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& in_cells) {
+bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle) {
   for (int axis = 0; axis < 3; ++axis)
-    if (std::abs(in_cells[axis] - first_cell[axis] - 0.5 * cells_of_box()[axis]) >
+    if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells_of_box()[axis]) >
         kSolvingFeel.farthest_cells)
       return false;
   return true;

@@ -11,11 +11,13 @@
 /// The cells around a tool on which soft tissue is solved.
 namespace palpate {
 
-/// A place in cells of the lattice over the whole volume, on which every box lies wherever it goes.
-Eigen::Vector3d in_yield_cells(const Model& model, const Point<Patient>& at);
-/// The first cell of a box with a place in its middle, and whether a box still reaches around one.
-std::array<int, 3> first_cell_around(const Eigen::Vector3d& in_cells);
-bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& in_cells);
+/// Where the middle of a box belongs for a tool that presses at a place of the surface: so deep below it that most
+/// of the box is tissue. In cells of the lattice over the whole volume, on which every box lies wherever it goes.
+/// @param outward  unit, of the surface there
+Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward);
+/// The first cell of a box with that middle, and whether a box still reaches around one.
+std::array<int, 3> first_cell_around(const Eigen::Vector3d& middle);
+bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
 /// The cells of a box, with tissue beyond its faces as a load at YieldBox::about finds it.
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
                         const YieldBox& box);

@@ -97,9 +97,9 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& fel
                                        const std::optional<YieldBox>& before) {
   const auto contact = expected_contact(model, felt);
   if (!contact) return before;
-  const Eigen::Vector3d in_cells = in_yield_cells(model, contact->at);
-  if (before && is_around(before->first_cell, in_cells)) return before;
-  return YieldBox{first_cell_around(in_cells), contact->at};
+  const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
+  if (before && is_around(before->first_cell, middle)) return before;
+  return YieldBox{first_cell_around(middle), contact->at};
 }
 
 /// A box of cells around a device's tool.
@@ -182,9 +182,9 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     std::unique_ptr<Region>& region = regions_[d];
     const bool same = region != nullptr && region->is_of(labels, by_label);
     if (same) region->follow(labels);
-    const Eigen::Vector3d in_cells = in_yield_cells(model, contact->at);
-    if (!same || !is_around(region->box.first_cell, in_cells))
-      region = std::make_unique<Region>(model, by_label, YieldBox{first_cell_around(in_cells), contact->at},
+    const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
+    if (!same || !is_around(region->box.first_cell, middle))
+      region = std::make_unique<Region>(model, by_label, YieldBox{first_cell_around(middle), contact->at},
                                         region.get());
     const bool anew = std::exchange(region->is_new, false);
 

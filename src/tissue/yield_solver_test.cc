@@ -9,7 +9,10 @@
 #include <vector>
 
 #include "haptics/test_proxy_surfaces.h"
+#include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/carving.h"
+#include "palpate/tissue/elastic_contact.h"
+#include "palpate/tissue/elastic_solver.h"
 #include "tissue/test_soft_block.h"
 
 namespace palpate {
@@ -66,6 +69,28 @@ TEST(YieldSolver, IsHarderOverSomethingHardAndSlopesTowardsIt) {
   const double change =
       (settled_compliance(*model, pressed_at(4.1, 0)) - settled_compliance(*model, pressed_at(3.9, 0))) / 0.2;
   EXPECT_NEAR(spot.slope_per_N.x() / change, 1, 0.15);
+}
+
+TEST(YieldSolver, WhatIsHardFarBelowCountsToo) {
+  auto model = std::make_shared<Model>(*soft_block(false));
+  // the plate 22 cells down
+  model->tissue_cell_mm = 0.9;
+  YieldSolver solver;
+  for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_at(0, 0));
+  const YieldSpot& spot = solver.frame().spot[0];
+
+  // in a box that reaches into the plate and wider, to the end
+  ElasticBox box = elastic_box_of(model->labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, model->tissue_cell_mm);
+  box.cells = {47, 48, 40};
+  box.corner = Point<Patient>(-21.15, -21.6, -27);
+  auto grid = ElasticGrid::of_labels(*model->labels, materials_of(*model), box);
+  ASSERT_TRUE(grid.ok());
+  grid->continue_beyond({true, true, true, true, true, true}, Point<Patient>(0, 0, 0));
+  const PressurePatch patch(*grid, spot.at, Vector<Patient>(0, 0, 1), spot.patch_radius_mm);
+  ElasticField unit(grid->layout()), load(grid->layout());
+  patch.add(1, load);
+  ASSERT_TRUE(ElasticSolver(*grid).solve(load, unit, 200, 1e-5).converged);
+  EXPECT_NEAR(spot.compliance_mm_per_N / patch.displacement(unit), 1, 0.02);
 }
 
 TEST(YieldSolver, FollowsAToolThroughBoxesThatAreLaidAnew) {

@@ -78,7 +78,7 @@ YieldedTissue::YieldedTissue(const Model& model, const TickRecord& felt) {
   for (std::size_t d = 0; d < devices; ++d) {
     Press press;
     if (!find_press(model, felt, d, press)) continue;
-    const std::array<int, 3> first = first_cell_around(in_yield_cells(model, press.at));
+    const std::array<int, 3> first = first_cell_around(middle_below(model, press.at, press.outward));
     const CarvedCells cells = yield_cells(model, by_label, {first, press.at});
     const ElasticGrid& grid = cells.grid();
     const double cell_mm = grid.box().cell_mm, least_mm = kSolvingFeel.least_patch_cells * cell_mm;
