@@ -32,8 +32,7 @@ std::array<int, 3> first_cell_around(const Eigen::Vector3d& middle) {
 
 bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle) {
   for (int axis = 0; axis < 3; ++axis)
-    if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells_of_box()[axis]) >
-        kSolvingFeel.farthest_cells)
+    if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells_of_box()[axis]) > kSolvingFeel.farthest_cells)
       return false;
   return true;
 }

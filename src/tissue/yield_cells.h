@@ -11,8 +11,9 @@
 /// The cells around a tool on which soft tissue is solved.
 namespace palpate {
 
-/// Where the middle of a box belongs for a tool that presses at a place of the surface: so deep below it that most
-/// of the box is tissue. In cells of the lattice over the whole volume, on which every box lies wherever it goes.
+/// Where the middle of a box belongs for a tool that presses at a place of the surface: so deep below it that
+/// most of the box is tissue. In cells of the lattice over the whole volume, on which every box lies wherever
+/// it goes.
 /// @param outward  unit, of the surface there
 Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward);
 /// The first cell of a box with that middle, and whether a box still reaches around one.

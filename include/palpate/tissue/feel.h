@@ -68,8 +68,8 @@ struct SolvingFeel {
   /// The box is laid anew, in steps of so many cells, when the tool is so far from its middle: springs stand
   /// for the tissue beyond its faces, and the nearer they are the less they know.
   int step_cells = 2, farthest_cells = 5;
-  /// Its middle is so many cells below the surface: a third of the box lies above a surface in its middle, where
-  /// nothing is, while what is hard below it decides how much gives way.
+  /// Its middle is so many cells below the surface: a third of the box lies above a surface in its middle,
+  /// where nothing is, while what is hard below it decides how much gives way.
   double deeper_cells = 10;
   /// Iterations of a frame, and of one in a box that has just been laid.
   int iterations = 2, first_iterations = 12;
