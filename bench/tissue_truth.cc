@@ -1,0 +1,98 @@
+// What soft tissue gives way by in the five cases that calculix.py asks CalculiX for. See README.md.
+
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "palpate/tissue/elastic_contact.h"
+#include "palpate/tissue/elastic_solver.h"
+
+namespace palpate::bench {
+namespace {
+
+// a body on a plate, its surface z = 0, under a patch of pressure in its middle
+struct PressedBody {
+  std::string name;
+  std::function<ElasticMaterial(const Point<Patient>&)> material;
+  double rho_mm = 3;
+  int thick_mm = 24;
+};
+
+constexpr int kAcross_mm = 48;
+
+ElasticMaterial soft(double kPa, double nu = 0.45) {
+  return {Matter::kSoft, kPa, nu};
+}
+
+std::vector<PressedBody> pressed_bodies() {
+  return {
+      {"layer", [](const Point<Patient>&) { return soft(10); }},
+      {"nodule",
+       [](const Point<Patient>& p) {
+         const bool within = std::abs(p.x()) < 4 && std::abs(p.y()) < 4 && p.z() < -5 && p.z() > -13;
+         return soft(within ? 100 : 10);
+       }},
+      {"skin", [](const Point<Patient>& p) { return soft(p.z() > -2 ? 100 : 10); }},
+      {"hard-edge",
+       [](const Point<Patient>& p) {
+         return p.x() > 1 && p.z() < -5 ? ElasticMaterial{Matter::kRigid, 0, 0} : soft(10);
+       }},
+      {"thin-layer", [](const Point<Patient>&) { return soft(10, 0.49); }, 4, 8},
+  };
+}
+
+// places of equal force under the patch's pressure, many more than the tick's patch has: a fine grid tells one from
+// the next
+std::vector<Point<Patient>> pressed_places(double rho_mm) {
+  constexpr int kPlaces = 4096;
+  const double golden_angle = std::numbers::pi * (3 - std::sqrt(5.0));
+  std::vector<Point<Patient>> places;
+  for (int n = 0; n < kPlaces; ++n) {
+    // so much of the force is within r: 1 - (1 - r2 / rho2)^(3/2)
+    const double beyond = std::cbrt(1 - (n + 0.5) / kPlaces), r_mm = rho_mm * std::sqrt(1 - beyond * beyond);
+    places.emplace_back(r_mm * std::cos(n * golden_angle), r_mm * std::sin(n * golden_angle), 0);
+  }
+  return places;
+}
+
+// W, mm/N
+double compliance(const PressedBody& body, double cell_mm) {
+  const int across = static_cast<int>(std::lround(kAcross_mm / cell_mm));
+  const int deep = static_cast<int>(std::lround(body.thick_mm / cell_mm));
+  ElasticBox box;
+  box.cell_mm = cell_mm;
+  // the lowest layer is the plate
+  box.cells = {across, across, deep + 1};
+  box.corner = Point<Patient>(-0.5 * kAcross_mm, -0.5 * kAcross_mm, -(deep + 1) * cell_mm);
+  const ElasticGrid grid(
+      box,
+      [&](const Point<Patient>& p) {
+        return p.z() < -body.thick_mm ? ElasticMaterial{Matter::kRigid, 0, 0} : body.material(p);
+      },
+      8);
+  const PressurePatch patch(grid, pressed_places(body.rho_mm), Vector<Patient>(0, 0, 1));
+  ElasticField unit_mm(grid.layout()), load_N(grid.layout());
+  patch.add(1, load_N);
+  ElasticSolver(grid).solve(load_N, unit_mm, 300, 1e-6);
+  return patch.displacement(unit_mm);
+}
+
+int run() {
+  nlohmann::ordered_json told;
+  for (const char* cell_mm : {"1", "0.5"})
+    for (const PressedBody& body : pressed_bodies())
+      told[cell_mm][body.name] = compliance(body, std::stod(cell_mm));
+  std::printf("%s\n", told.dump(2).c_str());
+  return 0;
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main() {
+  return palpate::bench::run();
+}
