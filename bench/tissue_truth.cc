@@ -45,8 +45,8 @@ std::vector<PressedBody> pressed_bodies() {
   };
 }
 
-// places of equal force under the patch's pressure, many more than the tick's patch has: a fine grid tells one from
-// the next
+// places of equal force under the patch's pressure, many more than the tick's patch has: a fine grid tells
+// one from the next
 std::vector<Point<Patient>> pressed_places(double rho_mm) {
   constexpr int kPlaces = 4096;
   const double golden_angle = std::numbers::pi * (3 - std::sqrt(5.0));
