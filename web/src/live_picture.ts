@@ -74,7 +74,8 @@ export class LivePicture<Camera> {
     this.seen?.bitmap.close();
     this.seen = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera };
     this.show();
-    this.onSeen();
+    // it may have been hidden while this was drawn, and has no size then
+    if (this.picture.isShown) this.onSeen();
   }
 
   /** Puts what is seen into the picture, or nothing where there is nothing. */
