@@ -48,7 +48,7 @@ std::uint64_t YieldFrame::hash() const {
 
 void YieldState::hash_into(std::uint64_t& hash) const {
   hash_word(hash, frame);
-  for (const double value : {left_mm_per_N, left_N_per_mm2, elapsed_s, beyond_mm_per_N, modulus_N_per_mm2})
+  for (const double value : {left_mm_per_N, left_modulus, elapsed_s, beyond_mm_per_N, modulus_N_per_mm2})
     hash_double(hash, value);
 }
 
@@ -65,17 +65,17 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
   }
   // what is touched anew has nothing that it could differ from
   if (state.modulus_N_per_mm2 == 0) {
-    state.left_mm_per_N = state.left_N_per_mm2 = 0;
+    state.left_mm_per_N = state.left_modulus = 0;
   } else if (frame != state.frame) {
     state.left_mm_per_N = state.beyond_mm_per_N - tissue.beyond_mm_per_N;
-    state.left_N_per_mm2 = state.modulus_N_per_mm2 - tissue.modulus_N_per_mm2;
+    state.left_modulus = state.modulus_N_per_mm2 / tissue.modulus_N_per_mm2 - 1;
     state.elapsed_s = 0;
   }
   state.frame = frame;
   state.elapsed_s = std::min(kYieldFeel.blend_s, state.elapsed_s + dt_s);
   const double left = 1 - state.elapsed_s / kYieldFeel.blend_s;
   tissue.beyond_mm_per_N += left * state.left_mm_per_N;
-  tissue.modulus_N_per_mm2 += left * state.left_N_per_mm2;
+  tissue.modulus_N_per_mm2 *= 1 + left * state.left_modulus;
   state.beyond_mm_per_N = tissue.beyond_mm_per_N;
   state.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
   return tissue;

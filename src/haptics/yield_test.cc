@@ -170,6 +170,23 @@ TEST(FeelYield, AnotherFrameComesInWithoutAStep) {
               yield_force(feel_yield(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N, 1e-12);
 }
 
+TEST(FeelYield, WhatIsLeftOfAFrameNeverTurnsTheModulus) {
+  // from soft tissue that is known of to what is not known of, stiff first and then, before the frame is
+  // over, soft
+  YieldFrame known = frame_of(1, 16, {});
+  known.spot[0].modulus_N_per_mm2 = 0.01;
+  YieldState state;
+  feel_yield(1, known.spot[0], {}, 0.01, 0.001, state);
+  feel_yield(2, YieldSpot{}, {}, 0.2, 0.001, state);
+  for (int n = 0; n < 14; ++n) {
+    const YieldingTissue tissue = feel_yield(2, YieldSpot{}, {}, 0.03, 0.001, state);
+    ASSERT_GT(tissue.modulus_N_per_mm2, 0) << n;
+    ASSERT_LE(tissue.modulus_N_per_mm2, 0.03) << n;
+    const YieldForce force = yield_force(tissue, 2, 3);
+    ASSERT_TRUE(std::isfinite(force.force_N) && force.force_N > 0 && force.tangent_N_per_mm > 0) << n;
+  }
+}
+
 // everything below z = 0 yields
 ProxyRun on_soft_floor(double friction = 0) {
   ProxyRun run;

@@ -177,7 +177,7 @@ SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const
                            double tolerance) {
   SphereContact contact;
   if (!(depth_mm > 0)) return contact;
-  const double least_mm = 2 * grid.box().cell_mm;
+  const double least_mm = 3 * grid.box().cell_mm;
   double rho_mm = least_mm;
   for (int n = 0; n < kMostRadii; ++n) {
     const PressurePatch patch(grid, at, outward, rho_mm);

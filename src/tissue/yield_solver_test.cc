@@ -36,12 +36,12 @@ TEST(YieldSolver, KnowsWhatIsUnderAToolThatComes) {
   const YieldSpot& spot = frame.spot[0];
   ASSERT_TRUE(spot.is_known());
   EXPECT_LT((spot.at - Point<Patient>(2, 1, 0)).norm(), 0.01);
-  EXPECT_EQ(spot.patch_radius_mm, 3);
+  EXPECT_EQ(spot.patch_radius_mm, 4.5);
   EXPECT_NEAR(spot.modulus_N_per_mm2, 0.0125, 0.0125 * 0.05);
   // a layer of 20 mm on a plate gives less than a half space, and not by much under so small a patch
-  const double half_space = 0.6 / (3 * 0.01 / (1 - 0.45 * 0.45));
+  const double half_space = 0.6 / (4.5 * 0.01 / (1 - 0.45 * 0.45));
   EXPECT_LT(spot.compliance_mm_per_N, half_space);
-  EXPECT_GT(spot.compliance_mm_per_N, 0.8 * half_space);
+  EXPECT_GT(spot.compliance_mm_per_N, 0.75 * half_space);
   EXPECT_FALSE(frame.spot[1].is_known());
 }
 
@@ -226,8 +226,10 @@ TEST(YieldSolver, APlateThatIsTrimmedIsAsSoftAsOneThatWasMadeThinner) {
 }
 
 TEST(YieldSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
-  const auto whole = soft_block(true);
-  const auto groove = Carving(*whole).with(std::vector<Cut>{{0, {{5, -10, 0}, {5, 10, 0}, 3}}});
+  const auto whole = std::make_shared<Model>(*soft_block(true));
+  // the surface between two layers of cells, and the groove beside the patch
+  whole->tissue_cell_mm = 1;
+  const auto groove = Carving(*whole).with(std::vector<Cut>{{0, {{6.5, -10, 0}, {6.5, 10, 0}, 3}}});
   const auto cut_away = groove->taken_from(*whole);
   const auto put_back = groove->undone()->taken_from(*cut_away);
   YieldSolver solver;
@@ -236,7 +238,7 @@ TEST(YieldSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
     return solver.frame().spot[0].compliance_mm_per_N;
   };
   const double before = settled(*whole), after = settled(*cut_away);
-  EXPECT_GT(after, 1.05 * before);
+  EXPECT_GT(after, 1.01 * before);
   // the springs of a box that is laid now are the same: the tool has not moved
   EXPECT_NEAR(after / settled_compliance(*cut_away, pressed_at(0, 0)), 1, 1e-3);
   EXPECT_NEAR(settled(*put_back) / before, 1, 1e-3);

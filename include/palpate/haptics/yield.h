@@ -52,7 +52,10 @@ struct YieldState {
   std::uint32_t frame = 0;
   /// What was felt less what the frame says, when it came: it fades out over YieldFeel::blend_s, so that no
   /// frame is felt as a step.
-  double left_mm_per_N = 0, left_N_per_mm2 = 0;
+  double left_mm_per_N = 0;
+  /// Likewise of the modulus, as a part of what the frame says: above -1, so that it stays above 0 wherever
+  /// the tool goes meanwhile.
+  double left_modulus = 0;
   double elapsed_s = 0;
   // as they were felt last; modulus 0: nothing that yields was touched
   double beyond_mm_per_N = 0, modulus_N_per_mm2 = 0;

@@ -60,7 +60,7 @@ struct SphereContact {
   ElasticSolution solution;        ///< of the last unit load
 };
 
-/// The force at a depth: d = F W + F (0.75 / a - 0.6 / rho) / E*, a = (3 F R / 4 E*)^(1/3), rho = max(a, 2
+/// The force at a depth: d = F W + F (0.75 / a - 0.6 / rho) / E*, a = (3 F R / 4 E*)^(1/3), rho = max(a, 3
 /// h). The grid carries a pressure of radius rho, whose mean depth on a half space is 0.6 F / (rho E*); below
 /// that it knows nothing, and the sphere's own contact sinks in by 0.75 F / (a E*) (Johnson 1985, 4.2). Exact
 /// on a half space with an exact W. For contacts up to 3/8 of the thickness of what yields.

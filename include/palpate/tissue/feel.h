@@ -74,7 +74,7 @@ struct SolvingFeel {
   /// Iterations of a frame, and of one in a box that has just been laid.
   int iterations = 2, first_iterations = 12;
   /// The pressure's patch is no smaller than so many cells: nodes know nothing of a smaller one.
-  double least_patch_cells = 2;
+  double least_patch_cells = 3;
   /// By no more does the solid part of a cell change in a frame, whatever was taken away or put back: so much
   /// follows two iterations.
   double most_fill_change = 0.2;
