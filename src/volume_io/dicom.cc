@@ -220,7 +220,7 @@ VolumeFile volume_of(const DicomVolume& volume, const fs::path& named, std::vect
 
 bool is_padding(std::int64_t stored, const DicomFrame& frame) {
   if (!frame.padding) return false;
-  const auto [low, high] = std::minmax(*frame.padding, frame.padding_limit.value_or(*frame.padding));
+  const auto [low, high] = std::minmax({*frame.padding, frame.padding_limit.value_or(*frame.padding)});
   return stored >= low && stored <= high;
 }
 

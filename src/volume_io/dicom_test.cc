@@ -162,7 +162,7 @@ TEST_F(Dicom, UnevenSlicesAreNamed) {
 }
 
 TEST_F(Dicom, SmallDifferencesThatAddUpAreUnevenToo) {
-  write_series([](DicomImage& image, int k) { image.frames[0].position[2] += k * k * 0.008; },
+  write_series([](DicomImage& image, int k) { image.frames[0].position[2] += k * k * 0.002; },
                DicomPacking::kExplicit, 12);
   EXPECT_THAT(refusal(), AllOf(HasSubstr("unevenly"), HasSubstr("off its place")));
 }
@@ -283,7 +283,6 @@ TEST_F(Dicom, JpegOfEightBitsIsNear) {
       DicomPacking::kJpegBaseline);
   const auto scan = read();
   ASSERT_TRUE(scan) << scan.error().message();
-  EXPECT_EQ(scan->header.component_type, "uint8");
   for (int k = 0; k < kSlices; ++k) EXPECT_NEAR(scan->scan.at(4, 3, k), 100 + 10 * k, 2);
 }
 
@@ -332,7 +331,7 @@ void claim_syntax(const std::filesystem::path& file, std::string uid) {
 TEST_F(Dicom, WhatIsNotUnpackedIsRefusedByName) {
   for (const auto& [uid, name] : {std::pair{"1.2.840.10008.1.2.4.90", "JPEG 2000"},
                                   {"1.2.840.10008.1.2.4.201", "High-Throughput JPEG 2000 (HTJ2K)"},
-                                  {"1.2.840.10008.1.2.4.102", "MPEG4"},
+                                  {"1.2.840.10008.1.2.4.102", "MPEG-4"},
                                   {"1.2.3.4.5", "TransferSyntaxUID (0002,0010)"}}) {
     SCOPED_TRACE(uid);
     write_series();
@@ -564,7 +563,7 @@ TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
     if (n % 2) {
       bytes.resize(std::uniform_int_distribution<std::size_t>(0, bytes.size())(random));
     } else {
-      for (int flips = 0; flips < 8; ++flips) {
+      for (int flips = 0; flips < 1 + n % 4; ++flips) {
         const auto at = std::uniform_int_distribution<std::size_t>(132, bytes.size() - 1)(random);
         bytes[at] = static_cast<char>(bytes[at] ^ (1 << std::uniform_int_distribution<int>(0, 7)(random)));
       }
@@ -572,7 +571,8 @@ TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
     std::ofstream(file, std::ios::binary | std::ios::trunc) << bytes;
     const auto scan = read_scan(file);
     refused += !scan;
-    if (!scan) EXPECT_EQ(scan.error().where.find(file.string()), 0u) << n << scan.error().message();
+    if (scan) continue;
+    EXPECT_EQ(scan.error().where.find(file.string()), 0u) << n << scan.error().message();
   }
   EXPECT_GT(refused, 30);
   EXPECT_LT(refused, 100);

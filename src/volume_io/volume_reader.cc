@@ -125,6 +125,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     auto answer = receive_answer(**process, reader.names_);
     if (!answer) return answer.error();
     if (auto* volume = std::get_if<VolumeFile>(&*answer)) {
+      if (volume->voxels.encoding == Encoding::kDicom) return nonsense(reader.names_);
       reader.process_ = *std::move(process);
       reader.volume_ = std::move(*volume);
       name_format(**format, reader.volume_);
