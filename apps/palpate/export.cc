@@ -27,9 +27,8 @@ int export_labels(const ExportOptions& options, Console& console) {
   inputs.push_back(options.recording);
   const auto claimed = claim_output(options.output, inputs);
   if (!claimed) return console.fail(claimed.error());
-  const auto loaded =
-      load_scene_of_recording(recording->head().header, options.target, progress, console.warn(),
-                              options.volume);
+  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
+                                              console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
   const auto left = labels_left(*recording, *loaded->model, progress);
   if (!left) {

@@ -76,10 +76,12 @@ Result<Info> inspect(const InfoOptions& options, Console& console) {
     return labels ? of_labels(*std::move(labels), console) : labels.error();
   }
   if (options.scan) {
-    const auto scan = read_scan(options.file, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
+    const auto scan =
+        read_scan(options.file, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
     return scan ? Result<Info>(of_scan(*scan)) : scan.error();
   }
-  auto volume = read_volume(options.file, names, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
+  auto volume =
+      read_volume(options.file, names, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
   if (!volume) return volume.error();
   if (auto* labels = std::get_if<LabelFile>(&*volume)) return of_labels(std::move(*labels), console);
   return of_scan(std::get<ScanFile>(*volume));
@@ -429,7 +431,8 @@ int run_info_of_dicom(const InfoOptions& options, Console& console) {
 int run_info(const InfoOptions& options, Console& console) {
   if (find_entry(options.file).ok() || std::filesystem::path(options.file).extension() == ".toml")
     return run_info_of_scene(options, console);
-  if (!options.volume && !options.labels && is_dicom(options.file)) return run_info_of_dicom(options, console);
+  if (!options.volume && !options.labels && is_dicom(options.file))
+    return run_info_of_dicom(options, console);
   const auto info = inspect(options, console);
   if (!info) return console.fail(info.error());
   options.json ? print_json(std::cout, *info) : print_text(std::cout, *info);
@@ -442,9 +445,10 @@ void add_info(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand(
       "info", "Show what a volume holds and what is odd about it, or how much memory a scene takes");
   const auto options = std::make_shared<InfoOptions>();
-  verb->add_option("FILE", options->file,
-                   "NRRD, NIfTI, MetaImage or DICOM file, scan or labels, or a folder of DICOM; or a scene file "
-                   "or data set")
+  verb->add_option(
+          "FILE", options->file,
+          "NRRD, NIfTI, MetaImage or DICOM file, scan or labels, or a folder of DICOM; or a scene file "
+          "or data set")
       ->required();
   add_volume_option(*verb, options->volume);
   verb->add_option("-n,--names", options->names,
@@ -457,7 +461,8 @@ void add_info(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate info knee.seg.nrrd\n"
       "  palpate info labels.nii.gz --names dseg.tsv\n"
-      "  palpate info FOLDER --volume 2                       of DICOM; without a number its volumes are listed\n"
+      "  palpate info FOLDER --volume 2                       of DICOM; without a number its volumes are "
+      "listed\n"
       "  palpate info ct.nrrd --json | jq .spacing_mm\n"
       "  palpate info scene.toml                              what it takes to feel it");
   verb->callback(

@@ -9,8 +9,7 @@ namespace palpate::app {
 
 Result<LoadedScene> load_target(const std::string& target, Console& console,
                                 std::optional<PreparationMethod> preparation, std::optional<int> volume) {
-  auto loaded =
-      load_scene_or_data_set(target, console.progress(), console.warn(), preparation, {}, volume);
+  auto loaded = load_scene_or_data_set(target, console.progress(), console.warn(), preparation, {}, volume);
   if (loaded && !loaded->proposed.empty()) console.note(loaded->proposed);
   return loaded;
 }
@@ -38,8 +37,9 @@ void add_method_option(CLI::App& verb, const std::string& help, std::span<const 
 }
 
 void add_volume_option(CLI::App& verb, std::optional<int>& volume) {
-  verb.add_option("--volume", volume,
-                  "Which volume, where a DICOM file or a folder of them holds several (palpate info lists them)")
+  verb.add_option(
+          "--volume", volume,
+          "Which volume, where a DICOM file or a folder of them holds several (palpate info lists them)")
       ->check(whole_between(1, 100'000));
 }
 

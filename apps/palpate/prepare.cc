@@ -65,7 +65,8 @@ Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<Labe
 /// The weights before smoothing: every label full, or the ramp of a scan.
 Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console& console) {
   if (!options.threshold.empty()) {
-    const auto file = read_scan(options.what, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
+    const auto file =
+        read_scan(options.what, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
     if (!file) return file.error();
     return ramp_scan(file->scan, options.threshold[0], options.threshold[1]);
   }
@@ -167,8 +168,8 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
         memory_text(memory.model.field).c_str());
     std::fflush(stdout);
   };
-  const auto loaded = load_scene_or_data_set(options.what, console.progress(), console.warn(), {}, foretell,
-                                             options.volume);
+  const auto loaded =
+      load_scene_or_data_set(options.what, console.progress(), console.warn(), {}, foretell, options.volume);
   if (!loaded) return console.fail(loaded.error());
   if (auto felt = check_felt(*loaded); !felt) return console.fail(felt.error());
   const Model& model = *loaded->model;

@@ -49,9 +49,8 @@ int replay_recording(const ReplayOptions& options, Console& console) {
   const Progress progress = console.progress();
   auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
-  const auto loaded =
-      load_scene_of_recording(recording->head().header, options.target, progress, console.warn(),
-                              options.volume);
+  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
+                                              console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
   if (options.view) return show_recording(*std::move(recording), *loaded, options, console);
 

@@ -28,9 +28,8 @@ int report_recording(const ReportOptions& options, Console& console) {
   inputs.push_back(options.recording);
   const auto claimed = claim_output(output, inputs);
   if (!claimed) return console.fail(claimed.error());
-  const auto loaded =
-      load_scene_of_recording(recording->head().header, options.target, progress, console.warn(),
-                              options.volume);
+  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
+                                              console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
 
   const auto model = report_model(loaded->model, progress);

@@ -4,11 +4,11 @@
 #include <cstdio>
 #include <set>
 
+#include "inputs.h"
 #include "palpate/base/output.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/surfaces/ramps.h"
 #include "palpate/volume_io/volume_io.h"
-#include "inputs.h"
 #include "palpation.h"
 #include "text.h"
 #include "verb.h"
@@ -61,10 +61,9 @@ Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> v
 }
 
 /// A file that was named without saying what it is.
-Result<Data> read_one(const fs::path& file, std::optional<int> number,
-                      const std::optional<fs::path>& names, Console& console) {
-  auto volume =
-      read_volume(file, names, console.progress(), console.warn(), Unpacked::kAnew, number);
+Result<Data> read_one(const fs::path& file, std::optional<int> number, const std::optional<fs::path>& names,
+                      Console& console) {
+  auto volume = read_volume(file, names, console.progress(), console.warn(), Unpacked::kAnew, number);
   if (!volume) return volume.error();
   Data data;
   if (auto* labels = std::get_if<LabelFile>(&*volume)) {
@@ -438,8 +437,8 @@ int run_check(const std::string& file, Console& console) {
   const auto resolved = [&](const std::optional<fs::path>& named) {
     return named ? std::optional(scene->resolve(*named)) : std::nullopt;
   };
-  const auto data =
-      read_data(resolved(scene->scan), scene->scan_volume, resolved(scene->labels), resolved(scene->names), console);
+  const auto data = read_data(resolved(scene->scan), scene->scan_volume, resolved(scene->labels),
+                              resolved(scene->names), console);
   if (!data) return console.fail(data.error());
   std::vector<std::vector<LabelId>> ids(scene->tissues.size());
   if (data->labels) {

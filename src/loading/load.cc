@@ -140,7 +140,8 @@ Result<ReadScene> read_volume_alone(const std::filesystem::path& file, std::opti
 Result<ReadScene> read_scene_or_data_set(const std::string& what, std::optional<int> volume,
                                          const Progress& progress, const Warn& warn,
                                          std::optional<PreparationMethod> preparation) {
-  if (!find_entry(what) && is_volume(what)) return read_volume_alone(what, volume, progress, warn, preparation);
+  if (!find_entry(what) && is_volume(what))
+    return read_volume_alone(what, volume, progress, warn, preparation);
   if (volume)
     return Error{ErrorKind::kUsage, "a number of a volume goes with a DICOM file or a folder of them", what,
                  "leave --volume out; in a scene file: scan_volume = N"};

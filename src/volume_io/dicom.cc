@@ -97,10 +97,10 @@ FoundFiles find_files(const fs::path& named) {
   found.roots.insert(found.roots.end(), outside.begin(), outside.end());
   std::sort(found.files.begin(), found.files.end());
   if (more)
-    found.notes.push_back("holds more than " + std::to_string(kMostDicomFiles) + " files, of which no more were looked at");
+    found.notes.push_back("holds more than " + std::to_string(kMostDicomFiles) +
+                          " files, of which no more were looked at");
   if (led_out > 0)
-    found.notes.push_back(std::to_string(led_out) +
-                          (led_out == 1 ? " link leads" : " links lead") +
+    found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
                           " out of the folder and was not followed (--follow-links allows it)");
   return found;
 }
@@ -151,7 +151,8 @@ Result<DicomContent> look_at(const FoundFiles& found, const LookedAt& looked_at)
 
   // series in the order of their own numbers
   std::map<std::pair<int, std::string>, int> series;
-  for (const Image& image : images) series.emplace(std::pair(image.content.series_number, image.content.series_uid), 0);
+  for (const Image& image : images)
+    series.emplace(std::pair(image.content.series_number, image.content.series_uid), 0);
   int next = 0;
   for (auto& [key, index] : series) index = next++;
   std::vector<DicomFrame> frames;
@@ -166,14 +167,20 @@ Result<DicomContent> look_at(const FoundFiles& found, const LookedAt& looked_at)
   DicomContent content;
   content.notes = found.notes;
   for (const auto& [what, count] : damages)
-    content.notes.push_back("left out: " + counted(count, "file", "files") + (count == 1 ? " that " : " of which each ") + what);
+    content.notes.push_back("left out: " + counted(count, "file", "files") +
+                            (count == 1 ? " that " : " of which each ") + what);
   for (const auto& [what, count] : kinds)
     content.others.push_back(count == 1 ? what : std::to_string(count) + " of this: " + what);
   if (pictureless > 0)
-    content.others.push_back(counted(pictureless, "DICOM file without an image", "DICOM files without an image"));
+    content.others.push_back(
+        counted(pictureless, "DICOM file without an image", "DICOM files without an image"));
   if (others > 0) content.others.push_back(counted(others, "other file", "other files"));
   if (frames.empty())
-    return first && found.files.size() == 1 ? Error(*first) : bad_input("", "holds no DICOM image that can be read" + (first ? ": each " + first->what : std::string()), "name a volume, or a folder with a series of images");
+    return first && found.files.size() == 1 ? Error(*first)
+                                            : bad_input("",
+                                                        "holds no DICOM image that can be read" +
+                                                            (first ? ": each " + first->what : std::string()),
+                                                        "name a volume, or a folder with a series of images");
   content.volumes = sort_into_volumes(std::move(frames));
   return content;
 }
@@ -246,7 +253,8 @@ void send_values(std::span<const std::int64_t> values, const DicomFrame& frame, 
 }
 
 // slice after slice; a multi-frame file is opened once
-Result<void> send_slices(const DicomVolume& volume, const FoundFiles& found, Component component, VoxelSink& sink) {
+Result<void> send_slices(const DicomVolume& volume, const FoundFiles& found, Component component,
+                         VoxelSink& sink) {
   std::optional<InputFile> file;
   std::optional<DicomPixels> pixels;
   std::uint32_t opened = 0;
@@ -344,8 +352,9 @@ Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& fo
     if (auto said = process.read(std::as_writable_bytes(std::span(&done, 1))); !said)
       return about(said.error(), named);
     if (done == kEnd) return receive_end(process, named);
-    progress.report("looking for volumes", static_cast<double>(std::min<std::size_t>(done, found.files.size())) /
-                                               static_cast<double>(found.files.size()));
+    progress.report("looking for volumes",
+                    static_cast<double>(std::min<std::size_t>(done, found.files.size())) /
+                        static_cast<double>(found.files.size()));
   }
 }
 
@@ -357,7 +366,8 @@ Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, 
   auto process = start_in(found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
     return read_dicom_for(parent, found, file, number);
   });
-  if (!process) return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
+  if (!process)
+    return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
   const Files named{&file, 1};
   if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
   auto answer = receive_answer(**process, named);
@@ -389,9 +399,10 @@ bool is_dicom(const std::filesystem::path& file) {
 Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress) try {
   PALPATE_CHECK(is_dicom(file));
   const FoundFiles found = find_files(file);
-  auto process = start_in(found, 0, progress,
-                          [&](reader::ParentEnd& parent) { return list_dicom_for(parent, found); });
-  if (!process) return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
+  auto process =
+      start_in(found, 0, progress, [&](reader::ParentEnd& parent) { return list_dicom_for(parent, found); });
+  if (!process)
+    return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
   const Files named{&file, 1};
   if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
   reader::Receiver in(**process, "is damaged: ");
@@ -409,7 +420,8 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   if (!in.ok()) return about(in.error(), named);
   return list;
 } catch (const std::bad_alloc&) {
-  return bad_input(file.string(), "does not fit into the memory", "close other programs, or name a smaller folder");
+  return bad_input(file.string(), "does not fit into the memory",
+                   "close other programs, or name a smaller folder");
 }
 
 }  // namespace palpate

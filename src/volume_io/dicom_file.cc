@@ -82,11 +82,13 @@ class Attributes {
  public:
   Attributes(DcmItem* own, DcmItem* shared, DcmItem& root) : places_{own, shared}, root_(root) {}
 
-  // the item that holds an attribute, in that functional group or, as in one of a single image, in the data set
+  // the item that holds an attribute, in that functional group or, as in one of a single image, in the data
+  // set
   DcmItem& in(const DcmTagKey& group, const DcmTagKey& tag) const {
     for (DcmItem* place : places_) {
       DcmItem* item = nullptr;
-      if (place && place->findAndGetSequenceItem(group, item).good() && item && item->tagExists(tag)) return *item;
+      if (place && place->findAndGetSequenceItem(group, item).good() && item && item->tagExists(tag))
+        return *item;
     }
     return root_;
   }
@@ -110,7 +112,8 @@ std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& u
   const auto compressed = [](const std::string& how) {
     return Fault{"is compressed as " + how + ", which is not read", kDecompress};
   };
-  if (uid == "1.2.840.10008.1.2.4.201" || uid == "1.2.840.10008.1.2.4.202" || uid == "1.2.840.10008.1.2.4.203")
+  if (uid == "1.2.840.10008.1.2.4.201" || uid == "1.2.840.10008.1.2.4.202" ||
+      uid == "1.2.840.10008.1.2.4.203")
     return compressed("High-Throughput JPEG 2000 (HTJ2K)");
   switch (syntax) {
     case EXS_LittleEndianImplicit:
@@ -138,8 +141,8 @@ std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& u
   return Fault{"is of a TransferSyntaxUID (0002,0010) that is not known here", kSlicer};
 }
 
-constexpr std::array<std::string_view, 14> kModalities{"CT", "MR", "PT", "NM", "US", "XA", "CR",
-                                                        "DX", "MG", "RF", "OT", "SC", "OCT", "OPT"};
+constexpr std::array<std::string_view, 14> kModalities{"CT", "MR", "PT", "NM", "US", "XA",  "CR",
+                                                       "DX", "MG", "RF", "OT", "SC", "OCT", "OPT"};
 
 // what the values of a frame are made of; false with a fault where they are nothing that is read
 std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
@@ -156,20 +159,22 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   const std::string photometric = text_of(root, DCM_PhotometricInterpretation);
   frame.monochrome1 = photometric == "MONOCHROME1";
   if (!frame.monochrome1 && photometric != "MONOCHROME2")
-    return Fault{"is no image in grey: PhotometricInterpretation (0028,0004) is neither MONOCHROME1 nor "
-                 "MONOCHROME2",
-                 kExport};
+    return Fault{
+        "is no image in grey: PhotometricInterpretation (0028,0004) is neither MONOCHROME1 nor "
+        "MONOCHROME2",
+        kExport};
   frame.bits_allocated = *allocated;
   frame.bits_stored = count_of(root, DCM_BitsStored).value_or(*allocated);
   frame.high_bit = count_of(root, DCM_HighBit).value_or(frame.bits_stored - 1);
   frame.is_signed = count_of(root, DCM_PixelRepresentation).value_or(0) == 1;
   if ((*allocated != 8 && *allocated != 16 && *allocated != 32) || frame.bits_stored < 1 ||
       frame.high_bit >= *allocated || frame.high_bit + 1 < frame.bits_stored)
-    return Fault{"has BitsAllocated (0028,0100), BitsStored (0028,0101) and HighBit (0028,0102) that are not "
-                 "read: " +
-                     std::to_string(*allocated) + ", " + std::to_string(frame.bits_stored) + ", " +
-                     std::to_string(frame.high_bit),
-                 kSlicer};
+    return Fault{
+        "has BitsAllocated (0028,0100), BitsStored (0028,0101) and HighBit (0028,0102) that are not "
+        "read: " +
+            std::to_string(*allocated) + ", " + std::to_string(frame.bits_stored) + ", " +
+            std::to_string(frame.high_bit),
+        kSlicer};
   if (root.tagExists(DCM_ModalityLUTSequence))
     return Fault{"gives its values by a table, ModalityLUTSequence (0028,3000), which is not read", kSlicer};
   return std::nullopt;
@@ -229,9 +234,10 @@ std::optional<Fault> read_place(const Attributes& attributes, bool several, Dico
   constexpr double kUnit = 1e-2, kSquare = 1e-3;
   if (std::abs(row_length - 1) > kUnit || std::abs(column_length - 1) > kUnit ||
       std::abs(frame.along_row.dot(frame.along_column)) > kSquare)
-    return Fault{"has an ImageOrientationPatient (0020,0037) that is none: its directions are not of length 1 "
-                 "and square to each other",
-                 kExport};
+    return Fault{
+        "has an ImageOrientationPatient (0020,0037) that is none: its directions are not of length 1 "
+        "and square to each other",
+        kExport};
   frame.along_row /= row_length;
   frame.along_column /= column_length;
   frame.row_spacing_mm = (*spacing)[0];
@@ -239,7 +245,8 @@ std::optional<Fault> read_place(const Attributes& attributes, bool several, Dico
   frame.placed = frame.position.cwiseAbs().maxCoeff() < 1e6 && frame.row_spacing_mm < 1e4 &&
                  frame.column_spacing_mm < 1e4;
   if (!frame.placed)
-    return Fault{"has an ImagePositionPatient (0020,0032) or a PixelSpacing (0028,0030) of kilometres", kExport};
+    return Fault{"has an ImagePositionPatient (0020,0032) or a PixelSpacing (0028,0030) of kilometres",
+                 kExport};
   return std::nullopt;
 }
 
@@ -262,9 +269,9 @@ void read_what_tells_apart(const Attributes& attributes, DcmItem& root, DicomFra
 std::optional<Fault> read_scale(const Attributes& attributes, DicomFrame& frame) {
   const auto slope = attributes.number(DCM_PixelValueTransformationSequence, DCM_RescaleSlope);
   frame.slope = slope.value_or(1);
-  frame.intercept =
-      attributes.number(DCM_PixelValueTransformationSequence, DCM_RescaleIntercept).value_or(0);
-  if (frame.slope == 0) return Fault{"has a RescaleSlope (0028,1053) of 0: all its values are the same", kExport};
+  frame.intercept = attributes.number(DCM_PixelValueTransformationSequence, DCM_RescaleIntercept).value_or(0);
+  if (frame.slope == 0)
+    return Fault{"has a RescaleSlope (0028,1053) of 0: all its values are the same", kExport};
   return std::nullopt;
 }
 
@@ -319,13 +326,14 @@ Result<DicomFile> read_dicom_file(const std::filesystem::path& name, std::string
   const std::string syntax_uid = dicom_transfer_syntax(front);
   DcmFileFormat file;
   // what is packed in a way that DCMTK has not heard of has its header written out like others
-  const auto unknown = syntax_uid.empty() ? std::nullopt : unread_syntax(DcmXfer(syntax_uid.c_str()).getXfer(), syntax_uid);
-  const bool loaded =
-      file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good();
+  const auto unknown =
+      syntax_uid.empty() ? std::nullopt : unread_syntax(DcmXfer(syntax_uid.c_str()).getXfer(), syntax_uid);
+  const bool loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good();
   DcmDataset& root = *file.getDataset();
   DicomFile content;
   content.series_uid = text_of(root, DCM_SeriesInstanceUID);
-  content.series_number = static_cast<int>(std::clamp(number_of(root, DCM_SeriesNumber).value_or(0), -1e9, 1e9));
+  content.series_number =
+      static_cast<int>(std::clamp(number_of(root, DCM_SeriesNumber).value_or(0), -1e9, 1e9));
   if (!loaded && content.series_uid.empty())
     return unknown ? bad_input("", unknown->what, unknown->remedy)
                    : bad_input("", "is a damaged DICOM file", "copy it again");
@@ -352,7 +360,8 @@ Result<DicomFile> read_dicom_file(const std::filesystem::path& name, std::string
   for (std::size_t n = 0; n < count; ++n) {
     DicomFrame frame = all;
     frame.frame = static_cast<std::uint32_t>(n);
-    const Attributes attributes(n < own.size() ? own[n] : nullptr, shared.empty() ? nullptr : shared.front(), root);
+    const Attributes attributes(n < own.size() ? own[n] : nullptr, shared.empty() ? nullptr : shared.front(),
+                                root);
     auto wrong = read_place(attributes, several, frame);
     // one place for several frames is none
     if (several && n >= own.size()) {
@@ -396,7 +405,8 @@ Result<DicomPixels> DicomPixels::open(const std::filesystem::path& name) {
   if (content->file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good() &&
       content->file.getDataset()->findAndGetElement(DCM_PixelData, element).good())
     content->pixels = dynamic_cast<DcmPixelData*>(element);
-  if (!content->pixels) return bad_input("", "cannot be read any more", "leave the files alone while they are read");
+  if (!content->pixels)
+    return bad_input("", "cannot be read any more", "leave the files alone while they are read");
   return DicomPixels(std::move(content));
 }
 
@@ -406,7 +416,8 @@ Result<void> DicomPixels::read(const DicomFrame& frame, std::span<std::int64_t> 
   Uint32 bytes = 0;
   const std::uint64_t expected = bytes_of_frame(frame);
   if (read_bits(root, now) || now.rows != frame.rows || now.columns != frame.columns ||
-      now.bits_allocated != frame.bits_allocated || values.size() * static_cast<std::size_t>(frame.bits_allocated / 8) != expected ||
+      now.bits_allocated != frame.bits_allocated ||
+      values.size() * static_cast<std::size_t>(frame.bits_allocated / 8) != expected ||
       content_->pixels->getUncompressedFrameSize(&root, bytes).bad() || bytes != expected)
     return bad_input("", "has changed while it was read", "leave the files alone while they are read");
   // a byte more where the size is odd

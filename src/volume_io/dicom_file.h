@@ -10,8 +10,8 @@
 
 #include "volume_io/dicom_volumes.h"
 
-/// All that meets DCMTK, which has no types here. The bytes may do anything to whoever reads them: for a process
-/// of its own (dicom.h).
+/// All that meets DCMTK, which has no types here. The bytes may do anything to whoever reads them: for a
+/// process of its own (dicom.h).
 namespace palpate::volume_io {
 
 /// Makes DCMTK ready for readers that start later, while they are kept from starting: its dictionary of tags,

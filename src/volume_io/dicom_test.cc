@@ -51,8 +51,8 @@ class Dicom : public ::testing::Test {
  protected:
   // slices of a series, each changed
   template <class Change>
-  void write_series(const Change& change, DicomPacking packing = DicomPacking::kExplicit, int slices = kSlices,
-                    const std::string& name = "IM") {
+  void write_series(const Change& change, DicomPacking packing = DicomPacking::kExplicit,
+                    int slices = kSlices, const std::string& name = "IM") {
     for (int k = 0; k < slices; ++k) {
       DicomImage image = slice(k);
       change(image, k);
@@ -64,8 +64,9 @@ class Dicom : public ::testing::Test {
   }
 
   Result<ScanFile> read(std::optional<int> volume = {}) {
-    return read_scan(folder_.path(), {}, [&](const std::string& message) { warnings_ += message + "\n"; },
-                     Unpacked::kAnew, volume);
+    return read_scan(
+        folder_.path(), {}, [&](const std::string& message) { warnings_ += message + "\n"; }, Unpacked::kAnew,
+        volume);
   }
   std::string refusal(std::optional<int> volume = {}) {
     const auto scan = read(volume);
@@ -208,7 +209,7 @@ TEST_F(Dicom, TwoEchoesAreTwoVolumes) {
           image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * echo + k));
         },
         DicomPacking::kExplicit, kSlices, "echo" + std::to_string(echo) + "_");
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("holds 2 volumes"), HasSubstr("1  series 1: MR, axial, 8 x 6 x 5"),
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("holds 2 volumes"), HasSubstr("1) series 1: MR, axial, 8 x 6 x 5"),
                                HasSubstr("echo time 10 ms"), HasSubstr("echo time 20 ms")));
   for (const int number : {1, 2}) {
     const auto scan = read(number);
@@ -295,7 +296,8 @@ TEST_F(Dicom, EightBitsOfOddSizeInEitherByteOrder) {
           image.rows = 3;
           image.columns = 5;
           image.frames[0].stored.clear();
-          for (int n = 0; n < 15; ++n) image.frames[0].stored.push_back(static_cast<std::uint16_t>(20 * k + n));
+          for (int n = 0; n < 15; ++n)
+            image.frames[0].stored.push_back(static_cast<std::uint16_t>(20 * k + n));
         },
         packing);
     const auto scan = read();
@@ -444,7 +446,8 @@ TEST_F(Dicom, WhatLacksIsNamed) {
     image.frames[0].slope = k == 2 ? 0 : 1;
     image.frames[0].intercept = 0;
   });
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 3 of 5, at -27.50 mm"), HasSubstr("RescaleSlope (0028,1053)")));
+  EXPECT_THAT(refusal(),
+              AllOf(HasSubstr("slice 3 of 5, at -27.50 mm"), HasSubstr("RescaleSlope (0028,1053)")));
 }
 
 TEST_F(Dicom, ASliceThatIsCutShortIsNamed) {
@@ -462,7 +465,8 @@ TEST_F(Dicom, OtherObjectsAreCountedAndImagesAreNoLabels) {
   std::ofstream(folder_ / "notes.txt") << "x";
   const auto list = list_volumes(folder_.path());
   ASSERT_TRUE(list) << list.error().message();
-  EXPECT_THAT(list->notes, ::testing::ElementsAre("besides: a DICOM segmentation (SEG)", "besides: 1 other file"));
+  EXPECT_THAT(list->notes,
+              ::testing::ElementsAre("besides: a DICOM segmentation (SEG)", "besides: 1 other file"));
   const auto labels = read_labels(folder_.path());
   ASSERT_FALSE(labels);
   EXPECT_THAT(labels.error().what, HasSubstr("a scan and not labels"));
@@ -547,8 +551,12 @@ TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
   constexpr unsigned kSeed = 20;
   SCOPED_TRACE(kSeed);
   std::mt19937 random(kSeed);
-  const std::array packings{DicomPacking::kExplicit, DicomPacking::kImplicit, DicomPacking::kDeflated,
-                            DicomPacking::kRle, DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs};
+  const std::array packings{DicomPacking::kExplicit,
+                            DicomPacking::kImplicit,
+                            DicomPacking::kDeflated,
+                            DicomPacking::kRle,
+                            DicomPacking::kJpegLosslessFirstOrder,
+                            DicomPacking::kJpegLs};
   int refused = 0;
   for (int n = 0; n < 100; ++n) {
     const auto packing = packings[static_cast<std::size_t>(n) % packings.size()];

@@ -51,20 +51,26 @@ double corner_off_mm(const DicomFrame& a, const DicomFrame& b) {
 
 // ---- which belong together ----------------------------------------------------------------------
 
-using Told = std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, std::optional<double>,
-                        std::string, std::string, std::string, std::string, std::string>;
+using Told =
+    std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, std::optional<double>,
+               std::string, std::string, std::string, std::string, std::string>;
 
 // what is the same in all images of a volume, but for what is only nearly the same
 Told told_apart_by(const DicomFrame& frame) {
   // without a place images are told apart by nothing but what they lack
-  if (!frame.placed)
-    return {frame.series, true, 0, 0, {}, {}, {}, "", frame.modality, "", "", frame.fault};
-  return {frame.series,       false,
-          frame.rows,         frame.columns,
-          frame.echo_time_ms, frame.b_value,
-          frame.temporal_position, frame.stack,
-          frame.modality,     frame.image_type,
-          frame.frame_of_reference, ""};
+  if (!frame.placed) return {frame.series, true, 0, 0, {}, {}, {}, "", frame.modality, "", "", frame.fault};
+  return {frame.series,
+          false,
+          frame.rows,
+          frame.columns,
+          frame.echo_time_ms,
+          frame.b_value,
+          frame.temporal_position,
+          frame.stack,
+          frame.modality,
+          frame.image_type,
+          frame.frame_of_reference,
+          ""};
 }
 
 std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
@@ -99,11 +105,27 @@ std::string plane_of(const Vector& normal) {
 
 // the standard's own terms that say something to a person; any other could say anything
 constexpr std::array<std::pair<std::string_view, std::string_view>, 22> kTypeTerms{{
-    {"DERIVED", "derived"}, {"LOCALIZER", "localizer"}, {"MPR", "reformatted"}, {"MIP", "maximum projection"},
-    {"PROJECTION IMAGE", "projection"}, {"RESAMPLED", "resampled"}, {"M", "magnitude"}, {"P", "phase"},
-    {"R", "real part"}, {"I", "imaginary part"}, {"M_SE", "magnitude"}, {"M_FFE", "magnitude"},
-    {"P_SE", "phase"}, {"ADC", "ADC"}, {"FA", "anisotropy"}, {"TRACEW", "trace"}, {"DIFFUSION", "diffusion"},
-    {"WATER", "water"}, {"FAT", "fat"}, {"IN_PHASE", "in phase"}, {"OUT_PHASE", "out of phase"},
+    {"DERIVED", "derived"},
+    {"LOCALIZER", "localizer"},
+    {"MPR", "reformatted"},
+    {"MIP", "maximum projection"},
+    {"PROJECTION IMAGE", "projection"},
+    {"RESAMPLED", "resampled"},
+    {"M", "magnitude"},
+    {"P", "phase"},
+    {"R", "real part"},
+    {"I", "imaginary part"},
+    {"M_SE", "magnitude"},
+    {"M_FFE", "magnitude"},
+    {"P_SE", "phase"},
+    {"ADC", "ADC"},
+    {"FA", "anisotropy"},
+    {"TRACEW", "trace"},
+    {"DIFFUSION", "diffusion"},
+    {"WATER", "water"},
+    {"FAT", "fat"},
+    {"IN_PHASE", "in phase"},
+    {"OUT_PHASE", "out of phase"},
     {"SUBTRACTION", "subtraction"},
 }};
 
@@ -154,8 +176,8 @@ std::string images(std::size_t count) {
 
 std::string named(const std::vector<DicomFrame>& frames, const GridGeometry& geometry) {
   const DicomFrame& own = frames.front();
-  std::string text = "series " + std::to_string(own.series + 1) + ": " +
-                     (own.modality.empty() ? "" : own.modality + ", ");
+  std::string text =
+      "series " + std::to_string(own.series + 1) + ": " + (own.modality.empty() ? "" : own.modality + ", ");
   if (!own.placed) return text + images(frames.size()) + " without a place";
   text += plane_of(normal_of(own)) + ", " + std::to_string(own.columns) + " x " + std::to_string(own.rows) +
           " x " + std::to_string(frames.size()) + ", " + shortly(own.column_spacing_mm) + " x " +
@@ -272,8 +294,8 @@ class Stack {
     }
     if (tilt.norm() > kMostTilt)
       return Fault{"its gantry was tilted by " + shortly(std::atan(tilt.norm()) * 180 / std::numbers::pi) +
-                       " degrees: from " + slice(1) + " on, each lies " + in_mm(tilt.norm() * usual_mm) +
-                       " mm beside the one before",
+                       " degrees: each slice lies " + in_mm(tilt.norm() * usual_mm) +
+                       " mm beside the one before, from " + slice(1),
                    kConvert};
     return std::nullopt;
   }
@@ -283,7 +305,7 @@ class Stack {
   std::vector<double> places_mm_;
 };
 
-constexpr std::size_t kListed = 20;
+constexpr std::size_t kListed = 10;
 
 std::string list_of(const std::vector<DicomVolume>& volumes, bool usable_alone) {
   std::string text;
@@ -296,10 +318,10 @@ std::string list_of(const std::vector<DicomVolume>& volumes, bool usable_alone) 
       continue;
     }
     ++listed;
-    text += "\n    " + std::to_string(n + 1) + "  " + volume.what +
+    text += (listed == 1 ? " " : "; ") + std::to_string(n + 1) + ") " + volume.what +
             (volume.fault.empty() ? "" : ": " + volume.fault);
   }
-  if (left_out > 0) text += "\n    and " + std::to_string(left_out) + " more, which palpate info lists";
+  if (left_out > 0) text += "; and " + std::to_string(left_out) + " more, which palpate info lists";
   return text;
 }
 
@@ -347,7 +369,8 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
 Result<std::size_t> choose_volume(const std::vector<DicomVolume>& volumes, std::optional<int> number) {
   const auto of = [&](std::size_t n) -> Result<std::size_t> {
     if (volumes[n].fault.empty()) return n;
-    const std::string which = volumes.size() == 1 ? "" : "volume " + std::to_string(n + 1) + " cannot be used: ";
+    const std::string which =
+        volumes.size() == 1 ? "" : "volume " + std::to_string(n + 1) + " cannot be used: ";
     return bad_input("", which + volumes[n].fault, volumes[n].remedy);
   };
   if (number) {

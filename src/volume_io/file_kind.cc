@@ -11,7 +11,8 @@ namespace {
 using namespace std::string_view_literals;
 
 constexpr const char* kConvertSegmentation =
-    "segmentations of DICOM are not read: convert it with dcmqi (segimage2itkimage --inputDICOM FILE --outputDirectory OUT "
+    "segmentations of DICOM are not read: convert it with dcmqi (segimage2itkimage --inputDICOM FILE "
+    "--outputDirectory OUT "
     "--outputType nrrd), or load it with its images in 3D Slicer and save the segmentation as .seg.nrrd";
 constexpr const char* kConvertStructures =
     "contours are not read: load them with their images in 3D Slicer (extension SlicerRT) and save the "

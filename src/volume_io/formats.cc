@@ -107,10 +107,10 @@ Result<const Format*> format_of(const std::filesystem::path& file) {
   for (const Format& format : kFormats)
     for (const std::string_view ending : format.endings)
       if (has_ending(file, ending)) return &format;
-  return bad_input(
-      file.string(), "is of no format that is read or written here",
-      "use NRRD (.nrrd, .nhdr, .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img) or MetaImage (.mha, .mhd); DICOM is "
-      "read under any name");
+  return bad_input(file.string(), "is of no format that is read or written here",
+                   "use NRRD (.nrrd, .nhdr, .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img) or MetaImage (.mha, "
+                   ".mhd); DICOM is "
+                   "read under any name");
 }
 
 std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack) {

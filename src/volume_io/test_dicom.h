@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-/// DICOM files written by DCMTK, for tests of whoever reads them. No types of DCMTK here: its headers take long.
+/// DICOM files written by DCMTK, for tests of whoever reads them. No types of DCMTK here: its headers take
+/// long.
 namespace palpate::test {
 
 /// How the voxels are packed.

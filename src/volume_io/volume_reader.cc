@@ -74,7 +74,8 @@ void VoxelSlots::say(std::uint32_t number) {
 }
 
 Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int> descriptors,
-                                                            std::size_t shared_bytes, const Progress& progress,
+                                                            std::size_t shared_bytes,
+                                                            const Progress& progress,
                                                             const reader::ReaderProcess::Work& work) {
   reader::ReaderProcess::Job job;
   job.files = descriptors;

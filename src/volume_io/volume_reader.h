@@ -67,7 +67,8 @@ constexpr std::size_t kSlotBytes = kPieceValues * sizeof(double);
 
 /// Starts a process that may open these, and reads in it.
 Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int> descriptors,
-                                                            std::size_t shared_bytes, const Progress& progress,
+                                                            std::size_t shared_bytes,
+                                                            const Progress& progress,
                                                             const reader::ReaderProcess::Work& work);
 
 /// In the process that reads: the slots in turn. Throws where the parent takes no more.

@@ -115,7 +115,7 @@ struct Scene {
   Side side = Side::kUnknown;
   Modality modality = Modality::kUnknown;
   std::optional<std::filesystem::path> scan;  ///< as written; relative to `folder`
-  std::optional<int> scan_volume;  ///< which one, where `scan` holds several
+  std::optional<int> scan_volume;             ///< which one, where `scan` holds several
   std::optional<std::filesystem::path> labels;
   std::optional<std::filesystem::path> names;  ///< colour table
   std::vector<TissueSettings> tissues;

@@ -10,10 +10,10 @@
 #include "palpate/volume/volume.h"
 
 /// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
-/// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in the
-/// patient; a file, or a folder of them, by their content). Every error names the file, what is wrong
-/// and how to mend it; short data are an error, never zeros. Text fields of a file other than
-/// segment names and colours are dropped on reading: they may name a patient.
+/// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
+/// the patient; a file, or a folder of them, by their content). Every error names the file, what is wrong and
+/// how to mend it; short data are an error, never zeros. Text fields of a file other than segment names and
+/// colours are dropped on reading: they may name a patient.
 ///
 /// Each reading starts a process of its own, a copy of the program that can do nothing but read this file; it
 /// ends with the reading, and with the thread that reads. Copying takes 1 ms and some 50 ms more for each GiB
@@ -30,9 +30,9 @@ enum class ValueMeaning {
 
 /// What a file's header says.
 struct VolumeHeader {
-  std::string format;          ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage", "DICOM"
-  /// Of the file: "uint8", "int16", "float32", ...; of DICOM float32 where its slices have scales of their own or
-  /// padding.
+  std::string format;  ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage", "DICOM"
+  /// Of the file: "uint8", "int16", "float32", ...; of DICOM float32 where its slices have scales of their
+  /// own or padding.
   std::string component_type;
   GridGeometry geometry;
   int layers = 1;             ///< > 1 for overlapping segments
@@ -57,18 +57,19 @@ struct LabelFile {
 enum class Unpacked { kAnew, kKept };
 
 /// Reads only the header. Same errors as reading the file, short voxel data excepted.
-/// @param volume  of DICOM, which can hold several, the number that list_volumes() gives it; needed where several
+/// @param volume  of DICOM, which can hold several, the number that list_volumes() gives it; needed where
+/// several
 ///                can be used. An error, kUsage, with any other format. The same holds below.
 Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume = {});
 
-/// Whether a file is one of these volumes by its name or its first bytes, or a folder of DICOM; false where it
-/// cannot be read.
+/// Whether a file is one of these volumes by its name or its first bytes, or a folder of DICOM; false where
+/// it cannot be read.
 bool is_volume(const std::filesystem::path& file);
 /// Whether it is a DICOM image, whatever its name, or a folder with one in it or below it.
 bool is_dicom(const std::filesystem::path& file);
 
-/// What volumes a DICOM file or a folder of them holds. Nothing in it comes from a text of the files: no name, no
-/// date, no identifier.
+/// What volumes a DICOM file or a folder of them holds. Nothing in it comes from a text of the files: no
+/// name, no date, no identifier.
 struct VolumeList {
   struct Item {
     std::string what;   ///< "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm"
