@@ -138,10 +138,10 @@ SceneKeys declared_keys() {
              .meaning = "The image: NRRD, NIfTI or MetaImage, or a folder of DICOM or a file of it."},
             {.name = "scan_volume",
              .type = kWhole,
-             .default_text = "the only one",
              .min = 1,
              .max = 100000,
-             .meaning = "Which volume, where DICOM holds several: its number as `palpate info` lists them."},
+             .meaning = "Which volume, where DICOM holds several: its number as `palpate info` lists them. "
+                        "Without it: the only one that can be used."},
             {.name = "labels",
              .type = kFile,
              .meaning = "The segmentation on it, in the same formats or `.seg.nrrd`."},

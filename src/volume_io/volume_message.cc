@@ -115,8 +115,8 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
   in.get(counted_from_end);
   in.get(bytes_after);
   if (counted_from_end) volume.voxels.bytes_after = bytes_after;
-  get_segment_fields(in, volume.segment_fields);
   get_notes(in, volume.notes);
+  get_segment_fields(in, volume.segment_fields);
   if (!in.ok()) return about(in.error(), files);
 
   const std::string source = files.front().string();
@@ -162,13 +162,13 @@ bool send_volume(reader::ByteTarget& target, const VolumeFile& volume, Files fil
   out.put(static_cast<std::uint8_t>(volume.header.meaning));
   out.put(volume.voxels.bytes_after.has_value());
   out.put(volume.voxels.bytes_after.value_or(0));
+  out.put(static_cast<std::uint32_t>(volume.notes.size()));
+  for (const std::string& note : volume.notes) out.put(note);
   out.put(static_cast<std::uint32_t>(volume.segment_fields.size()));
   for (const auto& [key, text] : volume.segment_fields) {
     out.put(key);
     out.put(text);
   }
-  out.put(static_cast<std::uint32_t>(volume.notes.size()));
-  for (const std::string& note : volume.notes) out.put(note);
   return out.ok();
 }
 
