@@ -12,6 +12,7 @@ has hexahedra of 20 nodes (C3D20R), small under the patch, and a half or a quart
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -154,6 +155,8 @@ def compliance(case, folder):
     with open(os.path.join(folder, case.name + ".inp"), "w", encoding="ascii") as deck:
         deck.write(mesh.deck(forces))
     ran = subprocess.run(["ccx", "-i", case.name], cwd=folder, capture_output=True, text=True, check=False)
+    if ran.returncode != 0:
+        sys.exit(f"{case.name}: ccx has not solved it\n{ran.stdout[-2000:]}")
     sunk, seen = 0.0, 0
     with open(os.path.join(folder, case.name + ".dat"), encoding="ascii") as results:
         for line in results:
@@ -161,12 +164,16 @@ def compliance(case, folder):
             if len(words) == 4 and words[0].isdigit():
                 sunk -= forces[int(words[0])] * float(words[3])
                 seen += 1
-    if ran.returncode != 0 or seen != len(forces):
-        sys.exit(f"{case.name}: ccx has not solved it\n{ran.stdout[-2000:]}")
+    if seen != len(forces):
+        sys.exit(f"{case.name}: ccx has told of {seen} nodes of {len(forces)}")
     return sunk * case.share
 
 
 def main(truth, folder):
+    if shutil.which("ccx") is None:
+        sys.exit("ccx is not installed: apt install calculix-ccx")
+    if shutil.which(truth) is None:
+        sys.exit(f"{truth}: no such program; the preset bench builds tissue_truth")
     os.makedirs(folder, exist_ok=True)
     ours = json.loads(subprocess.run([truth], capture_output=True, text=True, check=True).stdout)
     print(f"{'case':12} {'CalculiX':>9}" + "".join(f" {'cells ' + h + ' mm':>13} {'off':>7}" for h in ours))
