@@ -193,6 +193,10 @@ nlohmann::json ticks(int rounds) {
   YieldFrame frame;
   frame.number = 1;
   frame.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
+  YieldFrame finite = frame;
+  finite.spot[0].finite_N = 0.15;
+  finite.spot[0].stiffening_mm_per_N2 = 2;
+  finite.spot[0].stiffening_slope = Vector<Patient>(1, 0, 0);
   const ToolSphere sphere{{}, 3};
   const auto slide = [&](const Model& model, const YieldFrame* yields) {
     ProxyState state;
@@ -203,10 +207,16 @@ nlohmann::json ticks(int rounds) {
     }
   };
   const auto times =
-      medians_s({[&] { slide(**spring, nullptr); }, [&] { slide(**yielding, &frame); }}, rounds);
+      medians_s({[&] { slide(**spring, nullptr); }, [&] { slide(**yielding, &frame); },
+                 [&] { slide(**yielding, &finite); }},
+                rounds);
   std::printf("a sphere's contact     %8.1f ns   with a spring %.1f ns   %+.1f ns\n", 1e9 * times[1] / kTicks,
               1e9 * times[0] / kTicks, 1e9 * (times[1] - times[0]) / kTicks);
-  return {{"yielding_ns", 1e9 * times[1] / kTicks}, {"spring_ns", 1e9 * times[0] / kTicks}};
+  std::printf("  neo-Hookean          %8.1f ns                           %+.1f ns\n", 1e9 * times[2] / kTicks,
+              1e9 * (times[2] - times[0]) / kTicks);
+  return {{"yielding_ns", 1e9 * times[1] / kTicks},
+          {"spring_ns", 1e9 * times[0] / kTicks},
+          {"neo_hookean_ns", 1e9 * times[2] / kTicks}};
 }
 
 }  // namespace

@@ -251,9 +251,10 @@ void add_new(CLI::App& app, Run& run) {
                    "What made the scan: the viewer shows ct as HU, mr with windows of its own values")
       ->check(CLI::IsMember(known_names(kModalities)));
   verb->add_option("--tissue", options->law,
-                   "What soft tissue does under the tool: layers hold it out and do not move, elastic yields")
-      ->check(CLI::IsMember(
-          {name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws)}));
+                   "What soft tissue does under the tool: layers hold it out and do not move, elastic yields, "
+                   "neo-hookean stiffens besides where it is squeezed far")
+      ->check(CLI::IsMember({name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
+                             name_of(TissueLaw::kNeoHookean, kTissueLaws)}));
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
   verb->add_option("-o,--output", options->output,
                    "The scene file; without it the text goes to standard output");
@@ -298,7 +299,7 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
   std::size_t width = 6;
   for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
   const double factor = FeltStiffness(scene.workspace).at_device(1);
-  const bool elastic = scene.yielding.law == TissueLaw::kElastic;
+  const bool elastic = is_elastic(scene.yielding.law);
   std::printf("\n%s  felt  N/mm   %s%sat most N  friction  structures  rests on\n",
               fitted("tissue", width).c_str(), elastic ? "E kPa  nu    " : "",
               factor == 1 ? "" : "hand N/mm  ");

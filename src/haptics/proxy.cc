@@ -652,7 +652,7 @@ class Springs {
       own_stiffness += part * gives.own_secant_N_per_mm;
       force.tangent_N_per_mm += part * gives.felt.tangent_N_per_mm;
       force.stored_mJ += part * gives.felt.stored_mJ;
-      force.force_N = gives.aside_N * part;
+      force.force_N = gives.felt.aside_N * part;
       force.yields = true;
     } else {
       yield = {};
@@ -706,7 +706,6 @@ class Springs {
   struct Yielded {
     YieldForce felt;
     double secant_N_per_mm = 0, own_secant_N_per_mm = 0;  // own: whatever a hand holds with its device
-    Vector<Patient> aside_N;
   };
   Yielded press(const Pressed& pressed, const Point<Patient>& position, double depth_mm,
                 YieldState& yield) const {
@@ -724,7 +723,6 @@ class Springs {
     yielded.own_secant_N_per_mm = std::isfinite(most)
                                       ? yield_force(tissue, depth_mm, radius_mm).force_N / depth_mm
                                       : yielded.secant_N_per_mm;
-    yielded.aside_N = tissue.slope_per_N * (0.5 * yielded.felt.force_N * yielded.felt.force_N);
     return yielded;
   }
 

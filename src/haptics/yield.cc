@@ -12,16 +12,75 @@ namespace {
 constexpr int kMostRootSteps = 40;
 constexpr double kSameRoot = 1e-13;
 
-// the s in 0 ... most_s at which (b s + k) s2 is the depth; that grows all the way there
-double root_of_depth(double b, double k, double depth_mm, double most_s) {
-  double low = 0, high = most_s;
+/// Depth at the force F = s3: b F + k F^(2/3) - c F2, from F = first_N on - c first_N (2 F - first_N).
+struct DepthLaw {
+  double b, k, c, first_N;
+
+  double at(double s) const {
+    const double force_N = s * s * s;
+    return (b * s + k) * s * s -
+           c * (force_N <= first_N ? force_N * force_N : first_N * (2 * force_N - first_N));
+  }
+  // how much less it gives way per newton by c
+  double less(double s) const { return 2 * c * std::min(s * s * s, first_N); }
+  double per_s(double s) const { return (3 * b * s + 2 * k) * s - 3 * less(s) * s * s; }
+  // per newton, times s
+  double per_N(double s) const { return b * s + k * (2.0 / 3) - less(s) * s; }
+  // F d less the integral of d over F: of b F it leaves a half, of k F^(2/3) two fifths, of c F2 two thirds
+  double stored(double s) const {
+    const double force_N = s * s * s;
+    return s * s * s * s * s * (0.5 * b * s + 0.4 * k) -
+           c * (force_N <= first_N ? force_N * force_N * force_N * (2.0 / 3)
+                                   : first_N * (force_N * force_N - first_N * first_N * (1.0 / 3)));
+  }
+  // the s up to which it gives way by `least` per newton and more; infinite: it always does
+  double most_s(double least) const;
+
+ private:
+  static double straight_most_s(double b, double k, double least) {
+    return b < least ? 2 * k / (3 * (least - b)) : std::numeric_limits<double>::infinity();
+  }
+};
+
+double DepthLaw::most_s(double least) const {
+  if (c == 0) return straight_most_s(b, k, least);
+  // beyond first_N it gives way ever less
+  const double beyond = straight_most_s(b - 2 * c * first_N, k, least);
+  // the first root of (b - least) s + 2/3 k - 2 c s4 before it
+  const double more = b - least;
+  double s = straight_most_s(b, k, least);
+  if (c > 0) {
+    // concave: from beyond the root Newton's method comes to it. There c s4 is more than each of the others
+    double end = std::sqrt(std::sqrt(2 * k / (3 * c)));
+    if (more > 0) end = std::max(end, cube_root(more / c));
+    s = std::min(s, end);
+  } else {
+    // convex: from 0 Newton's method comes to its first root, if it has one
+    if (more >= 0) return beyond;
+    const double lowest = cube_root(more / (8 * c));
+    if (more * lowest * 0.75 + k * (2.0 / 3) >= 0) return beyond;
+  }
+  for (int n = 0; n < kMostRootSteps; ++n) {
+    const double left = more * s + k * (2.0 / 3) - 2 * c * (s * s) * (s * s);
+    const double slope = more - 8 * c * (s * s * s);
+    const double next = s - left / slope;
+    if (!(slope < 0) || !(next > 0) || std::abs(next - s) <= kSameRoot * s) break;
+    s = next;
+  }
+  return s * s * s <= first_N ? s : beyond;
+}
+
+// the s in 0 ... most_s at which the depth is that; it grows all the way there, by `least` per newton and more
+double root_of_depth(const DepthLaw& law, double depth_mm, double most_s, double least) {
+  const double b = law.b, k = law.k;
+  double low = 0, high = law.c == 0 ? most_s : std::min(most_s, cube_root(depth_mm / least));
   double s = std::sqrt(depth_mm / k);
   if (b > 0) s = std::min(s, cube_root(depth_mm / b));
-  s = std::min(s, most_s);
+  s = std::min(s, high);
   for (int n = 0; n < kMostRootSteps; ++n) {
-    const double off_mm = (b * s + k) * s * s - depth_mm;
+    const double off_mm = law.at(s) - depth_mm;
     (off_mm > 0 ? high : low) = s;
-    const double slope = (3 * b * s + 2 * k) * s;
+    const double slope = law.per_s(s);
     double next = slope > 0 ? s - off_mm / slope : low;
     if (!(next >= low && next <= high)) next = 0.5 * (low + high);
     if (std::abs(next - s) <= kSameRoot * s) return next;
@@ -42,6 +101,11 @@ std::uint64_t YieldFrame::hash() const {
     }
     for (const double value : {one.compliance_mm_per_N, one.modulus_N_per_mm2, one.patch_radius_mm})
       hash_double(hash, value);
+    // of the linear law nothing more, as it was before there was another
+    if (!one.is_finite()) continue;
+    hash_double(hash, one.finite_N);
+    hash_double(hash, one.stiffening_mm_per_N2);
+    for (int axis = 0; axis < 3; ++axis) hash_double(hash, one.stiffening_slope[axis]);
   }
   return hash_finish(hash);
 }
@@ -50,11 +114,15 @@ void YieldState::hash_into(std::uint64_t& hash) const {
   hash_word(hash, frame);
   for (const double value : {left_mm_per_N, left_modulus, elapsed_s, beyond_mm_per_N, modulus_N_per_mm2})
     hash_double(hash, value);
+  // of the linear law nothing more, as it was before there was another
+  if (finite_N == 0 && left_N == 0) return;
+  for (const double value : {left_mm_per_N2, left_N, stiffening_mm_per_N2, finite_N}) hash_double(hash, value);
 }
 
 YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Point<Patient>& at,
                           double modulus_N_per_mm2, double dt_s, YieldState& state) {
-  YieldingTissue tissue{0, Vector<Patient>(), modulus_N_per_mm2};
+  YieldingTissue tissue;
+  tissue.modulus_N_per_mm2 = modulus_N_per_mm2;
   if (spot.is_known()) {
     const double told = spot.compliance_mm_per_N;
     const double on = told + spot.slope_per_N.dot(at - spot.at);
@@ -62,13 +130,22 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
     tissue.beyond_mm_per_N = spot.beyond_half_space_mm_per_N() + (carried - told);
     if (carried == on) tissue.slope_per_N = spot.slope_per_N;
     tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
+    if (spot.is_finite()) {
+      const double c = spot.stiffening_mm_per_N2, there = c + spot.stiffening_slope.dot(at - spot.at);
+      const double most = kYieldFeel.most_stiffening * told / spot.finite_N;
+      tissue.stiffening_mm_per_N2 = std::clamp(there, std::min(-most, c), std::max(most, c));
+      tissue.finite_N = spot.finite_N;
+      if (tissue.stiffening_mm_per_N2 == there) tissue.stiffening_slope = spot.stiffening_slope;
+    }
   }
   // what is touched anew has nothing that it could differ from
   if (state.modulus_N_per_mm2 == 0) {
-    state.left_mm_per_N = state.left_modulus = 0;
+    state.left_mm_per_N = state.left_modulus = state.left_mm_per_N2 = state.left_N = 0;
   } else if (frame != state.frame) {
     state.left_mm_per_N = state.beyond_mm_per_N - tissue.beyond_mm_per_N;
     state.left_modulus = state.modulus_N_per_mm2 / tissue.modulus_N_per_mm2 - 1;
+    state.left_mm_per_N2 = state.stiffening_mm_per_N2 - tissue.stiffening_mm_per_N2;
+    state.left_N = state.finite_N - tissue.finite_N;
     state.elapsed_s = 0;
   }
   state.frame = frame;
@@ -76,8 +153,12 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
   const double left = 1 - state.elapsed_s / kYieldFeel.blend_s;
   tissue.beyond_mm_per_N += left * state.left_mm_per_N;
   tissue.modulus_N_per_mm2 *= 1 + left * state.left_modulus;
+  tissue.stiffening_mm_per_N2 += left * state.left_mm_per_N2;
+  tissue.finite_N += left * state.left_N;
   state.beyond_mm_per_N = tissue.beyond_mm_per_N;
   state.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
+  state.stiffening_mm_per_N2 = tissue.stiffening_mm_per_N2;
+  state.finite_N = tissue.finite_N;
   return tissue;
 }
 
@@ -85,27 +166,28 @@ YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double rad
                        double most_N_per_mm) {
   YieldForce force;
   if (!(depth_mm > 0)) return force;
-  const double modulus = tissue.modulus_N_per_mm2, b = tissue.beyond_mm_per_N;
+  const double modulus = tissue.modulus_N_per_mm2;
   const double radius = std::max(radius_mm, kYieldFeel.least_radius_mm);
-  // with s the force's cube root: depth b s3 + k s2, which gives way by b + 2/3 k / s per newton
-  const double k = 0.75 / modulus * cube_root(4 * modulus / (3 * radius));
+  const DepthLaw law{tissue.beyond_mm_per_N, 0.75 / modulus * cube_root(4 * modulus / (3 * radius)),
+                     tissue.stiffening_mm_per_N2, tissue.finite_N};
   const double least_give = std::max(1 / most_N_per_mm, kYieldFeel.least_give_mm_per_N);
-  const double most_s =
-      b < least_give ? 2 * k / (3 * (least_give - b)) : std::numeric_limits<double>::infinity();
-  const auto depth_at = [&](double s) { return (b * s + k) * s * s; };
-  // F d less the integral of d over F: of b F it leaves a half, of k F^(2/3) two fifths
-  const auto stored = [&](double s) { return s * s * s * s * s * (0.5 * b * s + 0.4 * k); };
-  if (std::isfinite(most_s) && depth_mm >= depth_at(most_s)) {
-    const double first_N = most_s * most_s * most_s, more_mm = depth_mm - depth_at(most_s);
+  const double most_s = law.most_s(least_give);
+  if (std::isfinite(most_s) && depth_mm >= law.at(most_s)) {
+    const double first_N = most_s * most_s * most_s, more_mm = depth_mm - law.at(most_s);
     force.force_N = first_N + more_mm / least_give;
     force.tangent_N_per_mm = 1 / least_give;
-    force.stored_mJ = stored(most_s) + (first_N + 0.5 * more_mm / least_give) * more_mm;
-    return force;
+    force.stored_mJ = law.stored(most_s) + (first_N + 0.5 * more_mm / least_give) * more_mm;
+  } else {
+    const double s = root_of_depth(law, depth_mm, most_s, least_give);
+    force.force_N = s * s * s;
+    force.tangent_N_per_mm = s / law.per_N(s);
+    force.stored_mJ = law.stored(s);
   }
-  const double s = root_of_depth(b, k, depth_mm, most_s);
-  force.force_N = s * s * s;
-  force.tangent_N_per_mm = s / (b * s + k * (2.0 / 3));
-  force.stored_mJ = stored(s);
+  const double squared = force.force_N * force.force_N, first_N = tissue.finite_N;
+  const double of_c = force.force_N <= first_N
+                          ? squared * force.force_N * (1.0 / 3)
+                          : first_N * (squared - first_N * (force.force_N - first_N * (1.0 / 3)));
+  force.aside_N = tissue.slope_per_N * (0.5 * squared) - tissue.stiffening_slope * of_c;
   return force;
 }
 

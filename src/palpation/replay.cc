@@ -243,7 +243,7 @@ void Replayer::run_again(const TickRecord& recorded) {
   result_.ticks += 1;
   result_.run_hash = mix_run_hash(result_.run_hash, again.state_hash);
   result_.difference = first_difference(recorded, again);
-  if (model_.felt->tissue_law == TissueLaw::kElastic) {
+  if (is_elastic(model_.felt->tissue_law)) {
     inputs_.push_back({again, model_.felt});
     if (inputs_.size() > kMostInputs) inputs_.pop_front();
   }
@@ -269,7 +269,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
   const auto methods = methods_of(head);
   if (!methods) return methods.error();
   // a session that does not feel by the proxy has its surfaces all the same, and solves tissue under them
-  if (prepared->tissue_law == TissueLaw::kElastic) {
+  if (is_elastic(prepared->tissue_law)) {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto with_surfaces = ready_for(prepared, kProxyAlone, progress);
     if (!with_surfaces && with_surfaces.error().kind == ErrorKind::kInterrupted) return with_surfaces.error();

@@ -29,7 +29,7 @@ const TickRecord& VirtualRun::tick() {
   sensed_ = mapping_.to_world(device_.read(), 0);
   const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
   // of the model that the tick before felt, as a replay solves it
-  const bool yields = model_->tissue_law == TissueLaw::kElastic && model_->has(ForceMethod::kProxy);
+  const bool yields = is_elastic(model_->tissue_law) && model_->has(ForceMethod::kProxy);
   if (yields && yields_.advance(*model_, before)) {
     parameters_.yields = yields_.frame();
     told_.push_back(yield_event(yields_.frame(), yields_.input_tick()));

@@ -353,14 +353,16 @@ SceneKeys declared_keys() {
              .type = kChoice,
              .default_text = "\"layers\"",
              .choices = names_of(kTissueLaws),
-             .meaning = "`elastic`: tissues with a `youngs_modulus` yield. By the proxy alone."},
+             .meaning = "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: likewise, and stiffen "
+                        "where they are squeezed far; beside the servo it takes three times the work. By the "
+                        "proxy alone."},
             {.name = "cell",
              .type = kNumber,
              .unit = "mm",
              .min = 0.2,
              .max = 10,
              .meaning =
-                 "Of the elastic law: edge of the cubes that it is computed on, 1 to 3 voxels. Without "
+                 "Of both elastic laws: edge of the cubes that they are computed on, 1 to 3 voxels. Without "
                  "it: chosen from the voxels."}}},
       .tool =
           {"[tool]",

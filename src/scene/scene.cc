@@ -147,11 +147,11 @@ void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) 
   YieldingSettings& yielding = scene.yielding;
   yielding.law = value_of(reader.choice("law").value_or(""), kTissueLaws);
   yielding.cell_mm = reader.number("cell");
-  if (yielding.law == TissueLaw::kElastic && scene.force.method != ForceMethod::kProxy)
+  if (is_elastic(yielding.law) && scene.force.method != ForceMethod::kProxy)
     problems.add(reader.line("law"), "tissue yields to the proxy alone",
                  "set [force] method = \"proxy\", or leave method out");
-  if (yielding.law != TissueLaw::kElastic && yielding.cell_mm)
-    problems.add(reader.line("cell"), "cell belongs to law = \"elastic\"", "take it out, or change the law");
+  if (!is_elastic(yielding.law) && yielding.cell_mm)
+    problems.add(reader.line("cell"), "cell belongs to the laws \"elastic\" and \"neo-hookean\"", "take it out, or change the law");
 }
 
 void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {

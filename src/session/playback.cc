@@ -289,7 +289,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                  "palpate replay without --view compares its ticks"};
 
   // how near a burr came, and how tissue yielded, is told of what is prepared for the proxy
-  if (model->cuts() || model->tissue_law == TissueLaw::kElastic) {
+  if (model->cuts() || is_elastic(model->tissue_law)) {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto ready = ready_for(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
@@ -312,7 +312,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
         for (const RecordingEvent& event : part.events) {
           edits.hear(event);
         }
-        if (model->tissue_law == TissueLaw::kElastic) yields.see(part, row);
+        if (is_elastic(model->tissue_law)) yields.see(part, row);
         for (const TickRecord& tick : part.ticks) {
           if (row == 0) first = tick;
           if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);

@@ -23,11 +23,11 @@ using EventKind = RecordingEvent::Kind;
 using ::testing::HasSubstr;
 
 // the ball of bone in 8 mm of tissue of 20 kPa, pressed by a sphere
-LoadedScene soft_ball() {
+LoadedScene soft_ball(TissueLaw law = TissueLaw::kElastic) {
   Model model = testing::ball_model({1, 1, 1}, 1.0, 8);
   model.title = "soft ball";
   model.content_hash = 43;
-  model.tissue_law = TissueLaw::kElastic;
+  model.tissue_law = law;
   model.tissues[1].elastic = ElasticConstants{20, 0.45};
   model.tools[0].radius_mm = 3;
   Scene scene;
@@ -192,6 +192,24 @@ TEST_F(YieldRun, ABurrInTissueThatYieldsIsHeldByItsLimitsAndTheRunReplays) {
     ASSERT_EQ(device.flags & kFlagNotFinite, 0u) << tick.tick;
   }
   const auto result = replay(recording_, loaded.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+}
+
+TEST_F(YieldRun, ANeoHookeanRunIsAnotherOneAndReplaysToo) {
+  simulate_it();
+  const LoadedScene finite = soft_ball(TissueLaw::kNeoHookean);
+  ASSERT_TRUE(simulate(finite, palpating(), {}, folder_ / "finite.h5").ok());
+  const auto read = read_recording(folder_ / "finite.h5");
+  ASSERT_TRUE(read.ok()) << read.error().message();
+  const auto frame_hash = [](const Recording& recording) {
+    std::uint64_t last = 0;
+    for (const RecordingEvent& event : recording.events)
+      if (event.kind == EventKind::kYield) last = event.frame_hash;
+    return last;
+  };
+  EXPECT_NE(frame_hash(*read), frame_hash(recording_));
+  const auto result = replay(*read, finite.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;
 }

@@ -17,6 +17,7 @@ constexpr int kMostRadii = 6;
 // where the displacement of a place is read: a cell, and how far in it
 struct PlaceInCell {
   std::array<int, 3> cell;
+  Eigen::Vector3d place;  ///< in cells from the box's corner
   Eigen::Vector3d fraction;
   bool inside[3];  ///< not at the cell's end because it lies beyond it
 };
@@ -29,6 +30,7 @@ bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& place, const Eige
     for (int a = 0; a < 3; ++a) found.cell[a] = static_cast<int>(std::floor(below[a]));
     const auto [i, j, k] = found.cell;
     if (!grid.layout().contains_cell(i, j, k) || grid.mu()[grid.layout().cell(i, j, k)] == 0) continue;
+    found.place = place;
     for (int a = 0; a < 3; ++a) {
       const double fraction = place[a] - found.cell[a];
       found.fraction[a] = std::clamp(fraction, 0.0, 1.0);
@@ -134,6 +136,9 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
   modulus_ = modulus / static_cast<double>(places.size());
 
   const double share = 1.0 / static_cast<double>(places.size());
+  int along = 0;
+  outward_.cwiseAbs().maxCoeff(&along);
+  const auto& all = grid.layout().cells;
   for (const PlaceInCell& place : places) {
     for (int corner = 0; corner < 8; ++corner) {
       double factor[3], slope[3];
@@ -143,6 +148,12 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
         node[a] = place.cell[a] + (high ? 1 : 0);
         factor[a] = high ? place.fraction[a] : 1 - place.fraction[a];
         slope[a] = place.inside[a] ? (high ? 1 : -1) / h : 0;
+      }
+      if (grid.held(node[0], node[1], node[2]) == 0) {
+        const int one = (along + 1) % 3, other = (along + 2) % 3;
+        borne_.push_back({static_cast<std::uint32_t>(node[other] * (all[one] + 1) + node[one]),
+                          static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], 0)),
+                          static_cast<float>(share * factor[0] * factor[1] * factor[2])});
       }
       for (int c = 0; c < 3; ++c) {
         const auto value = static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], c));
@@ -154,7 +165,12 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
       }
     }
   }
+  row_ = static_cast<std::uint32_t>(grid.layout().row);
   sum_up(weights_);
+  sum_up(borne_);
+  std::sort(borne_.begin(), borne_.end(), [](const Borne& a, const Borne& b) {
+    return std::pair(a.column, a.value) < std::pair(b.column, b.value);
+  });
   for (auto& weights : along_) sum_up(weights);
 }
 
@@ -164,6 +180,34 @@ void PressurePatch::add(double force_N, ElasticField& nodes_N) const {
 
 double PressurePatch::displacement(const ElasticField& u_mm) const {
   return product(weights_, u_mm);
+}
+
+HeldMeans PressurePatch::columns(double part) const {
+  // one past the last node of the column that begins there
+  const auto end_of = [&](std::size_t first) {
+    std::size_t end = first;
+    while (end < borne_.size() && borne_[end].column == borne_[first].column) ++end;
+    return end;
+  };
+  const auto bears = [&](std::size_t first) {
+    double sum = 0;
+    for (std::size_t n = first, end = end_of(first); n < end; ++n) sum += borne_[n].weight;
+    return sum;
+  };
+  double most = 0;
+  for (std::size_t n = 0; n < borne_.size(); n = end_of(n)) most = std::max(most, bears(n));
+  HeldMeans means;
+  std::vector<Weight> mean;
+  for (std::size_t n = 0; n < borne_.size(); n = end_of(n)) {
+    if (!(bears(n) > 0) || bears(n) < part * most) continue;
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      mean.clear();
+      for (std::size_t m = n, end = end_of(n); m < end; ++m)
+        mean.push_back({borne_[m].value + c * row_, borne_[m].weight});
+      means.add(mean);
+    }
+  }
+  return means;
 }
 
 Vector<Patient> PressurePatch::change(const ElasticField& u_mm) const {

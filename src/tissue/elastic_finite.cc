@@ -17,34 +17,65 @@ constexpr double kGoodPart = 0.9;
 
 }  // namespace
 
+void HeldMeans::add(std::span<const Weight> weights) {
+  double squares = 0;
+  for (const Weight& one : weights) squares += static_cast<double>(one.weight) * one.weight;
+  PALPATE_CHECK(squares > 0);
+  const double by = 1 / std::sqrt(squares);
+  for (const Weight& one : weights) weights_.push_back({one.value, static_cast<float>(by * one.weight)});
+  ends_.push_back(weights_.size());
+}
+
+void HeldMeans::take_out(ElasticValues& of) const {
+  std::size_t first = 0;
+  for (const std::size_t end : ends_) {
+    float mean = 0;
+    for (std::size_t n = first; n < end; ++n) mean += weights_[n].weight * of[weights_[n].value];
+    for (; first < end; ++first) of[weights_[first].value] -= mean * weights_[first].weight;
+  }
+}
+
+double HeldMeans::norm(const ElasticValues& of) const {
+  double squares = 0;
+  std::size_t first = 0;
+  for (const std::size_t end : ends_) {
+    double mean = 0;
+    for (; first < end; ++first) mean += static_cast<double>(weights_[first].weight) * of[weights_[first].value];
+    squares += mean * mean;
+  }
+  return std::sqrt(squares);
+}
+
 void ElasticSolver::finite_forces(const ElasticField& displacement_mm, ElasticField& force_N) {
   state_->multigrid.finest().apply_finite_everywhere(displacement_mm.values, force_N.values);
 }
 
 FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
-                                           const FiniteSettings& settings) {
+                                           const FiniteSettings& settings,
+                                           const HeldMeans& held) {
   State& s = *state_;
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
   FiniteSolution told;
-
   // r = f - forces(at); what the residual is measured by
   const auto left_over = [&](const ElasticValues& at) {
     const double least = k.apply_finite(at, s.q);
     for (std::size_t n = 0; n < u.size(); ++n) s.r[n] = k.free(n) ? force_N.values[n] - s.q[n] : 0.0f;
+    held.take_out(s.r);
     return least;
   };
   double load = 0;
   for (std::size_t n = 0; n < u.size(); ++n)
     if (k.free(n)) load += static_cast<double>(force_N.values[n]) * force_N.values[n];
-  const double scale = std::sqrt(load) + s.held_norm(displacement_mm);
+  double scale = std::sqrt(load) + s.held_norm(displacement_mm);
   const auto part = [&] {
     const double norm = std::sqrt(dot(s.r, s.r));
     return scale > 0 ? norm / scale : norm;
   };
 
   told.least_volume = left_over(u);
+  scale += held.norm(s.q);
   told.residual = part();
   while (told.residual > settings.tolerance && told.steps < settings.most_steps) {
     // T step = r by conjugate gradients; where T is not positive, as far as it was
@@ -53,13 +84,17 @@ FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticF
     double rz = 0;
     const double enough = settings.step_tolerance * std::sqrt(dot(s.r, s.r));
     for (int n = 0; n < settings.most_iterations && std::sqrt(dot(s.r, s.r)) > enough; ++n) {
+      // the V-cycle knows nothing of what is held besides: that is taken out of its result, which leaves it
+      // symmetric and positive where the rest may move
       s.multigrid.cycle(s.r, s.z);
+      held.take_out(s.z);
       const double next = dot(s.r, s.z);
       if (!(next > 0) || !std::isfinite(next)) break;
       const float beta = n == 0 ? 0.0f : static_cast<float>(next / rz);
       rz = next;
       for (std::size_t m = 0; m < u.size(); ++m) s.p[m] = s.z[m] + beta * s.p[m];
       k.apply_tangent(u, s.p, s.q);
+      held.take_out(s.q);
       const double pq = dot(s.p, s.q);
       if (!(pq > 0) || !std::isfinite(pq)) {
         if (n == 0) s.step = s.p;

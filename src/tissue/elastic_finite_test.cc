@@ -142,6 +142,34 @@ TEST(ElasticFinite, SmallStrainsAreLinear) {
             5e-3 * slow.from(linear).cwiseAbs().maxCoeff());
 }
 
+TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
+  ElasticGrid grid = testing::elastic_block({15, 12, 6}, 1, soft(10, 0.45));
+  for (int j = 0; j <= 12; ++j)
+    for (int i = 0; i <= 15; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+  const ElasticLayout& layout = grid.layout();
+  ElasticSolver solver(grid);
+  ElasticField load(layout), besides(layout);
+  HeldMeans held;
+  for (int j = 5; j <= 7; ++j)
+    for (int i = 6; i <= 8; ++i) {
+      grid.hold(i, j, 6, ElasticGrid::kHeld);
+      for (int c = 0; c < 3; ++c) {
+        const HeldMeans::Weight one{static_cast<std::uint32_t>(layout.node(i, j, 6, c)), 2};
+        held.add({&one, 1});
+      }
+      besides.values[layout.node(i, j, 6, 2)] = -0.5f;
+    }
+  ElasticField by_grid = besides;
+  FiniteSettings settings;
+  settings.most_steps = 40;
+  settings.most_iterations = 60;
+  settings.tolerance = 2e-5;  // about what floats hold
+  EXPECT_TRUE(solver.solve_finite(load, besides, settings, held).converged);
+  EXPECT_TRUE(ElasticSolver(grid).solve_finite(load, by_grid, settings).converged);
+  for (std::size_t n = 0; n < by_grid.values.size(); ++n)
+    ASSERT_NEAR(besides.values[n], by_grid.values[n], 1e-4f);
+}
+
 TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
   ElasticGrid grid = testing::elastic_block({15, 12, 6}, 1, soft(10, 0.45));
   for (int j = 0; j <= 12; ++j)

@@ -12,10 +12,11 @@ namespace palpate::testing {
 inline constexpr int kSoftBlockHalf = 40;  // mm; voxels of 1 mm
 
 // Tissue of 10 kPa whose surface is z = 0, on a plate 20 mm below, with a hard ball of 8 mm 5 mm deep in it.
-inline std::shared_ptr<const Model> soft_block(bool nodule, std::uint32_t version = 1) {
+inline std::shared_ptr<const Model> soft_block(bool nodule, std::uint32_t version = 1,
+                                               TissueLaw law = TissueLaw::kElastic) {
   auto model = std::make_shared<Model>();
   model->version = version;
-  model->tissue_law = TissueLaw::kElastic;
+  model->tissue_law = law;
   model->tissue_cell_mm = 1.5;
   GridGeometry grid = cube_grid(kSoftBlockHalf, {1, 1, 1});
   // the surface is between two voxels

@@ -1,12 +1,16 @@
 #include "tissue/yield_cells.h"
 
 #include <cmath>
+#include <utility>
 
 namespace palpate {
 namespace {
 
-std::array<int, 3> cells_of_box() {
-  return {kSolvingFeel.cells_along, kSolvingFeel.cells_across, kSolvingFeel.cells_across};
+std::array<int, 3> cells_of_box(const Model& model) {
+  const auto& [along, across] = model.tissue_law == TissueLaw::kNeoHookean
+                                    ? std::pair(kSolvingFeel.finite_cells_along, kSolvingFeel.finite_cells_across)
+                                    : std::pair(kSolvingFeel.cells_along, kSolvingFeel.cells_across);
+  return {along, across, across};
 }
 
 ElasticBox lattice_of(const Model& model) {
@@ -20,19 +24,21 @@ Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const
   return lattice.local_mm(at - outward * (kSolvingFeel.deeper_cells * lattice.cell_mm)) / lattice.cell_mm;
 }
 
-std::array<int, 3> first_cell_around(const Eigen::Vector3d& middle) {
+std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle) {
+  const std::array<int, 3> cells = cells_of_box(model);
   std::array<int, 3> first;
   for (int axis = 0; axis < 3; ++axis) {
     const double step = kSolvingFeel.step_cells;
     first[axis] = kSolvingFeel.step_cells *
-                  static_cast<int>(std::floor((middle[axis] - 0.5 * cells_of_box()[axis]) / step + 0.5));
+                  static_cast<int>(std::floor((middle[axis] - 0.5 * cells[axis]) / step + 0.5));
   }
   return first;
 }
 
-bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle) {
+bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle) {
+  const std::array<int, 3> cells = cells_of_box(model);
   for (int axis = 0; axis < 3; ++axis)
-    if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells_of_box()[axis]) > kSolvingFeel.farthest_cells)
+    if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells[axis]) > kSolvingFeel.farthest_cells)
       return false;
   return true;
 }
@@ -40,7 +46,7 @@ bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& midd
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
                         const YieldBox& where) {
   ElasticBox box = lattice_of(model);
-  box.cells = cells_of_box();
+  box.cells = cells_of_box(model);
   const auto& first = where.first_cell;
   box.corner = box.patient(Eigen::Vector3d(first[0], first[1], first[2]) * box.cell_mm);
   return {carved_labels(model), by_label, box, where.about};

@@ -17,8 +17,8 @@ namespace palpate {
 /// @param outward  unit, of the surface there
 Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward);
 /// The first cell of a box with that middle, and whether a box still reaches around one.
-std::array<int, 3> first_cell_around(const Eigen::Vector3d& middle);
-bool is_around(const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
+std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle);
+bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
 /// The cells of a box, with tissue beyond its faces as a load at YieldBox::about finds it.
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
                         const YieldBox& box);

@@ -10,6 +10,7 @@
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
+#include "tissue/elastic_multigrid.h"
 #include "tissue/yield_cells.h"
 
 namespace palpate {
@@ -65,18 +66,25 @@ std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& 
   return find_surface(model, place + (way - normal * way.dot(normal)));
 }
 
-// the radius of its contact then: by Hertz from the depth, and where it presses now from the force as well
-double expected_radius_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm,
-                          double modulus_N_per_mm2) {
+bool presses(const DeviceTick& felt) {
+  return felt.contact_label[0] != 0 && felt.depth_mm > 0;
+}
+
+// how deep it will be then; not above 0: in the air
+double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm) {
   const Vector<Patient> above = tagged<Point<Patient>>(felt.tip_patient_mm) - contact.at;
   const double sinks_mm = -tagged<Vector<Patient>>(felt.velocity_patient_mm_s).dot(contact.outward) *
                           kSolvingFeel.lead_frames * kYieldFrame_s;
-  const bool presses = felt.contact_label[0] != 0 && felt.depth_mm > 0;
-  const double now_mm = presses ? felt.depth_mm : radius_mm - above.dot(contact.outward);
-  const double depth_mm = now_mm + std::min(sinks_mm, kSolvingFeel.most_lead_mm);
+  const double now_mm = presses(felt) ? felt.depth_mm : radius_mm - above.dot(contact.outward);
+  return now_mm + std::min(sinks_mm, kSolvingFeel.most_lead_mm);
+}
+
+// the radius of its contact: by Hertz from the depth, and where it presses now from the force as well
+double radius_at_depth_mm(const DeviceTick& felt, double depth_mm, double radius_mm,
+                          double modulus_N_per_mm2) {
   if (!(depth_mm > 0)) return 0;
   const double hertz_mm = std::sqrt(radius_mm * depth_mm);
-  if (!presses) return hertz_mm;
+  if (!presses(felt)) return hertz_mm;
   const double touched_mm = cube_root(0.75 * felt.contact_N[0] * radius_mm / modulus_N_per_mm2);
   return std::min(touched_mm * std::sqrt(depth_mm / felt.depth_mm), hertz_mm);
 }
@@ -98,9 +106,34 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& fel
   const auto contact = expected_contact(model, felt);
   if (!contact) return before;
   const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
-  if (before && is_around(before->first_cell, middle)) return before;
-  return YieldBox{first_cell_around(middle), contact->at};
+  if (before && is_around(model, before->first_cell, middle)) return before;
+  return YieldBox{first_cell_around(model, middle), contact->at};
 }
+
+/// The neo-Hookean body around a device's tool.
+///
+/// The surface under the patch is held where the linear body has it under a force s on the patch
+/// (PressurePatch::columns), and all else finds its place; so nothing pinches, and where strains are small it
+/// is the linear body, u = s u1. With E(s) its energy the force is that against which the patch is pushed,
+/// F = E'(s) / W, at a depth of s W. E'(s) = u1 . f(u) over all nodes: where they are not yet in balance, u1 .
+/// K makes no error of the first order of it. Along the surface E changes by s (dJ) y, K y = f(u): as J does,
+/// of which u1 is made.
+struct YieldSolver::Finite {
+  ElasticField correction_mm;  ///< u - s u1, whose means under the patch are 0
+  ElasticField turning_mm;     ///< y - F u1
+  ElasticField u_mm, force_N;  ///< scratch
+  double give_mm = 0;          ///< s W of the last frame; 0: none
+  double most_give = kSolvingFeel.most_give;
+  double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< as told of it
+
+  explicit Finite(const ElasticLayout& layout)
+      : correction_mm(layout), turning_mm(layout), u_mm(layout), force_N(layout) {}
+  void forget() {
+    for (ElasticField* field : {&correction_mm, &turning_mm})
+      std::fill(field->values.begin(), field->values.end(), 0.0f);
+    give_mm = stiffening_mm_per_N2 = finite_N = 0;
+  }
+};
 
 /// A box of cells around a device's tool.
 struct YieldSolver::Region {
@@ -111,6 +144,7 @@ struct YieldSolver::Region {
   ElasticField unit_mm, load_N;
   double modulus = 0;  ///< under the patch, of the last frame
   bool is_new = true;  ///< nothing was solved in it yet
+  std::unique_ptr<Finite> finite;  ///< of the neo-Hookean law
 
   /// @param before  the box that it takes the place of; may be null
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
@@ -125,6 +159,7 @@ struct YieldSolver::Region {
         }()),
         unit_mm(cells.grid().layout()),
         load_N(cells.grid().layout()) {
+    if (model.tissue_law == TissueLaw::kNeoHookean) finite = std::make_unique<Finite>(grid().layout());
     if (before != nullptr) take_over(*before);
   }
 
@@ -145,6 +180,17 @@ struct YieldSolver::Region {
   }
   // what both know is kept as it was
   void take_over(const Region& before) {
+    if (before.grid().layout().cells != grid().layout().cells) return;
+    take_over(before, before.unit_mm, unit_mm);
+    if (finite == nullptr || before.finite == nullptr) return;
+    take_over(before, before.finite->correction_mm, finite->correction_mm);
+    take_over(before, before.finite->turning_mm, finite->turning_mm);
+    finite->give_mm = before.finite->give_mm;
+    finite->most_give = before.finite->most_give;
+    finite->stiffening_mm_per_N2 = before.finite->stiffening_mm_per_N2;
+    finite->finite_N = before.finite->finite_N;
+  }
+  void take_over(const Region& before, const ElasticField& from, ElasticField& to) {
     const ElasticLayout& layout = grid().layout();
     const auto& all = layout.cells;
     const std::array<int, 3> way = way_from(before);
@@ -154,15 +200,85 @@ struct YieldSolver::Region {
           const int a = i + way[0], b = j + way[1], c = k + way[2];
           if (a < 0 || b < 0 || c < 0 || a > all[0] || b > all[1] || c > all[2]) continue;
           for (int axis = 0; axis < 3; ++axis)
-            unit_mm.values[layout.node(i, j, k, axis)] = before.unit_mm.values[layout.node(a, b, c, axis)];
+            to.values[layout.node(i, j, k, axis)] = from.values[layout.node(a, b, c, axis)];
         }
-    solver.put_at_rest(unit_mm);
+    solver.put_at_rest(to);
   }
   // what was taken away since the last frame, or put back
   void follow(const CarvedLabels& labels) {
-    if (!cells.follow(labels, solver).empty()) solver.put_at_rest(unit_mm);
+    if (cells.follow(labels, solver).empty()) return;
+    solver.put_at_rest(unit_mm);
+    if (finite == nullptr) return;
+    solver.put_at_rest(finite->correction_mm);
+    solver.put_at_rest(finite->turning_mm);
   }
+
+  /// The neo-Hookean body, pressed as deep as the tool will be: what that adds to the spot of the linear one.
+  void solve_finite(const PressurePatch& patch, double depth_mm, double radius_mm, bool anew,
+                    YieldSpot& spot);
 };
+
+void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_mm, double radius_mm,
+                                       bool anew, YieldSpot& spot) {
+  constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2;
+  Finite& f = *finite;
+  const HeldMeans surface = patch.columns(kSolvingFeel.least_bearing);
+  const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
+  YieldingTissue tissue;
+  tissue.beyond_mm_per_N = spot.beyond_half_space_mm_per_N();
+  tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
+  tissue.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
+  tissue.finite_N = f.finite_N;
+  const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
+  const double straight_N = std::max(0.0, expected_N - f.finite_N), curved_N = expected_N - straight_N;
+  const double expected_mm =
+      w * expected_N - f.stiffening_mm_per_N2 * curved_N * (curved_N + 2 * straight_N);
+  const double give_mm =
+      std::clamp(expected_mm, kSolvingFeel.least_give * rho_mm, f.most_give * rho_mm);
+  const double s = give_mm / w;
+
+  // from what was found before, which grows with the square of the depth
+  const double grown = f.give_mm > 0 ? std::min(give_mm / f.give_mm, kFarthest) : 0;
+  const auto by = static_cast<float>(grown * grown), force_by = static_cast<float>(s);
+  for (float& value : f.turning_mm.values) value *= by;
+  for (float& value : f.correction_mm.values) value *= by;
+  surface.take_out(f.correction_mm.values);
+  for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
+    f.u_mm.values[n] = force_by * unit_mm.values[n] + f.correction_mm.values[n];
+
+  // load_N is that of the linear one, 1 N; where nothing is held it presses as it does there
+  for (float& value : load_N.values) value *= force_by;
+  FiniteSettings settings;
+  settings.most_steps = kSolvingFeel.finite_steps;
+  settings.most_iterations = anew ? kSolvingFeel.first_iterations : kSolvingFeel.finite_iterations;
+  settings.least_volume = kSolvingFeel.least_volume;
+  const FiniteSolution found = solver.solve_finite(load_N, f.u_mm, settings, surface);
+  solver.finite_forces(f.u_mm, f.force_N);
+  const double force_N = internal::elastic::dot(unit_mm.values, f.force_N.values) / w;
+  const double stiffer = (force_N - s) / force_N;
+  if (!(found.least_volume >= kSolvingFeel.least_volume) || found.stuck ||
+      !(std::abs(stiffer) <= kYieldFeel.most_stiffening) || !(force_N > 0)) {
+    // the linear one is what is known; less deep next time, from there
+    f.forget();
+    f.most_give = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.least_give);
+    return;
+  }
+  for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
+    f.correction_mm.values[n] = f.u_mm.values[n] - force_by * unit_mm.values[n];
+  f.give_mm = give_mm;
+  f.most_give = std::min(kFaster * f.most_give, kSolvingFeel.most_give);
+
+  // what the forces are beyond those of the linear body
+  patch.add(-force_N, f.force_N);
+  solver.solve(f.force_N, f.turning_mm,
+               anew ? kSolvingFeel.first_iterations : kSolvingFeel.aside_iterations, kTolerance);
+  spot.finite_N = f.finite_N = force_N;
+  spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2 = w * stiffer / force_N;
+  spot.stiffening_slope =
+      (spot.slope_per_N * (0.5 * force_N * (force_N - s)) + patch.change(f.turning_mm) * s) *
+      (3 / (force_N * force_N * force_N));
+  if (!spot.stiffening_slope.all_finite()) spot.stiffening_slope = {};
+}
 
 YieldSolver::YieldSolver() = default;
 YieldSolver::~YieldSolver() = default;
@@ -183,8 +299,8 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     const bool same = region != nullptr && region->is_of(labels, by_label);
     if (same) region->follow(labels);
     const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
-    if (!same || !is_around(region->box.first_cell, middle))
-      region = std::make_unique<Region>(model, by_label, YieldBox{first_cell_around(middle), contact->at},
+    if (!same || !is_around(model, region->box.first_cell, middle))
+      region = std::make_unique<Region>(model, by_label, YieldBox{first_cell_around(model, middle), contact->at},
                                         region.get());
     const bool anew = std::exchange(region->is_new, false);
 
@@ -194,8 +310,9 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     if (!(region->modulus > 0))
       region->modulus =
           PressurePatch(region->grid(), contact->at, contact->outward, least_mm).contact_modulus();
+    const double depth_mm = expected_depth_mm(device, *contact, radius_mm);
     const double touched_mm =
-        region->modulus > 0 ? expected_radius_mm(device, *contact, radius_mm, region->modulus) : 0;
+        region->modulus > 0 ? radius_at_depth_mm(device, depth_mm, radius_mm, region->modulus) : 0;
     const double rho_mm = std::clamp(touched_mm, least_mm, 0.25 * kSolvingFeel.cells_across * cell_mm);
     const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
     region->modulus = patch.contact_modulus();
@@ -210,6 +327,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     spot.slope_per_N = patch.change(region->unit_mm) * 2;
     spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;
+    if (region->finite != nullptr) region->solve_finite(patch, depth_mm, radius_mm, anew, spot);
   }
   return frame_;
 }

@@ -4,10 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
+#include <random>
+#include <utility>
 #include <vector>
 
+#include "base/test_seed.h"
 #include "haptics/test_proxy_surfaces.h"
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/carving.h"
@@ -18,6 +22,8 @@
 namespace palpate {
 namespace {
 
+using testing::cube_grid;
+using testing::felt_surface;
 using testing::pressed_at;
 using testing::soft_block;
 using testing::tool_at;
@@ -137,6 +143,150 @@ TEST(YieldSolver, KnowsNothingWhereNothingSoftIsNear) {
   bare->tissues[0].elastic = ElasticConstants{10, 0.45};
   EXPECT_TRUE(solver.solve(*bare, tool_at({0, 0, 1})).spot[0].is_known());
   EXPECT_TRUE(solver.field_of(0, field));
+}
+
+// cells that are full up to the surface
+std::shared_ptr<const Model> finite_block(double tissue_kPa = 10, double ball_kPa = 100) {
+  auto model = std::make_shared<Model>(*soft_block(true, 1, TissueLaw::kNeoHookean));
+  model->tissue_cell_mm = 1;
+  model->tissues[0].elastic = ElasticConstants{tissue_kPa, 0.45};
+  model->tissues[1].elastic = ElasticConstants{ball_kPa, 0.45};
+  return model;
+}
+// settled, 3 mm deep or as deep as is said
+TickRecord deep_at(double x, double y, double depth_mm = 3, double force_N = 0.15) {
+  TickRecord felt = pressed_at(x, y);
+  felt.device[0].tip_patient_mm[2] = 3 - depth_mm;
+  felt.device[0].depth_mm = depth_mm;
+  felt.device[0].contact_N[0] = force_N;
+  return felt;
+}
+YieldSpot settled_spot(const Model& model, const TickRecord& felt) {
+  YieldSolver solver;
+  for (int n = 0; n < 8; ++n) solver.solve(model, felt);
+  return solver.frame().spot[0];
+}
+// the part by which a force is less deep than of the linear body
+double stiffer_part(const YieldSpot& spot) {
+  return spot.stiffening_mm_per_N2 * spot.finite_N / spot.compliance_mm_per_N;
+}
+
+TEST(YieldSolver, ANeoHookeanBodyStiffensWhereItIsSqueezedOntoSomethingHard) {
+  const auto model = finite_block();
+  const YieldSpot over = settled_spot(*model, deep_at(0, 0)), beside = settled_spot(*model, deep_at(20, 0));
+  ASSERT_TRUE(over.is_finite() && beside.is_finite());
+  EXPECT_GT(stiffer_part(over), stiffer_part(beside) + 0.02);
+  // where strains are small it is the linear one
+  const YieldSpot slight = settled_spot(*model, deep_at(0, 0, 0.2, 0.002));
+  ASSERT_TRUE(slight.is_finite());
+  EXPECT_LT(std::abs(stiffer_part(slight)), 0.02);
+  EXPECT_FALSE(settled_spot(*soft_block(true), deep_at(0, 0)).is_finite());
+}
+
+TEST(YieldSolver, ANeoHookeanBodyDependsOnNothingButWhatItWasGiven) {
+  const auto model = finite_block();
+  YieldSolver one, other;
+  for (int n = 0; n < 6; ++n) {
+    const TickRecord felt = deep_at(-4 + 1.5 * n, 0.1 * n);
+    EXPECT_EQ(one.solve(*model, felt).hash(), other.solve(*model, felt).hash());
+    EXPECT_TRUE(one.frame().spot[0].is_finite());
+  }
+}
+
+TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack) {
+  const auto model = finite_block();
+  YieldSolver solver;
+  for (int n = 0; n < 6; ++n) solver.solve(*model, deep_at(0, 0));
+  const YieldSpot before = solver.frame().spot[0];
+  // a leap from one place to another in one frame, far too deep
+  for (int n = 0; n < 12; ++n) {
+    const YieldSpot& spot = solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).spot[0];
+    ASSERT_TRUE(spot.is_known());
+    ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
+    ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.most_stiffening);
+  }
+  for (int n = 0; n < 20; ++n) solver.solve(*model, deep_at(0, 0));
+  const YieldSpot& after = solver.frame().spot[0];
+  ASSERT_TRUE(after.is_finite());
+  EXPECT_NEAR(stiffer_part(after), stiffer_part(before), 0.01);
+}
+
+// the part by which a sphere 4.5 mm deep is less deep than in the linear body; cells of three voxels
+double stiffer_part_askew(const Eigen::Vector3d& up, double off_mm, bool nodule) {
+  constexpr int kHalfBlock = 24;
+  constexpr double kSphere_mm = 4.5;
+  GridGeometry grid;
+  grid.dims = {4 * kHalfBlock, 4 * kHalfBlock, 4 * kHalfBlock};
+  grid.spacing_mm = {0.5, 0.5, 0.5};
+  grid.origin = Point<Patient>(-kHalfBlock + 0.25, -kHalfBlock + 0.25, -1.5 * kHalfBlock + 0.25);
+  Volume<LabelId> labels(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen() - off_mm * up;
+        const bool hard = nodule && (p + 13.5 * up).norm() < 6;
+        labels.at(i, j, k) = static_cast<LabelId>(p.dot(up) > 0 ? 0 : p.dot(up) < -36 ? 3 : hard ? 2 : 1);
+      }
+  Model model = *soft_block(nodule, 1, TissueLaw::kNeoHookean);
+  model.labels = label_bricks(labels);
+  model.surfaces = {felt_surface(
+      cube_grid(kHalfBlock + 2, {1, 1, 1}), [&](const Eigen::Vector3d& p) { return p.dot(up) - off_mm; }, 12)};
+  model.tools[0].radius_mm = kSphere_mm;
+  TickRecord felt = tool_at(off_mm * up);
+  DeviceTick& device = felt.device[0];
+  device.contact_label[0] = device.label = 1;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    device.contact_patient_mm[axis] = device.tip_patient_mm[axis];
+    device.normal_patient[axis] = up[static_cast<Eigen::Index>(axis)];
+  }
+  device.depth_mm = kSphere_mm;
+  device.contact_N[0] = 0.33;
+  const YieldSpot spot = settled_spot(model, felt);
+  return spot.is_finite() ? stiffer_part(spot) : std::numeric_limits<double>::quiet_NaN();
+}
+
+TEST(YieldSolver, ANeoHookeanBodyIsFoundWhereverTheSurfaceRunsWithinCells) {
+  // a solution with the surface between cells has -0.04 over the nodule, -0.09 where there is none
+  const Eigen::Vector3d straight = Eigen::Vector3d::UnitZ(), askew(0.4, 0.3, std::sqrt(0.75));
+  for (const auto& [up, off_mm] : {std::pair(straight, 0.0), std::pair(straight, 0.5),
+                                   std::pair(straight, 1.0), std::pair(askew, 0.0)}) {
+    const double over = stiffer_part_askew(up, off_mm, true), none = stiffer_part_askew(up, off_mm, false);
+    EXPECT_NEAR(over, -0.01, 0.045) << up.transpose() << ", " << off_mm;
+    EXPECT_NEAR(none, -0.06, 0.045) << up.transpose() << ", " << off_mm;
+    EXPECT_GT(over, none + 0.03) << up.transpose() << ", " << off_mm;
+  }
+}
+
+TEST(YieldSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(0, 1);
+  int finite = 0;
+  for (int scene = 0; scene < 2; ++scene) {
+    const double tissue_kPa = std::pow(10, 3 * unit(random)), ball_kPa = std::pow(10, 3 * unit(random));
+    const auto model = finite_block(tissue_kPa, ball_kPa);
+    YieldSolver solver;
+    double depth_mm = -3, x = 0;
+    for (int n = 0; n < 16; ++n) {
+      // to 0.5 m/s
+      const double sinks_mm_s = 1000 * (unit(random) - 0.5), slides_mm_s = 400 * (unit(random) - 0.5);
+      depth_mm = std::clamp(depth_mm + sinks_mm_s * kYieldFrame_s, -4.0, 9.0);
+      x = std::clamp(x + slides_mm_s * kYieldFrame_s, -12.0, 12.0);
+      TickRecord felt = tool_at({x, 0, 3 - depth_mm}, {slides_mm_s, 0, -sinks_mm_s});
+      if (depth_mm > 0) {
+        felt = deep_at(x, 0, depth_mm, 1e-3 * tissue_kPa * depth_mm * depth_mm * unit(random));
+        felt.device[0].velocity_patient_mm_s = {slides_mm_s, 0, -sinks_mm_s};
+      }
+      const YieldSpot& spot = solver.solve(*model, felt).spot[0];
+      ASSERT_TRUE(spot.is_known());
+      ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
+      ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.most_stiffening);
+      finite += spot.is_finite();
+    }
+  }
+  EXPECT_GT(finite, 8);
 }
 
 TEST(YieldSolver, EveryDeviceHasItsOwnPlace) {

@@ -72,13 +72,13 @@ bool find_press(const Model& model, const TickRecord& felt, std::size_t device, 
 }  // namespace
 
 YieldedTissue::YieldedTissue(const Model& model, const TickRecord& felt) {
-  if (model.tissue_law != TissueLaw::kElastic || model.labels == nullptr) return;
+  if (!is_elastic(model.tissue_law) || model.labels == nullptr) return;
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   const auto devices = static_cast<std::size_t>(std::clamp(felt.devices, 0, kMaxDevices));
   for (std::size_t d = 0; d < devices; ++d) {
     Press press;
     if (!find_press(model, felt, d, press)) continue;
-    const std::array<int, 3> first = first_cell_around(middle_below(model, press.at, press.outward));
+    const std::array<int, 3> first = first_cell_around(model, middle_below(model, press.at, press.outward));
     const CarvedCells cells = yield_cells(model, by_label, {first, press.at});
     const ElasticGrid& grid = cells.grid();
     const double cell_mm = grid.box().cell_mm, least_mm = kSolvingFeel.least_patch_cells * cell_mm;

@@ -159,7 +159,8 @@ Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress) 
   return one_bone(labels, {ForceMethod::kTrilinear, ForceMethod::kProxy}, progress);
 }
 
-Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, const Progress& progress) {
+Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, TissueLaw law,
+                                                   const Progress& progress) {
   constexpr double kSpacing_mm = 1, kCore_mm = 5;
   GridGeometry grid;
   grid.dims = {41, 41, 41};
@@ -184,7 +185,7 @@ Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, co
   bone.stiffness_N_per_mm = 1.5;
   parts.tissues = {soft, bone};
   parts.tissue_of_label = {-1, 0, 1};
-  parts.tissue_law = TissueLaw::kElastic;
+  parts.tissue_law = law;
   Tool tool;
   tool.radius_mm = 3;
   parts.tools = {tool};
@@ -198,7 +199,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
   WorkspaceSettings workspace;
   // of a ball of 1 N/mm; what yields has its own
-  const bool yields_by_itself = ball.tissue_law == TissueLaw::kElastic;
+  const bool yields_by_itself = is_elastic(ball.tissue_law);
   workspace.force_gain = yields_by_itself ? 1 : exploration.stiffness_N_per_mm;
   WorkspaceMapping mapping(plant.info(), workspace);
   Parameters parameters;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
+#include <span>
 
 #include "palpate/stability/stability.h"
 #include "verification/stability_energy.h"
@@ -48,33 +50,39 @@ std::string ratio_name(const char* prefix, double value) {
 }
 
 // what a tick makes of it, by speed
-Result<void> tick_figures(const Progress& progress, std::vector<Figure>& figures) {
-  struct AtSpeed {
-    double mm_s, largest_percent, mean_percent;
-  };
-  constexpr AtSpeed kSpeeds[] = {{20, 2, 0.5}, {50, 6, 1}, {100, 18, 3}};
-  const auto model = yielding_block(true);
+struct AtSpeed {
+  double mm_s;
+  std::optional<double> largest_percent, mean_percent;
+};
+constexpr AtSpeed kLinearSpeeds[] = {{20, 2, 0.5}, {50, 6, 1}, {100, 18, 3}};
+constexpr AtSpeed kFiniteSpeeds[] = {{20, 10, {}}, {50, {}, {}}};
+
+Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const std::string& prefix,
+                          const Progress& progress, std::vector<Figure>& figures) {
+  const auto model = yielding_block(true, law);
   if (!model) return model.error();
-  for (const AtSpeed& speed : kSpeeds) {
+  for (const AtSpeed& speed : speeds) {
     char at[32];
     std::snprintf(at, sizeof at, "/%.0f-mm-s", speed.mm_s);
     const auto add = [&](const char* way, const TickOff& off) {
       const auto samples = static_cast<std::uint64_t>(off.samples);
-      figures.push_back({std::string("tissue/tick/") + way + at + "/largest", off.largest_percent, "percent",
-                         samples, speed.largest_percent});
-      figures.push_back({std::string("tissue/tick/") + way + at + "/mean", off.mean_percent, "percent",
-                         samples, speed.mean_percent});
+      const std::string path = prefix + way + at;
+      figures.push_back({path + "/largest", off.largest_percent, "percent", samples, speed.largest_percent});
+      figures.push_back({path + "/mean", off.mean_percent, "percent", samples, speed.mean_percent});
     };
     if (progress.stopped()) return Progress::interrupted();
     add("pressed", press_tissue(*model, speed.mm_s, 12));
     add("pressed-on-nodule", press_tissue(*model, speed.mm_s, 0));
     add("slid-over-nodule", slide_on_tissue(*model, speed.mm_s));
   }
-  figures.push_back({"tissue/tick/at-rest/change", change_at_rest_N(*model), "N", 400, 0.02});
+  figures.push_back({prefix + "at-rest/change", change_at_rest_N(*model), "N", 400, 0.02});
   figures.push_back(
-      {"tissue/tick/work-given-out", std::max(0.0, work_given_out_percent(*model, 20)), "percent", 1, 2});
-  figures.push_back(
-      {"tissue/tick/stiffer-over-nodule", stiffer_over_nodule_percent(*model, 3), "percent", 1, {}});
+      {prefix + "work-given-out", std::max(0.0, work_given_out_percent(*model, 20)), "percent", 1, 2});
+  const auto plain = yielding_block(false, law);
+  if (!plain) return plain.error();
+  const OverNodule over = over_nodule(*model, *plain, 3);
+  figures.push_back({prefix + "over-nodule/force", over.force_percent, "percent", 1, {}});
+  figures.push_back({prefix + "over-nodule/stiffness", over.stiffness_percent, "percent", 1, {}});
   return {};
 }
 
@@ -107,17 +115,20 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
 }
 
 // what hands on simulated devices get out of it
-Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& figures) {
+Result<void> energy_of_tissue(TissueLaw law, const Progress& progress, std::vector<Figure>& figures) {
   struct At {
     double rate_hz, delay_s;
   };
   constexpr At kLoops[] = {{1000, 0}, {4000, 0}, {1000, 1e-3}, {1000, 3e-3}};
   constexpr double kModuli_kPa[] = {10, 100, 1000}, kTime_s = 6;
-  for (const double kPa : kModuli_kPa) {
-    const auto ball = yielding_ball(kPa, progress);
+  constexpr const char* kDevices[] = {"premium-1.5", "touch"};
+  // a frame of it takes three times the work: of the softest, which yields farthest, and one device
+  const bool finite = law == TissueLaw::kNeoHookean;
+  for (const double kPa : std::span(kModuli_kPa).first(finite ? 1 : 3)) {
+    const auto ball = yielding_ball(kPa, law, progress);
     if (!ball) return ball.error();
     for (const At& loop : kLoops)
-      for (const char* device : {"premium-1.5", "touch"})
+      for (const char* device : std::span(kDevices).first(finite ? 1 : 2))
         for (const char* grip : {"light-grip", "firm-grip"}) {
           if (progress.stopped()) return Progress::interrupted();
           Exploration exploration{*find_plant_device(device), *find_plant_hand(grip)};
@@ -131,7 +142,8 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
           const ExploredEnergy energy = explore_energy(**ball, exploration);
           const double hidden_mJ = energy.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
           char path[96];
-          std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa/%s/%s/", kPa, device, grip);
+          std::snprintf(path, sizeof path, "tissue/energy/%s%.0f-kPa/%s/%s/", finite ? "neo-hookean/" : "", kPa,
+                        device, grip);
           figures.push_back({path + loop_name(loop.rate_hz, loop.delay_s) + "/given-out", 0 - energy.least_mJ,
                              "mJ", static_cast<std::uint64_t>(std::lround(kTime_s * loop.rate_hz)),
                              loop.delay_s == 0 ? std::optional(hidden_mJ) : std::nullopt});
@@ -218,9 +230,14 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   figures.push_back({"tissue/neo-hookean/frame-off", finite.frame_off_percent, "percent", 1, {}});
   figures.push_back({"tissue/neo-hookean/frame-time", finite.frame_ms, "ms", finite.cells, {}});
 
-  if (auto in_tick = tick_figures(progress, figures); !in_tick) return in_tick.error();
+  auto in_tick = tick_figures(TissueLaw::kElastic, kLinearSpeeds, "tissue/tick/", progress, figures);
+  if (!in_tick) return in_tick.error();
+  in_tick =
+      tick_figures(TissueLaw::kNeoHookean, kFiniteSpeeds, "tissue/tick/neo-hookean/", progress, figures);
+  if (!in_tick) return in_tick.error();
   if (auto removed = removal_figures(progress, figures); !removed) return removed.error();
-  if (auto energies = energy_of_tissue(progress, figures); !energies) return energies.error();
+  for (const TissueLaw law : {TissueLaw::kElastic, TissueLaw::kNeoHookean})
+    if (auto energies = energy_of_tissue(law, progress, figures); !energies) return energies.error();
   const TissueFrame frame = measure_tissue_frame(kFrames);
   figures.push_back({"tissue/frame/time", frame.frame_ms, "ms", kFrames, {}});
   figures.push_back({"tissue/frame/compliance-off", frame.off_percent, "percent", kFrames, 2});

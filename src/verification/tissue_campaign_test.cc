@@ -65,7 +65,7 @@ class CampaignTip {
 };
 
 std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector<Tissue> tissues,
-                                      double tool_mm, double cell_mm, bool burr = false) {
+                                      double tool_mm, double cell_mm, TissueLaw law, bool burr = false) {
   ModelParts parts;
   parts.labels = label_bricks(labels);
   parts.tissue_of_label = {-1};
@@ -76,7 +76,7 @@ std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector
     tissues[n].name = "tissue " + std::to_string(n);
   }
   parts.tissues = std::move(tissues);
-  parts.tissue_law = TissueLaw::kElastic;
+  parts.tissue_law = law;
   parts.tissue_cell_mm = cell_mm;
   Tool tool;
   tool.radius_mm = tool_mm;
@@ -91,7 +91,7 @@ std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector
 }
 
 // blobs of bone and of tissue of 1 kPa to 1 MPa, some with air between
-std::shared_ptr<const Model> random_patient(std::mt19937& random) {
+std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law) {
   GridGeometry grid;
   grid.dims = {28, 28, 28};
   grid.spacing_mm =
@@ -125,9 +125,9 @@ std::shared_ptr<const Model> random_patient(std::mt19937& random) {
   // one of three cuts; a burr is two voxels wide at least
   if (random() % 3 == 0) {
     for (Tissue& tissue : tissues) tissue.cutting_energy_mJ_per_mm3 = std::pow(10, between(random, 0, 2));
-    return model_of(labels, tissues, between(random, 2.5, 4), cell_mm, true);
+    return model_of(labels, tissues, between(random, 2.5, 4), cell_mm, law, true);
   }
-  return model_of(labels, tissues, random() % 3 == 0 ? 0 : between(random, 0.5, 4), cell_mm);
+  return model_of(labels, tissues, random() % 3 == 0 ? 0 : between(random, 0.5, 4), cell_mm, law);
 }
 
 TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
@@ -138,7 +138,8 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
   for (int scene = 0; scene < scenes; ++scene) {
     SCOPED_TRACE("seed " + std::to_string(seed) + ", scene " + std::to_string(scene));
     std::mt19937 random(seed + static_cast<unsigned>(scene));
-    const auto model = random_patient(random);
+    const auto model =
+        random_patient(random, scene % 2 == 0 ? TissueLaw::kElastic : TissueLaw::kNeoHookean);
     CampaignTip tip(model, kMostForce_N);
     Eigen::Vector3d at(0, 0, 40);
     const auto lead = [&](const Eigen::Vector3d& to, double speed_mm_s) {
@@ -159,6 +160,7 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
         ++solved;
         ASSERT_TRUE(std::isfinite(spot.compliance_mm_per_N) && spot.slope_per_N.all_finite());
         ASSERT_GT(spot.modulus_N_per_mm2, 0);
+        ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
       }
     };
     for (int stroke = 0; stroke < 6 && !HasFatalFailure(); ++stroke) {
@@ -200,7 +202,7 @@ std::shared_ptr<const Model> patient_to_search(const Eigen::Vector2d* nodule_mm)
   soft.stiffness_N_per_mm = 0.3;
   soft.elastic = ElasticConstants{10, 0.45};
   hard.elastic = ElasticConstants{100, 0.45};
-  return model_of(labels, {soft, hard, plate}, 3, 1);
+  return model_of(labels, {soft, hard, plate}, 3, 1, TissueLaw::kElastic);
 }
 
 double median(std::vector<double> values) {

@@ -78,7 +78,9 @@ class ConvergedForce {
     for (int n = 0; n < kSettling; ++n) {
       const YieldSpot& spot = solver_.solve(*model_, still).spot[0];
       if (!spot.is_known()) return 0;
-      const YieldingTissue tissue{spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2};
+      YieldingTissue tissue{spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2};
+      tissue.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
+      tissue.finite_N = spot.finite_N;
       force_N = yield_force(tissue, device.depth_mm, kTissueTool_mm).force_N;
       device.contact_N[0] = force_N;
     }
@@ -128,7 +130,7 @@ int ticks_between_comparisons(double way_mm, double speed_mm_s) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Model>> yielding_block(bool nodule) {
+Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law) {
   GridGeometry grid;
   grid.dims = {2 * kBlockHalf_mm, 2 * kBlockHalf_mm, kPlateDeep_mm + 9};
   grid.spacing_mm = Eigen::Vector3d::Ones();
@@ -162,7 +164,7 @@ Result<std::shared_ptr<const Model>> yielding_block(bool nodule) {
   plate.stiffness_N_per_mm = 2;
   parts.tissues = {soft, hard, plate};
   parts.tissue_of_label = {-1, 0, 1, 2};
-  parts.tissue_law = TissueLaw::kElastic;
+  parts.tissue_law = law;
   parts.tissue_cell_mm = 1;
   Tool tool;
   tool.radius_mm = kTissueTool_mm;
@@ -233,16 +235,21 @@ double work_given_out_percent(const std::shared_ptr<const Model>& model, double 
   return -100 * work_mJ / most_mJ;
 }
 
-double stiffer_over_nodule_percent(const std::shared_ptr<const Model>& model, double depth_mm) {
-  const auto force_N = [&](double x_mm) {
+OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::shared_ptr<const Model>& plain,
+                       double depth_mm) {
+  constexpr double kSpeed_mm_s = 20, kSettles_s = 0.2, kStep_mm = 1;
+  const auto force_N = [&](const std::shared_ptr<const Model>& model, double deep_mm) {
     TissueTip tip(model);
-    tip.begin_at({x_mm, 0, kTissueTool_mm + kBeginAbove_mm});
-    tip.lead({x_mm, 0, kTissueTool_mm - depth_mm}, 20);
+    tip.begin_at({0, 0, kTissueTool_mm + kBeginAbove_mm});
+    tip.lead({0, 0, kTissueTool_mm - deep_mm}, kSpeed_mm_s);
     double felt_N = 0;
-    tip.wait(0.2, [&](const TickRecord& felt) { felt_N = felt.device[0].unclamped_force_N; });
+    tip.wait(kSettles_s, [&](const TickRecord& felt) { felt_N = felt.device[0].unclamped_force_N; });
     return felt_N;
   };
-  return 100 * (force_N(0) / force_N(18) - 1);
+  const double over_N = force_N(nodule, depth_mm), plain_N = force_N(plain, depth_mm);
+  const double over_before_N = force_N(nodule, depth_mm - kStep_mm),
+               plain_before_N = force_N(plain, depth_mm - kStep_mm);
+  return {100 * (over_N / plain_N - 1), 100 * ((over_N - over_before_N) / (plain_N - plain_before_N) - 1)};
 }
 
 }  // namespace palpate

@@ -9,15 +9,22 @@ namespace {
 class TissueTick : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    auto with = yielding_block(true);
-    PALPATE_CHECK(with.ok());
-    nodule_ = *std::move(with);
+    nodule_ = block(true, TissueLaw::kElastic);
+    plain_ = block(false, TissueLaw::kElastic);
   }
-  static void TearDownTestSuite() { nodule_.reset(); }
+  static void TearDownTestSuite() {
+    nodule_.reset();
+    plain_.reset();
+  }
+  static std::shared_ptr<const Model> block(bool nodule, TissueLaw law) {
+    auto made = yielding_block(nodule, law);
+    PALPATE_CHECK(made.ok());
+    return *std::move(made);
+  }
 
-  static std::shared_ptr<const Model> nodule_;
+  static std::shared_ptr<const Model> nodule_, plain_;
 };
-std::shared_ptr<const Model> TissueTick::nodule_;
+std::shared_ptr<const Model> TissueTick::nodule_, TissueTick::plain_;
 
 TEST_F(TissueTick, AToolThatPressesFeelsWhatASolutionGivesInTheEnd) {
   const TickOff off = press_tissue(nodule_, 50, 0);
@@ -37,8 +44,19 @@ TEST_F(TissueTick, AtRestAFrameIsNotFelt) {
   EXPECT_LT(change_at_rest_N(nodule_), 1e-3);
 }
 
+TEST_F(TissueTick, ANeoHookeanBodyIsHarderThereAndKeepsWhatWasPutIn) {
+  const auto nodule = block(true, TissueLaw::kNeoHookean), plain = block(false, TissueLaw::kNeoHookean);
+  EXPECT_GT(over_nodule(nodule, plain, 3).stiffness_percent, 22);
+  const TickOff off = press_tissue(nodule, 20, 0);
+  EXPECT_GT(off.samples, 10);
+  EXPECT_LT(off.largest_percent, 10);
+  EXPECT_LT(work_given_out_percent(nodule, 20), 2);
+}
+
 TEST_F(TissueTick, OverSomethingHardItIsHarder) {
-  EXPECT_GT(stiffer_over_nodule_percent(nodule_, 3), 8);
+  const OverNodule over = over_nodule(nodule_, plain_, 3);
+  EXPECT_GT(over.force_percent, 8);
+  EXPECT_GT(over.stiffness_percent, over.force_percent);
 }
 
 }  // namespace

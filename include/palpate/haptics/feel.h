@@ -218,6 +218,8 @@ struct YieldFeel {
   double least_carried = 0.5, most_carried = 2;
   /// Nothing is stiffer than 1 N / mm over this, whatever a solution says.
   double least_give_mm_per_N = 0.01;
+  /// What a neo-Hookean solution makes stiffer or softer at its force is no more than this part of W.
+  double most_stiffening = 0.2;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
@@ -226,6 +228,7 @@ struct YieldFeel {
     of("least_carried", least_carried);
     of("most_carried", most_carried);
     of("least_give_mm_per_N", least_give_mm_per_N);
+    of("most_stiffening", most_stiffening);
   }
 };
 

@@ -31,7 +31,11 @@ enum class Protection : std::uint8_t {
 enum class TissueLaw : std::uint8_t {
   kLayers,   ///< each structure holds the tool out by its own stiffness, and nothing moves
   kElastic,  ///< what has ElasticConstants is an elastic body that yields and spreads (docs/tissue.md)
+  /// The same body as a neo-Hookean one where that has a solution, else as a linear one.
+  kNeoHookean,
 };
+/// Whether what has ElasticConstants yields by it.
+constexpr bool is_elastic(TissueLaw law) { return law != TissueLaw::kLayers; }
 
 /// A group of labels that feel alike.
 struct Tissue {
@@ -48,7 +52,7 @@ struct Tissue {
   /// default is that of cortical bone under a burr (docs/decisions/0029-removal.md).
   double cutting_energy_mJ_per_mm3 = 100;
   Protection protection = Protection::kNone;
-  /// Of TissueLaw::kElastic, without effect under another law. Empty: it does not yield (bone, a tooth, an
+  /// Of the elastic laws, without effect under layers. Empty: it does not yield (bone, a tooth, an
   /// implant), and what is soft holds fast to it.
   std::optional<ElasticConstants> elastic;
   Rgb colour;
@@ -141,7 +145,7 @@ struct Model {
   std::shared_ptr<const Carving> carving;
   MethodSettings method_settings;
   TissueLaw tissue_law = TissueLaw::kLayers;
-  double tissue_cell_mm = 0;  ///< edge of the elastic law's cells; 0: chosen from the voxels
+  double tissue_cell_mm = 0;  ///< edge of the elastic laws' cells; 0: chosen from the voxels
 
   double sigma_mm = 1.0;  ///< smoothing that made the field, unless it has ramps
   double ramp_width_mm =
@@ -173,7 +177,7 @@ struct Model {
   }
   /// Whether it gives way as an elastic body.
   bool yields(const Tissue& tissue) const {
-    return tissue_law == TissueLaw::kElastic && tissue.elastic.has_value();
+    return is_elastic(tissue_law) && tissue.elastic.has_value();
   }
   bool has(ForceMethod method) const {
     return method == ForceMethod::kProxy ? !surfaces.empty() : methods[index_of(method)] != nullptr;

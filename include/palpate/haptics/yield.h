@@ -29,8 +29,14 @@ struct YieldSpot {
   Vector<Patient> slope_per_N;   ///< grad W along the surface, mm/N per mm
   double modulus_N_per_mm2 = 0;  ///< E* = E / (1 - nu2) of the tissue under the patch; above 0
   double patch_radius_mm = 0;    ///< rho; above 0
+  /// Of a neo-Hookean solution: the force at which it was found, and C, by which it is less deep there than
+  /// the linear one, C F2; below 0: deeper. 0: none was found or asked for, the linear one holds alone.
+  double finite_N = 0;
+  double stiffening_mm_per_N2 = 0;
+  Vector<Patient> stiffening_slope = {};  ///< grad C along the surface, mm/N2 per mm
 
   bool is_known() const { return compliance_mm_per_N > 0; }
+  bool is_finite() const { return finite_N > 0; }
   /// W less what a half space of E* gives under that patch, 0.6 / (rho E*) (Hertz; Johnson 1985, 4.2): what
   /// is around, above 0 where it is softer, below where something hard is near.
   double beyond_half_space_mm_per_N() const {
@@ -52,13 +58,13 @@ struct YieldState {
   std::uint32_t frame = 0;
   /// What was felt less what the frame says, when it came: it fades out over YieldFeel::blend_s, so that no
   /// frame is felt as a step.
-  double left_mm_per_N = 0;
+  double left_mm_per_N = 0, left_mm_per_N2 = 0, left_N = 0;
   /// Likewise of the modulus, as a part of what the frame says: above -1, so that it stays above 0 wherever
   /// the tool goes meanwhile.
   double left_modulus = 0;
   double elapsed_s = 0;
   // as they were felt last; modulus 0: nothing that yields was touched
-  double beyond_mm_per_N = 0, modulus_N_per_mm2 = 0;
+  double beyond_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, finite_N = 0;
 
   void hash_into(std::uint64_t& hash) const;
 };
@@ -68,6 +74,9 @@ struct YieldingTissue {
   double beyond_mm_per_N = 0;    ///< YieldSpot::beyond_half_space_mm_per_N at the place that is touched
   Vector<Patient> slope_per_N;   ///< grad W
   double modulus_N_per_mm2 = 0;  ///< E*, above 0
+  double stiffening_mm_per_N2 = 0;        ///< C: YieldSpot::stiffening_mm_per_N2
+  Vector<Patient> stiffening_slope = {};  ///< grad C
+  double finite_N = 0;                    ///< beyond it what C gives goes on straight; where C is not 0 above 0
 };
 
 /// What a sphere's depth in it makes.
@@ -75,6 +84,7 @@ struct YieldForce {
   double force_N = 0;
   double tangent_N_per_mm = 0;  ///< dF / d depth
   double stored_mJ = 0;         ///< the work that pressing so deep takes
+  Vector<Patient> aside_N;      ///< along the surface: what keeps that energy where the tissue changes
 };
 
 /// The tissue as it is felt at a place in this tick: the frame's, carried along the surface by its slope,
@@ -88,12 +98,12 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
 
 /// The force of a rigid sphere pressed so deep, without friction: of
 ///
-///     d = B F + 0.75 F / (a E*),   a = (3 F R / 4 E*)^(1/3)
+///     d = B F + 0.75 F / (a E*) - C F2,   a = (3 F R / 4 E*)^(1/3)
 ///
-/// with B = W - 0.6 / (rho E*) from the tissue around and the sphere's own contact by Hertz. It grows no
+/// and -C F1 (2 F - F1) from F1 = finite_N on, with B = W - 0.6 / (rho E*) from the tissue around and the sphere's own contact by Hertz. It grows no
 /// faster with the depth than `most_N_per_mm`: from where it would, it goes on straight. The energy is that
-/// of this law; where W changes along the surface, F2 / 2 grad W is the force aside that keeps it
-/// (docs/tissue.md). Bounded work, the same bits on every build.
+/// of this law; where W and C change along the surface, F2 / 2 grad W - F3 / 3 grad C (from F1 on its
+/// integral likewise) is the force aside that keeps it (docs/tissue.md). Bounded work, the same bits on every build.
 /// @param depth_mm   of the sphere in the surface at rest; not above 0: no force
 /// @param radius_mm  smaller ones count as YieldFeel::least_radius_mm
 YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,

@@ -42,6 +42,7 @@ inline constexpr std::array kModalities{Word<Modality>{Modality::kCt, "ct"},
                                         Word<Modality>{Modality::kUnknown, "unknown"}};
 /// The last is what a scene has that says nothing.
 inline constexpr std::array kTissueLaws{Word<TissueLaw>{TissueLaw::kElastic, "elastic"},
+                                        Word<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
                                         Word<TissueLaw>{TissueLaw::kLayers, "layers"}};
 template <class T, std::size_t kCount>
 constexpr T value_of(std::string_view name, const std::array<Word<T>, kCount>& words) {
@@ -107,7 +108,7 @@ struct ForceSettings {
 /// Whether soft tissue gives way.
 struct YieldingSettings {
   TissueLaw law = TissueLaw::kLayers;
-  std::optional<double> cell_mm;  ///< of the elastic law; empty: chosen from the voxels
+  std::optional<double> cell_mm;  ///< of the elastic laws; empty: chosen from the voxels
 };
 
 struct Scene {

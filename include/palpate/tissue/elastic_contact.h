@@ -34,18 +34,26 @@ class PressurePatch {
   double displacement(const ElasticField& u_mm) const;
   /// How that changes as the patch moves along the surface: (dJ) u, mm per mm, along the surface.
   Vector<Patient> change(const ElasticField& u_mm) const;
+  /// What holds the patch where it is, without a pressure of a shape of its own: by each column of nodes along
+  /// the axis nearest to `outward`, for each component, the mean of its nodes by what they bear, which is the
+  /// displacement of the surface between them. Of columns that bear `part` of what the one does that bears
+  /// most, and more. Nodes that the grid holds are in none.
+  HeldMeans columns(double part) const;
 
  private:
   static constexpr double kReach = 2;
-  struct Weight {
-    std::uint32_t value;
-    float weight;
-  };
+  using Weight = HeldMeans::Weight;
   /// @param places  in cells from the box's corner
   void spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> places);
 
   std::vector<Weight> weights_;
   std::vector<Weight> along_[3];  ///< of its change along the box's axes
+  struct Borne {
+    std::uint32_t column, value;  ///< its first component's
+    float weight;
+  };
+  std::vector<Borne> borne_;  ///< by nodes that are not held, of a force of 1; column by column
+  std::uint32_t row_ = 0;     ///< from a node's component to its next
   Eigen::Vector3d outward_ = Eigen::Vector3d::UnitZ();
   Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();
   double modulus_ = 0;

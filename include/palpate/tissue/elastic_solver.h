@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "palpate/tissue/elastic_grid.h"
 
@@ -12,6 +15,26 @@ struct ElasticSolution {
   /// |f - K u| / (|f| + the forces that what is held would make alone); 0 where there is no load.
   double residual = 0;
   bool converged = false;  ///< the residual is no more than was asked for
+};
+
+/// Weighted means of a field's values that are held as they are, each of values that belong to no other: a node
+/// (one value, weight 1), or the place at which an edge between two nodes goes through a surface.
+class HeldMeans {
+ public:
+  struct Weight {
+    std::uint32_t value;
+    float weight;
+  };
+  /// One more. @param weights  not all 0
+  void add(std::span<const Weight> weights);
+  /// Moves a field as little as makes its means 0.
+  void take_out(ElasticValues& of) const;
+  /// The part of a field that `take_out` takes, its norm.
+  double norm(const ElasticValues& of) const;
+
+ private:
+  std::vector<Weight> weights_;     ///< the squares of a mean's sum to 1
+  std::vector<std::size_t> ends_;   ///< of each mean's weights
 };
 
 /// How a neo-Hookean solution was come by.
@@ -66,8 +89,10 @@ class ElasticSolver {
   /// The same body as a neo-Hookean one, which is linear elasticity where strains are small: by Newton's
   /// method from `displacement_mm` on. Where what is held has moved since, let the others go with it first
   /// (`solve` from 0 for the way it moved, added), so that no cell beside it is turned inside out.
+  /// @param held  what stays as it is besides nodes that the grid holds: a few, for which the solver need not
+  ///              be made anew
   FiniteSolution solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
-                              const FiniteSettings& settings);
+                              const FiniteSettings& settings, const HeldMeans& held = {});
   /// As `forces`, of the neo-Hookean body.
   void finite_forces(const ElasticField& displacement_mm, ElasticField& force_N);
 

@@ -80,6 +80,17 @@ struct SolvingFeel {
   double most_fill_change = 0.2;
   /// Of the box, along the longest row in memory and across it.
   int cells_along = 47, cells_across = 32;
+  /// Of the neo-Hookean law it is smaller, because a frame takes three times the work a cell.
+  int finite_cells_along = 31, finite_cells_across = 26;
+  /// Newton's steps of a frame, iterations of each, and of what makes the force aside.
+  int finite_steps = 1, finite_iterations = 4, aside_iterations = 2;
+  /// Columns of nodes that bear so much of what the one does that bears most are held as the tool's surface is.
+  double least_bearing = 0.01;
+  /// The patch is pressed in by no less and no more than these parts of its radius: where the tool is less
+  /// deep, or in the air, or deeper, the law of those is carried on.
+  double least_give = 0.1, most_give = 1.2;
+  /// With a cell that keeps less of its volume nothing is said of the neo-Hookean body.
+  double least_volume = 0.15;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
@@ -95,6 +106,15 @@ struct SolvingFeel {
     of("most_fill_change", most_fill_change);
     of("cells_along", cells_along);
     of("cells_across", cells_across);
+    of("finite_cells_along", finite_cells_along);
+    of("finite_cells_across", finite_cells_across);
+    of("finite_steps", finite_steps);
+    of("finite_iterations", finite_iterations);
+    of("aside_iterations", aside_iterations);
+    of("least_bearing", least_bearing);
+    of("least_give", least_give);
+    of("most_give", most_give);
+    of("least_volume", least_volume);
   }
 };
 inline constexpr CuttingFeel kCuttingFeel;

@@ -47,8 +47,9 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& fel
                                        const std::optional<YieldBox>& before);
 
 /// For every device a box of cells around the place that it presses or is about to (linear elasticity,
-/// ElasticSolver). What it gives depends on the models and ticks that it was given, in their order, and on
-/// nothing else: not on time, threads or the machine. For one thread.
+/// ElasticSolver), under the neo-Hookean law also as such a body. What it gives depends on the models and
+/// ticks that it was given, in their order, and on nothing else: not on time, threads or the machine. For one
+/// thread.
 class YieldSolver {
  public:
   YieldSolver();
@@ -72,6 +73,7 @@ class YieldSolver {
   bool field_of(std::size_t device, YieldField& field) const;
 
  private:
+  struct Finite;
   struct Region;
 
   YieldFrame frame_;
