@@ -206,10 +206,9 @@ nlohmann::json ticks(int rounds) {
       advance_proxy(model.surfaces, {&sphere, 1}, tip, state, {.yields = yields});
     }
   };
-  const auto times =
-      medians_s({[&] { slide(**spring, nullptr); }, [&] { slide(**yielding, &frame); },
-                 [&] { slide(**yielding, &finite); }},
-                rounds);
+  const auto times = medians_s({[&] { slide(**spring, nullptr); }, [&] { slide(**yielding, &frame); },
+                                [&] { slide(**yielding, &finite); }},
+                               rounds);
   std::printf("a sphere's contact     %8.1f ns   with a spring %.1f ns   %+.1f ns\n", 1e9 * times[1] / kTicks,
               1e9 * times[0] / kTicks, 1e9 * (times[1] - times[0]) / kTicks);
   std::printf("  neo-Hookean          %8.1f ns                           %+.1f ns\n", 1e9 * times[2] / kTicks,

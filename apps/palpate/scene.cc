@@ -250,11 +250,13 @@ void add_new(CLI::App& app, Run& run) {
   verb->add_option("--modality", options->modality,
                    "What made the scan: the viewer shows ct as HU, mr with windows of its own values")
       ->check(CLI::IsMember(known_names(kModalities)));
-  verb->add_option("--tissue", options->law,
-                   "What soft tissue does under the tool: layers hold it out and do not move, elastic yields, "
-                   "neo-hookean stiffens besides where it is squeezed far")
-      ->check(CLI::IsMember({name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
-                             name_of(TissueLaw::kNeoHookean, kTissueLaws)}));
+  verb->add_option(
+          "--tissue", options->law,
+          "What soft tissue does under the tool: layers hold it out and do not move, elastic yields, "
+          "neo-hookean stiffens besides where it is squeezed far")
+      ->check(
+          CLI::IsMember({name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
+                         name_of(TissueLaw::kNeoHookean, kTissueLaws)}));
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
   verb->add_option("-o,--output", options->output,
                    "The scene file; without it the text goes to standard output");

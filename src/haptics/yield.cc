@@ -70,7 +70,8 @@ double DepthLaw::most_s(double least) const {
   return s * s * s <= first_N ? s : beyond;
 }
 
-// the s in 0 ... most_s at which the depth is that; it grows all the way there, by `least` per newton and more
+// the s in 0 ... most_s at which the depth is that; it grows all the way there, by `least` per newton and
+// more
 double root_of_depth(const DepthLaw& law, double depth_mm, double most_s, double least) {
   const double b = law.b, k = law.k;
   double low = 0, high = law.c == 0 ? most_s : std::min(most_s, cube_root(depth_mm / least));
@@ -116,7 +117,8 @@ void YieldState::hash_into(std::uint64_t& hash) const {
     hash_double(hash, value);
   // of the linear law nothing more, as it was before there was another
   if (finite_N == 0 && left_N == 0) return;
-  for (const double value : {left_mm_per_N2, left_N, stiffening_mm_per_N2, finite_N}) hash_double(hash, value);
+  for (const double value : {left_mm_per_N2, left_N, stiffening_mm_per_N2, finite_N})
+    hash_double(hash, value);
 }
 
 YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Point<Patient>& at,

@@ -353,9 +353,10 @@ SceneKeys declared_keys() {
              .type = kChoice,
              .default_text = "\"layers\"",
              .choices = names_of(kTissueLaws),
-             .meaning = "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: likewise, and stiffen "
-                        "where they are squeezed far; beside the servo it takes three times the work. By the "
-                        "proxy alone."},
+             .meaning =
+                 "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: likewise, and stiffen "
+                 "where they are squeezed far; beside the servo it takes three times the work. By the "
+                 "proxy alone."},
             {.name = "cell",
              .type = kNumber,
              .unit = "mm",

@@ -151,7 +151,8 @@ void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) 
     problems.add(reader.line("law"), "tissue yields to the proxy alone",
                  "set [force] method = \"proxy\", or leave method out");
   if (!is_elastic(yielding.law) && yielding.cell_mm)
-    problems.add(reader.line("cell"), "cell belongs to the laws \"elastic\" and \"neo-hookean\"", "take it out, or change the law");
+    problems.add(reader.line("cell"), "cell belongs to the laws \"elastic\" and \"neo-hookean\"",
+                 "take it out, or change the law");
 }
 
 void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {

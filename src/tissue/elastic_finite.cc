@@ -40,7 +40,8 @@ double HeldMeans::norm(const ElasticValues& of) const {
   std::size_t first = 0;
   for (const std::size_t end : ends_) {
     double mean = 0;
-    for (; first < end; ++first) mean += static_cast<double>(weights_[first].weight) * of[weights_[first].value];
+    for (; first < end; ++first)
+      mean += static_cast<double>(weights_[first].weight) * of[weights_[first].value];
     squares += mean * mean;
   }
   return std::sqrt(squares);
@@ -51,8 +52,7 @@ void ElasticSolver::finite_forces(const ElasticField& displacement_mm, ElasticFi
 }
 
 FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
-                                           const FiniteSettings& settings,
-                                           const HeldMeans& held) {
+                                           const FiniteSettings& settings, const HeldMeans& held) {
   State& s = *state_;
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;

@@ -7,9 +7,10 @@ namespace palpate {
 namespace {
 
 std::array<int, 3> cells_of_box(const Model& model) {
-  const auto& [along, across] = model.tissue_law == TissueLaw::kNeoHookean
-                                    ? std::pair(kSolvingFeel.finite_cells_along, kSolvingFeel.finite_cells_across)
-                                    : std::pair(kSolvingFeel.cells_along, kSolvingFeel.cells_across);
+  const auto& [along, across] =
+      model.tissue_law == TissueLaw::kNeoHookean
+          ? std::pair(kSolvingFeel.finite_cells_along, kSolvingFeel.finite_cells_across)
+          : std::pair(kSolvingFeel.cells_along, kSolvingFeel.cells_across);
   return {along, across, across};
 }
 

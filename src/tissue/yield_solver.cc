@@ -115,9 +115,9 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& fel
 /// The surface under the patch is held where the linear body has it under a force s on the patch
 /// (PressurePatch::columns), and all else finds its place; so nothing pinches, and where strains are small it
 /// is the linear body, u = s u1. With E(s) its energy the force is that against which the patch is pushed,
-/// F = E'(s) / W, at a depth of s W. E'(s) = u1 . f(u) over all nodes: where they are not yet in balance, u1 .
-/// K makes no error of the first order of it. Along the surface E changes by s (dJ) y, K y = f(u): as J does,
-/// of which u1 is made.
+/// F = E'(s) / W, at a depth of s W. E'(s) = u1 . f(u) over all nodes: where they are not yet in balance, u1
+/// . K makes no error of the first order of it. Along the surface E changes by s (dJ) y, K y = f(u): as J
+/// does, of which u1 is made.
 struct YieldSolver::Finite {
   ElasticField correction_mm;  ///< u - s u1, whose means under the patch are 0
   ElasticField turning_mm;     ///< y - F u1
@@ -142,8 +142,8 @@ struct YieldSolver::Region {
   CarvedCells cells;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
-  double modulus = 0;  ///< under the patch, of the last frame
-  bool is_new = true;  ///< nothing was solved in it yet
+  double modulus = 0;              ///< under the patch, of the last frame
+  bool is_new = true;              ///< nothing was solved in it yet
   std::unique_ptr<Finite> finite;  ///< of the neo-Hookean law
 
   /// @param before  the box that it takes the place of; may be null
@@ -231,10 +231,8 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   tissue.finite_N = f.finite_N;
   const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
   const double straight_N = std::max(0.0, expected_N - f.finite_N), curved_N = expected_N - straight_N;
-  const double expected_mm =
-      w * expected_N - f.stiffening_mm_per_N2 * curved_N * (curved_N + 2 * straight_N);
-  const double give_mm =
-      std::clamp(expected_mm, kSolvingFeel.least_give * rho_mm, f.most_give * rho_mm);
+  const double expected_mm = w * expected_N - f.stiffening_mm_per_N2 * curved_N * (curved_N + 2 * straight_N);
+  const double give_mm = std::clamp(expected_mm, kSolvingFeel.least_give * rho_mm, f.most_give * rho_mm);
   const double s = give_mm / w;
 
   // from what was found before, which grows with the square of the depth
@@ -270,8 +268,8 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
 
   // what the forces are beyond those of the linear body
   patch.add(-force_N, f.force_N);
-  solver.solve(f.force_N, f.turning_mm,
-               anew ? kSolvingFeel.first_iterations : kSolvingFeel.aside_iterations, kTolerance);
+  solver.solve(f.force_N, f.turning_mm, anew ? kSolvingFeel.first_iterations : kSolvingFeel.aside_iterations,
+               kTolerance);
   spot.finite_N = f.finite_N = force_N;
   spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2 = w * stiffer / force_N;
   spot.stiffening_slope =
@@ -300,8 +298,8 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     if (same) region->follow(labels);
     const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
     if (!same || !is_around(model, region->box.first_cell, middle))
-      region = std::make_unique<Region>(model, by_label, YieldBox{first_cell_around(model, middle), contact->at},
-                                        region.get());
+      region = std::make_unique<Region>(
+          model, by_label, YieldBox{first_cell_around(model, middle), contact->at}, region.get());
     const bool anew = std::exchange(region->is_new, false);
 
     const double cell_mm = region->grid().box().cell_mm;

@@ -200,7 +200,8 @@ TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack)
   const YieldSpot before = solver.frame().spot[0];
   // a leap from one place to another in one frame, far too deep
   for (int n = 0; n < 12; ++n) {
-    const YieldSpot& spot = solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).spot[0];
+    const YieldSpot& spot =
+        solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).spot[0];
     ASSERT_TRUE(spot.is_known());
     ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
     ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.most_stiffening);
@@ -231,7 +232,8 @@ double stiffer_part_askew(const Eigen::Vector3d& up, double off_mm, bool nodule)
   Model model = *soft_block(nodule, 1, TissueLaw::kNeoHookean);
   model.labels = label_bricks(labels);
   model.surfaces = {felt_surface(
-      cube_grid(kHalfBlock + 2, {1, 1, 1}), [&](const Eigen::Vector3d& p) { return p.dot(up) - off_mm; }, 12)};
+      cube_grid(kHalfBlock + 2, {1, 1, 1}), [&](const Eigen::Vector3d& p) { return p.dot(up) - off_mm; },
+      12)};
   model.tools[0].radius_mm = kSphere_mm;
   TickRecord felt = tool_at(off_mm * up);
   DeviceTick& device = felt.device[0];

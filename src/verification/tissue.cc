@@ -142,8 +142,8 @@ Result<void> energy_of_tissue(TissueLaw law, const Progress& progress, std::vect
           const ExploredEnergy energy = explore_energy(**ball, exploration);
           const double hidden_mJ = energy.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
           char path[96];
-          std::snprintf(path, sizeof path, "tissue/energy/%s%.0f-kPa/%s/%s/", finite ? "neo-hookean/" : "", kPa,
-                        device, grip);
+          std::snprintf(path, sizeof path, "tissue/energy/%s%.0f-kPa/%s/%s/", finite ? "neo-hookean/" : "",
+                        kPa, device, grip);
           figures.push_back({path + loop_name(loop.rate_hz, loop.delay_s) + "/given-out", 0 - energy.least_mJ,
                              "mJ", static_cast<std::uint64_t>(std::lround(kTime_s * loop.rate_hz)),
                              loop.delay_s == 0 ? std::optional(hidden_mJ) : std::nullopt});

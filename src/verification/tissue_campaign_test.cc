@@ -138,8 +138,7 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
   for (int scene = 0; scene < scenes; ++scene) {
     SCOPED_TRACE("seed " + std::to_string(seed) + ", scene " + std::to_string(scene));
     std::mt19937 random(seed + static_cast<unsigned>(scene));
-    const auto model =
-        random_patient(random, scene % 2 == 0 ? TissueLaw::kElastic : TissueLaw::kNeoHookean);
+    const auto model = random_patient(random, scene % 2 == 0 ? TissueLaw::kElastic : TissueLaw::kNeoHookean);
     CampaignTip tip(model, kMostForce_N);
     Eigen::Vector3d at(0, 0, 40);
     const auto lead = [&](const Eigen::Vector3d& to, double speed_mm_s) {

@@ -35,7 +35,9 @@ enum class TissueLaw : std::uint8_t {
   kNeoHookean,
 };
 /// Whether what has ElasticConstants yields by it.
-constexpr bool is_elastic(TissueLaw law) { return law != TissueLaw::kLayers; }
+constexpr bool is_elastic(TissueLaw law) {
+  return law != TissueLaw::kLayers;
+}
 
 /// A group of labels that feel alike.
 struct Tissue {
@@ -176,9 +178,7 @@ struct Model {
     return tissue >= 0 ? &tissues[tissue] : nullptr;
   }
   /// Whether it gives way as an elastic body.
-  bool yields(const Tissue& tissue) const {
-    return is_elastic(tissue_law) && tissue.elastic.has_value();
-  }
+  bool yields(const Tissue& tissue) const { return is_elastic(tissue_law) && tissue.elastic.has_value(); }
   bool has(ForceMethod method) const {
     return method == ForceMethod::kProxy ? !surfaces.empty() : methods[index_of(method)] != nullptr;
   }

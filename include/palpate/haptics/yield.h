@@ -71,12 +71,12 @@ struct YieldState {
 
 /// What yields under a sphere, as it is felt in a tick.
 struct YieldingTissue {
-  double beyond_mm_per_N = 0;    ///< YieldSpot::beyond_half_space_mm_per_N at the place that is touched
-  Vector<Patient> slope_per_N;   ///< grad W
-  double modulus_N_per_mm2 = 0;  ///< E*, above 0
-  double stiffening_mm_per_N2 = 0;        ///< C: YieldSpot::stiffening_mm_per_N2
+  double beyond_mm_per_N = 0;       ///< YieldSpot::beyond_half_space_mm_per_N at the place that is touched
+  Vector<Patient> slope_per_N;      ///< grad W
+  double modulus_N_per_mm2 = 0;     ///< E*, above 0
+  double stiffening_mm_per_N2 = 0;  ///< C: YieldSpot::stiffening_mm_per_N2
   Vector<Patient> stiffening_slope = {};  ///< grad C
-  double finite_N = 0;                    ///< beyond it what C gives goes on straight; where C is not 0 above 0
+  double finite_N = 0;  ///< beyond it what C gives goes on straight; where C is not 0 above 0
 };
 
 /// What a sphere's depth in it makes.
@@ -100,10 +100,11 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
 ///
 ///     d = B F + 0.75 F / (a E*) - C F2,   a = (3 F R / 4 E*)^(1/3)
 ///
-/// and -C F1 (2 F - F1) from F1 = finite_N on, with B = W - 0.6 / (rho E*) from the tissue around and the sphere's own contact by Hertz. It grows no
-/// faster with the depth than `most_N_per_mm`: from where it would, it goes on straight. The energy is that
-/// of this law; where W and C change along the surface, F2 / 2 grad W - F3 / 3 grad C (from F1 on its
-/// integral likewise) is the force aside that keeps it (docs/tissue.md). Bounded work, the same bits on every build.
+/// and -C F1 (2 F - F1) from F1 = finite_N on, with B = W - 0.6 / (rho E*) from the tissue around and the
+/// sphere's own contact by Hertz. It grows no faster with the depth than `most_N_per_mm`: from where it
+/// would, it goes on straight. The energy is that of this law; where W and C change along the surface, F2 / 2
+/// grad W - F3 / 3 grad C (from F1 on its integral likewise) is the force aside that keeps it
+/// (docs/tissue.md). Bounded work, the same bits on every build.
 /// @param depth_mm   of the sphere in the surface at rest; not above 0: no force
 /// @param radius_mm  smaller ones count as YieldFeel::least_radius_mm
 YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,

@@ -34,10 +34,10 @@ class PressurePatch {
   double displacement(const ElasticField& u_mm) const;
   /// How that changes as the patch moves along the surface: (dJ) u, mm per mm, along the surface.
   Vector<Patient> change(const ElasticField& u_mm) const;
-  /// What holds the patch where it is, without a pressure of a shape of its own: by each column of nodes along
-  /// the axis nearest to `outward`, for each component, the mean of its nodes by what they bear, which is the
-  /// displacement of the surface between them. Of columns that bear `part` of what the one does that bears
-  /// most, and more. Nodes that the grid holds are in none.
+  /// What holds the patch where it is, without a pressure of a shape of its own: by each column of nodes
+  /// along the axis nearest to `outward`, for each component, the mean of its nodes by what they bear, which
+  /// is the displacement of the surface between them. Of columns that bear `part` of what the one does that
+  /// bears most, and more. Nodes that the grid holds are in none.
   HeldMeans columns(double part) const;
 
  private:

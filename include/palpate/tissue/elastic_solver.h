@@ -17,8 +17,8 @@ struct ElasticSolution {
   bool converged = false;  ///< the residual is no more than was asked for
 };
 
-/// Weighted means of a field's values that are held as they are, each of values that belong to no other: a node
-/// (one value, weight 1), or the place at which an edge between two nodes goes through a surface.
+/// Weighted means of a field's values that are held as they are, each of values that belong to no other: a
+/// node (one value, weight 1), or the place at which an edge between two nodes goes through a surface.
 class HeldMeans {
  public:
   struct Weight {
@@ -33,8 +33,8 @@ class HeldMeans {
   double norm(const ElasticValues& of) const;
 
  private:
-  std::vector<Weight> weights_;     ///< the squares of a mean's sum to 1
-  std::vector<std::size_t> ends_;   ///< of each mean's weights
+  std::vector<Weight> weights_;    ///< the squares of a mean's sum to 1
+  std::vector<std::size_t> ends_;  ///< of each mean's weights
 };
 
 /// How a neo-Hookean solution was come by.

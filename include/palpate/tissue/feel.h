@@ -84,7 +84,8 @@ struct SolvingFeel {
   int finite_cells_along = 31, finite_cells_across = 26;
   /// Newton's steps of a frame, iterations of each, and of what makes the force aside.
   int finite_steps = 1, finite_iterations = 4, aside_iterations = 2;
-  /// Columns of nodes that bear so much of what the one does that bears most are held as the tool's surface is.
+  /// Columns of nodes that bear so much of what the one does that bears most are held as the tool's surface
+  /// is.
   double least_bearing = 0.01;
   /// The patch is pressed in by no less and no more than these parts of its radius: where the tool is less
   /// deep, or in the air, or deeper, the law of those is carried on.
