@@ -42,6 +42,7 @@ std::uint64_t YieldFrame::hash() const {
     }
     for (const double value : {one.compliance_mm_per_N, one.modulus_N_per_mm2, one.patch_radius_mm})
       hash_double(hash, value);
+    one.relaxed.hash_into(hash);
   }
   return hash_finish(hash);
 }
@@ -107,6 +108,21 @@ YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double rad
   force.tangent_N_per_mm = s / (b * s + k * (2.0 / 3));
   force.stored_mJ = stored(s);
   return force;
+}
+
+double complementary_mJ(const YieldingTissue& tissue, double force_N, double radius_mm,
+                        double most_N_per_mm) {
+  if (!(force_N > 0)) return 0;
+  const double modulus = tissue.modulus_N_per_mm2, b = tissue.beyond_mm_per_N;
+  const double radius = std::max(radius_mm, kYieldFeel.least_radius_mm);
+  const double k = 0.75 / modulus * cube_root(4 * modulus / (3 * radius));
+  const double least_give = std::max(1 / most_N_per_mm, kYieldFeel.least_give_mm_per_N);
+  const double most_s =
+      b < least_give ? 2 * k / (3 * (least_give - b)) : std::numeric_limits<double>::infinity();
+  const double s = std::min(cube_root(force_N), most_s);
+  const double more_N = std::max(0.0, force_N - s * s * s);
+  return s * s * s * s * s * (0.5 * b * s + 0.6 * k) +
+         more_N * ((b * s + k) * s * s + 0.5 * least_give * more_N);
 }
 
 }  // namespace palpate

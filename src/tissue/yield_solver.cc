@@ -11,6 +11,7 @@
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
 #include "tissue/yield_cells.h"
+#include "tissue/yield_shares.h"
 
 namespace palpate {
 namespace {
@@ -109,6 +110,7 @@ struct YieldSolver::Region {
   CarvedCells cells;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
+  std::optional<YieldShares> shares;  ///< where something relaxes
   double modulus = 0;  ///< under the patch, of the last frame
   bool is_new = true;  ///< nothing was solved in it yet
 
@@ -126,12 +128,19 @@ struct YieldSolver::Region {
         unit_mm(cells.grid().layout()),
         load_N(cells.grid().layout()) {
     if (before != nullptr) take_over(*before);
+    if (model.relaxation_times.any()) shares.emplace(model, cells.labels(), cells.grid());
   }
 
   const ElasticGrid& grid() const { return cells.grid(); }
   // whatever is gone of these labels
   bool is_of(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
     return labels.made == cells.labels().made && by_label == materials;
+  }
+  // likewise, and what relaxes does it as it did
+  bool is_of(const Model& model, const CarvedLabels& labels,
+             const std::vector<ElasticMaterial>& materials) const {
+    return is_of(labels, materials) && shares.has_value() == model.relaxation_times.any() &&
+           (!shares || shares->is_of(model));
   }
   // with just that gone of them
   bool stands_at(const CarvedLabels& labels) const {
@@ -180,7 +189,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     if (!contact) continue;
 
     std::unique_ptr<Region>& region = regions_[d];
-    const bool same = region != nullptr && region->is_of(labels, by_label);
+    const bool same = region != nullptr && region->is_of(model, labels, by_label);
     if (same) region->follow(labels);
     const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
     if (!same || !is_around(region->box.first_cell, middle))
@@ -210,6 +219,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     spot.slope_per_N = patch.change(region->unit_mm) * 2;
     spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;
+    if (region->shares) spot.relaxed = region->shares->relaxed(region->grid(), region->unit_mm);
   }
   return frame_;
 }
@@ -224,7 +234,7 @@ void YieldSolver::go_on(const Model& model, std::uint32_t frame,
     std::unique_ptr<Region>& region = regions_[d];
     if (d >= boxes.size() || !boxes[d]) {
       region.reset();
-    } else if (region == nullptr || region->box != *boxes[d] || !region->is_of(labels, by_label) ||
+    } else if (region == nullptr || region->box != *boxes[d] || !region->is_of(model, labels, by_label) ||
                !region->stands_at(labels)) {
       region = std::make_unique<Region>(model, by_label, *boxes[d], nullptr);
     }

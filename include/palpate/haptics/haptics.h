@@ -11,6 +11,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/haptics/elastic_constants.h"
+#include "palpate/haptics/relaxation.h"
 #include "palpate/haptics/feel.h"
 #include "palpate/haptics/force_field.h"
 #include "palpate/haptics/proxy.h"
@@ -51,6 +52,8 @@ struct Tissue {
   /// Of TissueLaw::kElastic, without effect under another law. Empty: it does not yield (bone, a tooth, an
   /// implant), and what is soft holds fast to it.
   std::optional<ElasticConstants> elastic;
+  /// Of the same law: how its force falls while it is held; `elastic` is what it has at once.
+  Relaxation relaxation;
   Rgb colour;
   double opacity = 1.0;
   std::vector<int> rests_on;  ///< indices of tissues that support this one
@@ -142,6 +145,8 @@ struct Model {
   MethodSettings method_settings;
   TissueLaw tissue_law = TissueLaw::kLayers;
   double tissue_cell_mm = 0;  ///< edge of the elastic law's cells; 0: chosen from the voxels
+  /// Those of all tissues that yield and relax; none: nothing relaxes.
+  RelaxationTimes relaxation_times;
 
   double sigma_mm = 1.0;  ///< smoothing that made the field, unless it has ramps
   double ramp_width_mm =

@@ -8,6 +8,7 @@
 #include "palpate/geometry/geometry.h"
 #include "palpate/haptics/elastic_constants.h"
 #include "palpate/haptics/feel.h"
+#include "palpate/haptics/relaxation.h"
 
 /// Soft tissue under the tool: how much of its depth gives way, and which force that leaves. What is solved
 /// 64 times a second beside the servo (palpate/tissue/yielding.h) is told as a few numbers, from which
@@ -29,6 +30,7 @@ struct YieldSpot {
   Vector<Patient> slope_per_N;   ///< grad W along the surface, mm/N per mm
   double modulus_N_per_mm2 = 0;  ///< E* = E / (1 - nu2) of the tissue under the patch; above 0
   double patch_radius_mm = 0;    ///< rho; above 0
+  RelaxedParts relaxed;          ///< of the tissues, each by its part of what gives way
 
   bool is_known() const { return compliance_mm_per_N > 0; }
   /// W less what a half space of E* gives under that patch, 0.6 / (rho E*) (Hertz; Johnson 1985, 4.2): what
@@ -98,5 +100,10 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
 /// @param radius_mm  smaller ones count as YieldFeel::least_radius_mm
 YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,
                        double most_N_per_mm = std::numeric_limits<double>::infinity());
+
+/// Of the same law the integral of the depth over the force, 0 ... force_N (the complementary energy): what a
+/// depth stores is the force times the depth less this.
+double complementary_mJ(const YieldingTissue& tissue, double force_N, double radius_mm,
+                        double most_N_per_mm = std::numeric_limits<double>::infinity());
 
 }  // namespace palpate
