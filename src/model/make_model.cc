@@ -153,7 +153,7 @@ Result<void> check_relaxation(const Relaxation& relaxation) {
       return wrong("a relaxation time of " + std::to_string(term.time_s) + " s");
   }
   if (!(relaxation.part() < 1)) return wrong("a relaxation that leaves nothing of its modulus");
-  if (relaxation.term[0].part == 0 && relaxation.relaxes() != (relaxation.part() > 0))
+  if (!relaxation.relaxes() && relaxation.part() > 0)
     return wrong("a relaxation whose first term is none");
   return {};
 }

@@ -112,6 +112,7 @@ struct YieldSolver::Region {
   ElasticField unit_mm, load_N;
   std::optional<YieldShares> shares;  ///< where something relaxes
   double modulus = 0;  ///< under the patch, of the last frame
+  double radius_mm = 0;  ///< of the tool
   bool is_new = true;  ///< nothing was solved in it yet
 
   /// @param before  the box that it takes the place of; may be null
@@ -199,6 +200,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
 
     const double cell_mm = region->grid().box().cell_mm;
     const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.least_radius_mm);
+    region->radius_mm = radius_mm;
     const double least_mm = kSolvingFeel.least_patch_cells * cell_mm;
     if (!(region->modulus > 0))
       region->modulus =
@@ -247,6 +249,14 @@ bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
   if (region == nullptr || !frame_.spot[device].is_known()) return false;
   field = {&region->grid().box(), &region->grid().layout(), &region->unit_mm};
   return true;
+}
+
+double YieldSolver::displacing_N(std::size_t device, const DeviceTick& felt) const {
+  const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
+  if (region == nullptr || !region->shares || !frame_.spot[device].is_known()) return felt.contact_N[0];
+  const YieldSpot& spot = frame_.spot[device];
+  return displacing_at_once_N(felt, {spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2},
+                              region->radius_mm);
 }
 
 bool YieldsOnVirtualClock::advance(const Model& model, const TickRecord* before) {
