@@ -140,13 +140,13 @@ TEST(AdvanceRelaxation, ASineLosesWhatItsTermsSay) {
     }
     // pressed all the time; after what the beginning leaves has gone, over whole periods
     Relaxing tissue(kTwoTerms);
-    constexpr double kDt_s = 0.001;
-    const int period = static_cast<int>(std::lround(1 / (hz * kDt_s)));
+    constexpr double kTick_s = 0.001;
+    const int period = static_cast<int>(std::lround(1 / (hz * kTick_s)));
     const int settle = period * static_cast<int>(std::ceil(120 * hz)), seen = period * 4;
     double sine = 0, cosine = 0;
     for (int n = 1; n <= settle + seen; ++n) {
       const double phase = 2 * std::numbers::pi * (n % period) / period;
-      const double force_N = tissue.at(4 + std::sin(phase), kDt_s);
+      const double force_N = tissue.at(4 + std::sin(phase), kTick_s);
       if (n <= settle) continue;
       sine += 2 * force_N * std::sin(phase) / seen;
       cosine += 2 * force_N * std::cos(phase) / seen;
@@ -283,14 +283,14 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
     if (path % 2 == 0) sphere.most_N_per_mm = 0.1 + unit(random);
     double work_mJ = 0, lost_mJ = 0, most_mJ = 0, goal_mm = 0, speed_mm_s = 0;
     for (int n = 0; n < 3000; ++n) {
-      constexpr double kDt_s = 2e-4;
+      constexpr double kShort_s = 2e-4;
       if (unit(random) < 0.01) {
         goal_mm = 6 * unit(random) - 1.5;
         speed_mm_s = unit(random) < 0.3 ? 0 : std::pow(10, 2.5 * unit(random) - 0.5);
       }
-      const double way_mm = std::clamp(goal_mm - sphere.depth_mm, -speed_mm_s * kDt_s, speed_mm_s * kDt_s);
+      const double way_mm = std::clamp(goal_mm - sphere.depth_mm, -speed_mm_s * kShort_s, speed_mm_s * kShort_s);
       const double before_mJ = sphere.stored_mJ();
-      const double in_mJ = sphere.to(sphere.depth_mm + way_mm, kDt_s);
+      const double in_mJ = sphere.to(sphere.depth_mm + way_mm, kShort_s);
       work_mJ += in_mJ;
       most_mJ = std::max(most_mJ, work_mJ);
       lost_mJ = std::min(lost_mJ, in_mJ - (sphere.stored_mJ() - before_mJ));
@@ -307,14 +307,22 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
 }
 
 TEST(AdvanceRelaxation, IsNoStifferThanTheLawAtOnce) {
-  PressedSphere sphere{.most_N_per_mm = 0.4, .relaxing = Relaxing(kTwoTerms)};
-  double before_N = 0;
+  // by no more than the device's bound times the way, and what a tick relaxes or takes back
+  constexpr double kMost_N_per_mm = 0.4, kDown_mm = 0.005, kShort_s = 1e-4;
+  PressedSphere sphere{.most_N_per_mm = kMost_N_per_mm, .relaxing = Relaxing(kTwoTerms)};
+  double before_N = 0, steepest_N = 0;
   for (int n = 0; n < 2000; ++n) {
-    const double step_mm = n < 1000 ? 0.005 : -0.005;
-    sphere.to(std::max(sphere.depth_mm, 0.0) + step_mm, 1e-4);
-    ASSERT_LE(std::abs(sphere.force_N - before_N), 0.4 * 0.005 + 1e-3 * sphere.force_N * 1e-4 / 0.5 + 1e-4);
+    sphere.to(std::max(sphere.depth_mm, 0.0) + (n < 1000 ? kDown_mm : -kDown_mm), kShort_s);
+    double relaxed_N = 0;
+    for (const RelaxationTerm& one : kTwoTerms.term)
+      relaxed_N += one.part * sphere.relaxing.state.elastic_N * kShort_s / one.time_s;
+    const double change_N = sphere.force_N - before_N;
+    ASSERT_LE(change_N, n < 1000 ? kMost_N_per_mm * kDown_mm * (1 + 1e-9) : relaxed_N) << n;
+    ASSERT_GE(change_N, -kMost_N_per_mm * kDown_mm * (1 + 1e-9) - relaxed_N) << n;
+    steepest_N = std::max(steepest_N, change_N);
     before_N = sphere.force_N;
   }
+  EXPECT_GT(steepest_N, 0.95 * kMost_N_per_mm * kDown_mm);
 }
 
 // everything below z = 0 yields and relaxes

@@ -183,6 +183,13 @@ TEST_F(YieldRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays) {
   EXPECT_GT(solutions().size(), 30u);
   for (const TickRecord& tick : recording_.ticks)
     ASSERT_EQ(tick.device[0].flags & kFlagNotFinite, 0u) << tick.tick;
+  // held with the same force 0.3 s after the press and at the end of it
+  const auto pressed = std::ranges::find_if(
+      recording_.ticks, [](const TickRecord& tick) { return tick.device[0].unclamped_force_N > 0.38; });
+  ASSERT_GT(recording_.ticks.end() - pressed, 1500);
+  const DeviceTick &early = (pressed + 300)->device[0], &late = (pressed + 1400)->device[0];
+  EXPECT_NEAR(late.unclamped_force_N / early.unclamped_force_N, 1, 0.1);
+  EXPECT_GT(late.depth_mm, 1.05 * early.depth_mm);
   const auto result = replay(recording_, loaded.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;

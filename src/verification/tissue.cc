@@ -141,11 +141,12 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
   constexpr At kLoops[] = {{1000, 0}, {4000, 0}, {1000, 1e-3}, {1000, 3e-3}};
   struct Of {
     double kPa;
-    Relaxation relaxation = {};
-    const char* name = "";
-    std::size_t loops = std::size(kLoops);
+    const char* name;
+    Relaxation relaxation;
+    std::size_t loops;  // of the first
   };
-  constexpr Of kBalls[] = {{10}, {100}, {1000}, {100, {{{{0.5, 0.3}, {}}}}, "-that-relaxes", 1}};
+  constexpr Of kBalls[] = {
+      {10, "", {}, 4}, {100, "", {}, 4}, {1000, "", {}, 4}, {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1}};
   constexpr double kTime_s = 6;
   for (const Of& of : kBalls) {
     const auto ball = yielding_ball(of.kPa, progress, of.relaxation);

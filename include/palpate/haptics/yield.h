@@ -30,7 +30,7 @@ struct YieldSpot {
   Vector<Patient> slope_per_N;   ///< grad W along the surface, mm/N per mm
   double modulus_N_per_mm2 = 0;  ///< E* = E / (1 - nu2) of the tissue under the patch; above 0
   double patch_radius_mm = 0;    ///< rho; above 0
-  RelaxedParts relaxed;          ///< of the tissues, each by its part of what gives way
+  RelaxedParts relaxed = {};     ///< of the tissues, each by its part of what gives way
 
   bool is_known() const { return compliance_mm_per_N > 0; }
   /// W less what a half space of E* gives under that patch, 0.6 / (rho E*) (Hertz; Johnson 1985, 4.2): what
