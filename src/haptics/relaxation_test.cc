@@ -259,15 +259,15 @@ TEST(ComplementaryEnergy, IsWhatTheStoredEnergyLeavesOfForceTimesDepth) {
     const double radius_mm = 0.5 + 7 * unit(random), depth = std::pow(10, 3 * unit(random) - 2);
     const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
     const YieldForce force = yield_force(tissue, depth, radius_mm, most);
-    ASSERT_NEAR(complementary_mJ(tissue, force.force_N, radius_mm, most) /
-                    (force.force_N * depth - force.stored_mJ),
-                1, 1e-9)
+    ASSERT_NEAR(
+        complementary_mJ(tissue, force.force_N, radius_mm, most) / (force.force_N * depth - force.stored_mJ),
+        1, 1e-9)
         << n;
   }
 }
 
-// Held, hurried, lifted and put back at random: what was put in covers what is stored after every tick, and no
-// tick gives out more than the store loses.
+// Held, hurried, lifted and put back at random: what was put in covers what is stored after every tick, and
+// no tick gives out more than the store loses.
 TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -288,7 +288,8 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
         goal_mm = 6 * unit(random) - 1.5;
         speed_mm_s = unit(random) < 0.3 ? 0 : std::pow(10, 2.5 * unit(random) - 0.5);
       }
-      const double way_mm = std::clamp(goal_mm - sphere.depth_mm, -speed_mm_s * kShort_s, speed_mm_s * kShort_s);
+      const double way_mm =
+          std::clamp(goal_mm - sphere.depth_mm, -speed_mm_s * kShort_s, speed_mm_s * kShort_s);
       const double before_mJ = sphere.stored_mJ();
       const double in_mJ = sphere.to(sphere.depth_mm + way_mm, kShort_s);
       work_mJ += in_mJ;
@@ -412,7 +413,8 @@ TEST(ProxyOnWhatRelaxes, AFrameSaysWhatOfItRelaxes) {
   frame.spot[0].relaxed.add(kTwoTerms, floor.times, 0.5);
   floor.run.yields = &frame;
   floor.run.lead({0, 0, 5}, {0, 0, 1}, 0.4);
-  const double at_once_N = yield_force({16 - 0.6 / (3 * kModulus_N_per_mm2), {}, kModulus_N_per_mm2}, 2, 3).force_N;
+  const double at_once_N =
+      yield_force({16 - 0.6 / (3 * kModulus_N_per_mm2), {}, kModulus_N_per_mm2}, 2, 3).force_N;
   floor.wait({0, 0, 1}, 100);
   EXPECT_NEAR(floor.run.result.force_N.z() / at_once_N, 1 - 0.5 * kTwoTerms.part(), 0.01);
 }

@@ -153,8 +153,7 @@ Result<void> check_relaxation(const Relaxation& relaxation) {
       return wrong("a relaxation time of " + std::to_string(term.time_s) + " s");
   }
   if (!(relaxation.part() < 1)) return wrong("a relaxation that leaves nothing of its modulus");
-  if (!relaxation.relaxes() && relaxation.part() > 0)
-    return wrong("a relaxation whose first term is none");
+  if (!relaxation.relaxes() && relaxation.part() > 0) return wrong("a relaxation whose first term is none");
   return {};
 }
 
@@ -169,10 +168,10 @@ Result<RelaxationTimes> relaxation_times_of(const ModelParts& parts) {
       return error;
     }
     if (tissue.elastic && tissue.felt && !times.add(tissue.relaxation))
-      return Error{ErrorKind::kBadInput,
-                   "the tissues relax with more than " + std::to_string(kMostRelaxationTimes) +
-                       " different times",
-                   "", "let some of them have the same `relaxation` times"};
+      return Error{
+          ErrorKind::kBadInput,
+          "the tissues relax with more than " + std::to_string(kMostRelaxationTimes) + " different times", "",
+          "let some of them have the same `relaxation` times"};
   }
   return times;
 }

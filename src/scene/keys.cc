@@ -243,7 +243,8 @@ SceneKeys declared_keys() {
              .max = kRelaxationTimeRange.max_s,
              .meaning =
                  "Of the same law: how the force falls while it is held. One or two pairs: the part of the "
-                 "modulus that is lost, together below 1, and the time in which it is, but for 1/e of it. The "
+                 "modulus that is lost, together below 1, and the time in which it is, but for 1/e of it. "
+                 "The "
                  "modulus is then what it has at once. Without it, and with `[]`, nothing is lost, but see "
                  "`[yielding] relaxation`. Only beside a modulus."},
             {.name = "friction_damping",
@@ -375,8 +376,9 @@ SceneKeys declared_keys() {
             {.name = "relaxation",
              .type = kFlag,
              .default_text = "false",
-             .meaning = "Of the elastic law. `true`: tissues without a `relaxation` of their own have that of "
-                        "their preset. With `false` they have none."}}},
+             .meaning =
+                 "Of the elastic law. `true`: tissues without a `relaxation` of their own have that of "
+                 "their preset. With `false` they have none."}}},
       .tool =
           {"[tool]",
            "A rigid set of spheres, and of capsules (below), that touch; the first one's usual place is the "

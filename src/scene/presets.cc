@@ -316,10 +316,11 @@ struct RelaxationPreset {
 constexpr Relaxation kLimb{{{{0.15, 0.7}, {}}}};
 constexpr std::string_view kLimbRange = "part 0.03 … 0.28, time 0.05 … 8.9 s";
 constexpr std::array kRelaxationPresets{
-    RelaxationPreset{"muscle", kLimb, kLimbRange,
-                     "Zheng, Mak 1999, J Biomech Eng 121:330: indentation of the lower limb in vivo, skin, fat "
-                     "and muscle together, eight subjects, four sites, three postures. Pig's muscle by itself "
-                     "lost half when it was compressed (Van Loocke, Lyons, Simms 2008, J Biomech 41:1555)"},
+    RelaxationPreset{
+        "muscle", kLimb, kLimbRange,
+        "Zheng, Mak 1999, J Biomech Eng 121:330: indentation of the lower limb in vivo, skin, fat "
+        "and muscle together, eight subjects, four sites, three postures. Pig's muscle by itself "
+        "lost half when it was compressed (Van Loocke, Lyons, Simms 2008, J Biomech 41:1555)"},
     RelaxationPreset{"fat", kLimb, kLimbRange, "the same limbs"},
     RelaxationPreset{"skin", kLimb, kLimbRange,
                      "the same limbs. Skin of mice by itself lost 0.53 to 0.72 in 0.2 to 1.9 s when it was "

@@ -111,9 +111,9 @@ struct YieldSolver::Region {
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
   std::optional<YieldShares> shares;  ///< where something relaxes
-  double modulus = 0;  ///< under the patch, of the last frame
-  double radius_mm = 0;  ///< of the tool
-  bool is_new = true;  ///< nothing was solved in it yet
+  double modulus = 0;                 ///< under the patch, of the last frame
+  double radius_mm = 0;               ///< of the tool
+  bool is_new = true;                 ///< nothing was solved in it yet
 
   /// @param before  the box that it takes the place of; may be null
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,

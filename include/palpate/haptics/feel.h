@@ -218,7 +218,8 @@ struct YieldFeel {
   double least_carried = 0.5, most_carried = 2;
   /// Nothing is stiffer than 1 N / mm over this, whatever a solution says.
   double least_give_mm_per_N = 0.01;
-  /// A dent that is left in tissue that relaxes reaches so many of the tool's radii from where it was pressed.
+  /// A dent that is left in tissue that relaxes reaches so many of the tool's radii from where it was
+  /// pressed.
   double dent_radii = 2;
 
   template <class Visit>

@@ -11,10 +11,10 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/haptics/elastic_constants.h"
-#include "palpate/haptics/relaxation.h"
 #include "palpate/haptics/feel.h"
 #include "palpate/haptics/force_field.h"
 #include "palpate/haptics/proxy.h"
+#include "palpate/haptics/relaxation.h"
 #include "palpate/volume/bricks.h"
 #include "palpate/volume/volume.h"
 

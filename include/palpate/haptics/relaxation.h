@@ -65,9 +65,9 @@ struct RelaxationState {
   double elastic_N = 0;
   /// The same, lagging by each of the model's times: of part g of the modulus the force g x this is lost.
   std::array<double, kMostRelaxationTimes> lagging_N{};
-  RelaxedParts parts;     ///< as they are felt, or were where the dent is
-  Point<Patient> at;      ///< on the surface at rest, where it was pressed last
-  bool presses = false;   ///< it was pressed in the last tick
+  RelaxedParts parts;    ///< as they are felt, or were where the dent is
+  Point<Patient> at;     ///< on the surface at rest, where it was pressed last
+  bool presses = false;  ///< it was pressed in the last tick
 
   bool remembers() const { return elastic_N > 0; }
   void hash_into(std::uint64_t& hash) const;

@@ -73,7 +73,7 @@ struct TissueSettings {
   double cutting_energy_mJ_per_mm3 = Tissue().cutting_energy_mJ_per_mm3;
   Protection protection = Protection::kNone;  ///< of a burr; only of what is felt
   std::optional<ElasticConstants> elastic;    ///< Tissue::elastic
-  Relaxation relaxation;  ///< Tissue::relaxation; of a preset by itself what it may have
+  Relaxation relaxation;                      ///< Tissue::relaxation; of a preset by itself what it may have
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;
   double viscosity_N_s_per_mm = 0.001;
