@@ -351,6 +351,7 @@ void print_yielding(const YieldingSettings& yielding) {
   if (yielding.law == TissueLaw::kLayers) return;
   std::printf("tissue     %s", std::string(name_of(yielding.law, kTissueLaws)).c_str());
   if (yielding.cell_mm) std::printf(", cells of %g mm", *yielding.cell_mm);
+  if (yielding.relaxation) std::printf(", presets relax");
   std::printf("\n");
 }
 

@@ -612,7 +612,7 @@ class Springs {
   /// @param arrived  false: the proxy is no measure of what the hand presses
   /// @param yield    of the layer in which structures yield
   ProxyForce add(const ProxyLayer& state, std::span<const ToolSphere> spheres, bool arrived,
-                 YieldState& yield) {
+                 YieldState& yield, RelaxationState& relaxation) {
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
     double all_mm = 0, stiffness = 0, own_stiffness = 0, friction = 0;
     Pressed pressed;
@@ -628,7 +628,7 @@ class Springs {
         const double pull_mm = contact.pull_mm * share.part;
         friction += pull_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
         if (felt.yield_modulus_N_per_mm2 > 0) {
-          pressed.add(pull_mm, felt.yield_modulus_N_per_mm2, arm_mm, sphere.radius_at_mm(contact.part));
+          pressed.add(pull_mm, felt, arm_mm, sphere.radius_at_mm(contact.part));
           continue;
         }
         own_stiffness += pull_mm * part_of_stiffness(surface, felt, std::numeric_limits<double>::infinity());
@@ -646,7 +646,7 @@ class Springs {
     force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();
     force.tangent_N_per_mm = stiffness;
     if (pressed.pull_mm > 0) {
-      const Yielded gives = press(pressed, state.position, stretched_mm.norm(), yield);
+      const Yielded gives = press(pressed, state.position, stretched_mm.norm(), yield, relaxation);
       const double part = pressed.pull_mm / all_mm;
       stiffness += part * gives.secant_N_per_mm;
       own_stiffness += part * gives.own_secant_N_per_mm;
@@ -684,6 +684,12 @@ class Springs {
     return force;
   }
 
+  /// A tick of what relaxes, where add() has found nothing that presses.
+  void recover(RelaxationState& relaxation) const {
+    if (options_.relaxation_times == nullptr || relaxed_) return;
+    advance_relaxation(*options_.relaxation_times, 0, nullptr, options_.dt_s, relaxation);
+  }
+
   Vector<Patient> normal() const { return normals_N_.normalized(); }
   double friction() const { return options_.friction && pulls_N_ > 0 ? friction_N_ / pulls_N_ : 0; }
   const Given& given() const { return given_; }
@@ -695,26 +701,28 @@ class Springs {
     double pull_mm = 0;
     double modulus = 0, radius_mm = 0;  // times the pull
     Vector<Patient> arm_mm;             // likewise; from the tip
+    RelaxedParts relaxed;               // likewise
 
-    void add(double pull, double modulus_N_per_mm2, const Vector<Patient>& arm, double radius) {
+    void add(double pull, const FeltSurface& felt, const Vector<Patient>& arm, double radius) {
       pull_mm += pull;
-      modulus += pull * modulus_N_per_mm2;
+      modulus += pull * felt.yield_modulus_N_per_mm2;
       radius_mm += pull * radius;
       arm_mm += arm * pull;
+      relaxed.add(felt.relaxed, pull);
     }
   };
   struct Yielded {
     YieldForce felt;
     double secant_N_per_mm = 0, own_secant_N_per_mm = 0;  // own: whatever a hand holds with its device
   };
-  Yielded press(const Pressed& pressed, const Point<Patient>& position, double depth_mm,
-                YieldState& yield) const {
+  Yielded press(const Pressed& pressed, const Point<Patient>& position, double depth_mm, YieldState& yield,
+                RelaxationState& relaxation) {
     const YieldFrame* const frame = options_.yields;
     const YieldSpot spot = frame != nullptr ? frame->spot[options_.device] : YieldSpot{};
     const double per_pull = 1 / pressed.pull_mm, radius_mm = pressed.radius_mm * per_pull;
-    const YieldingTissue tissue =
-        feel_yield(frame != nullptr ? frame->number : 0, spot, position + pressed.arm_mm * per_pull,
-                   pressed.modulus * per_pull, options_.dt_s, yield);
+    const Point<Patient> at = position + pressed.arm_mm * per_pull;
+    const YieldingTissue tissue = feel_yield(frame != nullptr ? frame->number : 0, spot, at,
+                                             pressed.modulus * per_pull, options_.dt_s, yield);
     Yielded yielded;
     if (!(depth_mm > 0)) return yielded;
     const double most = options_.most_stiffness_N_per_mm;
@@ -723,7 +731,38 @@ class Springs {
     yielded.own_secant_N_per_mm = std::isfinite(most)
                                       ? yield_force(tissue, depth_mm, radius_mm).force_N / depth_mm
                                       : yielded.secant_N_per_mm;
+    if (options_.relaxation_times == nullptr) return yielded;
+    RelaxingContact contact{spot.relaxed, at, kYieldFeel.dent_radii * radius_mm, kYieldFeel.blend_s};
+    if (!spot.is_known()) {
+      contact.parts = {};
+      contact.parts.add(pressed.relaxed, per_pull);
+    }
+    relax(tissue, contact, depth_mm, radius_mm, relaxation, yielded);
     return yielded;
+  }
+  // what is left of an elastic force, and what it stores (docs/decisions/0040-relaxation.md)
+  void relax(const YieldingTissue& tissue, const RelaxingContact& contact, double depth_mm, double radius_mm,
+             RelaxationState& state, Yielded& yielded) {
+    const double elastic_N = yielded.felt.force_N, most = options_.most_stiffness_N_per_mm;
+    const double force_N =
+        advance_relaxation(*options_.relaxation_times, elastic_N, &contact, options_.dt_s, state);
+    relaxed_ = true;
+    double stored_mJ = force_N * depth_mm - complementary_mJ(tissue, state.elastic_N, radius_mm, most);
+    YieldAside aside = yield_aside(tissue, elastic_N);
+    for (std::size_t n = 0; n < options_.relaxation_times->count; ++n) {
+      const double part = state.parts.of_time[n], lagging_N = state.lagging_N[n];
+      if (!(part > 0)) continue;
+      stored_mJ += part * complementary_mJ(tissue, lagging_N, radius_mm, most);
+      const YieldAside lagging = yield_aside(tissue, lagging_N);
+      aside.of_compliance_N2 -= part * lagging.of_compliance_N2;
+      aside.of_stiffening_N3 -= part * lagging.of_stiffening_N3;
+    }
+    yielded.felt.force_N = force_N;
+    yielded.felt.stored_mJ = std::max(0.0, stored_mJ);
+    yielded.secant_N_per_mm *= force_N / elastic_N;
+    yielded.own_secant_N_per_mm *= force_N / elastic_N;
+    yielded.felt.aside_N = tissue.slope_per_N * std::max(0.0, aside.of_compliance_N2) -
+                           tissue.stiffening_slope * std::max(0.0, aside.of_stiffening_N3);
   }
 
   std::span<const FeltSurface> surfaces_;
@@ -733,6 +772,7 @@ class Springs {
   WayIn way_in_;
   Vector<Patient> normals_N_;
   double friction_N_ = 0, pulls_N_ = 0;
+  bool relaxed_ = false;
   Given given_;
 };
 
@@ -909,13 +949,14 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     if (!state.coupled) {
       // nobody knows how the tip got in
       state.within = {};
+      springs.recover(state.relaxation);
       return result;
     }
     const TurnedTool held(spheres, hand.attitude, layer.attitude);
     // structures yield in the outermost layer alone
     YieldState none;
-    const ProxyForce force =
-        springs.add(layer, held.spheres(), !walked.lagging && !walked.wedged, n == 0 ? state.yield : none);
+    const ProxyForce force = springs.add(layer, held.spheres(), !walked.lagging && !walked.wedged,
+                                         n == 0 ? state.yield : none, state.relaxation);
     result.of_layer[static_cast<std::size_t>(n)] = force;
     result.force_N += force.force_N;
     result.torque_Nmm += force.torque_Nmm;
@@ -924,6 +965,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     result.stored_mJ += force.stored_mJ;
     result.yields = result.yields || force.yields;
   }
+  springs.recover(state.relaxation);
   state.stiffness_N_per_mm = result.tangent_N_per_mm;
   result.normal = springs.normal();
   result.friction = springs.friction();

@@ -238,9 +238,14 @@ HeldTool::HeldTool(const TickContext& tick, const HandContext& hand)
 }
 
 ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
-  return {tick.friction, hand.most_stiffness_N_per_mm(),
-          tick.dt_s,     kProxyFeel.most_slip_N_per_s / hand.device.force_gain,
-          tick.yields,   hand.number};
+  const RelaxationTimes& times = tick.model.relaxation_times;
+  return {tick.friction,
+          hand.most_stiffness_N_per_mm(),
+          tick.dt_s,
+          kProxyFeel.most_slip_N_per_s / hand.device.force_gain,
+          tick.yields,
+          hand.number,
+          times.any() ? &times : nullptr};
 }
 
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,

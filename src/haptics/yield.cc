@@ -70,6 +70,13 @@ double DepthLaw::most_s(double least) const {
   return s * s * s <= first_N ? s : beyond;
 }
 
+DepthLaw law_of(const YieldingTissue& tissue, double radius_mm) {
+  const double modulus = tissue.modulus_N_per_mm2;
+  const double radius = std::max(radius_mm, kYieldFeel.least_radius_mm);
+  return {tissue.beyond_mm_per_N, 0.75 / modulus * cube_root(4 * modulus / (3 * radius)),
+          tissue.stiffening_mm_per_N2, tissue.finite_N};
+}
+
 // the s in 0 ... most_s at which the depth is that; it grows all the way there, by `least` per newton and
 // more
 double root_of_depth(const DepthLaw& law, double depth_mm, double most_s, double least) {
@@ -102,6 +109,7 @@ std::uint64_t YieldFrame::hash() const {
     }
     for (const double value : {one.compliance_mm_per_N, one.modulus_N_per_mm2, one.patch_radius_mm})
       hash_double(hash, value);
+    one.relaxed.hash_into(hash);
     // of the linear law nothing more, as it was before there was another
     if (!one.is_finite()) continue;
     hash_double(hash, one.finite_N);
@@ -119,6 +127,15 @@ void YieldState::hash_into(std::uint64_t& hash) const {
   if (finite_N == 0 && left_N == 0) return;
   for (const double value : {left_mm_per_N2, left_N, stiffening_mm_per_N2, finite_N})
     hash_double(hash, value);
+}
+
+YieldingTissue tissue_at(const YieldSpot& spot) {
+  YieldingTissue tissue{spot.beyond_half_space_mm_per_N(), spot.slope_per_N, spot.modulus_N_per_mm2};
+  if (!spot.is_finite()) return tissue;
+  tissue.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
+  tissue.stiffening_slope = spot.stiffening_slope;
+  tissue.finite_N = spot.finite_N;
+  return tissue;
 }
 
 YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Point<Patient>& at,
@@ -168,10 +185,7 @@ YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double rad
                        double most_N_per_mm) {
   YieldForce force;
   if (!(depth_mm > 0)) return force;
-  const double modulus = tissue.modulus_N_per_mm2;
-  const double radius = std::max(radius_mm, kYieldFeel.least_radius_mm);
-  const DepthLaw law{tissue.beyond_mm_per_N, 0.75 / modulus * cube_root(4 * modulus / (3 * radius)),
-                     tissue.stiffening_mm_per_N2, tissue.finite_N};
+  const DepthLaw law = law_of(tissue, radius_mm);
   const double least_give = std::max(1 / most_N_per_mm, kYieldFeel.least_give_mm_per_N);
   const double most_s = law.most_s(least_give);
   if (std::isfinite(most_s) && depth_mm >= law.at(most_s)) {
@@ -185,12 +199,28 @@ YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double rad
     force.tangent_N_per_mm = s / law.per_N(s);
     force.stored_mJ = law.stored(s);
   }
-  const double squared = force.force_N * force.force_N, first_N = tissue.finite_N;
-  const double of_c = force.force_N <= first_N
-                          ? squared * force.force_N * (1.0 / 3)
-                          : first_N * (squared - first_N * (force.force_N - first_N * (1.0 / 3)));
-  force.aside_N = tissue.slope_per_N * (0.5 * squared) - tissue.stiffening_slope * of_c;
+  const YieldAside aside = yield_aside(tissue, force.force_N);
+  force.aside_N = tissue.slope_per_N * aside.of_compliance_N2 - tissue.stiffening_slope * aside.of_stiffening_N3;
   return force;
+}
+
+YieldAside yield_aside(const YieldingTissue& tissue, double force_N) {
+  const double squared = force_N * force_N, first_N = tissue.finite_N;
+  return {0.5 * squared, force_N <= first_N ? squared * force_N * (1.0 / 3)
+                                            : first_N * (squared - first_N * (force_N - first_N * (1.0 / 3)))};
+}
+
+double complementary_mJ(const YieldingTissue& tissue, double force_N, double radius_mm,
+                        double most_N_per_mm) {
+  if (!(force_N > 0)) return 0;
+  const DepthLaw law = law_of(tissue, radius_mm);
+  const double least_give = std::max(1 / most_N_per_mm, kYieldFeel.least_give_mm_per_N);
+  const double most_s = law.most_s(least_give);
+  const double s = std::min(cube_root(force_N), most_s);
+  const double more_N = std::max(0.0, force_N - s * s * s);
+  return s * s * s * s * s * (0.5 * law.b * s + 0.6 * law.k) -
+         law.c * yield_aside(tissue, s * s * s).of_stiffening_N3 +
+         more_N * (law.at(s) + 0.5 * least_give * more_N);
 }
 
 }  // namespace palpate

@@ -77,6 +77,7 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   tissue.cutting_energy_mJ_per_mm3 = settings.cutting_energy_mJ_per_mm3;
   tissue.protection = settings.protection;
   tissue.elastic = settings.elastic;
+  tissue.relaxation = settings.relaxation;
   tissue.friction_damping_N_s_per_mm = settings.friction_damping_N_s_per_mm;
   tissue.friction_max_N = settings.friction_max_N;
   tissue.viscosity_N_s_per_mm = settings.viscosity_N_s_per_mm;

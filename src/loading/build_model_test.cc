@@ -175,11 +175,14 @@ TEST(BuildModel, HashFollowsModuliUnderTheElasticLawAlone) {
                     elastic = "[yielding]\nlaw = 'elastic'\n";
   EXPECT_EQ(hash_with(""), hash_with(modulus + ratio));
   EXPECT_EQ(hash_with(""), hash_with(modulus + "[yielding]\nlaw = 'layers'\n"));
+  EXPECT_EQ(hash_with(""), hash_with(modulus + "relaxation = [[0.3, 2]]\n"));
+  EXPECT_EQ(hash_with(modulus + elastic), hash_with(modulus + elastic + "relaxation = true\n"));
 
   std::vector<std::uint64_t> hashes;
   for (const std::string& rest :
        {std::string(), elastic, elastic + "cell = 1.5\n", modulus + elastic, modulus + ratio + elastic,
-        "youngs_modulus = 11\n" + elastic, modulus + elastic + "cell = 1.5\n"})
+        "youngs_modulus = 11\n" + elastic, modulus + elastic + "cell = 1.5\n",
+        modulus + "relaxation = [[0.3, 2]]\n" + elastic, modulus + "relaxation = [[0.3, 3]]\n" + elastic})
     hashes.push_back(hash_with(rest));
   std::ranges::sort(hashes);
   EXPECT_EQ(std::ranges::adjacent_find(hashes), hashes.end());
@@ -189,6 +192,11 @@ TEST(BuildModel, HashFollowsModuliUnderTheElasticLawAlone) {
   EXPECT_EQ(model->tissue_cell_mm, 1.5);
   EXPECT_EQ(model->tissues[0].elastic, (ElasticConstants{10, 0.3}));
   EXPECT_EQ(model_with(elastic)->tissue_cell_mm, 0) << "chosen from the voxels";
+  EXPECT_FALSE(model->relaxation_times.any());
+  const auto relaxing = model_with(modulus + "relaxation = [[0.3, 9], [0.1, 2]]\n" + elastic);
+  EXPECT_EQ(relaxing->relaxation_times.count, 2u);
+  EXPECT_EQ(relaxing->relaxation_times.time_s[0], 2);
+  EXPECT_EQ(relaxing->tissues[0].relaxation.part(), 0.4);
   EXPECT_FALSE(model_with(elastic)->tissues[0].elastic.has_value());
 }
 

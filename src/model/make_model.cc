@@ -56,6 +56,11 @@ void hash_elastic(std::uint64_t& hash, const Model& model) {
     if (!tissue.elastic) continue;
     hash_double(hash, tissue.elastic->youngs_modulus_kPa);
     hash_double(hash, tissue.elastic->poissons_ratio);
+    if (!tissue.relaxation.relaxes()) continue;
+    for (const RelaxationTerm& term : tissue.relaxation.term) {
+      hash_double(hash, term.part);
+      hash_double(hash, term.time_s);
+    }
   }
 }
 
@@ -133,6 +138,44 @@ Result<void> check_elastic(const ModelParts& parts) {
                "give their edge in millimetres, or 0 to have it chosen from the voxels"};
 }
 
+// a series that no tissue has
+Result<void> check_relaxation(const Relaxation& relaxation) {
+  const auto wrong = [](std::string what) {
+    return Error{ErrorKind::kBadInput, std::move(what), "",
+                 "give pairs of a part of the modulus, above 0 and together below 1, and a time of 0.01 to "
+                 "1000 s"};
+  };
+  for (const RelaxationTerm& term : relaxation.term) {
+    if (term.part == 0 && term.time_s == 0) continue;
+    if (!(term.part > 0 && term.part < 1))
+      return wrong("a relaxation by " + std::to_string(term.part) + " of its modulus");
+    if (!(term.time_s >= kRelaxationTimeRange.min_s && term.time_s <= kRelaxationTimeRange.max_s))
+      return wrong("a relaxation time of " + std::to_string(term.time_s) + " s");
+  }
+  if (!(relaxation.part() < 1)) return wrong("a relaxation that leaves nothing of its modulus");
+  if (!relaxation.relaxes() && relaxation.part() > 0) return wrong("a relaxation whose first term is none");
+  return {};
+}
+
+// of the tissues that yield
+Result<RelaxationTimes> relaxation_times_of(const ModelParts& parts) {
+  RelaxationTimes times;
+  if (parts.tissue_law != TissueLaw::kElastic) return times;
+  for (const Tissue& tissue : parts.tissues) {
+    if (auto fine = check_relaxation(tissue.relaxation); !fine) {
+      Error error = fine.error();
+      error.what = "tissue \"" + tissue.name + "\" has " + error.what;
+      return error;
+    }
+    if (tissue.elastic && tissue.felt && !times.add(tissue.relaxation))
+      return Error{
+          ErrorKind::kBadInput,
+          "the tissues relax with more than " + std::to_string(kMostRelaxationTimes) + " different times", "",
+          "let some of them have the same `relaxation` times"};
+  }
+  return times;
+}
+
 // what a label's place in the field is when the stiffest tissue's is 1
 void set_levels(Model& model) {
   // where nothing is felt none counts
@@ -173,6 +216,8 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   for (std::size_t number = 0; number < parts.tools.size(); ++number)
     if (auto fine = check_burr_size(parts.tools[number], number, grid); !fine) return fine.error();
   if (auto fine = check_elastic(parts); !fine) return fine.error();
+  const auto times = relaxation_times_of(parts);
+  if (!times) return times.error();
 
   auto model = std::make_shared<Model>();
   model->title = std::move(parts.title);
@@ -184,6 +229,7 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   model->method_settings = parts.method_settings;
   model->tissue_law = parts.tissue_law;
   model->tissue_cell_mm = parts.tissue_cell_mm;
+  model->relaxation_times = *times;
   model->sigma_mm = parts.sigma_mm;
   model->scene_max_force_N = parts.max_force_N;
   model->X_WorldPatient = supine_from_feet(grid);

@@ -50,5 +50,43 @@ TEST(MakeModel, ElasticConstantsWithoutASolutionAreRefused) {
     EXPECT_THAT(complaint({10, 0.45}, cell_mm), HasSubstr("cells of")) << cell_mm;
 }
 
+TEST(MakeModel, ARelaxationThatNoneHasIsRefused) {
+  const auto complaint = [](const Relaxation& of) {
+    ModelParts parts = yielding_block({10, 0.45});
+    parts.tissues[0].relaxation = of;
+    const auto made = make_model(std::move(parts));
+    return made.ok() ? std::string("no error") : made.error().what;
+  };
+  const double no_number = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(complaint({}), "no error");
+  EXPECT_EQ(complaint({{{{0.5, 0.01}, {0.4999, 1000}}}}), "no error");
+  for (const double part : {-0.1, 1.0, no_number, HUGE_VAL})
+    EXPECT_THAT(complaint({{{{part, 1}, {}}}}), HasSubstr("tissue \"organ\" has a relaxation by")) << part;
+  for (const double time_s : {-1.0, 0.0, 0.009, 1001.0, no_number})
+    EXPECT_THAT(complaint({{{{0.5, time_s}, {}}}}), HasSubstr("a relaxation time of")) << time_s;
+  EXPECT_THAT(complaint({{{{0.5, 1}, {0.5, 2}}}}), HasSubstr("leaves nothing of its modulus"));
+  EXPECT_THAT(complaint({{{{}, {0.5, 2}}}}), HasSubstr("first term is none"));
+}
+
+TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {
+  ModelParts parts = yielding_block({10, 0.45});
+  const auto add = [&](double time_s) {
+    Tissue tissue = parts.tissues[0];
+    tissue.relaxation = {{{{0.1, time_s}, {0.1, 2 * time_s}}}};
+    parts.tissues.push_back(tissue);
+  };
+  for (std::size_t n = 0; n < kMostRelaxationTimes / 2; ++n) add(0.5 + 0.01 * static_cast<double>(n));
+  const auto made = make_model(ModelParts(parts));
+  ASSERT_TRUE(made.ok()) << made.error().message();
+  EXPECT_EQ(made->model->relaxation_times.count, kMostRelaxationTimes);
+  add(7);
+  const auto too_many = make_model(ModelParts(parts));
+  ASSERT_FALSE(too_many.ok());
+  EXPECT_THAT(too_many.error().what, HasSubstr("more than 16 different times"));
+  // what does not yield has none
+  parts.tissue_law = TissueLaw::kLayers;
+  EXPECT_FALSE(make_model(std::move(parts))->model->relaxation_times.any());
+}
+
 }  // namespace
 }  // namespace palpate

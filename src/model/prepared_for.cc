@@ -67,7 +67,10 @@ class SurfacesNeeded {
       const Tissue& tissue = *model.tissue_of(label);
       FeltSurface structure;
       structure.stiffness_N_per_mm = stiffness_of(label);
-      if (yields(label)) structure.yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
+      if (yields(label)) {
+        structure.yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
+        structure.relaxed.add(tissue.relaxation, model.relaxation_times, 1);
+      }
       structure.static_friction = tissue.static_friction;
       structure.dynamic_friction = tissue.friction_coefficient;
       structure.puncture_N = tissue.puncture_N;

@@ -38,6 +38,9 @@ TEST(Docs, SceneListsEveryPreset) {
 TEST(Docs, SceneListsWhatEveryPresetIsMadeOf) {
   check_section("scene.md", "elastic", elastic_preset_table());
 }
+TEST(Docs, SceneListsHowPresetsRelax) {
+  check_section("scene.md", "relaxation", relaxation_preset_table());
+}
 TEST(Docs, ScriptListsEveryKey) {
   check_section("script.md", "keys", script_keys());
 }

@@ -236,6 +236,17 @@ SceneKeys declared_keys() {
              .meaning =
                  "Of the same law: how much the material widens where it is pressed; near 0.5 it keeps "
                  "its volume. Only beside a modulus, this key's or the preset's."},
+            {.name = "relaxation",
+             .type = kTerms,
+             .unit = "s",
+             .min = kRelaxationTimeRange.min_s,
+             .max = kRelaxationTimeRange.max_s,
+             .meaning =
+                 "Of the same law: how the force falls while it is held. One or two pairs: the part of the "
+                 "modulus that is lost, together below 1, and the time in which it is, but for 1/e of it. "
+                 "The "
+                 "modulus is then what it has at once. Without it, and with `[]`, nothing is lost, but see "
+                 "`[yielding] relaxation`. Only beside a modulus."},
             {.name = "friction_damping",
              .type = kNumber,
              .default_text = "0.005",
@@ -364,7 +375,13 @@ SceneKeys declared_keys() {
              .max = 10,
              .meaning =
                  "Of both elastic laws: edge of the cubes that they are computed on, 1 to 3 voxels. Without "
-                 "it: chosen from the voxels."}}},
+                 "it: chosen from the voxels."},
+            {.name = "relaxation",
+             .type = kFlag,
+             .default_text = "false",
+             .meaning =
+                 "Of both elastic laws. `true`: tissues without a `relaxation` of their own have that of "
+                 "their preset. With `false` they have none."}}},
       .tool =
           {"[tool]",
            "A rigid set of spheres, and of capsules (below), that touch; the first one's usual place is the "
@@ -777,6 +794,8 @@ std::string_view type_text(KeyType type) {
       return "a text or a point [x, y, z]";
     case kPoints:
       return "a list of points";
+    case kTerms:
+      return "a list of pairs [part, time]";
     case kDirection:
       return "a direction";
     case kTable:

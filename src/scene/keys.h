@@ -23,6 +23,7 @@ enum class KeyType {
   kPoint,      ///< [x, y, z], each coordinate min ... max
   kPlace,      ///< a text that is not empty, or [x, y, z], each coordinate min ... max
   kPoints,     ///< list of [x, y, z], each coordinate min ... max
+  kTerms,      ///< list of [part, time], each time min ... max
   kDirection,  ///< one of `choices`, or [x, y, z] that is not zero
   kTable,      ///< [name]
   kTables,     ///< [[name]], any number of times

@@ -306,6 +306,26 @@ constexpr std::array kElasticPresets{
                   {43, 69},
                   "range by a shear modulus of 23 kPa of liver cancer (doi 10.1088/1361-6560/ab5010)"}};
 
+/// How a preset relaxes, where that was measured; what was measured slowly has no part that is lost at once.
+struct RelaxationPreset {
+  std::string_view preset;
+  Relaxation relaxation;
+  std::string_view range, source;
+};
+// of both ranges the middle, of times by their logarithms
+constexpr Relaxation kLimb{{{{0.15, 0.7}, {}}}};
+constexpr std::string_view kLimbRange = "part 0.03 … 0.28, time 0.05 … 8.9 s";
+constexpr std::array kRelaxationPresets{
+    RelaxationPreset{
+        "muscle", kLimb, kLimbRange,
+        "Zheng, Mak 1999, J Biomech Eng 121:330: indentation of the lower limb in vivo, skin, fat "
+        "and muscle together, eight subjects, four sites, three postures. Pig's muscle by itself "
+        "lost half when it was compressed (Van Loocke, Lyons, Simms 2008, J Biomech 41:1555)"},
+    RelaxationPreset{"fat", kLimb, kLimbRange, "the same limbs"},
+    RelaxationPreset{"skin", kLimb, kLimbRange,
+                     "the same limbs. Skin of mice by itself lost 0.53 to 0.72 in 0.2 to 1.9 s when it was "
+                     "compressed (Wang et al. 2015, PLoS ONE 10:e0120897)"}};
+
 const ElasticPreset* elastic_preset(std::string_view preset) {
   const auto found = std::find_if(kElasticPresets.begin(), kElasticPresets.end(),
                                   [&](const ElasticPreset& elastic) { return elastic.preset == preset; });
@@ -363,6 +383,9 @@ const std::vector<TissuePreset>& tissue_presets() {
     for (TissuePreset& preset : made)
       if (const ElasticPreset* elastic = elastic_preset(preset.name))
         preset.values.elastic = elastic->constants;
+    for (const RelaxationPreset& one : kRelaxationPresets)
+      for (TissuePreset& preset : made)
+        if (preset.name == one.preset) preset.values.relaxation = one.relaxation;
     return made;
   }();
   return presets;
@@ -423,6 +446,19 @@ std::string elastic_preset_table() {
     text += "| `" + preset.name + "` | " + number_text(elastic->constants.youngs_modulus_kPa) + " | " +
             number_text(elastic->constants.poissons_ratio) + " | " + number_text(low_kPa) + " … " +
             number_text(high_kPa) + " | " + std::string(elastic->source) + " |\n";
+  }
+  return text;
+}
+
+std::string relaxation_preset_table() {
+  std::string text = "| preset | relaxation | range | from |\n|---|---|---|---|\n";
+  for (const RelaxationPreset& preset : kRelaxationPresets) {
+    text += "| `" + std::string(preset.preset) + "` | `[";
+    for (const RelaxationTerm& term : preset.relaxation.term)
+      if (term.part > 0)
+        text += (text.back() == '[' ? "[" : ", [") + number_text(term.part) + ", " +
+                number_text(term.time_s) + "]";
+    text += "]` | " + std::string(preset.range) + " | " + std::string(preset.source) + " |\n";
   }
   return text;
 }

@@ -99,6 +99,22 @@ TEST(TissuePresets, WhatIsSoftSaysWhatItIsMadeOf) {
   }
 }
 
+// a series that a scene may have, beside a modulus
+TEST(TissuePresets, WhatRelaxesDoesItInATimeThatASceneMaySay) {
+  const KeySpec& key = *scene_key_tables().tissue.find("relaxation");
+  int relax = 0;
+  for (const TissuePreset& preset : tissue_presets()) {
+    const Relaxation& relaxation = preset.values.relaxation;
+    if (!relaxation.relaxes()) continue;
+    ++relax;
+    EXPECT_TRUE(preset.values.elastic.has_value()) << preset.name;
+    EXPECT_LT(relaxation.part(), 1) << preset.name;
+    for (const RelaxationTerm& term : relaxation.term)
+      EXPECT_TRUE(term.part == 0 || !number_fault(key, term.time_s)) << preset.name;
+  }
+  EXPECT_EQ(relax, 3);
+}
+
 // under the same flat punch the moduli give the stiffnesses, E = K (1 - nu^2) / 2 a, as far as two digits and
 // another nu go
 TEST(TissuePresets, ModuliAndStiffnessesAreOfTheSameTissue) {

@@ -55,6 +55,29 @@ void read_elastic(const TableReader& reader, TissueSettings& tissue, Problems& p
                  "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
 }
 
+// how it relaxes, in place of what its preset says
+void read_relaxation(const TableReader& reader, TissueSettings& tissue, Problems& problems) {
+  const auto terms = reader.terms("relaxation");
+  if (!terms) return;
+  tissue.relaxation = {};
+  const auto wrong = [&](const std::string& what, std::string remedy) {
+    problems.add(reader.line("relaxation"), "tissue \"" + tissue.name + "\" " + what, std::move(remedy));
+  };
+  if (terms->size() > kMostRelaxationTerms)
+    return wrong("relaxes by " + std::to_string(terms->size()) + " terms",
+                 "a relaxation has at most " + std::to_string(kMostRelaxationTerms) + " pairs [part, time]");
+  for (std::size_t n = 0; n < terms->size(); ++n) {
+    const auto [part, time_s] = (*terms)[n];
+    if (!(part > 0)) return wrong("relaxes by a part of " + number_text(part), "a part is above 0");
+    tissue.relaxation.term[n] = {part, time_s};
+  }
+  if (const double part = tissue.relaxation.part(); !(part < 1))
+    return wrong("relaxes by " + number_text(part) + " of its modulus", "let the parts be below 1 together");
+  if (tissue.relaxation.relaxes() && !tissue.elastic && !reader.has("youngs_modulus"))
+    wrong("has a relaxation and no modulus",
+          "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
+}
+
 TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   TissueSettings tissue = starting_values(reader);
   tissue.line = reader.line();
@@ -101,6 +124,7 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
                                   tissue.friction_coefficient))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   read_elastic(reader, tissue, problems);
+  read_relaxation(reader, tissue, problems);
   set("friction_damping", tissue.friction_damping_N_s_per_mm);
   set("friction_max", tissue.friction_max_N);
   set("viscosity", tissue.viscosity_N_s_per_mm);
@@ -143,6 +167,17 @@ void read_force(const TableReader& reader, ForceSettings& force) {
       reader.number("coupling_damping").value_or(force.settings.coupling_damping_N_s_per_mm);
 }
 
+// what a scene has not asked for: those that were written before there was any are felt as they were
+void take_out_presets_relaxation(const TableReader& top, Scene& scene) {
+  const auto tables = top.tables("tissue");
+  for (std::size_t n = 0; n < scene.tissues.size(); ++n) {
+    // what is wrong with it has been said
+    Problems said(scene.source);
+    if (!TableReader(tables[n], scene_key_tables().tissue, said).has("relaxation"))
+      scene.tissues[n].relaxation = {};
+  }
+}
+
 void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) {
   YieldingSettings& yielding = scene.yielding;
   yielding.law = value_of(reader.choice("law").value_or(""), kTissueLaws);
@@ -150,9 +185,14 @@ void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) 
   if (is_elastic(yielding.law) && scene.force.method != ForceMethod::kProxy)
     problems.add(reader.line("law"), "tissue yields to the proxy alone",
                  "set [force] method = \"proxy\", or leave method out");
-  if (!is_elastic(yielding.law) && yielding.cell_mm)
-    problems.add(reader.line("cell"), "cell belongs to the laws \"elastic\" and \"neo-hookean\"",
-                 "take it out, or change the law");
+  yielding.relaxation = reader.flag("relaxation").value_or(false);
+  const auto belongs = [&](const char* key, bool there) {
+    if (there && !is_elastic(yielding.law))
+      problems.add(reader.line(key), key + std::string(" belongs to the laws \"elastic\" and \"neo-hookean\""),
+                   "take it out, or change the law");
+  };
+  belongs("relaxation", yielding.relaxation);
+  belongs("cell", yielding.cell_mm.has_value());
 }
 
 void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {
@@ -519,6 +559,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
                    problems);
   read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
   read_yielding(TableReader(top.table("yielding"), keys.yielding, problems), scene, problems);
+  if (!scene.yielding.relaxation) take_out_presets_relaxation(top, scene);
   read_tools(top, scene, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");

@@ -217,6 +217,30 @@ TEST(ParseScene, ATissueIsMadeOfWhatItsKeysAndItsPresetSay) {
   EXPECT_EQ(elastic_of("youngs_modulus = 0.1\npoissons_ratio = 0\n"), (ElasticConstants{0.1, 0}));
 }
 
+Relaxation relaxation_of(const std::string& keys, const std::string& yielding = "") {
+  const auto scene = parse_scene(
+      "[[tissue]]\nname = 'a'\nlabels = [1]\n" + keys + "[yielding]\nlaw = 'elastic'\n" + yielding, "t");
+  EXPECT_TRUE(scene.ok()) << (scene.ok() ? "" : scene.error().message());
+  return scene.ok() ? scene->tissues[0].relaxation : Relaxation{{{{-1, 0}, {}}}};
+}
+
+TEST(ParseScene, ATissueRelaxesAsItSaysOrAsItsPresetDoesWhereTheSceneAsks) {
+  const Relaxation none;
+  const Relaxation muscle{{{{0.15, 0.7}, {}}}};
+  const std::string asked = "relaxation = true\n";
+  EXPECT_EQ(relaxation_of("youngs_modulus = 10\n"), none);
+  EXPECT_EQ(relaxation_of("youngs_modulus = 10\n", asked), none) << "it has no preset";
+  EXPECT_EQ(relaxation_of("preset = 'muscle'\n"), none) << "scenes of before";
+  EXPECT_EQ(relaxation_of("preset = 'muscle'\n", "relaxation = false\n"), none);
+  EXPECT_EQ(relaxation_of("preset = 'muscle'\n", asked), muscle);
+  EXPECT_EQ(relaxation_of("preset = 'liver'\n", asked), none);
+  EXPECT_EQ(relaxation_of("preset = 'muscle'\nrelaxation = []\n", asked), none);
+  const Relaxation own{{{{0.3, 0.5}, {0.2, 10}}}};
+  EXPECT_EQ(relaxation_of("preset = 'muscle'\nrelaxation = [[0.3, 0.5], [0.2, 10]]\n"), own);
+  EXPECT_EQ(relaxation_of("relaxation = [[0.3, 0.5], [0.2, 10]]\nyoungs_modulus = 5\n", asked), own);
+  EXPECT_EQ(relaxation_of("youngs_modulus = 10\nrelaxation = [[0.999, 0.01]]\n").term[0].time_s, 0.01);
+}
+
 TEST(ParseScene, TissueYieldsWhereTheLawSaysSo) {
   const auto scene =
       parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[yielding]\nlaw = 'elastic'\ncell = 1.25\n", "t");
@@ -487,6 +511,29 @@ INSTANTIATE_TEST_SUITE_P(
                  "\"elastic\", \"neo-hookean\" or \"layers\""},
         BadScene{TISSUE "[yielding]\nlaw = 'elastic'\ncell = 0.1\n", 6, "cell = 0.1 is outside 0.2 ... 10 mm",
                  "a number"},
+        BadScene{TISSUE "[yielding]\nrelaxation = true\n", 5, "relaxation belongs to the laws \"elastic\" and \"neo-hookean\"",
+                 "take it out"},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.6, 1], [0.4, 2]]\n", 5,
+                 "tissue \"a\" relaxes by 1 of its modulus", "below 1 together"},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0, 1]]\n", 5, "relaxes by a part of 0",
+                 "a part is above 0"},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[-0.1, 1]]\n", 5, "relaxes by a part of -0.1",
+                 ""},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.1, 0]]\n", 5,
+                 "relaxation = 0 is outside 0.01 ... 1000 s", "a list of pairs [part, time]"},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.1, 1001]]\n", 5, "outside 0.01 ... 1000 s",
+                 ""},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.1, 1], [0.1, 2], [0.1, 3]]\n", 5,
+                 "relaxes by 3 terms", "at most 2 pairs"},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [0.1, 1]\n", 5, "not two numbers [part, time]",
+                 ""},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [[0.1, 1, 2]]\n", 5,
+                 "not two numbers [part, time]", ""},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = [['a', 1]]\n", 5, "relaxation", ""},
+        BadScene{TISSUE "youngs_modulus = 10\nrelaxation = 0.5\n", 5, "relaxation is a number",
+                 "a list of pairs"},
+        BadScene{TISSUE "relaxation = [[0.1, 1]]\n", 4, "tissue \"a\" has a relaxation and no modulus",
+                 "add youngs_modulus = 10"},
         BadScene{TISSUE "[yielding]\ncell = 1\n", 5,
                  "cell belongs to the laws \"elastic\" and \"neo-hookean\"", "take it out"},
         BadScene{TISSUE "[force]\nmethod = 'trilinear'\n[yielding]\nlaw = 'elastic'\n", 7,

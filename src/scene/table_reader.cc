@@ -320,6 +320,33 @@ std::optional<std::vector<Eigen::Vector3d>> TableReader::points(std::string_view
   return points;
 }
 
+std::optional<std::vector<std::array<double, 2>>> TableReader::terms(std::string_view key) const {
+  const KeySpec* spec = nullptr;
+  const TomlValue* value = find(key, KeyType::kTerms, &spec);
+  if (!value) return std::nullopt;
+  const auto* items = value->as<TomlArray>();
+  if (!items) {
+    wrong_type(*spec, *value);
+    return std::nullopt;
+  }
+  KeySpec part = *spec;
+  part.min = part.max = 0;
+  std::vector<std::array<double, 2>> terms;
+  for (const TomlValue& item : *items) {
+    const auto* pair = item.as<TomlArray>();
+    if (!pair || pair->size() != 2) {
+      problems_.add(item.line, std::string(key) + " holds something that is not two numbers [part, time]",
+                    remedy_text(*spec));
+      return std::nullopt;
+    }
+    const auto first = number_in_range(part, pair->front(), pair->front().line);
+    const auto second = number_in_range(*spec, pair->back(), pair->back().line);
+    if (!first || !second) return std::nullopt;
+    terms.push_back({*first, *second});
+  }
+  return terms;
+}
+
 std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::place(std::string_view key) const {
   const KeySpec* spec = nullptr;
   const TomlValue* value = find(key, KeyType::kPlace, &spec);

@@ -62,6 +62,8 @@ class TableReader {
   std::optional<std::array<double, 2>> interval(std::string_view key) const;
   std::optional<Eigen::Vector3d> point(std::string_view key) const;
   std::optional<std::vector<Eigen::Vector3d>> points(std::string_view key) const;
+  /// Parts as they stand there, finite.
+  std::optional<std::vector<std::array<double, 2>>> terms(std::string_view key) const;
   /// A structure's name, or a point.
   std::optional<std::variant<std::string, Eigen::Vector3d>> place(std::string_view key) const;
   /// A name from the choices, or a vector.

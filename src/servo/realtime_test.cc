@@ -125,6 +125,9 @@ Model crowded_model() {
   }
   // the shell around the ball yields
   model.surfaces[1].yield_modulus_N_per_mm2 = 0.02;
+  constexpr Relaxation kRelaxation{{{{0.3, 0.1}, {0.2, 3}}}};
+  model.relaxation_times.add(kRelaxation);
+  model.surfaces[1].relaxed.add(kRelaxation, model.relaxation_times, 1);
   model.tools[0].points_mm = {{0, 0, 0}, {5, 0, 0}};
   model.tools[0].capsules = {{{0, 5, 0}, {0, 5, 20}, 1}, {{0, 0, 0}, {0, 0, 40}, 0.5}};
   return model;
@@ -152,16 +155,20 @@ class Exercise {
         YieldFrame& frame = parameters_.yields;
         ++frame.number;
         frame.spot[0] = {Point<Patient>(18, 0, 0), n % 160 == 0 ? 0 : 10.0 + n % 5, {0.1, 0, 0.2}, 0.02, 3};
+        frame.spot[0].relaxed.of_time = {0.2, 0.001 * (n % 200)};
       }
       tick(model_, parameters_, devices_, 1e-3, state_, wrenches_, record_);
       if (state_.hands[0].proxy.yield.modulus_N_per_mm2 > 0) ++yielded_;
+      if (state_.hands[0].proxy.relaxation.remembers()) ++relaxed_;
     }
   }
   /// Ticks in which tissue that yields was pressed.
   int yielded() const { return yielded_; }
+  /// Ticks that remember such tissue as it has relaxed.
+  int relaxed() const { return relaxed_; }
 
  private:
-  int yielded_ = 0;
+  int yielded_ = 0, relaxed_ = 0;
   const Model model_ = crowded_model();
   Parameters parameters_;
   SessionState state_;
@@ -358,6 +365,7 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   EXPECT_EQ(allocated_after - allocated, 0);
   EXPECT_EQ(locked_after - locked, 0);
   EXPECT_GT(exercise.yielded(), 100);
+  EXPECT_GT(exercise.relaxed(), 100);
 }
 
 TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {

@@ -90,6 +90,7 @@ std::uint64_t SessionState::hash(int devices) const {
       hash_double(hash, proxy.stiffness_N_per_mm);
     }
     if (hands[d].proxy.yield.modulus_N_per_mm2 > 0) hands[d].proxy.yield.hash_into(hash);
+    if (hands[d].proxy.relaxation.remembers()) hands[d].proxy.relaxation.hash_into(hash);
     hash_word(hash, hands[d].proxy_version);
     hash_word(hash, hands[d].held_directly);
     const CouplingState& coupling = hands[d].coupling;

@@ -37,7 +37,7 @@ std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const
           box.axes(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(axis));
   }
   viewed->spacing_mm = kEvery * box.cell_mm;
-  const double force_N = felt.device[device].contact_N[0];
+  const double force_N = solver.displacing_N(device, felt.device[device]);
   viewed->moved_mm.reserve(3 * static_cast<std::size_t>(viewed->nodes[0]) * viewed->nodes[1] *
                            viewed->nodes[2]);
   for (int k = 0; k < viewed->nodes[2]; ++k)

@@ -156,6 +156,51 @@ TEST_F(YieldRun, EverySolutionIsARowAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
+// the same ball, whose tissue relaxes by half
+LoadedScene relaxing_ball() {
+  LoadedScene loaded = soft_ball();
+  Model model = *loaded.model;
+  model.tissues[1].relaxation = {{{{0.3, 0.2}, {0.2, 3}}}};
+  PALPATE_CHECK(model.relaxation_times.add(model.tissues[1].relaxation));
+  loaded.model = std::make_shared<const Model>(std::move(model));
+  return loaded;
+}
+
+TEST_F(YieldRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays) {
+  const LoadedScene loaded = relaxing_ball();
+  const auto script = parse_script(
+      "[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.4\n[[step]]\nhold = 1.5\n"
+      "[[step]]\nslide = 4.0\ndirection = \"left\"\nspeed = 20\n[[step]]\nleave = true\n"
+      "[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.3\n[[step]]\nleave = true\n",
+      "pressing script");
+  ASSERT_TRUE(script.ok()) << script.error().message();
+  const auto simulated = simulate(loaded, *script, {}, folder_ / "held.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  EXPECT_THAT(simulated->trouble, ::testing::IsEmpty());
+  auto read = read_recording(folder_ / "held.h5");
+  ASSERT_TRUE(read.ok()) << read.error().message();
+  recording_ = *std::move(read);
+  EXPECT_GT(solutions().size(), 30u);
+  for (const TickRecord& tick : recording_.ticks)
+    ASSERT_EQ(tick.device[0].flags & kFlagNotFinite, 0u) << tick.tick;
+  // held with the same force 0.3 s after the press and at the end of it
+  const auto pressed = std::ranges::find_if(
+      recording_.ticks, [](const TickRecord& tick) { return tick.device[0].unclamped_force_N > 0.38; });
+  ASSERT_GT(recording_.ticks.end() - pressed, 1500);
+  const DeviceTick &early = (pressed + 300)->device[0], &late = (pressed + 1400)->device[0];
+  EXPECT_NEAR(late.unclamped_force_N / early.unclamped_force_N, 1, 0.1);
+  EXPECT_GT(late.depth_mm, 1.05 * early.depth_mm);
+  const auto result = replay(recording_, loaded.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+  // another series is felt otherwise
+  Model other = *loaded.model;
+  other.tissues[1].relaxation.term[0].part = 0.31;
+  const auto different = replay(recording_, std::make_shared<const Model>(std::move(other)));
+  ASSERT_TRUE(different.ok()) << different.error().message();
+  EXPECT_FALSE(different->identical);
+}
+
 // the same ball, milled through its tissue down to the bone
 LoadedScene soft_ball_and_burr() {
   LoadedScene loaded = soft_ball();

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "palpate/device/felt_stiffness.h"
+
 namespace palpate {
 namespace {
 
@@ -42,6 +44,11 @@ bool is_around(const Model& model, const std::array<int, 3>& first_cell, const E
     if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells[axis]) > kSolvingFeel.farthest_cells)
       return false;
   return true;
+}
+
+double displacing_at_once_N(const DeviceTick& felt, const YieldingTissue& tissue, double radius_mm) {
+  if (!(tissue.modulus_N_per_mm2 > 0)) return felt.contact_N[0];
+  return yield_force(tissue, felt.depth_mm, radius_mm, FeltStiffness(felt).most_in_patient()).force_N;
 }
 
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,

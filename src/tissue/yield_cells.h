@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "palpate/haptics/haptics.h"
+#include "palpate/haptics/yield.h"
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_grid.h"
 #include "palpate/tissue/yield_solver.h"
@@ -19,6 +20,9 @@ Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const
 /// The first cell of a box with that middle, and whether a box still reaches around one.
 std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle);
 bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
+/// YieldSolver::displacing_N of tissue that relaxes.
+/// @param tissue  where the tool leans
+double displacing_at_once_N(const DeviceTick& felt, const YieldingTissue& tissue, double radius_mm);
 /// The cells of a box, with tissue beyond its faces as a load at YieldBox::about finds it.
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
                         const YieldBox& box);

@@ -12,6 +12,7 @@
 #include "palpate/tissue/elastic_solver.h"
 #include "tissue/elastic_multigrid.h"
 #include "tissue/yield_cells.h"
+#include "tissue/yield_shares.h"
 
 namespace palpate {
 namespace {
@@ -142,9 +143,11 @@ struct YieldSolver::Region {
   CarvedCells cells;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
-  double modulus = 0;              ///< under the patch, of the last frame
-  bool is_new = true;              ///< nothing was solved in it yet
-  std::unique_ptr<Finite> finite;  ///< of the neo-Hookean law
+  std::optional<YieldShares> shares;  ///< where something relaxes
+  double modulus = 0;                 ///< under the patch, of the last frame
+  double radius_mm = 0;               ///< of the tool
+  bool is_new = true;                 ///< nothing was solved in it yet
+  std::unique_ptr<Finite> finite;     ///< of the neo-Hookean law
 
   /// @param before  the box that it takes the place of; may be null
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
@@ -161,12 +164,19 @@ struct YieldSolver::Region {
         load_N(cells.grid().layout()) {
     if (model.tissue_law == TissueLaw::kNeoHookean) finite = std::make_unique<Finite>(grid().layout());
     if (before != nullptr) take_over(*before);
+    if (model.relaxation_times.any()) shares.emplace(model, cells.labels(), cells.grid());
   }
 
   const ElasticGrid& grid() const { return cells.grid(); }
   // whatever is gone of these labels
   bool is_of(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
     return labels.made == cells.labels().made && by_label == materials;
+  }
+  // likewise, and what relaxes does it as it did
+  bool is_of(const Model& model, const CarvedLabels& labels,
+             const std::vector<ElasticMaterial>& materials) const {
+    return is_of(labels, materials) && shares.has_value() == model.relaxation_times.any() &&
+           (!shares || shares->is_of(model));
   }
   // with just that gone of them
   bool stands_at(const CarvedLabels& labels) const {
@@ -294,7 +304,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     if (!contact) continue;
 
     std::unique_ptr<Region>& region = regions_[d];
-    const bool same = region != nullptr && region->is_of(labels, by_label);
+    const bool same = region != nullptr && region->is_of(model, labels, by_label);
     if (same) region->follow(labels);
     const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
     if (!same || !is_around(model, region->box.first_cell, middle))
@@ -304,6 +314,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
 
     const double cell_mm = region->grid().box().cell_mm;
     const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.least_radius_mm);
+    region->radius_mm = radius_mm;
     const double least_mm = kSolvingFeel.least_patch_cells * cell_mm;
     if (!(region->modulus > 0))
       region->modulus =
@@ -326,6 +337,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;
     if (region->finite != nullptr) region->solve_finite(patch, depth_mm, radius_mm, anew, spot);
+    if (region->shares) spot.relaxed = region->shares->relaxed(region->grid(), region->unit_mm);
   }
   return frame_;
 }
@@ -340,7 +352,7 @@ void YieldSolver::go_on(const Model& model, std::uint32_t frame,
     std::unique_ptr<Region>& region = regions_[d];
     if (d >= boxes.size() || !boxes[d]) {
       region.reset();
-    } else if (region == nullptr || region->box != *boxes[d] || !region->is_of(labels, by_label) ||
+    } else if (region == nullptr || region->box != *boxes[d] || !region->is_of(model, labels, by_label) ||
                !region->stands_at(labels)) {
       region = std::make_unique<Region>(model, by_label, *boxes[d], nullptr);
     }
@@ -353,6 +365,12 @@ bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
   if (region == nullptr || !frame_.spot[device].is_known()) return false;
   field = {&region->grid().box(), &region->grid().layout(), &region->unit_mm};
   return true;
+}
+
+double YieldSolver::displacing_N(std::size_t device, const DeviceTick& felt) const {
+  const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
+  if (region == nullptr || !region->shares || !frame_.spot[device].is_known()) return felt.contact_N[0];
+  return displacing_at_once_N(felt, tissue_at(frame_.spot[device]), region->radius_mm);
 }
 
 bool YieldsOnVirtualClock::advance(const Model& model, const TickRecord* before) {

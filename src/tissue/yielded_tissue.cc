@@ -91,7 +91,15 @@ YieldedTissue::YieldedTissue(const Model& model, const TickRecord& felt) {
     ElasticField unit_mm(grid.layout()), load_N(grid.layout());
     patch.add(1, load_N);
     ElasticSolver(grid).solve(load_N, unit_mm, kMostIterations, kConverged);
-    parts_.emplace_back(grid, unit_mm, press.force_N);
+    double force_N = press.force_N;
+    if (model.relaxation_times.any()) {
+      YieldSpot spot;
+      spot.compliance_mm_per_N = patch.displacement(unit_mm);
+      spot.modulus_N_per_mm2 = patch.contact_modulus();
+      spot.patch_radius_mm = rho_mm;
+      force_N = displacing_at_once_N(felt.device[d], tissue_at(spot), press.radius_mm);
+    }
+    parts_.emplace_back(grid, unit_mm, force_N);
   }
 }
 

@@ -160,7 +160,7 @@ Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress) 
 }
 
 Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, TissueLaw law,
-                                                   const Progress& progress) {
+                                                   const Progress& progress, const Relaxation& relaxation) {
   constexpr double kSpacing_mm = 1, kCore_mm = 5;
   GridGeometry grid;
   grid.dims = {41, 41, 41};
@@ -181,6 +181,7 @@ Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, Ti
   soft.name = "soft tissue";
   soft.stiffness_N_per_mm = 0.3;
   soft.elastic = ElasticConstants{youngs_modulus_kPa, 0.45};
+  soft.relaxation = relaxation;
   bone.name = "bone";
   bone.stiffness_N_per_mm = 1.5;
   parts.tissues = {soft, bone};

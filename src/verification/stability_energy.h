@@ -19,7 +19,8 @@ inline constexpr double kBallRadius_mm = 12;
 /// A ball as large, of tissue of so many kPa that yields, around a ball of bone of 5 mm, and a tool of 3 mm
 /// radius; for the proxy.
 Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, TissueLaw law,
-                                                   const Progress& progress = {});
+                                                   const Progress& progress = {},
+                                                   const Relaxation& relaxation = {});
 
 /// A random exploration of the ball through the real tick: the hand wants to be at random places in
 /// and outside the ball, one after the other, and goes there smoothly, as fast as hands palpate. Friction and

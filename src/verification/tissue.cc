@@ -114,21 +114,58 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
   return {};
 }
 
+// what is pressed and held
+Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& figures) {
+  constexpr Relaxation kSeries{{{{0.35, 0.25}, {0.25, 1.5}}}};
+  const auto elastic = yielding_block(false), relaxing = yielding_block(false, TissueLaw::kElastic, kSeries);
+  const auto nodule = yielding_block(true, TissueLaw::kElastic, kSeries);
+  for (const auto* model : {&elastic, &relaxing, &nodule})
+    if (!*model) return model->error();
+  const RelaxedOff pressed = press_relaxing(*relaxing, *elastic, kSeries);
+  const auto samples = static_cast<std::uint64_t>(pressed.samples);
+  const std::string in = "tissue/relaxation/";
+  figures.push_back({in + "pressed/off", pressed.pressed_percent, "percent", samples, 1});
+  figures.push_back({in + "held/off", pressed.held_percent, "percent", samples, 1});
+  figures.push_back({in + "held/left", 100 * pressed.left, "percent", 1, {}});
+  if (progress.stopped()) return Progress::interrupted();
+  for (const SwungOff& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
+    char at[32];
+    std::snprintf(at, sizeof at, "swung/%.1f-Hz/", swung.hz);
+    figures.push_back({in + at + "angle-off", swung.angle_percent, "percent", 1, 3});
+    figures.push_back({in + at + "size-off", swung.size_percent, "percent", 1, 1});
+  }
+  if (progress.stopped()) return Progress::interrupted();
+  figures.push_back({in + "slid-over-nodule/work-given-out",
+                     std::max(0.0, work_given_out_percent(*nodule, 20)), "percent", 1, 2});
+  return {};
+}
+
 // what hands on simulated devices get out of it
-Result<void> energy_of_tissue(TissueLaw law, const Progress& progress, std::vector<Figure>& figures) {
+Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& figures) {
   struct At {
     double rate_hz, delay_s;
   };
   constexpr At kLoops[] = {{1000, 0}, {4000, 0}, {1000, 1e-3}, {1000, 3e-3}};
-  constexpr double kModuli_kPa[] = {10, 100, 1000}, kTime_s = 6;
+  struct Of {
+    double kPa;
+    const char* name;
+    Relaxation relaxation;
+    std::size_t loops, devices;  // of the first
+    TissueLaw law = TissueLaw::kElastic;
+  };
+  // a neo-Hookean frame takes three times the work: of the softest, which yields farthest, and one device
+  constexpr Of kBalls[] = {{10, "", {}, 4, 2},
+                           {100, "", {}, 4, 2},
+                           {1000, "", {}, 4, 2},
+                           {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1, 2},
+                           {10, "-neo-hookean", {}, 4, 1, TissueLaw::kNeoHookean}};
   constexpr const char* kDevices[] = {"premium-1.5", "touch"};
-  // a frame of it takes three times the work: of the softest, which yields farthest, and one device
-  const bool finite = law == TissueLaw::kNeoHookean;
-  for (const double kPa : std::span(kModuli_kPa).first(finite ? 1 : 3)) {
-    const auto ball = yielding_ball(kPa, law, progress);
+  constexpr double kTime_s = 6;
+  for (const Of& of : kBalls) {
+    const auto ball = yielding_ball(of.kPa, of.law, progress, of.relaxation);
     if (!ball) return ball.error();
-    for (const At& loop : kLoops)
-      for (const char* device : std::span(kDevices).first(finite ? 1 : 2))
+    for (const At& loop : std::span(kLoops).first(of.loops))
+      for (const char* device : std::span(kDevices).first(of.devices))
         for (const char* grip : {"light-grip", "firm-grip"}) {
           if (progress.stopped()) return Progress::interrupted();
           Exploration exploration{*find_plant_device(device), *find_plant_hand(grip)};
@@ -142,8 +179,7 @@ Result<void> energy_of_tissue(TissueLaw law, const Progress& progress, std::vect
           const ExploredEnergy energy = explore_energy(**ball, exploration);
           const double hidden_mJ = energy.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
           char path[96];
-          std::snprintf(path, sizeof path, "tissue/energy/%s%.0f-kPa/%s/%s/", finite ? "neo-hookean/" : "",
-                        kPa, device, grip);
+          std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa%s/%s/%s/", of.kPa, of.name, device, grip);
           figures.push_back({path + loop_name(loop.rate_hz, loop.delay_s) + "/given-out", 0 - energy.least_mJ,
                              "mJ", static_cast<std::uint64_t>(std::lround(kTime_s * loop.rate_hz)),
                              loop.delay_s == 0 ? std::optional(hidden_mJ) : std::nullopt});
@@ -235,9 +271,9 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   in_tick =
       tick_figures(TissueLaw::kNeoHookean, kFiniteSpeeds, "tissue/tick/neo-hookean/", progress, figures);
   if (!in_tick) return in_tick.error();
+  if (auto relaxed = relaxation_figures(progress, figures); !relaxed) return relaxed.error();
   if (auto removed = removal_figures(progress, figures); !removed) return removed.error();
-  for (const TissueLaw law : {TissueLaw::kElastic, TissueLaw::kNeoHookean})
-    if (auto energies = energy_of_tissue(law, progress, figures); !energies) return energies.error();
+  if (auto energies = energy_of_tissue(progress, figures); !energies) return energies.error();
   const TissueFrame frame = measure_tissue_frame(kFrames);
   figures.push_back({"tissue/frame/time", frame.frame_ms, "ms", kFrames, {}});
   figures.push_back({"tissue/frame/compliance-off", frame.off_percent, "percent", kFrames, 2});

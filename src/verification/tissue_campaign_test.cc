@@ -90,7 +90,7 @@ std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector
   return *std::move(ready);
 }
 
-// blobs of bone and of tissue of 1 kPa to 1 MPa, some with air between
+// blobs of bone and of tissue of 1 kPa to 1 MPa, some of which relaxes, some with air between
 std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law) {
   GridGeometry grid;
   grid.dims = {28, 28, 28};
@@ -104,6 +104,9 @@ std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law)
     if (between(random, 0, 1) < 0.75)
       tissue.elastic = ElasticConstants{std::pow(10, between(random, 0, 3)), between(random, 0, 0.49)};
     if (between(random, 0, 1) < 0.2) tissue.puncture_N = between(random, 0.3, 2);
+    if (tissue.elastic && between(random, 0, 1) < 0.5)
+      for (RelaxationTerm& term : tissue.relaxation.term)
+        term = {between(random, 0.02, 0.49), std::pow(10, between(random, -2, 1.5))};
   }
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   for (std::size_t n = 0; n < 3 * tissues.size(); ++n) {

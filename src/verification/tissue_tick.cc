@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
+#include <vector>
 
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
@@ -37,6 +39,10 @@ class TissueTip {
       at_ = from + (to - from) * (static_cast<double>(n) / ticks);
       tick(see);
     }
+  }
+  void go_to(const Eigen::Vector3d& to, const std::function<void(const TickRecord&)>& see = {}) {
+    at_ = to;
+    tick(see);
   }
   void wait(double time_s, const std::function<void(const TickRecord&)>& see = {}) {
     for (int n = 0; n < kTickRate_hz * time_s; ++n) tick(see);
@@ -78,10 +84,7 @@ class ConvergedForce {
     for (int n = 0; n < kSettling; ++n) {
       const YieldSpot& spot = solver_.solve(*model_, still).spot[0];
       if (!spot.is_known()) return 0;
-      YieldingTissue tissue{spot.beyond_half_space_mm_per_N(), {}, spot.modulus_N_per_mm2};
-      tissue.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
-      tissue.finite_N = spot.finite_N;
-      force_N = yield_force(tissue, device.depth_mm, kTissueTool_mm).force_N;
+      force_N = yield_force(tissue_at(spot), device.depth_mm, kTissueTool_mm).force_N;
       device.contact_N[0] = force_N;
     }
     return force_N;
@@ -128,9 +131,18 @@ int ticks_between_comparisons(double way_mm, double speed_mm_s) {
   return std::max(1, static_cast<int>(kTickRate_hz * way_mm / speed_mm_s / 20));
 }
 
+// what is left of a stress after a time
+double left_of(const Relaxation& relaxation, double time_s) {
+  double left = 1;
+  for (const RelaxationTerm& term : relaxation.term)
+    if (term.part > 0) left += term.part * std::expm1(-time_s / term.time_s);
+  return left;
+}
+
 }  // namespace
 
-Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law) {
+Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law,
+                                                    const Relaxation& relaxation) {
   GridGeometry grid;
   grid.dims = {2 * kBlockHalf_mm, 2 * kBlockHalf_mm, kPlateDeep_mm + 9};
   grid.spacing_mm = Eigen::Vector3d::Ones();
@@ -160,6 +172,7 @@ Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law) 
   hard.name = "nodule";
   hard.stiffness_N_per_mm = 0.6;
   hard.elastic = ElasticConstants{100, 0.45};
+  soft.relaxation = hard.relaxation = relaxation;
   plate.name = "plate";
   plate.stiffness_N_per_mm = 2;
   parts.tissues = {soft, hard, plate};
@@ -250,6 +263,79 @@ OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::sh
   const double over_before_N = force_N(nodule, depth_mm - kStep_mm),
                plain_before_N = force_N(plain, depth_mm - kStep_mm);
   return {100 * (over_N / plain_N - 1), 100 * ((over_N - over_before_N) / (plain_N - plain_before_N) - 1)};
+}
+
+RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
+                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation) {
+  constexpr double kDepth_mm = 3, kStill_s = 6;
+  constexpr int kEvery = 10, kOfPress = 1000;
+  const auto forces_N = [&](const std::shared_ptr<const Model>& model) {
+    TissueTip tip(model);
+    std::vector<double> forces;
+    const auto see = [&](const TickRecord& felt) { forces.push_back(felt.device[0].unclamped_force_N); };
+    tip.begin_at({12, 0, kTissueTool_mm + 0.5});
+    tip.lead({12, 0, kTissueTool_mm - kDepth_mm}, 100, see);
+    tip.wait(kStill_s, see);
+    return forces;
+  };
+  const std::vector<double> felt_N = forces_N(relaxing), at_once_N = forces_N(elastic);
+  RelaxedOff off;
+  for (std::size_t n = kEvery; n < felt_N.size(); n += kEvery) {
+    // a force that came in evenly within its tick: in the middle of that
+    double truth_N = 0;
+    for (std::size_t m = 1; m <= n; ++m)
+      truth_N += (at_once_N[m] - at_once_N[m - 1]) *
+                 left_of(relaxation, (static_cast<double>(n - m) + 0.5) / kTickRate_hz);
+    if (!(truth_N > 0)) continue;
+    const double percent = 100 * std::abs(felt_N[n] / truth_N - 1);
+    double& most = n < kOfPress ? off.pressed_percent : off.held_percent;
+    most = std::max(most, percent);
+    off.left = felt_N[n] / at_once_N[n];
+    ++off.samples;
+  }
+  return off;
+}
+
+std::vector<SwungOff> swing_relaxing(const std::shared_ptr<const Model>& relaxing,
+                                     const std::shared_ptr<const Model>& elastic,
+                                     const Relaxation& relaxation) {
+  constexpr double kHz[] = {0.5, 1, 3, 10}, kSwing_mm = 0.1;
+  constexpr int kSettle = 4000, kSeen = 4000;
+  // sines and cosines of each frequency, over whole periods of all of them
+  const auto waves = [&](const std::shared_ptr<const Model>& model) {
+    TissueTip tip(model);
+    std::vector<Eigen::Vector2d> sums(std::size(kHz), Eigen::Vector2d::Zero());
+    tip.begin_at({12, 0, kTissueTool_mm + 0.5});
+    tip.lead({12, 0, kTissueTool_mm - 3}, 20);
+    for (int n = 0; n < kSettle + kSeen; ++n) {
+      const auto phase = [&](double hz) { return 2 * std::numbers::pi * hz * n / kTickRate_hz; };
+      double z_mm = kTissueTool_mm - 3;
+      for (const double hz : kHz) z_mm -= kSwing_mm * std::sin(phase(hz));
+      tip.go_to({12, 0, z_mm}, [&](const TickRecord& felt) {
+        if (n < kSettle) return;
+        for (std::size_t f = 0; f < std::size(kHz); ++f)
+          sums[f] += felt.device[0].unclamped_force_N *
+                     Eigen::Vector2d(std::cos(phase(kHz[f])), std::sin(phase(kHz[f])));
+      });
+    }
+    return sums;
+  };
+  const std::vector<Eigen::Vector2d> felt = waves(relaxing), at_once = waves(elastic);
+  std::vector<SwungOff> all;
+  for (std::size_t f = 0; f < std::size(kHz); ++f) {
+    double stored = 1, lost = 0;
+    for (const RelaxationTerm& term : relaxation.term) {
+      const double x = 2 * std::numbers::pi * kHz[f] * term.time_s;
+      stored -= term.part / (1 + x * x);
+      lost += term.part * x / (1 + x * x);
+    }
+    const auto angle = [](const Eigen::Vector2d& wave) { return std::atan2(wave.x(), wave.y()); };
+    const double ahead = angle(felt[f]) - angle(at_once[f]), truth = std::atan2(lost, stored);
+    const double size = felt[f].norm() / at_once[f].norm(), true_size = std::hypot(stored, lost);
+    all.push_back({kHz[f], 100 * std::abs(ahead / truth - 1), 100 * std::abs(size / true_size - 1),
+                   ahead * 180 / std::numbers::pi});
+  }
+  return all;
 }
 
 }  // namespace palpate

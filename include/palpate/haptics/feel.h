@@ -220,6 +220,9 @@ struct YieldFeel {
   double least_give_mm_per_N = 0.01;
   /// What a neo-Hookean solution makes stiffer or softer at its force is no more than this part of W.
   double most_stiffening = 0.2;
+  /// A dent that is left in tissue that relaxes reaches so many of the tool's radii from where it was
+  /// pressed.
+  double dent_radii = 2;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
@@ -229,6 +232,7 @@ struct YieldFeel {
     of("most_carried", most_carried);
     of("least_give_mm_per_N", least_give_mm_per_N);
     of("most_stiffening", most_stiffening);
+    of("dent_radii", dent_radii);
   }
 };
 

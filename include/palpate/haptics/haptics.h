@@ -14,6 +14,7 @@
 #include "palpate/haptics/feel.h"
 #include "palpate/haptics/force_field.h"
 #include "palpate/haptics/proxy.h"
+#include "palpate/haptics/relaxation.h"
 #include "palpate/volume/bricks.h"
 #include "palpate/volume/volume.h"
 
@@ -57,6 +58,8 @@ struct Tissue {
   /// Of the elastic laws, without effect under layers. Empty: it does not yield (bone, a tooth, an
   /// implant), and what is soft holds fast to it.
   std::optional<ElasticConstants> elastic;
+  /// Of the same law: how its force falls while it is held; `elastic` is what it has at once.
+  Relaxation relaxation;
   Rgb colour;
   double opacity = 1.0;
   std::vector<int> rests_on;  ///< indices of tissues that support this one
@@ -148,6 +151,8 @@ struct Model {
   MethodSettings method_settings;
   TissueLaw tissue_law = TissueLaw::kLayers;
   double tissue_cell_mm = 0;  ///< edge of the elastic laws' cells; 0: chosen from the voxels
+  /// Those of all tissues that yield and relax; none: nothing relaxes.
+  RelaxationTimes relaxation_times;
 
   double sigma_mm = 1.0;  ///< smoothing that made the field, unless it has ramps
   double ramp_width_mm =

@@ -62,6 +62,7 @@ struct FeltSurface {
   /// (CarvedSurface::short_mm).
   double short_mm = 0;
   double yield_modulus_N_per_mm2 = 0;  ///< of a structure that yields: E / (1 - nu2); 0: it is a spring
+  RelaxedParts relaxed = {};           ///< of a structure that yields, by the model's times
 };
 /// A felt structure that a burr is to spare.
 struct ProtectedStructure {
@@ -171,6 +172,7 @@ struct ProxyState : ProxyLayer {
   Point<Patient> tip;             ///< where it was
   double stiffness_N_per_mm = 0;  ///< of all springs then, as it grew; 0: nothing was touched
   YieldState yield;               ///< of what yields of the outermost layer
+  RelaxationState relaxation;     ///< likewise
 
   const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
   ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
@@ -186,6 +188,7 @@ struct ProxyOptions {
   /// What is known of structures that yield, and which of its spots; null: nothing, they are half spaces.
   const YieldFrame* yields = nullptr;
   std::size_t device = 0;
+  const RelaxationTimes* relaxation_times = nullptr;  ///< of the model; null: nothing relaxes
 };
 
 /// What the springs from the tip to the proxies give.

@@ -8,6 +8,7 @@
 #include "palpate/geometry/geometry.h"
 #include "palpate/haptics/elastic_constants.h"
 #include "palpate/haptics/feel.h"
+#include "palpate/haptics/relaxation.h"
 
 /// Soft tissue under the tool: how much of its depth gives way, and which force that leaves. What is solved
 /// 64 times a second beside the servo (palpate/tissue/yielding.h) is told as a few numbers, from which
@@ -34,6 +35,7 @@ struct YieldSpot {
   double finite_N = 0;
   double stiffening_mm_per_N2 = 0;
   Vector<Patient> stiffening_slope = {};  ///< grad C along the surface, mm/N2 per mm
+  RelaxedParts relaxed = {};     ///< of the tissues, each by its part of what gives way
 
   bool is_known() const { return compliance_mm_per_N > 0; }
   bool is_finite() const { return finite_N > 0; }
@@ -87,6 +89,8 @@ struct YieldForce {
   Vector<Patient> aside_N;      ///< along the surface: what keeps that energy where the tissue changes
 };
 
+/// The tissue at the place for which a spot was solved, which is known.
+YieldingTissue tissue_at(const YieldSpot& spot);
 /// The tissue as it is felt at a place in this tick: the frame's, carried along the surface by its slope,
 /// with what is left of the frame before. Where no frame is known of, a half space.
 /// @param frame    number of the newest; one that `state` has is the same
@@ -109,5 +113,17 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
 /// @param radius_mm  smaller ones count as YieldFeel::least_radius_mm
 YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,
                        double most_N_per_mm = std::numeric_limits<double>::infinity());
+
+/// By how much the energy of that law, kept at its force, falls along the surface: of_compliance_N2 times grad
+/// W less of_stiffening_N3 times grad C is the force aside.
+struct YieldAside {
+  double of_compliance_N2 = 0, of_stiffening_N3 = 0;
+};
+YieldAside yield_aside(const YieldingTissue& tissue, double force_N);
+
+/// Of the same law the integral of the depth over the force, 0 ... force_N (the complementary energy): what a
+/// depth stores is the force times the depth less this.
+double complementary_mJ(const YieldingTissue& tissue, double force_N, double radius_mm,
+                        double most_N_per_mm = std::numeric_limits<double>::infinity());
 
 }  // namespace palpate

@@ -47,8 +47,8 @@ struct MadeModel {
 };
 /// Where nothing is felt its field is 0 everywhere.
 /// Errors: kBadInput for a ramp that does not suit the voxels, a burr less than two voxels across, an elastic
-/// constant out of its range (elastic_constants.h), cells of no size, and those of prepare_ramps;
-/// kInterrupted.
+/// constant out of its range (elastic_constants.h), a relaxation that none can have or more times of them
+/// than there is room for, cells of no size, and those of prepare_ramps; kInterrupted.
 Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing = {},
                              const Progress& progress = {});
 

@@ -74,6 +74,7 @@ struct TissueSettings {
   double cutting_energy_mJ_per_mm3 = Tissue().cutting_energy_mJ_per_mm3;
   Protection protection = Protection::kNone;  ///< of a burr; only of what is felt
   std::optional<ElasticConstants> elastic;    ///< Tissue::elastic
+  Relaxation relaxation;                      ///< Tissue::relaxation; of a preset by itself what it may have
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;
   double viscosity_N_s_per_mm = 0.001;
@@ -109,6 +110,7 @@ struct ForceSettings {
 struct YieldingSettings {
   TissueLaw law = TissueLaw::kLayers;
   std::optional<double> cell_mm;  ///< of the elastic laws; empty: chosen from the voxels
+  bool relaxation = false;        ///< likewise: tissues have that of their presets
 };
 
 struct Scene {
@@ -213,6 +215,8 @@ std::string scene_keys();
 std::string tissue_preset_table();
 /// What each preset is made of under the elastic law, with range and source, as a Markdown table.
 std::string elastic_preset_table();
+/// How presets relax under that law, with range and source, as a Markdown table.
+std::string relaxation_preset_table();
 
 // ---- script -------------------------------------------------------------------------------------
 

@@ -71,6 +71,9 @@ class YieldSolver {
 
   /// Of the last frame; nothing where there is no box. Valid until the next.
   bool field_of(std::size_t device, YieldField& field) const;
+  /// By so many newtons that is displaced as a tick had it: its contact's force; where tissue relaxes, what
+  /// its depth takes at once, for the dent stays while the force falls.
+  double displacing_N(std::size_t device, const DeviceTick& felt) const;
 
  private:
   struct Finite;
