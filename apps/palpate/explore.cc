@@ -223,6 +223,7 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
   return [&console, &address, asked = !options.no_realtime, first = true, told = false,
           told_method = std::string(), deaths = 0, unwatched = false](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s, asked, console);
+    if (first && !s.coarser_tissue.empty()) console.warn()(s.coarser_tissue);
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
     if (s.recording_failure && !told) {

@@ -261,6 +261,14 @@ Result<void> check_recorded_model(const RecordingHeader& recording, const Model&
           recording.palpate_version + ", commit " + recording.commit};
 }
 
+std::shared_ptr<const Model> solved_as_recorded(std::shared_ptr<const Model> model,
+                                                const RecordingHeader& recording) {
+  if (model->tissue_coarsened == recording.tissue_coarsened) return model;
+  auto coarser = std::make_shared<Model>(*model);
+  coarser->tissue_coarsened = recording.tissue_coarsened;
+  return coarser;
+}
+
 Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<const Model> prepared,
                             const Progress& progress) {
   const RecordingHead& head = recording.head();
@@ -274,6 +282,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
     auto with_surfaces = ready_for(prepared, kProxyAlone, progress);
     if (!with_surfaces && with_surfaces.error().kind == ErrorKind::kInterrupted) return with_surfaces.error();
     if (with_surfaces) prepared = *std::move(with_surfaces);
+    prepared = solved_as_recorded(std::move(prepared), head.header);
   }
   const auto ready = ready_for(std::move(prepared), *methods, progress);
   if (!ready) return ready.error();

@@ -140,6 +140,7 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   const auto targets = simd_targets();
   header.simd_target = targets.empty() ? "" : targets.front();
   header.feel = feel_text();
+  header.tissue_coarsened = setup.model->tissue_coarsened;
   header.started_utc = utc_now();
   header.data_set = loaded.data_set;
   header.scene_title = model.title;

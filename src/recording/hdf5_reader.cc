@@ -278,10 +278,13 @@ RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
   RecordingHeader header;
   const Handle group = open_group(file, "header");
   visit_header(header, [&](const char* name, auto& value) {
-    if (std::string_view(name) == kFeelField && H5Aexists(group.get(), name) == 0) return;
+    const bool may_lack = std::ranges::find(kLaterFields, name) != kLaterFields.end();
+    if (may_lack && H5Aexists(group.get(), name) == 0) return;
     read(Attribute(group.get(), name), value);
   });
   require(header.devices >= 1, "it names 0 devices");
+  require(header.tissue_coarsened >= 1 && header.tissue_coarsened <= kMostTissueCoarsened,
+          "its soft tissue was solved in cells of no length that there is");
   const DataSet script(group.get(), "header", "script");
   script.require_shape(0);
   header.script_text = script.texts(kMaxScript).front();

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include "palpate/recording/recording.h"
 
@@ -17,7 +18,7 @@ inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
 inline constexpr std::uint32_t kFormatMajor = 4;
 /// Incremented when something is added that old readers can leave aside.
-inline constexpr std::uint32_t kFormatMinor = 8;
+inline constexpr std::uint32_t kFormatMinor = 9;
 
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";
@@ -32,8 +33,8 @@ inline constexpr std::size_t kMaxChanges = 100'000;  ///< of the model, in forma
 inline constexpr std::size_t kMaxMethods = 256;      ///< their number is a byte
 inline constexpr std::size_t kTroubleBytes = 512;    ///< of one of them, as written here
 
-/// The one field that files of this format may lack.
-inline constexpr const char* kFeelField = "feel";
+/// Fields that files of this format may lack.
+inline constexpr std::array<std::string_view, 2> kLaterFields{"feel", "tissue_coarsened"};
 /// Everything of the header but the script and the structures: attributes of the group /header.
 template <class Header, class Visit>
 void visit_header(Header& header, Visit&& visit) {
@@ -55,7 +56,8 @@ void visit_header(Header& header, Visit&& visit) {
   visit("devices", header.devices);
   visit("clock", header.clock);
   visit("scheduler", header.scheduler);
-  visit(kFeelField, header.feel);
+  visit("feel", header.feel);
+  visit("tissue_coarsened", header.tissue_coarsened);
 }
 
 /// A row of format 3's /summary/model_changes: version, tissue, and its values in the order of the struct.

@@ -13,6 +13,7 @@
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/supervisor/supervisor.h"
+#include "session/carried_cells.h"
 #include "session/explore_watch.h"
 #include "session/tip_source.h"
 #include "session/viewed_session.h"
@@ -38,6 +39,7 @@ struct Session {
   const ExploreWatch& watch;
   ViewedSession& viewed;
   Supervisor* supervisor;  // nullptr: there is none
+  const std::string& coarser_tissue;
 };
 
 /// What was shown last: a key answers nothing that nobody has seen.
@@ -101,6 +103,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.recording_failure = session.recorder.failure();
   status.method_awaited = session.viewed.method_awaited();
   status.method_failure = session.viewed.method_failure();
+  status.coarser_tissue = session.coarser_tissue;
   status.stop = session.viewed.stop_that_holds();
   status.rearmed_in_page = session.tip.pointer() != nullptr;
   status.question = session.viewed.question();
@@ -271,6 +274,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
                                                          : set_up_run(loaded, script, run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_surfaces(setup->model, progress); !ready) return ready.error();
+  CarriedCells carried = with_carried_cells(setup->model);
+  setup->model = std::move(carried.model);
+  if (!carried.told.empty()) setup->trouble.push_back(carried.told);
   auto tip = tip_source_of(*setup, options, progress);
   if (!tip) return tip.error();
   if (progress.stopped()) return Progress::interrupted();
@@ -319,7 +325,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   const ScriptStrokes strokes{[&viewed](StrokeAction action) { viewed.change_stroke_by_script(action); },
                               [&viewed] { return viewed.script_stroke_led_to(); }};
   if (auto begun = (*tip)->begin(**loop, viewed.told(), strokes); !begun) return begun.error();
-  const Session session{model, **loop, **recorder, **tip, watch, viewed, supervisor->get()};
+  const Session session{model, **loop, **recorder, **tip, watch, viewed, supervisor->get(), carried.told};
   ExploreResult result;
   result.trouble = setup->trouble;
   watch_until_over(session, options, progress, status, result);

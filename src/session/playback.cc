@@ -293,7 +293,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto ready = ready_for(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
-    model = *std::move(ready);
+    model = solved_as_recorded(*std::move(ready), head.header);
   }
 
   RecordingLine line(head);

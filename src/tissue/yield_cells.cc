@@ -13,7 +13,10 @@ std::array<int, 3> cells_of_box(const Model& model) {
       model.tissue_law == TissueLaw::kNeoHookean
           ? std::pair(kSolvingFeel.finite_cells_along, kSolvingFeel.finite_cells_across)
           : std::pair(kSolvingFeel.cells_along, kSolvingFeel.cells_across);
-  return {along, across, across};
+  const auto fewer = [&](int cells) {
+    return static_cast<int>(std::floor(cells / model.tissue_coarsened + 0.5));
+  };
+  return {fewer(along), fewer(across), fewer(across)};
 }
 
 ElasticBox lattice_of(const Model& model) {
@@ -24,7 +27,8 @@ ElasticBox lattice_of(const Model& model) {
 
 Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward) {
   const ElasticBox lattice = lattice_of(model);
-  return lattice.local_mm(at - outward * (kSolvingFeel.deeper_cells * lattice.cell_mm)) / lattice.cell_mm;
+  const double deeper_cells = kSolvingFeel.deeper_cells / model.tissue_coarsened;
+  return lattice.local_mm(at - outward * (deeper_cells * lattice.cell_mm)) / lattice.cell_mm;
 }
 
 std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle) {
@@ -41,7 +45,8 @@ std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& 
 bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle) {
   const std::array<int, 3> cells = cells_of_box(model);
   for (int axis = 0; axis < 3; ++axis)
-    if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells[axis]) > kSolvingFeel.farthest_cells)
+    if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells[axis]) >
+        kSolvingFeel.farthest_cells / model.tissue_coarsened)
       return false;
   return true;
 }

@@ -12,6 +12,9 @@
 /// The cells around a tool on which soft tissue is solved.
 namespace palpate {
 
+/// No patch has a radius of more than this part of the box.
+inline constexpr double kMostPatchPart = 0.25;
+
 /// Where the middle of a box belongs for a tool that presses at a place of the surface: so deep below it that
 /// most of the box is tissue. In cells of the lattice over the whole volume, on which every box lies wherever
 /// it goes.

@@ -98,8 +98,11 @@ std::uint64_t ticks_of_yield_frame(double rate_hz) {
 
 double yield_cell_mm(const Model& model) {
   constexpr double kLeast_mm = 0.8, kMost_mm = 3;
-  if (model.tissue_cell_mm > 0) return model.tissue_cell_mm;
-  return std::clamp(2 * model.labels->geometry().min_spacing_mm(), kLeast_mm, kMost_mm);
+  const double made_mm =
+      model.tissue_cell_mm > 0
+          ? model.tissue_cell_mm
+          : std::clamp(2 * model.labels->geometry().min_spacing_mm(), kLeast_mm, kMost_mm);
+  return made_mm * model.tissue_coarsened;
 }
 
 std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& felt,
@@ -322,7 +325,8 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     const double depth_mm = expected_depth_mm(device, *contact, radius_mm);
     const double touched_mm =
         region->modulus > 0 ? radius_at_depth_mm(device, depth_mm, radius_mm, region->modulus) : 0;
-    const double rho_mm = std::clamp(touched_mm, least_mm, 0.25 * kSolvingFeel.cells_across * cell_mm);
+    const double rho_mm =
+        std::clamp(touched_mm, least_mm, kMostPatchPart * region->grid().box().cells[1] * cell_mm);
     const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
     region->modulus = patch.contact_modulus();
     if (!patch.touches()) continue;

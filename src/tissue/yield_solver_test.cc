@@ -99,6 +99,30 @@ TEST(YieldSolver, WhatIsHardFarBelowCountsToo) {
   EXPECT_NEAR(spot.compliance_mm_per_N / patch.displacement(unit), 1, 0.02);
 }
 
+TEST(YieldSolver, CoarserCellsAreFewerAndSayNearlyTheSame) {
+  for (const TissueLaw law : {TissueLaw::kElastic, TissueLaw::kNeoHookean}) {
+    Model model = *soft_block(true, 1, law);
+    model.tissue_cell_mm = 1;
+    const TickRecord still = pressed_at(0, 0);
+    YieldSolver fine, coarse;
+    for (int n = 0; n < 8; ++n) fine.solve(model, still);
+    model.tissue_coarsened = 1.6;
+    for (int n = 0; n < 8; ++n) coarse.solve(model, still);
+    YieldField fine_field, coarse_field;
+    ASSERT_TRUE(fine.field_of(0, fine_field) && coarse.field_of(0, coarse_field));
+    EXPECT_EQ(coarse_field.box->cell_mm, 1.6 * fine_field.box->cell_mm);
+    const auto of = [](const YieldField& field) {
+      const auto& cells = field.box->cells;
+      return cells[0] * cells[1] * cells[2];
+    };
+    EXPECT_LT(of(coarse_field), of(fine_field) / 3.5);
+    const YieldSpot &one = fine.frame().spot[0], &other = coarse.frame().spot[0];
+    ASSERT_TRUE(one.is_known() && other.is_known());
+    EXPECT_NEAR(other.beyond_half_space_mm_per_N(), one.beyond_half_space_mm_per_N(),
+                0.1 * one.compliance_mm_per_N);
+  }
+}
+
 TEST(YieldSolver, FollowsAToolThroughBoxesThatAreLaidAnew) {
   const auto model = soft_block(true);
   constexpr double kSpeed_mm_s = 50;

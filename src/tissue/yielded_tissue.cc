@@ -85,7 +85,7 @@ YieldedTissue::YieldedTissue(const Model& model, const TickRecord& felt) {
     const double modulus = PressurePatch(grid, press.at, press.outward, least_mm).contact_modulus();
     if (!(modulus > 0)) continue;
     const double touched_mm = cube_root(0.75 * press.force_N * press.radius_mm / modulus);
-    const double rho_mm = std::clamp(touched_mm, least_mm, 0.25 * kSolvingFeel.cells_across * cell_mm);
+    const double rho_mm = std::clamp(touched_mm, least_mm, kMostPatchPart * grid.box().cells[1] * cell_mm);
     const PressurePatch patch(grid, press.at, press.outward, rho_mm);
     if (!patch.touches()) continue;
     ElasticField unit_mm(grid.layout()), load_N(grid.layout());

@@ -24,6 +24,9 @@ namespace palpate {
 template <class T>
 class SpscRing;
 
+/// The most that Model::tissue_coarsened may be.
+inline constexpr double kMostTissueCoarsened = 2;
+
 /// What is known before the first tick.
 struct RecordingHeader {
   std::string palpate_version, commit, build_type, compiler;
@@ -40,6 +43,7 @@ struct RecordingHeader {
   int devices = 1;
   std::string clock = "virtual";  ///< or "real"
   std::string scheduler;          ///< what the servo thread got; empty on the virtual clock
+  double tissue_coarsened = 1;  ///< Model::tissue_coarsened; 1 in files from before it was told
   std::string feel;         ///< feel_text() (palpate/servo/feel.h); empty in files from before it was told
   std::string script_text;  ///< the script as run
   struct Structure {

@@ -85,6 +85,8 @@ struct ExploreStatus {
   double rate_hz = 0;  ///< ticks a second, of the last second
   double lateness_p50_us = 0, lateness_p99_us = 0, lateness_max_us = 0;
   double compute_p50_us = 0;
+  /// Why soft tissue is solved in coarser cells than the scene asks for; empty: it is not.
+  std::string coarser_tissue;
   // of the latest tick
   double force_N = 0, limit_N = 0, heat = 0;
   std::string structure;  ///< that is touched; empty: none

@@ -23,7 +23,7 @@ inline constexpr double kYieldFrame_s = kYieldFeel.blend_s;
 std::uint64_t ticks_of_yield_frame(double rate_hz);
 
 /// Edge of the cells that a model's soft tissue is solved on, mm: its own, or two of the smallest voxel
-/// spacing, within 0.8 to 3 mm.
+/// spacing, within 0.8 to 3 mm; times Model::tissue_coarsened.
 double yield_cell_mm(const Model& model);
 
 /// How soft tissue is displaced around a tool, mm for 1 N of it.

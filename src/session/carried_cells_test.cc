@@ -1,0 +1,47 @@
+#include "session/carried_cells.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "loading/test_loading.h"
+#include "palpate/loading/loading.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+std::shared_ptr<const Model> ball_under(TissueLaw law) {
+  Model model = testing::ball_model({1, 1, 1}, 1.0, 8);
+  model.tissue_law = law;
+  model.tissues[1].elastic = ElasticConstants{20, 0.45};
+  constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+  return ready_for(std::make_shared<const Model>(std::move(model)), kProxyAlone).value();
+}
+
+TEST(CarriedCells, AreCoarserWhereAFrameTakesTooLong) {
+  const auto model = ball_under(TissueLaw::kElastic);
+  const CarriedCells none_is_fast_enough = with_carried_cells(model, 0);
+  EXPECT_EQ(none_is_fast_enough.model->tissue_coarsened, 2);
+  EXPECT_EQ(none_is_fast_enough.model->content_hash, model->content_hash);
+  EXPECT_EQ(yield_cell_mm(*none_is_fast_enough.model), 2 * yield_cell_mm(*model));
+  EXPECT_THAT(none_is_fast_enough.told, HasSubstr("cells of 4 mm and not of 2"));
+}
+
+TEST(CarriedCells, AreAsTheSceneHasThemElsewhere) {
+  const auto model = ball_under(TissueLaw::kElastic);
+  const CarriedCells fast = with_carried_cells(model, 1e3);
+  EXPECT_EQ(fast.model, model);
+  EXPECT_THAT(fast.told, IsEmpty());
+  // nothing yields there
+  const auto layers = ball_under(TissueLaw::kLayers);
+  EXPECT_EQ(with_carried_cells(layers, 0).model, layers);
+  // a session was told already
+  auto told = std::make_shared<Model>(*model);
+  told->tissue_coarsened = 1.6;
+  EXPECT_EQ(with_carried_cells(told, 0).model, told);
+}
+
+}  // namespace
+}  // namespace palpate
