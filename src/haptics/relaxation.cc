@@ -64,7 +64,7 @@ void RelaxationState::hash_into(std::uint64_t& hash) const {
 }
 
 Decay decay(double x) {
-  // of a longer time by halves, squared again
+  // of a longer time by halves, put together again
   constexpr double kMost = 700, kShort = 1.0 / 64;
   x = std::min(x, kMost);
   double y = x;
@@ -75,9 +75,10 @@ Decay decay(double x) {
   double mean = 1;
   for (const double part : kParts) mean = 1 - y * mean * part;
   Decay of{1 - y * mean, mean};
-  if (halved == 0) return of;
-  for (int n = 0; n < halved; ++n) of.left *= of.left;
-  of.mean = (1 - of.left) / x;
+  for (int n = 0; n < halved; ++n) {
+    of.mean *= 0.5 * (1 + of.left);
+    of.left *= of.left;
+  }
   return of;
 }
 

@@ -114,7 +114,7 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   const auto nodule = yielding_block(true, kSeries);
   for (const auto* model : {&elastic, &relaxing, &nodule})
     if (!*model) return model->error();
-  const RelaxedOff pressed = press_relaxing(*relaxing, *elastic, kSeries);
+  const RelaxedOff pressed = press_relaxing(*relaxing, *elastic, kSeries, 6);
   const auto samples = static_cast<std::uint64_t>(pressed.samples);
   const std::string in = "tissue/relaxation/";
   figures.push_back({in + "pressed/off", pressed.pressed_percent, "percent", samples, 1});

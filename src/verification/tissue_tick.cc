@@ -261,8 +261,9 @@ double stiffer_over_nodule_percent(const std::shared_ptr<const Model>& model, do
 }
 
 RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
-                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation) {
-  constexpr double kDepth_mm = 3, kStill_s = 6;
+                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation,
+                          double held_s) {
+  constexpr double kDepth_mm = 3;
   constexpr int kEvery = 10, kOfPress = 1000;
   const auto forces_N = [&](const std::shared_ptr<const Model>& model) {
     TissueTip tip(model);
@@ -270,7 +271,7 @@ RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
     const auto see = [&](const TickRecord& felt) { forces.push_back(felt.device[0].unclamped_force_N); };
     tip.begin_at({12, 0, kTissueTool_mm + 0.5});
     tip.lead({12, 0, kTissueTool_mm - kDepth_mm}, 100, see);
-    tip.wait(kStill_s, see);
+    tip.wait(held_s, see);
     return forces;
   };
   const std::vector<double> felt_N = forces_N(relaxing), at_once_N = forces_N(elastic);
