@@ -67,7 +67,8 @@ std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& 
 }
 
 // the radius of its contact then: by Hertz from the depth, and where it presses now from the force as well
-double expected_radius_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm,
+// @param force_N  YieldSolver::displacing_N
+double expected_radius_mm(const DeviceTick& felt, double force_N, const OnSurface& contact, double radius_mm,
                           double modulus_N_per_mm2) {
   const Vector<Patient> above = tagged<Point<Patient>>(felt.tip_patient_mm) - contact.at;
   const double sinks_mm = -tagged<Vector<Patient>>(felt.velocity_patient_mm_s).dot(contact.outward) *
@@ -78,7 +79,7 @@ double expected_radius_mm(const DeviceTick& felt, const OnSurface& contact, doub
   if (!(depth_mm > 0)) return 0;
   const double hertz_mm = std::sqrt(radius_mm * depth_mm);
   if (!presses) return hertz_mm;
-  const double touched_mm = cube_root(0.75 * felt.contact_N[0] * radius_mm / modulus_N_per_mm2);
+  const double touched_mm = cube_root(0.75 * force_N * radius_mm / modulus_N_per_mm2);
   return std::min(touched_mm * std::sqrt(depth_mm / felt.depth_mm), hertz_mm);
 }
 
@@ -182,10 +183,12 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   const CarvedLabels labels = carved_labels(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    const DeviceTick& device = felt.device[d];
+    // by what the frame before says
+    const double force_N = displacing_N(d, device);
     YieldSpot& spot = frame_.spot[d];
     spot = {};
     if (d >= static_cast<std::size_t>(felt.devices)) continue;
-    const DeviceTick& device = felt.device[d];
     const auto contact = expected_contact(model, device);
     if (!contact) continue;
 
@@ -206,7 +209,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
       region->modulus =
           PressurePatch(region->grid(), contact->at, contact->outward, least_mm).contact_modulus();
     const double touched_mm =
-        region->modulus > 0 ? expected_radius_mm(device, *contact, radius_mm, region->modulus) : 0;
+        region->modulus > 0 ? expected_radius_mm(device, force_N, *contact, radius_mm, region->modulus) : 0;
     const double rho_mm = std::clamp(touched_mm, least_mm, 0.25 * kSolvingFeel.cells_across * cell_mm);
     const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
     region->modulus = patch.contact_modulus();

@@ -123,8 +123,8 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   if (progress.stopped()) return Progress::interrupted();
   for (const SwungOff& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
     char at[32];
-    std::snprintf(at, sizeof at, "swung/%.1f-Hz/", swung.hz);
-    figures.push_back({in + at + "angle-off", swung.angle_percent, "percent", 1, 3});
+    std::snprintf(at, sizeof at, "swung/%.0f-Hz/", swung.hz);
+    figures.push_back({in + at + "angle-off", swung.angle_percent, "percent", 1, 1});
     figures.push_back({in + at + "size-off", swung.size_percent, "percent", 1, 1});
   }
   if (progress.stopped()) return Progress::interrupted();
