@@ -64,20 +64,21 @@ void RelaxationState::hash_into(std::uint64_t& hash) const {
 }
 
 Decay decay(double x) {
-  // of a longer time by halves, squared again
-  constexpr double kMost = 700, kShort = 0.25;
+  // of a longer time by halves, put together again
+  constexpr double kMost = 700, kShort = 1.0 / 64;
   x = std::min(x, kMost);
   double y = x;
   int halved = 0;
   for (; y > kShort; y *= 0.5) ++halved;
-  // (1 - exp(-y)) / y by its series: what is left out is below 1e-18
-  constexpr int kTerms = 13;
+  // (1 - exp(-y)) / y by its series: what is left out is below 1e-19
+  constexpr double kParts[] = {1.0 / 8, 1.0 / 7, 1.0 / 6, 1.0 / 5, 1.0 / 4, 1.0 / 3, 1.0 / 2};
   double mean = 1;
-  for (int n = kTerms; n > 1; --n) mean = 1 - y * mean / n;
+  for (const double part : kParts) mean = 1 - y * mean * part;
   Decay of{1 - y * mean, mean};
-  if (halved == 0) return of;
-  for (int n = 0; n < halved; ++n) of.left *= of.left;
-  of.mean = (1 - of.left) / x;
+  for (int n = 0; n < halved; ++n) {
+    of.mean *= 0.5 * (1 + of.left);
+    of.left *= of.left;
+  }
   return of;
 }
 

@@ -28,17 +28,18 @@ std::vector<Point<Patient>> soft_borders(const Model& model) {
   const Bricks<LabelId>& labels = *model.labels;
   const GridGeometry& grid = labels.geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
-  const auto yields = [&](LabelId label) {
+  const auto is_empty = [&](LabelId label) {
     const Tissue* tissue = model.tissue_of(label);
-    return tissue != nullptr && tissue->felt && model.yields(*tissue);
+    return tissue == nullptr || !tissue->felt;
   };
+  const auto yields = [&](LabelId label) { return !is_empty(label) && model.yields(*model.tissue_of(label)); };
   std::vector<Point<Patient>> places;
   const int j_step = std::max(1, grid.dims[1] / kLines), k_step = std::max(1, grid.dims[2] / kLines);
   for (int k = k_step / 2; k < grid.dims[2]; k += k_step)
     for (int j = j_step / 2; j < grid.dims[1]; j += j_step)
       for (int i = 1; i < grid.dims[0]; ++i) {
         const LabelId one = labels.at(i - 1, j, k), other = labels.at(i, j, k);
-        if ((one == 0 && yields(other)) || (other == 0 && yields(one)))
+        if ((is_empty(one) && yields(other)) || (is_empty(other) && yields(one)))
           places.push_back(X_PatientVoxel * Point<Voxel>(i - 0.5, j, k));
       }
   return places;

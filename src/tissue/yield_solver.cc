@@ -81,12 +81,13 @@ double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, doubl
 }
 
 // the radius of its contact: by Hertz from the depth, and where it presses now from the force as well
-double radius_at_depth_mm(const DeviceTick& felt, double depth_mm, double radius_mm,
+// @param force_N  YieldSolver::displacing_N
+double radius_at_depth_mm(const DeviceTick& felt, double force_N, double depth_mm, double radius_mm,
                           double modulus_N_per_mm2) {
   if (!(depth_mm > 0)) return 0;
   const double hertz_mm = std::sqrt(radius_mm * depth_mm);
   if (!presses(felt)) return hertz_mm;
-  const double touched_mm = cube_root(0.75 * felt.contact_N[0] * radius_mm / modulus_N_per_mm2);
+  const double touched_mm = cube_root(0.75 * force_N * radius_mm / modulus_N_per_mm2);
   return std::min(touched_mm * std::sqrt(depth_mm / felt.depth_mm), hertz_mm);
 }
 
@@ -299,10 +300,12 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   const CarvedLabels labels = carved_labels(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    const DeviceTick& device = felt.device[d];
+    // by what the frame before says
+    const double force_N = displacing_N(d, device);
     YieldSpot& spot = frame_.spot[d];
     spot = {};
     if (d >= static_cast<std::size_t>(felt.devices)) continue;
-    const DeviceTick& device = felt.device[d];
     const auto contact = expected_contact(model, device);
     if (!contact) continue;
 
@@ -324,7 +327,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
           PressurePatch(region->grid(), contact->at, contact->outward, least_mm).contact_modulus();
     const double depth_mm = expected_depth_mm(device, *contact, radius_mm);
     const double touched_mm =
-        region->modulus > 0 ? radius_at_depth_mm(device, depth_mm, radius_mm, region->modulus) : 0;
+        region->modulus > 0 ? radius_at_depth_mm(device, force_N, depth_mm, radius_mm, region->modulus) : 0;
     const double rho_mm =
         std::clamp(touched_mm, least_mm, kMostPatchPart * region->grid().box().cells[1] * cell_mm);
     const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);

@@ -121,7 +121,7 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   const auto nodule = yielding_block(true, TissueLaw::kElastic, kSeries);
   for (const auto* model : {&elastic, &relaxing, &nodule})
     if (!*model) return model->error();
-  const RelaxedOff pressed = press_relaxing(*relaxing, *elastic, kSeries);
+  const RelaxedOff pressed = press_relaxing(*relaxing, *elastic, kSeries, 6);
   const auto samples = static_cast<std::uint64_t>(pressed.samples);
   const std::string in = "tissue/relaxation/";
   figures.push_back({in + "pressed/off", pressed.pressed_percent, "percent", samples, 1});
@@ -130,8 +130,8 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   if (progress.stopped()) return Progress::interrupted();
   for (const SwungOff& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
     char at[32];
-    std::snprintf(at, sizeof at, "swung/%.1f-Hz/", swung.hz);
-    figures.push_back({in + at + "angle-off", swung.angle_percent, "percent", 1, 3});
+    std::snprintf(at, sizeof at, "swung/%.0f-Hz/", swung.hz);
+    figures.push_back({in + at + "angle-off", swung.angle_percent, "percent", 1, 1});
     figures.push_back({in + at + "size-off", swung.size_percent, "percent", 1, 1});
   }
   if (progress.stopped()) return Progress::interrupted();

@@ -266,8 +266,9 @@ OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::sh
 }
 
 RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
-                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation) {
-  constexpr double kDepth_mm = 3, kStill_s = 6;
+                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation,
+                          double held_s) {
+  constexpr double kDepth_mm = 3;
   constexpr int kEvery = 10, kOfPress = 1000;
   const auto forces_N = [&](const std::shared_ptr<const Model>& model) {
     TissueTip tip(model);
@@ -275,7 +276,7 @@ RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
     const auto see = [&](const TickRecord& felt) { forces.push_back(felt.device[0].unclamped_force_N); };
     tip.begin_at({12, 0, kTissueTool_mm + 0.5});
     tip.lead({12, 0, kTissueTool_mm - kDepth_mm}, 100, see);
-    tip.wait(kStill_s, see);
+    tip.wait(held_s, see);
     return forces;
   };
   const std::vector<double> felt_N = forces_N(relaxing), at_once_N = forces_N(elastic);
@@ -299,9 +300,10 @@ RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
 std::vector<SwungOff> swing_relaxing(const std::shared_ptr<const Model>& relaxing,
                                      const std::shared_ptr<const Model>& elastic,
                                      const Relaxation& relaxation) {
-  constexpr double kHz[] = {0.5, 1, 3, 10}, kSwing_mm = 0.1;
+  constexpr double kHz[] = {1, 3, 10}, kSwing_mm = 0.1;
   constexpr int kSettle = 4000, kSeen = 4000;
-  // sines and cosines of each frequency, over whole periods of all of them
+  // sines and cosines of each frequency, over whole periods of all of them; weighed so (Hann) that what the
+  // beginning leaves, which still falls, is not taken for a part of them
   const auto waves = [&](const std::shared_ptr<const Model>& model) {
     TissueTip tip(model);
     std::vector<Eigen::Vector2d> sums(std::size(kHz), Eigen::Vector2d::Zero());
@@ -313,8 +315,9 @@ std::vector<SwungOff> swing_relaxing(const std::shared_ptr<const Model>& relaxin
       for (const double hz : kHz) z_mm -= kSwing_mm * std::sin(phase(hz));
       tip.go_to({12, 0, z_mm}, [&](const TickRecord& felt) {
         if (n < kSettle) return;
+        const double weight = 1 - std::cos(2 * std::numbers::pi * (n - kSettle + 0.5) / kSeen);
         for (std::size_t f = 0; f < std::size(kHz); ++f)
-          sums[f] += felt.device[0].unclamped_force_N *
+          sums[f] += weight * felt.device[0].unclamped_force_N *
                      Eigen::Vector2d(std::cos(phase(kHz[f])), std::sin(phase(kHz[f])));
       });
     }

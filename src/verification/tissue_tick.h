@@ -43,12 +43,13 @@ OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::sh
 /// of them since (Boltzmann's superposition), percent of the force.
 struct RelaxedOff {
   double pressed_percent = 0;  ///< at most, while it is pressed 3 mm in at 100 mm/s and in the second after
-  double held_percent = 0;     ///< at most, while it is held so for five seconds more
+  double held_percent = 0;     ///< at most, while it is held so from then on
   double left = 0;             ///< of the force at once, in the end
   int samples = 0;
 };
 RelaxedOff press_relaxing(const std::shared_ptr<const Model>& relaxing,
-                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation);
+                          const std::shared_ptr<const Model>& elastic, const Relaxation& relaxation,
+                          double held_s);
 /// Swung 3 mm deep by sines of several frequencies at once: how far the angle by which the force is ahead of
 /// the same block's that does not relax is off that of the series, and its size, percent.
 struct SwungOff {

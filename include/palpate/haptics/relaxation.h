@@ -74,7 +74,7 @@ struct RelaxationState {
 };
 
 /// What is left of x = time over time constant: exp(-x), and its mean on the way there, (1 - exp(-x)) / x, to
-/// 1e-15. The same bits on every machine, which std::exp does not promise.
+/// 1e-14. The same bits on every machine, which std::exp does not promise.
 /// @param x  at least 0
 struct Decay {
   double left = 1, mean = 1;
