@@ -1,0 +1,427 @@
+#include "volume_io/dicom.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <set>
+#include <tuple>
+#include <utility>
+
+#include "palpate/base/file.h"
+#include "palpate/base/reading.h"
+#include "volume_io/dicom_file.h"
+#include "volume_io/dicom_volumes.h"
+#include "volume_io/formats.h"
+#include "volume_io/volume_message.h"
+#include "volume_io/volume_reader.h"
+#include "volume_io/voxel_stream.h"
+
+namespace palpate::volume_io {
+namespace {
+
+namespace fs = std::filesystem;
+
+// ---- which files there are ----------------------------------------------------------------------
+
+constexpr std::size_t kMostDicomFiles = 200'000;
+constexpr int kDeepestFolder = 16;
+
+// calls look(file) for each plain file in a folder or below it, until that says that it is enough
+template <class Look>
+void walk(const fs::path& folder, const Look& look) {
+  std::error_code failed;
+  fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, failed);
+  for (; !failed && entry != fs::recursive_directory_iterator(); entry.increment(failed)) {
+    if (entry.depth() >= kDeepestFolder) entry.disable_recursion_pending();
+    std::error_code ignored;
+    if (entry->is_regular_file(ignored) && look(entry->path())) return;
+  }
+}
+
+std::string front_of(const fs::path& file) {
+  auto front = read_front(file, Encoding::kRaw, kKindBytes);
+  return front ? *std::move(front) : std::string();
+}
+
+std::optional<FileKind> dicom_kind_of(const fs::path& file, std::string_view front) {
+  // without the mark in its header any file could look like one, and this one has a name
+  const bool marked = front.size() > 132 && front.substr(128, 4) == "DICM";
+  if (!marked && format_of(file)) return std::nullopt;
+  auto kind = kind_of(front, "", 0);
+  if (!kind || !kind->dicom) return std::nullopt;
+  return kind;
+}
+
+bool is_dicom_image(const fs::path& file) {
+  const auto kind = dicom_kind_of(file, front_of(file));
+  return kind && kind->dicom_image;
+}
+
+// what the process is to look at
+struct FoundFiles {
+  std::vector<fs::path> files;  // in the order of their names, which decides nothing
+  std::vector<fs::path> roots;  // that it may open, and what stands below them
+  std::vector<std::string> notes;
+};
+
+FoundFiles find_files(const fs::path& named) {
+  FoundFiles found;
+  found.roots.push_back(named);
+  std::error_code ignored;
+  if (!fs::is_directory(named, ignored)) {
+    found.files.push_back(named);
+    return found;
+  }
+  constexpr std::size_t kMostRoots = 32;
+  std::size_t led_out = 0;
+  bool more = false;
+  std::set<fs::path> outside;
+  walk(named, [&](const fs::path& file) {
+    if (found.files.size() == kMostDicomFiles) return more = true;
+    std::error_code unknown;
+    if (fs::is_symlink(file, unknown)) {
+      if (!check_stays_in(named, file)) {
+        ++led_out;
+        return false;
+      }
+      // where it is allowed to lead
+      if (reading_limits().follow_links && outside.size() < kMostRoots)
+        outside.insert(fs::canonical(file, unknown).parent_path());
+    }
+    found.files.push_back(file);
+    return false;
+  });
+  found.roots.insert(found.roots.end(), outside.begin(), outside.end());
+  std::sort(found.files.begin(), found.files.end());
+  if (more)
+    found.notes.push_back("holds more than " + std::to_string(kMostDicomFiles) +
+                          " files, of which no more were looked at");
+  if (led_out > 0)
+    found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
+                          " out of the folder and was not followed (--follow-links allows it)");
+  return found;
+}
+
+// ---- in the process that reads ------------------------------------------------------------------
+
+struct DicomContent {
+  std::vector<DicomVolume> volumes;
+  std::vector<std::string> notes;   // of what may be missing in a volume
+  std::vector<std::string> others;  // of what else stands there
+};
+
+std::string counted(std::size_t count, const std::string& what, const std::string& several) {
+  return std::to_string(count) + " " + (count == 1 ? what : several);
+}
+
+// @param looked_at  told how many files are done; false where nobody listens any more
+template <class LookedAt>
+Result<DicomContent> look_at(const FoundFiles& found, const LookedAt& looked_at) {
+  struct Image {
+    std::uint32_t file;
+    DicomFile content;
+  };
+  std::vector<Image> images;
+  std::size_t others = 0, pictureless = 0;
+  std::map<std::string, std::size_t> kinds, damages;
+  std::optional<Error> first;
+  for (std::size_t n = 0; n < found.files.size(); ++n) {
+    if (!looked_at(n)) break;
+    const auto opened = InputFile::open(found.files[n]);
+    std::string front(kKindBytes, '\0');
+    const auto got = opened ? opened->read_at(0, std::as_writable_bytes(std::span(front))) : opened.error();
+    front.resize(got ? *got : 0);
+    const auto kind = dicom_kind_of(found.files[n], front);
+    if (!kind) {
+      ++others;
+    } else if (!kind->dicom_image) {
+      ++kinds[kind->what];
+    } else if (auto content = read_dicom_file(opened->name_for_libraries(), front)) {
+      images.push_back({static_cast<std::uint32_t>(n), *std::move(content)});
+    } else if (content.error().what == kNoDicomImage) {
+      ++pictureless;
+    } else {
+      ++damages[content.error().what];
+      if (!first) first = content.error();
+    }
+  }
+
+  // series in the order of their own numbers
+  std::map<std::pair<int, std::string>, int> series;
+  for (const Image& image : images)
+    series.emplace(std::pair(image.content.series_number, image.content.series_uid), 0);
+  int next = 0;
+  for (auto& [key, index] : series) index = next++;
+  std::vector<DicomFrame> frames;
+  for (Image& image : images)
+    for (DicomFrame& frame : image.content.frames) {
+      frame.file = image.file;
+      frame.series = series[{image.content.series_number, image.content.series_uid}];
+      frames.push_back(std::move(frame));
+    }
+  images.clear();
+
+  DicomContent content;
+  content.notes = found.notes;
+  for (const auto& [what, count] : damages)
+    content.notes.push_back("left out: " + counted(count, "file", "files") +
+                            (count == 1 ? " that " : " of which each ") + what);
+  for (const auto& [what, count] : kinds)
+    content.others.push_back(count == 1 ? what : std::to_string(count) + " of this: " + what);
+  if (pictureless > 0)
+    content.others.push_back(
+        counted(pictureless, "DICOM file without an image", "DICOM files without an image"));
+  if (others > 0) content.others.push_back(counted(others, "other file", "other files"));
+  if (frames.empty())
+    return first && found.files.size() == 1 ? Error(*first)
+                                            : bad_input("",
+                                                        "holds no DICOM image that can be read" +
+                                                            (first ? ": each " + first->what : std::string()),
+                                                        "name a volume, or a folder with a series of images");
+  content.volumes = sort_into_volumes(std::move(frames));
+  return content;
+}
+
+// the stored values as they are, where one type and one scale serve all slices and none of them is padding
+bool as_stored(const std::vector<DicomFrame>& frames) {
+  const DicomFrame& first = frames.front();
+  return std::all_of(frames.begin(), frames.end(), [&](const DicomFrame& frame) {
+    return frame.bits_allocated == first.bits_allocated && frame.is_signed == first.is_signed &&
+           frame.slope == first.slope && frame.intercept == first.intercept && !frame.padding;
+  });
+}
+
+Component stored_component(const DicomFrame& frame) {
+  switch (frame.bits_allocated) {
+    case 8:
+      return frame.is_signed ? Component::kInt8 : Component::kUint8;
+    case 16:
+      return frame.is_signed ? Component::kInt16 : Component::kUint16;
+    default:
+      return frame.is_signed ? Component::kInt32 : Component::kUint32;
+  }
+}
+
+VolumeFile volume_of(const DicomVolume& volume, const fs::path& named, std::vector<std::string> notes) {
+  VolumeFile file;
+  file.header.geometry = volume.geometry;
+  file.header.meaning = ValueMeaning::kMeasured;
+  file.voxels.file = named;
+  file.voxels.encoding = Encoding::kDicom;
+  const DicomFrame& first = volume.frames.front();
+  if (as_stored(volume.frames)) {
+    file.voxels.component = stored_component(first);
+    file.voxels.slope = first.slope;
+    file.voxels.intercept = first.intercept;
+  } else {
+    file.voxels.component = Component::kFloat32;
+  }
+  file.padded = std::any_of(volume.frames.begin(), volume.frames.end(),
+                            [](const DicomFrame& frame) { return frame.padding.has_value(); });
+  file.notes = std::move(notes);
+  return file;
+}
+
+bool is_padding(std::int64_t stored, const DicomFrame& frame) {
+  if (!frame.padding) return false;
+  const auto [low, high] = std::minmax({*frame.padding, frame.padding_limit.value_or(*frame.padding)});
+  return stored >= low && stored <= high;
+}
+
+template <class Value>
+void send_values(std::span<const std::int64_t> values, const DicomFrame& frame, VoxelSink& sink) {
+  for (std::size_t first = 0; first < values.size();) {
+    const std::size_t count = std::min(values.size() - first, kPieceValues);
+    const auto room = sink.room().first(count * sizeof(Value));
+    for (std::size_t n = 0; n < count; ++n) {
+      const std::int64_t stored = values[first + n];
+      Value value;
+      if constexpr (std::is_floating_point_v<Value>)
+        value = is_padding(stored, frame)
+                    ? std::numeric_limits<Value>::quiet_NaN()
+                    : static_cast<Value>(frame.slope * static_cast<double>(stored) + frame.intercept);
+      else
+        value = static_cast<Value>(stored);
+      std::memcpy(room.data() + n * sizeof(Value), &value, sizeof value);
+    }
+    sink.put(room.size());
+    first += count;
+  }
+}
+
+// slice after slice; a multi-frame file is opened once
+Result<void> send_slices(const DicomVolume& volume, const FoundFiles& found, Component component,
+                         VoxelSink& sink) {
+  std::optional<InputFile> file;
+  std::optional<DicomPixels> pixels;
+  std::uint32_t opened = 0;
+  std::vector<std::int64_t> values;
+  for (std::size_t n = 0; n < volume.frames.size(); ++n) {
+    const DicomFrame& frame = volume.frames[n];
+    const auto here = [&](const Error& error) {
+      return bad_input("", slice_in_words(volume.frames, n) + ", " + error.what, error.remedy);
+    };
+    if (!pixels || opened != frame.file) {
+      pixels.reset();
+      auto input = InputFile::open(found.files[frame.file]);
+      if (!input) return here(bad_input("", "cannot be read any more"));
+      file = *std::move(input);
+      auto content = DicomPixels::open(file->name_for_libraries());
+      if (!content) return here(content.error());
+      pixels = *std::move(content);
+      opened = frame.file;
+    }
+    values.resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
+    if (auto read = pixels->read(frame, values); !read) return here(read.error());
+    with_type(component, [&](auto type) { send_values<decltype(type)>(values, frame, sink); });
+  }
+  return {};
+}
+
+Result<DicomContent> look_for(reader::ParentEnd& parent, const FoundFiles& found) {
+  begin_reading_dicom();
+  return look_at(found, [&](std::size_t done) {
+    const auto number = static_cast<std::uint32_t>(done);
+    return parent.write(std::as_bytes(std::span(&number, 1)));
+  });
+}
+
+bool read_dicom_for(reader::ParentEnd& parent, const FoundFiles& found, const fs::path& named,
+                    std::optional<int> number) {
+  const auto content = look_for(parent, found);
+  if (!content) return send_end(parent, content.error());
+  const auto chosen = choose_volume(content->volumes, number);
+  if (!chosen) return send_end(parent, chosen.error());
+  if (!send_end(parent, {})) return false;
+  const DicomVolume& volume = content->volumes[*chosen];
+  const VolumeFile file = volume_of(volume, named, content->notes);
+  if (!send_volume(parent, file, {&named, 1})) return false;
+  while (parent.wait_for_word()) {
+    VoxelSlots slots(parent);
+    const auto read = send_slices(volume, found, file.voxels.component, slots);
+    slots.drain();
+    if (!send_end(parent, read)) return false;
+  }
+  return false;
+}
+
+bool list_dicom_for(reader::ParentEnd& parent, const FoundFiles& found) {
+  const auto content = look_for(parent, found);
+  if (!content) return send_end(parent, content.error());
+  if (!send_end(parent, {})) return false;
+  reader::Sender out(parent);
+  out.put(static_cast<std::uint32_t>(content->volumes.size()));
+  for (const DicomVolume& volume : content->volumes) {
+    out.put(volume.what);
+    out.put(volume.fault);
+  }
+  std::vector<std::string> notes = content->notes;
+  for (const std::string& other : content->others) notes.push_back("besides: " + other);
+  out.put(static_cast<std::uint32_t>(notes.size()));
+  for (const std::string& note : notes) out.put(note);
+  return out.ok();
+}
+
+// ---- in this process ----------------------------------------------------------------------------
+
+// a process that may open these and what stands below
+Result<std::unique_ptr<reader::ReaderProcess>> start_in(const FoundFiles& found, std::size_t shared_bytes,
+                                                        const Progress& progress,
+                                                        const reader::ReaderProcess::Work& work) {
+  {
+    const ItkSection section;
+    if (auto loaded = load_dicom_dictionary(); !loaded) return loaded.error();
+  }
+  std::vector<int> descriptors;
+  for (const fs::path& root : found.roots)
+    if (const int descriptor = ::open(root.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); descriptor >= 0)
+      descriptors.push_back(descriptor);
+  auto process = start_reader(descriptors, shared_bytes, progress, work);
+  for (const int descriptor : descriptors) ::close(descriptor);
+  return process;
+}
+
+// until all files are looked at
+Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& found, Files named,
+                            const Progress& progress) {
+  while (true) {
+    std::uint32_t done = 0;
+    if (auto said = process.read(std::as_writable_bytes(std::span(&done, 1))); !said)
+      return about(said.error(), named);
+    if (done == kEnd) return receive_end(process, named);
+    progress.report("looking for volumes",
+                    static_cast<double>(std::min<std::size_t>(done, found.files.size())) /
+                        static_cast<double>(found.files.size()));
+  }
+}
+
+}  // namespace
+
+Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, const Progress& progress) {
+  const FoundFiles found = find_files(file);
+  if (progress.stopped()) return Progress::interrupted();
+  auto process = start_in(found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
+    return read_dicom_for(parent, found, file, number);
+  });
+  if (!process)
+    return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
+  const Files named{&file, 1};
+  if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
+  auto answer = receive_answer(**process, named);
+  if (!answer) return answer.error();
+  auto* volume = std::get_if<VolumeFile>(&*answer);
+  if (!volume || volume->voxels.encoding != Encoding::kDicom) return nonsense(named);
+  return DicomReader{*std::move(process), std::move(*volume)};
+}
+
+}  // namespace palpate::volume_io
+
+namespace palpate {
+
+using namespace volume_io;
+
+bool is_dicom(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (fs::is_regular_file(file, ignored)) return is_dicom_image(file);
+  if (!fs::is_directory(file, ignored)) return false;
+  std::size_t looked_at = 0;
+  bool found = false;
+  walk(file, [&](const fs::path& inside) {
+    found = is_dicom_image(inside);
+    return found || ++looked_at == kMostDicomFiles;
+  });
+  return found;
+}
+
+Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress) try {
+  PALPATE_CHECK(is_dicom(file));
+  const FoundFiles found = find_files(file);
+  auto process =
+      start_in(found, 0, progress, [&](reader::ParentEnd& parent) { return list_dicom_for(parent, found); });
+  if (!process)
+    return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
+  const Files named{&file, 1};
+  if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
+  reader::Receiver in(**process, "is damaged: ");
+  VolumeList list;
+  std::uint32_t count = 0;
+  in.get(count);
+  for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
+    auto& volume = list.volumes.emplace_back();
+    in.get(volume.what);
+    in.get(volume.fault);
+  }
+  std::uint32_t notes = 0;
+  in.get(notes);
+  for (std::uint32_t n = 0; n < notes && in.ok(); ++n) in.get(list.notes.emplace_back());
+  if (!in.ok()) return about(in.error(), named);
+  return list;
+} catch (const std::bad_alloc&) {
+  return bad_input(file.string(), "does not fit into the memory",
+                   "close other programs, or name a smaller folder");
+}
+
+}  // namespace palpate

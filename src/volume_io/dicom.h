@@ -1,0 +1,29 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "palpate/reader/reader_process.h"
+#include "volume_io/voxel_source.h"
+
+/// DICOM files, one or a folder of them, read by a process of its own as other volumes are (volume_reader.h).
+/// This process looks for the files and starts it; it may open what stands in the folder and below. It says
+///
+///   u32 n     so many files are looked at                                            as often as it takes
+///   u32 ~0    and byte 1, or byte 0 with a refusal as in volume_message.h            all of them
+///   then what volume_message.h has of a volume and its voxels; of a list
+///   u32 volumes, and of each text what, text fault; u32 notes, texts
+namespace palpate::volume_io {
+
+/// A process that has understood a volume and waits for a word to send its voxels.
+struct DicomReader {
+  std::unique_ptr<reader::ReaderProcess> process;
+  VolumeFile volume;
+};
+/// @param file    of which is_dicom() (volume_io.h) holds
+/// @param number  of the volume, see choose_volume()
+Result<DicomReader> open_dicom(const std::filesystem::path& file, std::optional<int> number,
+                               const Progress& progress);
+
+}  // namespace palpate::volume_io

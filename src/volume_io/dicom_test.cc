@@ -1,0 +1,668 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <random>
+
+#include "base/test_files.h"
+#include "base/test_folder.h"
+#include "palpate/volume_io/volume_io.h"
+#include "volume_io/test_dicom.h"
+
+/// Series written by DCMTK, each with one trap, and the shared ones.
+namespace palpate {
+namespace {
+
+using test::DicomImage;
+using test::DicomPacking;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+constexpr int kSlices = 5;
+constexpr double kStep_mm = 1.25;
+
+// what stands at a voxel, another number everywhere, in 12 bits
+std::uint16_t stored_at(int i, int j, int k) {
+  return static_cast<std::uint16_t>((k * 611 + j * 83 + i * 7) % 4096);
+}
+
+std::vector<std::uint16_t> words_of(const DicomImage& image, int k) {
+  std::vector<std::uint16_t> words;
+  for (int j = 0; j < image.rows; ++j)
+    for (int i = 0; i < image.columns; ++i) words.push_back(stored_at(i, j, k));
+  return words;
+}
+
+// a slice of a series, k steps along the normal of an axial plane
+DicomImage slice(int k) {
+  DicomImage image;
+  image.frames[0].position = {-10, 20, -30 + k * kStep_mm};
+  image.frames[0].stored = words_of(image, k);
+  return image;
+}
+
+class Dicom : public ::testing::Test {
+ protected:
+  // slices of a series, each changed
+  template <class Change>
+  void write_series(const Change& change, DicomPacking packing = DicomPacking::kExplicit,
+                    int slices = kSlices, const std::string& name = "IM") {
+    for (int k = 0; k < slices; ++k) {
+      DicomImage image = slice(k);
+      change(image, k);
+      test::write_dicom(folder_ / (name + std::to_string(k)), image, packing);
+    }
+  }
+  void write_series(DicomPacking packing = DicomPacking::kExplicit) {
+    write_series([](DicomImage&, int) {}, packing);
+  }
+
+  Result<ScanFile> read(std::optional<int> volume = {}) {
+    return read_scan(
+        folder_.path(), {}, [&](const std::string& message) { warnings_ += message + "\n"; }, Unpacked::kAnew,
+        volume);
+  }
+  std::string refusal(std::optional<int> volume = {}) {
+    const auto scan = read(volume);
+    if (scan) return "no error";
+    EXPECT_EQ(scan.error().where, folder_.path().string());
+    EXPECT_THAT(scan.error().remedy, Not(IsEmpty()));
+    return scan.error().what;
+  }
+  // every voxel, by the value that it should have
+  template <class Value>
+  void expect_voxels(const Value& value) {
+    const auto scan = read();
+    ASSERT_TRUE(scan) << scan.error().message();
+    const GridGeometry& g = scan->scan.geometry();
+    ASSERT_EQ(g.dims, (std::array{8, 6, kSlices}));
+    std::size_t wrong = 0;
+    for (int k = 0; k < g.dims[2]; ++k)
+      for (int j = 0; j < g.dims[1]; ++j)
+        for (int i = 0; i < g.dims[0]; ++i)
+          wrong += scan->scan.at(i, j, k) != static_cast<float>(value(i, j, k));
+    EXPECT_EQ(wrong, 0u);
+  }
+  void expect_voxels() { expect_voxels(stored_at); }
+
+  const test::TemporaryFolder folder_;
+  std::string warnings_;
+};
+
+// ---- geometry -----------------------------------------------------------------------------------
+
+TEST_F(Dicom, SlicesAreSortedByTheirPlacesAlone) {
+  // names, numbers and folders say other things
+  for (int k = 0; k < kSlices; ++k) {
+    DicomImage image = slice(k);
+    image.instance_number = 100 - k * k;
+    const auto folder = folder_ / ("d" + std::to_string((k * 3) % 5));
+    std::filesystem::create_directories(folder);
+    test::write_dicom(folder / std::string(1, static_cast<char>('z' - k)), image);
+  }
+  std::ofstream(folder_ / "README.txt") << "nothing of it";
+  std::ofstream(folder_ / "empty");
+  std::ofstream(folder_ / "picture.png") << "\x89PNG\r\n";
+  expect_voxels();
+  const auto header = read_header(folder_.path());
+  ASSERT_TRUE(header);
+  EXPECT_EQ(header->format, "DICOM");
+  EXPECT_EQ(header->component_type, "uint16");
+  const GridGeometry& g = header->geometry;
+  EXPECT_LT((g.spacing_mm - Eigen::Vector3d(0.5, 0.7, kStep_mm)).norm(), 1e-9) << "of columns, then of rows";
+  EXPECT_LT((g.origin - Point<Patient>(-10, 20, -30)).norm(), 1e-9);
+  EXPECT_LT((g.direction - Eigen::Matrix3d::Identity()).norm(), 1e-9);
+  EXPECT_TRUE(header->has_geometry);
+}
+
+TEST_F(Dicom, ObliqueSlicesLieWhereTheirFilesSay) {
+  // a sagittal plane turned by 20 degrees, whose normal points to the patient's right
+  const double c = std::cos(20 * M_PI / 180), s = std::sin(20 * M_PI / 180);
+  const Eigen::Vector3d row(s, c, 0), column(0, 0, -1), normal = row.cross(column);
+  write_series([&](DicomImage& image, int k) {
+    image.orientation = {row.x(), row.y(), row.z(), column.x(), column.y(), column.z()};
+    const Eigen::Vector3d place = Eigen::Vector3d(12, -34, 56) + k * 2.5 * normal;
+    image.frames[0].position = {place.x(), place.y(), place.z()};
+  });
+  expect_voxels();
+  const auto header = read_header(folder_.path());
+  ASSERT_TRUE(header);
+  // DICOM's own formula, PS3.3 C.7.6.2.1.1
+  const Eigen::Vector3d expected =
+      Eigen::Vector3d(12, -34, 56) + 4 * 2.5 * normal + 7 * 0.5 * row + 5 * 0.7 * column;
+  const Point<Patient> last = header->geometry.X_PatientVoxel() * Point<Voxel>(7, 5, 4);
+  EXPECT_LT((last.eigen() - expected).norm(), 1e-3);
+  EXPECT_TRUE(header->geometry.right_handed());
+}
+
+TEST_F(Dicom, AMissingSliceIsNamed) {
+  write_series([](DicomImage& image, int k) {
+    if (k >= 3) image.frames[0].position[2] += kStep_mm;
+  });
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("a slice is missing between slice 3 of 5, at -27.50 mm"),
+                               HasSubstr("the next at -25.00 mm"), HasSubstr("1.25 mm apart")));
+}
+
+TEST_F(Dicom, ADoubledSliceIsNamed) {
+  write_series([](DicomImage&, int) {});
+  test::write_dicom(folder_ / "copy", slice(2));
+  EXPECT_THAT(refusal(), HasSubstr("two slices lie at one place: slice 3 of 6, at -27.50 mm"));
+}
+
+TEST_F(Dicom, UnevenSlicesAreNamed) {
+  write_series([](DicomImage& image, int k) {
+    if (k == 4) image.frames[0].position[2] += 0.3;
+  });
+  EXPECT_THAT(refusal(), HasSubstr("its slices lie unevenly: slice 4 of 5, at -26.25 mm"));
+}
+
+TEST_F(Dicom, SmallDifferencesThatAddUpAreUnevenToo) {
+  write_series([](DicomImage& image, int k) { image.frames[0].position[2] += k * k * 0.002; },
+               DicomPacking::kExplicit, 12);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("unevenly"), HasSubstr("off its place")));
+}
+
+TEST_F(Dicom, AThousandthOfAMillimetreIsRounding) {
+  write_series([](DicomImage& image, int k) {
+    image.frames[0].position[0] += k % 2 ? 1e-3 : -1e-3;
+    image.frames[0].position[2] += k % 3 ? 1e-3 : -1e-3;
+  });
+  expect_voxels();
+  EXPECT_NEAR(read()->scan.geometry().spacing_mm.z(), kStep_mm, 1e-3);
+}
+
+TEST_F(Dicom, ATiltedGantryIsNamed) {
+  write_series([](DicomImage& image, int k) { image.frames[0].position[1] -= 0.25 * k; });
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("gantry was tilted by 11.31 degrees"), HasSubstr("slice 2 of 5"),
+                               HasSubstr("0.25 mm beside the one before")));
+}
+
+TEST_F(Dicom, ASliceBesideTheOthersIsNamed) {
+  write_series([](DicomImage& image, int k) {
+    if (k == 2) image.frames[0].position[0] += 0.4;
+  });
+  EXPECT_THAT(refusal(), HasSubstr("slice 3 of 5, at -27.50 mm along its normal, lies 0.40 mm beside"));
+}
+
+TEST_F(Dicom, ASingleSliceIsNoVolume) {
+  test::write_dicom(folder_ / "one.dcm", slice(0));
+  EXPECT_THAT(refusal(), HasSubstr("a single slice is no volume"));
+  const auto alone = read_scan(folder_ / "one.dcm");
+  ASSERT_FALSE(alone);
+  EXPECT_EQ(alone.error().where, (folder_ / "one.dcm").string());
+}
+
+// ---- volumes of one series ----------------------------------------------------------------------
+
+TEST_F(Dicom, TwoEchoesAreTwoVolumes) {
+  for (const int echo : {1, 2})
+    write_series(
+        [&](DicomImage& image, int k) {
+          image.modality = "MR";
+          image.echo_time_ms = 10 * echo;
+          image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * echo + k));
+        },
+        DicomPacking::kExplicit, kSlices, "echo" + std::to_string(echo) + "_");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("holds 2 volumes"), HasSubstr("1) series 1: MR, axial, 8 x 6 x 5"),
+                               HasSubstr("echo time 10 ms"), HasSubstr("echo time 20 ms")));
+  for (const int number : {1, 2}) {
+    const auto scan = read(number);
+    ASSERT_TRUE(scan) << scan.error().message();
+    EXPECT_EQ(scan->scan.at(3, 3, 4), static_cast<float>(100 * number + 4));
+  }
+  EXPECT_THAT(refusal(3), HasSubstr("has no volume 3"));
+}
+
+TEST_F(Dicom, ALocalizerBesideTheScanIsNoQuestion) {
+  write_series();
+  DicomImage localizer = slice(0);
+  localizer.series += ".7";
+  localizer.orientation = {0, 1, 0, 0, 0, -1};
+  localizer.image_type = "ORIGINAL\\PRIMARY\\LOCALIZER";
+  test::write_dicom(folder_ / "localizer", localizer);
+  expect_voxels();
+  const auto list = list_volumes(folder_.path());
+  ASSERT_TRUE(list) << list.error().message();
+  ASSERT_EQ(list->volumes.size(), 2u);
+  EXPECT_THAT(list->volumes[0].what, HasSubstr("series 1: CT, axial, 8 x 6 x 5, 0.5 x 0.7 x 1.25 mm"));
+  EXPECT_THAT(list->volumes[0].fault, IsEmpty());
+  EXPECT_THAT(list->volumes[1].what, AllOf(HasSubstr("sagittal"), HasSubstr("localizer")));
+  EXPECT_THAT(list->volumes[1].fault, HasSubstr("single slice"));
+  EXPECT_THAT(refusal(2), HasSubstr("volume 2 cannot be used"));
+}
+
+TEST_F(Dicom, WhatTellsVolumesApart) {
+  const auto volumes = [&] {
+    const auto list = list_volumes(folder_.path());
+    return list ? list->volumes.size() : 0;
+  };
+  write_series();
+  EXPECT_EQ(volumes(), 1u);
+  const auto add = [&](const std::string& name, const auto& change) {
+    write_series([&](DicomImage& image, int) { change(image); }, DicomPacking::kExplicit, 2, name);
+  };
+  add("b", [](DicomImage& image) { image.b_value = 1000; });
+  EXPECT_EQ(volumes(), 2u);
+  add("type", [](DicomImage& image) { image.image_type = "DERIVED\\PRIMARY\\MPR"; });
+  EXPECT_EQ(volumes(), 3u);
+  add("spacing", [](DicomImage& image) { image.spacing_mm = {{0.8, 0.5}}; });
+  EXPECT_EQ(volumes(), 4u);
+  add("size", [](DicomImage& image) {
+    image.rows = 4;
+    image.frames[0].stored.resize(32);
+  });
+  EXPECT_EQ(volumes(), 5u);
+  add("series", [](DicomImage& image) { image.series += ".2"; });
+  EXPECT_EQ(volumes(), 6u);
+}
+
+// ---- how voxels are packed ----------------------------------------------------------------------
+
+TEST_F(Dicom, EveryPackingWithoutLossGivesTheSameVoxels) {
+  for (const DicomPacking packing :
+       {DicomPacking::kImplicit, DicomPacking::kBigEndian, DicomPacking::kDeflated, DicomPacking::kRle,
+        DicomPacking::kJpegLossless, DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    write_series(packing);
+    expect_voxels();
+  }
+}
+
+TEST_F(Dicom, JpegOfEightBitsIsNear) {
+  write_series(
+      [](DicomImage& image, int k) {
+        image.bits_allocated = image.bits_stored = 8;
+        image.high_bit = 7;
+        image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 + 10 * k));
+      },
+      DicomPacking::kJpegBaseline);
+  const auto scan = read();
+  ASSERT_TRUE(scan) << scan.error().message();
+  for (int k = 0; k < kSlices; ++k) EXPECT_NEAR(scan->scan.at(4, 3, k), 100 + 10 * k, 2);
+}
+
+TEST_F(Dicom, EightBitsOfOddSizeInEitherByteOrder) {
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kBigEndian}) {
+    write_series(
+        [](DicomImage& image, int k) {
+          image.bits_allocated = image.bits_stored = 8;
+          image.high_bit = 7;
+          image.rows = 3;
+          image.columns = 5;
+          image.frames[0].stored.clear();
+          for (int n = 0; n < 15; ++n)
+            image.frames[0].stored.push_back(static_cast<std::uint16_t>(20 * k + n));
+        },
+        packing);
+    const auto scan = read();
+    ASSERT_TRUE(scan) << scan.error().message();
+    for (int k = 0; k < kSlices; ++k)
+      for (int n = 0; n < 15; ++n) EXPECT_EQ(scan->scan.at(n % 5, n / 5, k), static_cast<float>(20 * k + n));
+  }
+}
+
+TEST_F(Dicom, WithoutAPreamble) {
+  for (int k = 0; k < kSlices; ++k) {
+    const DicomPacking packing = k % 2 ? DicomPacking::kImplicit : DicomPacking::kExplicit;
+    test::write_dicom(folder_ / ("IM" + std::to_string(k)), slice(k), packing, false);
+  }
+  expect_voxels();
+}
+
+// the file with another TransferSyntaxUID in its header
+void claim_syntax(const std::filesystem::path& file, std::string uid) {
+  std::ifstream in(file, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  const auto at = bytes.find(std::string("\x02\0\x10\0UI", 6));
+  ASSERT_NE(at, std::string::npos);
+  const auto before = static_cast<std::size_t>(static_cast<unsigned char>(bytes[at + 6]));
+  if (uid.size() % 2) uid += '\0';
+  bytes.replace(at + 8, before, uid);
+  bytes[at + 6] = static_cast<char>(uid.size());
+  // the length of the header
+  bytes[140] = static_cast<char>(static_cast<unsigned char>(bytes[140]) + uid.size() - before);
+  std::ofstream(file, std::ios::binary) << bytes;
+}
+
+TEST_F(Dicom, WhatIsNotUnpackedIsRefusedByName) {
+  for (const auto& [uid, name] : {std::pair{"1.2.840.10008.1.2.4.90", "JPEG 2000"},
+                                  {"1.2.840.10008.1.2.4.201", "High-Throughput JPEG 2000 (HTJ2K)"},
+                                  {"1.2.840.10008.1.2.4.102", "MPEG-4"},
+                                  {"1.2.3.4.5", "TransferSyntaxUID (0002,0010)"}}) {
+    SCOPED_TRACE(uid);
+    write_series();
+    for (int k = 0; k < kSlices; ++k) claim_syntax(folder_ / ("IM" + std::to_string(k)), uid);
+    EXPECT_THAT(refusal(), HasSubstr(name));
+  }
+}
+
+// ---- values -------------------------------------------------------------------------------------
+
+TEST_F(Dicom, BitsThatAreNotStoredDoNotCount) {
+  // 12 bits of 16: what stands above them is something else
+  write_series([](DicomImage& image, int) {
+    image.bits_stored = 12;
+    image.high_bit = 11;
+    for (std::uint16_t& word : image.frames[0].stored) word |= 0xA000;
+  });
+  expect_voxels();
+  // and above what is not used below
+  write_series([](DicomImage& image, int) {
+    image.bits_stored = 12;
+    image.high_bit = 13;
+    for (std::uint16_t& word : image.frames[0].stored) word = static_cast<std::uint16_t>(word << 2 | 3);
+  });
+  expect_voxels();
+}
+
+TEST_F(Dicom, SignedValuesWithAScale) {
+  write_series([](DicomImage& image, int) {
+    image.is_signed = true;
+    image.bits_stored = 12;
+    image.high_bit = 11;
+    image.frames[0].slope = 2;
+    image.frames[0].intercept = -1024;
+  });
+  expect_voxels([](int i, int j, int k) {
+    const int stored = stored_at(i, j, k);
+    return 2 * (stored < 2048 ? stored : stored - 4096) - 1024;
+  });
+  EXPECT_EQ(read()->header.component_type, "int16");
+}
+
+TEST_F(Dicom, EverySliceHasItsOwnScale) {
+  write_series([](DicomImage& image, int k) {
+    image.frames[0].slope = 0.5 + k;
+    image.frames[0].intercept = -k;
+  });
+  expect_voxels([](int i, int j, int k) { return (0.5 + k) * stored_at(i, j, k) - k; });
+}
+
+TEST_F(Dicom, Monochrome1KeepsItsValues) {
+  // it says how a screen shows them (PS3.3 C.7.6.3.1.2), not what they are
+  write_series([](DicomImage& image, int) { image.photometric = "MONOCHROME1"; });
+  expect_voxels();
+}
+
+TEST_F(Dicom, PaddingIsTheLowestValueAndIsTold) {
+  write_series([](DicomImage& image, int) {
+    image.is_signed = true;
+    image.padding = -2000;
+    for (std::uint16_t& word : image.frames[0].stored)
+      word = word % 5 == 0 ? static_cast<std::uint16_t>(-2000) : static_cast<std::uint16_t>(word + 50);
+    image.frames[0].slope = 1;
+    image.frames[0].intercept = -1000;
+  });
+  const auto scan = read();
+  ASSERT_TRUE(scan) << scan.error().message();
+  const auto [low, high] = std::minmax_element(scan->scan.voxels().begin(), scan->scan.voxels().end());
+  EXPECT_GE(*low, -950);
+  EXPECT_EQ(scan->scan.at(0, 0, 0), *low) << "padding";
+  EXPECT_EQ(scan->scan.at(1, 0, 0), 7 + 50 - 1000);
+  EXPECT_THAT(warnings_, HasSubstr("lie outside what was scanned (PixelPaddingValue (0028,0120))"));
+}
+
+// ---- multi-frame --------------------------------------------------------------------------------
+
+TEST_F(Dicom, FramesOfOneFile) {
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kImplicit, DicomPacking::kRle,
+                                     DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    DicomImage image = slice(0);
+    image.multi_frame = true;
+    image.frames.clear();
+    for (const int k : {3, 0, 4, 1, 2}) {
+      auto& frame = image.frames.emplace_back(slice(k).frames[0]);
+      frame.slope = k + 1;
+      frame.intercept = -k;
+    }
+    test::write_dicom(folder_ / "all.dcm", image, packing);
+    expect_voxels([](int i, int j, int k) { return (k + 1) * stored_at(i, j, k) - k; });
+    const auto alone = read_scan(folder_ / "all.dcm");
+    ASSERT_TRUE(alone) << alone.error().message();
+    EXPECT_NEAR(alone->scan.geometry().spacing_mm.z(), kStep_mm, 1e-9);
+  }
+}
+
+// ---- what is refused ----------------------------------------------------------------------------
+
+TEST_F(Dicom, WhatLacksIsNamed) {
+  write_series([](DicomImage& image, int) { image.spacing_mm.reset(); });
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("PixelSpacing (0028,0030)"), HasSubstr("5 images")));
+  write_series([](DicomImage& image, int) {
+    image.samples = 3;
+    image.bits_allocated = image.bits_stored = 8;
+    image.high_bit = 7;
+    image.photometric = "RGB";
+  });
+  EXPECT_THAT(refusal(), HasSubstr("SamplesPerPixel (0028,0002)"));
+  write_series([](DicomImage& image, int k) {
+    image.frames[0].slope = k == 2 ? 0 : 1;
+    image.frames[0].intercept = 0;
+  });
+  EXPECT_THAT(refusal(),
+              AllOf(HasSubstr("slice 3 of 5, at -27.50 mm"), HasSubstr("RescaleSlope (0028,1053)")));
+}
+
+TEST_F(Dicom, ASliceThatIsCutShortIsNamed) {
+  write_series();
+  std::filesystem::resize_file(folder_ / "IM2", std::filesystem::file_size(folder_ / "IM2") - 20);
+  EXPECT_THAT(refusal(),
+              AllOf(HasSubstr("slice 3 of 5, at -27.50 mm"), HasSubstr("PixelData (7FE0,0010) cut short")));
+}
+
+TEST_F(Dicom, OtherObjectsAreCountedAndImagesAreNoLabels) {
+  write_series();
+  std::string other(128, '\0');
+  other += std::string("DICM\x02\0\x02\0UI\x1C\0", 12) + "1.2.840.10008.5.1.4.1.1.66.4";
+  std::ofstream(folder_ / "seg", std::ios::binary) << other;
+  std::ofstream(folder_ / "notes.txt") << "x";
+  const auto list = list_volumes(folder_.path());
+  ASSERT_TRUE(list) << list.error().message();
+  EXPECT_THAT(list->notes,
+              ::testing::ElementsAre("besides: a DICOM segmentation (SEG)", "besides: 1 other file"));
+  const auto labels = read_labels(folder_.path());
+  ASSERT_FALSE(labels);
+  EXPECT_THAT(labels.error().what, HasSubstr("a scan and not labels"));
+  EXPECT_TRUE(is_volume(folder_.path()));
+  EXPECT_FALSE(is_dicom(folder_ / "notes.txt"));
+}
+
+TEST_F(Dicom, WhatIsNoDicomHasNoNumber) {
+  std::ofstream(folder_ / "a.nrrd") << "NRRD0004\n";
+  const auto scan = read_scan(folder_ / "a.nrrd", {}, {}, Unpacked::kAnew, 2);
+  ASSERT_FALSE(scan);
+  EXPECT_EQ(scan.error().kind, ErrorKind::kUsage);
+}
+
+TEST_F(Dicom, LinksThatLeadOutAreNotFollowed) {
+  const test::TemporaryFolder elsewhere;
+  write_series();
+  std::filesystem::rename(folder_ / "IM4", elsewhere / "IM4");
+  std::filesystem::create_symlink(elsewhere / "IM4", folder_ / "IM4");
+  const auto scan = read();
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_EQ(scan->scan.geometry().dims[2], 4);
+  EXPECT_THAT(warnings_, HasSubstr("1 link leads out of the folder"));
+}
+
+TEST_F(Dicom, StopsWhenItIsAsked) {
+  write_series();
+  const std::atomic<bool> stop{true};
+  const auto scan = read_scan(folder_.path(), Progress({}, &stop));
+  ASSERT_FALSE(scan);
+  EXPECT_EQ(scan.error().kind, ErrorKind::kInterrupted);
+}
+
+// ---- who it is ----------------------------------------------------------------------------------
+
+TEST_F(Dicom, NothingSaysWhoItIs) {
+  const std::string canary = "DOE^CANARY";
+  const auto with_patient = [&](const auto& change) {
+    write_series([&](DicomImage& image, int k) {
+      image.patient = canary;
+      image.series = "1.2.3.4.5.9753";
+      change(image, k);
+    });
+  };
+  std::string told;
+  const auto tell = [&] {
+    const auto list = list_volumes(folder_.path());
+    if (!list) {
+      told += list.error().message();
+    } else {
+      for (const auto& volume : list->volumes) told += volume.what + volume.fault;
+      for (const auto& note : list->notes) told += note;
+    }
+    const auto scan = read();
+    told += scan ? scan->header.format + scan->header.component_type : scan.error().message();
+  };
+  with_patient([](DicomImage&, int) {});
+  tell();
+  // the standard's own words are shown, others are not
+  with_patient([&](DicomImage& image, int k) {
+    image.modality = "DOE";
+    image.image_type = k < 2 ? "ORIGINAL\\DOE^CANARY" : "ORIGINAL\\PRIMARY";
+  });
+  tell();
+  with_patient([](DicomImage& image, int k) {
+    image.frames[0].position[2] += k == 3 ? 1 : 0;
+    image.photometric = k == 1 ? "DOE^CANARY" : "MONOCHROME2";
+  });
+  tell();
+  with_patient([](DicomImage& image, int) { image.spacing_mm.reset(); });
+  tell();
+  std::filesystem::resize_file(folder_ / "IM1", 900);
+  tell();
+  told += warnings_;
+  EXPECT_THAT(told, AllOf(Not(HasSubstr("DOE")), Not(HasSubstr("CANARY")), Not(HasSubstr("9753"))));
+  EXPECT_GT(told.size(), 300u);
+}
+
+// ---- damage -------------------------------------------------------------------------------------
+
+TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
+  constexpr unsigned kSeed = 20;
+  SCOPED_TRACE(kSeed);
+  std::mt19937 random(kSeed);
+  const std::array packings{DicomPacking::kExplicit,
+                            DicomPacking::kImplicit,
+                            DicomPacking::kDeflated,
+                            DicomPacking::kRle,
+                            DicomPacking::kJpegLosslessFirstOrder,
+                            DicomPacking::kJpegLs};
+  int refused = 0;
+  for (int n = 0; n < 100; ++n) {
+    const auto packing = packings[static_cast<std::size_t>(n) % packings.size()];
+    DicomImage image = slice(0);
+    image.multi_frame = true;
+    image.frames.clear();
+    for (int k = 0; k < 3; ++k) image.frames.push_back(slice(k).frames[0]);
+    const auto file = folder_ / "damaged";
+    test::write_dicom(file, image, packing);
+    std::ifstream in(file, std::ios::binary);
+    std::string bytes{std::istreambuf_iterator<char>(in), {}};
+    if (n % 2) {
+      bytes.resize(std::uniform_int_distribution<std::size_t>(0, bytes.size())(random));
+    } else {
+      for (int flips = 0; flips < 1 + n % 4; ++flips) {
+        const auto at = std::uniform_int_distribution<std::size_t>(132, bytes.size() - 1)(random);
+        bytes[at] = static_cast<char>(bytes[at] ^ (1 << std::uniform_int_distribution<int>(0, 7)(random)));
+      }
+    }
+    std::ofstream(file, std::ios::binary | std::ios::trunc) << bytes;
+    const auto scan = read_scan(file);
+    refused += !scan;
+    if (scan) continue;
+    EXPECT_EQ(scan.error().where.find(file.string()), 0u) << n << scan.error().message();
+  }
+  EXPECT_GT(refused, 30);
+  EXPECT_LT(refused, 100);
+}
+
+// ---- the shared files ---------------------------------------------------------------------------
+
+// every voxel of one lies in the other, with the same value
+void expect_same_voxels(const Volume<float>& one, const Volume<float>& other) {
+  ASSERT_EQ(one.voxels().size(), other.voxels().size());
+  const auto X = other.geometry().X_PatientVoxel().inverse() * one.geometry().X_PatientVoxel();
+  std::size_t wrong = 0;
+  double off_mm = 0;
+  const auto& dims = one.geometry().dims;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; j += 3)
+      for (int i = 0; i < dims[0]; i += 3) {
+        const Eigen::Vector3d at = (X * Point<Voxel>(i, j, k)).eigen();
+        const Eigen::Vector3d near = at.array().round();
+        off_mm = std::max(off_mm, (at - near).norm() * other.geometry().spacing_mm.maxCoeff());
+        const auto n = near.cast<int>();
+        wrong += !other.geometry().contains(n.x(), n.y(), n.z()) ||
+                 other.at(n.x(), n.y(), n.z()) != one.at(i, j, k);
+      }
+  EXPECT_EQ(wrong, 0u);
+  EXPECT_LT(off_mm, 1e-3);
+}
+
+TEST(SharedDicom, SeriesAreTheirGroundTruth) {
+  for (const auto& [series, truth] :
+       {std::pair{"anatomical/001", "anatomical/001_ground_truth.nii.gz"},
+        {"anatomical/001_implicit", "anatomical/001_implicit_ground_truth.nii.gz"},
+        {"anatomical/002_non_isotropic", "anatomical/002_non_isotropic_ground_truth.nii.gz"},
+        {"compressed_jpegls/001", "compressed_jpegls/001_ground_truth.nii.gz"},
+        {"slicecount/001", "slicecount/001_ground_truth.nii.gz"}}) {
+    SCOPED_TRACE(series);
+    PALPATE_SHARED_FILE(folder, std::string("edge/dicom/") + series);
+    PALPATE_SHARED_FILE(file, std::string("edge/dicom/") + truth);
+    const auto scan = read_scan(folder), expected = read_scan(file);
+    ASSERT_TRUE(scan) << scan.error().message();
+    ASSERT_TRUE(expected) << expected.error().message();
+    expect_same_voxels(scan->scan, expected->scan);
+  }
+}
+
+TEST(SharedDicom, TrapsAreRefusedByASentence) {
+  for (const auto& [series, what] :
+       {std::pair{"gantrytilting/001", "gantry was tilted by 14 degrees"},
+        {"missing_slice/001", "a slice is missing between slice 3 of 4, at 28.11 mm"},
+        {"notavolume/001", "two slices lie at one place"},
+        {"sliceorientation/001", "holds 2 volumes"},
+        {"bad_sequence.dcm", "a single slice is no volume"}}) {
+    SCOPED_TRACE(series);
+    PALPATE_SHARED_FILE(file, std::string("edge/dicom/") + series);
+    const auto scan = read_scan(file);
+    ASSERT_FALSE(scan);
+    EXPECT_THAT(scan.error().what, HasSubstr(what));
+  }
+}
+
+TEST(SharedDicom, ImagesOfSegmentationsLieOnTheirGrids) {
+  for (const std::string size : {"23x38x3", "24x38x3"}) {
+    SCOPED_TRACE(size);
+    PALPATE_SHARED_FILE(slices, "dicom_seg/" + size + "/image");
+    PALPATE_SHARED_FILE(frames, "dicom_seg/" + size + "/multiframe/mf.dcm");
+    PALPATE_SHARED_FILE(labels, "dicom_seg/" + size + "/nrrd/label.nrrd");
+    const auto classic = read_scan(slices), enhanced = read_scan(frames);
+    const auto grid = read_header(labels);
+    ASSERT_TRUE(classic) << classic.error().message();
+    ASSERT_TRUE(enhanced) << enhanced.error().message();
+    ASSERT_TRUE(grid);
+    EXPECT_TRUE(classic->scan.geometry().same_grid(grid->geometry));
+    EXPECT_TRUE(enhanced->scan.geometry().same_grid(grid->geometry));
+    EXPECT_EQ(classic->scan.voxels(), enhanced->scan.voxels());
+  }
+  PALPATE_SHARED_FILE(ct, "dicom_seg/ct-3slice");
+  PALPATE_SHARED_FILE(liver, "dicom_seg/liver_seg.nrrd");
+  const auto scan = read_scan(ct);
+  const auto grid = read_header(liver);
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_TRUE(scan->scan.geometry().same_grid(grid->geometry));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,186 @@
+#include "volume_io/test_dicom.h"
+
+#include <dcmtk/config/osconfig.h>
+
+#include <dcmtk/dcmdata/dcdeftag.h>
+#include <dcmtk/dcmdata/dcfilefo.h>
+#include <dcmtk/dcmdata/dcitem.h>
+#include <dcmtk/dcmdata/dcmetinf.h>
+#include <dcmtk/dcmdata/dcrleerg.h>
+#include <dcmtk/dcmdata/dcuid.h>
+#include <dcmtk/dcmjpeg/djencode.h>
+#include <dcmtk/dcmjpeg/djrplol.h>
+#include <dcmtk/dcmjpeg/djrploss.h>
+#include <dcmtk/dcmjpls/djencode.h>
+#include <dcmtk/dcmjpls/djrparam.h>
+
+#include <cstdio>
+
+#include "palpate/base/check.h"
+
+namespace palpate::test {
+namespace {
+
+template <class Numbers>
+std::string in_text(const Numbers& numbers) {
+  std::string text;
+  for (const double number : numbers) {
+    char one[32];
+    std::snprintf(one, sizeof one, "%.10g", number);
+    text += (text.empty() ? "" : "\\") + std::string(one);
+  }
+  return text;
+}
+
+void put(DcmItem& item, const DcmTagKey& tag, const std::string& text) {
+  PALPATE_CHECK(item.putAndInsertString(tag, text.c_str()).good());
+}
+void put(DcmItem& item, const DcmTagKey& tag, int number) {
+  PALPATE_CHECK(item.putAndInsertUint16(tag, static_cast<Uint16>(number)).good());
+}
+void put(DcmItem& item, const DcmTagKey& tag, const std::optional<double>& number) {
+  if (number) put(item, tag, in_text(std::array{*number}));
+}
+
+DcmItem& item_of(DcmItem& parent, const DcmTagKey& sequence, long n = 0) {
+  DcmItem* item = nullptr;
+  PALPATE_CHECK(parent.findOrCreateSequenceItem(sequence, item, n).good());
+  return *item;
+}
+
+void put_scale(DcmItem& item, const DicomImage::Frame& frame) {
+  put(item, DCM_RescaleSlope, frame.slope);
+  put(item, DCM_RescaleIntercept, frame.intercept);
+}
+
+void put_places(DcmDataset& root, const DicomImage& image) {
+  if (!image.multi_frame) {
+    put(root, DCM_ImagePositionPatient, in_text(image.frames[0].position));
+    put(root, DCM_ImageOrientationPatient, in_text(image.orientation));
+    if (image.spacing_mm) put(root, DCM_PixelSpacing, in_text(*image.spacing_mm));
+    put_scale(root, image.frames[0]);
+    return;
+  }
+  put(root, DCM_NumberOfFrames, std::to_string(image.frames.size()));
+  DcmItem& shared = item_of(root, DCM_SharedFunctionalGroupsSequence);
+  put(item_of(shared, DCM_PlaneOrientationSequence), DCM_ImageOrientationPatient, in_text(image.orientation));
+  if (image.spacing_mm)
+    put(item_of(shared, DCM_PixelMeasuresSequence), DCM_PixelSpacing, in_text(*image.spacing_mm));
+  for (std::size_t n = 0; n < image.frames.size(); ++n) {
+    DcmItem& own = item_of(root, DCM_PerFrameFunctionalGroupsSequence, static_cast<long>(n));
+    put(item_of(own, DCM_PlanePositionSequence), DCM_ImagePositionPatient, in_text(image.frames[n].position));
+    if (image.frames[n].slope) put_scale(item_of(own, DCM_PixelValueTransformationSequence), image.frames[n]);
+  }
+}
+
+void put_patient(DcmDataset& root, const std::string& patient) {
+  for (const DcmTagKey& tag :
+       {DCM_PatientName, DCM_PatientID, DCM_StudyDescription, DCM_SeriesDescription, DCM_ImageComments,
+        DCM_ProtocolName, DCM_AccessionNumber, DCM_StudyID, DCM_InstitutionName})
+    put(root, tag, patient.substr(0, 16));
+  PALPATE_CHECK(root.putAndInsertString(DcmTag(0x0029, 0x0010, EVR_LO), "PALPATE TEST").good());
+  PALPATE_CHECK(root.putAndInsertString(DcmTag(0x0029, 0x1001, EVR_LO), patient.c_str()).good());
+}
+
+void put_pixels(DcmDataset& root, const DicomImage& image) {
+  std::vector<Uint16> words;
+  std::vector<Uint8> bytes;
+  for (const auto& frame : image.frames)
+    for (const std::uint16_t word : frame.stored)
+      for (int sample = 0; sample < image.samples; ++sample) {
+        words.push_back(word);
+        bytes.push_back(static_cast<Uint8>(word));
+      }
+  if (image.bits_allocated == 8) {
+    if (bytes.size() % 2) bytes.push_back(0);
+    PALPATE_CHECK(root.putAndInsertUint8Array(DCM_PixelData, bytes.data(), bytes.size()).good());
+  } else {
+    PALPATE_CHECK(root.putAndInsertUint16Array(DCM_PixelData, words.data(), words.size()).good());
+  }
+}
+
+E_TransferSyntax syntax_of(DicomPacking packing) {
+  switch (packing) {
+    case DicomPacking::kImplicit:
+      return EXS_LittleEndianImplicit;
+    case DicomPacking::kBigEndian:
+      return EXS_BigEndianExplicit;
+    case DicomPacking::kDeflated:
+      return EXS_DeflatedLittleEndianExplicit;
+    case DicomPacking::kRle:
+      return EXS_RLELossless;
+    case DicomPacking::kJpegBaseline:
+      return EXS_JPEGProcess1;
+    case DicomPacking::kJpegLossless:
+      return EXS_JPEGProcess14;
+    case DicomPacking::kJpegLosslessFirstOrder:
+      return EXS_JPEGProcess14SV1;
+    case DicomPacking::kJpegLs:
+      return EXS_JPEGLSLossless;
+    case DicomPacking::kExplicit:
+      break;
+  }
+  return EXS_LittleEndianExplicit;
+}
+
+}  // namespace
+
+void write_dicom(const std::filesystem::path& file, const DicomImage& image, DicomPacking packing,
+                 bool preamble) {
+  static const bool registered = [] {
+    DcmRLEEncoderRegistration::registerCodecs();
+    DJEncoderRegistration::registerCodecs();
+    DJLSEncoderRegistration::registerCodecs();
+    return true;
+  }();
+  PALPATE_CHECK(registered);
+  DcmFileFormat format;
+  DcmDataset& root = *format.getDataset();
+  char uid[100];
+  put(root, DCM_SOPClassUID,
+      image.multi_frame ? UID_EnhancedCTImageStorage
+                        : (image.modality == "MR" ? UID_MRImageStorage : UID_CTImageStorage));
+  put(root, DCM_SOPInstanceUID, std::string(dcmGenerateUniqueIdentifier(uid)));
+  put(root, DCM_SeriesInstanceUID, image.series);
+  put(root, DCM_Modality, image.modality);
+  put(root, DCM_ImageType, image.image_type);
+  if (image.instance_number) put(root, DCM_InstanceNumber, std::to_string(*image.instance_number));
+  if (!image.patient.empty()) put_patient(root, image.patient);
+  put(root, DCM_EchoTime, image.echo_time_ms);
+  if (image.b_value) PALPATE_CHECK(root.putAndInsertFloat64(DCM_DiffusionBValue, *image.b_value).good());
+  put(root, DCM_Rows, image.rows);
+  put(root, DCM_Columns, image.columns);
+  put(root, DCM_SamplesPerPixel, image.samples);
+  if (image.samples > 1) put(root, DCM_PlanarConfiguration, 0);
+  put(root, DCM_PhotometricInterpretation, image.photometric);
+  put(root, DCM_BitsAllocated, image.bits_allocated);
+  put(root, DCM_BitsStored, image.bits_stored);
+  put(root, DCM_HighBit, image.high_bit);
+  put(root, DCM_PixelRepresentation, image.is_signed ? 1 : 0);
+  if (image.padding) {
+    const DcmTag tag(DCM_PixelPaddingValue, image.is_signed ? EVR_SS : EVR_US);
+    PALPATE_CHECK((image.is_signed ? root.putAndInsertSint16(tag, static_cast<Sint16>(*image.padding))
+                                   : root.putAndInsertUint16(tag, static_cast<Uint16>(*image.padding)))
+                      .good());
+  }
+  put_places(root, image);
+  put_pixels(root, image);
+
+  const DJ_RPLossless lossless(packing == DicomPacking::kJpegLossless ? 6 : 1);
+  const DJ_RPLossy lossy(100);
+  const DJLSRepresentationParameter lossless_ls;
+  const DcmRepresentationParameter* parameter = nullptr;
+  if (packing == DicomPacking::kJpegBaseline) parameter = &lossy;
+  if (packing == DicomPacking::kJpegLossless || packing == DicomPacking::kJpegLosslessFirstOrder)
+    parameter = &lossless;
+  if (packing == DicomPacking::kJpegLs) parameter = &lossless_ls;
+  const E_TransferSyntax syntax = syntax_of(packing);
+  PALPATE_CHECK(root.chooseRepresentation(syntax, parameter).good());
+  PALPATE_CHECK(root.canWriteXfer(syntax));
+  PALPATE_CHECK(format
+                    .saveFile(file.c_str(), syntax, EET_ExplicitLength, EGL_recalcGL, EPD_noChange, 0, 0,
+                              preamble ? EWM_fileformat : EWM_dataset)
+                    .good());
+}
+
+}  // namespace palpate::test
