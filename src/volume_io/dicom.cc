@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <map>
 #include <set>
@@ -29,16 +30,23 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMostDicomFiles = 200'000;
 constexpr int kDeepestFolder = 16;
 
-// calls look(file) for each plain file in a folder or below it, until that says that it is enough
+// Calls look(file) for each plain file in a folder or below it, until that says that it is enough; not for
+// links that lead out, where that is not allowed, whose number is returned.
 template <class Look>
-void walk(const fs::path& folder, const Look& look) {
+std::size_t walk(const fs::path& folder, const Look& look) {
+  std::size_t led_out = 0;
   std::error_code failed;
   fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, failed);
   for (; !failed && entry != fs::recursive_directory_iterator(); entry.increment(failed)) {
     if (entry.depth() >= kDeepestFolder) entry.disable_recursion_pending();
     std::error_code ignored;
-    if (entry->is_regular_file(ignored) && look(entry->path())) return;
+    if (!entry->is_regular_file(ignored)) continue;
+    if (entry->is_symlink(ignored) && !check_stays_in(folder, entry->path()))
+      ++led_out;
+    else if (look(entry->path()))
+      break;
   }
+  return led_out;
 }
 
 std::string front_of(const fs::path& file) {
@@ -67,7 +75,8 @@ struct FoundFiles {
   std::vector<std::string> notes;
 };
 
-FoundFiles find_files(const fs::path& named) {
+// Errors: interrupted.
+Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
   FoundFiles found;
   found.roots.push_back(named);
   std::error_code ignored;
@@ -76,24 +85,19 @@ FoundFiles find_files(const fs::path& named) {
     return found;
   }
   constexpr std::size_t kMostRoots = 32;
-  std::size_t led_out = 0;
-  bool more = false;
+  bool more = false, stopped = false;
   std::set<fs::path> outside;
-  walk(named, [&](const fs::path& file) {
+  const std::size_t led_out = walk(named, [&](const fs::path& file) {
+    if ((stopped = progress.stopped())) return true;
     if (found.files.size() == kMostDicomFiles) return more = true;
     std::error_code unknown;
-    if (fs::is_symlink(file, unknown)) {
-      if (!check_stays_in(named, file)) {
-        ++led_out;
-        return false;
-      }
-      // where it is allowed to lead
-      if (reading_limits().follow_links && outside.size() < kMostRoots)
-        outside.insert(fs::canonical(file, unknown).parent_path());
-    }
+    // where a link is allowed to lead
+    if (reading_limits().follow_links && outside.size() < kMostRoots && fs::is_symlink(file, unknown))
+      outside.insert(fs::canonical(file, unknown).parent_path());
     found.files.push_back(file);
     return false;
   });
+  if (stopped) return Progress::interrupted();
   found.roots.insert(found.roots.end(), outside.begin(), outside.end());
   std::sort(found.files.begin(), found.files.end());
   if (more)
@@ -117,38 +121,63 @@ std::string counted(std::size_t count, const std::string& what, const std::strin
   return std::to_string(count) + " " + (count == 1 ? what : several);
 }
 
-// @param looked_at  told how many files are done; false where nobody listens any more
-template <class LookedAt>
-Result<DicomContent> look_at(const FoundFiles& found, const LookedAt& looked_at) {
-  struct Image {
-    std::uint32_t file;
-    DicomFile content;
-  };
-  std::vector<Image> images;
-  std::size_t others = 0, pictureless = 0;
-  std::map<std::string, std::size_t> kinds, damages;
-  std::optional<Error> first;
-  for (std::size_t n = 0; n < found.files.size(); ++n) {
-    if (!looked_at(n)) break;
-    const auto opened = InputFile::open(found.files[n]);
-    std::string front(kKindBytes, '\0');
-    const auto got = opened ? opened->read_at(0, std::as_writable_bytes(std::span(front))) : opened.error();
-    front.resize(got ? *got : 0);
-    const auto kind = dicom_kind_of(found.files[n], front);
-    if (!kind) {
-      ++others;
-    } else if (!kind->dicom_image) {
-      ++kinds[kind->what];
-    } else if (auto content = read_dicom_file(opened->name_for_libraries(), front)) {
-      images.push_back({static_cast<std::uint32_t>(n), *std::move(content)});
-    } else if (content.error().what == kNoDicomImage) {
-      ++pictureless;
-    } else {
-      ++damages[content.error().what];
-      if (!first) first = content.error();
-    }
-  }
+struct Image {
+  std::uint32_t file;
+  DicomFile content;
+};
 
+// what was found of one kind, and how often
+using Counts = std::map<std::string, std::size_t>;
+
+// Whether the values of two images, which are the same in all else, are the same; false where one cannot be read.
+bool same_values(DicomFiles& library, const FoundFiles& found, const Image& one, const Image& other) {
+  std::array<std::vector<std::int64_t>, 2> values;
+  for (std::size_t n = 0; n < one.content.frames.size(); ++n) {
+    for (const std::size_t which : {0, 1}) {
+      const Image& image = which == 0 ? one : other;
+      const DicomFrame& frame = image.content.frames[n];
+      const auto input = InputFile::open(found.files[image.file]);
+      if (!input) return false;
+      auto pixels = library.open_pixels(input->name_for_libraries());
+      if (!pixels) return false;
+      values[which].resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
+      if (!(*pixels)->read(frame, values[which])) return false;
+    }
+    if (values[0] != values[1]) return false;
+  }
+  return true;
+}
+
+// Leaves of each image that stands there more than once, as copied folders have them, one.
+// @param look  called before each comparison; false: nobody listens any more
+template <class Look>
+std::size_t drop_copies(DicomFiles& library, const FoundFiles& found, std::vector<Image>& images,
+                        const Look& look) {
+  std::map<std::string, std::vector<std::size_t>> of_uid;
+  std::vector<char> is_copy(images.size());
+  for (std::size_t n = 0; n < images.size(); ++n) {
+    const DicomFile& content = images[n].content;
+    if (content.sop_uid.empty() || std::ranges::any_of(content.frames, [](const DicomFrame& frame) {
+          return !frame.fault.empty();
+        }))
+      continue;
+    auto& before = of_uid[content.sop_uid];
+    for (const std::size_t other : before) {
+      if (images[other].content != content) continue;
+      if (!look()) return 0;
+      if (same_values(library, found, images[other], images[n])) {
+        is_copy[n] = 1;
+        break;
+      }
+    }
+    if (!is_copy[n]) before.push_back(n);
+  }
+  std::size_t n = 0;
+  return std::erase_if(images, [&](const Image&) { return is_copy[n++] != 0; });
+}
+
+// all frames, with the series that they belong to
+std::vector<DicomFrame> frames_of(std::vector<Image> images) {
   // series in the order of their own numbers
   std::map<std::pair<int, std::string>, int> series;
   for (const Image& image : images)
@@ -162,13 +191,58 @@ Result<DicomContent> look_at(const FoundFiles& found, const LookedAt& looked_at)
       frame.series = series[{image.content.series_number, image.content.series_uid}];
       frames.push_back(std::move(frame));
     }
-  images.clear();
+  return frames;
+}
+
+// @param look  told which file is begun, and their number when all are done; false: nobody listens any more
+template <class Look>
+Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const Look& look) {
+  std::vector<Image> images;
+  std::size_t others = 0, pictureless = 0;
+  Counts kinds, damages;
+  std::optional<Error> first;
+  const auto leave_out = [&](const Error& why) {
+    ++damages[why.what];
+    if (!first) first = why;
+  };
+  for (std::size_t n = 0; n < found.files.size(); ++n) {
+    if (!look(n)) break;
+    const auto opened = InputFile::open(found.files[n]);
+    std::string front(kKindBytes, '\0');
+    const auto got = opened ? opened->read_at(0, std::as_writable_bytes(std::span(front))) : opened.error();
+    if (!got) {
+      leave_out(bad_input("", "cannot be read", "see to it that you may read it"));
+      continue;
+    }
+    front.resize(*got);
+    const auto kind = dicom_kind_of(found.files[n], front);
+    if (!kind) {
+      ++others;
+    } else if (!kind->dicom_image) {
+      ++kinds[kind->what];
+    } else if (auto content =
+                   library.read_file(opened->name_for_libraries(), dicom_transfer_syntax(front))) {
+      images.push_back({static_cast<std::uint32_t>(n), *std::move(content)});
+    } else if (content.error().what == kNoDicomImage) {
+      ++pictureless;
+    } else {
+      leave_out(content.error());
+    }
+  }
+  const auto all_done = [&] { return look(found.files.size()); };
+  const std::size_t copies = drop_copies(library, found, images, all_done);
+  std::vector<DicomFrame> frames = frames_of(std::move(images));
 
   DicomContent content;
   content.notes = found.notes;
+  if (copies > 0)
+    content.notes.push_back(counted(copies, "file is a copy of another one, value by value, and was",
+                                    "files are copies of others, value by value, and were") +
+                            " left out");
   for (const auto& [what, count] : damages)
-    content.notes.push_back("left out: " + counted(count, "file", "files") +
-                            (count == 1 ? " that " : " of which each ") + what);
+    content.notes.push_back("left out: " + counted(count, "file that ", "files of which each ") + what +
+                            "; where that was the first or the last slice of a volume, the volume lacks it and "
+                            "nothing else says so");
   for (const auto& [what, count] : kinds)
     content.others.push_back(count == 1 ? what : std::to_string(count) + " of this: " + what);
   if (pictureless > 0)
@@ -253,10 +327,10 @@ void send_values(std::span<const std::int64_t> values, const DicomFrame& frame, 
 }
 
 // slice after slice; a multi-frame file is opened once
-Result<void> send_slices(const DicomVolume& volume, const FoundFiles& found, Component component,
-                         VoxelSink& sink) {
+Result<void> send_slices(DicomFiles& library, const DicomVolume& volume, const FoundFiles& found,
+                         Component component, VoxelSink& sink) {
   std::optional<InputFile> file;
-  std::optional<DicomPixels> pixels;
+  std::unique_ptr<DicomPixels> pixels;
   std::uint32_t opened = 0;
   std::vector<std::int64_t> values;
   for (std::size_t n = 0; n < volume.frames.size(); ++n) {
@@ -269,7 +343,7 @@ Result<void> send_slices(const DicomVolume& volume, const FoundFiles& found, Com
       auto input = InputFile::open(found.files[frame.file]);
       if (!input) return here(bad_input("", "cannot be read any more"));
       file = *std::move(input);
-      auto content = DicomPixels::open(file->name_for_libraries());
+      auto content = library.open_pixels(file->name_for_libraries());
       if (!content) return here(content.error());
       pixels = *std::move(content);
       opened = frame.file;
@@ -281,17 +355,17 @@ Result<void> send_slices(const DicomVolume& volume, const FoundFiles& found, Com
   return {};
 }
 
-Result<DicomContent> look_for(reader::ParentEnd& parent, const FoundFiles& found) {
-  begin_reading_dicom();
-  return look_at(found, [&](std::size_t done) {
-    const auto number = static_cast<std::uint32_t>(done);
+Result<DicomContent> look_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
+  library.begin_reading();
+  return look_at(library, found, [&](std::size_t begun) {
+    const auto number = static_cast<std::uint32_t>(begun);
     return parent.write(std::as_bytes(std::span(&number, 1)));
   });
 }
 
-bool read_dicom_for(reader::ParentEnd& parent, const FoundFiles& found, const fs::path& named,
-                    std::optional<int> number) {
-  const auto content = look_for(parent, found);
+bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
+                    const fs::path& named, std::optional<int> number) {
+  const auto content = look_for(library, parent, found);
   if (!content) return send_end(parent, content.error());
   const auto chosen = choose_volume(content->volumes, number);
   if (!chosen) return send_end(parent, chosen.error());
@@ -301,25 +375,31 @@ bool read_dicom_for(reader::ParentEnd& parent, const FoundFiles& found, const fs
   if (!send_volume(parent, file, {&named, 1})) return false;
   while (parent.wait_for_word()) {
     VoxelSlots slots(parent);
-    const auto read = send_slices(volume, found, file.voxels.component, slots);
+    const auto read = send_slices(library, volume, found, file.voxels.component, slots);
     slots.drain();
     if (!send_end(parent, read)) return false;
   }
   return false;
 }
 
-bool list_dicom_for(reader::ParentEnd& parent, const FoundFiles& found) {
-  const auto content = look_for(parent, found);
+// the most that are listed: a folder of pictures each in a series of its own has thousands
+constexpr std::size_t kMostListed = 2000;
+
+bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
+  const auto content = look_for(library, parent, found);
   if (!content) return send_end(parent, content.error());
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
-  out.put(static_cast<std::uint32_t>(content->volumes.size()));
-  for (const DicomVolume& volume : content->volumes) {
+  const std::size_t listed = std::min(content->volumes.size(), kMostListed);
+  out.put(static_cast<std::uint32_t>(listed));
+  for (const DicomVolume& volume : std::span(content->volumes).first(listed)) {
     out.put(volume.what);
     out.put(volume.fault);
   }
   std::vector<std::string> notes = content->notes;
   for (const std::string& other : content->others) notes.push_back("besides: " + other);
+  if (listed < content->volumes.size())
+    notes.push_back("and " + std::to_string(content->volumes.size() - listed) + " more volumes");
   out.put(static_cast<std::uint32_t>(notes.size()));
   for (const std::string& note : notes) out.put(note);
   return out.ok();
@@ -327,14 +407,19 @@ bool list_dicom_for(reader::ParentEnd& parent, const FoundFiles& found) {
 
 // ---- in this process ----------------------------------------------------------------------------
 
+// what DICOM files are read by, ready for a process that reads them
+Result<DicomFiles*> ready_library() {
+  const ItkSection section;
+  auto library = load_dicom_files();
+  if (!library) return library.error();
+  if (auto loaded = (*library)->load_dictionary(); !loaded) return loaded.error();
+  return *library;
+}
+
 // a process that may open these and what stands below
 Result<std::unique_ptr<reader::ReaderProcess>> start_in(const FoundFiles& found, std::size_t shared_bytes,
                                                         const Progress& progress,
                                                         const reader::ReaderProcess::Work& work) {
-  {
-    const ItkSection section;
-    if (auto loaded = load_dicom_dictionary(); !loaded) return loaded.error();
-  }
   std::vector<int> descriptors;
   for (const fs::path& root : found.roots)
     if (const int descriptor = ::open(root.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); descriptor >= 0)
@@ -347,29 +432,42 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_in(const FoundFiles& found,
 // until all files are looked at
 Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& found, Files named,
                             const Progress& progress) {
+  std::size_t begun = 0;
   while (true) {
-    std::uint32_t done = 0;
-    if (auto said = process.read(std::as_writable_bytes(std::span(&done, 1))); !said)
+    std::uint32_t number = 0;
+    if (auto said = process.read(std::as_writable_bytes(std::span(&number, 1))); !said) {
+      // the one file that can be named by nothing else than its name
+      if (begun < found.files.size() && found.files.size() > 1) {
+        Error error = about(said.error(), {&found.files[begun], 1});
+        if (error.kind == ErrorKind::kBadInput) error.remedy += ", or take it out of the folder";
+        return error;
+      }
       return about(said.error(), named);
-    if (done == kEnd) return receive_end(process, named);
+    }
+    if (number == kEnd) return receive_end(process, named);
+    begun = std::min<std::size_t>(number, found.files.size());
     progress.report("looking for volumes",
-                    static_cast<double>(std::min<std::size_t>(done, found.files.size())) /
-                        static_cast<double>(found.files.size()));
+                    static_cast<double>(begun) / static_cast<double>(found.files.size()));
   }
+}
+
+Error at(const fs::path& file, const Error& error) {
+  return {error.kind, error.what, file.string(), error.remedy};
 }
 
 }  // namespace
 
 Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, const Progress& progress) {
-  const FoundFiles found = find_files(file);
-  if (progress.stopped()) return Progress::interrupted();
-  auto process = start_in(found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-    return read_dicom_for(parent, found, file, number);
+  const auto library = ready_library();
+  if (!library) return at(file, library.error());
+  const auto found = find_files(file, progress);
+  if (!found) return found.error();
+  auto process = start_in(*found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
+    return read_dicom_for(**library, parent, *found, file, number);
   });
-  if (!process)
-    return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
+  if (!process) return at(file, process.error());
   const Files named{&file, 1};
-  if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
+  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
@@ -398,17 +496,21 @@ bool is_dicom(const std::filesystem::path& file) {
 
 Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress) try {
   PALPATE_CHECK(is_dicom(file));
-  const FoundFiles found = find_files(file);
-  auto process =
-      start_in(found, 0, progress, [&](reader::ParentEnd& parent) { return list_dicom_for(parent, found); });
-  if (!process)
-    return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
+  const auto library = ready_library();
+  if (!library) return at(file, library.error());
+  const auto found = find_files(file, progress);
+  if (!found) return found.error();
+  auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
+    return list_dicom_for(**library, parent, *found);
+  });
+  if (!process) return at(file, process.error());
   const Files named{&file, 1};
-  if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
+  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
   reader::Receiver in(**process, "is damaged: ");
   VolumeList list;
   std::uint32_t count = 0;
   in.get(count);
+  if (count > kMostListed) return nonsense(named);
   for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
     auto& volume = list.volumes.emplace_back();
     in.get(volume.what);
@@ -416,6 +518,7 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   }
   std::uint32_t notes = 0;
   in.get(notes);
+  if (notes > kMostListed) return nonsense(named);
   for (std::uint32_t n = 0; n < notes && in.ok(); ++n) in.get(list.notes.emplace_back());
   if (!in.ok()) return about(in.error(), named);
   return list;

@@ -10,8 +10,8 @@
 /// DICOM files, one or a folder of them, read by a process of its own as other volumes are (volume_reader.h).
 /// This process looks for the files and starts it; it may open what stands in the folder and below. It says
 ///
-///   u32 n     so many files are looked at                                            as often as it takes
-///   u32 ~0    and byte 1, or byte 0 with a refusal as in volume_message.h            all of them
+///   u32 n     file n is begun; their number: all are done                            as often as it takes
+///   u32 ~0    and byte 1, or byte 0 with a refusal as in volume_message.h            what they hold is known
 ///   then what volume_message.h has of a volume and its voxels; of a list
 ///   u32 volumes, and of each text what, text fault; u32 notes, texts
 namespace palpate::volume_io {

@@ -8,6 +8,7 @@
 #include <dcmtk/dcmdata/dcfilefo.h>
 #include <dcmtk/dcmdata/dcitem.h>
 #include <dcmtk/dcmdata/dcpixel.h>
+#include <dcmtk/dcmdata/dcpixseq.h>
 #include <dcmtk/dcmdata/dcrledrg.h>
 #include <dcmtk/dcmdata/dcsequen.h>
 #include <dcmtk/dcmjpeg/djdecode.h>
@@ -20,7 +21,6 @@
 #include <cstring>
 #include <limits>
 
-#include "volume_io/file_kind.h"
 #include "volume_io/voxel_source.h"
 
 namespace palpate::volume_io {
@@ -157,8 +157,7 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   if (count_of(root, DCM_SamplesPerPixel).value_or(1) != 1)
     return Fault{"is a picture in colours, not a scan: SamplesPerPixel (0028,0002) is not 1", kExport};
   const std::string photometric = text_of(root, DCM_PhotometricInterpretation);
-  frame.monochrome1 = photometric == "MONOCHROME1";
-  if (!frame.monochrome1 && photometric != "MONOCHROME2")
+  if (photometric != "MONOCHROME1" && photometric != "MONOCHROME2")
     return Fault{
         "is no image in grey: PhotometricInterpretation (0028,0004) is neither MONOCHROME1 nor "
         "MONOCHROME2",
@@ -189,13 +188,14 @@ std::int64_t stored_value(std::uint64_t word, const DicomFrame& frame) {
   return static_cast<std::int64_t>(bits) - (negative ? std::int64_t{1} << frame.bits_stored : 0);
 }
 
-// as a stored value; written as signed or unsigned, which old files mix up
+// A word, written as signed or unsigned, which old files mix up. Where it has more bits than are stored it marks
+// what has them too.
 std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, const DicomFrame& frame) {
   Uint16 small = 0;
   Sint16 negative = 0;
   Uint32 large = 0;
   Sint32 large_negative = 0;
-  std::uint64_t word = 0;
+  std::uint32_t word = 0;
   if (root.findAndGetUint16(tag, small).good())
     word = small;
   else if (root.findAndGetSint16(tag, negative).good())
@@ -206,9 +206,10 @@ std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, cons
     word = static_cast<std::uint32_t>(large_negative);
   else
     return std::nullopt;
-  DicomFrame low_bits = frame;
-  low_bits.high_bit = low_bits.bits_stored - 1;
-  return stored_value(word, low_bits);
+  if (!frame.is_signed) return word;
+  if (frame.bits_allocated == 8) return static_cast<std::int8_t>(word);
+  if (frame.bits_allocated == 16) return static_cast<std::int16_t>(word);
+  return static_cast<std::int32_t>(word);
 }
 
 // where a frame lies; false with what it lacks
@@ -250,10 +251,24 @@ std::optional<Fault> read_place(const Attributes& attributes, bool several, Dico
   return std::nullopt;
 }
 
+std::optional<std::array<double, 3>> gradient_of(const Attributes& attributes, DcmItem& root) {
+  DcmItem& diffusion = attributes.in(DCM_MRDiffusionSequence, DCM_DiffusionGradientDirectionSequence);
+  DcmItem* direction = nullptr;
+  if (diffusion.findAndGetSequenceItem(DCM_DiffusionGradientDirectionSequence, direction).bad() || !direction)
+    direction = &root;
+  return numbers_of<3>(*direction, DCM_DiffusionGradientOrientation);
+}
+
 void read_what_tells_apart(const Attributes& attributes, DcmItem& root, DicomFrame& frame) {
   frame.echo_time_ms = attributes.number(DCM_MREchoSequence, DCM_EffectiveEchoTime);
   if (!frame.echo_time_ms) frame.echo_time_ms = number_of(root, DCM_EchoTime);
   frame.b_value = attributes.number(DCM_MRDiffusionSequence, DCM_DiffusionBValue);
+  frame.gradient = gradient_of(attributes, root);
+  frame.trigger_time_ms =
+      attributes.number(DCM_CardiacSynchronizationSequence, DCM_NominalCardiacTriggerDelayTime);
+  if (!frame.trigger_time_ms) frame.trigger_time_ms = number_of(root, DCM_TriggerTime);
+  if (const auto number = number_of(root, DCM_AcquisitionNumber); number && std::abs(*number) < 1e9)
+    frame.acquisition = static_cast<int>(*number);
   frame.temporal_position = attributes.number(DCM_FrameContentSequence, DCM_TemporalPositionIndex);
   if (!frame.temporal_position) frame.temporal_position = number_of(root, DCM_TemporalPositionIdentifier);
   frame.stack = text_of(attributes.in(DCM_FrameContentSequence, DCM_StackID), DCM_StackID);
@@ -263,13 +278,27 @@ void read_what_tells_apart(const Attributes& attributes, DcmItem& root, DicomFra
     if (&item != &root) frame.image_type = text_of(item, DCM_FrameType);
   }
   if (frame.image_type.empty()) frame.image_type = text_of(root, DCM_ImageType);
+  // magnitude and phase of an enhanced image
+  DcmItem& component = attributes.in(DCM_MRImageFrameTypeSequence, DCM_ComplexImageComponent);
+  if (const std::string part = text_of(component, DCM_ComplexImageComponent); !part.empty())
+    frame.image_type += "\\" + part;
   frame.frame_of_reference = text_of(root, DCM_FrameOfReferenceUID);
 }
 
+// a number where it is said, and none that cannot be read
+std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& tag, double& number) {
+  DcmItem& item = attributes.in(DCM_PixelValueTransformationSequence, tag);
+  if (text_of(item, tag).empty()) return std::nullopt;
+  constexpr double kMost = 1e30;  // a float's range, and some bits
+  const auto said = number_of(item, tag);
+  if (!said || std::abs(*said) > kMost) return Fault{"has a " + in_words(tag) + " that is no number", kExport};
+  number = *said;
+  return std::nullopt;
+}
+
 std::optional<Fault> read_scale(const Attributes& attributes, DicomFrame& frame) {
-  const auto slope = attributes.number(DCM_PixelValueTransformationSequence, DCM_RescaleSlope);
-  frame.slope = slope.value_or(1);
-  frame.intercept = attributes.number(DCM_PixelValueTransformationSequence, DCM_RescaleIntercept).value_or(0);
+  if (auto wrong = read_number(attributes, DCM_RescaleSlope, frame.slope)) return wrong;
+  if (auto wrong = read_number(attributes, DCM_RescaleIntercept, frame.intercept)) return wrong;
   if (frame.slope == 0)
     return Fault{"has a RescaleSlope (0028,1053) of 0: all its values are the same", kExport};
   return std::nullopt;
@@ -298,32 +327,24 @@ std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std
   const Fault cut{"has its PixelData (7FE0,0010) cut short", "copy the series again"};
   DcmElement* element = nullptr;
   if (root.findAndGetElement(DCM_PixelData, element).bad() || !element) return cut;
-  const auto* pixels = dynamic_cast<DcmPixelData*>(element);
+  auto* pixels = dynamic_cast<DcmPixelData*>(element);
   if (!pixels || !whole) return cut;
-  if (DcmXfer(static_cast<DcmDataset&>(root).getOriginalXfer()).isEncapsulated()) return std::nullopt;
+  const E_TransferSyntax syntax = static_cast<DcmDataset&>(root).getOriginalXfer();
+  if (DcmXfer(syntax).isEncapsulated()) {
+    // each frame has a fragment at least, and the first item is a table of them
+    DcmPixelSequence* fragments = nullptr;
+    if (pixels->getEncapsulatedRepresentation(syntax, nullptr, fragments).bad() ||
+        !fragments || fragments->card() <= frames)
+      return cut;
+    return std::nullopt;
+  }
   if (element->getLength() < bytes_of_frame(frame) * frames) return cut;
   return std::nullopt;
 }
 
-}  // namespace
-
 // ---- a file -------------------------------------------------------------------------------------
 
-Result<void> load_dicom_dictionary() {
-  if (dcmDataDict.isDictionaryLoaded()) return {};
-  return Error{ErrorKind::kUnavailable, "DCMTK's dictionary of DICOM's tags cannot be read", "",
-               "install the package of DCMTK again, or name its dicom.dic in the variable DCMDICTPATH"};
-}
-
-void begin_reading_dicom() {
-  OFLog::configure(OFLogger::OFF_LOG_LEVEL);
-  DcmRLEDecoderRegistration::registerCodecs();
-  DJDecoderRegistration::registerCodecs();
-  DJLSDecoderRegistration::registerCodecs();
-}
-
-Result<DicomFile> read_dicom_file(const std::filesystem::path& name, std::string_view front) {
-  const std::string syntax_uid = dicom_transfer_syntax(front);
+Result<DicomFile> read_whole(const std::filesystem::path& name, const std::string& syntax_uid) {
   DcmFileFormat file;
   // what is packed in a way that DCMTK has not heard of has its header written out like others
   const auto unknown =
@@ -332,6 +353,7 @@ Result<DicomFile> read_dicom_file(const std::filesystem::path& name, std::string
   DcmDataset& root = *file.getDataset();
   DicomFile content;
   content.series_uid = text_of(root, DCM_SeriesInstanceUID);
+  content.sop_uid = text_of(root, DCM_SOPInstanceUID);
   content.series_number =
       static_cast<int>(std::clamp(number_of(root, DCM_SeriesNumber).value_or(0), -1e9, 1e9));
   if (!loaded && content.series_uid.empty())
@@ -350,9 +372,11 @@ Result<DicomFile> read_dicom_file(const std::filesystem::path& name, std::string
   const double said = number_of(root, DCM_NumberOfFrames).value_or(1);
   constexpr double kMostFrames = 100'000;
   const bool countable = said >= 1 && said <= kMostFrames;
-  const std::size_t count = countable ? static_cast<std::size_t>(said) : 1;
+  std::size_t count = countable ? static_cast<std::size_t>(said) : 1;
   if (!countable && !fault) fault = Fault{"has a NumberOfFrames (0028,0008) that is none", kExport};
   if (auto pixels = look_for_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
+  // a number without the pixels for it takes no memory
+  if (fault) count = std::min(count, std::max<std::size_t>(own.size(), 1));
   if (!fault) all.padding = padding_of(root, DCM_PixelPaddingValue, all);
   if (all.padding) all.padding_limit = padding_of(root, DCM_PixelPaddingRangeLimit, all);
 
@@ -385,57 +409,86 @@ Result<DicomFile> read_dicom_file(const std::filesystem::path& name, std::string
 
 // ---- its voxels ---------------------------------------------------------------------------------
 
-struct DicomPixels::Content {
-  DcmFileFormat file;
-  DcmFileCache cache;
-  DcmPixelData* pixels = nullptr;
-  std::vector<std::uint8_t> buffer;
-  Uint32 next_fragment = 0;
-  std::int64_t next_frame = 0;
+class FilePixels : public DicomPixels {
+ public:
+  static Result<std::unique_ptr<DicomPixels>> open(const std::filesystem::path& name) {
+    auto file = std::make_unique<FilePixels>();
+    DcmElement* element = nullptr;
+    if (file->file_.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good() &&
+        file->file_.getDataset()->findAndGetElement(DCM_PixelData, element).good())
+      file->pixels_ = dynamic_cast<DcmPixelData*>(element);
+    if (!file->pixels_)
+      return bad_input("", "cannot be read any more", "leave the files alone while they are read");
+    return std::unique_ptr<DicomPixels>(std::move(file));
+  }
+
+  Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) override;
+
+ private:
+  // false: damaged
+  bool decode(const DicomFrame& frame, std::uint8_t beyond, std::uint64_t bytes);
+
+  DcmFileFormat file_;
+  DcmFileCache cache_;
+  DcmPixelData* pixels_ = nullptr;
+  std::vector<std::uint8_t> buffer_;
+  Uint32 next_fragment_ = 0;
+  std::int64_t next_frame_ = 0;
 };
 
-DicomPixels::DicomPixels(std::unique_ptr<Content> content) : content_(std::move(content)) {}
-DicomPixels::DicomPixels(DicomPixels&&) noexcept = default;
-DicomPixels& DicomPixels::operator=(DicomPixels&&) noexcept = default;
-DicomPixels::~DicomPixels() = default;
-
-Result<DicomPixels> DicomPixels::open(const std::filesystem::path& name) {
-  auto content = std::make_unique<Content>();
-  DcmElement* element = nullptr;
-  if (content->file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good() &&
-      content->file.getDataset()->findAndGetElement(DCM_PixelData, element).good())
-    content->pixels = dynamic_cast<DcmPixelData*>(element);
-  if (!content->pixels)
-    return bad_input("", "cannot be read any more", "leave the files alone while they are read");
-  return DicomPixels(std::move(content));
+// @param last  stands in the last word where nothing is decoded into it
+bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_t bytes) {
+  // a byte more where the size is odd
+  buffer_.assign(static_cast<std::size_t>(bytes + bytes % 2), last);
+  // fragments are known where frames follow each other, else DCMTK looks for them
+  if (next_frame_ != frame.frame) next_fragment_ = 0;
+  OFString colours;
+  const OFCondition read = pixels_->getUncompressedFrame(file_.getDataset(), frame.frame, next_fragment_,
+                                                         buffer_.data(), static_cast<Uint32>(buffer_.size()),
+                                                         colours, &cache_);
+  next_frame_ = std::int64_t{frame.frame} + 1;
+  return read.good();
 }
 
-Result<void> DicomPixels::read(const DicomFrame& frame, std::span<std::int64_t> values) {
-  DcmDataset& root = *content_->file.getDataset();
+Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> values) {
+  DcmDataset& root = *file_.getDataset();
   DicomFrame now = frame;
   Uint32 bytes = 0;
   const std::uint64_t expected = bytes_of_frame(frame);
   if (read_bits(root, now) || now.rows != frame.rows || now.columns != frame.columns ||
       now.bits_allocated != frame.bits_allocated ||
       values.size() * static_cast<std::size_t>(frame.bits_allocated / 8) != expected ||
-      content_->pixels->getUncompressedFrameSize(&root, bytes).bad() || bytes != expected)
+      pixels_->getUncompressedFrameSize(&root, bytes).bad() || bytes != expected)
     return bad_input("", "has changed while it was read", "leave the files alone while they are read");
-  // a byte more where the size is odd
-  content_->buffer.resize(static_cast<std::size_t>(expected + expected % 2));
-  // fragments are known where frames follow each other, else DCMTK looks for them
-  if (content_->next_frame != frame.frame) content_->next_fragment = 0;
-  OFString colours;
-  const OFCondition read = content_->pixels->getUncompressedFrame(
-      &root, frame.frame, content_->next_fragment, content_->buffer.data(),
-      static_cast<Uint32>(content_->buffer.size()), colours, &content_->cache);
-  if (read.bad()) return bad_input("", "has damaged PixelData (7FE0,0010)", "copy the series again");
-  content_->next_frame = std::int64_t{frame.frame} + 1;
+
+  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of 16
+  const auto filled = [&](std::uint8_t last) {
+    const auto word = std::span(buffer_).first(expected).last(static_cast<std::size_t>(frame.bits_allocated / 8));
+    return std::ranges::any_of(word, [&](std::uint8_t byte) { return byte != last; });
+  };
+  constexpr std::uint8_t kLast[] = {0x5A, 0xA5};
+  bool whole = false;
+  for (const std::uint8_t last : kLast) {
+    if (!decode(frame, last, expected))
+      return bad_input("", "has damaged PixelData (7FE0,0010)", "copy the series again");
+    if ((whole = filled(last))) break;
+    next_frame_ = -1;
+  }
+  if (!whole)
+    return bad_input("", "has PixelData (7FE0,0010) of other sizes or bits than it says", kSlicer);
+
+  const std::int64_t padding = frame.padding.value_or(0);
+  const auto [low, high] = std::minmax({padding, frame.padding_limit.value_or(padding)});
   const auto take = [&](auto type) {
     using Word = decltype(type);
     for (std::size_t n = 0; n < values.size(); ++n) {
       Word word;
-      std::memcpy(&word, content_->buffer.data() + n * sizeof(Word), sizeof(Word));
+      std::memcpy(&word, buffer_.data() + n * sizeof(Word), sizeof(Word));
       values[n] = stored_value(word, frame);
+      if (!frame.padding) continue;
+      const std::int64_t all_bits =
+          frame.is_signed ? std::int64_t{static_cast<std::make_signed_t<Word>>(word)} : std::int64_t{word};
+      if (all_bits >= low && all_bits <= high) values[n] = all_bits;
     }
   };
   switch (frame.bits_allocated) {
@@ -451,4 +504,34 @@ Result<void> DicomPixels::read(const DicomFrame& frame, std::span<std::int64_t> 
   return {};
 }
 
+class DcmtkFiles : public DicomFiles {
+ public:
+  Result<void> load_dictionary() override {
+    if (dcmDataDict.isDictionaryLoaded()) return {};
+    return Error{ErrorKind::kUnavailable, "DCMTK's dictionary of DICOM's tags cannot be read", "",
+                 "install the package of DCMTK again (libdcmtk17)"};
+  }
+  void begin_reading() override {
+    OFLog::configure(OFLogger::OFF_LOG_LEVEL);
+    DcmRLEDecoderRegistration::registerCodecs();
+    DJDecoderRegistration::registerCodecs();
+    DJLSDecoderRegistration::registerCodecs();
+  }
+  Result<DicomFile> read_file(const std::filesystem::path& name, const std::string& syntax_uid) override try {
+    return read_whole(name, syntax_uid);
+  } catch (const std::exception&) {
+    // memory that a length in it asks for; any other exception ends the process
+    return bad_input("", "is a damaged DICOM file", "copy it again");
+  }
+  Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) override {
+    return FilePixels::open(name);
+  }
+};
+
+}  // namespace
 }  // namespace palpate::volume_io
+
+palpate::volume_io::DicomFiles* palpate_dicom_files() {
+  static palpate::volume_io::DcmtkFiles files;
+  return &files;
+}

@@ -47,6 +47,11 @@ DicomImage slice(int k) {
   return image;
 }
 
+std::string bytes_of(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
 class Dicom : public ::testing::Test {
  protected:
   // slices of a series, each changed
@@ -150,9 +155,37 @@ TEST_F(Dicom, AMissingSliceIsNamed) {
 }
 
 TEST_F(Dicom, ADoubledSliceIsNamed) {
-  write_series([](DicomImage&, int) {});
+  write_series([](DicomImage& image, int k) { image.sop_instance = "1.2.3." + std::to_string(k); });
+  const std::string what = "two slices lie at one place: slice 3 of 6, at -27.50 mm";
+  // the same values under another name: nobody says that it is the same image
   test::write_dicom(folder_ / "copy", slice(2));
-  EXPECT_THAT(refusal(), HasSubstr("two slices lie at one place: slice 3 of 6, at -27.50 mm"));
+  EXPECT_THAT(refusal(), HasSubstr(what));
+  // the same name and another value
+  DicomImage other = slice(2);
+  other.sop_instance = "1.2.3.2";
+  ++other.frames[0].stored[5];
+  test::write_dicom(folder_ / "copy", other);
+  EXPECT_THAT(refusal(), HasSubstr(what));
+}
+
+TEST_F(Dicom, CopiesOfASliceAreOne) {
+  for (const bool compressed : {false, true}) {
+    // a folder that was copied into itself, the copies packed otherwise
+    for (int k = 0; k < kSlices; ++k) {
+      DicomImage image = slice(k);
+      image.sop_instance = "1.2.3." + std::to_string(k);
+      test::write_dicom(folder_ / ("IM" + std::to_string(k)), image);
+      std::filesystem::create_directories(folder_ / "copy");
+      test::write_dicom(folder_ / "copy" / ("IM" + std::to_string(k)), image,
+                        compressed ? DicomPacking::kJpegLs : DicomPacking::kExplicit);
+    }
+    expect_voxels();
+    EXPECT_THAT(warnings_, HasSubstr("5 files are copies of others, value by value, and were left out"));
+    const auto list = list_volumes(folder_.path());
+    ASSERT_TRUE(list);
+    EXPECT_EQ(list->volumes.size(), 1u);
+    EXPECT_THAT(list->notes, ::testing::Contains(HasSubstr("5 files are copies")));
+  }
 }
 
 TEST_F(Dicom, UnevenSlicesAreNamed) {
@@ -217,6 +250,82 @@ TEST_F(Dicom, TwoEchoesAreTwoVolumes) {
     EXPECT_EQ(scan->scan.at(3, 3, 4), static_cast<float>(100 * number + 4));
   }
   EXPECT_THAT(refusal(3), HasSubstr("has no volume 3"));
+}
+
+TEST_F(Dicom, TimesOfAHeartAreVolumes) {
+  // its rate changes from place to place, and the files' names say nothing
+  for (int k = 0; k < kSlices; ++k)
+    for (int time = 0; time < 3; ++time) {
+      DicomImage image = slice(k);
+      image.modality = "MR";
+      image.trigger_time_ms = 33.3 * time + k * time;
+      image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * time + k));
+      test::write_dicom(folder_ / std::to_string((7 * (3 * k + time)) % 15), image);
+    }
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("holds 3 volumes"), HasSubstr("trigger time 0 ms"),
+                               HasSubstr("trigger time 33.3 ms"), HasSubstr("trigger time 66.6 ms")));
+  for (int time = 0; time < 3; ++time) {
+    const auto scan = read(time + 1);
+    ASSERT_TRUE(scan) << scan.error().message();
+    for (int k = 0; k < kSlices; ++k)
+      EXPECT_EQ(scan->scan.at(3, 3, k), static_cast<float>(100 * time + k));
+  }
+}
+
+TEST_F(Dicom, TriggerTimesOfASingleVolumeDivideNothing) {
+  write_series([](DicomImage& image, int k) {
+    image.modality = "MR";
+    image.trigger_time_ms = 17.5 * k;
+    image.acquisition = k;
+  });
+  expect_voxels();
+}
+
+TEST_F(Dicom, TimesOfAHeartInOneFile) {
+  DicomImage image = slice(0);
+  image.multi_frame = true;
+  image.frames.clear();
+  for (int time = 1; time >= 0; --time)
+    for (int k = 0; k < kSlices; ++k) {
+      image.frames.push_back(slice(k).frames[0]);
+      image.frames.back().trigger_time_ms = 40.0 * time;
+      image.frames.back().stored.assign(48, static_cast<std::uint16_t>(100 * time + k));
+    }
+  test::write_dicom(folder_ / "all", image);
+  EXPECT_THAT(refusal(), HasSubstr("holds 2 volumes"));
+  EXPECT_EQ(read(2)->scan.at(1, 1, 4), 104);
+}
+
+TEST_F(Dicom, AcquisitionsAtTheSamePlacesAreVolumes) {
+  for (const int number : {4, 9})
+    write_series(
+        [&](DicomImage& image, int k) {
+          image.acquisition = number;
+          image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * number + k));
+        },
+        DicomPacking::kExplicit, kSlices - (number == 9), "a" + std::to_string(number) + "_");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("8 x 6 x 5"), HasSubstr("acquisition 4"), HasSubstr("8 x 6 x 4"),
+                               HasSubstr("acquisition 9")));
+  EXPECT_EQ(read(2)->scan.at(0, 0, 3), 903);
+}
+
+TEST_F(Dicom, DirectionsOfDiffusionAreVolumes) {
+  const double s = std::sqrt(0.5);
+  const std::array<std::array<double, 3>, 3> gradients{{{1, 0, 0}, {-1, 0, 0}, {0, s, s}}};
+  for (std::size_t n = 0; n < gradients.size(); ++n)
+    write_series(
+        [&](DicomImage& image, int k) {
+          image.modality = "MR";
+          image.b_value = 1000;
+          image.gradient = gradients[n];
+          (*image.gradient)[2] += 1e-5 * k;
+          image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * n));
+        },
+        DicomPacking::kExplicit, kSlices, "g" + std::to_string(n) + "_");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("holds 3 volumes"), HasSubstr("diffusion along (1.00, 0.00, 0.00)"),
+                               HasSubstr("diffusion along (-1.00, 0.00, 0.00)"),
+                               HasSubstr("diffusion along (0.00, 0.71, 0.71)")));
+  EXPECT_EQ(read(3)->scan.at(2, 2, 2), 200);
 }
 
 TEST_F(Dicom, ALocalizerBesideTheScanIsNoQuestion) {
@@ -317,8 +426,7 @@ TEST_F(Dicom, WithoutAPreamble) {
 
 // the file with another TransferSyntaxUID in its header
 void claim_syntax(const std::filesystem::path& file, std::string uid) {
-  std::ifstream in(file, std::ios::binary);
-  std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  std::string bytes = bytes_of(file);
   const auto at = bytes.find(std::string("\x02\0\x10\0UI", 6));
   ASSERT_NE(at, std::string::npos);
   const auto before = static_cast<std::size_t>(static_cast<unsigned char>(bytes[at + 6]));
@@ -376,6 +484,18 @@ TEST_F(Dicom, SignedValuesWithAScale) {
   EXPECT_EQ(read()->header.component_type, "int16");
 }
 
+TEST_F(Dicom, AScaleThatIsNoNumberIsRefused) {
+  for (const std::string text : {"1e40", "many"}) {
+    write_series([&](DicomImage& image, int k) {
+      if (k == 1) image.texts = {{0x0028, 0x1053, text}};
+    });
+    EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 2 of 5"), HasSubstr("RescaleSlope (0028,1053) that is no number")));
+  }
+  // an empty one says nothing
+  write_series([&](DicomImage& image, int) { image.texts = {{0x0028, 0x1053, ""}}; });
+  expect_voxels();
+}
+
 TEST_F(Dicom, EverySliceHasItsOwnScale) {
   write_series([](DicomImage& image, int k) {
     image.frames[0].slope = 0.5 + k;
@@ -408,6 +528,24 @@ TEST_F(Dicom, PaddingIsTheLowestValueAndIsTold) {
   EXPECT_THAT(warnings_, HasSubstr("lie outside what was scanned (PixelPaddingValue (0028,0120))"));
 }
 
+TEST_F(Dicom, PaddingMayHaveMoreBitsThanAreStored) {
+  // 12 bits, and -2000 in all 16: what its lowest 12 bits are is a value
+  constexpr std::uint16_t kPadding = 0xF830, kLow = kPadding & 0xFFF;
+  write_series([&](DicomImage& image, int) {
+    image.bits_stored = 12;
+    image.high_bit = 11;
+    image.padding = kPadding;
+    image.frames[0].stored[0] = kPadding;
+    image.frames[0].stored[1] = kLow;
+  });
+  const auto scan = read();
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_EQ(scan->scan.at(1, 0, 0), kLow);
+  EXPECT_EQ(scan->scan.at(0, 0, 0),
+            *std::min_element(scan->scan.voxels().begin(), scan->scan.voxels().end()));
+  EXPECT_THAT(warnings_, HasSubstr("5 voxels lie outside what was scanned"));
+}
+
 // ---- multi-frame --------------------------------------------------------------------------------
 
 TEST_F(Dicom, FramesOfOneFile) {
@@ -427,6 +565,48 @@ TEST_F(Dicom, FramesOfOneFile) {
     const auto alone = read_scan(folder_ / "all.dcm");
     ASSERT_TRUE(alone) << alone.error().message();
     EXPECT_NEAR(alone->scan.geometry().spacing_mm.z(), kStep_mm, 1e-9);
+  }
+}
+
+TEST_F(Dicom, FramesOfAnOddNumberOfBytes) {
+  for (const DicomPacking packing :
+       {DicomPacking::kExplicit, DicomPacking::kBigEndian, DicomPacking::kRle, DicomPacking::kJpegLossless}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    DicomImage image = slice(0);
+    image.multi_frame = true;
+    image.rows = 3;
+    image.columns = 5;
+    image.bits_allocated = image.bits_stored = 8;
+    image.high_bit = 7;
+    image.frames.clear();
+    for (int k = 0; k < kSlices; ++k) {
+      auto& frame = image.frames.emplace_back(slice(k).frames[0]);
+      frame.stored.resize(15);
+      for (std::size_t n = 0; n < 15; ++n) frame.stored[n] = static_cast<std::uint16_t>(16 * k + n);
+    }
+    test::write_dicom(folder_ / "all.dcm", image, packing);
+    const auto scan = read();
+    ASSERT_TRUE(scan) << scan.error().message();
+    for (int k = 0; k < kSlices; ++k)
+      for (int n = 0; n < 15; ++n)
+        EXPECT_EQ(scan->scan.at(n % 5, n / 5, k), static_cast<float>(16 * k + n));
+  }
+}
+
+TEST_F(Dicom, FramesThatAreNotThereAreMissed) {
+  // 99 frames are said, two are there
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kRle, DicomPacking::kJpegLs}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    DicomImage image = slice(0);
+    image.multi_frame = true;
+    image.frames = {slice(0).frames[0], slice(1).frames[0]};
+    test::write_dicom(folder_ / "all.dcm", image, packing);
+    std::string bytes = bytes_of(folder_ / "all.dcm");
+    const auto at = bytes.find(std::string("\x28\0\x08\0IS\2\0", 8));
+    ASSERT_NE(at, std::string::npos);
+    bytes.replace(at + 8, 2, "99");
+    std::ofstream(folder_ / "all.dcm", std::ios::binary) << bytes;
+    EXPECT_THAT(refusal(), HasSubstr("PixelData (7FE0,0010) cut short"));
   }
 }
 
@@ -455,6 +635,54 @@ TEST_F(Dicom, ASliceThatIsCutShortIsNamed) {
   std::filesystem::resize_file(folder_ / "IM2", std::filesystem::file_size(folder_ / "IM2") - 20);
   EXPECT_THAT(refusal(),
               AllOf(HasSubstr("slice 3 of 5, at -27.50 mm"), HasSubstr("PixelData (7FE0,0010) cut short")));
+}
+
+TEST_F(Dicom, PackedImagesOfOtherBitsAreRefused) {
+  // DCMTK decodes 8 bits into the first half of what 16 bits take, and says nothing
+  write_series(
+      [](DicomImage& image, int) {
+        image.bits_allocated = image.bits_stored = 8;
+        image.high_bit = 7;
+        for (std::uint16_t& word : image.frames[0].stored) word &= 0xFF;
+      },
+      DicomPacking::kJpegLossless);
+  EXPECT_TRUE(read());
+  for (int k = 0; k < kSlices; ++k) {
+    const auto file = folder_ / ("IM" + std::to_string(k));
+    std::string bytes = bytes_of(file);
+    const auto at = bytes.find(std::string("\x28\0\0\1US\2\0\x08\0", 10));
+    ASSERT_NE(at, std::string::npos);
+    bytes[at + 8] = 16;
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 1 of 5"), HasSubstr("of other sizes or bits than it says")));
+}
+
+TEST_F(Dicom, AnEndThatCannotBeReadIsTold) {
+  // nothing shows that there was a slice more: it is said wherever the volume is read
+  write_series();
+  std::filesystem::resize_file(folder_ / "IM4", 200);
+  EXPECT_EQ(read()->scan.geometry().dims[2], 4);
+  EXPECT_THAT(warnings_, AllOf(HasSubstr("left out: 1 file that is a damaged DICOM file"),
+                               HasSubstr("the first or the last slice of a volume")));
+  const auto list = list_volumes(folder_.path());
+  ASSERT_TRUE(list);
+  EXPECT_THAT(list->notes, ::testing::Contains(HasSubstr("left out: 1 file")));
+}
+
+TEST_F(Dicom, TheFileThatItsReaderFailsOnIsNamed) {
+  // sequences in each other as deep as no stack goes
+  write_series();
+  std::string bytes = bytes_of(folder_ / "IM2");
+  bytes.resize(bytes.find(std::string("\x28\0\2\0US", 6)));
+  for (int level = 0; level < 300'000; ++level)
+    bytes += std::string("\x28\0\0\x30SQ\0\0\xFF\xFF\xFF\xFF\xFE\xFF\0\xE0\xFF\xFF\xFF\xFF", 20);
+  std::ofstream(folder_ / "IM2", std::ios::binary) << bytes;
+  const auto scan = read();
+  ASSERT_FALSE(scan);
+  EXPECT_EQ(scan.error().where, (folder_ / "IM2").string());
+  EXPECT_THAT(scan.error().what, HasSubstr("its reader fails on it"));
+  EXPECT_THAT(scan.error().remedy, HasSubstr("take it out of the folder"));
 }
 
 TEST_F(Dicom, OtherObjectsAreCountedAndImagesAreNoLabels) {
@@ -490,6 +718,13 @@ TEST_F(Dicom, LinksThatLeadOutAreNotFollowed) {
   ASSERT_TRUE(scan) << scan.error().message();
   EXPECT_EQ(scan->scan.geometry().dims[2], 4);
   EXPECT_THAT(warnings_, HasSubstr("1 link leads out of the folder"));
+}
+
+TEST_F(Dicom, AFolderOfLinksThatLeadOutHoldsNoVolume) {
+  const test::TemporaryFolder elsewhere;
+  test::write_dicom(elsewhere / "IM0", slice(0));
+  std::filesystem::create_symlink(elsewhere / "IM0", folder_ / "IM0");
+  EXPECT_FALSE(is_dicom(folder_.path()));
 }
 
 TEST_F(Dicom, StopsWhenItIsAsked) {
@@ -566,8 +801,7 @@ TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
     for (int k = 0; k < 3; ++k) image.frames.push_back(slice(k).frames[0]);
     const auto file = folder_ / "damaged";
     test::write_dicom(file, image, packing);
-    std::ifstream in(file, std::ios::binary);
-    std::string bytes{std::istreambuf_iterator<char>(in), {}};
+    std::string bytes = bytes_of(file);
     if (n % 2) {
       bytes.resize(std::uniform_int_distribution<std::size_t>(0, bytes.size())(random));
     } else {

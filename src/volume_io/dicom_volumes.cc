@@ -52,19 +52,20 @@ double corner_off_mm(const DicomFrame& a, const DicomFrame& b) {
 // ---- which belong together ----------------------------------------------------------------------
 
 using Told =
-    std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, std::optional<double>,
+    std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, bool, std::optional<double>,
                std::string, std::string, std::string, std::string, std::string>;
 
 // what is the same in all images of a volume, but for what is only nearly the same
 Told told_apart_by(const DicomFrame& frame) {
   // without a place images are told apart by nothing but what they lack
-  if (!frame.placed) return {frame.series, true, 0, 0, {}, {}, {}, "", frame.modality, "", "", frame.fault};
+  if (!frame.placed) return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", "", frame.fault};
   return {frame.series,
           false,
           frame.rows,
           frame.columns,
           frame.echo_time_ms,
           frame.b_value,
+          frame.gradient.has_value(),
           frame.temporal_position,
           frame.stack,
           frame.modality,
@@ -73,14 +74,22 @@ Told told_apart_by(const DicomFrame& frame) {
           ""};
 }
 
+// directions of diffusion that are one, but for the last digits of a text
+bool same_gradient(const DicomFrame& a, const DicomFrame& b) {
+  constexpr double kSame = 1e-2;
+  return !a.gradient || !b.gradient ||
+         (Vector(a.gradient->data()) - Vector(b.gradient->data())).norm() <= kSame;
+}
+
 std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
-  // a group of one told key is split by orientation and pixel spacing
+  // a group of one told key is split by orientation, pixel spacing and direction of diffusion
   std::map<Told, std::vector<std::vector<DicomFrame>>> groups;
   for (DicomFrame& frame : frames) {
     auto& parts = groups[told_apart_by(frame)];
     const auto fits = [&](const std::vector<DicomFrame>& part) {
       constexpr double kSame_mm = 0.02;
-      return !frame.placed || corner_off_mm(part.front(), frame) <= kSame_mm;
+      return !frame.placed ||
+             (corner_off_mm(part.front(), frame) <= kSame_mm && same_gradient(part.front(), frame));
     };
     // those of a scan follow each other
     auto part = std::find_if(parts.rbegin(), parts.rend(), fits);
@@ -90,6 +99,96 @@ std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
   for (auto& [told, parts] : groups)
     for (auto& part : parts) all.push_back(std::move(part));
   return all;
+}
+
+// ---- several images at one place ----------------------------------------------------------------
+
+using Frames = std::vector<DicomFrame>;
+
+void sort_by_place(Frames& frames) {
+  const Vector normal = normal_of(frames.front());
+  std::stable_sort(frames.begin(), frames.end(), [&](const DicomFrame& a, const DicomFrame& b) {
+    return a.position.dot(normal) < b.position.dot(normal);
+  });
+}
+
+// how many lie at each place, of sorted ones
+std::vector<std::size_t> counts_at_places(const Frames& frames) {
+  const Vector normal = normal_of(frames.front());
+  std::vector<std::size_t> counts{1};
+  for (std::size_t n = 1; n < frames.size(); ++n) {
+    const double gap_mm = (frames[n].position - frames[n - 1].position).dot(normal);
+    gap_mm < kSamePlace_mm ? void(++counts.back()) : counts.push_back(1);
+  }
+  return counts;
+}
+
+bool has_doubles(const Frames& frames) {
+  return counts_at_places(frames).size() < frames.size();
+}
+
+// The images of a heart are taken at several times of its beat at each place. Its rate changes, and so do the
+// times from place to place: what counts is their order.
+std::vector<Frames> split_by_trigger_time(const Frames& sorted) {
+  const auto counts = counts_at_places(sorted);
+  const std::size_t each = counts.front();
+  const auto told = [](const DicomFrame& frame) { return frame.trigger_time_ms.has_value(); };
+  if (std::ranges::any_of(counts, [&](std::size_t count) { return count != each; }) ||
+      !std::ranges::all_of(sorted, told))
+    return {};
+  std::vector<Frames> parts(each);
+  for (std::size_t first = 0; first < sorted.size(); first += each) {
+    Frames here(sorted.begin() + static_cast<std::ptrdiff_t>(first),
+                sorted.begin() + static_cast<std::ptrdiff_t>(first + each));
+    std::ranges::stable_sort(here, {}, [](const DicomFrame& frame) { return *frame.trigger_time_ms; });
+    for (std::size_t n = 0; n < each; ++n) {
+      if (n > 0 && here[n].trigger_time_ms == here[n - 1].trigger_time_ms) return {};
+      parts[n].push_back(std::move(here[n]));
+    }
+  }
+  return parts;
+}
+
+// Nothing where all that comes of it are single slices, as of one place that was watched.
+std::vector<Frames> split_by_acquisition(const Frames& sorted) {
+  std::map<int, Frames> parts;
+  for (const DicomFrame& frame : sorted) {
+    if (!frame.acquisition) return {};
+    parts[*frame.acquisition].push_back(frame);
+  }
+  if (parts.size() == sorted.size()) return {};
+  std::vector<Frames> all;
+  for (auto& [number, part] : parts) {
+    if (has_doubles(part)) return {};
+    all.push_back(std::move(part));
+  }
+  return all;
+}
+
+// a group whose images may lie at one place, as volumes in which none do where that can be told
+std::vector<Frames> without_doubles(Frames frames) {
+  const auto forget = [](Frames& part, bool times, bool acquisitions) {
+    for (DicomFrame& frame : part) {
+      if (times) frame.trigger_time_ms.reset();
+      if (acquisitions) frame.acquisition.reset();
+    }
+  };
+  if (frames.front().placed) {
+    sort_by_place(frames);
+    if (has_doubles(frames)) {
+      const bool by_time = std::ranges::any_of(
+          frames, [](const DicomFrame& frame) { return frame.trigger_time_ms.has_value(); });
+      auto parts = by_time ? split_by_trigger_time(frames) : std::vector<Frames>();
+      const bool by_acquisition = parts.empty();
+      if (by_acquisition) parts = split_by_acquisition(frames);
+      for (Frames& part : parts) forget(part, by_acquisition, !by_acquisition);
+      if (!parts.empty()) return parts;
+    }
+  }
+  forget(frames, true, true);
+  std::vector<Frames> whole;
+  whole.push_back(std::move(frames));
+  return whole;
 }
 
 // ---- in words -----------------------------------------------------------------------------------
@@ -104,7 +203,7 @@ std::string plane_of(const Vector& normal) {
 }
 
 // the standard's own terms that say something to a person; any other could say anything
-constexpr std::array<std::pair<std::string_view, std::string_view>, 22> kTypeTerms{{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 26> kTypeTerms{{
     {"DERIVED", "derived"},
     {"LOCALIZER", "localizer"},
     {"MPR", "reformatted"},
@@ -115,6 +214,10 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 22> kTypeTer
     {"P", "phase"},
     {"R", "real part"},
     {"I", "imaginary part"},
+    {"MAGNITUDE", "magnitude"},
+    {"PHASE", "phase"},
+    {"REAL", "real part"},
+    {"IMAGINARY", "imaginary part"},
     {"M_SE", "magnitude"},
     {"M_FFE", "magnitude"},
     {"P_SE", "phase"},
@@ -157,7 +260,14 @@ std::string what_is_special(const std::vector<DicomFrame>& frames,
   };
   number(&DicomFrame::echo_time_ms, "echo time ", " ms");
   number(&DicomFrame::b_value, "b-value ", " s/mm2");
+  if (differs(&DicomFrame::gradient) && own.gradient) {
+    const auto& [x, y, z] = *own.gradient;
+    text += ", diffusion along (" + in_mm(x) + ", " + in_mm(y) + ", " + in_mm(z) + ")";
+  }
   number(&DicomFrame::temporal_position, "time point ", "");
+  number(&DicomFrame::trigger_time_ms, "trigger time ", " ms");
+  if (differs(&DicomFrame::acquisition) && own.acquisition)
+    text += ", acquisition " + std::to_string(*own.acquisition);
   if (differs(&DicomFrame::stack)) text += ", of a stack of its own";
   if (differs(&DicomFrame::image_type)) {
     const auto words = type_words(own.image_type);
@@ -195,13 +305,10 @@ struct Fault {
 constexpr const char* kWholeSeries = "export the series again, whole, and give the folder of it";
 constexpr const char* kConvert = "load the series in 3D Slicer, which can resample it, and save it as NRRD";
 
-// the slices of a volume, sorted, as their places along the normal tell
+// the slices of a volume, sorted by their places along the normal
 class Stack {
  public:
-  explicit Stack(std::vector<DicomFrame>& frames) : frames_(frames), normal_(normal_of(frames.front())) {
-    std::stable_sort(frames.begin(), frames.end(), [&](const DicomFrame& a, const DicomFrame& b) {
-      return a.position.dot(normal_) < b.position.dot(normal_);
-    });
+  explicit Stack(const Frames& frames) : frames_(frames), normal_(normal_of(frames.front())) {
     for (const DicomFrame& frame : frames) places_mm_.push_back(frame.position.dot(normal_));
   }
 
@@ -235,8 +342,9 @@ class Stack {
     for (std::size_t n = 0; n + 1 < frames_.size(); ++n)
       if (gap_mm(n) < kSamePlace_mm)
         return Fault{"two slices lie at one place: " + slice(n) + ", and the next",
-                     "remove copies; where the series holds several volumes that nothing tells apart, export "
-                     "them as series of their own"};
+                     "keep the right one: they differ in their values or in their SOPInstanceUID (0008,0018); where "
+                     "the series holds several volumes that nothing tells apart, export them as series of "
+                     "their own"};
     return std::nullopt;
   }
 
@@ -300,7 +408,7 @@ class Stack {
     return std::nullopt;
   }
 
-  const std::vector<DicomFrame>& frames_;
+  const Frames& frames_;
   Vector normal_;
   std::vector<double> places_mm_;
 };
@@ -332,11 +440,22 @@ std::string slice_in_words(const std::vector<DicomFrame>& frames, std::size_t n)
          in_mm(frames[n].position.dot(normal_of(frames.front()))) + " mm along its normal";
 }
 
+std::string slice_in_words(const GridGeometry& grid, std::size_t n) {
+  const Vector normal = Vector(grid.direction.col(0)).cross(Vector(grid.direction.col(1))).normalized();
+  const Vector place =
+      grid.origin.eigen() + static_cast<double>(n) * grid.spacing_mm[2] * Vector(grid.direction.col(2));
+  return "slice " + std::to_string(n + 1) + " of " + std::to_string(grid.dims[2]) + ", at " +
+         in_mm(place.dot(normal)) + " mm along its normal";
+}
+
 std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
   std::vector<DicomVolume> volumes;
-  for (std::vector<DicomFrame>& group : grouped(std::move(frames))) {
+  std::vector<Frames> parts;
+  for (Frames& group : grouped(std::move(frames)))
+    for (Frames& part : without_doubles(std::move(group))) parts.push_back(std::move(part));
+  for (Frames& part : parts) {
     DicomVolume& volume = volumes.emplace_back();
-    volume.frames = std::move(group);
+    volume.frames = std::move(part);
     const DicomFrame& first = volume.frames.front();
     if (!first.placed) {
       volume.fault = images(volume.frames.size()) + ": " + first.fault;
@@ -350,7 +469,10 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
       continue;
     }
     volume.geometry = stack.geometry();
-    if (const auto possible = checked(volume.geometry, ""); !possible) volume.fault = possible.error().what;
+    if (const auto possible = checked(volume.geometry, ""); !possible) {
+      volume.fault = possible.error().what;
+      volume.remedy = kWholeSeries;
+    }
   }
 
   // in words, against the others of its series

@@ -13,6 +13,7 @@
 #include <dcmtk/dcmjpeg/djrploss.h>
 #include <dcmtk/dcmjpls/djencode.h>
 #include <dcmtk/dcmjpls/djrparam.h>
+#include <dcmtk/oflog/oflog.h>
 
 #include <cstdio>
 
@@ -69,6 +70,10 @@ void put_places(DcmDataset& root, const DicomImage& image) {
   for (std::size_t n = 0; n < image.frames.size(); ++n) {
     DcmItem& own = item_of(root, DCM_PerFrameFunctionalGroupsSequence, static_cast<long>(n));
     put(item_of(own, DCM_PlanePositionSequence), DCM_ImagePositionPatient, in_text(image.frames[n].position));
+    if (image.frames[n].trigger_time_ms)
+      PALPATE_CHECK(item_of(own, DCM_CardiacSynchronizationSequence)
+                        .putAndInsertFloat64(DCM_NominalCardiacTriggerDelayTime, *image.frames[n].trigger_time_ms)
+                        .good());
     if (image.frames[n].slope) put_scale(item_of(own, DCM_PixelValueTransformationSequence), image.frames[n]);
   }
 }
@@ -128,6 +133,7 @@ E_TransferSyntax syntax_of(DicomPacking packing) {
 void write_dicom(const std::filesystem::path& file, const DicomImage& image, DicomPacking packing,
                  bool preamble) {
   static const bool registered = [] {
+    OFLog::configure(OFLogger::OFF_LOG_LEVEL);
     DcmRLEEncoderRegistration::registerCodecs();
     DJEncoderRegistration::registerCodecs();
     DJLSEncoderRegistration::registerCodecs();
@@ -140,13 +146,19 @@ void write_dicom(const std::filesystem::path& file, const DicomImage& image, Dic
   put(root, DCM_SOPClassUID,
       image.multi_frame ? UID_EnhancedCTImageStorage
                         : (image.modality == "MR" ? UID_MRImageStorage : UID_CTImageStorage));
-  put(root, DCM_SOPInstanceUID, std::string(dcmGenerateUniqueIdentifier(uid)));
+  put(root, DCM_SOPInstanceUID,
+      image.sop_instance.empty() ? std::string(dcmGenerateUniqueIdentifier(uid)) : image.sop_instance);
   put(root, DCM_SeriesInstanceUID, image.series);
   put(root, DCM_Modality, image.modality);
   put(root, DCM_ImageType, image.image_type);
   if (image.instance_number) put(root, DCM_InstanceNumber, std::to_string(*image.instance_number));
   if (!image.patient.empty()) put_patient(root, image.patient);
   put(root, DCM_EchoTime, image.echo_time_ms);
+  put(root, DCM_TriggerTime, image.trigger_time_ms);
+  if (image.acquisition) put(root, DCM_AcquisitionNumber, std::to_string(*image.acquisition));
+  if (image.gradient)
+    PALPATE_CHECK(
+        root.putAndInsertFloat64Array(DCM_DiffusionGradientOrientation, image.gradient->data(), 3).good());
   if (image.b_value) PALPATE_CHECK(root.putAndInsertFloat64(DCM_DiffusionBValue, *image.b_value).good());
   put(root, DCM_Rows, image.rows);
   put(root, DCM_Columns, image.columns);
@@ -164,6 +176,7 @@ void write_dicom(const std::filesystem::path& file, const DicomImage& image, Dic
                       .good());
   }
   put_places(root, image);
+  for (const DicomText& text : image.texts) put(root, DcmTagKey(text.group, text.element), text.text);
   put_pixels(root, image);
 
   const DJ_RPLossless lossless(packing == DicomPacking::kJpegLossless ? 6 : 1);

@@ -23,6 +23,11 @@ enum class DicomPacking {
   kJpegLosslessFirstOrder,
   kJpegLs,
 };
+/// Text of an attribute that no member above has, in a data set that is written.
+struct DicomText {
+  std::uint16_t group = 0, element = 0;
+  std::string text;
+};
 
 /// One image, or the frames of a multi-frame one. What is empty is not written.
 struct DicomImage {
@@ -34,16 +39,19 @@ struct DicomImage {
   std::optional<std::array<double, 2>> spacing_mm = std::array<double, 2>{0.7, 0.5};  ///< of rows, of columns
   int bits_allocated = 16, bits_stored = 16, high_bit = 15, samples = 1;
   bool is_signed = false;
-  std::optional<double> echo_time_ms, b_value;
-  std::optional<int> padding, instance_number;
+  std::optional<double> echo_time_ms, b_value, trigger_time_ms;
+  std::optional<std::array<double, 3>> gradient;
+  std::optional<int> padding, instance_number, acquisition;
+  std::string sop_instance;  ///< empty: one of its own
 
   struct Frame {
     std::array<double, 3> position{0, 0, 0};
     std::vector<std::uint16_t> stored;  ///< the words as they stand, rows x columns
-    std::optional<double> slope, intercept;
+    std::optional<double> slope, intercept, trigger_time_ms;
   };
   std::vector<Frame> frames{1};
   bool multi_frame = false;  ///< as an enhanced image, with functional groups
+  std::vector<DicomText> texts;
 };
 
 /// Stops the program where DCMTK cannot.

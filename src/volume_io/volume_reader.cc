@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "volume_io/dicom.h"
+#include "volume_io/dicom_volumes.h"
 #include "volume_io/formats.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/voxel_stream.h"
@@ -45,6 +46,16 @@ Result<std::unique_ptr<reader::ReaderProcess>> start(const std::vector<InputFile
 void name_format(const Format& format, VolumeFile& volume) {
   volume.header.format = volume.header.has_segments ? "Slicer segmentation (NRRD)" : format.name;
   volume.header.component_type = name_of(volume.voxels.component);
+}
+
+// what ends the reading of DICOM, with the image that it comes from
+Error at_slice(Error error, const VolumeFile& file, std::uint64_t values) {
+  const GridGeometry& grid = file.header.geometry;
+  if (file.voxels.encoding != Encoding::kDicom || error.kind != ErrorKind::kBadInput) return error;
+  const auto slice = static_cast<std::uint64_t>(grid.dims[0]) * static_cast<std::uint64_t>(grid.dims[1]);
+  const std::uint64_t last = static_cast<std::uint64_t>(grid.dims[2]) - 1;
+  error.what = slice_in_words(grid, static_cast<std::size_t>(std::min(values / slice, last))) + ", " + error.what;
+  return error;
 }
 
 }  // namespace
@@ -168,7 +179,7 @@ Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file,
   for (std::size_t slot = 0;;) {
     std::uint32_t bytes = 0;
     if (auto said = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !said)
-      return about(said.error(), files);
+      return about(at_slice(said.error(), file, first), files);
     if (bytes == kEnd) break;
     if (bytes == kStillReading) continue;
     if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(files);
