@@ -478,7 +478,8 @@ Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> v
     return bad_input("", "has PixelData (7FE0,0010) of other sizes or bits than it says", kSlicer);
 
   const std::int64_t padding = frame.padding.value_or(0);
-  const auto [low, high] = std::minmax({padding, frame.padding_limit.value_or(padding)});
+  const std::pair<std::int64_t, std::int64_t> range =
+      std::minmax({padding, frame.padding_limit.value_or(padding)});
   const auto take = [&](auto type) {
     using Word = decltype(type);
     for (std::size_t n = 0; n < values.size(); ++n) {
@@ -488,7 +489,7 @@ Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> v
       if (!frame.padding) continue;
       const std::int64_t all_bits =
           frame.is_signed ? std::int64_t{static_cast<std::make_signed_t<Word>>(word)} : std::int64_t{word};
-      if (all_bits >= low && all_bits <= high) values[n] = all_bits;
+      if (all_bits >= range.first && all_bits <= range.second) values[n] = all_bits;
     }
   };
   switch (frame.bits_allocated) {

@@ -192,6 +192,17 @@ class FirstSteps(cli.PalpateTest):
         self.assertIn("scan_volume = 2", (self.folder / "two.toml").read_text())
         self.succeed("section", self.folder / "two.toml", "-o", self.folder / "y.png")
 
+    def test_what_reads_dicom_is_loaded_for_dicom_alone(self):
+        root = cli.need("dicom_seg/ct-3slice")
+        # an environment cannot lead DCMTK to a dictionary of its own
+        environment = {**os.environ, "LD_DEBUG": "libs", "DCMDICTPATH": str(self.folder / "nothing")}
+        label_map = write_nrrd(self.folder / "labels.nrrd", blocks)
+        for arguments, loads in ((["--version"], False), (["info", label_map], False), (["info", root], True)):
+            with self.subTest(arguments=arguments):
+                done = self.succeed(*arguments, env=environment)
+                for library in ("libdcmdata", "libicuuc", "libpalpate_dicom"):
+                    self.assertEqual(library in done.stderr, loads, library)
+
     def test_any_bytes_end_in_a_sentence(self):
         """A prefix of every kind, whatever its name, is one clear error or works."""
         files = [file.read_bytes() for file in self.foreign()] + [nifti2(blocks), os.urandom(4000)]
