@@ -129,7 +129,8 @@ struct Image {
 // what was found of one kind, and how often
 using Counts = std::map<std::string, std::size_t>;
 
-// Whether the values of two images, which are the same in all else, are the same; false where one cannot be read.
+// Whether the values of two images, which are the same in all else, are the same; false where one cannot be
+// read.
 bool same_values(DicomFiles& library, const FoundFiles& found, const Image& one, const Image& other) {
   std::array<std::vector<std::int64_t>, 2> values;
   for (std::size_t n = 0; n < one.content.frames.size(); ++n) {
@@ -157,9 +158,8 @@ std::size_t drop_copies(DicomFiles& library, const FoundFiles& found, std::vecto
   std::vector<char> is_copy(images.size());
   for (std::size_t n = 0; n < images.size(); ++n) {
     const DicomFile& content = images[n].content;
-    if (content.sop_uid.empty() || std::ranges::any_of(content.frames, [](const DicomFrame& frame) {
-          return !frame.fault.empty();
-        }))
+    if (content.sop_uid.empty() ||
+        std::ranges::any_of(content.frames, [](const DicomFrame& frame) { return !frame.fault.empty(); }))
       continue;
     auto& before = of_uid[content.sop_uid];
     for (const std::size_t other : before) {
@@ -220,8 +220,7 @@ Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const
       ++others;
     } else if (!kind->dicom_image) {
       ++kinds[kind->what];
-    } else if (auto content =
-                   library.read_file(opened->name_for_libraries(), dicom_transfer_syntax(front))) {
+    } else if (auto content = library.read_file(opened->name_for_libraries(), dicom_transfer_syntax(front))) {
       images.push_back({static_cast<std::uint32_t>(n), *std::move(content)});
     } else if (content.error().what == kNoDicomImage) {
       ++pictureless;
@@ -240,9 +239,10 @@ Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const
                                     "files are copies of others, value by value, and were") +
                             " left out");
   for (const auto& [what, count] : damages)
-    content.notes.push_back("left out: " + counted(count, "file that ", "files of which each ") + what +
-                            "; where that was the first or the last slice of a volume, the volume lacks it and "
-                            "nothing else says so");
+    content.notes.push_back(
+        "left out: " + counted(count, "file that ", "files of which each ") + what +
+        "; where that was the first or the last slice of a volume, the volume lacks it and "
+        "nothing else says so");
   for (const auto& [what, count] : kinds)
     content.others.push_back(count == 1 ? what : std::to_string(count) + " of this: " + what);
   if (pictureless > 0)

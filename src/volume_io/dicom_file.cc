@@ -188,8 +188,8 @@ std::int64_t stored_value(std::uint64_t word, const DicomFrame& frame) {
   return static_cast<std::int64_t>(bits) - (negative ? std::int64_t{1} << frame.bits_stored : 0);
 }
 
-// A word, written as signed or unsigned, which old files mix up. Where it has more bits than are stored it marks
-// what has them too.
+// A word, written as signed or unsigned, which old files mix up. Where it has more bits than are stored it
+// marks what has them too.
 std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, const DicomFrame& frame) {
   Uint16 small = 0;
   Sint16 negative = 0;
@@ -291,7 +291,8 @@ std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& 
   if (text_of(item, tag).empty()) return std::nullopt;
   constexpr double kMost = 1e30;  // a float's range, and some bits
   const auto said = number_of(item, tag);
-  if (!said || std::abs(*said) > kMost) return Fault{"has a " + in_words(tag) + " that is no number", kExport};
+  if (!said || std::abs(*said) > kMost)
+    return Fault{"has a " + in_words(tag) + " that is no number", kExport};
   number = *said;
   return std::nullopt;
 }
@@ -333,8 +334,8 @@ std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std
   if (DcmXfer(syntax).isEncapsulated()) {
     // each frame has a fragment at least, and the first item is a table of them
     DcmPixelSequence* fragments = nullptr;
-    if (pixels->getEncapsulatedRepresentation(syntax, nullptr, fragments).bad() ||
-        !fragments || fragments->card() <= frames)
+    if (pixels->getEncapsulatedRepresentation(syntax, nullptr, fragments).bad() || !fragments ||
+        fragments->card() <= frames)
       return cut;
     return std::nullopt;
   }
@@ -443,9 +444,9 @@ bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_
   // fragments are known where frames follow each other, else DCMTK looks for them
   if (next_frame_ != frame.frame) next_fragment_ = 0;
   OFString colours;
-  const OFCondition read = pixels_->getUncompressedFrame(file_.getDataset(), frame.frame, next_fragment_,
-                                                         buffer_.data(), static_cast<Uint32>(buffer_.size()),
-                                                         colours, &cache_);
+  const OFCondition read =
+      pixels_->getUncompressedFrame(file_.getDataset(), frame.frame, next_fragment_, buffer_.data(),
+                                    static_cast<Uint32>(buffer_.size()), colours, &cache_);
   next_frame_ = std::int64_t{frame.frame} + 1;
   return read.good();
 }
@@ -461,9 +462,11 @@ Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> v
       pixels_->getUncompressedFrameSize(&root, bytes).bad() || bytes != expected)
     return bad_input("", "has changed while it was read", "leave the files alone while they are read");
 
-  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of 16
+  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
+  // 16
   const auto filled = [&](std::uint8_t last) {
-    const auto word = std::span(buffer_).first(expected).last(static_cast<std::size_t>(frame.bits_allocated / 8));
+    const auto word =
+        std::span(buffer_).first(expected).last(static_cast<std::size_t>(frame.bits_allocated / 8));
     return std::ranges::any_of(word, [&](std::uint8_t byte) { return byte != last; });
   };
   constexpr std::uint8_t kLast[] = {0x5A, 0xA5};
@@ -474,8 +477,7 @@ Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> v
     if ((whole = filled(last))) break;
     next_frame_ = -1;
   }
-  if (!whole)
-    return bad_input("", "has PixelData (7FE0,0010) of other sizes or bits than it says", kSlicer);
+  if (!whole) return bad_input("", "has PixelData (7FE0,0010) of other sizes or bits than it says", kSlicer);
 
   const std::int64_t padding = frame.padding.value_or(0);
   const std::pair<std::int64_t, std::int64_t> range =

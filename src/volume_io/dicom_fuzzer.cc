@@ -44,8 +44,8 @@ class NamedBytes {
 
 }  // namespace
 
-// A length that a file claims is asked for before its bytes are missed, as in the confined process, whose limit
-// of memory refuses it.
+// A length that a file claims is asked for before its bytes are missed, as in the confined process, whose
+// limit of memory refuses it.
 extern "C" const char* __asan_default_options() {
   return "allocator_may_return_null=1:max_allocation_size_mb=256";
 }

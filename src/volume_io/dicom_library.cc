@@ -18,7 +18,8 @@ Result<DicomFiles*> open_dicom_library() {
   };
   void* library = ::dlopen(kDicomLibrary, RTLD_NOW | RTLD_LOCAL);
   if (!library) return missing();
-  const auto files = reinterpret_cast<decltype(&palpate_dicom_files)>(::dlsym(library, "palpate_dicom_files"));
+  const auto files =
+      reinterpret_cast<decltype(&palpate_dicom_files)>(::dlsym(library, "palpate_dicom_files"));
   if (!files) return missing();
   return files();
 }

@@ -268,8 +268,7 @@ TEST_F(Dicom, TimesOfAHeartAreVolumes) {
   for (int time = 0; time < 3; ++time) {
     const auto scan = read(time + 1);
     ASSERT_TRUE(scan) << scan.error().message();
-    for (int k = 0; k < kSlices; ++k)
-      EXPECT_EQ(scan->scan.at(3, 3, k), static_cast<float>(100 * time + k));
+    for (int k = 0; k < kSlices; ++k) EXPECT_EQ(scan->scan.at(3, 3, k), static_cast<float>(100 * time + k));
   }
 }
 
@@ -490,7 +489,8 @@ TEST_F(Dicom, AScaleThatIsNoNumberIsRefused) {
     write_series([&](DicomImage& image, int k) {
       if (k == 1) image.texts = {{0x0028, 0x1053, text}};
     });
-    EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 2 of 5"), HasSubstr("RescaleSlope (0028,1053) that is no number")));
+    EXPECT_THAT(refusal(),
+                AllOf(HasSubstr("slice 2 of 5"), HasSubstr("RescaleSlope (0028,1053) that is no number")));
   }
   // an empty one says nothing
   write_series([&](DicomImage& image, int) { image.texts = {{0x0028, 0x1053, ""}}; });
@@ -589,8 +589,7 @@ TEST_F(Dicom, FramesOfAnOddNumberOfBytes) {
     const auto scan = read();
     ASSERT_TRUE(scan) << scan.error().message();
     for (int k = 0; k < kSlices; ++k)
-      for (int n = 0; n < 15; ++n)
-        EXPECT_EQ(scan->scan.at(n % 5, n / 5, k), static_cast<float>(16 * k + n));
+      for (int n = 0; n < 15; ++n) EXPECT_EQ(scan->scan.at(n % 5, n / 5, k), static_cast<float>(16 * k + n));
   }
 }
 
@@ -826,7 +825,8 @@ TEST(DicomSeeds, AreUnderstood) {
   const std::filesystem::path folder =
       std::filesystem::path(PALPATE_SOURCE_DIR) / "src/volume_io/dicom_fuzzer_corpus";
   if (const char* target = std::getenv("PALPATE_WRITE_SEEDS")) {
-    const auto write = [&](const std::string& name, const auto& change, DicomPacking packing, bool preamble = true) {
+    const auto write = [&](const std::string& name, const auto& change, DicomPacking packing,
+                           bool preamble = true) {
       DicomImage image = slice(0);
       image.sop_instance = "1.2.3";
       change(image);
@@ -853,9 +853,11 @@ TEST(DicomSeeds, AreUnderstood) {
       image.high_bit = 11;
       image.padding = -2000;
     };
-    write("slice", [](DicomImage&) {}, DicomPacking::kExplicit);
+    write(
+        "slice", [](DicomImage&) {}, DicomPacking::kExplicit);
     write("resonance", resonance, DicomPacking::kImplicit, false);
-    write("big", [](DicomImage&) {}, DicomPacking::kBigEndian);
+    write(
+        "big", [](DicomImage&) {}, DicomPacking::kBigEndian);
     write("frames", frames, DicomPacking::kExplicit);
     write("deflated", frames, DicomPacking::kDeflated);
     write("rle", frames, DicomPacking::kRle);

@@ -58,7 +58,8 @@ using Told =
 // what is the same in all images of a volume, but for what is only nearly the same
 Told told_apart_by(const DicomFrame& frame) {
   // without a place images are told apart by nothing but what they lack
-  if (!frame.placed) return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", "", frame.fault};
+  if (!frame.placed)
+    return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", "", frame.fault};
   return {frame.series,
           false,
           frame.rows,
@@ -341,10 +342,11 @@ class Stack {
   std::optional<Fault> doubled() const {
     for (std::size_t n = 0; n + 1 < frames_.size(); ++n)
       if (gap_mm(n) < kSamePlace_mm)
-        return Fault{"two slices lie at one place: " + slice(n) + ", and the next",
-                     "keep the right one: they differ in their values or in their SOPInstanceUID (0008,0018); where "
-                     "the series holds several volumes that nothing tells apart, export them as series of "
-                     "their own"};
+        return Fault{
+            "two slices lie at one place: " + slice(n) + ", and the next",
+            "keep the right one: they differ in their values or in their SOPInstanceUID (0008,0018); where "
+            "the series holds several volumes that nothing tells apart, export them as series of "
+            "their own"};
     return std::nullopt;
   }
 

@@ -31,7 +31,7 @@ struct DicomFrame {
   /// What does so where images lie at one place, and else may differ from slice to slice.
   std::optional<double> trigger_time_ms;
   std::optional<int> acquisition;
-  double slope = 1, intercept = 0;                    ///< value = slope * stored + intercept
+  double slope = 1, intercept = 0;  ///< value = slope * stored + intercept
   int bits_allocated = 16, bits_stored = 16, high_bit = 15;
   bool is_signed = false;
   std::optional<std::int64_t> padding, padding_limit;  ///< words that are no image, both included
@@ -52,9 +52,9 @@ struct DicomVolume {
 /// All frames in volumes: by series and, within it, by rows and columns, orientation, pixel spacing, frame of
 /// reference, echo time, b-value, direction of diffusion, temporal position, stack and image type; where that
 /// leaves several at one place, by their trigger times in their order or by their acquisition's number. In a
-/// volume the frames are ordered by the projection of their positions on the normal. A volume whose slices are
-/// single, doubled, missing, uneven, turned or shifted against each other (a tilted gantry) has a fault that
-/// names the slice.
+/// volume the frames are ordered by the projection of their positions on the normal. A volume whose slices
+/// are single, doubled, missing, uneven, turned or shifted against each other (a tilted gantry) has a fault
+/// that names the slice.
 std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames);
 
 /// "slice 7 of 90, at -12.50 mm along its normal", of a volume's frames in their order.

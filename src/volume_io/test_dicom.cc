@@ -71,9 +71,10 @@ void put_places(DcmDataset& root, const DicomImage& image) {
     DcmItem& own = item_of(root, DCM_PerFrameFunctionalGroupsSequence, static_cast<long>(n));
     put(item_of(own, DCM_PlanePositionSequence), DCM_ImagePositionPatient, in_text(image.frames[n].position));
     if (image.frames[n].trigger_time_ms)
-      PALPATE_CHECK(item_of(own, DCM_CardiacSynchronizationSequence)
-                        .putAndInsertFloat64(DCM_NominalCardiacTriggerDelayTime, *image.frames[n].trigger_time_ms)
-                        .good());
+      PALPATE_CHECK(
+          item_of(own, DCM_CardiacSynchronizationSequence)
+              .putAndInsertFloat64(DCM_NominalCardiacTriggerDelayTime, *image.frames[n].trigger_time_ms)
+              .good());
     if (image.frames[n].slope) put_scale(item_of(own, DCM_PixelValueTransformationSequence), image.frames[n]);
   }
 }

@@ -54,7 +54,8 @@ Error at_slice(Error error, const VolumeFile& file, std::uint64_t values) {
   if (file.voxels.encoding != Encoding::kDicom || error.kind != ErrorKind::kBadInput) return error;
   const auto slice = static_cast<std::uint64_t>(grid.dims[0]) * static_cast<std::uint64_t>(grid.dims[1]);
   const std::uint64_t last = static_cast<std::uint64_t>(grid.dims[2]) - 1;
-  error.what = slice_in_words(grid, static_cast<std::size_t>(std::min(values / slice, last))) + ", " + error.what;
+  error.what =
+      slice_in_words(grid, static_cast<std::size_t>(std::min(values / slice, last))) + ", " + error.what;
   return error;
 }
 
