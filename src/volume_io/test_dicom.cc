@@ -129,18 +129,29 @@ E_TransferSyntax syntax_of(DicomPacking packing) {
   return EXS_LittleEndianExplicit;
 }
 
-}  // namespace
-
-void write_dicom(const std::filesystem::path& file, const DicomImage& image, DicomPacking packing,
-                 bool preamble) {
-  static const bool registered = [] {
+// there as long as the program
+class Encoders {
+ public:
+  Encoders() {
     OFLog::configure(OFLogger::OFF_LOG_LEVEL);
     DcmRLEEncoderRegistration::registerCodecs();
     DJEncoderRegistration::registerCodecs();
     DJLSEncoderRegistration::registerCodecs();
-    return true;
-  }();
-  PALPATE_CHECK(registered);
+  }
+  ~Encoders() {
+    DcmRLEEncoderRegistration::cleanup();
+    DJEncoderRegistration::cleanup();
+    DJLSEncoderRegistration::cleanup();
+  }
+  Encoders(const Encoders&) = delete;
+  Encoders& operator=(const Encoders&) = delete;
+};
+
+}  // namespace
+
+void write_dicom(const std::filesystem::path& file, const DicomImage& image, DicomPacking packing,
+                 bool preamble) {
+  static const Encoders encoders;
   DcmFileFormat format;
   DcmDataset& root = *format.getDataset();
   char uid[100];
