@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <limits>
 #include <map>
 #include <set>
@@ -363,6 +364,203 @@ Result<DicomContent> look_for(DicomFiles& library, reader::ParentEnd& parent, co
   });
 }
 
+// ---- segmentations, in the process that reads -----------------------------------------------------
+
+// a segmentation that is understood
+struct Segments {
+  DicomSegmentation said;
+  SegmentGrid grid;
+  std::vector<std::vector<std::size_t>> frames_at;  // by slice
+  std::vector<int> layer_of_number;                 // by segment's number; none: -1
+  VolumeFile file;
+};
+
+// the values of the frames of one slice, one after the other
+class SlicePixels {
+ public:
+  static Result<SlicePixels> open(DicomFiles& library, const fs::path& named) {
+    auto input = InputFile::open(named);
+    if (!input) return input.error();
+    auto pixels = library.open_pixels(input->name_for_libraries());
+    if (!pixels) return pixels.error();
+    return SlicePixels(*std::move(input), *std::move(pixels));
+  }
+  // calls take(voxel, number of a segment) for each voxel that is in one
+  template <class Take>
+  Result<void> read(const DicomSegmentation& said, std::size_t n, const Take& take) {
+    const DicomFrame& frame = said.frames[n];
+    values_.resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
+    if (auto read = pixels_->read(frame, values_); !read)
+      return bad_input("", "frame " + std::to_string(n + 1) + " of " + std::to_string(said.frames.size()) + " " + read.error().what,
+                       read.error().remedy);
+    const int segment = said.segment_of_frame[n];
+    for (std::size_t v = 0; v < values_.size(); ++v) {
+      const std::int64_t value = values_[v];
+      switch (said.kind) {
+        case DicomSegmentation::Kind::kBinary:
+          if (value != 0) take(v, segment);
+          break;
+        case DicomSegmentation::Kind::kFractional:
+          if (value > 0 && 2 * value >= said.most) take(v, segment);
+          break;
+        case DicomSegmentation::Kind::kLabels:
+          if (value != 0 && value != said.nothing) take(v, static_cast<int>(value));
+          break;
+      }
+    }
+    return {};
+  }
+
+ private:
+  SlicePixels(InputFile file, std::unique_ptr<DicomPixels> pixels) : file_(std::move(file)), pixels_(std::move(pixels)) {}
+  InputFile file_;
+  std::unique_ptr<DicomPixels> pixels_;
+  std::vector<std::int64_t> values_;
+};
+
+constexpr std::size_t kNumbers = 65536;
+
+// Which segments overlap where, in words and as layers.
+// @param look  called before each slice; false: nobody listens any more
+template <class Look>
+Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments& segments, const Look& look) {
+  const DicomSegmentation& said = segments.said;
+  std::vector<int> index_of_number(kNumbers, -1);
+  for (std::size_t n = 0; n < said.segments.size(); ++n)
+    index_of_number[static_cast<std::size_t>(said.segments[n].number)] = static_cast<int>(n);
+  std::set<std::pair<int, int>> overlaps;
+  std::uint64_t shared = 0;
+  if (said.kind != DicomSegmentation::Kind::kLabels) {
+    auto pixels = SlicePixels::open(library, named);
+    if (!pixels) return pixels.error();
+    const DicomFrame& first = said.frames.front();
+    // of each voxel the segments that it is in, as far as they are new
+    std::vector<std::vector<int>> in(static_cast<std::size_t>(first.rows) * static_cast<std::size_t>(first.columns));
+    for (const auto& frames : segments.frames_at) {
+      if (!look()) return {};
+      if (frames.size() < 2) continue;
+      for (auto& voxel : in) voxel.clear();
+      for (const std::size_t n : frames) {
+        const auto read = pixels->read(said, n, [&](std::size_t v, int segment) {
+          const int index = index_of_number[static_cast<std::size_t>(segment)];
+          for (const int other : in[v]) overlaps.insert(std::minmax(index, other));
+          if (in[v].size() == 1) ++shared;
+          in[v].push_back(index);
+        });
+        if (!read) return read;
+      }
+    }
+  }
+  const auto layers = layers_of_segments(said.segments.size(), {overlaps.begin(), overlaps.end()});
+  for (std::size_t n = 0; n < layers.size(); ++n)
+    segments.layer_of_number[static_cast<std::size_t>(said.segments[n].number)] = layers[n];
+  segments.file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
+  if (shared > 0)
+    segments.file.notes.push_back("segments overlap in " + std::to_string(shared) +
+                                  " voxels: each is kept whole, and where forces come from one label a voxel it is "
+                                  "that of the tissue that is felt most");
+  return {};
+}
+
+// @param look  told how far it is; false: nobody listens any more
+template <class Look>
+Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, const Look& look) {
+  library.begin_reading();
+  Segments segments;
+  {
+    const auto opened = InputFile::open(named);
+    if (!opened) return opened.error();
+    std::string front(kKindBytes, '\0');
+    const auto got = opened->read_at(0, std::as_writable_bytes(std::span(front)));
+    front.resize(got ? *got : 0);
+    auto said = library.read_segmentation(opened->name_for_libraries(), dicom_transfer_syntax(front));
+    if (!said) return said.error();
+    segments.said = *std::move(said);
+  }
+  DicomSegmentation& said = segments.said;
+  std::erase_if(said.segments, [](const DicomSegment& segment) { return is_background(segment); });
+  std::set<int> numbers;
+  for (const DicomSegment& segment : said.segments)
+    if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) || !numbers.insert(segment.number).second)
+      return bad_input("", "has a SegmentNumber (0062,0004) of 0 or one twice", "export it again");
+  auto grid = lay_segments(said);
+  if (!grid) return grid.error();
+  segments.grid = *std::move(grid);
+  segments.frames_at.resize(static_cast<std::size_t>(segments.grid.geometry.dims[2]));
+  for (std::size_t n = 0; n < said.frames.size(); ++n)
+    segments.frames_at[static_cast<std::size_t>(segments.grid.slice_of_frame[n])].push_back(n);
+  segments.layer_of_number.assign(kNumbers, 0);
+  if (auto found = find_overlaps(library, named, segments, look); !found) return found.error();
+
+  VolumeFile& file = segments.file;
+  file.header.geometry = segments.grid.geometry;
+  file.header.meaning = ValueMeaning::kLabels;
+  file.layers_first = false;
+  file.voxels.file = named;
+  file.voxels.encoding = Encoding::kDicom;
+  file.voxels.component = Component::kUint16;
+  if (said.kind == DicomSegmentation::Kind::kFractional)
+    file.notes.push_back("is fractional: a voxel is in a segment from half of MaximumFractionalValue (0062,000E) on");
+  for (std::size_t n = 0; n < said.segments.size(); ++n) {
+    const DicomSegment& segment = said.segments[n];
+    const std::string key = "Segment" + std::to_string(n) + "_";
+    const auto put = [&](const char* field, const std::string& text) {
+      file.segment_fields.emplace_back(key + field, text);
+    };
+    put("Name", name_of_segment(segment));
+    put("Layer", std::to_string(segments.layer_of_number[static_cast<std::size_t>(segment.number)]));
+    put("LabelValue", std::to_string(segment.number));
+    if (segment.lab) put("Color", colour_of_segment(*segment.lab));
+  }
+  return segments;
+}
+
+// layer after layer, slice after slice
+Result<void> send_segments(DicomFiles& library, const Segments& segments, const fs::path& named, VoxelSink& sink) {
+  auto pixels = SlicePixels::open(library, named);
+  if (!pixels) return pixels.error();
+  const auto& dims = segments.grid.geometry.dims;
+  std::vector<LabelId> slice(static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]));
+  for (int layer = 0; layer < segments.file.header.layers; ++layer)
+    for (const auto& frames : segments.frames_at) {
+      std::fill(slice.begin(), slice.end(), LabelId{0});
+      for (const std::size_t n : frames) {
+        const int segment = segments.said.segment_of_frame[n];
+        if (segment != 0 && segments.layer_of_number[static_cast<std::size_t>(segment)] != layer) continue;
+        const auto read = pixels->read(segments.said, n, [&](std::size_t v, int number) {
+          slice[v] = static_cast<LabelId>(number);
+        });
+        if (!read) return read;
+      }
+      sink.still_reading();
+      for (std::size_t first = 0; first < slice.size(); first += kPieceValues) {
+        const auto bytes = std::as_bytes(std::span(slice).subspan(first).first(std::min(kPieceValues, slice.size() - first)));
+        const auto room = sink.room().first(bytes.size());
+        std::memcpy(room.data(), bytes.data(), bytes.size());
+        sink.put(bytes.size());
+      }
+    }
+  return {};
+}
+
+bool read_segments_for(DicomFiles& library, reader::ParentEnd& parent, const fs::path& named) {
+  const auto look = [&] {
+    const std::uint32_t begun = 0;
+    return parent.write(std::as_bytes(std::span(&begun, 1)));
+  };
+  const auto segments = look_at_segments(library, named, look);
+  if (!segments) return send_end(parent, segments.error());
+  if (!send_end(parent, {})) return false;
+  if (!send_volume(parent, segments->file, {&named, 1})) return false;
+  while (parent.wait_for_word()) {
+    VoxelSlots slots(parent);
+    const auto read = send_segments(library, *segments, named, slots);
+    slots.drain();
+    if (!send_end(parent, read)) return false;
+  }
+  return false;
+}
+
 bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
                     const fs::path& named, std::optional<int> number) {
   const auto content = look_for(library, parent, found);
@@ -468,6 +666,31 @@ Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, 
   if (!process) return at(file, process.error());
   const Files named{&file, 1};
   if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  auto answer = receive_answer(**process, named);
+  if (!answer) return answer.error();
+  auto* volume = std::get_if<VolumeFile>(&*answer);
+  if (!volume || volume->voxels.encoding != Encoding::kDicom) return nonsense(named);
+  return DicomReader{*std::move(process), std::move(*volume)};
+}
+
+bool is_dicom_segmentation(const fs::path& file) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(file, ignored)) return false;
+  const auto kind = dicom_kind_of(file, front_of(file));
+  return kind && kind->dicom_segmentation;
+}
+
+Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress& progress) {
+  const auto library = ready_library();
+  if (!library) return at(file, library.error());
+  FoundFiles found;
+  found.roots = found.files = {file};
+  auto process = start_in(found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
+    return read_segments_for(**library, parent, file);
+  });
+  if (!process) return at(file, process.error());
+  const Files named{&file, 1};
+  if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);

@@ -26,4 +26,9 @@ struct DicomReader {
 Result<DicomReader> open_dicom(const std::filesystem::path& file, std::optional<int> number,
                                const Progress& progress);
 
+/// Whether a plain file is a DICOM segmentation, by its first bytes.
+bool is_dicom_segmentation(const std::filesystem::path& file);
+/// The same of a segmentation, of which is_dicom_segmentation() holds. Segments that overlap come in layers.
+Result<DicomReader> open_dicom_segmentation(const std::filesystem::path& file, const Progress& progress);
+
 }  // namespace palpate::volume_io

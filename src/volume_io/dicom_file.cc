@@ -144,7 +144,7 @@ std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& u
 constexpr std::array<std::string_view, 14> kModalities{"CT", "MR", "PT", "NM", "US", "XA",  "CR",
                                                        "DX", "MG", "RF", "OT", "SC", "OCT", "OPT"};
 
-// what the values of a frame are made of; false with a fault where they are nothing that is read
+// what the values of a frame are made of, which may be one bit; false with a fault where they are nothing that is read
 std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   const auto lacks = [](const DcmTagKey& tag) { return Fault{"lacks " + in_words(tag), kExport}; };
   const auto rows = count_of(root, DCM_Rows), columns = count_of(root, DCM_Columns),
@@ -166,6 +166,8 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   frame.bits_stored = count_of(root, DCM_BitsStored).value_or(*allocated);
   frame.high_bit = count_of(root, DCM_HighBit).value_or(frame.bits_stored - 1);
   frame.is_signed = count_of(root, DCM_PixelRepresentation).value_or(0) == 1;
+  // a bit each, of a segmentation
+  if (*allocated == 1 && frame.bits_stored == 1 && frame.high_bit == 0) return std::nullopt;
   if ((*allocated != 8 && *allocated != 16 && *allocated != 32) || frame.bits_stored < 1 ||
       frame.high_bit >= *allocated || frame.high_bit + 1 < frame.bits_stored)
     return Fault{
@@ -305,9 +307,12 @@ std::optional<Fault> read_scale(const Attributes& attributes, DicomFrame& frame)
   return std::nullopt;
 }
 
-std::uint64_t bytes_of_frame(const DicomFrame& frame) {
+std::uint64_t bits_of_frame(const DicomFrame& frame) {
   return static_cast<std::uint64_t>(frame.rows) * static_cast<std::uint64_t>(frame.columns) *
-         static_cast<std::uint64_t>(frame.bits_allocated / 8);
+         static_cast<std::uint64_t>(frame.bits_allocated);
+}
+std::uint64_t bytes_of_frame(const DicomFrame& frame) {
+  return (bits_of_frame(frame) + 7) / 8;
 }
 
 // DCMTK reads all up to what is larger than this, which it fetches when it is asked for
@@ -339,7 +344,8 @@ std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std
       return cut;
     return std::nullopt;
   }
-  if (element->getLength() < bytes_of_frame(frame) * frames) return cut;
+  // bits go on from frame to frame without a gap
+  if (element->getLength() < (bits_of_frame(frame) * frames + 7) / 8) return cut;
   return std::nullopt;
 }
 
@@ -367,6 +373,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   if (std::ranges::find(kModalities, modality) != kModalities.end()) all.modality = modality;
   std::optional<Fault> fault = unknown ? unknown : unread_syntax(root.getOriginalXfer(), syntax_uid);
   if (auto bits = read_bits(root, all); bits && !fault) fault = bits;
+  if (all.bits_allocated == 1 && !fault) fault = Fault{"has a BitsAllocated (0028,0100) of 1", kSlicer};
 
   const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
              shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
@@ -408,6 +415,104 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   return content;
 }
 
+// ---- a segmentation -----------------------------------------------------------------------------
+
+struct Code {
+  std::string value, scheme, meaning;
+};
+
+Code code_of(DcmItem& item, const DcmTagKey& sequence) {
+  DcmItem* code = nullptr;
+  if (item.findAndGetSequenceItem(sequence, code).bad() || !code) return {};
+  return {text_of(*code, DCM_CodeValue), text_of(*code, DCM_CodingSchemeDesignator),
+          text_of(*code, DCM_CodeMeaning)};
+}
+
+// of the modifier of a type or of a region
+std::string side_of(DcmItem& item, const DcmTagKey& group, const DcmTagKey& modifier) {
+  DcmItem* code = nullptr;
+  if (item.findAndGetSequenceItem(group, code).bad() || !code) return "";
+  const std::string value = code_of(*code, modifier).value;
+  if (value == "7771000" || value == "G-A101") return "left";
+  if (value == "24028007" || value == "G-A100") return "right";
+  return "";
+}
+
+DicomSegment segment_of(DcmItem& item) {
+  DicomSegment segment;
+  segment.number = count_of(item, DCM_SegmentNumber).value_or(0);
+  segment.label = text_of(item, DCM_SegmentLabel);
+  const Code type = code_of(item, DCM_SegmentedPropertyTypeCodeSequence);
+  segment.code = type.value;
+  segment.scheme = type.scheme;
+  segment.meaning = type.meaning;
+  segment.side = side_of(item, DCM_SegmentedPropertyTypeCodeSequence, DCM_SegmentedPropertyTypeModifierCodeSequence);
+  if (segment.side.empty())
+    segment.side = side_of(item, DCM_AnatomicRegionSequence, DCM_AnatomicRegionModifierSequence);
+  if (const auto lab = numbers_of<3>(item, DCM_RecommendedDisplayCIELabValue)) {
+    segment.lab.emplace();
+    for (std::size_t c = 0; c < 3; ++c)
+      (*segment.lab)[c] = static_cast<std::uint16_t>(std::clamp((*lab)[c], 0.0, 65535.0));
+  }
+  return segment;
+}
+
+Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const std::string& syntax_uid) {
+  DcmFileFormat file;
+  const bool loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good();
+  DcmDataset& root = *file.getDataset();
+  const auto refused = [](const Fault& fault) { return bad_input("", fault.what, fault.remedy); };
+  if (!loaded) return bad_input("", "is a damaged DICOM segmentation", "copy it again");
+  DicomSegmentation segmentation;
+  DicomFrame all;
+  if (auto fault = unread_syntax(root.getOriginalXfer(), syntax_uid)) return refused(*fault);
+  if (auto fault = read_bits(root, all)) return refused(*fault);
+  using Kind = DicomSegmentation::Kind;
+  const std::string type = text_of(root, DCM_SegmentationType);
+  segmentation.kind = type == "BINARY" ? Kind::kBinary : type == "FRACTIONAL" ? Kind::kFractional : Kind::kLabels;
+  const bool known = type == "BINARY" || type == "FRACTIONAL" || type == "LABELMAP";
+  const bool fits = (segmentation.kind == Kind::kBinary) == (all.bits_allocated == 1) && all.bits_allocated <= 16 &&
+                    !all.is_signed;
+  if (!known || !fits)
+    return refused({"has a SegmentationType (0062,0001) and a BitsAllocated (0028,0100) that are not read", kSlicer});
+  if (all.bits_allocated == 1 && DcmXfer(root.getOriginalXfer()).isEncapsulated())
+    return refused({"has packed bits, which are not read", kDecompress});
+  segmentation.most = count_of(root, DCM_MaximumFractionalValue).value_or(255);
+  if (segmentation.kind == Kind::kLabels) segmentation.nothing = padding_of(root, DCM_PixelPaddingValue, all);
+
+  const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
+             shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
+  // as many as there are places for, so that a number takes no memory
+  const double said = number_of(root, DCM_NumberOfFrames).value_or(0);
+  if (said < 1 || said != static_cast<double>(own.size()))
+    return refused({"has " + std::to_string(own.size()) +
+                        " items of PerFrameFunctionalGroupsSequence (5200,9230) and another NumberOfFrames (0028,0008)",
+                    kExport});
+  if (auto fault = look_for_pixels(root, all, own.size(), loaded)) return refused(*fault);
+  for (DcmItem* item : items_of(root, DCM_SegmentSequence)) segmentation.segments.push_back(segment_of(*item));
+  for (std::size_t n = 0; n < own.size(); ++n) {
+    DicomFrame frame = all;
+    frame.frame = static_cast<std::uint32_t>(n);
+    const Attributes attributes(own[n], shared.empty() ? nullptr : shared.front(), root);
+    if (auto wrong = read_place(attributes, true, frame)) {
+      frame.fault = wrong->what;
+      frame.remedy = wrong->remedy;
+    }
+    if (n == 0) {
+      segmentation.slice_spacing_mm = attributes.number(DCM_PixelMeasuresSequence, DCM_SpacingBetweenSlices);
+      if (!segmentation.slice_spacing_mm)
+        segmentation.slice_spacing_mm = attributes.number(DCM_PixelMeasuresSequence, DCM_SliceThickness);
+    }
+    const DcmTagKey number = DCM_ReferencedSegmentNumber;
+    segmentation.segment_of_frame.push_back(
+        segmentation.kind == Kind::kLabels
+            ? 0
+            : count_of(attributes.in(DCM_SegmentIdentificationSequence, number), number).value_or(0));
+    segmentation.frames.push_back(std::move(frame));
+  }
+  return segmentation;
+}
+
 // ---- its voxels ---------------------------------------------------------------------------------
 
 class FilePixels : public DicomPixels {
@@ -426,6 +531,7 @@ class FilePixels : public DicomPixels {
   Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) override;
 
  private:
+  Result<void> read_bits_of(const DicomFrame& frame, std::span<std::int64_t> values);
   // false: damaged
   bool decode(const DicomFrame& frame, std::uint8_t beyond, std::uint64_t bytes);
 
@@ -451,11 +557,29 @@ bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_
   return read.good();
 }
 
+// A frame begins at any bit; the first is the lowest of its byte (PS3.5 8.1.1).
+Result<void> FilePixels::read_bits_of(const DicomFrame& frame, std::span<std::int64_t> values) {
+  const std::uint64_t first = bits_of_frame(frame) * frame.frame, last = first + values.size();
+  buffer_.resize(static_cast<std::size_t>((last + 7) / 8 - first / 8));
+  if (values.size() != bits_of_frame(frame) || last > std::uint64_t{pixels_->getLength()} * 8 ||
+      pixels_
+          ->getPartialValue(buffer_.data(), static_cast<Uint32>(first / 8), static_cast<Uint32>(buffer_.size()),
+                            &cache_, EBO_LittleEndian)
+          .bad())
+    return bad_input("", "has damaged PixelData (7FE0,0010)", "copy it again");
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    const std::uint64_t bit = first % 8 + n;
+    values[n] = buffer_[static_cast<std::size_t>(bit / 8)] >> (bit % 8) & 1;
+  }
+  return {};
+}
+
 Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> values) {
   DcmDataset& root = *file_.getDataset();
   DicomFrame now = frame;
   Uint32 bytes = 0;
   const std::uint64_t expected = bytes_of_frame(frame);
+  if (frame.bits_allocated == 1) return read_bits_of(frame, values);
   if (read_bits(root, now) || now.rows != frame.rows || now.columns != frame.columns ||
       now.bits_allocated != frame.bits_allocated ||
       values.size() * static_cast<std::size_t>(frame.bits_allocated / 8) != expected ||
@@ -525,6 +649,12 @@ class DcmtkFiles : public DicomFiles {
   } catch (const std::exception&) {
     // memory that a length in it asks for; any other exception ends the process
     return bad_input("", "is a damaged DICOM file", "copy it again");
+  }
+  Result<DicomSegmentation> read_segmentation(const std::filesystem::path& name,
+                                              const std::string& syntax_uid) override try {
+    return read_segments(name, syntax_uid);
+  } catch (const std::exception&) {
+    return bad_input("", "is a damaged DICOM segmentation", "copy it again");
   }
   Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) override {
     return FilePixels::open(name);

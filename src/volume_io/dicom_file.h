@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/base/result.h"
+#include "volume_io/dicom_segments.h"
 #include "volume_io/dicom_volumes.h"
 
 /// All that meets DCMTK, which has no types here. The bytes may do anything to whoever reads them: for a
@@ -33,7 +34,7 @@ inline constexpr const char* kNoDicomImage = "holds no image";
 class DicomPixels {
  public:
   virtual ~DicomPixels() = default;
-  /// The words of a frame, rows x columns, each cut to its bits stored, sign included; numbers of padding
+  /// The words of a frame, rows x columns (of 1 bit allocated: its bits), each cut to its bits stored, sign included; numbers of padding
   /// (DicomFrame::padding) may be kept as they are in all their bits.
   /// Errors, without `where`: damaged, not as the frame says any more.
   virtual Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) = 0;
@@ -51,6 +52,9 @@ class DicomFiles {
   /// @param syntax_uid  the TransferSyntaxUID of its header, empty where it has none
   /// Errors, without `where`: it is no DICOM file as far as can be read; no image.
   virtual Result<DicomFile> read_file(const std::filesystem::path& name, const std::string& syntax_uid) = 0;
+  /// The same of a segmentation. Errors, without `where`: damaged, of a type or packed as is not read.
+  virtual Result<DicomSegmentation> read_segmentation(const std::filesystem::path& name,
+                                                      const std::string& syntax_uid) = 0;
   /// @param name  as above; is opened again as long as what is returned lives
   virtual Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) = 0;
 };

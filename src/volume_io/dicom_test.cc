@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iterator>
 #include <random>
+#include <set>
 
 #include "base/test_files.h"
 #include "base/test_folder.h"
@@ -954,6 +955,61 @@ TEST(SharedDicom, ImagesOfSegmentationsLieOnTheirGrids) {
   const auto grid = read_header(liver);
   ASSERT_TRUE(scan) << scan.error().message();
   EXPECT_TRUE(scan->scan.geometry().same_grid(grid->geometry));
+}
+
+// ---- segmentations ------------------------------------------------------------------------------
+
+// the places of the voxels of a segment, in voxels of a grid
+std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& segment, const GridGeometry& grid) {
+  std::set<std::array<int, 3>> places;
+  const auto X = grid.X_PatientVoxel().inverse() * labels.geometry().X_PatientVoxel();
+  const auto& layer = labels.layers[static_cast<std::size_t>(segment.layer)];
+  const auto& dims = labels.geometry().dims;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j)
+      for (int i = 0; i < dims[0]; ++i) {
+        if (layer.at(i, j, k) != segment.value) continue;
+        const Eigen::Vector3d at = (X * Point<Voxel>(i, j, k)).eigen(), near = at.array().round();
+        EXPECT_LT((at - near).norm(), 1e-3);
+        places.insert({static_cast<int>(near.x()), static_cast<int>(near.y()), static_cast<int>(near.z())});
+      }
+  return places;
+}
+
+// every structure of the masks is a segment, voxel by voxel, and the other way round
+void expect_masks(const std::string& segmentation, const std::vector<std::string>& masks, std::size_t layers = 1) {
+  SCOPED_TRACE(segmentation);
+  PALPATE_SHARED_FILE(file, "dicom_seg/" + segmentation);
+  const auto read = read_labels(file);
+  ASSERT_TRUE(read) << read.error().message();
+  EXPECT_EQ(read->header.format, "DICOM segmentation");
+  EXPECT_EQ(read->labels.layers.size(), layers);
+  std::multiset<std::set<std::array<int, 3>>> expected, found;
+  std::optional<GridGeometry> grid;
+  for (const std::string& mask : masks) {
+    PALPATE_SHARED_FILE(reference, "dicom_seg/" + mask);
+    const auto labels = read_labels(reference);
+    ASSERT_TRUE(labels) << labels.error().message();
+    if (!grid) grid = labels->labels.geometry();
+    for (const Segment& segment : labels->labels.segments)
+      expected.insert(places_of(labels->labels, segment, *grid));
+  }
+  for (const Segment& segment : read->labels.segments) {
+    EXPECT_THAT(segment.name, Not(IsEmpty()));
+    found.insert(places_of(read->labels, segment, *grid));
+  }
+  EXPECT_EQ(found.size(), expected.size());
+  EXPECT_TRUE(found == expected);
+}
+
+TEST(SharedSegmentations, AreTheirMasks) {
+  expect_masks("liver.dcm", {"liver_seg.nrrd"});
+  expect_masks("23x38x3/seg/label.seg", {"23x38x3/nrrd/label.nrrd"});
+  expect_masks("24x38x3/seg/label.seg", {"24x38x3/nrrd/label.nrrd"});
+  expect_masks("sparse-labelmap-noppv.dcm", {"sparse_labelmap_noppv_seg.nrrd"});
+  expect_masks("sparse-labelmap-ppv5.dcm", {"sparse_labelmap_ppv5_seg.nrrd"});
+  expect_masks("partial_overlaps.dcm",
+               {"partial_overlaps-1.nrrd", "partial_overlaps-2.nrrd", "partial_overlaps-3.nrrd"}, 3);
 }
 
 }  // namespace

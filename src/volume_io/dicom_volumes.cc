@@ -41,14 +41,6 @@ Vector normal_of(const DicomFrame& frame) {
   return frame.along_row.cross(frame.along_column).normalized();
 }
 
-// how far the corner that is farthest from the position lies off where another image's orientation and
-// spacing would have it
-double corner_off_mm(const DicomFrame& a, const DicomFrame& b) {
-  const auto off = [](const Vector& u, const Vector& v, int steps) { return (u - v).norm() * steps; };
-  return off(a.along_row * a.column_spacing_mm, b.along_row * b.column_spacing_mm, a.columns - 1) +
-         off(a.along_column * a.row_spacing_mm, b.along_column * b.row_spacing_mm, a.rows - 1);
-}
-
 // ---- which belong together ----------------------------------------------------------------------
 
 using Told =
@@ -436,6 +428,12 @@ std::string list_of(const std::vector<DicomVolume>& volumes, bool usable_alone) 
 }
 
 }  // namespace
+
+double corner_off_mm(const DicomFrame& a, const DicomFrame& b) {
+  const auto off = [](const Vector& u, const Vector& v, int steps) { return (u - v).norm() * steps; };
+  return off(a.along_row * a.column_spacing_mm, b.along_row * b.column_spacing_mm, a.columns - 1) +
+         off(a.along_column * a.row_spacing_mm, b.along_column * b.row_spacing_mm, a.rows - 1);
+}
 
 std::string slice_in_words(const std::vector<DicomFrame>& frames, std::size_t n) {
   return "slice " + std::to_string(n + 1) + " of " + std::to_string(frames.size()) + ", at " +

@@ -57,6 +57,10 @@ struct DicomVolume {
 /// that names the slice.
 std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames);
 
+/// How far the corner that is farthest from the position lies off where another image's orientation and
+/// spacing would have it, mm.
+double corner_off_mm(const DicomFrame& a, const DicomFrame& b);
+
 /// "slice 7 of 90, at -12.50 mm along its normal", of a volume's frames in their order.
 std::string slice_in_words(const std::vector<DicomFrame>& frames, std::size_t n);
 /// The same of the grid that they became.

@@ -10,10 +10,6 @@ namespace {
 
 using namespace std::string_view_literals;
 
-constexpr const char* kConvertSegmentation =
-    "segmentations of DICOM are not read: convert it with dcmqi (segimage2itkimage --inputDICOM FILE "
-    "--outputDirectory OUT "
-    "--outputType nrrd), or load it with its images in 3D Slicer and save the segmentation as .seg.nrrd";
 constexpr const char* kConvertStructures =
     "contours are not read: load them with their images in 3D Slicer (extension SlicerRT) and save the "
     "segmentation as .seg.nrrd";
@@ -70,7 +66,8 @@ FileKind dicom_kind(std::string_view front) {
     return {"a DICOMDIR, the list of contents of a DICOM disc", "name the folder that it stands in", {}};
   if (uid.starts_with(kStorage)) {
     const std::string_view kind = uid.substr(kStorage.size());
-    if (kind == "66.4" || kind == "66.7") return {"a DICOM segmentation (SEG)", kConvertSegmentation, {}};
+    if (kind == "66.4" || kind == "66.7") 
+      return {"a DICOM segmentation (SEG)", "give it as the labels, under any name", "DICOM", false, true, true};
     if (kind == "66.5") return {"a DICOM surface segmentation", kConvertSurface, {}};
     if (kind == "481.3") return {"a DICOM structure set (RTSTRUCT)", kConvertStructures, {}};
     if (kind == "481.2") return {"a DICOM dose (RTDOSE)", "give the scan that it was planned on", {}};

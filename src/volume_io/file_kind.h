@@ -14,6 +14,7 @@ struct FileKind {
   std::string_view volume;   ///< of a format that is read here its name, "NRRD"; else empty
   bool dicom_image = false;  ///< a slice of a series, or a whole one
   bool dicom = false;        ///< of DICOM, image or not
+  bool dicom_segmentation = false;
 };
 
 /// How many bytes at the front of a file tell its kind.

@@ -313,6 +313,8 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     if (!read) return read.error();
     sink.keep(kept);
   }
+  for (const std::string& note : file.notes)
+    if (warn) warn(path.string() + ": " + note);
 
   auto segments = find_segments(file, sink);
   if (!segments) return segments.error();
