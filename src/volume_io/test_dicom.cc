@@ -147,11 +147,15 @@ class Encoders {
   Encoders& operator=(const Encoders&) = delete;
 };
 
+void need_encoders() {
+  static const Encoders encoders;
+}
+
 }  // namespace
 
 void write_dicom(const std::filesystem::path& file, const DicomImage& image, DicomPacking packing,
                  bool preamble) {
-  static const Encoders encoders;
+  need_encoders();
   DcmFileFormat format;
   DcmDataset& root = *format.getDataset();
   char uid[100];
@@ -206,6 +210,79 @@ void write_dicom(const std::filesystem::path& file, const DicomImage& image, Dic
                     .saveFile(file.c_str(), syntax, EET_ExplicitLength, EGL_recalcGL, EPD_noChange, 0, 0,
                               preamble ? EWM_fileformat : EWM_dataset)
                     .good());
+}
+
+void write_masks(const std::filesystem::path& file, const DicomMasks& masks, DicomPacking packing) {
+  DcmFileFormat format;
+  DcmDataset& root = *format.getDataset();
+  put(root, DCM_SOPClassUID,
+      masks.type == "LABELMAP" ? "1.2.840.10008.5.1.4.1.1.66.7" : UID_SegmentationStorage);
+  put(root, DCM_SOPInstanceUID, std::string("1.2.3.4"));
+  put(root, DCM_SeriesInstanceUID, std::string("1.2.3"));
+  put(root, DCM_Modality, std::string("SEG"));
+  put(root, DCM_Rows, masks.rows);
+  put(root, DCM_Columns, masks.columns);
+  put(root, DCM_SamplesPerPixel, 1);
+  put(root, DCM_PhotometricInterpretation, std::string("MONOCHROME2"));
+  put(root, DCM_BitsAllocated, masks.bits);
+  put(root, DCM_BitsStored, masks.bits);
+  put(root, DCM_HighBit, masks.bits - 1);
+  put(root, DCM_PixelRepresentation, 0);
+  put(root, DCM_SegmentationType, masks.type);
+  if (masks.most) put(root, DCM_MaximumFractionalValue, *masks.most);
+  if (masks.padding)
+    PALPATE_CHECK(root.putAndInsertUint16(DcmTag(DCM_PixelPaddingValue, EVR_US), static_cast<Uint16>(*masks.padding))
+                      .good());
+  const auto put_code = [](DcmItem& item, const DcmTagKey& sequence, const std::string& value,
+                           const std::string& scheme, const std::string& meaning) -> DcmItem& {
+    DcmItem& code = item_of(item, sequence);
+    put(code, DCM_CodeValue, value);
+    put(code, DCM_CodingSchemeDesignator, scheme);
+    put(code, DCM_CodeMeaning, meaning);
+    return code;
+  };
+  for (std::size_t n = 0; n < masks.segments.size(); ++n) {
+    const DicomMasks::Segment& segment = masks.segments[n];
+    DcmItem& item = item_of(root, DCM_SegmentSequence, static_cast<long>(n));
+    put(item, DCM_SegmentNumber, segment.number);
+    put(item, DCM_SegmentLabel, segment.label);
+    if (segment.code.empty()) continue;
+    DcmItem& type = put_code(item, DCM_SegmentedPropertyTypeCodeSequence, segment.code, segment.scheme, segment.meaning);
+    if (!segment.side.empty())
+      put_code(type, DCM_SegmentedPropertyTypeModifierCodeSequence, segment.side, segment.scheme, "");
+  }
+  put(root, DCM_NumberOfFrames, std::to_string(masks.frames.size()));
+  DcmItem& shared = item_of(root, DCM_SharedFunctionalGroupsSequence);
+  put(item_of(shared, DCM_PlaneOrientationSequence), DCM_ImageOrientationPatient, in_text(masks.orientation));
+  DcmItem& measures = item_of(shared, DCM_PixelMeasuresSequence);
+  put(measures, DCM_PixelSpacing, in_text(masks.spacing_mm));
+  put(measures, DCM_SpacingBetweenSlices, masks.slice_spacing_mm);
+  std::vector<Uint8> bytes;
+  std::vector<Uint16> words;
+  std::size_t bit = 0;
+  for (std::size_t n = 0; n < masks.frames.size(); ++n) {
+    const DicomMasks::Frame& frame = masks.frames[n];
+    DcmItem& own = item_of(root, DCM_PerFrameFunctionalGroupsSequence, static_cast<long>(n));
+    put(item_of(own, DCM_PlanePositionSequence), DCM_ImagePositionPatient, in_text(frame.position));
+    if (masks.type != "LABELMAP")
+      put(item_of(own, DCM_SegmentIdentificationSequence), DCM_ReferencedSegmentNumber, frame.segment);
+    for (const std::uint16_t value : frame.values) {
+      words.push_back(value);
+      if (masks.bits == 8) bytes.push_back(static_cast<Uint8>(value));
+      if (masks.bits != 1) continue;
+      if (bit % 8 == 0) bytes.push_back(0);
+      bytes.back() = static_cast<Uint8>(bytes.back() | (value ? 1 << (bit % 8) : 0));
+      ++bit;
+    }
+  }
+  if (bytes.size() % 2) bytes.push_back(0);
+  PALPATE_CHECK((masks.bits == 16 ? root.putAndInsertUint16Array(DCM_PixelData, words.data(), words.size())
+                                  : root.putAndInsertUint8Array(DCM_PixelData, bytes.data(), bytes.size()))
+                    .good());
+  need_encoders();
+  const E_TransferSyntax syntax = syntax_of(packing);
+  PALPATE_CHECK(root.chooseRepresentation(syntax, nullptr).good());
+  PALPATE_CHECK(format.saveFile(file.c_str(), syntax).good());
 }
 
 }  // namespace palpate::test

@@ -54,6 +54,30 @@ struct DicomImage {
   std::vector<DicomText> texts;
 };
 
+/// A segmentation. What is empty is not written.
+struct DicomMasks {
+  struct Segment {
+    int number = 1;
+    std::string label, code, scheme = "SCT", meaning, side;  ///< side: a code of the same scheme
+  };
+  struct Frame {
+    int segment = 1;
+    std::array<double, 3> position{0, 0, 0};
+    std::vector<std::uint16_t> values;  ///< rows x columns
+  };
+  std::string type = "BINARY";
+  int bits = 1;  ///< allocated: 1, 8 or 16
+  int rows = 5, columns = 7;
+  std::array<double, 6> orientation{1, 0, 0, 0, 1, 0};
+  std::array<double, 2> spacing_mm{0.7, 0.5};
+  std::optional<double> slice_spacing_mm = 1.25;
+  std::optional<int> most, padding;
+  std::vector<Segment> segments{1};
+  std::vector<Frame> frames;
+};
+void write_masks(const std::filesystem::path& file, const DicomMasks& masks,
+                 DicomPacking packing = DicomPacking::kExplicit);
+
 /// Stops the program where DCMTK cannot.
 void write_dicom(const std::filesystem::path& file, const DicomImage& image,
                  DicomPacking packing = DicomPacking::kExplicit, bool preamble = true);
