@@ -42,6 +42,25 @@ class NamedBytes {
   int descriptor_;
 };
 
+// the same bytes as a segmentation
+void look_at_segmentation(const std::string& name, const std::string& syntax) {
+  const auto said = library().read_segmentation(name, syntax);
+  if (!said) return must(!said.error().what.empty());
+  must(said->frames.size() == said->segment_of_frame.size());
+  for (const DicomSegment& segment : said->segments) must(!name_of_segment(segment).empty());
+  const auto grid = lay_segments(*said);
+  if (!grid) return must(!grid.error().what.empty());
+  must(grid->geometry.min_spacing_mm() > 0 && grid->slice_of_frame.size() == said->frames.size());
+  for (const int slice : grid->slice_of_frame) must(slice >= 0 && slice < grid->geometry.dims[2]);
+  auto pixels = library().open_pixels(name);
+  const DicomFrame& frame = said->frames.back();
+  const auto count = static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns);
+  if (!pixels || count > std::size_t{1} << 16) return;
+  std::vector<std::int64_t> values(count);
+  if (!(*pixels)->read(frame, values)) return;
+  for (const std::int64_t value : values) must(value >= 0 && value < 65536);
+}
+
 }  // namespace
 
 // A length that a file claims is asked for before its bytes are missed, as in the confined process, whose
@@ -54,6 +73,7 @@ extern "C" const char* __asan_default_options() {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const NamedBytes bytes(data, size);
   const std::string front(reinterpret_cast<const char*>(data), std::min(size, kKindBytes));
+  look_at_segmentation(bytes.name(), dicom_transfer_syntax(front));
   const auto file = library().read_file(bytes.name(), dicom_transfer_syntax(front));
   if (!file) {
     must(!file.error().what.empty());

@@ -821,64 +821,6 @@ TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
   EXPECT_LT(refused, 100);
 }
 
-// What dicom_fuzzer begins with. PALPATE_WRITE_SEEDS=src/volume_io/dicom_fuzzer_corpus writes them anew.
-TEST(DicomSeeds, AreUnderstood) {
-  const std::filesystem::path folder =
-      std::filesystem::path(PALPATE_SOURCE_DIR) / "src/volume_io/dicom_fuzzer_corpus";
-  if (const char* target = std::getenv("PALPATE_WRITE_SEEDS")) {
-    const auto write = [&](const std::string& name, const auto& change, DicomPacking packing,
-                           bool preamble = true) {
-      DicomImage image = slice(0);
-      image.sop_instance = "1.2.3";
-      change(image);
-      test::write_dicom(std::filesystem::path(target) / name, image, packing, preamble);
-    };
-    const auto frames = [](DicomImage& image) {
-      image.multi_frame = true;
-      image.frames.clear();
-      for (int k = 0; k < 3; ++k) {
-        image.frames.push_back(slice(k).frames[0]);
-        image.frames.back().slope = 1 + k;
-        image.frames.back().intercept = k;
-      }
-    };
-    const auto resonance = [](DicomImage& image) {
-      image.modality = "MR";
-      image.echo_time_ms = 10;
-      image.b_value = 1000;
-      image.gradient = {{1, 0, 0}};
-      image.trigger_time_ms = 30;
-      image.acquisition = 2;
-      image.is_signed = true;
-      image.bits_stored = 12;
-      image.high_bit = 11;
-      image.padding = -2000;
-    };
-    write(
-        "slice", [](DicomImage&) {}, DicomPacking::kExplicit);
-    write("resonance", resonance, DicomPacking::kImplicit, false);
-    write(
-        "big", [](DicomImage&) {}, DicomPacking::kBigEndian);
-    write("frames", frames, DicomPacking::kExplicit);
-    write("deflated", frames, DicomPacking::kDeflated);
-    write("rle", frames, DicomPacking::kRle);
-    write("jpeg", frames, DicomPacking::kJpegLosslessFirstOrder);
-    write("jpegls", frames, DicomPacking::kJpegLs);
-  }
-  int seeds = 0;
-  for (const auto& seed : std::filesystem::directory_iterator(folder)) {
-    SCOPED_TRACE(seed.path());
-    ++seeds;
-    const auto list = list_volumes(seed.path());
-    ASSERT_TRUE(list) << list.error().message();
-    ASSERT_EQ(list->volumes.size(), 1u);
-    if (!list->volumes[0].fault.empty()) {
-      EXPECT_EQ(list->volumes[0].fault, "a single slice is no volume");
-    }
-  }
-  EXPECT_EQ(seeds, 8);
-}
-
 // ---- the shared files ---------------------------------------------------------------------------
 
 // every voxel of one lies in the other, with the same value
@@ -1157,6 +1099,76 @@ TEST(SharedSegmentations, AreTheirMasks) {
   expect_masks("sparse-labelmap-ppv5.dcm", {"sparse_labelmap_ppv5_seg.nrrd"});
   expect_masks("partial_overlaps.dcm",
                {"partial_overlaps-1.nrrd", "partial_overlaps-2.nrrd", "partial_overlaps-3.nrrd"}, 3);
+}
+
+// What dicom_fuzzer begins with. PALPATE_WRITE_SEEDS=src/volume_io/dicom_fuzzer_corpus writes them anew.
+TEST(DicomSeeds, AreUnderstood) {
+  const std::filesystem::path folder =
+      std::filesystem::path(PALPATE_SOURCE_DIR) / "src/volume_io/dicom_fuzzer_corpus";
+  if (const char* target = std::getenv("PALPATE_WRITE_SEEDS")) {
+    const auto write = [&](const std::string& name, const auto& change, DicomPacking packing,
+                           bool preamble = true) {
+      DicomImage image = slice(0);
+      image.sop_instance = "1.2.3";
+      change(image);
+      test::write_dicom(std::filesystem::path(target) / name, image, packing, preamble);
+    };
+    const auto frames = [](DicomImage& image) {
+      image.multi_frame = true;
+      image.frames.clear();
+      for (int k = 0; k < 3; ++k) {
+        image.frames.push_back(slice(k).frames[0]);
+        image.frames.back().slope = 1 + k;
+        image.frames.back().intercept = k;
+      }
+    };
+    const auto resonance = [](DicomImage& image) {
+      image.modality = "MR";
+      image.echo_time_ms = 10;
+      image.b_value = 1000;
+      image.gradient = {{1, 0, 0}};
+      image.trigger_time_ms = 30;
+      image.acquisition = 2;
+      image.is_signed = true;
+      image.bits_stored = 12;
+      image.high_bit = 11;
+      image.padding = -2000;
+    };
+    write(
+        "slice", [](DicomImage&) {}, DicomPacking::kExplicit);
+    write("resonance", resonance, DicomPacking::kImplicit, false);
+    write(
+        "big", [](DicomImage&) {}, DicomPacking::kBigEndian);
+    write("frames", frames, DicomPacking::kExplicit);
+    write("deflated", frames, DicomPacking::kDeflated);
+    write("rle", frames, DicomPacking::kRle);
+    write("jpeg", frames, DicomPacking::kJpegLosslessFirstOrder);
+    write("jpegls", frames, DicomPacking::kJpegLs);
+    test::DicomMasks masks;
+    masks.segments = {{1, "bone", "71341001", "SCT", "Femur", "7771000"}, {2, "two"}};
+    for (int n = 0; n < 3; ++n)
+      masks.frames.push_back({1 + n % 2, {0, 0, 2.5 * n}, mask_of(n)});
+    test::write_masks(std::filesystem::path(target) / "masks", masks);
+    masks.type = "LABELMAP";
+    masks.bits = 8;
+    test::write_masks(std::filesystem::path(target) / "labels", masks);
+  }
+  int seeds = 0;
+  for (const auto& seed : std::filesystem::directory_iterator(folder)) {
+    SCOPED_TRACE(seed.path());
+    ++seeds;
+    if (!is_dicom(seed.path())) {
+      EXPECT_TRUE(read_labels(seed.path()));
+      continue;
+    }
+    const auto list = list_volumes(seed.path());
+    ASSERT_TRUE(list) << list.error().message();
+    ASSERT_EQ(list->volumes.size(), 1u);
+    if (!list->volumes[0].fault.empty()) {
+      EXPECT_EQ(list->volumes[0].fault, "a single slice is no volume");
+    }
+  }
+  EXPECT_EQ(seeds, 10);
 }
 
 }  // namespace

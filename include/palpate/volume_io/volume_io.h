@@ -11,7 +11,7 @@
 
 /// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
 /// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
-/// the patient; a file, or a folder of them, by their content). Every error names the file, what is wrong and
+/// the patient; a file, or a folder of them, by their content; a segmentation, one file). Every error names the file, what is wrong and
 /// how to mend it; short data are an error, never zeros. Text fields of a file other than segment names and
 /// colours are dropped on reading: they may name a patient.
 ///
@@ -30,7 +30,7 @@ enum class ValueMeaning {
 
 /// What a file's header says.
 struct VolumeHeader {
-  std::string format;  ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage", "DICOM"
+  std::string format;  ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage", "DICOM ..."
   /// Of the file: "uint8", "int16", "float32", ...; of DICOM float32 where its slices have scales of their
   /// own or padding.
   std::string component_type;
