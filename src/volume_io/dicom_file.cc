@@ -33,7 +33,15 @@ constexpr const char* kExport = "export the series again, as CT or MR images";
 
 // ---- values of a data set -----------------------------------------------------------------------
 
+// Whether an element that stands there has a length that its values can have: DCMTK takes memory for what it says.
+bool is_short(DcmItem& item, const DcmTagKey& tag) {
+  constexpr Uint32 kLongest = 1 << 16;
+  DcmElement* element = nullptr;
+  return item.findAndGetElement(tag, element).good() && element && element->getLengthField() <= kLongest;
+}
+
 std::optional<double> number_of(DcmItem& item, const DcmTagKey& tag, unsigned long at = 0) {
+  if (!is_short(item, tag)) return std::nullopt;
   Float64 value = 0;
   if (item.findAndGetFloat64(tag, value, at).bad()) {
     Sint32 whole = 0;
@@ -50,13 +58,13 @@ std::optional<double> number_of(DcmItem& item, const DcmTagKey& tag, unsigned lo
 
 std::optional<int> count_of(DcmItem& item, const DcmTagKey& tag) {
   Uint16 value = 0;
-  if (item.findAndGetUint16(tag, value).bad()) return std::nullopt;
+  if (!is_short(item, tag) || item.findAndGetUint16(tag, value).bad()) return std::nullopt;
   return value;
 }
 
 std::string text_of(DcmItem& item, const DcmTagKey& tag) {
   OFString value;
-  if (item.findAndGetOFStringArray(tag, value).bad()) return "";
+  if (!is_short(item, tag) || item.findAndGetOFStringArray(tag, value).bad()) return "";
   return std::string(value.c_str(), value.size());
 }
 
@@ -198,6 +206,7 @@ std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, cons
   Uint32 large = 0;
   Sint32 large_negative = 0;
   std::uint32_t word = 0;
+  if (!is_short(root, tag)) return std::nullopt;
   if (root.findAndGetUint16(tag, small).good())
     word = small;
   else if (root.findAndGetSint16(tag, negative).good())

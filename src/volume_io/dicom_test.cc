@@ -659,6 +659,18 @@ TEST_F(Dicom, PackedImagesOfOtherBitsAreRefused) {
   EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 1 of 5"), HasSubstr("of other sizes or bits than it says")));
 }
 
+TEST_F(Dicom, ATextOfAHostileLengthTakesNoMemory) {
+  // ImageType's length says some 700 MiB
+  write_series(DicomPacking::kImplicit);
+  std::string bytes = bytes_of(folder_ / "IM0");
+  const auto at = bytes.find(std::string("\x08\0\x08\0", 4));
+  ASSERT_NE(at, std::string::npos);
+  bytes.replace(at + 4, 4, "2.2.");
+  std::ofstream(folder_ / "IM0", std::ios::binary) << bytes;
+  EXPECT_TRUE(read());
+  EXPECT_THAT(warnings_, HasSubstr("left out: 1 file that is a damaged DICOM file"));
+}
+
 TEST_F(Dicom, AnEndThatCannotBeReadIsTold) {
   // nothing shows that there was a slice more: it is said wherever the volume is read
   write_series();

@@ -108,7 +108,7 @@ class FirstSteps(cli.PalpateTest):
         storage = "1.2.840.10008.5.1.4.1.1."
         add("slice.dcm", dicom(storage + "2"), "DICOM", "")
         add("IM0001", dicom(storage + "4"), "DICOM", "")
-        add("seg.dcm", dicom(storage + "66.4"), "a DICOM segmentation (SEG)", "segimage2itkimage")
+        add("seg.dcm", dicom(storage + "66.4"), "DICOM segmentation", "")
         add("rt.dcm", dicom(storage + "481.3"), "a DICOM structure set (RTSTRUCT)", "SlicerRT")
         add("knee.stl", b"x" * 80 + struct.pack("<I", 1) + b"\0" * 50, "a surface (STL)", ".seg.nrrd")
         add("knee.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a surface (OBJ)", ".seg.nrrd")
@@ -167,9 +167,7 @@ class FirstSteps(cli.PalpateTest):
 
     def test_shared_dicom_is_named(self):
         root = cli.need("edge/dicom/bad_sequence.dcm").parent.parent.parent
-        for name, what in (("dicom_seg/liver.dcm", "DICOM segmentation (SEG)"),
-                           ("dicom_seg/sparse-labelmap-ppv5.dcm", "DICOM segmentation (SEG)"),
-                           ("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/gantrytilting", "gantry was tilted"),
+        for name, what in (("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/gantrytilting", "gantry was tilted"),
                            ("edge/dicom/bad_sequence.dcm", "a single slice is no volume")):
             with self.subTest(name):
                 self.fail_clearly(cli.BAD_INPUT, "section", root / name, "-o", self.folder / "x.png", says=what)
@@ -183,6 +181,12 @@ class FirstSteps(cli.PalpateTest):
         self.assertIn("series 1: CT, axial, 512 x 512 x 3, 0.8105 x 0.8105 x 1 mm", done.stdout)
         self.assertIn("format      DICOM", done.stdout)
         self.succeed("section", root, "-o", self.folder / "x.png")
+        # a segmentation of it, by itself and on it
+        self.assertRegex(self.succeed("info", root.parent / "liver.dcm").stdout, r"1  Liver +107098 ")
+        self.succeed("scene", "new", root, root.parent / "liver.dcm", "-o", self.folder / "liver.toml")
+        self.assertIn('preset = "liver"', (self.folder / "liver.toml").read_text())
+        self.succeed("section", self.folder / "liver.toml", "-o", self.folder / "z.png")
+        self.succeed("prepare", root.parent / "liver.dcm", "-o", self.folder / "field.nrrd")
         several = root.parent.parent / "edge/dicom/sliceorientation/001"
         self.fail_clearly(cli.BAD_INPUT, "section", several, "-o", self.folder / "x.png", says="holds 2 volumes")
         listed = json.loads(self.succeed("info", several, "--json").stdout)
