@@ -27,6 +27,7 @@ struct ExploreArguments {
   std::optional<std::filesystem::path> script, recording, supervisor_log;
   std::optional<double> max_force_N, rate_hz, seconds;
   std::optional<std::uint64_t> seed;
+  std::optional<int> volume;
   std::optional<ForceMethod> method;
   double spin_us = 0;
   int cpu = -1;
@@ -318,7 +319,7 @@ int explore_target(const ExploreArguments& options, Console& console) {
   const auto claimed = check(options);
   if (!claimed) return console.fail(claimed.error());
   const Progress progress = console.progress();
-  const auto loaded = load_target(options.target, console);
+  const auto loaded = load_target(options.target, console, {}, options.volume);
   if (!loaded) return console.fail(loaded.error());
   // where nothing is felt yet, it can be looked at: by who has the page open
   const auto felt = check_felt(*loaded);
@@ -358,6 +359,7 @@ int explore_target(const ExploreArguments& options, Console& console) {
 
 void add_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_option("target", options.target, kTargetHelp)->required();
+  add_volume_option(*verb, options.volume);
   verb->add_option("-s,--script", options.script,
                    "Palpation script (TOML); default: one that suits the scene");
   verb->add_option_function<std::string>(

@@ -15,6 +15,7 @@ namespace {
 struct ExportOptions {
   std::filesystem::path recording;
   std::string target;
+  std::optional<int> volume;
   std::filesystem::path output;
 };
 
@@ -26,8 +27,8 @@ int export_labels(const ExportOptions& options, Console& console) {
   inputs.push_back(options.recording);
   const auto claimed = claim_output(options.output, inputs);
   if (!claimed) return console.fail(claimed.error());
-  const auto loaded =
-      load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
+  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
+                                              console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
   const auto left = labels_left(*recording, *loaded->model, progress);
   if (!left) {
@@ -52,6 +53,7 @@ void add_export(CLI::App& app, Run& run) {
       ->required();
   verb->add_option("target", options->target,
                    "Scene file or volume it was made with; not needed for data sets");
+  add_volume_option(*verb, options->volume);
   verb->add_option("-o,--output", options->output, "Label map to write: .seg.nrrd, .nrrd, .nii or .nii.gz")
       ->required();
   verb->footer(

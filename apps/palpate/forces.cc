@@ -20,6 +20,7 @@ struct ForcesOptions {
   std::vector<double> at;
   double size_mm = 20;
   std::optional<double> spacing_mm;
+  std::optional<int> volume;
 };
 
 AnatomicalPlane plane_of(const std::string& name) {
@@ -52,7 +53,7 @@ int draw_forces(const ForcesOptions& options, Console& console) {
     return console.fail({ErrorKind::kUsage, "the picture is an SVG, whatever its name",
                          options.output.string(), "give it a name that ends with .svg"});
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.target, console, options.preparation);
+  const auto loaded = load_felt_target(options.target, console, options.preparation, options.volume);
   if (!loaded) return console.fail(loaded.error());
   // where the tip has been decides the proxy's force: there is no field of it
   const ForceMethod of_scene = loaded->scene.force.method;
@@ -84,6 +85,7 @@ void add_forces(CLI::App& app, Run& run) {
   auto options = std::make_shared<ForcesOptions>();
   CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
   verb->add_option("target", options->target, kTargetHelp)->required();
+  add_volume_option(*verb, options->volume);
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
   add_method_option(*verb, "Force method; default: the scene's, trilinear where that is the proxy",
                     kDirectMethods, options->method);

@@ -24,6 +24,7 @@ struct HoldOptions {
   std::vector<double> at, from;
   double rate_hz = 1000, delay_ms = 1;
   std::optional<double> stiffness;
+  std::optional<int> volume;
   std::optional<PreparationMethod> preparation;
   bool json = false;
 };
@@ -124,7 +125,7 @@ int hold_target(const HoldOptions& options, Console& console) {
   const auto claimed = check_hold(options);
   if (!claimed) return console.fail(claimed.error());
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.target, console, options.preparation);
+  const auto loaded = load_felt_target(options.target, console, options.preparation, options.volume);
   if (!loaded) return console.fail(loaded.error());
   const auto methods = methods_of(options, *loaded);
   const auto model = ready_for(loaded->model, methods, progress);
@@ -180,6 +181,7 @@ CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<doub
 
 void add_options(CLI::App& verb, HoldOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
+  add_volume_option(verb, options.volume);
   add_place(verb, "--at", options.at, "Where the hand rests: patient coordinates in mm, LPS");
   verb.add_option("--voxel", options.voxel, "The same as a voxel's indices, from 0")
       ->delimiter(',')

@@ -14,6 +14,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
+#include "palpation.h"
 #include "text.h"
 #include "verb.h"
 
@@ -22,6 +23,7 @@ namespace {
 
 struct InfoOptions {
   std::string file, names;
+  std::optional<int> volume;
   bool json = false, labels = false, scan = false;
 };
 
@@ -74,10 +76,12 @@ Result<Info> inspect(const InfoOptions& options, Console& console) {
     return labels ? of_labels(*std::move(labels), console) : labels.error();
   }
   if (options.scan) {
-    const auto scan = read_scan(options.file, console.progress(), console.warn());
+    const auto scan =
+        read_scan(options.file, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
     return scan ? Result<Info>(of_scan(*scan)) : scan.error();
   }
-  auto volume = read_volume(options.file, names, console.progress(), console.warn());
+  auto volume =
+      read_volume(options.file, names, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
   if (!volume) return volume.error();
   if (auto* labels = std::get_if<LabelFile>(&*volume)) return of_labels(std::move(*labels), console);
   return of_scan(std::get<ScanFile>(*volume));
@@ -312,7 +316,7 @@ nlohmann::ordered_json label_json(const Segment& segment, const SegmentStatistic
           {"largest_component_voxels", s.largest_component_voxels}};
 }
 
-void print_json(std::ostream& out, const Info& info) {
+nlohmann::ordered_json json_of(const Info& info) {
   const GridGeometry& g = info.header.geometry;
   nlohmann::ordered_json rows;
   for (int r = 0; r < 3; ++r) rows.push_back({g.direction(r, 0), g.direction(r, 1), g.direction(r, 2)});
@@ -342,8 +346,12 @@ void print_json(std::ostream& out, const Info& info) {
       json["labels"].push_back(label_json(*info.labels->labels.find(s.id), s));
   }
   json["odd"] = oddities(info);
+  return json;
+}
+
+void print_json(std::ostream& out, const Info& info) {
   // a name in another encoding than UTF-8 is shown as far as it can be
-  out << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+  out << json_of(info).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
 }
 
 // --- what feeling it takes ------------------------------------------------------------------------------
@@ -370,9 +378,61 @@ int run_info_of_scene(const InfoOptions& options, Console& console) {
   return kExitOk;
 }
 
+// --- what a folder of DICOM holds -----------------------------------------------------------------------
+
+nlohmann::ordered_json volumes_json(const VolumeList& list) {
+  nlohmann::ordered_json volumes = nlohmann::ordered_json::array();
+  for (std::size_t n = 0; n < list.volumes.size(); ++n)
+    volumes.push_back({{"number", n + 1},
+                       {"what", list.volumes[n].what},
+                       {"usable", list.volumes[n].fault.empty()},
+                       {"fault", list.volumes[n].fault}});
+  return {{"volumes", std::move(volumes)}, {"notes", list.notes}};
+}
+
+void print_volumes(std::ostream& out, const VolumeList& list) {
+  out << list.volumes.size() << (list.volumes.size() == 1 ? " volume\n" : " volumes\n");
+  for (std::size_t n = 0; n < list.volumes.size(); ++n) {
+    print_wrapped(out, list.volumes[n].what, "  " + std::to_string(n + 1) + "  ", "     ");
+    if (!list.volumes[n].fault.empty())
+      print_wrapped(out, "cannot be used: " + list.volumes[n].fault, "     ", "     ");
+  }
+  for (const std::string& note : list.notes) print_wrapped(out, note, "  - ", "    ");
+}
+
+// All of them; where one alone can be used, that one is told of in full too.
+int run_info_of_dicom(const InfoOptions& options, Console& console) {
+  const auto list = list_volumes(options.file, console.progress());
+  if (!list) return console.fail(list.error());
+  const auto usable =
+      std::ranges::count_if(list->volumes, [](const auto& volume) { return volume.fault.empty(); });
+  if (usable == 0) {
+    options.json ? void(std::cout << volumes_json(*list).dump(2) << '\n') : print_volumes(std::cout, *list);
+    return console.fail({ErrorKind::kBadInput, "holds no volume that can be used", options.file,
+                         "what is wrong with each is said above"});
+  }
+  std::optional<Info> info;
+  if (usable == 1) {
+    auto inspected = inspect(options, console);
+    if (!inspected) return console.fail(inspected.error());
+    info = *std::move(inspected);
+  }
+  if (options.json) {
+    nlohmann::ordered_json json = volumes_json(*list);
+    if (info) json.update(json_of(*info));
+    std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+    return kExitOk;
+  }
+  print_volumes(std::cout, *list);
+  if (info) print_text(std::cout << '\n', *info);
+  return kExitOk;
+}
+
 int run_info(const InfoOptions& options, Console& console) {
   if (find_entry(options.file).ok() || std::filesystem::path(options.file).extension() == ".toml")
     return run_info_of_scene(options, console);
+  if (!options.volume && !options.labels && is_dicom(options.file))
+    return run_info_of_dicom(options, console);
   const auto info = inspect(options, console);
   if (!info) return console.fail(info.error());
   options.json ? print_json(std::cout, *info) : print_text(std::cout, *info);
@@ -385,9 +445,12 @@ void add_info(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand(
       "info", "Show what a volume holds and what is odd about it, or how much memory a scene takes");
   const auto options = std::make_shared<InfoOptions>();
-  verb->add_option("FILE", options->file,
-                   "NRRD, NIfTI or MetaImage file, scan or labels; or a scene file or data set")
+  verb->add_option(
+          "FILE", options->file,
+          "NRRD, NIfTI, MetaImage or DICOM file, scan or labels, or a folder of DICOM; or a scene file "
+          "or data set")
       ->required();
+  add_volume_option(*verb, options->volume);
   verb->add_option("-n,--names", options->names,
                    "table that names the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");
   verb->add_flag("-j,--json", options->json, "print JSON instead of text");
@@ -398,6 +461,8 @@ void add_info(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate info knee.seg.nrrd\n"
       "  palpate info labels.nii.gz --names dseg.tsv\n"
+      "  palpate info FOLDER --volume 2                       of DICOM; without a number its volumes are "
+      "listed\n"
       "  palpate info ct.nrrd --json | jq .spacing_mm\n"
       "  palpate info scene.toml                              what it takes to feel it");
   verb->callback(

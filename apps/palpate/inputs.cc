@@ -5,10 +5,25 @@
 
 namespace palpate::app {
 
+void add_input(const std::filesystem::path& input, std::vector<std::filesystem::path>& files) {
+  files.push_back(input);
+  std::error_code failed;
+  // a folder of DICOM
+  using std::filesystem::recursive_directory_iterator;
+  recursive_directory_iterator entry(input, std::filesystem::directory_options::skip_permission_denied,
+                                     failed);
+  constexpr std::size_t kMostFiles = 200'000;
+  for (; !failed && entry != recursive_directory_iterator() && files.size() < kMostFiles;
+       entry.increment(failed)) {
+    std::error_code ignored;
+    if (entry->is_regular_file(ignored)) files.push_back(entry->path());
+  }
+}
+
 std::vector<std::filesystem::path> input_files(const std::string& what) {
   std::vector<std::filesystem::path> files;
   const auto add = [&](const std::optional<std::filesystem::path>& file) {
-    if (file) files.push_back(*file);
+    if (file) add_input(*file, files);
   };
   if (find_entry(what)) {
     if (const auto data = locate(what)) {
@@ -19,7 +34,7 @@ std::vector<std::filesystem::path> input_files(const std::string& what) {
     return files;
   }
   if (what.empty()) return files;
-  files.push_back(what);
+  add_input(what, files);
   // what is wrong with a scene is told where it is used
   if (const auto scene = load_scene(what))
     for (const auto& file : {scene->scan, scene->labels, scene->names})

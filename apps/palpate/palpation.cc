@@ -8,15 +8,16 @@
 namespace palpate::app {
 
 Result<LoadedScene> load_target(const std::string& target, Console& console,
-                                std::optional<PreparationMethod> preparation) {
-  auto loaded = load_scene_or_data_set(target, console.progress(), console.warn(), preparation);
+                                std::optional<PreparationMethod> preparation, std::optional<int> volume) {
+  auto loaded = load_scene_or_data_set(target, console.progress(), console.warn(), preparation, {}, volume);
   if (loaded && !loaded->proposed.empty()) console.note(loaded->proposed);
   return loaded;
 }
 
 Result<LoadedScene> load_felt_target(const std::string& target, Console& console,
-                                     std::optional<PreparationMethod> preparation) {
-  auto loaded = load_target(target, console, preparation);
+                                     std::optional<PreparationMethod> preparation,
+                                     std::optional<int> volume) {
+  auto loaded = load_target(target, console, preparation, volume);
   if (!loaded) return loaded;
   if (auto felt = check_felt(*loaded); !felt) return felt.error();
   return loaded;
@@ -33,6 +34,13 @@ void add_method_option(CLI::App& verb, const std::string& help, std::span<const 
   verb.add_option_function<std::string>(
           "--method", [&method](const std::string& name) { method = find_force_method(name); }, help)
       ->check(CLI::IsMember(names));
+}
+
+void add_volume_option(CLI::App& verb, std::optional<int>& volume) {
+  verb.add_option(
+          "--volume", volume,
+          "Which volume, where a DICOM file or a folder of them holds several (palpate info lists them)")
+      ->check(whole_between(1, 100'000));
 }
 
 void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation) {

@@ -13,15 +13,17 @@
 namespace palpate::app {
 
 inline constexpr const char* kTargetHelp =
-    "A data set (palpate data list), a scene file, or a scan or label map by itself";
+    "A data set (palpate data list), a scene file, or a scan or label map by itself, a folder of DICOM too";
 
 /// What the command line names: a data set, a scene file, or a volume, for which a scene is proposed; which
 /// one is noted.
 Result<LoadedScene> load_target(const std::string& target, Console& console,
-                                std::optional<PreparationMethod> preparation = {});
+                                std::optional<PreparationMethod> preparation = {},
+                                std::optional<int> volume = {});
 /// The same, and an error where nothing in it can be felt.
 Result<LoadedScene> load_felt_target(const std::string& target, Console& console,
-                                     std::optional<PreparationMethod> preparation = {});
+                                     std::optional<PreparationMethod> preparation = {},
+                                     std::optional<int> volume = {});
 
 /// The script of that file; without one, a script that suits the model.
 Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model);
@@ -29,6 +31,9 @@ Result<Script> script_of(const std::optional<std::filesystem::path>& file, const
 /// --method NAME, one of these.
 void add_method_option(CLI::App& verb, const std::string& help, std::span<const ForceMethodInfo> methods,
                        std::optional<ForceMethod>& method);
+
+/// --volume N, which volume where a DICOM file or a folder of them is given.
+void add_volume_option(CLI::App& verb, std::optional<int>& volume);
 
 /// --preparation NAME, instead of the scene's.
 void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation);

@@ -37,6 +37,7 @@ struct PrepareOptions {
   int bits = 16;
   std::vector<double> threshold;
   int threads = 0;
+  std::optional<int> volume;
   bool compare = false;
   std::string settings;  // the options given that a scene decides for itself, "--sigma, --bits"
 };
@@ -64,7 +65,8 @@ Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<Labe
 /// The weights before smoothing: every label full, or the ramp of a scan.
 Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console& console) {
   if (!options.threshold.empty()) {
-    const auto file = read_scan(options.what, console.progress(), console.warn());
+    const auto file =
+        read_scan(options.what, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
     if (!file) return file.error();
     return ramp_scan(file->scan, options.threshold[0], options.threshold[1]);
   }
@@ -166,7 +168,8 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
         memory_text(memory.model.field).c_str());
     std::fflush(stdout);
   };
-  const auto loaded = load_scene_or_data_set(options.what, console.progress(), console.warn(), {}, foretell);
+  const auto loaded =
+      load_scene_or_data_set(options.what, console.progress(), console.warn(), {}, foretell, options.volume);
   if (!loaded) return console.fail(loaded.error());
   if (auto felt = check_felt(*loaded); !felt) return console.fail(felt.error());
   const Model& model = *loaded->model;
@@ -212,6 +215,7 @@ void add_prepare(CLI::App& app, Run& run) {
       app.add_subcommand("prepare", "Turn labels or a scan into the field that forces come from");
   verb->footer(kPrepareExamples);
   verb->add_option("what", options->what, "label map, scan, scene file or data set")->required();
+  add_volume_option(*verb, options->volume);
   verb->add_option("-o,--output", options->output, "field to write: .nrrd, .nii.gz or .mha")->required();
 
   constexpr const char* kForVolumes = "For a volume; a scene or a data set brings its own";

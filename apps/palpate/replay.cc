@@ -6,6 +6,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/session/playback.h"
+#include "palpation.h"
 #include "serving.h"
 #include "verb.h"
 
@@ -15,6 +16,7 @@ namespace {
 struct ReplayOptions {
   std::filesystem::path recording;
   std::string target;
+  std::optional<int> volume;
   bool view = false;
   ServingOptions serving;
 };
@@ -47,8 +49,8 @@ int replay_recording(const ReplayOptions& options, Console& console) {
   const Progress progress = console.progress();
   auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
-  const auto loaded =
-      load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
+  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
+                                              console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
   if (options.view) return show_recording(*std::move(recording), *loaded, options, console);
 
@@ -80,6 +82,7 @@ void add_replay(CLI::App& app, Run& run) {
       ->required();
   verb->add_option("target", options->target,
                    "Scene file or volume it was made with; not needed for data sets");
+  add_volume_option(*verb, options->volume);
   CLI::Option* view = verb->add_flag(
       "--view", options->view,
       "Show it in the viewer's page, at any place and speed, until Ctrl-C; nothing is run again");

@@ -5,6 +5,7 @@
 #include "inputs.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
+#include "palpation.h"
 #include "report_model.h"
 #include "verb.h"
 
@@ -14,6 +15,7 @@ namespace {
 struct ReportOptions {
   std::filesystem::path recording, output;
   std::string target;
+  std::optional<int> volume;
 };
 
 int report_recording(const ReportOptions& options, Console& console) {
@@ -26,8 +28,8 @@ int report_recording(const ReportOptions& options, Console& console) {
   inputs.push_back(options.recording);
   const auto claimed = claim_output(output, inputs);
   if (!claimed) return console.fail(claimed.error());
-  const auto loaded =
-      load_scene_of_recording(recording->head().header, options.target, progress, console.warn());
+  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
+                                              console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
 
   const auto model = report_model(loaded->model, progress);
@@ -51,6 +53,7 @@ void add_report(CLI::App& app, Run& run) {
       ->required();
   verb->add_option("target", options->target,
                    "Scene file, volume or data set it was made with; not needed for data sets");
+  add_volume_option(*verb, options->volume);
   verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");
   verb->footer(
       "Examples:\n"

@@ -4,10 +4,12 @@
 #include <cstdio>
 #include <set>
 
+#include "inputs.h"
 #include "palpate/base/output.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/surfaces/ramps.h"
 #include "palpate/volume_io/volume_io.h"
+#include "palpation.h"
 #include "text.h"
 #include "verb.h"
 
@@ -38,11 +40,13 @@ void warn_if_silent(const VolumeHeader& header, const fs::path& file, Console& c
 }
 
 /// Reads what is named, whole, so that a scene is only found good for what can be used.
-Result<Data> read_data(const std::optional<fs::path>& scan, const std::optional<fs::path>& labels,
-                       const std::optional<fs::path>& names, Console& console) {
+/// @param volume  of the scan, where it holds several
+Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> volume,
+                       const std::optional<fs::path>& labels, const std::optional<fs::path>& names,
+                       Console& console) {
   Data data;
   if (scan) {
-    auto read = read_scan(*scan, console.progress(), console.warn());
+    auto read = read_scan(*scan, console.progress(), console.warn(), Unpacked::kAnew, volume);
     if (!read) return read.error();
     data.scan = std::move(*read);
     warn_if_silent(data.scan->header, *scan, console);
@@ -57,8 +61,9 @@ Result<Data> read_data(const std::optional<fs::path>& scan, const std::optional<
 }
 
 /// A file that was named without saying what it is.
-Result<Data> read_one(const fs::path& file, const std::optional<fs::path>& names, Console& console) {
-  auto volume = read_volume(file, names, console.progress(), console.warn());
+Result<Data> read_one(const fs::path& file, std::optional<int> number, const std::optional<fs::path>& names,
+                      Console& console) {
+  auto volume = read_volume(file, names, console.progress(), console.warn(), Unpacked::kAnew, number);
   if (!volume) return volume.error();
   Data data;
   if (auto* labels = std::get_if<LabelFile>(&*volume)) {
@@ -91,6 +96,7 @@ Result<void> compare_grids(const Data& data, Console& console) {
 struct NewOptions {
   std::vector<std::string> files;  ///< LABELS, or SCAN LABELS
   std::string scan, labels, names, side, modality, title, law, output;
+  std::optional<int> volume;
   bool force = false;
   bool one_file = false;  ///< named without saying what it is
 };
@@ -124,7 +130,7 @@ Result<std::optional<OutputClaim>> check_new_output(const NewOptions& options) {
   if (options.output.empty()) return Claim();
   std::vector<fs::path> inputs;
   for (const std::string& input : {options.scan, options.labels, options.names})
-    if (!input.empty()) inputs.emplace_back(input);
+    if (!input.empty()) add_input(input, inputs);
   auto claimed = claim_output(options.output, inputs);
   if (!claimed) return claimed.error();
   std::error_code unknown;
@@ -185,8 +191,10 @@ int run_new(NewOptions options, Console& console) {
   if (!options.scan.empty()) input.scan = options.scan;
   if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
-  const auto data = options.one_file ? read_one(*input.labels, input.names, console)
-                                     : read_data(input.scan, input.labels, input.names, console);
+  input.volume_of_scan = options.volume;
+  const auto data = options.one_file
+                        ? read_one(*input.labels, options.volume, input.names, console)
+                        : read_data(input.scan, options.volume, input.labels, input.names, console);
   if (!data) return console.fail(data.error());
   if (options.one_file && data->scan) std::swap(input.scan, input.labels);
   if (const auto grids = compare_grids(*data, console); !grids) {
@@ -245,6 +253,7 @@ void add_new(CLI::App& app, Run& run) {
   verb->add_option("-l,--labels", options->labels, "The label map");
   verb->add_option("-n,--names", options->names,
                    "Names and colours of the labels (.ctbl, .txt, .tsv, .csv, .json, .label)");
+  add_volume_option(*verb, options->volume);
   verb->add_option("--side", options->side, "Side of the body: left, right, or both for a head or a torso")
       ->check(CLI::IsMember(known_names(kSides)));
   verb->add_option("--modality", options->modality,
@@ -265,7 +274,8 @@ void add_new(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate scene new scan.nii.gz labels.nii.gz -o scene.toml\n"
       "  palpate scene new knee.seg.nrrd --side left -o scene.toml\n"
-      "  palpate scene new --scan ct.nii.gz -o scene.toml           touch what is bright");
+      "  palpate scene new --scan ct.nii.gz -o scene.toml           touch what is bright\n"
+      "  palpate scene new --scan FOLDER --volume 2 -o scene.toml   of DICOM, as palpate info lists it");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_new(*options, console); }; });
 }
@@ -431,8 +441,8 @@ int run_check(const std::string& file, Console& console) {
   const auto resolved = [&](const std::optional<fs::path>& named) {
     return named ? std::optional(scene->resolve(*named)) : std::nullopt;
   };
-  const auto data =
-      read_data(resolved(scene->scan), resolved(scene->labels), resolved(scene->names), console);
+  const auto data = read_data(resolved(scene->scan), scene->scan_volume, resolved(scene->labels),
+                              resolved(scene->names), console);
   if (!data) return console.fail(data.error());
   std::vector<std::vector<LabelId>> ids(scene->tissues.size());
   if (data->labels) {

@@ -15,6 +15,7 @@ namespace {
 struct SectionOptions {
   std::string target, view = "along";
   std::optional<std::string> plane;
+  std::optional<int> volume;
   std::filesystem::path output;
   std::vector<double> at, direction, window;
   std::optional<double> size_mm;
@@ -73,7 +74,7 @@ SectionRequest request_of(const SectionOptions& options, const GridGeometry& gri
 int draw_section(const SectionOptions& options, Console& console) {
   const auto claimed = check_section(options);
   if (!claimed) return console.fail(claimed.error());
-  const auto loaded = load_target(options.target, console);
+  const auto loaded = load_target(options.target, console, {}, options.volume);
   if (!loaded) return console.fail(loaded.error());
   const Model& model = *loaded->model;
   const auto picture = section_picture(model, request_of(options, model.field->geometry()));
@@ -98,6 +99,7 @@ CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<do
 
 void add_section_options(CLI::App& verb, SectionOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
+  add_volume_option(verb, options.volume);
   verb.add_option("-o,--output", options.output, "Picture to write (PNG)")->required();
   add_numbers(verb, "--at", options.at, 3, 1e6,
               "The point to look at: patient coordinates in mm, LPS; default: the volume's centre")

@@ -21,6 +21,7 @@ struct SimulateOptions {
   std::optional<std::filesystem::path> script, recording, report;
   std::optional<double> max_force_N, rate_hz;
   std::optional<std::uint64_t> seed;
+  std::optional<int> volume;
   std::optional<ForceMethod> method;
 };
 
@@ -71,7 +72,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
   const auto outputs = outputs_of(options);
   if (!outputs) return console.fail(outputs.error());
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.target, console);
+  const auto loaded = load_felt_target(options.target, console, {}, options.volume);
   if (!loaded) return console.fail(loaded.error());
   const auto script = script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
@@ -116,6 +117,7 @@ void add_simulate(CLI::App& app, Run& run) {
   CLI::App* verb =
       app.add_subcommand("simulate", "Let a simulated hand palpate a scene and record what it feels");
   verb->add_option("target", options->target, kTargetHelp)->required();
+  add_volume_option(*verb, options->volume);
   verb->add_option("-s,--script", options->script,
                    "Palpation script (TOML); default: one that suits the scene");
   verb->add_option("-o,--output", options->recording, "Recording to write (HDF5)");

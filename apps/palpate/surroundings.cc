@@ -13,6 +13,7 @@ void distrust_environment() {
            "HDF5_PLUGIN_PATH", "HDF5_PLUGIN_PRELOAD", "HDF5_VOL_CONNECTOR",               // HDF5's filters,
            "HDF5_DRIVER", "HDF5_DRIVER_CONFIG",                                           // ... drivers
            "OPENSSL_CONF", "OPENSSL_CONF_INCLUDE", "OPENSSL_ENGINES", "OPENSSL_MODULES",  // OpenSSL's engines
+           "DCMDICTPATH",                       // DCMTK's dictionary
            "SSLKEYLOGFILE",                     // curl: keys, in clear
            "GCONV_PATH", "LOCPATH", "NLSPATH",  // glibc's conversions
        })

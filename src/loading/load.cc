@@ -56,7 +56,8 @@ struct ReadScene {
 Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>& labels_file,
                                       const std::optional<std::filesystem::path>& names_file,
                                       const std::optional<std::filesystem::path>& scan_file,
-                                      const Progress& progress, const Warn& warn) {
+                                      std::optional<int> scan_volume, const Progress& progress,
+                                      const Warn& warn) {
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (labels_file) {
@@ -66,7 +67,7 @@ Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>
   }
   if (progress.stopped()) return Progress::interrupted();
   if (scan_file) {
-    auto read = read_scan(*scan_file, progress, warn, Unpacked::kKept);
+    auto read = read_scan(*scan_file, progress, warn, Unpacked::kKept, scan_volume);
     if (!read) return read.error();
     scan = std::move(*read);
     if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
@@ -110,17 +111,18 @@ Result<ReadScene> read_data_set(const std::string& data_set, const Progress& pro
   prepare_by(preparation, scene->preparation);
   const auto local = locate(data_set);
   if (!local) return local.error();
-  auto volumes = volumes_of_files(local->labels, local->names, local->scan, progress, warn);
+  auto volumes = volumes_of_files(local->labels, local->names, local->scan, {}, progress, warn);
   if (!volumes) return volumes.error();
   return ReadScene{*std::move(scene), *std::move(volumes), data_set};
 }
 
 // a scan or a label map by itself, with the scene that is proposed for it
-Result<ReadScene> read_volume_alone(const std::filesystem::path& file, const Progress& progress,
-                                    const Warn& warn, std::optional<PreparationMethod> preparation) {
-  auto volume = read_volume(file, {}, progress, warn, Unpacked::kKept);
+Result<ReadScene> read_volume_alone(const std::filesystem::path& file, std::optional<int> number,
+                                    const Progress& progress, const Warn& warn,
+                                    std::optional<PreparationMethod> preparation) {
+  auto volume = read_volume(file, {}, progress, warn, Unpacked::kKept, number);
   if (!volume) return volume.error();
-  auto proposed = propose_scene(file, *volume);
+  auto proposed = propose_scene(file, number, *volume);
   if (!proposed) return proposed.error();
   prepare_by(preparation, proposed->scene.preparation);
   SceneVolumes volumes;
@@ -135,10 +137,15 @@ Result<ReadScene> read_volume_alone(const std::filesystem::path& file, const Pro
   return ReadScene{std::move(proposed->scene), std::move(volumes), "", std::move(proposed->note)};
 }
 
-Result<ReadScene> read_scene_or_data_set(const std::string& what, const Progress& progress, const Warn& warn,
+Result<ReadScene> read_scene_or_data_set(const std::string& what, std::optional<int> volume,
+                                         const Progress& progress, const Warn& warn,
                                          std::optional<PreparationMethod> preparation) {
+  if (!find_entry(what) && is_volume(what))
+    return read_volume_alone(what, volume, progress, warn, preparation);
+  if (volume)
+    return Error{ErrorKind::kUsage, "a number of a volume goes with a DICOM file or a folder of them", what,
+                 "leave --volume out; in a scene file: scan_volume = N"};
   if (find_entry(what)) return read_data_set(what, progress, warn, preparation);
-  if (is_volume(what)) return read_volume_alone(what, progress, warn, preparation);
   if (auto other = something_else(what)) return *std::move(other);
   auto scene = load_scene(what);
   if (!scene) {
@@ -157,7 +164,7 @@ Result<ReadScene> read_scene_or_data_set(const std::string& what, const Progress
     return file ? std::optional(scene->resolve(*file)) : std::nullopt;
   };
   auto volumes = volumes_of_files(resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
-                                  progress, warn);
+                                  scene->scan_volume, progress, warn);
   if (!volumes) return volumes.error();
   return ReadScene{*std::move(scene), *std::move(volumes)};
 }
@@ -166,8 +173,8 @@ Result<ReadScene> read_scene_or_data_set(const std::string& what, const Progress
 
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
                                            const Warn& warn, std::optional<PreparationMethod> preparation,
-                                           const Foretell& foretell) {
-  auto read = read_scene_or_data_set(what, progress, warn, preparation);
+                                           const Foretell& foretell, std::optional<int> volume) {
+  auto read = read_scene_or_data_set(what, volume, progress, warn, preparation);
   if (!read) return read.error();
   auto model = build_model(read->scene, std::move(read->volumes), progress, warn, foretell);
   if (!model) return model.error();
@@ -176,18 +183,19 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
 }
 
 Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const Progress& progress) {
-  auto read = read_scene_or_data_set(what, progress, {}, {});
+  auto read = read_scene_or_data_set(what, {}, progress, {}, {});
   if (!read) return read.error();
   return memory_of(read->scene, std::move(read->volumes), progress);
 }
 
 Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
-                                            const Progress& progress, const Warn& warn) {
+                                            const Progress& progress, const Warn& warn,
+                                            std::optional<int> volume) {
   const std::string& target = what.empty() ? recording.data_set : what;
   if (target.empty())
     return Error{ErrorKind::kUsage, "the recording was made with a scene file, which it does not hold", "",
                  "name it after the recording: RECORDING SCENE"};
-  return load_scene_or_data_set(target, progress, warn);
+  return load_scene_or_data_set(target, progress, warn, {}, {}, volume);
 }
 
 }  // namespace palpate

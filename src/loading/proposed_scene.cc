@@ -35,7 +35,7 @@ std::string felt_of_scan(const Scene& scene) {
 
 }  // namespace
 
-Result<ProposedScene> propose_scene(const std::filesystem::path& file,
+Result<ProposedScene> propose_scene(const std::filesystem::path& file, std::optional<int> number,
                                     const std::variant<ScanFile, LabelFile>& volume) {
   const auto* labels = std::get_if<LabelFile>(&volume);
   const auto* scan = std::get_if<ScanFile>(&volume);
@@ -45,6 +45,7 @@ Result<ProposedScene> propose_scene(const std::filesystem::path& file,
     input.label_map = &labels->labels;
   } else {
     input.scan = file;
+    input.volume_of_scan = number;
     input.scan_volume = &scan->scan;
   }
   const auto text = new_scene_text(input, "");
@@ -58,7 +59,7 @@ Result<ProposedScene> propose_scene(const std::filesystem::path& file,
   std::string note = file.string() + " is a " + (labels ? "label map" : "scan") + ", " +
                      (labels ? felt_of_labels(*scene, labels->labels) : felt_of_scan(*scene)) +
                      "; to change that: palpate scene new " + (labels ? "" : "--scan ") + file.string() +
-                     " -o scene.toml";
+                     (number ? " --volume " + std::to_string(*number) : "") + " -o scene.toml";
   return ProposedScene{*std::move(scene), std::move(note)};
 }
 

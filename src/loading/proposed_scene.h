@@ -15,7 +15,7 @@ struct ProposedScene {
 };
 
 /// The scene that `scene new` writes for a volume by itself. Errors: those of new_scene_text.
-Result<ProposedScene> propose_scene(const std::filesystem::path& file,
+Result<ProposedScene> propose_scene(const std::filesystem::path& file, std::optional<int> number,
                                     const std::variant<ScanFile, LabelFile>& volume);
 
 }  // namespace palpate

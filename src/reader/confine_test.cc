@@ -53,7 +53,9 @@ class Confined : public ::testing::Test {
     return outcome(*opened, attempt);
   }
   static int outcome(const InputFile& file, const std::function<long()>& attempt) {
-    const int descriptor = file.descriptor();
+    return outcome(file.descriptor(), attempt);
+  }
+  static int outcome(int descriptor, const std::function<long()>& attempt) {
     ReaderProcess::Job job;
     job.files = {&descriptor, 1};
     const Progress silent;
@@ -113,6 +115,20 @@ TEST_F(Confined, OpensNoOtherFile) {
   EXPECT_EQ(outcome([&] { return open_to_read("/etc/passwd"); }), EACCES);
   EXPECT_EQ(outcome([&] { return open_to_read("/proc/self/environ"); }), EACCES);
   EXPECT_EQ(outcome([&] { return ::open(folder_.path().c_str(), O_RDONLY | O_DIRECTORY); }), EACCES);
+}
+
+TEST_F(Confined, OfAFolderOpensWhatStandsInItAndBelow) {
+  if (!can_hold_to_files()) GTEST_SKIP() << "this kernel has no Landlock";
+  std::filesystem::create_directories(folder_ / "given" / "below");
+  std::ofstream(folder_ / "given" / "below" / "inside") << "content";
+  std::filesystem::create_symlink(other_, folder_ / "given" / "link");
+  const int given = ::open((folder_ / "given").c_str(), O_RDONLY | O_DIRECTORY);
+  ASSERT_GE(given, 0);
+  EXPECT_EQ(outcome(given, [&] { return open_to_read(folder_ / "given" / "below" / "inside"); }), 0);
+  EXPECT_EQ(outcome(given, [&] { return open_to_read(other_); }), EACCES);
+  EXPECT_EQ(outcome(given, [&] { return open_to_read(folder_ / "given" / "link"); }), EACCES);
+  EXPECT_EQ(outcome(given, [&] { return ::openat(given, "../other", O_RDONLY); }), EACCES);
+  ::close(given);
 }
 
 TEST_F(Confined, OpensNothingElseUnderTheNameOfItsFile) {

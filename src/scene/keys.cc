@@ -133,7 +133,15 @@ SceneKeys declared_keys() {
       .data =
           {"[data]",
            "The files, relative to the scene file's folder or absolute. At least one of `scan` and `labels`.",
-           {{.name = "scan", .type = kFile, .meaning = "The image: NRRD, NIfTI or MetaImage."},
+           {{.name = "scan",
+             .type = kFile,
+             .meaning = "The image: NRRD, NIfTI or MetaImage, or a folder of DICOM or a file of it."},
+            {.name = "scan_volume",
+             .type = kWhole,
+             .min = 1,
+             .max = 100000,
+             .meaning = "Which volume, where DICOM holds several: its number as `palpate info` lists them. "
+                        "Without it: the only one that can be used."},
             {.name = "labels",
              .type = kFile,
              .meaning = "The segmentation on it, in the same formats or `.seg.nrrd`."},

@@ -237,6 +237,8 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
                    (*file)->string(), "rename the file or its folder"};
     }
     text += std::string(key) + " = " + toml_string(path) + "\n";
+    if (file == &input.scan && input.volume_of_scan)
+      text += "scan_volume = " + std::to_string(*input.volume_of_scan) + "\n";
   }
 
   // the tissues

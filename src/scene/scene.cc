@@ -20,6 +20,7 @@ std::array<double, 2> range_of(const TableSpec& table, std::string_view key) {
 
 void read_data(const TableReader& data, Scene& scene) {
   if (const auto scan = data.text("scan")) scene.scan = *scan;
+  if (const auto volume = data.whole("scan_volume")) scene.scan_volume = static_cast<int>(*volume);
   if (const auto labels = data.text("labels")) scene.labels = *labels;
   if (const auto names = data.text("names")) scene.names = *names;
   scene.lines = {data.line("scan"), data.line("labels"), data.line("names")};
@@ -460,6 +461,8 @@ void check_stiffness_order(const Scene& scene, Problems& problems) {
 
 /// Every tissue needs the volume that it is taken from.
 void check_volumes(const Scene& scene, int data_line, Problems& problems) {
+  if (scene.scan_volume && !scene.scan)
+    problems.add(data_line, "[data] has a scan_volume and no scan", "add: scan = \"...\"");
   if (!scene.scan && !scene.labels) {
     problems.add(data_line, "[data] names neither a scan nor labels",
                  "add: labels = \"...\", or scan = \"...\"");

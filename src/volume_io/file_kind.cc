@@ -10,12 +10,6 @@ namespace {
 
 using namespace std::string_view_literals;
 
-constexpr const char* kConvertDicom =
-    "DICOM is not read yet: convert the whole series with dcm2niix (dcm2niix -z y -o OUT FOLDER), or load it "
-    "in 3D Slicer and save it as NRRD";
-constexpr const char* kConvertSegmentation =
-    "DICOM is not read yet: convert it with dcmqi (segimage2itkimage --inputDICOM FILE --outputDirectory OUT "
-    "--outputType nrrd), or load it with its images in 3D Slicer and save the segmentation as .seg.nrrd";
 constexpr const char* kConvertStructures =
     "contours are not read: load them with their images in 3D Slicer (extension SlicerRT) and save the "
     "segmentation as .seg.nrrd";
@@ -69,16 +63,17 @@ FileKind dicom_kind(std::string_view front) {
   uid = uid.substr(0, uid.find('\0'));
   constexpr std::string_view kStorage = "1.2.840.10008.5.1.4.1.1.";
   if (uid == "1.2.840.10008.1.3.10")
-    return {"a DICOMDIR, the list of contents of a DICOM disc", kConvertDicom, {}};
+    return {"a DICOMDIR, the list of contents of a DICOM disc", "name the folder that it stands in", {}};
   if (uid.starts_with(kStorage)) {
     const std::string_view kind = uid.substr(kStorage.size());
-    if (kind == "66.4" || kind == "66.7") return {"a DICOM segmentation (SEG)", kConvertSegmentation, {}};
+    if (kind == "66.4" || kind == "66.7") 
+      return {"a DICOM segmentation (SEG)", "give it as the labels, under any name", "DICOM", false, true, true};
     if (kind == "66.5") return {"a DICOM surface segmentation", kConvertSurface, {}};
     if (kind == "481.3") return {"a DICOM structure set (RTSTRUCT)", kConvertStructures, {}};
     if (kind == "481.2") return {"a DICOM dose (RTDOSE)", "give the scan that it was planned on", {}};
     if (kind.starts_with("88.")) return {"a DICOM report (SR)", "give the scan that it is about", {}};
   }
-  return kind_of_dicom_image();
+  return {"a DICOM file", "give it a name that ends in .dcm, or name its folder", "DICOM", true};
 }
 
 // ---- surfaces -----------------------------------------------------------------------------------
@@ -189,15 +184,21 @@ std::optional<FileKind> volume_kind(std::string_view front) {
 
 }  // namespace
 
-FileKind kind_of_dicom_image() {
-  return {"a DICOM file", kConvertDicom, {}, true};
+std::string dicom_transfer_syntax(std::string_view front) {
+  if (front.size() <= 132 || front.substr(128, 4) != "DICM") return "";
+  const std::string_view uid = dicom_text(front.substr(132), "\x02\0\x10\0"sv);
+  return std::string(uid.substr(0, uid.find('\0')));
 }
 
 std::optional<FileKind> kind_of(std::string_view front, const std::string& file_name, std::uint64_t size) {
   const std::string name = lower_case(file_name);
   if (front.empty()) return FileKind{"an empty file", "copy or download it again", {}};
   if (auto volume = volume_kind(front)) return volume;
-  if (is_dicom(front)) return dicom_kind(front);
+  if (is_dicom(front)) {
+    FileKind kind = dicom_kind(front);
+    kind.dicom = true;
+    return kind;
+  }
   if (front.starts_with("\x89HDF\r\n")) {
     if (ends_with(name, ".mnc")) return FileKind{"a MINC 2 file", "convert it to NIfTI with mnc2nii", {}};
     return FileKind{"an HDF5 file, as recordings are",

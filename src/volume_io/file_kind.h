@@ -13,6 +13,8 @@ struct FileKind {
   std::string remedy;        ///< what to do with it, in an imperative
   std::string_view volume;   ///< of a format that is read here its name, "NRRD"; else empty
   bool dicom_image = false;  ///< a slice of a series, or a whole one
+  bool dicom = false;        ///< of DICOM, image or not
+  bool dicom_segmentation = false;
 };
 
 /// How many bytes at the front of a file tell its kind.
@@ -23,7 +25,7 @@ constexpr std::size_t kKindBytes = 4096;
 /// @param size  of the whole file; 0 where it is not known
 std::optional<FileKind> kind_of(std::string_view front, const std::string& name, std::uint64_t size);
 
-/// Of a slice in DICOM, which is what a folder of them holds.
-FileKind kind_of_dicom_image();
+/// The TransferSyntaxUID of a DICOM file's own header, from its first bytes; empty where it has none.
+std::string dicom_transfer_syntax(std::string_view front);
 
 }  // namespace palpate::volume_io

@@ -27,7 +27,7 @@ const std::array<Format, 3> kFormats{{
 
 // what stands in a folder and, not too deep, below it
 struct FolderContent {
-  std::size_t files = 0, dicom_images = 0;
+  std::size_t files = 0;
   std::vector<std::string> volumes;  // by their names, from the folder on
   std::optional<FileKind> other;     // the first that is known to be something else
 };
@@ -52,8 +52,7 @@ FolderContent look_into(const std::filesystem::path& folder) {
     } else if (opened < kMostOpened) {
       ++opened;
       const auto kind = content_of(entry->path(), unpacked_front);
-      if (kind && kind->dicom_image) ++content.dicom_images;
-      if (kind && !kind->dicom_image && !content.other) content.other = kind;
+      if (kind && !content.other) content.other = kind;
     }
   }
   std::sort(content.volumes.begin(), content.volumes.end());
@@ -75,11 +74,10 @@ Error folder_error(const std::filesystem::path& folder) {
       names += " and " + std::to_string(content.volumes.size() - kNamed) + " more";
     return is_folder(", not a file", "name a file in it: " + names);
   }
-  if (content.dicom_images > 0) return is_folder(" of DICOM files", kind_of_dicom_image().remedy);
   if (content.other)
     return is_folder(" without a volume in it",
                      "there is " + content.other->what + ": " + content.other->remedy);
-  return is_folder(" without a volume in it", "name a volume: NRRD, NIfTI or MetaImage");
+  return is_folder(" without a volume in it", "name a volume: NRRD, NIfTI, MetaImage or DICOM");
 }
 
 // the other file of a pair: "knee.hdr" and "knee.img", each perhaps with ".gz"
@@ -109,9 +107,10 @@ Result<const Format*> format_of(const std::filesystem::path& file) {
   for (const Format& format : kFormats)
     for (const std::string_view ending : format.endings)
       if (has_ending(file, ending)) return &format;
-  return bad_input(
-      file.string(), "is of no format that is read or written here",
-      "use NRRD (.nrrd, .nhdr, .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img) or MetaImage (.mha, .mhd)");
+  return bad_input(file.string(), "is of no format that is read or written here",
+                   "use NRRD (.nrrd, .nhdr, .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img) or MetaImage (.mha, "
+                   ".mhd); DICOM is "
+                   "read under any name");
 }
 
 std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack) {
@@ -192,6 +191,7 @@ using namespace volume_io;
 
 bool is_volume(const std::filesystem::path& file) {
   std::error_code ignored;
+  if (is_dicom(file)) return true;
   if (!std::filesystem::is_regular_file(file, ignored)) return false;
   if (format_of(file)) return true;
   const auto kind = content_of(file, unpacked_front);
@@ -201,6 +201,7 @@ bool is_volume(const std::filesystem::path& file) {
 std::optional<Error> something_else(const std::filesystem::path& file) {
   std::error_code ignored;
   const auto status = std::filesystem::status(file, ignored);
+  if (is_dicom(file)) return std::nullopt;
   if (std::filesystem::is_directory(status)) return folder_error(file);
   if (!std::filesystem::is_regular_file(status) || format_of(file)) return std::nullopt;
   const auto kind = content_of(file, unpacked_front);

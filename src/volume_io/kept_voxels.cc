@@ -36,7 +36,9 @@ bool fit_into_16_bits(const std::vector<float>& voxels) {
 KeptVoxels::KeptVoxels(const VolumeReader& reader, std::string_view kind, Unpacked unpacked)
     : reader_(reader) {
   const VolumeFile& file = reader.file();
-  if (unpacked == Unpacked::kAnew || !cache::is_kept() || file.voxels.encoding == Encoding::kRaw) return;
+  if (unpacked == Unpacked::kAnew || !cache::is_kept() || file.voxels.encoding == Encoding::kRaw ||
+      file.voxels.encoding == Encoding::kDicom)
+    return;
   changed_ = changed_at(reader.voxel_file());
   const auto packed = cache::digest_of(reader.voxel_file(), file.voxels.offset);
   if (!packed) return;

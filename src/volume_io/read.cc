@@ -283,7 +283,11 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
   }
   if (values.replaced > 0 && warn)
     warn(path.string() + ": " + std::to_string(values.replaced) +
-         " voxels are not numbers (NaN or infinite); they are taken as the lowest value of the scan");
+         (file.padded ? " voxels lie outside what was scanned (PixelPaddingValue (0028,0120))"
+                      : " voxels are not numbers (NaN or infinite)") +
+         "; they are taken as the lowest value of the scan");
+  for (const std::string& note : file.notes)
+    if (warn) warn(path.string() + ": " + note);
   return ScanFile{file.header, Volume<float>(file.header.geometry, std::move(values.voxels))};
 }
 
@@ -309,6 +313,8 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     if (!read) return read.error();
     sink.keep(kept);
   }
+  for (const std::string& note : file.notes)
+    if (warn) warn(path.string() + ": " + note);
 
   auto segments = find_segments(file, sink);
   if (!segments) return segments.error();
@@ -328,9 +334,9 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
 
 }  // namespace
 
-Result<VolumeHeader> read_header(const std::filesystem::path& file) try {
+Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume) try {
   const Progress silent;
-  const auto reader = VolumeReader::open(file, silent);
+  const auto reader = VolumeReader::open(file, silent, volume);
   if (!reader) return reader.error();
   return reader->file().header;
 } catch (const std::bad_alloc&) {
@@ -340,9 +346,9 @@ Result<VolumeHeader> read_header(const std::filesystem::path& file) try {
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names,
                                                       const Progress& progress, const Warn& warn,
-                                                      Unpacked unpacked) try {
+                                                      Unpacked unpacked, std::optional<int> volume) try {
   using Volumes = std::variant<ScanFile, LabelFile>;
-  auto reader = VolumeReader::open(file, progress);
+  auto reader = VolumeReader::open(file, progress, volume);
   if (!reader) return reader.error();
   const auto labels = [&]() -> Result<Volumes> {
     auto read = take_labels(*reader, file, names, progress, warn, Doubtful::kRefused, unpacked);
@@ -364,8 +370,8 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 }
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
-                           Unpacked unpacked) try {
-  auto reader = VolumeReader::open(file, progress);
+                           Unpacked unpacked, std::optional<int> volume) try {
+  auto reader = VolumeReader::open(file, progress, volume);
   if (!reader) return reader.error();
   return take_scan(*reader, file, progress, warn, unpacked);
 } catch (const std::bad_alloc&) {
@@ -375,6 +381,9 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
                               const Warn& warn, Doubtful doubtful, Unpacked unpacked) try {
+  if (is_dicom(file))
+    return bad_input(file.string(), "holds DICOM images, which are a scan and not labels",
+                     "give it as the scan, and a label map beside it");
   auto reader = VolumeReader::open(file, progress);
   if (!reader) return reader.error();
   return take_labels(*reader, file, names, progress, warn, doubtful, unpacked);

@@ -20,6 +20,7 @@ constexpr std::size_t kMostErrorText = std::size_t{1} << 16;
 // of the header of a segmentation
 constexpr std::size_t kMostFields = std::size_t{1} << 20;
 constexpr int kMostLayers = 4096;
+constexpr std::uint32_t kMostNotes = 100;
 
 void put(Sender& out, const Error& refusal) {
   for (const std::string* text : {&refusal.what, &refusal.where, &refusal.remedy})
@@ -66,6 +67,7 @@ void visit_plain(Volume& volume, const Field& field) {
   field(volume.header.layers);
   field(volume.header.has_geometry);
   field(volume.layers_first);
+  field(volume.padded);
   field(volume.voxels.big_endian);
   field(volume.voxels.offset);
   field(volume.voxels.skip);
@@ -88,6 +90,13 @@ void get_segment_fields(Receiver& in, std::vector<std::pair<std::string, std::st
   }
 }
 
+void get_notes(Receiver& in, std::vector<std::string>& notes) {
+  std::uint32_t count = 0;
+  in.get(count);
+  if (count > kMostNotes) in.fail("its reader says what no volume can be");
+  for (std::uint32_t n = 0; n < count && in.ok(); ++n) in.get(notes.emplace_back());
+}
+
 Result<VolumeFile> get_volume(Receiver& in, Files files) {
   VolumeFile volume;
   GridGeometry& geometry = volume.header.geometry;
@@ -98,7 +107,7 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
   visit_plain(volume, [&](auto& value) { in.get(value); });
   std::uint32_t file = 0;
   in.get(file);
-  get_one_of(in, volume.voxels.encoding, Encoding::kHex);
+  get_one_of(in, volume.voxels.encoding, Encoding::kDicom);
   get_one_of(in, volume.voxels.component, Component::kFloat64);
   get_one_of(in, volume.header.meaning, ValueMeaning::kMeasured);
   bool counted_from_end = false;
@@ -106,6 +115,7 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
   in.get(counted_from_end);
   in.get(bytes_after);
   if (counted_from_end) volume.voxels.bytes_after = bytes_after;
+  get_notes(in, volume.notes);
   get_segment_fields(in, volume.segment_fields);
   if (!in.ok()) return about(in.error(), files);
 
@@ -152,6 +162,8 @@ bool send_volume(reader::ByteTarget& target, const VolumeFile& volume, Files fil
   out.put(static_cast<std::uint8_t>(volume.header.meaning));
   out.put(volume.voxels.bytes_after.has_value());
   out.put(volume.voxels.bytes_after.value_or(0));
+  out.put(static_cast<std::uint32_t>(volume.notes.size()));
+  for (const std::string& note : volume.notes) out.put(note);
   out.put(static_cast<std::uint32_t>(volume.segment_fields.size()));
   for (const auto& [key, text] : volume.segment_fields) {
     out.put(key);

@@ -45,6 +45,8 @@ VolumeFile example() {
   volume.voxels = {kFiles[1], Encoding::kBzip2, Component::kUint64, true, 11, 12, 13, true, 2.5, -7};
   volume.layers_first = false;
   volume.segment_fields = {{"Segment0_Name", "femur"}, {"Segment0_ID", ""}};
+  volume.padded = true;
+  volume.notes = {"left out: 1 file", ""};
   return volume;
 }
 
@@ -87,6 +89,8 @@ TEST(VolumeMessage, AVolumeArrivesWhole) {
   EXPECT_EQ(got.voxels.intercept, -7);
   EXPECT_FALSE(got.layers_first);
   EXPECT_EQ(got.segment_fields, sent.segment_fields);
+  EXPECT_TRUE(got.padded);
+  EXPECT_EQ(got.notes, sent.notes);
 }
 
 TEST(VolumeMessage, BelievesNoVolume) {
@@ -108,7 +112,7 @@ TEST(VolumeMessage, BelievesNoVolume) {
   EXPECT_THAT(error_of([&](VolumeFile& v) { v.voxels.slope = kNan; }), HasSubstr("no volume can be"));
   EXPECT_THAT(error_of([&](VolumeFile& v) { v.voxels.intercept = kNan; }), HasSubstr("no volume can be"));
   // enumerators that there are not, and a file that it has not been given
-  EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.encoding = static_cast<Encoding>(5); }),
+  EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.encoding = static_cast<Encoding>(6); }),
               HasSubstr("no volume can be"));
   EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.component = static_cast<Component>(10); }),
               HasSubstr("no volume can be"));
@@ -119,6 +123,7 @@ TEST(VolumeMessage, BelievesNoVolume) {
                 v.segment_fields.assign(3, {std::string(9'000'000, 'x'), ""});
               }),
               HasSubstr("too long"));
+  EXPECT_THAT(error_of([](VolumeFile& v) { v.notes.resize(101); }), HasSubstr("no volume can be"));
 }
 
 TEST(VolumeMessage, EndsAreNoticedAtEveryByte) {

@@ -7,6 +7,8 @@
 #include <utility>
 #include <variant>
 
+#include "volume_io/dicom.h"
+#include "volume_io/dicom_volumes.h"
 #include "volume_io/formats.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/voxel_stream.h"
@@ -16,46 +18,13 @@ namespace {
 
 // ---- in the process that reads ------------------------------------------------------------------
 
-// the slots in turn; throws where the parent takes no more
-class Slots : public VoxelSink {
- public:
-  explicit Slots(reader::ParentEnd& parent) : parent_(parent) {}
-
-  std::span<std::byte> room() override {
-    if (filled_ == kSlots) wait();
-    return parent_.shared().subspan(next_ * kSlotBytes, kSlotBytes);
-  }
-  void put(std::size_t bytes) override {
-    say(static_cast<std::uint32_t>(bytes));
-    next_ = (next_ + 1) % kSlots;
-    ++filled_;
-  }
-  void still_reading() override { say(kStillReading); }
-  /// Returns when the parent has copied all of them.
-  void drain() {
-    while (filled_ > 0) wait();
-  }
-
- private:
-  void wait() {
-    if (!parent_.wait_for_word()) throw std::runtime_error("no word");
-    --filled_;
-  }
-  void say(std::uint32_t number) {
-    if (!parent_.write(std::as_bytes(std::span(&number, 1)))) throw std::runtime_error("nobody reads");
-  }
-
-  reader::ParentEnd& parent_;
-  std::size_t next_ = 0, filled_ = 0;
-};
-
 bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others) {
   const auto volume = understand(format, files.front(), others);
   if (others.asked()) return send_wish(parent, *others.asked());
   if (!volume) return send_refusal(parent, volume.error());
   if (!send_volume(parent, *volume, files)) return false;
   while (parent.wait_for_word()) {
-    Slots slots(parent);
+    VoxelSlots slots(parent);
     const auto read = send_voxels(*volume, slots);
     slots.drain();
     if (!send_end(parent, read)) return false;
@@ -70,6 +39,56 @@ Result<std::unique_ptr<reader::ReaderProcess>> start(const std::vector<InputFile
                                                      const reader::ReaderProcess::Work& work) {
   std::vector<int> descriptors;
   for (const InputFile& file : files) descriptors.push_back(file.descriptor());
+  return start_reader(descriptors, shared_bytes, progress, work);
+}
+
+// what the header does not say in so many words
+void name_format(const Format& format, VolumeFile& volume) {
+  volume.header.format = volume.header.has_segments ? "Slicer segmentation (NRRD)" : format.name;
+  volume.header.component_type = name_of(volume.voxels.component);
+}
+
+// what ends the reading of DICOM, with the image that it comes from
+Error at_slice(Error error, const VolumeFile& file, std::uint64_t values) {
+  const GridGeometry& grid = file.header.geometry;
+  if (file.voxels.encoding != Encoding::kDicom || error.kind != ErrorKind::kBadInput) return error;
+  const auto slice = static_cast<std::uint64_t>(grid.dims[0]) * static_cast<std::uint64_t>(grid.dims[1]);
+  const std::uint64_t last = static_cast<std::uint64_t>(grid.dims[2]) - 1;
+  error.what =
+      slice_in_words(grid, static_cast<std::size_t>(std::min(values / slice, last))) + ", " + error.what;
+  return error;
+}
+
+}  // namespace
+
+std::span<std::byte> VoxelSlots::room() {
+  if (filled_ == kSlots) wait();
+  return parent_.shared().subspan(next_ * kSlotBytes, kSlotBytes);
+}
+
+void VoxelSlots::put(std::size_t bytes) {
+  say(static_cast<std::uint32_t>(bytes));
+  next_ = (next_ + 1) % kSlots;
+  ++filled_;
+}
+
+void VoxelSlots::drain() {
+  while (filled_ > 0) wait();
+}
+
+void VoxelSlots::wait() {
+  if (!parent_.wait_for_word()) throw std::runtime_error("no word");
+  --filled_;
+}
+
+void VoxelSlots::say(std::uint32_t number) {
+  if (!parent_.write(std::as_bytes(std::span(&number, 1)))) throw std::runtime_error("nobody reads");
+}
+
+Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int> descriptors,
+                                                            std::size_t shared_bytes,
+                                                            const Progress& progress,
+                                                            const reader::ReaderProcess::Work& work) {
   reader::ReaderProcess::Job job;
   job.files = descriptors;
   job.shared_bytes = shared_bytes;
@@ -79,19 +98,27 @@ Result<std::unique_ptr<reader::ReaderProcess>> start(const std::vector<InputFile
   return reader::ReaderProcess::start(job, work, progress);
 }
 
-// what the header does not say in so many words
-void name_format(const Format& format, VolumeFile& volume) {
-  volume.header.format = volume.header.has_segments ? "Slicer segmentation (NRRD)" : format.name;
-  volume.header.component_type = name_of(volume.voxels.component);
-}
-
-}  // namespace
-
-Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const Progress& progress) {
+Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const Progress& progress,
+                                        std::optional<int> number) {
+  const bool segmentation = is_dicom_segmentation(file);
+  if (is_dicom(file) || (segmentation && !number)) {
+    auto dicom = segmentation ? open_dicom_segmentation(file, progress) : open_dicom(file, number, progress);
+    if (!dicom) return dicom.error();
+    VolumeReader reader(progress);
+    reader.names_.push_back(file);
+    reader.process_ = std::move(dicom->process);
+    reader.volume_ = std::move(dicom->volume);
+    reader.volume_.header.format = segmentation ? "DICOM segmentation" : "DICOM";
+    reader.volume_.header.component_type = name_of(reader.volume_.voxels.component);
+    return reader;
+  }
   if (auto error = not_a_file(file)) return *std::move(error);
   // a pipe, a device, a socket, or nothing that may be read
   auto opened = InputFile::open(file);
   if (!opened) return opened.error();
+  if (number)
+    return Error{ErrorKind::kUsage, "holds one volume, which has no number", file.string(),
+                 "leave the number out: only DICOM files hold several"};
   const auto format = format_of(file);
   if (!format) {
     const auto kind = content_of(file, unpacked_front);
@@ -112,6 +139,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     auto answer = receive_answer(**process, reader.names_);
     if (!answer) return answer.error();
     if (auto* volume = std::get_if<VolumeFile>(&*answer)) {
+      if (volume->voxels.encoding == Encoding::kDicom) return nonsense(reader.names_);
       reader.process_ = *std::move(process);
       reader.volume_ = std::move(*volume);
       name_format(**format, reader.volume_);
@@ -153,7 +181,7 @@ Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file,
   for (std::size_t slot = 0;;) {
     std::uint32_t bytes = 0;
     if (auto said = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !said)
-      return about(said.error(), files);
+      return about(at_slice(said.error(), file, first), files);
     if (bytes == kEnd) break;
     if (bytes == kStillReading) continue;
     if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(files);

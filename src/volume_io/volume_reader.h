@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -37,10 +38,12 @@ class VolumeReader {
   /// Understands the header. Errors: missing, not a plain file, unknown format, and all that is wrong with
   /// the header.
   /// @param progress  stays where it is as long as this object lives
-  static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress);
+  /// @param number    of the volume, where the file or the folder is DICOM's
+  static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress,
+                                   std::optional<int> number = {});
 
   const VolumeFile& file() const { return volume_; }
-  /// The file that the voxels stand in, as it was opened.
+  /// The file that the voxels stand in, as it was opened; of no DICOM, whose files are many.
   const InputFile& voxel_file() const;
   /// Streams every voxel, as often as it is called; after an error never again.
   /// Errors: data that end early or are damaged, surplus data, interrupted, and those of `take`.
@@ -61,6 +64,30 @@ class VolumeReader {
 /// faster than four, which stay in a cache.
 constexpr std::size_t kSlots = 4;
 constexpr std::size_t kSlotBytes = kPieceValues * sizeof(double);
+
+/// Starts a process that may open these, and reads in it.
+Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int> descriptors,
+                                                            std::size_t shared_bytes,
+                                                            const Progress& progress,
+                                                            const reader::ReaderProcess::Work& work);
+
+/// In the process that reads: the slots in turn. Throws where the parent takes no more.
+class VoxelSlots : public VoxelSink {
+ public:
+  explicit VoxelSlots(reader::ParentEnd& parent) : parent_(parent) {}
+  std::span<std::byte> room() override;
+  void put(std::size_t bytes) override;
+  void still_reading() override { say(kStillReading); }
+  /// Returns when the parent has copied all of them.
+  void drain();
+
+ private:
+  void wait();
+  void say(std::uint32_t number);
+
+  reader::ParentEnd& parent_;
+  std::size_t next_ = 0, filled_ = 0;
+};
 
 /// This process's half of VolumeReader::stream(). It believes nothing of what the other one sends.
 Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,

@@ -21,6 +21,7 @@ enum class Encoding {
   kBzip2,
   kText,  ///< numbers between white space or commas
   kHex,
+  kDicom,  ///< image by image, as dicom.h reads them
 };
 
 struct VoxelSource {
@@ -47,6 +48,8 @@ struct VolumeFile {
   VoxelSource voxels;
   bool layers_first = true;  ///< layers > 1: the layer is the fastest axis, else the slowest
   std::vector<std::pair<std::string, std::string>> segment_fields;  ///< SegmentN_* of an NRRD
+  bool padded = false;             ///< what is not a number among the values lies outside what was scanned
+  std::vector<std::string> notes;  ///< what a person should know, a sentence each
 };
 
 /// Axes of a file as dims of a volume: one or two missing axes are one voxel, axes beyond the third

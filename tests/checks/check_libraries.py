@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Checks the licence of every library that a program loads.
 
-    check_libraries.py LIST PROGRAM
+    check_libraries.py LIST PROGRAM [LIBRARY...]
 
-LIST names each allowed library with its Debian package and licence. A library that is not listed, a
+LIBRARY is one of its own that it loads later. LIST names each allowed library with its Debian package and licence. A library that is not listed, a
 GPL-only one, and one that comes from another package than the list says, are faults.
 """
 
@@ -92,16 +92,19 @@ def faults(allowed, libraries, owner=package_of):
 
 
 def main():
-    if len(sys.argv) != 3:
+    if len(sys.argv) < 3:
         sys.exit(__doc__)
     allowed = read_list(sys.argv[1])
     # GPL-only licences do not belong into the list either
     found = [f"{name}: listed under {licence}" for name, (_, licence) in allowed.items()
              if re.match(r"A?GPL", licence) and " or " not in licence and "exception" not in licence.lower()]
-    libraries = loaded_libraries(sys.argv[2])
-    if not libraries:
-        found.append(f"{sys.argv[2]}: loads no library at all; is it the program?")
-    found += faults(allowed, libraries)
+    libraries = {}
+    for program in sys.argv[2:]:
+        loaded = dict(loaded_libraries(program))
+        if not loaded:
+            found.append(f"{program}: loads no library at all; is it the program?")
+        libraries.update(loaded)
+    found += faults(allowed, libraries.items())
     print("\n".join(found) if found else f"{len(libraries)} libraries, all listed")
     return 1 if found else 0
 

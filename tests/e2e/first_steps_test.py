@@ -106,9 +106,9 @@ class FirstSteps(cli.PalpateTest):
             kinds[self.folder / name] = what, remedy
 
         storage = "1.2.840.10008.5.1.4.1.1."
-        add("slice.dcm", dicom(storage + "2"), "a DICOM file", "dcm2niix")
-        add("IM0001", dicom(storage + "4"), "a DICOM file", "dcm2niix")
-        add("seg.dcm", dicom(storage + "66.4"), "a DICOM segmentation (SEG)", "segimage2itkimage")
+        add("slice.dcm", dicom(storage + "2"), "DICOM", "")
+        add("IM0001", dicom(storage + "4"), "DICOM", "")
+        add("seg.dcm", dicom(storage + "66.4"), "DICOM segmentation", "")
         add("rt.dcm", dicom(storage + "481.3"), "a DICOM structure set (RTSTRUCT)", "SlicerRT")
         add("knee.stl", b"x" * 80 + struct.pack("<I", 1) + b"\0" * 50, "a surface (STL)", ".seg.nrrd")
         add("knee.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a surface (OBJ)", ".seg.nrrd")
@@ -157,7 +157,7 @@ class FirstSteps(cli.PalpateTest):
         surfaces.mkdir(parents=True)
         (surfaces / "knee.ply").write_bytes(b"ply\n")
         for verb in ("info", "section", "explore", "scene new"):
-            for folder, says in ((series, ["DICOM", "dcm2niix"]), (mixed, ["name a file in it: femur_left.nii.gz", "1 more"]),
+            for folder, says in ((series, ["no DICOM image that can be read"]), (mixed, ["name a file in it: femur_left.nii.gz", "1 more"]),
                                  (empty, ["without a file"]), (surfaces.parent, ["surface (PLY)", ".seg.nrrd"])):
                 with self.subTest(folder.name, verb=verb):
                     done = self.run_verb(verb, folder)
@@ -167,15 +167,45 @@ class FirstSteps(cli.PalpateTest):
 
     def test_shared_dicom_is_named(self):
         root = cli.need("edge/dicom/bad_sequence.dcm").parent.parent.parent
-        for name, what in (("dicom_seg/liver.dcm", "DICOM segmentation (SEG)"), ("dicom_seg/ct-3slice", "DICOM"),
-                           ("dicom_seg/sparse-labelmap-ppv5.dcm", "DICOM segmentation (SEG)"),
-                           ("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/gantrytilting", "DICOM"),
-                           ("edge/dicom/bad_sequence.dcm", "DICOM")):
+        for name, what in (("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/gantrytilting", "gantry was tilted"),
+                           ("edge/dicom/bad_sequence.dcm", "a single slice is no volume")):
             with self.subTest(name):
-                self.fail_clearly(cli.BAD_INPUT, "info", root / name, says=what)
-        for path in sorted((root / "edge").rglob("*.dcm")) + sorted((root / "dicom_seg").rglob("*.dcm")):
+                self.fail_clearly(cli.BAD_INPUT, "section", root / name, "-o", self.folder / "x.png", says=what)
+        for path in sorted((root / "edge").rglob("*.dcm")):
             with self.subTest(path.name):
-                self.fail_clearly(cli.BAD_INPUT, "section", path, "-o", self.folder / "x.png", says="DICOM")
+                self.fail_clearly(cli.BAD_INPUT, "section", path, "-o", self.folder / "x.png")
+
+    def test_shared_dicom_is_read(self):
+        root = cli.need("dicom_seg/ct-3slice")
+        done = self.succeed("info", root)
+        self.assertIn("series 1: CT, axial, 512 x 512 x 3, 0.8105 x 0.8105 x 1 mm", done.stdout)
+        self.assertIn("format      DICOM", done.stdout)
+        self.succeed("section", root, "-o", self.folder / "x.png")
+        # a segmentation of it, by itself and on it
+        self.assertRegex(self.succeed("info", root.parent / "liver.dcm").stdout, r"1  Liver +107098 ")
+        self.succeed("scene", "new", root, root.parent / "liver.dcm", "-o", self.folder / "liver.toml")
+        self.assertIn('preset = "liver"', (self.folder / "liver.toml").read_text())
+        self.succeed("section", self.folder / "liver.toml", "-o", self.folder / "z.png")
+        self.succeed("prepare", root.parent / "liver.dcm", "-o", self.folder / "field.nrrd")
+        several = root.parent.parent / "edge/dicom/sliceorientation/001"
+        self.fail_clearly(cli.BAD_INPUT, "section", several, "-o", self.folder / "x.png", says="holds 2 volumes")
+        listed = json.loads(self.succeed("info", several, "--json").stdout)
+        self.assertEqual([volume["number"] for volume in listed["volumes"] if volume["usable"]], [1, 2])
+        self.succeed("section", several, "--volume", 2, "-o", self.folder / "x.png")
+        self.succeed("scene", "new", "--scan", several, "--volume", 2, "-o", self.folder / "two.toml")
+        self.assertIn("scan_volume = 2", (self.folder / "two.toml").read_text())
+        self.succeed("section", self.folder / "two.toml", "-o", self.folder / "y.png")
+
+    def test_what_reads_dicom_is_loaded_for_dicom_alone(self):
+        root = cli.need("dicom_seg/ct-3slice")
+        # an environment cannot lead DCMTK to a dictionary of its own
+        environment = {**os.environ, "LD_DEBUG": "libs", "DCMDICTPATH": str(self.folder / "nothing")}
+        label_map = write_nrrd(self.folder / "labels.nrrd", blocks)
+        for arguments, loads in ((["--version"], False), (["info", label_map], False), (["info", root], True)):
+            with self.subTest(arguments=arguments):
+                done = self.succeed(*arguments, env=environment)
+                for library in ("libdcmdata", "libicuuc", "libpalpate_dicom"):
+                    self.assertEqual(library in done.stderr, loads, library)
 
     def test_any_bytes_end_in_a_sentence(self):
         """A prefix of every kind, whatever its name, is one clear error or works."""

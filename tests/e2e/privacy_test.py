@@ -45,6 +45,33 @@ def nifti_with_canary(path, dims, values):
     path.write_bytes(gzip.compress(bytes(header) + b"\1\0\0\0" + extension + values))
 
 
+def dicom_with_canary(path, n, k, values):
+    """A CT slice in explicit little endian, with the canary wherever a person or free text stands."""
+    def element(group, number, kind, value):
+        if isinstance(value, str):
+            value = value.encode()
+        value += (b"\0" if kind in ("UI", "OW") else b" ") * (len(value) % 2)
+        length = struct.pack("<HI", 0, len(value)) if kind in ("OW", "UN") else struct.pack("<H", len(value))
+        return struct.pack("<HH", group, number) + kind.encode() + length + value
+
+    def whole(value):
+        return struct.pack("<H", value)
+    storage = "1.2.840.10008.5.1.4.1.1.2"
+    meta = element(2, 0x02, "UI", storage) + element(2, 0x03, "UI", f"1.2.3.{k}") + element(2, 0x10, "UI", "1.2.840.10008.1.2.1")
+    data = [(8, 0x08, "CS", "ORIGINAL\\PRIMARY\\AXIAL"), (8, 0x16, "UI", storage), (8, 0x18, "UI", f"1.2.3.{k}"),
+            (8, 0x20, "DA", "19570411"), (8, 0x50, "SH", CANARY), (8, 0x60, "CS", "CT"), (8, 0x80, "LO", CANARY),
+            (8, 0x1030, "LO", CANARY), (8, 0x103e, "LO", CANARY), (16, 0x10, "PN", CANARY), (16, 0x20, "LO", CANARY),
+            (16, 0x30, "DA", "19570411"), (32, 0x0d, "UI", "1.2.3.19570411"), (32, 0x0e, "UI", "1.2.3.19570411.1"),
+            (32, 0x10, "SH", CANARY), (32, 0x32, "DS", f"0\\0\\{k}"), (32, 0x37, "DS", "1\\0\\0\\0\\1\\0"),
+            (32, 0x4000, "LT", CANARY), (40, 0x02, "US", whole(1)), (40, 0x04, "CS", "MONOCHROME2"),
+            (40, 0x10, "US", whole(n)), (40, 0x11, "US", whole(n)), (40, 0x30, "DS", "1\\1"),
+            (40, 0x100, "US", whole(16)), (40, 0x101, "US", whole(16)), (40, 0x102, "US", whole(15)),
+            (40, 0x103, "US", whole(0)), (0x29, 0x10, "LO", CANARY), (0x29, 0x1001, "LO", CANARY),
+            (0x7fe0, 0x10, "OW", values)]
+    path.write_bytes(b"\0" * 128 + b"DICM" + element(2, 0, "UL", struct.pack("<I", len(meta))) + meta
+                     + b"".join(element(*one) for one in data))
+
+
 def everything_in(path):
     """A file's bytes, and what lies compressed in them: streams of zlib or gzip anywhere, HDF5 by its tools."""
     data = path.read_bytes()
@@ -101,6 +128,38 @@ class Privacy(cli.PalpateTest):
             for content in everything_in(path):
                 self.assertNotIn(CANARY.encode(), content, path.name)
                 self.assertNotIn(b"CANARY", content, path.name)
+
+    def test_dicom_says_nothing_of_the_patient(self):
+        n = 40
+        series, out, home = (self.folder / name for name in ("series", "out", "home"))
+        for folder in (series, out, home):
+            folder.mkdir()
+        for k in range(n):
+            ball = [1000 if (i - 20) ** 2 + (j - 20) ** 2 + (k - 20) ** 2 < 150 else 7 for j in range(n) for i in range(n)]
+            dicom_with_canary(series / f"{CANARY}{k}", n, k, struct.pack(f"<{n * n}H", *ball))
+        environment = dict(os.environ, HOME=str(home), XDG_DATA_HOME=str(home / "data"),
+                           XDG_CACHE_HOME=str(home / "cache"), TMPDIR=str(home))
+        del environment["PALPATE_CACHE"]
+        said = []
+        for arguments in (("info", series), ("info", series, "--json"), ("info", series, "--volume", 1),
+                          ("scene", "new", "--scan", series, "--volume", 1, "-o", out / "scene.toml"),
+                          ("section", series, "-o", out / "section.png"),
+                          ("simulate", out / "scene.toml", "-o", out / "run.h5", "--report", out / "run.html"),
+                          ("simulate", series, "-o", out / "alone.h5")):
+            done = self.succeed(*arguments, env=environment)
+            said.append(done.stdout + done.stderr)
+        self.assertIn("CT, axial, 40 x 40 x 40, 1 x 1 x 1 mm", said[0])
+        self.assertIn("scan_volume = 1", (out / "scene.toml").read_text())
+        (series / f"{CANARY}7").unlink()
+        for verb in ("info", "simulate"):
+            done = self.fail_clearly(cli.BAD_INPUT, verb, series, env=environment)
+            self.assertIn("a slice is missing between slice 7 of 39, at 6.00 mm", done.stdout + done.stderr)
+            said.append(done.stdout + done.stderr)
+        outputs = [p for folder in (out, home) for p in folder.rglob("*") if p.is_file()]
+        self.assertGreaterEqual(len(outputs), 5)
+        for text in said + [content.decode("latin-1") for path in outputs for content in everything_in(path)]:
+            for secret in ("CANARY", "19570411"):
+                self.assertNotIn(secret, text)
 
     def test_the_search_itself_finds_what_is_hidden(self):
         # a search that finds nothing anywhere would prove nothing

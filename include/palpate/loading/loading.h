@@ -45,17 +45,20 @@ using Foretell = std::function<void(const SceneMemory&)>;
 ///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume:
 ///                     a scan or a label map by itself gets the scene that new_scene_text proposes
 /// @param preparation  instead of the scene's
-/// Errors: kBadInput that names what a file is where it is neither (DICOM, a surface, a picture, a folder,
+/// @param volume       of a volume by itself that is DICOM's, its number (palpate/volume_io/volume_io.h)
+/// Errors: kBadInput that names what a file is where it is neither (a segmentation of DICOM, a surface, a
+/// picture, a folder,
 /// ...).
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
                                            const Warn& warn = {},
                                            std::optional<PreparationMethod> preparation = {},
-                                           const Foretell& foretell = {});
+                                           const Foretell& foretell = {}, std::optional<int> volume = {});
 
 /// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
 /// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.
 Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,
-                                            const Progress& progress = {}, const Warn& warn = {});
+                                            const Progress& progress = {}, const Warn& warn = {},
+                                            std::optional<int> volume = {});
 
 /// Whether anything in the model can be felt: a tissue that is, with a voxel. What is not can be shown.
 bool is_anything_felt(const Model& model);

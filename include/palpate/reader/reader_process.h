@@ -48,7 +48,9 @@ class ReaderProcess : public ByteSource {
   using Work = std::function<bool(ParentEnd& parent)>;
 
   struct Job {
-    std::span<const int> files;    ///< open files: the process has them, and can open them by their names
+    /// Open files: the process has them, and can open them by their names; of a folder what stands in it and
+    /// below.
+    std::span<const int> files;
     std::size_t shared_bytes = 0;  ///< of ParentEnd::shared()
     std::string died;              ///< Error::what where the process ends before it has sent what is read
     std::string endless;           ///< Error::what where it sends nothing for as long as `patience`

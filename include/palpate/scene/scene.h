@@ -118,6 +118,7 @@ struct Scene {
   Side side = Side::kUnknown;
   Modality modality = Modality::kUnknown;
   std::optional<std::filesystem::path> scan;  ///< as written; relative to `folder`
+  std::optional<int> scan_volume;             ///< which one, where `scan` holds several
   std::optional<std::filesystem::path> labels;
   std::optional<std::filesystem::path> names;  ///< colour table
   std::vector<TissueSettings> tissues;
@@ -197,6 +198,7 @@ struct NewSceneInput {
   Side side = Side::kUnknown;
   Modality modality = Modality::kUnknown;
   TissueLaw law = TissueLaw::kLayers;
+  std::optional<int> volume_of_scan = {};  ///< its number, where `scan` holds several
 };
 /// The text of a scene file for these files, every structure in the tissue its name suggests; structures
 /// that suggest none get a tissue each that is shown and not felt (one together when they are too many).

@@ -10,9 +10,10 @@
 #include "palpate/volume/volume.h"
 
 /// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
-/// (.nii, .nii.gz, .hdr/.img) and MetaImage (.mha, .mhd). Every error names the file, what is wrong
-/// and how to mend it; short data are an error, never zeros. Text fields of a file other than
-/// segment names and colours are dropped on reading: they may name a patient.
+/// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
+/// the patient; a file, or a folder of them, by their content; a segmentation, one file). Every error names the file, what is wrong and
+/// how to mend it; short data are an error, never zeros. Text fields of a file other than segment names and
+/// colours are dropped on reading: they may name a patient.
 ///
 /// Each reading starts a process of its own, a copy of the program that can do nothing but read this file; it
 /// ends with the reading, and with the thread that reads. Copying takes 1 ms and some 50 ms more for each GiB
@@ -24,13 +25,15 @@ namespace palpate {
 enum class ValueMeaning {
   kUnsaid,
   kLabels,    ///< NIfTI's intent LABEL
-  kMeasured,  ///< NIfTI's intents of statistics, estimates and vectors
+  kMeasured,  ///< NIfTI's intents of statistics, estimates and vectors; DICOM's images
 };
 
 /// What a file's header says.
 struct VolumeHeader {
-  std::string format;          ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage"
-  std::string component_type;  ///< of the file: "uint8", "int16", "float32", ...
+  std::string format;  ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage", "DICOM ..."
+  /// Of the file: "uint8", "int16", "float32", ...; of DICOM float32 where its slices have scales of their
+  /// own or padding.
+  std::string component_type;
   GridGeometry geometry;
   int layers = 1;             ///< > 1 for overlapping segments
   bool has_geometry = true;   ///< false: the file does not say how it lies in the patient, LPS is assumed
@@ -54,10 +57,31 @@ struct LabelFile {
 enum class Unpacked { kAnew, kKept };
 
 /// Reads only the header. Same errors as reading the file, short voxel data excepted.
-Result<VolumeHeader> read_header(const std::filesystem::path& file);
+/// @param volume  of DICOM, which can hold several, the number that list_volumes() gives it; needed where
+/// several
+///                can be used. An error, kUsage, with any other format. The same holds below.
+Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume = {});
 
-/// Whether a file is one of these volumes by its name or its first bytes; false where it cannot be read.
+/// Whether a file is one of these volumes by its name or its first bytes, or a folder of DICOM; false where
+/// it cannot be read.
 bool is_volume(const std::filesystem::path& file);
+/// Whether it is a DICOM image, whatever its name, or a folder with one in it or below it.
+bool is_dicom(const std::filesystem::path& file);
+
+/// What volumes a DICOM file or a folder of them holds. Nothing in it comes from a text of the files: no
+/// name, no date, no identifier.
+struct VolumeList {
+  struct Item {
+    std::string what;   ///< "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm"
+    std::string fault;  ///< why it cannot be used, and which slice; empty: it can
+  };
+  std::vector<Item> volumes;       ///< the first has the number 1
+  std::vector<std::string> notes;  ///< what else stands there, what was left out
+};
+/// @param file  is_dicom() holds of it
+/// Errors: no image that can be read; interrupted.
+Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress = {});
+
 /// What a file or a folder is, and the way from there to a volume, where it is known to be something else:
 /// DICOM, a surface, a picture, an archive, a folder, ...; nothing for a volume, a text and what is not
 /// known.
@@ -68,11 +92,13 @@ std::optional<Error> something_else(const std::filesystem::path& file);
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names = {},
                                                       const Progress& progress = {}, const Warn& warn = {},
-                                                      Unpacked unpacked = Unpacked::kAnew);
+                                                      Unpacked unpacked = Unpacked::kAnew,
+                                                      std::optional<int> volume = {});
 
 /// Reads any 3-D (or 2-D, as one slice) scalar volume as a scan.
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
-                           const Warn& warn = {}, Unpacked unpacked = Unpacked::kAnew);
+                           const Warn& warn = {}, Unpacked unpacked = Unpacked::kAnew,
+                           std::optional<int> volume = {});
 
 /// Whether a scan's values are what labels are: by what its file says of them, else whole, few and in
 /// patches.
@@ -85,7 +111,7 @@ bool looks_like_scan(const LabelMap& labels);
 /// names for half of them says to be labels.
 enum class Doubtful { kRefused, kWarnedOf };
 
-/// Reads a segmentation. Voxel values must be whole and in 0 ... 65535.
+/// Reads a segmentation. Voxel values must be whole and in 0 ... 65535. DICOM's images are none.
 /// @param names  a table that names the labels, see read_label_names; without one, and when the file itself
 ///               names none, a table with the file's own name is used, else a single .ctbl or .tsv standing
 ///               in the same folder. A single label that is named nowhere is called after its file.

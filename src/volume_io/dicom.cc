@@ -1,0 +1,753 @@
+#include "volume_io/dicom.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <set>
+#include <tuple>
+#include <utility>
+
+#include "palpate/base/file.h"
+#include "palpate/base/reading.h"
+#include "volume_io/dicom_file.h"
+#include "volume_io/dicom_volumes.h"
+#include "volume_io/formats.h"
+#include "volume_io/volume_message.h"
+#include "volume_io/volume_reader.h"
+#include "volume_io/voxel_stream.h"
+
+namespace palpate::volume_io {
+namespace {
+
+namespace fs = std::filesystem;
+
+// ---- which files there are ----------------------------------------------------------------------
+
+constexpr std::size_t kMostDicomFiles = 200'000;
+constexpr int kDeepestFolder = 16;
+
+// Calls look(file) for each plain file in a folder or below it, until that says that it is enough; not for
+// links that lead out, where that is not allowed, whose number is returned.
+template <class Look>
+std::size_t walk(const fs::path& folder, const Look& look) {
+  std::size_t led_out = 0;
+  std::error_code failed;
+  fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, failed);
+  for (; !failed && entry != fs::recursive_directory_iterator(); entry.increment(failed)) {
+    if (entry.depth() >= kDeepestFolder) entry.disable_recursion_pending();
+    std::error_code ignored;
+    if (!entry->is_regular_file(ignored)) continue;
+    if (entry->is_symlink(ignored) && !check_stays_in(folder, entry->path()))
+      ++led_out;
+    else if (look(entry->path()))
+      break;
+  }
+  return led_out;
+}
+
+std::string front_of(const fs::path& file) {
+  auto front = read_front(file, Encoding::kRaw, kKindBytes);
+  return front ? *std::move(front) : std::string();
+}
+
+std::optional<FileKind> dicom_kind_of(const fs::path& file, std::string_view front) {
+  // without the mark in its header any file could look like one, and this one has a name
+  const bool marked = front.size() > 132 && front.substr(128, 4) == "DICM";
+  if (!marked && format_of(file)) return std::nullopt;
+  auto kind = kind_of(front, "", 0);
+  if (!kind || !kind->dicom) return std::nullopt;
+  return kind;
+}
+
+bool is_dicom_image(const fs::path& file) {
+  const auto kind = dicom_kind_of(file, front_of(file));
+  return kind && kind->dicom_image;
+}
+
+// what the process is to look at
+struct FoundFiles {
+  std::vector<fs::path> files;  // in the order of their names, which decides nothing
+  std::vector<fs::path> roots;  // that it may open, and what stands below them
+  std::vector<std::string> notes;
+};
+
+// Errors: interrupted.
+Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
+  FoundFiles found;
+  found.roots.push_back(named);
+  std::error_code ignored;
+  if (!fs::is_directory(named, ignored)) {
+    found.files.push_back(named);
+    return found;
+  }
+  constexpr std::size_t kMostRoots = 32;
+  bool more = false, stopped = false;
+  std::set<fs::path> outside;
+  const std::size_t led_out = walk(named, [&](const fs::path& file) {
+    if ((stopped = progress.stopped())) return true;
+    if (found.files.size() == kMostDicomFiles) return more = true;
+    std::error_code unknown;
+    // where a link is allowed to lead
+    if (reading_limits().follow_links && outside.size() < kMostRoots && fs::is_symlink(file, unknown))
+      outside.insert(fs::canonical(file, unknown).parent_path());
+    found.files.push_back(file);
+    return false;
+  });
+  if (stopped) return Progress::interrupted();
+  found.roots.insert(found.roots.end(), outside.begin(), outside.end());
+  std::sort(found.files.begin(), found.files.end());
+  if (more)
+    found.notes.push_back("holds more than " + std::to_string(kMostDicomFiles) +
+                          " files, of which no more were looked at");
+  if (led_out > 0)
+    found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
+                          " out of the folder and was not followed (--follow-links allows it)");
+  return found;
+}
+
+// ---- in the process that reads ------------------------------------------------------------------
+
+struct DicomContent {
+  std::vector<DicomVolume> volumes;
+  std::vector<std::string> notes;   // of what may be missing in a volume
+  std::vector<std::string> others;  // of what else stands there
+};
+
+std::string counted(std::size_t count, const std::string& what, const std::string& several) {
+  return std::to_string(count) + " " + (count == 1 ? what : several);
+}
+
+struct Image {
+  std::uint32_t file;
+  DicomFile content;
+};
+
+// what was found of one kind, and how often
+using Counts = std::map<std::string, std::size_t>;
+
+// Whether the values of two images, which are the same in all else, are the same; false where one cannot be
+// read.
+bool same_values(DicomFiles& library, const FoundFiles& found, const Image& one, const Image& other) {
+  std::array<std::vector<std::int64_t>, 2> values;
+  for (std::size_t n = 0; n < one.content.frames.size(); ++n) {
+    for (const std::size_t which : {0, 1}) {
+      const Image& image = which == 0 ? one : other;
+      const DicomFrame& frame = image.content.frames[n];
+      const auto input = InputFile::open(found.files[image.file]);
+      if (!input) return false;
+      auto pixels = library.open_pixels(input->name_for_libraries());
+      if (!pixels) return false;
+      values[which].resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
+      if (!(*pixels)->read(frame, values[which])) return false;
+    }
+    if (values[0] != values[1]) return false;
+  }
+  return true;
+}
+
+// Leaves of each image that stands there more than once, as copied folders have them, one.
+// @param look  called before each comparison; false: nobody listens any more
+template <class Look>
+std::size_t drop_copies(DicomFiles& library, const FoundFiles& found, std::vector<Image>& images,
+                        const Look& look) {
+  std::map<std::string, std::vector<std::size_t>> of_uid;
+  std::vector<char> is_copy(images.size());
+  for (std::size_t n = 0; n < images.size(); ++n) {
+    const DicomFile& content = images[n].content;
+    if (content.sop_uid.empty() ||
+        std::ranges::any_of(content.frames, [](const DicomFrame& frame) { return !frame.fault.empty(); }))
+      continue;
+    auto& before = of_uid[content.sop_uid];
+    for (const std::size_t other : before) {
+      if (images[other].content != content) continue;
+      if (!look()) return 0;
+      if (same_values(library, found, images[other], images[n])) {
+        is_copy[n] = 1;
+        break;
+      }
+    }
+    if (!is_copy[n]) before.push_back(n);
+  }
+  std::size_t n = 0;
+  return std::erase_if(images, [&](const Image&) { return is_copy[n++] != 0; });
+}
+
+// all frames, with the series that they belong to
+std::vector<DicomFrame> frames_of(std::vector<Image> images) {
+  // series in the order of their own numbers
+  std::map<std::pair<int, std::string>, int> series;
+  for (const Image& image : images)
+    series.emplace(std::pair(image.content.series_number, image.content.series_uid), 0);
+  int next = 0;
+  for (auto& [key, index] : series) index = next++;
+  std::vector<DicomFrame> frames;
+  for (Image& image : images)
+    for (DicomFrame& frame : image.content.frames) {
+      frame.file = image.file;
+      frame.series = series[{image.content.series_number, image.content.series_uid}];
+      frames.push_back(std::move(frame));
+    }
+  return frames;
+}
+
+// @param look  told which file is begun, and their number when all are done; false: nobody listens any more
+template <class Look>
+Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const Look& look) {
+  std::vector<Image> images;
+  std::size_t others = 0, pictureless = 0;
+  Counts kinds, damages;
+  std::optional<Error> first;
+  const auto leave_out = [&](const Error& why) {
+    ++damages[why.what];
+    if (!first) first = why;
+  };
+  for (std::size_t n = 0; n < found.files.size(); ++n) {
+    if (!look(n)) break;
+    const auto opened = InputFile::open(found.files[n]);
+    std::string front(kKindBytes, '\0');
+    const auto got = opened ? opened->read_at(0, std::as_writable_bytes(std::span(front))) : opened.error();
+    if (!got) {
+      leave_out(bad_input("", "cannot be read", "see to it that you may read it"));
+      continue;
+    }
+    front.resize(*got);
+    const auto kind = dicom_kind_of(found.files[n], front);
+    if (!kind) {
+      ++others;
+    } else if (!kind->dicom_image) {
+      ++kinds[kind->what];
+    } else if (auto content = library.read_file(opened->name_for_libraries(), dicom_transfer_syntax(front))) {
+      images.push_back({static_cast<std::uint32_t>(n), *std::move(content)});
+    } else if (content.error().what == kNoDicomImage) {
+      ++pictureless;
+    } else {
+      leave_out(content.error());
+    }
+  }
+  const auto all_done = [&] { return look(found.files.size()); };
+  const std::size_t copies = drop_copies(library, found, images, all_done);
+  std::vector<DicomFrame> frames = frames_of(std::move(images));
+
+  DicomContent content;
+  content.notes = found.notes;
+  if (copies > 0)
+    content.notes.push_back(counted(copies, "file is a copy of another one, value by value, and was",
+                                    "files are copies of others, value by value, and were") +
+                            " left out");
+  for (const auto& [what, count] : damages)
+    content.notes.push_back(
+        "left out: " + counted(count, "file that ", "files of which each ") + what +
+        "; where that was the first or the last slice of a volume, the volume lacks it and "
+        "nothing else says so");
+  for (const auto& [what, count] : kinds)
+    content.others.push_back(count == 1 ? what : std::to_string(count) + " of this: " + what);
+  if (pictureless > 0)
+    content.others.push_back(
+        counted(pictureless, "DICOM file without an image", "DICOM files without an image"));
+  if (others > 0) content.others.push_back(counted(others, "other file", "other files"));
+  if (frames.empty())
+    return first && found.files.size() == 1 ? Error(*first)
+                                            : bad_input("",
+                                                        "holds no DICOM image that can be read" +
+                                                            (first ? ": each " + first->what : std::string()),
+                                                        "name a volume, or a folder with a series of images");
+  content.volumes = sort_into_volumes(std::move(frames));
+  return content;
+}
+
+// the stored values as they are, where one type and one scale serve all slices and none of them is padding
+bool as_stored(const std::vector<DicomFrame>& frames) {
+  const DicomFrame& first = frames.front();
+  return std::all_of(frames.begin(), frames.end(), [&](const DicomFrame& frame) {
+    return frame.bits_allocated == first.bits_allocated && frame.is_signed == first.is_signed &&
+           frame.slope == first.slope && frame.intercept == first.intercept && !frame.padding;
+  });
+}
+
+Component stored_component(const DicomFrame& frame) {
+  switch (frame.bits_allocated) {
+    case 8:
+      return frame.is_signed ? Component::kInt8 : Component::kUint8;
+    case 16:
+      return frame.is_signed ? Component::kInt16 : Component::kUint16;
+    default:
+      return frame.is_signed ? Component::kInt32 : Component::kUint32;
+  }
+}
+
+VolumeFile volume_of(const DicomVolume& volume, const fs::path& named, std::vector<std::string> notes) {
+  VolumeFile file;
+  file.header.geometry = volume.geometry;
+  file.header.meaning = ValueMeaning::kMeasured;
+  file.voxels.file = named;
+  file.voxels.encoding = Encoding::kDicom;
+  const DicomFrame& first = volume.frames.front();
+  if (as_stored(volume.frames)) {
+    file.voxels.component = stored_component(first);
+    file.voxels.slope = first.slope;
+    file.voxels.intercept = first.intercept;
+  } else {
+    file.voxels.component = Component::kFloat32;
+  }
+  file.padded = std::any_of(volume.frames.begin(), volume.frames.end(),
+                            [](const DicomFrame& frame) { return frame.padding.has_value(); });
+  file.notes = std::move(notes);
+  return file;
+}
+
+bool is_padding(std::int64_t stored, const DicomFrame& frame) {
+  if (!frame.padding) return false;
+  const auto [low, high] = std::minmax({*frame.padding, frame.padding_limit.value_or(*frame.padding)});
+  return stored >= low && stored <= high;
+}
+
+template <class Value>
+void send_values(std::span<const std::int64_t> values, const DicomFrame& frame, VoxelSink& sink) {
+  for (std::size_t first = 0; first < values.size();) {
+    const std::size_t count = std::min(values.size() - first, kPieceValues);
+    const auto room = sink.room().first(count * sizeof(Value));
+    for (std::size_t n = 0; n < count; ++n) {
+      const std::int64_t stored = values[first + n];
+      Value value;
+      if constexpr (std::is_floating_point_v<Value>)
+        value = is_padding(stored, frame)
+                    ? std::numeric_limits<Value>::quiet_NaN()
+                    : static_cast<Value>(frame.slope * static_cast<double>(stored) + frame.intercept);
+      else
+        value = static_cast<Value>(stored);
+      std::memcpy(room.data() + n * sizeof(Value), &value, sizeof value);
+    }
+    sink.put(room.size());
+    first += count;
+  }
+}
+
+// slice after slice; a multi-frame file is opened once
+Result<void> send_slices(DicomFiles& library, const DicomVolume& volume, const FoundFiles& found,
+                         Component component, VoxelSink& sink) {
+  std::optional<InputFile> file;
+  std::unique_ptr<DicomPixels> pixels;
+  std::uint32_t opened = 0;
+  std::vector<std::int64_t> values;
+  for (std::size_t n = 0; n < volume.frames.size(); ++n) {
+    const DicomFrame& frame = volume.frames[n];
+    const auto here = [&](const Error& error) {
+      return bad_input("", slice_in_words(volume.frames, n) + ", " + error.what, error.remedy);
+    };
+    if (!pixels || opened != frame.file) {
+      pixels.reset();
+      auto input = InputFile::open(found.files[frame.file]);
+      if (!input) return here(bad_input("", "cannot be read any more"));
+      file = *std::move(input);
+      auto content = library.open_pixels(file->name_for_libraries());
+      if (!content) return here(content.error());
+      pixels = *std::move(content);
+      opened = frame.file;
+    }
+    values.resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
+    if (auto read = pixels->read(frame, values); !read) return here(read.error());
+    with_type(component, [&](auto type) { send_values<decltype(type)>(values, frame, sink); });
+  }
+  return {};
+}
+
+Result<DicomContent> look_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
+  library.begin_reading();
+  return look_at(library, found, [&](std::size_t begun) {
+    const auto number = static_cast<std::uint32_t>(begun);
+    return parent.write(std::as_bytes(std::span(&number, 1)));
+  });
+}
+
+// ---- segmentations, in the process that reads -----------------------------------------------------
+
+// a segmentation that is understood
+struct Segments {
+  DicomSegmentation said;
+  SegmentGrid grid;
+  std::vector<std::vector<std::size_t>> frames_at;  // by slice
+  std::vector<int> layer_of_number;                 // by segment's number; none: -1
+  VolumeFile file;
+};
+
+// the values of the frames of one slice, one after the other
+class SlicePixels {
+ public:
+  static Result<SlicePixels> open(DicomFiles& library, const fs::path& named) {
+    auto input = InputFile::open(named);
+    if (!input) return input.error();
+    auto pixels = library.open_pixels(input->name_for_libraries());
+    if (!pixels) return pixels.error();
+    return SlicePixels(*std::move(input), *std::move(pixels));
+  }
+  // calls take(voxel, number of a segment) for each voxel that is in one
+  template <class Take>
+  Result<void> read(const DicomSegmentation& said, std::size_t n, const Take& take) {
+    const DicomFrame& frame = said.frames[n];
+    values_.resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
+    if (auto read = pixels_->read(frame, values_); !read)
+      return bad_input("", "frame " + std::to_string(n + 1) + " of " + std::to_string(said.frames.size()) + " " + read.error().what,
+                       read.error().remedy);
+    const int segment = said.segment_of_frame[n];
+    for (std::size_t v = 0; v < values_.size(); ++v) {
+      const std::int64_t value = values_[v];
+      switch (said.kind) {
+        case DicomSegmentation::Kind::kBinary:
+          if (value != 0) take(v, segment);
+          break;
+        case DicomSegmentation::Kind::kFractional:
+          if (value > 0 && 2 * value >= said.most) take(v, segment);
+          break;
+        case DicomSegmentation::Kind::kLabels:
+          if (value != 0 && value != said.nothing) take(v, static_cast<int>(value));
+          break;
+      }
+    }
+    return {};
+  }
+
+ private:
+  SlicePixels(InputFile file, std::unique_ptr<DicomPixels> pixels) : file_(std::move(file)), pixels_(std::move(pixels)) {}
+  InputFile file_;
+  std::unique_ptr<DicomPixels> pixels_;
+  std::vector<std::int64_t> values_;
+};
+
+constexpr std::size_t kNumbers = 65536;
+
+// Which segments overlap where, in words and as layers.
+// @param look  called before each slice; false: nobody listens any more
+template <class Look>
+Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments& segments, const Look& look) {
+  const DicomSegmentation& said = segments.said;
+  std::vector<int> index_of_number(kNumbers, -1);
+  for (std::size_t n = 0; n < said.segments.size(); ++n)
+    index_of_number[static_cast<std::size_t>(said.segments[n].number)] = static_cast<int>(n);
+  std::set<std::pair<int, int>> overlaps;
+  std::uint64_t shared = 0;
+  if (said.kind != DicomSegmentation::Kind::kLabels) {
+    auto pixels = SlicePixels::open(library, named);
+    if (!pixels) return pixels.error();
+    const DicomFrame& first = said.frames.front();
+    // of each voxel the segments that it is in, as far as they are new
+    std::vector<std::vector<int>> in(static_cast<std::size_t>(first.rows) * static_cast<std::size_t>(first.columns));
+    for (const auto& frames : segments.frames_at) {
+      if (!look()) return {};
+      if (frames.size() < 2) continue;
+      for (auto& voxel : in) voxel.clear();
+      for (const std::size_t n : frames) {
+        const auto read = pixels->read(said, n, [&](std::size_t v, int segment) {
+          const int index = index_of_number[static_cast<std::size_t>(segment)];
+          for (const int other : in[v]) overlaps.insert(std::minmax(index, other));
+          if (in[v].size() == 1) ++shared;
+          in[v].push_back(index);
+        });
+        if (!read) return read;
+      }
+    }
+  }
+  const auto layers = layers_of_segments(said.segments.size(), {overlaps.begin(), overlaps.end()});
+  for (std::size_t n = 0; n < layers.size(); ++n)
+    segments.layer_of_number[static_cast<std::size_t>(said.segments[n].number)] = layers[n];
+  segments.file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
+  if (shared > 0)
+    segments.file.notes.push_back("segments overlap in " + std::to_string(shared) +
+                                  " voxels: each is kept whole, and where forces come from one label a voxel it is "
+                                  "that of the tissue that is felt most");
+  return {};
+}
+
+// @param look  told how far it is; false: nobody listens any more
+template <class Look>
+Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, const Look& look) {
+  library.begin_reading();
+  Segments segments;
+  {
+    const auto opened = InputFile::open(named);
+    if (!opened) return opened.error();
+    std::string front(kKindBytes, '\0');
+    const auto got = opened->read_at(0, std::as_writable_bytes(std::span(front)));
+    front.resize(got ? *got : 0);
+    auto said = library.read_segmentation(opened->name_for_libraries(), dicom_transfer_syntax(front));
+    if (!said) return said.error();
+    segments.said = *std::move(said);
+  }
+  DicomSegmentation& said = segments.said;
+  std::erase_if(said.segments, [](const DicomSegment& segment) { return is_background(segment); });
+  std::set<int> numbers;
+  for (const DicomSegment& segment : said.segments)
+    if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) || !numbers.insert(segment.number).second)
+      return bad_input("", "has a SegmentNumber (0062,0004) of 0 or one twice", "export it again");
+  auto grid = lay_segments(said);
+  if (!grid) return grid.error();
+  segments.grid = *std::move(grid);
+  segments.frames_at.resize(static_cast<std::size_t>(segments.grid.geometry.dims[2]));
+  for (std::size_t n = 0; n < said.frames.size(); ++n)
+    segments.frames_at[static_cast<std::size_t>(segments.grid.slice_of_frame[n])].push_back(n);
+  segments.layer_of_number.assign(kNumbers, 0);
+  if (auto found = find_overlaps(library, named, segments, look); !found) return found.error();
+
+  VolumeFile& file = segments.file;
+  file.header.geometry = segments.grid.geometry;
+  file.header.meaning = ValueMeaning::kLabels;
+  file.layers_first = false;
+  file.voxels.file = named;
+  file.voxels.encoding = Encoding::kDicom;
+  file.voxels.component = Component::kUint16;
+  if (said.kind == DicomSegmentation::Kind::kFractional)
+    file.notes.push_back("is fractional: a voxel is in a segment from half of MaximumFractionalValue (0062,000E) on");
+  for (std::size_t n = 0; n < said.segments.size(); ++n) {
+    const DicomSegment& segment = said.segments[n];
+    const std::string key = "Segment" + std::to_string(n) + "_";
+    const auto put = [&](const char* field, const std::string& text) {
+      file.segment_fields.emplace_back(key + field, text);
+    };
+    put("Name", name_of_segment(segment));
+    put("Layer", std::to_string(segments.layer_of_number[static_cast<std::size_t>(segment.number)]));
+    put("LabelValue", std::to_string(segment.number));
+    if (segment.lab) put("Color", colour_of_segment(*segment.lab));
+  }
+  return segments;
+}
+
+// layer after layer, slice after slice
+Result<void> send_segments(DicomFiles& library, const Segments& segments, const fs::path& named, VoxelSink& sink) {
+  auto pixels = SlicePixels::open(library, named);
+  if (!pixels) return pixels.error();
+  const auto& dims = segments.grid.geometry.dims;
+  std::vector<LabelId> slice(static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]));
+  for (int layer = 0; layer < segments.file.header.layers; ++layer)
+    for (const auto& frames : segments.frames_at) {
+      std::fill(slice.begin(), slice.end(), LabelId{0});
+      for (const std::size_t n : frames) {
+        const int segment = segments.said.segment_of_frame[n];
+        if (segment != 0 && segments.layer_of_number[static_cast<std::size_t>(segment)] != layer) continue;
+        const auto read = pixels->read(segments.said, n, [&](std::size_t v, int number) {
+          slice[v] = static_cast<LabelId>(number);
+        });
+        if (!read) return read;
+      }
+      sink.still_reading();
+      for (std::size_t first = 0; first < slice.size(); first += kPieceValues) {
+        const auto bytes = std::as_bytes(std::span(slice).subspan(first).first(std::min(kPieceValues, slice.size() - first)));
+        const auto room = sink.room().first(bytes.size());
+        std::memcpy(room.data(), bytes.data(), bytes.size());
+        sink.put(bytes.size());
+      }
+    }
+  return {};
+}
+
+bool read_segments_for(DicomFiles& library, reader::ParentEnd& parent, const fs::path& named) {
+  const auto look = [&] {
+    const std::uint32_t begun = 0;
+    return parent.write(std::as_bytes(std::span(&begun, 1)));
+  };
+  const auto segments = look_at_segments(library, named, look);
+  if (!segments) return send_end(parent, segments.error());
+  if (!send_end(parent, {})) return false;
+  if (!send_volume(parent, segments->file, {&named, 1})) return false;
+  while (parent.wait_for_word()) {
+    VoxelSlots slots(parent);
+    const auto read = send_segments(library, *segments, named, slots);
+    slots.drain();
+    if (!send_end(parent, read)) return false;
+  }
+  return false;
+}
+
+bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
+                    const fs::path& named, std::optional<int> number) {
+  const auto content = look_for(library, parent, found);
+  if (!content) return send_end(parent, content.error());
+  const auto chosen = choose_volume(content->volumes, number);
+  if (!chosen) return send_end(parent, chosen.error());
+  if (!send_end(parent, {})) return false;
+  const DicomVolume& volume = content->volumes[*chosen];
+  const VolumeFile file = volume_of(volume, named, content->notes);
+  if (!send_volume(parent, file, {&named, 1})) return false;
+  while (parent.wait_for_word()) {
+    VoxelSlots slots(parent);
+    const auto read = send_slices(library, volume, found, file.voxels.component, slots);
+    slots.drain();
+    if (!send_end(parent, read)) return false;
+  }
+  return false;
+}
+
+// the most that are listed: a folder of pictures each in a series of its own has thousands
+constexpr std::size_t kMostListed = 2000;
+
+bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
+  const auto content = look_for(library, parent, found);
+  if (!content) return send_end(parent, content.error());
+  if (!send_end(parent, {})) return false;
+  reader::Sender out(parent);
+  const std::size_t listed = std::min(content->volumes.size(), kMostListed);
+  out.put(static_cast<std::uint32_t>(listed));
+  for (const DicomVolume& volume : std::span(content->volumes).first(listed)) {
+    out.put(volume.what);
+    out.put(volume.fault);
+  }
+  std::vector<std::string> notes = content->notes;
+  for (const std::string& other : content->others) notes.push_back("besides: " + other);
+  if (listed < content->volumes.size())
+    notes.push_back("and " + std::to_string(content->volumes.size() - listed) + " more volumes");
+  out.put(static_cast<std::uint32_t>(notes.size()));
+  for (const std::string& note : notes) out.put(note);
+  return out.ok();
+}
+
+// ---- in this process ----------------------------------------------------------------------------
+
+// what DICOM files are read by, ready for a process that reads them
+Result<DicomFiles*> ready_library() {
+  const ItkSection section;
+  auto library = load_dicom_files();
+  if (!library) return library.error();
+  if (auto loaded = (*library)->load_dictionary(); !loaded) return loaded.error();
+  return *library;
+}
+
+// a process that may open these and what stands below
+Result<std::unique_ptr<reader::ReaderProcess>> start_in(const FoundFiles& found, std::size_t shared_bytes,
+                                                        const Progress& progress,
+                                                        const reader::ReaderProcess::Work& work) {
+  std::vector<int> descriptors;
+  for (const fs::path& root : found.roots)
+    if (const int descriptor = ::open(root.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); descriptor >= 0)
+      descriptors.push_back(descriptor);
+  auto process = start_reader(descriptors, shared_bytes, progress, work);
+  for (const int descriptor : descriptors) ::close(descriptor);
+  return process;
+}
+
+// until all files are looked at
+Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& found, Files named,
+                            const Progress& progress) {
+  std::size_t begun = 0;
+  while (true) {
+    std::uint32_t number = 0;
+    if (auto said = process.read(std::as_writable_bytes(std::span(&number, 1))); !said) {
+      // the one file that can be named by nothing else than its name
+      if (begun < found.files.size() && found.files.size() > 1) {
+        Error error = about(said.error(), {&found.files[begun], 1});
+        if (error.kind == ErrorKind::kBadInput) error.remedy += ", or take it out of the folder";
+        return error;
+      }
+      return about(said.error(), named);
+    }
+    if (number == kEnd) return receive_end(process, named);
+    begun = std::min<std::size_t>(number, found.files.size());
+    progress.report("looking for volumes",
+                    static_cast<double>(begun) / static_cast<double>(found.files.size()));
+  }
+}
+
+Error at(const fs::path& file, const Error& error) {
+  return {error.kind, error.what, file.string(), error.remedy};
+}
+
+}  // namespace
+
+Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, const Progress& progress) {
+  const auto library = ready_library();
+  if (!library) return at(file, library.error());
+  const auto found = find_files(file, progress);
+  if (!found) return found.error();
+  auto process = start_in(*found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
+    return read_dicom_for(**library, parent, *found, file, number);
+  });
+  if (!process) return at(file, process.error());
+  const Files named{&file, 1};
+  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  auto answer = receive_answer(**process, named);
+  if (!answer) return answer.error();
+  auto* volume = std::get_if<VolumeFile>(&*answer);
+  if (!volume || volume->voxels.encoding != Encoding::kDicom) return nonsense(named);
+  return DicomReader{*std::move(process), std::move(*volume)};
+}
+
+bool is_dicom_segmentation(const fs::path& file) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(file, ignored)) return false;
+  const auto kind = dicom_kind_of(file, front_of(file));
+  return kind && kind->dicom_segmentation;
+}
+
+Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress& progress) {
+  const auto library = ready_library();
+  if (!library) return at(file, library.error());
+  FoundFiles found;
+  found.roots = found.files = {file};
+  auto process = start_in(found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
+    return read_segments_for(**library, parent, file);
+  });
+  if (!process) return at(file, process.error());
+  const Files named{&file, 1};
+  if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
+  auto answer = receive_answer(**process, named);
+  if (!answer) return answer.error();
+  auto* volume = std::get_if<VolumeFile>(&*answer);
+  if (!volume || volume->voxels.encoding != Encoding::kDicom) return nonsense(named);
+  return DicomReader{*std::move(process), std::move(*volume)};
+}
+
+}  // namespace palpate::volume_io
+
+namespace palpate {
+
+using namespace volume_io;
+
+bool is_dicom(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (fs::is_regular_file(file, ignored)) return is_dicom_image(file);
+  if (!fs::is_directory(file, ignored)) return false;
+  std::size_t looked_at = 0;
+  bool found = false;
+  walk(file, [&](const fs::path& inside) {
+    found = is_dicom_image(inside);
+    return found || ++looked_at == kMostDicomFiles;
+  });
+  return found;
+}
+
+Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress) try {
+  PALPATE_CHECK(is_dicom(file));
+  const auto library = ready_library();
+  if (!library) return at(file, library.error());
+  const auto found = find_files(file, progress);
+  if (!found) return found.error();
+  auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
+    return list_dicom_for(**library, parent, *found);
+  });
+  if (!process) return at(file, process.error());
+  const Files named{&file, 1};
+  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  reader::Receiver in(**process, "is damaged: ");
+  VolumeList list;
+  std::uint32_t count = 0;
+  in.get(count);
+  if (count > kMostListed) return nonsense(named);
+  for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
+    auto& volume = list.volumes.emplace_back();
+    in.get(volume.what);
+    in.get(volume.fault);
+  }
+  std::uint32_t notes = 0;
+  in.get(notes);
+  if (notes > kMostListed) return nonsense(named);
+  for (std::uint32_t n = 0; n < notes && in.ok(); ++n) in.get(list.notes.emplace_back());
+  if (!in.ok()) return about(in.error(), named);
+  return list;
+} catch (const std::bad_alloc&) {
+  return bad_input(file.string(), "does not fit into the memory",
+                   "close other programs, or name a smaller folder");
+}
+
+}  // namespace palpate

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "palpate/reader/reader_process.h"
+#include "volume_io/voxel_source.h"
+
+/// DICOM files, one or a folder of them, read by a process of its own as other volumes are (volume_reader.h).
+/// This process looks for the files and starts it; it may open what stands in the folder and below. It says
+///
+///   u32 n     file n is begun; their number: all are done                            as often as it takes
+///   u32 ~0    and byte 1, or byte 0 with a refusal as in volume_message.h            what they hold is known
+///   then what volume_message.h has of a volume and its voxels; of a list
+///   u32 volumes, and of each text what, text fault; u32 notes, texts
+namespace palpate::volume_io {
+
+/// A process that has understood a volume and waits for a word to send its voxels.
+struct DicomReader {
+  std::unique_ptr<reader::ReaderProcess> process;
+  VolumeFile volume;
+};
+/// @param file    of which is_dicom() (volume_io.h) holds
+/// @param number  of the volume, see choose_volume()
+Result<DicomReader> open_dicom(const std::filesystem::path& file, std::optional<int> number,
+                               const Progress& progress);
+
+/// Whether a plain file is a DICOM segmentation, by its first bytes.
+bool is_dicom_segmentation(const std::filesystem::path& file);
+/// The same of a segmentation, of which is_dicom_segmentation() holds. Segments that overlap come in layers.
+Result<DicomReader> open_dicom_segmentation(const std::filesystem::path& file, const Progress& progress);
+
+}  // namespace palpate::volume_io

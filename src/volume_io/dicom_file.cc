@@ -1,0 +1,679 @@
+#include "volume_io/dicom_file.h"
+
+#include <dcmtk/config/osconfig.h>
+
+#include <dcmtk/dcmdata/dcdeftag.h>
+#include <dcmtk/dcmdata/dcdict.h>
+#include <dcmtk/dcmdata/dcfcache.h>
+#include <dcmtk/dcmdata/dcfilefo.h>
+#include <dcmtk/dcmdata/dcitem.h>
+#include <dcmtk/dcmdata/dcpixel.h>
+#include <dcmtk/dcmdata/dcpixseq.h>
+#include <dcmtk/dcmdata/dcrledrg.h>
+#include <dcmtk/dcmdata/dcsequen.h>
+#include <dcmtk/dcmjpeg/djdecode.h>
+#include <dcmtk/dcmjpls/djdecode.h>
+#include <dcmtk/oflog/oflog.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "volume_io/voxel_source.h"
+
+namespace palpate::volume_io {
+namespace {
+
+constexpr const char* kDecompress =
+    "decompress it (gdcmconv --raw IN OUT), or load the series in 3D Slicer and save it as NRRD";
+constexpr const char* kSlicer = "load the series in 3D Slicer and save it as NRRD";
+constexpr const char* kExport = "export the series again, as CT or MR images";
+
+// ---- values of a data set -----------------------------------------------------------------------
+
+// Whether an element that stands there has a length that its values can have: DCMTK takes memory for what it says.
+bool is_short(DcmItem& item, const DcmTagKey& tag) {
+  constexpr Uint32 kLongest = 1 << 16;
+  DcmElement* element = nullptr;
+  return item.findAndGetElement(tag, element).good() && element && element->getLengthField() <= kLongest;
+}
+
+std::optional<double> number_of(DcmItem& item, const DcmTagKey& tag, unsigned long at = 0) {
+  if (!is_short(item, tag)) return std::nullopt;
+  Float64 value = 0;
+  if (item.findAndGetFloat64(tag, value, at).bad()) {
+    Sint32 whole = 0;
+    Uint16 small = 0;
+    if (item.findAndGetSint32(tag, whole, at).good())
+      value = whole;
+    else if (item.findAndGetUint16(tag, small, at).good())
+      value = small;
+    else
+      return std::nullopt;
+  }
+  return std::isfinite(value) ? std::optional<double>(value) : std::nullopt;
+}
+
+std::optional<int> count_of(DcmItem& item, const DcmTagKey& tag) {
+  Uint16 value = 0;
+  if (!is_short(item, tag) || item.findAndGetUint16(tag, value).bad()) return std::nullopt;
+  return value;
+}
+
+std::string text_of(DcmItem& item, const DcmTagKey& tag) {
+  OFString value;
+  if (!is_short(item, tag) || item.findAndGetOFStringArray(tag, value).bad()) return "";
+  return std::string(value.c_str(), value.size());
+}
+
+template <std::size_t N>
+std::optional<std::array<double, N>> numbers_of(DcmItem& item, const DcmTagKey& tag) {
+  std::array<double, N> values{};
+  for (std::size_t n = 0; n < N; ++n) {
+    const auto value = number_of(item, tag, static_cast<unsigned long>(n));
+    if (!value) return std::nullopt;
+    values[n] = *value;
+  }
+  return values;
+}
+
+// "PixelSpacing (0028,0030)"
+std::string in_words(const DcmTagKey& key) {
+  DcmTag tag(key);
+  return std::string(tag.getTagName()) + " " + key.toString().c_str();
+}
+
+// where a frame's attributes stand: its own functional groups, those that all frames share, the data set
+class Attributes {
+ public:
+  Attributes(DcmItem* own, DcmItem* shared, DcmItem& root) : places_{own, shared}, root_(root) {}
+
+  // the item that holds an attribute, in that functional group or, as in one of a single image, in the data
+  // set
+  DcmItem& in(const DcmTagKey& group, const DcmTagKey& tag) const {
+    for (DcmItem* place : places_) {
+      DcmItem* item = nullptr;
+      if (place && place->findAndGetSequenceItem(group, item).good() && item && item->tagExists(tag))
+        return *item;
+    }
+    return root_;
+  }
+  std::optional<double> number(const DcmTagKey& group, const DcmTagKey& tag) const {
+    return number_of(in(group, tag), tag);
+  }
+
+ private:
+  std::array<DcmItem*, 2> places_;
+  DcmItem& root_;
+};
+
+// ---- what an image is ---------------------------------------------------------------------------
+
+struct Fault {
+  std::string what, remedy;
+};
+
+// how its voxels are packed, where that is not read
+std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& uid) {
+  const auto compressed = [](const std::string& how) {
+    return Fault{"is compressed as " + how + ", which is not read", kDecompress};
+  };
+  if (uid == "1.2.840.10008.1.2.4.201" || uid == "1.2.840.10008.1.2.4.202" ||
+      uid == "1.2.840.10008.1.2.4.203")
+    return compressed("High-Throughput JPEG 2000 (HTJ2K)");
+  switch (syntax) {
+    case EXS_LittleEndianImplicit:
+    case EXS_LittleEndianExplicit:
+    case EXS_BigEndianExplicit:
+    case EXS_DeflatedLittleEndianExplicit:
+    case EXS_RLELossless:
+    case EXS_JPEGProcess1:
+    case EXS_JPEGProcess2_4:
+    case EXS_JPEGProcess14:
+    case EXS_JPEGProcess14SV1:
+    case EXS_JPEGLSLossless:
+    case EXS_JPEGLSLossy:
+      return std::nullopt;
+    case EXS_JPEG2000LosslessOnly:
+    case EXS_JPEG2000:
+    case EXS_JPEG2000MulticomponentLosslessOnly:
+    case EXS_JPEG2000Multicomponent:
+      return compressed("JPEG 2000");
+    default:
+      break;
+  }
+  const DcmXfer known(syntax);
+  if (syntax != EXS_Unknown && known.isEncapsulated()) return compressed(known.getXferName());
+  return Fault{"is of a TransferSyntaxUID (0002,0010) that is not known here", kSlicer};
+}
+
+constexpr std::array<std::string_view, 14> kModalities{"CT", "MR", "PT", "NM", "US", "XA",  "CR",
+                                                       "DX", "MG", "RF", "OT", "SC", "OCT", "OPT"};
+
+// what the values of a frame are made of, which may be one bit; false with a fault where they are nothing that is read
+std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
+  const auto lacks = [](const DcmTagKey& tag) { return Fault{"lacks " + in_words(tag), kExport}; };
+  const auto rows = count_of(root, DCM_Rows), columns = count_of(root, DCM_Columns),
+             allocated = count_of(root, DCM_BitsAllocated);
+  if (!rows || *rows == 0) return lacks(DCM_Rows);
+  if (!columns || *columns == 0) return lacks(DCM_Columns);
+  frame.rows = *rows;
+  frame.columns = *columns;
+  if (!allocated) return lacks(DCM_BitsAllocated);
+  if (count_of(root, DCM_SamplesPerPixel).value_or(1) != 1)
+    return Fault{"is a picture in colours, not a scan: SamplesPerPixel (0028,0002) is not 1", kExport};
+  const std::string photometric = text_of(root, DCM_PhotometricInterpretation);
+  if (photometric != "MONOCHROME1" && photometric != "MONOCHROME2")
+    return Fault{
+        "is no image in grey: PhotometricInterpretation (0028,0004) is neither MONOCHROME1 nor "
+        "MONOCHROME2",
+        kExport};
+  frame.bits_allocated = *allocated;
+  frame.bits_stored = count_of(root, DCM_BitsStored).value_or(*allocated);
+  frame.high_bit = count_of(root, DCM_HighBit).value_or(frame.bits_stored - 1);
+  frame.is_signed = count_of(root, DCM_PixelRepresentation).value_or(0) == 1;
+  // a bit each, of a segmentation
+  if (*allocated == 1 && frame.bits_stored == 1 && frame.high_bit == 0) return std::nullopt;
+  if ((*allocated != 8 && *allocated != 16 && *allocated != 32) || frame.bits_stored < 1 ||
+      frame.high_bit >= *allocated || frame.high_bit + 1 < frame.bits_stored)
+    return Fault{
+        "has BitsAllocated (0028,0100), BitsStored (0028,0101) and HighBit (0028,0102) that are not "
+        "read: " +
+            std::to_string(*allocated) + ", " + std::to_string(frame.bits_stored) + ", " +
+            std::to_string(frame.high_bit),
+        kSlicer};
+  if (root.tagExists(DCM_ModalityLUTSequence))
+    return Fault{"gives its values by a table, ModalityLUTSequence (0028,3000), which is not read", kSlicer};
+  return std::nullopt;
+}
+
+// the lowest bits of a word as a number
+std::int64_t stored_value(std::uint64_t word, const DicomFrame& frame) {
+  const int shift = frame.high_bit + 1 - frame.bits_stored;
+  const std::uint64_t mask = (std::uint64_t{1} << frame.bits_stored) - 1;
+  const std::uint64_t bits = word >> shift & mask;
+  const bool negative = frame.is_signed && (bits >> (frame.bits_stored - 1) & 1) != 0;
+  return static_cast<std::int64_t>(bits) - (negative ? std::int64_t{1} << frame.bits_stored : 0);
+}
+
+// A word, written as signed or unsigned, which old files mix up. Where it has more bits than are stored it
+// marks what has them too.
+std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, const DicomFrame& frame) {
+  Uint16 small = 0;
+  Sint16 negative = 0;
+  Uint32 large = 0;
+  Sint32 large_negative = 0;
+  std::uint32_t word = 0;
+  if (!is_short(root, tag)) return std::nullopt;
+  if (root.findAndGetUint16(tag, small).good())
+    word = small;
+  else if (root.findAndGetSint16(tag, negative).good())
+    word = static_cast<std::uint16_t>(negative);
+  else if (root.findAndGetUint32(tag, large).good())
+    word = large;
+  else if (root.findAndGetSint32(tag, large_negative).good())
+    word = static_cast<std::uint32_t>(large_negative);
+  else
+    return std::nullopt;
+  if (!frame.is_signed) return word;
+  if (frame.bits_allocated == 8) return static_cast<std::int8_t>(word);
+  if (frame.bits_allocated == 16) return static_cast<std::int16_t>(word);
+  return static_cast<std::int32_t>(word);
+}
+
+// where a frame lies; false with what it lacks
+std::optional<Fault> read_place(const Attributes& attributes, bool several, DicomFrame& frame) {
+  const auto lacks = [&](const DcmTagKey& tag) {
+    return Fault{"lacks " + in_words(tag) + (several ? " for each frame" : "") +
+                     ", so that it is not known how it lies in the patient",
+                 kExport};
+  };
+  const auto position = numbers_of<3>(attributes.in(DCM_PlanePositionSequence, DCM_ImagePositionPatient),
+                                      DCM_ImagePositionPatient);
+  if (!position) return lacks(DCM_ImagePositionPatient);
+  const auto orientation = numbers_of<6>(
+      attributes.in(DCM_PlaneOrientationSequence, DCM_ImageOrientationPatient), DCM_ImageOrientationPatient);
+  if (!orientation) return lacks(DCM_ImageOrientationPatient);
+  const auto spacing =
+      numbers_of<2>(attributes.in(DCM_PixelMeasuresSequence, DCM_PixelSpacing), DCM_PixelSpacing);
+  if (!spacing || !((*spacing)[0] > 0) || !((*spacing)[1] > 0)) return lacks(DCM_PixelSpacing);
+  frame.position = Eigen::Vector3d(position->data());
+  frame.along_row = Eigen::Vector3d(orientation->data());
+  frame.along_column = Eigen::Vector3d(orientation->data() + 3);
+  const double row_length = frame.along_row.norm(), column_length = frame.along_column.norm();
+  constexpr double kUnit = 1e-2, kSquare = 1e-3;
+  if (std::abs(row_length - 1) > kUnit || std::abs(column_length - 1) > kUnit ||
+      std::abs(frame.along_row.dot(frame.along_column)) > kSquare)
+    return Fault{
+        "has an ImageOrientationPatient (0020,0037) that is none: its directions are not of length 1 "
+        "and square to each other",
+        kExport};
+  frame.along_row /= row_length;
+  frame.along_column /= column_length;
+  frame.row_spacing_mm = (*spacing)[0];
+  frame.column_spacing_mm = (*spacing)[1];
+  frame.placed = frame.position.cwiseAbs().maxCoeff() < 1e6 && frame.row_spacing_mm < 1e4 &&
+                 frame.column_spacing_mm < 1e4;
+  if (!frame.placed)
+    return Fault{"has an ImagePositionPatient (0020,0032) or a PixelSpacing (0028,0030) of kilometres",
+                 kExport};
+  return std::nullopt;
+}
+
+std::optional<std::array<double, 3>> gradient_of(const Attributes& attributes, DcmItem& root) {
+  DcmItem& diffusion = attributes.in(DCM_MRDiffusionSequence, DCM_DiffusionGradientDirectionSequence);
+  DcmItem* direction = nullptr;
+  if (diffusion.findAndGetSequenceItem(DCM_DiffusionGradientDirectionSequence, direction).bad() || !direction)
+    direction = &root;
+  return numbers_of<3>(*direction, DCM_DiffusionGradientOrientation);
+}
+
+void read_what_tells_apart(const Attributes& attributes, DcmItem& root, DicomFrame& frame) {
+  frame.echo_time_ms = attributes.number(DCM_MREchoSequence, DCM_EffectiveEchoTime);
+  if (!frame.echo_time_ms) frame.echo_time_ms = number_of(root, DCM_EchoTime);
+  frame.b_value = attributes.number(DCM_MRDiffusionSequence, DCM_DiffusionBValue);
+  frame.gradient = gradient_of(attributes, root);
+  frame.trigger_time_ms =
+      attributes.number(DCM_CardiacSynchronizationSequence, DCM_NominalCardiacTriggerDelayTime);
+  if (!frame.trigger_time_ms) frame.trigger_time_ms = number_of(root, DCM_TriggerTime);
+  if (const auto number = number_of(root, DCM_AcquisitionNumber); number && std::abs(*number) < 1e9)
+    frame.acquisition = static_cast<int>(*number);
+  frame.temporal_position = attributes.number(DCM_FrameContentSequence, DCM_TemporalPositionIndex);
+  if (!frame.temporal_position) frame.temporal_position = number_of(root, DCM_TemporalPositionIdentifier);
+  frame.stack = text_of(attributes.in(DCM_FrameContentSequence, DCM_StackID), DCM_StackID);
+  for (const DcmTagKey& group :
+       {DCM_MRImageFrameTypeSequence, DCM_CTImageFrameTypeSequence, DCM_PETFrameTypeSequence}) {
+    DcmItem& item = attributes.in(group, DCM_FrameType);
+    if (&item != &root) frame.image_type = text_of(item, DCM_FrameType);
+  }
+  if (frame.image_type.empty()) frame.image_type = text_of(root, DCM_ImageType);
+  // magnitude and phase of an enhanced image
+  DcmItem& component = attributes.in(DCM_MRImageFrameTypeSequence, DCM_ComplexImageComponent);
+  if (const std::string part = text_of(component, DCM_ComplexImageComponent); !part.empty())
+    frame.image_type += "\\" + part;
+  frame.frame_of_reference = text_of(root, DCM_FrameOfReferenceUID);
+}
+
+// a number where it is said, and none that cannot be read
+std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& tag, double& number) {
+  DcmItem& item = attributes.in(DCM_PixelValueTransformationSequence, tag);
+  if (text_of(item, tag).empty()) return std::nullopt;
+  constexpr double kMost = 1e30;  // a float's range, and some bits
+  const auto said = number_of(item, tag);
+  if (!said || std::abs(*said) > kMost)
+    return Fault{"has a " + in_words(tag) + " that is no number", kExport};
+  number = *said;
+  return std::nullopt;
+}
+
+std::optional<Fault> read_scale(const Attributes& attributes, DicomFrame& frame) {
+  if (auto wrong = read_number(attributes, DCM_RescaleSlope, frame.slope)) return wrong;
+  if (auto wrong = read_number(attributes, DCM_RescaleIntercept, frame.intercept)) return wrong;
+  if (frame.slope == 0)
+    return Fault{"has a RescaleSlope (0028,1053) of 0: all its values are the same", kExport};
+  return std::nullopt;
+}
+
+std::uint64_t bits_of_frame(const DicomFrame& frame) {
+  return static_cast<std::uint64_t>(frame.rows) * static_cast<std::uint64_t>(frame.columns) *
+         static_cast<std::uint64_t>(frame.bits_allocated);
+}
+std::uint64_t bytes_of_frame(const DicomFrame& frame) {
+  return (bits_of_frame(frame) + 7) / 8;
+}
+
+// DCMTK reads all up to what is larger than this, which it fetches when it is asked for
+constexpr Uint32 kAtOnce = 4096;
+
+// a sequence's items in their order; its own way to the n-th counts from the first
+std::vector<DcmItem*> items_of(DcmItem& root, const DcmTagKey& tag) {
+  std::vector<DcmItem*> items;
+  DcmSequenceOfItems* sequence = nullptr;
+  if (root.findAndGetSequence(tag, sequence).bad() || !sequence) return items;
+  for (DcmObject* item = sequence->nextInContainer(nullptr); item; item = sequence->nextInContainer(item))
+    if (auto* plain = dynamic_cast<DcmItem*>(item)) items.push_back(plain);
+  return items;
+}
+
+// that the pixels are there, as far as it shows without decoding them
+std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames, bool whole) {
+  const Fault cut{"has its PixelData (7FE0,0010) cut short", "copy the series again"};
+  DcmElement* element = nullptr;
+  if (root.findAndGetElement(DCM_PixelData, element).bad() || !element) return cut;
+  auto* pixels = dynamic_cast<DcmPixelData*>(element);
+  if (!pixels || !whole) return cut;
+  const E_TransferSyntax syntax = static_cast<DcmDataset&>(root).getOriginalXfer();
+  if (DcmXfer(syntax).isEncapsulated()) {
+    // each frame has a fragment at least, and the first item is a table of them
+    DcmPixelSequence* fragments = nullptr;
+    if (pixels->getEncapsulatedRepresentation(syntax, nullptr, fragments).bad() || !fragments ||
+        fragments->card() <= frames)
+      return cut;
+    return std::nullopt;
+  }
+  // bits go on from frame to frame without a gap
+  if (element->getLength() < (bits_of_frame(frame) * frames + 7) / 8) return cut;
+  return std::nullopt;
+}
+
+// ---- a file -------------------------------------------------------------------------------------
+
+Result<DicomFile> read_whole(const std::filesystem::path& name, const std::string& syntax_uid) {
+  DcmFileFormat file;
+  // what is packed in a way that DCMTK has not heard of has its header written out like others
+  const auto unknown =
+      syntax_uid.empty() ? std::nullopt : unread_syntax(DcmXfer(syntax_uid.c_str()).getXfer(), syntax_uid);
+  const bool loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good();
+  DcmDataset& root = *file.getDataset();
+  DicomFile content;
+  content.series_uid = text_of(root, DCM_SeriesInstanceUID);
+  content.sop_uid = text_of(root, DCM_SOPInstanceUID);
+  content.series_number =
+      static_cast<int>(std::clamp(number_of(root, DCM_SeriesNumber).value_or(0), -1e9, 1e9));
+  if (!loaded && content.series_uid.empty())
+    return unknown ? bad_input("", unknown->what, unknown->remedy)
+                   : bad_input("", "is a damaged DICOM file", "copy it again");
+  if (!root.tagExists(DCM_Rows) && loaded) return bad_input("", kNoDicomImage);
+
+  DicomFrame all;
+  const std::string modality = text_of(root, DCM_Modality);
+  if (std::ranges::find(kModalities, modality) != kModalities.end()) all.modality = modality;
+  std::optional<Fault> fault = unknown ? unknown : unread_syntax(root.getOriginalXfer(), syntax_uid);
+  if (auto bits = read_bits(root, all); bits && !fault) fault = bits;
+  if (all.bits_allocated == 1 && !fault) fault = Fault{"has a BitsAllocated (0028,0100) of 1", kSlicer};
+
+  const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
+             shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
+  const double said = number_of(root, DCM_NumberOfFrames).value_or(1);
+  constexpr double kMostFrames = 100'000;
+  const bool countable = said >= 1 && said <= kMostFrames;
+  std::size_t count = countable ? static_cast<std::size_t>(said) : 1;
+  if (!countable && !fault) fault = Fault{"has a NumberOfFrames (0028,0008) that is none", kExport};
+  if (auto pixels = look_for_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
+  // a number without the pixels for it takes no memory
+  if (fault) count = std::min(count, std::max<std::size_t>(own.size(), 1));
+  if (!fault) all.padding = padding_of(root, DCM_PixelPaddingValue, all);
+  if (all.padding) all.padding_limit = padding_of(root, DCM_PixelPaddingRangeLimit, all);
+
+  const bool several = count > 1;
+  for (std::size_t n = 0; n < count; ++n) {
+    DicomFrame frame = all;
+    frame.frame = static_cast<std::uint32_t>(n);
+    const Attributes attributes(n < own.size() ? own[n] : nullptr, shared.empty() ? nullptr : shared.front(),
+                                root);
+    auto wrong = read_place(attributes, several, frame);
+    // one place for several frames is none
+    if (several && n >= own.size()) {
+      frame.placed = false;
+      wrong = Fault{"has " + std::to_string(count) + " frames and does not say where each of them lies: " +
+                        in_words(DCM_PerFrameFunctionalGroupsSequence),
+                    kExport};
+    }
+    if (frame.rows == 0 || frame.columns == 0) frame.placed = false;
+    read_what_tells_apart(attributes, root, frame);
+    if (auto scale = read_scale(attributes, frame); scale && !wrong) wrong = scale;
+    if (fault) wrong = fault;
+    if (wrong) {
+      frame.fault = wrong->what;
+      frame.remedy = wrong->remedy;
+    }
+    content.frames.push_back(std::move(frame));
+  }
+  return content;
+}
+
+// ---- a segmentation -----------------------------------------------------------------------------
+
+struct Code {
+  std::string value, scheme, meaning;
+};
+
+Code code_of(DcmItem& item, const DcmTagKey& sequence) {
+  DcmItem* code = nullptr;
+  if (item.findAndGetSequenceItem(sequence, code).bad() || !code) return {};
+  return {text_of(*code, DCM_CodeValue), text_of(*code, DCM_CodingSchemeDesignator),
+          text_of(*code, DCM_CodeMeaning)};
+}
+
+// of the modifier of a type or of a region
+std::string side_of(DcmItem& item, const DcmTagKey& group, const DcmTagKey& modifier) {
+  DcmItem* code = nullptr;
+  if (item.findAndGetSequenceItem(group, code).bad() || !code) return "";
+  const std::string value = code_of(*code, modifier).value;
+  if (value == "7771000" || value == "G-A101") return "left";
+  if (value == "24028007" || value == "G-A100") return "right";
+  return "";
+}
+
+DicomSegment segment_of(DcmItem& item) {
+  DicomSegment segment;
+  segment.number = count_of(item, DCM_SegmentNumber).value_or(0);
+  segment.label = text_of(item, DCM_SegmentLabel);
+  const Code type = code_of(item, DCM_SegmentedPropertyTypeCodeSequence);
+  segment.code = type.value;
+  segment.scheme = type.scheme;
+  segment.meaning = type.meaning;
+  segment.side = side_of(item, DCM_SegmentedPropertyTypeCodeSequence, DCM_SegmentedPropertyTypeModifierCodeSequence);
+  if (segment.side.empty())
+    segment.side = side_of(item, DCM_AnatomicRegionSequence, DCM_AnatomicRegionModifierSequence);
+  if (const auto lab = numbers_of<3>(item, DCM_RecommendedDisplayCIELabValue)) {
+    segment.lab.emplace();
+    for (std::size_t c = 0; c < 3; ++c)
+      (*segment.lab)[c] = static_cast<std::uint16_t>(std::clamp((*lab)[c], 0.0, 65535.0));
+  }
+  return segment;
+}
+
+Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const std::string& syntax_uid) {
+  DcmFileFormat file;
+  const bool loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good();
+  DcmDataset& root = *file.getDataset();
+  const auto refused = [](const Fault& fault) { return bad_input("", fault.what, fault.remedy); };
+  if (!loaded) return bad_input("", "is a damaged DICOM segmentation", "copy it again");
+  DicomSegmentation segmentation;
+  DicomFrame all;
+  if (auto fault = unread_syntax(root.getOriginalXfer(), syntax_uid)) return refused(*fault);
+  if (auto fault = read_bits(root, all)) return refused(*fault);
+  using Kind = DicomSegmentation::Kind;
+  const std::string type = text_of(root, DCM_SegmentationType);
+  segmentation.kind = type == "BINARY" ? Kind::kBinary : type == "FRACTIONAL" ? Kind::kFractional : Kind::kLabels;
+  const bool known = type == "BINARY" || type == "FRACTIONAL" || type == "LABELMAP";
+  const bool fits = (segmentation.kind == Kind::kBinary) == (all.bits_allocated == 1) && all.bits_allocated <= 16 &&
+                    !all.is_signed;
+  if (!known || !fits)
+    return refused({"has a SegmentationType (0062,0001) and a BitsAllocated (0028,0100) that are not read", kSlicer});
+  if (all.bits_allocated == 1 && DcmXfer(root.getOriginalXfer()).isEncapsulated())
+    return refused({"has packed bits, which are not read", kDecompress});
+  segmentation.most = count_of(root, DCM_MaximumFractionalValue).value_or(255);
+  if (segmentation.kind == Kind::kLabels) segmentation.nothing = padding_of(root, DCM_PixelPaddingValue, all);
+
+  const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
+             shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
+  // as many as there are places for, so that a number takes no memory
+  const double said = number_of(root, DCM_NumberOfFrames).value_or(0);
+  if (said < 1 || said != static_cast<double>(own.size()))
+    return refused({"has " + std::to_string(own.size()) +
+                        " items of PerFrameFunctionalGroupsSequence (5200,9230) and another NumberOfFrames (0028,0008)",
+                    kExport});
+  if (auto fault = look_for_pixels(root, all, own.size(), loaded)) return refused(*fault);
+  for (DcmItem* item : items_of(root, DCM_SegmentSequence)) segmentation.segments.push_back(segment_of(*item));
+  for (std::size_t n = 0; n < own.size(); ++n) {
+    DicomFrame frame = all;
+    frame.frame = static_cast<std::uint32_t>(n);
+    const Attributes attributes(own[n], shared.empty() ? nullptr : shared.front(), root);
+    if (auto wrong = read_place(attributes, true, frame)) {
+      frame.fault = wrong->what;
+      frame.remedy = wrong->remedy;
+    }
+    if (n == 0) {
+      segmentation.slice_spacing_mm = attributes.number(DCM_PixelMeasuresSequence, DCM_SpacingBetweenSlices);
+      if (!segmentation.slice_spacing_mm)
+        segmentation.slice_spacing_mm = attributes.number(DCM_PixelMeasuresSequence, DCM_SliceThickness);
+    }
+    const DcmTagKey number = DCM_ReferencedSegmentNumber;
+    segmentation.segment_of_frame.push_back(
+        segmentation.kind == Kind::kLabels
+            ? 0
+            : count_of(attributes.in(DCM_SegmentIdentificationSequence, number), number).value_or(0));
+    segmentation.frames.push_back(std::move(frame));
+  }
+  return segmentation;
+}
+
+// ---- its voxels ---------------------------------------------------------------------------------
+
+class FilePixels : public DicomPixels {
+ public:
+  static Result<std::unique_ptr<DicomPixels>> open(const std::filesystem::path& name) {
+    auto file = std::make_unique<FilePixels>();
+    DcmElement* element = nullptr;
+    if (file->file_.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good() &&
+        file->file_.getDataset()->findAndGetElement(DCM_PixelData, element).good())
+      file->pixels_ = dynamic_cast<DcmPixelData*>(element);
+    if (!file->pixels_)
+      return bad_input("", "cannot be read any more", "leave the files alone while they are read");
+    return std::unique_ptr<DicomPixels>(std::move(file));
+  }
+
+  Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) override;
+
+ private:
+  Result<void> read_bits_of(const DicomFrame& frame, std::span<std::int64_t> values);
+  // false: damaged
+  bool decode(const DicomFrame& frame, std::uint8_t beyond, std::uint64_t bytes);
+
+  DcmFileFormat file_;
+  DcmFileCache cache_;
+  DcmPixelData* pixels_ = nullptr;
+  std::vector<std::uint8_t> buffer_;
+  Uint32 next_fragment_ = 0;
+  std::int64_t next_frame_ = 0;
+};
+
+// @param last  stands in the last word where nothing is decoded into it
+bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_t bytes) {
+  // a byte more where the size is odd
+  buffer_.assign(static_cast<std::size_t>(bytes + bytes % 2), last);
+  // fragments are known where frames follow each other, else DCMTK looks for them
+  if (next_frame_ != frame.frame) next_fragment_ = 0;
+  OFString colours;
+  const OFCondition read =
+      pixels_->getUncompressedFrame(file_.getDataset(), frame.frame, next_fragment_, buffer_.data(),
+                                    static_cast<Uint32>(buffer_.size()), colours, &cache_);
+  next_frame_ = std::int64_t{frame.frame} + 1;
+  return read.good();
+}
+
+// A frame begins at any bit; the first is the lowest of its byte (PS3.5 8.1.1).
+Result<void> FilePixels::read_bits_of(const DicomFrame& frame, std::span<std::int64_t> values) {
+  const std::uint64_t first = bits_of_frame(frame) * frame.frame, last = first + values.size();
+  buffer_.resize(static_cast<std::size_t>((last + 7) / 8 - first / 8));
+  if (values.size() != bits_of_frame(frame) || last > std::uint64_t{pixels_->getLength()} * 8 ||
+      pixels_
+          ->getPartialValue(buffer_.data(), static_cast<Uint32>(first / 8), static_cast<Uint32>(buffer_.size()),
+                            &cache_, EBO_LittleEndian)
+          .bad())
+    return bad_input("", "has damaged PixelData (7FE0,0010)", "copy it again");
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    const std::uint64_t bit = first % 8 + n;
+    values[n] = buffer_[static_cast<std::size_t>(bit / 8)] >> (bit % 8) & 1;
+  }
+  return {};
+}
+
+Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> values) {
+  DcmDataset& root = *file_.getDataset();
+  DicomFrame now = frame;
+  Uint32 bytes = 0;
+  const std::uint64_t expected = bytes_of_frame(frame);
+  if (frame.bits_allocated == 1) return read_bits_of(frame, values);
+  if (read_bits(root, now) || now.rows != frame.rows || now.columns != frame.columns ||
+      now.bits_allocated != frame.bits_allocated ||
+      values.size() * static_cast<std::size_t>(frame.bits_allocated / 8) != expected ||
+      pixels_->getUncompressedFrameSize(&root, bytes).bad() || bytes != expected)
+    return bad_input("", "has changed while it was read", "leave the files alone while they are read");
+
+  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
+  // 16
+  const auto filled = [&](std::uint8_t last) {
+    const auto word =
+        std::span(buffer_).first(expected).last(static_cast<std::size_t>(frame.bits_allocated / 8));
+    return std::ranges::any_of(word, [&](std::uint8_t byte) { return byte != last; });
+  };
+  constexpr std::uint8_t kLast[] = {0x5A, 0xA5};
+  bool whole = false;
+  for (const std::uint8_t last : kLast) {
+    if (!decode(frame, last, expected))
+      return bad_input("", "has damaged PixelData (7FE0,0010)", "copy the series again");
+    if ((whole = filled(last))) break;
+    next_frame_ = -1;
+  }
+  if (!whole) return bad_input("", "has PixelData (7FE0,0010) of other sizes or bits than it says", kSlicer);
+
+  const std::int64_t padding = frame.padding.value_or(0);
+  const std::pair<std::int64_t, std::int64_t> range =
+      std::minmax({padding, frame.padding_limit.value_or(padding)});
+  const auto take = [&](auto type) {
+    using Word = decltype(type);
+    for (std::size_t n = 0; n < values.size(); ++n) {
+      Word word;
+      std::memcpy(&word, buffer_.data() + n * sizeof(Word), sizeof(Word));
+      values[n] = stored_value(word, frame);
+      if (!frame.padding) continue;
+      const std::int64_t all_bits =
+          frame.is_signed ? std::int64_t{static_cast<std::make_signed_t<Word>>(word)} : std::int64_t{word};
+      if (all_bits >= range.first && all_bits <= range.second) values[n] = all_bits;
+    }
+  };
+  switch (frame.bits_allocated) {
+    case 8:
+      take(std::uint8_t{});
+      break;
+    case 16:
+      take(std::uint16_t{});
+      break;
+    default:
+      take(std::uint32_t{});
+  }
+  return {};
+}
+
+class DcmtkFiles : public DicomFiles {
+ public:
+  Result<void> load_dictionary() override {
+    if (dcmDataDict.isDictionaryLoaded()) return {};
+    return Error{ErrorKind::kUnavailable, "DCMTK's dictionary of DICOM's tags cannot be read", "",
+                 "install the package of DCMTK again (libdcmtk17)"};
+  }
+  void begin_reading() override {
+    OFLog::configure(OFLogger::OFF_LOG_LEVEL);
+    DcmRLEDecoderRegistration::registerCodecs();
+    DJDecoderRegistration::registerCodecs();
+    DJLSDecoderRegistration::registerCodecs();
+  }
+  Result<DicomFile> read_file(const std::filesystem::path& name, const std::string& syntax_uid) override try {
+    return read_whole(name, syntax_uid);
+  } catch (const std::exception&) {
+    // memory that a length in it asks for; any other exception ends the process
+    return bad_input("", "is a damaged DICOM file", "copy it again");
+  }
+  Result<DicomSegmentation> read_segmentation(const std::filesystem::path& name,
+                                              const std::string& syntax_uid) override try {
+    return read_segments(name, syntax_uid);
+  } catch (const std::exception&) {
+    return bad_input("", "is a damaged DICOM segmentation", "copy it again");
+  }
+  Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) override {
+    return FilePixels::open(name);
+  }
+};
+
+}  // namespace
+}  // namespace palpate::volume_io
+
+palpate::volume_io::DicomFiles* palpate_dicom_files() {
+  static palpate::volume_io::DcmtkFiles files;
+  return &files;
+}

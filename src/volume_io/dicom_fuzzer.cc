@@ -1,0 +1,105 @@
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include "volume_io/dicom_file.h"
+#include "volume_io/file_kind.h"
+
+namespace {
+
+using namespace palpate;
+using namespace palpate::volume_io;
+
+void must(bool condition) {
+  if (!condition) std::abort();
+}
+
+DicomFiles& library() {
+  static DicomFiles& files = [&]() -> DicomFiles& {
+    must(palpate_dicom_files()->load_dictionary().ok());
+    palpate_dicom_files()->begin_reading();
+    return *palpate_dicom_files();
+  }();
+  return files;
+}
+
+// bytes under a name that DCMTK can open, as often as it likes
+class NamedBytes {
+ public:
+  NamedBytes(const std::uint8_t* data, std::size_t size) : descriptor_(::memfd_create("dicom", MFD_CLOEXEC)) {
+    must(descriptor_ >= 0 && ::write(descriptor_, data, size) == static_cast<ssize_t>(size));
+  }
+  ~NamedBytes() { ::close(descriptor_); }
+  NamedBytes(const NamedBytes&) = delete;
+  NamedBytes& operator=(const NamedBytes&) = delete;
+  std::string name() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+
+ private:
+  int descriptor_;
+};
+
+// the same bytes as a segmentation
+void look_at_segmentation(const std::string& name, const std::string& syntax) {
+  const auto said = library().read_segmentation(name, syntax);
+  if (!said) return must(!said.error().what.empty());
+  must(said->frames.size() == said->segment_of_frame.size());
+  for (const DicomSegment& segment : said->segments) must(!name_of_segment(segment).empty());
+  const auto grid = lay_segments(*said);
+  if (!grid) return must(!grid.error().what.empty());
+  must(grid->geometry.min_spacing_mm() > 0 && grid->slice_of_frame.size() == said->frames.size());
+  for (const int slice : grid->slice_of_frame) must(slice >= 0 && slice < grid->geometry.dims[2]);
+  auto pixels = library().open_pixels(name);
+  const DicomFrame& frame = said->frames.back();
+  const auto count = static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns);
+  if (!pixels || count > std::size_t{1} << 16) return;
+  std::vector<std::int64_t> values(count);
+  if (!(*pixels)->read(frame, values)) return;
+  for (const std::int64_t value : values) must(value >= 0 && value < 65536);
+}
+
+}  // namespace
+
+// A length that a file claims is asked for before its bytes are missed, as in the confined process, whose
+// limit of memory refuses it.
+extern "C" const char* __asan_default_options() {
+  return "allocator_may_return_null=1:max_allocation_size_mb=256";
+}
+
+// one file: what it says, what becomes of its frames, and the voxels of the first of them
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const NamedBytes bytes(data, size);
+  const std::string front(reinterpret_cast<const char*>(data), std::min(size, kKindBytes));
+  look_at_segmentation(bytes.name(), dicom_transfer_syntax(front));
+  const auto file = library().read_file(bytes.name(), dicom_transfer_syntax(front));
+  if (!file) {
+    must(!file.error().what.empty());
+    return 0;
+  }
+  for (const DicomVolume& volume : sort_into_volumes(file->frames)) {
+    must(!volume.frames.empty() && !volume.what.empty());
+    if (!volume.fault.empty()) {
+      must(!volume.remedy.empty());
+      continue;
+    }
+    must(volume.geometry.min_spacing_mm() > 0 && volume.frames.size() > 1);
+    must(volume.geometry.dims[2] == static_cast<int>(volume.frames.size()));
+  }
+  auto pixels = library().open_pixels(bytes.name());
+  if (!pixels) return 0;
+  constexpr std::size_t kMostFrames = 4, kMostValues = 1 << 16;
+  for (std::size_t n = 0; n < std::min(file->frames.size(), kMostFrames); ++n) {
+    const DicomFrame& frame = file->frames[n];
+    const auto count = static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns);
+    if (!frame.fault.empty() || count > kMostValues) continue;
+    std::vector<std::int64_t> values(count);
+    if (!(*pixels)->read(frame, values) || frame.padding) continue;
+    const std::int64_t lowest = frame.is_signed ? -(std::int64_t{1} << (frame.bits_stored - 1)) : 0;
+    const std::int64_t width = std::int64_t{1} << frame.bits_stored;
+    for (const std::int64_t value : values) must(value >= lowest && value < lowest + width);
+  }
+  return 0;
+}

@@ -1,0 +1,1187 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <random>
+#include <set>
+
+#include "base/test_files.h"
+#include "base/test_folder.h"
+#include "palpate/volume_io/volume_io.h"
+#include "volume_io/test_dicom.h"
+
+/// Series written by DCMTK, each with one trap, and the shared ones.
+namespace palpate {
+namespace {
+
+using test::DicomImage;
+using test::DicomPacking;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+constexpr int kSlices = 5;
+constexpr double kStep_mm = 1.25;
+
+// what stands at a voxel, another number everywhere, in 12 bits
+std::uint16_t stored_at(int i, int j, int k) {
+  return static_cast<std::uint16_t>((k * 611 + j * 83 + i * 7) % 4096);
+}
+
+std::vector<std::uint16_t> words_of(const DicomImage& image, int k) {
+  std::vector<std::uint16_t> words;
+  for (int j = 0; j < image.rows; ++j)
+    for (int i = 0; i < image.columns; ++i) words.push_back(stored_at(i, j, k));
+  return words;
+}
+
+// a slice of a series, k steps along the normal of an axial plane
+DicomImage slice(int k) {
+  DicomImage image;
+  image.frames[0].position = {-10, 20, -30 + k * kStep_mm};
+  image.frames[0].stored = words_of(image, k);
+  return image;
+}
+
+std::string bytes_of(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+class Dicom : public ::testing::Test {
+ protected:
+  // slices of a series, each changed
+  template <class Change>
+  void write_series(const Change& change, DicomPacking packing = DicomPacking::kExplicit,
+                    int slices = kSlices, const std::string& name = "IM") {
+    for (int k = 0; k < slices; ++k) {
+      DicomImage image = slice(k);
+      change(image, k);
+      test::write_dicom(folder_ / (name + std::to_string(k)), image, packing);
+    }
+  }
+  void write_series(DicomPacking packing = DicomPacking::kExplicit) {
+    write_series([](DicomImage&, int) {}, packing);
+  }
+
+  Result<ScanFile> read(std::optional<int> volume = {}) {
+    return read_scan(
+        folder_.path(), {}, [&](const std::string& message) { warnings_ += message + "\n"; }, Unpacked::kAnew,
+        volume);
+  }
+  std::string refusal(std::optional<int> volume = {}) {
+    const auto scan = read(volume);
+    if (scan) return "no error";
+    EXPECT_EQ(scan.error().where, folder_.path().string());
+    EXPECT_THAT(scan.error().remedy, Not(IsEmpty()));
+    return scan.error().what;
+  }
+  // every voxel, by the value that it should have
+  template <class Value>
+  void expect_voxels(const Value& value) {
+    const auto scan = read();
+    ASSERT_TRUE(scan) << scan.error().message();
+    const GridGeometry& g = scan->scan.geometry();
+    ASSERT_EQ(g.dims, (std::array{8, 6, kSlices}));
+    std::size_t wrong = 0;
+    for (int k = 0; k < g.dims[2]; ++k)
+      for (int j = 0; j < g.dims[1]; ++j)
+        for (int i = 0; i < g.dims[0]; ++i)
+          wrong += scan->scan.at(i, j, k) != static_cast<float>(value(i, j, k));
+    EXPECT_EQ(wrong, 0u);
+  }
+  void expect_voxels() { expect_voxels(stored_at); }
+
+  const test::TemporaryFolder folder_;
+  std::string warnings_;
+};
+
+// ---- geometry -----------------------------------------------------------------------------------
+
+TEST_F(Dicom, SlicesAreSortedByTheirPlacesAlone) {
+  // names, numbers and folders say other things
+  for (int k = 0; k < kSlices; ++k) {
+    DicomImage image = slice(k);
+    image.instance_number = 100 - k * k;
+    const auto folder = folder_ / ("d" + std::to_string((k * 3) % 5));
+    std::filesystem::create_directories(folder);
+    test::write_dicom(folder / std::string(1, static_cast<char>('z' - k)), image);
+  }
+  std::ofstream(folder_ / "README.txt") << "nothing of it";
+  std::ofstream(folder_ / "empty");
+  std::ofstream(folder_ / "picture.png") << "\x89PNG\r\n";
+  expect_voxels();
+  const auto header = read_header(folder_.path());
+  ASSERT_TRUE(header);
+  EXPECT_EQ(header->format, "DICOM");
+  EXPECT_EQ(header->component_type, "uint16");
+  const GridGeometry& g = header->geometry;
+  EXPECT_LT((g.spacing_mm - Eigen::Vector3d(0.5, 0.7, kStep_mm)).norm(), 1e-9) << "of columns, then of rows";
+  EXPECT_LT((g.origin - Point<Patient>(-10, 20, -30)).norm(), 1e-9);
+  EXPECT_LT((g.direction - Eigen::Matrix3d::Identity()).norm(), 1e-9);
+  EXPECT_TRUE(header->has_geometry);
+}
+
+TEST_F(Dicom, ObliqueSlicesLieWhereTheirFilesSay) {
+  // a sagittal plane turned by 20 degrees, whose normal points to the patient's right
+  const double c = std::cos(20 * M_PI / 180), s = std::sin(20 * M_PI / 180);
+  const Eigen::Vector3d row(s, c, 0), column(0, 0, -1), normal = row.cross(column);
+  write_series([&](DicomImage& image, int k) {
+    image.orientation = {row.x(), row.y(), row.z(), column.x(), column.y(), column.z()};
+    const Eigen::Vector3d place = Eigen::Vector3d(12, -34, 56) + k * 2.5 * normal;
+    image.frames[0].position = {place.x(), place.y(), place.z()};
+  });
+  expect_voxels();
+  const auto header = read_header(folder_.path());
+  ASSERT_TRUE(header);
+  // DICOM's own formula, PS3.3 C.7.6.2.1.1
+  const Eigen::Vector3d expected =
+      Eigen::Vector3d(12, -34, 56) + 4 * 2.5 * normal + 7 * 0.5 * row + 5 * 0.7 * column;
+  const Point<Patient> last = header->geometry.X_PatientVoxel() * Point<Voxel>(7, 5, 4);
+  EXPECT_LT((last.eigen() - expected).norm(), 1e-3);
+  EXPECT_TRUE(header->geometry.right_handed());
+}
+
+TEST_F(Dicom, AMissingSliceIsNamed) {
+  write_series([](DicomImage& image, int k) {
+    if (k >= 3) image.frames[0].position[2] += kStep_mm;
+  });
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("a slice is missing between slice 3 of 5, at -27.50 mm"),
+                               HasSubstr("the next at -25.00 mm"), HasSubstr("1.25 mm apart")));
+}
+
+TEST_F(Dicom, ADoubledSliceIsNamed) {
+  write_series([](DicomImage& image, int k) { image.sop_instance = "1.2.3." + std::to_string(k); });
+  const std::string what = "two slices lie at one place: slice 3 of 6, at -27.50 mm";
+  // the same values under another name: nobody says that it is the same image
+  test::write_dicom(folder_ / "copy", slice(2));
+  EXPECT_THAT(refusal(), HasSubstr(what));
+  // the same name and another value
+  DicomImage other = slice(2);
+  other.sop_instance = "1.2.3.2";
+  ++other.frames[0].stored[5];
+  test::write_dicom(folder_ / "copy", other);
+  EXPECT_THAT(refusal(), HasSubstr(what));
+}
+
+TEST_F(Dicom, CopiesOfASliceAreOne) {
+  for (const bool compressed : {false, true}) {
+    // a folder that was copied into itself, the copies packed otherwise
+    for (int k = 0; k < kSlices; ++k) {
+      DicomImage image = slice(k);
+      image.sop_instance = "1.2.3." + std::to_string(k);
+      test::write_dicom(folder_ / ("IM" + std::to_string(k)), image);
+      std::filesystem::create_directories(folder_ / "copy");
+      test::write_dicom(folder_ / "copy" / ("IM" + std::to_string(k)), image,
+                        compressed ? DicomPacking::kJpegLs : DicomPacking::kExplicit);
+    }
+    expect_voxels();
+    EXPECT_THAT(warnings_, HasSubstr("5 files are copies of others, value by value, and were left out"));
+    const auto list = list_volumes(folder_.path());
+    ASSERT_TRUE(list);
+    EXPECT_EQ(list->volumes.size(), 1u);
+    EXPECT_THAT(list->notes, ::testing::Contains(HasSubstr("5 files are copies")));
+  }
+}
+
+TEST_F(Dicom, UnevenSlicesAreNamed) {
+  write_series([](DicomImage& image, int k) {
+    if (k == 4) image.frames[0].position[2] += 0.3;
+  });
+  EXPECT_THAT(refusal(), HasSubstr("its slices lie unevenly: slice 4 of 5, at -26.25 mm"));
+}
+
+TEST_F(Dicom, SmallDifferencesThatAddUpAreUnevenToo) {
+  write_series([](DicomImage& image, int k) { image.frames[0].position[2] += k * k * 0.002; },
+               DicomPacking::kExplicit, 12);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("unevenly"), HasSubstr("off its place")));
+}
+
+TEST_F(Dicom, AThousandthOfAMillimetreIsRounding) {
+  write_series([](DicomImage& image, int k) {
+    image.frames[0].position[0] += k % 2 ? 1e-3 : -1e-3;
+    image.frames[0].position[2] += k % 3 ? 1e-3 : -1e-3;
+  });
+  expect_voxels();
+  EXPECT_NEAR(read()->scan.geometry().spacing_mm.z(), kStep_mm, 1e-3);
+}
+
+TEST_F(Dicom, ATiltedGantryIsNamed) {
+  write_series([](DicomImage& image, int k) { image.frames[0].position[1] -= 0.25 * k; });
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("gantry was tilted by 11.31 degrees"), HasSubstr("slice 2 of 5"),
+                               HasSubstr("0.25 mm beside the one before")));
+}
+
+TEST_F(Dicom, ASliceBesideTheOthersIsNamed) {
+  write_series([](DicomImage& image, int k) {
+    if (k == 2) image.frames[0].position[0] += 0.4;
+  });
+  EXPECT_THAT(refusal(), HasSubstr("slice 3 of 5, at -27.50 mm along its normal, lies 0.40 mm beside"));
+}
+
+TEST_F(Dicom, ASingleSliceIsNoVolume) {
+  test::write_dicom(folder_ / "one.dcm", slice(0));
+  EXPECT_THAT(refusal(), HasSubstr("a single slice is no volume"));
+  const auto alone = read_scan(folder_ / "one.dcm");
+  ASSERT_FALSE(alone);
+  EXPECT_EQ(alone.error().where, (folder_ / "one.dcm").string());
+}
+
+// ---- volumes of one series ----------------------------------------------------------------------
+
+TEST_F(Dicom, TwoEchoesAreTwoVolumes) {
+  for (const int echo : {1, 2})
+    write_series(
+        [&](DicomImage& image, int k) {
+          image.modality = "MR";
+          image.echo_time_ms = 10 * echo;
+          image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * echo + k));
+        },
+        DicomPacking::kExplicit, kSlices, "echo" + std::to_string(echo) + "_");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("holds 2 volumes"), HasSubstr("1) series 1: MR, axial, 8 x 6 x 5"),
+                               HasSubstr("echo time 10 ms"), HasSubstr("echo time 20 ms")));
+  for (const int number : {1, 2}) {
+    const auto scan = read(number);
+    ASSERT_TRUE(scan) << scan.error().message();
+    EXPECT_EQ(scan->scan.at(3, 3, 4), static_cast<float>(100 * number + 4));
+  }
+  EXPECT_THAT(refusal(3), HasSubstr("has no volume 3"));
+}
+
+TEST_F(Dicom, TimesOfAHeartAreVolumes) {
+  // its rate changes from place to place, and the files' names say nothing
+  for (int k = 0; k < kSlices; ++k)
+    for (int time = 0; time < 3; ++time) {
+      DicomImage image = slice(k);
+      image.modality = "MR";
+      image.trigger_time_ms = 33.3 * time + k * time;
+      image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * time + k));
+      test::write_dicom(folder_ / std::to_string((7 * (3 * k + time)) % 15), image);
+    }
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("holds 3 volumes"), HasSubstr("trigger time 0 ms"),
+                               HasSubstr("trigger time 33.3 ms"), HasSubstr("trigger time 66.6 ms")));
+  for (int time = 0; time < 3; ++time) {
+    const auto scan = read(time + 1);
+    ASSERT_TRUE(scan) << scan.error().message();
+    for (int k = 0; k < kSlices; ++k) EXPECT_EQ(scan->scan.at(3, 3, k), static_cast<float>(100 * time + k));
+  }
+}
+
+TEST_F(Dicom, TriggerTimesOfASingleVolumeDivideNothing) {
+  write_series([](DicomImage& image, int k) {
+    image.modality = "MR";
+    image.trigger_time_ms = 17.5 * k;
+    image.acquisition = k;
+  });
+  expect_voxels();
+}
+
+TEST_F(Dicom, TimesOfAHeartInOneFile) {
+  DicomImage image = slice(0);
+  image.multi_frame = true;
+  image.frames.clear();
+  for (int time = 1; time >= 0; --time)
+    for (int k = 0; k < kSlices; ++k) {
+      image.frames.push_back(slice(k).frames[0]);
+      image.frames.back().trigger_time_ms = 40.0 * time;
+      image.frames.back().stored.assign(48, static_cast<std::uint16_t>(100 * time + k));
+    }
+  test::write_dicom(folder_ / "all", image);
+  EXPECT_THAT(refusal(), HasSubstr("holds 2 volumes"));
+  EXPECT_EQ(read(2)->scan.at(1, 1, 4), 104);
+}
+
+TEST_F(Dicom, AcquisitionsAtTheSamePlacesAreVolumes) {
+  for (const int number : {4, 9})
+    write_series(
+        [&](DicomImage& image, int k) {
+          image.acquisition = number;
+          image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * number + k));
+        },
+        DicomPacking::kExplicit, kSlices - (number == 9), "a" + std::to_string(number) + "_");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("8 x 6 x 5"), HasSubstr("acquisition 4"), HasSubstr("8 x 6 x 4"),
+                               HasSubstr("acquisition 9")));
+  EXPECT_EQ(read(2)->scan.at(0, 0, 3), 903);
+}
+
+TEST_F(Dicom, DirectionsOfDiffusionAreVolumes) {
+  const double s = std::sqrt(0.5);
+  const std::array<std::array<double, 3>, 3> gradients{{{1, 0, 0}, {-1, 0, 0}, {0, s, s}}};
+  for (std::size_t n = 0; n < gradients.size(); ++n)
+    write_series(
+        [&](DicomImage& image, int k) {
+          image.modality = "MR";
+          image.b_value = 1000;
+          image.gradient = gradients[n];
+          (*image.gradient)[2] += 1e-5 * k;
+          image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 * n));
+        },
+        DicomPacking::kExplicit, kSlices, "g" + std::to_string(n) + "_");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("holds 3 volumes"), HasSubstr("diffusion along (1.00, 0.00, 0.00)"),
+                               HasSubstr("diffusion along (-1.00, 0.00, 0.00)"),
+                               HasSubstr("diffusion along (0.00, 0.71, 0.71)")));
+  EXPECT_EQ(read(3)->scan.at(2, 2, 2), 200);
+}
+
+TEST_F(Dicom, ALocalizerBesideTheScanIsNoQuestion) {
+  write_series();
+  DicomImage localizer = slice(0);
+  localizer.series += ".7";
+  localizer.orientation = {0, 1, 0, 0, 0, -1};
+  localizer.image_type = "ORIGINAL\\PRIMARY\\LOCALIZER";
+  test::write_dicom(folder_ / "localizer", localizer);
+  expect_voxels();
+  const auto list = list_volumes(folder_.path());
+  ASSERT_TRUE(list) << list.error().message();
+  ASSERT_EQ(list->volumes.size(), 2u);
+  EXPECT_THAT(list->volumes[0].what, HasSubstr("series 1: CT, axial, 8 x 6 x 5, 0.5 x 0.7 x 1.25 mm"));
+  EXPECT_THAT(list->volumes[0].fault, IsEmpty());
+  EXPECT_THAT(list->volumes[1].what, AllOf(HasSubstr("sagittal"), HasSubstr("localizer")));
+  EXPECT_THAT(list->volumes[1].fault, HasSubstr("single slice"));
+  EXPECT_THAT(refusal(2), HasSubstr("volume 2 cannot be used"));
+}
+
+TEST_F(Dicom, WhatTellsVolumesApart) {
+  const auto volumes = [&] {
+    const auto list = list_volumes(folder_.path());
+    return list ? list->volumes.size() : 0;
+  };
+  write_series();
+  EXPECT_EQ(volumes(), 1u);
+  const auto add = [&](const std::string& name, const auto& change) {
+    write_series([&](DicomImage& image, int) { change(image); }, DicomPacking::kExplicit, 2, name);
+  };
+  add("b", [](DicomImage& image) { image.b_value = 1000; });
+  EXPECT_EQ(volumes(), 2u);
+  add("type", [](DicomImage& image) { image.image_type = "DERIVED\\PRIMARY\\MPR"; });
+  EXPECT_EQ(volumes(), 3u);
+  add("spacing", [](DicomImage& image) { image.spacing_mm = {{0.8, 0.5}}; });
+  EXPECT_EQ(volumes(), 4u);
+  add("size", [](DicomImage& image) {
+    image.rows = 4;
+    image.frames[0].stored.resize(32);
+  });
+  EXPECT_EQ(volumes(), 5u);
+  add("series", [](DicomImage& image) { image.series += ".2"; });
+  EXPECT_EQ(volumes(), 6u);
+}
+
+// ---- how voxels are packed ----------------------------------------------------------------------
+
+TEST_F(Dicom, EveryPackingWithoutLossGivesTheSameVoxels) {
+  for (const DicomPacking packing :
+       {DicomPacking::kImplicit, DicomPacking::kBigEndian, DicomPacking::kDeflated, DicomPacking::kRle,
+        DicomPacking::kJpegLossless, DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    write_series(packing);
+    expect_voxels();
+  }
+}
+
+TEST_F(Dicom, JpegOfEightBitsIsNear) {
+  write_series(
+      [](DicomImage& image, int k) {
+        image.bits_allocated = image.bits_stored = 8;
+        image.high_bit = 7;
+        image.frames[0].stored.assign(48, static_cast<std::uint16_t>(100 + 10 * k));
+      },
+      DicomPacking::kJpegBaseline);
+  const auto scan = read();
+  ASSERT_TRUE(scan) << scan.error().message();
+  for (int k = 0; k < kSlices; ++k) EXPECT_NEAR(scan->scan.at(4, 3, k), 100 + 10 * k, 2);
+}
+
+TEST_F(Dicom, EightBitsOfOddSizeInEitherByteOrder) {
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kBigEndian}) {
+    write_series(
+        [](DicomImage& image, int k) {
+          image.bits_allocated = image.bits_stored = 8;
+          image.high_bit = 7;
+          image.rows = 3;
+          image.columns = 5;
+          image.frames[0].stored.clear();
+          for (int n = 0; n < 15; ++n)
+            image.frames[0].stored.push_back(static_cast<std::uint16_t>(20 * k + n));
+        },
+        packing);
+    const auto scan = read();
+    ASSERT_TRUE(scan) << scan.error().message();
+    for (int k = 0; k < kSlices; ++k)
+      for (int n = 0; n < 15; ++n) EXPECT_EQ(scan->scan.at(n % 5, n / 5, k), static_cast<float>(20 * k + n));
+  }
+}
+
+TEST_F(Dicom, WithoutAPreamble) {
+  for (int k = 0; k < kSlices; ++k) {
+    const DicomPacking packing = k % 2 ? DicomPacking::kImplicit : DicomPacking::kExplicit;
+    test::write_dicom(folder_ / ("IM" + std::to_string(k)), slice(k), packing, false);
+  }
+  expect_voxels();
+}
+
+// the file with another TransferSyntaxUID in its header
+void claim_syntax(const std::filesystem::path& file, std::string uid) {
+  std::string bytes = bytes_of(file);
+  const auto at = bytes.find(std::string("\x02\0\x10\0UI", 6));
+  ASSERT_NE(at, std::string::npos);
+  const auto before = static_cast<std::size_t>(static_cast<unsigned char>(bytes[at + 6]));
+  if (uid.size() % 2) uid += '\0';
+  bytes.replace(at + 8, before, uid);
+  bytes[at + 6] = static_cast<char>(uid.size());
+  // the length of the header
+  bytes[140] = static_cast<char>(static_cast<unsigned char>(bytes[140]) + uid.size() - before);
+  std::ofstream(file, std::ios::binary) << bytes;
+}
+
+TEST_F(Dicom, WhatIsNotUnpackedIsRefusedByName) {
+  for (const auto& [uid, name] : {std::pair{"1.2.840.10008.1.2.4.90", "JPEG 2000"},
+                                  {"1.2.840.10008.1.2.4.201", "High-Throughput JPEG 2000 (HTJ2K)"},
+                                  {"1.2.840.10008.1.2.4.102", "MPEG-4"},
+                                  {"1.2.3.4.5", "TransferSyntaxUID (0002,0010)"}}) {
+    SCOPED_TRACE(uid);
+    write_series();
+    for (int k = 0; k < kSlices; ++k) claim_syntax(folder_ / ("IM" + std::to_string(k)), uid);
+    EXPECT_THAT(refusal(), HasSubstr(name));
+  }
+}
+
+// ---- values -------------------------------------------------------------------------------------
+
+TEST_F(Dicom, BitsThatAreNotStoredDoNotCount) {
+  // 12 bits of 16: what stands above them is something else
+  write_series([](DicomImage& image, int) {
+    image.bits_stored = 12;
+    image.high_bit = 11;
+    for (std::uint16_t& word : image.frames[0].stored) word |= 0xA000;
+  });
+  expect_voxels();
+  // and above what is not used below
+  write_series([](DicomImage& image, int) {
+    image.bits_stored = 12;
+    image.high_bit = 13;
+    for (std::uint16_t& word : image.frames[0].stored) word = static_cast<std::uint16_t>(word << 2 | 3);
+  });
+  expect_voxels();
+}
+
+TEST_F(Dicom, SignedValuesWithAScale) {
+  write_series([](DicomImage& image, int) {
+    image.is_signed = true;
+    image.bits_stored = 12;
+    image.high_bit = 11;
+    image.frames[0].slope = 2;
+    image.frames[0].intercept = -1024;
+  });
+  expect_voxels([](int i, int j, int k) {
+    const int stored = stored_at(i, j, k);
+    return 2 * (stored < 2048 ? stored : stored - 4096) - 1024;
+  });
+  EXPECT_EQ(read()->header.component_type, "int16");
+}
+
+TEST_F(Dicom, AScaleThatIsNoNumberIsRefused) {
+  for (const std::string text : {"1e40", "many"}) {
+    write_series([&](DicomImage& image, int k) {
+      if (k == 1) image.texts = {{0x0028, 0x1053, text}};
+    });
+    EXPECT_THAT(refusal(),
+                AllOf(HasSubstr("slice 2 of 5"), HasSubstr("RescaleSlope (0028,1053) that is no number")));
+  }
+  // an empty one says nothing
+  write_series([&](DicomImage& image, int) { image.texts = {{0x0028, 0x1053, ""}}; });
+  expect_voxels();
+}
+
+TEST_F(Dicom, EverySliceHasItsOwnScale) {
+  write_series([](DicomImage& image, int k) {
+    image.frames[0].slope = 0.5 + k;
+    image.frames[0].intercept = -k;
+  });
+  expect_voxels([](int i, int j, int k) { return (0.5 + k) * stored_at(i, j, k) - k; });
+}
+
+TEST_F(Dicom, Monochrome1KeepsItsValues) {
+  // it says how a screen shows them (PS3.3 C.7.6.3.1.2), not what they are
+  write_series([](DicomImage& image, int) { image.photometric = "MONOCHROME1"; });
+  expect_voxels();
+}
+
+TEST_F(Dicom, PaddingIsTheLowestValueAndIsTold) {
+  write_series([](DicomImage& image, int) {
+    image.is_signed = true;
+    image.padding = -2000;
+    for (std::uint16_t& word : image.frames[0].stored)
+      word = word % 5 == 0 ? static_cast<std::uint16_t>(-2000) : static_cast<std::uint16_t>(word + 50);
+    image.frames[0].slope = 1;
+    image.frames[0].intercept = -1000;
+  });
+  const auto scan = read();
+  ASSERT_TRUE(scan) << scan.error().message();
+  const auto [low, high] = std::minmax_element(scan->scan.voxels().begin(), scan->scan.voxels().end());
+  EXPECT_GE(*low, -950);
+  EXPECT_EQ(scan->scan.at(0, 0, 0), *low) << "padding";
+  EXPECT_EQ(scan->scan.at(1, 0, 0), 7 + 50 - 1000);
+  EXPECT_THAT(warnings_, HasSubstr("lie outside what was scanned (PixelPaddingValue (0028,0120))"));
+}
+
+TEST_F(Dicom, PaddingMayHaveMoreBitsThanAreStored) {
+  // 12 bits, and -2000 in all 16: what its lowest 12 bits are is a value
+  constexpr std::uint16_t kPadding = 0xF830, kLow = kPadding & 0xFFF;
+  write_series([&](DicomImage& image, int) {
+    image.bits_stored = 12;
+    image.high_bit = 11;
+    image.padding = kPadding;
+    image.frames[0].stored[0] = kPadding;
+    image.frames[0].stored[1] = kLow;
+  });
+  const auto scan = read();
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_EQ(scan->scan.at(1, 0, 0), kLow);
+  EXPECT_EQ(scan->scan.at(0, 0, 0),
+            *std::min_element(scan->scan.voxels().begin(), scan->scan.voxels().end()));
+  EXPECT_THAT(warnings_, HasSubstr("5 voxels lie outside what was scanned"));
+}
+
+// ---- multi-frame --------------------------------------------------------------------------------
+
+TEST_F(Dicom, FramesOfOneFile) {
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kImplicit, DicomPacking::kRle,
+                                     DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    DicomImage image = slice(0);
+    image.multi_frame = true;
+    image.frames.clear();
+    for (const int k : {3, 0, 4, 1, 2}) {
+      auto& frame = image.frames.emplace_back(slice(k).frames[0]);
+      frame.slope = k + 1;
+      frame.intercept = -k;
+    }
+    test::write_dicom(folder_ / "all.dcm", image, packing);
+    expect_voxels([](int i, int j, int k) { return (k + 1) * stored_at(i, j, k) - k; });
+    const auto alone = read_scan(folder_ / "all.dcm");
+    ASSERT_TRUE(alone) << alone.error().message();
+    EXPECT_NEAR(alone->scan.geometry().spacing_mm.z(), kStep_mm, 1e-9);
+  }
+}
+
+TEST_F(Dicom, FramesOfAnOddNumberOfBytes) {
+  for (const DicomPacking packing :
+       {DicomPacking::kExplicit, DicomPacking::kBigEndian, DicomPacking::kRle, DicomPacking::kJpegLossless}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    DicomImage image = slice(0);
+    image.multi_frame = true;
+    image.rows = 3;
+    image.columns = 5;
+    image.bits_allocated = image.bits_stored = 8;
+    image.high_bit = 7;
+    image.frames.clear();
+    for (int k = 0; k < kSlices; ++k) {
+      auto& frame = image.frames.emplace_back(slice(k).frames[0]);
+      frame.stored.resize(15);
+      for (std::size_t n = 0; n < 15; ++n) frame.stored[n] = static_cast<std::uint16_t>(16 * k + n);
+    }
+    test::write_dicom(folder_ / "all.dcm", image, packing);
+    const auto scan = read();
+    ASSERT_TRUE(scan) << scan.error().message();
+    for (int k = 0; k < kSlices; ++k)
+      for (int n = 0; n < 15; ++n) EXPECT_EQ(scan->scan.at(n % 5, n / 5, k), static_cast<float>(16 * k + n));
+  }
+}
+
+TEST_F(Dicom, FramesThatAreNotThereAreMissed) {
+  // 99 frames are said, two are there
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kRle, DicomPacking::kJpegLs}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    DicomImage image = slice(0);
+    image.multi_frame = true;
+    image.frames = {slice(0).frames[0], slice(1).frames[0]};
+    test::write_dicom(folder_ / "all.dcm", image, packing);
+    std::string bytes = bytes_of(folder_ / "all.dcm");
+    const auto at = bytes.find(std::string("\x28\0\x08\0IS\2\0", 8));
+    ASSERT_NE(at, std::string::npos);
+    bytes.replace(at + 8, 2, "99");
+    std::ofstream(folder_ / "all.dcm", std::ios::binary) << bytes;
+    EXPECT_THAT(refusal(), HasSubstr("PixelData (7FE0,0010) cut short"));
+  }
+}
+
+// ---- what is refused ----------------------------------------------------------------------------
+
+TEST_F(Dicom, WhatLacksIsNamed) {
+  write_series([](DicomImage& image, int) { image.spacing_mm.reset(); });
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("PixelSpacing (0028,0030)"), HasSubstr("5 images")));
+  write_series([](DicomImage& image, int) {
+    image.samples = 3;
+    image.bits_allocated = image.bits_stored = 8;
+    image.high_bit = 7;
+    image.photometric = "RGB";
+  });
+  EXPECT_THAT(refusal(), HasSubstr("SamplesPerPixel (0028,0002)"));
+  write_series([](DicomImage& image, int k) {
+    image.frames[0].slope = k == 2 ? 0 : 1;
+    image.frames[0].intercept = 0;
+  });
+  EXPECT_THAT(refusal(),
+              AllOf(HasSubstr("slice 3 of 5, at -27.50 mm"), HasSubstr("RescaleSlope (0028,1053)")));
+}
+
+TEST_F(Dicom, ASliceThatIsCutShortIsNamed) {
+  write_series();
+  std::filesystem::resize_file(folder_ / "IM2", std::filesystem::file_size(folder_ / "IM2") - 20);
+  EXPECT_THAT(refusal(),
+              AllOf(HasSubstr("slice 3 of 5, at -27.50 mm"), HasSubstr("PixelData (7FE0,0010) cut short")));
+}
+
+TEST_F(Dicom, PackedImagesOfOtherBitsAreRefused) {
+  // DCMTK decodes 8 bits into the first half of what 16 bits take, and says nothing
+  write_series(
+      [](DicomImage& image, int) {
+        image.bits_allocated = image.bits_stored = 8;
+        image.high_bit = 7;
+        for (std::uint16_t& word : image.frames[0].stored) word &= 0xFF;
+      },
+      DicomPacking::kJpegLossless);
+  EXPECT_TRUE(read());
+  for (int k = 0; k < kSlices; ++k) {
+    const auto file = folder_ / ("IM" + std::to_string(k));
+    std::string bytes = bytes_of(file);
+    const auto at = bytes.find(std::string("\x28\0\0\1US\2\0\x08\0", 10));
+    ASSERT_NE(at, std::string::npos);
+    bytes[at + 8] = 16;
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 1 of 5"), HasSubstr("of other sizes or bits than it says")));
+}
+
+TEST_F(Dicom, ATextOfAHostileLengthTakesNoMemory) {
+  // ImageType's length says some 700 MiB
+  write_series(DicomPacking::kImplicit);
+  std::string bytes = bytes_of(folder_ / "IM0");
+  const auto at = bytes.find(std::string("\x08\0\x08\0", 4));
+  ASSERT_NE(at, std::string::npos);
+  bytes.replace(at + 4, 4, "2.2.");
+  std::ofstream(folder_ / "IM0", std::ios::binary) << bytes;
+  EXPECT_TRUE(read());
+  EXPECT_THAT(warnings_, HasSubstr("left out: 1 file that is a damaged DICOM file"));
+}
+
+TEST_F(Dicom, AnEndThatCannotBeReadIsTold) {
+  // nothing shows that there was a slice more: it is said wherever the volume is read
+  write_series();
+  std::filesystem::resize_file(folder_ / "IM4", 200);
+  EXPECT_EQ(read()->scan.geometry().dims[2], 4);
+  EXPECT_THAT(warnings_, AllOf(HasSubstr("left out: 1 file that is a damaged DICOM file"),
+                               HasSubstr("the first or the last slice of a volume")));
+  const auto list = list_volumes(folder_.path());
+  ASSERT_TRUE(list);
+  EXPECT_THAT(list->notes, ::testing::Contains(HasSubstr("left out: 1 file")));
+}
+
+TEST_F(Dicom, TheFileThatItsReaderFailsOnIsNamed) {
+  // sequences in each other as deep as no stack goes
+  write_series();
+  std::string bytes = bytes_of(folder_ / "IM2");
+  bytes.resize(bytes.find(std::string("\x28\0\2\0US", 6)));
+  for (int level = 0; level < 300'000; ++level)
+    bytes += std::string("\x28\0\0\x30SQ\0\0\xFF\xFF\xFF\xFF\xFE\xFF\0\xE0\xFF\xFF\xFF\xFF", 20);
+  std::ofstream(folder_ / "IM2", std::ios::binary) << bytes;
+  const auto scan = read();
+  ASSERT_FALSE(scan);
+  EXPECT_EQ(scan.error().where, (folder_ / "IM2").string());
+  EXPECT_THAT(scan.error().what, HasSubstr("its reader fails on it"));
+  EXPECT_THAT(scan.error().remedy, HasSubstr("take it out of the folder"));
+}
+
+TEST_F(Dicom, OtherObjectsAreCountedAndImagesAreNoLabels) {
+  write_series();
+  std::string other(128, '\0');
+  other += std::string("DICM\x02\0\x02\0UI\x1C\0", 12) + "1.2.840.10008.5.1.4.1.1.66.4";
+  std::ofstream(folder_ / "seg", std::ios::binary) << other;
+  std::ofstream(folder_ / "notes.txt") << "x";
+  const auto list = list_volumes(folder_.path());
+  ASSERT_TRUE(list) << list.error().message();
+  EXPECT_THAT(list->notes,
+              ::testing::ElementsAre("besides: a DICOM segmentation (SEG)", "besides: 1 other file"));
+  const auto labels = read_labels(folder_.path());
+  ASSERT_FALSE(labels);
+  EXPECT_THAT(labels.error().what, HasSubstr("a scan and not labels"));
+  EXPECT_TRUE(is_volume(folder_.path()));
+  EXPECT_FALSE(is_dicom(folder_ / "notes.txt"));
+}
+
+TEST_F(Dicom, WhatIsNoDicomHasNoNumber) {
+  std::ofstream(folder_ / "a.nrrd") << "NRRD0004\n";
+  const auto scan = read_scan(folder_ / "a.nrrd", {}, {}, Unpacked::kAnew, 2);
+  ASSERT_FALSE(scan);
+  EXPECT_EQ(scan.error().kind, ErrorKind::kUsage);
+}
+
+TEST_F(Dicom, LinksThatLeadOutAreNotFollowed) {
+  const test::TemporaryFolder elsewhere;
+  write_series();
+  std::filesystem::rename(folder_ / "IM4", elsewhere / "IM4");
+  std::filesystem::create_symlink(elsewhere / "IM4", folder_ / "IM4");
+  const auto scan = read();
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_EQ(scan->scan.geometry().dims[2], 4);
+  EXPECT_THAT(warnings_, HasSubstr("1 link leads out of the folder"));
+}
+
+TEST_F(Dicom, AFolderOfLinksThatLeadOutHoldsNoVolume) {
+  const test::TemporaryFolder elsewhere;
+  test::write_dicom(elsewhere / "IM0", slice(0));
+  std::filesystem::create_symlink(elsewhere / "IM0", folder_ / "IM0");
+  EXPECT_FALSE(is_dicom(folder_.path()));
+}
+
+TEST_F(Dicom, StopsWhenItIsAsked) {
+  write_series();
+  const std::atomic<bool> stop{true};
+  const auto scan = read_scan(folder_.path(), Progress({}, &stop));
+  ASSERT_FALSE(scan);
+  EXPECT_EQ(scan.error().kind, ErrorKind::kInterrupted);
+}
+
+// ---- who it is ----------------------------------------------------------------------------------
+
+TEST_F(Dicom, NothingSaysWhoItIs) {
+  const std::string canary = "DOE^CANARY";
+  const auto with_patient = [&](const auto& change) {
+    write_series([&](DicomImage& image, int k) {
+      image.patient = canary;
+      image.series = "1.2.3.4.5.9753";
+      change(image, k);
+    });
+  };
+  std::string told;
+  const auto tell = [&] {
+    const auto list = list_volumes(folder_.path());
+    if (!list) {
+      told += list.error().message();
+    } else {
+      for (const auto& volume : list->volumes) told += volume.what + volume.fault;
+      for (const auto& note : list->notes) told += note;
+    }
+    const auto scan = read();
+    told += scan ? scan->header.format + scan->header.component_type : scan.error().message();
+  };
+  with_patient([](DicomImage&, int) {});
+  tell();
+  // the standard's own words are shown, others are not
+  with_patient([&](DicomImage& image, int k) {
+    image.modality = "DOE";
+    image.image_type = k < 2 ? "ORIGINAL\\DOE^CANARY" : "ORIGINAL\\PRIMARY";
+  });
+  tell();
+  with_patient([](DicomImage& image, int k) {
+    image.frames[0].position[2] += k == 3 ? 1 : 0;
+    image.photometric = k == 1 ? "DOE^CANARY" : "MONOCHROME2";
+  });
+  tell();
+  with_patient([](DicomImage& image, int) { image.spacing_mm.reset(); });
+  tell();
+  std::filesystem::resize_file(folder_ / "IM1", 900);
+  tell();
+  told += warnings_;
+  EXPECT_THAT(told, AllOf(Not(HasSubstr("DOE")), Not(HasSubstr("CANARY")), Not(HasSubstr("9753"))));
+  EXPECT_GT(told.size(), 300u);
+}
+
+// ---- damage -------------------------------------------------------------------------------------
+
+TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
+  constexpr unsigned kSeed = 20;
+  SCOPED_TRACE(kSeed);
+  std::mt19937 random(kSeed);
+  const std::array packings{DicomPacking::kExplicit,
+                            DicomPacking::kImplicit,
+                            DicomPacking::kDeflated,
+                            DicomPacking::kRle,
+                            DicomPacking::kJpegLosslessFirstOrder,
+                            DicomPacking::kJpegLs};
+  int refused = 0;
+  for (int n = 0; n < 100; ++n) {
+    const auto packing = packings[static_cast<std::size_t>(n) % packings.size()];
+    DicomImage image = slice(0);
+    image.multi_frame = true;
+    image.frames.clear();
+    for (int k = 0; k < 3; ++k) image.frames.push_back(slice(k).frames[0]);
+    const auto file = folder_ / "damaged";
+    test::write_dicom(file, image, packing);
+    std::string bytes = bytes_of(file);
+    if (n % 2) {
+      bytes.resize(std::uniform_int_distribution<std::size_t>(0, bytes.size())(random));
+    } else {
+      for (int flips = 0; flips < 1 + n % 4; ++flips) {
+        const auto at = std::uniform_int_distribution<std::size_t>(132, bytes.size() - 1)(random);
+        bytes[at] = static_cast<char>(bytes[at] ^ (1 << std::uniform_int_distribution<int>(0, 7)(random)));
+      }
+    }
+    std::ofstream(file, std::ios::binary | std::ios::trunc) << bytes;
+    const auto scan = read_scan(file);
+    refused += !scan;
+    if (scan) continue;
+    EXPECT_EQ(scan.error().where.find(file.string()), 0u) << n << scan.error().message();
+  }
+  EXPECT_GT(refused, 30);
+  EXPECT_LT(refused, 100);
+}
+
+// ---- the shared files ---------------------------------------------------------------------------
+
+// every voxel of one lies in the other, with the same value
+void expect_same_voxels(const Volume<float>& one, const Volume<float>& other) {
+  ASSERT_EQ(one.voxels().size(), other.voxels().size());
+  const auto X = other.geometry().X_PatientVoxel().inverse() * one.geometry().X_PatientVoxel();
+  std::size_t wrong = 0;
+  double off_mm = 0;
+  const auto& dims = one.geometry().dims;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; j += 3)
+      for (int i = 0; i < dims[0]; i += 3) {
+        const Eigen::Vector3d at = (X * Point<Voxel>(i, j, k)).eigen();
+        const Eigen::Vector3d near = at.array().round();
+        off_mm = std::max(off_mm, (at - near).norm() * other.geometry().spacing_mm.maxCoeff());
+        const auto n = near.cast<int>();
+        wrong += !other.geometry().contains(n.x(), n.y(), n.z()) ||
+                 other.at(n.x(), n.y(), n.z()) != one.at(i, j, k);
+      }
+  EXPECT_EQ(wrong, 0u);
+  EXPECT_LT(off_mm, 1e-3);
+}
+
+TEST(SharedDicom, SeriesAreTheirGroundTruth) {
+  for (const auto& [series, truth] :
+       {std::pair{"anatomical/001", "anatomical/001_ground_truth.nii.gz"},
+        {"anatomical/001_implicit", "anatomical/001_implicit_ground_truth.nii.gz"},
+        {"anatomical/002_non_isotropic", "anatomical/002_non_isotropic_ground_truth.nii.gz"},
+        {"compressed_jpegls/001", "compressed_jpegls/001_ground_truth.nii.gz"},
+        {"slicecount/001", "slicecount/001_ground_truth.nii.gz"}}) {
+    SCOPED_TRACE(series);
+    PALPATE_SHARED_FILE(folder, std::string("edge/dicom/") + series);
+    PALPATE_SHARED_FILE(file, std::string("edge/dicom/") + truth);
+    const auto scan = read_scan(folder), expected = read_scan(file);
+    ASSERT_TRUE(scan) << scan.error().message();
+    ASSERT_TRUE(expected) << expected.error().message();
+    expect_same_voxels(scan->scan, expected->scan);
+  }
+}
+
+TEST(SharedDicom, TrapsAreRefusedByASentence) {
+  for (const auto& [series, what] :
+       {std::pair{"gantrytilting/001", "gantry was tilted by 14 degrees"},
+        {"missing_slice/001", "a slice is missing between slice 3 of 4, at 28.11 mm"},
+        {"notavolume/001", "two slices lie at one place"},
+        {"sliceorientation/001", "holds 2 volumes"},
+        {"bad_sequence.dcm", "a single slice is no volume"}}) {
+    SCOPED_TRACE(series);
+    PALPATE_SHARED_FILE(file, std::string("edge/dicom/") + series);
+    const auto scan = read_scan(file);
+    ASSERT_FALSE(scan);
+    EXPECT_THAT(scan.error().what, HasSubstr(what));
+  }
+}
+
+TEST(SharedDicom, ImagesOfSegmentationsLieOnTheirGrids) {
+  for (const std::string size : {"23x38x3", "24x38x3"}) {
+    SCOPED_TRACE(size);
+    PALPATE_SHARED_FILE(slices, "dicom_seg/" + size + "/image");
+    PALPATE_SHARED_FILE(frames, "dicom_seg/" + size + "/multiframe/mf.dcm");
+    PALPATE_SHARED_FILE(labels, "dicom_seg/" + size + "/nrrd/label.nrrd");
+    const auto classic = read_scan(slices), enhanced = read_scan(frames);
+    const auto grid = read_header(labels);
+    ASSERT_TRUE(classic) << classic.error().message();
+    ASSERT_TRUE(enhanced) << enhanced.error().message();
+    ASSERT_TRUE(grid);
+    EXPECT_TRUE(classic->scan.geometry().same_grid(grid->geometry));
+    EXPECT_TRUE(enhanced->scan.geometry().same_grid(grid->geometry));
+    EXPECT_EQ(classic->scan.voxels(), enhanced->scan.voxels());
+  }
+  PALPATE_SHARED_FILE(ct, "dicom_seg/ct-3slice");
+  PALPATE_SHARED_FILE(liver, "dicom_seg/liver_seg.nrrd");
+  const auto scan = read_scan(ct);
+  const auto grid = read_header(liver);
+  ASSERT_TRUE(scan) << scan.error().message();
+  EXPECT_TRUE(scan->scan.geometry().same_grid(grid->geometry));
+}
+
+// ---- segmentations ------------------------------------------------------------------------------
+
+// the places of the voxels of a segment, in voxels of a grid
+std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& segment, const GridGeometry& grid) {
+  std::set<std::array<int, 3>> places;
+  const auto X = grid.X_PatientVoxel().inverse() * labels.geometry().X_PatientVoxel();
+  const auto& layer = labels.layers[static_cast<std::size_t>(segment.layer)];
+  const auto& dims = labels.geometry().dims;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j)
+      for (int i = 0; i < dims[0]; ++i) {
+        if (layer.at(i, j, k) != segment.value) continue;
+        const Eigen::Vector3d at = (X * Point<Voxel>(i, j, k)).eigen(), near = at.array().round();
+        EXPECT_LT((at - near).norm(), 1e-3);
+        places.insert({static_cast<int>(near.x()), static_cast<int>(near.y()), static_cast<int>(near.z())});
+      }
+  return places;
+}
+
+// every structure of the masks is a segment, voxel by voxel, and the other way round
+void expect_masks(const std::string& segmentation, const std::vector<std::string>& masks, std::size_t layers = 1) {
+  SCOPED_TRACE(segmentation);
+  PALPATE_SHARED_FILE(file, "dicom_seg/" + segmentation);
+  const auto read = read_labels(file);
+  ASSERT_TRUE(read) << read.error().message();
+  EXPECT_EQ(read->header.format, "DICOM segmentation");
+  EXPECT_EQ(read->labels.layers.size(), layers);
+  std::multiset<std::set<std::array<int, 3>>> expected, found;
+  std::optional<GridGeometry> grid;
+  for (const std::string& mask : masks) {
+    PALPATE_SHARED_FILE(reference, "dicom_seg/" + mask);
+    const auto labels = read_labels(reference);
+    ASSERT_TRUE(labels) << labels.error().message();
+    if (!grid) grid = labels->labels.geometry();
+    // 5 stands there where a frame was left out, of which the file says that it is nothing
+    for (const Segment& segment : labels->labels.segments)
+      if (segmentation != "sparse-labelmap-ppv5.dcm" || segment.value != 5)
+        expected.insert(places_of(labels->labels, segment, *grid));
+  }
+  for (const Segment& segment : read->labels.segments) {
+    EXPECT_THAT(segment.name, Not(IsEmpty()));
+    found.insert(places_of(read->labels, segment, *grid));
+  }
+  EXPECT_EQ(found.size(), expected.size());
+  EXPECT_TRUE(found == expected);
+}
+
+// of 5 x 7 voxels: 35 bits, so that frames begin at any bit
+std::vector<std::uint16_t> mask_of(int seed) {
+  std::vector<std::uint16_t> values(35);
+  for (int n = 0; n < 35; ++n) values[static_cast<std::size_t>(n)] = (n * n + seed * 7 + n / 3) % 5 < 2;
+  return values;
+}
+
+class Segmentation : public ::testing::Test {
+ protected:
+  Result<LabelFile> read(const test::DicomMasks& masks, DicomPacking packing = DicomPacking::kExplicit) {
+    test::write_masks(file_, masks, packing);
+    return read_labels(file_, {}, {}, [&](const std::string& message) { warnings_ += message + "\n"; });
+  }
+  std::string refusal(const test::DicomMasks& masks) {
+    const auto labels = read(masks);
+    if (labels) return "no error";
+    EXPECT_EQ(labels.error().where, file_.string());
+    EXPECT_THAT(labels.error().remedy, Not(IsEmpty()));
+    return labels.error().what;
+  }
+  // of a place along z in slices, on an axial grid
+  static test::DicomMasks::Frame frame(int segment, int k, int seed) {
+    return {segment, {-10, 20, -30 + k * 1.25}, mask_of(seed)};
+  }
+  static void expect_mask(const LabelFile& file, LabelId id, int k, int seed) {
+    SCOPED_TRACE(k);
+    const Segment* segment = file.labels.find(id);
+    ASSERT_NE(segment, nullptr);
+    const auto& layer = file.labels.layers[static_cast<std::size_t>(segment->layer)];
+    const auto mask = mask_of(seed);
+    for (int n = 0; n < 35; ++n)
+      EXPECT_EQ(layer.at(n % 7, n / 7, k) == segment->value, seed >= 0 && mask[static_cast<std::size_t>(n)] != 0) << n;
+  }
+
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path file_ = folder_ / "masks";
+  std::string warnings_;
+};
+
+TEST_F(Segmentation, FramesInAnyOrderWithEmptyOnesLeftOut) {
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kImplicit, DicomPacking::kBigEndian, DicomPacking::kDeflated}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    test::DicomMasks masks;
+    masks.frames = {frame(1, 5, 5), frame(1, 0, 0), frame(1, 2, 2)};
+    for (const std::optional<double> said : {std::optional(1.25), std::optional<double>()}) {
+      masks.slice_spacing_mm = said;
+      // without a word the least distance is the one between slices
+      if (!said) masks.frames.push_back(frame(1, 3, 3));
+      const auto labels = read(masks, packing);
+      ASSERT_TRUE(labels) << labels.error().message();
+      EXPECT_EQ(labels->labels.geometry().dims, (std::array{7, 5, 6}));
+      EXPECT_LT((labels->labels.geometry().origin - Point<Patient>(-10, 20, -30)).norm(), 1e-9);
+      EXPECT_LT((labels->labels.geometry().spacing_mm - Eigen::Vector3d(0.5, 0.7, 1.25)).norm(), 1e-9);
+      for (const int k : {0, 2, 5}) expect_mask(*labels, 1, k, k);
+      for (const int k : {1, 4}) expect_mask(*labels, 1, k, -1);
+    }
+  }
+}
+
+TEST_F(Segmentation, OverlapsAreKeptInLayersAndTold) {
+  test::DicomMasks masks;
+  masks.segments = {{7, "one"}, {3, "two"}, {9, "three"}};
+  masks.frames = {frame(7, 0, 1), frame(3, 0, 3), frame(9, 1, 4)};
+  const auto labels = read(masks);
+  ASSERT_TRUE(labels) << labels.error().message();
+  EXPECT_EQ(labels->labels.layers.size(), 2u);
+  expect_mask(*labels, 7, 0, 1);
+  expect_mask(*labels, 3, 0, 3);
+  expect_mask(*labels, 9, 1, 4);
+  int both = 0;
+  for (std::size_t n = 0; n < 35; ++n) both += mask_of(1)[n] && mask_of(3)[n];
+  ASSERT_GT(both, 0);
+  EXPECT_THAT(warnings_, HasSubstr("segments overlap in " + std::to_string(both) + " voxels"));
+}
+
+TEST_F(Segmentation, HalfOfAFractionIsIn) {
+  test::DicomMasks masks;
+  masks.type = "FRACTIONAL";
+  masks.bits = 8;
+  masks.most = 200;
+  masks.frames = {frame(1, 0, 0)};
+  for (std::size_t n = 0; n < 35; ++n) masks.frames[0].values[n] = static_cast<std::uint16_t>(n * 6);
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kRle}) {
+    const auto labels = read(masks, packing);
+    ASSERT_TRUE(labels) << labels.error().message();
+    for (int n = 0; n < 35; ++n) EXPECT_EQ(labels->labels.layers[0].at(n % 7, n / 7, 0), n * 6 >= 100) << n;
+    EXPECT_THAT(warnings_, HasSubstr("from half of MaximumFractionalValue"));
+  }
+}
+
+TEST_F(Segmentation, LabelsAreTheirNumbers) {
+  test::DicomMasks masks;
+  masks.type = "LABELMAP";
+  masks.bits = 16;
+  masks.padding = 5;
+  masks.segments = {{0, "Background", "125040", "DCM", "Background"}, {300, "bone"}};
+  masks.frames = {{0, {0, 0, 0}, mask_of(1)}};
+  for (std::uint16_t& value : masks.frames[0].values) value = value ? 300 : 5;
+  const auto labels = read(masks);
+  ASSERT_TRUE(labels) << labels.error().message();
+  ASSERT_EQ(labels->labels.segments.size(), 1u);
+  EXPECT_EQ(labels->labels.segments[0].name, "bone");
+  expect_mask(*labels, 300, 0, 1);
+}
+
+TEST_F(Segmentation, NamesComeFromLabelsAndCodesWithTheirSides) {
+  test::DicomMasks masks;
+  masks.segments = {{1, "Segment_1", "71341001", "SCT", "Femur", "7771000"},
+                    {2, "Femur", "T-12710", "SRT", "Femur", "G-A100"},
+                    {3, "right tibia", "12611008", "SCT", "Tibia", "24028007"},
+                    {4, "", "38266002", "SCT", "Entire body", ""},
+                    {5, "", "", "", "", ""}};
+  for (int n = 1; n <= 5; ++n) masks.frames.push_back(frame(n, n, n));
+  const auto labels = read(masks);
+  ASSERT_TRUE(labels) << labels.error().message();
+  std::vector<std::string> names;
+  for (const Segment& segment : labels->labels.segments) names.push_back(segment.name);
+  EXPECT_THAT(names, ::testing::ElementsAre("femur left", "Femur right", "right tibia", "Entire body", "segment 5"));
+}
+
+TEST_F(Segmentation, WhatCannotBeIsRefusedByASentence) {
+  test::DicomMasks masks;
+  masks.frames = {frame(1, 0, 0), frame(1, 0, 1)};
+  EXPECT_THAT(refusal(masks), HasSubstr("has two frames of segments 1 at one place"));
+  masks.frames = {frame(1, 0, 0), frame(2, 1, 1)};
+  EXPECT_THAT(refusal(masks), HasSubstr("a segment 2 that it does not describe"));
+  masks.frames = {frame(1, 0, 0), frame(1, 1, 1), frame(1, 3, 1)};
+  masks.frames[2].position[2] += 0.5;
+  EXPECT_THAT(refusal(masks), HasSubstr("do not lie a whole number of slices apart"));
+  masks.frames = {frame(1, 0, 0), frame(1, 1, 1)};
+  masks.frames[1].position[0] += 0.3;
+  EXPECT_THAT(refusal(masks), HasSubstr("frame 2 lies 0.30 mm beside the first one"));
+  masks.frames = {frame(1, 0, 0)};
+  masks.slice_spacing_mm.reset();
+  EXPECT_THAT(refusal(masks), HasSubstr("how thick its one slice is"));
+  masks.slice_spacing_mm = 1;
+  masks.segments = {{1, "one"}, {1, "two"}};
+  EXPECT_THAT(refusal(masks), HasSubstr("SegmentNumber (0062,0004)"));
+  test::write_masks(file_, {.frames = {frame(1, 0, 0), frame(1, 1, 1)}});
+  std::filesystem::resize_file(file_, std::filesystem::file_size(file_) - 4);
+  const auto cut = read_labels(file_);
+  ASSERT_FALSE(cut);
+  EXPECT_THAT(cut.error().what, ::testing::AnyOf(HasSubstr("cut short"), HasSubstr("damaged DICOM segmentation")));
+}
+
+TEST(SharedSegmentations, AreTheirMasks) {
+  expect_masks("liver.dcm", {"liver_seg.nrrd"});
+  expect_masks("23x38x3/seg/label.seg", {"23x38x3/nrrd/label.nrrd"});
+  expect_masks("24x38x3/seg/label.seg", {"24x38x3/nrrd/label.nrrd"});
+  expect_masks("sparse-labelmap-noppv.dcm", {"sparse_labelmap_noppv_seg.nrrd"});
+  expect_masks("sparse-labelmap-ppv5.dcm", {"sparse_labelmap_ppv5_seg.nrrd"});
+  expect_masks("partial_overlaps.dcm",
+               {"partial_overlaps-1.nrrd", "partial_overlaps-2.nrrd", "partial_overlaps-3.nrrd"}, 3);
+}
+
+// What dicom_fuzzer begins with. PALPATE_WRITE_SEEDS=src/volume_io/dicom_fuzzer_corpus writes them anew.
+TEST(DicomSeeds, AreUnderstood) {
+  const std::filesystem::path folder =
+      std::filesystem::path(PALPATE_SOURCE_DIR) / "src/volume_io/dicom_fuzzer_corpus";
+  if (const char* target = std::getenv("PALPATE_WRITE_SEEDS")) {
+    const auto write = [&](const std::string& name, const auto& change, DicomPacking packing,
+                           bool preamble = true) {
+      DicomImage image = slice(0);
+      image.sop_instance = "1.2.3";
+      change(image);
+      test::write_dicom(std::filesystem::path(target) / name, image, packing, preamble);
+    };
+    const auto frames = [](DicomImage& image) {
+      image.multi_frame = true;
+      image.frames.clear();
+      for (int k = 0; k < 3; ++k) {
+        image.frames.push_back(slice(k).frames[0]);
+        image.frames.back().slope = 1 + k;
+        image.frames.back().intercept = k;
+      }
+    };
+    const auto resonance = [](DicomImage& image) {
+      image.modality = "MR";
+      image.echo_time_ms = 10;
+      image.b_value = 1000;
+      image.gradient = {{1, 0, 0}};
+      image.trigger_time_ms = 30;
+      image.acquisition = 2;
+      image.is_signed = true;
+      image.bits_stored = 12;
+      image.high_bit = 11;
+      image.padding = -2000;
+    };
+    write(
+        "slice", [](DicomImage&) {}, DicomPacking::kExplicit);
+    write("resonance", resonance, DicomPacking::kImplicit, false);
+    write(
+        "big", [](DicomImage&) {}, DicomPacking::kBigEndian);
+    write("frames", frames, DicomPacking::kExplicit);
+    write("deflated", frames, DicomPacking::kDeflated);
+    write("rle", frames, DicomPacking::kRle);
+    write("jpeg", frames, DicomPacking::kJpegLosslessFirstOrder);
+    write("jpegls", frames, DicomPacking::kJpegLs);
+    test::DicomMasks masks;
+    masks.segments = {{1, "bone", "71341001", "SCT", "Femur", "7771000"}, {2, "two"}};
+    for (int n = 0; n < 3; ++n)
+      masks.frames.push_back({1 + n % 2, {0, 0, 2.5 * n}, mask_of(n)});
+    test::write_masks(std::filesystem::path(target) / "masks", masks);
+    masks.type = "LABELMAP";
+    masks.bits = 8;
+    test::write_masks(std::filesystem::path(target) / "labels", masks);
+  }
+  int seeds = 0;
+  for (const auto& seed : std::filesystem::directory_iterator(folder)) {
+    SCOPED_TRACE(seed.path());
+    ++seeds;
+    if (!is_dicom(seed.path())) {
+      EXPECT_TRUE(read_labels(seed.path()));
+      continue;
+    }
+    const auto list = list_volumes(seed.path());
+    ASSERT_TRUE(list) << list.error().message();
+    ASSERT_EQ(list->volumes.size(), 1u);
+    if (!list->volumes[0].fault.empty()) {
+      EXPECT_EQ(list->volumes[0].fault, "a single slice is no volume");
+    }
+  }
+  EXPECT_EQ(seeds, 10);
+}
+
+}  // namespace
+}  // namespace palpate

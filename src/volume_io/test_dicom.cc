@@ -1,0 +1,288 @@
+#include "volume_io/test_dicom.h"
+
+#include <dcmtk/config/osconfig.h>
+
+#include <dcmtk/dcmdata/dcdeftag.h>
+#include <dcmtk/dcmdata/dcfilefo.h>
+#include <dcmtk/dcmdata/dcitem.h>
+#include <dcmtk/dcmdata/dcmetinf.h>
+#include <dcmtk/dcmdata/dcrleerg.h>
+#include <dcmtk/dcmdata/dcuid.h>
+#include <dcmtk/dcmjpeg/djencode.h>
+#include <dcmtk/dcmjpeg/djrplol.h>
+#include <dcmtk/dcmjpeg/djrploss.h>
+#include <dcmtk/dcmjpls/djencode.h>
+#include <dcmtk/dcmjpls/djrparam.h>
+#include <dcmtk/oflog/oflog.h>
+
+#include <cstdio>
+
+#include "palpate/base/check.h"
+
+namespace palpate::test {
+namespace {
+
+template <class Numbers>
+std::string in_text(const Numbers& numbers) {
+  std::string text;
+  for (const double number : numbers) {
+    char one[32];
+    std::snprintf(one, sizeof one, "%.10g", number);
+    text += (text.empty() ? "" : "\\") + std::string(one);
+  }
+  return text;
+}
+
+void put(DcmItem& item, const DcmTagKey& tag, const std::string& text) {
+  PALPATE_CHECK(item.putAndInsertString(tag, text.c_str()).good());
+}
+void put(DcmItem& item, const DcmTagKey& tag, int number) {
+  PALPATE_CHECK(item.putAndInsertUint16(tag, static_cast<Uint16>(number)).good());
+}
+void put(DcmItem& item, const DcmTagKey& tag, const std::optional<double>& number) {
+  if (number) put(item, tag, in_text(std::array{*number}));
+}
+
+DcmItem& item_of(DcmItem& parent, const DcmTagKey& sequence, long n = 0) {
+  DcmItem* item = nullptr;
+  PALPATE_CHECK(parent.findOrCreateSequenceItem(sequence, item, n).good());
+  return *item;
+}
+
+void put_scale(DcmItem& item, const DicomImage::Frame& frame) {
+  put(item, DCM_RescaleSlope, frame.slope);
+  put(item, DCM_RescaleIntercept, frame.intercept);
+}
+
+void put_places(DcmDataset& root, const DicomImage& image) {
+  if (!image.multi_frame) {
+    put(root, DCM_ImagePositionPatient, in_text(image.frames[0].position));
+    put(root, DCM_ImageOrientationPatient, in_text(image.orientation));
+    if (image.spacing_mm) put(root, DCM_PixelSpacing, in_text(*image.spacing_mm));
+    put_scale(root, image.frames[0]);
+    return;
+  }
+  put(root, DCM_NumberOfFrames, std::to_string(image.frames.size()));
+  DcmItem& shared = item_of(root, DCM_SharedFunctionalGroupsSequence);
+  put(item_of(shared, DCM_PlaneOrientationSequence), DCM_ImageOrientationPatient, in_text(image.orientation));
+  if (image.spacing_mm)
+    put(item_of(shared, DCM_PixelMeasuresSequence), DCM_PixelSpacing, in_text(*image.spacing_mm));
+  for (std::size_t n = 0; n < image.frames.size(); ++n) {
+    DcmItem& own = item_of(root, DCM_PerFrameFunctionalGroupsSequence, static_cast<long>(n));
+    put(item_of(own, DCM_PlanePositionSequence), DCM_ImagePositionPatient, in_text(image.frames[n].position));
+    if (image.frames[n].trigger_time_ms)
+      PALPATE_CHECK(
+          item_of(own, DCM_CardiacSynchronizationSequence)
+              .putAndInsertFloat64(DCM_NominalCardiacTriggerDelayTime, *image.frames[n].trigger_time_ms)
+              .good());
+    if (image.frames[n].slope) put_scale(item_of(own, DCM_PixelValueTransformationSequence), image.frames[n]);
+  }
+}
+
+void put_patient(DcmDataset& root, const std::string& patient) {
+  for (const DcmTagKey& tag :
+       {DCM_PatientName, DCM_PatientID, DCM_StudyDescription, DCM_SeriesDescription, DCM_ImageComments,
+        DCM_ProtocolName, DCM_AccessionNumber, DCM_StudyID, DCM_InstitutionName})
+    put(root, tag, patient.substr(0, 16));
+  PALPATE_CHECK(root.putAndInsertString(DcmTag(0x0029, 0x0010, EVR_LO), "PALPATE TEST").good());
+  PALPATE_CHECK(root.putAndInsertString(DcmTag(0x0029, 0x1001, EVR_LO), patient.c_str()).good());
+}
+
+void put_pixels(DcmDataset& root, const DicomImage& image) {
+  std::vector<Uint16> words;
+  std::vector<Uint8> bytes;
+  for (const auto& frame : image.frames)
+    for (const std::uint16_t word : frame.stored)
+      for (int sample = 0; sample < image.samples; ++sample) {
+        words.push_back(word);
+        bytes.push_back(static_cast<Uint8>(word));
+      }
+  if (image.bits_allocated == 8) {
+    if (bytes.size() % 2) bytes.push_back(0);
+    PALPATE_CHECK(root.putAndInsertUint8Array(DCM_PixelData, bytes.data(), bytes.size()).good());
+  } else {
+    PALPATE_CHECK(root.putAndInsertUint16Array(DCM_PixelData, words.data(), words.size()).good());
+  }
+}
+
+E_TransferSyntax syntax_of(DicomPacking packing) {
+  switch (packing) {
+    case DicomPacking::kImplicit:
+      return EXS_LittleEndianImplicit;
+    case DicomPacking::kBigEndian:
+      return EXS_BigEndianExplicit;
+    case DicomPacking::kDeflated:
+      return EXS_DeflatedLittleEndianExplicit;
+    case DicomPacking::kRle:
+      return EXS_RLELossless;
+    case DicomPacking::kJpegBaseline:
+      return EXS_JPEGProcess1;
+    case DicomPacking::kJpegLossless:
+      return EXS_JPEGProcess14;
+    case DicomPacking::kJpegLosslessFirstOrder:
+      return EXS_JPEGProcess14SV1;
+    case DicomPacking::kJpegLs:
+      return EXS_JPEGLSLossless;
+    case DicomPacking::kExplicit:
+      break;
+  }
+  return EXS_LittleEndianExplicit;
+}
+
+// there as long as the program
+class Encoders {
+ public:
+  Encoders() {
+    OFLog::configure(OFLogger::OFF_LOG_LEVEL);
+    DcmRLEEncoderRegistration::registerCodecs();
+    DJEncoderRegistration::registerCodecs();
+    DJLSEncoderRegistration::registerCodecs();
+  }
+  ~Encoders() {
+    DcmRLEEncoderRegistration::cleanup();
+    DJEncoderRegistration::cleanup();
+    DJLSEncoderRegistration::cleanup();
+  }
+  Encoders(const Encoders&) = delete;
+  Encoders& operator=(const Encoders&) = delete;
+};
+
+void need_encoders() {
+  static const Encoders encoders;
+}
+
+}  // namespace
+
+void write_dicom(const std::filesystem::path& file, const DicomImage& image, DicomPacking packing,
+                 bool preamble) {
+  need_encoders();
+  DcmFileFormat format;
+  DcmDataset& root = *format.getDataset();
+  char uid[100];
+  put(root, DCM_SOPClassUID,
+      image.multi_frame ? UID_EnhancedCTImageStorage
+                        : (image.modality == "MR" ? UID_MRImageStorage : UID_CTImageStorage));
+  put(root, DCM_SOPInstanceUID,
+      image.sop_instance.empty() ? std::string(dcmGenerateUniqueIdentifier(uid)) : image.sop_instance);
+  put(root, DCM_SeriesInstanceUID, image.series);
+  put(root, DCM_Modality, image.modality);
+  put(root, DCM_ImageType, image.image_type);
+  if (image.instance_number) put(root, DCM_InstanceNumber, std::to_string(*image.instance_number));
+  if (!image.patient.empty()) put_patient(root, image.patient);
+  put(root, DCM_EchoTime, image.echo_time_ms);
+  put(root, DCM_TriggerTime, image.trigger_time_ms);
+  if (image.acquisition) put(root, DCM_AcquisitionNumber, std::to_string(*image.acquisition));
+  if (image.gradient)
+    PALPATE_CHECK(
+        root.putAndInsertFloat64Array(DCM_DiffusionGradientOrientation, image.gradient->data(), 3).good());
+  if (image.b_value) PALPATE_CHECK(root.putAndInsertFloat64(DCM_DiffusionBValue, *image.b_value).good());
+  put(root, DCM_Rows, image.rows);
+  put(root, DCM_Columns, image.columns);
+  put(root, DCM_SamplesPerPixel, image.samples);
+  if (image.samples > 1) put(root, DCM_PlanarConfiguration, 0);
+  put(root, DCM_PhotometricInterpretation, image.photometric);
+  put(root, DCM_BitsAllocated, image.bits_allocated);
+  put(root, DCM_BitsStored, image.bits_stored);
+  put(root, DCM_HighBit, image.high_bit);
+  put(root, DCM_PixelRepresentation, image.is_signed ? 1 : 0);
+  if (image.padding) {
+    const DcmTag tag(DCM_PixelPaddingValue, image.is_signed ? EVR_SS : EVR_US);
+    PALPATE_CHECK((image.is_signed ? root.putAndInsertSint16(tag, static_cast<Sint16>(*image.padding))
+                                   : root.putAndInsertUint16(tag, static_cast<Uint16>(*image.padding)))
+                      .good());
+  }
+  put_places(root, image);
+  for (const DicomText& text : image.texts) put(root, DcmTagKey(text.group, text.element), text.text);
+  put_pixels(root, image);
+
+  const DJ_RPLossless lossless(packing == DicomPacking::kJpegLossless ? 6 : 1);
+  const DJ_RPLossy lossy(100);
+  const DJLSRepresentationParameter lossless_ls;
+  const DcmRepresentationParameter* parameter = nullptr;
+  if (packing == DicomPacking::kJpegBaseline) parameter = &lossy;
+  if (packing == DicomPacking::kJpegLossless || packing == DicomPacking::kJpegLosslessFirstOrder)
+    parameter = &lossless;
+  if (packing == DicomPacking::kJpegLs) parameter = &lossless_ls;
+  const E_TransferSyntax syntax = syntax_of(packing);
+  PALPATE_CHECK(root.chooseRepresentation(syntax, parameter).good());
+  PALPATE_CHECK(root.canWriteXfer(syntax));
+  PALPATE_CHECK(format
+                    .saveFile(file.c_str(), syntax, EET_ExplicitLength, EGL_recalcGL, EPD_noChange, 0, 0,
+                              preamble ? EWM_fileformat : EWM_dataset)
+                    .good());
+}
+
+void write_masks(const std::filesystem::path& file, const DicomMasks& masks, DicomPacking packing) {
+  DcmFileFormat format;
+  DcmDataset& root = *format.getDataset();
+  put(root, DCM_SOPClassUID,
+      masks.type == "LABELMAP" ? "1.2.840.10008.5.1.4.1.1.66.7" : UID_SegmentationStorage);
+  put(root, DCM_SOPInstanceUID, std::string("1.2.3.4"));
+  put(root, DCM_SeriesInstanceUID, std::string("1.2.3"));
+  put(root, DCM_Modality, std::string("SEG"));
+  put(root, DCM_Rows, masks.rows);
+  put(root, DCM_Columns, masks.columns);
+  put(root, DCM_SamplesPerPixel, 1);
+  put(root, DCM_PhotometricInterpretation, std::string("MONOCHROME2"));
+  put(root, DCM_BitsAllocated, masks.bits);
+  put(root, DCM_BitsStored, masks.bits);
+  put(root, DCM_HighBit, masks.bits - 1);
+  put(root, DCM_PixelRepresentation, 0);
+  put(root, DCM_SegmentationType, masks.type);
+  if (masks.most) put(root, DCM_MaximumFractionalValue, *masks.most);
+  if (masks.padding)
+    PALPATE_CHECK(root.putAndInsertUint16(DcmTag(DCM_PixelPaddingValue, EVR_US), static_cast<Uint16>(*masks.padding))
+                      .good());
+  const auto put_code = [](DcmItem& item, const DcmTagKey& sequence, const std::string& value,
+                           const std::string& scheme, const std::string& meaning) -> DcmItem& {
+    DcmItem& code = item_of(item, sequence);
+    put(code, DCM_CodeValue, value);
+    put(code, DCM_CodingSchemeDesignator, scheme);
+    put(code, DCM_CodeMeaning, meaning);
+    return code;
+  };
+  for (std::size_t n = 0; n < masks.segments.size(); ++n) {
+    const DicomMasks::Segment& segment = masks.segments[n];
+    DcmItem& item = item_of(root, DCM_SegmentSequence, static_cast<long>(n));
+    put(item, DCM_SegmentNumber, segment.number);
+    put(item, DCM_SegmentLabel, segment.label);
+    if (segment.code.empty()) continue;
+    DcmItem& type = put_code(item, DCM_SegmentedPropertyTypeCodeSequence, segment.code, segment.scheme, segment.meaning);
+    if (!segment.side.empty())
+      put_code(type, DCM_SegmentedPropertyTypeModifierCodeSequence, segment.side, segment.scheme, "");
+  }
+  put(root, DCM_NumberOfFrames, std::to_string(masks.frames.size()));
+  DcmItem& shared = item_of(root, DCM_SharedFunctionalGroupsSequence);
+  put(item_of(shared, DCM_PlaneOrientationSequence), DCM_ImageOrientationPatient, in_text(masks.orientation));
+  DcmItem& measures = item_of(shared, DCM_PixelMeasuresSequence);
+  put(measures, DCM_PixelSpacing, in_text(masks.spacing_mm));
+  put(measures, DCM_SpacingBetweenSlices, masks.slice_spacing_mm);
+  std::vector<Uint8> bytes;
+  std::vector<Uint16> words;
+  std::size_t bit = 0;
+  for (std::size_t n = 0; n < masks.frames.size(); ++n) {
+    const DicomMasks::Frame& frame = masks.frames[n];
+    DcmItem& own = item_of(root, DCM_PerFrameFunctionalGroupsSequence, static_cast<long>(n));
+    put(item_of(own, DCM_PlanePositionSequence), DCM_ImagePositionPatient, in_text(frame.position));
+    if (masks.type != "LABELMAP")
+      put(item_of(own, DCM_SegmentIdentificationSequence), DCM_ReferencedSegmentNumber, frame.segment);
+    for (const std::uint16_t value : frame.values) {
+      words.push_back(value);
+      if (masks.bits == 8) bytes.push_back(static_cast<Uint8>(value));
+      if (masks.bits != 1) continue;
+      if (bit % 8 == 0) bytes.push_back(0);
+      bytes.back() = static_cast<Uint8>(bytes.back() | (value ? 1 << (bit % 8) : 0));
+      ++bit;
+    }
+  }
+  if (bytes.size() % 2) bytes.push_back(0);
+  PALPATE_CHECK((masks.bits == 16 ? root.putAndInsertUint16Array(DCM_PixelData, words.data(), words.size())
+                                  : root.putAndInsertUint8Array(DCM_PixelData, bytes.data(), bytes.size()))
+                    .good());
+  need_encoders();
+  const E_TransferSyntax syntax = syntax_of(packing);
+  PALPATE_CHECK(root.chooseRepresentation(syntax, nullptr).good());
+  PALPATE_CHECK(format.saveFile(file.c_str(), syntax).good());
+}
+
+}  // namespace palpate::test

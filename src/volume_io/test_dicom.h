@@ -1,0 +1,85 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+/// DICOM files written by DCMTK, for tests of whoever reads them. No types of DCMTK here: its headers take
+/// long.
+namespace palpate::test {
+
+/// How the voxels are packed.
+enum class DicomPacking {
+  kImplicit,
+  kExplicit,
+  kBigEndian,
+  kDeflated,
+  kRle,
+  kJpegBaseline,  ///< of 8 bits, with a loss
+  kJpegLossless,
+  kJpegLosslessFirstOrder,
+  kJpegLs,
+};
+/// Text of an attribute that no member above has, in a data set that is written.
+struct DicomText {
+  std::uint16_t group = 0, element = 0;
+  std::string text;
+};
+
+/// One image, or the frames of a multi-frame one. What is empty is not written.
+struct DicomImage {
+  std::string series = "1.2.826.0.1.3680043.2.1143.1";
+  std::string modality = "CT", image_type = "ORIGINAL\\PRIMARY\\AXIAL", photometric = "MONOCHROME2";
+  std::string patient;  ///< stands in PatientName, descriptions, dates' neighbours and a private tag
+  int rows = 6, columns = 8;
+  std::array<double, 6> orientation{1, 0, 0, 0, 1, 0};
+  std::optional<std::array<double, 2>> spacing_mm = std::array<double, 2>{0.7, 0.5};  ///< of rows, of columns
+  int bits_allocated = 16, bits_stored = 16, high_bit = 15, samples = 1;
+  bool is_signed = false;
+  std::optional<double> echo_time_ms, b_value, trigger_time_ms;
+  std::optional<std::array<double, 3>> gradient;
+  std::optional<int> padding, instance_number, acquisition;
+  std::string sop_instance;  ///< empty: one of its own
+
+  struct Frame {
+    std::array<double, 3> position{0, 0, 0};
+    std::vector<std::uint16_t> stored;  ///< the words as they stand, rows x columns
+    std::optional<double> slope, intercept, trigger_time_ms;
+  };
+  std::vector<Frame> frames{1};
+  bool multi_frame = false;  ///< as an enhanced image, with functional groups
+  std::vector<DicomText> texts;
+};
+
+/// A segmentation. What is empty is not written.
+struct DicomMasks {
+  struct Segment {
+    int number = 1;
+    std::string label, code, scheme = "SCT", meaning, side;  ///< side: a code of the same scheme
+  };
+  struct Frame {
+    int segment = 1;
+    std::array<double, 3> position{0, 0, 0};
+    std::vector<std::uint16_t> values;  ///< rows x columns
+  };
+  std::string type = "BINARY";
+  int bits = 1;  ///< allocated: 1, 8 or 16
+  int rows = 5, columns = 7;
+  std::array<double, 6> orientation{1, 0, 0, 0, 1, 0};
+  std::array<double, 2> spacing_mm{0.7, 0.5};
+  std::optional<double> slice_spacing_mm = 1.25;
+  std::optional<int> most, padding;
+  std::vector<Segment> segments{1};
+  std::vector<Frame> frames;
+};
+void write_masks(const std::filesystem::path& file, const DicomMasks& masks,
+                 DicomPacking packing = DicomPacking::kExplicit);
+
+/// Stops the program where DCMTK cannot.
+void write_dicom(const std::filesystem::path& file, const DicomImage& image,
+                 DicomPacking packing = DicomPacking::kExplicit, bool preamble = true);
+
+}  // namespace palpate::test
