@@ -200,14 +200,16 @@ YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double rad
     force.stored_mJ = law.stored(s);
   }
   const YieldAside aside = yield_aside(tissue, force.force_N);
-  force.aside_N = tissue.slope_per_N * aside.of_compliance_N2 - tissue.stiffening_slope * aside.of_stiffening_N3;
+  force.aside_N =
+      tissue.slope_per_N * aside.of_compliance_N2 - tissue.stiffening_slope * aside.of_stiffening_N3;
   return force;
 }
 
 YieldAside yield_aside(const YieldingTissue& tissue, double force_N) {
   const double squared = force_N * force_N, first_N = tissue.finite_N;
-  return {0.5 * squared, force_N <= first_N ? squared * force_N * (1.0 / 3)
-                                            : first_N * (squared - first_N * (force_N - first_N * (1.0 / 3)))};
+  return {0.5 * squared, force_N <= first_N
+                             ? squared * force_N * (1.0 / 3)
+                             : first_N * (squared - first_N * (force_N - first_N * (1.0 / 3)))};
 }
 
 double complementary_mJ(const YieldingTissue& tissue, double force_N, double radius_mm,

@@ -189,7 +189,8 @@ void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) 
   yielding.relaxation = reader.flag("relaxation").value_or(false);
   const auto belongs = [&](const char* key, bool there) {
     if (there && !is_elastic(yielding.law))
-      problems.add(reader.line(key), key + std::string(" belongs to the laws \"elastic\" and \"neo-hookean\""),
+      problems.add(reader.line(key),
+                   key + std::string(" belongs to the laws \"elastic\" and \"neo-hookean\""),
                    "take it out, or change the law");
   };
   belongs("relaxation", yielding.relaxation);

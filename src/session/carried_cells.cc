@@ -32,7 +32,9 @@ std::vector<Point<Patient>> soft_borders(const Model& model) {
     const Tissue* tissue = model.tissue_of(label);
     return tissue == nullptr || !tissue->felt;
   };
-  const auto yields = [&](LabelId label) { return !is_empty(label) && model.yields(*model.tissue_of(label)); };
+  const auto yields = [&](LabelId label) {
+    return !is_empty(label) && model.yields(*model.tissue_of(label));
+  };
   std::vector<Point<Patient>> places;
   const int j_step = std::max(1, grid.dims[1] / kLines), k_step = std::max(1, grid.dims[2] / kLines);
   for (int k = k_step / 2; k < grid.dims[2]; k += k_step)

@@ -18,7 +18,8 @@ struct CarriedCells {
 /// Solves some frames on this thread, at a place where soft tissue is outermost, and lets cells be 1.25, 1.6
 /// or 2 times as long (Model::tissue_coarsened) as long as a frame takes more of the thread's processor time
 /// than that. Bounded: under a second where a frame takes a tenth of one.
-/// @param model         prepared for the proxy; one that does not yield, or that has such a factor already, is
+/// @param model         prepared for the proxy; one that does not yield, or that has such a factor already,
+/// is
 ///                      given back as it is
 /// @param most_frame_s  by default three quarters of the time from one frame to the next, so that other
 ///                      threads have some

@@ -151,8 +151,8 @@ struct Model {
   MethodSettings method_settings;
   TissueLaw tissue_law = TissueLaw::kLayers;
   double tissue_cell_mm = 0;  ///< edge of the elastic laws' cells; 0: chosen from the voxels
-  /// They are so many times as long, and as many fewer along each axis, as a machine asks for on which a frame
-  /// would take too long. At least 1; of a session and not of a scene, and so in no content hash.
+  /// They are so many times as long, and as many fewer along each axis, as a machine asks for on which a
+  /// frame would take too long. At least 1; of a session and not of a scene, and so in no content hash.
   double tissue_coarsened = 1;
   /// Those of all tissues that yield and relax; none: nothing relaxes.
   RelaxationTimes relaxation_times;

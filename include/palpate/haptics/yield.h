@@ -35,7 +35,7 @@ struct YieldSpot {
   double finite_N = 0;
   double stiffening_mm_per_N2 = 0;
   Vector<Patient> stiffening_slope = {};  ///< grad C along the surface, mm/N2 per mm
-  RelaxedParts relaxed = {};     ///< of the tissues, each by its part of what gives way
+  RelaxedParts relaxed = {};              ///< of the tissues, each by its part of what gives way
 
   bool is_known() const { return compliance_mm_per_N > 0; }
   bool is_finite() const { return finite_N > 0; }
@@ -114,8 +114,8 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
 YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,
                        double most_N_per_mm = std::numeric_limits<double>::infinity());
 
-/// By how much the energy of that law, kept at its force, falls along the surface: of_compliance_N2 times grad
-/// W less of_stiffening_N3 times grad C is the force aside.
+/// By how much the energy of that law, kept at its force, falls along the surface: of_compliance_N2 times
+/// grad W less of_stiffening_N3 times grad C is the force aside.
 struct YieldAside {
   double of_compliance_N2 = 0, of_stiffening_N3 = 0;
 };

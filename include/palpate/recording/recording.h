@@ -43,7 +43,7 @@ struct RecordingHeader {
   int devices = 1;
   std::string clock = "virtual";  ///< or "real"
   std::string scheduler;          ///< what the servo thread got; empty on the virtual clock
-  double tissue_coarsened = 1;  ///< Model::tissue_coarsened; 1 in files from before it was told
+  double tissue_coarsened = 1;    ///< Model::tissue_coarsened; 1 in files from before it was told
   std::string feel;         ///< feel_text() (palpate/servo/feel.h); empty in files from before it was told
   std::string script_text;  ///< the script as run
   struct Structure {
