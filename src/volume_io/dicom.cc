@@ -391,7 +391,9 @@ class SlicePixels {
     const DicomFrame& frame = said.frames[n];
     values_.resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
     if (auto read = pixels_->read(frame, values_); !read)
-      return bad_input("", "frame " + std::to_string(n + 1) + " of " + std::to_string(said.frames.size()) + " " + read.error().what,
+      return bad_input("",
+                       "frame " + std::to_string(n + 1) + " of " + std::to_string(said.frames.size()) + " " +
+                           read.error().what,
                        read.error().remedy);
     const int segment = said.segment_of_frame[n];
     for (std::size_t v = 0; v < values_.size(); ++v) {
@@ -412,7 +414,8 @@ class SlicePixels {
   }
 
  private:
-  SlicePixels(InputFile file, std::unique_ptr<DicomPixels> pixels) : file_(std::move(file)), pixels_(std::move(pixels)) {}
+  SlicePixels(InputFile file, std::unique_ptr<DicomPixels> pixels)
+      : file_(std::move(file)), pixels_(std::move(pixels)) {}
   InputFile file_;
   std::unique_ptr<DicomPixels> pixels_;
   std::vector<std::int64_t> values_;
@@ -435,7 +438,8 @@ Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments&
     if (!pixels) return pixels.error();
     const DicomFrame& first = said.frames.front();
     // of each voxel the segments that it is in, as far as they are new
-    std::vector<std::vector<int>> in(static_cast<std::size_t>(first.rows) * static_cast<std::size_t>(first.columns));
+    std::vector<std::vector<int>> in(static_cast<std::size_t>(first.rows) *
+                                     static_cast<std::size_t>(first.columns));
     for (const auto& frames : segments.frames_at) {
       if (!look()) return {};
       if (frames.size() < 2) continue;
@@ -456,9 +460,10 @@ Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments&
     segments.layer_of_number[static_cast<std::size_t>(said.segments[n].number)] = layers[n];
   segments.file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
   if (shared > 0)
-    segments.file.notes.push_back("segments overlap in " + std::to_string(shared) +
-                                  " voxels: each is kept whole, and where forces come from one label a voxel it is "
-                                  "that of the tissue that is felt most");
+    segments.file.notes.push_back(
+        "segments overlap in " + std::to_string(shared) +
+        " voxels: each is kept whole, and where forces come from one label a voxel it is "
+        "that of the tissue that is felt most");
   return {};
 }
 
@@ -481,7 +486,8 @@ Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, co
   std::erase_if(said.segments, [](const DicomSegment& segment) { return is_background(segment); });
   std::set<int> numbers;
   for (const DicomSegment& segment : said.segments)
-    if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) || !numbers.insert(segment.number).second)
+    if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) ||
+        !numbers.insert(segment.number).second)
       return bad_input("", "has a SegmentNumber (0062,0004) of 0 or one twice", "export it again");
   auto grid = lay_segments(said);
   if (!grid) return grid.error();
@@ -500,7 +506,8 @@ Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, co
   file.voxels.encoding = Encoding::kDicom;
   file.voxels.component = Component::kUint16;
   if (said.kind == DicomSegmentation::Kind::kFractional)
-    file.notes.push_back("is fractional: a voxel is in a segment from half of MaximumFractionalValue (0062,000E) on");
+    file.notes.push_back(
+        "is fractional: a voxel is in a segment from half of MaximumFractionalValue (0062,000E) on");
   for (std::size_t n = 0; n < said.segments.size(); ++n) {
     const DicomSegment& segment = said.segments[n];
     const std::string key = "Segment" + std::to_string(n) + "_";
@@ -516,7 +523,8 @@ Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, co
 }
 
 // layer after layer, slice after slice
-Result<void> send_segments(DicomFiles& library, const Segments& segments, const fs::path& named, VoxelSink& sink) {
+Result<void> send_segments(DicomFiles& library, const Segments& segments, const fs::path& named,
+                           VoxelSink& sink) {
   auto pixels = SlicePixels::open(library, named);
   if (!pixels) return pixels.error();
   const auto& dims = segments.grid.geometry.dims;
@@ -527,14 +535,14 @@ Result<void> send_segments(DicomFiles& library, const Segments& segments, const 
       for (const std::size_t n : frames) {
         const int segment = segments.said.segment_of_frame[n];
         if (segment != 0 && segments.layer_of_number[static_cast<std::size_t>(segment)] != layer) continue;
-        const auto read = pixels->read(segments.said, n, [&](std::size_t v, int number) {
-          slice[v] = static_cast<LabelId>(number);
-        });
+        const auto read = pixels->read(
+            segments.said, n, [&](std::size_t v, int number) { slice[v] = static_cast<LabelId>(number); });
         if (!read) return read;
       }
       sink.still_reading();
       for (std::size_t first = 0; first < slice.size(); first += kPieceValues) {
-        const auto bytes = std::as_bytes(std::span(slice).subspan(first).first(std::min(kPieceValues, slice.size() - first)));
+        const auto bytes = std::as_bytes(
+            std::span(slice).subspan(first).first(std::min(kPieceValues, slice.size() - first)));
         const auto room = sink.room().first(bytes.size());
         std::memcpy(room.data(), bytes.data(), bytes.size());
         sink.put(bytes.size());

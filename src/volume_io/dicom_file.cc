@@ -33,7 +33,8 @@ constexpr const char* kExport = "export the series again, as CT or MR images";
 
 // ---- values of a data set -----------------------------------------------------------------------
 
-// Whether an element that stands there has a length that its values can have: DCMTK takes memory for what it says.
+// Whether an element that stands there has a length that its values can have: DCMTK takes memory for what it
+// says.
 bool is_short(DcmItem& item, const DcmTagKey& tag) {
   constexpr Uint32 kLongest = 1 << 16;
   DcmElement* element = nullptr;
@@ -152,7 +153,8 @@ std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& u
 constexpr std::array<std::string_view, 14> kModalities{"CT", "MR", "PT", "NM", "US", "XA",  "CR",
                                                        "DX", "MG", "RF", "OT", "SC", "OCT", "OPT"};
 
-// what the values of a frame are made of, which may be one bit; false with a fault where they are nothing that is read
+// what the values of a frame are made of, which may be one bit; false with a fault where they are nothing
+// that is read
 std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   const auto lacks = [](const DcmTagKey& tag) { return Fault{"lacks " + in_words(tag), kExport}; };
   const auto rows = count_of(root, DCM_Rows), columns = count_of(root, DCM_Columns),
@@ -455,7 +457,8 @@ DicomSegment segment_of(DcmItem& item) {
   segment.code = type.value;
   segment.scheme = type.scheme;
   segment.meaning = type.meaning;
-  segment.side = side_of(item, DCM_SegmentedPropertyTypeCodeSequence, DCM_SegmentedPropertyTypeModifierCodeSequence);
+  segment.side =
+      side_of(item, DCM_SegmentedPropertyTypeCodeSequence, DCM_SegmentedPropertyTypeModifierCodeSequence);
   if (segment.side.empty())
     segment.side = side_of(item, DCM_AnatomicRegionSequence, DCM_AnatomicRegionModifierSequence);
   if (const auto lab = numbers_of<3>(item, DCM_RecommendedDisplayCIELabValue)) {
@@ -478,12 +481,15 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   if (auto fault = read_bits(root, all)) return refused(*fault);
   using Kind = DicomSegmentation::Kind;
   const std::string type = text_of(root, DCM_SegmentationType);
-  segmentation.kind = type == "BINARY" ? Kind::kBinary : type == "FRACTIONAL" ? Kind::kFractional : Kind::kLabels;
+  segmentation.kind = type == "BINARY"       ? Kind::kBinary
+                      : type == "FRACTIONAL" ? Kind::kFractional
+                                             : Kind::kLabels;
   const bool known = type == "BINARY" || type == "FRACTIONAL" || type == "LABELMAP";
-  const bool fits = (segmentation.kind == Kind::kBinary) == (all.bits_allocated == 1) && all.bits_allocated <= 16 &&
-                    !all.is_signed;
+  const bool fits = (segmentation.kind == Kind::kBinary) == (all.bits_allocated == 1) &&
+                    all.bits_allocated <= 16 && !all.is_signed;
   if (!known || !fits)
-    return refused({"has a SegmentationType (0062,0001) and a BitsAllocated (0028,0100) that are not read", kSlicer});
+    return refused(
+        {"has a SegmentationType (0062,0001) and a BitsAllocated (0028,0100) that are not read", kSlicer});
   if (all.bits_allocated == 1 && DcmXfer(root.getOriginalXfer()).isEncapsulated())
     return refused({"has packed bits, which are not read", kDecompress});
   segmentation.most = count_of(root, DCM_MaximumFractionalValue).value_or(255);
@@ -494,11 +500,13 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   // as many as there are places for, so that a number takes no memory
   const double said = number_of(root, DCM_NumberOfFrames).value_or(0);
   if (said < 1 || said != static_cast<double>(own.size()))
-    return refused({"has " + std::to_string(own.size()) +
-                        " items of PerFrameFunctionalGroupsSequence (5200,9230) and another NumberOfFrames (0028,0008)",
-                    kExport});
+    return refused(
+        {"has " + std::to_string(own.size()) +
+             " items of PerFrameFunctionalGroupsSequence (5200,9230) and another NumberOfFrames (0028,0008)",
+         kExport});
   if (auto fault = look_for_pixels(root, all, own.size(), loaded)) return refused(*fault);
-  for (DcmItem* item : items_of(root, DCM_SegmentSequence)) segmentation.segments.push_back(segment_of(*item));
+  for (DcmItem* item : items_of(root, DCM_SegmentSequence))
+    segmentation.segments.push_back(segment_of(*item));
   for (std::size_t n = 0; n < own.size(); ++n) {
     DicomFrame frame = all;
     frame.frame = static_cast<std::uint32_t>(n);
@@ -572,8 +580,8 @@ Result<void> FilePixels::read_bits_of(const DicomFrame& frame, std::span<std::in
   buffer_.resize(static_cast<std::size_t>((last + 7) / 8 - first / 8));
   if (values.size() != bits_of_frame(frame) || last > std::uint64_t{pixels_->getLength()} * 8 ||
       pixels_
-          ->getPartialValue(buffer_.data(), static_cast<Uint32>(first / 8), static_cast<Uint32>(buffer_.size()),
-                            &cache_, EBO_LittleEndian)
+          ->getPartialValue(buffer_.data(), static_cast<Uint32>(first / 8),
+                            static_cast<Uint32>(buffer_.size()), &cache_, EBO_LittleEndian)
           .bad())
     return bad_input("", "has damaged PixelData (7FE0,0010)", "copy it again");
   for (std::size_t n = 0; n < values.size(); ++n) {

@@ -34,9 +34,9 @@ inline constexpr const char* kNoDicomImage = "holds no image";
 class DicomPixels {
  public:
   virtual ~DicomPixels() = default;
-  /// The words of a frame, rows x columns (of 1 bit allocated: its bits), each cut to its bits stored, sign included; numbers of padding
-  /// (DicomFrame::padding) may be kept as they are in all their bits.
-  /// Errors, without `where`: damaged, not as the frame says any more.
+  /// The words of a frame, rows x columns (of 1 bit allocated: its bits), each cut to its bits stored, sign
+  /// included; numbers of padding (DicomFrame::padding) may be kept as they are in all their bits. Errors,
+  /// without `where`: damaged, not as the frame says any more.
   virtual Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) = 0;
 };
 

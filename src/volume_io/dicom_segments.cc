@@ -14,7 +14,8 @@ namespace {
 
 using Vector = Eigen::Vector3d;
 
-constexpr const char* kSegSlicer = "load it with its images in 3D Slicer and save the segmentation as .seg.nrrd";
+constexpr const char* kSegSlicer =
+    "load it with its images in 3D Slicer and save the segmentation as .seg.nrrd";
 
 // types that have presets, by SNOMED CT and by the SRT codes of older files
 struct KnownType {
@@ -92,8 +93,10 @@ Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation) {
   if (frames.empty()) return refused("holds no frame");
   for (std::size_t n = 0; n < frames.size(); ++n)
     if (!frames[n].fault.empty())
-      return bad_input("", "frame " + std::to_string(n + 1) + " of " + std::to_string(frames.size()) + " " + frames[n].fault,
-                       frames[n].remedy);
+      return bad_input(
+          "",
+          "frame " + std::to_string(n + 1) + " of " + std::to_string(frames.size()) + " " + frames[n].fault,
+          frames[n].remedy);
 
   // one orientation and one spacing
   const DicomFrame& first = frames.front();
@@ -120,14 +123,17 @@ Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation) {
     const Vector way = frames[n].position - first.position;
     const double aside_mm = (way - places_mm[n] * normal).norm();
     if (aside_mm > std::max(2e-3, 0.01 * std::min(first.row_spacing_mm, first.column_spacing_mm)))
-      return refused("frame " + std::to_string(n + 1) + " lies " + segment_mm(aside_mm) + " mm beside the first one");
+      return refused("frame " + std::to_string(n + 1) + " lies " + segment_mm(aside_mm) +
+                     " mm beside the first one");
     const int slice = static_cast<int>(std::lround((places_mm[n] - sorted.front()) / step_mm));
     const int segment = segmentation.segment_of_frame[n];
     if (!seen.insert({segment, slice}).second)
-      return refused("has two frames of " + std::string(kind_in_words(segmentation)) + " " + std::to_string(segment) +
-                     " at one place, frame " + std::to_string(n + 1) + " and one before");
+      return refused("has two frames of " + std::string(kind_in_words(segmentation)) + " " +
+                     std::to_string(segment) + " at one place, frame " + std::to_string(n + 1) +
+                     " and one before");
     if (segmentation.kind != DicomSegmentation::Kind::kLabels &&
-        std::ranges::none_of(segmentation.segments, [&](const DicomSegment& s) { return s.number == segment; }))
+        std::ranges::none_of(segmentation.segments,
+                             [&](const DicomSegment& s) { return s.number == segment; }))
       return refused("has a frame of a segment " + std::to_string(segment) + " that it does not describe");
     grid.slice_of_frame.push_back(slice);
     last = std::max(last, slice);
@@ -159,7 +165,8 @@ std::string colour_of_segment(const std::array<std::uint16_t, 3>& lab) {
   };
   const double f = (L + 16) / 116, X = 0.95047 * cube(f + a / 500), Y = cube(f),
                Z = 1.08883 * cube(f - b / 200);
-  const std::array<double, 3> linear{3.2406 * X - 1.5372 * Y - 0.4986 * Z, -0.9689 * X + 1.8758 * Y + 0.0415 * Z,
+  const std::array<double, 3> linear{3.2406 * X - 1.5372 * Y - 0.4986 * Z,
+                                     -0.9689 * X + 1.8758 * Y + 0.0415 * Z,
                                      0.0557 * X - 0.2040 * Y + 1.0570 * Z};
   std::string text;
   for (const double value : linear) {

@@ -15,8 +15,8 @@
 namespace palpate::volume_io {
 
 struct DicomSegment {
-  int number = 0;     ///< SegmentNumber
-  std::string label;  ///< SegmentLabel, may be any text
+  int number = 0;                     ///< SegmentNumber
+  std::string label;                  ///< SegmentLabel, may be any text
   std::string code, scheme, meaning;  ///< of its SegmentedPropertyType: "71341001", "SCT", "Femur"
   std::string side;                   ///< "left", "right", "bilateral" or empty, from modifier codes
   std::optional<std::array<std::uint16_t, 3>> lab;  ///< RecommendedDisplayCIELabValue
@@ -29,9 +29,9 @@ struct DicomSegmentation {
     kLabels,      ///< a segment's number for each voxel
   };
   Kind kind = Kind::kBinary;
-  std::int64_t most = 255;                ///< MaximumFractionalValue
-  std::optional<std::int64_t> nothing;    ///< of kLabels the value of what is in no segment, besides 0
-  std::optional<double> slice_spacing_mm; ///< SpacingBetweenSlices, else SliceThickness
+  std::int64_t most = 255;                 ///< MaximumFractionalValue
+  std::optional<std::int64_t> nothing;     ///< of kLabels the value of what is in no segment, besides 0
+  std::optional<double> slice_spacing_mm;  ///< SpacingBetweenSlices, else SliceThickness
   std::vector<DicomSegment> segments;
   std::vector<DicomFrame> frames;
   std::vector<int> segment_of_frame;  ///< its number; 0 of kLabels
@@ -42,8 +42,8 @@ struct SegmentGrid {
   GridGeometry geometry;
   std::vector<int> slice_of_frame;
 };
-/// Errors, without `where`: no frame, frames of several orientations, beside each other, between slices, of one
-/// segment at one place twice, of a segment that is not described.
+/// Errors, without `where`: no frame, frames of several orientations, beside each other, between slices, of
+/// one segment at one place twice, of a segment that is not described.
 Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation);
 
 /// What a segment is called: its label, or its type where that is known and the label does not say it; with

@@ -914,7 +914,8 @@ TEST(SharedDicom, ImagesOfSegmentationsLieOnTheirGrids) {
 // ---- segmentations ------------------------------------------------------------------------------
 
 // the places of the voxels of a segment, in voxels of a grid
-std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& segment, const GridGeometry& grid) {
+std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& segment,
+                                       const GridGeometry& grid) {
   std::set<std::array<int, 3>> places;
   const auto X = grid.X_PatientVoxel().inverse() * labels.geometry().X_PatientVoxel();
   const auto& layer = labels.layers[static_cast<std::size_t>(segment.layer)];
@@ -931,7 +932,8 @@ std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& se
 }
 
 // every structure of the masks is a segment, voxel by voxel, and the other way round
-void expect_masks(const std::string& segmentation, const std::vector<std::string>& masks, std::size_t layers = 1) {
+void expect_masks(const std::string& segmentation, const std::vector<std::string>& masks,
+                  std::size_t layers = 1) {
   SCOPED_TRACE(segmentation);
   PALPATE_SHARED_FILE(file, "dicom_seg/" + segmentation);
   const auto read = read_labels(file);
@@ -989,7 +991,9 @@ class Segmentation : public ::testing::Test {
     const auto& layer = file.labels.layers[static_cast<std::size_t>(segment->layer)];
     const auto mask = mask_of(seed);
     for (int n = 0; n < 35; ++n)
-      EXPECT_EQ(layer.at(n % 7, n / 7, k) == segment->value, seed >= 0 && mask[static_cast<std::size_t>(n)] != 0) << n;
+      EXPECT_EQ(layer.at(n % 7, n / 7, k) == segment->value,
+                seed >= 0 && mask[static_cast<std::size_t>(n)] != 0)
+          << n;
   }
 
   const test::TemporaryFolder folder_;
@@ -998,7 +1002,8 @@ class Segmentation : public ::testing::Test {
 };
 
 TEST_F(Segmentation, FramesInAnyOrderWithEmptyOnesLeftOut) {
-  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kImplicit, DicomPacking::kBigEndian, DicomPacking::kDeflated}) {
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kImplicit,
+                                     DicomPacking::kBigEndian, DicomPacking::kDeflated}) {
     SCOPED_TRACE(static_cast<int>(packing));
     test::DicomMasks masks;
     masks.frames = {frame(1, 5, 5), frame(1, 0, 0), frame(1, 2, 2)};
@@ -1075,7 +1080,8 @@ TEST_F(Segmentation, NamesComeFromLabelsAndCodesWithTheirSides) {
   ASSERT_TRUE(labels) << labels.error().message();
   std::vector<std::string> names;
   for (const Segment& segment : labels->labels.segments) names.push_back(segment.name);
-  EXPECT_THAT(names, ::testing::ElementsAre("femur left", "Femur right", "right tibia", "Entire body", "segment 5"));
+  EXPECT_THAT(names,
+              ::testing::ElementsAre("femur left", "Femur right", "right tibia", "Entire body", "segment 5"));
 }
 
 TEST_F(Segmentation, WhatCannotBeIsRefusedByASentence) {
@@ -1100,7 +1106,8 @@ TEST_F(Segmentation, WhatCannotBeIsRefusedByASentence) {
   std::filesystem::resize_file(file_, std::filesystem::file_size(file_) - 4);
   const auto cut = read_labels(file_);
   ASSERT_FALSE(cut);
-  EXPECT_THAT(cut.error().what, ::testing::AnyOf(HasSubstr("cut short"), HasSubstr("damaged DICOM segmentation")));
+  EXPECT_THAT(cut.error().what,
+              ::testing::AnyOf(HasSubstr("cut short"), HasSubstr("damaged DICOM segmentation")));
 }
 
 TEST(SharedSegmentations, AreTheirMasks) {
@@ -1158,8 +1165,7 @@ TEST(DicomSeeds, AreUnderstood) {
     write("jpegls", frames, DicomPacking::kJpegLs);
     test::DicomMasks masks;
     masks.segments = {{1, "bone", "71341001", "SCT", "Femur", "7771000"}, {2, "two"}};
-    for (int n = 0; n < 3; ++n)
-      masks.frames.push_back({1 + n % 2, {0, 0, 2.5 * n}, mask_of(n)});
+    for (int n = 0; n < 3; ++n) masks.frames.push_back({1 + n % 2, {0, 0, 2.5 * n}, mask_of(n)});
     test::write_masks(std::filesystem::path(target) / "masks", masks);
     masks.type = "LABELMAP";
     masks.bits = 8;

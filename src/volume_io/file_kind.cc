@@ -66,8 +66,9 @@ FileKind dicom_kind(std::string_view front) {
     return {"a DICOMDIR, the list of contents of a DICOM disc", "name the folder that it stands in", {}};
   if (uid.starts_with(kStorage)) {
     const std::string_view kind = uid.substr(kStorage.size());
-    if (kind == "66.4" || kind == "66.7") 
-      return {"a DICOM segmentation (SEG)", "give it as the labels, under any name", "DICOM", false, true, true};
+    if (kind == "66.4" || kind == "66.7")
+      return {
+          "a DICOM segmentation (SEG)", "give it as the labels, under any name", "DICOM", false, true, true};
     if (kind == "66.5") return {"a DICOM surface segmentation", kConvertSurface, {}};
     if (kind == "481.3") return {"a DICOM structure set (RTSTRUCT)", kConvertStructures, {}};
     if (kind == "481.2") return {"a DICOM dose (RTDOSE)", "give the scan that it was planned on", {}};

@@ -231,8 +231,9 @@ void write_masks(const std::filesystem::path& file, const DicomMasks& masks, Dic
   put(root, DCM_SegmentationType, masks.type);
   if (masks.most) put(root, DCM_MaximumFractionalValue, *masks.most);
   if (masks.padding)
-    PALPATE_CHECK(root.putAndInsertUint16(DcmTag(DCM_PixelPaddingValue, EVR_US), static_cast<Uint16>(*masks.padding))
-                      .good());
+    PALPATE_CHECK(
+        root.putAndInsertUint16(DcmTag(DCM_PixelPaddingValue, EVR_US), static_cast<Uint16>(*masks.padding))
+            .good());
   const auto put_code = [](DcmItem& item, const DcmTagKey& sequence, const std::string& value,
                            const std::string& scheme, const std::string& meaning) -> DcmItem& {
     DcmItem& code = item_of(item, sequence);
@@ -247,7 +248,8 @@ void write_masks(const std::filesystem::path& file, const DicomMasks& masks, Dic
     put(item, DCM_SegmentNumber, segment.number);
     put(item, DCM_SegmentLabel, segment.label);
     if (segment.code.empty()) continue;
-    DcmItem& type = put_code(item, DCM_SegmentedPropertyTypeCodeSequence, segment.code, segment.scheme, segment.meaning);
+    DcmItem& type =
+        put_code(item, DCM_SegmentedPropertyTypeCodeSequence, segment.code, segment.scheme, segment.meaning);
     if (!segment.side.empty())
       put_code(type, DCM_SegmentedPropertyTypeModifierCodeSequence, segment.side, segment.scheme, "");
   }

@@ -11,9 +11,9 @@
 
 /// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
 /// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
-/// the patient; a file, or a folder of them, by their content; a segmentation, one file). Every error names the file, what is wrong and
-/// how to mend it; short data are an error, never zeros. Text fields of a file other than segment names and
-/// colours are dropped on reading: they may name a patient.
+/// the patient; a file, or a folder of them, by their content; a segmentation, one file). Every error names
+/// the file, what is wrong and how to mend it; short data are an error, never zeros. Text fields of a file
+/// other than segment names and colours are dropped on reading: they may name a patient.
 ///
 /// Each reading starts a process of its own, a copy of the program that can do nothing but read this file; it
 /// ends with the reading, and with the thread that reads. Copying takes 1 ms and some 50 ms more for each GiB
