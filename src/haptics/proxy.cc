@@ -759,8 +759,10 @@ class Springs {
     }
     yielded.felt.force_N = force_N;
     yielded.felt.stored_mJ = std::max(0.0, stored_mJ);
-    yielded.secant_N_per_mm *= force_N / elastic_N;
-    yielded.own_secant_N_per_mm *= force_N / elastic_N;
+    // so slight a touch that its force is 0 as a number has a secant of 0 as well
+    const double left = elastic_N > 0 ? force_N / elastic_N : 1;
+    yielded.secant_N_per_mm *= left;
+    yielded.own_secant_N_per_mm *= left;
     yielded.felt.aside_N = tissue.slope_per_N * std::max(0.0, aside.of_compliance_N2) -
                            tissue.stiffening_slope * std::max(0.0, aside.of_stiffening_N3);
   }

@@ -47,12 +47,14 @@ std::vector<Point<Patient>> soft_borders(const Model& model) {
   return places;
 }
 
-// The median of some frames; nothing: no tissue there is solved.
-std::optional<double> frame_s(const Model& model, const Point<Patient>& at) {
+// The median of some frames in which every device presses there; nothing: no tissue there is solved.
+std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std::size_t devices) {
   constexpr int kFrames = 7;
   TickRecord felt;
-  for (int axis = 0; axis < 3; ++axis)
-    felt.device[0].tip_patient_mm[static_cast<std::size_t>(axis)] = at[axis];
+  felt.devices = static_cast<int>(devices);
+  for (std::size_t d = 0; d < devices; ++d)
+    for (int axis = 0; axis < 3; ++axis)
+      felt.device[d].tip_patient_mm[static_cast<std::size_t>(axis)] = at[axis];
   YieldSolver solver;
   if (!solver.solve(model, felt).spot[0].is_known()) return std::nullopt;
   std::array<double, kFrames> times_s;
@@ -67,7 +69,8 @@ std::optional<double> frame_s(const Model& model, const Point<Patient>& at) {
 
 }  // namespace
 
-CarriedCells with_carried_cells(std::shared_ptr<const Model> model, double most_frame_s) {
+CarriedCells with_carried_cells(std::shared_ptr<const Model> model, std::size_t devices,
+                                double most_frame_s) {
   if (!is_elastic(model->tissue_law) || !model->has(ForceMethod::kProxy) || model->tissue_coarsened > 1)
     return {std::move(model), {}};
   // of places that are spread over all of them one is enough
@@ -77,14 +80,14 @@ CarriedCells with_carried_cells(std::shared_ptr<const Model> model, double most_
   Point<Patient> place;
   for (std::size_t n = 0; n < std::min(kTries, places.size()) && !made_s; ++n) {
     place = places[(2 * n + 1) * places.size() / (2 * kTries)];
-    made_s = frame_s(*model, place);
+    made_s = frame_s(*model, place, devices);
   }
   if (!made_s || *made_s <= most_frame_s) return {std::move(model), {}};
 
   auto coarser = std::make_shared<Model>(*model);
   for (const double factor : kCoarser) {
     coarser->tissue_coarsened = factor;
-    const auto time_s = frame_s(*coarser, place);
+    const auto time_s = frame_s(*coarser, place, devices);
     if (time_s && *time_s <= most_frame_s) break;
   }
   char told[256];

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <string>
 
@@ -17,13 +18,13 @@ struct CarriedCells {
 
 /// Solves some frames on this thread, at a place where soft tissue is outermost, and lets cells be 1.25, 1.6
 /// or 2 times as long (Model::tissue_coarsened) as long as a frame takes more of the thread's processor time
-/// than that. Bounded: under a second where a frame takes a tenth of one.
-/// @param model         prepared for the proxy; one that does not yield, or that has such a factor already,
-/// is
-///                      given back as it is
+/// than that. It takes the time of some 40 frames at most. A model that does not yield, or that has such a
+/// factor already, is given back as it is.
+/// @param model         prepared for the proxy
+/// @param devices       that press at once, each with a box of its own in every frame; 1 ... kMaxDevices
 /// @param most_frame_s  by default three quarters of the time from one frame to the next, so that other
 ///                      threads have some
-CarriedCells with_carried_cells(std::shared_ptr<const Model> model,
+CarriedCells with_carried_cells(std::shared_ptr<const Model> model, std::size_t devices,
                                 double most_frame_s = 0.75 * kYieldFrame_s);
 
 }  // namespace palpate

@@ -22,7 +22,7 @@ std::shared_ptr<const Model> ball_under(TissueLaw law) {
 
 TEST(CarriedCells, AreCoarserWhereAFrameTakesTooLong) {
   const auto model = ball_under(TissueLaw::kElastic);
-  const CarriedCells none_is_fast_enough = with_carried_cells(model, 0);
+  const CarriedCells none_is_fast_enough = with_carried_cells(model, 1, 0);
   EXPECT_EQ(none_is_fast_enough.model->tissue_coarsened, 2);
   EXPECT_EQ(none_is_fast_enough.model->content_hash, model->content_hash);
   EXPECT_EQ(yield_cell_mm(*none_is_fast_enough.model), 2 * yield_cell_mm(*model));
@@ -31,16 +31,16 @@ TEST(CarriedCells, AreCoarserWhereAFrameTakesTooLong) {
 
 TEST(CarriedCells, AreAsTheSceneHasThemElsewhere) {
   const auto model = ball_under(TissueLaw::kElastic);
-  const CarriedCells fast = with_carried_cells(model, 1e3);
+  const CarriedCells fast = with_carried_cells(model, 2, 1e3);
   EXPECT_EQ(fast.model, model);
   EXPECT_THAT(fast.told, IsEmpty());
   // nothing yields there
   const auto layers = ball_under(TissueLaw::kLayers);
-  EXPECT_EQ(with_carried_cells(layers, 0).model, layers);
+  EXPECT_EQ(with_carried_cells(layers, 1, 0).model, layers);
   // a session was told already
   auto told = std::make_shared<Model>(*model);
   told->tissue_coarsened = 1.6;
-  EXPECT_EQ(with_carried_cells(told, 0).model, told);
+  EXPECT_EQ(with_carried_cells(told, 1, 0).model, told);
 }
 
 }  // namespace

@@ -274,11 +274,11 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
                                                          : set_up_run(loaded, script, run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_surfaces(setup->model, progress); !ready) return ready.error();
-  CarriedCells carried = with_carried_cells(setup->model);
-  setup->model = std::move(carried.model);
-  if (!carried.told.empty()) setup->trouble.push_back(carried.told);
   auto tip = tip_source_of(*setup, options, progress);
   if (!tip) return tip.error();
+  CarriedCells carried = with_carried_cells(setup->model, (*tip)->driver().devices().size());
+  setup->model = std::move(carried.model);
+  if (!carried.told.empty()) setup->trouble.push_back(carried.told);
   if (progress.stopped()) return Progress::interrupted();
 
   // who shows it may fail before anything pushes

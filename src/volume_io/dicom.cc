@@ -245,7 +245,7 @@ Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const
         "; where that was the first or the last slice of a volume, the volume lacks it and "
         "nothing else says so");
   for (const auto& [what, count] : kinds)
-    content.others.push_back(count == 1 ? what : std::to_string(count) + " of this: " + what);
+    content.others.push_back(count == 1 ? what : what + ", " + std::to_string(count) + " files");
   if (pictureless > 0)
     content.others.push_back(
         counted(pictureless, "DICOM file without an image", "DICOM files without an image"));
