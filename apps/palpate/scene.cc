@@ -187,7 +187,7 @@ int run_new(NewOptions options, Console& console) {
   input.title = options.title;
   input.side = value_of(options.side, kSides);
   input.modality = value_of(options.modality, kModalities);
-  input.law = value_of(options.law, kTissueLaws);
+  if (!options.law.empty()) input.law = value_of(options.law, kTissueLaws);
   if (!options.scan.empty()) input.scan = options.scan;
   if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
@@ -261,8 +261,8 @@ void add_new(CLI::App& app, Run& run) {
       ->check(CLI::IsMember(known_names(kModalities)));
   verb->add_option(
           "--tissue", options->law,
-          "What soft tissue does under the tool: layers hold it out and do not move, elastic yields, "
-          "neo-hookean stiffens besides where it is squeezed far")
+          "What soft tissue does under the tool: layers hold it out and do not move, elastic yields (what is "
+          "written where a name suggests soft tissue), neo-hookean stiffens besides where it is squeezed far")
       ->check(
           CLI::IsMember({name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
                          name_of(TissueLaw::kNeoHookean, kTissueLaws)}));

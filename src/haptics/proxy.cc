@@ -778,15 +778,81 @@ class Springs {
   Given given_;
 };
 
+bool opens(const FeltSurface& felt, std::size_t surface, int structure) {
+  return static_cast<int>(surface) == structure || felt.structure == structure ||
+         std::find(felt.opened_by.begin(), felt.opened_by.end(), structure) != felt.opened_by.end();
+}
+
 // A structure that was gone through, with every surface that it is part of.
 void open(std::span<const FeltSurface> surfaces, int structure, ProxyState& state) {
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     const FeltSurface& felt = surfaces[s];
-    const bool its_own = static_cast<int>(s) == structure || felt.structure == structure;
-    const bool common =
-        std::find(felt.opened_by.begin(), felt.opened_by.end(), structure) != felt.opened_by.end();
-    if (felt.surface != nullptr && (its_own || common)) state.layer(felt.layer).punctured[s] = true;
+    if (felt.surface != nullptr && opens(felt, s, structure)) state.layer(felt.layer).punctured[s] = true;
   }
+}
+
+// visits every part of the tool that leans mostly on a structure, in whichever layer
+template <class Visit>
+void each_leaning(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
+                  const ToolPose& hand, const ProxyState& state, const Visit& visit) {
+  for (int n = 0; n < layers_of(surfaces); ++n) {
+    const ProxyLayer& layer = state.layer(n);
+    const TurnedTool held(spheres, hand.attitude, layer.attitude);
+    for (const ProxyContact& contact :
+         std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts))) {
+      const auto surface = static_cast<std::size_t>(contact.surface);
+      if (!opens(surfaces[surface], surface, structure)) continue;
+      const ToolSphere& sphere = held.spheres()[static_cast<std::size_t>(contact.sphere)];
+      const double radius_mm = sphere.radius_at_mm(contact.part);
+      const Point<Patient> middle = layer.position + sphere.offset_mm + sphere.along_mm * contact.part;
+      if (owners_at(surfaces, contact.surface, middle - contact.normal * radius_mm).largest() == structure)
+        visit(contact, middle, radius_mm);
+    }
+  }
+}
+
+// Holes that stay open: those that the tool is in follow it, and those that it leans over let it in.
+void use_holes(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+               const ToolPose& hand, ProxyState& state, Holes& holes) {
+  std::array<int, Holes::kMost> seen;
+  std::size_t count = 0;
+  for (const Hole& hole : holes.all()) {
+    const auto known = std::span(seen).first(count);
+    if (std::find(known.begin(), known.end(), hole.structure) == known.end()) seen[count++] = hole.structure;
+  }
+  for (const int structure : std::span(seen).first(count)) {
+    const auto s = static_cast<std::size_t>(structure);
+    if (state.layer(surfaces[s].layer).punctured[s]) {
+      const TurnedTool held(spheres, hand.attitude, state.attitude);
+      for (const ToolSphere& sphere : held.spheres())
+        for (const double part : {0.0, 1.0})
+          holes.lead(structure, state.position + sphere.offset_mm + sphere.along_mm * part);
+      continue;
+    }
+    bool leans = false, lets_in = true;
+    each_leaning(surfaces, spheres, structure, hand, state,
+                 [&](const ProxyContact& /*contact*/, const Point<Patient>& middle, double radius_mm) {
+                   leans = true;
+                   lets_in =
+                       lets_in && std::any_of(holes.all().begin(), holes.all().end(), [&](const Hole& hole) {
+                         return hole.structure == structure && hole.lets_in(middle, radius_mm);
+                       });
+                 });
+    if (leans && lets_in) open(surfaces, structure, state);
+  }
+}
+
+// where a structure that stays open was gone through
+void leave_holes(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
+                 const ToolPose& hand, const ProxyState& state, Holes& holes) {
+  std::bitset<kMostToolSpheres> done;
+  each_leaning(surfaces, spheres, structure, hand, state,
+               [&](const ProxyContact& contact, const Point<Patient>& middle, double radius_mm) {
+                 // what leans in several layers makes its hole in the outermost
+                 if (done[static_cast<std::size_t>(contact.sphere)]) return;
+                 done[static_cast<std::size_t>(contact.sphere)] = true;
+                 holes.make({structure, middle, -contact.normal, 0, radius_mm});
+               });
 }
 
 // What it leant on was gone through: it goes on at once.
@@ -972,9 +1038,13 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   result.normal = springs.normal();
   result.friction = springs.friction();
   springs.way_in().tell(result);
+  if (options.holes != nullptr && !options.holes->empty())
+    use_holes(surfaces, spheres, hand, state, *options.holes);
   for (std::size_t n = 0; n < springs.given().count(); ++n) {
     const int structure = springs.given().structure(n);
     if (!(springs.given().force_N(n) > surfaces[static_cast<std::size_t>(structure)].puncture_N)) continue;
+    if (options.holes != nullptr && surfaces[static_cast<std::size_t>(structure)].stays_open)
+      leave_holes(surfaces, spheres, structure, hand, state, *options.holes);
     open(surfaces, structure, state);
     result.ruptured = true;
   }

@@ -271,6 +271,99 @@ TEST(Proxy, ALayerThatWasGoneThroughDoesNotCloseRoundTheProxy) {
   }
 }
 
+// a membrane 1 mm thick over nothing
+ProxyRun on_membrane() {
+  ProxyRun run;
+  run.surfaces = {felt_surface(cube_grid(9, {0.5, 0.5, 0.5}),
+                               [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 0.5; })};
+  run.surfaces[0].stiffness_N_per_mm = 2;
+  run.surfaces[0].puncture_N = 1;
+  run.surfaces[0].stays_open = true;
+  run.spheres = {{{}, 0.5}};
+  run.at({0, 0, 4});
+  return run;
+}
+
+// most force on the way, which begins and ends in the open
+double force_through_N(ProxyRun& run, const Point<Patient>& from, const Point<Patient>& to) {
+  run.lead(run.state.position, from, 0.05);
+  EXPECT_TRUE(run.state.punctured.none());
+  const int steps = 200;
+  double most_N = 0;
+  for (int n = 1; n <= steps; ++n)
+    most_N = std::max(most_N, run.at(from + (to - from) * (static_cast<double>(n) / steps)).force_N.norm());
+  return most_N;
+}
+
+TEST(Proxy, AHoleThatStaysOpenLetsTheToolInAgainFromEitherSideAndNowhereElse) {
+  ProxyRun run = on_membrane();
+  EXPECT_NEAR(force_through_N(run, {0, 0, 4}, {0, 0, -4}), 1, 0.1);
+  ASSERT_EQ(run.holes.all().size(), 1u);
+  EXPECT_NEAR(run.holes.all()[0].length_mm, 2.2, 0.1)
+      << "the membrane, the tool's own width, and what it is off when it counts as out";
+  // of the tick in which it leans on the rim
+  constexpr double kOneStep_N = 0.1;
+  EXPECT_LT(force_through_N(run, {0, 0, -4}, {0, 0, 4}), kOneStep_N) << "back";
+  EXPECT_LT(force_through_N(run, {0.3, 0.2, 4}, {0.3, 0.2, -4}), kOneStep_N) << "a little aside";
+  EXPECT_NEAR(force_through_N(run, {3, 0, -4}, {3, 0, 4}), 1, 0.1) << "from beneath, elsewhere";
+  EXPECT_EQ(run.holes.all().size(), 2u);
+  EXPECT_LT(force_through_N(run, {3, 0, 4}, {3, 0, -4}), kOneStep_N);
+  EXPECT_LT(force_through_N(run, {0, 0, -4}, {0, 0, 4}), kOneStep_N) << "the first one is still there";
+  EXPECT_EQ(run.holes.all().size(), 2u);
+}
+
+TEST(Proxy, AHoleLetsInWhatIsNoWiderThanWhatMadeIt) {
+  ProxyRun run = on_membrane();
+  force_through_N(run, {0, 0, 4}, {0, 0, -4});
+  force_through_N(run, {0, 0, -4}, {0, 0, 4});
+  run.spheres = {{{}, 0.8}};
+  EXPECT_NEAR(force_through_N(run, {0, 0, 4}, {0, 0, -4}), 1, 0.1) << "wider";
+  run.spheres = {{{}, 0}};
+  EXPECT_LT(force_through_N(run, {0.5, 0, -4}, {0.5, 0, 4}), 0.1) << "a point, within";
+}
+
+TEST(Proxy, AToolOfTwoPartsGoesThroughHolesOfBoth) {
+  ProxyRun run = on_membrane();
+  run.spheres = {{Vector<Patient>(-1.5, 0, 0), 0.5}, {Vector<Patient>(1.5, 0, 0), 0.5}};
+  run.at({0, 0, 4});
+  force_through_N(run, {0, 0, 4}, {0, 0, -4});
+  EXPECT_EQ(run.holes.all().size(), 2u);
+  EXPECT_LT(force_through_N(run, {0, 0, -4}, {0, 0, 4}), 0.1);
+  // one part over a hole, the other beside
+  EXPECT_NEAR(force_through_N(run, {3, 0, 4}, {3, 0, -4}), 1, 0.1);
+}
+
+TEST(Proxy, WhatClosesAfterAPunctureAsksForTheForceAgain) {
+  ProxyRun run = on_membrane();
+  run.surfaces[0].stays_open = false;
+  for (int n = 0; n < 2; ++n) {
+    EXPECT_NEAR(force_through_N(run, {0, 0, 4}, {0, 0, -4}), 1, 0.1);
+    EXPECT_NEAR(force_through_N(run, {0, 0, -4}, {0, 0, 4}), 1, 0.1);
+  }
+  EXPECT_TRUE(run.holes.empty());
+}
+
+TEST(Proxy, SlidingOverAHoleThatStayedOpenTheToolGoesIn) {
+  ProxyRun run = on_membrane();
+  force_through_N(run, {0, 0, 4}, {0, 0, -4});
+  force_through_N(run, {0, 0, -4}, {0, 0, 4});
+  run.lead({0, 0, 4}, {-4, 0, 4}, 0.05);
+  run.lead({-4, 0, 4}, {-4, 0, 0.7}, 0.05);
+  EXPECT_NEAR(run.result.force_N.z(), 0.6, 0.05) << "held by the membrane";
+  bool went_in = false;
+  for (int n = 0; n < 100 && !went_in; ++n) {
+    const double x = -4 + 0.05 * n;
+    run.at({x, 0, 0.7});
+    went_in = run.state.punctured.any();
+    if (!went_in) {
+      EXPECT_LT(x, -0.4);
+    }
+  }
+  EXPECT_TRUE(went_in);
+  run.at(run.state.tip);
+  EXPECT_EQ(run.result.force_N, Vector<Patient>());
+}
+
 // labels by place, as voxels
 Bricks<LabelId> labelled(const GridGeometry& grid,
                          const std::function<LabelId(const Eigen::Vector3d&)>& label_at) {
@@ -364,6 +457,18 @@ TEST(Proxy, WhatIsGoneThroughOpensTheOuterSurfaceAndWhatLiesBeneathHolds) {
   run.lead({-3, 0, -1}, {-3, 0, 3}, 0.05);
   EXPECT_EQ(run.state.punctured, SurfaceSet()) << "closed behind it";
   EXPECT_EQ(run.result.force_N, Vector<Patient>());
+  EXPECT_TRUE(run.holes.empty());
+  // where it stays open the bone beneath holds without the skin's force
+  run.surfaces[0].stays_open = true;
+  run.lead({-3, 0, 3}, {-3, 0, -2.5}, 0.05);
+  run.lead({-3, 0, -2.5}, {-3, 0, 3}, 0.05);
+  ASSERT_EQ(run.holes.all().size(), 1u);
+  EXPECT_EQ(run.holes.all()[0].structure, 0);
+  run.lead({-3, 0, 3}, {-3, 0, -2.1}, 0.05);
+  EXPECT_EQ(run.state.punctured, SurfaceSet(0b101));
+  EXPECT_NEAR(run.state.position.z(), -2, 0.02);
+  EXPECT_LT(run.result.force_N.z(), 0.3) << "of the bone alone";
+  run.lead({-3, 0, -2.1}, {-3, 0, 3}, 0.05);
   // where the bone comes to the outside no force goes through
   run.lead({-3, 0, 3}, {6, 0, 3}, 0.05);
   run.lead({6, 0, 3}, {6, 0, -4}, 0.05);

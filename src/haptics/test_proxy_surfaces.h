@@ -84,6 +84,7 @@ struct ProxyRun {
   double dt_s = 0.001;
   const YieldFrame* yields = nullptr;
   const RelaxationTimes* relaxation_times = nullptr;
+  Holes holes;
   double deepest_mm = 0;  ///< at any place of any way, every hundredth of a millimetre; positive: below
 
   const ProxyResult& at(const Point<Patient>& tip,
@@ -91,8 +92,9 @@ struct ProxyRun {
     const ToolPose hand(tip, attitude);
     ProxyWay way;
     const ProxyState before = state;
-    result = advance_proxy(surfaces, turned(hand.attitude).spheres(), hand, state,
-                           {.dt_s = dt_s, .yields = yields, .relaxation_times = relaxation_times}, &way);
+    result = advance_proxy(
+        surfaces, turned(hand.attitude).spheres(), hand, state,
+        {.dt_s = dt_s, .yields = yields, .relaxation_times = relaxation_times, .holes = &holes}, &way);
     if (before.coupled && way.count > 0)
       look_along({before.position, before.attitude}, {way.corner[0], way.attitude[0]});
     for (std::size_t n = 1; n < way.count; ++n)

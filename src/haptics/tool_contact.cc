@@ -245,7 +245,8 @@ ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
           kProxyFeel.most_slip_N_per_s / hand.device.force_gain,
           tick.yields,
           hand.number,
-          times.any() ? &times : nullptr};
+          times.any() ? &times : nullptr,
+          tick.holes};
 }
 
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,

@@ -74,6 +74,7 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   tissue.friction_coefficient = settings.friction_coefficient;
   tissue.static_friction = settings.static_friction.value_or(settings.friction_coefficient);
   if (settings.puncture_N) tissue.puncture_N = *settings.puncture_N;
+  tissue.stays_open = settings.stays_open;
   tissue.cutting_energy_mJ_per_mm3 = settings.cutting_energy_mJ_per_mm3;
   tissue.protection = settings.protection;
   tissue.elastic = settings.elastic;

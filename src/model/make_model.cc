@@ -76,6 +76,9 @@ std::uint64_t content_hash(const Model& model) {
          {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction_coefficient, t.static_friction, t.puncture_N,
           t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
       hash_double(hash, value);
+  // where nothing stays open the hash is what it was before something could
+  for (std::size_t n = 0; n < model.tissues.size(); ++n)
+    if (model.tissues[n].stays_open) hash_word(hash, n);
   for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
   for (const Tool& tool : model.tools) {
     // where one ends and the next begins; of one alone the hash is what it was before there could be more

@@ -74,6 +74,7 @@ class SurfacesNeeded {
       structure.static_friction = tissue.static_friction;
       structure.dynamic_friction = tissue.friction_coefficient;
       structure.puncture_N = tissue.puncture_N;
+      structure.stays_open = tissue.stays_open;
       structure.cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
       structure.kept = model.cuts() && tissue.protection == Protection::kKeep;
       surfaces_.push_back(structure);

@@ -213,6 +213,13 @@ SceneKeys declared_keys() {
              .min = 0.05,
              .max = 40,
              .meaning = "Of the proxy: force at which the tool goes through; without it, never."},
+            {.name = "after_puncture",
+             .type = kChoice,
+             .default_text = "\"closes\"",
+             .choices = {"closes", "stays_open"},
+             .meaning =
+                 "Of a tissue with `puncture`. `closes`: behind the tool, so that the next one needs the "
+                 "force again. `stays_open`: a tool that is no wider goes in there without force."},
             {.name = "cutting_energy",
              .type = kNumber,
              .default_text = "100",

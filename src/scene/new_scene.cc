@@ -70,6 +70,14 @@ std::vector<Group> group_structures(const LabelMap& labels) {
   return groups;
 }
 
+/// Soft tissue yields, where there is any, unless something else is asked for.
+TissueLaw law_for(const NewSceneInput& input, const std::vector<Group>& groups) {
+  const bool soft = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
+    return group.preset != nullptr && group.preset->values.elastic;
+  });
+  return input.law.value_or(soft ? TissueLaw::kElastic : TissueLaw::kLayers);
+}
+
 /// Cartilage rests on bone, meniscus on cartilage, where the scene has both.
 std::string support_of(const Group& group, const std::vector<Group>& groups) {
   if (!group.preset) return "";
@@ -242,6 +250,7 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
   }
 
   // the tissues
+  TissueLaw law = input.law.value_or(TissueLaw::kLayers);
   if (!input.labels) {
     const auto tissue = threshold_text(*input.scan_volume);
     if (!tissue) return tissue.error();
@@ -254,10 +263,11 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     std::map<std::string, int> uses;
     for (const Segment& segment : input.label_map->segments) ++uses[segment.name];
     const std::vector<Group> groups = group_structures(*input.label_map);
-    for (const Group& group : groups) text += tissue_text(group, groups, uses, input.law);
+    law = law_for(input, groups);
+    for (const Group& group : groups) text += tissue_text(group, groups, uses, law);
   }
-  if (input.law != TissueLaw::kLayers)
-    text += "\n[yielding]\nlaw = \"" + std::string(name_of(input.law, kTissueLaws)) + "\"\n";
+  if (law != TissueLaw::kLayers)
+    text += "\n[yielding]\nlaw = \"" + std::string(name_of(law, kTissueLaws)) + "\"\n";
   return text + preparation_text(input.labels ? &input.label_map->geometry() : nullptr,
                                  input.scan_volume ? &input.scan_volume->geometry() : nullptr);
 }

@@ -204,12 +204,14 @@ TEST(NewScene, WritesEveryModality) {
         << name;
 }
 
-TEST(NewScene, WritesTheElasticLawWhereItIsAskedFor) {
-  const LabelMap map = make_map({"femur", "vastus_lateralis_muscle"});
-  const NewSceneInput layers{.labels = "/l.nrrd", .label_map = &map};
-  NewSceneInput elastic = layers;
-  elastic.law = TissueLaw::kElastic;
+TEST(NewScene, SoftTissueYieldsUnlessLayersAreAskedFor) {
+  const LabelMap map = make_map({"femur", "vastus_lateralis_muscle"}), hard = make_map({"femur", "x"});
+  const NewSceneInput elastic{.labels = "/l.nrrd", .label_map = &map};
+  NewSceneInput layers = elastic;
+  layers.law = TissueLaw::kLayers;
   EXPECT_EQ(new_scene(layers).yielding.law, TissueLaw::kLayers);
+  EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &hard}).yielding.law, TissueLaw::kLayers)
+      << "nothing in it could yield";
   EXPECT_THAT(*new_scene_text(layers, "/"), testing::Not(HasSubstr("yielding")));
   const Scene scene = new_scene(elastic);
   EXPECT_EQ(scene.yielding.law, TissueLaw::kElastic);

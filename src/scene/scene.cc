@@ -113,6 +113,11 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
   set("friction", tissue.friction_coefficient);
   if (const auto still = reader.number("static_friction")) tissue.static_friction = still;
   if (const auto force = reader.number("puncture")) tissue.puncture_N = force;
+  if (const auto after = reader.choice("after_puncture")) tissue.stays_open = *after == "stays_open";
+  if (tissue.stays_open && !tissue.puncture_N)
+    problems.add(reader.line("after_puncture"),
+                 "tissue \"" + tissue.name + "\" stays open after a puncture that it never has",
+                 "add puncture = 1, in N: the force at which the tool goes through");
   set("cutting_energy", tissue.cutting_energy_mJ_per_mm3);
   if (const auto protection = reader.choice("protection"))
     tissue.protection = *protection == "keep"    ? Protection::kKeep

@@ -41,6 +41,7 @@ friction_damping = 0.004
 friction_max = 0.3
 static_friction = 0.05
 puncture = 4
+after_puncture = "stays_open"
 youngs_modulus = 500
 poissons_ratio = 0.2
 viscosity = 0.002
@@ -102,6 +103,7 @@ TEST(ParseScene, ReadsEveryKey) {
   EXPECT_EQ(cartilage.friction_coefficient, 0.02);
   EXPECT_EQ(cartilage.static_friction, 0.05);
   EXPECT_EQ(cartilage.puncture_N, 4);
+  EXPECT_TRUE(cartilage.stays_open);
   EXPECT_EQ(cartilage.elastic, (ElasticConstants{500, 0.2}));
   EXPECT_FALSE(bone.elastic.has_value());
   EXPECT_EQ(cartilage.friction_damping_N_s_per_mm, 0.004);
@@ -534,6 +536,9 @@ INSTANTIATE_TEST_SUITE_P(
                  "a list of pairs"},
         BadScene{TISSUE "relaxation = [[0.1, 1]]\n", 4, "tissue \"a\" has a relaxation and no modulus",
                  "add youngs_modulus = 10"},
+        BadScene{TISSUE "after_puncture = 'stays_open'\n", 4, "stays open after a puncture that it never has",
+                 "add puncture = 1"},
+        BadScene{TISSUE "puncture = 1\nafter_puncture = 'open'\n", 5, "after_puncture", "stays_open"},
         BadScene{TISSUE "[yielding]\ncell = 1\n", 5,
                  "cell belongs to the laws \"elastic\" and \"neo-hookean\"", "take it out"},
         BadScene{TISSUE "[force]\nmethod = 'trilinear'\n[yielding]\nlaw = 'elastic'\n", 7,

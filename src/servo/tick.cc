@@ -244,8 +244,9 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   // the object's pose
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
-  const TickContext context{model, parameters.method, parameters.friction,      parameters.viscosity,
-                            dt_s,  X_WorldPatient,    X_WorldPatient.inverse(), &parameters.yields};
+  const TickContext context{model,       parameters.method, parameters.friction,      parameters.viscosity,
+                            dt_s,        X_WorldPatient,    X_WorldPatient.inverse(), &parameters.yields,
+                            &state.holes};
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
   // a change of what makes the forces starts a blend
@@ -258,6 +259,8 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const bool other_surfaces = state.surfaces.version != model.version;
   const auto surfaces_before =
       other_surfaces ? find_before(model, state.surfaces, before) : std::span<const SurfaceBefore>();
+
+  if (other_surfaces && !state.holes.empty()) state.holes.keep(surfaces_before);
 
   // each device
   count_strokes(model, parameters, devices, state);

@@ -964,6 +964,39 @@ TEST(Tick, ATissueThatIsNotFeltAnyMoreLetsTheProxyOnAndKeepsTheRest) {
   EXPECT_FALSE(loop.state.hands[0].proxy.punctured[1]);
 }
 
+TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
+  ProxyLoop loop = wrapped_bone();
+  loop.model.surfaces[1].stays_open = true;
+  const std::uint64_t without = loop.state.hash(1);
+  const Point<World> outside(kBoneRadius_mm + 6, 0, 0), within(kBoneRadius_mm + 1, 0, 0);
+  loop.lead(outside, within, 200);
+  ASSERT_EQ(loop.state.holes.all().size(), 1u);
+  EXPECT_EQ(loop.state.holes.all()[0].structure, 1);
+  EXPECT_NE(loop.state.hash(1), without);
+  loop.lead(within, outside, 200);
+  // the shell's surface moves to the bone's place
+  loop.model.surfaces.erase(loop.model.surfaces.begin());
+  loop.model.label_of_surface.erase(loop.model.label_of_surface.begin());
+  loop.model.tissues[0].felt = false;
+  ++loop.model.version;
+  loop.at(outside);
+  ASSERT_EQ(loop.state.holes.all().size(), 1u);
+  EXPECT_EQ(loop.state.holes.all()[0].structure, 0);
+  double most_N = 0;
+  for (int n = 0; n < 200; ++n) {
+    loop.at(outside + (within - outside) * (n / 200.0));
+    ASSERT_FALSE(loop.record.device[0].flags & kFlagRuptured) << n;
+    most_N = std::max(most_N, loop.wrench.force_N.norm());
+  }
+  EXPECT_LT(most_N, 0.1);
+  // and elsewhere the shell holds
+  loop.lead(within, outside, 200);
+  loop.lead(outside, {0, kBoneRadius_mm + 6, 0}, 400);
+  loop.lead({0, kBoneRadius_mm + 6, 0}, {0, kBoneRadius_mm + 2.7, 0}, 200);
+  EXPECT_GT(loop.wrench.force_N.y(), 0.15);
+  EXPECT_TRUE(loop.state.hands[0].proxy.punctured.none());
+}
+
 TEST(Tick, ATissueThatBeginsToBeFeltWhereTheProxyIsLetsGoOfIt) {
   ProxyLoop loop = through_the_shell();
   begin_to_feel(ball_beside(loop.model, {kBoneRadius_mm, 0, 0}, 2), loop.model);

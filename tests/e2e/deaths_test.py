@@ -281,8 +281,9 @@ class Deaths(cli.PalpateTest):
                 self.assert_nothing_left(claims=2)
             self.assert_replays(session.recording, whole=False)
 
-    # main, who ends what does not hear, the hand, the recorder, who looks up causes; those with names of their own
-    THREADS = sorted(5 * ["palpate"] + ["palpate-guard", "palpate-servo", "viewer-volumes", "viewers"])
+    # main, who ends what does not hear, the hand, the recorder, who looks up causes, soft tissue; those with names of
+    # their own
+    THREADS = sorted(6 * ["palpate"] + ["palpate-guard", "palpate-servo", "viewer-volumes", "viewers"])
 
     def begin_watched(self):
         """(a session that serves a page, the file that chooses who throws, [(name, number)] of its threads as they began)"""

@@ -46,6 +46,9 @@ struct ProxyFeel {
   double lost_mm = 2, lost_s = 0.25;
   /// A tool that has gone through a surface is out of it when it has left it by so much.
   double sealed_mm = 0.2;
+  /// A part of a tool finds a hole that stayed open from so far aside of where it fits, and from so far
+  /// before its ends.
+  double hole_play_mm = 0.5;
   /// A wall that lies across a capsule stands at most so far above its outline between two of the spheres as
   /// which it is felt, which are so far apart at least.
   double row_dip_mm = 0.01, least_pitch_mm = 0.15;
@@ -80,6 +83,7 @@ struct ProxyFeel {
     of("lost_mm", lost_mm);
     of("lost_s", lost_s);
     of("sealed_mm", sealed_mm);
+    of("hole_play_mm", hole_play_mm);
     of("row_dip_mm", row_dip_mm);
     of("least_pitch_mm", least_pitch_mm);
     of("most_slip_N_per_s", most_slip_N_per_s);

@@ -48,6 +48,7 @@ struct Tissue {
   double friction_coefficient = 0.1;  ///< cap of the tangential force relative to the normal one
   double static_friction = 0.1;       ///< of the proxy: coefficient up to which it sticks
   double puncture_N = std::numeric_limits<double>::infinity();  ///< of the proxy: force that goes through
+  bool stays_open = false;  ///< where it was gone through: no force is needed there a second time
   double friction_damping_N_s_per_mm = 0.005;
   double friction_max_N = 0.5;  ///< preset cap of the tangential force (as published)
   double viscosity_N_s_per_mm = 0.001;

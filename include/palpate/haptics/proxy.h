@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "palpate/haptics/feel.h"
+#include "palpate/haptics/holes.h"
 #include "palpate/haptics/owners.h"
 #include "palpate/haptics/yield.h"
 #include "palpate/sampling/surface.h"
@@ -36,6 +37,7 @@ struct FeltSurface {
   double dynamic_friction = 0.1;  ///< coefficient with which it slides
   /// Force that makes the tool go through; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
+  bool stays_open = false;  ///< where it was gone through
   /// Of a common surface: by whose shares it feels in place of its own values.
   std::shared_ptr<const Owners> owners = nullptr;
   /// The structure whose surface this is besides the one that stands at its own place. -1: none.
@@ -189,6 +191,7 @@ struct ProxyOptions {
   const YieldFrame* yields = nullptr;
   std::size_t device = 0;
   const RelaxationTimes* relaxation_times = nullptr;  ///< of the model; null: nothing relaxes
+  Holes* holes = nullptr;  ///< of all tools, in tissue that stays open; null: everything closes
 };
 
 /// What the springs from the tip to the proxies give.
@@ -254,18 +257,14 @@ struct ProxyResult : ProxyForce {                ///< of all layers
 /// - A structure is gone through when what it gives of the springs' force, friction aside and before any
 ///   limit, stiffness included, is above its puncture force. It opens the common surfaces that it is part of,
 ///   so that what lies beneath is met by surfaces of its own; each closes again when tip and proxy have left
-///   it.
+///   it. One that stays open keeps a hole: where all that leans on it lies in its holes, it is gone through
+///   again without force.
 /// @param surfaces  at most kMostSurfaces; the same ones in every call with one state
 /// @param spheres   1 ... kMostToolSpheres
 /// @param hand      the attitude by which `spheres` are turned
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options = {});
 
-/// Which of the surfaces before a change one of those after it was.
-struct SurfaceBefore {
-  std::int16_t index;  ///< of the same structure's; -1: it had none
-  bool same;           ///< in shape and place, however it feels now
-};
 /// After a change of the surfaces. What has not changed shape keeps the proxy as it is: where it is, what it
 /// sticks to, what it has gone through. A structure that was gone through and has another shape now is still
 /// gone through. A proxy that lies inside a surface that is new or has another shape is let go: nobody knows

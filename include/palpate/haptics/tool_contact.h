@@ -23,6 +23,7 @@ struct TickContext {
   Transform<World, Patient> X_WorldPatient;  ///< with the object's rotation
   Transform<Patient, World> X_PatientWorld;
   const YieldFrame* yields = nullptr;  ///< of tissue that yields; null: nothing is known of it
+  Holes* holes = nullptr;              ///< ProxyOptions::holes
 };
 
 /// What belongs to one device in a tick.

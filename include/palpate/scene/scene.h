@@ -71,6 +71,7 @@ struct TissueSettings {
   double friction_coefficient = 0.1;
   std::optional<double> static_friction;  ///< empty: friction_coefficient
   std::optional<double> puncture_N;       ///< empty: never
+  bool stays_open = false;                ///< Tissue::stays_open
   double cutting_energy_mJ_per_mm3 = Tissue().cutting_energy_mJ_per_mm3;
   Protection protection = Protection::kNone;  ///< of a burr; only of what is felt
   std::optional<ElasticConstants> elastic;    ///< Tissue::elastic
@@ -197,7 +198,8 @@ struct NewSceneInput {
   std::string title = {};
   Side side = Side::kUnknown;
   Modality modality = Modality::kUnknown;
-  TissueLaw law = TissueLaw::kLayers;
+  /// None: elastic where a structure gets a preset with a modulus, else by layers.
+  std::optional<TissueLaw> law = {};
   std::optional<int> volume_of_scan = {};  ///< its number, where `scan` holds several
 };
 /// The text of a scene file for these files, every structure in the tissue its name suggests; structures

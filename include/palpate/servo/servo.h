@@ -87,6 +87,7 @@ struct SessionState {
   // of tools that cut: how often a motor was switched on while all were off, and whether one is on
   std::uint32_t strokes = 0;
   bool motor_on = false;
+  Holes holes;  // that stayed open where tools went through
   std::array<Hand, kMaxDevices> hands;
   /// Those of the model of the last tick, by which a new version's are told from other ones. They follow from
   /// that version, which the hash knows.
