@@ -57,7 +57,11 @@ TissueThread::TissueThread(ServoLoop& loop, EventLog& told,
     : loop_(loop), told_(told), felt_(std::move(felt)), thread_([this] { run(); }) {}
 
 TissueThread::~TissueThread() {
-  ending_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  ends_.notify_one();
   thread_.join();
 }
 
@@ -66,14 +70,15 @@ void TissueThread::run() {
   constexpr auto kFrame =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kYieldFrame_s));
   Clock::time_point next = Clock::now();
-  while (!ending_) {
+  for (bool ending = false; !ending;) {
     try {
       solve_next();
     } catch (const std::bad_alloc&) {
       return;
     }
     next = std::max(next + kFrame, Clock::now());
-    std::this_thread::sleep_until(next);
+    std::unique_lock lock(mutex_);
+    ending = ends_.wait_until(lock, next, [this] { return ending_; });
   }
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <array>
-#include <atomic>
+#include <condition_variable>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -40,9 +40,10 @@ class TissueThread {
   YieldSolver solver_;
   bool any_ = false;
   std::uint64_t last_input_ = 0;
-  mutable std::mutex mutex_;  // of what is shown
+  mutable std::mutex mutex_;  // of what follows
   std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> shown_;
-  std::atomic<bool> ending_{false};
+  bool ending_ = false;
+  std::condition_variable ends_;
   std::thread thread_;
 };
 

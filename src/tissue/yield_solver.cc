@@ -227,12 +227,11 @@ struct YieldSolver::Region {
   }
 
   /// The neo-Hookean body, pressed as deep as the tool will be: what that adds to the spot of the linear one.
-  void solve_finite(const PressurePatch& patch, double depth_mm, double radius_mm, bool anew,
-                    YieldSpot& spot);
+  void solve_finite(const PressurePatch& patch, double depth_mm, bool anew, YieldSpot& spot);
 };
 
-void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_mm, double radius_mm,
-                                       bool anew, YieldSpot& spot) {
+void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_mm, bool anew,
+                                       YieldSpot& spot) {
   constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2;
   Finite& f = *finite;
   const HeldMeans surface = patch.columns(kSolvingFeel.least_bearing);
@@ -342,7 +341,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
     spot.slope_per_N = patch.change(region->unit_mm) * 2;
     spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;
-    if (region->finite != nullptr) region->solve_finite(patch, depth_mm, radius_mm, anew, spot);
+    if (region->finite != nullptr) region->solve_finite(patch, depth_mm, anew, spot);
     if (region->shares) spot.relaxed = region->shares->relaxed(region->grid(), region->unit_mm);
   }
   return frame_;

@@ -159,13 +159,13 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
                            {1000, "", {}, 4, 2},
                            {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1, 2},
                            {10, "-neo-hookean", {}, 4, 1, TissueLaw::kNeoHookean}};
-  constexpr const char* kDevices[] = {"premium-1.5", "touch"};
+  constexpr const char* kOn[] = {"premium-1.5", "touch"};
   constexpr double kTime_s = 6;
   for (const Of& of : kBalls) {
     const auto ball = yielding_ball(of.kPa, of.law, progress, of.relaxation);
     if (!ball) return ball.error();
     for (const At& loop : std::span(kLoops).first(of.loops))
-      for (const char* device : std::span(kDevices).first(of.devices))
+      for (const char* device : std::span(kOn).first(of.devices))
         for (const char* grip : {"light-grip", "firm-grip"}) {
           if (progress.stopped()) return Progress::interrupted();
           Exploration exploration{*find_plant_device(device), *find_plant_hand(grip)};
