@@ -196,6 +196,8 @@ TEST(BuildModel, HashFollowsModuliUnderTheElasticLawAlone) {
   const auto relaxing = model_with(modulus + "relaxation = [[0.3, 9], [0.1, 2]]\n" + elastic);
   EXPECT_EQ(relaxing->relaxation_times.count, 2u);
   EXPECT_EQ(relaxing->relaxation_times.time_s[0], 2);
+  EXPECT_TRUE(model_with(modulus + "relaxation = [[0.3, 9]]\n[yielding]\nlaw = 'neo-hookean'\n")
+                  ->relaxation_times.any());
   EXPECT_EQ(relaxing->tissues[0].relaxation.part(), 0.4);
   EXPECT_FALSE(model_with(elastic)->tissues[0].elastic.has_value());
 }

@@ -163,7 +163,7 @@ Result<void> check_relaxation(const Relaxation& relaxation) {
 // of the tissues that yield
 Result<RelaxationTimes> relaxation_times_of(const ModelParts& parts) {
   RelaxationTimes times;
-  if (parts.tissue_law != TissueLaw::kElastic) return times;
+  if (!is_elastic(parts.tissue_law)) return times;
   for (const Tissue& tissue : parts.tissues) {
     if (auto fine = check_relaxation(tissue.relaxation); !fine) {
       Error error = fine.error();

@@ -157,17 +157,24 @@ TEST_F(YieldRun, EverySolutionIsARowAndTheRunReplays) {
 }
 
 // the same ball, whose tissue relaxes by half
-LoadedScene relaxing_ball() {
+LoadedScene relaxing_ball(TissueLaw law) {
   LoadedScene loaded = soft_ball();
   Model model = *loaded.model;
+  model.tissue_law = law;
   model.tissues[1].relaxation = {{{{0.3, 0.2}, {0.2, 3}}}};
   PALPATE_CHECK(model.relaxation_times.add(model.tissues[1].relaxation));
   loaded.model = std::make_shared<const Model>(std::move(model));
   return loaded;
 }
 
-TEST_F(YieldRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays) {
-  const LoadedScene loaded = relaxing_ball();
+class RelaxingRun : public YieldRun, public ::testing::WithParamInterface<TissueLaw> {};
+INSTANTIATE_TEST_SUITE_P(Laws, RelaxingRun, ::testing::Values(TissueLaw::kElastic, TissueLaw::kNeoHookean),
+                         [](const auto& law) {
+                           return std::string(law.param == TissueLaw::kElastic ? "Elastic" : "NeoHookean");
+                         });
+
+TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays) {
+  const LoadedScene loaded = relaxing_ball(GetParam());
   const auto script = parse_script(
       "[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.4\n[[step]]\nhold = 1.5\n"
       "[[step]]\nslide = 4.0\ndirection = \"left\"\nspeed = 20\n[[step]]\nleave = true\n"
