@@ -262,10 +262,11 @@ void add_new(CLI::App& app, Run& run) {
   verb->add_option(
           "--tissue", options->law,
           "What soft tissue does under the tool: layers hold it out and do not move, elastic yields (what is "
-          "written where a name suggests soft tissue), neo-hookean stiffens besides where it is squeezed far")
-      ->check(
-          CLI::IsMember({name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
-                         name_of(TissueLaw::kNeoHookean, kTissueLaws)}));
+          "written where a name suggests soft tissue), neo-hookean stiffens besides where it is squeezed "
+          "far, chainmail is felt as layers and seen to move")
+      ->check(CLI::IsMember(
+          {name_of(TissueLaw::kLayers, kTissueLaws), name_of(TissueLaw::kElastic, kTissueLaws),
+           name_of(TissueLaw::kNeoHookean, kTissueLaws), name_of(TissueLaw::kChainMail, kTissueLaws)}));
   verb->add_option("-t,--title", options->title, "Title, shown in reports");
   verb->add_option("-o,--output", options->output,
                    "The scene file; without it the text goes to standard output");

@@ -101,15 +101,18 @@ std::string section_figure(Sections& shown, const View& view) {
 /// How tissue that has yielded is shown; empty where it rests.
 std::string yielded_html(const Sections& shown) {
   if (shown.yielded.rests()) return "";
+  const bool as_mail = shown.model.tissue_law == TissueLaw::kChainMail;
   std::string html =
-      "<p class=\"yielded\">Tissue is drawn where it had gone under the tool at the largest force, by linear "
-      "elasticity; the circle is the tool in its dent.";
+      "<p class=\"yielded\">Tissue is drawn where it had gone under the tool at the largest force, ";
+  html += as_mail ? "as links of a chain mail move, which says nothing of forces" : "by linear elasticity";
+  html += "; the circle is the tool in its dent.";
   if (!(shown.most_strain >= kLeastStrain))
     return html + " Nothing in view is strained by " + number(100 * kLeastStrain, 0) + " % or more.</p>\n";
   const bool is_known = std::isfinite(shown.most_strain) && shown.most_strain < 1;
   html += " Equivalent strain in view: ";
   html += is_known ? "at most " + number(100 * shown.most_strain, 0) + " %."
-                   : std::string("more than 100 % in places, which is beyond linear elasticity.");
+                   : "more than 100 % in places" +
+                         std::string(as_mail ? "." : ", which is beyond linear elasticity.");
   return html + " <span class=\"strain-key\">0 " + strain_scale_svg() + " " + number(100 * kMostStrain, 0) +
          " % and more; less than " + number(100 * kLeastStrain, 0) + " % fades out</span></p>\n";
 }

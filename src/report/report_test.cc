@@ -445,6 +445,13 @@ TEST_F(Report, ShowsTissueWhereItHasYieldedTo) {
   EXPECT_NE(scan_of(html, "0"), scan_of(still, "0"));
   for (const std::string other : {"1", "2", "3"}) EXPECT_EQ(scan_of(html, other), scan_of(still, other));
   EXPECT_EQ(html, page());
+  EXPECT_THAT(html, HasSubstr("by linear elasticity"));
+  Model mail = model;
+  mail.tissue_law = TissueLaw::kChainMail;
+  const std::string moved = report_html(recording, mail).value();
+  EXPECT_EQ(count(moved, "<img class=\"strain\""), 3u);
+  EXPECT_THAT(moved, HasSubstr("as links of a chain mail move"));
+  EXPECT_THAT(moved, Not(HasSubstr("linear elasticity")));
 }
 
 TEST_F(Report, WithLayersItIsAsIfNothingHadAModulus) {

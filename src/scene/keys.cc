@@ -381,16 +381,18 @@ SceneKeys declared_keys() {
              .choices = names_of(kTissueLaws),
              .meaning =
                  "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: likewise, and stiffen "
-                 "where they are squeezed far; beside the servo it takes three times the work. By the "
-                 "proxy alone."},
+                 "where they are squeezed far; beside the servo it takes three times the work. Both by the "
+                 "proxy alone. `chainmail`: they are felt as by layers, and seen to move as in the chain "
+                 "mail of "
+                 "Gibson 1997."},
             {.name = "cell",
              .type = kNumber,
              .unit = "mm",
              .min = 0.2,
              .max = 10,
-             .meaning =
-                 "Of both elastic laws: edge of the cubes that they are computed on, 1 to 3 voxels. Without "
-                 "it: chosen from the voxels."},
+             .meaning = "Of all laws but `layers`: edge of the cubes that they are computed on, 1 to 3 "
+                        "voxels. Without "
+                        "it: chosen from the voxels."},
             {.name = "relaxation",
              .type = kFlag,
              .default_text = "false",

@@ -192,14 +192,14 @@ void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) 
     problems.add(reader.line("law"), "tissue yields to the proxy alone",
                  "set [force] method = \"proxy\", or leave method out");
   yielding.relaxation = reader.flag("relaxation").value_or(false);
-  const auto belongs = [&](const char* key, bool there) {
-    if (there && !is_elastic(yielding.law))
-      problems.add(reader.line(key),
-                   key + std::string(" belongs to the laws \"elastic\" and \"neo-hookean\""),
-                   "take it out, or change the law");
+  const auto does_nothing = [&](const char* key, const char* laws) {
+    problems.add(reader.line(key), key + std::string(" belongs to the laws ") + laws,
+                 "take it out, or change the law");
   };
-  belongs("relaxation", yielding.relaxation);
-  belongs("cell", yielding.cell_mm.has_value());
+  if (yielding.relaxation && !is_elastic(yielding.law))
+    does_nothing("relaxation", "\"elastic\" and \"neo-hookean\"");
+  if (yielding.cell_mm && !is_moving(yielding.law))
+    does_nothing("cell", "\"elastic\", \"neo-hookean\" and \"chainmail\"");
 }
 
 void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {

@@ -18,17 +18,14 @@ constexpr int kPriority = 5;
 
 }  // namespace
 
-std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& felt,
-                                                std::size_t device) {
-  YieldField field;
-  if (device >= static_cast<std::size_t>(felt.devices) || felt.device[device].contact_label[0] == 0 ||
-      !solver.field_of(device, field))
-    return nullptr;
+namespace {
+
+/// @param unit_mm  what is seen is so many `times` of it
+std::shared_ptr<ViewedYield> viewed_field(const ElasticBox& box, const ElasticLayout& layout,
+                                          const ElasticField& unit_mm, double times) {
   // every second node: what is seen is smooth
   constexpr int kEvery = 2;
-  const ElasticBox& box = *field.box;
   auto viewed = std::make_shared<ViewedYield>();
-  viewed->frame = solver.frame().number;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     viewed->nodes[axis] = box.cells[axis] / kEvery + 1;
     viewed->first_patient_mm[axis] = box.corner[static_cast<int>(axis)];
@@ -37,7 +34,6 @@ std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const
           box.axes(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(axis));
   }
   viewed->spacing_mm = kEvery * box.cell_mm;
-  const double force_N = solver.displacing_N(device, felt.device[device]);
   viewed->moved_mm.reserve(3 * static_cast<std::size_t>(viewed->nodes[0]) * viewed->nodes[1] *
                            viewed->nodes[2]);
   for (int k = 0; k < viewed->nodes[2]; ++k)
@@ -45,10 +41,24 @@ std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const
       for (int i = 0; i < viewed->nodes[0]; ++i) {
         Eigen::Vector3d unit;
         for (int c = 0; c < 3; ++c)
-          unit[c] = field.unit_mm->values[field.layout->node(kEvery * i, kEvery * j, kEvery * k, c)];
-        const Eigen::Vector3d moved = box.axes * unit * force_N;
+          unit[c] = unit_mm.values[layout.node(kEvery * i, kEvery * j, kEvery * k, c)];
+        const Eigen::Vector3d moved = box.axes * unit * times;
         for (int c = 0; c < 3; ++c) viewed->moved_mm.push_back(static_cast<float>(moved[c]));
       }
+  return viewed;
+}
+
+}  // namespace
+
+std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& felt,
+                                                std::size_t device) {
+  YieldField field;
+  if (device >= static_cast<std::size_t>(felt.devices) || felt.device[device].contact_label[0] == 0 ||
+      !solver.field_of(device, field))
+    return nullptr;
+  auto viewed = viewed_field(*field.box, *field.layout, *field.unit_mm,
+                             solver.displacing_N(device, felt.device[device]));
+  viewed->frame = solver.frame().number;
   return viewed;
 }
 
@@ -89,11 +99,28 @@ void TissueThread::solve_next() {
   // a replay has the model that the tick felt
   const std::shared_ptr<const Model> model = felt_();
   if (model->version != felt.model_version) return;
-  const YieldFrame& frame = solver_.solve(*model, felt);
   any_ = true;
   last_input_ = felt.tick;
+  if (model->tissue_law == TissueLaw::kChainMail) return move_mail(*model, felt);
+  const YieldFrame& frame = solver_.solve(*model, felt);
   set_yield_told(loop_, told_, frame, felt.tick);
   show(felt);
+}
+
+// nothing is felt of it: no tick is told
+void TissueThread::move_mail(const Model& model, const TickRecord& felt) {
+  mail_.advance(model, felt);
+  ++mail_frame_;
+  for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    const ChainMail* const mail = mail_.of(d);
+    std::shared_ptr<ViewedYield> viewed;
+    if (mail != nullptr) {
+      viewed = viewed_field(mail->box(), mail->layout(), mail->moved_mm(), 1);
+      viewed->frame = mail_frame_;
+    }
+    const std::lock_guard lock(mutex_);
+    shown_[d] = std::move(viewed);
+  }
 }
 
 void TissueThread::show(const TickRecord& felt) {

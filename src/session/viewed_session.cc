@@ -190,7 +190,7 @@ void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   const std::lock_guard lock(stop_mutex_);
   if (stopped_early_.load()) stop_told(loop, told_, stopped_by_);
   if (parts_.model->cuts()) cutter_ = std::thread([this] { cut_along(); });
-  if (!is_elastic(parts_.model->tissue_law) || !parts_.model->has(ForceMethod::kProxy)) return;
+  if (!is_moving(parts_.model->tissue_law) || !parts_.model->has(ForceMethod::kProxy)) return;
   tissue_ = std::make_unique<TissueThread>(loop, told_, [this] {
     const std::lock_guard its_model(mutex_);
     return model_.felt;

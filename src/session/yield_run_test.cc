@@ -112,6 +112,36 @@ class YieldRun : public ::testing::Test {
     EXPECT_EQ(playback.yielded(kMaxDevices), nullptr);
     return worst;
   }
+  // explores it, and reads the recording: the farthest that viewers saw anything move
+  double seen_moving_mm(const LoadedScene& loaded) {
+    ViewerHost* host = nullptr;
+    double moved_mm = 0;
+    ExploreOptions options;
+    options.loop.realtime = false;
+    options.loop.ring_s = 30;
+    options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+      host = &session;
+      return std::shared_ptr<void>();
+    };
+    options.request = [&] {
+      if (const auto yielded = host->yielded(0)) {
+        EXPECT_EQ(yielded->moved_mm.size(),
+                  3u * static_cast<std::size_t>(yielded->nodes[0] * yielded->nodes[1] * yielded->nodes[2]));
+        for (const float mm : yielded->moved_mm)
+          moved_mm = std::max(moved_mm, static_cast<double>(std::abs(mm)));
+      }
+      EXPECT_EQ(host->yielded(1), nullptr);
+      return ExploreRequest::kNone;
+    };
+    const auto explored = explore(loaded, palpating(), options, folder_ / "live.h5");
+    EXPECT_TRUE(explored.ok());
+    if (!explored.ok()) return 0;
+    EXPECT_EQ(explored->summary.dropped, 0u);
+    auto read = read_recording(folder_ / "live.h5");
+    EXPECT_TRUE(read.ok());
+    if (read.ok()) recording_ = *std::move(read);
+    return moved_mm;
+  }
   // to and fro, next to each other, far apart, and where nothing has been touched yet
   std::vector<std::size_t> some_rows() const {
     const std::size_t rows = recording_.ticks.size();
@@ -208,6 +238,23 @@ TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays)
   EXPECT_FALSE(different->identical);
 }
 
+TEST_F(YieldRun, AChainMailIsFeltAsLayersToTheBit) {
+  std::vector<std::uint64_t> hashes[2];
+  for (const TissueLaw law : {TissueLaw::kChainMail, TissueLaw::kLayers}) {
+    const auto simulated = simulate(soft_ball(law), palpating(), {}, folder_ / "run.h5");
+    ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+    auto read = read_recording(folder_ / "run.h5");
+    ASSERT_TRUE(read.ok()) << read.error().message();
+    recording_ = *std::move(read);
+    EXPECT_TRUE(solutions().empty());
+    for (const TickRecord& tick : recording_.ticks)
+      hashes[law == TissueLaw::kLayers].push_back(tick.state_hash);
+    std::filesystem::remove(folder_ / "run.h5");
+  }
+  EXPECT_GT(hashes[0].size(), 1000u);
+  EXPECT_EQ(hashes[0], hashes[1]);
+}
+
 // the same ball, milled through its tissue down to the bone
 LoadedScene soft_ball_and_burr() {
   LoadedScene loaded = soft_ball();
@@ -290,41 +337,29 @@ TEST_F(YieldRun, AReplayNamesASolutionThatIsAnotherOneOrMissing) {
 }
 
 TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
-  ViewerHost* host = nullptr;
-  double moved_mm = 0;
-  ExploreOptions options;
-  options.loop.realtime = false;
-  options.loop.ring_s = 30;
-  options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
-    host = &session;
-    return std::shared_ptr<void>();
-  };
-  options.request = [&] {
-    if (const auto yielded = host->yielded(0)) {
-      EXPECT_EQ(yielded->moved_mm.size(),
-                3u * static_cast<std::size_t>(yielded->nodes[0] * yielded->nodes[1] * yielded->nodes[2]));
-      for (const float mm : yielded->moved_mm)
-        moved_mm = std::max(moved_mm, static_cast<double>(std::abs(mm)));
-    }
-    EXPECT_EQ(host->yielded(1), nullptr);
-    return ExploreRequest::kNone;
-  };
   // as on a machine that is too slow for the scene's own cells; what is replayed knows of it by the recording
   LoadedScene slow = loaded_;
   Model coarser = *loaded_.model;
   coarser.tissue_coarsened = 1.25;
   slow.model = std::make_shared<const Model>(std::move(coarser));
-  const auto explored = explore(slow, palpating(), options, folder_ / "live.h5");
-  ASSERT_TRUE(explored.ok()) << explored.error().message();
-  EXPECT_EQ(explored->summary.dropped, 0u);
+  const double moved_mm = seen_moving_mm(slow);
   EXPECT_GT(moved_mm, 0.5);
   EXPECT_LT(moved_mm, 8);
-  auto read = read_recording(folder_ / "live.h5");
-  ASSERT_TRUE(read.ok()) << read.error().message();
-  recording_ = *std::move(read);
   EXPECT_GT(solutions().size(), 20u);
   EXPECT_EQ(recording_.header.tissue_coarsened, 1.25);
   const auto result = replay(recording_, loaded_.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+}
+
+TEST_F(YieldRun, OnTheRealClockAChainMailIsSeenAndNotRecorded) {
+  const LoadedScene mail = soft_ball(TissueLaw::kChainMail);
+  const double moved_mm = seen_moving_mm(mail);
+  // 0.8 mm deep, and viewers have every second node
+  EXPECT_GT(moved_mm, 0.2);
+  EXPECT_LT(moved_mm, 2);
+  EXPECT_TRUE(solutions().empty());
+  const auto result = replay(recording_, mail.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;
 }

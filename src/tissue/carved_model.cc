@@ -74,7 +74,7 @@ SweepRecord plain(const Cut& cut) {
 Carving::Carving(const Model& model)
     : made_labels_(model.labels),
       is_cut_(labels_that_are_cut(model)),
-      tells_parts_(is_elastic(model.tissue_law)) {
+      tells_parts_(is_moving(model.tissue_law)) {
   left_.surfaces.resize(model.surfaces.size());
   left_.labels = model.labels;
   for (const ProtectedStructure& structure : model.protected_structures)

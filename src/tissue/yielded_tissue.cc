@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "palpate/base/cube_root.h"
+#include "palpate/tissue/chain_mail.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
 #include "tissue/yield_cells.h"
@@ -72,7 +73,27 @@ bool find_press(const Model& model, const TickRecord& felt, std::size_t device, 
 }  // namespace
 
 YieldedTissue::YieldedTissue(const Model& model, const TickRecord& felt) {
-  if (!is_elastic(model.tissue_law) || model.labels == nullptr) return;
+  if (model.labels == nullptr) return;
+  if (is_elastic(model.tissue_law)) solve(model, felt);
+  if (model.tissue_law == TissueLaw::kChainMail) move(model, felt);
+}
+
+void YieldedTissue::move(const Model& model, const TickRecord& felt) {
+  constexpr int kPasses = 64;  // as a second of frames
+  const std::vector<ElasticMaterial> by_label = materials_of(model);
+  for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    Dent dent;
+    if (!find_dent(model, felt, d, dent)) continue;
+    const std::array<int, 3> first = first_cell_around(model, middle_below(model, dent.at, dent.outward));
+    const CarvedCells cells = yield_cells(model, by_label, {first, dent.at});
+    ChainMail mail(cells.grid());
+    mail.press(dent);
+    mail.relax(kPasses);
+    parts_.emplace_back(cells.grid(), mail.moved_mm(), 1);
+  }
+}
+
+void YieldedTissue::solve(const Model& model, const TickRecord& felt) {
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   const auto devices = static_cast<std::size_t>(std::clamp(felt.devices, 0, kMaxDevices));
   for (std::size_t d = 0; d < devices; ++d) {

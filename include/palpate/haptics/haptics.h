@@ -34,9 +34,16 @@ enum class TissueLaw : std::uint8_t {
   kElastic,  ///< what has ElasticConstants is an elastic body that yields and spreads (docs/tissue.md)
   /// The same body as a neo-Hookean one where that has a solution, else as a linear one.
   kNeoHookean,
+  /// Forces of the layers, and what has ElasticConstants is seen to move as a chain mail does
+  /// (palpate/tissue/chain_mail.h).
+  kChainMail,
 };
 /// Whether what has ElasticConstants yields by it.
 constexpr bool is_elastic(TissueLaw law) {
+  return law == TissueLaw::kElastic || law == TissueLaw::kNeoHookean;
+}
+/// Whether it is seen to move.
+constexpr bool is_moving(TissueLaw law) {
   return law != TissueLaw::kLayers;
 }
 
@@ -188,6 +195,7 @@ struct Model {
   }
   /// Whether it gives way as an elastic body.
   bool yields(const Tissue& tissue) const { return is_elastic(tissue_law) && tissue.elastic.has_value(); }
+  bool moves(const Tissue& tissue) const { return is_moving(tissue_law) && tissue.elastic.has_value(); }
   bool has(ForceMethod method) const {
     return method == ForceMethod::kProxy ? !surfaces.empty() : methods[index_of(method)] != nullptr;
   }

@@ -41,9 +41,9 @@ inline constexpr std::array kModalities{Word<Modality>{Modality::kCt, "ct"},
                                         Word<Modality>{Modality::kMr, "mr"},
                                         Word<Modality>{Modality::kUnknown, "unknown"}};
 /// The last is what a scene has that says nothing.
-inline constexpr std::array kTissueLaws{Word<TissueLaw>{TissueLaw::kElastic, "elastic"},
-                                        Word<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
-                                        Word<TissueLaw>{TissueLaw::kLayers, "layers"}};
+inline constexpr std::array kTissueLaws{
+    Word<TissueLaw>{TissueLaw::kElastic, "elastic"}, Word<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
+    Word<TissueLaw>{TissueLaw::kChainMail, "chainmail"}, Word<TissueLaw>{TissueLaw::kLayers, "layers"}};
 template <class T, std::size_t kCount>
 constexpr T value_of(std::string_view name, const std::array<Word<T>, kCount>& words) {
   const auto found =

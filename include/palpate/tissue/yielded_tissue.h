@@ -11,7 +11,8 @@ namespace palpate {
 /// Where soft tissue has gone under the tools of one tick, and how it is strained there, for pictures: each
 /// device's own place and force as the tick tells them, linear elasticity solved to its end, and what several
 /// tools do added up. It knows nothing of ticks before, of friction along the surface, and of tissue farther
-/// away than a box of cells (SolvingFeel::cells_along). Immutable; any thread.
+/// away than a box of cells (SolvingFeel::cells_along). By TissueLaw::kChainMail a chain mail that is dented
+/// once and has relaxed for a second. Immutable; any thread.
 class YieldedTissue {
  public:
   /// At rest.
@@ -32,10 +33,13 @@ class YieldedTissue {
   static constexpr int kFadeCells = 6;
 
  private:
+  void solve(const Model& model, const TickRecord& felt);
+  void move(const Model& model, const TickRecord& felt);
+
   /// What one device's tool moves.
   class Part {
    public:
-    /// @param unit_mm  of the grid's nodes under 1 N
+    /// @param unit_mm  of the grid's nodes under 1 N, or of a chain mail with 1 for the force
     Part(const ElasticGrid& grid, const ElasticField& unit_mm, double force_N);
     void add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const;
     /// du / dx in the patient. @returns whether it is known
