@@ -1,5 +1,5 @@
-// What a viewer that stops reading, or viewers that download, cost the servo and the other viewers: pairs of
-// sessions on the real clock, with and without them, in turns. See README.md.
+// What a viewer that stops reading, viewers that download, or tissue that yields, cost the servo and the
+// other viewers: pairs of sessions on the real clock, with and without them, in turns. See README.md.
 
 #include <sys/wait.h>
 #include <unistd.h>
@@ -36,6 +36,7 @@ struct Options {
   int pairs = 10, viewers = 8, downloading = 0;  // 0: one that stops reading
   double seconds = 60;
   std::uint64_t seed = 1;
+  bool tissue = false;  // it yields or does not; the viewers are the same
   std::string scene = "knee-phantom", json;
 };
 
@@ -71,8 +72,8 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
     threads.emplace_back([&client, until_ns] { client->read_until(until_ns); });
 
   // those that load volumes, again and again
-  const bool stuck = troubled && options.downloading == 0;
-  std::vector<Downloads> downloads(troubled ? static_cast<std::size_t>(options.downloading) : 0);
+  const bool others = troubled && !options.tissue, stuck = others && options.downloading == 0;
+  std::vector<Downloads> downloads(others ? static_cast<std::size_t>(options.downloading) : 0);
   for (Downloads& one : downloads)
     threads.emplace_back([&one, port, until_ns] { one = download_until(port, until_ns); });
 
@@ -215,18 +216,33 @@ nlohmann::json json_of(const Session& session) {
           {"first_load_p50_ms", session.viewers.first_load_p50_ms}};
 }
 
+// the same scene, in which nothing yields
+LoadedScene by_layers(const LoadedScene& loaded) {
+  if (!is_elastic(loaded.model->tissue_law)) fail("nothing yields in this scene");
+  LoadedScene other = loaded;
+  Model model = *loaded.model;
+  model.tissue_law = TissueLaw::kLayers;
+  other.model = std::make_shared<const Model>(std::move(model));
+  return other;
+}
+
+std::string what_differs(const Options& options) {
+  if (options.tissue) return "tissue that yields";
+  if (options.downloading == 0) return "one more that reads nothing";
+  return std::to_string(options.downloading) + " more that download";
+}
+
 int run(const Options& options) {
   const auto loaded = load_scene_or_data_set(options.scene);
   if (!loaded) fail(loaded.error().message());
+  const LoadedScene quiet = options.tissue ? by_layers(*loaded) : *loaded;
   const auto script = parse_script(default_script_text(*loaded->model), "embedded script");
   if (!script) fail(script.error().message());
 
   std::printf(
       "%d pairs of %g s of %s at %g Hz, %d viewers at %g Hz, with and without %s; order by seed %llu\n",
       options.pairs, options.seconds, options.scene.c_str(), script->rate_hz, options.viewers, kPoses_hz,
-      options.downloading == 0 ? "one more that reads nothing"
-                               : (std::to_string(options.downloading) + " more that download").c_str(),
-      static_cast<unsigned long long>(options.seed));
+      what_differs(options).c_str(), static_cast<unsigned long long>(options.seed));
   std::mt19937_64 random(options.seed);
   std::vector<double> lateness_us, age_ms;
   auto pairs = nlohmann::json::array();
@@ -235,7 +251,7 @@ int run(const Options& options) {
     const bool troubled_first = random() & 1;
     std::array<Session, 2> sessions;  // without, with
     for (const bool troubled : {troubled_first, !troubled_first}) {
-      sessions[troubled] = run_session(*loaded, *script, options, troubled);
+      sessions[troubled] = run_session(troubled ? *loaded : quiet, *script, options, troubled);
       print(sessions[troubled]);
     }
     const auto& [without, with] = sessions;
@@ -256,6 +272,7 @@ int run(const Options& options) {
        {"seconds", options.seconds},
        {"viewers", options.viewers},
        {"downloading", options.downloading},
+       {"tissue", options.tissue},
        {"seed", options.seed},
        {"pairs", pairs},
        {"lateness_p99_increase_us",
@@ -268,7 +285,8 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Tick lateness and other viewers, with and without a viewer that stops reading or some that download");
+      "Tick lateness and other viewers, with and without a viewer that stops reading, some that download, or "
+      "tissue that yields");
   palpate::bench::Options options;
   app.add_option("scene", options.scene, "a data set or scene file")->capture_default_str();
   app.add_option("--pairs", options.pairs, "how many pairs")
@@ -284,6 +302,8 @@ int main(int argc, char** argv) {
                  "how many load the volumes again and again, instead of one that stops reading")
       ->check(CLI::Range(0, 128))
       ->capture_default_str();
+  app.add_flag("--tissue", options.tissue,
+               "tissue that yields, as the scene says, and by layers, instead of viewers");
   app.add_option("--seed", options.seed, "of the order within pairs, and of the bootstrap")
       ->capture_default_str();
   app.add_option("--json", options.json, "write the figures to this file");
