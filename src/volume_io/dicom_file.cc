@@ -9,7 +9,7 @@
 #include <dcmtk/dcmdata/dcitem.h>
 #include <dcmtk/dcmdata/dcpixel.h>
 #include <dcmtk/dcmdata/dcpixseq.h>
-#include <dcmtk/dcmdata/dcrledrg.h>
+#include <dcmtk/dcmdata/dcpxitem.h>
 #include <dcmtk/dcmdata/dcsequen.h>
 #include <dcmtk/dcmjpeg/djdecode.h>
 #include <dcmtk/dcmjpls/djdecode.h>
@@ -21,6 +21,7 @@
 #include <cstring>
 #include <limits>
 
+#include "volume_io/dicom_rle.h"
 #include "volume_io/voxel_source.h"
 
 namespace palpate::volume_io {
@@ -542,23 +543,65 @@ class FilePixels : public DicomPixels {
       file->pixels_ = dynamic_cast<DcmPixelData*>(element);
     if (!file->pixels_)
       return bad_input("", "cannot be read any more", "leave the files alone while they are read");
+    file->find_fragments();
     return std::unique_ptr<DicomPixels>(std::move(file));
   }
 
   Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) override;
 
  private:
+  void find_fragments();
   Result<void> read_bits_of(const DicomFrame& frame, std::span<std::int64_t> values);
-  // false: damaged
+  // of the frame's words in buffer_; errors as read()
+  Result<void> unpack(const DicomFrame& frame, std::uint64_t bytes);
+  // by us; false: damaged
+  bool fetch(const DicomFrame& frame, std::uint64_t bytes);
+  // by DCMTK; false: damaged
   bool decode(const DicomFrame& frame, std::uint8_t beyond, std::uint64_t bytes);
 
   DcmFileFormat file_;
   DcmFileCache cache_;
   DcmPixelData* pixels_ = nullptr;
-  std::vector<std::uint8_t> buffer_;
+  std::vector<DcmPixelItem*> fragments_;  // of packed pixels, without the table that is the first item
+  std::uint64_t frames_ = 1;
+  std::vector<std::uint8_t> buffer_, packed_;
   Uint32 next_fragment_ = 0;
   std::int64_t next_frame_ = 0;
 };
+
+void FilePixels::find_fragments() {
+  DcmDataset& root = *file_.getDataset();
+  frames_ = static_cast<std::uint64_t>(std::clamp(number_of(root, DCM_NumberOfFrames).value_or(1), 1.0, 1e9));
+  DcmPixelSequence* sequence = nullptr;
+  const E_TransferSyntax syntax = root.getOriginalXfer();
+  if (!DcmXfer(syntax).isEncapsulated() ||
+      pixels_->getEncapsulatedRepresentation(syntax, nullptr, sequence).bad() || !sequence)
+    return;
+  for (DcmObject* item = sequence->nextInContainer(nullptr); item; item = sequence->nextInContainer(item))
+    if (auto* fragment = dynamic_cast<DcmPixelItem*>(item)) fragments_.push_back(fragment);
+  if (!fragments_.empty()) fragments_.erase(fragments_.begin());
+}
+
+// Puts what is packed of a frame into packed_: one fragment for each frame, or all of a single one.
+bool FilePixels::fetch(const DicomFrame& frame, std::uint64_t bytes) {
+  const std::size_t first = frames_ == 1 ? 0 : frame.frame,
+                    count = frames_ == 1 ? fragments_.size() : std::size_t{1};
+  if (frame.frame >= frames_ || (frames_ > 1 && fragments_.size() != frames_)) return false;
+  // no packing makes more of a frame than this, so that a number takes no memory
+  std::uint64_t left = 2 * bytes + 4096;
+  packed_.clear();
+  for (DcmPixelItem* fragment : std::span(fragments_).subspan(first, count)) {
+    const Uint32 length = fragment->getLength();
+    if (length > left) return false;
+    left -= length;
+    const std::size_t before = packed_.size();
+    packed_.resize(before + length);
+    if (length > 0 &&
+        fragment->getPartialValue(packed_.data() + before, 0, length, &cache_, EBO_LittleEndian).bad())
+      return false;
+  }
+  return true;
+}
 
 // @param last  stands in the last word where nothing is decoded into it
 bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_t bytes) {
@@ -591,6 +634,31 @@ Result<void> FilePixels::read_bits_of(const DicomFrame& frame, std::span<std::in
   return {};
 }
 
+Result<void> FilePixels::unpack(const DicomFrame& frame, std::uint64_t bytes) {
+  const Error damaged = bad_input("", "has damaged PixelData (7FE0,0010)", "copy the series again");
+  if (file_.getDataset()->getOriginalXfer() == EXS_RLELossless) {
+    if (!fetch(frame, bytes)) return damaged;
+    buffer_.resize(static_cast<std::size_t>(bytes));
+    // DCMTK's own decoder of RLE reads beyond what it is given (3.6.7)
+    return unpack_rle(packed_, static_cast<std::size_t>(frame.bits_allocated / 8), buffer_) ? Result<void>()
+                                                                                            : damaged;
+  }
+  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
+  // 16
+  const auto filled = [&](std::uint8_t last) {
+    const auto word =
+        std::span(buffer_).first(bytes).last(static_cast<std::size_t>(frame.bits_allocated / 8));
+    return std::ranges::any_of(word, [&](std::uint8_t byte) { return byte != last; });
+  };
+  constexpr std::uint8_t kLast[] = {0x5A, 0xA5};
+  for (const std::uint8_t last : kLast) {
+    if (!decode(frame, last, bytes)) return damaged;
+    if (filled(last)) return {};
+    next_frame_ = -1;
+  }
+  return bad_input("", "has PixelData (7FE0,0010) of other sizes or bits than it says", kSlicer);
+}
+
 Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> values) {
   DcmDataset& root = *file_.getDataset();
   DicomFrame now = frame;
@@ -603,23 +671,7 @@ Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> v
       pixels_->getUncompressedFrameSize(&root, bytes).bad() || bytes != expected)
     return bad_input("", "has changed while it was read", "leave the files alone while they are read");
 
-  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
-  // 16
-  const auto filled = [&](std::uint8_t last) {
-    const auto word =
-        std::span(buffer_).first(expected).last(static_cast<std::size_t>(frame.bits_allocated / 8));
-    return std::ranges::any_of(word, [&](std::uint8_t byte) { return byte != last; });
-  };
-  constexpr std::uint8_t kLast[] = {0x5A, 0xA5};
-  bool whole = false;
-  for (const std::uint8_t last : kLast) {
-    if (!decode(frame, last, expected))
-      return bad_input("", "has damaged PixelData (7FE0,0010)", "copy the series again");
-    if ((whole = filled(last))) break;
-    next_frame_ = -1;
-  }
-  if (!whole) return bad_input("", "has PixelData (7FE0,0010) of other sizes or bits than it says", kSlicer);
-
+  if (auto unpacked = unpack(frame, expected); !unpacked) return unpacked;
   const std::int64_t padding = frame.padding.value_or(0);
   const std::pair<std::int64_t, std::int64_t> range =
       std::minmax({padding, frame.padding_limit.value_or(padding)});
@@ -657,7 +709,6 @@ class DcmtkFiles : public DicomFiles {
   }
   void begin_reading() override {
     OFLog::configure(OFLogger::OFF_LOG_LEVEL);
-    DcmRLEDecoderRegistration::registerCodecs();
     DJDecoderRegistration::registerCodecs();
     DJLSDecoderRegistration::registerCodecs();
   }
