@@ -297,6 +297,9 @@ VolumeFile volume_of(const DicomVolume& volume, const fs::path& named, std::vect
   file.padded = std::any_of(volume.frames.begin(), volume.frames.end(),
                             [](const DicomFrame& frame) { return frame.padding.has_value(); });
   file.notes = std::move(notes);
+  if (is_lossy(volume))
+    file.notes.push_back(
+        "was compressed with a loss: its values are near those that were measured, and not the same");
   return file;
 }
 

@@ -9,7 +9,7 @@
 #include <dcmtk/dcmdata/dcitem.h>
 #include <dcmtk/dcmdata/dcpixel.h>
 #include <dcmtk/dcmdata/dcpixseq.h>
-#include <dcmtk/dcmdata/dcrledrg.h>
+#include <dcmtk/dcmdata/dcpxitem.h>
 #include <dcmtk/dcmdata/dcsequen.h>
 #include <dcmtk/dcmjpeg/djdecode.h>
 #include <dcmtk/dcmjpls/djdecode.h>
@@ -21,6 +21,8 @@
 #include <cstring>
 #include <limits>
 
+#include "volume_io/dicom_jpeg2000.h"
+#include "volume_io/dicom_rle.h"
 #include "volume_io/voxel_source.h"
 
 namespace palpate::volume_io {
@@ -116,6 +118,12 @@ struct Fault {
   std::string what, remedy;
 };
 
+constexpr const char* kHighThroughput = "High-Throughput JPEG 2000 (HTJ2K)";
+
+bool is_jpeg2000(E_TransferSyntax syntax) {
+  return syntax == EXS_JPEG2000LosslessOnly || syntax == EXS_JPEG2000;
+}
+
 // how its voxels are packed, where that is not read
 std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& uid) {
   const auto compressed = [](const std::string& how) {
@@ -123,7 +131,7 @@ std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& u
   };
   if (uid == "1.2.840.10008.1.2.4.201" || uid == "1.2.840.10008.1.2.4.202" ||
       uid == "1.2.840.10008.1.2.4.203")
-    return compressed("High-Throughput JPEG 2000 (HTJ2K)");
+    return compressed(kHighThroughput);
   switch (syntax) {
     case EXS_LittleEndianImplicit:
     case EXS_LittleEndianExplicit:
@@ -136,12 +144,12 @@ std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& u
     case EXS_JPEGProcess14SV1:
     case EXS_JPEGLSLossless:
     case EXS_JPEGLSLossy:
-      return std::nullopt;
     case EXS_JPEG2000LosslessOnly:
     case EXS_JPEG2000:
+      return std::nullopt;
     case EXS_JPEG2000MulticomponentLosslessOnly:
     case EXS_JPEG2000Multicomponent:
-      return compressed("JPEG 2000");
+      return compressed("JPEG 2000 of several components (Part 2)");
     default:
       break;
   }
@@ -339,6 +347,46 @@ std::vector<DcmItem*> items_of(DcmItem& root, const DcmTagKey& tag) {
   return items;
 }
 
+// The items of packed pixels: first the table of where frames begin, then what is packed.
+std::vector<DcmPixelItem*> fragments_of(DcmPixelData& pixels, E_TransferSyntax syntax) {
+  std::vector<DcmPixelItem*> items;
+  DcmPixelSequence* sequence = nullptr;
+  if (!DcmXfer(syntax).isEncapsulated() ||
+      pixels.getEncapsulatedRepresentation(syntax, nullptr, sequence).bad() || !sequence)
+    return items;
+  for (DcmObject* item = sequence->nextInContainer(nullptr); item; item = sequence->nextInContainer(item))
+    if (auto* fragment = dynamic_cast<DcmPixelItem*>(item)) items.push_back(fragment);
+  return items;
+}
+
+// Appends bytes of a fragment, from its first one on; false: they cannot be read.
+bool append(DcmPixelItem& fragment, std::size_t bytes, DcmFileCache& cache,
+            std::vector<std::uint8_t>& target) {
+  const std::size_t before = target.size();
+  target.resize(before + bytes);
+  return bytes == 0 ||
+         fragment
+             .getPartialValue(target.data() + before, 0, static_cast<Uint32>(bytes), &cache, EBO_LittleEndian)
+             .good();
+}
+
+// whether its values are not those that were measured, as far as it or its first frame says
+bool is_lossy(DcmItem& root, E_TransferSyntax syntax) {
+  if (text_of(root, DCM_LossyImageCompression) == "01") return true;
+  if (syntax == EXS_JPEGProcess1 || syntax == EXS_JPEGProcess2_4 || syntax == EXS_JPEGLSLossy) return true;
+  DcmElement* element = nullptr;
+  if (syntax != EXS_JPEG2000 || root.findAndGetElement(DCM_PixelData, element).bad()) return false;
+  auto* pixels = dynamic_cast<DcmPixelData*>(element);
+  const auto fragments = pixels ? fragments_of(*pixels, syntax) : std::vector<DcmPixelItem*>();
+  if (fragments.size() < 2) return false;
+  constexpr Uint32 kFront = 1024;
+  std::vector<std::uint8_t> front;
+  DcmFileCache cache;
+  if (!append(*fragments[1], std::min(fragments[1]->getLength(), kFront), cache, front)) return false;
+  const auto header = read_jpeg2000_header(front);
+  return header && header->irreversible;
+}
+
 // that the pixels are there, as far as it shows without decoding them
 std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames, bool whole) {
   const Fault cut{"has its PixelData (7FE0,0010) cut short", "copy the series again"};
@@ -347,14 +395,9 @@ std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std
   auto* pixels = dynamic_cast<DcmPixelData*>(element);
   if (!pixels || !whole) return cut;
   const E_TransferSyntax syntax = static_cast<DcmDataset&>(root).getOriginalXfer();
-  if (DcmXfer(syntax).isEncapsulated()) {
-    // each frame has a fragment at least, and the first item is a table of them
-    DcmPixelSequence* fragments = nullptr;
-    if (pixels->getEncapsulatedRepresentation(syntax, nullptr, fragments).bad() || !fragments ||
-        fragments->card() <= frames)
-      return cut;
-    return std::nullopt;
-  }
+  // each frame has a fragment at least, and the first item is a table of them
+  if (DcmXfer(syntax).isEncapsulated())
+    return fragments_of(*pixels, syntax).size() > frames ? std::nullopt : std::optional(cut);
   // bits go on from frame to frame without a gap
   if (element->getLength() < (bits_of_frame(frame) * frames + 7) / 8) return cut;
   return std::nullopt;
@@ -396,6 +439,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   if (auto pixels = look_for_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
   // a number without the pixels for it takes no memory
   if (fault) count = std::min(count, std::max<std::size_t>(own.size(), 1));
+  if (!fault) all.lossy = is_lossy(root, root.getOriginalXfer());
   if (!fault) all.padding = padding_of(root, DCM_PixelPaddingValue, all);
   if (all.padding) all.padding_limit = padding_of(root, DCM_PixelPaddingRangeLimit, all);
 
@@ -492,6 +536,8 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
         {"has a SegmentationType (0062,0001) and a BitsAllocated (0028,0100) that are not read", kSlicer});
   if (all.bits_allocated == 1 && DcmXfer(root.getOriginalXfer()).isEncapsulated())
     return refused({"has packed bits, which are not read", kDecompress});
+  if (segmentation.kind == Kind::kLabels && is_lossy(root, root.getOriginalXfer()))
+    return refused({"has labels that are compressed with a loss, so that they may be others", kSlicer});
   segmentation.most = count_of(root, DCM_MaximumFractionalValue).value_or(255);
   if (segmentation.kind == Kind::kLabels) segmentation.nothing = padding_of(root, DCM_PixelPaddingValue, all);
 
@@ -542,23 +588,116 @@ class FilePixels : public DicomPixels {
       file->pixels_ = dynamic_cast<DcmPixelData*>(element);
     if (!file->pixels_)
       return bad_input("", "cannot be read any more", "leave the files alone while they are read");
+    file->find_fragments();
     return std::unique_ptr<DicomPixels>(std::move(file));
   }
 
   Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) override;
 
  private:
+  void find_fragments();
   Result<void> read_bits_of(const DicomFrame& frame, std::span<std::int64_t> values);
+  // of the frame's words in buffer_; errors as read()
+  Result<void> unpack(const DicomFrame& frame, std::uint64_t bytes);
   // false: damaged
+  bool fetch(const DicomFrame& frame, std::uint64_t bytes);
+  Result<void> unpack_wavelets(const DicomFrame& frame);
+  // by DCMTK; false: damaged
   bool decode(const DicomFrame& frame, std::uint8_t beyond, std::uint64_t bytes);
 
   DcmFileFormat file_;
   DcmFileCache cache_;
   DcmPixelData* pixels_ = nullptr;
-  std::vector<std::uint8_t> buffer_;
+  std::vector<DcmPixelItem*> fragments_;
+  std::vector<std::size_t> first_of_frame_;  // index of its first fragment, and last of all their number
+  std::vector<std::uint8_t> buffer_, packed_;
   Uint32 next_fragment_ = 0;
   std::int64_t next_frame_ = 0;
 };
+
+// Which fragments are a frame's: one each, all of the only one, or what the table says, which counts bytes
+// from the first fragment on, with the 8 before each (PS3.5 A.4). Nothing where that cannot be told.
+void FilePixels::find_fragments() {
+  DcmDataset& root = *file_.getDataset();
+  fragments_ = fragments_of(*pixels_, root.getOriginalXfer());
+  const double frames = number_of(root, DCM_NumberOfFrames).value_or(1);
+  const std::size_t packed = fragments_.size() - std::min<std::size_t>(fragments_.size(), 1);
+  if (packed == 0) return;
+  if (frames == 1) {
+    first_of_frame_ = {1, fragments_.size()};
+    return;
+  }
+  std::vector<std::uint8_t> table;
+  constexpr Uint32 kMostTable = 1 << 22;
+  const bool one_each = frames == static_cast<double>(packed);
+  if (!one_each && !append(*fragments_[0], std::min(fragments_[0]->getLength(), kMostTable), cache_, table))
+    return;
+  std::uint64_t begins = 0;
+  std::size_t next = 0;  // byte of the table
+  for (std::size_t n = 1; n < fragments_.size(); ++n) {
+    std::uint64_t said = 0;
+    for (std::size_t byte = 4; !one_each && next + 4 <= table.size() && byte-- > 0;)
+      said = said << 8 | table[next + byte];
+    if (one_each || (next + 4 <= table.size() && said == begins)) {
+      first_of_frame_.push_back(n);
+      next += 4;
+    }
+    begins += std::uint64_t{8} + fragments_[n]->getLength();
+  }
+  first_of_frame_.push_back(fragments_.size());
+  if (static_cast<double>(first_of_frame_.size() - 1) != frames || first_of_frame_.front() != 1)
+    first_of_frame_.clear();
+}
+
+// Puts what is packed of a frame into packed_.
+bool FilePixels::fetch(const DicomFrame& frame, std::uint64_t bytes) {
+  packed_.clear();
+  if (std::size_t{frame.frame} + 1 >= first_of_frame_.size()) return false;
+  // no packing makes more of a frame than this, so that a number takes no memory
+  std::uint64_t left = 2 * bytes + 4096;
+  for (std::size_t n = first_of_frame_[frame.frame]; n < first_of_frame_[frame.frame + 1]; ++n) {
+    const Uint32 length = fragments_[n]->getLength();
+    if (length > left || !append(*fragments_[n], length, cache_, packed_)) return false;
+    left -= length;
+  }
+  return true;
+}
+
+constexpr const char* kDamagedPixels = "has damaged PixelData (7FE0,0010)";
+constexpr const char* kOtherPixels = "has PixelData (7FE0,0010) of other sizes or bits than it says";
+constexpr const char* kCopyAgain = "copy the series again";
+
+// whether what is packed is what the data set says of it
+bool is_as_said(const Jpeg2000Header& packed, const DicomFrame& frame) {
+  if (packed.components != 1 || packed.subsampled ||
+      packed.columns != static_cast<std::uint32_t>(frame.columns) ||
+      packed.rows != static_cast<std::uint32_t>(frame.rows))
+    return false;
+  // whole words, or the bits that are stored. Old writers mix up whether they have a sign, which the data set
+  // says.
+  if (packed.bits == frame.bits_allocated) return true;
+  return frame.high_bit + 1 == frame.bits_stored &&
+         (packed.bits == frame.bits_stored ||
+          (packed.bits < frame.bits_stored && packed.is_signed == frame.is_signed));
+}
+
+// @pre packed_ is that of the frame, and buffer_ as large as its words
+Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
+  const auto header = read_jpeg2000_header(packed_);
+  if (!header) return bad_input("", kDamagedPixels, kCopyAgain);
+  if (header->high_throughput)
+    return bad_input("", std::string("is compressed as ") + kHighThroughput + ", which is not read",
+                     kDecompress);
+  if (!is_as_said(*header, frame)) return bad_input("", kOtherPixels, kSlicer);
+  // of which each takes memory, however small it is
+  constexpr std::uint64_t kMostTiles = 4096;
+  if (header->tiles > kMostTiles)
+    return bad_input("", "has PixelData (7FE0,0010) in more than " + std::to_string(kMostTiles) + " tiles",
+                     kDecompress);
+  if (!unpack_jpeg2000(*header, packed_, static_cast<std::size_t>(frame.bits_allocated / 8), buffer_))
+    return bad_input("", kDamagedPixels, kCopyAgain);
+  return {};
+}
 
 // @param last  stands in the last word where nothing is decoded into it
 bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_t bytes) {
@@ -583,12 +722,39 @@ Result<void> FilePixels::read_bits_of(const DicomFrame& frame, std::span<std::in
           ->getPartialValue(buffer_.data(), static_cast<Uint32>(first / 8),
                             static_cast<Uint32>(buffer_.size()), &cache_, EBO_LittleEndian)
           .bad())
-    return bad_input("", "has damaged PixelData (7FE0,0010)", "copy it again");
+    return bad_input("", kDamagedPixels, "copy it again");
   for (std::size_t n = 0; n < values.size(); ++n) {
     const std::uint64_t bit = first % 8 + n;
     values[n] = buffer_[static_cast<std::size_t>(bit / 8)] >> (bit % 8) & 1;
   }
   return {};
+}
+
+Result<void> FilePixels::unpack(const DicomFrame& frame, std::uint64_t bytes) {
+  const Error damaged = bad_input("", kDamagedPixels, kCopyAgain);
+  const E_TransferSyntax syntax = file_.getDataset()->getOriginalXfer();
+  if (syntax == EXS_RLELossless || is_jpeg2000(syntax)) {
+    if (!fetch(frame, bytes)) return damaged;
+    buffer_.resize(static_cast<std::size_t>(bytes));
+    if (is_jpeg2000(syntax)) return unpack_wavelets(frame);
+    // DCMTK's own decoder of RLE reads beyond what it is given (3.6.7)
+    return unpack_rle(packed_, static_cast<std::size_t>(frame.bits_allocated / 8), buffer_) ? Result<void>()
+                                                                                            : damaged;
+  }
+  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
+  // 16
+  const auto filled = [&](std::uint8_t last) {
+    const auto word =
+        std::span(buffer_).first(bytes).last(static_cast<std::size_t>(frame.bits_allocated / 8));
+    return std::ranges::any_of(word, [&](std::uint8_t byte) { return byte != last; });
+  };
+  constexpr std::uint8_t kLast[] = {0x5A, 0xA5};
+  for (const std::uint8_t last : kLast) {
+    if (!decode(frame, last, bytes)) return damaged;
+    if (filled(last)) return {};
+    next_frame_ = -1;
+  }
+  return bad_input("", kOtherPixels, kSlicer);
 }
 
 Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> values) {
@@ -603,23 +769,7 @@ Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> v
       pixels_->getUncompressedFrameSize(&root, bytes).bad() || bytes != expected)
     return bad_input("", "has changed while it was read", "leave the files alone while they are read");
 
-  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
-  // 16
-  const auto filled = [&](std::uint8_t last) {
-    const auto word =
-        std::span(buffer_).first(expected).last(static_cast<std::size_t>(frame.bits_allocated / 8));
-    return std::ranges::any_of(word, [&](std::uint8_t byte) { return byte != last; });
-  };
-  constexpr std::uint8_t kLast[] = {0x5A, 0xA5};
-  bool whole = false;
-  for (const std::uint8_t last : kLast) {
-    if (!decode(frame, last, expected))
-      return bad_input("", "has damaged PixelData (7FE0,0010)", "copy the series again");
-    if ((whole = filled(last))) break;
-    next_frame_ = -1;
-  }
-  if (!whole) return bad_input("", "has PixelData (7FE0,0010) of other sizes or bits than it says", kSlicer);
-
+  if (auto unpacked = unpack(frame, expected); !unpacked) return unpacked;
   const std::int64_t padding = frame.padding.value_or(0);
   const std::pair<std::int64_t, std::int64_t> range =
       std::minmax({padding, frame.padding_limit.value_or(padding)});
@@ -657,7 +807,6 @@ class DcmtkFiles : public DicomFiles {
   }
   void begin_reading() override {
     OFLog::configure(OFLogger::OFF_LOG_LEVEL);
-    DcmRLEDecoderRegistration::registerCodecs();
     DJDecoderRegistration::registerCodecs();
     DJLSDecoderRegistration::registerCodecs();
   }

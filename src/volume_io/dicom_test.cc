@@ -9,6 +9,7 @@
 #include <iterator>
 #include <random>
 #include <set>
+#include <tuple>
 
 #include "base/test_files.h"
 #include "base/test_folder.h"
@@ -377,10 +378,112 @@ TEST_F(Dicom, WhatTellsVolumesApart) {
 TEST_F(Dicom, EveryPackingWithoutLossGivesTheSameVoxels) {
   for (const DicomPacking packing :
        {DicomPacking::kImplicit, DicomPacking::kBigEndian, DicomPacking::kDeflated, DicomPacking::kRle,
-        DicomPacking::kJpegLossless, DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs}) {
+        DicomPacking::kJpegLossless, DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs,
+        DicomPacking::kJpeg2000Lossless, DicomPacking::kJpeg2000}) {
     SCOPED_TRACE(static_cast<int>(packing));
     write_series(packing);
     expect_voxels();
+    EXPECT_THAT(warnings_, Not(HasSubstr("loss")));
+  }
+}
+
+TEST_F(Dicom, Jpeg2000OfAnyBitsWithAndWithoutASign) {
+  struct Case {
+    int allocated, stored;
+    bool is_signed;
+    std::optional<int> packed_bits;
+    std::optional<bool> packed_sign;
+  };
+  for (const Case& each :
+       {Case{8, 8, false, {}, {}}, Case{8, 8, true, {}, {}}, Case{16, 12, false, {}, {}},
+        Case{16, 12, true, {}, {}}, Case{16, 16, false, {}, {}}, Case{16, 16, true, {}, {}},
+        // whole words; a sign that the data set knows and the packer did not, and the other way
+        Case{16, 12, true, 16, {}}, Case{16, 12, true, {}, false}, Case{16, 16, false, {}, true},
+        // fewer bits than are stored, which are enough
+        Case{16, 16, true, 13, {}}}) {
+    SCOPED_TRACE(std::to_string(each.stored) + " bits, sign " + std::to_string(each.is_signed));
+    const int most = each.packed_bits ? 12 : each.stored;
+    const auto value = [&](int i, int j, int k) {
+      const int stored = (stored_at(i, j, k) * 17) % (1 << most);
+      return each.is_signed && stored >> (most - 1) ? stored - (1 << most) : stored;
+    };
+    write_series(
+        [&](DicomImage& image, int k) {
+          image.bits_allocated = each.allocated;
+          image.bits_stored = each.stored;
+          image.high_bit = each.stored - 1;
+          image.is_signed = each.is_signed;
+          image.packed_bits = each.packed_bits;
+          image.packed_sign = each.packed_sign;
+          for (int n = 0; n < 48; ++n)
+            image.frames[0].stored[static_cast<std::size_t>(n)] =
+                static_cast<std::uint16_t>(value(n % 8, n / 8, k));
+        },
+        DicomPacking::kJpeg2000Lossless);
+    expect_voxels(value);
+  }
+}
+
+TEST_F(Dicom, Jpeg2000OfOtherBitsOrSizesIsRefused) {
+  const auto write = [&](const auto& change) {
+    write_series([&](DicomImage& image, int) { change(image); }, DicomPacking::kJpeg2000Lossless);
+  };
+  // more bits than are stored and fewer than a word has
+  write([](DicomImage& image) {
+    image.bits_stored = 12;
+    image.high_bit = 11;
+    image.packed_bits = 14;
+  });
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 1 of 5"), HasSubstr("of other sizes or bits than it says")));
+  write([](DicomImage&) {});
+  for (int k = 0; k < kSlices; ++k) {
+    const auto file = folder_ / ("IM" + std::to_string(k));
+    std::string bytes = bytes_of(file);
+    // 9 columns, of which there are 8
+    const auto at = bytes.find(std::string("\x28\0\x11\0US\2\0\x08\0", 10));
+    ASSERT_NE(at, std::string::npos);
+    bytes[at + 8] = 9;
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+  EXPECT_THAT(refusal(), HasSubstr("of other sizes or bits than it says"));
+  write([](DicomImage&) {});
+  for (int k = 0; k < kSlices; ++k) {
+    const auto file = folder_ / ("IM" + std::to_string(k));
+    std::string bytes = bytes_of(file);
+    const auto at = bytes.find("\xFF\x4F\xFF\x51");
+    ASSERT_NE(at, std::string::npos);
+    bytes[at + 6] = 0x40;
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+  EXPECT_THAT(refusal(), HasSubstr("is compressed as High-Throughput JPEG 2000 (HTJ2K)"));
+}
+
+TEST_F(Dicom, ALossIsSaid) {
+  const auto write = [&](DicomPacking packing, const std::string& said) {
+    write_series(
+        [&](DicomImage& image, int) {
+          image.bits_stored = 12;
+          image.high_bit = 11;
+          if (!said.empty()) image.texts = {{0x0028, 0x2110, said}};
+        },
+        packing);
+    warnings_.clear();
+    const auto list = list_volumes(folder_.path());
+    ASSERT_TRUE(list && read());
+    const bool told = list->volumes[0].what.ends_with("compressed with a loss");
+    EXPECT_EQ(told, warnings_.find("was compressed with a loss") != std::string::npos);
+  };
+  for (const auto& [packing, said, lossy] : {std::tuple{DicomPacking::kJpeg2000Lossy, "", true},
+                                             {DicomPacking::kJpeg2000, "", false},
+                                             {DicomPacking::kJpeg2000, "01", true},
+                                             {DicomPacking::kJpegExtended, "", true},
+                                             {DicomPacking::kJpegLsNear, "", true},
+                                             {DicomPacking::kExplicit, "01", true},
+                                             {DicomPacking::kExplicit, "00", false},
+                                             {DicomPacking::kJpegLs, "", false}}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    write(packing, said);
+    EXPECT_EQ(warnings_.find("with a loss") != std::string::npos, lossy);
   }
 }
 
@@ -395,6 +498,28 @@ TEST_F(Dicom, JpegOfEightBitsIsNear) {
   const auto scan = read();
   ASSERT_TRUE(scan) << scan.error().message();
   for (int k = 0; k < kSlices; ++k) EXPECT_NEAR(scan->scan.at(4, 3, k), 100 + 10 * k, 2);
+}
+
+TEST_F(Dicom, LossyOfTwelveBitsIsNear) {
+  for (const auto& [packing, most] :
+       {std::pair{DicomPacking::kJpegExtended, 8}, {DicomPacking::kJpegLsNear, 2}}) {
+    SCOPED_TRACE(static_cast<int>(packing));
+    const auto smooth = [](int i, int j, int k) {
+      return static_cast<std::uint16_t>(300 * k + 20 * j + 10 * i);
+    };
+    write_series(
+        [&](DicomImage& image, int k) {
+          image.bits_stored = 12;
+          image.high_bit = 11;
+          for (int n = 0; n < 48; ++n)
+            image.frames[0].stored[static_cast<std::size_t>(n)] = smooth(n % 8, n / 8, k);
+        },
+        packing);
+    const auto scan = read();
+    ASSERT_TRUE(scan) << scan.error().message();
+    for (int k = 0; k < kSlices; ++k)
+      for (int n = 0; n < 48; ++n) EXPECT_NEAR(scan->scan.at(n % 8, n / 8, k), smooth(n % 8, n / 8, k), most);
+  }
 }
 
 TEST_F(Dicom, EightBitsOfOddSizeInEitherByteOrder) {
@@ -440,7 +565,7 @@ void claim_syntax(const std::filesystem::path& file, std::string uid) {
 }
 
 TEST_F(Dicom, WhatIsNotUnpackedIsRefusedByName) {
-  for (const auto& [uid, name] : {std::pair{"1.2.840.10008.1.2.4.90", "JPEG 2000"},
+  for (const auto& [uid, name] : {std::pair{"1.2.840.10008.1.2.4.92", "JPEG 2000 of several components"},
                                   {"1.2.840.10008.1.2.4.201", "High-Throughput JPEG 2000 (HTJ2K)"},
                                   {"1.2.840.10008.1.2.4.102", "MPEG-4"},
                                   {"1.2.3.4.5", "TransferSyntaxUID (0002,0010)"}}) {
@@ -551,8 +676,9 @@ TEST_F(Dicom, PaddingMayHaveMoreBitsThanAreStored) {
 // ---- multi-frame --------------------------------------------------------------------------------
 
 TEST_F(Dicom, FramesOfOneFile) {
-  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kImplicit, DicomPacking::kRle,
-                                     DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs}) {
+  for (const DicomPacking packing :
+       {DicomPacking::kExplicit, DicomPacking::kImplicit, DicomPacking::kRle,
+        DicomPacking::kJpegLosslessFirstOrder, DicomPacking::kJpegLs, DicomPacking::kJpeg2000Lossless}) {
     SCOPED_TRACE(static_cast<int>(packing));
     DicomImage image = slice(0);
     image.multi_frame = true;
@@ -570,9 +696,34 @@ TEST_F(Dicom, FramesOfOneFile) {
   }
 }
 
+TEST_F(Dicom, FramesOfSeveralPieces) {
+  DicomImage image = slice(0);
+  image.multi_frame = true;
+  image.pieces = 3;
+  image.frames.clear();
+  for (const int k : {3, 0, 4, 1, 2}) image.frames.push_back(slice(k).frames[0]);
+  test::write_dicom(folder_ / "all.dcm", image, DicomPacking::kJpeg2000Lossless);
+  expect_voxels();
+  // a table of where frames begin that says something else
+  std::string bytes = bytes_of(folder_ / "all.dcm");
+  const auto table = bytes.rfind(std::string("\xFE\xFF\0\xE0\x14\0\0\0", 8));
+  ASSERT_NE(table, std::string::npos);
+  bytes[table + 12] = static_cast<char>(bytes[table + 12] + 2);
+  std::ofstream(folder_ / "all.dcm", std::ios::binary) << bytes;
+  EXPECT_THAT(refusal(), HasSubstr("damaged PixelData (7FE0,0010)"));
+  // all pieces of the only frame are its own
+  for (int k = 0; k < kSlices; ++k) {
+    DicomImage one = slice(k);
+    one.pieces = 2;
+    test::write_dicom(folder_ / ("IM" + std::to_string(k)), one, DicomPacking::kJpeg2000Lossless);
+  }
+  std::filesystem::remove(folder_ / "all.dcm");
+  expect_voxels();
+}
+
 TEST_F(Dicom, FramesOfAnOddNumberOfBytes) {
-  for (const DicomPacking packing :
-       {DicomPacking::kExplicit, DicomPacking::kBigEndian, DicomPacking::kRle, DicomPacking::kJpegLossless}) {
+  for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kBigEndian, DicomPacking::kRle,
+                                     DicomPacking::kJpegLossless, DicomPacking::kJpeg2000Lossless}) {
     SCOPED_TRACE(static_cast<int>(packing));
     DicomImage image = slice(0);
     image.multi_frame = true;
@@ -804,7 +955,8 @@ TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
                             DicomPacking::kDeflated,
                             DicomPacking::kRle,
                             DicomPacking::kJpegLosslessFirstOrder,
-                            DicomPacking::kJpegLs};
+                            DicomPacking::kJpegLs,
+                            DicomPacking::kJpeg2000Lossless};
   int refused = 0;
   for (int n = 0; n < 100; ++n) {
     const auto packing = packings[static_cast<std::size_t>(n) % packings.size()];
@@ -1163,6 +1315,22 @@ TEST(DicomSeeds, AreUnderstood) {
     write("rle", frames, DicomPacking::kRle);
     write("jpeg", frames, DicomPacking::kJpegLosslessFirstOrder);
     write("jpegls", frames, DicomPacking::kJpegLs);
+    const auto bits = [](int stored) {
+      return [stored](DicomImage& image) {
+        image.bits_allocated = stored > 8 ? 16 : 8;
+        image.bits_stored = stored;
+        image.high_bit = stored - 1;
+        for (std::uint16_t& word : image.frames[0].stored)
+          word &= static_cast<std::uint16_t>((1 << stored) - 1);
+      };
+    };
+    write("rle8", bits(8), DicomPacking::kRle);
+    write("jpeg8", bits(8), DicomPacking::kJpegBaseline);
+    write("jpeg12", bits(12), DicomPacking::kJpegExtended);
+    write("jpeg14", bits(16), DicomPacking::kJpegLossless);
+    write("jpegls_near", bits(12), DicomPacking::kJpegLsNear);
+    write("jpeg2000", frames, DicomPacking::kJpeg2000Lossless);
+    write("jpeg2000_lossy", bits(12), DicomPacking::kJpeg2000Lossy);
     test::DicomMasks masks;
     masks.segments = {{1, "bone", "71341001", "SCT", "Femur", "7771000"}, {2, "two"}};
     for (int n = 0; n < 3; ++n) masks.frames.push_back({1 + n % 2, {0, 0, 2.5 * n}, mask_of(n)});
@@ -1186,7 +1354,7 @@ TEST(DicomSeeds, AreUnderstood) {
       EXPECT_EQ(list->volumes[0].fault, "a single slice is no volume");
     }
   }
-  EXPECT_EQ(seeds, 10);
+  EXPECT_EQ(seeds, 17);
 }
 
 }  // namespace

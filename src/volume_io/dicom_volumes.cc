@@ -435,6 +435,10 @@ double corner_off_mm(const DicomFrame& a, const DicomFrame& b) {
          off(a.along_column * a.row_spacing_mm, b.along_column * b.row_spacing_mm, a.rows - 1);
 }
 
+bool is_lossy(const DicomVolume& volume) {
+  return std::ranges::any_of(volume.frames, &DicomFrame::lossy);
+}
+
 std::string slice_in_words(const std::vector<DicomFrame>& frames, std::size_t n) {
   return "slice " + std::to_string(n + 1) + " of " + std::to_string(frames.size()) + ", at " +
          in_mm(frames[n].position.dot(normal_of(frames.front()))) + " mm along its normal";
@@ -484,6 +488,7 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
     volume.what = named(volume.frames, volume.geometry);
     if (volume.frames.front().placed)
       volume.what += what_is_special(volume.frames, of_series[volume.frames.front().series]);
+    if (is_lossy(volume)) volume.what += ", compressed with a loss";
   }
   return volumes;
 }

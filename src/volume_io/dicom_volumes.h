@@ -34,9 +34,9 @@ struct DicomFrame {
   double slope = 1, intercept = 0;  ///< value = slope * stored + intercept
   int bits_allocated = 16, bits_stored = 16, high_bit = 15;
   bool is_signed = false;
+  bool lossy = false;  ///< compressed so that its values are not those that were measured
   std::optional<std::int64_t> padding, padding_limit;  ///< words that are no image, both included
-  /// What makes this image unusable by itself, and what helps: "is compressed as JPEG 2000, which is not
-  /// read"
+  /// What makes this image unusable by itself, and what helps: "is compressed as MPEG-4, which is not read"
   std::string fault, remedy;
 
   bool operator==(const DicomFrame&) const = default;
@@ -56,6 +56,9 @@ struct DicomVolume {
 /// are single, doubled, missing, uneven, turned or shifted against each other (a tilted gantry) has a fault
 /// that names the slice.
 std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames);
+
+/// Whether some of its images are compressed with a loss.
+bool is_lossy(const DicomVolume& volume);
 
 /// How far the corner that is farthest from the position lies off where another image's orientation and
 /// spacing would have it, mm.

@@ -6,6 +6,9 @@
 #include <dcmtk/dcmdata/dcfilefo.h>
 #include <dcmtk/dcmdata/dcitem.h>
 #include <dcmtk/dcmdata/dcmetinf.h>
+#include <dcmtk/dcmdata/dcpixel.h>
+#include <dcmtk/dcmdata/dcpixseq.h>
+#include <dcmtk/dcmdata/dcpxitem.h>
 #include <dcmtk/dcmdata/dcrleerg.h>
 #include <dcmtk/dcmdata/dcuid.h>
 #include <dcmtk/dcmjpeg/djencode.h>
@@ -16,8 +19,10 @@
 #include <dcmtk/oflog/oflog.h>
 
 #include <cstdio>
+#include <memory>
 
 #include "palpate/base/check.h"
+#include "volume_io/test_jpeg2000.h"
 
 namespace palpate::test {
 namespace {
@@ -117,16 +122,76 @@ E_TransferSyntax syntax_of(DicomPacking packing) {
       return EXS_RLELossless;
     case DicomPacking::kJpegBaseline:
       return EXS_JPEGProcess1;
+    case DicomPacking::kJpegExtended:
+      return EXS_JPEGProcess2_4;
     case DicomPacking::kJpegLossless:
       return EXS_JPEGProcess14;
     case DicomPacking::kJpegLosslessFirstOrder:
       return EXS_JPEGProcess14SV1;
     case DicomPacking::kJpegLs:
       return EXS_JPEGLSLossless;
+    case DicomPacking::kJpegLsNear:
+      return EXS_JPEGLSLossy;
+    case DicomPacking::kJpeg2000Lossless:
+      return EXS_JPEG2000LosslessOnly;
+    case DicomPacking::kJpeg2000:
+    case DicomPacking::kJpeg2000Lossy:
+      return EXS_JPEG2000;
     case DicomPacking::kExplicit:
       break;
   }
   return EXS_LittleEndianExplicit;
+}
+
+bool is_jpeg2000(DicomPacking packing) {
+  return packing == DicomPacking::kJpeg2000Lossless || packing == DicomPacking::kJpeg2000 ||
+         packing == DicomPacking::kJpeg2000Lossy;
+}
+
+// a frame's codestream, of an even length
+std::vector<std::uint8_t> codestream_of(const DicomImage& image, const DicomImage::Frame& frame,
+                                        DicomPacking packing) {
+  Jpeg2000Coding coding;
+  coding.bits = image.packed_bits.value_or(image.bits_stored);
+  coding.is_signed = image.packed_sign.value_or(image.is_signed);
+  coding.irreversible = packing == DicomPacking::kJpeg2000Lossy;
+  std::vector<std::int32_t> values;
+  for (const std::uint16_t word : frame.stored) {
+    const std::int32_t value = word & ((1 << coding.bits) - 1);
+    const bool negative = coding.is_signed && value >> (coding.bits - 1) != 0;
+    values.push_back(negative ? value - (1 << coding.bits) : value);
+  }
+  auto stream = pack_jpeg2000(image.rows, image.columns, values, coding);
+  if (stream.size() % 2) stream.push_back(0);
+  return stream;
+}
+
+// DCMTK has no encoder of it
+void put_jpeg2000(DcmDataset& root, const DicomImage& image, DicomPacking packing) {
+  auto sequence = std::make_unique<DcmPixelSequence>(DcmTag(DCM_PixelSequenceTag));
+  const auto append = [&](const std::uint8_t* bytes, std::size_t count) {
+    auto item = std::make_unique<DcmPixelItem>(DcmTag(DCM_PixelItemTag));
+    if (count > 0) PALPATE_CHECK(item->putUint8Array(bytes, static_cast<unsigned long>(count)).good());
+    PALPATE_CHECK(sequence->insert(item.get()).good());
+    return item.release();
+  };
+  DcmPixelItem* table = append(nullptr, 0);
+  DcmOffsetList sizes;
+  for (const DicomImage::Frame& frame : image.frames) {
+    const auto stream = codestream_of(image, frame, packing);
+    std::size_t size = 0;
+    for (std::size_t piece = 0; piece < image.pieces; ++piece) {
+      const std::size_t each = stream.size() / image.pieces / 2 * 2, first = piece * each,
+                        count = piece + 1 == image.pieces ? stream.size() - first : each;
+      append(stream.data() + first, count);
+      size += 8 + count;
+    }
+    sizes.push_back(static_cast<Uint32>(size));
+  }
+  if (image.pieces > 1) PALPATE_CHECK(table->createOffsetTable(sizes).good());
+  auto pixels = std::make_unique<DcmPixelData>(DcmTag(DCM_PixelData));
+  pixels->putOriginalRepresentation(syntax_of(packing), nullptr, sequence.release());
+  PALPATE_CHECK(root.insert(pixels.release(), OFTrue).good());
 }
 
 // there as long as the program
@@ -193,18 +258,19 @@ void write_dicom(const std::filesystem::path& file, const DicomImage& image, Dic
   }
   put_places(root, image);
   for (const DicomText& text : image.texts) put(root, DcmTagKey(text.group, text.element), text.text);
-  put_pixels(root, image);
+  is_jpeg2000(packing) ? put_jpeg2000(root, image, packing) : put_pixels(root, image);
 
   const DJ_RPLossless lossless(packing == DicomPacking::kJpegLossless ? 6 : 1);
   const DJ_RPLossy lossy(100);
-  const DJLSRepresentationParameter lossless_ls;
+  const DJLSRepresentationParameter lossless_ls, near_ls(2, OFFalse);
   const DcmRepresentationParameter* parameter = nullptr;
-  if (packing == DicomPacking::kJpegBaseline) parameter = &lossy;
+  if (packing == DicomPacking::kJpegBaseline || packing == DicomPacking::kJpegExtended) parameter = &lossy;
   if (packing == DicomPacking::kJpegLossless || packing == DicomPacking::kJpegLosslessFirstOrder)
     parameter = &lossless;
   if (packing == DicomPacking::kJpegLs) parameter = &lossless_ls;
+  if (packing == DicomPacking::kJpegLsNear) parameter = &near_ls;
   const E_TransferSyntax syntax = syntax_of(packing);
-  PALPATE_CHECK(root.chooseRepresentation(syntax, parameter).good());
+  if (!is_jpeg2000(packing)) PALPATE_CHECK(root.chooseRepresentation(syntax, parameter).good());
   PALPATE_CHECK(root.canWriteXfer(syntax));
   PALPATE_CHECK(format
                     .saveFile(file.c_str(), syntax, EET_ExplicitLength, EGL_recalcGL, EPD_noChange, 0, 0,

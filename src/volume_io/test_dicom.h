@@ -19,9 +19,14 @@ enum class DicomPacking {
   kDeflated,
   kRle,
   kJpegBaseline,  ///< of 8 bits, with a loss
+  kJpegExtended,  ///< of 12 bits, with a loss
   kJpegLossless,
   kJpegLosslessFirstOrder,
   kJpegLs,
+  kJpegLsNear,  ///< with a loss of 2 at most
+  kJpeg2000Lossless,
+  kJpeg2000,       ///< without a loss, though its syntax may have one
+  kJpeg2000Lossy,  ///< with one
 };
 /// Text of an attribute that no member above has, in a data set that is written.
 struct DicomText {
@@ -39,6 +44,9 @@ struct DicomImage {
   std::optional<std::array<double, 2>> spacing_mm = std::array<double, 2>{0.7, 0.5};  ///< of rows, of columns
   int bits_allocated = 16, bits_stored = 16, high_bit = 15, samples = 1;
   bool is_signed = false;
+  std::optional<int> packed_bits;  ///< of JPEG 2000, where they are not those stored
+  std::optional<bool> packed_sign;
+  std::size_t pieces = 1;  ///< of JPEG 2000, a frame
   std::optional<double> echo_time_ms, b_value, trigger_time_ms;
   std::optional<std::array<double, 3>> gradient;
   std::optional<int> padding, instance_number, acquisition;
