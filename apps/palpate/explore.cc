@@ -11,6 +11,7 @@
 
 #include "inputs.h"
 #include "keys.h"
+#include "known_devices.h"
 #include "palpate/base/output.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/link/viewer_server.h"
@@ -31,19 +32,21 @@ struct ExploreArguments {
   std::optional<ForceMethod> method;
   double spin_us = 0;
   int cpu = -1;
-  bool repeat = false, no_realtime = false, no_supervisor = false, pointer = false;
+  std::vector<std::string> devices;
+  bool repeat = false, no_realtime = false, no_supervisor = false;
   bool no_viewer = false;
   ServingOptions serving;
 };
 
 // the claims of what is written: the recording, the supervisor's log
 Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
-  if (options.pointer && options.no_viewer)
+  if (auto possible = check_devices(options.devices, known_devices()); !possible) return possible.error();
+  if (std::ranges::find(options.devices, kPointer) != options.devices.end() && options.no_viewer)
     return Error{ErrorKind::kUsage, "the pointer is a viewer's, and --no-viewer lets none look on",
                  "--device", "leave out --no-viewer"};
-  if (options.pointer && (options.script || options.repeat))
-    return Error{ErrorKind::kUsage, "a pointer follows no script", options.script ? "--script" : "--repeat",
-                 "leave it out, or let the simulated hand feel: --device simulated"};
+  if (options.devices.front() != kSimulatedHand && (options.script || options.repeat))
+    return Error{ErrorKind::kUsage, "a person follows no script", options.script ? "--script" : "--repeat",
+                 "leave it out, or let the simulated hand feel first: --device simulated"};
   const long cpus = ::sysconf(_SC_NPROCESSORS_CONF);
   if (options.cpu >= cpus)
     return Error{ErrorKind::kUsage, "this machine has no CPU " + std::to_string(options.cpu), "--cpu",
@@ -142,6 +145,8 @@ void note_felt_stiffness(const LoadedScene& loaded, Console& console) {
 void note_scheduling(const ExploreStatus& status, bool asked, Console& console) {
   const Scheduling& scheduling = status.scheduling;
   console.note("scheduler: " + scheduling.scheduler);
+  for (const TickingThread& follower : status.followers)
+    console.note("scheduler of " + follower.device + ": " + follower.scheduler);
   console.note("memory: " + scheduling.memory);
   console.note("watchdog: " + scheduling.watchdog);
   console.note("supervisor: " + (status.supervisor.empty() ? "none (--no-supervisor)" : status.supervisor));
@@ -222,9 +227,15 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
                                                      const std::string& address, Console& console) {
   return [&console, &address, asked = !options.no_realtime, first = true, told = false,
-          told_method = std::string(), deaths = 0, unwatched = false](const ExploreStatus& s) mutable {
+          told_method = std::string(), told_trouble = std::string(), deaths = 0,
+          unwatched = false](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s, asked, console);
     if (first && !s.coarser_tissue.empty()) console.warn()(s.coarser_tissue);
+    if (first && !s.careful_bounds.empty()) console.warn()(s.careful_bounds);
+    const std::string trouble = s.device_trouble ? s.device_trouble->message() : "";
+    if (trouble != told_trouble)
+      console.warn()(trouble.empty() ? "the device is back" : trouble + "\n  no force until then");
+    told_trouble = trouble;
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
     if (s.recording_failure && !told) {
@@ -256,7 +267,7 @@ unsigned long long u(std::uint64_t count) {
   return count;
 }
 
-void print_loop(const LoopHealth& health) {
+void print_loop(const LoopHealth& health, const std::vector<TickingThread>& threads) {
   std::printf("\n%-28s %8s %8s %8s %8s\n", "servo", "p50", "p99", "p99.9", "max");
   print_row("lateness us", health.lateness);
   print_row("compute us", health.compute);
@@ -266,6 +277,10 @@ void print_loop(const LoopHealth& health) {
   std::printf("%llu late: steal %llu, page fault %llu, pre-emption %llu, run queue %llu, unknown %llu\n",
               u(late.total()), u(late.steal), u(late.page_fault), u(late.preemption), u(late.run_queue),
               u(late.unknown));
+  // the first is the one that ticked
+  for (std::size_t n = 1; n < threads.size(); ++n)
+    std::printf("%s: %llu updates, %llu late, %s\n", threads[n].device.c_str(), u(threads[n].updates),
+                u(threads[n].late.total()), threads[n].scheduler.c_str());
   std::printf("%llu skipped, %llu dropped, %llu stalls\n", u(health.skipped), u(health.dropped),
               u(health.stalls));
 }
@@ -301,7 +316,7 @@ void print_changed(const RecordingSummary& s, bool pointer) {
 void print(const ExploreResult& result, bool pointer) {
   print_touches(result.touches);
   print_holds(result.holds);
-  print_loop(result.health);
+  print_loop(result.health, result.threads);
   print_changed(result.summary, pointer);
   std::printf("largest force %.3f N of %.3f N allowed\n", result.max_force_N, result.limit_N);
   std::printf("run hash %016llx\n", u(result.summary.run_hash));
@@ -315,7 +330,8 @@ void warn_of_trouble(const std::vector<std::string>& trouble, Console& console) 
     console.warn()("and " + std::to_string(trouble.size() - kMost) + " more like these");
 }
 
-int explore_target(const ExploreArguments& options, Console& console) {
+int explore_target(ExploreArguments options, Console& console) {
+  if (options.devices.empty()) options.devices = {kSimulatedHand};
   const auto claimed = check(options);
   if (!claimed) return console.fail(claimed.error());
   const Progress progress = console.progress();
@@ -325,8 +341,10 @@ int explore_target(const ExploreArguments& options, Console& console) {
   const auto felt = check_felt(*loaded);
   if (!felt && (options.script || options.no_viewer)) return console.fail(felt.error());
   if (!felt) console.note("nothing in it is felt yet: the page shows it, and no hand touches it");
-  const bool pointer = options.pointer || !felt;
-  const auto script = pointer ? Script{} : script_of(options.script, *loaded->model);
+  if (!felt) options.devices = {kPointer};
+  const bool pointer = options.devices.front() == kPointer;
+  const auto script =
+      options.devices.front() != kSimulatedHand ? Script{} : script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
   note_felt_stiffness(*loaded, console);
 
@@ -338,7 +356,8 @@ int explore_target(const ExploreArguments& options, Console& console) {
   std::string address;
   FaultLines faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
-  session.device = pointer ? ExploreDevice::kPointer : ExploreDevice::kSimulated;
+  session.devices = options.devices;
+  session.known = known_devices();
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
                               status_for(options, address, console));
@@ -362,10 +381,12 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
   add_volume_option(*verb, options.volume);
   verb->add_option("-s,--script", options.script,
                    "Palpation script (TOML); default: one that suits the scene");
-  verb->add_option_function<std::string>(
-          "--device", [&options](const std::string& device) { options.pointer = device == "pointer"; },
-          "Who moves the tip: the simulated hand, or a viewer's pointer through the page; default: simulated")
-      ->check(CLI::IsMember({"simulated", "pointer"}));
+  verb->add_option(
+          "--device", options.devices,
+          "What is felt with: simulated (a hand that follows the script), pointer (a viewer's, through "
+          "the page), or a device by its name (palpate devices); as often as there are devices, 4 at "
+          "most; default: simulated")
+      ->allow_extra_args(false);
   verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
   verb->add_option("--max-force", options.max_force_N,
                    "Limit of the force in N, beside the device's own; default: the lesser of its continuous "
@@ -399,15 +420,16 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
 
 void add_explore(CLI::App& app, Run& run) {
   auto options = std::make_shared<ExploreArguments>();
-  CLI::App* verb =
-      app.add_subcommand("explore", "Palpate a scene in real time, by a simulated hand or a pointer");
+  CLI::App* verb = app.add_subcommand(
+      "explore", "Palpate a scene in real time, by a simulated hand, a pointer or a device");
   add_options(verb, *options);
   verb->footer(
       "Examples:\n"
       "  palpate explore knee-phantom --seconds 10\n"
       "  palpate explore knee-atlas -o run.h5 --rate 4000 --spin 100\n"
       "  palpate explore scene.toml --script press.toml --repeat\n"
-      "  palpate explore knee-phantom --device pointer\n\n"
+      "  palpate explore knee-phantom --device pointer\n"
+      "  palpate explore scene.toml --device simulated --device pointer\n\n"
       "A page shows it in any browser, at the address that is told when the loop runs (docs/viewer.md).\n"
       "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"
       "second (median/99th percentile/largest), the force and its limit, and the structure touched.\n"

@@ -33,9 +33,9 @@ constexpr const char* kExamples =
     "  palpate simulate scene.toml -o run.h5            palpate them, as the scene says\n"
     "  palpate help simulate                            what a verb takes\n"
     "\n"
-    "Exit codes: 0 done; 1 a file or setting cannot be used; 2 wrong command line; 3 a figure beyond\n"
-    "its limit, a replay that differs or a step of a script that failed; 4 a result could not be written;\n"
-    "5 a data set or the network is missing; 130 interrupted.\n"
+    "Exit codes: 0 done; 1 a file or setting cannot be used, or doctor found something missing; 2 wrong\n"
+    "command line; 3 a figure beyond its limit, a replay that differs or a step of a script that failed;\n"
+    "4 a result could not be written; 5 a data set, a device or the network is missing; 130 interrupted.\n"
     "\n"
     "Research and education, not for clinical use.";
 
@@ -217,9 +217,9 @@ int run(int argc, char** argv) {
       "Read and prepare everything anew, and keep nothing for the next start (palpate cache --help)");
 
   Run verb;
-  for (const auto add :
-       {add_info, add_data, add_cache, add_scene, add_prepare, add_forces, add_hold, add_section,
-        add_simulate, add_explore, add_token, add_replay, add_export, add_report, add_verify})
+  for (const auto add : {add_info, add_data, add_cache, add_scene, add_prepare, add_forces, add_hold,
+                         add_section, add_simulate, add_explore, add_devices, add_token,
+                         add_replay, add_export, add_report, add_verify})
     add(app, verb);
   if (const auto helped = help_on(app, {argv + std::min(argc, 1), argv + argc}, console)) return *helped;
   try {

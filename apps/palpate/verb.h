@@ -59,6 +59,7 @@ void add_hold(CLI::App& app, Run& run);
 void add_section(CLI::App& app, Run& run);
 void add_simulate(CLI::App& app, Run& run);
 void add_explore(CLI::App& app, Run& run);
+void add_devices(CLI::App& app, Run& run);
 void add_token(CLI::App& app, Run& run);
 void add_export(CLI::App& app, Run& run);
 void add_replay(CLI::App& app, Run& run);

@@ -1,5 +1,10 @@
 #include "palpate/device/device_parameters.h"
 
+#include <cmath>
+#include <cstdio>
+
+#include "palpate/device/bounds.h"
+
 namespace palpate {
 
 OutputLimits limits_of(const DeviceInfo& info) {
@@ -11,9 +16,29 @@ OutputLimits limits_of(const DeviceInfo& info) {
   return limits;
 }
 
-double vouched_stiffness_N_per_mm(const DeviceInfo& info) {
+namespace {
+
+// physical devices whose maker states no stiffness, or one that bounds nothing
+bool bound_is_ours(const DeviceInfo& info) {
+  return !info.simulated && (!info.stiffness_N_per_mm || std::isinf(*info.stiffness_N_per_mm));
+}
+
+}  // namespace
+
+double bound_of_stiffness_N_per_mm(const DeviceInfo& info) {
+  if (bound_is_ours(info)) return careful_bounds(info).stiffness_N_per_mm;
   const double vouched = info.stiffness_N_per_mm.value_or(std::numeric_limits<double>::infinity());
   return vouched > 0 ? vouched : 0;
+}
+
+std::string careful_bound_told(const DeviceInfo& info) {
+  if (!bound_is_ours(info)) return "";
+  char text[160];
+  std::snprintf(
+      text, sizeof text,
+      "how stiff %s may be made is not known: nothing is felt stiffer than %.2g N/mm, which is careful",
+      info.name.c_str(), careful_bounds(info).stiffness_N_per_mm);
+  return text;
 }
 
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings) {
@@ -21,7 +46,9 @@ DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettin
   parameters.force_gain = settings.force_gain;
   parameters.scale = settings.scale;
   parameters.limits = limits_of(info);
-  parameters.most_stiffness_N_per_mm = vouched_stiffness_N_per_mm(info);
+  parameters.most_stiffness_N_per_mm = bound_of_stiffness_N_per_mm(info);
+  if (!info.simulated) parameters.most_damping_N_s_per_mm = careful_bounds(info).damping_N_s_per_mm;
+  parameters.delay_s = info.delay_s.value_or(0);
   parameters.position_step_mm = info.position_step_mm.value_or(kNotKnown);
   return parameters;
 }

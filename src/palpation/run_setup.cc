@@ -3,7 +3,6 @@
 #include <cmath>
 #include <ctime>
 
-#include "palpate/device/pointer_driver.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/servo/feel.h"
@@ -112,11 +111,10 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   return setup;
 }
 
-Result<RunSetup> set_up_pointer_run(const LoadedScene& loaded, const SimulationOptions& options,
-                                    const Progress& progress) {
-  const DeviceInfo pointer = PointerDriver::info();
+Result<RunSetup> set_up_led_run(const LoadedScene& loaded, const SimulationOptions& options,
+                                const Progress& progress) {
   RunSetup setup{nullptr, {}, {}, {}, loaded.scene.workspace, {}, 0, {}};
-  setup.script.device = pointer.name;
+  setup.script.device.clear();
   setup.script.hand.clear();
   if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
   setup.parameters.max_force_N = options.max_force_N.value_or(kDefaultUserLimit_N);
@@ -126,7 +124,6 @@ Result<RunSetup> set_up_pointer_run(const LoadedScene& loaded, const SimulationO
   auto model = ready_for(loaded.model, methods_of(setup), progress);
   if (!model) return model.error();
   setup.model = *std::move(model);
-  setup.parameters.device[0] = device_parameters(pointer, setup.workspace);
   return setup;
 }
 
@@ -150,7 +147,7 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   header.seed = setup.script.seed;
   header.device = setup.script.device;
   header.hand = setup.script.hand;
-  // a pointer is moved by a person
+  // without a script a person leads the tip
   header.simulated = !setup.script.steps.empty();
   if (header.simulated) header.script_text = script_text(setup.script);
   for (const Segment& segment : model.segments)

@@ -67,6 +67,11 @@ void LateTicks::look_for_causes() {
   }
 }
 
+std::string LateTicks::scheduler() const {
+  const pid_t ticking = tid_.load(std::memory_order_relaxed);
+  return ticking == 0 ? "" : scheduler_of_thread(ticking);
+}
+
 LateCounts LateTicks::counts() const {
   const auto of = [&](LateCause cause) { return by_cause_[static_cast<std::size_t>(cause)].load(); };
   return {of(LateCause::kSteal), of(LateCause::kPageFault), of(LateCause::kPreemption),

@@ -32,6 +32,8 @@ class LateTicks {
   void add(std::int64_t late_ns, std::uint64_t ticks) noexcept;
 
   LateCounts counts() const;
+  /// What scheduling the thread that ticked last has, as the system says it; empty before the first tick.
+  std::string scheduler() const;
 
  private:
   void look_for_causes();

@@ -20,7 +20,7 @@ constexpr auto kStopPatience = std::chrono::milliseconds(500);
 
 // of the device's own clock, where it has one and says so
 double rate_of(const DeviceDriver& driver, const LoopSettings& settings) {
-  const DeviceInfo& info = driver.devices().front();
+  const DeviceInfo& info = driver.devices()[driver.clock_owner()];
   const bool own = info.drive != DeviceInfo::Drive::kPulled && info.rate_hz && *info.rate_hz > 0;
   return own ? *info.rate_hz : settings.rate_hz;
 }
@@ -36,6 +36,7 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
            const std::vector<WorkspaceSettings>& workspaces, const LoopSettings& settings, TimeSource now)
     : driver_(driver),
       settings_(settings),
+      ticks_here_(driver.devices()[driver.clock_owner()].drive != DeviceInfo::Drive::kCallback),
       period_ns_(std::llround(1e9 / rate_of(driver, settings))),
       now_(now),
       model_(std::move(model)),
@@ -52,8 +53,10 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     const DeviceParameters told = own;
     own = device_parameters(devices[d], workspace);
     own.most_stiffness_N_per_mm = std::min(own.most_stiffness_N_per_mm, told.most_stiffness_N_per_mm);
-    own.most_damping_N_s_per_mm = told.most_damping_N_s_per_mm;
-    own.delay_s = told.delay_s;
+    // not above 0: not known
+    if (told.most_damping_N_s_per_mm > 0)
+      own.most_damping_N_s_per_mm = std::fmin(own.most_damping_N_s_per_mm, told.most_damping_N_s_per_mm);
+    own.delay_s = std::fmax(own.delay_s, told.delay_s);
   }
   posted_ = latest_;
 }
@@ -79,19 +82,18 @@ Result<void> Loop::begin() {
 
 void Loop::run(std::promise<void>& ready) {
   // a driver that calls back ticks in its vendor's thread, and this one only waits for it
-  const bool ticks_here = driver_.devices().front().drive != DeviceInfo::Drive::kCallback;
   RealtimeRequest request;
-  request.fifo = settings_.realtime && ticks_here;
+  request.fifo = settings_.realtime && ticks_here_;
   request.lock_memory = settings_.realtime;
-  request.cpu = ticks_here ? settings_.cpu : -1;
+  request.cpu = ticks_here_ ? settings_.cpu : -1;
   request.leave_above = 1;
   const RealtimeGrant grant = make_this_thread_realtime(request);
   scheduling_.realtime = grant.fifo;
   scheduling_.memory_locked = grant.memory_locked;
-  scheduling_.scheduler = ticks_here ? grant.scheduler : "that of the vendor's thread";
+  scheduling_.scheduler = ticks_here_ ? grant.scheduler : "that of the vendor's thread";
   scheduling_.memory = grant.memory;
   running_.store(true);
-  if (ticks_here) late_ticks_.tick_here();
+  if (ticks_here_) late_ticks_.tick_here();
   ready.set_value();
   driver_.run(*this, *this);
   watchdog_.rest();
@@ -171,6 +173,13 @@ LoopHealth Loop::health() const {
   // a reset between the two leaves more than there are
   if (due > 0) health.on_time = static_cast<double>(std::min(on_time, due)) / static_cast<double>(due);
   return health;
+}
+
+TickingThread Loop::ticking() const {
+  // of a thread that is not ours nobody else can say
+  const std::string seen = late_ticks_.scheduler();
+  return {driver_.devices()[driver_.clock_owner()].name,
+          ticks_here_ || seen.empty() ? scheduling_.scheduler : seen, counts_.ticks.load(), health().late};
 }
 
 void Loop::reset_health() noexcept {

@@ -50,6 +50,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   LoopHealth health() const override;
   void reset_health() noexcept override;
   const Scheduling& scheduling() const noexcept override { return scheduling_; }
+  TickingThread ticking() const override;
   std::span<const DeviceInfo> devices() const override { return driver_.devices(); }
 
   // ---- the servo thread
@@ -77,6 +78,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
 
   DeviceDriver& driver_;
   const LoopSettings settings_;
+  const bool ticks_here_;  // a driver that calls back ticks in its vendor's thread
   const std::int64_t period_ns_;
   const TimeSource now_;
 

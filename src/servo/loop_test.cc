@@ -14,6 +14,7 @@
 #include "base/test_processors.h"
 #include "base/test_wait.h"
 #include "haptics/test_model.h"
+#include "palpate/device/bounds.h"
 #include "palpate/device/simulated_device.h"
 
 namespace palpate {
@@ -33,6 +34,7 @@ std::shared_ptr<const Model> ball(std::uint32_t version = 1, double stiffer = 1)
 DeviceInfo plain_device() {
   DeviceInfo info;
   info.name = "test";
+  info.simulated = true;
   info.peak_force_N = 8;
   return info;
 }
@@ -572,9 +574,11 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
 
 TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
   // the ball of 1.5 N/mm, a millimetre deep; what a hand holds is what the caller says
-  const auto felt_N = [](std::optional<double> vouched, double held) {
+  bool simulated = true;
+  const auto felt_N = [&simulated](std::optional<double> vouched, double held) {
     test_time_ns = 1'000'000;
     TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+    driver.info.simulated = simulated;
     driver.info.stiffness_N_per_mm = vouched;
     Parameters parameters;
     parameters.method = ForceMethod::kProxy;
@@ -603,6 +607,40 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
   // no stiffness is none
   expect(-1.0, kNone, 0, 0);
   expect(std::nan(""), kNone, 0, 0);
+
+  // a physical one never goes without a bound, whatever its maker and the caller leave out
+  simulated = false;
+  const double careful = careful_bounds(DeviceInfo()).stiffness_N_per_mm;
+  for (const double held : {kNone, std::nan("")})
+    for (const std::optional<double> stated : {std::optional<double>(), std::optional<double>(kNone)})
+      expect(stated, held, careful, careful);
+  expect({}, 0.1, 0.1, 0.1);
+  expect(0.6, kNone, 0.6, 0.6);
+  expect(std::nan(""), kNone, 0, 0);
+}
+
+TEST(Loop, APhysicalDevicesBoundHoldsWhateverIsChanged) {
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  driver.info.simulated = false;
+  Parameters parameters;
+  parameters.method = ForceMethod::kTrilinear;
+  parameters.viscosity = parameters.friction = false;
+  parameters.passivity = false;
+  Loop loop(ball(), driver, parameters, {WorkspaceSettings{}}, {}, test_clock);
+  loop.change([](Parameters& edited) {
+    edited.device[0].most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
+    edited.device[0].most_damping_N_s_per_mm = kNotKnown;
+  });
+  loop.set_model(ball(2, 4));
+  for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
+  const DeviceTick seen = loop.snapshot().device[0];
+  const CarefulBounds careful = careful_bounds(driver.info);
+  EXPECT_EQ(seen.most_stiffness_N_per_mm, careful.stiffness_N_per_mm);
+  EXPECT_EQ(seen.most_damping_N_s_per_mm, careful.damping_N_s_per_mm);
+  // by a direct method the field of 4 N in 2 mm gives no more than its part of that
+  EXPECT_GT(seen.force_N[0], 0);
+  EXPECT_LT(seen.force_N[0], 8 * careful.stiffness_N_per_mm);
 }
 
 TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {

@@ -121,9 +121,7 @@ void grant_scheduler(const RealtimeRequest& request, RealtimeGrant& grant) {
   ::pthread_getschedparam(::pthread_self(), &policy, &parameters);
   grant.fifo = policy == SCHED_FIFO;
   grant.priority = parameters.sched_priority;
-  grant.scheduler = policy_name(policy);
-  if (grant.priority > 0) grant.scheduler += " " + std::to_string(grant.priority);
-  grant.scheduler += remark;
+  grant.scheduler = scheduler_of_thread(0) + remark;
 }
 
 void grant_cpu(int cpu, RealtimeGrant& grant) {
@@ -189,6 +187,15 @@ void keep_off_cpu(int cpu) {
   if (cpu < 0 || cpu >= CPU_SETSIZE || ::sched_getaffinity(0, sizeof(set), &set) != 0) return;
   CPU_CLR(static_cast<unsigned>(cpu), &set);
   if (CPU_COUNT(&set) > 0) ::sched_setaffinity(0, sizeof(set), &set);
+}
+
+std::string scheduler_of_thread(pid_t tid) {
+  const int policy = ::sched_getscheduler(tid);
+  sched_param parameters{};
+  if (policy < 0 || ::sched_getparam(tid, &parameters) != 0) return "";
+  std::string text = policy_name(policy & ~SCHED_RESET_ON_FORK);
+  if (parameters.sched_priority > 0) text += " " + std::to_string(parameters.sched_priority);
+  return text;
 }
 
 RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request) {

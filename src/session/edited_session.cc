@@ -38,7 +38,7 @@ int main(int count, char** arguments) {
     host = &session;
     return std::shared_ptr<void>();
   };
-  if (mills) options.device = ExploreDevice::kPointer;
+  if (mills) options.devices = {kPointer};
   const Clock::time_point begun = Clock::now();
   options.request = [&] {
     if (mills) {

@@ -40,6 +40,7 @@ struct Session {
   ViewedSession& viewed;
   Supervisor* supervisor;  // nullptr: there is none
   const std::string& coarser_tissue;
+  const std::string& careful_bounds;
 };
 
 /// What was shown last: a key answers nothing that nobody has seen.
@@ -104,8 +105,11 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.method_awaited = session.viewed.method_awaited();
   status.method_failure = session.viewed.method_failure();
   status.coarser_tissue = session.coarser_tissue;
+  status.careful_bounds = session.careful_bounds;
+  status.followers = session.tip.followers();
+  status.device_trouble = session.tip.driver().trouble();
   status.stop = session.viewed.stop_that_holds();
-  status.rearmed_in_page = session.tip.pointer() != nullptr;
+  status.rearmed_in_page = session.viewed.rearmed_in_page();
   status.question = session.viewed.question();
   status.refusal = std::exchange(shown.refusal, std::nullopt);
   shown.stop = status.stop.value_or(0);
@@ -178,6 +182,8 @@ Result<void> with_surfaces(std::shared_ptr<const Model>& model, const Progress& 
 // ends the threads in the order in which they feed each other, and takes their figures
 void finish(const Session& session, ExploreResult& result) {
   session.tip.end();
+  result.threads = session.tip.followers();
+  result.threads.insert(result.threads.begin(), session.loop.ticking());
   session.loop.stop();
   result.health = session.loop.health();
   result.scheduling = session.loop.scheduling();
@@ -202,16 +208,6 @@ void finish(const Session& session, ExploreResult& result) {
     std::erase_if(result.holds, [](const HoldFigure& hold) { return hold.peak_force_N == 0; });
   result.max_force_N = session.watch.max_force_N();
   result.limit_N = std::min(session.viewed.highest_max_force_N(), session.model.scene_max_force_N);
-}
-
-// the hand's own, or the pointer
-Result<std::unique_ptr<TipSource>> tip_source_of(const RunSetup& setup, const ExploreOptions& options,
-                                                 const Progress& progress) {
-  if (options.device == ExploreDevice::kPointer) return pointer_source(setup);
-  progress.report("finding surfaces", 0);
-  auto source = script_source(setup, options.repeat);
-  progress.report("finding surfaces", 1);
-  return source;
 }
 
 ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& tip,
@@ -264,17 +260,18 @@ Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options,
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
                               const std::filesystem::path& recording, const Progress& progress,
                               const std::function<void(const ExploreStatus&)>& status) {
+  if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
   // a hand without anything to touch has nothing to do; a viewer may look, and move the tip
-  const bool felt = is_anything_felt(*loaded.model);
-  if (!felt && options.device != ExploreDevice::kPointer)
+  const bool felt = is_anything_felt(*loaded.model), scripted = options.devices[0] == kSimulatedHand;
+  if (!felt && scripted)
     if (auto touchable = check_felt(loaded); !touchable) return touchable.error();
   SimulationOptions run = options.run;
   if (!felt) run.method = ForceMethod::kTrilinear;
-  auto setup = options.device == ExploreDevice::kPointer ? set_up_pointer_run(loaded, run, progress)
-                                                         : set_up_run(loaded, script, run, progress);
+  auto setup = scripted ? set_up_run(loaded, script, run, progress) : set_up_led_run(loaded, run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_surfaces(setup->model, progress); !ready) return ready.error();
-  auto tip = tip_source_of(*setup, options, progress);
+  std::string careful;
+  auto tip = tip_source_for(*setup, options, progress, careful);
   if (!tip) return tip.error();
   CarriedCells carried = with_carried_cells(setup->model, (*tip)->driver().devices().size());
   setup->model = std::move(carried.model);
@@ -304,6 +301,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   // the first ticks wait in the ring
   RecordingHeader header = header_of_run(loaded, *setup);
   header.clock = "real";
+  header.device = (*tip)->devices();
+  header.devices = static_cast<int>((*loop)->devices().size());
   header.scheduler = (*loop)->scheduling().scheduler;
   ExploreWatch watch(model, (*tip)->asked());
   auto recorder = Recorder::start((*loop)->ring(), recording, header,
@@ -325,7 +324,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   const ScriptStrokes strokes{[&viewed](StrokeAction action) { viewed.change_stroke_by_script(action); },
                               [&viewed] { return viewed.script_stroke_led_to(); }};
   if (auto begun = (*tip)->begin(**loop, viewed.told(), strokes); !begun) return begun.error();
-  const Session session{model, **loop, **recorder, **tip, watch, viewed, supervisor->get(), carried.told};
+  const Session session{model,        **loop, **recorder, **tip, watch, viewed, supervisor->get(),
+                        carried.told, careful};
   ExploreResult result;
   result.trouble = setup->trouble;
   watch_until_over(session, options, progress, status, result);

@@ -358,7 +358,7 @@ TEST_F(Explore, WhereNothingIsFeltAPointerLooksOn) {
   ExploreOptions options;
   options.seconds = 0.2;
   EXPECT_FALSE(explore(loaded_, script_of(kPass), options, "").ok());
-  options.device = ExploreDevice::kPointer;
+  options.devices = {kPointer};
   const auto result = explore(loaded_, Script{}, options, "");
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_GT(result->health.ticks, 0u);

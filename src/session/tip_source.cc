@@ -4,6 +4,9 @@
 #include <optional>
 #include <utility>
 
+#include "palpate/device/device_parameters.h"
+#include "palpate/servo/several_drivers.h"
+
 namespace palpate {
 namespace {
 
@@ -11,6 +14,7 @@ class ScriptSource final : public TipSource {
  public:
   ScriptSource(const RunSetup& setup, ScriptedHand hand, bool repeat)
       : workspace_(setup.workspace),
+        plant_(setup.script.device),
         asked_(hand.asked()),
         planned_(std::move(hand)),
         driver_(resting_at(setup, planned_->start())),
@@ -18,6 +22,7 @@ class ScriptSource final : public TipSource {
 
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "script"; }
+  std::string devices() const override { return plant_; }
   std::vector<HoldAsked> asked() const override { return asked_; }
   Result<void> begin(ServoLoop& loop, EventLog& told, ScriptStrokes strokes) override {
     hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, std::move(strokes), repeat_);
@@ -40,6 +45,7 @@ class ScriptSource final : public TipSource {
   }
 
   const WorkspaceSettings workspace_;
+  const std::string plant_;
   const std::vector<HoldAsked> asked_;
   std::optional<ScriptedHand> planned_;
   SimulatedDriver driver_;
@@ -47,15 +53,18 @@ class ScriptSource final : public TipSource {
   std::optional<HandThread> hand_;
 };
 
-class PointerSource final : public TipSource {
- public:
-  explicit PointerSource(const RunSetup& setup)
-      : asked_(touched(setup.model->label_of_surface)), driver_(resting_above(setup)) {}
+// nobody asks for a force
+std::vector<HoldAsked> all_touched(const Model& model) {
+  std::vector<HoldAsked> asked;
+  for (const LabelId structure : model.label_of_surface) asked.push_back({structure, {}});
+  return asked;
+}
 
-  DeviceDriver& driver() override { return driver_; }
-  const char* name() const override { return "pointer"; }
+/// A tip that a person leads, from here or afar: there is nothing to begin and nothing to be done.
+class LedSource : public TipSource {
+ public:
+  explicit LedSource(const RunSetup& setup) : asked_(all_touched(*setup.model)) {}
   std::vector<HoldAsked> asked() const override { return asked_; }
-  PointerDriver* pointer() override { return &driver_; }
   Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/, ScriptStrokes /*strokes*/) override {
     return {};
   }
@@ -66,12 +75,18 @@ class PointerSource final : public TipSource {
   std::vector<TouchFigure> touches() const override { return {}; }
 
  private:
-  // nobody asks for a force
-  static std::vector<HoldAsked> touched(const std::vector<LabelId>& structures) {
-    std::vector<HoldAsked> asked;
-    for (const LabelId structure : structures) asked.push_back({structure, {}});
-    return asked;
-  }
+  const std::vector<HoldAsked> asked_;
+};
+
+class PointerSource final : public LedSource {
+ public:
+  explicit PointerSource(const RunSetup& setup) : LedSource(setup), driver_(resting_above(setup)) {}
+  DeviceDriver& driver() override { return driver_; }
+  const char* name() const override { return "pointer"; }
+  std::string devices() const override { return kPointer; }
+  PointerDriver* pointer() override { return &driver_; }
+
+ private:
   static Point<Device> resting_above(const RunSetup& setup) {
     const GridGeometry& grid = setup.model->labels->geometry();
     const Transform<World, Voxel> X_WorldVoxel = setup.model->X_WorldPatient * grid.X_PatientVoxel();
@@ -86,11 +101,67 @@ class PointerSource final : public TipSource {
         .to_device(Point<World>(0, 0, top_mm + kClear_mm));
   }
 
-  const std::vector<HoldAsked> asked_;
   PointerDriver driver_;
 };
 
-}  // namespace
+/// A device that somebody holds.
+class HeldSource final : public LedSource {
+ public:
+  HeldSource(const RunSetup& setup, std::string name, std::unique_ptr<DeviceDriver> driver)
+      : LedSource(setup), name_(std::move(name)), driver_(std::move(driver)) {}
+  DeviceDriver& driver() override { return *driver_; }
+  const char* name() const override { return "device"; }
+  std::string devices() const override { return name_; }
+
+ private:
+  const std::string name_;
+  const std::unique_ptr<DeviceDriver> driver_;
+};
+
+/// Several as one. What a script asks and what becomes of it is the first one's, as only that can have one.
+class SeveralSources final : public TipSource {
+ public:
+  SeveralSources(std::vector<std::unique_ptr<TipSource>> sources, const SeveralSettings& settings)
+      : sources_(std::move(sources)), driver_(drivers_of(sources_), settings) {}
+
+  DeviceDriver& driver() override { return driver_; }
+  const char* name() const override { return leader().name(); }
+  std::string devices() const override {
+    std::string all;
+    for (const auto& source : sources_) all += (all.empty() ? "" : ", ") + source->devices();
+    return all;
+  }
+  std::vector<TickingThread> followers() const override { return driver_.followers(); }
+  std::vector<HoldAsked> asked() const override { return sources_[0]->asked(); }
+  PointerDriver* pointer() override {
+    for (const auto& source : sources_)
+      if (PointerDriver* pointer = source->pointer()) return pointer;
+    return nullptr;
+  }
+  Result<void> begin(ServoLoop& loop, EventLog& told, ScriptStrokes strokes) override {
+    return sources_[0]->begin(loop, told, std::move(strokes));
+  }
+  bool done() const override { return sources_[0]->done(); }
+  double progress() const override { return sources_[0]->progress(); }
+  void end() override { sources_[0]->end(); }
+  std::vector<std::string> trouble() const override { return sources_[0]->trouble(); }
+  std::vector<TouchFigure> touches() const override { return sources_[0]->touches(); }
+
+ private:
+  static std::vector<DeviceDriver*> drivers_of(const std::vector<std::unique_ptr<TipSource>>& sources) {
+    std::vector<DeviceDriver*> drivers;
+    for (const auto& source : sources) drivers.push_back(&source->driver());
+    return drivers;
+  }
+  const TipSource& leader() const {
+    const auto led =
+        std::ranges::find_if(sources_, [](const auto& each) { return each->pointer() != nullptr; });
+    return led == sources_.end() ? *sources_[0] : **led;
+  }
+
+  const std::vector<std::unique_ptr<TipSource>> sources_;
+  SeveralDrivers driver_;
+};
 
 Result<std::unique_ptr<TipSource>> script_source(const RunSetup& setup, bool repeat) {
   auto planned = ScriptedHand::create(*setup.model, setup.script);
@@ -98,8 +169,94 @@ Result<std::unique_ptr<TipSource>> script_source(const RunSetup& setup, bool rep
   return std::unique_ptr<TipSource>(std::make_unique<ScriptSource>(setup, *std::move(planned), repeat));
 }
 
-std::unique_ptr<TipSource> pointer_source(const RunSetup& setup) {
-  return std::make_unique<PointerSource>(setup);
+Result<std::unique_ptr<TipSource>> source_of(const std::string& name, const RunSetup& setup,
+                                             const ExploreOptions& options, const Progress& progress) {
+  if (name == kPointer) return std::unique_ptr<TipSource>(std::make_unique<PointerSource>(setup));
+  if (name == kSimulatedHand) {
+    progress.report("finding surfaces", 0);
+    auto source = script_source(setup, options.repeat);
+    progress.report("finding surfaces", 1);
+    return source;
+  }
+  std::unique_ptr<DeviceDriver> driver = options.known.find(name)->make();
+  progress.report("connecting " + name, 0);
+  if (auto opened = driver->open(options.loop.may_move); !opened) return opened.error();
+  progress.report("connecting " + name, 1);
+  return std::unique_ptr<TipSource>(std::make_unique<HeldSource>(setup, name, std::move(driver)));
+}
+
+// what of a session's limits its devices say
+void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& options, RunSetup& setup,
+                  std::string& told) {
+  for (std::size_t d = 0; d < devices.size(); ++d) {
+    const DeviceInfo& info = devices[d];
+    // what a hand holds with the simulated device is known better
+    const bool scripted = d == 0 && options.devices[0] == kSimulatedHand;
+    if (!scripted) setup.parameters.device[d] = device_parameters(info, setup.workspace);
+    if (info.simulated) continue;
+    if (!options.run.max_force_N && info.continuous_force_N)
+      setup.parameters.max_force_N = std::min(setup.parameters.max_force_N, *info.continuous_force_N);
+    if (const std::string careful = careful_bound_told(info); !careful.empty()) {
+      setup.trouble.push_back(careful);
+      told += (told.empty() ? "" : "\n") + careful;
+    }
+  }
+  setup.limit_N = std::min(setup.limit_N, setup.parameters.max_force_N);
+}
+
+}  // namespace
+
+std::vector<std::string> device_names(const DeviceRegistry& known) {
+  std::vector<std::string> names{kSimulatedHand, kPointer};
+  for (const DeviceMaker& maker : known.all()) names.push_back(maker.name);
+  return names;
+}
+
+Result<void> check_devices(const std::vector<std::string>& names, const DeviceRegistry& known) {
+  const auto fault = [](std::string what, std::string remedy) {
+    return Error{ErrorKind::kUsage, std::move(what), "--device", std::move(remedy)};
+  };
+  const std::vector<std::string> there = device_names(known);
+  for (std::size_t n = 0; n < names.size(); ++n) {
+    if (std::ranges::find(there, names[n]) == there.end()) {
+      std::string all;
+      for (const std::string& name : there) all += (all.empty() ? "" : ", ") + name;
+      return fault("there is no device '" + names[n] + "'",
+                   "there are: " + all + "; palpate devices says what is connected");
+    }
+    if (std::find(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(n), names[n]) !=
+        names.begin() + static_cast<std::ptrdiff_t>(n))
+      return fault("'" + names[n] + "' is named twice", "name each device once");
+    if (n > 0 && names[n] == kSimulatedHand)
+      return fault("the simulated hand feels with the first device", "name 'simulated' first");
+  }
+  if (names.empty()) return fault("a session needs a device", "there are: simulated, pointer");
+  if (names.size() > static_cast<std::size_t>(kMaxDevices))
+    return fault(std::to_string(names.size()) + " devices",
+                 "a session has " + std::to_string(kMaxDevices) + " at most");
+  return {};
+}
+
+Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const ExploreOptions& options,
+                                                  const Progress& progress, std::string& told) {
+  std::vector<std::unique_ptr<TipSource>> sources;
+  for (const std::string& name : options.devices) {
+    auto source = source_of(name, setup, options, progress);
+    if (!source) return source.error();
+    sources.push_back(*std::move(source));
+  }
+  std::unique_ptr<TipSource> all = std::move(sources[0]);
+  if (sources.size() > 1) {
+    sources[0] = std::move(all);
+    all = std::make_unique<SeveralSources>(
+        std::move(sources), SeveralSettings{setup.script.rate_hz, options.loop.realtime, options.loop.cpu});
+  }
+  const auto devices = all->driver().devices();
+  if (devices.size() > static_cast<std::size_t>(kMaxDevices))
+    return Error{ErrorKind::kUsage, std::to_string(devices.size()) + " devices are connected", "--device",
+                 "a session has " + std::to_string(kMaxDevices) + " at most: name fewer"};
+  learn_limits(devices, options, setup, told);
+  return all;
 }
 
 }  // namespace palpate

@@ -6,6 +6,7 @@
 
 #include "palpate/device/pointer_driver.h"
 #include "palpate/palpation/run_setup.h"
+#include "palpate/session/explore.h"
 #include "session/explore_hand.h"
 
 namespace palpate {
@@ -15,8 +16,13 @@ class TipSource {
  public:
   virtual ~TipSource() = default;
   virtual DeviceDriver& driver() = 0;
-  /// "script" or "pointer"
+  /// "script", "pointer" or "device"; of several the pointer's, where there is one
   virtual const char* name() const = 0;
+  /// What each device is, for a recording: "premium-1.5, pointer"
+  virtual std::string devices() const = 0;
+  /// Threads beside the loop's.
+  virtual std::vector<TickingThread> followers() const { return {}; }
+
   /// Whose holds are measured.
   virtual std::vector<HoldAsked> asked() const = 0;
   /// Where a viewer moves it; else null.
@@ -35,10 +41,11 @@ class TipSource {
   virtual std::vector<TouchFigure> touches() const = 0;
 };
 
-/// The simulated hand that follows a script, with a simulated device. Errors: those of
-/// ScriptedHand::create().
-Result<std::unique_ptr<TipSource>> script_source(const RunSetup& setup, bool repeat);
-/// A viewer's pointer. Until it is moved the tip rests above the volume.
-std::unique_ptr<TipSource> pointer_source(const RunSetup& setup);
+/// The devices of a session, made and, where they are physical, opened: one alone, or several as one.
+/// @param setup  gets what each may be made to feel, and in its trouble what is careful there
+/// @param told   gets that again, a line each
+/// Errors: those of check_devices(), of ScriptedHand::create() and of opening a driver.
+Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const ExploreOptions& options,
+                                                  const Progress& progress, std::string& told);
 
 }  // namespace palpate

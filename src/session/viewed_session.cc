@@ -665,7 +665,7 @@ Result<void> ViewedSession::rearm(const RearmRequest& request) {
 }
 
 Result<void> ViewedSession::rearm_here(std::uint32_t stop) {
-  if (parts_.pointer)
+  if (rearmed_in_page())
     return refused("the force of a pointer is given back by whoever moves it", "", "press Rearm in the page");
   return rearm(stop, {Asker::kKey});
 }
@@ -883,7 +883,7 @@ void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
       Point<Patient>(tip_patient_mm[0], tip_patient_mm[1], tip_patient_mm[2]);
   // World's origin is the volume's centre; no number fails this, either
   if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
-  parts_.pointer->move(WorkspaceMapping(parts_.devices.front(), parts_.workspace).to_device(tip));
+  parts_.pointer->move(WorkspaceMapping(parts_.pointer->devices().front(), parts_.workspace).to_device(tip));
 }
 
 Result<void> ViewedSession::play(const PlayRequest& /*request*/) {

@@ -108,6 +108,8 @@ class ViewedSession final : public ViewerHost {
   /// What a viewer wants and somebody here is to agree to.
   std::optional<ConsentQuestion> question() { return consent_.question(); }
   void answer_here(std::uint64_t question, bool agreed) { consent_.answer(question, agreed); }
+  /// A pointer's force is given back in the page, where nothing else can push.
+  bool rearmed_in_page() const { return parts_.pointer != nullptr && !physical(); }
   /// The number of the stop that holds.
   std::optional<std::uint32_t> stop_that_holds() const;
   void next_method();

@@ -1322,7 +1322,7 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
 
 TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   ExploreOptions options;
-  options.device = ExploreDevice::kPointer;
+  options.devices = {kPointer};
   options.seconds = 30;
   std::string seen;
   enum { kAbove, kPressing, kLost, kBack, kDone } part = kAbove;

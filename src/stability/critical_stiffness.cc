@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "stability/critical_stiffness_hold.h"
 
@@ -79,16 +78,6 @@ double passivity_bound_N_per_mm(const PlantDevice& device, double rate_hz) {
   // without steps nothing is quantised
   const double quantisation = 2 * device.coulomb_N / device.encoder_step_m;
   return (device.encoder_step_m > 0 ? std::min(sampling, quantisation) : sampling) * 1e-3;
-}
-
-double neutral_damping_N_s_per_mm(double mass_kg, double rate_hz, double delay_s) {
-  PALPATE_CHECK(rate_hz > 0);
-  constexpr double kWindow_s = 0.01;
-  const double late_s = delay_s + 0.5 / rate_hz + 0.5 * kWindow_s;
-  const double swing_rad_s = 0.5 * std::numbers::pi / late_s;
-  const double damping_N_s_per_m =
-      mass_kg * swing_rad_s * swing_rad_s * kWindow_s / (2 * std::sin(0.5 * swing_rad_s * kWindow_s));
-  return damping_N_s_per_m * 1e-3;
 }
 
 double recommended_damping_N_s_per_mm(const PlantDevice& device, double rate_hz, double delay_s) {

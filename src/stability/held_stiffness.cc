@@ -49,7 +49,7 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
   const double all_points = one_point * static_cast<double>(model.tool_of(0).points_mm.size());
   HeldStiffness held;
   held.asked_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
-  const double vouched = vouched_stiffness_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
+  const double vouched = bound_of_stiffness_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
   double by_hand = held_by_theory(device, rate_hz, delay_s);
   // what the maker does not vouch for need not be held
   if (std::min(all_points, vouched) > by_hand) {

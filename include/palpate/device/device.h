@@ -83,9 +83,11 @@ struct DeviceInfo {
   std::optional<double> continuous_force_N;
   std::optional<double> peak_torque_Nmm;
   std::optional<double> peak_gripper_N;
-  std::optional<double> position_step_mm;    ///< encoder resolution
-  std::optional<double> stiffness_N_per_mm;  ///< the most that the maker vouches for
-  std::optional<double> rate_hz;             ///< of its own clock
+  std::optional<double> position_step_mm;            ///< encoder resolution
+  std::optional<double> stiffness_N_per_mm;          ///< the most that the maker vouches for
+  std::optional<double> rate_hz;                     ///< of its own clock
+  std::optional<double> delay_s;                     ///< from a command to its force
+  std::optional<double> mass_kg, damping_N_s_per_m;  ///< of the arm, as the tip feels them
   std::optional<Workspace> workspace;
   int degrees_of_freedom_in = 3;
   int degrees_of_freedom_out = 3;
@@ -133,7 +135,10 @@ class DeviceDriver {
   virtual ~DeviceDriver() = default;
   /// At least one and at most kMaxDevices; complete once open() has succeeded.
   virtual std::span<const DeviceInfo> devices() const = 0;
-  /// Connects and calibrates. Errors: kUnavailable, kUsage when an arm would move by itself without consent.
+  /// The one whose clock the driver ticks by.
+  virtual std::size_t clock_owner() const { return 0; }
+  /// Connects and calibrates; once it has succeeded, another call does nothing. Errors: kUnavailable, kUsage
+  /// when an arm would move by itself without consent.
   /// @param may_move  the user has agreed that the arm moves by itself
   virtual Result<void> open(bool may_move) = 0;
   /// Calls `servo` once an update until the clock says stop, then sends zeros. On the servo thread.
@@ -152,6 +157,9 @@ class DeviceDriver {
   /// largest number that it has read is above every one that resume() has ended. Open from construction to
   /// destruction. -1: the devices live in this process.
   virtual int halt_file() const noexcept { return -1; }
+  /// Why a device gives no force or no pose at present, with its cure, for a person: the connection is lost,
+  /// its brake is on. Empty: nothing is wrong. Any thread but the servo's; may wait for a moment.
+  virtual std::optional<Error> trouble() const { return std::nullopt; }
 };
 
 }  // namespace palpate

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <limits>
+#include <string>
 
 #include "palpate/device/device.h"
 #include "palpate/device/telemetry.h"
@@ -19,9 +20,12 @@ struct OutputLimits {
   double slew_N_per_s = 2000;
 };
 OutputLimits limits_of(const DeviceInfo& info);
-/// N/mm of the device that its maker vouches for: infinite where that is not known, 0 for what is no
-/// stiffness (negative, not a number).
-double vouched_stiffness_N_per_mm(const DeviceInfo& info);
+/// The most stiffness that a device is made to feel, N/mm of the device: what its maker vouches for, and 0
+/// for what is no stiffness (negative, not a number). Where that is not known, infinite for a simulated
+/// device, and for a physical one careful_bounds(): none runs without a bound.
+double bound_of_stiffness_N_per_mm(const DeviceInfo& info);
+/// Whether that bound is ours and not the maker's, in words for whoever is to hold it; empty: it is not.
+std::string careful_bound_told(const DeviceInfo& info);
 
 /// Inputs of a tick that belong to one device.
 struct DeviceParameters {
@@ -40,7 +44,8 @@ struct DeviceParameters {
   /// From a command to its force, s. The passivity observer counts with it; what is not known counts as none.
   double delay_s = 0;
 };
-/// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold.
+/// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold; of a
+/// physical one of which that, or the damping that it bears, is not known, what is careful.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
 
 }  // namespace palpate

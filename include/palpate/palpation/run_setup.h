@@ -31,10 +31,10 @@ struct RunSetup {
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
                             const Progress& progress);
 
-/// What a run needs whose tip a pointer moves: the model, the parameters, the rate. Nothing that swings is in
-/// the loop and nothing that gets hot, so neither stiffness nor heat limits the force that is shown.
-Result<RunSetup> set_up_pointer_run(const LoadedScene& loaded, const SimulationOptions& options,
-                                    const Progress& progress);
+/// What a run needs whose tips persons lead, by a pointer or a device: the model, the parameters but those of
+/// the devices, the rate of a loop that has its own clock. Neither stiffness nor heat limits the force yet.
+Result<RunSetup> set_up_led_run(const LoadedScene& loaded, const SimulationOptions& options,
+                                const Progress& progress);
 
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <string>
 
 /// What makes a thread of ours real-time: its scheduling class, memory that is never paged, pages that are
@@ -31,6 +33,10 @@ struct RealtimeGrant {
 /// names the thread and blocks every signal on it. Memory stays locked until the thread ends, or asks without
 /// lock_memory. Allocates, so not from within the loop.
 RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request);
+
+/// What a thread has: "SCHED_FIFO 80", "SCHED_OTHER". Empty: there is no such thread.
+/// @param tid  Linux thread id (gettid); 0: the calling thread
+std::string scheduler_of_thread(pid_t tid);
 
 /// Binds the calling thread to the CPUs that it may run on but `cpu`, which then is the servo's alone;
 /// nothing where `cpu` is negative or the only one.

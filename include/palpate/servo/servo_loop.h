@@ -60,6 +60,14 @@ struct LateCounts {
   std::uint64_t total() const { return steal + page_fault + preemption + run_queue + unknown; }
 };
 
+/// A thread that exchanges states and commands with devices, as the system sees it.
+struct TickingThread {
+  std::string device;         ///< name of the first device
+  std::string scheduler;      ///< as Scheduling::scheduler; of a vendor's thread what it is
+  std::uint64_t updates = 0;  ///< since it began
+  LateCounts late;            ///< updates that came later than half a period
+};
+
 struct Percentiles {
   double p50_us = 0, p99_us = 0, p999_us = 0, max_us = 0;
 };
@@ -151,6 +159,8 @@ class ServoLoop {
   /// Begins the figures of health() anew, with the next tick.
   virtual void reset_health() noexcept = 0;
   virtual const Scheduling& scheduling() const noexcept = 0;
+  /// The thread that ticks: the loop's, or a vendor's that calls back.
+  virtual TickingThread ticking() const = 0;
   virtual std::span<const DeviceInfo> devices() const = 0;
 };
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/device/registry.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/servo/servo_loop.h"
@@ -43,17 +44,24 @@ struct ConsentQuestion {
   std::string text;
 };
 
-/// Who moves the tip.
-enum class ExploreDevice : std::uint8_t {
-  kSimulated,  ///< a simulated hand that follows a script, with a simulated device
-  kPointer,    ///< a viewer's mouse, pen or finger; the force is shown and felt by nobody
-};
+// the devices that need no driver
+inline constexpr const char* kSimulatedHand = "simulated";  ///< follows a script, with a simulated device
+inline constexpr const char* kPointer = "pointer";  ///< a viewer's; its force is shown and felt by nobody
+
+/// The names that a session's devices may have: these two, and what is known besides.
+std::vector<std::string> device_names(const DeviceRegistry& known);
+/// Whether a session may have these devices. Errors: kUsage for a name that is not known, with those that
+/// are; one that comes twice, more than kMaxDevices, a simulated hand that is not the first, none at all.
+Result<void> check_devices(const std::vector<std::string>& names, const DeviceRegistry& known);
 
 class ViewerHost;
 
 struct ExploreOptions {
   SimulationOptions run;
-  ExploreDevice device = ExploreDevice::kSimulated;
+  /// What is felt with, in the order of the tick's devices: device_names().
+  std::vector<std::string> devices = {kSimulatedHand};
+  /// Makers of the drivers of those that need one.
+  DeviceRegistry known;
   LoopSettings loop;              ///< its rate is ignored: the run's own holds
   std::optional<double> seconds;  ///< end after that long; empty: when the script ends
   bool repeat = false;            ///< begin the script again when it has ended, until stopped
@@ -87,6 +95,12 @@ struct ExploreStatus {
   double compute_p50_us = 0;
   /// Why soft tissue is solved in coarser cells than the scene asks for; empty: it is not.
   std::string coarser_tissue;
+  /// Where a device is made no stiffer than is careful, why; a line each. Empty: every maker says how stiff.
+  std::string careful_bounds;
+  /// Whoever exchanges states and commands with a device beside the loop's own thread.
+  std::vector<TickingThread> followers;
+  /// Why a device gives no force or no pose at present.
+  std::optional<Error> device_trouble;
   // of the latest tick
   double force_N = 0, limit_N = 0, heat = 0;
   std::string structure;  ///< that is touched; empty: none
@@ -100,8 +114,8 @@ struct ExploreStatus {
   std::optional<ForceMethod> method_awaited;  ///< felt as soon as it is made ready
   /// Why the force method that was asked for last is not felt.
   std::optional<Error> method_failure;
-  std::optional<std::uint32_t> stop;        ///< which one holds; empty: none
-  bool rearmed_in_page = false;             ///< and not by kRearm: a viewer's pointer moves the tip
+  std::optional<std::uint32_t> stop;  ///< which one holds; empty: none
+  bool rearmed_in_page = false;  ///< and not by kRearm: a viewer's pointer moves the tip, and nothing pushes
   std::optional<ConsentQuestion> question;  ///< to be answered by kAgree or kDecline
   std::optional<Error> refusal;             ///< of a request since the last status
 };
@@ -110,6 +124,7 @@ struct ExploreResult {
   RecordingSummary summary;
   LoopHealth health;
   Scheduling scheduling;
+  std::vector<TickingThread> threads;  ///< that exchanged states and commands with devices
   std::vector<TouchFigure> touches;
   std::vector<HoldFigure> holds;
   std::size_t failed_steps = 0;      ///< of the script
@@ -121,11 +136,11 @@ struct ExploreResult {
   bool device_lost = false;      ///< the driver gave up, which ended the session
 };
 
-/// Lets a scripted hand or a viewer's pointer feel a scene in real time, until the script is done, the time
-/// is up, or progress.stopped(): then the force fades out and the recording is finished, so that it replays.
-/// Stopped before the first tick: Error kInterrupted. A disk that fills is no error of the session: it goes
-/// on, and the result tells.
-/// @param script     of the hand; a pointer has none
+/// Lets a scripted hand, a viewer's pointer or whoever holds a device feel a scene in real time, until the
+/// script is done, the time is up, or progress.stopped(): then the force fades out and the recording is
+/// finished, so that it replays. Stopped before the first tick: Error kInterrupted. A disk that fills is no
+/// error of the session: it goes on, and the result tells.
+/// @param script     of the simulated hand; without one there is none
 /// @param recording  a file to write; empty: none
 /// @param status     called on this thread when the loop runs, and then ten times a second; may be empty
 /// Errors: those of set-up (a script's device, hand or structures, settings of the loop), of creating the

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "palpate/base/progress.h"
+#include "palpate/device/bounds.h"
 #include "palpate/device/simulated_device.h"
 
 /// How stiff a wall may be felt, found with the simulated hand and device. See docs/verify.md, suite
@@ -31,25 +32,12 @@ Result<double> critical_stiffness_N_per_mm(const StabilityCase& held, const Prog
 /// @param rate_hz  > 0
 double passivity_bound_N_per_mm(const PlantDevice& device, double rate_hz);
 
-/// Part of the critical stiffness that is recommended.
-inline constexpr double kStiffnessMargin = 0.6;
-
 /// kStiffnessMargin of the least critical stiffness over the light and the firm grip. Errors as above.
 Result<double> recommended_stiffness_N_per_mm(const PlantDevice& device, double rate_hz, double delay_s,
                                               const Progress& progress = {});
 
-/// The damping that makes a bare mass swing for ever when a force -c v is sent for the mean velocity of the
-/// last window (VelocityWindow), after the delay and half a tick's hold:
-///
-///   m s^2 + c/W (1 - e^(-s W)) e^(-s (t_d + T/2)) = 0
-///
-/// On s = j w the phase is whole at w = pi / (2 (t_d + T/2 + W/2)), and there c = m w^2 W / (2 sin(w W/2)):
-/// the force then comes a quarter of a swing late and pushes instead of braking. More mass and any damping of
-/// hand or device allow more.
-/// @param rate_hz  > 0
-double neutral_damping_N_s_per_mm(double mass_kg, double rate_hz, double delay_s);
-
-/// kStiffnessMargin of that for the device's mass alone: whoever holds it, even with a fingertip.
+/// kStiffnessMargin of neutral_damping_N_s_per_mm for the device's mass alone: whoever holds it, even with a
+/// fingertip.
 double recommended_damping_N_s_per_mm(const PlantDevice& device, double rate_hz, double delay_s);
 
 }  // namespace palpate

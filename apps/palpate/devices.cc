@@ -1,0 +1,91 @@
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "known_devices.h"
+#include "palpate/session/explore.h"
+#include "text.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+// a driver whose checks are fine and that has found something
+const char* state_of(const DeviceReport& report) {
+  for (const DeviceCheck& check : report.checks)
+    if (!check.fine) return "not ready: palpate doctor says what is missing";
+  return report.connected.empty() ? "nothing is connected" : "";
+}
+
+nlohmann::ordered_json own_json(const char* name, const char* what) {
+  return {{"name", name},
+          {"what", what},
+          {"simulated", true},
+          {"ready", true},
+          {"connected", nlohmann::ordered_json::array()}};
+}
+
+struct OwnDevice {
+  const char *name, *what;
+};
+constexpr OwnDevice kOwn[] = {
+    {kSimulatedHand, "a simulated hand and device, which follow a script; always there"},
+    {kPointer, "a viewer's mouse, pen or finger, through the page; always there"}};
+
+int print_json(const DeviceRegistry& known) {
+  auto rows = nlohmann::ordered_json::array();
+  for (const OwnDevice& own : kOwn) rows.push_back(own_json(own.name, own.what));
+  for (const DeviceMaker& maker : known.all()) {
+    const DeviceReport report = maker.look();
+    auto& row = rows.emplace_back();
+    row = {{"name", maker.name},
+           {"what", maker.what},
+           {"simulated", false},
+           {"ready", *state_of(report) == '\0'}};
+    row["connected"] = nlohmann::ordered_json::array();
+    for (const ConnectedDevice& device : report.connected)
+      row["connected"].push_back({{"id", device.id}, {"state", device.state}});
+  }
+  std::cout << nlohmann::ordered_json{{"devices", rows}}.dump(
+                   2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
+            << '\n';
+  return kExitOk;
+}
+
+int print_text(const DeviceRegistry& known) {
+  const auto row = [](const std::string& name, const std::string& what) {
+    std::printf("%s %s\n", fitted(name, 16).c_str(), what.c_str());
+  };
+  for (const OwnDevice& own : kOwn) row(own.name, own.what);
+  for (const DeviceMaker& maker : known.all()) {
+    row(maker.name, maker.what);
+    const DeviceReport report = maker.look();
+    if (const char* state = state_of(report); *state != '\0') row("", state);
+    for (const ConnectedDevice& device : report.connected) row("", device.id + ": " + device.state);
+  }
+  std::printf("\npalpate explore SCENE --device NAME feels with one of them\n");
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_devices(CLI::App& app, Run& run) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* verb =
+      app.add_subcommand("devices", "List the devices that explore knows, and what is connected");
+  verb->add_flag("--json", *json, "As JSON");
+  verb->footer(
+      "Example:\n"
+      "  palpate devices\n\n"
+      "Nothing is moved and nothing pushes. What a device lacks on this machine, and what to do about it,\n"
+      "is told by palpate doctor; what each device needs, by docs/devices.md.");
+  verb->callback([json, &run] {
+    run = [json](Console& /*console*/) {
+      const DeviceRegistry known = known_devices();
+      return *json ? print_json(known) : print_text(known);
+    };
+  });
+}
+
+}  // namespace palpate::app

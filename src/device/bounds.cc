@@ -1,0 +1,37 @@
+#include "palpate/device/bounds.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace palpate {
+namespace {
+
+// what a device says, where an arm can be like that
+double known_or(const std::optional<double>& said, double careful, double least, double most) {
+  return said && *said >= least && *said <= most ? *said : careful;
+}
+
+}  // namespace
+
+double neutral_damping_N_s_per_mm(double mass_kg, double rate_hz, double delay_s) {
+  PALPATE_CHECK(rate_hz > 0);
+  constexpr double kWindow_s = 0.01;
+  const double late_s = delay_s + 0.5 / rate_hz + 0.5 * kWindow_s;
+  const double swing_rad_s = 0.5 * std::numbers::pi / late_s;
+  const double damping_N_s_per_m =
+      mass_kg * swing_rad_s * swing_rad_s * kWindow_s / (2 * std::sin(0.5 * swing_rad_s * kWindow_s));
+  return damping_N_s_per_m * 1e-3;
+}
+
+CarefulBounds careful_bounds(const DeviceInfo& info) {
+  const CarefulDevice careful;
+  const double rate_hz = known_or(info.rate_hz, careful.rate_hz, 1, 1e5);
+  const double delay_s = known_or(info.delay_s, careful.delay_s, 0, 1);
+  const double mass_kg = known_or(info.mass_kg, careful.mass_kg, 1e-3, 100);
+  const double damping_N_s_per_m =
+      careful.hand_N_s_per_m + known_or(info.damping_N_s_per_m, careful.damping_N_s_per_m, 0, 100);
+  return {kStiffnessMargin * theoretical_stiffness_N_per_mm(damping_N_s_per_m, rate_hz, delay_s),
+          kStiffnessMargin * neutral_damping_N_s_per_mm(mass_kg, rate_hz, delay_s)};
+}
+
+}  // namespace palpate

@@ -1,0 +1,87 @@
+#include "palpate/device/bounds.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "base/test_seed.h"
+#include "palpate/device/device_parameters.h"
+
+namespace palpate {
+namespace {
+
+DeviceInfo physical(std::optional<double> stated_N_per_mm = {}) {
+  DeviceInfo info;
+  info.name = "arm";
+  info.stiffness_N_per_mm = stated_N_per_mm;
+  return info;
+}
+
+TEST(CarefulBounds, AreTheoryForTheWorstOfWhatIsNotKnown) {
+  // 0.6 b / (T/2 + t_d) with the light grip's 2 N s/m, 250 Hz and 4 ms
+  const CarefulBounds nothing_known = careful_bounds(physical());
+  EXPECT_NEAR(nothing_known.stiffness_N_per_mm, 0.6 * 2 / (0.002 + 0.004) * 1e-3, 1e-12);
+  EXPECT_NEAR(nothing_known.damping_N_s_per_mm, 0.6 * neutral_damping_N_s_per_mm(0.045, 250, 4e-3), 1e-12);
+  EXPECT_NEAR(nothing_known.damping_N_s_per_mm, 0.0042, 0.0001);
+
+  DeviceInfo known = physical();
+  known.rate_hz = 1000;
+  known.delay_s = 0;
+  known.damping_N_s_per_m = 1;
+  known.mass_kg = 0.2;
+  EXPECT_NEAR(careful_bounds(known).stiffness_N_per_mm, 0.6 * 3 / 0.0005 * 1e-3, 1e-12);
+  EXPECT_NEAR(careful_bounds(known).damping_N_s_per_mm, 0.6 * neutral_damping_N_s_per_mm(0.2, 1000, 0),
+              1e-12);
+  // what is no number, or no arm has, is not known
+  for (const double odd : {0.0, -3.0, 1e-300, 1e300, std::nan(""), std::numeric_limits<double>::infinity()}) {
+    DeviceInfo info = physical();
+    info.rate_hz = info.mass_kg = odd;
+    // an undamped arm and one without delay may be
+    if (odd != 0 && odd != 1e-300) info.damping_N_s_per_m = info.delay_s = odd;
+    EXPECT_EQ(careful_bounds(info).stiffness_N_per_mm, nothing_known.stiffness_N_per_mm) << odd;
+    EXPECT_EQ(careful_bounds(info).damping_N_s_per_mm, nothing_known.damping_N_s_per_mm) << odd;
+  }
+}
+
+TEST(CarefulBounds, BoundEveryPhysicalDevice) {
+  const double careful = careful_bounds(physical()).stiffness_N_per_mm;
+  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical()), careful);
+  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(std::numeric_limits<double>::infinity())), careful);
+  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(2)), 2);
+  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(-1)), 0);
+  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(std::nan(""))), 0);
+  EXPECT_NE(careful_bound_told(physical()).find("0.2 N/mm"), std::string::npos)
+      << careful_bound_told(physical());
+  EXPECT_EQ(careful_bound_told(physical(2)), "");
+  // nothing pushes a simulated one but what is simulated
+  DeviceInfo simulated = physical();
+  simulated.simulated = true;
+  EXPECT_EQ(bound_of_stiffness_N_per_mm(simulated), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(careful_bound_told(simulated), "");
+
+  // whatever else is said
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const double odd[] = {
+      std::nan(""), -1, 0, 1e-300, 0.01, 1, 1000, 1e300, std::numeric_limits<double>::infinity()};
+  const auto any = [&]() -> std::optional<double> {
+    const std::size_t n = random() % (std::size(odd) + 1);
+    return n < std::size(odd) ? std::optional(odd[n]) : std::nullopt;
+  };
+  for (int n = 0; n < 2000; ++n) {
+    DeviceInfo info = physical(any());
+    info.rate_hz = any();
+    info.delay_s = any();
+    info.mass_kg = any();
+    info.damping_N_s_per_m = any();
+    const DeviceParameters parameters = device_parameters(info, {});
+    ASSERT_TRUE(std::isfinite(parameters.most_stiffness_N_per_mm) && parameters.most_stiffness_N_per_mm >= 0);
+    ASSERT_GT(parameters.most_damping_N_s_per_mm, 1e-8);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "haply/messages.h"
+#include "palpate/base/result.h"
+#include "palpate/haply/haply_driver.h"
+
+namespace palpate::haply {
+
+/// Which service listens there, asked by HTTP; force_key() says whether its version is known. Error
+/// kUnavailable where none answers. Takes a second and a half at most.
+Result<ServiceVersion> find_service(const HaplySettings& settings);
+
+/// A WebSocket to the service, of one thread at a time. No call waits longer than it says.
+class Connection {
+ public:
+  /// Error kUnavailable. Takes a second at most.
+  static Result<std::unique_ptr<Connection>> open(const HaplySettings& settings);
+  ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  enum class Received { kMessage, kNothing, kLost };
+  /// The next message, or nothing until then; a call after a lost one is lost.
+  /// @param until_ns  of monotonic_ns()
+  Received receive(std::string& text, std::int64_t until_ns);
+  /// False: lost. Waits a hundredth of a second at most, where the service does not read.
+  bool send(std::string_view text);
+
+ private:
+  class Stream;
+  explicit Connection(std::unique_ptr<Stream> stream);
+  std::unique_ptr<Stream> stream_;
+};
+
+}  // namespace palpate::haply

@@ -1,0 +1,475 @@
+#include "palpate/haply/haply_driver.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <system_error>
+#include <thread>
+#include <variant>
+
+#include "haply/connection.h"
+#include "haply/messages.h"
+#include "palpate/base/clock.h"
+#include "palpate/device/telemetry.h"
+
+namespace palpate {
+namespace {
+
+using haply::Connection;
+using haply::Inverse3;
+using haply::RequestWriter;
+using haply::ServiceVersion;
+using haply::State;
+using haply::Status;
+
+constexpr auto kInventoryPatience_ns = std::int64_t{500'000'000};
+// round trips by which the rate is known
+constexpr int kMeasured = 40;
+// how often a lost service is looked for, and whether it is to be looked for
+constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
+// the servo's pace while there is nobody to exchange with
+constexpr auto kLostPeriod = std::chrono::milliseconds(1);
+constexpr std::int64_t kLastZero_ns = 20'000'000;
+// answers that say nothing, one after the other, until another connection is looked for
+constexpr int kMostBroken = 20;
+// half an edge of the largest cube in the ball of 100 mm that can be reached
+constexpr double kHalfReach_mm = 57.7;
+
+std::int64_t in_ns(double seconds) {
+  return std::llround(seconds * 1e9);
+}
+
+}  // namespace
+
+namespace haply {
+
+/// Why there is no force, the most serious first.
+enum class Trouble : std::uint8_t {
+  kNone,
+  kLost,          ///< the connection was closed
+  kNoService,     ///< and nobody answers since
+  kOtherVersion,  ///< who answers is of a version that is not known
+  kSilent,        ///< requests are not answered
+  kBroken,        ///< they are, by what nobody understands
+  kGone,          ///< a device is not in the service's list any more
+  kNoPower,
+  kNotCalibrated,
+  kNotReady,
+};
+
+/// A connection and what the service has told at its beginning.
+struct Found {
+  ServiceVersion version;
+  std::unique_ptr<Connection> connection;
+  State inventory;
+};
+
+}  // namespace haply
+
+namespace {
+
+using haply::Found;
+using haply::Trouble;
+
+// of what a device says about itself; what it does not say is fine
+Trouble trouble_of(const Status& status) {
+  if (!status.power_supply.value_or(true)) return Trouble::kNoPower;
+  if (!status.calibrated.value_or(true)) return Trouble::kNotCalibrated;
+  if (!status.ready.value_or(true) || !status.started.value_or(true)) return Trouble::kNotReady;
+  return Trouble::kNone;
+}
+
+struct Words {
+  const char *what, *cure;
+};
+Words words_for(Trouble trouble) {
+  switch (trouble) {
+    case Trouble::kLost:
+      return {"the Inverse Service has closed the connection",
+              "nothing has to be done here: it is looked for, and felt again when it is back"};
+    case Trouble::kNoService:
+      return {"the Inverse Service does not answer", "start it again: the session goes on by itself then"};
+    case Trouble::kOtherVersion:
+      return {"the Inverse Service that answers is of a version that palpate does not know",
+              "start 3.0, 3.1 or one from 3.5 on: the session goes on by itself then"};
+    case Trouble::kSilent:
+      return {"the Inverse Service is silent",
+              "is the machine overloaded? If it stays so, start the service again"};
+    case Trouble::kBroken:
+      return {"the Inverse Service says what is no state of a device",
+              "does another program listen at its port? Start the service again"};
+    case Trouble::kGone:
+      return {"the service has lost the device", "look at its USB cable, and plug it in again"};
+    case Trouble::kNoPower:
+      return {"the device has no power", "plug its power supply in"};
+    case Trouble::kNotCalibrated:
+      return {"the device is not calibrated", "move its arm as Haply's manual says, until it is"};
+    case Trouble::kNotReady:
+      return {"the device is not ready", "wait until its light says so, or plug it in again"};
+    case Trouble::kNone:
+      break;
+  }
+  return {"", ""};
+}
+
+Error error_for(Trouble trouble, const std::string& where) {
+  const Words words = words_for(trouble);
+  return {ErrorKind::kUnavailable, words.what, where, words.cure};
+}
+
+std::string name_of(const Inverse3& device) {
+  return "Inverse3 " + device.id;
+}
+
+std::string state_in_words(const Status& status) {
+  if (status.in_use.value_or(false)) return "in use by another program";
+  const Trouble trouble = trouble_of(status);
+  return trouble == Trouble::kNone ? "ready" : words_for(trouble).what;
+}
+
+/// Why there is none: kNoService, kOtherVersion, kSilent or kBroken.
+struct NotFound {
+  Trouble why = Trouble::kNoService;
+  Error error;
+};
+
+std::variant<Found, NotFound> find(const HaplySettings& settings) {
+  const auto version = haply::find_service(settings);
+  if (!version) return NotFound{Trouble::kNoService, version.error()};
+  if (!haply::force_key(*version)) {
+    Error other = error_for(Trouble::kOtherVersion, "haply");
+    other.what += ": " + std::to_string(version->major) + "." + std::to_string(version->minor);
+    return NotFound{Trouble::kOtherVersion, other};
+  }
+  auto connection = Connection::open(settings);
+  if (!connection) return NotFound{Trouble::kNoService, connection.error()};
+  std::string text;
+  const auto received = (*connection)->receive(text, monotonic_ns() + kInventoryPatience_ns);
+  if (received != Connection::Received::kMessage)
+    return NotFound{Trouble::kSilent, error_for(Trouble::kSilent, "haply")};
+  auto inventory = haply::parse_state(text);
+  if (!inventory) return NotFound{Trouble::kBroken, error_for(Trouble::kBroken, "haply")};
+  return Found{*version, *std::move(connection), *std::move(inventory)};
+}
+
+}  // namespace
+
+/// Members are grouped by whose they are. The servo's thread is whoever calls run().
+class HaplyDriver::Core {
+ public:
+  explicit Core(const HaplySettings& settings) : settings_(settings) {}
+  ~Core() {
+    end_.store(true);
+    if (finder_.joinable()) finder_.join();
+    delete found_.exchange(nullptr);
+  }
+
+  std::span<const DeviceInfo> devices() const { return infos_; }
+
+  Result<void> open() {
+    if (finder_.joinable()) return {};
+    ids_.clear();
+    wanted_.store(false);
+    auto looked = find(settings_);
+    if (const auto* none = std::get_if<NotFound>(&looked)) return none->error;
+    Found* const found = std::get_if<Found>(&looked);
+    if (found->inventory.devices.empty())
+      return Error{ErrorKind::kUnavailable, "the Inverse Service sees no Inverse3", "haply",
+                   "plug it in by USB and power it, and see that its light is on"};
+    for (const Inverse3& device : found->inventory.devices) {
+      if (device.status.in_use.value_or(false))
+        return Error{ErrorKind::kUnavailable, name_of(device) + " is in use by another program", "haply",
+                     "end that program"};
+      if (const Trouble trouble = trouble_of(device.status); trouble != Trouble::kNone)
+        return error_for(trouble, name_of(device));
+    }
+    count_ = std::min<std::size_t>(found->inventory.devices.size(), kMaxDevices);
+    for (std::size_t d = 0; d < count_; ++d) ids_.push_back(found->inventory.devices[d].id);
+    const State inventory = found->inventory;
+    adopt(std::move(*found));
+    const auto round_trip_s = measure();
+    if (!round_trip_s) return error_for(trouble_.load(), "haply");
+    describe(inventory, 1 / std::max(*round_trip_s, 1 / settings_.most_rate_hz));
+    try {
+      finder_ = std::thread([this] { look_for_service(); });
+    } catch (const std::system_error& error) {
+      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), "haply",
+                   "close other programs, or raise the limit of processes (ulimit -u)"};
+    }
+    return {};
+  }
+
+  void run(ServoFunction& servo, ServoClock& clock) {
+    commands_ = {};
+    const std::int64_t begun_ns = monotonic_ns();
+    bool told = false;
+    while (!clock.stopped()) {
+      told = (connection_ ? exchange() : wait_for_service()) || told;
+      // where the tips are is known to begin with, and before long that it is not
+      if (told || monotonic_ns() - begun_ns > in_ns(kSilence_s))
+        servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
+    }
+    leave_zero();
+  }
+
+  void halt() { halted_.store(true); }
+  void resume() { halted_.store(false); }
+  std::optional<Error> trouble() const {
+    const Trouble now = trouble_.load();
+    if (now == Trouble::kNone) return std::nullopt;
+    return error_for(now, infos_.empty() ? "haply" : infos_.front().name);
+  }
+
+ private:
+  // ---- the servo's thread; before it runs, whoever opens
+
+  // A whole exchange, or what of it there was time for. True: the samples are new.
+  bool exchange() {
+    if (outstanding_ == 0) {
+      std::this_thread::sleep_for(std::chrono::nanoseconds(
+          std::max<std::int64_t>(0, sent_ns_ + in_ns(1 / settings_.most_rate_hz) - monotonic_ns())));
+      if (!send(halted_.load() ? zeros_ : commands_)) return lose(Trouble::kLost);
+    } else if (!zero_asked_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
+      // who does not answer may still read
+      zero_asked_ = true;
+      note(Trouble::kSilent);
+      if (!send(zeros_)) return lose(Trouble::kLost);
+    }
+    switch (connection_->receive(text_, monotonic_ns() + in_ns(kTimeout_s))) {
+      case Connection::Received::kMessage:
+        return take_message();
+      case Connection::Received::kNothing:
+        return monotonic_ns() - heard_ns_ > in_ns(kGivenUp_s) ? lose(Trouble::kSilent) : false;
+      case Connection::Received::kLost:
+        break;
+    }
+    return lose(Trouble::kLost);
+  }
+
+  bool send(const std::array<DeviceCommand, kMaxDevices>& commands) {
+    const std::string& request = writer_->write(first_, std::span(commands).first(count_));
+    sent_ns_ = monotonic_ns();
+    first_ = false;
+    ++outstanding_;
+    return connection_->send(request);
+  }
+
+  bool take_message() {
+    heard_ns_ = monotonic_ns();
+    outstanding_ = std::max(0, outstanding_ - 1);
+    const auto state = haply::parse_state(text_);
+    if (!state) {
+      for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
+      if (++broken_ >= kMostBroken) return lose(Trouble::kBroken);
+      note(Trouble::kBroken);
+      return true;
+    }
+    broken_ = 0;
+    // of several requests the last one's answer is what is true
+    if (outstanding_ > 0) return false;
+    zero_asked_ = false;
+    Trouble worst = Trouble::kNone;
+    for (std::size_t d = 0; d < count_; ++d) {
+      const Trouble own = take_state(*state, d);
+      if (own != Trouble::kNone && (worst == Trouble::kNone || own < worst)) worst = own;
+    }
+    note(worst);
+    return true;
+  }
+
+  // a device's part of it
+  Trouble take_state(const State& state, std::size_t d) {
+    DeviceSample& sample = samples_[d];
+    const auto device = std::ranges::find(state.devices, ids_[d], &Inverse3::id);
+    sample.fault = true;
+    if (device == state.devices.end()) return Trouble::kGone;
+    // without a place it is no news of now
+    if (!device->tip_mm) return Trouble::kBroken;
+    sample.tip = *device->tip_mm;
+    sample.velocity_mm_s = device->velocity_mm_s;
+    sample.taken_ns = sent_ns_;
+    if (d < state.grips.size()) {
+      sample.R_DeviceTool = state.grips[d].orientation;
+      sample.buttons = state.grips[d].buttons;
+    }
+    const Trouble trouble = trouble_of(device->status);
+    sample.fault = trouble != Trouble::kNone;
+    return trouble;
+  }
+
+  // false, for exchange()
+  bool lose(Trouble why) {
+    note(why);
+    connection_.reset();
+    for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
+    wanted_.store(true);
+    return false;
+  }
+
+  bool wait_for_service() {
+    if (const std::unique_ptr<Found> found{found_.exchange(nullptr)}) {
+      adopt(std::move(*found));
+      return false;
+    }
+    std::this_thread::sleep_for(kLostPeriod);
+    return false;
+  }
+
+  void adopt(Found found) {
+    connection_ = std::move(found.connection);
+    writer_.emplace(ids_, haply::force_key(found.version));
+    first_ = true;
+    zero_asked_ = false;
+    outstanding_ = broken_ = 0;
+    heard_ns_ = monotonic_ns();
+    // what was asked for before is nothing that anybody feels now
+    commands_ = {};
+  }
+
+  void leave_zero() {
+    if (!connection_ || !send(zeros_)) return;
+    const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
+    while (outstanding_ > 0 && monotonic_ns() < until_ns)
+      if (connection_->receive(text_, until_ns) == Connection::Received::kMessage) --outstanding_;
+  }
+
+  // the median of some round trips without force; empty: there is none
+  std::optional<double> measure() {
+    std::array<std::int64_t, kMeasured> took_ns{};
+    for (std::int64_t& took : took_ns) {
+      const std::int64_t begun_ns = monotonic_ns();
+      while (connection_ && !exchange()) {
+      }
+      if (!connection_) return std::nullopt;
+      took = monotonic_ns() - begun_ns;
+    }
+    std::ranges::nth_element(took_ns, took_ns.begin() + kMeasured / 2);
+    return static_cast<double>(took_ns[kMeasured / 2]) * 1e-9;
+  }
+
+  void describe(const State& inventory, double rate_hz) {
+    for (std::size_t d = 0; d < count_; ++d) {
+      const bool grip = d < inventory.grips.size();
+      DeviceInfo info;
+      info.name = name_of(inventory.devices[d]);
+      info.drive = DeviceInfo::Drive::kExchange;
+      info.peak_force_N = settings_.peak_force_N;
+      info.rate_hz = rate_hz;
+      info.degrees_of_freedom_in = grip ? 6 : 3;
+      info.buttons = grip ? 3 : 0;
+      info.R_WorldDevice = haply_axes();
+      // where the tip rests in the maker's example: before the base and above it
+      const Point<Device> middle(0, -120, 150);
+      const Vector<Device> half(kHalfReach_mm, kHalfReach_mm, kHalfReach_mm);
+      info.workspace = {middle - half, middle + half};
+      infos_.push_back(info);
+    }
+  }
+
+  // ---- any thread
+  void note(Trouble trouble) { trouble_.store(trouble); }
+
+  // ---- the finder's thread
+  void look_for_service() {
+    auto next = std::chrono::steady_clock::now();
+    while (!end_.load()) {
+      std::this_thread::sleep_for(kFindPoll);
+      if (!wanted_.load() || std::chrono::steady_clock::now() < next) continue;
+      next = std::chrono::steady_clock::now() + kFindEvery;
+      auto looked = find(settings_);
+      if (const auto* none = std::get_if<NotFound>(&looked)) {
+        note(none->why);
+        continue;
+      }
+      wanted_.store(false);
+      delete found_.exchange(new Found(std::move(std::get<Found>(looked))));
+    }
+  }
+
+  const std::array<DeviceCommand, kMaxDevices> zeros_{};
+  const HaplySettings settings_;
+  std::vector<DeviceInfo> infos_;
+  std::vector<std::string> ids_;
+  std::size_t count_ = 0;
+
+  std::unique_ptr<Connection> connection_;
+  std::optional<RequestWriter> writer_;
+  std::array<DeviceSample, kMaxDevices> samples_{};
+  std::array<DeviceCommand, kMaxDevices> commands_{};
+  std::string text_;
+  bool first_ = true, zero_asked_ = false;
+  int outstanding_ = 0, broken_ = 0;
+  std::int64_t sent_ns_ = 0, heard_ns_ = 0;
+
+  std::atomic<bool> halted_{false}, wanted_{false}, end_{false};
+  std::atomic<Trouble> trouble_{Trouble::kNone};
+  std::atomic<Found*> found_{nullptr};
+  std::thread finder_;
+};
+
+HaplyDriver::HaplyDriver(const HaplySettings& settings) : core_(std::make_unique<Core>(settings)) {}
+HaplyDriver::~HaplyDriver() = default;
+
+std::span<const DeviceInfo> HaplyDriver::devices() const {
+  return core_->devices();
+}
+
+Result<void> HaplyDriver::open(bool /*may_move*/) {
+  return core_->open();
+}
+
+void HaplyDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
+  core_->run(servo, clock);
+}
+
+void HaplyDriver::halt() noexcept {
+  core_->halt();
+}
+
+void HaplyDriver::resume(std::uint64_t /*newest*/) noexcept {
+  core_->resume();
+}
+
+std::optional<Error> HaplyDriver::trouble() const {
+  return core_->trouble();
+}
+
+namespace {
+
+DeviceReport look_for(const HaplySettings& settings) {
+  DeviceReport report;
+  const std::string place = "Inverse Service at " + settings.host + ":" + std::to_string(settings.port);
+  auto looked = find(settings);
+  if (const auto* none = std::get_if<NotFound>(&looked)) {
+    report.checks.push_back({place, false, none->error.what, none->error.remedy});
+    return report;
+  }
+  const Found* const found = std::get_if<Found>(&looked);
+  report.checks.push_back(
+      {place, true,
+       "version " + std::to_string(found->version.major) + "." + std::to_string(found->version.minor), ""});
+  if (found->inventory.devices.empty())
+    report.checks.push_back({"Inverse3", false, "the service sees none",
+                             "plug it in by USB and power it, and see that its light is on"});
+  for (const Inverse3& device : found->inventory.devices) {
+    const Trouble trouble = trouble_of(device.status);
+    const bool in_use = device.status.in_use.value_or(false);
+    report.connected.push_back({device.id, state_in_words(device.status)});
+    report.checks.push_back({name_of(device), trouble == Trouble::kNone && !in_use,
+                             state_in_words(device.status),
+                             in_use ? "end the program that uses it" : words_for(trouble).cure});
+  }
+  return report;
+}
+
+}  // namespace
+
+DeviceMaker haply_maker(const HaplySettings& settings) {
+  return {"haply", "Haply Inverse3, through the Inverse Service (3.0, 3.1, 3.5 on)",
+          [settings] { return std::make_unique<HaplyDriver>(settings); },
+          [settings] { return look_for(settings); }};
+}
+
+}  // namespace palpate

@@ -1,0 +1,176 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <functional>
+#include <random>
+
+#include "base/test_seed.h"
+#include "haply/test_haply_rig.h"
+
+/// The driver when something breaks: no force first, then words, then on with it.
+namespace palpate {
+namespace {
+
+using testing::FakeInverseService;
+using testing::HaplyRig;
+using testing::soon;
+
+struct HaplyFault {
+  const char* name;
+  std::function<void(FakeInverseService&)> begin, end;
+  const char* words;
+};
+
+const std::vector<HaplyFault>& haply_faults() {
+  const auto flag = [](const char* name, std::atomic<bool> FakeInverseService::*member, bool faulty,
+                       const char* words) {
+    return HaplyFault{name, [=](FakeInverseService& service) { service.*member = faulty; },
+                      [=](FakeInverseService& service) { service.*member = !faulty; }, words};
+  };
+  static const std::vector<HaplyFault> faults{
+      flag("silent", &FakeInverseService::silent, true, "silent"),
+      flag("deaf", &FakeInverseService::deaf, true, "silent"),
+      flag("broken", &FakeInverseService::breaks_json, true, "no state"),
+      flag("other", &FakeInverseService::says_other, true, "no state"),
+      flag("place", &FakeInverseService::odd_place, true, "no state"),
+      flag("calibration", &FakeInverseService::calibrated, false, "not calibrated"),
+      flag("power", &FakeInverseService::power, false, "no power"),
+      flag("ready", &FakeInverseService::ready, false, "not ready"),
+      flag("gone", &FakeInverseService::present, false, "lost the device"),
+      {"killed", [](FakeInverseService& service) { service.stop(); },
+       [](FakeInverseService& service) { service.start("3.1.1"); }, "does not answer"},
+      {"updated", [](FakeInverseService& service) { service.stop(); },
+       [](FakeInverseService& service) { service.start("3.5.0"); }, "does not answer"},
+  };
+  return faults;
+}
+
+class HaplyFaults : public ::testing::TestWithParam<HaplyFault> {};
+INSTANTIATE_TEST_SUITE_P(Each, HaplyFaults, ::testing::ValuesIn(haply_faults()),
+                         [](const auto& tested) { return std::string(tested.param.name); });
+
+TEST_P(HaplyFaults, TakeTheForceThenSayWhyAndAreOver) {
+  HaplyRig rig;
+  ASSERT_TRUE(rig.presses());
+  GetParam().begin(rig.service);
+  EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
+  EXPECT_TRUE(rig.says(GetParam().words))
+      << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  // without force, and the servo is told all the while
+  const int updates = rig.wall.updates;
+  EXPECT_TRUE(soon([&] { return rig.wall.updates > updates + 20; }));
+  EXPECT_EQ(rig.service.force_N(), 0);
+  GetParam().end(rig.service);
+  EXPECT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
+  rig.end();
+  EXPECT_EQ(rig.service.force_N(), 0);
+  EXPECT_EQ(rig.service.violations(), 0);
+}
+
+TEST(HaplyFaults, AClosedConnectionIsMadeAnewByItself) {
+  HaplyRig rig;
+  ASSERT_TRUE(rig.presses());
+  const int before = rig.service.connections();
+  rig.service.close_connections();
+  EXPECT_TRUE(soon([&] { return rig.service.connections() > before; }));
+  EXPECT_TRUE(rig.presses());
+  EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
+}
+
+// silence is asked for zero before anybody has given it up
+TEST(HaplyFaults, WhoIsSilentIsToldZero) {
+  HaplyRig rig;
+  ASSERT_TRUE(rig.presses());
+  rig.service.silent = true;
+  const std::size_t then = rig.service.delivered().size();
+  const int before = rig.service.connections();
+  const auto zero_is_told = [&] {
+    const auto given = rig.service.delivered();
+    return std::any_of(given.begin() + static_cast<std::ptrdiff_t>(then), given.end(), [](const auto& each) {
+      return !each.idle && each.command.force_N == Vector<Device>();
+    });
+  };
+  // on a machine that stood still it may be another connection that begins with zero
+  EXPECT_TRUE(soon([&] { return zero_is_told(); }));
+  if (rig.service.connections() == before) {
+    // after the one that was on its way there is none with force
+    const auto given = rig.service.delivered();
+    for (std::size_t n = then + 2; n < given.size(); ++n)
+      EXPECT_EQ(given[n].command.force_N, Vector<Device>());
+  }
+  rig.service.silent = false;
+  EXPECT_TRUE(rig.presses());
+}
+
+TEST(HaplyFaults, AnotherVersionThatNobodyKnowsIsNamed) {
+  HaplyRig rig;
+  ASSERT_TRUE(rig.presses());
+  rig.service.stop();
+  rig.service.start("4.2.0");
+  EXPECT_TRUE(rig.says("version"));
+  rig.service.stop();
+  rig.service.start("3.0.0");
+  EXPECT_TRUE(rig.presses());
+}
+
+// any faults, one after another and together: no force while there is one, none above the wall's, and it is
+// felt again when all is well. PALPATE_TEST_FAULTS=200 takes that many.
+TEST(HaplyFaults, AnySequenceOfThemIsOutlived) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  const char* asked = std::getenv("PALPATE_TEST_FAULTS");
+  const int sequences = asked ? std::atoi(asked) : 20;
+  std::mt19937 random(seed);
+  HaplyRig rig;
+  for (int n = 0; n < sequences; ++n) {
+    SCOPED_TRACE("sequence " + std::to_string(n));
+    ASSERT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+    std::vector<const HaplyFault*> there;
+    bool listens = true;
+    for (unsigned step = 1 + random() % 4; step > 0; --step) {
+      const HaplyFault& fault = haply_faults()[random() % haply_faults().size()];
+      const bool stops = fault.words == std::string("does not answer");
+      if (stops && !listens) continue;
+      listens = listens && !stops;
+      fault.begin(rig.service);
+      there.push_back(&fault);
+      std::this_thread::sleep_for(std::chrono::milliseconds(random() % 30));
+      if (random() % 3 == 0) rig.service.close_connections();
+      if (random() % 4 == 0) rig.driver->halt();
+    }
+    ASSERT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
+    while (!there.empty()) {
+      const std::size_t next = random() % there.size();
+      there[next]->end(rig.service);
+      there.erase(there.begin() + static_cast<std::ptrdiff_t>(next));
+    }
+    rig.driver->resume(0);
+  }
+  ASSERT_TRUE(rig.presses());
+  rig.end();
+  EXPECT_EQ(rig.service.force_N(), 0);
+  EXPECT_EQ(rig.service.violations(), 0);
+  for (const testing::Delivery& delivery : rig.service.delivered())
+    ASSERT_LE(delivery.command.force_N.norm(), testing::kHaplyWall_N_per_mm * 4 * testing::kHaplyIntended_mm);
+}
+
+// ended in the middle of whatever it does
+TEST(HaplyFaults, MayEndAtAnyMoment) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  for (int n = 0; n < 6; ++n) {
+    HaplyRig rig;
+    const HaplyFault& fault = haply_faults()[random() % haply_faults().size()];
+    std::this_thread::sleep_for(std::chrono::milliseconds(random() % 20));
+    fault.begin(rig.service);
+    std::this_thread::sleep_for(std::chrono::milliseconds(random() % 150));
+    rig.end();
+    EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; })) << fault.name;
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,146 @@
+#include "haply/messages.h"
+
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace palpate::haply {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr double kMmPerM = 1000;
+// as the service's own handle is wired: a, b, c are buttons 0, 1, 2
+constexpr std::array kNamedButtons{"a", "b", "c"};
+
+const Json* member(const Json& object, const char* key) {
+  if (!object.is_object()) return nullptr;
+  const auto found = object.find(key);
+  return found == object.end() ? nullptr : &*found;
+}
+
+std::optional<double> number(const Json& object, const char* key) {
+  const Json* value = member(object, key);
+  if (!value || !value->is_number()) return std::nullopt;
+  const double is = value->get<double>();
+  return std::isfinite(is) ? std::optional(is) : std::nullopt;
+}
+
+std::optional<bool> flag(const Json& object, const char* key) {
+  const Json* value = member(object, key);
+  return value && value->is_boolean() ? std::optional(value->get<bool>()) : std::nullopt;
+}
+
+std::optional<Eigen::Vector3d> vector_in_mm(const Json& state, const char* key) {
+  const Json* value = member(state, key);
+  if (!value) return std::nullopt;
+  const auto x = number(*value, "x"), y = number(*value, "y"), z = number(*value, "z");
+  if (!x || !y || !z) return std::nullopt;
+  const Eigen::Vector3d mm = kMmPerM * Eigen::Vector3d(*x, *y, *z);
+  return mm.allFinite() ? std::optional(mm) : std::nullopt;
+}
+
+Inverse3 device_of(const Json& entry) {
+  Inverse3 device;
+  if (const Json* id = member(entry, "device_id"); id && id->is_string()) device.id = id->get<std::string>();
+  if (const Json* state = member(entry, "state")) {
+    if (const auto tip = vector_in_mm(*state, "cursor_position")) device.tip_mm = Point<Device>(*tip);
+    if (const auto velocity = vector_in_mm(*state, "cursor_velocity"))
+      device.velocity_mm_s = Vector<Device>(*velocity);
+  }
+  if (const Json* status = member(entry, "status"))
+    device.status = {flag(*status, "calibrated"), flag(*status, "power_supply"), flag(*status, "ready"),
+                     flag(*status, "started"), flag(*status, "in_use")};
+  return device;
+}
+
+Grip grip_of(const Json& entry) {
+  Grip grip;
+  const Json* state = member(entry, "state");
+  if (!state) return grip;
+  if (flag(*state, "button").value_or(false)) grip.buttons |= 1;
+  if (const Json* buttons = member(*state, "buttons"))
+    for (std::size_t n = 0; n < kNamedButtons.size(); ++n)
+      if (flag(*buttons, kNamedButtons[n]).value_or(false)) grip.buttons |= 1u << n;
+  if (const Json* q = member(*state, "orientation")) {
+    const Eigen::Quaterniond read(number(*q, "w").value_or(0), number(*q, "x").value_or(0),
+                                  number(*q, "y").value_or(0), number(*q, "z").value_or(0));
+    // squares of what is no orientation may overflow
+    const double largest = read.coeffs().cwiseAbs().maxCoeff();
+    if (largest > 1e-3 && largest < 1e3) grip.orientation = read.normalized();
+  }
+  return grip;
+}
+
+void append(std::string& text, double value) {
+  std::array<char, 32> digits;
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(),
+                                 std::isfinite(value) ? value : 0, std::chars_format::general, 7);
+  text.append(digits.data(), end.ptr);
+}
+
+}  // namespace
+
+std::optional<ServiceVersion> parse_version(std::string_view text) {
+  for (std::size_t begin = 0; begin < text.size(); ++begin) {
+    const bool starts = std::isdigit(static_cast<unsigned char>(text[begin])) != 0 &&
+                        (begin == 0 || (std::isdigit(static_cast<unsigned char>(text[begin - 1])) == 0 &&
+                                        text[begin - 1] != '.'));
+    if (!starts) continue;
+    ServiceVersion version;
+    const char* const last = text.data() + text.size();
+    const auto major = std::from_chars(text.data() + begin, last, version.major);
+    if (major.ec != std::errc() || major.ptr == last || *major.ptr != '.') continue;
+    const auto minor = std::from_chars(major.ptr + 1, last, version.minor);
+    if (minor.ec == std::errc() && version.minor >= 0) return version;
+  }
+  return std::nullopt;
+}
+
+const char* force_key(const ServiceVersion& version) {
+  if (version.major != 3) return nullptr;
+  if (version.minor <= 1) return "values";
+  return version.minor >= 5 ? "vector" : nullptr;
+}
+
+std::optional<State> parse_state(std::string_view text) {
+  const Json message = Json::parse(text, nullptr, false);
+  const Json* devices = member(message, "inverse3");
+  if (!devices || !devices->is_array()) return std::nullopt;
+  State state;
+  for (const Json& entry : *devices) state.devices.push_back(device_of(entry));
+  for (const char* kind : {"verse_grip", "wireless_verse_grip"})
+    if (const Json* grips = member(message, kind); grips && grips->is_array())
+      for (const Json& entry : *grips) state.grips.push_back(grip_of(entry));
+  return state;
+}
+
+RequestWriter::RequestWriter(const std::vector<std::string>& ids, const char* key) {
+  for (const std::string& id : ids)
+    before_.push_back((before_.empty() ? "" : ",") + std::string("{\"device_id\":") +
+                      Json(id).dump(-1, ' ', false, Json::error_handler_t::replace) +
+                      ",\"commands\":{\"set_cursor_force\":{\"" + key + "\":{\"x\":");
+}
+
+const std::string& RequestWriter::write(bool first, std::span<const DeviceCommand> commands) {
+  PALPATE_CHECK(commands.size() == before_.size());
+  text_ = first ? "{\"session\":{\"configure\":{\"profile\":{\"name\":\"palpate\"}},"
+                  "\"basis\":{\"permutation\":\"XYZ\"}},\"inverse3\":["
+                : "{\"inverse3\":[";
+  for (std::size_t d = 0; d < before_.size(); ++d) {
+    const Vector<Device>& force = commands[d].force_N;
+    text_ += before_[d];
+    append(text_, force.x());
+    text_ += ",\"y\":";
+    append(text_, force.y());
+    text_ += ",\"z\":";
+    append(text_, force.z());
+    text_ += "}}}}";
+  }
+  text_ += "]}";
+  return text_;
+}
+
+}  // namespace palpate::haply

@@ -1,0 +1,290 @@
+#include "haply/test_haply_service.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core/buffers_to_string.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/http/read.hpp>
+#include <boost/beast/http/string_body.hpp>
+#include <boost/beast/http/write.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+#include <boost/beast/websocket/stream.hpp>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "palpate/base/clock.h"
+
+namespace palpate::testing {
+namespace {
+
+namespace beast = boost::beast;
+using ServiceJson = nlohmann::json;
+using tcp = boost::asio::ip::tcp;
+
+constexpr int kPoll_ms = 2;
+constexpr double kMPerMm = 1e-3;
+constexpr const char* kServiceDevice = "049D";
+
+bool readable(int socket, int timeout_ms) {
+  pollfd wanted{socket, POLLIN, 0};
+  return ::poll(&wanted, 1, timeout_ms) == 1;
+}
+
+// at this port, or where it is 0 at any, which it becomes
+int listening(std::uint16_t& port) {
+  const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const int on = 1;
+  ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  PALPATE_CHECK(::bind(socket, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0);
+  PALPATE_CHECK(::listen(socket, 16) == 0);
+  socklen_t size = sizeof address;
+  PALPATE_CHECK(::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size) == 0);
+  port = ntohs(address.sin_port);
+  return socket;
+}
+
+}  // namespace
+
+struct FakeInverseService::Listener {
+  int socket = -1;
+  std::thread thread;
+};
+
+FakeInverseService::FakeInverseService(const SimulatedDevice& device, std::string version) : plant_(device) {
+  start(version);
+}
+
+FakeInverseService::~FakeInverseService() {
+  stop();
+}
+
+HaplySettings FakeInverseService::settings() const {
+  HaplySettings settings;
+  settings.port = port_;
+  settings.old_http_port = http_port_;
+  return settings;
+}
+
+bool FakeInverseService::is_old() const {
+  const std::lock_guard lock(mutex_);
+  return version_.starts_with("3.0") || version_.starts_with("3.1");
+}
+
+void FakeInverseService::start(const std::string& version) {
+  {
+    const std::lock_guard lock(mutex_);
+    version_ = version;
+  }
+  ended_ = false;
+  for (std::uint16_t* port : {&port_, &http_port_}) {
+    // the port of the older ones is taken all the same, so that it is the same again
+    auto listener = std::make_unique<Listener>();
+    listener->socket = listening(*port);
+    listeners_.push_back(std::move(listener));
+  }
+  for (const auto& listener : listeners_) listener->thread = std::thread([&] { listen(*listener); });
+}
+
+void FakeInverseService::close_connections() {
+  const std::lock_guard lock(mutex_);
+  for (const int socket : sockets_) ::shutdown(socket, SHUT_RDWR);
+}
+
+void FakeInverseService::stop() {
+  ended_ = true;
+  for (const auto& listener : listeners_) {
+    listener->thread.join();
+    ::close(listener->socket);
+  }
+  listeners_.clear();
+  close_connections();
+  std::vector<std::thread> sessions;
+  {
+    const std::lock_guard lock(mutex_);
+    sessions.swap(sessions_);
+  }
+  for (std::thread& session : sessions) session.join();
+}
+
+std::string FakeInverseService::last_message() const {
+  const std::lock_guard lock(mutex_);
+  return last_message_;
+}
+
+void FakeInverseService::listen(Listener& listener) {
+  while (!ended_) {
+    if (!readable(listener.socket, kPoll_ms)) continue;
+    const int socket = ::accept4(listener.socket, nullptr, nullptr, SOCK_CLOEXEC);
+    if (socket < 0) continue;
+    // a number of its own, which stays taken until nobody can shut it any more
+    const int own = ::fcntl(socket, F_DUPFD_CLOEXEC, 0);
+    const std::lock_guard lock(mutex_);
+    sockets_.push_back(own);
+    sessions_.emplace_back([this, socket, own] {
+      serve(socket);
+      const std::lock_guard end(mutex_);
+      std::erase(sockets_, own);
+      ::shutdown(own, SHUT_RDWR);
+      ::close(own);
+    });
+  }
+}
+
+/// What one client says by its WebSocket.
+class FakeInverseService::Session {
+ public:
+  Session(FakeInverseService& service, beast::websocket::stream<tcp::socket>& socket)
+      : service_(service), socket_(socket) {}
+
+  void run() {
+    if (!answer(true)) return go_idle();
+    while (!service_.ended_) {
+      if (!service_.deaf && readable(beast::get_lowest_layer(socket_).native_handle(), kPoll_ms)) {
+        beast::flat_buffer buffer;
+        boost::system::error_code error;
+        socket_.read(buffer, error);
+        if (error) break;
+        last_ns_ = monotonic_ns();
+        take(beast::buffers_to_string(buffer.data()));
+        ++service_.messages_;
+        if (!service_.silent && !answer(false)) break;
+      } else if (service_.deaf) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(kPoll_ms));
+      }
+      if (monotonic_ns() - last_ns_ > kIdle_ns) go_idle();
+    }
+    go_idle();
+  }
+
+ private:
+  void take(const std::string& text) {
+    const ServiceJson message = ServiceJson::parse(text, nullptr, false);
+    bool fine = message.is_object() && message.contains("session") == first_;
+    if (fine && first_)
+      fine = message["session"].is_object() && message["session"].dump().find("name") != std::string::npos &&
+             message["session"].dump().find("permutation") != std::string::npos;
+    first_ = false;
+    const char* key = service_.is_old() ? "values" : "vector";
+    try {
+      const auto& own = message.at("inverse3").at(0);
+      const auto& force = own.at("commands").at("set_cursor_force").at(key);
+      fine = fine && own.at("device_id") == kServiceDevice;
+      DeviceCommand command;
+      command.force_N = Vector<Device>(force.at("x").get<double>(), force.at("y").get<double>(),
+                                       force.at("z").get<double>());
+      if (fine) deliver(command, false);
+    } catch (const ServiceJson::exception&) {
+      fine = false;
+    }
+    service_.violations_ += !fine;
+    const std::lock_guard lock(service_.mutex_);
+    service_.last_message_ = text;
+  }
+
+  void go_idle() {
+    if (service_.force_N_ != 0 || !idle_) deliver({}, true);
+    idle_ = true;
+  }
+
+  void deliver(const DeviceCommand& command, bool idle) {
+    const std::lock_guard lock(service_.mutex_);
+    const DeviceSample sample = service_.plant_.advance(service_.acting_);
+    service_.acting_ = command;
+    service_.force_N_ = command.force_N.norm();
+    service_.delivered_.add({monotonic_ns(), command, sample, idle});
+    idle_ = idle;
+  }
+
+  bool answer(bool inventory) {
+    DeviceSample sample;
+    {
+      const std::lock_guard lock(service_.mutex_);
+      sample = service_.plant_.advance(service_.acting_);
+    }
+    std::string text = service_.state_text(sample, inventory);
+    if (service_.breaks_json) text.resize(text.size() / 2);
+    if (service_.says_other) text = R"({"hello":[1,2,3]})";
+    boost::system::error_code error;
+    socket_.write(boost::asio::buffer(text), error);
+    return !error;
+  }
+
+  FakeInverseService& service_;
+  beast::websocket::stream<tcp::socket>& socket_;
+  bool first_ = true, idle_ = true;
+  std::int64_t last_ns_ = monotonic_ns();
+};
+
+void FakeInverseService::serve(int handle) {
+  boost::asio::io_context context;
+  tcp::socket socket(context, tcp::v4(), handle);
+  boost::system::error_code error;
+  socket.set_option(tcp::no_delay(true), error);
+  const bool at_websocket = socket.local_endpoint(error).port() == port_;
+  beast::flat_buffer buffer;
+  beast::http::request<beast::http::string_body> request;
+  beast::http::read(socket, buffer, request, error);
+  if (error) return;
+  if (at_websocket && beast::websocket::is_upgrade(request)) {
+    beast::websocket::stream<tcp::socket> stream(std::move(socket));
+    stream.accept(request, error);
+    if (error) return;
+    ++connections_;
+    Session(*this, stream).run();
+    return;
+  }
+  beast::http::response<beast::http::string_body> answer(beast::http::status::not_found, 11);
+  const bool asked = is_old() ? !at_websocket && request.target() == "/3.0/version"
+                              : at_websocket && request.target() == "/3.5/version";
+  if (asked) {
+    const std::lock_guard lock(mutex_);
+    answer.result(beast::http::status::ok);
+    answer.body() = "{\"version\":\"" + version_ + "\"}";
+  }
+  answer.prepare_payload();
+  beast::http::write(socket, answer, error);
+}
+
+std::string FakeInverseService::state_text(const DeviceSample& sample, bool inventory) const {
+  const auto metres = [](const Eigen::Vector3d& mm) {
+    return ServiceJson{{"x", mm.x() * kMPerMm}, {"y", mm.y() * kMPerMm}, {"z", mm.z() * kMPerMm}};
+  };
+  ServiceJson device{{"device_id", kServiceDevice},
+                     {"state",
+                      {{"cursor_position", metres(sample.tip.eigen())},
+                       {"cursor_velocity", {{"x", 0}, {"y", 0}, {"z", 0}}},
+                       {"control_mode", "cursor_force"}}},
+                     {"status",
+                      {{"calibrated", calibrated.load()},
+                       {"in_use", in_use.load()},
+                       {"power_supply", power.load()},
+                       {"ready", ready.load()},
+                       {"started", true}}}};
+  if (inventory) device["config"] = {{"type", "inverse3"}, {"handedness", "right"}};
+  if (odd_place) device["state"]["cursor_position"] = {{"x", nullptr}, {"y", "nan"}, {"z", 1e300}};
+  ServiceJson message{{"inverse3", ServiceJson::array()}, {"verse_grip", ServiceJson::array()}};
+  if (inventory) message["session_id"] = 7;
+  if (present) message["inverse3"].push_back(device);
+  message["verse_grip"].push_back(
+      {{"device_id", "61548"},
+       {"state",
+        {{"button", buttons.load() != 0},
+         {"hall", 0},
+         {"orientation",
+          {{"w", std::cos(turned_rad / 2)}, {"x", 0}, {"y", 0}, {"z", std::sin(turned_rad / 2)}}}}}});
+  return message.dump();
+}
+
+}  // namespace palpate::testing

@@ -1,0 +1,222 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include "loading/test_loading.h"
+#include "palpate/base/clock.h"
+#include "palpate/device/bounds.h"
+#include "palpate/device/simulated_device.h"
+#include "palpate/session/explore.h"
+
+/// Sessions with devices that are known by name, and with several at once.
+namespace palpate {
+namespace {
+
+using ::testing::HasSubstr;
+
+// a device of a maker's with a clock of its own, held by a firm hand that presses it into the ball
+class HeldArm final : public DeviceDriver {
+ public:
+  struct Told {
+    std::atomic<bool> lost{false};
+    std::atomic<double> largest_N{0};
+    std::atomic<int> updates{0};
+  };
+  HeldArm(Told& told, double rate_hz, bool simulated, const Point<Device>& at)
+      : told_(told),
+        period_(1 / rate_hz),
+        plant_(*find_plant_device("touch"), *find_plant_hand("firm-grip")) {
+    plant_.reset(at);
+    info_ = plant_.info();
+    info_.name = "held arm";
+    info_.simulated = simulated;
+    info_.drive = DeviceInfo::Drive::kCallback;
+    info_.rate_hz = rate_hz;
+    info_.workspace.reset();
+  }
+  std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
+  Result<void> open(bool may_move) override { return require_consent(info_, may_move); }
+  void run(ServoFunction& servo, ServoClock& clock) noexcept override {
+    DeviceCommand command;
+    // from outside, by 10 mm/s, as long as there is force to come in: contact that begins inside is none
+    const Point<Device> pressed = plant_.intention();
+    double outside_mm = 4;
+    plant_.reset(pressed + Vector<Device>(outside_mm, 0, 0));
+    while (!clock.stopped()) {
+      std::this_thread::sleep_for(period_);
+      outside_mm = std::max(0.0, outside_mm - 10 * period_.count());
+      plant_.intend(pressed + Vector<Device>(outside_mm, 0, 0));
+      plant_.advance(command, period_.count());
+      DeviceSample sample = plant_.read();
+      sample.taken_ns = monotonic_ns();
+      sample.fault = told_.lost;
+      servo.update({&sample, 1}, {&command, 1});
+      told_.largest_N = std::max(told_.largest_N.load(), command.force_N.norm());
+      ++told_.updates;
+    }
+  }
+  void halt() noexcept override {}
+  void resume(std::uint64_t /*newest*/) noexcept override {}
+  std::optional<Error> trouble() const override {
+    if (!told_.lost) return std::nullopt;
+    return Error{ErrorKind::kUnavailable, "its cable is out", info_.name, "plug it in"};
+  }
+
+ private:
+  Told& told_;
+  const std::chrono::duration<double> period_;
+  SimulatedDevice plant_;
+  DeviceInfo info_;
+};
+
+class SeveralDevices : public ::testing::Test {
+ protected:
+  // an arm by the name "arm", where the ball's surface is on the right
+  ExploreOptions with_arm(std::vector<std::string> devices, double rate_hz, bool simulated = false) {
+    ExploreOptions options;
+    options.devices = std::move(devices);
+    options.loop.realtime = false;
+    options.loop.ring_s = 30;
+    options.known.add({"arm", "an arm",
+                       [this, rate_hz, simulated] {
+                         return std::make_unique<HeldArm>(told_, rate_hz, simulated,
+                                                          Point<Device>(testing::kBoneRadius_mm - 2, 0, 0));
+                       },
+                       [] { return DeviceReport(); }});
+    return options;
+  }
+  Recording run(const ExploreOptions& options, const Script& script,
+                const std::function<void(const ExploreStatus&)>& status = {}) {
+    const auto file = folder_ / "run.h5";
+    auto result = explore(loaded_, script, options, file, Progress({}, &stop_), status);
+    PALPATE_CHECK(result.ok());
+    result_ = *std::move(result);
+    auto read = read_recording(file);
+    PALPATE_CHECK(read.ok());
+    const auto again = replay(*read, loaded_.model);
+    EXPECT_TRUE(again.ok()) << again.error().message();
+    EXPECT_TRUE(again->identical) << again->difference;
+    EXPECT_EQ(again->run_hash, result_->summary.run_hash);
+    EXPECT_EQ(result_->health.dropped, 0u);
+    return *std::move(read);
+  }
+  static Script touch() {
+    return parse_script(
+               "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.5\n"
+               "[[step]]\nhold = 1.0\n[[step]]\nleave = true\nspeed = 200.0\n",
+               "test script")
+        .value();
+  }
+
+  test::TemporaryFolder folder_;
+  LoadedScene loaded_ = testing::loaded_ball();
+  HeldArm::Told told_;
+  std::atomic<bool> stop_{false};
+  std::optional<ExploreResult> result_;
+};
+
+// 1 kHz and 250 Hz on one ball: whoever follows, the recording is of both, and comes back
+TEST_F(SeveralDevices, OfTwoRatesAreRecordedAndReplayed) {
+  const Recording recording = run(with_arm({kSimulatedHand, "arm"}, 250, true), touch());
+  EXPECT_EQ(recording.header.devices, 2);
+  EXPECT_EQ(recording.header.device, "premium-1.5, arm");
+  ASSERT_FALSE(recording.ticks.empty());
+  std::size_t both = 0, held = 0, moved = 0;
+  for (std::size_t n = 1; n < recording.ticks.size(); ++n) {
+    const TickRecord& tick = recording.ticks[n];
+    ASSERT_EQ(tick.devices, 2);
+    const auto pushed = [&](std::size_t d) {
+      const auto& f = tick.device[d].force_N;
+      return std::hypot(f[0], f[1], f[2]) > 0.05;
+    };
+    both += pushed(0) && pushed(1);
+    const bool same = tick.device[1].tip_world_mm == recording.ticks[n - 1].device[1].tip_world_mm;
+    held += same;
+    moved += !same;
+  }
+  EXPECT_GT(both, 50u) << "felt at once";
+  // one state of the slower one is what several ticks see
+  EXPECT_GT(held, moved);
+  ASSERT_EQ(result_->threads.size(), 2u);
+  EXPECT_EQ(result_->threads[1].device, "held arm");
+  EXPECT_GT(result_->threads[1].updates, 0u);
+  EXPECT_EQ(recording.ticks[0].device[1].peak_force_N, 3.3);
+  EXPECT_EQ(recording.ticks[0].device[0].peak_force_N, 8.5);
+  EXPECT_NEAR(recording.ticks[0].device[1].delay_s, 1.0 / 250 + 1.0 / 1000, 1e-9);
+}
+
+TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
+  std::string told;
+  ExploreOptions options = with_arm({kSimulatedHand, "arm"}, 500);
+  const Recording recording =
+      run(options, touch(), [&](const ExploreStatus& status) { told = status.careful_bounds; });
+  EXPECT_THAT(told, HasSubstr("how stiff held arm may be made is not known"));
+  EXPECT_THAT(result_->trouble.front() + result_->trouble.back(), HasSubstr("held arm"));
+  DeviceInfo info;
+  info.rate_hz = 500;
+  const CarefulBounds careful = careful_bounds(info);
+  for (const TickRecord& tick : recording.ticks) {
+    ASSERT_EQ(tick.device[1].most_stiffness_N_per_mm, careful.stiffness_N_per_mm);
+    ASSERT_EQ(tick.device[1].most_damping_N_s_per_mm, careful.damping_N_s_per_mm);
+  }
+  EXPECT_GT(told_.largest_N, 0);
+  // two millimetres deep at most, and less than that as the hand is pushed back
+  EXPECT_LT(told_.largest_N, 3 * careful.stiffness_N_per_mm);
+  EXPECT_EQ(result_->threads[0].device, "held arm") << "its thread ticks";
+  EXPECT_LE(recording.ticks[0].max_force_N, 0.88) << "its continuous force";
+}
+
+TEST_F(SeveralDevices, OneThatIsAloneIsHeldByAPerson) {
+  ExploreOptions options = with_arm({"arm"}, 500);
+  options.seconds = 1;
+  const Recording recording = run(options, Script());
+  EXPECT_EQ(recording.header.devices, 1);
+  EXPECT_EQ(recording.header.device, "arm");
+  EXPECT_FALSE(recording.header.simulated);
+  EXPECT_GT(told_.updates, 0);
+  EXPECT_GT(result_->max_force_N, 0);
+}
+
+TEST_F(SeveralDevices, TroubleIsToldAndTheSessionKept) {
+  ExploreOptions options = with_arm({"arm"}, 500);
+  options.seconds = 60;
+  enum { kWell, kLost, kBack } part = kWell;
+  bool told_gone = false;
+  run(options, Script(), [&](const ExploreStatus& status) {
+    if (part == kWell && status.force_N > 0) {
+      told_.lost = true;
+      part = kLost;
+    } else if (part == kLost && status.device_trouble && status.force_N == 0) {
+      EXPECT_EQ(status.device_trouble->message(), "held arm: its cable is out\n  plug it in");
+      EXPECT_TRUE(status.flags & kFlagDeviceFault);
+      told_.lost = false;
+      part = kBack;
+    } else if (part == kBack && !status.device_trouble && status.force_N > 0) {
+      told_gone = true;
+      stop_.store(true);
+    }
+  });
+  EXPECT_TRUE(told_gone);
+  EXPECT_FALSE(result_->device_lost);
+}
+
+TEST_F(SeveralDevices, NamesThatCannotBeAreRefusedWithThoseThatAreThere) {
+  const auto refused = [&](std::vector<std::string> devices) {
+    const ExploreOptions options = with_arm(std::move(devices), 500);
+    const auto result = explore(loaded_, touch(), options, "");
+    EXPECT_FALSE(result.ok());
+    EXPECT_EQ(result.error().kind, ErrorKind::kUsage);
+    return result.error().message();
+  };
+  EXPECT_THAT(refused({"spoon"}), HasSubstr("there are: simulated, pointer, arm"));
+  EXPECT_THAT(refused({"arm", "arm"}), HasSubstr("twice"));
+  EXPECT_THAT(refused({"arm", kSimulatedHand}), HasSubstr("first"));
+  EXPECT_THAT(refused({}), HasSubstr("needs a device"));
+}
+
+}  // namespace
+}  // namespace palpate
