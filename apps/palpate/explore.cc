@@ -224,14 +224,19 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
 
 // notes at the first call, then the live line; a recording that ends is told once, and so is each method that
 // could not be made ready
+// @param said  gets what is known before it begins, sentence by sentence
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
-                                                     const std::string& address, Console& console) {
-  return [&console, &address, asked = !options.no_realtime, first = true, told = false,
+                                                     const std::string& address, std::string& said,
+                                                     Console& console) {
+  return [&console, &address, &said, asked = !options.no_realtime, first = true, told = false,
           told_method = std::string(), told_trouble = std::string(), deaths = 0,
           unwatched = false](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s, asked, console);
-    if (first && !s.coarser_tissue.empty()) console.warn()(s.coarser_tissue);
-    if (first && !s.careful_bounds.empty()) console.warn()(s.careful_bounds);
+    if (first)
+      for (const std::string& known : {s.coarser_tissue, s.careful_bounds}) {
+        if (!known.empty()) console.warn()(known);
+        said += known + "\n";
+      }
     const std::string trouble = s.device_trouble ? s.device_trouble->message() : "";
     if (trouble != told_trouble)
       console.warn()(trouble.empty() ? "the device is back" : trouble + "\n  no force until then");
@@ -323,8 +328,9 @@ void print(const ExploreResult& result, bool pointer) {
 }
 
 // a script that repeats meets the same trouble again and again
-void warn_of_trouble(const std::vector<std::string>& trouble, Console& console) {
+void warn_of_trouble(std::vector<std::string> trouble, const std::string& said, Console& console) {
   constexpr std::size_t kMost = 10;
+  std::erase_if(trouble, [&](const std::string& one) { return said.find(one) != std::string::npos; });
   for (std::size_t i = 0; i < std::min(kMost, trouble.size()); ++i) console.warn()(trouble[i]);
   if (trouble.size() > kMost)
     console.warn()("and " + std::to_string(trouble.size() - kMost) + " more like these");
@@ -353,19 +359,19 @@ int explore_target(ExploreArguments options, Console& console) {
   // a terminal that vanishes takes its keys with it; a hand is not let go of for that
   std::signal(SIGHUP, SIG_IGN);
   std::optional<Keys> keys(std::in_place);
-  std::string address;
+  std::string address, said;
   FaultLines faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
   session.known = known_devices();
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
-                              status_for(options, address, console));
+                              status_for(options, address, said, console));
   keys.reset();
   console.live("");
   if (!result) return console.fail(result.error());
   if (result->stopped_by_user) console.note("stopped");
-  warn_of_trouble(result->trouble, console);
+  warn_of_trouble(result->trouble, said, console);
   print(*result, pointer);
   if (result->recording_failure) return console.fail(*result->recording_failure);
   if (result->device_lost)

@@ -366,6 +366,25 @@ void print_yielding(const YieldingSettings& yielding) {
   std::printf("\n");
 }
 
+/// Of every tissue that does: "muscle: 30 % in 0.5 s, 20 % in 5 s".
+void print_relaxations(const Scene& scene) {
+  if (!is_elastic(scene.yielding.law)) return;
+  const char* title = "relaxes";
+  for (const TissueSettings& tissue : scene.tissues) {
+    if (!tissue.felt || !tissue.elastic || !tissue.relaxation.relaxes()) continue;
+    std::string terms;
+    for (const RelaxationTerm& term : tissue.relaxation.term) {
+      if (!(term.part > 0)) continue;
+      char text[48];
+      std::snprintf(text, sizeof text, "%s%.3g %% in %.3g s", terms.empty() ? "" : ", ", 100 * term.part,
+                    term.time_s);
+      terms += text;
+    }
+    std::printf("%-10s %s: %s\n", title, tissue.name.c_str(), terms.c_str());
+    title = "";
+  }
+}
+
 /// How the device's reach lies in the patient, where the scene says anything of it.
 void print_tool(const char* what, const Tool& tool) {
   std::printf("%-10s %s, ", what, tool.name.c_str());
@@ -472,6 +491,7 @@ int run_check(const std::string& file, Console& console) {
   print_preparation(scene->preparation, *width_mm);
   std::printf("force      %s\n", std::string(name_of(scene->force.method)).c_str());
   print_yielding(scene->yielding);
+  print_relaxations(*scene);
   print_tool("tool", scene->tools[0]);
   if (scene->tools.size() > 1) print_tool("2nd tool", scene->tools[1]);
   print_workspace(scene->workspace);

@@ -190,7 +190,7 @@ void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) 
   yielding.cell_mm = reader.number("cell");
   if (is_elastic(yielding.law) && scene.force.method != ForceMethod::kProxy)
     problems.add(reader.line("law"), "tissue yields to the proxy alone",
-                 "set [force] method = \"proxy\", or leave method out");
+                 "leave [force] method out, or set law = \"layers\" or \"chainmail\"");
   yielding.relaxation = reader.flag("relaxation").value_or(false);
   const auto does_nothing = [&](const char* key, const char* laws) {
     problems.add(reader.line(key), key + std::string(" belongs to the laws ") + laws,

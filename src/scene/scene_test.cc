@@ -542,7 +542,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "[yielding]\ncell = 1\n", 5,
                  "cell belongs to the laws \"elastic\", \"neo-hookean\" and \"chainmail\"", "take it out"},
         BadScene{TISSUE "[force]\nmethod = 'trilinear'\n[yielding]\nlaw = 'elastic'\n", 7,
-                 "yields to the proxy alone", "method = \"proxy\""},
+                 "yields to the proxy alone", "law = \"layers\""},
         BadScene{TISSUE "[yielding]\nlaws = 'elastic'\n", 5, "unknown key \"laws\" in [yielding]",
                  "did you mean law?"},
         BadScene{TISSUE "stifness = 1\n", 4, "unknown key \"stifness\" in [[tissue]]",

@@ -25,7 +25,8 @@ class Forces(cli.KneeTest):
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
-        cls.new_scene(cls.labels)
+        # by another method than the proxy nothing yields
+        cls.new_scene(cls.labels, "--tissue", "layers")
 
     def draw(self, *arguments):
         return Picture(super().draw("forces", "forces.svg", *arguments))
