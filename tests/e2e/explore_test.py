@@ -630,7 +630,7 @@ class Explore(cli.PalpateTest):
         for options, says in ((["--listen", "0.0.0.0"], "--token-file"), (["--listen", "example.org"], "numeric"),
                               (["--tls-cert", self.script], "--tls-key"),
                               (["--device", "pointer", "--no-viewer"], "leave out --no-viewer"),
-                              (["--device", "pointer"], "a pointer follows no script"),
+                              (["--device", "pointer"], "a person follows no script"),
                               (["--device", "spoon"], "spoon"), (["--port", "65536"], "whole number between")):
             with self.subTest(options):
                 self.fail_clearly(cli.USAGE, *self.explore("-o", recording, *options), says=says)
