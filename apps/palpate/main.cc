@@ -108,6 +108,9 @@ constexpr OtherWord kOtherWords[] = {
     {"describe", "palpate info FILE"},
     {"labels", "palpate info FILE"},
     {"test", "palpate verify accuracy"},
+    {"diagnose", "palpate doctor"},
+    {"diagnostics", "palpate doctor"},
+    {"setup", "palpate doctor"},
     {"bench", "palpate verify latency"},
     {"password", "palpate token"},
     {"version", "palpate --version"},
@@ -217,9 +220,9 @@ int run(int argc, char** argv) {
       "Read and prepare everything anew, and keep nothing for the next start (palpate cache --help)");
 
   Run verb;
-  for (const auto add :
-       {add_info, add_data, add_cache, add_scene, add_prepare, add_forces, add_hold, add_section,
-        add_simulate, add_explore, add_devices, add_token, add_replay, add_export, add_report, add_verify})
+  for (const auto add : {add_info, add_data, add_cache, add_scene, add_prepare, add_forces, add_hold,
+                         add_section, add_simulate, add_explore, add_devices, add_doctor, add_token,
+                         add_replay, add_export, add_report, add_verify})
     add(app, verb);
   if (const auto helped = help_on(app, {argv + std::min(argc, 1), argv + argc}, console)) return *helped;
   try {

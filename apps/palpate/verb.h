@@ -15,7 +15,7 @@ namespace palpate::app {
 /// Documented in `palpate --help` and README.md.
 enum ExitCode : int {
   kExitOk = 0,
-  kExitBadInput = 1,  ///< a file or a setting cannot be used
+  kExitBadInput = 1,  ///< a file or a setting cannot be used, or doctor found something missing
   kExitUsage = 2,     ///< the command line does not make sense
   kExitLimit = 3,     ///< a figure beyond its limit, a replay that differs, or a step of a script that failed
   kExitOutput = 4,    ///< a result could not be written
@@ -60,6 +60,7 @@ void add_section(CLI::App& app, Run& run);
 void add_simulate(CLI::App& app, Run& run);
 void add_explore(CLI::App& app, Run& run);
 void add_devices(CLI::App& app, Run& run);
+void add_doctor(CLI::App& app, Run& run);
 void add_token(CLI::App& app, Run& run);
 void add_export(CLI::App& app, Run& run);
 void add_replay(CLI::App& app, Run& run);

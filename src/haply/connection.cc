@@ -23,7 +23,8 @@ namespace beast = boost::beast;
 using tcp = asio::ip::tcp;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kConnectPatience = std::chrono::milliseconds(400);
+// where nobody listens that is known at once
+constexpr auto kConnectPatience = std::chrono::seconds(2);
 constexpr auto kSendPatience = std::chrono::milliseconds(10);
 // more than the state of as many devices as there may be
 constexpr std::size_t kMostMessage_bytes = 64 << 10, kMostAnswer_bytes = 8 << 10;
@@ -95,8 +96,8 @@ std::string http_get(const std::string& host, std::uint16_t port, const char* ta
 Error not_there(const HaplySettings& settings) {
   const std::string place = settings.host + ":" + std::to_string(settings.port);
   return {ErrorKind::kUnavailable, "no Inverse Service answers at " + place, "haply",
-          "install Haply's Inverse Service from https://develop.haply.co/releases, start it, and plug the "
-          "Inverse3 in"};
+          "install the Inverse Service from Haply's pages for developers (develop.haply.co), start it, and "
+          "plug the Inverse3 in"};
 }
 
 }  // namespace
@@ -124,14 +125,14 @@ class Connection::Stream {
     context_.run();
   }
 
-  bool open(const HaplySettings& settings) {
+  bool open(const HaplySettings& settings, std::uint16_t port) {
     const auto until = Clock::now() + kConnectPatience;
     tcp::socket& socket = beast::get_lowest_layer(socket_);
-    if (!connect(context_, socket, settings.host, settings.port, until)) return false;
+    if (!connect(context_, socket, settings.host, port, until)) return false;
     socket_.read_message_max(kMostMessage_bytes);
     bool done = false;
     boost::system::error_code failed;
-    socket_.async_handshake(settings.host + ":" + std::to_string(settings.port), "/",
+    socket_.async_handshake(settings.host + ":" + std::to_string(port), "/",
                             [&](const boost::system::error_code& error) {
                               failed = error;
                               done = true;
@@ -190,9 +191,9 @@ class Connection::Stream {
 Connection::Connection(std::unique_ptr<Stream> stream) : stream_(std::move(stream)) {}
 Connection::~Connection() = default;
 
-Result<std::unique_ptr<Connection>> Connection::open(const HaplySettings& settings) {
+Result<std::unique_ptr<Connection>> Connection::open(const HaplySettings& settings, std::uint16_t port) {
   auto stream = std::make_unique<Stream>();
-  if (!stream->open(settings)) return not_there(settings);
+  if (!stream->open(settings, port)) return not_there(settings);
   return std::unique_ptr<Connection>(new Connection(std::move(stream)));
 }
 

@@ -12,14 +12,15 @@
 namespace palpate::haply {
 
 /// Which service listens there, asked by HTTP; force_key() says whether its version is known. Error
-/// kUnavailable where none answers. Takes a second and a half at most.
+/// kUnavailable where none answers. Takes some seconds at most, and a moment where nobody listens.
 Result<ServiceVersion> find_service(const HaplySettings& settings);
 
 /// A WebSocket to the service, of one thread at a time. No call waits longer than it says.
 class Connection {
  public:
-  /// Error kUnavailable. Takes a second at most.
-  static Result<std::unique_ptr<Connection>> open(const HaplySettings& settings);
+  /// @param port  of the settings
+  /// Error kUnavailable. Takes two seconds at most.
+  static Result<std::unique_ptr<Connection>> open(const HaplySettings& settings, std::uint16_t port);
   ~Connection();
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;

@@ -24,7 +24,9 @@ using haply::ServiceVersion;
 using haply::State;
 using haply::Status;
 
-constexpr auto kInventoryPatience_ns = std::int64_t{500'000'000};
+constexpr auto kInventoryPatience_ns = std::int64_t{2'000'000'000};
+// a machine that begins a session has much else to do
+constexpr double kOpenPatience_s = 5;
 // round trips by which the rate is known
 constexpr int kMeasured = 40;
 // how often a lost service is looked for, and whether it is to be looked for
@@ -53,6 +55,7 @@ enum class Trouble : std::uint8_t {
   kOtherVersion,  ///< who answers is of a version that is not known
   kSilent,        ///< requests are not answered
   kBroken,        ///< they are, by what nobody understands
+  kBrake,         ///< the service has told of a brake or a disconnection a moment ago
   kGone,          ///< a device is not in the service's list any more
   kNoPower,
   kNotCalibrated,
@@ -100,6 +103,9 @@ Words words_for(Trouble trouble) {
     case Trouble::kBroken:
       return {"the Inverse Service says what is no state of a device",
               "does another program listen at its port? Start the service again"};
+    case Trouble::kBrake:
+      return {"the device's brake is on, or it was unplugged",
+              "release the brake and look at the USB cable: it is felt again a second later"};
     case Trouble::kGone:
       return {"the service has lost the device", "look at its USB cable, and plug it in again"};
     case Trouble::kNoPower:
@@ -143,7 +149,7 @@ std::variant<Found, NotFound> find(const HaplySettings& settings) {
     other.what += ": " + std::to_string(version->major) + "." + std::to_string(version->minor);
     return NotFound{Trouble::kOtherVersion, other};
   }
-  auto connection = Connection::open(settings);
+  auto connection = Connection::open(settings, settings.port);
   if (!connection) return NotFound{Trouble::kNoService, connection.error()};
   std::string text;
   const auto received = (*connection)->receive(text, monotonic_ns() + kInventoryPatience_ns);
@@ -188,6 +194,7 @@ class HaplyDriver::Core {
     count_ = std::min<std::size_t>(found->inventory.devices.size(), kMaxDevices);
     for (std::size_t d = 0; d < count_; ++d) ids_.push_back(found->inventory.devices[d].id);
     const State inventory = found->inventory;
+    patience_s_ = kOpenPatience_s;
     adopt(std::move(*found));
     const auto round_trip_s = measure();
     if (!round_trip_s) return error_for(trouble_.load(), "haply");
@@ -203,6 +210,8 @@ class HaplyDriver::Core {
 
   void run(ServoFunction& servo, ServoClock& clock) {
     commands_ = {};
+    patience_s_ = kGivenUp_s;
+    heard_ns_ = monotonic_ns();
     const std::int64_t begun_ns = monotonic_ns();
     bool told = false;
     while (!clock.stopped()) {
@@ -241,7 +250,7 @@ class HaplyDriver::Core {
       case Connection::Received::kMessage:
         return take_message();
       case Connection::Received::kNothing:
-        return monotonic_ns() - heard_ns_ > in_ns(kGivenUp_s) ? lose(Trouble::kSilent) : false;
+        return monotonic_ns() - heard_ns_ > in_ns(patience_s_) ? lose(Trouble::kSilent) : false;
       case Connection::Received::kLost:
         break;
     }
@@ -270,9 +279,11 @@ class HaplyDriver::Core {
     // of several requests the last one's answer is what is true
     if (outstanding_ > 0) return false;
     zero_asked_ = false;
-    Trouble worst = Trouble::kNone;
+    const bool braked = heard_ns_ < braked_until_ns_.load();
+    Trouble worst = braked ? Trouble::kBrake : Trouble::kNone;
     for (std::size_t d = 0; d < count_; ++d) {
       const Trouble own = take_state(*state, d);
+      samples_[d].fault = samples_[d].fault || braked;
       if (own != Trouble::kNone && (worst == Trouble::kNone || own < worst)) worst = own;
     }
     note(worst);
@@ -320,6 +331,7 @@ class HaplyDriver::Core {
   void adopt(Found found) {
     connection_ = std::move(found.connection);
     writer_.emplace(ids_, haply::force_key(found.version));
+    has_events_.store(haply::has_events(found.version));
     first_ = true;
     zero_asked_ = false;
     outstanding_ = broken_ = 0;
@@ -376,6 +388,7 @@ class HaplyDriver::Core {
     auto next = std::chrono::steady_clock::now();
     while (!end_.load()) {
       std::this_thread::sleep_for(kFindPoll);
+      if (!wanted_.load()) listen_to_events();
       if (!wanted_.load() || std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
       auto looked = find(settings_);
@@ -385,6 +398,25 @@ class HaplyDriver::Core {
       }
       wanted_.store(false);
       delete found_.exchange(new Found(std::move(std::get<Found>(looked))));
+    }
+  }
+
+  // all that has come, and a connection where there is none; looked for as rarely as a service
+  void listen_to_events() {
+    const auto now = std::chrono::steady_clock::now();
+    if (!events_) {
+      if (!has_events_.load() || now < next_events_) return;
+      next_events_ = now + kFindEvery;
+      auto events = Connection::open(settings_, settings_.events_port);
+      if (!events) return;
+      events_ = *std::move(events);
+    }
+    std::string text;
+    while (true) {
+      const auto received = events_->receive(text, monotonic_ns() + in_ns(1e-3));
+      if (received == Connection::Received::kLost) events_.reset();
+      if (received != Connection::Received::kMessage) return;
+      if (haply::tells_of_brake(text)) braked_until_ns_.store(monotonic_ns() + in_ns(kBraked_s));
     }
   }
 
@@ -401,11 +433,17 @@ class HaplyDriver::Core {
   std::string text_;
   bool first_ = true, zero_asked_ = false;
   int outstanding_ = 0, broken_ = 0;
+  double patience_s_ = kGivenUp_s;
   std::int64_t sent_ns_ = 0, heard_ns_ = 0;
 
   std::atomic<bool> halted_{false}, wanted_{false}, end_{false};
   std::atomic<Trouble> trouble_{Trouble::kNone};
   std::atomic<Found*> found_{nullptr};
+  std::atomic<bool> has_events_{false};
+  std::atomic<std::int64_t> braked_until_ns_{0};
+  // the finder's
+  std::unique_ptr<Connection> events_;
+  std::chrono::steady_clock::time_point next_events_{};
   std::thread finder_;
 };
 

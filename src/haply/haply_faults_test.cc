@@ -104,6 +104,23 @@ TEST(HaplyFaults, WhoIsSilentIsToldZero) {
   EXPECT_TRUE(rig.presses());
 }
 
+// from 3.5 on the service tells of what the device has done by itself
+TEST(HaplyFaults, ABrakeIsAFaultForAMoment) {
+  HaplyRig rig("3.5.0");
+  ASSERT_TRUE(rig.presses());
+  ASSERT_TRUE(soon([&] { return rig.service.event_listeners() > 0; }));
+  rig.service.tell_event(R"({"event":"device-safety-triggered","cause":"stall_detected"})");
+  rig.service.tell_event("{ no event");
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_TRUE(rig.presses());
+  rig.service.tell_event(R"({"event":"device-safety-triggered","cause":"ebrake_triggered"})");
+  EXPECT_TRUE(soon([&] { return rig.wall.fault && rig.service.force_N() == 0; }));
+  EXPECT_TRUE(rig.says("brake")) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(rig.presses()) << "and is over";
+  rig.end();
+  EXPECT_EQ(rig.service.violations(), 0);
+}
+
 TEST(HaplyFaults, AnotherVersionThatNobodyKnowsIsNamed) {
   HaplyRig rig;
   ASSERT_TRUE(rig.presses());

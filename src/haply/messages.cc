@@ -105,6 +105,14 @@ const char* force_key(const ServiceVersion& version) {
   return version.minor >= 5 ? "vector" : nullptr;
 }
 
+bool tells_of_brake(std::string_view text) {
+  // how an event is laid out is not told; its words are
+  const Json event = Json::parse(text, nullptr, false);
+  if (event.is_discarded()) return false;
+  return text.find("ebrake_triggered") != std::string_view::npos ||
+         text.find("disconnect") != std::string_view::npos;
+}
+
 std::optional<State> parse_state(std::string_view text) {
   const Json message = Json::parse(text, nullptr, false);
   const Json* devices = member(message, "inverse3");

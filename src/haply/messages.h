@@ -43,6 +43,14 @@ struct State {
   std::vector<Grip> grips;
 };
 
+/// Whether a message of the service's events tells of a brake, or of a device that was unplugged.
+bool tells_of_brake(std::string_view text);
+
+/// True of a service that tells of events.
+inline bool has_events(const ServiceVersion& version) {
+  return version.major == 3 && version.minor >= 5;
+}
+
 /// A message of the service. Empty: it is no JSON, or has no list of devices. What in it is of another type
 /// or no number is as though it were not there.
 std::optional<State> parse_state(std::string_view text);

@@ -78,9 +78,10 @@ class HaplyRig {
     if (thread_.joinable()) thread_.join();
   }
   bool presses() {
-    return soon([&] {
-      return std::abs(wall.tip_x_mm - kHaplyPressed_mm) < 0.02 && service.force_N() > 0.5 && !wall.fault;
-    });
+    return thread_.joinable() && soon([&] {
+             return std::abs(wall.tip_x_mm - kHaplyPressed_mm) < 0.02 && service.force_N() > 0.5 &&
+                    !wall.fault;
+           });
   }
   bool says(const char* words) {
     return soon([&] {

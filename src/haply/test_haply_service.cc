@@ -74,6 +74,7 @@ HaplySettings FakeInverseService::settings() const {
   HaplySettings settings;
   settings.port = port_;
   settings.old_http_port = http_port_;
+  settings.events_port = events_port_;
   return settings;
 }
 
@@ -88,8 +89,8 @@ void FakeInverseService::start(const std::string& version) {
     version_ = version;
   }
   ended_ = false;
-  for (std::uint16_t* port : {&port_, &http_port_}) {
-    // the port of the older ones is taken all the same, so that it is the same again
+  for (std::uint16_t* port : {&port_, &http_port_, &events_port_}) {
+    // also those that this version does not serve, so that they are the same again
     auto listener = std::make_unique<Listener>();
     listener->socket = listening(*port);
     listeners_.push_back(std::move(listener));
@@ -116,6 +117,12 @@ void FakeInverseService::stop() {
     sessions.swap(sessions_);
   }
   for (std::thread& session : sessions) session.join();
+}
+
+void FakeInverseService::tell_event(const std::string& text) {
+  const std::lock_guard lock(mutex_);
+  event_ = text;
+  ++events_;
 }
 
 std::string FakeInverseService::last_message() const {
@@ -232,7 +239,8 @@ void FakeInverseService::serve(int handle) {
   tcp::socket socket(context, tcp::v4(), handle);
   boost::system::error_code error;
   socket.set_option(tcp::no_delay(true), error);
-  const bool at_websocket = socket.local_endpoint(error).port() == port_;
+  const auto port = socket.local_endpoint(error).port();
+  const bool at_websocket = port == port_;
   beast::flat_buffer buffer;
   beast::http::request<beast::http::string_body> request;
   beast::http::read(socket, buffer, request, error);
@@ -243,6 +251,19 @@ void FakeInverseService::serve(int handle) {
     if (error) return;
     ++connections_;
     Session(*this, stream).run();
+    return;
+  }
+  if (port == events_port_ && !is_old() && beast::websocket::is_upgrade(request)) {
+    beast::websocket::stream<tcp::socket> stream(std::move(socket));
+    stream.accept(request, error);
+    ++event_listeners_;
+    for (int told = events_; !error && !ended_;
+         std::this_thread::sleep_for(std::chrono::milliseconds(kPoll_ms))) {
+      if (told == events_) continue;
+      const std::lock_guard lock(mutex_);
+      told = events_;
+      stream.write(boost::asio::buffer(event_), error);
+    }
     return;
   }
   beast::http::response<beast::http::string_body> answer(beast::http::status::not_found, 11);

@@ -41,6 +41,9 @@ class FakeInverseService {
   std::atomic<std::uint32_t> buttons{0};
   std::atomic<double> turned_rad{0};  ///< of the grip, about z
   void close_connections();
+  /// Tells whoever listens to its events, which a service has from 3.5 on.
+  void tell_event(const std::string& text);
+  int event_listeners() const { return event_listeners_; }
 
   // ---- what was done
   /// One for every force, and one whenever the device goes idle, which it does after kIdle_ns without one or
@@ -70,7 +73,10 @@ class FakeInverseService {
   RealTimePlant plant_;
   DeviceCommand acting_;
 
-  std::uint16_t port_ = 0, http_port_ = 0;
+  std::string event_;  // of the mutex above; the newest
+  std::atomic<int> events_{0}, event_listeners_{0};
+
+  std::uint16_t port_ = 0, http_port_ = 0, events_port_ = 0;
   std::atomic<bool> ended_{false};
   std::vector<std::unique_ptr<Listener>> listeners_;
   DeliveryLog delivered_;

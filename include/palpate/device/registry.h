@@ -35,7 +35,7 @@ struct DeviceMaker {
   std::string what;  ///< in a line
   /// A driver that is not connected yet: open() does that.
   std::function<std::unique_ptr<DeviceDriver>()> make;
-  /// What there is of it on this machine. Takes two seconds at most.
+  /// What there is of it on this machine. Takes some seconds at most.
   std::function<DeviceReport()> look;
 };
 

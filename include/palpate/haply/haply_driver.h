@@ -15,6 +15,7 @@ struct HaplySettings {
   std::string host = "127.0.0.1";
   std::uint16_t old_http_port = 10000;  ///< version of services 3.0 and 3.1
   std::uint16_t port = 10001;           ///< WebSocket; from 3.5 on the version, too
+  std::uint16_t events_port = 10020;    ///< WebSocket of events, from 3.5 on
   double peak_force_N = 3;              ///< the maker states none
   double most_rate_hz = 2000;           ///< exchanges a second, however fast the service answers
 };
@@ -38,7 +39,7 @@ class HaplyDriver final : public DeviceDriver {
   ~HaplyDriver() override;
 
   std::span<const DeviceInfo> devices() const override;
-  /// Errors: kUnavailable where no service answers within two seconds, for one of a version that is not
+  /// Errors: kUnavailable where no service answers within some seconds, for one of a version that is not
   /// known, and where it has no Inverse3 that is ready.
   Result<void> open(bool may_move) override;
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
@@ -50,6 +51,8 @@ class HaplyDriver final : public DeviceDriver {
   static constexpr double kTimeout_s = 0.002;
   /// How long it is awaited before zero is asked for all the same.
   static constexpr double kSilence_s = 0.008;
+  /// How long a brake or a disconnection that the service has told of is a fault.
+  static constexpr double kBraked_s = 1;
   /// How long until the connection is given up and looked for anew.
   static constexpr double kGivenUp_s = 0.5;
 

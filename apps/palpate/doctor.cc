@@ -1,0 +1,114 @@
+#include "palpate/doctor/doctor.h"
+
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "known_devices.h"
+#include "text.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct DoctorArguments {
+  DoctorSettings settings;
+  bool json = false;
+};
+
+nlohmann::ordered_json report_json(const DoctorReport& report) {
+  auto lines = nlohmann::ordered_json::array();
+  for (const DoctorLine& line : report.lines)
+    lines.push_back({{"topic", line.topic},
+                     {"what", line.what},
+                     {"finding", name_of(line.finding)},
+                     {"found", line.found},
+                     {"cure", line.cure}});
+  const TimerFigures& timer = report.timer;
+  return {{"ready", !report.missing()},
+          {"lines", lines},
+          {"timer",
+           {{"seconds", timer.seconds},
+            {"rate_hz", timer.rate_hz},
+            {"lateness_p50_us", timer.p50_us},
+            {"lateness_p99_us", timer.p99_us},
+            {"lateness_max_us", timer.max_us},
+            {"on_time", timer.on_time}}}};
+}
+
+// each line of a cure below the one before it
+void print_cure(const std::string& cure) {
+  std::size_t from = 0;
+  const char* head = "what to do: ";
+  while (from <= cure.size()) {
+    const std::size_t to = std::min(cure.find('\n', from), cure.size());
+    std::printf("           %s%s\n", head, cure.substr(from, to - from).c_str());
+    head = "            ";
+    from = to + 1;
+  }
+}
+
+void print_report(const DoctorReport& report) {
+  std::string topic;
+  for (const DoctorLine& line : report.lines) {
+    if (line.topic != topic) std::printf("%s%s\n", topic.empty() ? "" : "\n", line.topic.c_str());
+    topic = line.topic;
+    const char* word = line.finding == Finding::kMissing  ? "MISSING"
+                       : line.finding == Finding::kAdvice ? "advice"
+                                                          : "fine";
+    std::printf("  %-7s  %s: %s\n", word, line.what.c_str(), line.found.c_str());
+    if (line.finding != Finding::kFine) print_cure(line.cure);
+  }
+  std::size_t missing = 0, advice = 0;
+  for (const DoctorLine& line : report.lines) {
+    missing += line.finding == Finding::kMissing;
+    advice += line.finding == Finding::kAdvice;
+  }
+  std::printf("\n");
+  if (missing > 0)
+    std::printf("%zu missing: a device that pushes is not ready here. Without one, everything else works.\n",
+                missing);
+  else
+    std::printf("Nothing is missing%s.\n", advice > 0 ? "; what is marked as advice may be better" : "");
+}
+
+}  // namespace
+
+void add_doctor(CLI::App& app, Run& run) {
+  auto options = std::make_shared<DoctorArguments>();
+  CLI::App* verb =
+      app.add_subcommand("doctor", "Say what this computer lacks for a device that pushes, and what to do");
+  verb->add_flag("--json", options->json, "As JSON, to send in with a question");
+  verb->add_option("--seconds", options->settings.timer_s, "How long the clock is listened to; default: 5")
+      ->check(number_between(0.1, 600));
+  verb->add_option("--device", options->settings.devices,
+                   "A device that is to be there (palpate devices); as often as there are devices; default: "
+                   "whichever are")
+      ->allow_extra_args(false);
+  verb->footer(
+      "Examples:\n"
+      "  palpate doctor\n"
+      "  palpate doctor --device haply --json\n\n"
+      "Nothing is moved, nothing pushes and nothing is changed. Every line that is not fine says what to "
+      "do.\n"
+      "The exit code is 1 where something is missing: rights of the account, a clock that is punctual, what "
+      "a\n"
+      "device needs. Where no --device says which one is to be there, any one is enough.\n"
+      "docs/devices.md says what each device needs.");
+  verb->callback([options, &run] {
+    run = [options](Console& console) -> int {
+      const auto report = examine(known_devices(), options->settings, console.progress());
+      if (!report) return console.fail(report.error());
+      if (options->json)
+        std::cout << report_json(*report).dump(2, ' ', false,
+                                               nlohmann::ordered_json::error_handler_t::replace)
+                  << '\n';
+      else
+        print_report(*report);
+      return report->missing() ? kExitBadInput : kExitOk;
+    };
+  });
+}
+
+}  // namespace palpate::app

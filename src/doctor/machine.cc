@@ -1,0 +1,125 @@
+#include "doctor/machine.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <map>
+
+namespace palpate {
+namespace {
+
+constexpr const char* kComputer = "this computer";
+// the supervisor's, which is the highest that is asked for
+constexpr int kMostPriority = 95;
+// a timer that is later than this often is felt as roughness
+constexpr double kLeastOnTime = 0.99;
+
+// the first line of a small file of the kernel's; empty where there is none
+std::string line_of(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  std::string line;
+  std::getline(in, line);
+  return line;
+}
+
+std::string who(const std::string& user) {
+  return user.empty() ? "NAME (the account that palpate is started from)" : user;
+}
+
+// one and the same for both rights, which stand in one file
+std::string rights_cure(const std::string& user) {
+  return "an administrator enters these three lines in a terminal, once:\n"
+         "  sudo groupadd -f haptics\n"
+         "  sudo usermod -aG haptics " +
+         who(user) +
+         "\n"
+         "  printf '@haptics - rtprio 95\\n@haptics - memlock unlimited\\n' | sudo tee "
+         "/etc/security/limits.d/palpate.conf\n"
+         "then log out and in again (or restart the computer), and run palpate doctor once more";
+}
+
+}  // namespace
+
+DoctorLine priority_line(const RealtimeGrant& grant, const std::string& user) {
+  DoctorLine line{kComputer, "priority over other programs", Finding::kFine, grant.scheduler, ""};
+  if (grant.fifo && grant.priority >= kMostPriority) {
+    line.found = "granted (" + grant.scheduler + ")";
+    return line;
+  }
+  line.finding = Finding::kMissing;
+  line.found = grant.fifo ? "granted in part only (" + grant.scheduler + ")"
+                          : "this account may not have it, so other programs can hold the force up (" +
+                                grant.scheduler + ")";
+  line.cure = rights_cure(user);
+  return line;
+}
+
+DoctorLine memory_line(const RealtimeGrant& grant, const std::string& user) {
+  DoctorLine line{kComputer, "memory that stays", Finding::kFine, grant.memory, ""};
+  if (grant.memory_locked && grant.memory == "locked") {
+    line.found = "granted";
+    return line;
+  }
+  line.finding = grant.memory_locked ? Finding::kAdvice : Finding::kMissing;
+  line.found = (grant.memory_locked ? "granted in part only (" : "this account may not keep its memory (") +
+               grant.memory + ")";
+  line.cure = rights_cure(user);
+  return line;
+}
+
+DoctorLine governor_line(const std::filesystem::path& root) {
+  DoctorLine line{kComputer, "speed of the processor", Finding::kFine, "", ""};
+  std::map<std::string, int> governors;
+  std::error_code none;
+  for (const auto& cpu : std::filesystem::directory_iterator(root / "sys/devices/system/cpu", none))
+    if (const std::string governor = line_of(cpu.path() / "cpufreq/scaling_governor"); !governor.empty())
+      ++governors[governor];
+  if (governors.empty()) {
+    line.found = "not set by programs here, as in most virtual machines: nothing to do";
+    return line;
+  }
+  for (const auto& [governor, count] : governors)
+    line.found += (line.found.empty() ? "" : ", ") + std::string("'") + governor + "' on " +
+                  std::to_string(count) + (count == 1 ? " core" : " cores");
+  if (governors.size() == 1 && governors.contains("performance")) return line;
+  line.finding = Finding::kAdvice;
+  line.found += ": cores that slow down to save power wake up late";
+  line.cure =
+      "before a session an administrator enters: sudo cpupower frequency-set -g performance (the program "
+      "comes "
+      "with: sudo apt install linux-cpupower)";
+  return line;
+}
+
+DoctorLine kernel_line(const std::filesystem::path& root) {
+  const std::string version = line_of(root / "proc/sys/kernel/version");
+  DoctorLine line{kComputer, "kernel", Finding::kFine, line_of(root / "proc/sys/kernel/osrelease"), ""};
+  if (line.found.empty()) line.found = "not told";
+  const bool realtime =
+      line_of(root / "sys/kernel/realtime") == "1" || version.find("PREEMPT_RT") != std::string::npos;
+  line.found += realtime ? ", made for real time" : ", not made for real time";
+  if (realtime) return line;
+  line.finding = Finding::kAdvice;
+  line.cure =
+      "it works; where forces feel rough now and then, one that is made for it helps: sudo apt install "
+      "linux-image-rt-amd64, then restart the computer";
+  return line;
+}
+
+DoctorLine timer_line(const TimerFigures& timer, bool realtime) {
+  char text[260];
+  std::snprintf(text, sizeof text,
+                "%.2f %% of the beats came in time (%.0f are due a second, listened for %.1f s); those that "
+                "came were late by %.0f microseconds in the middle, %.0f or more in 1 of 100, %.0f at most",
+                100 * timer.on_time, timer.rate_hz, timer.seconds, timer.p50_us, timer.p99_us, timer.max_us);
+  DoctorLine line{kComputer, "punctuality", Finding::kFine, text, ""};
+  if (timer.on_time >= kLeastOnTime) return line;
+  line.finding = Finding::kMissing;
+  line.cure = realtime
+                  ? "close other programs, and look whether the computer is a virtual machine: use one of "
+                    "its own for a device"
+                  : "first give the account its rights (above), close other programs, and try again";
+  return line;
+}
+
+}  // namespace palpate

@@ -1,0 +1,57 @@
+"""palpate devices and palpate doctor: what there is and what is missing, without a device on the machine."""
+
+import json
+
+import cli
+
+
+class Devices(cli.PalpateTest):
+    def test_lists_what_explore_knows(self):
+        known = json.loads(self.succeed("devices", "--json").stdout)["devices"]
+        names = [device["name"] for device in known]
+        self.assertEqual(names[:2], ["simulated", "pointer"])
+        self.assertIn("haply", names)
+        text = self.succeed("devices").stdout
+        for device in known:
+            self.assertIn(device["name"], text)
+            self.assertIn(device["what"], text)
+        # and an unknown one's error names the same
+        refused = self.fail_clearly(cli.USAGE, "explore", "knee-phantom", "--device", "spoon", says="spoon")
+        for name in names:
+            self.assertIn(name, refused.stderr)
+
+    def test_each_device_once_and_the_simulated_hand_first(self):
+        for devices, says in ((["pointer", "pointer"], "twice"), (["pointer", "simulated"], "first")):
+            options = [word for name in devices for word in ("--device", name)]
+            self.fail_clearly(cli.USAGE, "explore", "knee-phantom", *options, says=says)
+
+
+class Doctor(cli.PalpateTest):
+    def test_on_a_machine_with_nothing_every_fault_has_its_cure(self):
+        done = cli.run("doctor", "--json", "--seconds", "0.2")
+        report = json.loads(done.stdout)
+        # no service of Haply's runs where tests do
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertFalse(report["ready"])
+        topics = {line["topic"] for line in report["lines"]}
+        self.assertEqual(topics, {"this computer", "haply"})
+        for line in report["lines"]:
+            self.assertTrue(line["found"], line)
+            self.assertEqual(bool(line["cure"]), line["finding"] != "fine", line)
+        missing = [line for line in report["lines"] if line["finding"] == "missing"]
+        self.assertIn("haply", {line["topic"] for line in missing})
+        self.assertGreater(report["timer"]["rate_hz"], 0)
+
+    def test_in_words(self):
+        done = cli.run("doctor", "--seconds", "0.2")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("MISSING", done.stdout)
+        self.assertIn("what to do: ", done.stdout)
+        self.assertIn("a device that pushes is not ready here", done.stdout)
+
+    def test_of_a_device_that_is_not_known(self):
+        self.fail_clearly(cli.USAGE, "doctor", "--device", "spoon", says="haply")
+
+
+if __name__ == "__main__":
+    cli.main()
