@@ -8,16 +8,18 @@
 namespace palpate::app {
 
 Result<LoadedScene> load_target(const std::string& target, Console& console,
-                                std::optional<PreparationMethod> preparation, std::optional<int> volume) {
-  auto loaded = load_scene_or_data_set(target, console.progress(), console.warn(), preparation, {}, volume);
+                                std::optional<PreparationMethod> preparation, std::optional<int> volume,
+                                const std::optional<std::filesystem::path>& labels) {
+  auto loaded =
+      load_scene_or_data_set(target, console.progress(), console.warn(), preparation, {}, volume, labels);
   if (loaded && !loaded->proposed.empty()) console.note(loaded->proposed);
   return loaded;
 }
 
 Result<LoadedScene> load_felt_target(const std::string& target, Console& console,
-                                     std::optional<PreparationMethod> preparation,
-                                     std::optional<int> volume) {
-  auto loaded = load_target(target, console, preparation, volume);
+                                     std::optional<PreparationMethod> preparation, std::optional<int> volume,
+                                     const std::optional<std::filesystem::path>& labels) {
+  auto loaded = load_target(target, console, preparation, volume, labels);
   if (!loaded) return loaded;
   if (auto felt = check_felt(*loaded); !felt) return felt.error();
   return loaded;

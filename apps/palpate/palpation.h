@@ -15,15 +15,17 @@ namespace palpate::app {
 inline constexpr const char* kTargetHelp =
     "A data set (palpate data list), a scene file, or a scan or label map by itself, a folder of DICOM too";
 
-/// What the command line names: a data set, a scene file, or a volume, for which a scene is proposed; which
-/// one is noted.
+/// What the command line names: a data set, a scene file, or a volume, perhaps with its segmentation, for
+/// which a scene is proposed; which one is noted.
 Result<LoadedScene> load_target(const std::string& target, Console& console,
                                 std::optional<PreparationMethod> preparation = {},
-                                std::optional<int> volume = {});
+                                std::optional<int> volume = {},
+                                const std::optional<std::filesystem::path>& labels = {});
 /// The same, and an error where nothing in it can be felt.
 Result<LoadedScene> load_felt_target(const std::string& target, Console& console,
                                      std::optional<PreparationMethod> preparation = {},
-                                     std::optional<int> volume = {});
+                                     std::optional<int> volume = {},
+                                     const std::optional<std::filesystem::path>& labels = {});
 
 /// The script of that file; without one, a script that suits the model.
 Result<Script> script_of(const std::optional<std::filesystem::path>& file, const Model& model);

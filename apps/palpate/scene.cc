@@ -178,10 +178,30 @@ void warn_if_nothing_yields(const Scene& scene, Console& console) {
         "one");
 }
 
+/// Of a study the volume that its segmentation was made on, and the segmentation where it stands in the
+/// study's folder.
+Result<void> match_study(NewOptions& options, Console& console) {
+  if (options.labels.empty()) return {};
+  const std::string& scan = options.one_file ? options.labels : options.scan;
+  if (scan.empty()) return {};
+  const std::optional<fs::path> labels =
+      options.one_file ? std::nullopt : std::optional<fs::path>(options.labels);
+  const auto study = find_study(scan, labels, options.volume, console.progress());
+  if (!study) return study.error();
+  if (!study->labels) return {};
+  for (const std::string& note : study->notes) console.note(note);
+  options.one_file = false;
+  options.scan = study->scan.string();
+  options.labels = study->labels->string();
+  options.volume = study->volume;
+  return {};
+}
+
 int run_new(NewOptions options, Console& console) {
   if (const auto assigned = assign_files(options); !assigned) return console.fail(assigned.error());
   const auto claimed = check_new_output(options);
   if (!claimed) return console.fail(claimed.error());
+  if (const auto matched = match_study(options, console); !matched) return console.fail(matched.error());
 
   NewSceneInput input;
   input.title = options.title;
@@ -246,7 +266,8 @@ void add_new(CLI::App& app, Run& run) {
   const auto options = std::make_shared<NewOptions>();
   CLI::App* verb = app.add_subcommand("new", "Write a scene file for a scan, a label map, or both");
   verb->formatter(std::make_shared<UsageInWords>());
-  verb->add_option("files", options->files, "The scan and its label map, or one of them alone")
+  verb->add_option("files", options->files,
+                   "The scan and its label map, one of them alone, or a folder of DICOM that holds both")
       ->expected(0, 2)
       ->option_text("[SCAN] LABELS");
   verb->add_option("-s,--scan", options->scan, "The scan; alone it gives a scene by threshold");
@@ -275,6 +296,7 @@ void add_new(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate scene new scan.nii.gz labels.nii.gz -o scene.toml\n"
       "  palpate scene new knee.seg.nrrd --side left -o scene.toml\n"
+      "  palpate scene new STUDY seg.dcm -o scene.toml              a folder of DICOM and its segmentation\n"
       "  palpate scene new --scan ct.nii.gz -o scene.toml           touch what is bright\n"
       "  palpate scene new --scan FOLDER --volume 2 -o scene.toml   of DICOM, as palpate info lists it");
   verb->callback(

@@ -18,7 +18,7 @@ namespace {
 
 struct SimulateOptions {
   std::string target;
-  std::optional<std::filesystem::path> script, recording, report;
+  std::optional<std::filesystem::path> labels, script, recording, report;
   std::optional<double> max_force_N, rate_hz;
   std::optional<std::uint64_t> seed;
   std::optional<int> volume;
@@ -46,6 +46,7 @@ Result<Outputs> outputs_of(const SimulateOptions& options) {
                  outputs.recording.string(), "name the recording with -o"};
 
   auto inputs = input_files(options.target);
+  if (options.labels) inputs.push_back(*options.labels);
   if (options.script) inputs.push_back(*options.script);
   for (const auto& output : {outputs.recording, outputs.report}) {
     if (output.empty()) continue;
@@ -72,7 +73,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
   const auto outputs = outputs_of(options);
   if (!outputs) return console.fail(outputs.error());
   const Progress progress = console.progress();
-  const auto loaded = load_felt_target(options.target, console, {}, options.volume);
+  const auto loaded = load_felt_target(options.target, console, {}, options.volume, options.labels);
   if (!loaded) return console.fail(loaded.error());
   const auto script = script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
@@ -117,6 +118,8 @@ void add_simulate(CLI::App& app, Run& run) {
   CLI::App* verb =
       app.add_subcommand("simulate", "Let a simulated hand palpate a scene and record what it feels");
   verb->add_option("target", options->target, kTargetHelp)->required();
+  verb->add_option("segmentation", options->labels,
+                   "Of a scan its labels; without them the only segmentation in a folder of DICOM");
   add_volume_option(*verb, options->volume);
   verb->add_option("-s,--script", options->script,
                    "Palpation script (TOML); default: one that suits the scene");
@@ -137,6 +140,7 @@ void add_simulate(CLI::App& app, Run& run) {
       "  palpate simulate knee-atlas -o atlas.h5 --max-force 3\n"
       "  palpate simulate scene.toml --script press.toml -o run.h5\n"
       "  palpate simulate labels.nii.gz --report run.html     with a scene that is proposed\n"
+      "  palpate simulate STUDY seg.dcm --report run.html     a folder of DICOM and its segmentation\n"
       "  palpate simulate knee-phantom --method smooth-sphere -o smooth.h5\n\n"
       "The simulated hand and device run on a virtual clock: the same scene, script and seed give the same "
       "run\n"

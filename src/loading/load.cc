@@ -116,32 +116,53 @@ Result<ReadScene> read_data_set(const std::string& data_set, const Progress& pro
   return ReadScene{*std::move(scene), *std::move(volumes), data_set};
 }
 
-// a scan or a label map by itself, with the scene that is proposed for it
-Result<ReadScene> read_volume_alone(const std::filesystem::path& file, std::optional<int> number,
-                                    const Progress& progress, const Warn& warn,
-                                    std::optional<PreparationMethod> preparation) {
-  auto volume = read_volume(file, {}, progress, warn, Unpacked::kKept, number);
-  if (!volume) return volume.error();
-  auto proposed = propose_scene(file, number, *volume);
+// a scan, a label map or a study of both, with the scene that is proposed for it
+Result<ReadScene> read_with_proposal(const Study& study, const Progress& progress, const Warn& warn,
+                                     std::optional<PreparationMethod> preparation) {
+  SceneVolumes volumes;
+  NewSceneInput input;
+  if (study.labels) {
+    auto read = volumes_of_files(study.labels, {}, study.scan, study.volume, progress, warn);
+    if (!read) return read.error();
+    volumes = *std::move(read);
+    input.labels = study.labels;
+    input.scan = study.scan;
+  } else {
+    auto volume = read_volume(study.scan, {}, progress, warn, Unpacked::kKept, study.volume);
+    if (!volume) return volume.error();
+    if (auto* labels = std::get_if<LabelFile>(&*volume)) {
+      volumes.oriented = labels->header.has_geometry;
+      volumes.labels = std::move(labels->labels);
+      input.labels = study.scan;
+    } else {
+      ScanFile& scan = std::get<ScanFile>(*volume);
+      volumes.oriented = scan.header.has_geometry;
+      volumes.scan = std::make_shared<const Volume<float>>(std::move(scan.scan));
+      input.scan = study.scan;
+    }
+  }
+  if (input.scan) input.volume_of_scan = study.volume;
+  input.label_map = volumes.labels ? &*volumes.labels : nullptr;
+  input.scan_volume = volumes.scan.get();
+  auto proposed = propose_scene(input);
   if (!proposed) return proposed.error();
   prepare_by(preparation, proposed->scene.preparation);
-  SceneVolumes volumes;
-  if (auto* labels = std::get_if<LabelFile>(&*volume)) {
-    volumes.oriented = labels->header.has_geometry;
-    volumes.labels = std::move(labels->labels);
-  } else {
-    ScanFile& scan = std::get<ScanFile>(*volume);
-    volumes.oriented = scan.header.has_geometry;
-    volumes.scan = std::make_shared<const Volume<float>>(std::move(scan.scan));
-  }
+  for (const std::string& note : study.notes) proposed->note += "\n" + note;
   return ReadScene{std::move(proposed->scene), std::move(volumes), "", std::move(proposed->note)};
 }
 
-Result<ReadScene> read_scene_or_data_set(const std::string& what, std::optional<int> volume,
-                                         const Progress& progress, const Warn& warn,
-                                         std::optional<PreparationMethod> preparation) {
-  if (!find_entry(what) && is_volume(what))
-    return read_volume_alone(what, volume, progress, warn, preparation);
+Result<ReadScene> read_scene_or_data_set(const std::string& what,
+                                         const std::optional<std::filesystem::path>& labels,
+                                         std::optional<int> volume, const Progress& progress,
+                                         const Warn& warn, std::optional<PreparationMethod> preparation) {
+  if (!find_entry(what) && is_volume(what)) {
+    const auto study = find_study(what, labels, volume, progress);
+    if (!study) return study.error();
+    return read_with_proposal(*study, progress, warn, preparation);
+  }
+  if (labels)
+    return Error{ErrorKind::kUsage, "a segmentation goes with a scan", what,
+                 "name the scan that it was made on, a folder of DICOM or another volume, before it"};
   if (volume)
     return Error{ErrorKind::kUsage, "a number of a volume goes with a DICOM file or a folder of them", what,
                  "leave --volume out; in a scene file: scan_volume = N"};
@@ -173,8 +194,9 @@ Result<ReadScene> read_scene_or_data_set(const std::string& what, std::optional<
 
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
                                            const Warn& warn, std::optional<PreparationMethod> preparation,
-                                           const Foretell& foretell, std::optional<int> volume) {
-  auto read = read_scene_or_data_set(what, volume, progress, warn, preparation);
+                                           const Foretell& foretell, std::optional<int> volume,
+                                           const std::optional<std::filesystem::path>& labels) {
+  auto read = read_scene_or_data_set(what, labels, volume, progress, warn, preparation);
   if (!read) return read.error();
   auto model = build_model(read->scene, std::move(read->volumes), progress, warn, foretell);
   if (!model) return model.error();
@@ -183,7 +205,7 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
 }
 
 Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const Progress& progress) {
-  auto read = read_scene_or_data_set(what, {}, progress, {}, {});
+  auto read = read_scene_or_data_set(what, {}, {}, progress, {}, {});
   if (!read) return read.error();
   return memory_of(read->scene, std::move(read->volumes), progress);
 }

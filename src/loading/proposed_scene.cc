@@ -35,31 +35,30 @@ std::string felt_of_scan(const Scene& scene) {
 
 }  // namespace
 
-Result<ProposedScene> propose_scene(const std::filesystem::path& file, std::optional<int> number,
-                                    const std::variant<ScanFile, LabelFile>& volume) {
-  const auto* labels = std::get_if<LabelFile>(&volume);
-  const auto* scan = std::get_if<ScanFile>(&volume);
-  NewSceneInput input;
-  if (labels) {
-    input.labels = file;
-    input.label_map = &labels->labels;
-  } else {
-    input.scan = file;
-    input.volume_of_scan = number;
-    input.scan_volume = &scan->scan;
-  }
+Result<ProposedScene> propose_scene(const NewSceneInput& input) {
+  const std::string labels = input.labels ? input.labels->string() : "",
+                    scan = input.scan ? input.scan->string() : "";
+  const std::string files = scan.empty() ? labels : labels.empty() ? scan : scan + " with " + labels;
   const auto text = new_scene_text(input, "");
   if (!text) {
     Error error = text.error();
-    if (error.where.empty()) error.where = file.string();
+    if (error.where.empty()) error.where = labels.empty() ? scan : labels;
     return error;
   }
-  auto scene = parse_scene(*text, "the scene proposed for " + file.string());
+  auto scene = parse_scene(*text, "the scene proposed for " + files);
   if (!scene) return scene.error();
-  std::string note = file.string() + " is a " + (labels ? "label map" : "scan") + ", " +
-                     (labels ? felt_of_labels(*scene, labels->labels) : felt_of_scan(*scene)) +
-                     "; to change that: palpate scene new " + (labels ? "" : "--scan ") + file.string() +
-                     (number ? " --volume " + std::to_string(*number) : "") + " -o scene.toml";
+  const bool both = !scan.empty() && !labels.empty();
+  std::string note =
+      files + " is a " +
+      (both             ? "scan and its label map"
+       : labels.empty() ? "scan"
+                        : "label map") +
+      ", " + (input.label_map ? felt_of_labels(*scene, *input.label_map) : felt_of_scan(*scene)) +
+      "; to change that: palpate scene new " +
+      (both             ? scan + " " + labels
+       : labels.empty() ? "--scan " + scan
+                        : labels) +
+      (input.volume_of_scan ? " --volume " + std::to_string(*input.volume_of_scan) : "") + " -o scene.toml";
   return ProposedScene{*std::move(scene), std::move(note)};
 }
 

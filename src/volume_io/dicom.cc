@@ -15,6 +15,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
 #include "volume_io/dicom_file.h"
+#include "volume_io/dicom_study.h"
 #include "volume_io/dicom_volumes.h"
 #include "volume_io/formats.h"
 #include "volume_io/volume_message.h"
@@ -116,6 +117,7 @@ struct DicomContent {
   std::vector<DicomVolume> volumes;
   std::vector<std::string> notes;   // of what may be missing in a volume
   std::vector<std::string> others;  // of what else stands there
+  DicomIdentifiers identifiers;
 };
 
 std::string counted(std::size_t count, const std::string& what, const std::string& several) {
@@ -178,20 +180,25 @@ std::size_t drop_copies(DicomFiles& library, const FoundFiles& found, std::vecto
 }
 
 // all frames, with the series that they belong to
-std::vector<DicomFrame> frames_of(std::vector<Image> images) {
+// @param identifiers  of_file is as long as there are files
+std::vector<DicomFrame> frames_of(std::vector<Image> images, DicomIdentifiers& identifiers) {
   // series in the order of their own numbers
   std::map<std::pair<int, std::string>, int> series;
   for (const Image& image : images)
     series.emplace(std::pair(image.content.series_number, image.content.series_uid), 0);
-  int next = 0;
-  for (auto& [key, index] : series) index = next++;
+  for (auto& [key, index] : series) {
+    index = static_cast<int>(identifiers.of_series.size());
+    identifiers.of_series.push_back(key.second);
+  }
   std::vector<DicomFrame> frames;
-  for (Image& image : images)
+  for (Image& image : images) {
+    identifiers.of_file[image.file] = image.content.sop_uid;
     for (DicomFrame& frame : image.content.frames) {
       frame.file = image.file;
       frame.series = series[{image.content.series_number, image.content.series_uid}];
       frames.push_back(std::move(frame));
     }
+  }
   return frames;
 }
 
@@ -231,9 +238,9 @@ Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const
   }
   const auto all_done = [&] { return look(found.files.size()); };
   const std::size_t copies = drop_copies(library, found, images, all_done);
-  std::vector<DicomFrame> frames = frames_of(std::move(images));
-
   DicomContent content;
+  content.identifiers.of_file.resize(found.files.size());
+  std::vector<DicomFrame> frames = frames_of(std::move(images), content.identifiers);
   content.notes = found.notes;
   if (copies > 0)
     content.notes.push_back(counted(copies, "file is a copy of another one, value by value, and was",
@@ -614,6 +621,31 @@ bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
   return out.ok();
 }
 
+// of a segmentation, and the images that it may have been made on: the number of the volume, and what is to
+// be said
+bool match_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
+                     const fs::path& segmentation, std::optional<int> number) {
+  const auto content = look_for(library, parent, found);
+  if (!content) return send_end(parent, content.error());
+  const auto opened = InputFile::open(segmentation);
+  if (!opened) return send_end(parent, opened.error());
+  const auto refused = [&](Error error) {
+    error.where = segmentation.string();
+    return send_end(parent, error);
+  };
+  const auto reference = library.read_reference(opened->name_for_libraries());
+  if (!reference) return refused(reference.error());
+  const auto chosen = choose_segmented(content->volumes,
+                                       bonds_of(*reference, content->volumes, content->identifiers), number);
+  if (!chosen) return refused(chosen.error());
+  if (!send_end(parent, {})) return false;
+  reader::Sender out(parent);
+  out.put(static_cast<std::uint32_t>(chosen->index + 1));
+  out.put(static_cast<std::uint32_t>(chosen->notes.size()));
+  for (const std::string& note : chosen->notes) out.put(note);
+  return out.ok();
+}
+
 // ---- in this process ----------------------------------------------------------------------------
 
 // what DICOM files are read by, ready for a process that reads them
@@ -726,6 +758,80 @@ bool is_dicom(const std::filesystem::path& file) {
     return found || ++looked_at == kMostDicomFiles;
   });
   return found;
+}
+
+namespace {
+
+// the segmentations below a folder, in the order of their names
+Result<std::vector<fs::path>> segmentations_in(const fs::path& folder, const Progress& progress) {
+  auto found = find_files(folder, progress);
+  if (!found) return found.error();
+  std::erase_if(found->files, [](const fs::path& file) { return !is_dicom_segmentation(file); });
+  return std::move(found->files);
+}
+
+Result<Study> matched(Study study, const Progress& progress) {
+  const auto library = ready_library();
+  if (!library) return at(study.scan, library.error());
+  auto found = find_files(study.scan, progress);
+  if (!found) return found.error();
+  found->roots.push_back(*study.labels);
+  auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
+    return match_dicom_for(**library, parent, *found, *study.labels, study.volume);
+  });
+  if (!process) return at(study.scan, process.error());
+  const std::array<fs::path, 2> named{study.scan, *study.labels};
+  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  reader::Receiver in(**process, "is damaged: ");
+  std::uint32_t number = 0, notes = 0;
+  in.get(number);
+  in.get(notes);
+  constexpr std::uint32_t kMostNumber = 100'000, kMostStudyNotes = 10;
+  if (number < 1 || number > kMostNumber || notes > kMostStudyNotes) return nonsense(named);
+  for (std::uint32_t n = 0; n < notes && in.ok(); ++n) {
+    in.get(study.notes.emplace_back());
+    study.notes.back() = study.labels->string() + " " + study.notes.back();
+  }
+  if (!in.ok()) return about(in.error(), named);
+  study.volume = static_cast<int>(number);
+  return study;
+}
+
+}  // namespace
+
+Result<Study> find_study(const std::filesystem::path& scan,
+                         const std::optional<std::filesystem::path>& labels, std::optional<int> volume,
+                         const Progress& progress) try {
+  Study study{scan, volume, labels, {}};
+  std::error_code ignored;
+  const bool images = is_dicom(scan);
+  if (!labels) {
+    if (!images || !std::filesystem::is_directory(scan, ignored)) return study;
+    const auto segmentations = segmentations_in(scan, progress);
+    if (!segmentations) return segmentations.error();
+    if (segmentations->empty()) return study;
+    if (segmentations->size() > 1) {
+      std::string list;
+      constexpr std::size_t kListed = 10;
+      for (std::size_t n = 0; n < std::min(segmentations->size(), kListed); ++n)
+        list += (n ? ", " : " ") + (*segmentations)[n].string();
+      if (segmentations->size() > kListed) list += ", ...";
+      return Error{
+          ErrorKind::kUsage,
+          "holds " + std::to_string(segmentations->size()) + " segmentations beside its images:" + list,
+          scan.string(),
+          "name one of them after the folder, or its images alone with --scan: palpate scene new"};
+    }
+    study.labels = segmentations->front();
+  }
+  if (!is_dicom_segmentation(*study.labels)) return study;
+  if (images) return matched(std::move(study), progress);
+  study.notes.push_back(study.labels->string() + " says on which images it was made, and " + scan.string() +
+                        " does not say which it is: that they belong together was not checked");
+  return study;
+} catch (const std::bad_alloc&) {
+  return bad_input(scan.string(), "does not fit into the memory",
+                   "close other programs, or name a smaller folder");
 }
 
 Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress) try {

@@ -2,6 +2,7 @@
 
 #include <dcmtk/config/osconfig.h>
 
+#include <dcmtk/dcmdata/dccodec.h>
 #include <dcmtk/dcmdata/dcdeftag.h>
 #include <dcmtk/dcmdata/dcdict.h>
 #include <dcmtk/dcmdata/dcfcache.h>
@@ -412,6 +413,9 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
       syntax_uid.empty() ? std::nullopt : unread_syntax(DcmXfer(syntax_uid.c_str()).getXfer(), syntax_uid);
   const bool loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good();
   DcmDataset& root = *file.getDataset();
+  // of a file that breaks off the last element may hold what was in memory before
+  if (!loaded && root.card() > 0 && root.getElement(root.card() - 1)->getTag() != DCM_PixelData)
+    delete root.remove(root.card() - 1);
   DicomFile content;
   content.series_uid = text_of(root, DCM_SeriesInstanceUID);
   content.sop_uid = text_of(root, DCM_SOPInstanceUID);
@@ -576,6 +580,53 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   return segmentation;
 }
 
+// ---- what it was made on ------------------------------------------------------------------------
+
+// of each item of a sequence, which may be in a functional group
+template <class Look>
+void for_each_item(DcmItem& item, const DcmTagKey& sequence, const Look& look) {
+  for (DcmItem* each : items_of(item, sequence)) look(*each);
+}
+
+Result<DicomReference> read_references(const std::filesystem::path& name) {
+  DcmFileFormat file;
+  if (file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).bad())
+    return bad_input("", "is a damaged DICOM file", "copy it again");
+  DcmDataset& root = *file.getDataset();
+  DicomReference reference;
+  const auto put = [](DcmItem& item, const DcmTagKey& tag, std::set<std::string>& uids) {
+    if (std::string uid = text_of(item, tag); !uid.empty()) uids.insert(std::move(uid));
+  };
+  const auto put_images = [&](DcmItem& item, const DcmTagKey& sequence) {
+    for_each_item(item, sequence,
+                  [&](DcmItem& image) { put(image, DCM_ReferencedSOPInstanceUID, reference.images); });
+  };
+  put(root, DCM_FrameOfReferenceUID, reference.frames_of_reference);
+  // of a segmentation
+  for_each_item(root, DCM_ReferencedSeriesSequence, [&](DcmItem& series) {
+    put(series, DCM_SeriesInstanceUID, reference.series);
+    put_images(series, DCM_ReferencedInstanceSequence);
+  });
+  put_images(root, DCM_SourceImageSequence);
+  const auto put_sources = [&](DcmItem& group) {
+    for_each_item(group, DCM_DerivationImageSequence,
+                  [&](DcmItem& derivation) { put_images(derivation, DCM_SourceImageSequence); });
+  };
+  for_each_item(root, DCM_SharedFunctionalGroupsSequence, put_sources);
+  for_each_item(root, DCM_PerFrameFunctionalGroupsSequence, put_sources);
+  // of a structure set
+  for_each_item(root, DCM_ReferencedFrameOfReferenceSequence, [&](DcmItem& space) {
+    put(space, DCM_FrameOfReferenceUID, reference.frames_of_reference);
+    for_each_item(space, DCM_RTReferencedStudySequence, [&](DcmItem& study) {
+      for_each_item(study, DCM_RTReferencedSeriesSequence, [&](DcmItem& series) {
+        put(series, DCM_SeriesInstanceUID, reference.series);
+        put_images(series, DCM_ContourImageSequence);
+      });
+    });
+  });
+  return reference;
+}
+
 // ---- its voxels ---------------------------------------------------------------------------------
 
 class FilePixels : public DicomPixels {
@@ -603,6 +654,7 @@ class FilePixels : public DicomPixels {
   bool fetch(const DicomFrame& frame, std::uint64_t bytes);
   Result<void> unpack_wavelets(const DicomFrame& frame);
   // by DCMTK; false: damaged
+  bool isolate();
   bool decode(const DicomFrame& frame, std::uint8_t beyond, std::uint64_t bytes);
 
   DcmFileFormat file_;
@@ -611,8 +663,7 @@ class FilePixels : public DicomPixels {
   std::vector<DcmPixelItem*> fragments_;
   std::vector<std::size_t> first_of_frame_;  // index of its first fragment, and last of all their number
   std::vector<std::uint8_t> buffer_, packed_;
-  Uint32 next_fragment_ = 0;
-  std::int64_t next_frame_ = 0;
+  std::unique_ptr<DcmPixelSequence> isolated_;  // of one frame
 };
 
 // Which fragments are a frame's: one each, all of the only one, or what the table says, which counts bytes
@@ -654,7 +705,7 @@ bool FilePixels::fetch(const DicomFrame& frame, std::uint64_t bytes) {
   packed_.clear();
   if (std::size_t{frame.frame} + 1 >= first_of_frame_.size()) return false;
   // no packing makes more of a frame than this, so that a number takes no memory
-  std::uint64_t left = 2 * bytes + 4096;
+  std::uint64_t left = 2 * bytes + (1 << 16);
   for (std::size_t n = first_of_frame_[frame.frame]; n < first_of_frame_[frame.frame + 1]; ++n) {
     const Uint32 length = fragments_[n]->getLength();
     if (length > left || !append(*fragments_[n], length, cache_, packed_)) return false;
@@ -699,18 +750,40 @@ Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
   return {};
 }
 
+// Makes of packed_ a sequence of one fragment, which is all that a decoder of DCMTK's gets. That of JPEG-LS
+// looks at a byte beyond its data (3.6.7), which is then the marker of an image's end.
+bool FilePixels::isolate() {
+  constexpr std::uint8_t kEndOfImage[] = {0xFF, 0xD9};
+  if (packed_.size() % 2) packed_.push_back(0);
+  packed_.insert(packed_.end(), std::begin(kEndOfImage), std::end(kEndOfImage));
+  auto sequence = std::make_unique<DcmPixelSequence>(DcmTag(DCM_PixelSequenceTag));
+  auto table = std::make_unique<DcmPixelItem>(DcmTag(DCM_PixelItemTag)),
+       fragment = std::make_unique<DcmPixelItem>(DcmTag(DCM_PixelItemTag));
+  if (fragment->putUint8Array(packed_.data(), static_cast<unsigned long>(packed_.size())).bad()) return false;
+  for (auto* item : {&table, &fragment})
+    if (sequence->insert(item->get()).good()) static_cast<void>(item->release());
+  isolated_ = std::move(sequence);
+  return isolated_->card() == 2;
+}
+
 // @param last  stands in the last word where nothing is decoded into it
 bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_t bytes) {
   // a byte more where the size is odd
   buffer_.assign(static_cast<std::size_t>(bytes + bytes % 2), last);
-  // fragments are known where frames follow each other, else DCMTK looks for them
-  if (next_frame_ != frame.frame) next_fragment_ = 0;
+  DcmDataset* root = file_.getDataset();
+  const auto size = static_cast<Uint32>(buffer_.size());
+  const DcmXfer syntax(root->getOriginalXfer());
   OFString colours;
-  const OFCondition read =
-      pixels_->getUncompressedFrame(file_.getDataset(), frame.frame, next_fragment_, buffer_.data(),
-                                    static_cast<Uint32>(buffer_.size()), colours, &cache_);
-  next_frame_ = std::int64_t{frame.frame} + 1;
-  return read.good();
+  Uint32 fragment = 0;
+  if (!syntax.isEncapsulated())
+    return pixels_->getUncompressedFrame(root, frame.frame, fragment, buffer_.data(), size, colours, &cache_)
+        .good();
+  // after the last frame's first fragment nothing belongs to another one
+  const auto frames = static_cast<Uint32>(first_of_frame_.size() - 1);
+  fragment = 1;
+  return DcmCodecList::decodeFrame(syntax, nullptr, isolated_.get(), root, frames - 1, fragment,
+                                   buffer_.data(), size, colours)
+      .good();
 }
 
 // A frame begins at any bit; the first is the lowest of its byte (PS3.5 8.1.1).
@@ -733,13 +806,15 @@ Result<void> FilePixels::read_bits_of(const DicomFrame& frame, std::span<std::in
 Result<void> FilePixels::unpack(const DicomFrame& frame, std::uint64_t bytes) {
   const Error damaged = bad_input("", kDamagedPixels, kCopyAgain);
   const E_TransferSyntax syntax = file_.getDataset()->getOriginalXfer();
-  if (syntax == EXS_RLELossless || is_jpeg2000(syntax)) {
+  if (DcmXfer(syntax).isEncapsulated()) {
     if (!fetch(frame, bytes)) return damaged;
     buffer_.resize(static_cast<std::size_t>(bytes));
     if (is_jpeg2000(syntax)) return unpack_wavelets(frame);
     // DCMTK's own decoder of RLE reads beyond what it is given (3.6.7)
-    return unpack_rle(packed_, static_cast<std::size_t>(frame.bits_allocated / 8), buffer_) ? Result<void>()
-                                                                                            : damaged;
+    if (syntax == EXS_RLELossless)
+      return unpack_rle(packed_, static_cast<std::size_t>(frame.bits_allocated / 8), buffer_) ? Result<void>()
+                                                                                              : damaged;
+    if (!isolate()) return damaged;
   }
   // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
   // 16
@@ -752,7 +827,6 @@ Result<void> FilePixels::unpack(const DicomFrame& frame, std::uint64_t bytes) {
   for (const std::uint8_t last : kLast) {
     if (!decode(frame, last, bytes)) return damaged;
     if (filled(last)) return {};
-    next_frame_ = -1;
   }
   return bad_input("", kOtherPixels, kSlicer);
 }
@@ -821,6 +895,11 @@ class DcmtkFiles : public DicomFiles {
     return read_segments(name, syntax_uid);
   } catch (const std::exception&) {
     return bad_input("", "is a damaged DICOM segmentation", "copy it again");
+  }
+  Result<DicomReference> read_reference(const std::filesystem::path& name) override try {
+    return read_references(name);
+  } catch (const std::exception&) {
+    return bad_input("", "is a damaged DICOM file", "copy it again");
   }
   Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) override {
     return FilePixels::open(name);

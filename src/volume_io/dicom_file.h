@@ -9,6 +9,7 @@
 
 #include "palpate/base/result.h"
 #include "volume_io/dicom_segments.h"
+#include "volume_io/dicom_study.h"
 #include "volume_io/dicom_volumes.h"
 
 /// All that meets DCMTK, which has no types here. The bytes may do anything to whoever reads them: for a
@@ -55,6 +56,9 @@ class DicomFiles {
   /// The same of a segmentation. Errors, without `where`: damaged, of a type or packed as is not read.
   virtual Result<DicomSegmentation> read_segmentation(const std::filesystem::path& name,
                                                       const std::string& syntax_uid) = 0;
+  /// What a segmentation, or a structure set, says of the images that it was made on. Errors, without
+  /// `where`: damaged.
+  virtual Result<DicomReference> read_reference(const std::filesystem::path& name) = 0;
   /// @param name  as above; is opened again as long as what is returned lives
   virtual Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) = 0;
 };

@@ -300,6 +300,13 @@ void write_masks(const std::filesystem::path& file, const DicomMasks& masks, Dic
     PALPATE_CHECK(
         root.putAndInsertUint16(DcmTag(DCM_PixelPaddingValue, EVR_US), static_cast<Uint16>(*masks.padding))
             .good());
+  if (!masks.frame_of_reference.empty()) put(root, DCM_FrameOfReferenceUID, masks.frame_of_reference);
+  if (!masks.series.empty())
+    put(item_of(root, DCM_ReferencedSeriesSequence), DCM_SeriesInstanceUID, masks.series);
+  for (std::size_t n = 0; n < masks.images.size(); ++n)
+    put(item_of(item_of(root, DCM_ReferencedSeriesSequence), DCM_ReferencedInstanceSequence,
+                static_cast<long>(n)),
+        DCM_ReferencedSOPInstanceUID, masks.images[n]);
   const auto put_code = [](DcmItem& item, const DcmTagKey& sequence, const std::string& value,
                            const std::string& scheme, const std::string& meaning) -> DcmItem& {
     DcmItem& code = item_of(item, sequence);

@@ -82,6 +82,8 @@ struct DicomMasks {
   std::optional<int> most, padding;
   std::vector<Segment> segments{1};
   std::vector<Frame> frames;
+  std::string frame_of_reference, series;  ///< of the images that it was made on
+  std::vector<std::string> images;         ///< their SOPInstanceUIDs
 };
 void write_masks(const std::filesystem::path& file, const DicomMasks& masks,
                  DicomPacking packing = DicomPacking::kExplicit);

@@ -33,6 +33,30 @@ class SceneTest(cli.PalpateTest):
         scene.write_text(f'[data]\n{lines}[[tissue]]\nname = "block"\nlabels = [1]\n')
         return scene
 
+    def test_a_study_and_its_segmentation(self):
+        study, other = cli.need("dicom_seg/ct-3slice"), cli.need("dicom_seg/24x38x3/image")
+        segmentation, scene = cli.need("dicom_seg/liver.dcm"), self.folder / "scene.toml"
+        said = self.succeed("scene", "new", study, segmentation, "-o", scene).stderr
+        self.assertIn("liver.dcm was made on volume 1 (series 1: CT, axial, 512 x 512 x 3", said)
+        self.assertIn("scan_volume = 1", scene.read_text())
+        self.succeed("scene", "check", scene)
+        self.fail_clearly(cli.BAD_INPUT, "scene", "new", other, segmentation, says="another frame of reference")
+        # one folder with both
+        whole = self.folder / "whole"
+        whole.mkdir()
+        for file in [*study.iterdir(), segmentation]:
+            (whole / file.name).symlink_to(file)
+        said = self.succeed("scene", "new", whole, "--force", "-o", scene, "--follow-links").stderr
+        self.assertIn("was made on volume 1", said)
+        self.assertIn('labels = "whole/liver.dcm"', scene.read_text())
+        self.succeed("scene", "new", "--scan", whole, "--force", "-o", scene, "--follow-links")
+        self.assertNotIn("labels =", scene.read_text())
+        # to a first touch
+        script = self.folder / "touch.toml"
+        script.write_text('[[step]]\napproach = "Liver"\n')
+        said = self.succeed("simulate", study, segmentation, "-s", script)
+        self.assertRegex(said.stdout, "line 1 touched Liver")
+
     def test_new_replaces_no_data(self):
         labels = self.labels()
         table = self.folder / "names.ctbl"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -24,7 +25,8 @@ struct LoadedScene {
   std::shared_ptr<const Model> model;
   /// Catalogue name, a phantom's parameters included, when it came from there, else empty.
   std::string data_set;
-  /// Of a volume by itself: what its scene was proposed from, in one line; else empty.
+  /// Of volumes without a scene: what it was proposed from, in one line, and a line for each note on how they
+  /// belong together; else empty.
   std::string proposed = {};
 };
 
@@ -43,16 +45,18 @@ using Foretell = std::function<void(const SceneMemory&)>;
 
 /// @param what         a catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
 ///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume:
-///                     a scan or a label map by itself gets the scene that new_scene_text proposes
+///                     a scan, a label map or both get the scene that new_scene_text proposes
 /// @param preparation  instead of the scene's
-/// @param volume       of a volume by itself that is DICOM's, its number (palpate/volume_io/volume_io.h)
+/// @param volume       of a volume that is DICOM's, its number (palpate/volume_io/volume_io.h)
+/// @param labels       of a scan its segmentation; without one the only one in its folder (find_study)
 /// Errors: kBadInput that names what a file is where it is neither (a segmentation of DICOM, a surface, a
 /// picture, a folder,
 /// ...).
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress = {},
                                            const Warn& warn = {},
                                            std::optional<PreparationMethod> preparation = {},
-                                           const Foretell& foretell = {}, std::optional<int> volume = {});
+                                           const Foretell& foretell = {}, std::optional<int> volume = {},
+                                           const std::optional<std::filesystem::path>& labels = {});
 
 /// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
 /// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.

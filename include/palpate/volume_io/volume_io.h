@@ -82,6 +82,25 @@ struct VolumeList {
 /// Errors: no image that can be read; interrupted.
 Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress = {});
 
+/// A scan and the labels that belong to it.
+struct Study {
+  std::filesystem::path scan;
+  std::optional<int> volume;                    ///< the scan's number, where it is DICOM's
+  std::optional<std::filesystem::path> labels;  ///< none: the scan stands alone
+  std::vector<std::string> notes;               ///< how they belong together, and what is not known of that
+};
+/// Of DICOM's images and a segmentation of DICOM the volume that the segmentation was made on, by the images,
+/// the series and the frame of reference that it names; their identifiers are compared in the process that
+/// reads. Other files as they are given.
+/// @param scan    any volume
+/// @param labels  without them, where `scan` is a folder of DICOM, the one segmentation in it or below it
+/// @param volume  of the scan, the one that is meant in any case
+/// Errors: a folder with several segmentations; a segmentation of other images, of a volume that cannot be
+/// used or of several alike; interrupted.
+Result<Study> find_study(const std::filesystem::path& scan,
+                         const std::optional<std::filesystem::path>& labels, std::optional<int> volume,
+                         const Progress& progress = {});
+
 /// What a file or a folder is, and the way from there to a volume, where it is known to be something else:
 /// DICOM, a surface, a picture, an archive, a folder, ...; nothing for a volume, a text and what is not
 /// known.

@@ -1,0 +1,100 @@
+#include "volume_io/dicom_study.h"
+
+#include <algorithm>
+
+#include "volume_io/voxel_source.h"
+
+namespace palpate::volume_io {
+namespace {
+
+std::string numbered(const std::vector<DicomVolume>& volumes, std::size_t n) {
+  return "volume " + std::to_string(n + 1) + " (" + volumes[n].what + ")";
+}
+
+std::string bond_in_words(Bond bond, const std::string& volume) {
+  switch (bond) {
+    case Bond::kImages:
+      return "was made on " + volume;
+    case Bond::kSeries:
+      return "was made on the series of " + volume;
+    case Bond::kSpace:
+      return "lies in the frame of reference of " + volume + "; on which images it was made it does not say";
+    case Bond::kUnsaid:
+      return "is taken as made on " + volume +
+             ": that they lie in one frame of reference is not said, and was not checked";
+    default:
+      return "lies in another frame of reference than " + volume +
+             ": nothing says how they lie to each other, and they are taken as lying alike because that "
+             "volume was asked "
+             "for";
+  }
+}
+
+}  // namespace
+
+std::vector<Bond> bonds_of(const DicomReference& segmentation, const std::vector<DicomVolume>& volumes,
+                           const DicomIdentifiers& identifiers) {
+  std::vector<Bond> bonds;
+  for (const DicomVolume& volume : volumes) {
+    // series and frame of reference are the same in all its frames
+    const DicomFrame& first = volume.frames.front();
+    const bool images = std::ranges::any_of(volume.frames, [&](const DicomFrame& frame) {
+      return segmentation.images.contains(identifiers.of_file[frame.file]);
+    });
+    const std::string& series = identifiers.of_series[static_cast<std::size_t>(first.series)];
+    if (images)
+      bonds.push_back(Bond::kImages);
+    else if (segmentation.series.contains(series))
+      bonds.push_back(Bond::kSeries);
+    else if (first.frame_of_reference.empty() || segmentation.frames_of_reference.empty())
+      bonds.push_back(Bond::kUnsaid);
+    else
+      bonds.push_back(segmentation.frames_of_reference.contains(first.frame_of_reference) ? Bond::kSpace
+                                                                                          : Bond::kNone);
+  }
+  return bonds;
+}
+
+Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes,
+                                         const std::vector<Bond>& bonds, std::optional<int> number) {
+  const Bond closest = *std::ranges::min_element(bonds);
+  std::vector<std::size_t> best;
+  for (std::size_t n = 0; n < bonds.size(); ++n)
+    if (bonds[n] == closest) best.push_back(n);
+  if (number) {
+    const auto asked = choose_volume(volumes, number);
+    if (!asked) return asked.error();
+    SegmentedVolume chosen{*asked, {bond_in_words(bonds[*asked], numbered(volumes, *asked))}};
+    if (bonds[*asked] != closest)
+      chosen.notes.insert(chosen.notes.begin(), bond_in_words(closest, numbered(volumes, best.front())) +
+                                                    "; volume " + std::to_string(*number) + " was asked for");
+    return chosen;
+  }
+  if (closest == Bond::kNone)
+    return bad_input(
+        "",
+        "was not made on these images: it lies in another frame of reference than each of them "
+        "(FrameOfReferenceUID (0020,0052)), so nothing says how they lie to each other",
+        "give the images that it was made on; where both are known to lie alike, as after a registration, "
+        "choose a volume with --volume N");
+  std::vector<std::size_t> usable;
+  for (const std::size_t n : best)
+    if (volumes[n].fault.empty()) usable.push_back(n);
+  if (usable.empty())
+    return bad_input("",
+                     bond_in_words(closest, numbered(volumes, best.front())) +
+                         ", which cannot be used: " + volumes[best.front()].fault,
+                     volumes[best.front()].remedy);
+  if (usable.size() > 1) {
+    std::string list;
+    constexpr std::size_t kListed = 10;
+    for (std::size_t n = 0; n < std::min(usable.size(), kListed); ++n)
+      list += (n ? "; " : " ") + std::to_string(usable[n] + 1) + ") " + volumes[usable[n]].what;
+    if (usable.size() > kListed) list += "; and " + std::to_string(usable.size() - kListed) + " more";
+    return bad_input("", "belongs to " + std::to_string(usable.size()) + " volumes alike:" + list,
+                     "choose one with --volume N");
+  }
+  return SegmentedVolume{usable.front(), {bond_in_words(closest, numbered(volumes, usable.front()))}};
+}
+
+}  // namespace palpate::volume_io
