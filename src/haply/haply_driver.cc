@@ -362,6 +362,7 @@ class HaplyDriver::Core {
   }
 
   void describe(const State& inventory, double rate_hz) {
+    infos_.clear();
     for (std::size_t d = 0; d < count_; ++d) {
       const bool grip = d < inventory.grips.size();
       DeviceInfo info;
