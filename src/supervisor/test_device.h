@@ -57,6 +57,8 @@ class TestDeviceDriver final : public DeviceDriver {
       : memory_(memory), halt_file_(halt_file), tip_(tip) {
     info_.name = "test device";
     info_.peak_force_N = 3;
+    // more than any tissue here has, so that no careful bound makes it softer
+    info_.stiffness_N_per_mm = 10;
   }
   std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
   Result<void> open(bool /*may_move*/) override { return {}; }
