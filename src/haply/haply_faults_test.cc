@@ -1,6 +1,11 @@
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <csignal>
 #include <cstdlib>
 #include <functional>
 #include <random>
@@ -171,6 +176,54 @@ TEST(HaplyFaults, AnySequenceOfThemIsOutlived) {
   EXPECT_EQ(rig.service.violations(), 0);
   for (const testing::Delivery& delivery : rig.service.delivered())
     ASSERT_LE(delivery.command.force_N.norm(), testing::kHaplyWall_N_per_mm * 4 * testing::kHaplyIntended_mm);
+}
+
+// sends a force for ever
+class Pushing final : public ServoFunction {
+ public:
+  void update(std::span<const DeviceSample> /*samples*/,
+              std::span<DeviceCommand> commands) noexcept override {
+    commands[0].force_N = Vector<Device>(0, 0, 1);
+  }
+};
+
+// A program that is gone, of whatever, sends nothing more: its connection is closed, and the device goes
+// idle.
+TEST(HaplyFaults, AProgramThatDiesLeavesNoForce) {
+  for (const int signal : {SIGKILL, SIGTERM, SIGSEGV, SIGABRT}) {
+    std::array<int, 2> pipe{};
+    ASSERT_EQ(::pipe(pipe.data()), 0);
+    // before there is any thread here
+    const pid_t child = ::fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      HaplySettings settings;
+      ::close(pipe[1]);
+      if (::read(pipe[0], &settings.port, sizeof settings.port) != sizeof settings.port ||
+          ::read(pipe[0], &settings.old_http_port, sizeof settings.old_http_port) <= 0)
+        ::_exit(1);
+      std::signal(signal, SIG_DFL);
+      HaplyDriver driver(settings);
+      Pushing pushing;
+      testing::UntilStopped never;
+      if (driver.open(false)) driver.run(pushing, never);
+      ::_exit(1);
+    }
+    {
+      FakeInverseService service(testing::haply_hand());
+      const HaplySettings settings = service.settings();
+      EXPECT_EQ(::write(pipe[1], &settings.port, sizeof settings.port), 2);
+      EXPECT_EQ(::write(pipe[1], &settings.old_http_port, sizeof settings.old_http_port), 2);
+      EXPECT_TRUE(soon([&] { return service.force_N() == 1; }));
+      EXPECT_EQ(::kill(child, signal), 0);
+      EXPECT_TRUE(soon([&] { return service.force_N() == 0; })) << signal;
+    }
+    int status = 0;
+    EXPECT_EQ(::waitpid(child, &status, 0), child);
+    EXPECT_TRUE(WIFSIGNALED(status)) << signal;
+    ::close(pipe[0]);
+    ::close(pipe[1]);
+  }
 }
 
 // ended in the middle of whatever it does
