@@ -52,7 +52,8 @@ Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> v
     warn_if_silent(data.scan->header, *scan, console);
   }
   if (labels) {
-    auto read = read_labels(*labels, names, console.progress(), console.warn());
+    auto read = read_labels(*labels, names, console.progress(), console.warn(), Doubtful::kRefused,
+                            Unpacked::kAnew, data.scan_grid());
     if (!read) return read.error();
     data.labels = std::move(*read);
     warn_if_silent(data.labels->header, *labels, console);

@@ -60,18 +60,19 @@ Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>
                                       const Warn& warn) {
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
-  if (labels_file) {
-    auto read = read_labels(*labels_file, names_file, progress, warn, Doubtful::kRefused, Unpacked::kKept);
-    if (!read) return read.error();
-    labels = std::move(*read);
-  }
-  if (progress.stopped()) return Progress::interrupted();
   if (scan_file) {
     auto read = read_scan(*scan_file, progress, warn, Unpacked::kKept, scan_volume);
     if (!read) return read.error();
     scan = std::move(*read);
     if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
       warn(scan_file->string() + " says that it holds labels, and the scene takes it as the scan");
+  }
+  if (progress.stopped()) return Progress::interrupted();
+  if (labels_file) {
+    auto read = read_labels(*labels_file, names_file, progress, warn, Doubtful::kRefused, Unpacked::kKept,
+                            scan ? &scan->scan.geometry() : nullptr);
+    if (!read) return read.error();
+    labels = std::move(*read);
   }
   if (progress.stopped()) return Progress::interrupted();
   const bool oriented = (!labels || labels->header.has_geometry) && (!scan || scan->header.has_geometry);

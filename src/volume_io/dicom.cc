@@ -433,7 +433,68 @@ class SlicePixels {
 
 constexpr std::size_t kNumbers = 65536;
 
-// Which segments overlap where, in words and as layers.
+// which of some segments, by their indices, are in one voxel, and in how many voxels that is so
+struct Meetings {
+  std::set<std::pair<int, int>> pairs;
+  std::uint64_t voxels = 0;
+};
+
+// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
+// @param look        called before each slice; false: nobody listens any more
+template <class ReadSlice, class Look>
+Result<Meetings> find_meetings(const GridGeometry& grid, const ReadSlice& read_slice, const Look& look) {
+  Meetings meetings;
+  // of each voxel the segments that it is in
+  std::vector<std::vector<int>> in(static_cast<std::size_t>(grid.dims[0]) *
+                                   static_cast<std::size_t>(grid.dims[1]));
+  for (int k = 0; k < grid.dims[2]; ++k) {
+    if (!look()) break;
+    for (auto& voxel : in) voxel.clear();
+    const auto read = read_slice(static_cast<std::size_t>(k), [&](std::size_t v, int index) {
+      for (const int other : in[v]) meetings.pairs.insert(std::minmax(index, other));
+      if (in[v].size() == 1) ++meetings.voxels;
+      in[v].push_back(index);
+    });
+    if (!read) return read.error();
+  }
+  return meetings;
+}
+
+// Puts segments into layers in which they do not meet, and says where they do.
+std::vector<int> put_in_layers(std::size_t segments, const Meetings& meetings, VolumeFile& file) {
+  std::vector<int> layers = layers_of_segments(segments, {meetings.pairs.begin(), meetings.pairs.end()});
+  file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
+  if (meetings.voxels > 0)
+    file.notes.push_back("segments overlap in " + std::to_string(meetings.voxels) +
+                         " voxels: each is kept whole, and where forces come from one label a voxel it is "
+                         "that of the tissue that is felt most");
+  return layers;
+}
+
+// labels in layers, on a grid
+VolumeFile labels_of_dicom(const GridGeometry& grid, const fs::path& named) {
+  VolumeFile file;
+  file.header.geometry = grid;
+  file.header.meaning = ValueMeaning::kLabels;
+  file.layers_first = false;
+  file.voxels.file = named;
+  file.voxels.encoding = Encoding::kDicom;
+  file.voxels.component = Component::kUint16;
+  return file;
+}
+
+void put_segment(VolumeFile& file, std::size_t n, const DicomSegment& segment, int layer,
+                 const std::string& colour) {
+  const std::string key = "Segment" + std::to_string(n) + "_";
+  const auto put = [&](const char* field, const std::string& text) {
+    file.segment_fields.emplace_back(key + field, text);
+  };
+  put("Name", name_of_segment(segment));
+  put("Layer", std::to_string(layer));
+  put("LabelValue", std::to_string(segment.number));
+  if (!colour.empty()) put("Color", colour);
+}
+
 // @param look  called before each slice; false: nobody listens any more
 template <class Look>
 Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments& segments, const Look& look) {
@@ -441,39 +502,28 @@ Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments&
   std::vector<int> index_of_number(kNumbers, -1);
   for (std::size_t n = 0; n < said.segments.size(); ++n)
     index_of_number[static_cast<std::size_t>(said.segments[n].number)] = static_cast<int>(n);
-  std::set<std::pair<int, int>> overlaps;
-  std::uint64_t shared = 0;
+  Meetings meetings;
   if (said.kind != DicomSegmentation::Kind::kLabels) {
     auto pixels = SlicePixels::open(library, named);
     if (!pixels) return pixels.error();
-    const DicomFrame& first = said.frames.front();
-    // of each voxel the segments that it is in, as far as they are new
-    std::vector<std::vector<int>> in(static_cast<std::size_t>(first.rows) *
-                                     static_cast<std::size_t>(first.columns));
-    for (const auto& frames : segments.frames_at) {
-      if (!look()) return {};
-      if (frames.size() < 2) continue;
-      for (auto& voxel : in) voxel.clear();
+    const auto read_slice = [&](std::size_t k, const auto& take) -> Result<void> {
+      const auto& frames = segments.frames_at[k];
+      if (frames.size() < 2) return {};
       for (const std::size_t n : frames) {
         const auto read = pixels->read(said, n, [&](std::size_t v, int segment) {
-          const int index = index_of_number[static_cast<std::size_t>(segment)];
-          for (const int other : in[v]) overlaps.insert(std::minmax(index, other));
-          if (in[v].size() == 1) ++shared;
-          in[v].push_back(index);
+          take(v, index_of_number[static_cast<std::size_t>(segment)]);
         });
         if (!read) return read;
       }
-    }
+      return {};
+    };
+    auto found = find_meetings(segments.grid.geometry, read_slice, look);
+    if (!found) return found.error();
+    meetings = *std::move(found);
   }
-  const auto layers = layers_of_segments(said.segments.size(), {overlaps.begin(), overlaps.end()});
+  const auto layers = put_in_layers(said.segments.size(), meetings, segments.file);
   for (std::size_t n = 0; n < layers.size(); ++n)
     segments.layer_of_number[static_cast<std::size_t>(said.segments[n].number)] = layers[n];
-  segments.file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
-  if (shared > 0)
-    segments.file.notes.push_back(
-        "segments overlap in " + std::to_string(shared) +
-        " voxels: each is kept whole, and where forces come from one label a voxel it is "
-        "that of the tissue that is felt most");
   return {};
 }
 
@@ -506,49 +556,33 @@ Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, co
   for (std::size_t n = 0; n < said.frames.size(); ++n)
     segments.frames_at[static_cast<std::size_t>(segments.grid.slice_of_frame[n])].push_back(n);
   segments.layer_of_number.assign(kNumbers, 0);
+  segments.file = labels_of_dicom(segments.grid.geometry, named);
   if (auto found = find_overlaps(library, named, segments, look); !found) return found.error();
-
-  VolumeFile& file = segments.file;
-  file.header.geometry = segments.grid.geometry;
-  file.header.meaning = ValueMeaning::kLabels;
-  file.layers_first = false;
-  file.voxels.file = named;
-  file.voxels.encoding = Encoding::kDicom;
-  file.voxels.component = Component::kUint16;
   if (said.kind == DicomSegmentation::Kind::kFractional)
-    file.notes.push_back(
+    segments.file.notes.push_back(
         "is fractional: a voxel is in a segment from half of MaximumFractionalValue (0062,000E) on");
   for (std::size_t n = 0; n < said.segments.size(); ++n) {
     const DicomSegment& segment = said.segments[n];
-    const std::string key = "Segment" + std::to_string(n) + "_";
-    const auto put = [&](const char* field, const std::string& text) {
-      file.segment_fields.emplace_back(key + field, text);
-    };
-    put("Name", name_of_segment(segment));
-    put("Layer", std::to_string(segments.layer_of_number[static_cast<std::size_t>(segment.number)]));
-    put("LabelValue", std::to_string(segment.number));
-    if (segment.lab) put("Color", colour_of_segment(*segment.lab));
+    put_segment(segments.file, n, segment, segments.layer_of_number[static_cast<std::size_t>(segment.number)],
+                segment.lab ? colour_of_segment(*segment.lab) : "");
   }
   return segments;
 }
 
-// layer after layer, slice after slice
-Result<void> send_segments(DicomFiles& library, const Segments& segments, const fs::path& named,
-                           VoxelSink& sink) {
-  auto pixels = SlicePixels::open(library, named);
-  if (!pixels) return pixels.error();
-  const auto& dims = segments.grid.geometry.dims;
+// Layer after layer, slice after slice.
+// @param read_slice  (layer, k, take): calls take(voxel of the slice, label) for each voxel that has one
+// there
+template <class ReadSlice>
+Result<void> send_layers(const VolumeHeader& header, const ReadSlice& read_slice, VoxelSink& sink) {
+  const auto& dims = header.geometry.dims;
   std::vector<LabelId> slice(static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]));
-  for (int layer = 0; layer < segments.file.header.layers; ++layer)
-    for (const auto& frames : segments.frames_at) {
+  for (int layer = 0; layer < header.layers; ++layer)
+    for (int k = 0; k < dims[2]; ++k) {
       std::fill(slice.begin(), slice.end(), LabelId{0});
-      for (const std::size_t n : frames) {
-        const int segment = segments.said.segment_of_frame[n];
-        if (segment != 0 && segments.layer_of_number[static_cast<std::size_t>(segment)] != layer) continue;
-        const auto read = pixels->read(
-            segments.said, n, [&](std::size_t v, int number) { slice[v] = static_cast<LabelId>(number); });
-        if (!read) return read;
-      }
+      const auto read = read_slice(layer, static_cast<std::size_t>(k), [&](std::size_t v, int number) {
+        slice[v] = static_cast<LabelId>(number);
+      });
+      if (!read) return read;
       sink.still_reading();
       for (std::size_t first = 0; first < slice.size(); first += kPieceValues) {
         const auto bytes = std::as_bytes(
@@ -561,22 +595,171 @@ Result<void> send_segments(DicomFiles& library, const Segments& segments, const 
   return {};
 }
 
-bool read_segments_for(DicomFiles& library, reader::ParentEnd& parent, const fs::path& named) {
-  const auto look = [&] {
-    const std::uint32_t begun = 0;
-    return parent.write(std::as_bytes(std::span(&begun, 1)));
+Result<void> send_segments(DicomFiles& library, const Segments& segments, const fs::path& named,
+                           VoxelSink& sink) {
+  auto pixels = SlicePixels::open(library, named);
+  if (!pixels) return pixels.error();
+  const auto read_slice = [&](int layer, std::size_t k, const auto& take) -> Result<void> {
+    for (const std::size_t n : segments.frames_at[k]) {
+      const int segment = segments.said.segment_of_frame[n];
+      if (segment != 0 && segments.layer_of_number[static_cast<std::size_t>(segment)] != layer) continue;
+      if (auto read = pixels->read(segments.said, n, take); !read) return read;
+    }
+    return {};
   };
-  const auto segments = look_at_segments(library, named, look);
-  if (!segments) return send_end(parent, segments.error());
+  return send_layers(segments.file.header, read_slice, sink);
+}
+
+// ---- structure sets, in the process that reads --------------------------------------------------
+
+// contours that are understood, on the grid of a scan
+struct Structures {
+  std::vector<DicomStructure> said;  // those with closed contours, which are in the planes
+  std::vector<StructurePlanes> planes;
+  std::vector<int> layers;
+  VolumeFile file;
+};
+
+std::string colour_of_structure(const DicomStructure& structure) {
+  std::string text;
+  if (structure.colour)
+    for (const std::uint8_t part : *structure.colour)
+      text += (text.empty() ? "" : " ") + std::to_string(static_cast<double>(part) / 255);
+  return text;
+}
+
+// names of structures, as many as a line bears
+std::string names_in_words(const std::vector<std::string>& names) {
+  constexpr std::size_t kNamed = 8;
+  std::string text;
+  for (std::size_t n = 0; n < std::min(names.size(), kNamed); ++n) text += (n ? ", " : "") + names[n];
+  return names.size() > kNamed ? text + " and " + std::to_string(names.size() - kNamed) + " more" : text;
+}
+
+// what a person should know of the structures: what lacks, what was filled in, what is cut off
+void tell_of_structures(const Structures& structures, const std::vector<std::string>& without_contours,
+                        std::size_t left_out, const std::vector<std::uint64_t>& voxels, VolumeFile& file) {
+  std::vector<std::string> cut, empty;
+  std::size_t bridged = 0;
+  std::vector<std::string> with_gaps;
+  for (std::size_t n = 0; n < structures.planes.size(); ++n) {
+    const std::string name = name_of_segment(structures.said[n].segment);
+    if (structures.planes[n].bridged() > 0) with_gaps.push_back(name);
+    bridged += structures.planes[n].bridged();
+    if (voxels[n] == 0)
+      empty.push_back(name);
+    else if (structures.planes[n].is_cut())
+      cut.push_back(name);
+  }
+  const auto tell = [&](const std::string& what, const std::vector<std::string>& names) {
+    if (!names.empty()) file.notes.push_back(what + ": " + names_in_words(names));
+  };
+  tell("has structures without a closed contour, which are left out", without_contours);
+  if (left_out > 0)
+    file.notes.push_back(counted(left_out, "contour is open, a point or less than a triangle, and was",
+                                 "contours are open, points or less than a triangle, and were") +
+                         " left out");
+  tell("lacks contours in " + counted(bridged, "plane", "planes") +
+           " between others, where those of the nearest plane are taken",
+       with_gaps);
+  tell("has structures that reach beyond the scan and are cut off there", cut);
+  tell("has structures of which no voxel's centre is in, or that lie outside of the scan", empty);
+}
+
+// @param look  told how far it is; false: nobody listens any more
+template <class Look>
+Result<Structures> look_at_structures(DicomFiles& library, const fs::path& named, const GridGeometry& grid,
+                                      const Look& look) {
+  library.begin_reading();
+  Structures structures;
+  std::vector<std::string> without_contours;
+  std::size_t left_out = 0;
+  const auto opened = InputFile::open(named);
+  if (!opened) return opened.error();
+  auto said = library.read_structures(opened->name_for_libraries());
+  if (!said) return said.error();
+  if (said->size() >= kNumbers)
+    return bad_input("", "has more structures than there are numbers for", "export some of them");
+  for (DicomStructure& structure : *said) {
+    left_out += structure.left_out;
+    if (structure.contours.empty()) {
+      without_contours.push_back(name_of_segment(structure.segment));
+      continue;
+    }
+    if (!look()) break;
+    auto planes = StructurePlanes::make(structure, grid);
+    if (!planes) return planes.error();
+    structures.planes.push_back(*std::move(planes));
+    structure.contours.clear();
+    structures.said.push_back(std::move(structure));
+  }
+
+  std::vector<std::uint64_t> voxels(structures.planes.size());
+  const auto read_slice = [&](std::size_t k, const auto& take) -> Result<void> {
+    for (std::size_t n = 0; n < structures.planes.size(); ++n)
+      structures.planes[n].read_slice(static_cast<int>(k), [&](std::size_t v) {
+        ++voxels[n];
+        take(v, static_cast<int>(n));
+      });
+    return {};
+  };
+  const auto meetings = find_meetings(grid, read_slice, look);
+  if (!meetings) return meetings.error();
+  structures.file = labels_of_dicom(grid, named);
+  structures.layers = put_in_layers(structures.planes.size(), *meetings, structures.file);
+  tell_of_structures(structures, without_contours, left_out, voxels, structures.file);
+  for (std::size_t n = 0; n < structures.said.size(); ++n)
+    put_segment(structures.file, n, structures.said[n].segment, structures.layers[n],
+                colour_of_structure(structures.said[n]));
+  return structures;
+}
+
+Result<void> send_structures(const Structures& structures, VoxelSink& sink) {
+  const auto read_slice = [&](int layer, std::size_t k, const auto& take) -> Result<void> {
+    for (std::size_t n = 0; n < structures.planes.size(); ++n)
+      if (structures.layers[n] == layer)
+        structures.planes[n].read_slice(static_cast<int>(k),
+                                        [&](std::size_t v) { take(v, structures.said[n].segment.number); });
+    return {};
+  };
+  return send_layers(structures.file.header, read_slice, sink);
+}
+
+// What is read of one file of labels: first what it says, then its voxels as often as they are wanted.
+template <class Understood, class Send>
+bool read_labels_for(reader::ParentEnd& parent, const fs::path& named, const Result<Understood>& understood,
+                     const Send& send) {
+  if (!understood) return send_end(parent, understood.error());
   if (!send_end(parent, {})) return false;
-  if (!send_volume(parent, segments->file, {&named, 1})) return false;
+  if (!send_volume(parent, understood->file, {&named, 1})) return false;
   while (parent.wait_for_word()) {
     VoxelSlots slots(parent);
-    const auto read = send_segments(library, *segments, named, slots);
+    const auto read = send(slots);
     slots.drain();
     if (!send_end(parent, read)) return false;
   }
   return false;
+}
+
+// tells the parent that there is some progress
+auto sign_of_life(reader::ParentEnd& parent) {
+  return [&parent] {
+    const std::uint32_t begun = 0;
+    return parent.write(std::as_bytes(std::span(&begun, 1)));
+  };
+}
+
+bool read_structures_for(DicomFiles& library, reader::ParentEnd& parent, const fs::path& named,
+                         const GridGeometry& grid) {
+  const auto structures = look_at_structures(library, named, grid, sign_of_life(parent));
+  return read_labels_for(parent, named, structures,
+                         [&](VoxelSink& sink) { return send_structures(*structures, sink); });
+}
+
+bool read_segments_for(DicomFiles& library, reader::ParentEnd& parent, const fs::path& named) {
+  const auto segments = look_at_segments(library, named, sign_of_life(parent));
+  return read_labels_for(parent, named, segments,
+                         [&](VoxelSink& sink) { return send_segments(library, *segments, named, sink); });
 }
 
 bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
@@ -716,21 +899,22 @@ Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, 
   return DicomReader{*std::move(process), std::move(*volume)};
 }
 
-bool is_dicom_segmentation(const fs::path& file) {
+namespace {
+
+std::optional<FileKind> kind_of_file(const fs::path& file) {
   std::error_code ignored;
-  if (!fs::is_regular_file(file, ignored)) return false;
-  const auto kind = dicom_kind_of(file, front_of(file));
-  return kind && kind->dicom_segmentation;
+  return fs::is_regular_file(file, ignored) ? dicom_kind_of(file, front_of(file)) : std::nullopt;
 }
 
-Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress& progress) {
+// a file of labels, which work(library, the process's end) reads
+template <class Work>
+Result<DicomReader> open_dicom_labels(const fs::path& file, const Progress& progress, const Work& work) {
   const auto library = ready_library();
   if (!library) return at(file, library.error());
   FoundFiles found;
   found.roots = found.files = {file};
-  auto process = start_in(found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-    return read_segments_for(**library, parent, file);
-  });
+  auto process = start_in(found, kSlots * kSlotBytes, progress,
+                          [&](reader::ParentEnd& parent) { return work(**library, parent); });
   if (!process) return at(file, process.error());
   const Files named{&file, 1};
   if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
@@ -739,6 +923,34 @@ Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress
   auto* volume = std::get_if<VolumeFile>(&*answer);
   if (!volume || volume->voxels.encoding != Encoding::kDicom) return nonsense(named);
   return DicomReader{*std::move(process), std::move(*volume)};
+}
+
+}  // namespace
+
+bool is_dicom_segmentation(const fs::path& file) {
+  const auto kind = kind_of_file(file);
+  return kind && kind->dicom_segmentation;
+}
+
+bool is_dicom_structures(const fs::path& file) {
+  const auto kind = kind_of_file(file);
+  return kind && kind->dicom_structures;
+}
+
+Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress& progress) {
+  return open_dicom_labels(file, progress, [&](DicomFiles& library, reader::ParentEnd& parent) {
+    return read_segments_for(library, parent, file);
+  });
+}
+
+Result<DicomReader> open_dicom_structures(const fs::path& file, const GridGeometry& grid,
+                                          const Progress& progress) {
+  auto reader = open_dicom_labels(file, progress, [&](DicomFiles& library, reader::ParentEnd& parent) {
+    return read_structures_for(library, parent, file, grid);
+  });
+  const Files named{&file, 1};
+  if (reader && !reader->volume.header.geometry.same_grid(grid)) return nonsense(named);
+  return reader;
 }
 
 }  // namespace palpate::volume_io
@@ -762,11 +974,16 @@ bool is_dicom(const std::filesystem::path& file) {
 
 namespace {
 
+bool is_dicom_labels(const fs::path& file) {
+  const auto kind = kind_of_file(file);
+  return kind && (kind->dicom_segmentation || kind->dicom_structures);
+}
+
 // the segmentations below a folder, in the order of their names
 Result<std::vector<fs::path>> segmentations_in(const fs::path& folder, const Progress& progress) {
   auto found = find_files(folder, progress);
   if (!found) return found.error();
-  std::erase_if(found->files, [](const fs::path& file) { return !is_dicom_segmentation(file); });
+  std::erase_if(found->files, [](const fs::path& file) { return !is_dicom_labels(file); });
   return std::move(found->files);
 }
 
@@ -824,7 +1041,7 @@ Result<Study> find_study(const std::filesystem::path& scan,
     }
     study.labels = segmentations->front();
   }
-  if (!is_dicom_segmentation(*study.labels)) return study;
+  if (!is_dicom_labels(*study.labels)) return study;
   if (images) return matched(std::move(study), progress);
   study.notes.push_back(study.labels->string() + " says on which images it was made, and " + scan.string() +
                         " does not say which it is: that they belong together was not checked");

@@ -31,4 +31,10 @@ bool is_dicom_segmentation(const std::filesystem::path& file);
 /// The same of a segmentation, of which is_dicom_segmentation() holds. Segments that overlap come in layers.
 Result<DicomReader> open_dicom_segmentation(const std::filesystem::path& file, const Progress& progress);
 
+/// Whether a plain file is a DICOM structure set, by its first bytes.
+bool is_dicom_structures(const std::filesystem::path& file);
+/// The same of a structure set, of which is_dicom_structures() holds, on the grid of a scan.
+Result<DicomReader> open_dicom_structures(const std::filesystem::path& file, const GridGeometry& grid,
+                                          const Progress& progress);
+
 }  // namespace palpate::volume_io

@@ -18,9 +18,11 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
 
 #include "volume_io/dicom_jpeg2000.h"
 #include "volume_io/dicom_rle.h"
@@ -580,6 +582,112 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   return segmentation;
 }
 
+// ---- a structure set ----------------------------------------------------------------------------
+
+constexpr const char* kDamagedStructures = "is a damaged DICOM structure set";
+
+// The numbers between backslashes of a text that may be long; nothing where one is none, or kilometres off.
+std::optional<std::vector<double>> long_numbers_of(DcmItem& item, const DcmTagKey& tag) {
+  constexpr Uint32 kMostText = 1 << 26;
+  DcmElement* element = nullptr;
+  char* text = nullptr;
+  Uint32 length = 0;
+  if (item.findAndGetElement(tag, element).bad() || !element || element->getLengthField() > kMostText ||
+      element->getString(text, length).bad())
+    return std::nullopt;
+  std::vector<double> numbers;
+  const char *at = text, *end = text ? text + length : text;
+  while (at != end) {
+    const char* next = std::find(at, end, '\\');
+    const auto is_blank = [](char c) { return c == ' ' || c == '\0' || c == '+'; };
+    while (at != next && is_blank(*at)) ++at;
+    double number = 0;
+    const auto [last, failed] = std::from_chars(at, next, number);
+    constexpr double kMost_mm = 1e6;
+    if (failed != std::errc() || !std::all_of(last, next, is_blank) || !(std::abs(number) < kMost_mm))
+      return std::nullopt;
+    numbers.push_back(number);
+    at = next == end ? end : next + 1;
+  }
+  return numbers;
+}
+
+// its points, without one at the end that is the first again; nothing where they are no points
+std::optional<std::vector<Eigen::Vector3d>> points_of(DcmItem& contour) {
+  const auto numbers = long_numbers_of(contour, DCM_ContourData);
+  const auto said = number_of(contour, DCM_NumberOfContourPoints);
+  if (!numbers || numbers->size() % 3 != 0 || (said && *said != static_cast<double>(numbers->size() / 3)))
+    return std::nullopt;
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t n = 0; n < numbers->size(); n += 3) points.emplace_back(numbers->data() + n);
+  while (points.size() > 1 && points.back() == points.front()) points.pop_back();
+  return points;
+}
+
+// Adds the closed contours of an item of ROIContourSequence; false: damaged.
+bool add_contours(DcmItem& item, std::size_t& points_left, DicomStructure& structure) {
+  if (const auto colour = numbers_of<3>(item, DCM_ROIDisplayColor)) {
+    structure.colour.emplace();
+    for (std::size_t c = 0; c < 3; ++c)
+      (*structure.colour)[c] = static_cast<std::uint8_t>(std::clamp((*colour)[c], 0.0, 255.0));
+  }
+  for (DcmItem* contour : items_of(item, DCM_ContourSequence)) {
+    const std::string type = text_of(*contour, DCM_ContourGeometricType);
+    if (type != "CLOSED_PLANAR" && type != "CLOSEDPLANAR_XOR") {
+      ++structure.left_out;
+      continue;
+    }
+    auto points = points_of(*contour);
+    if (!points || points->size() > points_left) return false;
+    points_left -= points->size();
+    if (points->size() < 3)
+      ++structure.left_out;
+    else
+      structure.contours.push_back(*std::move(points));
+  }
+  return true;
+}
+
+Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::path& name) {
+  const auto damaged = [] { return bad_input("", kDamagedStructures, "copy it again"); };
+  DcmFileFormat file;
+  if (file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).bad()) return damaged();
+  DcmDataset& root = *file.getDataset();
+  std::vector<DicomStructure> structures;
+  std::map<double, std::size_t> index_of_number;
+  for (DcmItem* item : items_of(root, DCM_StructureSetROISequence)) {
+    const auto number = number_of(*item, DCM_ROINumber);
+    if (!number || !index_of_number.emplace(*number, structures.size()).second)
+      return bad_input("", "has a structure without an ROINumber (3006,0022), or two of one",
+                       "export it again");
+    DicomStructure& structure = structures.emplace_back();
+    structure.segment.number = static_cast<int>(structures.size());
+    structure.segment.label = text_of(*item, DCM_ROIName);
+  }
+  const auto referenced = [&](DcmItem& item) -> DicomStructure* {
+    const auto number = number_of(item, DCM_ReferencedROINumber);
+    const auto found = number ? index_of_number.find(*number) : index_of_number.end();
+    return found == index_of_number.end() ? nullptr : &structures[found->second];
+  };
+  for (DcmItem* item : items_of(root, DCM_RTROIObservationsSequence))
+    if (DicomStructure* structure = referenced(*item)) {
+      const Code code = code_of(*item, DCM_RTROIIdentificationCodeSequence);
+      structure->segment.code = code.value;
+      structure->segment.scheme = code.scheme;
+      structure->segment.meaning = code.meaning;
+    }
+  // of a body's outline in 1000 slices some hundred thousand
+  std::size_t points_left = 10'000'000;
+  for (DcmItem* item : items_of(root, DCM_ROIContourSequence)) {
+    DicomStructure* structure = referenced(*item);
+    if (!structure || !add_contours(*item, points_left, *structure)) return damaged();
+  }
+  if (std::ranges::all_of(structures, [](const DicomStructure& each) { return each.contours.empty(); }))
+    return bad_input("", "holds no closed contour (ContourSequence (3006,0040))",
+                     "export its structures again");
+  return structures;
+}
+
 // ---- what it was made on ------------------------------------------------------------------------
 
 // of each item of a sequence, which may be in a functional group
@@ -895,6 +1003,11 @@ class DcmtkFiles : public DicomFiles {
     return read_segments(name, syntax_uid);
   } catch (const std::exception&) {
     return bad_input("", "is a damaged DICOM segmentation", "copy it again");
+  }
+  Result<std::vector<DicomStructure>> read_structures(const std::filesystem::path& name) override try {
+    return read_structure_set(name);
+  } catch (const std::exception&) {
+    return bad_input("", kDamagedStructures, "copy it again");
   }
   Result<DicomReference> read_reference(const std::filesystem::path& name) override try {
     return read_references(name);

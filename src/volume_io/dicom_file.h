@@ -9,6 +9,7 @@
 
 #include "palpate/base/result.h"
 #include "volume_io/dicom_segments.h"
+#include "volume_io/dicom_structures.h"
 #include "volume_io/dicom_study.h"
 #include "volume_io/dicom_volumes.h"
 
@@ -56,6 +57,8 @@ class DicomFiles {
   /// The same of a segmentation. Errors, without `where`: damaged, of a type or packed as is not read.
   virtual Result<DicomSegmentation> read_segmentation(const std::filesystem::path& name,
                                                       const std::string& syntax_uid) = 0;
+  /// The structures of a structure set. Errors, without `where`: damaged, without a closed contour.
+  virtual Result<std::vector<DicomStructure>> read_structures(const std::filesystem::path& name) = 0;
   /// What a segmentation, or a structure set, says of the images that it was made on. Errors, without
   /// `where`: damaged.
   virtual Result<DicomReference> read_reference(const std::filesystem::path& name) = 0;

@@ -42,6 +42,29 @@ class NamedBytes {
   int descriptor_;
 };
 
+// the same bytes as a structure set, on some grid, and what they say of the images that it was made on
+void look_at_structures(const std::string& name) {
+  if (const auto reference = library().read_reference(name); !reference)
+    must(!reference.error().what.empty());
+  const auto structures = library().read_structures(name);
+  if (!structures) return must(!structures.error().what.empty());
+  GridGeometry grid;
+  grid.dims = {16, 12, 10};
+  grid.spacing_mm = {0.5, 0.7, 1.25};
+  grid.direction = Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  grid.origin = Point<Patient>(-10, 20, -30);
+  for (const DicomStructure& structure : *structures) {
+    if (structure.contours.empty()) continue;
+    const auto planes = StructurePlanes::make(structure, grid);
+    if (!planes) {
+      must(!planes.error().what.empty());
+      continue;
+    }
+    for (int k = 0; k < grid.dims[2]; ++k)
+      planes->read_slice(k, [&](std::size_t voxel) { must(voxel < 16 * 12); });
+  }
+}
+
 // the same bytes as a segmentation
 void look_at_segmentation(const std::string& name, const std::string& syntax) {
   const auto said = library().read_segmentation(name, syntax);
@@ -74,6 +97,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const NamedBytes bytes(data, size);
   const std::string front(reinterpret_cast<const char*>(data), std::min(size, kKindBytes));
   look_at_segmentation(bytes.name(), dicom_transfer_syntax(front));
+  look_at_structures(bytes.name());
   const auto file = library().read_file(bytes.name(), dicom_transfer_syntax(front));
   if (!file) {
     must(!file.error().what.empty());

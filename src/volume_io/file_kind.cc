@@ -10,9 +10,10 @@ namespace {
 
 using namespace std::string_view_literals;
 
-constexpr const char* kConvertStructures =
-    "contours are not read: load them with their images in 3D Slicer (extension SlicerRT) and save the "
-    "segmentation as .seg.nrrd";
+constexpr const char* kWithScan =
+    "its contours have no voxels of their own: give it after the scan that they were drawn on, as in palpate "
+    "scene new "
+    "STUDY STRUCTURES";
 constexpr const char* kConvertSurface =
     "forces come from voxels: in 3D Slicer load it as a segmentation, with the scan as its reference "
     "geometry, and save that as .seg.nrrd";
@@ -70,7 +71,11 @@ FileKind dicom_kind(std::string_view front) {
       return {
           "a DICOM segmentation (SEG)", "give it as the labels, under any name", "DICOM", false, true, true};
     if (kind == "66.5") return {"a DICOM surface segmentation", kConvertSurface, {}};
-    if (kind == "481.3") return {"a DICOM structure set (RTSTRUCT)", kConvertStructures, {}};
+    if (kind == "481.3") {
+      FileKind structures{"a DICOM structure set (RTSTRUCT)", kWithScan, {}};
+      structures.dicom_structures = true;
+      return structures;
+    }
     if (kind == "481.2") return {"a DICOM dose (RTDOSE)", "give the scan that it was planned on", {}};
     if (kind.starts_with("88.")) return {"a DICOM report (SR)", "give the scan that it is about", {}};
   }

@@ -15,6 +15,7 @@ struct FileKind {
   bool dicom_image = false;  ///< a slice of a series, or a whole one
   bool dicom = false;        ///< of DICOM, image or not
   bool dicom_segmentation = false;
+  bool dicom_structures = false;  ///< contours, which take the grid of a scan
 };
 
 /// How many bytes at the front of a file tell its kind.

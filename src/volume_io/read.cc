@@ -380,11 +380,12 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
-                              const Warn& warn, Doubtful doubtful, Unpacked unpacked) try {
+                              const Warn& warn, Doubtful doubtful, Unpacked unpacked,
+                              const GridGeometry* scan_grid) try {
   if (is_dicom(file))
     return bad_input(file.string(), "holds DICOM images, which are a scan and not labels",
                      "give it as the scan, and a label map beside it");
-  auto reader = VolumeReader::open(file, progress);
+  auto reader = VolumeReader::open(file, progress, {}, scan_grid);
   if (!reader) return reader.error();
   return take_labels(*reader, file, names, progress, warn, doubtful, unpacked);
 } catch (const std::bad_alloc&) {

@@ -360,4 +360,52 @@ void write_masks(const std::filesystem::path& file, const DicomMasks& masks, Dic
   PALPATE_CHECK(format.saveFile(file.c_str(), syntax).good());
 }
 
+void write_contours(const std::filesystem::path& file, const DicomContours& contours) {
+  DcmFileFormat format;
+  DcmDataset& root = *format.getDataset();
+  put(root, DCM_SOPClassUID, std::string(UID_RTStructureSetStorage));
+  put(root, DCM_SOPInstanceUID, std::string("1.2.3.5"));
+  put(root, DCM_SeriesInstanceUID, std::string("1.2.3"));
+  put(root, DCM_Modality, std::string("RTSTRUCT"));
+  if (!contours.patient.empty()) put_patient(root, contours.patient);
+  if (!contours.frame_of_reference.empty()) {
+    DcmItem& space = item_of(root, DCM_ReferencedFrameOfReferenceSequence);
+    put(space, DCM_FrameOfReferenceUID, contours.frame_of_reference);
+    if (!contours.series.empty())
+      put(item_of(item_of(space, DCM_RTReferencedStudySequence), DCM_RTReferencedSeriesSequence),
+          DCM_SeriesInstanceUID, contours.series);
+  }
+  for (std::size_t n = 0; n < contours.structures.size(); ++n) {
+    const DicomContours::Structure& structure = contours.structures[n];
+    const auto place = static_cast<long>(n);
+    // numbers in another order than the structures
+    const std::string number = std::to_string(90 - n);
+    DcmItem& item = item_of(root, DCM_StructureSetROISequence, place);
+    put(item, DCM_ROINumber, number);
+    put(item, DCM_ROIName, structure.name);
+    DcmItem& observed = item_of(root, DCM_RTROIObservationsSequence, place);
+    put(observed, DCM_ReferencedROINumber, number);
+    if (!structure.code.empty()) {
+      DcmItem& code = item_of(observed, DCM_RTROIIdentificationCodeSequence);
+      put(code, DCM_CodeValue, structure.code);
+      put(code, DCM_CodingSchemeDesignator, structure.scheme);
+      put(code, DCM_CodeMeaning, structure.meaning);
+    }
+    DcmItem& drawn = item_of(root, DCM_ROIContourSequence, place);
+    put(drawn, DCM_ReferencedROINumber, number);
+    put(drawn, DCM_ROIDisplayColor, std::string("255\\51\\0"));
+    for (std::size_t c = 0; c < structure.contours.size(); ++c) {
+      const DicomContours::Contour& contour = structure.contours[c];
+      DcmItem& one = item_of(drawn, DCM_ContourSequence, static_cast<long>(c));
+      put(one, DCM_ContourGeometricType, contour.type);
+      put(one, DCM_NumberOfContourPoints,
+          std::to_string(contour.said_points.value_or(static_cast<int>(contour.points.size()))));
+      std::string data;
+      for (const auto& point : contour.points) data += (data.empty() ? "" : "\\") + in_text(point);
+      put(one, DCM_ContourData, data);
+    }
+  }
+  PALPATE_CHECK(format.saveFile(file.c_str(), EXS_LittleEndianExplicit).good());
+}
+
 }  // namespace palpate::test

@@ -66,7 +66,8 @@ struct DicomImage {
 struct DicomMasks {
   struct Segment {
     int number = 1;
-    std::string label, code, scheme = "SCT", meaning, side;  ///< side: a code of the same scheme
+    std::string label = {}, code = {}, scheme = "SCT", meaning = {},
+                side = {};  ///< side: a code of the same scheme
   };
   struct Frame {
     int segment = 1;
@@ -79,14 +80,31 @@ struct DicomMasks {
   std::array<double, 6> orientation{1, 0, 0, 0, 1, 0};
   std::array<double, 2> spacing_mm{0.7, 0.5};
   std::optional<double> slice_spacing_mm = 1.25;
-  std::optional<int> most, padding;
+  std::optional<int> most = {}, padding = {};
   std::vector<Segment> segments{1};
-  std::vector<Frame> frames;
-  std::string frame_of_reference, series;  ///< of the images that it was made on
-  std::vector<std::string> images;         ///< their SOPInstanceUIDs
+  std::vector<Frame> frames = {};
+  std::string frame_of_reference = {}, series = {};  ///< of the images that it was made on
+  std::vector<std::string> images = {};              ///< their SOPInstanceUIDs
 };
 void write_masks(const std::filesystem::path& file, const DicomMasks& masks,
                  DicomPacking packing = DicomPacking::kExplicit);
+
+/// A structure set. What is empty is not written.
+struct DicomContours {
+  struct Contour {
+    std::vector<std::array<double, 3>> points;
+    std::string type = "CLOSED_PLANAR";
+    std::optional<int> said_points = {};  ///< NumberOfContourPoints, where it is another number
+  };
+  struct Structure {
+    std::string name = {}, code = {}, scheme = {}, meaning = {};
+    std::vector<Contour> contours = {};
+  };
+  std::vector<Structure> structures;
+  std::string frame_of_reference, series;  ///< of the images that it was drawn on
+  std::string patient;                     ///< as of DicomImage
+};
+void write_contours(const std::filesystem::path& file, const DicomContours& contours);
 
 /// Stops the program where DCMTK cannot.
 void write_dicom(const std::filesystem::path& file, const DicomImage& image,

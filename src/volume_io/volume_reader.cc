@@ -99,16 +99,20 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int>
 }
 
 Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const Progress& progress,
-                                        std::optional<int> number) {
-  const bool segmentation = is_dicom_segmentation(file);
-  if (is_dicom(file) || (segmentation && !number)) {
-    auto dicom = segmentation ? open_dicom_segmentation(file, progress) : open_dicom(file, number, progress);
+                                        std::optional<int> number, const GridGeometry* grid) {
+  const bool segmentation = is_dicom_segmentation(file), structures = grid && is_dicom_structures(file);
+  if (is_dicom(file) || ((segmentation || structures) && !number)) {
+    auto dicom = segmentation ? open_dicom_segmentation(file, progress)
+                 : structures ? open_dicom_structures(file, *grid, progress)
+                              : open_dicom(file, number, progress);
     if (!dicom) return dicom.error();
     VolumeReader reader(progress);
     reader.names_.push_back(file);
     reader.process_ = std::move(dicom->process);
     reader.volume_ = std::move(dicom->volume);
-    reader.volume_.header.format = segmentation ? "DICOM segmentation" : "DICOM";
+    reader.volume_.header.format = segmentation ? "DICOM segmentation"
+                                   : structures ? "DICOM structure set"
+                                                : "DICOM";
     reader.volume_.header.component_type = name_of(reader.volume_.voxels.component);
     return reader;
   }

@@ -39,8 +39,9 @@ class VolumeReader {
   /// the header.
   /// @param progress  stays where it is as long as this object lives
   /// @param number    of the volume, where the file or the folder is DICOM's
+  /// @param grid      for contours, which have none of their own; null: those are an error
   static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress,
-                                   std::optional<int> number = {});
+                                   std::optional<int> number = {}, const GridGeometry* grid = nullptr);
 
   const VolumeFile& file() const { return volume_; }
   /// The file that the voxels stand in, as it was opened; of no DICOM, whose files are many.

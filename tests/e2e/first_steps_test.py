@@ -109,7 +109,7 @@ class FirstSteps(cli.PalpateTest):
         add("slice.dcm", dicom(storage + "2"), "DICOM", "")
         add("IM0001", dicom(storage + "4"), "DICOM", "")
         add("seg.dcm", dicom(storage + "66.4"), "DICOM segmentation", "")
-        add("rt.dcm", dicom(storage + "481.3"), "a DICOM structure set (RTSTRUCT)", "SlicerRT")
+        add("rt.dcm", dicom(storage + "481.3"), "a DICOM structure set (RTSTRUCT)", "after the scan")
         add("knee.stl", b"x" * 80 + struct.pack("<I", 1) + b"\0" * 50, "a surface (STL)", ".seg.nrrd")
         add("knee.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a surface (OBJ)", ".seg.nrrd")
         add("knee.ply", b"ply\nformat ascii 1.0\n", "a surface (PLY)", ".seg.nrrd")

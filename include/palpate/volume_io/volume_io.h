@@ -11,9 +11,9 @@
 
 /// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
 /// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
-/// the patient; a file, or a folder of them, by their content; a segmentation, one file). Every error names
-/// the file, what is wrong and how to mend it; short data are an error, never zeros. Text fields of a file
-/// other than segment names and colours are dropped on reading: they may name a patient.
+/// the patient; a file, or a folder of them, by their content; a segmentation or a structure set, one file).
+/// Every error names the file, what is wrong and how to mend it; short data are an error, never zeros. Text
+/// fields of a file other than segment names and colours are dropped on reading: they may name a patient.
 ///
 /// Each reading starts a process of its own, a copy of the program that can do nothing but read this file; it
 /// ends with the reading, and with the thread that reads. Copying takes 1 ms and some 50 ms more for each GiB
@@ -134,10 +134,14 @@ enum class Doubtful { kRefused, kWarnedOf };
 /// @param names  a table that names the labels, see read_label_names; without one, and when the file itself
 ///               names none, a table with the file's own name is used, else a single .ctbl or .tsv standing
 ///               in the same folder. A single label that is named nowhere is called after its file.
+/// @param scan_grid  that of the scan, which the contours of a DICOM structure set are laid on; without one
+/// such a file is
+///                   an error. Other label maps have a grid of their own.
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},
-                              Doubtful doubtful = Doubtful::kRefused, Unpacked unpacked = Unpacked::kAnew);
+                              Doubtful doubtful = Doubtful::kRefused, Unpacked unpacked = Unpacked::kAnew,
+                              const GridGeometry* scan_grid = nullptr);
 
 /// One line of a colour table.
 struct NamedLabel {
