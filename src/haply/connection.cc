@@ -66,7 +66,7 @@ bool connect(asio::io_context& context, tcp::socket& socket, const std::string& 
 }
 
 /// The body of a 200, empty for everything else.
-std::string http_get(const std::string& host, std::uint16_t port, const char* target) {
+std::string http_get(const std::string& host, std::uint16_t port, const char* target) try {
   asio::io_context context(1);
   tcp::socket socket(context);
   const auto until = Clock::now() + kConnectPatience;
@@ -91,6 +91,9 @@ std::string http_get(const std::string& host, std::uint16_t port, const char* ta
   });
   if (!run_until(context, socket, until, [&] { return done; })) return "";
   return fine && answer.get().result() == beast::http::status::ok ? answer.get().body() : "";
+} catch (const boost::system::system_error&) {
+  // no more handles
+  return "";
 }
 
 Error not_there(const HaplySettings& settings) {
@@ -191,10 +194,13 @@ class Connection::Stream {
 Connection::Connection(std::unique_ptr<Stream> stream) : stream_(std::move(stream)) {}
 Connection::~Connection() = default;
 
-Result<std::unique_ptr<Connection>> Connection::open(const HaplySettings& settings, std::uint16_t port) {
+Result<std::unique_ptr<Connection>> Connection::open(const HaplySettings& settings, std::uint16_t port) try {
   auto stream = std::make_unique<Stream>();
   if (!stream->open(settings, port)) return not_there(settings);
   return std::unique_ptr<Connection>(new Connection(std::move(stream)));
+} catch (const boost::system::system_error& error) {
+  return Error{ErrorKind::kUnavailable, std::string("no connection is to be had: ") + error.what(), "haply",
+               "close other programs, or raise the limit of open files (ulimit -n)"};
 }
 
 Connection::Received Connection::receive(std::string& text, std::int64_t until_ns) {

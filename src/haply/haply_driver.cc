@@ -36,6 +36,8 @@ constexpr auto kLostPeriod = std::chrono::milliseconds(1);
 constexpr std::int64_t kLastZero_ns = 20'000'000;
 // answers that say nothing, one after the other, until another connection is looked for
 constexpr int kMostBroken = 20;
+// events that are listened to before anything else is looked at
+constexpr int kMostEvents = 100;
 // half an edge of the largest cube in the ball of 100 mm that can be reached
 constexpr double kHalfReach_mm = 57.7;
 
@@ -343,8 +345,11 @@ class HaplyDriver::Core {
   void leave_zero() {
     if (!connection_ || !send(zeros_)) return;
     const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
-    while (outstanding_ > 0 && monotonic_ns() < until_ns)
-      if (connection_->receive(text_, until_ns) == Connection::Received::kMessage) --outstanding_;
+    while (outstanding_ > 0 && monotonic_ns() < until_ns) {
+      const auto received = connection_->receive(text_, until_ns);
+      if (received == Connection::Received::kLost) return;
+      if (received == Connection::Received::kMessage) --outstanding_;
+    }
   }
 
   // the median of some round trips without force; empty: there is none
@@ -413,7 +418,7 @@ class HaplyDriver::Core {
       events_ = *std::move(events);
     }
     std::string text;
-    while (true) {
+    for (int n = 0; n < kMostEvents; ++n) {
       const auto received = events_->receive(text, monotonic_ns() + in_ns(1e-3));
       if (received == Connection::Received::kLost) events_.reset();
       if (received != Connection::Received::kMessage) return;

@@ -157,22 +157,38 @@ class FakeInverseService::Session {
 
   void run() {
     if (!answer(true)) return go_idle();
-    while (!service_.ended_) {
-      if (!service_.deaf && readable(beast::get_lowest_layer(socket_).native_handle(), kPoll_ms)) {
-        beast::flat_buffer buffer;
-        boost::system::error_code error;
-        socket_.read(buffer, error);
-        if (error) break;
-        last_ns_ = monotonic_ns();
-        take(beast::buffers_to_string(buffer.data()));
-        ++service_.messages_;
-        if (!service_.silent && !answer(false)) break;
-      } else if (service_.deaf) {
+    // a read that is always under way: what has come with the message before it lies in no socket any more
+    auto& context = static_cast<boost::asio::io_context&>(socket_.get_executor().context());
+    beast::flat_buffer buffer;
+    bool reading = false, failed = false;
+    while (!service_.ended_ && !failed) {
+      if (service_.deaf) {
         std::this_thread::sleep_for(std::chrono::milliseconds(kPoll_ms));
+      } else {
+        if (!reading) {
+          reading = true;
+          socket_.async_read(buffer, [&](const boost::system::error_code& error, std::size_t) {
+            reading = false;
+            failed = bool(error);
+          });
+        }
+        context.restart();
+        context.run_for(std::chrono::milliseconds(kPoll_ms));
+        if (!reading && !failed) {
+          last_ns_ = monotonic_ns();
+          take(beast::buffers_to_string(buffer.data()));
+          buffer.consume(buffer.size());
+          ++service_.messages_;
+          if (!service_.silent && !answer(false)) break;
+        }
       }
       if (monotonic_ns() - last_ns_ > kIdle_ns) go_idle();
     }
     go_idle();
+    boost::system::error_code ignored;
+    beast::get_lowest_layer(socket_).close(ignored);
+    context.restart();
+    context.run();
   }
 
  private:

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -73,6 +74,19 @@ class HeldArm final : public DeviceDriver {
   DeviceInfo info_;
 };
 
+// which nobody gets to run
+class FourArms final : public DeviceDriver {
+ public:
+  std::span<const DeviceInfo> devices() const override { return infos_; }
+  Result<void> open(bool /*may_move*/) override { return {}; }
+  void run(ServoFunction& /*servo*/, ServoClock& /*clock*/) noexcept override {}
+  void halt() noexcept override {}
+  void resume(std::uint64_t /*newest*/) noexcept override {}
+
+ private:
+  const std::array<DeviceInfo, 4> infos_;
+};
+
 class SeveralDevices : public ::testing::Test {
  protected:
   // an arm by the name "arm", where the ball's surface is on the right
@@ -81,6 +95,8 @@ class SeveralDevices : public ::testing::Test {
     options.devices = std::move(devices);
     options.loop.realtime = false;
     options.loop.ring_s = 30;
+    // on a machine that stalls again and again a hand waits long for its force
+    options.seconds = 60;
     options.known.add({"arm", "an arm",
                        [this, rate_hz, simulated] {
                          return std::make_unique<HeldArm>(told_, rate_hz, simulated,
@@ -177,6 +193,7 @@ TEST_F(SeveralDevices, OneThatIsAloneIsHeldByAPerson) {
   EXPECT_EQ(recording.header.devices, 1);
   EXPECT_EQ(recording.header.device, "arm");
   EXPECT_FALSE(recording.header.simulated);
+  EXPECT_EQ(recording.header.rate_hz, 500) << "its clock's";
   EXPECT_GT(told_.updates, 0);
   EXPECT_GT(result_->max_force_N, 0);
 }
@@ -216,6 +233,13 @@ TEST_F(SeveralDevices, NamesThatCannotBeAreRefusedWithThoseThatAreThere) {
   EXPECT_THAT(refused({"arm", "arm"}), HasSubstr("twice"));
   EXPECT_THAT(refused({"arm", kSimulatedHand}), HasSubstr("first"));
   EXPECT_THAT(refused({}), HasSubstr("needs a device"));
+  // one name may be several devices
+  ExploreOptions options = with_arm({kPointer, "arms"}, 500);
+  options.known.add(
+      {"arms", "four arms", [] { return std::make_unique<FourArms>(); }, [] { return DeviceReport(); }});
+  const auto five = explore(loaded_, Script(), options, "");
+  ASSERT_FALSE(five.ok());
+  EXPECT_THAT(five.error().message(), HasSubstr("5 devices are connected"));
 }
 
 }  // namespace

@@ -245,16 +245,23 @@ Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const Explore
     if (!source) return source.error();
     sources.push_back(*std::move(source));
   }
-  std::unique_ptr<TipSource> all = std::move(sources[0]);
-  if (sources.size() > 1) {
-    sources[0] = std::move(all);
+  std::size_t count = 0;
+  for (const auto& source : sources) count += source->driver().devices().size();
+  if (count > static_cast<std::size_t>(kMaxDevices))
+    return Error{ErrorKind::kUsage, std::to_string(count) + " devices are connected", "--device",
+                 "a session has " + std::to_string(kMaxDevices) + " at most: name fewer"};
+  std::unique_ptr<TipSource> all;
+  if (sources.size() == 1)
+    all = std::move(sources[0]);
+  else
     all = std::make_unique<SeveralSources>(
         std::move(sources), SeveralSettings{setup.script.rate_hz, options.loop.realtime, options.loop.cpu});
-  }
-  const auto devices = all->driver().devices();
-  if (devices.size() > static_cast<std::size_t>(kMaxDevices))
-    return Error{ErrorKind::kUsage, std::to_string(devices.size()) + " devices are connected", "--device",
-                 "a session has " + std::to_string(kMaxDevices) + " at most: name fewer"};
+  const DeviceDriver& driver = all->driver();
+  const auto devices = driver.devices();
+  // a session without a script has the rate of the clock that it ticks by
+  const DeviceInfo& clock = devices[driver.clock_owner()];
+  if (options.devices[0] != kSimulatedHand && clock.drive != DeviceInfo::Drive::kPulled && clock.rate_hz)
+    setup.script.rate_hz = std::clamp(*clock.rate_hz, kLowestRate_hz, kHighestRate_hz);
   learn_limits(devices, options, setup, told);
   return all;
 }
