@@ -82,14 +82,17 @@ constexpr OtherWord kOtherWords[] = {
     {"touch", "palpate explore FILE"},
     {"palpate", "palpate explore FILE"},
     {"serve", "palpate explore FILE"},
-    {"view", "palpate explore FILE, or palpate section FILE -o picture.png"},
-    {"show", "palpate explore FILE, or palpate section FILE -o picture.png"},
-    {"display", "palpate explore FILE, or palpate section FILE -o picture.png"},
-    {"viewer", "palpate explore FILE, or palpate section FILE -o picture.png"},
-    {"draw", "palpate section FILE -o picture.png"},
+    {"view",
+     "palpate explore FILE, palpate section FILE -o picture.png, or palpate render FILE -o picture.png"},
+    {"show",
+     "palpate explore FILE, palpate section FILE -o picture.png, or palpate render FILE -o picture.png"},
+    {"display",
+     "palpate explore FILE, palpate section FILE -o picture.png, or palpate render FILE -o picture.png"},
+    {"viewer",
+     "palpate explore FILE, palpate section FILE -o picture.png, or palpate render FILE -o picture.png"},
+    {"draw", "palpate section FILE -o picture.png, or palpate render FILE -o picture.png"},
     {"plot", "palpate section FILE -o picture.png"},
-    {"render", "palpate section FILE -o picture.png"},
-    {"picture", "palpate section FILE -o picture.png"},
+    {"picture", "palpate section FILE -o picture.png, or palpate render FILE -o picture.png"},
     {"slice", "palpate section FILE -o picture.png"},
     {"run", "palpate simulate FILE"},
     {"press", "palpate simulate FILE"},
@@ -221,8 +224,8 @@ int run(int argc, char** argv) {
 
   Run verb;
   for (const auto add : {add_info, add_data, add_cache, add_scene, add_prepare, add_forces, add_hold,
-                         add_section, add_simulate, add_explore, add_devices, add_doctor, add_token,
-                         add_replay, add_export, add_report, add_verify})
+                         add_section, add_render, add_simulate, add_explore, add_devices, add_doctor,
+                         add_token, add_replay, add_export, add_report, add_verify})
     add(app, verb);
   if (const auto helped = help_on(app, {argv + std::min(argc, 1), argv + argc}, console)) return *helped;
   try {

@@ -57,6 +57,7 @@ void add_prepare(CLI::App& app, Run& run);
 void add_forces(CLI::App& app, Run& run);
 void add_hold(CLI::App& app, Run& run);
 void add_section(CLI::App& app, Run& run);
+void add_render(CLI::App& app, Run& run);
 void add_simulate(CLI::App& app, Run& run);
 void add_explore(CLI::App& app, Run& run);
 void add_devices(CLI::App& app, Run& run);

@@ -94,7 +94,7 @@ void draw_place(Pen& pen, const SectionPlane& plane, const Model& model, const C
     top += pen.line();
   }
   pen.text_ending_at(right, top, marks::point_text(plane.centre) + " mm LPS", kDim);
-  if (model.scan == nullptr || model.scan->empty()) return;
+  if (model.scan == nullptr || model.scan->empty() || caption.window[0] == caption.window[1]) return;
   char text[80];
   std::snprintf(text, sizeof text, "W %.4g L %.4g", caption.window[1] - caption.window[0],
                 0.5 * (caption.window[0] + caption.window[1]));
@@ -207,11 +207,11 @@ Image draw(SectionRenderer& renderer, const Model& model, const View& view,
 
 void draw_marks(Image& image, const SectionPlane& plane, const Model& model, const Caption& caption) {
   Pen pen(image);
-  draw_point(pen, caption.along);
+  if (caption.has_point) draw_point(pen, caption.along);
   if (model.oriented) draw_letters(pen, plane);
   draw_side(pen, model);
   draw_place(pen, plane, model, caption);
-  draw_scale_bar(pen, plane);
+  if (caption.has_scale) draw_scale_bar(pen, plane);
   draw_foot(pen, plane, model, caption);
 }
 

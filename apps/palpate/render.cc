@@ -1,0 +1,211 @@
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "inputs.h"
+#include "palpate/base/file.h"
+#include "palpate/base/output.h"
+#include "palpate/loading/loading.h"
+#include "palpate/rendering/volume_picture.h"
+#include "palpation.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+constexpr int kMostFrames = 720;
+
+const std::map<std::string, ViewFrom> kViews{
+    {"anterior", ViewFrom::kAnterior}, {"posterior", ViewFrom::kPosterior},
+    {"left", ViewFrom::kLeft},         {"right", ViewFrom::kRight},
+    {"superior", ViewFrom::kSuperior}, {"inferior", ViewFrom::kInferior}};
+
+struct RenderOptions {
+  std::string target;
+  std::optional<int> volume;
+  std::filesystem::path output;
+  VolumePictureRequest request;
+  std::vector<double> at;
+  std::vector<std::string> only, hide;
+  std::optional<int> frames;
+};
+
+Error usage(std::string what, std::string where, std::string remedy) {
+  return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
+}
+
+/// A picture is a file that can be claimed; an orbit's folder is new, or empty.
+Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
+  if (!options.frames) {
+    auto claimed = claim_output(options.output, input_files(options.target));
+    if (!claimed) return claimed.error();
+    if (const auto extension = options.output.extension(); !extension.empty() && extension != ".png")
+      return usage("the picture is a PNG, whatever its name", options.output.string(),
+                   "give it a name that ends with .png");
+    return std::optional<OutputClaim>(std::move(*claimed));
+  }
+  std::error_code failed;
+  const bool exists = std::filesystem::exists(options.output, failed);
+  const bool is_empty = exists && std::filesystem::is_directory(options.output, failed) &&
+                        std::filesystem::is_empty(options.output, failed);
+  if (failed || (exists && !is_empty))
+    return Error{ErrorKind::kOutput, "the frames of an orbit go to a folder of their own",
+                 options.output.string(), "name a folder that does not exist or is empty"};
+  return std::optional<OutputClaim>();
+}
+
+/// The labels of the structures so named.
+Result<std::vector<LabelId>> labels_named(const Model& model, const std::vector<std::string>& names,
+                                          const std::string& option) {
+  std::vector<LabelId> labels;
+  for (const std::string& name : names) {
+    const Segment* segment = model.find(name);
+    if (segment == nullptr)
+      return Error{ErrorKind::kUsage, "no structure is called \"" + name + "\"", option,
+                   "palpate info says what the structures are called"};
+    labels.push_back(segment->id);
+  }
+  return labels;
+}
+
+Result<std::vector<StructureLook>> looks_of(const RenderOptions& options, const Model& model) {
+  std::vector<StructureLook> looks = structure_looks(model);
+  const auto only = labels_named(model, options.only, "--only"),
+             hide = labels_named(model, options.hide, "--hide");
+  if (!only) return only.error();
+  if (!hide) return hide.error();
+  const auto has = [](const std::vector<LabelId>& labels, std::size_t label) {
+    return std::find(labels.begin(), labels.end(), label) != labels.end();
+  };
+  for (std::size_t label = 0; label < looks.size(); ++label)
+    if ((!only->empty() && !has(*only, label)) || has(*hide, label)) looks[label].opacity = 0;
+  return looks;
+}
+
+/// The pictures one after another, each a turn further.
+std::vector<VolumePictureRequest> requests_of(const RenderOptions& options, const GridGeometry& grid) {
+  std::vector<VolumePictureRequest> requests;
+  const int count = options.frames.value_or(1);
+  for (int n = 0; n < count; ++n) {
+    VolumePictureRequest& request = requests.emplace_back(options.request);
+    request.turn_deg += 360.0 * n / count;
+    if (!options.at.empty()) request.focus = Point<Patient>(options.at[0], options.at[1], options.at[2]);
+  }
+  if (options.request.size_mm > 0) return requests;
+  const double whole_mm = whole_picture_mm(grid, requests);
+  for (VolumePictureRequest& request : requests) request.size_mm = whole_mm;
+  return requests;
+}
+
+Result<void> write_frames(const std::filesystem::path& folder,
+                          const std::vector<std::vector<std::uint8_t>>& pngs) {
+  std::error_code failed;
+  std::filesystem::create_directory(folder, failed);
+  if (failed)
+    return Error{ErrorKind::kOutput, "the folder cannot be made: " + failed.message(), folder.string(),
+                 "name one in a folder that exists"};
+  for (std::size_t n = 0; n < pngs.size(); ++n) {
+    char name[40];
+    std::snprintf(name, sizeof name, "frame-%03zu.png", n);
+    const auto written =
+        write_file(folder / name, {reinterpret_cast<const char*>(pngs[n].data()), pngs[n].size()});
+    if (!written) return written;
+  }
+  return {};
+}
+
+int render(const RenderOptions& options, Console& console) {
+  const auto claimed = check_output(options);
+  if (!claimed) return console.fail(claimed.error());
+  const auto loaded = load_target(options.target, console, {}, options.volume);
+  if (!loaded) return console.fail(loaded.error());
+  const Model& model = *loaded->model;
+  if (model.labels == nullptr || model.segments.empty())
+    return console.fail({ErrorKind::kBadInput, "there is no structure to draw", options.target,
+                         "palpate section draws scans"});
+  const auto looks = looks_of(options, model);
+  if (!looks) return console.fail(looks.error());
+  const Progress progress = console.progress();
+  auto renderer = VolumeRenderer::make(*model.labels, *looks, 0, progress);
+  if (!renderer) return console.fail(renderer.error());
+
+  const auto requests = requests_of(options, model.labels->geometry());
+  std::vector<std::vector<std::uint8_t>> pngs;
+  for (const VolumePictureRequest& request : requests) {
+    if (progress.stopped()) return console.fail(Progress::interrupted());
+    pngs.push_back(encode_png(volume_picture(*renderer, model, *looks, request)));
+    if (options.frames)
+      progress.report("pictures", static_cast<double>(pngs.size()) / static_cast<double>(requests.size()));
+  }
+  const auto written =
+      options.frames
+          ? write_frames(options.output, pngs)
+          : write_file(options.output, {reinterpret_cast<const char*>(pngs[0].data()), pngs[0].size()});
+  if (!written) return console.fail(written.error());
+  console.note((options.frames ? "pictures: " : "picture: ") + options.output.string());
+  return kExitOk;
+}
+
+void add_render_options(CLI::App& verb, RenderOptions& options) {
+  verb.add_option("target", options.target, kTargetHelp)->required();
+  add_volume_option(verb, options.volume);
+  verb.add_option("-o,--output", options.output,
+                  "Picture to write (PNG); of an orbit the folder for its frames")
+      ->required();
+  verb.add_option("--from", options.request.from, "Where the viewer stands; default: anterior")
+      ->transform(CLI::CheckedTransformer(kViews))
+      ->type_name("SIDE");
+  verb.add_option("--turn", options.request.turn_deg,
+                  "Degrees that the viewer goes around the body, from anterior over left to posterior")
+      ->check(number_between(-360, 360))
+      ->type_name("DEG");
+  verb.add_option("--tilt", options.request.tilt_deg, "Degrees that the viewer then goes up")
+      ->check(number_between(-90, 90))
+      ->type_name("DEG");
+  verb.add_flag("--perspective", options.request.perspective,
+                "What is near is larger, and there is no scale bar; default: parallel rays");
+  verb.add_option(
+          "--at", options.at,
+          "The point in the picture's middle: patient coordinates in mm, LPS; default: the volume's centre")
+      ->delimiter(',')
+      ->expected(3)
+      ->check(number_between(-1e6, 1e6))
+      ->type_name("X,Y,Z");
+  verb.add_option("--cut", options.request.cut, "Takes away what lies on this side of the middle")
+      ->transform(CLI::CheckedTransformer(kViews))
+      ->type_name("SIDE");
+  verb.add_option("--size", options.request.size_mm,
+                  "Width and height in mm; default: all of the volume is seen")
+      ->check(number_between(1, 3000))
+      ->type_name("MM");
+  verb.add_option("--pixels", options.request.pixels, "Width and height of the picture")
+      ->check(whole_between(kLeastSectionPixels, kMostSectionPixels))
+      ->capture_default_str();
+  verb.add_option("--only", options.only, "Draws this structure alone; may be given again")
+      ->type_name("NAME");
+  verb.add_option("--hide", options.hide, "Leaves out this structure; may be given again")->type_name("NAME");
+  verb.add_option("--orbit", options.frames, "So many pictures all the way around the body")
+      ->check(whole_between(2, kMostFrames))
+      ->type_name("N");
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, Run& run) {
+  auto options = std::make_shared<RenderOptions>();
+  CLI::App* verb = app.add_subcommand("render", "Draw the structures in three dimensions, as PNG");
+  add_render_options(*verb, *options);
+  verb->footer(
+      "Examples:\n"
+      "  palpate render knee-phantom -o knee.png\n"
+      "  palpate render knee-phantom --from left --tilt 20 --perspective --cut left -o cut.png\n"
+      "  palpate render scene.toml --only femur --orbit 72 -o frames\n\n"
+      "Colours and opacities are the scene's (docs/render.md).");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return render(*options, console); }; });
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,197 @@
+#include "rendering/shear_warp.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace palpate::internal::volume_picture {
+namespace {
+
+/// Intermediate pixels are as large as the picture's, but in these bounds, in the grid's shortest spacing:
+/// finer ones show nothing more, coarser ones would leave out voxels.
+constexpr double kFinestPixel = 0.4, kCoarsestPixel = 1;
+/// Planes nearer to the eye than this part of the way to the intermediate picture are not sampled.
+constexpr double kNearest = 1e-3;
+/// Empty pixels around the intermediate picture.
+constexpr int kRim = 2;
+
+int class_of(const Eigen::Vector3d& way, const Eigen::Vector3d& spacing) {
+  int axis = 0;
+  for (int a = 1; a < 3; ++a)
+    if (std::abs(way[a] * spacing[a]) > std::abs(way[axis] * spacing[axis])) axis = a;
+  return 2 * axis + (way[axis] > 0 ? 1 : 0);
+}
+
+struct Bounds {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  void add(double value) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  void intersect(const Bounds& other) {
+    low = std::max(low, other.low);
+    high = std::min(high, other.high);
+  }
+};
+
+}  // namespace
+
+Rays::Rays(const GridGeometry& grid, const VolumeCamera& camera) : is_parallel(camera.is_parallel()) {
+  const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
+  const Eigen::Vector3d corner = (X_VoxelPatient * camera.at(0, 0)).eigen();
+  const Eigen::Vector3d step = (X_VoxelPatient * (camera.right * camera.mm_per_px())).eigen(),
+                        line = (X_VoxelPatient * (camera.down * camera.mm_per_px())).eigen();
+  if (is_parallel) {
+    from = corner;
+    from_step = step;
+    from_line = line;
+    way = (X_VoxelPatient * camera.into()).eigen();
+  } else {
+    from = (X_VoxelPatient * (camera.focus - camera.into() * camera.eye_mm)).eigen();
+    way = corner - from;
+    way_step = step;
+    way_line = line;
+  }
+}
+
+std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays) {
+  const auto class_at = [&](int column, int row) {
+    return class_of(rays.along(column, row), grid.spacing_mm);
+  };
+  // the rays of a class are a convex cone: where all corners are of one, all are
+  const int right = camera.width_px - 1, bottom = camera.height_px - 1, first = class_at(0, 0);
+  const bool is_one =
+      class_at(right, 0) == first && class_at(0, bottom) == first && class_at(right, bottom) == first;
+  std::array<std::vector<PixelRun>, 6> runs;
+  for (int row = 0; row < camera.height_px; ++row) {
+    if (is_one) {
+      runs[static_cast<std::size_t>(first)].push_back({row, 0, camera.width_px});
+      continue;
+    }
+    for (int begin = 0; begin < camera.width_px;) {
+      const int here = class_at(begin, row);
+      int end = begin + 1;
+      while (end < camera.width_px && class_at(end, row) == here) ++end;
+      runs[static_cast<std::size_t>(here)].push_back({row, begin, end});
+      begin = end;
+    }
+  }
+  std::vector<Region> regions;
+  for (int n = 0; n < 6; ++n)
+    if (auto& these = runs[static_cast<std::size_t>(n)]; !these.empty())
+      regions.push_back({n / 2, n % 2 == 1, std::move(these)});
+  return regions;
+}
+
+std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
+                                     const Region& region, double most_apart) {
+  Factored f;
+  f.z = region.axis;
+  f.x = region.axis == 0 ? 1 : 0;
+  f.y = region.axis == 2 ? 1 : 2;
+  f.is_ascending = region.is_ascending;
+  const double sign = region.is_ascending ? 1 : -1;
+  const Eigen::Vector3d& eye = rays.from;
+  const double h = grid.min_spacing_mm();
+  const int x = f.x, y = f.y, z = f.z;
+
+  // the slice in which the intermediate picture lies: in the middle of what is before the eye
+  const Bounds slices{rays.is_parallel || !region.is_ascending ? -1.0 : std::max(-1.0, eye[z]),
+                      rays.is_parallel || region.is_ascending
+                          ? static_cast<double>(grid.dims[static_cast<std::size_t>(z)])
+                          : std::min(static_cast<double>(grid.dims[static_cast<std::size_t>(z)]), eye[z])};
+  if (!(slices.low < slices.high)) return {};
+  f.z_ref = 0.5 * (slices.low + slices.high);
+
+  // pixels to that slice, (x, y) = (U, V) / W
+  const auto to_slice = [&](const Eigen::Vector3d& start, const Eigen::Vector3d& way, double one) {
+    if (rays.is_parallel) {
+      const double beyond = one * f.z_ref - start[z];
+      return Eigen::Vector3d(start[x] + beyond * rays.way[x] / rays.way[z],
+                             start[y] + beyond * rays.way[y] / rays.way[z], one);
+    }
+    const double off = f.z_ref - eye[z];
+    return Eigen::Vector3d(eye[x] * way[z] + off * way[x], eye[y] * way[z] + off * way[y], way[z]);
+  };
+  f.warp_start = to_slice(rays.from, rays.way, 1);
+  f.warp_step = to_slice(rays.from_step, rays.way_step, 0);
+  f.warp_line = to_slice(rays.from_line, rays.way_line, 0);
+
+  // what of it is seen, how large a pixel is there, and how far it is from slice to slice
+  Bounds xs, ys;
+  double pixel_mm = std::numeric_limits<double>::infinity(), apart_mm = 0;
+  for (const PixelRun& run : region.runs)
+    for (const int column : {run.begin, run.end - 1}) {
+      const Eigen::Vector3d at = f.warp_start + f.warp_step * column + f.warp_line * run.row;
+      xs.add(at[0] / at[2]);
+      ys.add(at[1] / at[2]);
+      const Eigen::Vector3d way = rays.along(column, run.row);
+      const double nearer = rays.is_parallel ? 1 : (f.z_ref - eye[z]) / way[z];
+      pixel_mm = std::min(pixel_mm, camera.mm_per_px() * nearer);
+      apart_mm = std::max(apart_mm, (grid.X_PatientVoxel().linear() * way).norm() / std::abs(way[z]));
+    }
+  Bounds all_x, all_y;
+  for (int corner = 0; corner < 8; ++corner) {
+    Eigen::Vector3d at;
+    for (int a = 0; a < 3; ++a)
+      at[a] = (corner >> a & 1) != 0 ? grid.dims[static_cast<std::size_t>(a)] : -1.0;
+    at[z] = (corner >> z & 1) != 0 ? slices.high : slices.low;
+    const double off = at[z] - f.z_ref;
+    if (rays.is_parallel) {
+      all_x.add(at[x] - off * rays.way[x] / rays.way[z]);
+      all_y.add(at[y] - off * rays.way[y] / rays.way[z]);
+    } else if (const double farther = (at[z] - eye[z]) / (f.z_ref - eye[z]); farther > kNearest) {
+      all_x.add(eye[x] + (at[x] - eye[x]) / farther);
+      all_y.add(eye[y] + (at[y] - eye[y]) / farther);
+    } else {
+      all_x = all_y = {-1e12, 1e12};
+      break;
+    }
+  }
+  xs.intersect(all_x);
+  ys.intersect(all_y);
+  if (!(xs.low <= xs.high) || !(ys.low <= ys.high)) return {};
+
+  const double mm = std::clamp(pixel_mm, kFinestPixel * h, kCoarsestPixel * h);
+  f.x_ref_per_u = mm / grid.spacing_mm[x];
+  f.y_ref_per_v = mm / grid.spacing_mm[y];
+  f.x_ref_0 = xs.low - kRim * f.x_ref_per_u;
+  f.y_ref_0 = ys.low - kRim * f.y_ref_per_v;
+  f.width = static_cast<int>(std::ceil((xs.high - xs.low) / f.x_ref_per_u)) + 2 * kRim + 1;
+  f.height = static_cast<int>(std::ceil((ys.high - ys.low) / f.y_ref_per_v)) + 2 * kRim + 1;
+  Eigen::Matrix3d to_pixels = Eigen::Matrix3d::Identity();
+  to_pixels.row(0) << 1 / f.x_ref_per_u, 0, -f.x_ref_0 / f.x_ref_per_u;
+  to_pixels.row(1) << 0, 1 / f.y_ref_per_v, -f.y_ref_0 / f.y_ref_per_v;
+  for (Eigen::Vector3d* part : {&f.warp_start, &f.warp_step, &f.warp_line}) *part = to_pixels * *part;
+
+  // planes of samples: slices, and as many between them as their distance asks for
+  const int between = std::max(1, static_cast<int>(std::ceil(apart_mm / (most_apart * h) - 1e-6)));
+  f.z_step = sign / between;
+  const int count = (grid.dims[static_cast<std::size_t>(z)] + 1) * between - 1;
+  bool is_first = true;
+  for (int n = 0; n < count; ++n) {
+    const int number = region.is_ascending ? n + 1 : count - n;  // from slice -1 on
+    const double at = static_cast<double>(number) / between - 1;
+    const double farther = rays.is_parallel ? 1 : (at - eye[z]) / (f.z_ref - eye[z]);
+    if (farther <= kNearest) continue;
+    if (is_first) f.z_first = at;
+    is_first = false;
+    SamplePlane plane{};
+    plane.slice = number / between - 1;
+    plane.beyond = static_cast<float>(number % between) / static_cast<float>(between);
+    plane.x_per_u = f.x_ref_per_u * farther;
+    plane.y_per_v = f.y_ref_per_v * farther;
+    if (rays.is_parallel) {
+      plane.x_0 = f.x_ref_0 + (at - f.z_ref) * rays.way[x] / rays.way[z];
+      plane.y_0 = f.y_ref_0 + (at - f.z_ref) * rays.way[y] / rays.way[z];
+    } else {
+      plane.x_0 = eye[x] + (f.x_ref_0 - eye[x]) * farther;
+      plane.y_0 = eye[y] + (f.y_ref_0 - eye[y]) * farther;
+    }
+    f.planes.push_back(plane);
+  }
+  if (f.planes.empty()) return {};
+  return f;
+}
+
+}  // namespace palpate::internal::volume_picture

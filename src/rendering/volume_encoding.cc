@@ -1,0 +1,528 @@
+#include "rendering/volume_encoding.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <mutex>
+
+#include "palpate/base/for_each_index.h"
+#include "palpate/volume/gaussian_kernel.h"
+#include "palpate/volume/gaussian_rows.h"
+#include "rendering/volume_terms.h"
+
+namespace palpate::internal::volume_picture {
+
+/// A box of a volume of its own, i fastest.
+template <class T>
+struct Box {
+  explicit Box(const std::array<int, 3>& box_size) : size(box_size) {
+    values.resize(static_cast<std::size_t>(size[0]) * size[1] * size[2]);
+  }
+  std::size_t offset(int i, int j, int k) const {
+    return static_cast<std::size_t>(i) +
+           static_cast<std::size_t>(size[0]) *
+               (static_cast<std::size_t>(j) +
+                static_cast<std::size_t>(size[1]) * static_cast<std::size_t>(k));
+  }
+  T* row(int j, int k) { return values.data() + offset(0, j, k); }
+  const T* row(int j, int k) const { return values.data() + offset(0, j, k); }
+
+  std::array<int, 3> size;
+  std::vector<T> values;
+};
+
+/// How a voxel that is all of one structure looks, and what mixtures are made of.
+struct Part {
+  float opacity = 0;
+  float solid = 0;    ///< h / mm
+  float surface = 0;  ///< optical depth
+  float haze = 0;     ///< h / mm
+  Rgb colour;
+};
+
+struct VoxelLook {
+  float extinction = 0;  ///< h / mm
+  float colour[3] = {};
+};
+
+namespace {
+
+constexpr int kTileSide = 64;
+constexpr int kLightBatch = 2048;
+
+/// A Gaussian after [1 2 1] / 4, one side.
+std::vector<float> smoothing_kernel(double sigma_voxels) {
+  const std::vector<float> gaussian = sample_gaussian(sigma_voxels, 1000).weights;
+  const auto at = [&](int t) {
+    const auto n = static_cast<std::size_t>(std::abs(t));
+    return n < gaussian.size() ? gaussian[n] : 0.0f;
+  };
+  std::vector<float> kernel;
+  for (int t = 0; t <= static_cast<int>(gaussian.size()); ++t)
+    kernel.push_back(0.25f * at(t - 1) + 0.5f * at(t) + 0.25f * at(t + 1));
+  return kernel;
+}
+
+int blocks_along(int voxels) {
+  return (voxels + kBlock - 1) / kBlock;
+}
+
+/// Smooths along one axis; what comes out is shorter by the kernel's reach and `less` more at either end.
+Box<float> smoothed(const Box<float>& from, int axis, const std::vector<float>& kernel, int less) {
+  const int reach = static_cast<int>(kernel.size()) - 1;
+  std::array<int, 3> size = from.size;
+  size[axis] -= 2 * (reach + less);
+  Box<float> to(size);
+  std::vector<RowPair<float>> pairs(kernel.size() - 1);
+  for (int k = 0; k < size[2]; ++k)
+    for (int j = 0; j < size[1]; ++j) {
+      const std::array<int, 3> steps{axis == 0 ? 1 : 0, axis == 1 ? 1 : 0, axis == 2 ? 1 : 0};
+      const auto shifted = [&](int t) {
+        const int by = reach + less + t;
+        return from.values.data() + from.offset(by * steps[0], j + by * steps[1], k + by * steps[2]);
+      };
+      for (int t = 1; t <= reach; ++t)
+        pairs[static_cast<std::size_t>(t - 1)] = {shifted(-t), shifted(t),
+                                                  kernel[static_cast<std::size_t>(t)]};
+      sum_rows({shifted(0), kernel[0], pairs.data(), pairs.size()}, static_cast<std::size_t>(size[0]),
+               to.row(j, k));
+    }
+  return to;
+}
+
+}  // namespace
+
+// ---- rows of blocks ---------------------------------------------------------------------------------------
+
+BlockRows::BlockRows(const GridGeometry& grid, int along)
+    : along_(along), across_(1 - along), dims_(grid.dims), blocks_(blocks_along(grid.dims[along])) {
+  words_ = (blocks_ + 63) / 64;
+  const std::size_t rows =
+      static_cast<std::size_t>(dims_[static_cast<std::size_t>(across_)]) * static_cast<std::size_t>(dims_[2]);
+  block_of_.resize(rows * static_cast<std::size_t>(blocks_));
+  mask_.resize(rows * static_cast<std::size_t>(words_));
+  // block 0 is empty
+  voxels_.resize(1);
+  flat_.resize(1, 1);
+}
+
+void BlockRows::put(int i, int j, int k, const VoxelBlock& block, bool is_flat) {
+  const std::array<int, 3> at{i, j, k};
+  const auto number = static_cast<std::size_t>(at[static_cast<std::size_t>(along_)] / kBlock);
+  const std::size_t row =
+      static_cast<std::size_t>(at[static_cast<std::size_t>(across_)]) +
+      static_cast<std::size_t>(dims_[static_cast<std::size_t>(across_)]) * static_cast<std::size_t>(k);
+  std::uint32_t& place = block_of_[row * static_cast<std::size_t>(blocks_) + number];
+  std::uint64_t& word = mask_[row * static_cast<std::size_t>(words_) + number / 64];
+  const std::uint64_t bit = std::uint64_t{1} << number % 64;
+  const bool is_empty =
+      std::all_of(std::begin(block.extinction), std::end(block.extinction), [](auto e) { return e == 0; });
+  if (is_empty && place == 0) return;
+  is_lit_ = false;
+  if (is_empty) {
+    free_.push_back(place);
+    place = 0;
+    word &= ~bit;
+    return;
+  }
+  if (place == 0 && !free_.empty()) {
+    place = free_.back();
+    free_.pop_back();
+  } else if (place == 0) {
+    place = static_cast<std::uint32_t>(voxels_.size());
+    voxels_.emplace_back();
+    flat_.emplace_back();
+  }
+  word |= bit;
+  voxels_[place] = block;
+  flat_[place] = is_flat ? 1 : 0;
+}
+
+void BlockRows::light(const Vector<Patient>& into, const VolumeLight& light, int threads) {
+  const bool same_light =
+      light.ambient == light_.ambient && light.diffuse == light_.diffuse && light.specular == light_.specular;
+  if (is_lit_ && same_light && into == into_) return;
+  const bool all = !is_lit_ || !same_light;
+  if (!is_lit_) {
+    lit_.resize(voxels_.size());
+    to_light_.clear();
+    for (std::size_t n = 0; n < flat_.size(); ++n)
+      if (flat_[n] == 0) to_light_.push_back(static_cast<std::uint32_t>(n));
+  }
+  const LightFall fall{
+      {static_cast<float>(into.x()), static_cast<float>(into.y()), static_cast<float>(into.z())},
+      static_cast<float>(light.ambient),
+      static_cast<float>(light.diffuse),
+      static_cast<float>(light.specular)};
+  std::vector<std::uint32_t> every;
+  if (all) {
+    every.resize(voxels_.size());
+    for (std::size_t n = 0; n < every.size(); ++n) every[n] = static_cast<std::uint32_t>(n);
+  }
+  const std::vector<std::uint32_t>& which = all ? every : to_light_;
+  const int batches = static_cast<int>((which.size() + kLightBatch - 1) / kLightBatch);
+  for_each_index(batches, worker_count(threads, batches), [&](int, int batch) {
+    const std::size_t first = static_cast<std::size_t>(batch) * kLightBatch;
+    light_blocks(voxels_.data(), which.data() + first,
+                 std::min<std::size_t>(kLightBatch, which.size() - first), fall, lit_.data());
+    return true;
+  });
+  is_lit_ = true;
+  into_ = into;
+  light_ = light;
+}
+
+RowsView BlockRows::view() const {
+  RowsView view;
+  view.mask = mask_.data();
+  view.block_of = block_of_.data();
+  view.lit = lit_.data();
+  view.blocks = blocks_;
+  view.words = words_;
+  return view;
+}
+
+std::size_t BlockRows::bytes() const {
+  return block_of_.size() * sizeof(block_of_[0]) + mask_.size() * sizeof(mask_[0]) +
+         voxels_.size() * (sizeof(VoxelBlock) + 1) + lit_.size() * sizeof(LitBlock) +
+         to_light_.size() * sizeof(to_light_[0]);
+}
+
+// ---- leaps ------------------------------------------------------------------------------------------------
+
+Leaps::Leaps(const GridGeometry& grid) : voxels_(grid.dims) {
+  // cells 0 ... voxels
+  for (std::size_t a = 0; a < 3; ++a) cubes_[a] = voxels_[a] / kLeapSide + 1;
+  leap_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2]);
+}
+
+void Leaps::find(const BlockRows& rows) {
+  constexpr std::int32_t kFar = 1 << 20;
+  const auto at = [&](int a, int b, int c) -> std::int32_t& {
+    return leap_[static_cast<std::size_t>(a) +
+                 static_cast<std::size_t>(cubes_[0]) *
+                     (static_cast<std::size_t>(b) +
+                      static_cast<std::size_t>(cubes_[1]) * static_cast<std::size_t>(c))];
+  };
+  std::fill(leap_.begin(), leap_.end(), kFar);
+  const int blocks = blocks_along(voxels_[0]);
+  for (int k = 0; k < voxels_[2]; ++k)
+    for (int j = 0; j < voxels_[1]; ++j) {
+      const std::size_t row =
+          static_cast<std::size_t>(j) + static_cast<std::size_t>(voxels_[1]) * static_cast<std::size_t>(k);
+      for (int block = 0; block < blocks; ++block) {
+        const VoxelBlock* voxels = rows.find(row, block);
+        if (voxels == nullptr) continue;
+        // the cells on both sides of each voxel
+        for (int n = 0; n < kBlock; ++n) {
+          if (voxels->extinction[n] == 0) continue;
+          const int i = block * kBlock + n;
+          for (const int c : {k / kLeapSide, (k + 1) / kLeapSide})
+            for (const int b : {j / kLeapSide, (j + 1) / kLeapSide})
+              for (const int a : {i / kLeapSide, (i + 1) / kLeapSide}) at(a, b, c) = 0;
+        }
+      }
+    }
+  // the distance to what is not empty, by a pass each way over neighbours that were passed before
+  for (const int step : {1, -1}) {
+    const auto order = [&](int n, std::size_t axis) { return step > 0 ? n : cubes_[axis] - 1 - n; };
+    for (int c = 0; c < cubes_[2]; ++c)
+      for (int b = 0; b < cubes_[1]; ++b)
+        for (int a = 0; a < cubes_[0]; ++a) {
+          const int x = order(a, 0), y = order(b, 1), z = order(c, 2);
+          std::int32_t& least = at(x, y, z);
+          for (int q = 0; q < 13 && least > 0; ++q) {
+            const int xx = x + step * (q % 3 - 1), yy = y + step * (q / 3 % 3 - 1),
+                      zz = z + step * (q / 9 - 1);
+            if (xx < 0 || yy < 0 || zz < 0 || xx >= cubes_[0] || yy >= cubes_[1] || zz >= cubes_[2]) continue;
+            least = std::min(least, at(xx, yy, zz) + 1);
+          }
+        }
+  }
+}
+
+LeapsView Leaps::view(int x, int y, int z) const {
+  const std::int32_t steps[3] = {1, cubes_[0], cubes_[0] * cubes_[1]};
+  return {leap_.data(), {steps[x], steps[y], steps[z]}};
+}
+
+// ---- a tile -----------------------------------------------------------------------------------------------
+
+/// A box of voxels, and all that decides how they look.
+class Encoding::Tile {
+ public:
+  Tile(const Encoding& encoding, const palpate::Bricks<LabelId>& labels, const VoxelBox& box)
+      : encoding_(encoding), box_(box), margin_(margins(encoding)), labels_(widened(box.size, margin_)) {
+    copy_labels(labels);
+    for (const StructureLook& look : encoding.looks_) parts_.push_back(part_of(look));
+    parts_.resize(std::max<std::size_t>(1, parts_.size()));
+    parts_[0] = {};
+  }
+  static std::array<int, 3> margins(const Encoding& encoding) {
+    std::array<int, 3> margin{};
+    // a difference of smoothed values to either side
+    for (std::size_t a = 0; a < 3; ++a) margin[a] = static_cast<int>(encoding.kernels_[a].size());
+    return margin;
+  }
+
+  /// Calls put(rows, i, j, k, block, is_flat) for every block of both kinds of rows.
+  template <class Put>
+  void for_each_block(const Put& put) {
+    const LabelId first = labels_.values.front();
+    const bool uniform = std::all_of(labels_.values.begin(), labels_.values.end(),
+                                     [&](LabelId label) { return label == first; });
+    const std::array<int, 3>& size = box_.size;
+    looks_.assign(static_cast<std::size_t>(size[0]) * size[1] * size[2], {});
+    normals_.assign(looks_.size(), {});
+    if (uniform) {
+      const VoxelLook look = look_of_one(part(first));
+      std::fill(looks_.begin(), looks_.end(), look);
+    } else {
+      find_looks();
+      find_normals();
+    }
+    for (int along = 0; along < 2; ++along) {
+      const int across = 1 - along;
+      for (int k = 0; k < size[2]; ++k)
+        for (int c = 0; c < size[static_cast<std::size_t>(across)]; ++c)
+          for (int b = 0; b < size[static_cast<std::size_t>(along)]; b += kBlock) {
+            VoxelBlock block{};
+            bool is_flat = true;
+            const int count = std::min(kBlock, size[static_cast<std::size_t>(along)] - b);
+            for (int n = 0; n < count; ++n)
+              is_flat = fill(block, n, along == 0 ? b + n : c, along == 0 ? c : b + n, k) && is_flat;
+            put(along, box_.first[0] + (along == 0 ? b : c), box_.first[1] + (along == 0 ? c : b),
+                box_.first[2] + k, block, is_flat);
+          }
+    }
+  }
+
+ private:
+  static std::array<int, 3> widened(std::array<int, 3> size, const std::array<int, 3>& margin) {
+    for (std::size_t a = 0; a < 3; ++a) size[a] += 2 * margin[a];
+    return size;
+  }
+  Part part_of(const StructureLook& look) const {
+    const double h = encoding_.grid_.min_spacing_mm();
+    Part part;
+    part.opacity = static_cast<float>(look.opacity);
+    part.colour = look.colour;
+    if (look.opacity >= 1) {
+      part.solid = static_cast<float>(kSolidDepth);
+    } else if (look.opacity > 0) {
+      part.surface = static_cast<float>(surface_depth(look.opacity));
+      part.haze = static_cast<float>(haze_per_mm(look.opacity) * h);
+    }
+    return part;
+  }
+  const Part& part(LabelId label) const { return parts_[label < parts_.size() ? label : 0]; }
+  std::size_t offset(int i, int j, int k) const {
+    return static_cast<std::size_t>(i) +
+           static_cast<std::size_t>(box_.size[0]) *
+               (static_cast<std::size_t>(j) +
+                static_cast<std::size_t>(box_.size[1]) * static_cast<std::size_t>(k));
+  }
+
+  void copy_labels(const palpate::Bricks<LabelId>& labels) {
+    const std::array<int, 3>& dims = encoding_.grid_.dims;
+    const int from = std::max(0, box_.first[0] - margin_[0]),
+              to = std::min(dims[0], box_.first[0] + box_.size[0] + margin_[0]);
+    for (int k = 0; k < labels_.size[2]; ++k)
+      for (int j = 0; j < labels_.size[1]; ++j) {
+        const int jj = box_.first[1] - margin_[1] + j, kk = box_.first[2] - margin_[2] + k;
+        if (jj < 0 || kk < 0 || jj >= dims[1] || kk >= dims[2]) continue;
+        labels.copy_row(from, jj, kk, to - from, labels_.row(j, k) + (from - box_.first[0] + margin_[0]));
+      }
+  }
+
+  static VoxelLook look_of_one(const Part& part) {
+    const Rgb& c = part.colour;
+    return {part.solid + part.haze, {1.0f * c.r, 1.0f * c.g, 1.0f * c.b}};
+  }
+
+  void find_looks() {
+    constexpr std::uint32_t kSeveral = 0x10000;
+    const std::array<int, 3>& size = box_.size;
+    std::vector<std::uint32_t> column(static_cast<std::size_t>(size[0]) + 2);
+    for (int k = 0; k < size[2]; ++k)
+      for (int j = 0; j < size[1]; ++j) {
+        // the label that fills all nine voxels across a place of the row
+        const LabelId* rows[9];
+        for (int r = 0; r < 9; ++r)
+          rows[r] = labels_.row(j + margin_[1] + r % 3 - 1, k + margin_[2] + r / 3 - 1) + margin_[0];
+        for (int i = -1; i <= size[0]; ++i) {
+          std::uint32_t label = rows[0][i];
+          for (int r = 1; r < 9; ++r) label = rows[r][i] == label ? label : kSeveral;
+          column[static_cast<std::size_t>(i + 1)] = label;
+        }
+        VoxelLook* look = looks_.data() + offset(0, j, k);
+        for (int i = 0; i < size[0]; ++i) {
+          const std::uint32_t* c = column.data() + i;
+          const bool one = c[0] == c[1] && c[1] == c[2] && c[1] != kSeveral;
+          look[i] = one ? look_of_one(part(static_cast<LabelId>(c[1]))) : mixture(rows, i);
+        }
+      }
+  }
+
+  /// Of the 27 voxels around.
+  VoxelLook mixture(const LabelId* const* rows, int i) const {
+    struct Share {
+      LabelId label;
+      float coverage;
+    };
+    std::array<Share, 27> shares;
+    std::size_t met = 0;
+    Eigen::Vector3d slope = Eigen::Vector3d::Zero();
+    for (int r = 0; r < 9; ++r)
+      for (int a = -1; a <= 1; ++a) {
+        const LabelId label = rows[r][i + a];
+        if (part(label).opacity == 0) continue;
+        const int b = r % 3 - 1, c = r / 3 - 1;
+        const double wa = a == 0 ? 0.5 : 0.25, wb = b == 0 ? 0.5 : 0.25, wc = c == 0 ? 0.5 : 0.25;
+        std::size_t n = 0;
+        while (n < met && shares[n].label != label) ++n;
+        if (n == met) shares[met++] = {label, 0};
+        shares[n].coverage += static_cast<float>(wa * wb * wc);
+        slope += 0.5 * Eigen::Vector3d(a * wb * wc, b * wa * wc, c * wa * wb);
+      }
+    VoxelLook look;
+    if (met == 0) return look;
+    float all = 0, solid = 0;
+    for (std::size_t n = 0; n < met; ++n) {
+      all += shares[n].coverage;
+      if (part(shares[n].label).solid > 0) solid += shares[n].coverage;
+    }
+    const auto solidity = static_cast<float>(volume_picture::solidity(solid, part(rows[4][i]).solid > 0));
+    const auto steep =
+        static_cast<float>((encoding_.to_patient_ * slope).norm() * encoding_.grid_.min_spacing_mm());
+    for (std::size_t n = 0; n < met; ++n) {
+      const Part& p = part(shares[n].label);
+      const float e = p.solid > 0 ? shares[n].coverage * p.solid * solidity / solid
+                                  : shares[n].coverage * (p.haze + p.surface * steep / all);
+      look.extinction += e;
+      look.colour[0] += e * p.colour.r;
+      look.colour[1] += e * p.colour.g;
+      look.colour[2] += e * p.colour.b;
+    }
+    if (look.extinction > 0)
+      for (float& c : look.colour) c /= look.extinction;
+    return look;
+  }
+
+  void find_normals() {
+    const std::array<int, 3>& size = box_.size;
+    Box<float> opacity(labels_.size);
+    for (std::size_t n = 0; n < labels_.values.size(); ++n)
+      opacity.values[n] = part(labels_.values[n]).opacity;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const int reach = static_cast<int>(encoding_.kernels_[a].size()) - 1;
+      // one voxel more than the tile has, on either side
+      opacity = smoothed(opacity, static_cast<int>(a), encoding_.kernels_[a], margin_[a] - reach - 1);
+    }
+    const double least = kFaintGradient * surface_gradient_per_mm(encoding_.grid_);
+    for (int k = 0; k < size[2]; ++k)
+      for (int j = 0; j < size[1]; ++j) {
+        const float *here = opacity.row(j + 1, k + 1) + 1, *back = opacity.row(j, k + 1) + 1,
+                    *front = opacity.row(j + 2, k + 1) + 1, *below = opacity.row(j + 1, k) + 1,
+                    *above = opacity.row(j + 1, k + 2) + 1;
+        const std::size_t row = offset(0, j, k);
+        for (int i = 0; i < size[0]; ++i) {
+          const std::size_t n = row + static_cast<std::size_t>(i);
+          const double facing = sidedness(here[i]);
+          if (facing == 0 || looks_[n].extinction == 0) continue;
+          const Eigen::Vector3d gradient =
+              encoding_.to_patient_ *
+              Eigen::Vector3d(here[i + 1] - here[i - 1], front[i] - back[i], above[i] - below[i]) / 2;
+          const Eigen::Vector3d normal =
+              gradient * (facing * kNormalSteps / std::max(gradient.norm(), least));
+          for (std::size_t a = 0; a < 3; ++a)
+            normals_[n][a] = static_cast<std::int8_t>(std::lround(normal[static_cast<Eigen::Index>(a)]));
+        }
+      }
+  }
+
+  /// @returns whether its light does not depend on the view
+  bool fill(VoxelBlock& block, int place, int i, int j, int k) const {
+    const std::size_t n = offset(i, j, k);
+    const VoxelLook& look = looks_[n];
+    const float steps = std::min(look.extinction * kDepthSteps, 60000.0f);
+    block.extinction[place] = static_cast<std::uint16_t>(std::lround(steps));
+    for (std::size_t a = 0; a < 3; ++a) {
+      block.colour[a][place] = static_cast<std::uint8_t>(std::lround(look.colour[a]));
+      block.normal[a][place] = normals_[n][a];
+    }
+    return block.extinction[place] == 0 || normals_[n] == std::array<std::int8_t, 3>{};
+  }
+
+  const Encoding& encoding_;
+  VoxelBox box_;
+  std::array<int, 3> margin_;
+  Box<LabelId> labels_;
+  std::vector<Part> parts_;  ///< by label
+  std::vector<VoxelLook> looks_;
+  std::vector<std::array<std::int8_t, 3>> normals_;
+};
+
+// ---- the whole --------------------------------------------------------------------------------------------
+
+Encoding::Encoding(const GridGeometry& grid, std::span<const StructureLook> looks)
+    : grid_(grid),
+      looks_(looks.begin(), looks.end()),
+      to_patient_(grid.X_PatientVoxel().linear().inverse().transpose()),
+      rows_{BlockRows(grid, 0), BlockRows(grid, 1)},
+      leaps_(grid) {
+  const auto sigma = sigma_in_voxels(grid, normal_sigma_mm(grid));
+  for (std::size_t a = 0; a < 3; ++a) kernels_[a] = smoothing_kernel(sigma ? (*sigma)[a] : 0);
+}
+
+Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const VoxelBox& box, int threads,
+                              const Progress& progress) {
+  // whole blocks along i and along j
+  const std::array<int, 3> margin = Tile::margins(*this);
+  std::array<int, 3> from{}, to{}, tiles{};
+  for (std::size_t a = 0; a < 3; ++a) {
+    from[a] = std::max(0, box.first[a] - margin[a]);
+    if (a < 2) from[a] = from[a] / kBlock * kBlock;
+    to[a] = std::min(grid_.dims[a], box.first[a] + box.size[a] + margin[a]);
+    if (a < 2) to[a] = std::min(grid_.dims[a], blocks_along(to[a]) * kBlock);
+    tiles[a] = std::max(0, to[a] - from[a] + kTileSide - 1) / kTileSide;
+  }
+  const int count = tiles[0] * tiles[1] * tiles[2];
+  struct Made {
+    int rows, i, j, k;
+    VoxelBlock block;
+    bool is_flat;
+  };
+  std::mutex putting;
+  std::atomic<int> done{0};
+  const bool whole = for_each_index(count, worker_count(threads, count), [&](int worker, int n) {
+    if (progress.stopped()) return false;
+    const std::array<int, 3> tile{n % tiles[0], n / tiles[0] % tiles[1], n / tiles[0] / tiles[1]};
+    VoxelBox part;
+    for (std::size_t a = 0; a < 3; ++a) {
+      part.first[a] = from[a] + tile[a] * kTileSide;
+      part.size[a] = std::min(kTileSide, to[a] - part.first[a]);
+    }
+    std::vector<Made> made;
+    Tile(*this, labels, part)
+        .for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block, bool is_flat) {
+          // at first all are empty
+          const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
+                                            [](auto e) { return e == 0; });
+          if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block, is_flat});
+        });
+    const std::lock_guard lock(putting);
+    for (const Made& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block, m.is_flat);
+    if (worker == 0)
+      progress.report("volume", static_cast<double>(++done) / count);
+    else
+      ++done;
+    return true;
+  });
+  if (!whole) return Progress::interrupted();
+  leaps_.find(rows_[0]);
+  is_new_ = false;
+  return {};
+}
+
+}  // namespace palpate::internal::volume_picture

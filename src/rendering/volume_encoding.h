@@ -1,0 +1,103 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "palpate/rendering/volume_renderer.h"
+#include "rendering/section_volumes.h"
+#include "rendering/volume_simd.h"
+
+/// What is seen of a volume, in the order in which a view goes through it.
+///
+///     labels, looks -> extinction, colour, normal of each voxel (volume_terms.h)     once, and where labels
+///     change
+///         -> rows of blocks of eight voxels along one axis; empty blocks are not stored
+///             -> lit blocks: extinction and light                                    for each direction of
+///             view
+///
+/// A row never lies along the direction of view: rows along i serve the views along j and k, rows along j
+/// those along i. A block is a cache line, and so is a lit one.
+namespace palpate::internal::volume_picture {
+
+/// Rows of blocks along an axis, for the whole grid.
+class BlockRows {
+ public:
+  BlockRows() = default;
+  /// @param along  the rows' axis: 0 or 1
+  BlockRows(const GridGeometry& grid, int along);
+
+  /// Puts a voxel block at its place, or takes it away where it is empty.
+  /// @param i, j, k  its first voxel
+  /// @param is_flat  its light does not depend on the view
+  void put(int i, int j, int k, const VoxelBlock& block, bool is_flat);
+  /// Makes the lit blocks fit the light. @param into  patient, unit, away from the viewer
+  void light(const Vector<Patient>& into, const VolumeLight& light, int threads);
+  RowsView view() const;
+  /// A row's block; null where it is empty. @param row  across the rows first, then along k
+  const VoxelBlock* find(std::size_t row, int block) const {
+    const std::uint32_t place =
+        block_of_[row * static_cast<std::size_t>(blocks_) + static_cast<std::size_t>(block)];
+    return place != 0 ? &voxels_[place] : nullptr;
+  }
+  std::size_t bytes() const;
+
+ private:
+  int along_ = 0, across_ = 1;
+  std::array<int, 3> dims_{};
+  int blocks_ = 0, words_ = 0;  ///< of a row
+  std::vector<std::uint32_t> block_of_;
+  std::vector<std::uint64_t> mask_;
+  section::Bricks<VoxelBlock> voxels_;
+  section::Bricks<LitBlock> lit_;
+  std::vector<std::uint8_t> flat_;       ///< of each block
+  std::vector<std::uint32_t> free_;      ///< blocks that nothing leads to any more
+  std::vector<std::uint32_t> to_light_;  ///< those of which it does
+  bool is_lit_ = false;
+  Vector<Patient> into_;
+  VolumeLight light_;
+};
+
+/// Where rays need not look.
+class Leaps {
+ public:
+  Leaps() = default;
+  explicit Leaps(const GridGeometry& grid);
+  /// From rows along i.
+  void find(const BlockRows& rows);
+  /// @param x, y, z  the grid's axes that a view calls so
+  LeapsView view(int x, int y, int z) const;
+  std::size_t bytes() const { return leap_.size() * sizeof(leap_[0]); }
+
+ private:
+  std::array<int, 3> voxels_{}, cubes_{};
+  std::vector<std::int32_t> leap_;
+};
+
+class Encoding {
+ public:
+  explicit Encoding(const GridGeometry& grid, std::span<const StructureLook> looks);
+  /// Makes the blocks of all voxels whose look depends on labels in a box. Errors: kInterrupted.
+  Result<void> encode(const palpate::Bricks<LabelId>& labels, const VoxelBox& box, int threads,
+                      const Progress& progress);
+
+  const GridGeometry& grid() const { return grid_; }
+  /// @param axis  along which one looks
+  BlockRows& rows_for(int axis) { return rows_[axis == 0 ? 1 : 0]; }
+  const Leaps& leaps() const { return leaps_; }
+  std::size_t bytes() const { return rows_[0].bytes() + rows_[1].bytes() + leaps_.bytes(); }
+
+ private:
+  class Tile;
+
+  GridGeometry grid_;
+  std::vector<StructureLook> looks_;
+  Eigen::Matrix3d to_patient_;                 ///< turns a gradient by voxels into one by mm
+  std::array<std::vector<float>, 3> kernels_;  ///< of the smoothed opacity along i, j, k
+  std::array<BlockRows, 2> rows_;
+  Leaps leaps_;
+  bool is_new_ = true;
+};
+
+}  // namespace palpate::internal::volume_picture

@@ -1,0 +1,342 @@
+#include "palpate/rendering/volume_renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "palpate/base/for_each_index.h"
+#include "palpate/haptics/colours.h"
+#include "rendering/shear_warp.h"
+#include "rendering/volume_encoding.h"
+
+namespace palpate {
+
+using internal::volume_picture::BlockRows;
+using internal::volume_picture::Encoding;
+using internal::volume_picture::Factored;
+using internal::volume_picture::Gathered;
+using internal::volume_picture::LeapsView;
+using internal::volume_picture::PixelRun;
+using internal::volume_picture::PlaneRange;
+using internal::volume_picture::Rays;
+using internal::volume_picture::Region;
+using internal::volume_picture::RowsView;
+using internal::volume_picture::TracedRays;
+
+namespace internal::volume_picture {
+
+/// A line of intermediate pixels, for one thread.
+struct Line {
+  std::vector<float> floats, row;
+  std::vector<std::uint8_t> done;
+};
+/// Rays of one thread that are traced together.
+struct Bundle {
+  static constexpr int kArrays = 12, kMost = 64;
+  std::array<float, static_cast<std::size_t>(kArrays) * kMost> floats{};
+  std::array<int, kMost> column{};
+  TracedRays rays() {
+    const auto part = [&](int n) { return floats.data() + std::ptrdiff_t{n} * kMost; };
+    return {part(0),  part(1), part(2), part(3), part(4), part(5), part(6), {part(7), part(8), part(9)},
+            part(10), part(11)};
+  }
+};
+/// Room that is kept from picture to picture.
+struct Scratch {
+  std::vector<Line> lines;
+  std::vector<Bundle> bundles;
+  std::vector<std::vector<std::int32_t>> edges;
+  std::vector<std::uint32_t> pixels;
+  std::vector<float> met;
+  std::vector<std::vector<float>> row_met;  ///< of each thread
+};
+
+}  // namespace internal::volume_picture
+
+namespace {
+
+using internal::volume_picture::Bundle;
+
+/// Samples along a ray, in the grid's shortest spacing, are at most so far apart; where a clip plane cuts
+/// between two of them, nearer.
+constexpr double kMostApart = 1, kMostApartClipped = 0.4;
+constexpr float kNever = 1e9f;  ///< planes
+
+/// Where along its ray each pixel of an intermediate line enters and leaves what is not clipped away, and how
+/// far it is from plane to plane.
+class Ways {
+ public:
+  Ways(const GridGeometry& grid, const Rays& rays, const Factored& view, const std::optional<ClipPlane>& clip)
+      : rays_(rays), view_(view), linear_(grid.X_PatientVoxel().linear()), h_(grid.min_spacing_mm()) {
+    if (!clip) return;
+    is_clipped_ = true;
+    normal_ = linear_.transpose() * clip->away.eigen();
+    offset_ = clip->away.dot(clip->at - grid.origin);
+  }
+  bool is_clipped() const { return is_clipped_; }
+
+  /// From an intermediate pixel: from plane to plane, voxels.
+  Eigen::Vector3d pace(const Eigen::Vector3d& at) const {
+    const Eigen::Vector3d way = rays_.is_parallel ? rays_.way : Eigen::Vector3d(at - rays_.from);
+    return way * (view_.z_step / way[view_.z]);
+  }
+  float step(const Eigen::Vector3d& pace) const { return static_cast<float>((linear_ * pace).norm() / h_); }
+  /// The planes that are seen.
+  std::array<float, 2> seen(const Eigen::Vector3d& at, const Eigen::Vector3d& pace) const {
+    if (!is_clipped_) return {-kNever, kNever};
+    const double rise = normal_.dot(pace), here = normal_.dot(at) - offset_;
+    if (rise == 0) return {here > 0 ? kNever : -kNever, kNever};
+    const double plane = (view_.z_ref - view_.z_first) / view_.z_step - here / rise;
+    const auto bounded = static_cast<float>(std::clamp(plane, -double{kNever}, double{kNever}));
+    return {rise < 0 ? bounded : -kNever, rise > 0 ? bounded : kNever};
+  }
+
+  void find(int v, const Gathered& line) const {
+    Eigen::Vector3d at;
+    at[view_.z] = view_.z_ref;
+    at[view_.y] = view_.y_ref_0 + view_.y_ref_per_v * v;
+    for (int u = 0; u < view_.width; ++u) {
+      if (u > 0 && rays_.is_parallel && !is_clipped_) {
+        line.step[u] = line.step[0];
+        continue;
+      }
+      at[view_.x] = view_.x_ref_0 + view_.x_ref_per_u * u;
+      const Eigen::Vector3d further = pace(at);
+      line.step[u] = step(further);
+      if (!is_clipped_) continue;
+      const auto planes = seen(at, further);
+      line.first[u] = planes[0];
+      line.last[u] = planes[1];
+    }
+  }
+
+ private:
+  const Rays& rays_;
+  const Factored& view_;
+  Eigen::Matrix3d linear_;
+  double h_;
+  bool is_clipped_ = false;
+  Eigen::Vector3d normal_ = Eigen::Vector3d::Zero();  ///< for a voxel
+  double offset_ = 0;
+};
+
+RowsView rows_of(const BlockRows& blocks, const GridGeometry& grid, const Factored& view) {
+  RowsView rows = blocks.view();
+  const int axes[3] = {view.x, view.y, view.z};
+  // from a row to the next: first across the rows, then along k
+  const std::ptrdiff_t across = 1, along_k = grid.dims[view.x == 0 ? 1 : 0];
+  for (int a = 0; a < 3; ++a) {
+    rows.count[a] = grid.dims[static_cast<std::size_t>(axes[a])];
+    rows.row[a] = axes[a] == 2 ? along_k : across;
+  }
+  return rows;
+}
+
+Gathered line_of(internal::volume_picture::Line& line, int width, int row_voxels, bool is_clipped,
+                 bool has_depth) {
+  constexpr int kChunk = internal::volume_picture::kChunk;
+  const auto stride = static_cast<std::size_t>((width + kChunk - 1) / kChunk * kChunk);
+  const std::size_t room = static_cast<std::size_t>(row_voxels) +
+                           2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
+  line.floats.resize(8 * stride);
+  line.row.resize(4 * room);
+  line.done.assign(stride / kChunk, 0);
+  const auto part = [&](std::size_t n) { return line.floats.data() + n * stride; };
+  Gathered gathered{};
+  for (std::size_t n = 0; n < 3; ++n) gathered.channel[n] = part(n);
+  gathered.clear = part(3);
+  gathered.met = has_depth ? part(4) : nullptr;
+  gathered.step = part(5);
+  if (is_clipped) gathered.first = part(6), gathered.last = part(7);
+  for (std::size_t n = 0; n < 4; ++n) gathered.row[n] = line.row.data() + n * room;
+  gathered.done = line.done.data();
+  std::fill(part(0), part(3), 0.0f);
+  std::fill(part(3), part(4), 1.0f);
+  std::fill(part(4), part(5), -1.0f);
+  std::fill(part(5), part(8), 0.0f);
+  return gathered;
+}
+
+/// Pixels of a row, each by a ray of its own through the same planes.
+void trace(const RowsView& rows, const LeapsView& leaps, const Ways& ways, const Factored& view, int row,
+           std::span<const std::int32_t> columns, const float* background, Bundle& bundle, std::uint8_t* rgb,
+           float* met) {
+  const TracedRays rays = bundle.rays();
+  const PlaneRange planes{static_cast<float>(view.z_first), static_cast<float>(view.z_step),
+                          static_cast<int>(view.planes.size())};
+  for (std::size_t from = 0; from < columns.size(); from += Bundle::kMost) {
+    const int count = static_cast<int>(std::min<std::size_t>(Bundle::kMost, columns.size() - from));
+    for (int n = 0; n < count; ++n) {
+      const Eigen::Vector3d pixel = view.warp_start + view.warp_line * row +
+                                    view.warp_step * columns[from + static_cast<std::size_t>(n)];
+      Eigen::Vector3d at;
+      at[view.x] = view.x_ref_0 + view.x_ref_per_u * pixel[0] / pixel[2];
+      at[view.y] = view.y_ref_0 + view.y_ref_per_v * pixel[1] / pixel[2];
+      at[view.z] = view.z_ref;
+      const Eigen::Vector3d pace = ways.pace(at),
+                            start = at - pace * ((view.z_ref - view.z_first) / view.z_step);
+      const auto seen = ways.seen(at, pace);
+      rays.x[n] = static_cast<float>(start[view.x]);
+      rays.y[n] = static_cast<float>(start[view.y]);
+      rays.x_per_plane[n] = static_cast<float>(pace[view.x]);
+      rays.y_per_plane[n] = static_cast<float>(pace[view.y]);
+      rays.step[n] = ways.step(pace);
+      rays.first[n] = seen[0];
+      rays.last[n] = seen[1];
+    }
+    // what fills the last vector sees nothing
+    for (int n = count; n % internal::volume_picture::kChunk != 0; ++n) rays.first[n] = rays.last[n] = kNever;
+    trace_rays(rows, leaps, planes, count, rays);
+    for (int n = 0; n < count; ++n) {
+      const std::int32_t column = columns[from + static_cast<std::size_t>(n)];
+      for (int c = 0; c < 3; ++c) {
+        const float value = rays.channel[c][n] + rays.clear[n] * background[c];
+        rgb[3 * column + c] = static_cast<std::uint8_t>(std::min(255.0f, value * 255 + 0.5f));
+      }
+      if (met != nullptr) met[column] = rays.met[n];
+    }
+  }
+}
+
+void fill(const PixelRun& run, int width, const Rgb& colour, std::span<std::uint8_t> rgb) {
+  for (int x = run.begin; x < run.end; ++x) {
+    std::uint8_t* pixel = &rgb[3 * (static_cast<std::size_t>(run.row) * static_cast<std::size_t>(width) +
+                                    static_cast<std::size_t>(x))];
+    pixel[0] = colour.r;
+    pixel[1] = colour.g;
+    pixel[2] = colour.b;
+  }
+}
+
+}  // namespace
+
+std::vector<StructureLook> structure_looks(const Model& model) {
+  std::vector<StructureLook> looks;
+  for (const Rgb& colour : colours_of_labels(model)) {
+    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(looks.size()));
+    looks.push_back({colour, tissue != nullptr ? tissue->opacity : 1});
+  }
+  if (!looks.empty()) looks[0].opacity = 0;
+  return looks;
+}
+
+Point<Patient> VolumeCamera::at(double column, double row) const {
+  const double mm = mm_per_px();
+  return focus + right * ((column - 0.5 * (width_px - 1)) * mm) + down * ((row - 0.5 * (height_px - 1)) * mm);
+}
+
+VolumeRenderer::VolumeRenderer() = default;
+VolumeRenderer::VolumeRenderer(VolumeRenderer&&) noexcept = default;
+VolumeRenderer& VolumeRenderer::operator=(VolumeRenderer&&) noexcept = default;
+VolumeRenderer::~VolumeRenderer() = default;
+
+Result<VolumeRenderer> VolumeRenderer::make(const Bricks<LabelId>& labels,
+                                            std::span<const StructureLook> looks, int threads,
+                                            const Progress& progress) {
+  VolumeRenderer renderer;
+  renderer.threads_ = threads;
+  renderer.encoding_ = std::make_unique<Encoding>(labels.geometry(), looks);
+  renderer.scratch_ = std::make_unique<internal::volume_picture::Scratch>();
+  if (const auto made =
+          renderer.encoding_->encode(labels, {{0, 0, 0}, labels.geometry().dims}, threads, progress);
+      !made)
+    return made.error();
+  return renderer;
+}
+
+void VolumeRenderer::change(const Bricks<LabelId>& labels, const VoxelBox& box) {
+  const auto changed = encoding_->encode(labels, box, threads_, {});
+  PALPATE_CHECK(changed);
+}
+
+std::size_t VolumeRenderer::prepared_bytes() const {
+  return encoding_->bytes();
+}
+
+void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style, std::span<std::uint8_t> rgb,
+                            std::span<float> depth_mm) {
+  const auto width = static_cast<std::size_t>(camera.width_px),
+             height = static_cast<std::size_t>(camera.height_px);
+  PALPATE_CHECK(rgb.size() == 3 * width * height && (depth_mm.empty() || depth_mm.size() == width * height));
+  PALPATE_CHECK(camera.eye_mm > 0 && camera.width_mm > 0);
+  std::fill(depth_mm.begin(), depth_mm.end(), std::numeric_limits<float>::infinity());
+  const GridGeometry& grid = encoding_->grid();
+  const Rays rays(grid, camera);
+  const float background[3] = {style.background.r / 255.0f, style.background.g / 255.0f,
+                               style.background.b / 255.0f};
+  const double most_apart = style.clip ? kMostApartClipped : kMostApart;
+  for (const Region& region : regions_of(grid, camera, rays)) {
+    const auto view = Factored::of(grid, camera, rays, region, most_apart);
+    if (!view) {
+      for (const PixelRun& run : region.runs) fill(run, camera.width_px, style.background, rgb);
+      continue;
+    }
+    BlockRows& blocks = encoding_->rows_for(region.axis);
+    blocks.light(camera.into(), style.light, threads_);
+    const RowsView rows = rows_of(blocks, grid, *view);
+    const Ways ways(grid, rays, *view, style.clip);
+    const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
+                        internal::volume_picture::kChunk * internal::volume_picture::kChunk;
+    scratch_->pixels.resize(stride * static_cast<std::size_t>(view->height));
+    if (!depth_mm.empty()) scratch_->met.resize(scratch_->pixels.size());
+    const int workers = worker_count(threads_, view->height);
+    scratch_->lines.resize(std::max(scratch_->lines.size(), static_cast<std::size_t>(workers)));
+
+    for_each_index(view->height, workers, [&](int worker, int v) {
+      Gathered line =
+          line_of(scratch_->lines[static_cast<std::size_t>(worker)], view->width,
+                  rows.blocks * internal::volume_picture::kBlock, ways.is_clipped(), !depth_mm.empty());
+      ways.find(v, line);
+      gather_line(rows, view->planes.data(), static_cast<int>(view->planes.size()), v, view->width, line);
+      pack_line(line, view->width, background, &scratch_->pixels[stride * static_cast<std::size_t>(v)]);
+      if (!depth_mm.empty())
+        std::copy_n(line.met, view->width, &scratch_->met[stride * static_cast<std::size_t>(v)]);
+      return true;
+    });
+
+    const LeapsView leaps = encoding_->leaps().view(view->x, view->y, view->z);
+    const int count = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, count);
+    scratch_->bundles.resize(std::max(scratch_->bundles.size(), static_cast<std::size_t>(warpers)));
+    scratch_->edges.resize(scratch_->bundles.size());
+    scratch_->row_met.resize(scratch_->bundles.size());
+    for_each_index(count, warpers, [&](int worker, int n) {
+      const PixelRun& run = region.runs[static_cast<std::size_t>(n)];
+      const Eigen::Vector3d start = view->warp_start + view->warp_line * run.row;
+      std::vector<std::int32_t>& edges = scratch_->edges[static_cast<std::size_t>(worker)];
+      std::vector<float>& met = scratch_->row_met[static_cast<std::size_t>(worker)];
+      edges.resize(width);
+      std::uint8_t* row = &rgb[3 * width * static_cast<std::size_t>(run.row)];
+      const int edge_count = internal::volume_picture::warp_row(
+          {scratch_->pixels.data(), static_cast<std::ptrdiff_t>(stride), view->width, view->height, start[0],
+           view->warp_step[0], start[1], view->warp_step[1], start[2], view->warp_step[2]},
+          run.begin, run.end, row, edges.data());
+      if (!depth_mm.empty()) {
+        met.resize(width);
+        for (int x = run.begin; x < run.end; ++x) {
+          const Eigen::Vector3d at = start + view->warp_step * x;
+          const long u = std::lround(at[0] / at[2]), v = std::lround(at[1] / at[2]);
+          const bool is_in = u >= 0 && v >= 0 && u < view->width && v < view->height;
+          met[static_cast<std::size_t>(x)] =
+              is_in ? scratch_->met[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)] : -1;
+        }
+      }
+      trace(rows, leaps, ways, *view, run.row, {edges.data(), static_cast<std::size_t>(edge_count)},
+            background, scratch_->bundles[static_cast<std::size_t>(worker)], row,
+            depth_mm.empty() ? nullptr : met.data());
+      if (depth_mm.empty()) return true;
+      for (int x = run.begin; x < run.end; ++x) {
+        const float plane = met[static_cast<std::size_t>(x)];
+        if (plane < 0) continue;
+        const Eigen::Vector3d way = rays.along(x, run.row);
+        const double slice = view->z_first + view->z_step * plane,
+                     ways_along = (slice - rays.start(x, run.row)[view->z]) / way[view->z];
+        depth_mm[width * static_cast<std::size_t>(run.row) + static_cast<std::size_t>(x)] =
+            static_cast<float>(ways_along *
+                               (rays.is_parallel ? 1 : (grid.X_PatientVoxel().linear() * way).norm()));
+      }
+      return true;
+    });
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,110 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+/// The inner loops of a volume's picture, compiled for every SIMD target; VolumeRenderer prepares and calls
+/// them.
+namespace palpate::internal::volume_picture {
+
+/// Voxels of a block, along its row.
+inline constexpr int kBlock = 8;
+/// Extinction, and extinction times light, are kept as whole numbers: times h, in steps of 1 / 8192.
+inline constexpr float kDepthSteps = 8192;
+/// Of a normal's components.
+inline constexpr float kNormalSteps = 127;
+
+struct alignas(64) VoxelBlock {
+  std::uint16_t extinction[kBlock];
+  std::uint8_t colour[3][kBlock];
+  std::int8_t normal[3][kBlock];  ///< patient
+};
+/// Extinction times red and, in the upper half, green light; times blue light and, in the upper half, alone.
+struct alignas(64) LitBlock {
+  std::uint32_t pair[2][kBlock];
+};
+static_assert(sizeof(VoxelBlock) == 64 && sizeof(LitBlock) == 64);
+
+/// How light falls: away from the viewer, and VolumeLight.
+struct LightFall {
+  float into[3];
+  float ambient, diffuse, specular;
+};
+void light_blocks(const VoxelBlock* voxels, const std::uint32_t* which, std::size_t count,
+                  const LightFall& light, LitBlock* lit);
+
+/// Rows of lit blocks, seen along an axis: x along a row, z away from the viewer or towards it.
+struct RowsView {
+  const std::uint64_t* mask = nullptr;      ///< a bit for each block that is there; `words` a row
+  const std::uint32_t* block_of = nullptr;  ///< `blocks` a row; 0: not there
+  const LitBlock* lit = nullptr;            ///< the first one is empty
+  int blocks = 0, words = 0;
+  int count[3]{};           ///< voxels along x, y, z
+  std::ptrdiff_t row[3]{};  ///< from a row to the next along y and z; [0] is not used
+};
+
+/// A plane of samples: intermediate pixel (u, v) is sampled at x = x_per_u u + x_0, y = y_per_v v + y_0.
+struct SamplePlane {
+  double x_per_u, x_0, y_per_v, y_0;
+  int slice;     ///< z is there, and
+  float beyond;  ///< so much farther along the axis, 0 ... 1
+};
+
+/// What a line of intermediate pixels has gathered; arrays of whole chunks of kChunk.
+inline constexpr int kChunk = 8;
+struct Gathered {
+  float* channel[3];  ///< 0 ... 1
+  float* clear;       ///< how much of what lies behind is seen
+  float* met;         ///< plane at which it fell below one half, and parts of one; -1: nowhere; may be null
+  float* step;        ///< from plane to plane, h
+  float* first;       ///< planes that are seen, and parts of one; null: all
+  float* last;
+  std::uint8_t* done;  ///< of each chunk: nothing more is seen
+  float* row[4];       ///< room for a row of samples, kRowPadding more at either end
+};
+inline constexpr int kRowPadding = 32 * kBlock;
+
+/// Gathers from all planes, front to back. @param width  pixels
+void gather_line(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int width,
+                 const Gathered& line);
+
+/// Intermediate pixels: red, green and blue in 10 bits each.
+void pack_line(const Gathered& line, int width, const float* background, std::uint32_t* packed);
+
+/// Where there is nothing: of each cube of 4^3 cells how many cubes from here, itself included, are empty
+/// whichever way one goes; 0 where something is. Cell c lies between voxels c - 1 and c.
+struct LeapsView {
+  const std::int32_t* leap = nullptr;
+  std::int32_t step[3]{};  ///< from a cube to the next along x, y, z of the rows
+};
+inline constexpr int kLeapSide = 4;
+
+/// Rays through planes of samples, front to back, each with what it gathers; room for whole chunks of kChunk.
+struct TracedRays {
+  float *x, *x_per_plane, *y, *y_per_plane;  ///< voxels, at plane 0
+  float* step;                               ///< from plane to plane, h
+  float *first, *last;                       ///< planes that are seen, and parts of one
+  float* channel[3];                         ///< 0 ... 1
+  float *clear, *met;                        ///< as in Gathered
+};
+struct PlaneRange {
+  float z, z_per_plane;  ///< voxels
+  int count;
+};
+/// @param count  of rays
+void trace_rays(const RowsView& rows, const LeapsView& leaps, const PlaneRange& planes, int count,
+                const TracedRays& rays);
+
+/// Final pixels of a row from intermediate ones at (u, v) = (U, V) / W, all linear in the column.
+struct Warp {
+  const std::uint32_t* pixels;
+  std::ptrdiff_t stride;
+  int width, height;
+  double u_0, u_step, v_0, v_step, w_0, w_step;
+};
+/// @param begin, end  columns
+/// @param edges       takes the columns whose four intermediate pixels differ too much to be mixed
+/// @returns how many these are
+int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32_t* edges);
+
+}  // namespace palpate::internal::volume_picture

@@ -1,0 +1,61 @@
+"""Pictures of the volume: from every side, cut, of some structures alone, all around, and what is said when there is none."""
+
+import cli
+
+
+class Render(cli.KneeTest):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.new_scene(cls.scan, cls.labels)
+
+    def render(self, *arguments, name="volume.png"):
+        self.succeed("render", self.scene, "--pixels", "320", "-o", self.folder / name, *arguments)
+        return (self.folder / name).read_bytes()
+
+    def test_every_option_changes_the_picture(self):
+        seen = {self.render(*arguments) for arguments in (
+            [], ["--from", "left"], ["--from", "superior"], ["--turn", "30"], ["--tilt=-20"], ["--perspective"], ["--at", "5,5,5"],
+            ["--cut", "anterior"], ["--size", "60"], ["--only", "femur"], ["--hide", "femur"], ["--hide", "femur", "--hide", "tibia"])}
+        self.assertEqual(len(seen), 12)
+
+    def test_the_same_command_makes_the_same_picture(self):
+        self.assertEqual(self.render("--turn", "33", name="a.png"), self.render("--turn", "33", name="b.png"))
+
+    def test_an_orbit_is_a_folder_of_pictures(self):
+        folder = self.folder / "orbit"
+        self.succeed("render", self.scene, "--pixels", "320", "--orbit", "4", "-o", folder)
+        frames = sorted(folder.iterdir())
+        self.assertEqual([frame.name for frame in frames], [f"frame-00{n}.png" for n in range(4)])
+        self.assertEqual(len({frame.read_bytes() for frame in frames}), 4)
+        done = cli.run("render", self.scene, "--orbit", "4", "-o", folder)
+        self.assertEqual(done.returncode, cli.OUTPUT)
+        self.assertIn("a folder of their own", done.stderr)
+
+    def test_neither_title_nor_path_is_in_it(self):
+        scene = self.scene.with_name("CANARY.toml")
+        pictures = []
+        for title in ("CANARY", None):
+            scene.write_text(self.scene_without_title(title) if title else self.scene_without_title())
+            self.succeed("render", scene, "--pixels", "320", "-o", self.folder / "titled.png")
+            pictures.append((self.folder / "titled.png").read_bytes())
+        self.assertNotIn(b"CANARY", pictures[0])
+        self.assertEqual(*pictures)
+
+    def test_what_cannot_be_drawn(self):
+        for arguments, words in ((["--from", "above"], "--from"), (["--only", "femurr"], 'no structure is called "femurr"'),
+                                 (["--tilt", "91"], "--tilt"), (["--orbit", "1"], "--orbit"), (["--pixels", "100"], "--pixels")):
+            with self.subTest(arguments):
+                output = self.folder / "none.png"
+                done = cli.run("render", self.scene, "-o", output, *arguments)
+                self.assertEqual(done.returncode, cli.USAGE, done.stderr)
+                self.assertIn(words, done.stderr)
+                self.assertFalse(output.exists())
+
+    def test_outputs_that_cannot_be_written(self):
+        self.check_outputs_that_cannot_be_written("render", ".png", ".svg")
+
+
+if __name__ == "__main__":
+    cli.keep_what_is_prepared()
+    cli.main()
