@@ -858,6 +858,20 @@ Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
   return {};
 }
 
+// Whether a JPEG image has a marker TEM (FF01) before its frame's header: DCMTK (3.6.7), which looks for its
+// bits there, stays at it for ever. Nothing of DICOM's has one.
+bool has_endless_marker(std::span<const std::uint8_t> packed) {
+  for (std::size_t at = 0; at + 4 < packed.size() && packed[at] == 0xFF;) {
+    const std::uint8_t marker = packed[at + 1];
+    if (marker == 0x01) return true;
+    const bool frame = marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+    if (frame || marker == 0x00 || marker == 0x02) return false;
+    const bool alone = marker < 0xC0 || (marker >= 0xD0 && marker <= 0xD9);
+    at += marker == 0xFF ? 1 : alone ? 2 : 2u + packed[at + 2] * 256u + packed[at + 3];
+  }
+  return false;
+}
+
 // Makes of packed_ a sequence of one fragment, which is all that a decoder of DCMTK's gets. That of JPEG-LS
 // looks at a byte beyond its data (3.6.7), which is then the marker of an image's end.
 bool FilePixels::isolate() {
@@ -922,7 +936,7 @@ Result<void> FilePixels::unpack(const DicomFrame& frame, std::uint64_t bytes) {
     if (syntax == EXS_RLELossless)
       return unpack_rle(packed_, static_cast<std::size_t>(frame.bits_allocated / 8), buffer_) ? Result<void>()
                                                                                               : damaged;
-    if (!isolate()) return damaged;
+    if (has_endless_marker(packed_) || !isolate()) return damaged;
   }
   // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
   // 16

@@ -500,6 +500,16 @@ TEST_F(Dicom, JpegOfEightBitsIsNear) {
   for (int k = 0; k < kSlices; ++k) EXPECT_NEAR(scan->scan.at(4, 3, k), 100 + 10 * k, 2);
 }
 
+TEST_F(Dicom, AJpegMarkerThatDcmtkStaysAtIsDamage) {
+  write_series(DicomPacking::kJpegLosslessFirstOrder);
+  std::string bytes = bytes_of(folder_ / "IM1");
+  const auto image = bytes.find("\xFF\xD8\xFF");
+  ASSERT_NE(image, std::string::npos);
+  bytes[image + 3] = 1;
+  std::ofstream(folder_ / "IM1", std::ios::binary) << bytes;
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 2 of 5"), HasSubstr("damaged PixelData (7FE0,0010)")));
+}
+
 TEST_F(Dicom, LossyOfTwelveBitsIsNear) {
   for (const auto& [packing, most] :
        {std::pair{DicomPacking::kJpegExtended, 8}, {DicomPacking::kJpegLsNear, 2}}) {
@@ -1701,7 +1711,7 @@ TEST(DicomSeeds, AreUnderstood) {
       EXPECT_EQ(list->volumes[0].fault, "a single slice is no volume");
     }
   }
-  EXPECT_EQ(seeds, 18);
+  EXPECT_EQ(seeds, 19);
 }
 
 }  // namespace
