@@ -324,7 +324,7 @@ class FirstSteps(cli.PalpateTest):
 
     def test_what_people_type_names_the_verb(self):
         for words, verb in ((["import", "scan.nii.gz"], "palpate scene new"), (["open", "x"], "palpate explore"),
-                            (["load", "x"], "palpate explore"), (["view", "x"], "palpate explore FILE, or palpate section"),
+                            (["load", "x"], "palpate explore"), (["view", "x"], "palpate explore FILE, palpate section"),
                             (["show", "x"], "palpate explore"), (["run", "x"], "palpate simulate"),
                             (["play", "run.h5"], "palpate replay"), (["convert", "x"], "palpate prepare"),
                             (["list"], "palpate data list"), (["new"], "palpate scene new"), (["feel", "x"], "palpate explore"),
