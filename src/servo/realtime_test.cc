@@ -114,6 +114,7 @@ namespace {
 Model crowded_model() {
   constexpr std::size_t kStructures = 250;
   Model model = testing::as_one_body(testing::with_every_method(testing::ball_model({1, 1, 1}, 1.0, 3)), 3);
+  model.surfaces.back().opened_by = {1};
   for (std::size_t n = 0; model.surfaces.size() < kStructures; ++n) {
     const double turn = 0.7 * static_cast<double>(n), up_mm = 0.2 * static_cast<double>(n) - 25;
     const Eigen::Vector3d centre(30 * std::cos(turn), 30 * std::sin(turn), up_mm);
@@ -123,8 +124,10 @@ Model crowded_model() {
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
     model.surfaces.back().structure = 0;
   }
-  // the shell around the ball yields
+  // the shell around the ball yields, and stays open where it was gone through
   model.surfaces[1].yield_modulus_N_per_mm2 = 0.02;
+  model.surfaces[1].puncture_N = 0.3;
+  model.surfaces[1].stays_open = true;
   constexpr Relaxation kRelaxation{{{{0.3, 0.1}, {0.2, 3}}}};
   model.relaxation_times.add(kRelaxation);
   model.surfaces[1].relaxed.add(kRelaxation, model.relaxation_times, 1);
@@ -160,15 +163,18 @@ class Exercise {
       tick(model_, parameters_, devices_, 1e-3, state_, wrenches_, record_);
       if (state_.hands[0].proxy.yield.modulus_N_per_mm2 > 0) ++yielded_;
       if (state_.hands[0].proxy.relaxation.remembers()) ++relaxed_;
+      if (!state_.holes.empty()) ++with_holes_;
     }
   }
   /// Ticks in which tissue that yields was pressed.
   int yielded() const { return yielded_; }
   /// Ticks that remember such tissue as it has relaxed.
   int relaxed() const { return relaxed_; }
+  /// Ticks in which there is a hole that stayed open.
+  int with_holes() const { return with_holes_; }
 
  private:
-  int yielded_ = 0, relaxed_ = 0;
+  int yielded_ = 0, relaxed_ = 0, with_holes_ = 0;
   const Model model_ = crowded_model();
   Parameters parameters_;
   SessionState state_;
@@ -366,6 +372,7 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   EXPECT_EQ(locked_after - locked, 0);
   EXPECT_GT(exercise.yielded(), 100);
   EXPECT_GT(exercise.relaxed(), 100);
+  EXPECT_GT(exercise.with_holes(), 100);
 }
 
 TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {

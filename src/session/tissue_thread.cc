@@ -16,10 +16,6 @@ using Clock = std::chrono::steady_clock;
 // below what ticks, above what carves and makes fields
 constexpr int kPriority = 5;
 
-}  // namespace
-
-namespace {
-
 /// @param unit_mm  what is seen is so many `times` of it
 std::shared_ptr<ViewedYield> viewed_field(const ElasticBox& box, const ElasticLayout& layout,
                                           const ElasticField& unit_mm, double times) {

@@ -41,8 +41,7 @@ bool find_dent(const Model& model, const TickRecord& felt, std::size_t device, D
       Vector<Patient>(told.normal_patient[0], told.normal_patient[1], told.normal_patient[2]).normalized();
   dent.depth_mm = told.depth_mm;
   dent.radius_mm = std::max(model.tool_of(device).radius_mm, kYieldFeel.least_radius_mm);
-  return dent.at.all_finite() && dent.outward.all_finite() && dent.outward.norm() > 0.5 &&
-         dent.depth_mm > 0 && std::isfinite(dent.depth_mm);
+  return dent.at.all_finite() && dent.outward.all_finite() && dent.outward.norm() > 0.5;
 }
 
 /// Where a node's displacement may lie for one of its neighbours, by axis.

@@ -50,26 +50,6 @@ struct Within {
   }
 };
 
-// Where a device's tool presses, and how hard; its tissue's patch alone.
-struct Press {
-  Point<Patient> at;
-  Vector<Patient> outward;
-  double force_N = 0, radius_mm = 0;
-};
-bool find_press(const Model& model, const TickRecord& felt, std::size_t device, Press& press) {
-  const DeviceTick& told = felt.device[device];
-  const Tissue* tissue = model.tissue_of(told.contact_label[0]);
-  if (told.contact_label[0] == 0 || tissue == nullptr || !model.yields(*tissue)) return false;
-  press.at =
-      Point<Patient>(told.contact_patient_mm[0], told.contact_patient_mm[1], told.contact_patient_mm[2]);
-  press.outward =
-      Vector<Patient>(told.normal_patient[0], told.normal_patient[1], told.normal_patient[2]).normalized();
-  press.force_N = told.contact_N[0];
-  press.radius_mm = std::max(model.tool_of(device).radius_mm, kYieldFeel.least_radius_mm);
-  return press.at.all_finite() && press.outward.all_finite() && press.outward.norm() > 0.5 &&
-         press.force_N > 0 && std::isfinite(press.force_N);
-}
-
 }  // namespace
 
 YieldedTissue::YieldedTissue(const Model& model, const TickRecord& felt) {
@@ -95,24 +75,24 @@ void YieldedTissue::move(const Model& model, const TickRecord& felt) {
 
 void YieldedTissue::solve(const Model& model, const TickRecord& felt) {
   const std::vector<ElasticMaterial> by_label = materials_of(model);
-  const auto devices = static_cast<std::size_t>(std::clamp(felt.devices, 0, kMaxDevices));
-  for (std::size_t d = 0; d < devices; ++d) {
-    Press press;
-    if (!find_press(model, felt, d, press)) continue;
+  for (std::size_t d = 0; d < kMaxDevices; ++d) {
+    Dent press;
+    const double pressed_N = felt.device[d].contact_N[0];  // its tissue's patch alone
+    if (!find_dent(model, felt, d, press) || !(pressed_N > 0 && std::isfinite(pressed_N))) continue;
     const std::array<int, 3> first = first_cell_around(model, middle_below(model, press.at, press.outward));
     const CarvedCells cells = yield_cells(model, by_label, {first, press.at});
     const ElasticGrid& grid = cells.grid();
     const double cell_mm = grid.box().cell_mm, least_mm = kSolvingFeel.least_patch_cells * cell_mm;
     const double modulus = PressurePatch(grid, press.at, press.outward, least_mm).contact_modulus();
     if (!(modulus > 0)) continue;
-    const double touched_mm = cube_root(0.75 * press.force_N * press.radius_mm / modulus);
+    const double touched_mm = cube_root(0.75 * pressed_N * press.radius_mm / modulus);
     const double rho_mm = std::clamp(touched_mm, least_mm, kMostPatchPart * grid.box().cells[1] * cell_mm);
     const PressurePatch patch(grid, press.at, press.outward, rho_mm);
     if (!patch.touches()) continue;
     ElasticField unit_mm(grid.layout()), load_N(grid.layout());
     patch.add(1, load_N);
     ElasticSolver(grid).solve(load_N, unit_mm, kMostIterations, kConverged);
-    double force_N = press.force_N;
+    double force_N = pressed_N;
     if (model.relaxation_times.any()) {
       YieldSpot spot;
       spot.compliance_mm_per_N = patch.displacement(unit_mm);

@@ -13,14 +13,15 @@
 /// Tissue that moves as a chain mail does, for what it looks like. It knows no forces: those are the layers'.
 namespace palpate {
 
-/// A tool's dent in a surface at rest.
+/// Where a tool leans on a surface, and its dent in that at rest.
 struct Dent {
   Point<Patient> at;        ///< place on the surface
   Vector<Patient> outward;  ///< of the surface there, unit
-  double depth_mm = 0;      ///< of the tool's foremost point below it
+  double depth_mm = 0;      ///< of the tool's foremost point below it; not above 0: it moves nothing
   double radius_mm = 0;     ///< of the tool's sphere
 };
-/// Of a device's tool in the layer of what moves; false where it presses nothing of that.
+/// Of a device's tool in what moves (Model::moves), as a tick tells it; false where it leans on nothing of
+/// that.
 bool find_dent(const Model& model, const TickRecord& felt, std::size_t device, Dent& dent);
 
 /// 3D ChainMail (S. Gibson, "3D ChainMail: a fast algorithm for deforming volumetric objects", Symposium on
