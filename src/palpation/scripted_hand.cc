@@ -762,8 +762,15 @@ void ScriptedHand::keep_contact(const TickRecord& felt, double dt_s) {
 }
 
 void ScriptedHand::begin_withdrawal(const TickRecord& felt) {
-  way_ = way_in_;
   leaving_from_ = tip_of(felt);
+  // a corner that the hand has reached and the tip, held back by what it met, has not is no way back
+  const Point<Patient> tip = X_WorldPatient(felt).inverse() * leaving_from_;
+  while (way_in_.size() > 1) {
+    const Vector<Patient> last = way_in_.back() - way_in_[way_in_.size() - 2];
+    if ((tip - way_in_.back()).dot(last) >= 0 || (tip - way_in_.back()).norm() > kPushedAway_mm) break;
+    way_in_.pop_back();
+  }
+  way_ = way_in_;
   wanted_N_ = left_s_ = stuck_s_ = pressed_s_ = 0;
 }
 

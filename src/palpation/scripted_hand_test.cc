@@ -155,6 +155,51 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
   EXPECT_NE(hand->trouble()[0].find("there is none"), std::string::npos) << hand->trouble()[0];
 }
 
+// The hand leads by a millimetre or two: where it turns back is behind the tip, not a corner of its way that
+// only the hand has reached. It stayed pressed against what it had met, for as long as 25 s.
+TEST(ScriptedHand, ComesBackFromWhatItMetOnTheWay) {
+  const LoadedScene loaded = loaded_ball();
+  const Script script =
+      parse_script("[[step]]\napproach = \"ball\"\nfrom = \"posterior\"\n", "script round the ball").value();
+  for (double free_mm = 3; free_mm < 9; free_mm += 0.7) {
+    auto hand = ScriptedHand::create(*loaded.model, script);
+    ASSERT_TRUE(hand.ok()) << hand.error().message();
+    HandCommands commands;
+    TickRecord felt;
+    DeviceTick& device = felt.device[0];
+    Point<World> intention = hand->start(), tip = intention;
+    const auto tick = [&] {
+      const auto tip_patient = loaded.model->X_WorldPatient.inverse() * tip;
+      for (int axis = 0; axis < 3; ++axis) {
+        device.tip_world_mm[axis] = tip[axis];
+        device.tip_patient_mm[axis] = device.proxy_patient_mm[axis] = tip_patient[axis];
+      }
+      intention = hand->next(felt, 1e-3, commands).value();
+    };
+    while ((tip - hand->start()).norm() < free_mm) {
+      tick();
+      tip = intention;
+    }
+
+    // a wall that nobody planned for
+    const Point<World> wall = tip;
+    const Vector<World> forward = (tip - hand->start()).normalized();
+    const Vector<Patient> normal = loaded.model->X_WorldPatient.inverse() * -forward;
+    bool met = false, back = false;
+    for (int n = 0; n < 400; ++n) {
+      tick();
+      const double over_mm = (intention - wall).dot(forward);
+      tip = over_mm > 0 ? intention - forward * over_mm : intention;
+      device.label = over_mm > 0 ? testing::kBone : LabelId{0};
+      device.depth_mm = 0.2 * std::max(0.0, over_mm);
+      for (int axis = 0; axis < 3; ++axis) device.normal_patient[axis] = over_mm > 0 ? normal[axis] : 0;
+      met |= over_mm > 1;
+      back |= met && over_mm < 0;
+    }
+    EXPECT_TRUE(met && back) << "stopped after " << free_mm << " mm";
+  }
+}
+
 TEST(Simulate, InterruptedItLeavesARecordingThatReopens) {
   test::TemporaryFolder folder;
   std::atomic<bool> stop{false};
