@@ -116,6 +116,7 @@ class Fields {
 SettingsRequest read_settings(Fields& fields) {
   SettingsRequest request;
   request.method = fields.name("method", kMostName_bytes);
+  request.law = fields.name("law", kMostName_bytes);
   request.friction = fields.flag("friction");
   request.viscosity = fields.flag("viscosity");
   request.passivity = fields.flag("passivity");
@@ -123,8 +124,9 @@ SettingsRequest read_settings(Fields& fields) {
   request.motor = fields.flag("motor");
   request.max_force_N = fields.number("max_force_N");
   request.rotation_wxyz = fields.rotation("rotation_wxyz");
-  const bool any = request.method || request.friction || request.viscosity || request.passivity ||
-                   request.paused || request.motor || request.max_force_N || request.rotation_wxyz;
+  const bool any = request.method || request.law || request.friction || request.viscosity ||
+                   request.passivity || request.paused || request.motor || request.max_force_N ||
+                   request.rotation_wxyz;
   fields.end();
   if (!any) fields.refuse("", "nothing is asked for");
   return request;

@@ -176,6 +176,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   // for viewers that know of one tool alone
   json["tool"] = json["tools"].front();
   json["methods"] = scene.methods;
+  json["laws"] = scene.laws;
   json["device"] = {{"name", shown(scene.device_name)},
                     {"simulated", scene.simulated},
                     {"input", scene.input},
@@ -196,6 +197,7 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer, std:
   Json json;
   json["type"] = "state";
   json["method"] = state.method;
+  json["law"] = state.law;
   json["method_awaited"] = state.method_awaited.empty() ? Json() : Json(state.method_awaited);
   json["method_failed"] = state.method_failure ? error_json(*state.method_failure) : Json();
   json["friction"] = state.friction;

@@ -45,6 +45,15 @@ void hash_after(const Model& felt, const ModelChange& change, Model& next) {
   next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.uncut_hash) : next.uncut_hash;
 }
 
+Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change) {
+  auto under = under_law(felt, law_of(change));
+  if (!under) return under.error();
+  auto next = std::make_shared<Model>(**under);
+  next->version = change.version;
+  hash_after(felt, change, *next);
+  return std::shared_ptr<const Model>(std::move(next));
+}
+
 }  // namespace
 
 ModelChange unchanged(const Model& model, std::size_t tissue) {
@@ -142,6 +151,29 @@ ModelChange change_of_stroke(const Model& felt, StrokeAction action) {
   return {felt.version + 1, action == StrokeAction::kUndo ? ModelChange::kUndo : ModelChange::kRedo};
 }
 
+ModelChange change_of_law(const Model& felt, TissueLaw law) {
+  return {felt.version + 1, ModelChange::kLaw + static_cast<std::uint32_t>(law)};
+}
+
+Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law) {
+  const bool is_soft = std::ranges::any_of(
+      felt.tissues, [](const Tissue& tissue) { return tissue.felt && tissue.elastic.has_value(); });
+  if (!is_soft)
+    return Error{ErrorKind::kBadInput, "no tissue that is felt has a Young's modulus", "",
+                 "give one `youngs_modulus`, or a preset that has one"};
+  if (is_elastic(law) != is_elastic(felt.tissue_law))
+    return Error{ErrorKind::kBadInput,
+                 "tissue that yields has other surfaces than tissue that is felt by layers", "",
+                 "write the law into the scene's [yielding], and open it again"};
+  if (is_moving(law) && felt.carving != nullptr && !felt.carving->tells_parts())
+    return Error{ErrorKind::kBadInput,
+                 "what was cut away from tissue that did not move was not counted in parts of voxels", "",
+                 "begin with the law by which it moves, or change to it before anything is cut"};
+  auto next = std::make_shared<Model>(felt);
+  next->tissue_law = law;
+  return std::shared_ptr<const Model>(std::move(next));
+}
+
 std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change) {
   if (carving == nullptr || !change.is_of_stroke()) return nullptr;
   return change.tissue == ModelChange::kUndo ? carving->undone() : carving->redone();
@@ -165,6 +197,11 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
     if (carving == nullptr)
       return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "", ""};
     return ModelVersions{carving->taken_from(*now.felt), now.made};
+  }
+  if (change.is_of_law()) {
+    auto felt = next_law(*now.felt, change);
+    if (!felt) return felt.error();
+    return ModelVersions{*std::move(felt), now.made};
   }
   if (change.tissue != ModelChange::kFieldsMadeAnew) {
     auto felt = changed_model(*now.felt, *now.made, change);

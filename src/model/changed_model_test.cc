@@ -217,6 +217,41 @@ TEST(ChangedModel, AUnionGaussianIsMadeOnce) {
   EXPECT_FALSE(next_version({made, made}, {2, ModelChange::kFieldsMadeAnew}).ok());
 }
 
+TEST(ChangedModel, ALawIsChangedWithinItsPair) {
+  Model soft = *ball();
+  soft.tissues[0].elastic = ElasticConstants{20, 0.45};
+  const auto layers = std::make_shared<const Model>(soft);
+  soft.tissue_law = TissueLaw::kElastic;
+  const auto elastic = std::make_shared<const Model>(soft);
+  for (const auto& [from, to, is_possible] :
+       {std::tuple(layers, TissueLaw::kChainMail, true), std::tuple(elastic, TissueLaw::kNeoHookean, true),
+        std::tuple(layers, TissueLaw::kElastic, false), std::tuple(elastic, TissueLaw::kLayers, false)}) {
+    const ModelChange change = change_of_law(*from, to);
+    ASSERT_TRUE(change.is_of_law());
+    EXPECT_FALSE(change.is_of_tissue() || change.is_of_stroke());
+    EXPECT_EQ(law_of(change), to);
+    const auto next = next_version({from, from}, change);
+    ASSERT_EQ(next.ok(), is_possible) << change.tissue;
+    if (!is_possible) continue;
+    EXPECT_EQ(next->felt->tissue_law, to);
+    EXPECT_EQ(next->felt->version, from->version + 1);
+    EXPECT_NE(next->felt->content_hash, from->content_hash);
+    EXPECT_EQ(next->felt->field, from->field);
+    EXPECT_EQ(next->made, from);
+  }
+  const auto rigid = ball();
+  EXPECT_FALSE(under_law(*rigid, TissueLaw::kChainMail).ok());
+
+  LawsByVersion laws(TissueLaw::kElastic);
+  laws.hear({2, 0});
+  laws.hear({5, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kNeoHookean)});
+  laws.hear({3, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kLayers)});
+  EXPECT_EQ(laws.at(0), TissueLaw::kElastic);
+  EXPECT_EQ(laws.at(4), TissueLaw::kElastic);
+  EXPECT_EQ(laws.at(5), TissueLaw::kNeoHookean);
+  EXPECT_EQ(laws.at(4000), TissueLaw::kNeoHookean);
+}
+
 TEST(ChangedModel, WhatASceneMayNotHaveIsRefusedInItsWords) {
   const auto made = ball();
   const auto error_of = [&](std::size_t tissue, auto&& edit) {

@@ -75,6 +75,9 @@ struct StepText {
   std::string operator()(const StrokeStep& s) const {
     return line("stroke", quoted(s.action == StrokeAction::kUndo ? "undo" : "redo"));
   }
+  std::string operator()(const LawStep& s) const {
+    return line("law", quoted(std::string(name_of(s.law, kTissueLaws))));
+  }
   std::string operator()(const LeaveStep& s) const {
     return line("leave", "true") + line("speed", shortest_number(s.speed_mm_s));
   }

@@ -15,7 +15,8 @@ TEST(ScriptText, ParsesBackToTheSameScript) {
       "true\nspeed = 7\n[[step]]\napproach = [1.0, -2.5, 3.0]\nfrom = \"left\"\n[[step]]\nleave = true\n"
       "[[step]]\napproach = \"femur\"\nlandmark = \"right\"\n[[step]]\nleave = true\n"
       "[[step]]\napproach = \"femur\"\nnearest = \"#7\"\n[[step]]\nleave = true\n"
-      "[[step]]\napproach = \"femur\"\nnearest = [0.0, 0.1, 2.0]\n",
+      "[[step]]\napproach = \"femur\"\nnearest = [0.0, 0.1, 2.0]\n[[step]]\nleave = true\n[[step]]\nlaw = "
+      "\"neo-hookean\"\n",
       "script");
   ASSERT_TRUE(script.ok()) << script.error().message();
   const std::string text = script_text(*script);
@@ -35,6 +36,7 @@ TEST(ScriptText, ParsesBackToTheSameScript) {
   EXPECT_EQ(approach(9).landmark, Vector<Patient>(-1, 0, 0));
   EXPECT_EQ(std::get<std::string>(approach(11).nearest), "#7");
   EXPECT_EQ(std::get<Point<Patient>>(approach(13).nearest), Point<Patient>(0, 0.1, 2));
+  EXPECT_EQ(std::get<LawStep>(again->steps[15]).law, TissueLaw::kNeoHookean);
   EXPECT_EQ(std::get<MethodStep>(again->steps[3]).method, ForceMethod::kSpline);
   EXPECT_LT((std::get<SlideStep>(again->steps[4]).direction.normalized() -
              std::get<SlideStep>(script->steps[4]).direction.normalized())

@@ -121,6 +121,18 @@ Point<World> tip_of(const TickRecord& felt) {
   return point<World>(felt.device[0].tip_world_mm);
 }
 
+// Once something is cut tissue that did not move cannot begin to; when that is, a script does not know.
+Result<void> check_law(const Model& model, TissueLaw law, const std::string& where) {
+  if (model.cuts() && is_moving(law) && !is_moving(model.tissue_law))
+    return Error{ErrorKind::kBadInput, "a scene with a tool that cuts cannot begin to move its soft tissue",
+                 where, "write the law into the scene's [yielding], so that it moves from the start"};
+  auto under = under_law(model, law);
+  if (under) return {};
+  Error error = under.error();
+  error.where = where;
+  return error;
+}
+
 double low_pass(double old, double now, double dt_s, double time_s) {
   return old + (now - old) * std::min(1.0, dt_s / time_s);
 }
@@ -165,6 +177,8 @@ Result<ScriptedHand> ScriptedHand::create(const Model& model, const Script& scri
 Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action, int line, LabelId before,
                                                         const std::string& where) {
   PlannedStep step{action, line, before, {}};
+  if (const auto* change = std::get_if<LawStep>(&action))
+    if (auto fine = check_law(*model_, change->law, where); !fine) return fine.error();
   const auto* approach = std::get_if<ApproachStep>(&action);
   if (!approach) return step;
 
@@ -203,6 +217,7 @@ ScriptedHand::ScriptedHand(const Model& model, const Script& script, const Plant
     : model_(&model),
       device_(device),
       hand_(hand),
+      law_(model.tissue_law),
       free_space_(model, tool_reach_mm(model.tool_of(0))),
       tool_reach_mm_(tool_reach_mm(model.tool_of(0))) {
   // in the air, a hand's breadth in front of the patient
@@ -314,6 +329,7 @@ bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, dou
     bool operator()(const RotateStep&) { return hand.rotate(step, felt, dt_s, commands.rotation_target); }
     bool operator()(const MethodStep& change) { return hand.change_method(change, felt, dt_s, commands); }
     bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, felt, dt_s, commands); }
+    bool operator()(const LawStep& change) { return hand.change_law(change, felt, dt_s, commands); }
     bool operator()(const StrokeStep&) { return hand.change_stroke(step, felt, dt_s, commands); }
     bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
   };
@@ -534,6 +550,13 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& fel
   return true;
 }
 
+bool ScriptedHand::change_law(const LawStep& change, const TickRecord& felt, double dt_s,
+                              HandCommands& commands) {
+  if (touching_) keep_contact(felt, dt_s);
+  commands.law = law_ = change.law;
+  return true;
+}
+
 bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,
                                 HandCommands& commands) {
   if (touching_) keep_contact(felt, dt_s);
@@ -572,7 +595,8 @@ bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double
 double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const {
   const DeviceTick& device = felt.device[0];
   const Tissue& tissue = *model_->tissue_of(structure);
-  const double own = model_->yields(tissue) ? yielding_N_per_mm(*tissue.elastic) : tissue.stiffness_N_per_mm;
+  const double own =
+      is_elastic(law_) && tissue.elastic ? yielding_N_per_mm(*tissue.elastic) : tissue.stiffness_N_per_mm;
   const FeltStiffness gains(device);
   const double most = gains.most_in_patient();
   if (!(most > 0)) return own;
@@ -663,6 +687,7 @@ std::string ScriptedHand::named(const PlannedStep& step) const {
     }
     std::string operator()(const RotateStep& s) const { return text_of("turn by %.0f degrees", s.degrees); }
     std::string operator()(const MethodStep&) const { return "change of the method"; }
+    std::string operator()(const LawStep&) const { return "change of soft tissue's law"; }
     std::string operator()(const MotorStep& s) const { return s.on ? "motor on" : "motor off"; }
     std::string operator()(const StrokeStep& s) const {
       return s.action == StrokeAction::kUndo ? "undoing a stroke" : "doing a stroke again";

@@ -73,14 +73,28 @@ void VirtualRun::change_stroke(StrokeAction action) {
   event.change = change;
 }
 
+// one that the hand has asked for has been tried when the script was read
+void VirtualRun::change_law(TissueLaw law) {
+  const ModelChange change = change_of_law(*model_, law);
+  auto next = next_version({model_, model_}, change);
+  if (!next) return;
+  model_ = std::move(next->felt);
+  RecordingEvent& event = told_.emplace_back();
+  event.tick = state_.tick;
+  event.by = {Asker::kScript};
+  event.number = change.version;
+  event.change = change;
+}
+
 bool VirtualRun::act() {
-  HandCommands commands{parameters_.rotation_target, {}, {}, {}, stroke_led_to_};
+  HandCommands commands{parameters_.rotation_target, {}, {}, {}, {}, stroke_led_to_};
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
   if (commands.stroke) {
     stroke_ = commands.stroke;
     stroke_led_to_.reset();
   }
+  if (commands.law) change_law(*commands.law);
   const bool turned = commands.rotation_target.coeffs() != parameters_.rotation_target.coeffs();
   if (turned || commands.method || commands.motor) {
     const Parameters before = parameters_;

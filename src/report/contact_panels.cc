@@ -178,7 +178,12 @@ std::string panel(const Run& run, std::size_t index, const SectionStyle& style, 
                      "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
                      swatch(run.colour(contact.label)) + escape(name) + "</h3>" + facts(run, shown) +
                      "<div class=\"sections\">\n";
-  const auto left = model_left(run.model, run.removal.changes, contact.peak_s);
+  auto left = model_left(run.model, run.removal.changes, contact.peak_s);
+  if (const TissueLaw law = run.laws.at(shown.peak.model_version); law != run.model.tissue_law) {
+    auto under = std::make_shared<Model>(left != nullptr ? *left : run.model);
+    under->tissue_law = law;
+    left = std::move(under);
+  }
   const Model& model = left != nullptr ? *left : run.model;
   const YieldedTissue yielded(model, shown.peak);
   Sections sections{model, yielded, std::move(marks), style, field_of_view_mm(run.model), name};

@@ -66,7 +66,11 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
                   kQuantities * static_cast<std::size_t>(run.devices) + run.real_clock(), kMostPoints);
   std::vector<double> values;
   double begin_s = 0;
-  const auto hear = [&](std::span<const RecordingEvent> events) { removal.hear(events); };
+  const auto hear = [&](std::span<const RecordingEvent> events) {
+    removal.hear(events);
+    for (const RecordingEvent& event : events)
+      if (event.kind == RecordingEvent::Kind::kModel) run.laws.hear(event.change);
+  };
   const auto read = read_timed(recording, "reading the recording", progress, hear, [&](const TimedTick& now) {
     if (now.index == 0) {
       run.first = now.tick;

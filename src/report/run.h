@@ -6,6 +6,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/recording/recording.h"
+#include "palpate/tissue/tissue_laws.h"
 #include "report/contacts.h"
 #include "report/decimate.h"
 #include "report/loop_figures.h"
@@ -34,12 +35,16 @@ struct ShownContact {
 struct Run {
   /// With nothing in it yet.
   Run(const RecordingHead& recording_in, const Model& model_in)
-      : recording(recording_in), model(model_in), devices(device_count(recording_in)) {}
+      : recording(recording_in),
+        model(model_in),
+        laws(model_in.tissue_law),
+        devices(device_count(recording_in)) {}
 
   const RecordingHead& recording;
   const Model& model;
-  int devices;       ///< 1 ... 4, whatever a damaged file says
-  TickRecord first;  ///< the first tick, where there is one
+  LawsByVersion laws;  ///< of soft tissue
+  int devices;         ///< 1 ... 4, whatever a damaged file says
+  TickRecord first;    ///< the first tick, where there is one
   double duration_s = 0;
   std::vector<Contact> contacts;
   std::vector<StructureFigures> structures;

@@ -756,7 +756,17 @@ const ScriptKeys& script_key_tables() {
              .type = kChoice,
              .choices = {"undo", "redo"},
              .meaning =
-                 "`undo`: takes back the last stroke. `redo`: does again the one that was undone last."}}}}};
+                 "`undo`: takes back the last stroke. `redo`: does again the one that was undone last."}}},
+          {"law",
+           "Lets soft tissue go by another law from here on, wherever the hand is: from `elastic` to "
+           "`neo-hookean` or back, or from `layers` to `chainmail` or back. Between these pairs a scene "
+           "cannot "
+           "change, as their surfaces differ. With a tool that cuts, tissue that does not move at the start "
+           "cannot begin to.",
+           {{.name = "law",
+             .type = kChoice,
+             .choices = names_of(kTissueLaws),
+             .meaning = "As `law` of the scene's `[yielding]` (docs/tissue.md)."}}}}};
   return keys;
 }
 

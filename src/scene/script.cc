@@ -117,6 +117,12 @@ ScriptStep read_stroke(const TableReader& reader, Problems&) {
   return StrokeStep{reader.choice("stroke") == "redo" ? StrokeAction::kRedo : StrokeAction::kUndo};
 }
 
+ScriptStep read_law(const TableReader& reader, Problems&) {
+  LawStep step;
+  if (const auto law = reader.choice("law")) step.law = value_of(*law, kTissueLaws);
+  return step;
+}
+
 ScriptStep read_leave(const TableReader& reader, Problems& problems) {
   LeaveStep step;
   if (!reader.flag("leave").value_or(true))
@@ -128,8 +134,8 @@ ScriptStep read_leave(const TableReader& reader, Problems& problems) {
 
 using ReadStep = ScriptStep (*)(const TableReader&, Problems&);
 // in the order of script_key_tables().actions
-constexpr std::array<ReadStep, 9> kReadStep{read_approach, read_press, read_hold,  read_slide, read_rotate,
-                                            read_method,   read_leave, read_motor, read_stroke};
+constexpr std::array<ReadStep, 10> kReadStep{read_approach, read_press, read_hold,  read_slide,  read_rotate,
+                                             read_method,   read_leave, read_motor, read_stroke, read_law};
 
 std::string action_names() {
   std::string names;

@@ -1,5 +1,7 @@
 #include "servo/loop.h"
 
+#include <sched.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -300,6 +302,7 @@ void Loop::count_tick(std::int64_t begun_ns, std::int64_t ended_ns) noexcept {
     counts_.first_ns.store(begun_ns, std::memory_order_relaxed);
   counts_.last_ns.store(begun_ns, std::memory_order_relaxed);
   add(counts_.ticks, 1);
+  cpu_.store(::sched_getcpu(), std::memory_order_relaxed);
 
   const std::uint64_t skipped = pacer_.skipped() - skipped_;
   skipped_ += skipped;

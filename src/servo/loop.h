@@ -51,6 +51,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   void reset_health() noexcept override;
   const Scheduling& scheduling() const noexcept override { return scheduling_; }
   TickingThread ticking() const override;
+  int cpu() const noexcept override { return cpu_.load(std::memory_order_relaxed); }
   std::span<const DeviceInfo> devices() const override { return driver_.devices(); }
 
   // ---- the servo thread
@@ -121,6 +122,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
     std::atomic<std::int64_t> first_ns{0}, last_ns{0};
   } counts_;
   std::atomic<bool> silent_{false}, running_{false};
+  std::atomic<int> cpu_{-1};
   // the arming that the last tick had heard of, and where that tick's tips were all free
   std::atomic<std::uint64_t> heard_{0}, free_at_{kNowhere};
 

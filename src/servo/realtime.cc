@@ -183,9 +183,19 @@ MemoryLock::~MemoryLock() {
 }
 
 void keep_off_cpu(int cpu) {
-  cpu_set_t set;
-  if (cpu < 0 || cpu >= CPU_SETSIZE || ::sched_getaffinity(0, sizeof(set), &set) != 0) return;
-  CPU_CLR(static_cast<unsigned>(cpu), &set);
+  OtherCpus().than(cpu);
+}
+
+OtherCpus::OtherCpus() {
+  if (::sched_getaffinity(0, sizeof(all_), &all_) != 0) CPU_ZERO(&all_);
+}
+
+void OtherCpus::than(int cpu) {
+  if (cpu == cpu_ || cpu >= CPU_SETSIZE) return;
+  cpu_ = cpu;
+  cpu_set_t set = all_;
+  if (cpu >= 0) CPU_CLR(static_cast<unsigned>(cpu), &set);
+  if (CPU_COUNT(&set) == 0) set = all_;
   if (CPU_COUNT(&set) > 0) ::sched_setaffinity(0, sizeof(set), &set);
 }
 

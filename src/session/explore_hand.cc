@@ -23,13 +23,13 @@ constexpr double kAwayFromAll_mm = 3;
 }  // namespace
 
 HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver,
-                       ServoLoop& loop, EventLog& told, ScriptStrokes strokes, bool repeat)
+                       ServoLoop& loop, EventLog& told, ScriptEdits edits, bool repeat)
     : hand_(std::move(hand)),
       mapping_(driver.devices()[0], workspace),
       driver_(driver),
       loop_(loop),
       told_(told),
-      strokes_(std::move(strokes)),
+      edits_(std::move(edits)),
       repeat_(repeat) {}
 
 Result<void> HandThread::begin() try {
@@ -69,7 +69,7 @@ void HandThread::move(double dt_s) {
 
   // viewers turn the object too
   const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
-  HandCommands commands{rotation_target, {}, {}, {}, strokes_.led_to()};
+  HandCommands commands{rotation_target, {}, {}, {}, {}, edits_.stroke_led_to()};
   const auto intention = hand_.next(felt, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {
@@ -81,7 +81,8 @@ void HandThread::move(double dt_s) {
   }
   wanted_ = *intention;
   intend(*intention);
-  if (commands.stroke) strokes_.change(*commands.stroke);
+  if (commands.stroke) edits_.change_stroke(*commands.stroke);
+  if (commands.law) edits_.change_law(*commands.law);
   const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
   if (!turned && !commands.method && !commands.motor) return;
   change_told(loop_, told_, {Asker::kScript}, [&](Parameters& parameters) {

@@ -15,11 +15,12 @@
 
 namespace palpate {
 
-/// What a script does of strokes; on the hand's thread.
-struct ScriptStrokes {
-  std::function<void(StrokeAction)> change;
+/// How a script changes the model; on the hand's thread.
+struct ScriptEdits {
+  std::function<void(StrokeAction)> change_stroke;
   /// HandCommands::stroke_led_to, of the last change.
-  std::function<std::optional<std::uint32_t>()> led_to;
+  std::function<std::optional<std::uint32_t>()> stroke_led_to;
+  std::function<void(TissueLaw)> change_law;
 };
 
 /// A scripted hand on a thread of its own, as slow as a person beside the servo: it feels the latest tick and
@@ -31,7 +32,7 @@ class HandThread {
   /// @param told  what the loop is told by the script; outlives the hand
   /// @param repeat  begin again when the script has ended
   HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver, ServoLoop& loop,
-             EventLog& told, ScriptStrokes strokes, bool repeat);
+             EventLog& told, ScriptEdits edits, bool repeat);
   ~HandThread() { end(); }
   HandThread(const HandThread&) = delete;
   HandThread& operator=(const HandThread&) = delete;
@@ -60,7 +61,7 @@ class HandThread {
   SimulatedDriver& driver_;
   ServoLoop& loop_;
   EventLog& told_;
-  const ScriptStrokes strokes_;
+  const ScriptEdits edits_;
   const bool repeat_;
   // where the script wants it, where it is led, and the way out of what it touches
   std::optional<Point<World>> wanted_, led_;

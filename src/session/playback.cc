@@ -81,7 +81,10 @@ class Place {
 
 /// What the model became while it was recorded.
 struct Edits {
+  explicit Edits(TissueLaw law) : laws(law) {}
+
   std::vector<ModelChange> tissues;
+  LawsByVersion laws;
   CutList cuts;
   // mm3 of each structure that are gone with a version; of each that took away or put back something, rising
   struct Gone {
@@ -105,6 +108,7 @@ void Edits::hear(const RecordingEvent& event) {
   if (is_sweep && is_shown) cuts.add(last_version, event.sweep);
   if (is_sweep) return;
   if (event.change.is_of_tissue()) tissues.push_back(event.change);
+  laws.hear(event.change);
   if (event.change.is_of_stroke() && is_shown)
     cuts.add(last_version,
              event.change.tissue == ModelChange::kUndo ? StrokeAction::kUndo : StrokeAction::kRedo);
@@ -159,7 +163,7 @@ class Playback final : public ViewerHost {
       auto read = source.read_at(row, 1, progress);
       return read && !read->empty() ? std::optional(read->front()) : std::nullopt;
     };
-    yields_ = std::make_unique<PlayedYields>(model_, std::move(yields), edits_.cuts, tick_at);
+    yields_ = std::make_unique<PlayedYields>(model_, std::move(yields), edits_.cuts, edits_.laws, tick_at);
   }
 
   const ViewedScene& scene() const override { return scene_; }
@@ -212,6 +216,7 @@ class Playback final : public ViewerHost {
     state.max_force_N = shown_.max_force_N;
     state.rotation_wxyz = shown_.rotation_target_wxyz;
     state.model_version = shown_.model_version;
+    state.law = name_of(edits_.laws.at(shown_.model_version), kTissueLaws);
     state.tissues = tissues_at(shown_.model_version);
     state.sweeps = edits_.cuts.count(shown_.model_version);
     state.undone_to = edits_.cuts.undone_to(shown_.model_version);
@@ -300,7 +305,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   NearestLine nearest(*model);
   TickRecord first;
   std::vector<double> begins_s;
-  Edits edits;
+  Edits edits(model->tissue_law);
   YieldIndex yields(*model);
   std::uint64_t row = 0;
   const auto seen = recording.read(
@@ -332,6 +337,8 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   scene.rate_hz = head.header.rate_hz;
   for (const RecordingHead::FeltMethod& felt : head.methods)
     if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
+  for (const auto& law : kTissueLaws)
+    if (under_law(*model, law.value)) scene.laws.emplace_back(law.name);
   try {
     return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
         std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),

@@ -20,10 +20,12 @@ constexpr int kSolverPriority = 5;
 
 }  // namespace
 
-PlayedYields::PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts, TickAt tick_at)
+PlayedYields::PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts,
+                           LawsByVersion laws, TickAt tick_at)
     : model_(std::move(model)),
       index_(std::move(index)),
       cuts_(std::move(cuts)),
+      laws_(std::move(laws)),
       tick_at_(std::move(tick_at)),
       cut_(model_) {
   thread_ = std::thread([this] { run(); });
@@ -101,7 +103,8 @@ PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
 std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
   const std::size_t by = cuts_.count(version);
   const std::vector<std::uint64_t>& undone_to = cuts_.undone_to(version);
-  if (by == cut_by_ && undone_to == undone_to_) return cut_;
+  const TissueLaw law = laws_.at(version);
+  if (by == cut_by_ && undone_to == undone_to_ && law == cut_->tissue_law) return cut_;
   const bool goes_on = undone_to == undone_to_ && by > cut_by_;
   const std::shared_ptr<const Model>& from = goes_on ? cut_ : model_;
   std::vector<Cut> cuts;
@@ -116,6 +119,11 @@ std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
     auto changed = next_version({from, from}, change, cuts, Progress({}, &ending_));
     if (!changed) return nullptr;
     made = changed->felt;
+  }
+  if (law != made->tissue_law) {
+    const auto under = under_law(*made, law);
+    if (!under) return nullptr;
+    made = *under;
   }
   cut_ = std::move(made);
   cut_by_ = by;

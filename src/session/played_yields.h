@@ -12,6 +12,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/link/viewer_server.h"
+#include "palpate/tissue/tissue_laws.h"
 #include "palpate/tissue/yield_solver.h"
 #include "session/cut_list.h"
 #include "session/yield_index.h"
@@ -40,7 +41,8 @@ class PlayedYields {
   /// @param model  as the recording began with, with the proxy's surfaces
   /// @param cuts   what became of it
   /// @throws std::system_error  there is no thread to be had
-  PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts, TickAt tick_at);
+  PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts, LawsByVersion laws,
+               TickAt tick_at);
   ~PlayedYields();
   PlayedYields(const PlayedYields&) = delete;
   PlayedYields& operator=(const PlayedYields&) = delete;
@@ -63,6 +65,7 @@ class PlayedYields {
   const std::shared_ptr<const Model> model_;
   const YieldIndex index_;
   const CutList cuts_;
+  const LawsByVersion laws_;
   const TickAt tick_at_;
 
   // of the thread

@@ -58,6 +58,10 @@ ViewedRecording::Event shown(const RecordingEvent& event) {
                                                                : "model";
       if (event.change.is_of_tissue())
         shown.tissue = static_cast<int>(std::min<std::uint32_t>(event.change.tissue, 65535));
+      if (event.change.is_of_law()) {
+        shown.kind = "settings";
+        shown.changed = {"law"};
+      }
       break;
     case RecordingEvent::Kind::kSettings:
     case RecordingEvent::Kind::kMotor:

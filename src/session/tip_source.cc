@@ -24,8 +24,8 @@ class ScriptSource final : public TipSource {
   const char* name() const override { return "script"; }
   std::string devices() const override { return plant_; }
   std::vector<HoldAsked> asked() const override { return asked_; }
-  Result<void> begin(ServoLoop& loop, EventLog& told, ScriptStrokes strokes) override {
-    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, std::move(strokes), repeat_);
+  Result<void> begin(ServoLoop& loop, EventLog& told, ScriptEdits edits) override {
+    hand_.emplace(*std::move(planned_), workspace_, driver_, loop, told, std::move(edits), repeat_);
     return hand_->begin();
   }
   bool done() const override { return hand_->done(); }
@@ -65,9 +65,7 @@ class LedSource : public TipSource {
  public:
   explicit LedSource(const RunSetup& setup) : asked_(all_touched(*setup.model)) {}
   std::vector<HoldAsked> asked() const override { return asked_; }
-  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/, ScriptStrokes /*strokes*/) override {
-    return {};
-  }
+  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/, ScriptEdits /*edits*/) override { return {}; }
   bool done() const override { return false; }
   double progress() const override { return 0; }
   void end() override {}
@@ -138,8 +136,8 @@ class SeveralSources final : public TipSource {
       if (PointerDriver* pointer = source->pointer()) return pointer;
     return nullptr;
   }
-  Result<void> begin(ServoLoop& loop, EventLog& told, ScriptStrokes strokes) override {
-    return sources_[0]->begin(loop, told, std::move(strokes));
+  Result<void> begin(ServoLoop& loop, EventLog& told, ScriptEdits edits) override {
+    return sources_[0]->begin(loop, told, std::move(edits));
   }
   bool done() const override { return sources_[0]->done(); }
   double progress() const override { return sources_[0]->progress(); }

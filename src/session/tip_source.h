@@ -30,7 +30,7 @@ class TipSource {
 
   /// The loop runs. @param told  what it is told, by a script for example; outlives the tip
   /// Errors: those of HandThread::begin().
-  virtual Result<void> begin(ServoLoop& loop, EventLog& told, ScriptStrokes strokes) = 0;
+  virtual Result<void> begin(ServoLoop& loop, EventLog& told, ScriptEdits edits) = 0;
   virtual bool done() const = 0;
   virtual double progress() const = 0;
   /// The tip stays where it is.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "palpate/palpation/told_loop.h"
+#include "palpate/servo/realtime.h"
 
 namespace palpate {
 namespace {
@@ -75,8 +76,11 @@ void TissueThread::run() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kPriority);
   constexpr auto kFrame =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kYieldFrame_s));
+  OtherCpus cpus;
   Clock::time_point next = Clock::now();
   for (bool ending = false; !ending;) {
+    // a tick that takes the processor from a solution comes later than one that finds it idle
+    cpus.than(loop_.cpu());
     try {
       solve_next();
     } catch (const std::bad_alloc&) {
@@ -97,6 +101,7 @@ void TissueThread::solve_next() {
   if (model->version != felt.model_version) return;
   any_ = true;
   last_input_ = felt.tick;
+  if (!is_moving(model->tissue_law)) return rest();
   if (model->tissue_law == TissueLaw::kChainMail) return move_mail(*model, felt);
   const YieldFrame& frame = solver_.solve(*model, felt);
   set_yield_told(loop_, told_, frame, felt.tick);
@@ -117,6 +122,11 @@ void TissueThread::move_mail(const Model& model, const TickRecord& felt) {
     const std::lock_guard lock(mutex_);
     shown_[d] = std::move(viewed);
   }
+}
+
+void TissueThread::rest() {
+  const std::lock_guard lock(mutex_);
+  shown_ = {};
 }
 
 void TissueThread::show(const TickRecord& felt) {

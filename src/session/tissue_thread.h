@@ -33,6 +33,7 @@ class TissueThread {
  private:
   void run();
   void solve_next();
+  void rest();
   void move_mail(const Model& model, const TickRecord& felt);
   void show(const TickRecord& felt);
 

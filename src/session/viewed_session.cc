@@ -95,11 +95,13 @@ std::array<bool, kForceMethods.size()> choosable_methods(const Model& model) {
 }
 
 // what of a request would change something
-SettingsRequest changes_of(SettingsRequest request, const Parameters& now, bool method_is_awaited) {
+SettingsRequest changes_of(SettingsRequest request, const Parameters& now, TissueLaw law,
+                           bool method_is_awaited) {
   const auto leave_out = [](auto& wanted, const auto& held) {
     if (wanted && *wanted == held) wanted.reset();
   };
   if (!method_is_awaited) leave_out(request.method, std::string(name_of(now.method)));
+  leave_out(request.law, std::string(name_of(law, kTissueLaws)));
   leave_out(request.friction, now.friction);
   leave_out(request.viscosity, now.viscosity);
   leave_out(request.passivity, now.passivity);
@@ -115,7 +117,7 @@ SettingsRequest changes_of(SettingsRequest request, const Parameters& now, bool 
 bool feels_more(const SettingsRequest& wanted, const Parameters& now) {
   return (wanted.max_force_N && *wanted.max_force_N > now.max_force_N) || wanted.friction == true ||
          wanted.viscosity == true || wanted.passivity == false || wanted.paused == false ||
-         wanted.motor == true;
+         wanted.motor == true || wanted.law.has_value();
 }
 
 /// What a request wants, as a person is asked for it: "pause the force, and turn the object by 20 degrees".
@@ -146,6 +148,7 @@ std::string words_for(const SettingsRequest& wanted, const Parameters& now) {
     words.add("set the limit of the force to " + number_text(*wanted.max_force_N) + " N, now " +
               number_text(now.max_force_N));
   if (wanted.method) words.add("feel by the method " + *wanted.method);
+  if (wanted.law) words.add("let soft tissue go by the law " + *wanted.law);
   switched(wanted.friction, "friction");
   switched(wanted.viscosity, "viscosity");
   switched(wanted.passivity, "the passivity controller");
@@ -190,12 +193,36 @@ void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   const std::lock_guard lock(stop_mutex_);
   if (stopped_early_.load()) stop_told(loop, told_, stopped_by_);
   if (parts_.model->cuts()) cutter_ = std::thread([this] { cut_along(); });
-  if (!is_moving(parts_.model->tissue_law) || !parts_.model->has(ForceMethod::kProxy)) return;
+  const std::lock_guard its_model(mutex_);
+  if (is_moving(model_.felt->tissue_law)) move_tissue(loop);
+}
+
+// its thread goes on when a law comes by which nothing moves, and does nothing
+void ViewedSession::move_tissue(ServoLoop& loop) {
+  if (tissue_ != nullptr || ending_.load() || !model_.felt->has(ForceMethod::kProxy)) return;
   tissue_ = std::make_unique<TissueThread>(loop, told_, [this] {
     const std::lock_guard its_model(mutex_);
     return model_.felt;
   });
   yields_.store(tissue_.get());
+}
+
+Result<void> ViewedSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loop) {
+  if (law == model_.felt->tissue_law) return {};
+  const ModelChange change = change_of_law(*model_.felt, law);
+  auto next = next_version(model_, change);
+  if (!next) return next.error();
+  if (is_moving(law)) move_tissue(loop);
+  go_on_with(*std::move(next), change, by, loop);
+  return {};
+}
+
+void ViewedSession::change_law_by_script(TissueLaw law) {
+  ServoLoop* loop = loop_.load();
+  if (!loop) return;
+  const std::lock_guard lock(mutex_);
+  // what the script cannot change it was refused when it was read; the page may have cut since
+  (void)change_law(law, {Asker::kScript}, *loop);
 }
 
 // ---- what viewers are told
@@ -211,6 +238,8 @@ ViewedScene ViewedSession::make_scene() const {
   // what can be chosen, and how far
   for (const ForceMethodInfo& info : kForceMethods)
     if (can_be_chosen(info.method)) scene.methods.emplace_back(info.name);
+  for (const auto& law : kTissueLaws)
+    if (under_law(model, law.value)) scene.laws.emplace_back(law.name);
   const DeviceInfo& device = parts_.devices.front();
   scene.device_name = device.name;
   scene.simulated = !physical();
@@ -310,6 +339,7 @@ ViewedState ViewedSession::state() const {
   if (awaited_) state.method_awaited = name_of(*awaited_);
   state.method_failure = method_failure_;
   state.model_version = model_.felt->version;
+  state.law = name_of(model_.felt->tissue_law, kTissueLaws);
   state.sweeps = cuts_.count(model_.felt->version);
   state.undone_to = cuts_.undone_to(model_.felt->version);
   if (const Carving* const carving = model_.felt->carving.get()) {
@@ -370,6 +400,13 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
                  "the scene lists those that can be chosen");
     if (!can_be_made(*method)) return made_for_others();
   }
+  if (request.law) {
+    const auto law = std::ranges::find(kTissueLaws, *request.law, &Word<TissueLaw>::name);
+    if (law == kTissueLaws.end())
+      return bad("soft tissue knows no law of that name", "law", "the scene lists those that can be chosen");
+    if (auto under = under_law(*model_.felt, law->value); !under)
+      return refused(under.error().what, "law", under.error().remedy);
+  }
   if (request.max_force_N) {
     const double asked_N = *request.max_force_N, least_N = max_force_range_N()[0];
     if (!(asked_N >= least_N && asked_N <= most_force_N()))
@@ -413,7 +450,7 @@ Result<Grant> ViewedSession::set(const SettingsRequest& request) {
   const std::lock_guard lock(mutex_);
   const Parameters now = loop->parameters();
   if (auto fine = check(request, now); !fine) return fine.error();
-  const SettingsRequest wanted = changes_of(request, now, awaited_.has_value());
+  const SettingsRequest wanted = changes_of(request, now, model_.felt->tissue_law, awaited_.has_value());
   const std::string what = words_for(wanted, now);
   if (!what.empty() && wants_consent(feels_more(wanted, now))) return ask(wanted, what);
   if (auto applied = apply(request, asked_by(request.by)); !applied) return applied.error();
@@ -424,6 +461,8 @@ Result<void> ViewedSession::apply(const SettingsRequest& request, AskedBy by) {
   ServoLoop& loop = *loop_.load();
   if (request.method)
     if (auto chosen = choose(*find_force_method(*request.method), by, loop); !chosen) return chosen;
+  if (request.law)
+    if (auto changed = change_law(value_of(*request.law, kTissueLaws), by, loop); !changed) return changed;
   if (request.max_force_N) highest_max_force_N_ = std::max(highest_max_force_N_, *request.max_force_N);
   change_told(loop, told_, by, [&](Parameters& parameters) {
     if (request.friction) parameters.friction = *request.friction;

@@ -119,6 +119,7 @@ class ViewedSession final : public ViewerHost {
   Result<void> stroke_here(StrokeAction action);
   /// The motor is off. Where there is no such stroke, or the tool cuts nothing, nothing is done.
   void change_stroke_by_script(StrokeAction action);
+  void change_law_by_script(TissueLaw law);
   /// HandCommands::stroke_led_to, of the last of them.
   std::optional<std::uint32_t> script_stroke_led_to() const;
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
@@ -160,6 +161,8 @@ class ViewedSession final : public ViewerHost {
                                                   const Progress& progress) const;
   Result<void> feel_by(std::shared_ptr<const Model> fields);
   void give_up(ForceMethod method, Error why);
+  void move_tissue(ServoLoop& loop);
+  Result<void> change_law(TissueLaw law, AskedBy by, ServoLoop& loop);
   void go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
   void cut_along();
   void cut(std::span<const Cut> cuts, ServoLoop& loop);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 #include <span>
 
@@ -309,6 +310,102 @@ TEST_F(YieldRun, ANeoHookeanRunIsAnotherOneAndReplaysToo) {
   };
   EXPECT_NE(frame_hash(*read), frame_hash(recording_));
   const auto result = replay(*read, finite.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+}
+
+// a scene's law, then the other of its pair while the tool presses, and back
+TEST_F(YieldRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
+  const Script changing =
+      parse_script(
+          "[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.8\n[[step]]\nhold = 0.4\n"
+          "[[step]]\nlaw = \"neo-hookean\"\n[[step]]\nhold = 0.4\n[[step]]\nlaw = \"elastic\"\n"
+          "[[step]]\nhold = 0.4\n[[step]]\nleave = true\n",
+          "changing script")
+          .value();
+  const auto simulated = simulate(loaded_, changing, {}, folder_ / "run.h5");
+  ASSERT_TRUE(simulated.ok()) << simulated.error().message();
+  EXPECT_THAT(simulated->trouble, ::testing::IsEmpty());
+  recording_ = read_recording(folder_ / "run.h5").value();
+  std::vector<TissueLaw> laws;
+  for (const RecordingEvent& event : recording_.events)
+    if (event.kind == EventKind::kModel) laws.push_back(law_of(event.change));
+  EXPECT_THAT(laws, ::testing::ElementsAre(TissueLaw::kNeoHookean, TissueLaw::kElastic));
+
+  // the force goes over, in more ticks than one
+  const std::vector<TickRecord>& ticks = recording_.ticks;
+  const auto force_N = [](const TickRecord& tick) {
+    return Eigen::Map<const Eigen::Vector3d>(tick.device[0].force_N.data()).norm();
+  };
+  constexpr std::size_t kBlending = 200;
+  double changing_N = 0;
+  std::array<double, 3> give_mm_per_N{};  // when each law had been held for a while
+  for (std::size_t n = 1; n < ticks.size(); ++n) {
+    const double step_N = std::abs(force_N(ticks[n]) - force_N(ticks[n - 1]));
+    const bool is_changing = n > kBlending && ticks[n].model_version != ticks[n - kBlending].model_version;
+    if (is_changing) changing_N = std::max(changing_N, step_N);
+    if (ticks[n].device[0].label != 0 && ticks[n].model_version <= 3 && force_N(ticks[n]) > 0.6)
+      give_mm_per_N[ticks[n].model_version - 1] = ticks[n].device[0].depth_mm / force_N(ticks[n]);
+  }
+  EXPECT_LT(changing_N, 0.04);
+  EXPECT_LT(give_mm_per_N[1], 0.995 * give_mm_per_N[0]) << "squeezed onto the bone it is stiffer";
+
+  const auto result = replay(recording_, loaded_.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+}
+
+TEST_F(YieldRun, AScriptThatCannotChangeTheLawSaysSoBeforeItBegins) {
+  const auto error_of = [&](const LoadedScene& loaded, const std::string& law) {
+    const Script script = parse_script("[[step]]\nlaw = \"" + law + "\"\n", "changing script").value();
+    const auto simulated = simulate(loaded, script, {}, folder_ / "none.h5");
+    return simulated.ok() ? "" : simulated.error().message();
+  };
+  EXPECT_THAT(error_of(loaded_, "layers"), HasSubstr("has other surfaces"));
+  EXPECT_THAT(error_of(loaded_, "layers"), HasSubstr("changing script:1"));
+  EXPECT_THAT(error_of(testing::loaded_ball(), "chainmail"), HasSubstr("has a Young's modulus"));
+  LoadedScene cut = testing::loaded_burr();
+  Model soft = *cut.model;
+  soft.tissues[1].elastic = ElasticConstants{20, 0.45};
+  cut.model = std::make_shared<const Model>(std::move(soft));
+  EXPECT_THAT(error_of(cut, "chainmail"), HasSubstr("cannot begin to move"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "none.h5"));
+}
+
+TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
+  const LoadedScene layers = soft_ball(TissueLaw::kLayers);
+  ViewerHost* host = nullptr;
+  bool asked = false, seen = false, seen_before = false;
+  ExploreOptions options;
+  options.loop.realtime = false;
+  options.loop.ring_s = 30;
+  options.viewers = [&](ViewerHost& session) -> Result<std::shared_ptr<void>> {
+    host = &session;
+    return std::shared_ptr<void>();
+  };
+  options.request = [&] {
+    const bool moved = host->yielded(0) != nullptr;
+    (asked ? seen : seen_before) |= moved;
+    if (!std::exchange(asked, true)) {
+      EXPECT_THAT(host->scene().laws, ::testing::ElementsAre("chainmail", "layers"));
+      EXPECT_EQ(host->state().law, "layers");
+      SettingsRequest request;
+      request.law = "elastic";
+      EXPECT_THAT(host->set(request).error().what, HasSubstr("has other surfaces"));
+      request.law = "rubber";
+      EXPECT_EQ(host->set(request).error().where, "law");
+      request.law = "chainmail";
+      EXPECT_EQ(host->set(request).value(), Grant::kDone);
+      EXPECT_EQ(host->state().law, "chainmail");
+    }
+    return ExploreRequest::kNone;
+  };
+  const auto explored = explore(layers, palpating(), options, folder_ / "live.h5");
+  ASSERT_TRUE(explored.ok()) << explored.error().message();
+  EXPECT_FALSE(seen_before);
+  EXPECT_TRUE(seen);
+  recording_ = read_recording(folder_ / "live.h5").value();
+  const auto result = replay(recording_, layers.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;
 }

@@ -178,8 +178,8 @@ struct YieldSolver::Region {
   // likewise, and what relaxes does it as it did
   bool is_of(const Model& model, const CarvedLabels& labels,
              const std::vector<ElasticMaterial>& materials) const {
-    return is_of(labels, materials) && shares.has_value() == model.relaxation_times.any() &&
-           (!shares || shares->is_of(model));
+    return is_of(labels, materials) && (finite != nullptr) == (model.tissue_law == TissueLaw::kNeoHookean) &&
+           shares.has_value() == model.relaxation_times.any() && (!shares || shares->is_of(model));
   }
   // with just that gone of them
   bool stands_at(const CarvedLabels& labels) const {

@@ -87,6 +87,8 @@ export class Controls {
 
     byId<HTMLSelectElement>("method").addEventListener("change", (event) =>
       void requests.once({ type: "set", method: (event.target as HTMLSelectElement).value }));
+    byId<HTMLSelectElement>("law").addEventListener("change", (event) =>
+      void requests.once({ type: "set", law: (event.target as HTMLSelectElement).value }));
     for (const name of ["friction", "viscosity", "passivity"] as const) {
       byId<HTMLInputElement>(name).addEventListener("change", (event) =>
         void requests.once({ type: "set", [name]: (event.target as HTMLInputElement).checked }));
@@ -267,6 +269,8 @@ export class Controls {
       element("tr", {}, element("th", { scope: "row" }, ...withKeys(how)), element("td", {}, ...withKeys(what)))));
   }
   private nameScene(scene: Scene): void {
+    byId("law-line").hidden = scene.laws.length === 0;
+    byId<HTMLSelectElement>("law").replaceChildren(...scene.laws.map((name) => new Option(words.laws[name] ?? name, name)));
     document.title = words.title(words.sideInTitle[scene.side]);
     write(byId("side"), words.side[scene.side]);
     write(byId("modality"), words.modality[scene.modality] + (scene.oriented ? "" : ` · ${words.orientationUnknown}`));
@@ -314,6 +318,7 @@ export class Controls {
 
   showState(state: State): void {
     byId<HTMLSelectElement>("method").value = state.method_awaited ?? state.method;
+    byId<HTMLSelectElement>("law").value = state.law;
     write(byId("method-awaited"), state.method_awaited ? words.methodAwaited(readable(state.method_awaited), readable(state.method)) : "");
     byId("method-awaited").hidden = !state.method_awaited;
     const failure = state.method_failed && refusalText(state.method_failed);
@@ -340,7 +345,7 @@ export class Controls {
   }
   /** Enables what this viewer may do now. */
   allow(): void {
-    for (const id of ["method", "friction", "viscosity", "passivity", "limit", "motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
+    for (const id of ["method", "law", "friction", "viscosity", "passivity", "limit", "motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
     byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
     const { state } = this.session;
     for (const [id, count, title] of [["undo-stroke", state?.strokes.undo, "undoStrokeTitle"], ["redo-stroke", state?.strokes.redo, "redoStrokeTitle"]] as const) {

@@ -10,7 +10,7 @@ import { words } from "./words.js";
 
 const AT_REST_MS = 500;
 /** What can be undone. A pause is none of it. */
-const SETTINGS = ["method", "friction", "viscosity", "passivity", "max_force_N", "rotation_wxyz"] as const;
+const SETTINGS = ["method", "law", "friction", "viscosity", "passivity", "max_force_N", "rotation_wxyz"] as const;
 
 type Values = Record<string, unknown>;
 /** Of a request for settings: what holds of each; null of a request that is for anything else. */

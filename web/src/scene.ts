@@ -46,6 +46,7 @@ export interface Scene {
   tissues: Tissue[];
   tools: HeldTool[]; // of each device
   methods: string[];
+  laws: string[]; // of soft tissue; none where nothing is soft
   device: {
     name: string;
     simulated: boolean;
@@ -96,6 +97,7 @@ export interface Recording {
 
 export interface State {
   method: string;
+  law: string; // of soft tissue
   method_awaited: string | null; // until its fields are made
   method_failed: Refusal | null; // why the one that was asked for last is not felt
   friction: boolean;

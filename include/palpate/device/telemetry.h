@@ -75,19 +75,22 @@ struct SweepRecord {
 enum class StrokeAction : std::uint8_t { kUndo, kRedo };
 
 /// How a version of the model follows from the one before it: a tissue was changed while it was felt, the
-/// direct methods' fields were made anew for the stiffnesses as they are, something was cut away, or a stroke
-/// was undone or done again.
+/// direct methods' fields were made anew for the stiffnesses as they are, something was cut away, a stroke
+/// was undone or done again, or soft tissue goes by another law.
 struct ModelChange {
   static constexpr std::uint32_t kFieldsMadeAnew = 0xffffffff;
   static constexpr std::uint32_t kCut = 0xfffffffe;   ///< by the sweeps that were told before it
   static constexpr std::uint32_t kUndo = 0xfffffffd;  ///< of the last stroke (StrokeHistory)
   static constexpr std::uint32_t kRedo = 0xfffffffc;
+  static constexpr std::uint32_t kLaw = 0xfffffff0;  ///< plus a TissueLaw: that one from now on
+  static constexpr std::uint32_t kLaws = 4;
   std::uint32_t version = 0;  ///< one more than the version before it
   std::uint32_t tissue = 0;   ///< its place in the scene, from 0, or one of the above
   // what the tissue has from that version on
   double stiffness_N_per_mm = 0, static_friction = 0, dynamic_friction = 0, viscosity_N_s_per_mm = 0;
 
-  bool is_of_tissue() const { return tissue < kRedo; }
+  bool is_of_tissue() const { return tissue < kLaw; }
+  bool is_of_law() const { return tissue >= kLaw && tissue < kLaw + kLaws; }
   bool is_of_stroke() const { return tissue == kUndo || tissue == kRedo; }
 
   friend bool operator==(const ModelChange&, const ModelChange&) = default;

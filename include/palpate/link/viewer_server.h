@@ -94,6 +94,7 @@ struct ViewedScene {
   std::vector<ViewedTissue> tissues;
   std::vector<ViewedTool> tools;     ///< of each device, never none
   std::vector<std::string> methods;  ///< that can be chosen
+  std::vector<std::string> laws;     ///< of soft tissue, that can be chosen; none where nothing is soft
   std::string device_name;
   bool simulated = true;
   std::string input = "script";  ///< who moves the tip: "script", "pointer", "device", "recording"
@@ -128,6 +129,7 @@ struct ViewedState {
   std::string method_awaited;  ///< that is felt as soon as its fields are made; empty: none
   /// Why the method that was asked for last could not be made ready, its name as the place.
   std::optional<Error> method_failure;
+  std::string law;  ///< of soft tissue
   bool friction = true, viscosity = true, passivity = true, paused = false;
   bool motor = false;                    ///< of the tools that cut: their switch
   bool motor_is_on = false;              ///< by its switch or a pedal
@@ -173,7 +175,7 @@ struct ViewerIdentity {
 
 /// A request that is well formed; whether it is granted is for the host to say.
 struct SettingsRequest {
-  std::optional<std::string> method;
+  std::optional<std::string> method, law;
   std::optional<bool> friction, viscosity, passivity, paused, motor;
   std::optional<double> max_force_N;
   std::optional<std::array<double, 4>> rotation_wxyz;

@@ -7,6 +7,7 @@
 #include "palpate/haptics/haptics.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"
+#include "palpate/tissue/tissue_laws.h"
 
 /// Tissues that are changed while they are felt. A version of the model follows from those before it and a
 /// ModelChange alone, so that replay comes to the same.
@@ -25,6 +26,14 @@ std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut>
 
 /// The change to a model that undoes a stroke or does one again.
 ModelChange change_of_stroke(const Model& felt, StrokeAction action);
+
+/// Soft tissue by another law, as the next version.
+ModelChange change_of_law(const Model& felt, TissueLaw law);
+/// A model whose soft tissue goes by that law, everything else as it was. Errors: kBadInput where no tissue
+/// that is felt has elastic constants; from a law by which tissue yields to one by which it does not, or
+/// back, as these have other surfaces (prepared_for); and for one by which tissue moves after something was
+/// cut without counting parts of voxels (Carving::tells_parts).
+Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law);
 /// What is taken from a model after a change of a stroke. Null: there is no such stroke, or the change is
 /// another one. @param carving  null: nothing was cut
 std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change);

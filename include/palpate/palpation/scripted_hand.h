@@ -20,6 +20,7 @@ struct HandCommands {
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();  ///< as it was commanded last
   std::optional<ForceMethod> method;                                    ///< to be felt from now on
   std::optional<bool> motor;                                            ///< on or off from now on
+  std::optional<TissueLaw> law;                                         ///< of soft tissue, from now on
   std::optional<StrokeAction> stroke;
   /// Told to it: the model's version to which what it asked of a stroke last has led; 0: there was no such
   /// stroke. Empty: that is not known yet.
@@ -77,6 +78,7 @@ class ScriptedHand {
   bool slide(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool rotate(const PlannedStep& step, const TickRecord& felt, double dt_s, Eigen::Quaterniond& target);
   bool change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
+  bool change_law(const LawStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool change_method(const MethodStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool leave(const PlannedStep& step, const TickRecord& felt, double dt_s);
@@ -109,6 +111,7 @@ class ScriptedHand {
   const Model* model_;
   PlantDevice device_;
   PlantHand hand_;
+  TissueLaw law_;  // the scene's, then the script's
   FreeSpace free_space_;
   double tool_reach_mm_ = 0, clear_of_object_mm_ = 0;
   std::vector<PlannedStep> steps_;

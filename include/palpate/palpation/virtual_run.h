@@ -37,6 +37,7 @@ class VirtualRun {
   void cut();
   void cut_what_was_swept();
   void change_stroke(StrokeAction action);
+  void change_law(TissueLaw law);
 
   std::shared_ptr<const Model> model_;
   const double dt_s_;

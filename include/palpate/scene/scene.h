@@ -270,6 +270,10 @@ struct RotateStep {
 struct MethodStep {
   ForceMethod method = ForceMethod::kProxy;
 };
+/// Soft tissue by another law from here on.
+struct LawStep {
+  TissueLaw law = TissueLaw::kLayers;
+};
 /// Switch the tool's motor on or off.
 struct MotorStep {
   bool on = true;
@@ -283,7 +287,7 @@ struct LeaveStep {
   double speed_mm_s = 60;
 };
 using ScriptStep = std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep,
-                                LeaveStep, MotorStep, StrokeStep>;
+                                LeaveStep, MotorStep, StrokeStep, LawStep>;
 /// Press, hold, slide and leave need the contact that an approach before them makes.
 bool needs_contact(const ScriptStep& step);
 

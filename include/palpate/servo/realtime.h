@@ -1,5 +1,6 @@
 #pragma once
 
+#include <sched.h>
 #include <sys/types.h>
 
 #include <string>
@@ -41,6 +42,19 @@ std::string scheduler_of_thread(pid_t tid);
 /// Binds the calling thread to the CPUs that it may run on but `cpu`, which then is the servo's alone;
 /// nothing where `cpu` is negative or the only one.
 void keep_off_cpu(int cpu);
+
+/// Keeps the thread that makes it off the CPU of another thread, which may change.
+class OtherCpus {
+ public:
+  OtherCpus();
+  /// From now on all that the thread could run on when this was made, but `cpu`; all of them where that is
+  /// negative or the only one. A system call where it is another one than the last time.
+  void than(int cpu);
+
+ private:
+  cpu_set_t all_;
+  int cpu_ = -1;
+};
 
 /// Keeps the memory of the whole process locked (mlockall) while at least one of these lives, in whatever
 /// threads. What is mapped later is locked too, unless a finite memlock limit applies: there it would turn a

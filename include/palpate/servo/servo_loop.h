@@ -161,6 +161,8 @@ class ServoLoop {
   virtual const Scheduling& scheduling() const noexcept = 0;
   /// The thread that ticks: the loop's, or a vendor's that calls back.
   virtual TickingThread ticking() const = 0;
+  /// The CPU that the latest tick ran on, for who would keep off it; -1: there was none yet.
+  virtual int cpu() const noexcept = 0;
   virtual std::span<const DeviceInfo> devices() const = 0;
 };
 

@@ -100,6 +100,8 @@ class Carving {
   /// tissue gives way little by little (YieldSolver). The greatest of all sweeps', so the same whatever their
   /// order. null while nothing is gone, and of models whose tissue does not yield.
   const std::shared_ptr<const Bricks<std::uint8_t>>& taken() const { return left_.taken; }
+  /// Whether taken() is known: the tissue moved when the carving was begun.
+  bool tells_parts() const { return tells_parts_; }
 
   /// How many sweeps of a device's burr it has taken, counted from the start; those that were undone too.
   std::uint64_t sweeps(std::size_t device) const { return sweeps_[device]; }
@@ -127,8 +129,8 @@ class Carving {
   // by surface; null: it is met by common ones, or nothing is taken from it
   std::vector<std::shared_ptr<const Surface>> made_;
   std::shared_ptr<const Bricks<LabelId>> made_labels_;
-  std::vector<bool> is_cut_;                          // by label
-  bool tells_parts_ = false;                          // taken()
+  std::vector<bool> is_cut_;  // by label
+  bool tells_parts_ = false;
   std::vector<std::shared_ptr<const Surface>> kept_;  // of structures of which nothing is taken
   std::array<std::uint64_t, kMaxDevices> sweeps_{};
   Left left_;

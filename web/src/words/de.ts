@@ -238,6 +238,8 @@ export const de: Words = {
   changedSince: "Das hat seitdem jemand anderes geändert: Es bleibt, wie es ist.",
   feeling: "Gefühl",
   method: "Verfahren",
+  law: "Weichgewebe",
+  laws: { layers: "gibt nicht nach", chainmail: "Kettenhemd", elastic: "gibt nach, elastisch", "neo-hookean": "gibt nach, neo-Hooke" } as Record<string, string>,
   methodAwaited: (awaited: string, felt: string) => `${awaited} wird bereitgestellt; bis dahin wirkt ${felt}`,
   forceLimit: "Kraftgrenze",
   friction: "Reibung",
@@ -381,7 +383,7 @@ export const de: Words = {
   viewerNumber: (number: string) => `Betrachter ${number}`,
   deviceNumber: (number: string) => `Gerät ${number}`,
   recorded: {
-    stop: "Not-Halt", rearm: "Kraft wieder frei", undo: "Abtrag zurück", redo: "Abtrag wieder", fields: "Felder neu berechnet", nothing: "was schon galt", method: "Kraftmethode", friction: "Reibung",
+    stop: "Not-Halt", rearm: "Kraft wieder frei", undo: "Abtrag zurück", redo: "Abtrag wieder", fields: "Felder neu berechnet", nothing: "was schon galt", method: "Kraftmethode", law: "Gesetz des Weichgewebes", friction: "Reibung",
     viscosity: "Viskosität", passivity: "Passivität", paused: "Pause", max_force_N: "Kraftgrenze", motor: "Motor", rotation_wxyz: "Objekt gedreht", pointer: "Zeiger",
     key: "eine Taste", script: "das Skript", session: "palpate", viewer: "ein Betrachter",
   },

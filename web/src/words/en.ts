@@ -237,6 +237,8 @@ export const en = {
   changedSince: "This was changed since by somebody else: it is left as it is.",
   feeling: "Feeling",
   method: "Method",
+  law: "Soft tissue",
+  laws: { layers: "does not yield", chainmail: "chain mail", elastic: "yields, elastic", "neo-hookean": "yields, neo-Hookean" } as Record<string, string>,
   methodAwaited: (awaited: string, felt: string) => `${awaited} is made ready; ${felt} is felt until then`,
   forceLimit: "Force limit",
   friction: "Friction",
@@ -381,7 +383,7 @@ export const en = {
   viewerNumber: (number: string) => `viewer ${number}`,
   deviceNumber: (number: string) => `device ${number}`,
   recorded: {
-    stop: "emergency stop", rearm: "rearmed", undo: "stroke undone", redo: "stroke done again", fields: "fields made anew", nothing: "what held already", method: "force method", friction: "friction",
+    stop: "emergency stop", rearm: "rearmed", undo: "stroke undone", redo: "stroke done again", fields: "fields made anew", nothing: "what held already", method: "force method", law: "law of soft tissue", friction: "friction",
     viscosity: "viscosity", passivity: "passivity", paused: "pause", max_force_N: "force limit", motor: "motor", rotation_wxyz: "object turned", pointer: "pointer",
     key: "a key", script: "the script", session: "palpate", viewer: "a viewer",
   },
