@@ -468,10 +468,14 @@ class Encoding::Tile {
   bool fill(VoxelBlock& block, int place, int i, int j, int k) const {
     const std::size_t n = offset(i, j, k);
     const VoxelLook& look = looks_[n];
-    const float steps = std::min(look.extinction * kDepthSteps, 60000.0f);
-    block.extinction[place] = static_cast<std::uint16_t>(std::lround(steps));
+    // of what is not seen, colour and normal are not either
+    if (look.extinction == 0) return true;
+    // rounds what is not negative
+    const auto whole = [](float value) { return static_cast<int>(value + 0.5f); };
+    block.extinction[place] =
+        static_cast<std::uint16_t>(whole(std::min(look.extinction * kDepthSteps, 60000.0f)));
     for (std::size_t a = 0; a < 3; ++a) {
-      block.colour[a][place] = static_cast<std::uint8_t>(std::lround(look.colour[a]));
+      block.colour[a][place] = static_cast<std::uint8_t>(whole(look.colour[a]));
       block.normal[a][place] = normals_[n][a];
     }
     return block.extinction[place] == 0 || normals_[n] == std::array<std::int8_t, 3>{};
