@@ -9,6 +9,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
+#include "palpate/rendering/animated_png.h"
 #include "palpate/rendering/volume_picture.h"
 #include "palpation.h"
 #include "verb.h"
@@ -17,6 +18,7 @@ namespace palpate::app {
 namespace {
 
 constexpr int kMostFrames = 720;
+constexpr int kFrame_ms = 50;
 
 const std::map<std::string, ViewFrom> kViews{
     {"anterior", ViewFrom::kAnterior}, {"posterior", ViewFrom::kPosterior},
@@ -37,9 +39,13 @@ Error usage(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
 }
 
-/// A picture is a file that can be claimed; an orbit's folder is new, or empty.
+bool is_animated(const RenderOptions& options) {
+  return options.frames && options.output.extension() == ".png";
+}
+
+/// A picture is a file that can be claimed; the folder of an orbit's frames is new, or empty.
 Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
-  if (!options.frames) {
+  if (!options.frames || is_animated(options)) {
     auto claimed = claim_output(options.output, input_files(options.target));
     if (!claimed) return claimed.error();
     if (const auto extension = options.output.extension(); !extension.empty() && extension != ".png")
@@ -134,18 +140,28 @@ int render(const RenderOptions& options, Console& console) {
 
   const auto requests = requests_of(options, model.labels->geometry());
   std::vector<std::vector<std::uint8_t>> pngs;
+  std::optional<AnimatedPng> animated;
+  if (is_animated(options))
+    animated.emplace(options.request.pixels, options.request.pixels, static_cast<int>(requests.size()),
+                     kFrame_ms);
+  int drawn = 0;
   for (const VolumePictureRequest& request : requests) {
     if (progress.stopped()) return console.fail(Progress::interrupted());
-    pngs.push_back(encode_png(volume_picture(*renderer, model, *looks, request)));
+    Image picture = volume_picture(*renderer, model, *looks, request);
+    if (animated)
+      animated->add(std::move(picture));
+    else
+      pngs.push_back(encode_png(picture));
     if (options.frames)
-      progress.report("pictures", static_cast<double>(pngs.size()) / static_cast<double>(requests.size()));
+      progress.report("pictures", static_cast<double>(++drawn) / static_cast<double>(requests.size()));
   }
+  if (animated) pngs.push_back(animated->finish());
   const auto written =
-      options.frames
+      options.frames && !animated
           ? write_frames(options.output, pngs)
           : write_file(options.output, {reinterpret_cast<const char*>(pngs[0].data()), pngs[0].size()});
   if (!written) return console.fail(written.error());
-  console.note((options.frames ? "pictures: " : "picture: ") + options.output.string());
+  console.note((options.frames && !animated ? "pictures: " : "picture: ") + options.output.string());
   return kExitOk;
 }
 
@@ -153,7 +169,7 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(verb, options.volume);
   verb.add_option("-o,--output", options.output,
-                  "Picture to write (PNG); of an orbit the folder for its frames")
+                  "Picture to write (PNG); of an orbit an animated PNG, or the folder for its frames")
       ->required();
   verb.add_option("--from", options.request.from, "Where the viewer stands; default: anterior")
       ->transform(CLI::CheckedTransformer(kViews))
@@ -187,7 +203,10 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
   verb.add_option("--only", options.only, "Draws this structure alone; may be given again")
       ->type_name("NAME");
   verb.add_option("--hide", options.hide, "Leaves out this structure; may be given again")->type_name("NAME");
-  verb.add_option("--orbit", options.frames, "So many pictures all the way around the body")
+  verb.add_option("--orbit", options.frames,
+                  "So many pictures all the way around the body: an animated PNG where the output ends with "
+                  ".png, else a "
+                  "folder of frames")
       ->check(whole_between(2, kMostFrames))
       ->type_name("N");
 }
@@ -202,7 +221,8 @@ void add_render(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate render knee-phantom -o knee.png\n"
       "  palpate render knee-phantom --from left --tilt 20 --perspective --cut left -o cut.png\n"
-      "  palpate render scene.toml --only femur --orbit 72 -o frames\n\n"
+      "  palpate render scene.toml --only femur --orbit 72 -o frames\n"
+      "  palpate render knee-phantom --pixels 320 --orbit 48 -o orbit.png\n\n"
       "Colours and opacities are the scene's (docs/render.md).");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return render(*options, console); }; });

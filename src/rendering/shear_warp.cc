@@ -8,8 +8,9 @@ namespace palpate::internal::volume_picture {
 namespace {
 
 /// Intermediate pixels are as large as the picture's, but in these bounds, in the grid's shortest spacing:
-/// finer ones show nothing more, coarser ones would leave out voxels.
-constexpr double kFinestPixel = 0.4, kCoarsestPixel = 1;
+/// finer ones show nothing more, coarser ones would leave out voxels; below 1, samples are looked up by
+/// vectors.
+constexpr double kFinestPixel = 0.4, kCoarsestPixel = 0.995;
 /// Planes nearer to the eye than this part of the way to the intermediate picture are not sampled.
 constexpr double kNearest = 1e-3;
 /// Empty pixels around the intermediate picture.
@@ -164,22 +165,23 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   to_pixels.row(1) << 0, 1 / f.y_ref_per_v, -f.y_ref_0 / f.y_ref_per_v;
   for (Eigen::Vector3d* part : {&f.warp_start, &f.warp_step, &f.warp_line}) *part = to_pixels * *part;
 
-  // planes of samples: slices, and as many between them as their distance asks for
-  const int between = std::max(1, static_cast<int>(std::ceil(apart_mm / (most_apart * h) - 1e-6)));
-  f.z_step = sign / between;
-  const int count = (grid.dims[static_cast<std::size_t>(z)] + 1) * between - 1;
+  // planes of samples: the slices, or as far apart as they may be
+  const double apart = std::min(1.0, most_apart * h / apart_mm),
+               slice_count = grid.dims[static_cast<std::size_t>(z)];
+  f.z_step = sign * apart;
+  const int count = static_cast<int>(std::ceil((slice_count + 1) / apart - 1e-6)) - 1;
   bool is_first = true;
   for (int n = 0; n < count; ++n) {
-    const int number = region.is_ascending ? n + 1 : count - n;  // from slice -1 on
-    const double at = static_cast<double>(number) / between - 1;
+    const double at = region.is_ascending ? (n + 1) * apart - 1 : slice_count - (n + 1) * apart;
     const double farther = rays.is_parallel ? 1 : (at - eye[z]) / (f.z_ref - eye[z]);
     if (farther <= kNearest) continue;
     if (is_first) f.z_first = at;
     is_first = false;
     SamplePlane plane{};
-    plane.slice = number / between - 1;
-    plane.beyond = static_cast<float>(number % between) / static_cast<float>(between);
+    plane.slice = static_cast<int>(std::floor(at));
+    plane.beyond = static_cast<float>(at - plane.slice);
     plane.x_per_u = f.x_ref_per_u * farther;
+    plane.u_per_x = 1 / plane.x_per_u;
     plane.y_per_v = f.y_ref_per_v * farther;
     if (rays.is_parallel) {
       plane.x_0 = f.x_ref_0 + (at - f.z_ref) * rays.way[x] / rays.way[z];

@@ -50,7 +50,6 @@ struct Factored {
   int x, y, z;  ///< axes of the grid: along rows of voxels, across them, between slices
   bool is_ascending;
   int width = 0, height = 0;    ///< of the intermediate picture
-  double u_mm, v_mm;            ///< of its pixels, where it lies
   double z_ref;                 ///< it lies in this slice
   double x_ref_0, x_ref_per_u;  ///< and its pixel (u, v) there
   double y_ref_0, y_ref_per_v;

@@ -49,6 +49,8 @@ namespace {
 
 constexpr int kTileSide = 64;
 constexpr int kLightBatch = 2048;
+/// Cubes. A leap that is no longer, so that what changes has an end.
+constexpr int kFarthestLeap = 12;
 
 /// A Gaussian after [1 2 1] / 4, one side.
 std::vector<float> smoothing_kernel(double sigma_voxels) {
@@ -193,51 +195,72 @@ std::size_t BlockRows::bytes() const {
 Leaps::Leaps(const GridGeometry& grid) : voxels_(grid.dims) {
   // cells 0 ... voxels
   for (std::size_t a = 0; a < 3; ++a) cubes_[a] = voxels_[a] / kLeapSide + 1;
-  leap_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2]);
+  leap_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2], kFarthestLeap);
 }
 
-void Leaps::find(const BlockRows& rows) {
-  constexpr std::int32_t kFar = 1 << 20;
-  const auto at = [&](int a, int b, int c) -> std::int32_t& {
-    return leap_[static_cast<std::size_t>(a) +
-                 static_cast<std::size_t>(cubes_[0]) *
-                     (static_cast<std::size_t>(b) +
-                      static_cast<std::size_t>(cubes_[1]) * static_cast<std::size_t>(c))];
+bool Leaps::is_filled(const BlockRows& rows, int a, int b, int c) const {
+  // cell n lies between voxels n - 1 and n
+  const auto first = [](int cube) { return std::max(0, cube * kLeapSide - 1); };
+  const auto end = [&](int cube, std::size_t axis) {
+    return std::min(voxels_[axis], (cube + 1) * kLeapSide);
   };
-  std::fill(leap_.begin(), leap_.end(), kFar);
-  const int blocks = blocks_along(voxels_[0]);
-  for (int k = 0; k < voxels_[2]; ++k)
-    for (int j = 0; j < voxels_[1]; ++j) {
+  for (int k = first(c); k < end(c, 2); ++k)
+    for (int j = first(b); j < end(b, 1); ++j) {
       const std::size_t row =
           static_cast<std::size_t>(j) + static_cast<std::size_t>(voxels_[1]) * static_cast<std::size_t>(k);
-      for (int block = 0; block < blocks; ++block) {
-        const VoxelBlock* voxels = rows.find(row, block);
-        if (voxels == nullptr) continue;
-        // the cells on both sides of each voxel
-        for (int n = 0; n < kBlock; ++n) {
-          if (voxels->extinction[n] == 0) continue;
-          const int i = block * kBlock + n;
-          for (const int c : {k / kLeapSide, (k + 1) / kLeapSide})
-            for (const int b : {j / kLeapSide, (j + 1) / kLeapSide})
-              for (const int a : {i / kLeapSide, (i + 1) / kLeapSide}) at(a, b, c) = 0;
-        }
+      const VoxelBlock* voxels = nullptr;
+      for (int i = first(a); i < end(a, 0); ++i) {
+        if (i == first(a) || i % kBlock == 0) voxels = rows.find(row, i / kBlock);
+        if (voxels != nullptr && voxels->extinction[i % kBlock] != 0) return true;
       }
     }
-  // the distance to what is not empty, by a pass each way over neighbours that were passed before
-  for (const int step : {1, -1}) {
-    const auto order = [&](int n, std::size_t axis) { return step > 0 ? n : cubes_[axis] - 1 - n; };
-    for (int c = 0; c < cubes_[2]; ++c)
-      for (int b = 0; b < cubes_[1]; ++b)
-        for (int a = 0; a < cubes_[0]; ++a) {
-          const int x = order(a, 0), y = order(b, 1), z = order(c, 2);
-          std::int32_t& least = at(x, y, z);
-          for (int q = 0; q < 13 && least > 0; ++q) {
-            const int xx = x + step * (q % 3 - 1), yy = y + step * (q / 3 % 3 - 1),
-                      zz = z + step * (q / 9 - 1);
-            if (xx < 0 || yy < 0 || zz < 0 || xx >= cubes_[0] || yy >= cubes_[1] || zz >= cubes_[2]) continue;
-            least = std::min(least, at(xx, yy, zz) + 1);
-          }
+  return false;
+}
+
+bool Leaps::pass(const Cubes& region, int step) {
+  const auto order = [&](int n, std::size_t axis) {
+    return step > 0 ? n : region[axis][0] + region[axis][1] - n;
+  };
+  bool changed = false;
+  for (int c = region[2][0]; c <= region[2][1]; ++c)
+    for (int b = region[1][0]; b <= region[1][1]; ++b)
+      for (int a = region[0][0]; a <= region[0][1]; ++a) {
+        const int x = order(a, 0), y = order(b, 1), z = order(c, 2);
+        std::int32_t& least = at(x, y, z);
+        // those that were passed before
+        for (int q = 0; q < 13 && least > 0; ++q) {
+          const int xx = x + step * (q % 3 - 1), yy = y + step * (q / 3 % 3 - 1), zz = z + step * (q / 9 - 1);
+          if (xx < 0 || yy < 0 || zz < 0 || xx >= cubes_[0] || yy >= cubes_[1] || zz >= cubes_[2]) continue;
+          const std::int32_t beside = at(xx, yy, zz) + 1;
+          changed = changed || beside < least;
+          least = std::min(least, beside);
         }
+      }
+  return changed;
+}
+
+void Leaps::find(const BlockRows& rows, const VoxelBox& box) {
+  // cubes that the box fills or empties, and those whose leaps these bound
+  Cubes looked{}, region{};
+  for (std::size_t a = 0; a < 3; ++a) {
+    looked[a] = {std::max(0, box.first[a] / kLeapSide),
+                 std::min(cubes_[a] - 1, (box.first[a] + box.size[a]) / kLeapSide)};
+    region[a] = {std::max(0, looked[a][0] - kFarthestLeap),
+                 std::min(cubes_[a] - 1, looked[a][1] + kFarthestLeap)};
+  }
+  const auto within = [](const Cubes& cubes, int a, int b, int c) {
+    return a >= cubes[0][0] && a <= cubes[0][1] && b >= cubes[1][0] && b <= cubes[1][1] && c >= cubes[2][0] &&
+           c <= cubes[2][1];
+  };
+  for (int c = region[2][0]; c <= region[2][1]; ++c)
+    for (int b = region[1][0]; b <= region[1][1]; ++b)
+      for (int a = region[0][0]; a <= region[0][1]; ++a) {
+        std::int32_t& leap = at(a, b, c);
+        const bool is_filled = within(looked, a, b, c) ? this->is_filled(rows, a, b, c) : leap == 0;
+        leap = is_filled ? 0 : kFarthestLeap;
+      }
+  // distances, from what lies around the region, too
+  while (pass(region, 1) || pass(region, -1)) {
   }
 }
 
@@ -445,10 +468,14 @@ class Encoding::Tile {
   bool fill(VoxelBlock& block, int place, int i, int j, int k) const {
     const std::size_t n = offset(i, j, k);
     const VoxelLook& look = looks_[n];
-    const float steps = std::min(look.extinction * kDepthSteps, 60000.0f);
-    block.extinction[place] = static_cast<std::uint16_t>(std::lround(steps));
+    // of what is not seen, colour and normal are not either
+    if (look.extinction == 0) return true;
+    // rounds what is not negative
+    const auto whole = [](float value) { return static_cast<int>(value + 0.5f); };
+    block.extinction[place] =
+        static_cast<std::uint16_t>(whole(std::min(look.extinction * kDepthSteps, 60000.0f)));
     for (std::size_t a = 0; a < 3; ++a) {
-      block.colour[a][place] = static_cast<std::uint8_t>(std::lround(look.colour[a]));
+      block.colour[a][place] = static_cast<std::uint8_t>(whole(look.colour[a]));
       block.normal[a][place] = normals_[n][a];
     }
     return block.extinction[place] == 0 || normals_[n] == std::array<std::int8_t, 3>{};
@@ -520,7 +547,9 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     return true;
   });
   if (!whole) return Progress::interrupted();
-  leaps_.find(rows_[0]);
+  VoxelBox made;
+  for (std::size_t a = 0; a < 3; ++a) made.first[a] = from[a], made.size[a] = to[a] - from[a];
+  leaps_.find(rows_[0], made);
   is_new_ = false;
   return {};
 }

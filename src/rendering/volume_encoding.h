@@ -64,13 +64,24 @@ class Leaps {
  public:
   Leaps() = default;
   explicit Leaps(const GridGeometry& grid);
-  /// From rows along i.
-  void find(const BlockRows& rows);
+  /// Looks at the voxels of a box, of rows along i.
+  void find(const BlockRows& rows, const VoxelBox& box);
   /// @param x, y, z  the grid's axes that a view calls so
   LeapsView view(int x, int y, int z) const;
   std::size_t bytes() const { return leap_.size() * sizeof(leap_[0]); }
 
  private:
+  using Cubes = std::array<std::array<int, 2>, 3>;  ///< first ... last
+  std::int32_t& at(int a, int b, int c) {
+    return leap_[static_cast<std::size_t>(a) +
+                 static_cast<std::size_t>(cubes_[0]) *
+                     (static_cast<std::size_t>(b) +
+                      static_cast<std::size_t>(cubes_[1]) * static_cast<std::size_t>(c))];
+  }
+  bool is_filled(const BlockRows& rows, int a, int b, int c) const;
+  /// Lowers leaps to what those of the cubes beside them allow. @returns whether any changed
+  bool pass(const Cubes& region, int step);
+
   std::array<int, 3> voxels_{}, cubes_{};
   std::vector<std::int32_t> leap_;
 };

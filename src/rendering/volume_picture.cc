@@ -115,14 +115,16 @@ double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureR
 }
 
 Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<const StructureLook> looks,
-                     const VolumePictureRequest& request) {
+                     const VolumePictureRequest& request, std::span<const VolumeMark> marks) {
   PALPATE_CHECK(model.labels != nullptr && request.pixels > 0);
   const VolumeCamera camera = camera_of(model.labels->geometry(), request);
   VolumeStyle style;
   if (request.cut) style.clip = ClipPlane{camera.focus, direction_to(*request.cut)};
   Image image{camera.width_px, camera.height_px,
               std::vector<std::uint8_t>(3 * static_cast<std::size_t>(camera.width_px) * camera.height_px)};
-  renderer.render(camera, style, image.rgb);
+  std::vector<float> depth_mm(marks.empty() ? 0 : image.rgb.size() / 3);
+  renderer.render(camera, style, image.rgb, depth_mm);
+  if (!marks.empty()) draw_volume_marks(image, depth_mm, camera, marks);
   section_marks::Caption caption;
   caption.plane = view_text(request);
   caption.structures = drawn_structures(model, looks);

@@ -17,37 +17,25 @@ using internal::volume_picture::Factored;
 using internal::volume_picture::Gathered;
 using internal::volume_picture::LeapsView;
 using internal::volume_picture::PixelRun;
-using internal::volume_picture::PlaneRange;
 using internal::volume_picture::Rays;
 using internal::volume_picture::Region;
 using internal::volume_picture::RowsView;
-using internal::volume_picture::TracedRays;
+using internal::volume_picture::TracedRay;
 
 namespace internal::volume_picture {
 
 /// A line of intermediate pixels, for one thread.
 struct Line {
   std::vector<float> floats, row;
-  std::vector<std::uint8_t> done;
-};
-/// Rays of one thread that are traced together.
-struct Bundle {
-  static constexpr int kArrays = 12, kMost = 64;
-  std::array<float, static_cast<std::size_t>(kArrays) * kMost> floats{};
-  std::array<int, kMost> column{};
-  TracedRays rays() {
-    const auto part = [&](int n) { return floats.data() + std::ptrdiff_t{n} * kMost; };
-    return {part(0),  part(1), part(2), part(3), part(4), part(5), part(6), {part(7), part(8), part(9)},
-            part(10), part(11)};
-  }
+  std::vector<std::uint64_t> open;
 };
 /// Room that is kept from picture to picture.
 struct Scratch {
   std::vector<Line> lines;
-  std::vector<Bundle> bundles;
+  std::vector<std::vector<TracedRay>> rays;  ///< of each thread
   std::vector<std::vector<std::int32_t>> edges;
-  std::vector<std::uint32_t> pixels;
-  std::vector<float> met;
+  std::vector<std::uint32_t> pixels, marked;
+  std::vector<float> met, begun;
   std::vector<std::vector<float>> row_met;  ///< of each thread
 };
 
@@ -55,12 +43,12 @@ struct Scratch {
 
 namespace {
 
-using internal::volume_picture::Bundle;
-
 /// Samples along a ray, in the grid's shortest spacing, are at most so far apart; where a clip plane cuts
 /// between two of them, nearer.
-constexpr double kMostApart = 1, kMostApartClipped = 0.4;
-constexpr float kNever = 1e9f;  ///< planes
+constexpr double kMostApart = 1, kMostApartClipped = 0.25;
+using internal::volume_picture::kNoPlane;
+/// Rays of a row that are traced together.
+constexpr std::size_t kMostRays = 64;
 
 /// Where along its ray each pixel of an intermediate line enters and leaves what is not clipped away, and how
 /// far it is from plane to plane.
@@ -83,12 +71,12 @@ class Ways {
   float step(const Eigen::Vector3d& pace) const { return static_cast<float>((linear_ * pace).norm() / h_); }
   /// The planes that are seen.
   std::array<float, 2> seen(const Eigen::Vector3d& at, const Eigen::Vector3d& pace) const {
-    if (!is_clipped_) return {-kNever, kNever};
+    if (!is_clipped_) return {-kNoPlane, kNoPlane};
     const double rise = normal_.dot(pace), here = normal_.dot(at) - offset_;
-    if (rise == 0) return {here > 0 ? kNever : -kNever, kNever};
+    if (rise == 0) return {here > 0 ? kNoPlane : -kNoPlane, kNoPlane};
     const double plane = (view_.z_ref - view_.z_first) / view_.z_step - here / rise;
-    const auto bounded = static_cast<float>(std::clamp(plane, -double{kNever}, double{kNever}));
-    return {rise < 0 ? bounded : -kNever, rise > 0 ? bounded : kNever};
+    const auto bounded = static_cast<float>(std::clamp(plane, -double{kNoPlane}, double{kNoPlane}));
+    return {rise < 0 ? bounded : -kNoPlane, rise > 0 ? bounded : kNoPlane};
   }
 
   void find(int v, const Gathered& line) const {
@@ -138,9 +126,11 @@ Gathered line_of(internal::volume_picture::Line& line, int width, int row_voxels
   const auto stride = static_cast<std::size_t>((width + kChunk - 1) / kChunk * kChunk);
   const std::size_t room = static_cast<std::size_t>(row_voxels) +
                            2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
-  line.floats.resize(8 * stride);
+  line.floats.resize(9 * stride);
   line.row.resize(4 * room);
-  line.done.assign(stride / kChunk, 0);
+  const std::size_t chunks = stride / kChunk;
+  line.open.assign((chunks + 63) / 64, ~std::uint64_t{0});
+  if (chunks % 64 != 0) line.open.back() = (std::uint64_t{1} << chunks % 64) - 1;
   const auto part = [&](std::size_t n) { return line.floats.data() + n * stride; };
   Gathered gathered{};
   for (std::size_t n = 0; n < 3; ++n) gathered.channel[n] = part(n);
@@ -149,51 +139,70 @@ Gathered line_of(internal::volume_picture::Line& line, int width, int row_voxels
   gathered.step = part(5);
   if (is_clipped) gathered.first = part(6), gathered.last = part(7);
   for (std::size_t n = 0; n < 4; ++n) gathered.row[n] = line.row.data() + n * room;
-  gathered.done = line.done.data();
+  gathered.begun = part(8);
+  gathered.open = line.open.data();
   std::fill(part(0), part(3), 0.0f);
   std::fill(part(3), part(4), 1.0f);
   std::fill(part(4), part(5), -1.0f);
   std::fill(part(5), part(8), 0.0f);
+  std::fill(part(8), part(9), kNoPlane);
   return gathered;
 }
 
+/// What rays of a picture begin with.
+struct RayStart {
+  const Ways& ways;
+  const Factored& view;
+  const float* begun;  ///< of the intermediate pixels, `stride` a line
+  std::ptrdiff_t stride;
+
+  /// At intermediate pixel (u, v), and not before what the four around it met.
+  TracedRay at(double u, double v) const {
+    Eigen::Vector3d at;
+    at[view.x] = view.x_ref_0 + view.x_ref_per_u * u;
+    at[view.y] = view.y_ref_0 + view.y_ref_per_v * v;
+    at[view.z] = view.z_ref;
+    const Eigen::Vector3d pace = ways.pace(at),
+                          start = at - pace * ((view.z_ref - view.z_first) / view.z_step);
+    const auto seen = ways.seen(at, pace);
+    TracedRay ray{};
+    ray.x = static_cast<float>(start[view.x]);
+    ray.y = static_cast<float>(start[view.y]);
+    ray.x_per_plane = static_cast<float>(pace[view.x]);
+    ray.y_per_plane = static_cast<float>(pace[view.y]);
+    ray.step = ways.step(pace);
+    ray.first = seen[0];
+    ray.last = seen[1];
+    const int column = std::clamp(static_cast<int>(u), 0, view.width - 2),
+              row = std::clamp(static_cast<int>(v), 0, view.height - 2);
+    const float* near = begun + stride * row + column;
+    ray.begun = std::min({near[0], near[1], near[stride], near[stride + 1]});
+    return ray;
+  }
+};
+
 /// Pixels of a row, each by a ray of its own through the same planes.
-void trace(const RowsView& rows, const LeapsView& leaps, const Ways& ways, const Factored& view, int row,
-           std::span<const std::int32_t> columns, const float* background, Bundle& bundle, std::uint8_t* rgb,
-           float* met) {
-  const TracedRays rays = bundle.rays();
-  const PlaneRange planes{static_cast<float>(view.z_first), static_cast<float>(view.z_step),
-                          static_cast<int>(view.planes.size())};
-  for (std::size_t from = 0; from < columns.size(); from += Bundle::kMost) {
-    const int count = static_cast<int>(std::min<std::size_t>(Bundle::kMost, columns.size() - from));
-    for (int n = 0; n < count; ++n) {
-      const Eigen::Vector3d pixel = view.warp_start + view.warp_line * row +
-                                    view.warp_step * columns[from + static_cast<std::size_t>(n)];
-      Eigen::Vector3d at;
-      at[view.x] = view.x_ref_0 + view.x_ref_per_u * pixel[0] / pixel[2];
-      at[view.y] = view.y_ref_0 + view.y_ref_per_v * pixel[1] / pixel[2];
-      at[view.z] = view.z_ref;
-      const Eigen::Vector3d pace = ways.pace(at),
-                            start = at - pace * ((view.z_ref - view.z_first) / view.z_step);
-      const auto seen = ways.seen(at, pace);
-      rays.x[n] = static_cast<float>(start[view.x]);
-      rays.y[n] = static_cast<float>(start[view.y]);
-      rays.x_per_plane[n] = static_cast<float>(pace[view.x]);
-      rays.y_per_plane[n] = static_cast<float>(pace[view.y]);
-      rays.step[n] = ways.step(pace);
-      rays.first[n] = seen[0];
-      rays.last[n] = seen[1];
+void trace(const RowsView& rows, const LeapsView& leaps, const RayStart& starts, int row,
+           std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
+           std::uint8_t* rgb, float* met) {
+  const Factored& view = starts.view;
+  rays.resize(kMostRays);
+  for (std::size_t from = 0; from < columns.size(); from += kMostRays) {
+    const std::size_t count = std::min(kMostRays, columns.size() - from);
+    for (std::size_t n = 0; n < count; ++n) {
+      const Eigen::Vector3d pixel =
+          view.warp_start + view.warp_line * row + view.warp_step * columns[from + n];
+      rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
     }
-    // what fills the last vector sees nothing
-    for (int n = count; n % internal::volume_picture::kChunk != 0; ++n) rays.first[n] = rays.last[n] = kNever;
-    trace_rays(rows, leaps, planes, count, rays);
-    for (int n = 0; n < count; ++n) {
-      const std::int32_t column = columns[from + static_cast<std::size_t>(n)];
+    trace_rays(rows, leaps, view.planes.data(), static_cast<int>(view.planes.size()),
+               static_cast<float>(view.z_step), static_cast<int>(count), rays.data());
+    for (std::size_t n = 0; n < count; ++n) {
+      const std::int32_t column = columns[from + n];
       for (int c = 0; c < 3; ++c) {
-        const float value = rays.channel[c][n] + rays.clear[n] * background[c];
+        const float value = rays[n].channel[c] + rays[n].clear * background[c];
         rgb[3 * column + c] = static_cast<std::uint8_t>(std::min(255.0f, value * 255 + 0.5f));
       }
-      if (met != nullptr) met[column] = rays.met[n];
+      if (met != nullptr) met[column] = rays[n].met;
     }
   }
 }
@@ -277,8 +286,12 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     const Ways ways(grid, rays, *view, style.clip);
     const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
                         internal::volume_picture::kChunk * internal::volume_picture::kChunk;
-    scratch_->pixels.resize(stride * static_cast<std::size_t>(view->height));
-    if (!depth_mm.empty()) scratch_->met.resize(scratch_->pixels.size());
+    const std::size_t all = stride * static_cast<std::size_t>(view->height);
+    // one more at either end, beside the first and the last pixel
+    scratch_->pixels.resize(all + 2);
+    scratch_->marked.resize(all);
+    scratch_->begun.resize(all);
+    if (!depth_mm.empty()) scratch_->met.resize(all);
     const int workers = worker_count(threads_, view->height);
     scratch_->lines.resize(std::max(scratch_->lines.size(), static_cast<std::size_t>(workers)));
 
@@ -288,17 +301,27 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
                   rows.blocks * internal::volume_picture::kBlock, ways.is_clipped(), !depth_mm.empty());
       ways.find(v, line);
       gather_line(rows, view->planes.data(), static_cast<int>(view->planes.size()), v, view->width, line);
-      pack_line(line, view->width, background, &scratch_->pixels[stride * static_cast<std::size_t>(v)]);
-      if (!depth_mm.empty())
-        std::copy_n(line.met, view->width, &scratch_->met[stride * static_cast<std::size_t>(v)]);
+      const std::size_t at = stride * static_cast<std::size_t>(v);
+      pack_line(line, view->width, background, &scratch_->pixels[1 + at]);
+      std::copy_n(line.begun, view->width, &scratch_->begun[at]);
+      if (!depth_mm.empty()) std::copy_n(line.met, view->width, &scratch_->met[at]);
+      return true;
+    });
+    for_each_index(view->height, workers, [&](int, int v) {
+      const auto line = [&](int n) {
+        return &scratch_->pixels[1 + stride * static_cast<std::size_t>(std::clamp(n, 0, view->height - 1))];
+      };
+      internal::volume_picture::mark_line(line(v - 1), line(v), line(v + 1), view->width,
+                                          &scratch_->marked[stride * static_cast<std::size_t>(v)]);
       return true;
     });
 
     const LeapsView leaps = encoding_->leaps().view(view->x, view->y, view->z);
     const int count = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, count);
-    scratch_->bundles.resize(std::max(scratch_->bundles.size(), static_cast<std::size_t>(warpers)));
-    scratch_->edges.resize(scratch_->bundles.size());
-    scratch_->row_met.resize(scratch_->bundles.size());
+    scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
+    scratch_->edges.resize(scratch_->rays.size());
+    scratch_->row_met.resize(scratch_->rays.size());
+    const RayStart starts{ways, *view, scratch_->begun.data(), static_cast<std::ptrdiff_t>(stride)};
     for_each_index(count, warpers, [&](int worker, int n) {
       const PixelRun& run = region.runs[static_cast<std::size_t>(n)];
       const Eigen::Vector3d start = view->warp_start + view->warp_line * run.row;
@@ -307,7 +330,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       edges.resize(width);
       std::uint8_t* row = &rgb[3 * width * static_cast<std::size_t>(run.row)];
       const int edge_count = internal::volume_picture::warp_row(
-          {scratch_->pixels.data(), static_cast<std::ptrdiff_t>(stride), view->width, view->height, start[0],
+          {scratch_->marked.data(), static_cast<std::ptrdiff_t>(stride), view->width, view->height, start[0],
            view->warp_step[0], start[1], view->warp_step[1], start[2], view->warp_step[2]},
           run.begin, run.end, row, edges.data());
       if (!depth_mm.empty()) {
@@ -320,9 +343,8 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
               is_in ? scratch_->met[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)] : -1;
         }
       }
-      trace(rows, leaps, ways, *view, run.row, {edges.data(), static_cast<std::size_t>(edge_count)},
-            background, scratch_->bundles[static_cast<std::size_t>(worker)], row,
-            depth_mm.empty() ? nullptr : met.data());
+      trace(rows, leaps, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
+            scratch_->rays[static_cast<std::size_t>(worker)], row, depth_mm.empty() ? nullptr : met.data());
       if (depth_mm.empty()) return true;
       for (int x = run.begin; x < run.end; ++x) {
         const float plane = met[static_cast<std::size_t>(x)];

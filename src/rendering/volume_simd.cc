@@ -11,6 +11,7 @@
 // what is marked HWY_INLINE and the functions at the end live in the target's namespace.
 
 #include <cmath>
+#include <cstring>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "rendering/volume_simd.cc"
@@ -40,10 +41,14 @@ static_assert(kChunk == kBlock);
 constexpr int kLeapShift = 2;
 static_assert(kLeapSide == 1 << kLeapShift);
 /// What still sees so little is done.
-constexpr float kDone = 1.0f / 512;
+constexpr float kDone = 1.0f / 400;
 constexpr float kTiny = 1e-7f;
-/// Intermediate pixels that differ by more than this are not mixed, of 1023.
-constexpr float kEdge = 44;
+/// Between two intermediate pixels there is an edge where the light bends by more than this at both, of 1023:
+/// by a second difference. A slope of light has none, a crease bends it at both by more than what is mixed is
+/// off.
+constexpr std::int32_t kBend = 50;
+/// And between four which differ by more than this, where it bends at one of them.
+constexpr float kApart = 50;
 
 // ---- light ------------------------------------------------------------------------------------------------
 
@@ -103,10 +108,10 @@ void light_blocks(const VoxelBlock* voxels, const std::uint32_t* which, std::siz
 // ---- a line -----------------------------------------------------------------------------------------------
 
 /// e^-t for t >= 0, to 1e-4: the sixteenth power of a series.
-HWY_INLINE VF exp_of_minus(VF t) {
-  const DF d;
-  const VF y = hn::Min(hn::Mul(t, hn::Set(d, 1.0f / 16)), hn::Set(d, 1.0f));
-  VF p = hn::Set(d, 1.0f / 24);
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V exp_of_minus(D d, V t) {
+  const V y = hn::Min(hn::Mul(t, hn::Set(d, 1.0f / 16)), hn::Set(d, 1.0f));
+  V p = hn::Set(d, 1.0f / 24);
   p = hn::Sub(hn::Set(d, 1.0f / 6), hn::Mul(y, p));
   p = hn::Sub(hn::Set(d, 0.5f), hn::Mul(y, p));
   p = hn::Sub(hn::Set(d, 1.0f), hn::Mul(y, p));
@@ -209,6 +214,12 @@ HWY_INLINE bool take_samples(const Gathered& line, int at, float place, float st
       return hn::Add(a, hn::Mul(part, hn::Sub(b, a)));
     };
     const VF extinction = hn::Mul(between(line.row[3]), scale);
+    const VF before = hn::LoadU(d, line.clear + at + n);
+    const auto is_there = hn::Gt(extinction, hn::Zero(d));
+    if (hn::AllFalse(d, is_there)) {
+      any = hn::Or(any, hn::Ge(before, hn::Set(d, kDone)));
+      continue;
+    }
     VF way = hn::LoadU(d, line.step + at + n);
     if (line.first != nullptr) {
       const VF q = hn::Set(d, plane + 0.5f), zero = hn::Zero(d), one = hn::Set(d, 1.0f);
@@ -217,7 +228,9 @@ HWY_INLINE bool take_samples(const Gathered& line, int at, float place, float st
       way = hn::Mul(way, hn::Mul(hn::Min(hn::Max(begun, zero), one), hn::Min(hn::Max(left, zero), one)));
     }
     const VF depth = hn::Mul(extinction, way);
-    const VF before = hn::LoadU(d, line.clear + at + n), after = hn::Mul(before, exp_of_minus(depth));
+    const VF after = hn::Mul(before, exp_of_minus(d, depth));
+    const VF begun = hn::LoadU(d, line.begun + at + n);
+    hn::StoreU(hn::IfThenElse(is_there, hn::Min(begun, hn::Set(d, plane)), begun), d, line.begun + at + n);
     const VF share = hn::Div(hn::Sub(before, after), hn::Max(extinction, hn::Set(d, kTiny)));
     for (int c = 0; c < 3; ++c) {
       const VF light = hn::Mul(between(line.row[c]), scale);
@@ -257,11 +270,24 @@ HWY_INLINE void sample_stretch(const RowsView& rows, const AroundLine& around, c
   const bool close = step <= kClose;
   for (int u = begin; u < end; u += kChunk) {
     const auto place = static_cast<float>(plane.x_per_u * u + plane.x_0 - from * kBlock);
-    line.done[u / kChunk] = (close ? take_samples<true>(line, u, place, step, number)
-                                   : take_samples<false>(line, u, place, step, number))
-                                ? 1
-                                : 0;
+    const bool is_done = close ? take_samples<true>(line, u, place, step, number)
+                               : take_samples<false>(line, u, place, step, number);
+    if (is_done) line.open[u / kChunk / 64] &= ~(std::uint64_t{1} << (u / kChunk % 64));
   }
+}
+
+/// From place `from` on the first bit that is set, or `end`. @param word  gives 64 bits
+template <class Word>
+HWY_INLINE int next_bit(int from, int end, const Word& word) {
+  while (from < end) {
+    const std::uint64_t bits = word(from / 64) >> (from % 64);
+    if (bits != 0) {
+      from += static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits));
+      break;
+    }
+    from = (from / 64 + 1) * 64;
+  }
+  return from < end ? from : end;
 }
 
 HWY_INLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, float number, int v, int width,
@@ -269,46 +295,30 @@ HWY_INLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, flo
   AroundLine around;
   find_rows(rows, plane, v, around);
   if (around.count == 0) return;
+  const auto there = [&](int w) {
+    std::uint64_t any = 0;
+    for (int n = 0; n < around.count; ++n) any |= around.mask[n][w];
+    return any;
+  };
+  const auto not_there = [&](int w) { return ~there(w); };
+  const auto open = [&](int w) { return line.open[w]; };
+  const auto not_open = [&](int w) { return ~line.open[w]; };
   const int chunks = (width + kChunk - 1) / kChunk;
   int next = 0;  // chunk that has not been sampled on this plane
-  int block = 0;
-  while (block < rows.blocks && next < chunks) {
+  for (int block = 0; next < chunks;) {
     // a run of blocks, one of which is there in any of the rows
-    const auto there = [&](int w) {
-      std::uint64_t any = 0;
-      for (int n = 0; n < around.count; ++n) any |= around.mask[n][w];
-      return any;
-    };
-    std::uint64_t bits = there(block / 64) >> (block % 64);
-    if (bits == 0) {
-      block = (block / 64 + 1) * 64;
-      continue;
-    }
-    block += static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits));
-    int end = block;
-    while (end < rows.blocks) {
-      bits = ~there(end / 64) >> (end % 64);
-      if (bits != 0) {
-        end += static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits));
-        break;
-      }
-      end = (end / 64 + 1) * 64;
-    }
-    if (end > rows.blocks) end = rows.blocks;
+    block = next_bit(block, rows.blocks, there);
+    if (block == rows.blocks) return;
+    const int end = next_bit(block, rows.blocks, not_there);
 
     // the pixels between the voxel before it and the one after it
-    const double from = (block * kBlock - 1 - plane.x_0) / plane.x_per_u,
-                 to = (end * kBlock - plane.x_0) / plane.x_per_u;
+    const double from = (block * kBlock - 1 - plane.x_0) * plane.u_per_x,
+                 to = (end * kBlock - plane.x_0) * plane.u_per_x;
     block = end;
     int c = from > next * kChunk ? static_cast<int>(from < width ? from : width) / kChunk : next;
     const int last = to < 0 ? 0 : to < width ? static_cast<int>(to) / kChunk + 1 : chunks;
-    while (c < last) {
-      if (line.done[c] != 0) {
-        ++c;
-        continue;
-      }
-      int stop = c + 1;
-      while (stop < last && line.done[stop] == 0) ++stop;
+    while ((c = next_bit(c, last, open)) < last) {
+      const int stop = next_bit(c, last, not_open);
       sample_stretch(rows, around, plane, number, c * kChunk, stop * kChunk, line);
       c = stop;
     }
@@ -318,16 +328,16 @@ HWY_INLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, flo
 
 void gather_line(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int width,
                  const Gathered& line) {
-  const int chunks = (width + kChunk - 1) / kChunk;
+  const int words = ((width + kChunk - 1) / kChunk + 63) / 64;
   int since = 0;
   for (int p = 0; p < plane_count; ++p) {
     gather_plane(rows, planes[p], static_cast<float>(p), v, width, line);
     // all of a line is seldom done, and looking costs
     if (++since < 16) continue;
     since = 0;
-    int c = 0;
-    while (c < chunks && line.done[c] != 0) ++c;
-    if (c == chunks) return;
+    std::uint64_t open = 0;
+    for (int w = 0; w < words; ++w) open |= line.open[w];
+    if (open == 0) return;
   }
 }
 
@@ -335,7 +345,7 @@ void pack_line(const Gathered& line, int width, const float* background, std::ui
   const DF d;
   const DI di;
   const hn::RebindToUnsigned<DI> du;
-  for (int u = 0; u < width; u += lanes()) {
+  for (int u = 0; u < (width + kChunk - 1) / kChunk * kChunk; u += lanes()) {
     const VF clear = hn::LoadU(d, line.clear + u);
     auto word = hn::Zero(di);
     for (int c = 0; c < 3; ++c) {
@@ -349,155 +359,181 @@ void pack_line(const Gathered& line, int width, const float* background, std::ui
 
 // ---- rays -------------------------------------------------------------------------------------------------
 
-/// Eight voxels around each of a vector of places, mixed.
-struct MixedVoxels {
-  VF red, green, blue, extinction;
+/// Four numbers on every target, the one without vectors included: hence not Highway's.
+using V4 = float __attribute__((vector_size(16)));
+
+/// Four whole numbers of 16 bits.
+HWY_INLINE V4 load_four(const std::uint32_t* two_pairs) {
+  using I4 = std::int32_t __attribute__((vector_size(16)));
+  std::uint64_t bits;
+  std::memcpy(&bits, two_pairs, sizeof bits);
+  using U4 = std::uint16_t __attribute__((vector_size(8)));
+  U4 whole;
+  std::memcpy(&whole, &bits, sizeof whole);
+  return __builtin_convertvector(__builtin_convertvector(whole, I4), V4);
+}
+
+HWY_INLINE V4 all_four(float value) {
+  return V4{value, value, value, value};
+}
+
+/// As of vectors.
+HWY_INLINE float exp_of_minus(float t) {
+  const float part = t * (1.0f / 16), y = part < 1 ? part : 1.0f;
+  float p = 1.0f / 24;
+  p = 1.0f / 6 - y * p;
+  p = 0.5f - y * p;
+  p = 1.0f - y * p;
+  p = 1.0f - y * p;
+  p = p * p;
+  p = p * p;
+  p = p * p;
+  return p * p;
+}
+
+/// The four rows of voxels around a place on a ray.
+struct AroundPlace {
+  int x;  ///< the voxel before the place
+  float part;
+  const std::uint32_t* block_of[4];  ///< null: beyond the grid
+  float weight[4];
 };
 
-HWY_INLINE MixedVoxels mix_voxels(const RowsView& rows, VF x, VF y, VF z) {
-  const DF d;
-  const DI di;
-  const auto one = hn::Set(di, 1);
-  const VF floors[3] = {hn::Floor(x), hn::Floor(y), hn::Floor(z)}, at[3] = {x, y, z};
-  VI low[3];
-  VF part[3];
+HWY_INLINE void find_rows_around(const RowsView& rows, float x, float y, const SamplePlane& plane,
+                                 AroundPlace& around) {
+  // beyond the first voxel, places are above -1
+  around.x = static_cast<int>(x + 1) - 1;
+  around.part = x - static_cast<float>(around.x);
+  const int below = static_cast<int>(y + 1) - 1;
+  const float part = y - static_cast<float>(below);
+  for (int n = 0; n < 4; ++n) {
+    const int far = n & 1, deep = n >> 1, yy = below + far, zz = plane.slice + deep;
+    const bool is_in = yy >= 0 && yy < rows.count[1] && zz >= 0 && zz < rows.count[2];
+    around.block_of[n] =
+        is_in ? rows.block_of + (yy * rows.row[1] + zz * rows.row[2]) * rows.blocks : nullptr;
+    around.weight[n] = (far != 0 ? part : 1 - part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
+  }
+}
+
+/// Red, green, blue and extinction of the eight voxels around a place. @returns whether there are any
+HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, V4& mixed) {
+  // of two voxels: red and green; blue and extinction
+  V4 first{}, second{};
+  const int place_in_block = around.x & (kBlock - 1);
+  const bool is_one_block = around.x >= 0 && place_in_block != kBlock - 1;
+  const int block = around.x >= 0 ? around.x / kBlock : -1;
+  bool any = false;
+  for (int n = 0; n < 4; ++n) {
+    const std::uint32_t* block_of = around.block_of[n];
+    if (block_of == nullptr) continue;
+    const V4 weight = all_four(around.weight[n]);
+    if (is_one_block) {
+      const std::uint32_t place = block_of[block];
+      if (place == 0) continue;
+      any = true;
+      const LitBlock& lit = rows.lit[place];
+      first += load_four(lit.pair[0] + place_in_block) * weight;
+      second += load_four(lit.pair[1] + place_in_block) * weight;
+      continue;
+    }
+    const std::uint32_t here = block >= 0 ? block_of[block] : 0,
+                        beside = block + 1 < rows.blocks ? block_of[block + 1] : 0;
+    if ((here | beside) == 0) continue;
+    any = true;
+    const LitBlock &low = rows.lit[here], &high = rows.lit[beside];
+    const std::uint32_t pairs[2][2] = {{low.pair[0][kBlock - 1], high.pair[0][0]},
+                                       {low.pair[1][kBlock - 1], high.pair[1][0]}};
+    first += load_four(pairs[0]) * weight;
+    second += load_four(pairs[1]) * weight;
+  }
+  if (!any) return false;
+  const float near = 1 - around.part, far = around.part;
+  const V4 weight{near, near, far, far};
+  first *= weight;
+  second *= weight;
+  mixed =
+      __builtin_shufflevector(first, second, 0, 1, 4, 5) + __builtin_shufflevector(first, second, 2, 3, 6, 7);
+  return true;
+}
+
+/// The next plane on which a ray has left, along each axis, the cubes that are empty around a place.
+HWY_INLINE int leap_from(const LeapsView& leaps, const float* place, const float* per_plane, int plane) {
+  int cube[3], index = 0;
   for (int a = 0; a < 3; ++a) {
-    low[a] = hn::ConvertTo(di, floors[a]);
-    part[a] = hn::Sub(at[a], floors[a]);
+    cube[a] = static_cast<int>(place[a] + 1) >> kLeapShift;
+    index += cube[a] * leaps.step[a];
   }
-  const auto* block_of = reinterpret_cast<const std::int32_t*>(rows.block_of);
-  const auto* pairs = reinterpret_cast<const std::int32_t*>(rows.lit);
-  const auto weight_of = [&](int axis, int far) HWY_ATTR {
-    return far != 0 ? part[axis] : hn::Sub(hn::Set(d, 1.0f), part[axis]);
-  };
-  const auto is_within = [&](int axis, VI index) HWY_ATTR {
-    return hn::And(hn::Gt(index, hn::Set(di, -1)), hn::Lt(index, hn::Set(di, rows.count[axis])));
-  };
-  MixedVoxels sum{hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
-  const VI next = hn::Add(low[0], one), in_block = hn::Set(di, kBlock - 1);
-  const auto here_is_within = is_within(0, low[0]), next_is_within = is_within(0, next);
-  // most pairs of voxels along a row are of one block
-  const bool one_block = hn::AllFalse(di, hn::Eq(hn::And(low[0], in_block), in_block));
-  const auto add = [&](VI place, VI along, VF weight) HWY_ATTR {
-    const VI word = hn::Add(hn::ShiftLeft<4>(place), hn::And(along, in_block));
-    const VU first = hn::BitCast(DU(), hn::GatherIndex(di, pairs, word)),
-             second = hn::BitCast(DU(), hn::GatherIndex(di, pairs + kBlock, word));
-    sum.red = hn::Add(sum.red, hn::Mul(lower_of(first), weight));
-    sum.green = hn::Add(sum.green, hn::Mul(upper_of(first), weight));
-    sum.blue = hn::Add(sum.blue, hn::Mul(lower_of(second), weight));
-    sum.extinction = hn::Add(sum.extinction, hn::Mul(upper_of(second), weight));
-  };
-  for (int corner = 0; corner < 4; ++corner) {
-    const int far_y = corner & 1, far_z = corner >> 1;
-    const VI yy = far_y != 0 ? hn::Add(low[1], one) : low[1], zz = far_z != 0 ? hn::Add(low[2], one) : low[2];
-    const auto row_is_there = hn::And(is_within(1, yy), is_within(2, zz));
-    const VI row = hn::Mul(hn::Add(hn::Mul(yy, hn::Set(di, static_cast<std::int32_t>(rows.row[1]))),
-                                   hn::Mul(zz, hn::Set(di, static_cast<std::int32_t>(rows.row[2])))),
-                           hn::Set(di, rows.blocks));
-    const auto place_of = [&](VI along, hn::Mask<DI> is_along_within) HWY_ATTR {
-      const auto there = hn::And(row_is_there, is_along_within);
-      const VI block = hn::IfThenElseZero(there, hn::Add(row, hn::ShiftRight<3>(along)));
-      return hn::IfThenElseZero(there, hn::GatherIndex(di, block_of, block));
-    };
-    const VI here = place_of(low[0], here_is_within);
-    const VI beside = one_block ? here : place_of(next, next_is_within);
-    if (hn::AllTrue(di, hn::Eq(hn::Or(here, beside), hn::Zero(di)))) continue;
-    const VF weight = hn::Mul(weight_of(1, far_y), weight_of(2, far_z));
-    add(here, low[0], hn::Mul(weight, weight_of(0, 0)));
-    add(beside, next, hn::Mul(weight, weight_of(0, 1)));
+  const int leap = leaps.leap[index];
+  if (leap == 0) return plane + 1;
+  float away = 1e6f;
+  for (int a = 0; a < 3; ++a) {
+    const float pace = per_plane[a];
+    if (std::abs(pace) < 1e-6f) continue;
+    const int border = pace > 0 ? kLeapSide * (cube[a] + leap) : kLeapSide * (cube[a] - leap + 1);
+    const float planes = (static_cast<float>(border) - (place[a] + 1)) / pace;
+    if (planes < away) away = planes;
   }
-  return sum;
+  const int by = static_cast<int>(std::ceil(away - 1e-3f));
+  return plane + (by > 1 ? by : 1);
 }
 
-/// How many planes on a ray leaves, along one axis, the cubes that are empty. `from` is its place in cells.
-HWY_INLINE VF planes_to_leave(VF from, VI cube, VI leap, VF per_plane) {
-  const DF d;
-  const DI di;
-  const VF side = hn::Set(d, static_cast<float>(kLeapSide)), tiny = hn::Set(d, 1e-9f);
-  const VF upper = hn::Mul(side, hn::ConvertTo(d, hn::Add(cube, leap))),
-           lower = hn::Mul(side, hn::ConvertTo(d, hn::Add(hn::Sub(cube, leap), hn::Set(di, 1))));
-  const auto ascends = hn::Ge(per_plane, hn::Zero(d));
-  const VF pace = hn::IfThenElse(ascends, hn::Max(per_plane, tiny), hn::Min(per_plane, hn::Neg(tiny)));
-  return hn::Div(hn::Sub(hn::IfThenElse(ascends, upper, lower), from), pace);
+/// The planes on which a ray is in the grid or less than a voxel beside it, along one axis.
+HWY_INLINE void bound_planes(float start, float per_plane, int count, float& begin, float& end) {
+  // a voxel's millionth off the borders, where nothing is seen
+  const float low = -1 + 1e-4f, high = static_cast<float>(count) - 1e-4f;
+  if (std::abs(per_plane) < 1e-9f) {
+    if (start < low || start > high) end = begin;
+    return;
+  }
+  const float a = (low - start) / per_plane, b = (high - start) / per_plane;
+  const float enter = std::ceil(a < b ? a : b), leave = std::floor(a < b ? b : a) + 1;
+  if (enter > begin) begin = enter;
+  if (leave < end) end = leave;
 }
 
-HWY_INLINE void trace_vector(const RowsView& rows, const LeapsView& leaps, const PlaneRange& planes, int at,
-                             const TracedRays& rays) {
-  const DF d;
-  const DI di;
-  const VF zero = hn::Zero(d), one = hn::Set(d, 1.0f), half = hn::Set(d, 0.5f),
-           scale = hn::Set(d, 1 / kDepthSteps);
-  const VF start[3] = {hn::LoadU(d, rays.x + at), hn::LoadU(d, rays.y + at), hn::Set(d, planes.z)};
-  const VF pace[3] = {hn::LoadU(d, rays.x_per_plane + at), hn::LoadU(d, rays.y_per_plane + at),
-                      hn::Set(d, planes.z_per_plane)};
-  const VF step = hn::LoadU(d, rays.step + at), first = hn::LoadU(d, rays.first + at),
-           last = hn::LoadU(d, rays.last + at);
-  VF red = zero, green = zero, blue = zero, clear = one, met = hn::Set(d, -1.0f);
-
-  // the planes on which a ray is in the grid or less than a voxel beside it
-  VF plane = hn::Max(zero, hn::Sub(hn::Floor(first), one));
-  VF end = hn::Min(hn::Set(d, static_cast<float>(planes.count)), hn::Add(hn::Floor(last), hn::Set(d, 2.0f)));
-  for (int a = 0; a < 2; ++a) {
-    const VF tiny = hn::Set(d, 1e-9f);
-    const VF per =
-        hn::IfThenElse(hn::Ge(pace[a], zero), hn::Max(pace[a], tiny), hn::Min(pace[a], hn::Neg(tiny)));
-    const VF low = hn::Div(hn::Sub(hn::Set(d, -1.0f), start[a]), per),
-             high = hn::Div(hn::Sub(hn::Set(d, static_cast<float>(rows.count[a])), start[a]), per);
-    plane = hn::Max(plane, hn::Ceil(hn::Min(low, high)));
-    end = hn::Min(end, hn::Add(hn::Floor(hn::Max(low, high)), one));
+HWY_INLINE void trace_ray(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes,
+                          int plane_count, float z_per_plane, TracedRay& ray) {
+  V4 sum{};
+  float clear = 1;
+  ray.met = -1;
+  float begin = std::floor(ray.first) - 1, end = std::floor(ray.last) + 2;
+  if (ray.begun > begin) begin = ray.begun;
+  if (begin < 0) begin = 0;
+  if (static_cast<float>(plane_count) < end) end = static_cast<float>(plane_count);
+  bound_planes(ray.x, ray.x_per_plane, rows.count[0], begin, end);
+  bound_planes(ray.y, ray.y_per_plane, rows.count[1], begin, end);
+  const float pace[3] = {ray.x_per_plane, ray.y_per_plane, z_per_plane};
+  const int stop = end > begin ? static_cast<int>(end) : 0;
+  for (int p = end > begin ? static_cast<int>(begin) : 0; p < stop && clear >= kDone;) {
+    const auto plane = static_cast<float>(p);
+    const float x = ray.x + ray.x_per_plane * plane, y = ray.y + ray.y_per_plane * plane;
+    AroundPlace around;
+    find_rows_around(rows, x, y, planes[p], around);
+    V4 mixed;
+    if (!mix_voxels(rows, around, mixed) || mixed[3] == 0) {
+      const float place[3] = {x, y, static_cast<float>(planes[p].slice) + planes[p].beyond};
+      p = leap_from(leaps, place, pace, p);
+      continue;
+    }
+    ++p;
+    const float q = plane + 0.5f;
+    float begun = q - ray.first, left = ray.last + 1 - q;
+    begun = begun < 0 ? 0 : begun > 1 ? 1 : begun;
+    left = left < 0 ? 0 : left > 1 ? 1 : left;
+    const float extinction = mixed[3] * (1 / kDepthSteps),
+                after = clear * exp_of_minus(extinction * (ray.step * (begun * left)));
+    const float share = (clear - after) / (extinction > kTiny ? extinction : kTiny) * (1 / kDepthSteps);
+    sum += mixed * all_four(share);
+    if (clear > 0.5f && after <= 0.5f) ray.met = plane;
+    clear = after;
   }
-  for (;;) {
-    const auto going = hn::And(hn::Lt(plane, end), hn::Ge(clear, hn::Set(d, kDone)));
-    if (hn::AllFalse(d, going)) break;
-    VF place[3], cell[3];
-    VI cube[3], index = hn::Zero(di);
-    for (int a = 0; a < 3; ++a) {
-      place[a] = hn::IfThenElseZero(going, hn::Add(start[a], hn::Mul(pace[a], plane)));
-      // in the first and the last cell where rounding is beyond them
-      place[a] = hn::Min(hn::Max(place[a], hn::Set(d, -1.0f)),
-                         hn::Set(d, static_cast<float>(rows.count[a]) - 1e-3f));
-      cell[a] = hn::Add(place[a], one);
-      cube[a] = hn::ShiftRight<kLeapShift>(hn::ConvertTo(di, cell[a]));
-      index = hn::Add(index, hn::Mul(cube[a], hn::Set(di, leaps.step[a])));
-    }
-    const VI leap = hn::GatherIndex(di, leaps.leap, index);
-    const auto is_empty = hn::RebindMask(d, hn::Gt(leap, hn::Zero(di)));
-    const auto sampled = hn::And(going, hn::Not(is_empty));
-    VF next = hn::Add(plane, one);
-    if (!hn::AllFalse(d, is_empty)) {
-      VF away = hn::Set(d, 1e9f);
-      for (int a = 0; a < 3; ++a) away = hn::Min(away, planes_to_leave(cell[a], cube[a], leap, pace[a]));
-      const VF leapt = hn::Max(next, hn::Ceil(hn::Add(plane, hn::Sub(away, hn::Set(d, 1e-3f)))));
-      next = hn::IfThenElse(is_empty, leapt, next);
-    }
-    if (!hn::AllFalse(d, sampled)) {
-      const MixedVoxels voxels = mix_voxels(rows, place[0], place[1], place[2]);
-      const VF q = hn::Add(plane, half);
-      const VF begun = hn::Min(hn::Max(hn::Sub(q, first), zero), one),
-               left = hn::Min(hn::Max(hn::Sub(hn::Add(last, one), q), zero), one);
-      const VF way = hn::IfThenElseZero(sampled, hn::Mul(step, hn::Mul(begun, left)));
-      const VF extinction = hn::Mul(voxels.extinction, scale), depth = hn::Mul(extinction, way);
-      const VF after = hn::Mul(clear, exp_of_minus(depth));
-      const VF share = hn::Mul(scale, hn::Div(hn::Sub(clear, after), hn::Max(extinction, hn::Set(d, kTiny))));
-      red = hn::Add(red, hn::Mul(share, voxels.red));
-      green = hn::Add(green, hn::Mul(share, voxels.green));
-      blue = hn::Add(blue, hn::Mul(share, voxels.blue));
-      const auto meets = hn::And(hn::Gt(clear, half), hn::Le(after, half));
-      met = hn::IfThenElse(meets, plane, met);
-      clear = after;
-    }
-    plane = hn::IfThenElse(going, next, plane);
-  }
-  hn::StoreU(red, d, rays.channel[0] + at);
-  hn::StoreU(green, d, rays.channel[1] + at);
-  hn::StoreU(blue, d, rays.channel[2] + at);
-  hn::StoreU(clear, d, rays.clear + at);
-  hn::StoreU(met, d, rays.met + at);
+  for (int c = 0; c < 3; ++c) ray.channel[c] = sum[c];
+  ray.clear = clear;
 }
 
-void trace_rays(const RowsView& rows, const LeapsView& leaps, const PlaneRange& planes, int count,
-                const TracedRays& rays) {
-  for (int n = 0; n < count; n += lanes()) trace_vector(rows, leaps, planes, n, rays);
+void trace_rays(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes, int plane_count,
+                float z_per_plane, int count, TracedRay* rays) {
+  for (int n = 0; n < count; ++n) trace_ray(rows, leaps, planes, plane_count, z_per_plane, rays[n]);
 }
 
 // ---- the warp ---------------------------------------------------------------------------------------------
@@ -506,6 +542,33 @@ HWY_INLINE VF channel_of(VI word, int which) {
   const DI di;
   const VI shifted = which == 0 ? hn::ShiftRight<20>(word) : which == 1 ? hn::ShiftRight<10>(word) : word;
   return hn::ConvertTo(DF(), hn::And(shifted, hn::Set(di, 1023)));
+}
+
+void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std::uint32_t* below, int width,
+               std::uint32_t* marked) {
+  const DI di;
+  const auto channel = [&](VI word, int which) HWY_ATTR {
+    const VI shifted = which == 0 ? hn::ShiftRight<20>(word) : which == 1 ? hn::ShiftRight<10>(word) : word;
+    return hn::And(shifted, hn::Set(di, 1023));
+  };
+  const auto load = [&](const std::uint32_t* from)
+                        HWY_ATTR { return hn::BitCast(di, hn::LoadU(DU(), from)); };
+  for (int u = 0; u < (width + kChunk - 1) / kChunk * kChunk; u += lanes()) {
+    const VI middle = load(here + u), before = load(here + u - 1), after = load(here + u + 1),
+             upper = load(above + u), lower = load(below + u);
+    VI along = hn::Zero(di), across = along;
+    for (int c = 0; c < 3; ++c) {
+      const VI twice = hn::ShiftLeft<1>(channel(middle, c));
+      along = hn::Max(along, hn::Abs(hn::Sub(hn::Add(channel(before, c), channel(after, c)), twice)));
+      across = hn::Max(across, hn::Abs(hn::Sub(hn::Add(channel(upper, c), channel(lower, c)), twice)));
+    }
+    const auto marks = [&](VI bend, std::uint32_t bit) HWY_ATTR {
+      return hn::And(hn::VecFromMask(di, hn::Gt(bend, hn::Set(di, kBend))),
+                     hn::Set(di, static_cast<std::int32_t>(bit)));
+    };
+    const VI word = hn::Or(middle, hn::Or(marks(along, kBendsAlong), marks(across, kBendsAcross)));
+    hn::StoreU(hn::BitCast(DU(), word), DU(), marked + u);
+  }
 }
 
 int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32_t* edges) {
@@ -546,11 +609,17 @@ int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32
     const int count = end - x < lanes() ? end - x : lanes();
     for (int n = 0; n < count; ++n)
       for (int c = 0; c < 3; ++c) rgb[3 * (x + n) + c] = bytes[c][n];
-    if (hn::AllFalse(d, hn::Gt(apart, hn::Set(d, kEdge)))) continue;
-    HWY_ALIGN float aparts[kChunk];
-    hn::Store(apart, d, aparts);
+    // marks of the four, in the uppermost bit
+    const auto either = [&](VI along, VI across) HWY_ATTR { return hn::Or(along, hn::ShiftLeft<1>(across)); };
+    const VI any = hn::Or(hn::Or(a, b), hn::Or(e, f));
+    const VI bends = either(hn::Or(hn::And(a, b), hn::And(e, f)), hn::Or(hn::And(a, e), hn::And(b, f)));
+    const VI differ = hn::VecFromMask(di, hn::RebindMask(di, hn::Gt(apart, hn::Set(d, kApart))));
+    const VI marks = hn::Or(bends, hn::And(either(any, any), differ));
+    if (hn::AllFalse(di, hn::Lt(marks, hn::Zero(di)))) continue;
+    HWY_ALIGN std::int32_t marked[kChunk];
+    hn::Store(marks, di, marked);
     for (int n = 0; n < count; ++n)
-      if (aparts[n] > kEdge) edges[edge_count++] = x + n;
+      if (marked[n] < 0) edges[edge_count++] = x + n;
   }
   return edge_count;
 }
@@ -564,6 +633,7 @@ namespace palpate::internal::volume_picture {
 HWY_EXPORT(light_blocks);
 HWY_EXPORT(gather_line);
 HWY_EXPORT(pack_line);
+HWY_EXPORT(mark_line);
 HWY_EXPORT(warp_row);
 HWY_EXPORT(trace_rays);
 
@@ -581,9 +651,13 @@ void pack_line(const Gathered& line, int width, const float* background, std::ui
 int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32_t* edges) {
   return HWY_DYNAMIC_DISPATCH(warp_row)(warp, begin, end, rgb, edges);
 }
-void trace_rays(const RowsView& rows, const LeapsView& leaps, const PlaneRange& planes, int count,
-                const TracedRays& rays) {
-  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, leaps, planes, count, rays);
+void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std::uint32_t* below, int width,
+               std::uint32_t* marked) {
+  HWY_DYNAMIC_DISPATCH(mark_line)(above, here, below, width, marked);
+}
+void trace_rays(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes, int plane_count,
+                float z_per_plane, int count, TracedRay* rays) {
+  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, leaps, planes, plane_count, z_per_plane, count, rays);
 }
 
 }  // namespace palpate::internal::volume_picture

@@ -46,8 +46,9 @@ struct RowsView {
 /// A plane of samples: intermediate pixel (u, v) is sampled at x = x_per_u u + x_0, y = y_per_v v + y_0.
 struct SamplePlane {
   double x_per_u, x_0, y_per_v, y_0;
-  int slice;     ///< z is there, and
-  float beyond;  ///< so much farther along the axis, 0 ... 1
+  double u_per_x;  ///< 1 / x_per_u
+  int slice;       ///< z is there, and
+  float beyond;    ///< so much farther along the axis, 0 ... 1
 };
 
 /// What a line of intermediate pixels has gathered; arrays of whole chunks of kChunk.
@@ -56,20 +57,29 @@ struct Gathered {
   float* channel[3];  ///< 0 ... 1
   float* clear;       ///< how much of what lies behind is seen
   float* met;         ///< plane at which it fell below one half, and parts of one; -1: nowhere; may be null
+  float* begun;       ///< the first plane on which there is anything; kNoPlane: none
   float* step;        ///< from plane to plane, h
   float* first;       ///< planes that are seen, and parts of one; null: all
   float* last;
-  std::uint8_t* done;  ///< of each chunk: nothing more is seen
-  float* row[4];       ///< room for a row of samples, kRowPadding more at either end
+  std::uint64_t* open;  ///< a bit for each chunk: something more is seen
+  float* row[4];        ///< room for a row of samples, kRowPadding more at either end
 };
+inline constexpr float kNoPlane = 1e9f;
 inline constexpr int kRowPadding = 32 * kBlock;
 
 /// Gathers from all planes, front to back. @param width  pixels
 void gather_line(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int width,
                  const Gathered& line);
 
-/// Intermediate pixels: red, green and blue in 10 bits each.
+/// Intermediate pixels: red, green and blue in 10 bits each. Whole chunks.
 void pack_line(const Gathered& line, int width, const float* background, std::uint32_t* packed);
+
+/// Copies whole chunks of a line of intermediate pixels and marks those at which the light bends by much
+/// along the line, or across it.
+/// @param above, below  the lines beside it; one pixel before and after `here` is read
+inline constexpr std::uint32_t kBendsAlong = 0x80000000, kBendsAcross = 0x40000000;
+void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std::uint32_t* below, int width,
+               std::uint32_t* marked);
 
 /// Where there is nothing: of each cube of 4^3 cells how many cubes from here, itself included, are empty
 /// whichever way one goes; 0 where something is. Cell c lies between voxels c - 1 and c.
@@ -79,31 +89,27 @@ struct LeapsView {
 };
 inline constexpr int kLeapSide = 4;
 
-/// Rays through planes of samples, front to back, each with what it gathers; room for whole chunks of kChunk.
-struct TracedRays {
-  float *x, *x_per_plane, *y, *y_per_plane;  ///< voxels, at plane 0
-  float* step;                               ///< from plane to plane, h
-  float *first, *last;                       ///< planes that are seen, and parts of one
-  float* channel[3];                         ///< 0 ... 1
-  float *clear, *met;                        ///< as in Gathered
+/// A ray through planes of samples, front to back, and what it gathers.
+struct TracedRay {
+  float x, x_per_plane, y, y_per_plane;  ///< voxels, at plane 0
+  float step;                            ///< from plane to plane, h
+  float first, last;                     ///< planes that are seen, and parts of one
+  float begun;                           ///< before this plane there is nothing
+  float channel[3];                      ///< 0 ... 1
+  float clear, met;                      ///< as in Gathered
 };
-struct PlaneRange {
-  float z, z_per_plane;  ///< voxels
-  int count;
-};
-/// @param count  of rays
-void trace_rays(const RowsView& rows, const LeapsView& leaps, const PlaneRange& planes, int count,
-                const TracedRays& rays);
+void trace_rays(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes, int plane_count,
+                float z_per_plane, int count, TracedRay* rays);
 
 /// Final pixels of a row from intermediate ones at (u, v) = (U, V) / W, all linear in the column.
 struct Warp {
-  const std::uint32_t* pixels;
+  const std::uint32_t* pixels;  ///< marked
   std::ptrdiff_t stride;
   int width, height;
   double u_0, u_step, v_0, v_step, w_0, w_step;
 };
 /// @param begin, end  columns
-/// @param edges       takes the columns whose four intermediate pixels differ too much to be mixed
+/// @param edges       takes the columns between whose four intermediate pixels there is an edge
 /// @returns how many these are
 int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32_t* edges);
 

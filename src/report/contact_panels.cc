@@ -39,7 +39,8 @@ double field_of_view_mm(const Model& model) {
   return std::clamp(10 * std::round(0.07 * longest), kLeast, kMost);
 }
 
-/// The largest of 1, 2, 5, 10, ... mm per newton with which an arrow at the limit stays in the picture.
+}  // namespace
+
 double arrow_mm_per_N(double limit_N) {
   if (!(limit_N > 0)) return 1;
   const double most = kLongestArrow_mm / limit_N, decade = std::pow(10, std::floor(std::log10(most)));
@@ -48,6 +49,8 @@ double arrow_mm_per_N(double limit_N) {
   }
   return decade;
 }
+
+namespace {
 
 /// "S 12.4 mm", without orientation "z 12.4 mm"
 std::string plane_position(const Model& model, const View& view, const Point<Patient>& p) {

@@ -14,6 +14,12 @@ std::string tiles_html(const Run& run);
 /// What the simulated hand did not reach; empty when it reached everything.
 std::string trouble_html(const Run& run);
 
+/// The structures in three dimensions, with all places that are shown and the path, from the side whence most
+/// of them are seen. Empty where nothing was touched, and where the model has no labels. Error kInterrupted.
+Result<std::string> volume_html(const Run& run, const Progress& progress);
+
+/// The largest of 1, 2, 5, 10, ... mm per newton with which an arrow at the limit stays in a section.
+double arrow_mm_per_N(double limit_N);
 /// Tabs, one a structure, each with three sections through its contact. Error kInterrupted.
 Result<std::string> contacts_html(const Run& run, const Progress& progress);
 

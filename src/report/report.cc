@@ -62,11 +62,13 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
   const auto read = read_run(recording, model, progress);
   if (!read) return read.error();
   const Run& run = *read;
+  const auto volume = volume_html(run, progress);
+  if (!volume.ok()) return volume.error();
   const auto contacts = contacts_html(run, progress);
   if (!contacts.ok()) return contacts.error();
 
   std::string html = head_html(header) + "<body>\n" + banner_html(run) + "<main>\n";
-  html += header_html(run) + tiles_html(run) + trouble_html(run) + *contacts + plots_html(run) +
+  html += header_html(run) + tiles_html(run) + trouble_html(run) + *volume + *contacts + plots_html(run) +
           structure_table_html(run) + removal_html(run) + safety_table_html(run) + loop_html(run) +
           provenance_html(run) + "</main>\n";
   html.append("<script>")

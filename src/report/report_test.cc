@@ -52,7 +52,8 @@ TEST_F(Report, ShowsThreeSectionsOfEachTouchedStructure) {
   EXPECT_EQ(count(html, "role=\"tab\""), 4u);
   EXPECT_EQ(count(html, "role=\"tabpanel\""), 4u);
   EXPECT_EQ(count(html, "<figure class=\"section\">"), 12u);
-  EXPECT_EQ(count(html, "src=\"data:image/png;base64,"), 24u);
+  // and the volume's picture
+  EXPECT_EQ(count(html, "src=\"data:image/png;base64,"), 25u);
   EXPECT_EQ(count(html, ">10 mm</text>"), 12u);
   EXPECT_EQ(count(html, ">Side: LEFT</text>"), 12u);
 }
@@ -389,8 +390,10 @@ TEST_F(Report, DamagedNumbersDoNotReachThePage) {
 TEST_F(Report, WorksWithoutScanAndLabels) {
   model.scan.reset();
   EXPECT_EQ(count(page(), "<figure class=\"section\">"), 12u);
+  EXPECT_EQ(count(page(), "<figure class=\"volume\">"), 1u);
   model.labels.reset();
   EXPECT_EQ(count(page(), "<figure class=\"section\">"), 12u);
+  EXPECT_EQ(count(page(), "<figure class=\"volume\">"), 0u);
 }
 
 TEST_F(Report, SaysWhatABurrRemoved) {

@@ -1,5 +1,8 @@
 """Pictures of the volume: from every side, cut, of some structures alone, all around, and what is said when there is none."""
 
+import struct
+import zlib
+
 import cli
 
 
@@ -31,6 +34,23 @@ class Render(cli.KneeTest):
         done = cli.run("render", self.scene, "--orbit", "4", "-o", folder)
         self.assertEqual(done.returncode, cli.OUTPUT)
         self.assertIn("a folder of their own", done.stderr)
+
+    def test_an_orbit_is_an_animated_png(self):
+        animated, frames = self.folder / "orbit.png", self.folder / "orbit-frames"
+        self.succeed("render", self.scene, "--pixels", "320", "--orbit", "3", "-o", animated)
+        self.succeed("render", self.scene, "--pixels", "320", "--orbit", "3", "-o", frames)
+        data, at, chunks = animated.read_bytes(), 8, []
+        while at < len(data):
+            size, kind = struct.unpack(">I4s", data[at:at + 8])
+            chunks.append((kind, data[at + 8:at + 8 + size]))
+            self.assertEqual(zlib.crc32(data[at + 4:at + 8 + size]), struct.unpack(">I", data[at + 8 + size:at + 12 + size])[0])
+            at += 12 + size
+        self.assertEqual([kind for kind, _ in chunks],
+                         [b"IHDR", b"acTL", b"fcTL", b"IDAT", b"fcTL", b"fdAT", b"fcTL", b"fdAT", b"IEND"])
+        self.assertEqual(chunks[1][1], struct.pack(">II", 3, 0))
+        # its first frame is the first picture's rows: as many bytes of pixels
+        self.assertEqual(len(zlib.decompress(chunks[3][1])), 320 * (3 * 320 + 1))
+        self.assertEqual(len(list(frames.iterdir())), 3)
 
     def test_neither_title_nor_path_is_in_it(self):
         scene = self.scene.with_name("CANARY.toml")

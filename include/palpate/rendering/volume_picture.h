@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/rendering/rendering.h"
+#include "palpate/rendering/volume_marks.h"
 #include "palpate/rendering/volume_renderer.h"
 
 /// Pictures of a model in three dimensions, to look at on their own.
@@ -35,7 +36,8 @@ double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureR
 /// one looks, a scale bar where rays are parallel, names of the largest structures, and that it is for
 /// research and education. No title and no path.
 /// @param renderer  of the model's labels, with these looks
+/// @param marks     drawn among the structures
 Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<const StructureLook> looks,
-                     const VolumePictureRequest& request);
+                     const VolumePictureRequest& request, std::span<const VolumeMark> marks = {});
 
 }  // namespace palpate
