@@ -5,8 +5,10 @@
 #include <map>
 #include <optional>
 
+#include "palpate/device/telemetry.h"
 #include "palpate/force_dimension/force_dimension_driver.h"
 #include "palpate/haply/haply_driver.h"
+#include "palpate/openhaptics/openhaptics_driver.h"
 
 namespace palpate::app {
 namespace {
@@ -15,7 +17,7 @@ namespace {
 class Named {
  public:
   static Result<Named> parse(const char* option, const std::vector<std::string>& said,
-                             const std::vector<std::string>& names) {
+                             const std::vector<std::string>& names, bool repeats = false) {
     Named named;
     std::string all;
     for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
@@ -26,11 +28,15 @@ class Named {
         return Error{ErrorKind::kUsage, "'" + each + "' is not NAME=VALUE", option, "NAME is one of: " + all};
       if (std::find(names.begin(), names.end(), name) == names.end())
         return Error{ErrorKind::kUsage, "there is none for '" + name + "'", option, "there is for: " + all};
+      named.all_.push_back(each.substr(equals + 1));
+      if (repeats) continue;
       if (!named.values_.emplace(name, each.substr(equals + 1)).second)
         return Error{ErrorKind::kUsage, "'" + name + "' is named twice", option, "name each device once"};
     }
     return named;
   }
+  /// In order, where one name may come several times.
+  const std::vector<std::string>& all() const { return all_; }
   std::string text(const std::string& name) const {
     const auto found = values_.find(name);
     return found == values_.end() ? "" : found->second;
@@ -49,6 +55,7 @@ class Named {
 
  private:
   std::map<std::string, std::string> values_;
+  std::vector<std::string> all_;
 };
 
 constexpr double kMostHeld_kg = 1;
@@ -64,10 +71,14 @@ void add_device_options(CLI::App& verb, DeviceOptions& options) {
                   "NAME=KG: what is held at a device's end where that is not the maker's own, carried by the "
                   "device")
       ->allow_extra_args(false);
+  verb.add_option("--device-config", options.configs,
+                  "touch=NAME: the name by which the maker's setup knows the device; as often as there are; "
+                  "default: the default one")
+      ->allow_extra_args(false);
 }
 
 Result<DeviceRegistry> known_devices(const DeviceOptions& options) {
-  const std::vector<std::string> by_library{"force-dimension"};
+  const std::vector<std::string> by_library{"force-dimension", "touch"};
   const auto libraries = Named::parse("--library", options.libraries, by_library);
   if (!libraries) return libraries.error();
   const auto masses = Named::parse("--held-mass", options.held_masses, by_library);
@@ -79,9 +90,22 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options) {
   if (!held_kg) return held_kg.error();
   force_dimension.held_mass_kg = *held_kg;
 
+  OpenHapticsSettings openhaptics;
+  openhaptics.library.file = libraries->text("touch");
+  const auto held_by_touch_kg = masses->number("--held-mass", "touch", kMostHeld_kg);
+  if (!held_by_touch_kg) return held_by_touch_kg.error();
+  openhaptics.held_mass_kg = *held_by_touch_kg;
+  const auto configs = Named::parse("--device-config", options.configs, {"touch"}, true);
+  if (!configs) return configs.error();
+  openhaptics.names = configs->all();
+  if (openhaptics.names.size() > static_cast<std::size_t>(kMaxDevices))
+    return Error{ErrorKind::kUsage, std::to_string(openhaptics.names.size()) + " devices", "--device-config",
+                 "a session has " + std::to_string(kMaxDevices) + " at most"};
+
   DeviceRegistry registry;
   registry.add(haply_maker());
   registry.add(force_dimension_maker(force_dimension));
+  registry.add(openhaptics_maker(openhaptics));
   return registry;
 }
 

@@ -13,8 +13,10 @@ namespace palpate::app {
 struct DeviceOptions {
   std::vector<std::string> libraries;    ///< the file of a maker's library
   std::vector<std::string> held_masses;  ///< kg that is held at a device's end
+  /// a name by which its maker's setup knows a device, several of one maker
+  std::vector<std::string> configs;
 };
-/// `--library`, `--held-mass`.
+/// `--library`, `--held-mass`, `--device-config`.
 void add_device_options(CLI::App& verb, DeviceOptions& options);
 
 /// The drivers that this program has: whoever adds one adds it here, and nowhere else.

@@ -12,6 +12,7 @@ class Devices(cli.PalpateTest):
         self.assertEqual(names[:2], ["simulated", "pointer"])
         self.assertIn("haply", names)
         self.assertIn("force-dimension", names)
+        self.assertIn("touch", names)
         text = self.succeed("devices").stdout
         for device in known:
             self.assertIn(device["name"], text)
@@ -35,7 +36,7 @@ class Doctor(cli.PalpateTest):
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertFalse(report["ready"])
         topics = {line["topic"] for line in report["lines"]}
-        self.assertEqual(topics, {"this computer", "haply", "force-dimension"})
+        self.assertEqual(topics, {"this computer", "haply", "force-dimension", "touch"})
         for line in report["lines"]:
             self.assertTrue(line["found"], line)
             self.assertEqual(bool(line["cure"]), line["finding"] != "fine", line)
@@ -50,6 +51,8 @@ class Doctor(cli.PalpateTest):
         self.assertIn("forcedimension.com", lines[0]["cure"])
         done = cli.run("doctor", "--json", "--seconds", "0.2", "--library", "force-dimension=/no/such.so")
         self.assertIn("there is no such file", done.stdout)
+        done = cli.run("doctor", "--json", "--seconds", "0.2", "--device", "touch")
+        self.assertIn("no libHD.so", done.stdout)
         for option, says in ((("--library", "spoon=x"), "spoon"), (("--library", "force-dimension"), "NAME=VALUE"),
                              (("--held-mass", "force-dimension=heavy"), "heavy"),
                              (("--held-mass", "force-dimension=-1"), "-1")):
