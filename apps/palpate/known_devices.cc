@@ -9,6 +9,7 @@
 #include "palpate/force_dimension/force_dimension_driver.h"
 #include "palpate/haply/haply_driver.h"
 #include "palpate/openhaptics/openhaptics_driver.h"
+#include "palpate/spacemouse/spacemouse_driver.h"
 
 namespace palpate::app {
 namespace {
@@ -106,6 +107,7 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options) {
   registry.add(haply_maker());
   registry.add(force_dimension_maker(force_dimension));
   registry.add(openhaptics_maker(openhaptics));
+  registry.add(spacemouse_maker());
   return registry;
 }
 

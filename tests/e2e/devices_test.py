@@ -13,6 +13,7 @@ class Devices(cli.PalpateTest):
         self.assertIn("haply", names)
         self.assertIn("force-dimension", names)
         self.assertIn("touch", names)
+        self.assertIn("spacemouse", names)
         text = self.succeed("devices").stdout
         for device in known:
             self.assertIn(device["name"], text)
@@ -36,7 +37,7 @@ class Doctor(cli.PalpateTest):
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertFalse(report["ready"])
         topics = {line["topic"] for line in report["lines"]}
-        self.assertEqual(topics, {"this computer", "haply", "force-dimension", "touch"})
+        self.assertEqual(topics, {"this computer", "haply", "force-dimension", "touch", "spacemouse"})
         for line in report["lines"]:
             self.assertTrue(line["found"], line)
             self.assertEqual(bool(line["cure"]), line["finding"] != "fine", line)
