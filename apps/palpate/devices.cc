@@ -72,18 +72,21 @@ int print_text(const DeviceRegistry& known) {
 
 void add_devices(CLI::App& app, Run& run) {
   auto json = std::make_shared<bool>(false);
+  auto about = std::make_shared<DeviceOptions>();
   CLI::App* verb =
       app.add_subcommand("devices", "List the devices that explore knows, and what is connected");
   verb->add_flag("--json", *json, "As JSON");
+  add_device_options(*verb, *about);
   verb->footer(
       "Example:\n"
       "  palpate devices\n\n"
       "Nothing is moved and nothing pushes. What a device lacks on this machine, and what to do about it,\n"
       "is told by palpate doctor; what each device needs, by docs/devices.md.");
-  verb->callback([json, &run] {
-    run = [json](Console& /*console*/) {
-      const DeviceRegistry known = known_devices();
-      return *json ? print_json(known) : print_text(known);
+  verb->callback([json, about, &run] {
+    run = [json, about](Console& console) {
+      const auto known = known_devices(*about);
+      if (!known) return console.fail(known.error());
+      return *json ? print_json(*known) : print_text(*known);
     };
   });
 }

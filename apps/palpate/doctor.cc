@@ -14,6 +14,7 @@ namespace {
 
 struct DoctorArguments {
   DoctorSettings settings;
+  DeviceOptions about_devices;
   bool json = false;
 };
 
@@ -86,6 +87,7 @@ void add_doctor(CLI::App& app, Run& run) {
                    "A device that is to be there (palpate devices); as often as there are devices; default: "
                    "whichever are")
       ->allow_extra_args(false);
+  add_device_options(*verb, options->about_devices);
   verb->footer(
       "Examples:\n"
       "  palpate doctor\n"
@@ -98,7 +100,9 @@ void add_doctor(CLI::App& app, Run& run) {
       "docs/devices.md says what each device needs.");
   verb->callback([options, &run] {
     run = [options](Console& console) -> int {
-      const auto report = examine(known_devices(), options->settings, console.progress());
+      const auto known = known_devices(options->about_devices);
+      if (!known) return console.fail(known.error());
+      const auto report = examine(*known, options->settings, console.progress());
       if (!report) return console.fail(report.error());
       if (options->json)
         std::cout << report_json(*report).dump(2, ' ', false,

@@ -33,14 +33,16 @@ struct ExploreArguments {
   double spin_us = 0;
   int cpu = -1;
   std::vector<std::string> devices;
-  bool repeat = false, no_realtime = false, no_supervisor = false;
+  DeviceOptions about_devices;
+  DeviceRegistry known;
+  bool may_move = false, repeat = false, no_realtime = false, no_supervisor = false;
   bool no_viewer = false;
   ServingOptions serving;
 };
 
 // the claims of what is written: the recording, the supervisor's log
 Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
-  if (auto possible = check_devices(options.devices, known_devices()); !possible) return possible.error();
+  if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
   if (std::ranges::find(options.devices, kPointer) != options.devices.end() && options.no_viewer)
     return Error{ErrorKind::kUsage, "the pointer is a viewer's, and --no-viewer lets none look on",
                  "--device", "leave out --no-viewer"};
@@ -94,6 +96,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
   session.loop.spin_s = options.spin_us * 1e-6;
   session.loop.realtime = !options.no_realtime;
   session.loop.cpu = options.cpu;
+  session.loop.may_move = options.may_move;
   session.seconds = options.seconds;
   session.repeat = options.repeat;
   if (!options.no_supervisor) session.supervisor = {"/proc/self/exe", "supervise"};
@@ -338,6 +341,9 @@ void warn_of_trouble(std::vector<std::string> trouble, const std::string& said, 
 
 int explore_target(ExploreArguments options, Console& console) {
   if (options.devices.empty()) options.devices = {kSimulatedHand};
+  auto known = known_devices(options.about_devices);
+  if (!known) return console.fail(known.error());
+  options.known = *std::move(known);
   const auto claimed = check(options);
   if (!claimed) return console.fail(claimed.error());
   const Progress progress = console.progress();
@@ -363,7 +369,7 @@ int explore_target(ExploreArguments options, Console& console) {
   FaultLines faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
-  session.known = known_devices();
+  session.known = options.known;
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
                               status_for(options, address, said, console));
@@ -393,6 +399,9 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
           "the page), or a device by its name (palpate devices); as often as there are devices, 4 at "
           "most; default: simulated")
       ->allow_extra_args(false);
+  add_device_options(*verb, options.about_devices);
+  verb->add_flag("--may-move", options.may_move,
+                 "An arm may move by itself when it is initialised: nobody is within its reach");
   verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
   verb->add_option("--max-force", options.max_force_N,
                    "Limit of the force in N, beside the device's own; default: the lesser of its continuous "

@@ -8,55 +8,19 @@
 #include <thread>
 
 #include "base/test_wait.h"
+#include "device/test_wall.h"
 #include "haply/test_haply_service.h"
 #include "palpate/base/clock.h"
 
 namespace palpate::testing {
 
-// a hand and device that come to rest within 20 ms: critically damped, 316 rad/s
-inline constexpr double kHaplyHand_N_per_mm = 2, kHaplyWall_N_per_mm = 1, kHaplyIntended_mm = 1.2;
+// where the hand and the wall of every driver's tests are (device/test_wall.h)
+inline constexpr double kHaplyHand_N_per_mm = kWallHand_N_per_mm, kHaplyWall_N_per_mm = kWall_N_per_mm,
+                        kHaplyIntended_mm = kWallIntended_mm, kHaplyPressed_mm = kWallPressed_mm;
 
 inline SimulatedDevice haply_hand(const Point<Device>& tip = Point<Device>(kHaplyIntended_mm, 0, 0)) {
-  SimulatedDevice device({"light", 0.01, 0, 0, 0, 1e9, 1e9},
-                         {"still", 0.01, 12.6, kHaplyHand_N_per_mm * 1000});
-  device.reset(tip);
-  return device;
+  return wall_hand(tip);
 }
-// where the tip rests, the hand wanting it kHaplyIntended_mm behind the wall
-inline constexpr double kHaplyPressed_mm =
-    kHaplyIntended_mm * kHaplyHand_N_per_mm / (kHaplyHand_N_per_mm + kHaplyWall_N_per_mm);
-
-/// A wall that begins at x = 0, as an output stage guards it: no force for a fault or a state older than 10
-/// ms.
-class GuardedWall final : public ServoFunction {
- public:
-  void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
-    const DeviceSample& sample = samples[0];
-    const bool old = monotonic_ns() - sample.taken_ns > 10'000'000;
-    commands[0] = {};
-    if (!old && !sample.fault)
-      commands[0].force_N = Vector<Device>(-kHaplyWall_N_per_mm * std::max(0.0, sample.tip.x()), 0, 0);
-    fault = sample.fault;
-    tip_x_mm = sample.tip.x();
-    if (sample.taken_ns != taken_ns) ++samples_taken;
-    taken_ns = sample.taken_ns;
-    ++updates;
-  }
-  std::atomic<bool> fault{false};
-  std::atomic<double> tip_x_mm{0};
-  std::atomic<std::int64_t> taken_ns{0};
-  std::atomic<int> updates{0}, samples_taken{0};
-};
-
-class UntilStopped final : public ServoClock {
- public:
-  bool wait() noexcept override {
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    return !stop;
-  }
-  bool stopped() const noexcept override { return stop; }
-  std::atomic<bool> stop{false};
-};
 
 /// A driver that runs against a service, pressing the wall.
 class HaplyRig {

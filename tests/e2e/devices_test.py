@@ -11,6 +11,9 @@ class Devices(cli.PalpateTest):
         names = [device["name"] for device in known]
         self.assertEqual(names[:2], ["simulated", "pointer"])
         self.assertIn("haply", names)
+        self.assertIn("force-dimension", names)
+        self.assertIn("touch", names)
+        self.assertIn("spacemouse", names)
         text = self.succeed("devices").stdout
         for device in known:
             self.assertIn(device["name"], text)
@@ -34,13 +37,28 @@ class Doctor(cli.PalpateTest):
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertFalse(report["ready"])
         topics = {line["topic"] for line in report["lines"]}
-        self.assertEqual(topics, {"this computer", "haply"})
+        self.assertEqual(topics, {"this computer", "haply", "force-dimension", "touch", "spacemouse"})
         for line in report["lines"]:
             self.assertTrue(line["found"], line)
             self.assertEqual(bool(line["cure"]), line["finding"] != "fine", line)
         missing = [line for line in report["lines"] if line["finding"] == "missing"]
         self.assertIn("haply", {line["topic"] for line in missing})
         self.assertGreater(report["timer"]["rate_hz"], 0)
+
+    def test_names_the_file_that_is_missing(self):
+        done = cli.run("doctor", "--json", "--seconds", "0.2", "--device", "force-dimension")
+        lines = [line for line in json.loads(done.stdout)["lines"] if line["topic"] == "force-dimension"]
+        self.assertIn("libdrd.so.3", lines[0]["found"])
+        self.assertIn("forcedimension.com", lines[0]["cure"])
+        done = cli.run("doctor", "--json", "--seconds", "0.2", "--library", "force-dimension=/no/such.so")
+        self.assertIn("there is no such file", done.stdout)
+        done = cli.run("doctor", "--json", "--seconds", "0.2", "--device", "touch")
+        self.assertIn("no libHD.so", done.stdout)
+        for option, says in ((("--library", "spoon=x"), "spoon"), (("--library", "force-dimension"), "NAME=VALUE"),
+                             (("--held-mass", "force-dimension=heavy"), "heavy"),
+                             (("--held-mass", "force-dimension=-1"), "-1")):
+            for verb in (("doctor",), ("devices",), ("explore", "knee-phantom")):
+                self.fail_clearly(cli.USAGE, *verb, *option, says=says)
 
     def test_in_words(self):
         done = cli.run("doctor", "--seconds", "0.2")

@@ -1,0 +1,658 @@
+#include "palpate/force_dimension/force_dimension_driver.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+#include <system_error>
+#include <thread>
+
+#include "force_dimension/dhd.h"
+#include "force_dimension/models.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/printable.h"
+#include "palpate/device/telemetry.h"
+#include "palpate/device/usb.h"
+
+namespace palpate {
+namespace dhd {
+
+/// Why there is no force, the most serious first.
+enum class Trouble : std::uint8_t {
+  kNone,
+  kLost,   ///< calls fail, and the device is looked for
+  kInUse,  ///< it is there, and cannot be opened
+  kOther,  ///< another one is in its place
+  kNoPower,
+  kNotInitialised,  ///< it does not know where its arm is
+  kByHand,          ///< and has to be led through its workspace
+  kError,           ///< it says that it has an error
+  kBroken,          ///< its pose is no number
+  kButton,          ///< forces were switched off at the device
+  kVelocity,        ///< it was too fast
+  kWatchdog,        ///< nobody spoke to it for a while
+  kUsb,
+  kDeadman,   ///< nobody holds it
+  kForceOff,  ///< forces are off, and it does not say why
+  kSilent,    ///< a call has failed
+};
+
+constexpr char kNobody = -1;
+
+/// Which device it is, apart from its place among others.
+struct Identity {
+  int type = 0;
+  bool left = false;
+  std::optional<unsigned short> serial;
+  bool operator==(const Identity&) const = default;
+};
+
+/// A device of the driver. Its library's number belongs to the servo's thread while it is there, and to the
+/// finder's while it is lost; `state` hands it over.
+struct Unit {
+  enum class State : std::uint8_t { kThere, kLost, kBack };
+  Identity identity;
+  DeviceModel model;
+  DeviceInfo info;
+  bool turns = false, gripper = false;
+  std::atomic<char> id{kNobody};
+  std::atomic<State> state{State::kThere};
+  std::atomic<Trouble> trouble{Trouble::kNone};
+
+  // ---- the servo's
+  DeviceSample sample;
+  Trouble said_by_status = Trouble::kNone, off_why = Trouble::kNone;
+  std::int64_t status_ns = 0, failing_since_ns = 0, off_since_ns = 0;
+  bool force_on = false;
+};
+
+}  // namespace dhd
+
+namespace {
+
+using dhd::DeviceModel;
+using dhd::kNobody;
+using DhdTrouble = dhd::Trouble;
+using DhdIdentity = dhd::Identity;
+using DhdUnit = dhd::Unit;
+
+// how often a lost device is looked for, and whether one is to be looked for
+constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
+constexpr std::uint16_t kForceDimensionUsb = 0x1451, kFtdiUsb = 0x0403, kFalconUsb = 0xcb48;
+constexpr const char* kGet =
+    "get Force Dimension's SDK from forcedimension.com/software/sdk and copy libdrd.so.3 to /usr/local/lib, "
+    "or "
+    "name the file: --library force-dimension=FILE";
+
+std::int64_t in_ns(double seconds) {
+  return std::llround(seconds * 1e9);
+}
+
+struct DhdWords {
+  const char *what, *cure;
+};
+DhdWords words_for(DhdTrouble trouble) {
+  switch (trouble) {
+    case DhdTrouble::kLost:
+      return {"the device is not there any more",
+              "look at its USB cable and power: it is looked for, and felt again when it is back"};
+    case DhdTrouble::kInUse:
+      return {"the device is there and cannot be opened",
+              "end the program that uses it; palpate doctor says whether this account may"};
+    case DhdTrouble::kOther:
+      return {"another device is where it was", "plug the one in that the session began with"};
+    case DhdTrouble::kNoPower:
+      return {"the device has no power", "switch its power supply on"};
+    case DhdTrouble::kNotInitialised:
+      return {
+          "the arm is not initialised and does not know where it is",
+          "keep clear of it and initialise it by the maker's program (HapticInit): the session goes on by "
+          "itself then. Or end the session and begin anew with --may-move"};
+    case DhdTrouble::kByHand:
+      return {"the device does not know yet where its grip is",
+              "pull the grip all the way out and push it all the way in, until the lights turn"};
+    case DhdTrouble::kError:
+      return {"the device says that it has an error", "switch it off and on again"};
+    case DhdTrouble::kBroken:
+      return {"the device says a place that is none", "switch it off and on again"};
+    case DhdTrouble::kButton:
+      return {"forces are switched off at the device", "press its force button"};
+    case DhdTrouble::kVelocity:
+      return {"the device was faster than it allows, and has switched its forces off",
+              "hold it still: they come back after a second"};
+    case DhdTrouble::kWatchdog:
+      return {"the device has switched its forces off because nobody spoke to it",
+              "hold it still: they come back after a second. Is the machine overloaded?"};
+    case DhdTrouble::kUsb:
+      return {"the device has switched its forces off for a fault of its USB", "look at its USB cable"};
+    case DhdTrouble::kDeadman:
+      return {"nobody holds the device", "take hold of its grip"};
+    case DhdTrouble::kForceOff:
+      return {"the device has its forces off", "hold it still; press its force button if they stay off"};
+    case DhdTrouble::kSilent:
+      return {"the device does not answer", "look at its USB cable"};
+    case DhdTrouble::kNone:
+      break;
+  }
+  return {"", ""};
+}
+
+DhdTrouble trouble_of_cause(int cause) {
+  switch (cause) {
+    case dhd::kByButton:
+      return DhdTrouble::kButton;
+    case dhd::kByVelocity:
+      return DhdTrouble::kVelocity;
+    case dhd::kByWatchdog:
+      return DhdTrouble::kWatchdog;
+    case dhd::kByUsb:
+      return DhdTrouble::kUsb;
+    case dhd::kByDeadman:
+      return DhdTrouble::kDeadman;
+    default:
+      return DhdTrouble::kForceOff;
+  }
+}
+
+Error error_for(DhdTrouble trouble, const std::string& where) {
+  const DhdWords words = words_for(trouble);
+  return {ErrorKind::kUnavailable, words.what, where, words.cure};
+}
+
+/// A call's failure in the library's own words.
+Error said_by(const dhd::Library& library, const std::string& what, const std::string& where,
+              const std::string& cure) {
+  const char* said = library.dhdErrorGetLastStr();
+  return {ErrorKind::kUnavailable,
+          what + (said && *said != '\0' ? " (" + printable_name(said) + ")" : std::string()), where, cure};
+}
+
+int open_device(const dhd::Library& library, int index) {
+  const auto id = static_cast<char>(index);
+  return library.drdOpenID && library.drdClose ? library.drdOpenID(id) : library.dhdOpenID(id);
+}
+void close_device(const dhd::Library& library, char id) {
+  if (library.drdOpenID && library.drdClose)
+    library.drdClose(id);
+  else
+    library.dhdClose(id);
+}
+
+bool is_initialised(const dhd::Library& library, char id) {
+  if (library.drdIsInitialized) return library.drdIsInitialized(id);
+  std::array<int, dhd::kStatusFields> status{};
+  return library.dhdGetStatus(status.data(), id) >= 0 && status[dhd::kReset] == 1;
+}
+
+DhdIdentity identity_of(const dhd::Library& library, char id) {
+  DhdIdentity identity{library.dhdGetSystemType(id), library.dhdIsLeftHanded(id), {}};
+  unsigned short serial = 0;
+  if (library.dhdGetSerialNumber && library.dhdGetSerialNumber(&serial, id) >= 0) identity.serial = serial;
+  return identity;
+}
+std::string name_of(const DhdIdentity& identity) {
+  std::string name = dhd::model_of(identity.type).name;
+  if (identity.left) name += " (left)";
+  if (identity.serial) name += " no. " + std::to_string(*identity.serial);
+  return name;
+}
+
+// the matrix's rows are the device's axes; not quite orthonormal. Empty: it is no turn
+std::optional<Eigen::Quaterniond> turn_of(const double (&frame)[3][3]) {
+  Eigen::Matrix3d matrix;
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) matrix(r, c) = frame[r][c];
+  if (!matrix.allFinite() || !(std::abs(matrix.determinant() - 1) < 0.1)) return std::nullopt;
+  return Eigen::Quaterniond(matrix).normalized();
+}
+
+}  // namespace
+
+/// Members are grouped by whose they are. The servo's thread is whoever calls run().
+class ForceDimensionDriver::Core {
+ public:
+  explicit Core(const ForceDimensionSettings& settings) : settings_(settings) {}
+  ~Core() {
+    end_.store(true);
+    if (finder_.joinable()) finder_.join();
+    close_all();
+  }
+
+  std::span<const DeviceInfo> devices() const { return infos_; }
+
+  Result<void> open(bool may_move) {
+    if (finder_.joinable()) return {};
+    if (!library_) {
+      const auto file = find_vendor_library(settings_.library, "Force Dimension's library", kGet);
+      if (!file) return file.error();
+      auto loaded = dhd::load(*file);
+      if (!loaded) return loaded.error();
+      library_ = *loaded;
+    }
+    if (auto opened = open_all(may_move); !opened) {
+      close_all();
+      return opened.error();
+    }
+    infos_.clear();
+    for (std::size_t d = 0; d < count_; ++d) infos_.push_back(units_[d].info);
+    try {
+      finder_ = std::thread([this] { find_lost(); });
+    } catch (const std::system_error& error) {
+      close_all();
+      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(),
+                   "force-dimension", "close other programs, or raise the limit of processes (ulimit -u)"};
+    }
+    return {};
+  }
+
+  void run(ServoFunction& servo, ServoClock& clock) {
+    const auto units = std::span(units_).first(count_);
+    commands_ = {};
+    for (DhdUnit& unit : units) unit.force_on = false;
+    while (clock.wait()) {
+      for (std::size_t d = 0; d < count_; ++d) {
+        read(units[d]);
+        samples_[d] = units[d].sample;
+      }
+      servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
+      for (std::size_t d = 0; d < count_; ++d) write(units[d], commands_[d]);
+    }
+    for (DhdUnit& unit : units)
+      if (unit.state.load() == DhdUnit::State::kThere) {
+        set_force(unit, {});
+        // brakes: an arm that nobody carries comes down slowly
+        library_->dhdStop(unit.id.load());
+        unit.force_on = false;
+      }
+  }
+
+  void halt() {
+    halted_.store(true);
+    for (std::size_t d = 0; d < count_; ++d)
+      if (const char id = units_[d].id.load(); id != kNobody) library_->dhdEnableForce(0, id);
+  }
+  void resume() { halted_.store(false); }
+
+  std::optional<Error> trouble() const {
+    for (std::size_t d = 0; d < count_; ++d)
+      if (const DhdTrouble now = units_[d].trouble.load(); now != DhdTrouble::kNone)
+        return error_for(now, units_[d].info.name);
+    return std::nullopt;
+  }
+
+ private:
+  // ---- whoever opens
+  Result<void> open_all(bool may_move) {
+    const int count = library_->dhdGetDeviceCount();
+    if (count <= 0)
+      return Error{ErrorKind::kUnavailable, "no device is connected", "force-dimension",
+                   "plug it in by USB and switch it on; palpate doctor --device force-dimension says whether "
+                   "the system sees one"};
+    count_ = 0;
+    for (int index = 0; index < std::min(count, kMaxDevices); ++index) {
+      DhdUnit& unit = units_[count_];
+      const int id = open_device(*library_, index);
+      if (id < 0)
+        return said_by(*library_, "device " + std::to_string(index + 1) + " cannot be opened",
+                       "force-dimension",
+                       "end the program that uses it; palpate doctor says whether this account may");
+      unit.id.store(static_cast<char>(id));
+      ++count_;
+      unit.identity = identity_of(*library_, unit.id);
+      unit.model = dhd::model_of(unit.identity.type);
+      describe(unit);
+      if (auto ready = initialise(unit, may_move); !ready) return ready.error();
+      if (auto limited = prepare(unit); !limited) return limited.error();
+    }
+    return {};
+  }
+
+  Result<void> initialise(DhdUnit& unit, bool may_move) {
+    const char id = unit.id.load();
+    if (is_initialised(*library_, id)) return {};
+    // the session waits, and says so
+    if (unit.model.by_hand) return {};
+    if (!library_->initialises()) return error_for(DhdTrouble::kNotInitialised, unit.info.name);
+    unit.info.moves_by_itself = true;
+    if (auto agreed = require_consent(unit.info, may_move); !agreed) return agreed.error();
+    if (library_->drdAutoInit(id) < 0)
+      return said_by(*library_, "the arm could not be initialised", unit.info.name,
+                     "see that nothing is in its way, and begin anew");
+    // the library's own control lets go, with forces on
+    if (library_->drdStop(true, id) < 0)
+      return said_by(*library_, "the library goes on moving the arm", unit.info.name,
+                     "switch the device off and on again");
+    return {};
+  }
+
+  /// What has to be said to a device whenever it was opened.
+  Result<void> prepare(const DhdUnit& unit) {
+    const char id = unit.id.load();
+    const auto failed = [&](const char* what) {
+      return said_by(*library_, what, unit.info.name, "switch the device off and on again");
+    };
+    // beside the output stage's own limit
+    if (unit.info.peak_force_N && library_->dhdSetMaxForce(*unit.info.peak_force_N, id) < 0)
+      return failed("it takes no limit of its force");
+    if (settings_.held_mass_kg) {
+      if (!library_->dhdSetEffectorMass || library_->dhdSetEffectorMass(*settings_.held_mass_kg, id) < 0)
+        return failed("it takes no mass of what is held");
+    }
+    if (library_->dhdSetGravityCompensation &&
+        library_->dhdSetGravityCompensation(settings_.gravity ? 1 : 0, id) < 0)
+      return failed("it does not carry its own weight");
+    return {};
+  }
+
+  void describe(DhdUnit& unit) {
+    const char id = unit.id.load();
+    const DeviceModel& model = unit.model;
+    DeviceInfo info;
+    info.name = name_of(unit.identity);
+    info.drive = DeviceInfo::Drive::kPulled;
+    info.peak_force_N = model.peak_force_N;
+    // a limit that somebody has set, and which is not undone here
+    if (const double limit_N = library_->dhdGetMaxForce(id); std::isfinite(limit_N) && limit_N > 0)
+      info.peak_force_N = std::min(limit_N, info.peak_force_N.value_or(limit_N));
+    const bool active_wrist = library_->dhdHasActiveWrist(id);
+    const bool active_gripper = library_->dhdHasActiveGripper(id);
+    unit.turns = model.turns || active_wrist;
+    unit.gripper = model.gripper || active_gripper;
+    if (active_wrist) info.peak_torque_Nmm = model.peak_torque_Nmm;
+    if (active_gripper) info.peak_gripper_N = model.peak_gripper_N;
+    info.position_step_mm = model.position_step_mm;
+    if (model.reach_mm) {
+      // the largest cube in the ball
+      const double half_mm = *model.reach_mm / std::sqrt(3.0);
+      info.workspace = {Point<Device>(-half_mm, -half_mm, -half_mm),
+                        Point<Device>(half_mm, half_mm, half_mm)};
+    }
+    info.degrees_of_freedom_in = 3 + (unit.turns ? 3 : 0) + (unit.gripper ? 1 : 0);
+    info.degrees_of_freedom_out = 3 + (active_wrist ? 3 : 0) + (active_gripper ? 1 : 0);
+    info.buttons = model.buttons;
+    info.gripper = unit.gripper;
+    info.R_WorldDevice = force_dimension_axes();
+    unit.info = info;
+  }
+
+  void close_all() {
+    for (std::size_t d = 0; d < count_; ++d)
+      if (const char id = units_[d].id.exchange(kNobody); id != kNobody) {
+        library_->dhdStop(id);
+        close_device(*library_, id);
+      }
+    count_ = 0;
+  }
+
+  // ---- the servo's thread
+  void read(DhdUnit& unit) {
+    if (unit.state.load() == DhdUnit::State::kBack) come_back(unit);
+    DeviceSample& sample = unit.sample;
+    if (unit.state.load() != DhdUnit::State::kThere) {
+      sample.fault = true;
+      return;
+    }
+    const char id = unit.id.load();
+    const std::int64_t asked_ns = monotonic_ns();
+    Eigen::Vector3d tip_m, velocity_m_s;
+    double frame[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    const int got = library_->dhdGetPositionAndOrientationFrame(&tip_m[0], &tip_m[1], &tip_m[2], frame, id);
+    if (got < 0) return fail(unit, asked_ns);
+    unit.failing_since_ns = 0;
+    if (asked_ns - unit.status_ns >= in_ns(kStatusEvery_s)) {
+      unit.status_ns = asked_ns;
+      unit.said_by_status = read_status(unit);
+      if (unit.said_by_status == DhdTrouble::kLost) return lose(unit);
+    }
+    DhdTrouble trouble = unit.said_by_status;
+    const auto turn = unit.turns ? turn_of(frame) : Eigen::Quaterniond::Identity();
+    if (!tip_m.allFinite() || !turn) {
+      trouble = DhdTrouble::kBroken;
+    } else if (got != dhd::kTimeGuard) {
+      sample.tip = Point<Device>(tip_m * 1000);
+      sample.R_DeviceTool = *turn;
+      sample.taken_ns = asked_ns;
+    }
+    sample.velocity_mm_s = Vector<Device>(kNotKnown, kNotKnown, kNotKnown);
+    if (library_->dhdGetLinearVelocity(&velocity_m_s[0], &velocity_m_s[1], &velocity_m_s[2], id) >= 0 &&
+        velocity_m_s.allFinite())
+      sample.velocity_mm_s = Vector<Device>(velocity_m_s * 1000);
+    sample.gripper_rad = kNotKnown;
+    if (double gripper_rad = 0; unit.gripper && library_->dhdGetGripperAngleRad(&gripper_rad, id) >= 0)
+      sample.gripper_rad = gripper_rad;
+    sample.buttons = library_->dhdGetButtonMask(id);
+    sample.fault = trouble != DhdTrouble::kNone;
+    unit.trouble.store(trouble);
+    if (unit.said_by_status != DhdTrouble::kNone) unit.force_on = false;
+  }
+
+  DhdTrouble read_status(DhdUnit& unit) {
+    const char id = unit.id.load();
+    std::array<int, dhd::kStatusFields> status{};
+    if (library_->dhdGetStatus(status.data(), id) < 0) return DhdTrouble::kSilent;
+    if (!status[dhd::kConnected]) return DhdTrouble::kLost;
+    if (!status[dhd::kPower]) return DhdTrouble::kNoPower;
+    if (status[dhd::kError]) return DhdTrouble::kError;
+    if (!is_initialised(*library_, id))
+      return unit.model.by_hand ? DhdTrouble::kByHand : DhdTrouble::kNotInitialised;
+    if (unit.off_since_ns != 0) {
+      if (!status[dhd::kForce]) unit.off_why = trouble_of_cause(status[dhd::kForceOffCause]);
+      // who switched them off at the device switches them on there
+      const bool asks = unit.off_why != DhdTrouble::kButton && unit.off_why != DhdTrouble::kUsb &&
+                        unit.off_why != DhdTrouble::kDeadman;
+      if (!calm_for_long(unit) || (!asks && !status[dhd::kForce])) return unit.off_why;
+      unit.off_since_ns = 0;
+      return DhdTrouble::kNone;
+    }
+    if (status[dhd::kForce] || !unit.force_on || halted_.load()) return DhdTrouble::kNone;
+    unit.force_on = false;
+    // a halt that is over already
+    if (status[dhd::kForceOffCause] == dhd::kBySoftware) return DhdTrouble::kNone;
+    unit.off_since_ns = monotonic_ns();
+    unit.off_why = trouble_of_cause(status[dhd::kForceOffCause]);
+    return unit.off_why;
+  }
+
+  // forces that went off by themselves are asked for again no sooner
+  static bool calm_for_long(DhdUnit& unit) {
+    const std::int64_t now_ns = monotonic_ns();
+    if (unit.sample.velocity_mm_s.norm() > kCalm_mm_s) unit.off_since_ns = now_ns;
+    return now_ns - unit.off_since_ns >= in_ns(kCalm_s);
+  }
+
+  void fail(DhdUnit& unit, std::int64_t now_ns) {
+    unit.sample.fault = true;
+    unit.trouble.store(DhdTrouble::kSilent);
+    if (unit.failing_since_ns == 0) unit.failing_since_ns = now_ns;
+    if (now_ns - unit.failing_since_ns > in_ns(kGivenUp_s)) lose(unit);
+  }
+
+  void lose(DhdUnit& unit) {
+    // who does not tell may still hear
+    set_force(unit, {});
+    unit.sample.fault = true;
+    unit.force_on = false;
+    unit.trouble.store(DhdTrouble::kLost);
+    unit.state.store(DhdUnit::State::kLost);
+  }
+
+  void come_back(DhdUnit& unit) {
+    unit.failing_since_ns = unit.status_ns = unit.off_since_ns = 0;
+    unit.said_by_status = DhdTrouble::kNone;
+    unit.force_on = false;
+    unit.state.store(DhdUnit::State::kThere);
+  }
+
+  void write(DhdUnit& unit, const DeviceCommand& command) {
+    if (unit.state.load() != DhdUnit::State::kThere) return;
+    const bool halted = halted_.load();
+    if (halted) unit.force_on = false;
+    const bool fine = !halted && !unit.sample.fault && unit.sample.taken_ns != 0;
+    // zero first, and then the motors' switch
+    if (fine && !unit.force_on) {
+      if (!set_force(unit, {})) return;
+      unit.force_on = library_->dhdEnableForce(1, unit.id.load()) >= 0;
+      // a halt that came meanwhile
+      if (halted_.load()) library_->dhdEnableForce(0, unit.id.load());
+      return;
+    }
+    (void)set_force(unit, fine ? command : DeviceCommand{});
+  }
+
+  bool set_force(const DhdUnit& unit, const DeviceCommand& command) {
+    const Eigen::Vector3d &f = command.force_N.eigen(), t = command.torque_Nmm.eigen() * 1e-3;
+    return library_->dhdSetForceAndTorqueAndGripperForce(f[0], f[1], f[2], t[0], t[1], t[2],
+                                                         command.gripper_N, unit.id.load()) >= 0;
+  }
+
+  // ---- the finder's thread
+  void find_lost() {
+    auto next = std::chrono::steady_clock::now();
+    while (!end_.load()) {
+      std::this_thread::sleep_for(kFindPoll);
+      if (std::chrono::steady_clock::now() < next) continue;
+      next = std::chrono::steady_clock::now() + kFindEvery;
+      for (std::size_t d = 0; d < count_; ++d)
+        if (units_[d].state.load() == DhdUnit::State::kLost) look_for(units_[d]);
+    }
+  }
+
+  void look_for(DhdUnit& unit) {
+    if (const char id = unit.id.exchange(kNobody); id != kNobody) close_device(*library_, id);
+    const auto units = std::span(units_).first(count_);
+    const auto open =
+        std::ranges::count_if(units, [](const DhdUnit& each) { return each.id.load() != kNobody; });
+    DhdTrouble why = DhdTrouble::kLost;
+    const bool any = library_->dhdGetDeviceCount() > open;
+    for (int index = 0; any && index < kMaxDevices; ++index) {
+      if (std::ranges::any_of(
+              units, [&](const DhdUnit& each) { return each.id.load() == static_cast<char>(index); }))
+        continue;
+      const int opened = open_device(*library_, index);
+      if (opened < 0) {
+        if (why == DhdTrouble::kLost) why = DhdTrouble::kInUse;
+        continue;
+      }
+      const auto id = static_cast<char>(opened);
+      if (identity_of(*library_, id) != unit.identity) {
+        why = DhdTrouble::kOther;
+      } else if (!unit.model.by_hand && !is_initialised(*library_, id)) {
+        // the maker's program can have it until then
+        why = DhdTrouble::kNotInitialised;
+      } else {
+        unit.id.store(id);
+        if (prepare(unit)) {
+          unit.state.store(DhdUnit::State::kBack);
+          return;
+        }
+        unit.id.store(kNobody);
+      }
+      close_device(*library_, id);
+    }
+    unit.trouble.store(why);
+  }
+
+  const ForceDimensionSettings settings_;
+  std::optional<dhd::Library> library_;
+  std::array<DhdUnit, kMaxDevices> units_{};
+  std::size_t count_ = 0;
+  std::vector<DeviceInfo> infos_;
+  std::array<DeviceSample, kMaxDevices> samples_{};
+  std::array<DeviceCommand, kMaxDevices> commands_{};
+  std::atomic<bool> halted_{false}, end_{false};
+  std::thread finder_;
+};
+
+ForceDimensionDriver::ForceDimensionDriver(const ForceDimensionSettings& settings)
+    : core_(std::make_unique<Core>(settings)) {}
+ForceDimensionDriver::~ForceDimensionDriver() = default;
+
+std::span<const DeviceInfo> ForceDimensionDriver::devices() const {
+  return core_->devices();
+}
+
+Result<void> ForceDimensionDriver::open(bool may_move) {
+  return core_->open(may_move);
+}
+
+void ForceDimensionDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
+  core_->run(servo, clock);
+}
+
+void ForceDimensionDriver::halt() noexcept {
+  core_->halt();
+}
+
+void ForceDimensionDriver::resume(std::uint64_t /*newest*/) noexcept {
+  core_->resume();
+}
+
+std::optional<Error> ForceDimensionDriver::trouble() const {
+  return core_->trouble();
+}
+
+namespace {
+
+DeviceReport look_for_dhd(const ForceDimensionSettings& settings) {
+  DeviceReport report;
+  std::vector<UsbDevice> plugged = usb_devices(kForceDimensionUsb);
+  std::ranges::copy(usb_devices(kFtdiUsb, kFalconUsb), std::back_inserter(plugged));
+  const auto file = find_vendor_library(settings.library, "Force Dimension's library", kGet);
+  const auto library = file ? dhd::load(*file) : Result<dhd::Library>(file.error());
+  if (!library) {
+    report.checks.push_back(
+        {"Force Dimension's library", false, library.error().what, library.error().remedy});
+    if (!plugged.empty())
+      std::ranges::copy(usb_checks(plugged, "a device"), std::back_inserter(report.checks));
+    return report;
+  }
+  std::array<int, 4> version{};
+  library->dhdGetSDKVersion(&version[0], &version[1], &version[2], &version[3]);
+  report.checks.push_back({"Force Dimension's library", true,
+                           file->string() + ", version " + std::to_string(version[0]) + "." +
+                               std::to_string(version[1]) + "." + std::to_string(version[2]),
+                           ""});
+  const int count = library->dhdGetDeviceCount();
+  if (count <= 0) {
+    std::ranges::copy(usb_checks(plugged, "a device of Force Dimension's or a Falcon"),
+                      std::back_inserter(report.checks));
+    if (!plugged.empty() && std::ranges::all_of(plugged, &UsbDevice::may_use))
+      report.checks.push_back({"device", false, "the system sees one, and the library does not",
+                               "switch it off and on again; end programs that use it"});
+    return report;
+  }
+  for (int index = 0; index < std::min(count, kMaxDevices); ++index) {
+    const std::string place = "device " + std::to_string(index + 1);
+    const int opened = open_device(*library, index);
+    if (opened < 0) {
+      const Error error = said_by(*library, "cannot be opened", place, "end the program that uses it");
+      report.connected.push_back({place, error.what});
+      report.checks.push_back({place, false, error.what, error.remedy});
+      continue;
+    }
+    const auto id = static_cast<char>(opened);
+    const DhdIdentity identity = identity_of(*library, id);
+    const bool ready = is_initialised(*library, id);
+    const DhdWords words =
+        words_for(dhd::model_of(identity.type).by_hand ? DhdTrouble::kByHand : DhdTrouble::kNotInitialised);
+    const std::string state = ready ? "ready" : words.what;
+    close_device(*library, id);
+    report.connected.push_back({name_of(identity), state});
+    report.checks.push_back({name_of(identity), ready, state, ready ? "" : words.cure});
+  }
+  return report;
+}
+
+}  // namespace
+
+DeviceMaker force_dimension_maker(const ForceDimensionSettings& settings) {
+  return {"force-dimension",
+          "Force Dimension omega, sigma and delta, and Novint's Falcon, by the maker's library",
+          [settings] { return std::make_unique<ForceDimensionDriver>(settings); },
+          [settings] { return look_for_dhd(settings); }};
+}
+
+}  // namespace palpate

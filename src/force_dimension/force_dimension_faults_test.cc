@@ -1,0 +1,206 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <functional>
+#include <random>
+#include <vector>
+
+#include "base/test_seed.h"
+#include "force_dimension/test_dhd_rig.h"
+
+/// The driver when something breaks: no force first, then words, then on with it.
+namespace palpate {
+namespace {
+
+using testing::DhdRig;
+using testing::FakeDhdDevice;
+using testing::soon;
+
+struct DhdFault {
+  const char* name;
+  std::function<void(FakeDhdDevice&)> begin, end;
+  const char* words;
+};
+
+const std::vector<DhdFault>& dhd_faults() {
+  const auto flag = [](const char* name, std::atomic<bool> FakeDhdDevice::*member, bool faulty,
+                       const char* words) {
+    return DhdFault{name, [=](FakeDhdDevice& device) { device.*member = faulty; },
+                    [=](FakeDhdDevice& device) { device.*member = !faulty; }, words};
+  };
+  const auto trip = [](const char* name, int cause, const char* words) {
+    return DhdFault{name, [=](FakeDhdDevice& device) { device.trip = cause; },
+                    [](FakeDhdDevice& device) { device.restored = true; }, words};
+  };
+  static const std::vector<DhdFault> faults{
+      flag("unplugged", &FakeDhdDevice::plugged, false, "not there any more"),
+      flag("failing", &FakeDhdDevice::fails, true, "cannot be opened"),
+      flag("power", &FakeDhdDevice::power, false, "no power"),
+      flag("calibration", &FakeDhdDevice::initialised, false, "not initialised"),
+      flag("error", &FakeDhdDevice::error, true, "an error"),
+      flag("nowhere", &FakeDhdDevice::nowhere, true, "a place that is none"),
+      flag("crooked", &FakeDhdDevice::crooked, true, "a place that is none"),
+      trip("button", 1, "switched off at the device"),
+      trip("velocity", 2, "faster than it allows"),
+      trip("watchdog", 3, "nobody spoke to it"),
+      trip("usb", 5, "USB"),
+      trip("deadman", 6, "nobody holds"),
+      {"replugged uninitialised",
+       [](FakeDhdDevice& device) {
+         device.plugged = false;
+         device.initialised = false;
+       },
+       [](FakeDhdDevice& device) {
+         device.plugged = true;
+         device.initialised = true;
+       },
+       "not there any more"},
+  };
+  return faults;
+}
+
+class DhdFaults : public ::testing::TestWithParam<DhdFault> {};
+INSTANTIATE_TEST_SUITE_P(Each, DhdFaults, ::testing::ValuesIn(dhd_faults()), [](const auto& tested) {
+  std::string name = tested.param.name;
+  std::ranges::replace(name, ' ', '_');
+  return name;
+});
+
+TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
+  // one that turns
+  DhdRig rig(35);
+  ASSERT_TRUE(rig.presses());
+  GetParam().begin(rig.device);
+  EXPECT_TRUE(soon([&] { return rig.wall.fault && rig.device.force_N == 0; }));
+  EXPECT_TRUE(rig.says(GetParam().words))
+      << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  const int then = rig.wall.updates;
+  EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
+  EXPECT_EQ(rig.device.force_N, 0);
+  GetParam().end(rig.device);
+  EXPECT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
+  rig.end();
+  rig.driver.reset();
+  EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
+}
+
+// what is not a fault: the state ages, and the output stage sees to it
+TEST(DhdFaultsAlone, OldStatesAge) {
+  DhdRig rig;
+  ASSERT_TRUE(rig.presses());
+  rig.device.old = true;
+  EXPECT_TRUE(soon([&] { return rig.device.force_N == 0; }));
+  EXPECT_FALSE(rig.wall.fault);
+  const std::int64_t taken_ns = rig.wall.taken_ns;
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_EQ(rig.wall.taken_ns, taken_ns);
+  rig.device.old = false;
+  EXPECT_TRUE(rig.presses());
+  rig.device.saturated = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_TRUE(rig.presses()) << "motors that give less are no fault";
+}
+
+// forces that the device has switched off by itself are not asked for while it moves
+TEST(DhdFaultsAlone, AfterAVelocityTripItHasToBeHeldStill) {
+  DhdRig rig;
+  ASSERT_TRUE(rig.presses());
+  const auto begun = std::chrono::steady_clock::now();
+  rig.device.trip = 2;
+  ASSERT_TRUE(soon([&] { return rig.device.force_N == 0; }));
+  ASSERT_TRUE(rig.presses());
+  EXPECT_GE(std::chrono::steady_clock::now() - begun,
+            std::chrono::duration<double>(ForceDimensionDriver::kCalm_s));
+}
+
+TEST(DhdFaultsAlone, AnotherDeviceInItsPlaceIsNamedAndNotFelt) {
+  DhdRig rig;
+  ASSERT_TRUE(rig.presses());
+  rig.device.plugged = false;
+  ASSERT_TRUE(rig.says("not there"));
+  rig.device.serial = 99;
+  rig.device.plugged = true;
+  EXPECT_TRUE(rig.says("another device"));
+  EXPECT_EQ(rig.device.force_N, 0);
+  rig.device.plugged = false;
+  rig.device.serial = 117;
+  rig.device.plugged = true;
+  EXPECT_TRUE(rig.presses());
+  EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
+}
+
+// back, and not initialised: it is let go so that the maker's program can have it
+TEST(DhdFaultsAlone, AnArmIsNotMovedInTheMiddleOfASession) {
+  DhdRig rig(35, false);
+  rig.device.initialised = false;
+  ASSERT_TRUE(rig.driver->open(true).ok());
+  rig.begin();
+  ASSERT_TRUE(rig.presses());
+  rig.device.plugged = false;
+  rig.device.initialised = false;
+  ASSERT_TRUE(rig.says("not there"));
+  rig.device.plugged = true;
+  EXPECT_TRUE(rig.says("not initialised"));
+  EXPECT_EQ(rig.device.auto_inits, 1);
+  rig.device.initialised = true;
+  EXPECT_TRUE(rig.presses());
+}
+
+// any faults, one after another and together: no force while there is one, none above the wall's, and it is
+// felt again when all is well. PALPATE_TEST_FAULTS=200 takes that many.
+TEST(DhdFaultsAlone, AnySequenceOfThemIsOutlived) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  const char* asked = std::getenv("PALPATE_TEST_FAULTS");
+  const int sequences = asked ? std::atoi(asked) : 6;
+  std::mt19937 random(seed);
+  DhdRig rig(35);
+  for (int n = 0; n < sequences; ++n) {
+    SCOPED_TRACE("sequence " + std::to_string(n));
+    ASSERT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+    std::vector<const DhdFault*> there;
+    for (unsigned step = 1 + random() % 4; step > 0; --step) {
+      const DhdFault& fault = dhd_faults()[random() % dhd_faults().size()];
+      fault.begin(rig.device);
+      there.push_back(&fault);
+      std::this_thread::sleep_for(std::chrono::milliseconds(random() % 30));
+      if (random() % 4 == 0) rig.driver->halt();
+    }
+    ASSERT_TRUE(soon([&] { return rig.device.force_N == 0; }));
+    while (!there.empty()) {
+      const std::size_t next = random() % there.size();
+      there[next]->end(rig.device);
+      there.erase(there.begin() + static_cast<std::ptrdiff_t>(next));
+    }
+    rig.driver->resume(0);
+  }
+  ASSERT_TRUE(rig.presses());
+  rig.end();
+  EXPECT_EQ(rig.device.force_N, 0);
+  rig.driver.reset();
+  EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
+  EXPECT_FALSE(rig.wall.twice_at_once);
+  EXPECT_LE(rig.device.largest_N, testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);
+}
+
+// ended in the middle of whatever it does
+TEST(DhdFaultsAlone, MayEndAtAnyMoment) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  for (int n = 0; n < 6; ++n) {
+    DhdRig rig(35);
+    const DhdFault& fault = dhd_faults()[random() % dhd_faults().size()];
+    std::this_thread::sleep_for(std::chrono::milliseconds(random() % 20));
+    fault.begin(rig.device);
+    std::this_thread::sleep_for(std::chrono::milliseconds(random() % 150));
+    rig.end();
+    rig.driver.reset();
+    EXPECT_TRUE(!rig.device.plugged || rig.device.force_N == 0) << fault.name;
+    EXPECT_EQ(rig.fake.violations, 0) << fault.name << ": " << rig.fake.first_violation.load();
+  }
+}
+
+}  // namespace
+}  // namespace palpate

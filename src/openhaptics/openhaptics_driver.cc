@@ -1,0 +1,686 @@
+#include "palpate/openhaptics/openhaptics_driver.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <string_view>
+#include <system_error>
+#include <thread>
+
+#include "openhaptics/hd.h"
+#include "palpate/base/clock.h"
+#include "palpate/base/printable.h"
+#include "palpate/device/telemetry.h"
+
+namespace palpate {
+namespace hd {
+
+/// Why there is no force, the most serious first.
+enum class Trouble : std::uint8_t {
+  kNone,
+  kLost,     ///< the library does not reach the device any more
+  kStalled,  ///< its scheduler calls nobody
+  kOther,    ///< another device answers by that name
+  kBroken,   ///< a pose that is none
+  kReset,    ///< the arm has to lie where its encoders are reset
+  kInkwell,  ///< the stylus has to be put into its inkwell
+  kWarm,
+  kForce,
+  kVelocityTrip,
+};
+
+/// A device of the driver.
+struct Unit {
+  std::string config;  ///< by which the maker's setup knows it; empty: the default one
+  DeviceInfo info;
+  std::string identity;
+  std::atomic<Handle> handle{kNobody};
+  int style = 0;
+  // ---- whoever is in its frame
+  DeviceSample sample;
+  Trouble trouble = Trouble::kNone, calibration = Trouble::kNone, tripped = Trouble::kNone;
+  bool update_calibration = false;
+  double carried = 0;  ///< part of the weight of what is held that is carried
+  std::int64_t tripped_until_ns = 0, calibration_ns = 0;
+};
+
+}  // namespace hd
+
+namespace {
+
+using HdTrouble = hd::Trouble;
+using HdUnit = hd::Unit;
+
+constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
+constexpr auto kOwnPeriod = std::chrono::milliseconds(1);
+constexpr std::int64_t kCalibrationEvery_ns = 50'000'000, kLastZero_ns = 100'000'000;
+// errors are told one by one: of a stack that never ends no more
+constexpr int kMostErrors = 64;
+constexpr double kGravity_m_s2 = 9.81, kCarriedIn_s = 0.5;
+constexpr const char* kHdGet =
+    "get OpenHaptics and the device's driver from 3D Systems and install both, or name the file: --library "
+    "touch=FILE";
+
+std::int64_t hd_ns(double seconds) {
+  return std::llround(seconds * 1e9);
+}
+
+struct HdWords {
+  const char *what, *cure;
+};
+HdWords words_for(HdTrouble trouble) {
+  switch (trouble) {
+    case HdTrouble::kLost:
+      return {"the library does not reach the device any more",
+              "look at its cable and power: it is begun anew, and felt again when it is back"};
+    case HdTrouble::kStalled:
+      return {"the library's scheduler stands still",
+              "it is begun anew. Is the machine overloaded? If it stays so, end the session and begin again"};
+    case HdTrouble::kOther:
+      return {"another device is where it was", "connect the one that the session began with"};
+    case HdTrouble::kBroken:
+      return {"the device says a place that is none", "switch it off and on again"};
+    case HdTrouble::kReset:
+      return {"the device is not calibrated", "hold the arm as its manual says for a reset, and begin anew"};
+    case HdTrouble::kInkwell:
+      return {"the device is not calibrated",
+              "put the stylus into its inkwell for a moment, and take it out again"};
+    case HdTrouble::kWarm:
+      return {"the motors are warm", "let them rest for some minutes, then press less hard"};
+    case HdTrouble::kForce:
+      return {"the device says that the force was too high", "let go for a second: it comes back"};
+    case HdTrouble::kVelocityTrip:
+      return {"the device was faster than it allows", "hold it still for a second: the force comes back"};
+    case HdTrouble::kNone:
+      break;
+  }
+  return {"", ""};
+}
+
+Error error_for(HdTrouble trouble, const std::string& where) {
+  const HdWords words = words_for(trouble);
+  return {ErrorKind::kUnavailable, words.what, where, words.cure};
+}
+
+std::string text_of(const hd::Library& library, hd::Parameter parameter) {
+  const char* text = library.hdGetString(parameter);
+  return text ? printable_name(text) : std::string();
+}
+
+std::optional<double> number_of(const hd::Library& library, hd::Parameter parameter, double most) {
+  double value = 0;
+  library.hdGetDoublev(parameter, &value);
+  // what it does not know it leaves as it was
+  return std::isfinite(value) && value > 0 && value <= most ? std::optional(value) : std::nullopt;
+}
+
+// what the device does not answer itself
+void add_known(std::string_view model, DeviceInfo& info) {
+  struct Known {
+    const char* part;
+    double peak_N, continuous_N, step_mm;
+  };
+  // the longer name first
+  constexpr Known kKnown[] = {{"Touch X", 7.9, 1.75, 0.023},
+                              {"Desktop", 7.9, 1.75, 0.023},
+                              {"Touch", 3.3, 0.88, 0.055},
+                              {"Omni", 3.3, 0.88, 0.055},
+                              {"Premium 1.5", 8.5, 1.4, 0.03}};
+  for (const Known& known : kKnown)
+    if (model.find(known.part) != std::string_view::npos) {
+      if (!info.peak_force_N) info.peak_force_N = known.peak_N;
+      if (!info.continuous_force_N) info.continuous_force_N = known.continuous_N;
+      info.position_step_mm = known.step_mm;
+      return;
+    }
+}
+
+/// Takes all errors; the last one that is more than a warning, or the last one.
+unsigned drain(const hd::Library& library) {
+  unsigned worst = hd::kNoError;
+  for (int n = 0; n < kMostErrors; ++n) {
+    const unsigned code = library.hdGetError().code;
+    if (code == hd::kNoError) break;
+    const bool warning = code >= hd::kWarmMotors && code <= hd::kForceError;
+    if (!warning || worst == hd::kNoError) worst = code;
+  }
+  return worst;
+}
+
+Error refused(const hd::Library& library, unsigned code, const std::string& where) {
+  const char* said = library.hdGetErrorString(code);
+  std::string cure =
+      "is it plugged in, and set up by the maker's program? palpate doctor --device touch looks at what the "
+      "library needs";
+  if (code == hd::kLicence) cure = "install the licence of OpenHaptics, as its manual says";
+  return {ErrorKind::kUnavailable,
+          "the library cannot begin with it" +
+              (said && *said ? " (" + printable_name(said) + ")" : std::string()),
+          where, cure};
+}
+
+/// The device as the library has it under this name; by the default one's names where it is empty.
+hd::Handle init(const hd::Library& library, const std::string& config, unsigned& error) {
+  const char* const kDefault[] = {nullptr, "Default Device", "Default PHANToM"};
+  const char* const named[] = {config.c_str()};
+  for (const char* name :
+       config.empty() ? std::span<const char* const>(kDefault) : std::span<const char* const>(named)) {
+    drain(library);
+    const hd::Handle handle = library.hdInitDevice(name);
+    error = drain(library);
+    if (handle != hd::kNobody && error == hd::kNoError) return handle;
+    if (handle != hd::kNobody) library.hdDisableDevice(handle);
+    drain(library);
+  }
+  return hd::kNobody;
+}
+
+}  // namespace
+
+class OpenHapticsDriver::Core {
+ public:
+  explicit Core(const OpenHapticsSettings& settings) : settings_(settings) {}
+  ~Core() {
+    end_.store(true);
+    if (finder_.joinable()) finder_.join();
+    disable_all();
+  }
+
+  std::span<const DeviceInfo> devices() const { return infos_; }
+
+  Result<void> open() {
+    if (finder_.joinable()) return {};
+    if (!library_) {
+      const auto file = find_vendor_library(settings_.library, "OpenHaptics", kHdGet);
+      if (!file) return file.error();
+      auto loaded = hd::load(*file);
+      if (!loaded) return loaded.error();
+      library_ = *loaded;
+    }
+    count_ = std::clamp<std::size_t>(settings_.names.size(), 1, kMaxDevices);
+    infos_.clear();
+    for (std::size_t d = 0; d < count_; ++d) {
+      units_[d].config = settings_.names.empty() ? "" : settings_.names[d];
+      unsigned error = hd::kNoError;
+      units_[d].handle = init(*library_, units_[d].config, error);
+      if (units_[d].handle == hd::kNobody) {
+        disable_all();
+        return refused(*library_, error, units_[d].config.empty() ? "touch" : units_[d].config);
+      }
+      describe(units_[d]);
+      prepare(units_[d]);
+      infos_.push_back(units_[d].info);
+    }
+    try {
+      finder_ = std::thread([this] { begin_anew(); });
+    } catch (const std::system_error& error) {
+      disable_all();
+      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), "touch",
+                   "close other programs, or raise the limit of processes (ulimit -u)"};
+    }
+    return {};
+  }
+
+  void run(ServoFunction& servo, ServoClock& clock) {
+    servo_ = &servo;
+    commands_ = {};
+    stopping_.store(false);
+    zeros_.store(0);
+    if (lost_.load() == Lost::kNo) start();
+    while (!clock.stopped()) {
+      std::this_thread::sleep_for(kOwnPeriod);
+      if (lost_.load() == Lost::kNo) {
+        watch_scheduler();
+        continue;
+      }
+      if (lost_.load() == Lost::kBack) {
+        lost_.store(Lost::kNo);
+        start();
+        continue;
+      }
+      // nobody else ticks meanwhile
+      for (std::size_t d = 0; d < count_; ++d) {
+        samples_[d] = units_[d].sample;
+        samples_[d].fault = true;
+      }
+      servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
+    }
+    stop();
+    servo_ = nullptr;
+  }
+
+  void halt() {
+    halted_.store(true);
+    switch_off();
+  }
+  void resume() { halted_.store(false); }
+
+  std::optional<Error> trouble() const {
+    const HdTrouble now = trouble_.load();
+    if (now == HdTrouble::kNone) return std::nullopt;
+    return error_for(now,
+                     infos_.empty() ? "touch" : infos_[std::min(troubled_.load(), infos_.size() - 1)].name);
+  }
+
+ private:
+  /// Who calls the servo. Only a change from kVendor lets another in.
+  enum class Owner : std::uint8_t { kVendor, kInFrame, kOwn };
+  /// Whose the library is: kNo the vendor's thread and run(), kYes the finder, kBack run().
+  enum class Lost : std::uint8_t { kNo, kYes, kBack };
+
+  // ---- whoever opens, and the finder
+  void describe(HdUnit& unit) {
+    const hd::Library& library = *library_;
+    library.hdMakeCurrentDevice(unit.handle);
+    const std::string model = text_of(library, hd::kModelType), serial = text_of(library, hd::kSerialNumber);
+    DeviceInfo info;
+    info.name = (model.empty() ? "OpenHaptics device" : model) + (serial.empty() ? "" : " no. " + serial);
+    info.drive = DeviceInfo::Drive::kCallback;
+    info.peak_force_N = number_of(library, hd::kMaxForce, 1000);
+    info.continuous_force_N = number_of(library, hd::kMaxContinuousForce, 1000);
+    info.stiffness_N_per_mm = number_of(library, hd::kMaxStiffness, 100);
+    int rate_hz = 0;
+    library.hdGetIntegerv(hd::kUpdateRate, &rate_hz);
+    if (rate_hz > 0 && rate_hz <= 100'000) info.rate_hz = rate_hz;
+    std::array<double, 6> box{};
+    library.hdGetDoublev(hd::kUsableWorkspace, box.data());
+    const Point<Device> low(box[0], box[1], box[2]), high(box[3], box[4], box[5]);
+    if (low.all_finite() && high.all_finite() && low.x() < high.x() && low.y() < high.y() &&
+        low.z() < high.z())
+      info.workspace = {low, high};
+    add_known(model, info);
+    info.degrees_of_freedom_in = 6;
+    info.degrees_of_freedom_out = 3;
+    info.buttons = 2;
+    info.R_WorldDevice = openhaptics_axes();
+    library.hdGetIntegerv(hd::kCalibrationStyle, &unit.style);
+    unit.info = info;
+    unit.identity = identity_of(unit);
+    drain(library);
+  }
+  std::string identity_of(const HdUnit& unit) {
+    library_->hdMakeCurrentDevice(unit.handle);
+    return text_of(*library_, hd::kModelType) + "\n" + text_of(*library_, hd::kSerialNumber);
+  }
+
+  /// After init, before the scheduler.
+  void prepare(HdUnit& unit) {
+    library_->hdMakeCurrentDevice(unit.handle);
+    library_->hdEnable(hd::kForceOutput);
+    library_->hdEnable(hd::kMaxForceClamping);
+    library_->hdEnable(hd::kForceRamping);
+    unit.calibration = HdTrouble::kNone;
+    unit.calibration_ns = unit.tripped_until_ns = 0;
+    unit.update_calibration = false;
+    if ((unit.style & hd::kEncoderReset) && library_->hdCheckCalibration() != hd::kCalibrated)
+      library_->hdUpdateCalibration(hd::kEncoderReset);
+    drain(*library_);
+  }
+
+  void disable_all() {
+    for (std::size_t d = 0; d < count_; ++d)
+      if (units_[d].handle != hd::kNobody) {
+        library_->hdDisableDevice(units_[d].handle);
+        units_[d].handle = hd::kNobody;
+      }
+    if (library_) drain(*library_);
+  }
+
+  // ---- run()'s thread
+  void start() {
+    for (HdUnit& unit : units_) unit.carried = 0;
+    force_on_.store(!halted_.load());
+    last_frame_ns_.store(monotonic_ns());
+    owner_.store(Owner::kVendor);
+    scheduled_ = library_->hdScheduleAsynchronous(
+        [](void* core) -> unsigned {
+          Core& self = *static_cast<Core*>(core);
+          self.inside_.store(true);
+          self.frame();
+          self.inside_.store(false);
+          return hd::kContinue;
+        },
+        this, hd::kPriority);
+    running_.store(true);
+    library_->hdStartScheduler();
+  }
+
+  void watch_scheduler() {
+    const std::int64_t since_ns = monotonic_ns() - last_frame_ns_.load();
+    const bool failed = failed_.load();
+    if (!failed && since_ns < hd_ns(kLate_s)) return;
+    // it holds what it was told last
+    if (force_on_.exchange(false)) switch_off();
+    if (!failed && since_ns < hd_ns(kGivenUp_s)) return;
+    Owner vendor = Owner::kVendor;
+    // who is in the servo has to come out of it first
+    if (!owner_.compare_exchange_strong(vendor, Owner::kOwn) && vendor != Owner::kOwn) return;
+    if (!failed) note(HdTrouble::kStalled, 0);
+    failed_.store(false);
+    lost_.store(Lost::kYes);
+  }
+
+  // a zero in a frame, and then the library comes to rest
+  void stop() {
+    stopping_.store(true);
+    if (lost_.load() == Lost::kNo) {
+      const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
+      while (zeros_.load() < 2 && monotonic_ns() < until_ns) std::this_thread::sleep_for(kOwnPeriod);
+      if (zeros_.load() < 2) switch_off();
+      stop_scheduler();
+    }
+  }
+  void stop_scheduler() {
+    if (!running_.exchange(false)) return;
+    library_->hdStopScheduler();
+    library_->hdUnschedule(scheduled_);
+    // what it had still begun
+    while (inside_.load()) std::this_thread::sleep_for(kOwnPeriod);
+  }
+
+  // ---- any thread
+  void switch_off() {
+    force_on_.store(false);
+    for (std::size_t d = 0; d < count_; ++d) {
+      // one device is always the current one
+      if (count_ > 1) library_->hdMakeCurrentDevice(units_[d].handle);
+      library_->hdDisable(hd::kForceOutput);
+    }
+  }
+  void note(HdTrouble trouble, std::size_t device) {
+    troubled_.store(device);
+    trouble_.store(trouble);
+  }
+
+  // ---- the vendor's thread
+  void frame() {
+    Owner vendor = Owner::kVendor;
+    if (!owner_.compare_exchange_strong(vendor, Owner::kInFrame)) return zero_frame();
+    const std::int64_t now_ns = monotonic_ns();
+    const bool was_off = !force_on_.load();
+    for (std::size_t d = 0; d < count_; ++d) {
+      read(units_[d], now_ns);
+      samples_[d] = units_[d].sample;
+      // what comes back comes by the ramp
+      samples_[d].fault = samples_[d].fault || was_off;
+    }
+    const bool stopping = stopping_.load();
+    if (!stopping) servo_->update(std::span(samples_).first(count_), std::span(commands_).first(count_));
+    for (std::size_t d = 0; d < count_; ++d)
+      end_frame(units_[d], stopping || samples_[d].fault ? nullptr : &commands_[d]);
+    const unsigned error = drain(*library_);
+    std::size_t worst = 0;
+    for (std::size_t d = 0; d < count_; ++d) {
+      if (error != hd::kNoError) take_error(units_[d], error, now_ns);
+      if (units_[d].update_calibration) {
+        units_[d].update_calibration = false;
+        library_->hdMakeCurrentDevice(units_[d].handle);
+        library_->hdUpdateCalibration(static_cast<unsigned>(units_[d].style));
+        drain(*library_);
+      }
+      if (units_[worst].trouble == HdTrouble::kNone ||
+          (units_[d].trouble != HdTrouble::kNone && units_[d].trouble < units_[worst].trouble))
+        worst = d;
+    }
+    note(units_[worst].trouble, worst);
+    if (was_off && !halted_.load() && !stopping) switch_on();
+    if (stopping) zeros_.fetch_add(1);
+    last_frame_ns_.store(monotonic_ns());
+    if (units_[worst].trouble == HdTrouble::kLost) failed_.store(true);
+    owner_.store(units_[worst].trouble == HdTrouble::kLost ? Owner::kOwn : Owner::kVendor);
+  }
+
+  // somebody else ticks, or nobody does
+  void zero_frame() {
+    if (owner_.load() != Owner::kOwn) return;
+    for (std::size_t d = 0; d < count_; ++d) {
+      library_->hdMakeCurrentDevice(units_[d].handle);
+      library_->hdBeginFrame(units_[d].handle);
+    }
+    for (std::size_t d = 0; d < count_; ++d) end_frame(units_[d], nullptr);
+    drain(*library_);
+  }
+
+  void read(HdUnit& unit, std::int64_t now_ns) {
+    const hd::Library& library = *library_;
+    library.hdMakeCurrentDevice(unit.handle);
+    library.hdBeginFrame(unit.handle);
+    Eigen::Vector3d tip_mm, velocity_mm_s, turning_rad_s;
+    Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();
+    int buttons = 0;
+    library.hdGetDoublev(hd::kPosition, tip_mm.data());
+    library.hdGetDoublev(hd::kVelocity, velocity_mm_s.data());
+    library.hdGetDoublev(hd::kAngularVelocity, turning_rad_s.data());
+    // by columns, as Eigen has it
+    library.hdGetDoublev(hd::kTransform, transform.data());
+    library.hdGetIntegerv(hd::kButtons, &buttons);
+    if (now_ns - unit.calibration_ns > kCalibrationEvery_ns) {
+      unit.calibration_ns = now_ns;
+      check_calibration(unit);
+    }
+    unit.trouble = unit.calibration;
+    if (now_ns < unit.tripped_until_ns && unit.trouble == HdTrouble::kNone) unit.trouble = unit.tripped;
+    if (const unsigned error = drain(library); error != hd::kNoError) take_error(unit, error, now_ns);
+    const Eigen::Matrix3d turn = transform.topLeftCorner<3, 3>();
+    const bool is_pose = tip_mm.allFinite() && turn.allFinite() && std::abs(turn.determinant() - 1) < 0.1;
+    if (!is_pose && unit.trouble != HdTrouble::kLost) unit.trouble = HdTrouble::kBroken;
+    DeviceSample& sample = unit.sample;
+    sample.fault = unit.trouble != HdTrouble::kNone;
+    if (!is_pose || unit.trouble == HdTrouble::kLost) return;
+    sample.tip = Point<Device>(tip_mm);
+    sample.R_DeviceTool = Eigen::Quaterniond(turn).normalized();
+    const Vector<Device> none(kNotKnown, kNotKnown, kNotKnown);
+    sample.velocity_mm_s = velocity_mm_s.allFinite() ? Vector<Device>(velocity_mm_s) : none;
+    sample.angular_velocity_rad_s = turning_rad_s.allFinite() ? Vector<Device>(turning_rad_s) : none;
+    sample.buttons = static_cast<std::uint32_t>(buttons);
+    sample.taken_ns = now_ns;
+  }
+
+  void check_calibration(HdUnit& unit) {
+    const unsigned state = library_->hdCheckCalibration();
+    unit.calibration = HdTrouble::kNone;
+    if (state == hd::kCalibrated) return;
+    unit.calibration = (unit.style & hd::kInkwell) ? HdTrouble::kInkwell : HdTrouble::kReset;
+    // an encoder's reset is for an arm that nobody holds
+    unit.update_calibration = state == hd::kNeedsUpdate && !(unit.style & hd::kEncoderReset);
+  }
+
+  void take_error(HdUnit& unit, unsigned code, std::int64_t now_ns) {
+    HdTrouble trouble = HdTrouble::kLost;
+    if (code == hd::kWarmMotors) trouble = HdTrouble::kWarm;
+    if (code == hd::kExceededForce || code == hd::kExceededImpulse || code == hd::kForceError)
+      trouble = HdTrouble::kForce;
+    if (code == hd::kExceededVelocity) trouble = HdTrouble::kVelocityTrip;
+    if (trouble != HdTrouble::kLost) {
+      unit.tripped = trouble;
+      unit.tripped_until_ns = now_ns + hd_ns(kCalm_s);
+    }
+    if (unit.trouble == HdTrouble::kNone || trouble < unit.trouble) unit.trouble = trouble;
+    unit.sample.fault = true;
+  }
+
+  /// @param command  nullptr: zero
+  void end_frame(HdUnit& unit, const DeviceCommand* command) {
+    const bool gives = command && !halted_.load();
+    Eigen::Vector3d force_N = gives ? command->force_N.eigen() : Eigen::Vector3d::Zero();
+    // the weight of what is held, y being up; it comes in as a force does
+    const double step = unit.info.rate_hz ? 1 / (*unit.info.rate_hz * kCarriedIn_s) : 1e-3;
+    unit.carried = gives ? std::min(1.0, unit.carried + step) : 0;
+    if (settings_.held_mass_kg) force_N.y() += unit.carried * *settings_.held_mass_kg * kGravity_m_s2;
+    const double most_N = unit.info.peak_force_N.value_or(force_N.norm());
+    if (force_N.norm() > most_N) force_N *= most_N / force_N.norm();
+    library_->hdMakeCurrentDevice(unit.handle);
+    library_->hdSetDoublev(hd::kForce, force_N.data());
+    library_->hdEndFrame(unit.handle);
+  }
+
+  void switch_on() {
+    force_on_.store(true);
+    for (std::size_t d = 0; d < count_; ++d) {
+      library_->hdMakeCurrentDevice(units_[d].handle);
+      library_->hdEnable(hd::kForceOutput);
+    }
+    // a halt that came meanwhile
+    if (halted_.load()) switch_off();
+  }
+
+  // ---- the finder's thread
+  void begin_anew() {
+    auto next = std::chrono::steady_clock::now();
+    while (!end_.load()) {
+      std::this_thread::sleep_for(kFindPoll);
+      if (lost_.load() != Lost::kYes || std::chrono::steady_clock::now() < next) continue;
+      next = std::chrono::steady_clock::now() + kFindEvery;
+      stop_scheduler();
+      disable_all();
+      bool all = true;
+      for (std::size_t d = 0; d < count_ && all; ++d) {
+        HdUnit& unit = units_[d];
+        unsigned error = hd::kNoError;
+        unit.handle = init(*library_, unit.config, error);
+        all = unit.handle != hd::kNobody && identity_of(unit) == unit.identity;
+        if (unit.handle == hd::kNobody)
+          note(HdTrouble::kLost, d);
+        else if (!all)
+          note(HdTrouble::kOther, d);
+        if (all) prepare(unit);
+      }
+      if (all) lost_.store(Lost::kBack);
+    }
+    stop_scheduler();
+  }
+
+  const OpenHapticsSettings settings_;
+  std::optional<hd::Library> library_;
+  std::array<HdUnit, kMaxDevices> units_{};
+  std::size_t count_ = 0;
+  std::vector<DeviceInfo> infos_;
+  ServoFunction* servo_ = nullptr;
+  unsigned long scheduled_ = 0;
+  // of who is in the frame
+  std::array<DeviceSample, kMaxDevices> samples_{};
+  std::array<DeviceCommand, kMaxDevices> commands_{};
+
+  std::atomic<Owner> owner_{Owner::kOwn};
+  std::atomic<Lost> lost_{Lost::kNo};
+  std::atomic<bool> halted_{false}, stopping_{false}, force_on_{false}, failed_{false}, running_{false},
+      inside_{false}, end_{false};
+  std::atomic<int> zeros_{0};
+  std::atomic<std::int64_t> last_frame_ns_{0};
+  std::atomic<HdTrouble> trouble_{HdTrouble::kNone};
+  std::atomic<std::size_t> troubled_{0};
+  std::thread finder_;
+};
+
+OpenHapticsDriver::OpenHapticsDriver(const OpenHapticsSettings& settings)
+    : core_(std::make_unique<Core>(settings)) {}
+OpenHapticsDriver::~OpenHapticsDriver() = default;
+
+std::span<const DeviceInfo> OpenHapticsDriver::devices() const {
+  return core_->devices();
+}
+
+Result<void> OpenHapticsDriver::open(bool /*may_move*/) {
+  return core_->open();
+}
+
+void OpenHapticsDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
+  core_->run(servo, clock);
+}
+
+void OpenHapticsDriver::halt() noexcept {
+  core_->halt();
+}
+
+void OpenHapticsDriver::resume(std::uint64_t /*newest*/) noexcept {
+  core_->resume();
+}
+
+std::optional<Error> OpenHapticsDriver::trouble() const {
+  return core_->trouble();
+}
+
+namespace {
+
+// what the library reads besides: it finds its devices by files in a folder
+DeviceCheck setup_check() {
+  const char* home = std::getenv("GTDD_HOME");
+  const std::filesystem::path folder = home && *home ? home : "/usr/share/3DSystems";
+  std::error_code ignored;
+  const bool there = std::filesystem::is_directory(folder, ignored);
+  return {"the maker's setup", there,
+          there ? printable_name(folder.string())
+                : "there is no folder " + printable_name(folder.string()) +
+                      (home && *home ? "" : ", and GTDD_HOME names none"),
+          there
+              ? ""
+              : "run the maker's setup program (Touch_Setup), and set GTDD_HOME to the folder that it wrote "
+                "its configuration to"};
+}
+
+// the Touch comes as a serial port by USB
+std::vector<DeviceCheck> port_checks() {
+  std::vector<DeviceCheck> checks;
+  for (int n = 0; n < 4; ++n) {
+    const std::string port = "/dev/ttyACM" + std::to_string(n);
+    if (::access(port.c_str(), F_OK) != 0) continue;
+    const bool may = ::access(port.c_str(), R_OK | W_OK) == 0;
+    checks.push_back({"serial port", may, may ? port : "this account may not use " + port,
+                      may ? ""
+                          : "an administrator enters sudo usermod -aG dialout NAME (the account), then log "
+                            "out and in again"});
+  }
+  return checks;
+}
+
+DeviceReport look_for_hd(const OpenHapticsSettings& settings) {
+  DeviceReport report;
+  const auto file = find_vendor_library(settings.library, "OpenHaptics", kHdGet);
+  const auto library = file ? hd::load(*file) : Result<hd::Library>(file.error());
+  if (!library) {
+    report.checks.push_back({"OpenHaptics' library", false, library.error().what, library.error().remedy});
+    return report;
+  }
+  report.checks.push_back({"OpenHaptics' library", true, file->string(), ""});
+  bool all = true;
+  for (const std::string& name : settings.names.empty() ? std::vector<std::string>{""} : settings.names) {
+    unsigned error = hd::kNoError;
+    const hd::Handle handle = init(*library, name, error);
+    if (handle == hd::kNobody) {
+      const Error why = refused(*library, error, name);
+      report.checks.push_back({name.empty() ? "device" : name, false, why.what, why.remedy});
+      all = false;
+      continue;
+    }
+    library->hdMakeCurrentDevice(handle);
+    const std::string model = text_of(*library, hd::kModelType),
+                      serial = text_of(*library, hd::kSerialNumber);
+    const bool calibrated = library->hdCheckCalibration() == hd::kCalibrated;
+    library->hdDisableDevice(handle);
+    drain(*library);
+    const std::string id = model + " no. " + serial;
+    const std::string state = calibrated ? "ready" : "not calibrated yet: the session will say how";
+    report.connected.push_back({id, state});
+    report.checks.push_back({id, true, state, ""});
+  }
+  if (!all) {
+    report.checks.push_back(setup_check());
+    std::ranges::copy(port_checks(), std::back_inserter(report.checks));
+  }
+  return report;
+}
+
+}  // namespace
+
+DeviceMaker openhaptics_maker(const OpenHapticsSettings& settings) {
+  return {"touch", "3D Systems Touch, Touch X and Phantom Premium, by OpenHaptics",
+          [settings] { return std::make_unique<OpenHapticsDriver>(settings); },
+          [settings] { return look_for_hd(settings); }};
+}
+
+}  // namespace palpate
